@@ -1,0 +1,168 @@
+//! From voltage to force and back: Eq. 1.
+
+use crate::error::ActuatorError;
+use crate::law::Load;
+use crate::sqrt::Real;
+
+/// Permittivity of free space in F/m.
+pub const EPSILON_0: f64 = 8.854_187_812_8e-12;
+
+/// Standard gravity in m/s².
+pub const GRAVITY: f64 = 9.806_65;
+
+/// When the weight that stretches the film begins to act.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Preload {
+    /// The weight has hung for long and displacement is measured from there: it does not appear in the force.
+    #[default]
+    Settled,
+    /// The weight acts from t = 0 as a step, as in the paper.
+    FromStart,
+}
+
+/// A dielectric elastomer actuator around its film: electrodes, weight, coupling. SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Actuator {
+    /// Relative permittivity ε_r of the film.
+    pub relative_permittivity: f64,
+    /// One side l₁ of the active area, m.
+    pub length_m: f64,
+    /// The other side l₂ of the active area, m. Only the product enters.
+    pub width_m: f64,
+    /// Thickness l₃ of the film, m.
+    pub thickness_m: f64,
+    /// The weight that hangs on the film, and its inertia, kg.
+    pub mass_kg: f64,
+    /// When the weight begins to act.
+    pub preload: Preload,
+    /// κ in 1/m: a film of constant volume and width thins as it lengthens, so that the force grows with 1 + κ x. Nought
+    /// is Eq. 1.
+    pub stretch_coupling: f64,
+}
+
+impl Actuator {
+    /// The actuator of Karner et al. 2022: VHB 4910, 40 mm × 60 mm active, 160 µm thick, 316 g.
+    pub const KARNER_2022: Self = Self {
+        relative_permittivity: 4.7,
+        length_m: 0.04,
+        width_m: 0.06,
+        thickness_m: 160e-6,
+        mass_kg: 0.316,
+        preload: Preload::Settled,
+        stretch_coupling: 0.0,
+    };
+
+    /// Electrostatic force per voltage squared at x = 0, `ε₀ ε_r l₁ l₂ / l₃²` (Eq. 1), in N/V².
+    #[must_use]
+    pub fn force_per_square_volt(&self) -> f64 {
+        EPSILON_0 * self.relative_permittivity * self.length_m * self.width_m / (self.thickness_m * self.thickness_m)
+    }
+
+    /// The weight's share of the force on the film, N: m g from the start, or nought if it has settled.
+    #[must_use]
+    pub fn preload_n(&self) -> f64 {
+        match self.preload {
+            Preload::Settled => 0.0,
+            Preload::FromStart => self.mass_kg * GRAVITY,
+        }
+    }
+
+    /// Refuses what makes no actuator.
+    ///
+    /// # Errors
+    ///
+    /// [`ActuatorError::NotPositive`] or [`ActuatorError::Coupling`].
+    pub fn check(&self) -> Result<(), ActuatorError> {
+        for (quantity, value) in [
+            ("relative_permittivity", self.relative_permittivity),
+            ("length_m", self.length_m),
+            ("width_m", self.width_m),
+            ("thickness_m", self.thickness_m),
+            ("mass_kg", self.mass_kg),
+        ] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(ActuatorError::NotPositive { quantity, value });
+            }
+        }
+        if !(self.stretch_coupling.is_finite() && self.stretch_coupling >= 0.0) {
+            return Err(ActuatorError::Coupling(self.stretch_coupling));
+        }
+        Ok(())
+    }
+}
+
+/// Eq. 1 both ways, as it runs in a step: voltage → force, force → voltage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VoltageDrive<T> {
+    force_per_square_volt: T,
+    coupling: T,
+    preload: T,
+    max_voltage: T,
+}
+
+impl<T: Real> VoltageDrive<T> {
+    /// The drive of `actuator` up to `max_voltage_v` (V, either sign), for a law of the given `stiffness`
+    /// ([`Law::stiffness`](crate::Law::stiffness), N/m).
+    ///
+    /// # Errors
+    ///
+    /// [`ActuatorError`] for an actuator or a voltage that makes no sense, and where the coupling would pull the film in.
+    pub fn new(actuator: &Actuator, max_voltage_v: f64, stiffness: T) -> Result<Self, ActuatorError> {
+        actuator.check()?;
+        if !(max_voltage_v.is_finite() && max_voltage_v > 0.0) {
+            return Err(ActuatorError::NotPositive { quantity: "max_voltage_v", value: max_voltage_v });
+        }
+        let largest = actuator.force_per_square_volt() * max_voltage_v * max_voltage_v;
+        if !(largest.is_finite() && T::from_f64(largest).to_f64().is_finite()) {
+            return Err(ActuatorError::NotPositive { quantity: "force at max_voltage_v", value: largest });
+        }
+        let (pull, stiffness) = (largest * actuator.stretch_coupling, stiffness.to_f64());
+        // A hundredth is left for rounding: the solve divides by what remains.
+        if pull > 0.99 * stiffness {
+            return Err(ActuatorError::PullIn { pull, stiffness });
+        }
+        Ok(Self {
+            force_per_square_volt: T::from_f64(actuator.force_per_square_volt()),
+            coupling: T::from_f64(actuator.stretch_coupling),
+            preload: T::from_f64(actuator.preload_n()),
+            max_voltage: T::from_f64(max_voltage_v),
+        })
+    }
+
+    /// The load of `voltage` (V, either sign; limited to the largest), weight included.
+    #[inline]
+    #[must_use]
+    pub fn load(&self, voltage: T) -> Load<T> {
+        let voltage = if voltage > self.max_voltage {
+            self.max_voltage
+        } else if voltage < -self.max_voltage {
+            -self.max_voltage
+        } else {
+            voltage
+        };
+        let electrostatic = self.force_per_square_volt * voltage * voltage;
+        Load { force: electrostatic + self.preload, slope: electrostatic * self.coupling }
+    }
+
+    /// The voltage (V, ≥ 0) that exerts `force` (N, weight included) on the film at `displacement` (m); 0 V for forces
+    /// that electrostatics cannot give. Not limited to the largest voltage.
+    #[inline]
+    #[must_use]
+    pub fn voltage(&self, force: T, displacement: T) -> T {
+        let electrostatic = force - self.preload;
+        let per_square_volt = self.force_per_square_volt + self.force_per_square_volt * self.coupling * displacement;
+        if electrostatic > T::ZERO && per_square_volt > T::ZERO {
+            (electrostatic / per_square_volt).sqrt()
+        } else {
+            T::ZERO
+        }
+    }
+
+    /// The largest voltage, V.
+    #[must_use]
+    pub fn max_voltage(&self) -> T {
+        self.max_voltage
+    }
+}

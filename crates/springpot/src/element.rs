@@ -1,0 +1,37 @@
+//! The springpot: one element between a spring and a dashpot.
+
+/// A springpot, `f = c D^α x`: a spring at order 0, a dashpot at order 1.
+///
+/// The fields are plain so that tables can be written as constants; [`Maxwell::new`](crate::Maxwell::new) refuses
+/// values that make no element.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Springpot {
+    /// Coefficient in N·s^α/m, greater than nought.
+    pub c: f64,
+    /// Order α, from 0 (spring) to 1 (dashpot).
+    pub alpha: f64,
+}
+
+impl Springpot {
+    /// An element of coefficient `c` (N·s^α/m) and order `alpha`.
+    #[must_use]
+    pub const fn new(c: f64, alpha: f64) -> Self {
+        Self { c, alpha }
+    }
+
+    /// The element that a body of the material law `σ = η D^α ε` makes: `c = η A / L` (Karner et al. 2022, Eqs. 12–13).
+    ///
+    /// `eta` in Pa·s^α, `area_m2` the cross-section A across the load, `length_m` the length L along it.
+    #[must_use]
+    pub fn from_material(eta: f64, alpha: f64, area_m2: f64, length_m: f64) -> Self {
+        Self { c: eta * area_m2 / length_m, alpha }
+    }
+
+    /// The material constant `η = c L / A` in Pa·s^α of which this element is a body; the inverse of
+    /// [`from_material`](Self::from_material).
+    #[must_use]
+    pub fn material_constant(&self, area_m2: f64, length_m: f64) -> f64 {
+        self.c * length_m / area_m2
+    }
+}

@@ -1,0 +1,189 @@
+//! What can be wrong with a model, a law or an actuator. Nothing can be wrong with a step.
+
+use core::fmt;
+
+/// The element of a model that an error is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Element {
+    /// The springpot beside the branches.
+    Main,
+    /// Element `element` (0 or 1) of branch `branch`, both counted from nought.
+    Branch {
+        /// Which branch.
+        branch: usize,
+        /// Which of its two springpots.
+        element: usize,
+    },
+}
+
+impl fmt::Display for Element {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Main => f.write_str("main springpot"),
+            Self::Branch { branch, element } => {
+                write!(f, "branch {}, springpot {}", branch + 1, element + 1)
+            }
+        }
+    }
+}
+
+/// Why a [`Maxwell`](crate::Maxwell) model was refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum ModelError {
+    /// A coefficient c that is not finite or not greater than nought (N·s^α/m).
+    Coefficient {
+        /// Whose.
+        element: Element,
+        /// The value.
+        c: f64,
+    },
+    /// An order α that is not within 0…1.
+    Order {
+        /// Whose.
+        element: Element,
+        /// The value.
+        alpha: f64,
+    },
+    /// A mass that is not finite or is negative (kg).
+    Mass(f64),
+    /// More branches than [`MAX_BRANCHES`](crate::MAX_BRANCHES).
+    Branches(usize),
+}
+
+impl fmt::Display for ModelError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Coefficient { element, c } => {
+                write!(f, "{element}: c = {c} must be finite and greater than 0 (N·s^alpha/m)")
+            }
+            Self::Order { element, alpha } => {
+                write!(f, "{element}: alpha = {alpha} must be within 0 and 1")
+            }
+            Self::Mass(mass) => write!(f, "mass {mass} kg must be finite and not negative"),
+            Self::Branches(n) => {
+                write!(f, "{n} branches, at most {} are possible", crate::MAX_BRANCHES)
+            }
+        }
+    }
+}
+
+impl core::error::Error for ModelError {}
+
+/// Why a [`Law`](crate::Law) was refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum LawError {
+    /// A step that is not finite or not greater than nought (s).
+    Step(f64),
+    /// A memory horizon that is not finite or not longer than twice the head.
+    Horizon {
+        /// The horizon, s.
+        horizon_s: f64,
+        /// Length of the head, s.
+        head_s: f64,
+    },
+    /// A tolerance that is not greater than nought.
+    Tolerance(f64),
+    /// The tail cannot follow the model as closely as asked: give more modes, a shorter horizon or a larger tolerance.
+    ToleranceMissed {
+        /// Largest error of the relaxation modulus that was reached, relative to the modulus at that time scale.
+        reached: f64,
+        /// What was asked for.
+        asked: f64,
+    },
+    /// Fewer modes than the model has springs and plain relaxation times, which must be exact.
+    TooFewModes {
+        /// Modes of the law.
+        modes: usize,
+        /// Modes needed at the least.
+        needed: usize,
+    },
+    /// Nothing to solve: within the number type the force per step of displacement is nought or infinite.
+    NothingToSolve,
+    /// No samples were given for a window.
+    EmptyWindow,
+    /// Storage for a window's state of another length than its weights.
+    Storage {
+        /// Length of the storage.
+        given: usize,
+        /// Length of the weights.
+        needed: usize,
+    },
+}
+
+impl fmt::Display for LawError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Step(step) => write!(f, "step {step} s must be finite and greater than 0"),
+            Self::Horizon { horizon_s, head_s } => {
+                write!(f, "memory horizon {horizon_s} s must be finite and longer than twice the head of {head_s} s")
+            }
+            Self::Tolerance(tolerance) => write!(f, "tolerance {tolerance} must be greater than 0"),
+            Self::ToleranceMissed { reached, asked } => write!(
+                f,
+                "the tail misses the tolerance: {reached:.1e} instead of {asked:.1e}; \
+                 use more modes, a shorter horizon or a larger tolerance"
+            ),
+            Self::TooFewModes { modes, needed } => {
+                write!(f, "{modes} modes, but the model needs at least {needed}")
+            }
+            Self::NothingToSolve => {
+                f.write_str("nothing to solve: the stiffness of one step is 0 or infinite in this number type")
+            }
+            Self::EmptyWindow => f.write_str("a window needs at least one sample"),
+            Self::Storage { given, needed } => {
+                write!(f, "storage of {given} samples for a window of {needed}")
+            }
+        }
+    }
+}
+
+impl core::error::Error for LawError {}
+
+/// Why an [`Actuator`](crate::Actuator) or a [`VoltageDrive`](crate::VoltageDrive) was refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum ActuatorError {
+    /// A quantity that is not finite or not greater than nought; the name carries its unit.
+    NotPositive {
+        /// Name of the quantity.
+        quantity: &'static str,
+        /// The value.
+        value: f64,
+    },
+    /// A stretch coupling that is not finite or is negative (1/m).
+    Coupling(f64),
+    /// The pull of the coupling would overcome the film's stiffness of one step: pull-in.
+    PullIn {
+        /// Stiffness of the electrostatic pull at the largest voltage, N/m.
+        pull: f64,
+        /// Stiffness of one step of the law, N/m.
+        stiffness: f64,
+    },
+}
+
+impl fmt::Display for ActuatorError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotPositive { quantity, value } => {
+                write!(f, "{quantity} = {value} must be finite and greater than 0")
+            }
+            Self::Coupling(coupling) => {
+                write!(f, "stretch_coupling = {coupling} must be finite and not negative (1/m)")
+            }
+            Self::PullIn { pull, stiffness } => write!(
+                f,
+                "pull-in: the electrostatic pull of {pull:.3e} N/m at the largest voltage overcomes the film's \
+                 {stiffness:.3e} N/m; lower the voltage or the coupling"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for ActuatorError {}

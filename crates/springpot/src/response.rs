@@ -1,0 +1,53 @@
+//! Responses in frequency and time, of a law and of the continuous model.
+
+use core::f64::consts::TAU;
+
+use num_complex::Complex;
+
+use crate::contour;
+use crate::law::{Law, Memory};
+use crate::maxwell::Maxwell;
+use crate::scalar::Scalar;
+use crate::trig;
+
+impl Maxwell {
+    /// Displacement over force at `frequency_hz` in steady state, Eq. 11 with s = 2πif, in m/N.
+    #[must_use]
+    pub fn frequency_response(&self, frequency_hz: f64) -> Complex<f64> {
+        self.compliance(Complex::new(0.0, TAU * frequency_hz))
+    }
+
+    /// Force left at `time_s` > 0 after a unit step of displacement, in N/m, without the mass.
+    ///
+    /// Accurate to about 1e-12 of the modulus; NaN for times that are not positive.
+    #[must_use]
+    pub fn relaxation_modulus(&self, time_s: f64) -> f64 {
+        if time_s > 0.0 { contour::invert(time_s, |s| self.modulus(s) / s) } else { f64::NAN }
+    }
+
+    /// Displacement at `time_s` > 0 after a unit step of force, in m/N, without the mass.
+    ///
+    /// Accurate to about 1e-12 of the compliance; NaN for times that are not positive.
+    #[must_use]
+    pub fn creep_compliance(&self, time_s: f64) -> f64 {
+        if time_s > 0.0 {
+            contour::invert(time_s, |s| Complex::new(1.0, 0.0) / (self.modulus(s) * s))
+        } else {
+            f64::NAN
+        }
+    }
+}
+
+impl<T: Scalar, M: Memory<T>> Law<T, M> {
+    /// Displacement over force at `frequency_hz` in steady state, in m/N, as this law with its rounded constants steps
+    /// it; below a tenth of the rate close to [`Maxwell::frequency_response`].
+    #[must_use]
+    pub fn frequency_response(&self, frequency_hz: f64) -> Complex<f64> {
+        let turn = Complex::new(0.0, -TAU * frequency_hz * self.step_s());
+        let delay = trig::exp(turn);
+        let difference = -trig::expm1(turn);
+        // F = [ζ B(ζ) + S (1 − ζ)] Δx and Δx = (1 − ζ) x.
+        let force = delay * self.memory().response(delay, difference) + difference * self.stiffness().to_f64();
+        Complex::new(1.0, 0.0) / (force * difference)
+    }
+}

@@ -1,0 +1,51 @@
+//! The number type that a step runs on.
+
+use core::fmt::Debug;
+use core::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A number that a [`Law`](crate::Law) can step with.
+///
+/// A step only adds, subtracts, multiplies and divides, so any type with those four operations will do: `f32` on a
+/// microcontroller, `f64` on a host, or a dual number that carries derivatives through the recursion. No operation is
+/// ever fused or reordered, so one type gives the same bits on every machine with IEEE 754 arithmetic.
+pub trait Scalar:
+    Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+{
+    /// Nought.
+    const ZERO: Self;
+
+    /// The nearest number of this type; derivatives, where the type has them, are nought.
+    fn from_f64(value: f64) -> Self;
+
+    /// The value as `f64`, without derivatives: what is checked when a law is built.
+    fn to_f64(self) -> f64;
+}
+
+impl Scalar for f64 {
+    const ZERO: Self = 0.0;
+
+    #[inline]
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+
+    #[inline]
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
+
+impl Scalar for f32 {
+    const ZERO: Self = 0.0;
+
+    #[inline]
+    #[allow(clippy::cast_possible_truncation)] // rounding to the nearest f32 is the purpose
+    fn from_f64(value: f64) -> Self {
+        value as f32
+    }
+
+    #[inline]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+}
