@@ -44,10 +44,7 @@ impl FullMemory {
                 let (sin, cos) = angle.sin_cos();
                 let grown = ln_radius.exp_m1();
                 let half = (0.5 * angle).sin();
-                let difference = Complex::new(
-                    -(grown * cos - 2.0 * half * half),
-                    -(grown + 1.0) * sin,
-                );
+                let difference = Complex::new(-(grown * cos - 2.0 * half * half), -(grown + 1.0) * sin);
                 let (size, phase) = difference.to_polar();
                 Complex::new((size / step).ln(), phase)
             })
@@ -64,7 +61,11 @@ impl FullMemory {
 
     /// Displacement (m) of `model` under `force` (N), one value per step from rest.
     pub fn displacement(&self, model: &Maxwell, force: &[f64]) -> Vec<f64> {
-        let stiffness = self.dynamic_stiffness(model);
+        self.displacement_from(&self.dynamic_stiffness(model), force)
+    }
+
+    /// The same from a [`dynamic_stiffness`](Self::dynamic_stiffness) that is already known.
+    pub fn displacement_from(&self, stiffness: &[Complex<f64>], force: &[f64]) -> Vec<f64> {
         self.filter(force, |k, f| f / stiffness[k])
     }
 
@@ -76,21 +77,11 @@ impl FullMemory {
 
     /// m s² + K(s) on the circle, N/m.
     pub fn dynamic_stiffness(&self, model: &Maxwell) -> Vec<Complex<f64>> {
-        self.ln_s
-            .iter()
-            .map(|&ln_s| {
-                let s = ln_s.exp();
-                s * s * model.mass_kg() + model.modulus(s)
-            })
-            .collect()
+        self.ln_s.iter().map(|&ln_s| (2.0 * ln_s).exp() * model.mass_kg() + model.modulus_of_ln(ln_s)).collect()
     }
 
     /// Multiplies the transform of `input` by a response on the circle.
-    fn filter(
-        &self,
-        input: &[f64],
-        response: impl Fn(usize, Complex<f64>) -> Complex<f64>,
-    ) -> Vec<f64> {
+    fn filter(&self, input: &[f64], response: impl Fn(usize, Complex<f64>) -> Complex<f64>) -> Vec<f64> {
         assert!(input.len() <= self.samples, "the circle is for {} samples", self.samples);
         let mut time = self.forward.make_input_vec();
         for (k, (slot, &value)) in time.iter_mut().zip(input).enumerate() {

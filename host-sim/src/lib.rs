@@ -1,1 +1,21 @@
+//! The bench beside the controller: the library behind the `host-sim` commands.
+//!
+//! Recordings of high-voltage runs ([`recording`]) are driven through the very code that a microcontroller steps
+//! ([`run`]), or through its exact full-memory reference ([`full_memory`]), and compared with what was measured
+//! ([`agreement`]). [`twin`] makes recordings of a nonlinear film.
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod agreement;
+pub mod commands;
+pub mod error;
 pub mod full_memory;
+pub mod output;
+pub mod parameters;
+pub mod plot;
+pub mod recording;
+pub mod run;
+pub mod series;
+pub mod twin;
+
+pub use error::{Error, Result};

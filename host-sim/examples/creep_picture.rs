@@ -1,0 +1,43 @@
+//! Draws the README's picture: creep with full, compressed and short memory.
+//!
+//! `cargo run --release -p host-sim --example creep_picture -- docs/creep.svg`
+
+use std::path::PathBuf;
+
+use host_sim::parameters::Parameters;
+use host_sim::plot::{self, Line, Panel};
+use host_sim::recording::{Input, Samples};
+use host_sim::run::{self, MemoryChoice, Precision, RunOptions};
+use host_sim::series::Grid;
+use host_sim::twin::Waveform;
+use indicatif::ProgressBar;
+
+fn main() -> host_sim::Result<()> {
+    let path = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "docs/creep.svg".into()));
+    let parameters = Parameters::preset("table3-n2")?;
+    let grid = Grid::covering(155.0, 1000.0)?;
+    let time_s: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
+    let waveform = Waveform { peak_v: 6000.0, frequencies_hz: vec![1.0 / 7.0] };
+    let value = time_s.iter().map(|&t| waveform.voltage_v(t)).collect();
+    let input = Input::Voltage(Samples { time_s: time_s.clone(), value });
+    let displacement_mm = |memory, precision| -> host_sim::Result<Vec<f64>> {
+        let options = RunOptions { memory, precision, ..RunOptions::default() };
+        let response = run::run(&parameters, &input, grid, &options, &ProgressBar::hidden())?;
+        Ok(response.displacement_m.iter().map(|x| 1e3 * x).collect())
+    };
+    let full = displacement_mm(MemoryChoice::Full, Precision::F64)?;
+    let compressed = displacement_mm(MemoryChoice::Compressed, Precision::F32)?;
+    let window = displacement_mm(MemoryChoice::Window(10.0), Precision::F32)?;
+    let nanometres: Vec<f64> = compressed.iter().zip(&full).map(|(a, b)| 1e6 * (a - b)).collect();
+    plot::write(
+        &path,
+        &[
+            Panel::new("Creep under 0…6 kV at 1/7 Hz, Table 3, n = 2", "time (s)", "displacement (mm)")
+                .with(Line::new("full memory, f64", &time_s, &full).wide(4.0).coloured("#bdbdbd"))
+                .with(Line::new("compressed, f32: 0.7 kB", &time_s, &compressed).coloured(plot::COLOURS[1]))
+                .with(Line::new("10 s window, f32: 80 kB", &time_s, &window).coloured(plot::COLOURS[2])),
+            Panel::new("Compressed minus full memory", "time (s)", "difference (nm)")
+                .with(Line::new("compressed, f32", &time_s, &nanometres).coloured(plot::COLOURS[1])),
+        ],
+    )
+}

@@ -1,0 +1,45 @@
+//! How well a model agrees with a measurement.
+
+use serde::Serialize;
+
+/// Measures of agreement between measured and modelled samples.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Agreement {
+    /// 1 − SS_res / SS_tot (the paper's Eq. 14); NaN (null) for a measurement that does not change.
+    pub r2: f64,
+    /// RMS of the difference in % of the measurement's peak to peak; NaN (null) likewise.
+    pub nrmse_pct: f64,
+    /// RMS of the difference, in the unit of the samples.
+    pub rmse: f64,
+    /// Samples that were compared.
+    pub samples: usize,
+}
+
+impl Agreement {
+    /// The agreement of `modelled` with `measured`, pair by pair.
+    pub fn of(measured: &[f64], modelled: &[f64]) -> Self {
+        let samples = measured.len();
+        let n = samples as f64;
+        let mean = measured.iter().sum::<f64>() / n;
+        let total: f64 = measured.iter().map(|y| (y - mean).powi(2)).sum();
+        let residual: f64 = measured.iter().zip(modelled).map(|(y, x)| (y - x).powi(2)).sum();
+        let (low, high) =
+            measured.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &y| (low.min(y), high.max(y)));
+        let rmse = (residual / n).sqrt();
+        let changes = high > low;
+        Self {
+            r2: if changes { 1.0 - residual / total } else { f64::NAN },
+            nrmse_pct: if changes { 100.0 * rmse / (high - low) } else { f64::NAN },
+            rmse,
+            samples,
+        }
+    }
+}
+
+/// RMS of the difference of two series over the standard deviation of the second.
+pub fn relative_rms(series: &[f64], reference: &[f64]) -> f64 {
+    let mean = reference.iter().sum::<f64>() / reference.len() as f64;
+    let spread: f64 = reference.iter().map(|y| (y - mean).powi(2)).sum();
+    let difference: f64 = series.iter().zip(reference).map(|(x, y)| (x - y).powi(2)).sum();
+    (difference / spread).sqrt()
+}

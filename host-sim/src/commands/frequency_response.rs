@@ -1,0 +1,87 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+use springpot::{Compressed, Law, Options};
+
+use crate::error::{Error, Result};
+use crate::output;
+use crate::parameters::Parameters;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
+    #[arg(long, value_name = "P")]
+    params: String,
+    /// Lowest frequency.
+    #[arg(long, value_name = "HZ")]
+    from: f64,
+    /// Highest frequency.
+    #[arg(long, value_name = "HZ")]
+    to: f64,
+    /// Number of frequencies, spaced evenly on a logarithmic scale.
+    #[arg(long, value_name = "N")]
+    points: usize,
+    /// Where the table goes: frequency_hz, magnitude_m_per_n, phase_rad.
+    #[arg(long, value_name = "FR.csv")]
+    out: PathBuf,
+    /// Of the law that the controller steps (f32, compressed), instead of the continuous Eq. 11.
+    #[arg(long)]
+    discrete: bool,
+    /// Steps per second of the law.
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    rate: f64,
+}
+
+#[derive(Serialize)]
+struct Report {
+    out: PathBuf,
+    points: usize,
+    discrete: bool,
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    let Arguments { from, to, points, rate, .. } = *arguments;
+    if !(from.is_finite() && from > 0.0) {
+        return Err(Error::option("--from", format!("{from} Hz must be finite and greater than 0")));
+    }
+    if !(to.is_finite() && to >= from) {
+        return Err(Error::option("--to", format!("{to} Hz must be finite and not below --from")));
+    }
+    if !(1..=10_000_000).contains(&points) {
+        return Err(Error::option("--points", format!("{points} must be from 1 to 10000000")));
+    }
+    if !(rate.is_finite() && rate > 0.0) {
+        return Err(Error::option("--rate", format!("{rate} Hz must be finite and greater than 0")));
+    }
+    if arguments.discrete && to > 0.5 * rate {
+        return Err(Error::option(
+            "--to",
+            format!("{to} Hz is above half the rate; a law at {rate} Hz has no such frequency"),
+        ));
+    }
+    let parameters = Parameters::load(&arguments.params)?;
+    let law = arguments
+        .discrete
+        .then(|| Law::<f32, Compressed<f32>>::compressed(&parameters.model, Options::at_step(1.0 / rate)))
+        .transpose()?;
+
+    let spacing = (to / from).ln() / (points.max(2) - 1) as f64;
+    let frequency: Vec<f64> = (0..points).map(|k| from * (spacing * k as f64).exp()).collect();
+    let (magnitude, phase): (Vec<f64>, Vec<f64>) = frequency
+        .iter()
+        .map(|&f| law.as_ref().map_or_else(|| parameters.model.frequency_response(f), |law| law.frequency_response(f)))
+        .map(|response| response.to_polar())
+        .unzip();
+    output::write_columns(
+        &arguments.out,
+        &[],
+        &[("frequency_hz", Some(&frequency)), ("magnitude_m_per_n", Some(&magnitude)), ("phase_rad", Some(&phase))],
+    )?;
+    let report = Report { out: arguments.out.clone(), points, discrete: arguments.discrete };
+    output::report(json, &report, || {
+        let kind = if report.discrete { format!("the law at {rate} Hz") } else { "Eq. 11".into() };
+        format!("{}: {points} frequencies of {kind}", report.out.display())
+    });
+    Ok(())
+}

@@ -1,0 +1,98 @@
+//! The command line: one file per command.
+
+mod frequency_response;
+mod replay;
+mod simulate;
+mod twin;
+
+use std::ffi::OsString;
+
+use clap::error::ErrorKind;
+use clap::{Args, Parser, Subcommand};
+
+use crate::error::{Error, Result};
+use crate::output;
+use crate::run::{MemoryChoice, Precision, RunOptions};
+
+/// Creep compensation for dielectric elastomer actuators, on the bench.
+///
+/// Runs the controller's own code against recordings of high-voltage runs. Files and options are in SI units: metres,
+/// newtons, volts, seconds, kilograms.
+#[derive(Debug, Parser)]
+#[command(name = "host-sim", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Print one JSON document on standard output, and nothing else there.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Compute the response to a recorded input.
+    Simulate(simulate::Arguments),
+    /// Compute the response to recorded inputs and compare it with what was measured.
+    Replay(replay::Arguments),
+    /// Tabulate displacement over force against frequency.
+    FrequencyResponse(frequency_response::Arguments),
+    /// Record a run of the nonlinear film.
+    Twin(twin::Arguments),
+}
+
+/// Options of every command that steps a model.
+#[derive(Clone, Debug, Args)]
+struct ModelOptions {
+    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
+    #[arg(long, value_name = "P")]
+    params: String,
+    /// Steps per second.
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    rate: f64,
+    /// How much of the past the model remembers: compressed (as on the controller), full, or window:SECONDS.
+    #[arg(long, value_name = "MEMORY", default_value = "compressed")]
+    memory: MemoryChoice,
+    /// Arithmetic of a step; full memory is computed in f64 and rounded at the end.
+    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    precision: Precision,
+}
+
+impl ModelOptions {
+    fn run_options(&self) -> RunOptions {
+        RunOptions { rate_hz: self.rate, memory: self.memory, precision: self.precision }
+    }
+}
+
+/// Runs the command line `arguments`, the program's name first.
+///
+/// # Errors
+///
+/// [`Error`], one line that names the place and the mend.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => return Err(Error::Usage(one_line(&error))),
+        Err(help) => {
+            output::print(help.render().to_string().trim_end());
+            return Ok(());
+        }
+    };
+    match cli.command {
+        Command::Simulate(arguments) => simulate::run(&arguments, cli.json),
+        Command::Replay(arguments) => replay::run(&arguments, cli.json),
+        Command::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
+        Command::Twin(arguments) => twin::run(&arguments, cli.json),
+    }
+}
+
+/// What is wrong with a command line, without the usage that follows.
+fn one_line(error: &clap::Error) -> String {
+    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        return "no command given (host-sim --help lists them)".into();
+    }
+    let text = error.render().to_string();
+    let lines = text.lines().take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
+    let words: Vec<&str> = lines.flat_map(str::split_whitespace).collect();
+    let cause = words.join(" ");
+    format!("{} (host-sim --help tells the usage)", cause.strip_prefix("error: ").unwrap_or(&cause))
+}

@@ -1,0 +1,167 @@
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use super::ModelOptions;
+use crate::agreement::Agreement;
+use crate::error::{Error, Result};
+use crate::output;
+use crate::parameters::Parameters;
+use crate::recording::{Input, Recording, Samples};
+use crate::run::{self, Response};
+use crate::series::Grid;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    model: ModelOptions,
+    /// What drives the model: the recorded voltage or force, or the recorded displacement, from which the force is
+    /// predicted.
+    #[arg(long, value_enum, default_value_t = Drive::Force)]
+    drive: Drive,
+    /// Folder for the responses, one CSV per recording.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Recordings to replay.
+    #[arg(value_name = "REC.csv", required = true)]
+    recordings: Vec<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Drive {
+    Force,
+    Displacement,
+}
+
+/// One recording's agreement. RMSE is in m, or in N where displacement drives.
+#[derive(Serialize)]
+struct Row {
+    file: PathBuf,
+    r2: f64,
+    nrmse_pct: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rmse_m: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rmse_n: Option<f64>,
+    samples: usize,
+}
+
+#[derive(Serialize)]
+struct Report {
+    recordings: Vec<Row>,
+    r2_mean: f64,
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    let options = arguments.model.run_options();
+    let parameters = Parameters::load(&arguments.model.params)?;
+    // All are read before any is run, so that a bad one costs no waiting.
+    let recordings =
+        arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<Recording>>>()?;
+    let jobs = recordings
+        .iter()
+        .map(|recording| Ok((recording, recording.grid(options.rate_hz)?)))
+        .collect::<Result<Vec<(&Recording, Grid)>>>()?;
+    let outputs = arguments.out.as_deref().map(|folder| output_paths(folder, &recordings)).transpose()?;
+
+    let bar = output::progress(jobs.iter().map(|(_, grid)| grid.samples as u64).sum(), "replay");
+    let mut rows = Vec::new();
+    let mut responses = Vec::new();
+    for (recording, grid) in jobs {
+        let (input, measured) = match arguments.drive {
+            Drive::Force => (recording.drive()?, recording.displacement()?),
+            Drive::Displacement => (recording.displacement_drive()?, total_force(&parameters, recording)?),
+        };
+        let response = run::run(&parameters, &input, grid, &options, &bar)?;
+        let modelled = match arguments.drive {
+            Drive::Force => &response.displacement_m,
+            Drive::Displacement => &response.force_n,
+        };
+        let agreement = Agreement::of(&measured.value, &grid.at(modelled, &measured.time_s));
+        let rmse_for = |drive| (arguments.drive == drive).then_some(agreement.rmse);
+        rows.push(Row {
+            file: recording.path().into(),
+            r2: agreement.r2,
+            nrmse_pct: agreement.nrmse_pct,
+            rmse_m: rmse_for(Drive::Force),
+            rmse_n: rmse_for(Drive::Displacement),
+            samples: agreement.samples,
+        });
+        responses.push((response, grid, measured));
+    }
+    bar.finish_and_clear();
+    if let Some(paths) = outputs {
+        for (path, (response, grid, measured)) in paths.iter().zip(&responses) {
+            write(path, arguments.drive, response, *grid, measured)?;
+        }
+    }
+    let r2_mean = rows.iter().map(|row| row.r2).sum::<f64>() / rows.len() as f64;
+    let report = Report { recordings: rows, r2_mean };
+    output::report(json, &report, || table(&report));
+    Ok(())
+}
+
+/// The force on the film as it was measured, or as Eq. 1 gives it from voltage and displacement.
+fn total_force(parameters: &Parameters, recording: &Recording) -> Result<Samples> {
+    if let Some(force) = recording.force() {
+        return Ok(force);
+    }
+    let Input::Voltage(voltage) = recording.drive()? else {
+        return Err(Error::file(recording.path(), "neither force_n nor voltage_v has a value"));
+    };
+    let actuator = &parameters.actuator;
+    let displacement = recording.displacement_drive()?;
+    let pairs = voltage.value.iter().zip(&displacement.samples().value);
+    let force = |(v, x): (&f64, &f64)| {
+        actuator.force_per_square_volt() * v * v * (1.0 + actuator.stretch_coupling * x) + actuator.preload_n()
+    };
+    Ok(Samples { time_s: voltage.time_s, value: pairs.map(force).collect() })
+}
+
+fn output_paths(folder: &Path, recordings: &[Recording]) -> Result<Vec<PathBuf>> {
+    let mut paths = Vec::new();
+    for recording in recordings {
+        let path = folder.join(recording.path().file_name().unwrap_or_default());
+        if paths.contains(&path) {
+            return Err(Error::option("--out", format!("two recordings would be written to {}", path.display())));
+        }
+        if path.canonicalize().is_ok_and(|p| recording.path().canonicalize().is_ok_and(|r| p == r)) {
+            return Err(Error::option("--out", format!("{} would overwrite the recording", path.display())));
+        }
+        paths.push(path);
+    }
+    output::make_folder(folder)?;
+    Ok(paths)
+}
+
+fn write(path: &Path, drive: Drive, response: &Response, grid: Grid, measured: &Samples) -> Result<()> {
+    let measured = grid.resample(measured);
+    let name = match drive {
+        Drive::Force => "measured_displacement_m",
+        Drive::Displacement => "measured_force_n",
+    };
+    response.write(path, grid, &[(name, Some(&measured))])
+}
+
+fn table(report: &Report) -> String {
+    let rows = &report.recordings;
+    let width = rows.iter().map(|row| row.file.display().to_string().chars().count()).max().unwrap_or(0).max(9);
+    let unit = if rows.iter().any(|row| row.rmse_n.is_some()) { "mN" } else { "µm" };
+    let mut text =
+        format!("{:width$}  {:>9}  {:>9}  {:>10}  samples\n", "recording", "R²", "NRMSE %", format!("RMSE {unit}"));
+    for row in rows {
+        let rmse = row.rmse_m.map(|m| 1e6 * m).or(row.rmse_n.map(|n| 1e3 * n)).unwrap_or(f64::NAN);
+        let _ = writeln!(
+            text,
+            "{:width$}  {:>9.5}  {:>9.3}  {rmse:>10.2}  {:>7}",
+            row.file.display().to_string(),
+            row.r2,
+            row.nrmse_pct,
+            row.samples
+        );
+    }
+    let _ = write!(text, "{:width$}  {:>9.5}", "mean", report.r2_mean);
+    text
+}

@@ -1,0 +1,178 @@
+//! The tables of a parameter file, as they are written.
+
+use std::fmt::Write;
+use std::ops::Range;
+
+use serde::Deserialize;
+use springpot::{Actuator, ActuatorError, Element, Maxwell, ModelError, Preload, Springpot, Topology};
+use toml::Spanned;
+
+use super::Parameters;
+
+/// The version of the format.
+pub(super) const SCHEMA: u32 = 1;
+
+/// A parameter file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FileTable {
+    pub(super) schema: Spanned<u32>,
+    pub(super) name: String,
+    pub(super) actuator: ActuatorTable,
+    pub(super) model: ModelTable,
+    /// Where the numbers come from, for people.
+    #[serde(default)]
+    pub(super) provenance: Option<toml::Table>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ActuatorTable {
+    relative_permittivity: Spanned<f64>,
+    length_m: Spanned<f64>,
+    width_m: Spanned<f64>,
+    thickness_m: Spanned<f64>,
+    mass_kg: Spanned<f64>,
+    #[serde(default)]
+    preload: PreloadName,
+    stretch_coupling: Option<Spanned<f64>>,
+}
+
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum PreloadName {
+    #[default]
+    Settled,
+    FromStart,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ModelTable {
+    topology: TopologyName,
+    main: ElementTable,
+    branches: Vec<[ElementTable; 2]>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum TopologyName {
+    Eq11,
+    Parallel,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ElementTable {
+    c: Spanned<f64>,
+    alpha: Spanned<f64>,
+}
+
+impl ActuatorTable {
+    pub(super) fn actuator(&self) -> Actuator {
+        Actuator {
+            relative_permittivity: *self.relative_permittivity.get_ref(),
+            length_m: *self.length_m.get_ref(),
+            width_m: *self.width_m.get_ref(),
+            thickness_m: *self.thickness_m.get_ref(),
+            mass_kg: *self.mass_kg.get_ref(),
+            preload: match self.preload {
+                PreloadName::Settled => Preload::Settled,
+                PreloadName::FromStart => Preload::FromStart,
+            },
+            stretch_coupling: self.stretch_coupling.as_ref().map_or(0.0, |kappa| *kappa.get_ref()),
+        }
+    }
+
+    /// Where the value stands that an error is about.
+    pub(super) fn place_of(&self, error: &ActuatorError) -> Option<Range<usize>> {
+        let value = match error {
+            ActuatorError::NotPositive { quantity, .. } => match *quantity {
+                "relative_permittivity" => &self.relative_permittivity,
+                "length_m" => &self.length_m,
+                "width_m" => &self.width_m,
+                "thickness_m" => &self.thickness_m,
+                "mass_kg" => &self.mass_kg,
+                _ => return None,
+            },
+            ActuatorError::Coupling(_) => self.stretch_coupling.as_ref()?,
+            _ => return None,
+        };
+        Some(value.span())
+    }
+}
+
+impl ModelTable {
+    pub(super) fn model(&self, mass_kg: f64) -> Result<Maxwell, ModelError> {
+        let branches: Vec<[Springpot; 2]> =
+            self.branches.iter().map(|pair| pair.each_ref().map(ElementTable::element)).collect();
+        let topology = match self.topology {
+            TopologyName::Eq11 => Topology::Eq11,
+            TopologyName::Parallel => Topology::Parallel,
+        };
+        Maxwell::new(self.main.element(), &branches, topology, mass_kg)
+    }
+
+    /// Where the value stands that an error is about.
+    pub(super) fn place_of(&self, error: &ModelError) -> Option<Range<usize>> {
+        let element = |element: &Element| match *element {
+            Element::Main => Some(&self.main),
+            Element::Branch { branch, element } => self.branches.get(branch)?.get(element),
+            _ => None,
+        };
+        match error {
+            ModelError::Coefficient { element: which, .. } => Some(element(which)?.c.span()),
+            ModelError::Order { element: which, .. } => Some(element(which)?.alpha.span()),
+            ModelError::Branches(_) => Some(self.branches.last()?[0].c.span()),
+            _ => None,
+        }
+    }
+}
+
+impl ElementTable {
+    fn element(&self) -> Springpot {
+        Springpot::new(*self.c.get_ref(), *self.alpha.get_ref())
+    }
+}
+
+/// Parameters as TOML text.
+pub(super) fn write(parameters: &Parameters) -> String {
+    let Actuator { relative_permittivity, length_m, width_m, thickness_m, mass_kg, preload, stretch_coupling } =
+        parameters.actuator;
+    let preload = match preload {
+        Preload::Settled => "settled",
+        Preload::FromStart => "from-start",
+    };
+    let topology = match parameters.model.topology() {
+        Topology::Eq11 => "eq11",
+        Topology::Parallel => "parallel",
+    };
+    let element = |e: &Springpot| format!("{{ c = {:?}, alpha = {:?} }}", e.c, e.alpha);
+    let mut text = format!(
+        "schema = {SCHEMA}\n\
+         name = {name}\n\n\
+         [actuator]\n\
+         relative_permittivity = {relative_permittivity:?}\n\
+         length_m = {length_m:?}\n\
+         width_m = {width_m:?}\n\
+         thickness_m = {thickness_m:?}\n\
+         mass_kg = {mass_kg:?}\n\
+         preload = \"{preload}\"\n\
+         stretch_coupling = {stretch_coupling:?} # 1/m\n\n\
+         [model]\n\
+         topology = \"{topology}\"\n\
+         main = {main} # c in N·s^alpha/m\n",
+        name = toml::Value::String(parameters.name.clone()),
+        main = element(&parameters.model.main()),
+    );
+    text.push_str("branches = [");
+    for [first, second] in parameters.model.branches() {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "\n  [{}, {}],", element(first), element(second));
+    }
+    text.push_str(if parameters.model.branches().is_empty() { "]\n" } else { "\n]\n" });
+    if let Some(provenance) = &parameters.provenance {
+        let _ = write!(text, "\n[provenance]\n{provenance}");
+    }
+    text
+}
