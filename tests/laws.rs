@@ -1,0 +1,425 @@
+//! What a law promises beyond its accuracy: size, both directions, exactness, warm starts, responses, errors.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use num_complex::Complex;
+use springpot::{
+    Compressed, Element, Law, LawError, Load, Maxwell, Memory, ModelError, Options, Preset, Scalar, Springpot, State,
+    Topology, Window,
+};
+use tests::{TOPOLOGIES, hard_models, paper_force, presets, random_models};
+
+const STEP: f64 = 1e-3;
+
+fn law<T: Scalar>(model: &Maxwell) -> Law<T> {
+    Law::compressed(model, Options::at_step(STEP)).expect("valid")
+}
+
+fn single(c: f64, alpha: f64, mass_kg: f64) -> Maxwell {
+    Maxwell::new(Springpot::new(c, alpha), &[], Topology::Eq11, mass_kg).expect("valid")
+}
+
+#[test]
+fn law_and_state_are_small() {
+    type History = <Compressed<f32> as Memory<f32>>::History;
+    let (law, state) = (size_of::<Law<f32>>(), size_of::<State<f32, History>>());
+    println!("f32, 12 + 36: law {law} bytes, state {state} bytes, any n, either topology");
+    assert!(law <= 640 && state <= 640);
+}
+
+/// Feeding the output of one direction to the other returns the input, to the rounding of a step's stiffness.
+#[test]
+fn both_directions_are_inverse() {
+    for (name, model) in presets().into_iter().chain(random_models(3, 50)).chain(hard_models()) {
+        let law = law::<f64>(&model);
+        let (mut creep, mut relaxation) = (law.state(), law.state());
+        let (mut worst, mut largest) = (0f64, 0f64);
+        for f in paper_force(1.0 / 7.0, 20.0, 1.0 / STEP) {
+            let x = law.displacement(&mut creep, f);
+            worst = worst.max((law.force(&mut relaxation, x) - f).abs());
+            largest = largest.max(x.abs());
+        }
+        // One rounding of x is worth this force.
+        let unit = largest * law.stiffness() * f64::EPSILON;
+        assert!(worst <= 8.0 * unit + 1e-12, "{name}: {worst:.1e} N, a rounding of x is {unit:.1e} N");
+    }
+}
+
+#[test]
+fn the_other_way_round_too() {
+    for (name, model) in presets().into_iter().chain(random_models(4, 50)) {
+        let law = law::<f64>(&model);
+        let (mut creep, mut relaxation) = (law.state(), law.state());
+        for k in 0..20_000 {
+            let x = 1e-3 * (1.0 - (k as f64 * 1e-3).cos());
+            let force = law.force(&mut relaxation, x);
+            let back = law.displacement(&mut creep, force);
+            assert!((back - x).abs() <= 1e-12 * 1e-3, "{name}: {back} for {x}");
+        }
+    }
+}
+
+/// A spring, a dashpot and a mass alone are plain arithmetic.
+#[test]
+fn orders_0_and_1_and_the_inertia_are_exact() {
+    let force = |k: usize| (0.02 * k as f64).sin();
+    let (spring, dashpot, mass) = (400.0, 30.0, 0.5);
+    let model = Maxwell::new(
+        Springpot::new(spring, 0.0),
+        &[[Springpot::new(dashpot, 1.0), Springpot::new(dashpot, 1.0)]],
+        Topology::Parallel,
+        mass,
+    )
+    .expect("valid");
+    let law = law::<f64>(&model);
+    let mut state = law.state();
+    // Two dashpots in series are one of half the coefficient.
+    let viscous = 0.5 * dashpot / STEP;
+    let inertia = mass / (STEP * STEP);
+    let (mut x, mut before) = (0.0, 0.0);
+    for k in 0..100_000 {
+        let next = (force(k) + viscous * x + inertia * (2.0 * x - before)) / (spring + viscous + inertia);
+        (before, x) = (x, next);
+        let modelled = law.displacement(&mut state, force(k));
+        assert!((modelled - x).abs() < 1e-14, "step {k}: {modelled} for {x}");
+    }
+}
+
+/// A standard linear solid relaxes as its closed form says, at any later step.
+#[test]
+fn a_plain_relaxation_time_is_exact() {
+    let (spring, branch, dashpot) = (5e3, 2e4, 7e3);
+    let model = Maxwell::new(
+        Springpot::new(spring, 0.0),
+        &[[Springpot::new(branch, 0.0), Springpot::new(dashpot, 1.0)]],
+        Topology::Parallel,
+        0.0,
+    )
+    .expect("valid");
+    let law = law::<f64>(&model);
+    let mut state = law.state();
+    let rate = branch / dashpot;
+    for k in 0..50_000 {
+        let force = law.force(&mut state, 1.0);
+        let exact = spring + branch * (1.0 + rate * STEP).powi(-(k + 1));
+        assert!((force / exact - 1.0).abs() < 1e-12, "step {k}: {force} for {exact}");
+    }
+}
+
+/// The continuous springpot relaxes as c t^−α/Γ(1 − α) and creeps as t^α/(c Γ(1 + α)).
+#[test]
+fn responses_in_time_have_their_closed_forms() {
+    let c = 6e4;
+    // Γ(1 − α) and Γ(1 + α)
+    for (alpha, below, above) in [
+        (0.2, 1.164_229_713_725_303_4, 0.918_168_742_399_760_6),
+        (0.5, 1.772_453_850_905_516, 0.886_226_925_452_758),
+        (0.9, 9.513_507_698_668_732, 0.961_765_831_907_388_3),
+    ] {
+        let model = single(c, alpha, 0.316);
+        for time in [1e-4, 1.0, 155.0, 86_400.0] {
+            let relaxed = c * f64::powf(time, -alpha) / below;
+            let crept = f64::powf(time, alpha) / (c * above);
+            assert!((model.relaxation_modulus(time) / relaxed - 1.0).abs() < 1e-10);
+            assert!((model.creep_compliance(time) / crept - 1.0).abs() < 1e-10);
+        }
+    }
+    // A standard linear solid: both are exponentials.
+    let (spring, branch, dashpot) = (5e3, 2e4, 7e3);
+    let model = Maxwell::new(
+        Springpot::new(spring, 0.0),
+        &[[Springpot::new(branch, 0.0), Springpot::new(dashpot, 1.0)]],
+        Topology::Eq11,
+        0.0,
+    )
+    .expect("valid");
+    for time in [1e-3, 0.3, 2.0, 100.0] {
+        let relaxed = spring + branch * (-time * branch / dashpot).exp();
+        let rate = branch / dashpot * spring / (spring + branch);
+        let crept = 1.0 / spring - branch / (spring * (spring + branch)) * (-time * rate).exp();
+        assert!((model.relaxation_modulus(time) / relaxed - 1.0).abs() < 1e-10);
+        assert!((model.creep_compliance(time) / crept - 1.0).abs() < 1e-10);
+    }
+    assert!(model.creep_compliance(0.0).is_nan() && model.relaxation_modulus(-1.0).is_nan());
+}
+
+/// The law's frequency response is what it does to a sine, and the model's is where it tends to.
+#[test]
+fn frequency_responses_agree_with_runs_and_with_each_other() {
+    for (name, model) in presets().into_iter().take(6).chain(random_models(9, 20)) {
+        let law = law::<f64>(&model);
+        for (frequency, near) in [(0.01, 1e-3), (0.1, 1e-3), (1.0, 2e-2)] {
+            let (discrete, continuous) = (law.frequency_response(frequency), model.frequency_response(frequency));
+            let difference = (discrete - continuous).norm() / continuous.norm();
+            assert!(difference < near, "{name} at {frequency} Hz: {difference:.1e}");
+        }
+        // Along a sine of displacement the force settles to 1/response within periods.
+        let frequency = 2.0;
+        let turn = |k: usize| Complex::from_polar(1.0, std::f64::consts::TAU * frequency * k as f64 * STEP);
+        let mut state = law.state();
+        let mut sum = Complex::<f64>::ZERO;
+        for k in 0..60_000 {
+            let force = law.force(&mut state, turn(k).im);
+            // The last ten seconds against the sine.
+            if k >= 50_000 {
+                sum += turn(k).conj() * force * 2.0 / 10_000.0;
+            }
+        }
+        let measured = sum * Complex::<f64>::i();
+        let stated = law.frequency_response(frequency).inv();
+        let difference = (measured - stated).norm() / stated.norm();
+        assert!(difference < 3e-3, "{name}: {measured} for {stated}");
+    }
+}
+
+/// Windows state their own response.
+#[test]
+fn a_window_answers_at_frequencies_as_it_steps() {
+    let model = single(6e4, 0.4, 0.1);
+    let law: Law<f64, Window<f64, [f64; 200]>> = Law::window(&model, STEP, [0.0; 200]).expect("valid");
+    let mut state = law.state([0.0; 200]).expect("same length");
+    let frequency = 5.0;
+    let turn = |k: usize| Complex::from_polar(1.0, std::f64::consts::TAU * frequency * k as f64 * STEP);
+    let mut sum = Complex::<f64>::ZERO;
+    for k in 0..2000 {
+        let force = law.force(&mut state, turn(k).im);
+        if k >= 1000 {
+            sum += turn(k).conj() * force * 2.0 / 1000.0;
+        }
+    }
+    let stated = law.frequency_response(frequency).inv();
+    assert!((sum * Complex::<f64>::i() - stated).norm() < 1e-9 * stated.norm());
+}
+
+/// Settling under a constant force is the same as stepping there, and goes on the same way.
+#[test]
+fn settled_state_equals_steps() {
+    for (name, model) in presets().into_iter().take(4).chain(random_models(5, 12)).chain(hard_models()) {
+        // Settling has no inertia; of a model without mass both must agree.
+        let model = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0).expect("valid");
+        let law = law::<f64>(&model);
+        for seconds in [0.0, 0.01, 1.0, 60.0, 900.0] {
+            let mut stepped = law.state();
+            law.warm_up(&mut stepped, std::iter::repeat_n(10.0, (seconds / STEP).round() as usize));
+            let mut settled = law.settled(10.0, seconds);
+            let scale = stepped.position().abs().max(10.0 / law.stiffness());
+            let error = (settled.position() - stepped.position()).abs() / scale;
+            assert!(error < 1e-6, "{name} after {seconds} s: {error:.1e}");
+            for k in 0..3000 {
+                let force = 10.0 + (0.003 * k as f64).sin();
+                let (a, b) = (law.displacement(&mut stepped, force), law.displacement(&mut settled, force));
+                assert!((a - b).abs() < 1e-6 * scale.max(a.abs()), "{name} {k} steps after {seconds} s: {b} for {a}");
+            }
+        }
+    }
+}
+
+/// A day of settling takes thousands of steps, not 86 million, and agrees with the creep compliance.
+#[test]
+fn settling_for_a_day_follows_the_creep_compliance() {
+    for (name, model) in presets() {
+        let state = law::<f32>(&model).settled(10.0, 86_400.0);
+        let exact = 10.0 * model.creep_compliance(86_400.0);
+        let error = f64::from(state.position()) / exact - 1.0;
+        assert!(error.abs() < 3e-6, "{name}: {error:.1e}");
+    }
+}
+
+#[test]
+fn a_warmed_state_goes_on_as_if_it_had_run() {
+    let model = Preset::ALL[1].model().expect("valid");
+    let law = law::<f32>(&model);
+    let force: Vec<f32> = paper_force(0.2, 10.0, 1.0 / STEP).into_iter().map(|f| f as f32).collect();
+    let (mut run, mut warmed, mut led) = (law.state(), law.state(), law.state());
+    let path: Vec<f32> = force.iter().map(|&f| law.displacement(&mut run, f)).collect();
+    law.warm_up(&mut warmed, force.iter().copied());
+    assert_eq!(run, warmed);
+    law.warm_up_along(&mut led, path);
+    // The path was rounded to f32, and one rounding of x is worth this force.
+    let unit = run.position() * law.stiffness() * f32::EPSILON;
+    assert!((led.base_force() - run.base_force()).abs() < 8.0 * unit);
+    // Zeroing the sensor moves the origin and nothing else.
+    let (base, origin) = (run.base_force(), run.position());
+    run.move_origin(origin);
+    assert_eq!(run.base_force(), base);
+    assert!(run.position().abs() <= f32::EPSILON * origin);
+    let shifted = law.displacement(&mut run, 5.0);
+    let unshifted = law.displacement(&mut warmed, 5.0);
+    assert!((shifted + origin - unshifted).abs() <= 2.0 * f32::EPSILON * origin);
+}
+
+/// One solve with a load that depends on the answer.
+#[test]
+fn a_dependent_load_is_met_where_the_film_goes() {
+    let model = Preset::ALL[1].model().expect("valid");
+    let law = law::<f64>(&model);
+    let (mut under, mut check) = (law.state(), law.state());
+    for f in paper_force(0.2, 10.0, 1.0 / STEP) {
+        let load = Load { force: f, slope: 60.0 * f };
+        let x = law.displacement_under(&mut under, load);
+        let force = law.force(&mut check, x);
+        assert!((force - (load.force + load.slope * x)).abs() < 1e-9, "{force}");
+    }
+}
+
+#[test]
+fn topologies_differ_for_more_than_one_branch_only() {
+    for preset in Preset::ALL {
+        let model = preset.model().expect("valid");
+        let [eq11, parallel] = TOPOLOGIES.map(|t| model.clone().with_topology(t).modulus(Complex::new(0.0, 1.0)));
+        let same = (eq11 - parallel).norm() < 1e-12 * eq11.norm();
+        assert_eq!(same, model.branches().len() == 1, "{}", preset.name());
+    }
+    // Equal branches: the harmonic mean of n is one of them, their sum is n of them.
+    let branch = [Springpot::new(1e4, 0.3), Springpot::new(3e4, 0.8)];
+    let main = Springpot::new(1.0, 0.5);
+    let modulus = |branches: &[[Springpot; 2]], topology| {
+        Maxwell::new(main, branches, topology, 0.0).expect("valid").modulus(Complex::new(0.0, 2.0))
+            - Maxwell::new(main, &[], topology, 0.0).expect("valid").modulus(Complex::new(0.0, 2.0))
+    };
+    let one = modulus(&[branch], Topology::Eq11);
+    assert!((modulus(&[branch; 4], Topology::Eq11) - one).norm() < 1e-9 * one.norm());
+    assert!((modulus(&[branch; 4], Topology::Parallel) - one * 4.0).norm() < 1e-9 * one.norm());
+}
+
+#[test]
+fn material_and_actuator_constants_convert_both_ways() {
+    // c = η A / L with the paper's 49 mm × 0.16 mm across and 60 mm along.
+    let (area, length) = (49e-3 * 0.16e-3, 60e-3);
+    let element = Springpot::from_material(3.0e6, 0.3, area, length);
+    assert!((element.c - 392.0).abs() < 1e-9);
+    assert!((element.material_constant(area, length) / 3.0e6 - 1.0).abs() < 1e-15);
+    let material = Maxwell::new(Springpot::new(3.0e6, 0.3), &[], Topology::Eq11, 0.0).expect("valid");
+    let actuator = material.scaled(area / length).expect("valid");
+    assert!((actuator.main().c - 392.0).abs() < 1e-9);
+    assert!(actuator.scaled(f64::NAN).is_err());
+}
+
+#[test]
+fn everything_wrong_is_refused_with_its_type() {
+    let good = Springpot::new(1e4, 0.5);
+    let new = |main, branches: &[[Springpot; 2]], mass| Maxwell::new(main, branches, Topology::Eq11, mass);
+    for c in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let refused = new(Springpot::new(c, 0.5), &[], 0.1);
+        assert!(matches!(refused, Err(ModelError::Coefficient { element: Element::Main, .. })), "{c}");
+    }
+    for alpha in [-1e-9, 1.000_001, f64::NAN] {
+        let refused = new(good, &[[good, good], [good, Springpot::new(1.0, alpha)]], 0.1);
+        let Err(ModelError::Order { element: Element::Branch { branch: 1, element: 1 }, .. }) = refused else {
+            panic!("{refused:?}");
+        };
+    }
+    for mass in [-0.1, f64::NAN, f64::INFINITY] {
+        assert!(matches!(new(good, &[], mass), Err(ModelError::Mass(_))));
+    }
+    assert_eq!(new(good, &[[good, good]; 6], 0.1), Err(ModelError::Branches(6)));
+
+    let model = new(good, &[], 0.1).expect("valid");
+    let build = |options| Law::<f32>::compressed(&model, options).err();
+    for step in [0.0, -1e-3, f64::NAN, f64::INFINITY] {
+        assert!(matches!(build(Options::at_step(step)), Some(LawError::Step(_))), "{step}");
+    }
+    for horizon in [0.0, 0.01, f64::NAN, f64::INFINITY] {
+        assert!(matches!(build(Options::at_step(1e-3).with_horizon(horizon)), Some(LawError::Horizon { .. })));
+    }
+    for tolerance in [0.0, -1.0, f64::NAN] {
+        assert!(matches!(build(Options::at_step(1e-3).with_tolerance(tolerance)), Some(LawError::Tolerance(_))));
+    }
+    let missed = build(Options::at_step(1e-3).with_tolerance(1e-12));
+    assert!(matches!(missed, Some(LawError::ToleranceMissed { reached, .. }) if reached > 1e-12 && reached < 1e-6));
+    // A stiffness that f32 cannot hold, though f64 can.
+    for c in [1e-44, 1e42] {
+        let model = single(c, 0.0, 0.0);
+        assert_eq!(Law::<f32>::compressed(&model, Options::at_step(1e-3)).err(), Some(LawError::NothingToSolve));
+        assert!(Law::<f64>::compressed(&model, Options::at_step(1e-3)).is_ok());
+    }
+    // Five plain relaxation times and a spring do not fit four modes.
+    let branch = |k: f64| [Springpot::new(1e4 * k, 0.0), Springpot::new(1e4, 1.0)];
+    let branches = [1.0, 2.0, 3.0, 4.0, 5.0].map(branch);
+    let model = Maxwell::new(Springpot::new(1e4, 0.0), &branches, Topology::Parallel, 0.0).expect("valid");
+    let few = Law::<f64, Compressed<f64, 8, 0, 4>>::compressed(&model, Options::at_step(1e-3));
+    assert_eq!(few.err(), Some(LawError::TooFewModes { modes: 4, needed: 6 }));
+
+    let empty: Result<Law<f64, Window<f64, Vec<f64>>>, _> = Law::window(&model, 1e-3, Vec::new());
+    assert_eq!(empty.err(), Some(LawError::EmptyWindow));
+    let window: Law<f64, Window<f64, Vec<f64>>> = Law::window(&model, 1e-3, vec![0.0; 3]).expect("valid");
+    assert_eq!(window.state(vec![0.0; 2]).err(), Some(LawError::Storage { given: 2, needed: 3 }));
+    // Every error is one line.
+    for error in [LawError::NothingToSolve, LawError::ToleranceMissed { reached: 1e-3, asked: 1e-5 }] {
+        assert!(!error.to_string().contains('\n'));
+    }
+}
+
+/// A value with its derivative: the recursion is open to other scalars.
+#[derive(Clone, Copy, Debug)]
+struct Dual {
+    value: f64,
+    slope: f64,
+}
+
+impl Add for Dual {
+    type Output = Self;
+    fn add(self, o: Self) -> Self {
+        Self { value: self.value + o.value, slope: self.slope + o.slope }
+    }
+}
+impl Sub for Dual {
+    type Output = Self;
+    fn sub(self, o: Self) -> Self {
+        Self { value: self.value - o.value, slope: self.slope - o.slope }
+    }
+}
+impl Mul for Dual {
+    type Output = Self;
+    fn mul(self, o: Self) -> Self {
+        Self { value: self.value * o.value, slope: self.value * o.slope + self.slope * o.value }
+    }
+}
+impl Div for Dual {
+    type Output = Self;
+    fn div(self, o: Self) -> Self {
+        let value = self.value / o.value;
+        Self { value, slope: (self.slope - value * o.slope) / o.value }
+    }
+}
+impl Neg for Dual {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self { value: -self.value, slope: -self.slope }
+    }
+}
+impl Scalar for Dual {
+    const ZERO: Self = Self { value: 0.0, slope: 0.0 };
+    fn from_f64(value: f64) -> Self {
+        Self { value, slope: 0.0 }
+    }
+    fn to_f64(self) -> f64 {
+        self.value
+    }
+}
+
+#[test]
+fn dual_numbers_carry_derivatives_through_the_recursion() {
+    let model = Preset::ALL[6].model().expect("valid");
+    let (dual, plain) = (law::<Dual>(&model), law::<f64>(&model));
+    let (mut state, mut plain_state) = (dual.state(), plain.state());
+    // Derivative with respect to the coupling: the load is f (1 + κ x).
+    let kappa = Dual { value: 30.0, slope: 1.0 };
+    let displaced = |kappa: f64| {
+        let mut state = plain.state();
+        let mut x = 0.0;
+        for f in paper_force(0.2, 5.0, 1000.0) {
+            x = plain.displacement_under(&mut state, Load { force: f, slope: kappa * f });
+        }
+        x
+    };
+    let mut x = Dual::ZERO;
+    for f in paper_force(0.2, 5.0, 1000.0) {
+        let force = Dual::from_f64(f);
+        x = dual.displacement_under(&mut state, Load { force, slope: kappa * force });
+        let same = plain.displacement_under(&mut plain_state, Load { force: f, slope: 30.0 * f });
+        assert_eq!(x.value, same);
+    }
+    let numeric = (displaced(30.0 + 1e-3) - displaced(30.0 - 1e-3)) / 2e-3;
+    assert!((x.slope / numeric - 1.0).abs() < 1e-6, "{} for {numeric}", x.slope);
+}

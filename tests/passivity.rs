@@ -1,0 +1,94 @@
+//! A film gives back no more energy than it took.
+
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use springpot::{Law, Options};
+use tests::{hard_models, presets, random_models};
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    /// Σ F_k (x_k − x_{k−1}) ≥ 0 from rest, for any model, rate and force history.
+    #[test]
+    fn takes_work_from_any_force_history(
+        seed in any::<u64>(),
+        rate_hz in prop::sample::select(vec![100.0, 1000.0, 5000.0]),
+        forces in prop::collection::vec(-100.0..100.0f64, 1..400),
+        hold in 1usize..50,
+    ) {
+        let (name, model) = random_models(seed, 1).swap_remove(0);
+        let law = Law::<f64>::compressed(&model, Options::at_step(1.0 / rate_hz)).expect("valid");
+        let mut state = law.state();
+        let (mut work, mut gross) = (0.0, 0.0);
+        for force in forces.into_iter().flat_map(|force| std::iter::repeat_n(force, hold)) {
+            law.displacement(&mut state, force);
+            work += force * state.increment();
+            gross += (force * state.increment()).abs();
+            // Work that was taken and given back leaves rounding of what passed.
+            prop_assert!(work >= -1e-12 * gross, "{name}: {work} J of {gross} J");
+        }
+    }
+
+    /// The same along any path: displacement → force.
+    #[test]
+    fn takes_work_along_any_path(
+        seed in any::<u64>(),
+        increments in prop::collection::vec(-1e-4..1e-4f64, 1..400),
+        hold in 1usize..50,
+    ) {
+        let (name, model) = random_models(seed, 1).swap_remove(0);
+        let law = Law::<f64>::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let mut state = law.state();
+        let (mut x, mut work, mut gross) = (0.0, 0.0, 0.0);
+        for increment in increments.into_iter().flat_map(|dx| std::iter::repeat_n(dx, hold)) {
+            x += increment;
+            let force = law.force(&mut state, x);
+            work += force * state.increment();
+            gross += (force * state.increment()).abs();
+            prop_assert!(work >= -1e-12 * gross, "{name}: {work} J of {gross} J");
+        }
+    }
+}
+
+/// Random forces on the controller's arithmetic: bounded throughout, and the response decays once the force is gone.
+#[test]
+fn presets_stay_bounded_and_come_to_rest() {
+    const STEPS: usize = 10_000_000;
+    for (name, model) in presets() {
+        let law = Law::<f32>::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let mut state = law.state();
+        let mut random = Pcg64::seed_from_u64(5);
+        // A force of 140 N for 10⁷ steps reaches J(10⁴ s) · 140 N; random signs stay far below.
+        let bound = (140.0 * model.creep_compliance(1e4)) as f32;
+        let mut largest = 0f32;
+        for _ in 0..STEPS {
+            let force = random.random_range(-140.0..140.0f32);
+            largest = largest.max(law.displacement(&mut state, force).abs());
+        }
+        assert!(largest < bound, "{name}: {largest} m");
+        let left = state.position().abs();
+        let mut at = |steps: usize| {
+            for _ in 0..steps {
+                law.displacement(&mut state, 0.0);
+            }
+            state.position().abs()
+        };
+        let (soon, later, late) = (at(100_000), at(900_000), at(9_000_000));
+        println!(
+            "{name}: largest {largest:.1e} m, left {left:.1e}, after 100 s {soon:.1e}, 1000 s {later:.1e}, 10000 s {late:.1e}"
+        );
+        assert!(late < 0.3 * largest && late <= 1.01 * later.max(1e-3 * largest), "{name} does not come to rest");
+    }
+}
+
+/// What makes it so: every mode decays and pulls back.
+#[test]
+fn modes_are_positive_and_decay() {
+    for (name, model) in presets().into_iter().chain(random_models(7, 100)).chain(hard_models()) {
+        let law = Law::<f32>::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        for (loss, weight) in law.memory().modes() {
+            assert!((0.0..1.0).contains(&loss) && weight >= 0.0, "{name}: loss {loss}, weight {weight}");
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! f32 against f64: what the controller's arithmetic loses.
+
+use host_sim::agreement::relative_rms;
+use rayon::prelude::*;
+use springpot::{Law, Maxwell, Options};
+use tests::{hard_models, paper_force, presets, random_models};
+
+fn laws(model: &Maxwell, rate_hz: f64) -> (Law<f32>, Law<f64>) {
+    let options = Options::at_step(1.0 / rate_hz);
+    (Law::compressed(model, options).expect("valid"), Law::compressed(model, options).expect("valid"))
+}
+
+#[test]
+fn loses_less_than_1e_6_over_155_s() {
+    let models: Vec<_> = presets().into_iter().chain(random_models(2022, 200)).chain(hard_models()).collect();
+    for rate_hz in [1000.0, 5000.0] {
+        let force = paper_force(1.0 / 7.0, 155.0, rate_hz);
+        let errors: Vec<f64> = models
+            .par_iter()
+            .map(|(_, model)| {
+                let (single, double) = laws(model, rate_hz);
+                let (mut state32, mut state64) = (single.state(), double.state());
+                let (x32, x64): (Vec<f64>, Vec<f64>) = force
+                    .iter()
+                    .map(|&f| {
+                        let x32 = single.displacement(&mut state32, f as f32);
+                        (f64::from(x32), double.displacement(&mut state64, f))
+                    })
+                    .unzip();
+                relative_rms(&x32, &x64)
+            })
+            .collect();
+        println!("{rate_hz} Hz: largest f32 error {:.1e}", errors.iter().copied().fold(0.0, f64::max));
+        for ((name, _), error) in models.iter().zip(errors) {
+            assert!(error <= 1e-6, "{name} at {rate_hz} Hz: {error:.1e}");
+        }
+    }
+}
+
+/// Neither drift nor stagnation over a day: 86.4 million steps.
+#[test]
+fn does_not_drift_in_24_hours_at_1_khz() {
+    const RATE_HZ: usize = 1000;
+    const PERIOD: usize = 7 * RATE_HZ;
+    const HOUR: usize = 3600 * RATE_HZ;
+    let force: Vec<f64> = paper_force(1.0 / 7.0, 7.0, RATE_HZ as f64)[..PERIOD].to_vec();
+    let named = |wanted: &str| presets().into_iter().find(|(name, _)| name == wanted).expect("a preset");
+    let mut models = vec![named("table3-n2 Eq11"), named("table3-n2 Parallel"), named("table4-f7 Parallel")];
+    models.extend(random_models(24, 3));
+    models.extend(hard_models().into_iter().filter(|(name, _)| name == "soft and heavy" || name == "almost a spring"));
+    models.par_iter().for_each(|(name, model)| {
+        let (single, double) = laws(model, RATE_HZ as f64);
+        let (mut state32, mut state64) = (single.state(), double.state());
+        let (mut sum, mut sum_squares, mut error_squares, mut worst_hour) = (0.0, 0.0, 0.0, 0f64);
+        for _ in 0..24 {
+            let mut error_sum = 0.0;
+            for step in 0..HOUR {
+                let f = force[step % PERIOD];
+                let x = double.displacement(&mut state64, f);
+                let error = f64::from(single.displacement(&mut state32, f as f32)) - x;
+                sum += x;
+                sum_squares += x * x;
+                error_sum += error;
+                error_squares += error * error;
+            }
+            worst_hour = worst_hour.max((error_sum / HOUR as f64).abs());
+        }
+        let n = (24 * HOUR) as f64;
+        let spread = (sum_squares / n - (sum / n) * (sum / n)).sqrt();
+        let rms = (error_squares / n).sqrt() / spread;
+        let hour = worst_hour / spread;
+        println!("24 h at 1 kHz, {name}: RMS {rms:.1e}, largest hourly mean {hour:.1e}");
+        assert!(rms <= 1e-6 && hour <= 1e-6, "{name}: RMS {rms:.1e}, hourly mean {hour:.1e}");
+    });
+}
