@@ -1,0 +1,116 @@
+//! Images in QEMU: the host's bits on the chips, and what a step costs there.
+
+use std::collections::BTreeMap;
+use std::fs;
+
+use chip_program::{Checksum, Name, Report};
+
+use crate::process::{Result, cargo, output, root, run as run_command};
+use crate::setup::{TARGETS, Toolchain};
+
+/// What an image printed: lines of `cost NAME INSTRUCTIONS` and `bits NAME CHECKSUM`.
+#[derive(Default)]
+struct Printed {
+    costs: BTreeMap<String, u64>,
+    bits: BTreeMap<String, String>,
+}
+
+/// Builds the libraries for both chips, runs the images and compares them with host and README.
+pub fn run(toolchain: &Toolchain) -> Result<()> {
+    let folder = root().join("tests/embedded");
+    let mut host = Host::default();
+    chip_program::run(&mut host);
+    let mut columns = Vec::new();
+    let mut format = cargo(&["fmt", "--check"]);
+    format.current_dir(&folder);
+    run_command(format)?;
+    for target in TARGETS {
+        let springpot = root().join("crates/springpot");
+        run_command(toolchain.cargo(&springpot, target, &["build", "--quiet", "--all-features"]))?;
+        if matches!(toolchain, Toolchain::Rustup) {
+            run_command(toolchain.cargo(&folder, target, &["clippy", "--quiet", "--", "-D", "warnings"]))?;
+        }
+        let image = ["--quiet", "--release", "--bin", "steps"];
+        run_command(toolchain.cargo(&folder, target, &[&["build"], image.as_slice()].concat()))?;
+        let text = output(toolchain.cargo(&folder, target, &[&["run"], image.as_slice()].concat()))?;
+        let printed = parse(&text)?;
+        compare_bits(target, &host.0, &printed.bits)?;
+        println!("{target}: {} checksums of laws, steps and both directions are the host's", printed.bits.len());
+        columns.push(printed.costs);
+    }
+    compare_costs(&columns)
+}
+
+/// The same program on the host.
+#[derive(Default)]
+struct Host(BTreeMap<String, String>);
+
+impl Report for Host {
+    fn cost<R>(&mut self, _: Name, work: impl FnOnce() -> R) -> R {
+        work()
+    }
+
+    fn cost_of_step(&mut self, _: Name, _: u16, _: impl FnOnce(), _: impl FnOnce()) {}
+
+    fn bits(&mut self, name: Name, checksum: Checksum) {
+        self.0.insert(name.to_string(), format!("{:016x}", checksum.0));
+    }
+}
+
+fn parse(text: &str) -> Result<Printed> {
+    let mut printed = Printed::default();
+    for line in text.lines() {
+        match line.split_whitespace().collect::<Vec<_>>().as_slice() {
+            ["cost", name, count] => {
+                let count = count.parse().map_err(|_| format!("not a count: {line}"))?;
+                printed.costs.insert((*name).into(), count);
+            }
+            ["bits", name, checksum] => {
+                printed.bits.insert((*name).into(), (*checksum).into());
+            }
+            _ => return Err(format!("the image printed: {text}")),
+        }
+    }
+    Ok(printed)
+}
+
+fn compare_bits(target: &str, host: &BTreeMap<String, String>, chip: &BTreeMap<String, String>) -> Result<()> {
+    for (name, checksum) in host {
+        match chip.get(name) {
+            Some(same) if same == checksum => {}
+            Some(other) => return Err(format!("{target}: {name} is {other}, on the host {checksum}")),
+            None => return Err(format!("{target}: {name} was not reported")),
+        }
+    }
+    if chip.len() == host.len() { Ok(()) } else { Err(format!("{target}: more was reported than on the host")) }
+}
+
+/// Holds the counts against the README's table, whose rows begin with a name such as `creep/12+36` in backticks: within
+/// 2 %, for every model.
+fn compare_costs(columns: &[BTreeMap<String, u64>]) -> Result<()> {
+    let readme = fs::read_to_string(root().join("README.md")).map_err(|error| format!("README.md: {error}"))?;
+    let mut unmentioned: Vec<&String> = columns[0].keys().collect();
+    let mut off = Vec::new();
+    for row in readme.lines().filter(|line| line.starts_with("| `")) {
+        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+        let name = cells[1].trim_matches('`');
+        for (index, costs) in columns.iter().enumerate() {
+            let stated: String = cells.get(2 + index).unwrap_or(&"").chars().filter(char::is_ascii_digit).collect();
+            let Ok(stated) = stated.parse::<f64>() else { continue };
+            for (full_name, &counted) in costs.iter().filter(|(full_name, _)| full_name.starts_with(name)) {
+                unmentioned.retain(|other| *other != full_name);
+                let ratio = counted as f64 / stated;
+                if !(0.98..=1.02).contains(&ratio) {
+                    off.push(format!("{} on {}: {counted} counted, {stated} stated", full_name, TARGETS[index]));
+                }
+            }
+        }
+    }
+    off.extend(unmentioned.into_iter().map(|name| format!("{name} is not in the table")));
+    if off.is_empty() {
+        println!("the README's instruction counts hold within 2 %");
+        Ok(())
+    } else {
+        Err(format!("README.md, instruction counts:\n  {}", off.join("\n  ")))
+    }
+}

@@ -1,0 +1,51 @@
+//! Chores of the project: `cargo xtask help`.
+#![forbid(unsafe_code)]
+
+mod embedded;
+mod process;
+mod recordings;
+mod setup;
+mod test;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Chores of the project.
+#[derive(Parser)]
+#[command(name = "cargo xtask")]
+struct Cli {
+    #[command(subcommand)]
+    chore: Chore,
+}
+
+#[derive(Subcommand)]
+enum Chore {
+    /// Install what is missing, then run every check and every test, on the host and in QEMU.
+    Test,
+    /// Install what is missing: compiler targets and QEMU.
+    Setup,
+    /// Run the images in QEMU: the host's bits, and the README's instruction counts.
+    Embedded,
+    /// Make the recordings under tests/recordings again.
+    Recordings,
+    /// Check the licences of all dependencies with cargo-deny.
+    Deny,
+}
+
+fn main() -> ExitCode {
+    let done = match Cli::parse().chore {
+        Chore::Test => test::run(),
+        Chore::Setup => setup::run().map(drop),
+        Chore::Embedded => setup::run().and_then(|toolchain| embedded::run(&toolchain)),
+        Chore::Recordings => recordings::run(),
+        Chore::Deny => test::deny(),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("xtask: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

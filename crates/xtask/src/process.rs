@@ -1,0 +1,53 @@
+//! Commands, as they would be typed.
+
+use std::env;
+use std::path::PathBuf;
+use std::process::Command;
+
+/// A chore's result: an error is what to tell the user.
+pub type Result<T> = std::result::Result<T, String>;
+
+/// The root of the project.
+pub fn root() -> PathBuf {
+    let here = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
+    here.ancestors().nth(2).map(PathBuf::from).unwrap_or(here)
+}
+
+/// A command to be run in the root of the project.
+pub fn command(program: &str, arguments: &[&str]) -> Command {
+    let mut command = Command::new(program);
+    command.args(arguments).current_dir(root());
+    command
+}
+
+/// This project's cargo.
+pub fn cargo(arguments: &[&str]) -> Command {
+    command(&env::var("CARGO").unwrap_or_else(|_| "cargo".into()), arguments)
+}
+
+/// Runs `command`, its output on the terminal.
+pub fn run(mut command: Command) -> Result<()> {
+    let line = line(&command);
+    println!("$ {line}");
+    match command.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => Err(format!("{status}: {line}")),
+        Err(error) => Err(format!("{line}: {error}")),
+    }
+}
+
+/// Runs `command` and returns what it printed on standard output.
+pub fn output(mut command: Command) -> Result<String> {
+    let line = line(&command);
+    let output = command.output().map_err(|error| format!("{line}: {error}"))?;
+    if !output.status.success() {
+        return Err(format!("{}: {line}\n{}", output.status, String::from_utf8_lossy(&output.stderr)));
+    }
+    Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+fn line(command: &Command) -> String {
+    let mut words = vec![command.get_program().to_string_lossy().into_owned()];
+    words.extend(command.get_args().map(|argument| argument.to_string_lossy().into_owned()));
+    words.join(" ")
+}

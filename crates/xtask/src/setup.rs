@@ -1,0 +1,173 @@
+//! Installs what the tests need beyond the host's Rust: the chips' compiler targets, and QEMU.
+
+use std::env;
+use std::ffi::OsString;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::process::{Result, cargo, command, output, run as run_command};
+
+/// The chips: Cortex-M4F (hard float) and Cortex-M0 (soft float, no compare-and-swap).
+pub const TARGETS: [&str; 2] = ["thumbv7em-none-eabihf", "thumbv6m-none-eabi"];
+
+/// How images are compiled.
+pub enum Toolchain {
+    /// The project's own toolchain, with rustup's targets.
+    Rustup,
+    /// Debian's compiler, which builds the core library from its sources, with rustup's linker.
+    Debian {
+        /// PATH with the linker.
+        path: OsString,
+    },
+}
+
+impl Toolchain {
+    /// A cargo command on an image for `target` in `folder`.
+    pub fn cargo(&self, folder: &Path, target: &str, arguments: &[&str]) -> Command {
+        let (own, passed) = arguments.split_at(arguments.iter().position(|&a| a == "--").unwrap_or(arguments.len()));
+        let arguments = [own, &["--target", target], passed].concat();
+        let arguments = arguments.as_slice();
+        let mut command = match self {
+            Self::Rustup => cargo(arguments),
+            Self::Debian { path } => {
+                let mut command = command("/usr/bin/cargo", arguments);
+                command
+                    .arg("-Zbuild-std=core")
+                    .env("RUSTC_BOOTSTRAP", "1")
+                    .env("RUSTC", "/usr/bin/rustc")
+                    .env("PATH", path)
+                    .env_remove("RUSTUP_TOOLCHAIN");
+                command
+            }
+        };
+        command.current_dir(folder);
+        // The flags of the host's build are not the chip's.
+        command.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
+        command
+    }
+}
+
+/// Installs what is missing and says what it took.
+pub fn run() -> Result<Toolchain> {
+    let toolchain = targets()?;
+    match &toolchain {
+        Toolchain::Rustup => println!("images are compiled by this toolchain, with rustup's targets"),
+        Toolchain::Debian { .. } => {
+            println!("images are compiled by Debian's rustc-web, with the core library from source")
+        }
+    }
+    qemu()?;
+    Ok(toolchain)
+}
+
+fn targets() -> Result<Toolchain> {
+    // For trying the other way where rustup would do.
+    let without_rustup = env::var_os("XTASK_WITHOUT_RUSTUP").is_some();
+    if !without_rustup {
+        let installed = || output(command("rustup", &["target", "list", "--installed"])).unwrap_or_default();
+        let complete = |list: &str| TARGETS.iter().all(|target| list.lines().any(|line| line == *target));
+        if complete(&installed()) {
+            return Ok(Toolchain::Rustup);
+        }
+        let added = run_command(command("rustup", &[["target", "add"].as_slice(), &TARGETS].concat()));
+        if added.is_ok() && complete(&installed()) {
+            return Ok(Toolchain::Rustup);
+        }
+        println!("rustup cannot add the targets here; Debian's compiler will build them");
+    }
+    if !(has("/usr/bin/cargo") && rust_source().exists()) {
+        apt_install(&["rustc-web", "cargo-web", "rust-web-src"], None)?;
+    }
+    let sysroot = output(command("rustc", &["--print", "sysroot"]))?;
+    let host = output(command("rustc", &["-vV"]))?;
+    let host = host.lines().find_map(|line| line.strip_prefix("host: ")).unwrap_or_default().to_owned();
+    let linker = PathBuf::from(sysroot.trim()).join("lib/rustlib").join(host).join("bin");
+    let old = env::var_os("PATH").unwrap_or_default();
+    let path = env::join_paths(std::iter::once(linker).chain(env::split_paths(&old)))
+        .map_err(|error| format!("PATH: {error}"))?;
+    Ok(Toolchain::Debian { path })
+}
+
+/// Where Debian's compiler looks for the library's sources.
+fn rust_source() -> PathBuf {
+    output(command("/usr/bin/rustc", &["--print", "sysroot"]))
+        .map(|sysroot| PathBuf::from(sysroot.trim()).join("lib/rustlib/src/rust/library"))
+        .unwrap_or_default()
+}
+
+fn qemu() -> Result<()> {
+    const BOARDS: [&str; 2] = ["olimex-stm32-h405", "microbit"];
+    let knows_the_boards = || {
+        let boards = output(command("qemu-system-arm", &["-M", "help"])).unwrap_or_default();
+        BOARDS.iter().all(|board| boards.lines().any(|line| line.starts_with(board)))
+    };
+    if knows_the_boards() {
+        return Ok(());
+    }
+    apt_install(&["qemu-system-arm"], None)?;
+    if !knows_the_boards() {
+        // Debian 12 has it in its backports.
+        apt_install(&["qemu-system-arm"], Some("backports"))?;
+    }
+    if knows_the_boards() {
+        Ok(())
+    } else {
+        Err(format!("QEMU 10 or later with the boards {} is needed; install it and run again", BOARDS.join(" and ")))
+    }
+}
+
+fn has(program: &str) -> bool {
+    output(command(program, &["--version"])).is_ok()
+}
+
+/// Installs packages, from a further suite of the distribution if one is named.
+fn apt_install(packages: &[&str], further: Option<&str>) -> Result<()> {
+    if !has("apt-get") {
+        return Err(format!("{} must be installed by hand: there is no apt-get here", packages.join(", ")));
+    }
+    let suite = further.map(|name| format!("{}-{name}", codename()));
+    if let Some(suite) = &suite {
+        add_suite(suite)?;
+    }
+    run_command(as_root("apt-get", &["update", "-qq"]))?;
+    let mut arguments = vec!["install", "-y", "-qq", "--no-install-recommends"];
+    if let Some(suite) = &suite {
+        arguments.extend(["-t", suite]);
+    }
+    arguments.extend(packages);
+    let mut install = as_root("apt-get", &arguments);
+    install.env("DEBIAN_FRONTEND", "noninteractive");
+    run_command(install)
+}
+
+fn as_root(program: &str, arguments: &[&str]) -> Command {
+    let root = output(command("id", &["-u"])).is_ok_and(|id| id.trim() == "0");
+    if root { command(program, arguments) } else { command("sudo", &[&[program], arguments].concat()) }
+}
+
+fn codename() -> String {
+    let release = fs::read_to_string("/etc/os-release").unwrap_or_default();
+    release.lines().find_map(|line| line.strip_prefix("VERSION_CODENAME=")).unwrap_or_default().trim_matches('"').into()
+}
+
+/// Adds a suite from the mirror that the distribution itself comes from.
+fn add_suite(suite: &str) -> Result<()> {
+    let known =
+        output(command("apt-get", &["indextargets", "--format", "$(SUITE) $(CODENAME) $(REPO_URI) $(COMPONENT)"]))?;
+    let fields: Vec<Vec<&str>> = known.lines().map(|line| line.split_whitespace().collect()).collect();
+    if fields.iter().any(|line| line[..2].contains(&suite)) {
+        return Ok(());
+    }
+    let base = codename();
+    let mirror = fields
+        .iter()
+        .find(|line| line.len() == 4 && line[1] == base && line[3] == "main")
+        .map(|line| line[2])
+        .ok_or_else(|| format!("no mirror of {base} is known to apt; add the suite {suite} by hand"))?;
+    let line = format!("deb {mirror} {suite} main\n");
+    let temporary = env::temp_dir().join(format!("{suite}.list"));
+    fs::write(&temporary, line).map_err(|error| format!("{}: {error}", temporary.display()))?;
+    let from = temporary.to_string_lossy().into_owned();
+    run_command(as_root("install", &["-m", "644", &from, &format!("/etc/apt/sources.list.d/{suite}.list")]))
+}

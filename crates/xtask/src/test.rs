@@ -1,0 +1,34 @@
+//! Everything that must be true, on the host and in QEMU.
+
+use std::time::Instant;
+
+use crate::process::{Result, cargo, output, run as run_command};
+use crate::{embedded, setup};
+
+/// Installs what is missing and runs every check and test.
+pub fn run() -> Result<()> {
+    let start = Instant::now();
+    let toolchain = setup::run()?;
+    let workspace = |arguments: &[&str]| run_command(cargo(arguments));
+
+    workspace(&["fmt", "--all", "--check"])?;
+    workspace(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
+    workspace(&["clippy", "--quiet", "--package", "springpot", "--all-features", "--", "-D", "warnings"])?;
+    let mut doc = cargo(&["doc", "--quiet", "--workspace", "--no-deps", "--document-private-items"]);
+    doc.env("RUSTDOCFLAGS", "-D warnings");
+    run_command(doc)?;
+    workspace(&["test", "--quiet", "--workspace"])?;
+    // The same electrostatics on the fast square root.
+    workspace(&["test", "--quiet", "--package", "tests", "--features", "micromath", "--test", "electrostatics"])?;
+    embedded::run(&toolchain)?;
+    println!("all tests passed in {} s", start.elapsed().as_secs());
+    Ok(())
+}
+
+/// Checks licences with cargo-deny, which is installed if it is missing.
+pub fn deny() -> Result<()> {
+    if output(cargo(&["deny", "--version"])).is_err() {
+        run_command(cargo(&["install", "--locked", "cargo-deny"]))?;
+    }
+    run_command(cargo(&["deny", "--workspace", "--all-features", "check", "licenses", "bans", "sources"]))
+}
