@@ -7,8 +7,9 @@ pub trait Real: Scalar + PartialOrd {
     /// The square root, for values ≥ 0.
     ///
     /// Correctly rounded, unless the feature `micromath` is on: then for `f32` micromath's estimate with two of Heron's
-    /// steps, off by 2e-6 at the most (measured over all mantissas), in a tenth of the instructions on a core whose
-    /// floating-point unit Rust's `libm` does not use for it. It never enters a law.
+    /// steps, off by 2e-6 at the most (1.6e-6 measured over all mantissas). From force to voltage that takes 34 instructions
+    /// instead of 68 on a Cortex-M4F, but 1 260 instead of 859 on a Cortex-M0, which has no divider: leave it off there.
+    /// It never enters a law.
     #[must_use]
     fn sqrt(self) -> Self;
 }

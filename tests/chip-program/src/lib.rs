@@ -8,7 +8,7 @@
 use core::fmt;
 use core::hint::black_box;
 
-use springpot::{Compressed, Law, Memory, Options, Preset, State, Topology};
+use springpot::{Actuator, Compressed, Law, Memory, Options, Preset, State, Topology, VoltageDrive};
 
 /// Takes what the program reports.
 pub trait Report {
@@ -29,7 +29,7 @@ pub struct Name {
     pub topology: Topology,
     /// Head and modes of the law.
     pub size: &'static str,
-    /// `law`, `creep` or `relaxation`.
+    /// `law`, `creep`, `relaxation` or `voltage` (Eq. 1 from force to voltage).
     pub what: &'static str,
 }
 
@@ -86,6 +86,7 @@ pub fn run(report: &mut impl Report) {
         let Ok(law) = law else { panic!("{} is refused", preset) };
         report.bits(name("law"), modes(law.memory().modes()));
         step(report, name, &law, &law.state());
+        voltage(report, name("voltage"), law.stiffness());
 
         let name = |what| Name { preset, topology, size: "8+16", what };
         let options = options.with_horizon(3600.0).with_tolerance(1e-3);
@@ -137,6 +138,22 @@ fn step<M>(
         || repeat(|k| relaxation(law, &mut state, 1e-6 * k)),
         || repeat(|k| 1e-6 * k),
     );
+}
+
+fn voltage(report: &mut impl Report, name: Name, stiffness: f32) {
+    let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, stiffness);
+    let Ok(drive) = drive else { panic!("the paper's actuator is refused") };
+    let mut checksum = Checksum::default();
+    for k in 0..STEPS {
+        checksum.add(voltage_of(&drive, 0.1 * f32::from(k)));
+    }
+    report.bits(name, checksum);
+    report.cost_of_step(name, STEPS, || repeat(|k| voltage_of(&drive, 0.1 * k)), || repeat(|k| 0.1 * k));
+}
+
+#[inline(never)]
+fn voltage_of(drive: &VoltageDrive<f32>, force: f32) -> f32 {
+    drive.voltage(force, 0.001)
 }
 
 #[inline(always)]
