@@ -16,7 +16,8 @@ pub struct FullMemory {
     samples: usize,
     /// ln((1 − ζ)/h) at the points of the upper half circle.
     ln_s: Vec<Complex<f64>>,
-    ln_radius: f64,
+    /// radius^k for every sample k.
+    damping: Vec<f64>,
     forward: Arc<dyn RealToComplex<f64>>,
     backward: Arc<dyn ComplexToReal<f64>>,
 }
@@ -53,7 +54,7 @@ impl FullMemory {
         Self {
             samples,
             ln_s,
-            ln_radius,
+            damping: (0..samples).map(|k| (ln_radius * k as f64).exp()).collect(),
             forward: planner.plan_fft_forward(points),
             backward: planner.plan_fft_inverse(points),
         }
@@ -66,13 +67,16 @@ impl FullMemory {
 
     /// The same from a [`dynamic_stiffness`](Self::dynamic_stiffness) that is already known.
     pub fn displacement_from(&self, stiffness: &[Complex<f64>], force: &[f64]) -> Vec<f64> {
-        self.filter(force, |k, f| f / stiffness[k])
+        let mut spectrum = self.spectrum(force);
+        spectrum.iter_mut().zip(stiffness).for_each(|(f, k)| *f /= k);
+        self.series(spectrum, force.len())
     }
 
     /// Force (N) of `model` along `displacement` (m), one value per step from rest.
     pub fn force(&self, model: &Maxwell, displacement: &[f64]) -> Vec<f64> {
-        let stiffness = self.dynamic_stiffness(model);
-        self.filter(displacement, |k, x| x * stiffness[k])
+        let mut spectrum = self.spectrum(displacement);
+        spectrum.iter_mut().zip(self.dynamic_stiffness(model)).for_each(|(x, k)| *x *= k);
+        self.series(spectrum, displacement.len())
     }
 
     /// m s² + K(s) on the circle, N/m.
@@ -80,28 +84,49 @@ impl FullMemory {
         self.ln_s.iter().map(|&ln_s| (2.0 * ln_s).exp() * model.mass_kg() + model.modulus_of_ln(ln_s)).collect()
     }
 
-    /// Multiplies the transform of `input` by a response on the circle.
-    fn filter(&self, input: &[f64], response: impl Fn(usize, Complex<f64>) -> Complex<f64>) -> Vec<f64> {
-        assert!(input.len() <= self.samples, "the circle is for {} samples", self.samples);
+    /// ln s at the points of the upper half circle, s = (1 − ζ)/h in 1/s.
+    pub fn ln_s(&self) -> &[Complex<f64>] {
+        &self.ln_s
+    }
+
+    /// Samples the circle is for.
+    pub fn samples(&self) -> usize {
+        self.samples
+    }
+
+    /// The power series of `series` in ζ, at the points of the upper half circle.
+    ///
+    /// # Panics
+    ///
+    /// For more samples than the circle is for.
+    pub fn spectrum(&self, series: &[f64]) -> Vec<Complex<f64>> {
+        assert!(series.len() <= self.samples, "the circle is for {} samples", self.samples);
         let mut time = self.forward.make_input_vec();
-        for (k, (slot, &value)) in time.iter_mut().zip(input).enumerate() {
-            *slot = value * (self.ln_radius * k as f64).exp();
+        for ((slot, value), damping) in time.iter_mut().zip(series).zip(&self.damping) {
+            *slot = value * damping;
         }
         let mut spectrum = self.forward.make_output_vec();
         self.forward.process(&mut time, &mut spectrum).expect("lengths are the plan's own");
-        for (k, value) in spectrum.iter_mut().enumerate() {
-            *value = response(k, *value);
-        }
-        // The last point of an even transform is real, up to rounding.
+        spectrum
+    }
+
+    /// The first `samples` coefficients of a power series whose values on the circle are `spectrum`.
+    ///
+    /// # Panics
+    ///
+    /// For a spectrum of another circle.
+    pub fn series(&self, mut spectrum: Vec<Complex<f64>>, samples: usize) -> Vec<f64> {
+        // The first and last point of an even transform are real, up to rounding.
         spectrum[0].im = 0.0;
         if let Some(last) = spectrum.last_mut() {
             last.im = 0.0;
         }
+        let mut time = self.backward.make_output_vec();
         self.backward.process(&mut spectrum, &mut time).expect("lengths are the plan's own");
         let scale = 1.0 / time.len() as f64;
-        time.truncate(input.len());
-        for (k, value) in time.iter_mut().enumerate() {
-            *value *= scale * (-self.ln_radius * k as f64).exp();
+        time.truncate(samples);
+        for (value, damping) in time.iter_mut().zip(&self.damping) {
+            *value *= scale / damping;
         }
         time
     }

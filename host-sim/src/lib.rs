@@ -9,11 +9,14 @@
 pub mod agreement;
 pub mod commands;
 pub mod error;
+pub mod fit;
 pub mod full_memory;
+pub mod interrupt;
 pub mod output;
 pub mod parameters;
 pub mod plot;
 pub mod recording;
+pub mod reduce;
 pub mod run;
 pub mod series;
 pub mod twin;

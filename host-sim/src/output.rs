@@ -20,7 +20,7 @@ pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<
     if path.is_dir() {
         return Err(Error::file(path, "is a directory; name a file to write"));
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     if !folder.is_dir() {
         return Err(Error::file(path, format!("there is no folder {}; make it first", folder.display())));
     }
@@ -38,6 +38,26 @@ pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<
     }
     file.persist(path).map_err(|e| fault(e.error))?;
     Ok(())
+}
+
+/// Refuses a file that could not be written later, before long work begins.
+///
+/// # Errors
+///
+/// [`Error::File`] where the folder is missing or closed, or the path is a folder itself.
+pub fn check_writable(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::file(path, "is a directory; name a file to write"));
+    }
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        return Err(Error::file(path, format!("there is no folder {}; make it first", folder.display())));
+    }
+    tempfile::Builder::new().prefix(".host-sim-").tempfile_in(folder).map(drop).map_err(|e| Error::file(path, e))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Writes columns of equal length as CSV; a column of `None` leaves its cells empty.
@@ -99,6 +119,17 @@ pub fn progress(length: u64, what: &str) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(length), target).with_message(what.to_owned());
     if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {percent:>3} % {eta}") {
         bar.set_style(style.progress_chars("=> "));
+    }
+    bar.enable_steady_tick(Duration::from_millis(250));
+    bar
+}
+
+/// A sign of life for work of unknown length: on standard error, and only where that is a terminal.
+pub fn spinner() -> ProgressBar {
+    let target = if io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let bar = ProgressBar::with_draw_target(None, target);
+    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
+        bar.set_style(style);
     }
     bar.enable_steady_tick(Duration::from_millis(250));
     bar

@@ -1,5 +1,6 @@
 //! The command line: one file per command.
 
+mod fit;
 mod frequency_response;
 mod replay;
 mod simulate;
@@ -34,6 +35,8 @@ enum Command {
     Simulate(simulate::Arguments),
     /// Compute the response to recorded inputs and compare it with what was measured.
     Replay(replay::Arguments),
+    /// Find the parameters of the model from recordings.
+    Fit(Box<fit::Arguments>),
     /// Tabulate displacement over force against frequency.
     FrequencyResponse(frequency_response::Arguments),
     /// Record a run of the nonlinear film.
@@ -80,6 +83,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
     match cli.command {
         Command::Simulate(arguments) => simulate::run(&arguments, cli.json),
         Command::Replay(arguments) => replay::run(&arguments, cli.json),
+        Command::Fit(arguments) => fit::run(&arguments, cli.json),
         Command::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
         Command::Twin(arguments) => twin::run(&arguments, cli.json),
     }

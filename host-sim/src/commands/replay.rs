@@ -79,7 +79,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             Drive::Force => &response.displacement_m,
             Drive::Displacement => &response.force_n,
         };
-        let agreement = Agreement::of(&measured.value, &grid.at(modelled, &measured.time_s));
+        let offset = match arguments.drive {
+            Drive::Force => parameters.sensor_offset_m,
+            Drive::Displacement => 0.0,
+        };
+        let read: Vec<f64> = grid.at(modelled, &measured.time_s).iter().map(|value| value + offset).collect();
+        let agreement = Agreement::of(&measured.value, &read);
         let rmse_for = |drive| (arguments.drive == drive).then_some(agreement.rmse);
         rows.push(Row {
             file: recording.path().into(),

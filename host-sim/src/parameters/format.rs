@@ -20,6 +20,8 @@ pub(super) struct FileTable {
     pub(super) name: String,
     pub(super) actuator: ActuatorTable,
     pub(super) model: ModelTable,
+    #[serde(default)]
+    pub(super) sensor: Option<SensorTable>,
     /// Where the numbers come from, for people.
     #[serde(default)]
     pub(super) provenance: Option<toml::Table>,
@@ -52,6 +54,13 @@ pub(super) struct ModelTable {
     topology: TopologyName,
     main: ElementTable,
     branches: Vec<[ElementTable; 2]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SensorTable {
+    /// What the displacement sensor reads of a film at x = 0, m.
+    pub(super) offset_m: Spanned<f64>,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -171,8 +180,14 @@ pub(super) fn write(parameters: &Parameters) -> String {
         let _ = write!(text, "\n  [{}, {}],", element(first), element(second));
     }
     text.push_str(if parameters.model.branches().is_empty() { "]\n" } else { "\n]\n" });
+    if parameters.sensor_offset_m != 0.0 {
+        let _ =
+            write!(text, "\n[sensor]\noffset_m = {:?} # what it reads of a film at rest\n", parameters.sensor_offset_m);
+    }
     if let Some(provenance) = &parameters.provenance {
-        let _ = write!(text, "\n[provenance]\n{provenance}");
+        // Nested under its own name, so that its tables are, too.
+        let table = toml::Table::from_iter([("provenance".to_owned(), toml::Value::Table(provenance.clone()))]);
+        let _ = write!(text, "\n{table}");
     }
     text
 }

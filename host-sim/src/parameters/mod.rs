@@ -20,6 +20,8 @@ pub struct Parameters {
     pub actuator: Actuator,
     /// The model of the film.
     pub model: Maxwell,
+    /// What the displacement sensor reads of a film at x = 0, m.
+    pub sensor_offset_m: f64,
     /// Where the numbers come from, for people.
     pub provenance: Option<toml::Table>,
 }
@@ -54,6 +56,7 @@ impl Parameters {
             name: format!("karner-2022-{}", preset.name()),
             actuator: Actuator::KARNER_2022,
             model: preset.model()?,
+            sensor_offset_m: 0.0,
             provenance: None,
         })
     }
@@ -107,7 +110,13 @@ impl Parameters {
             .model
             .model(actuator.mass_kg)
             .map_err(|e| at(file.model.place_of(&e).unwrap_or(0..0), e.to_string()))?;
-        Ok(Self { name: file.name, actuator, model, provenance: file.provenance })
+        let offset = file.sensor.as_ref().map(|sensor| &sensor.offset_m);
+        let sensor_offset_m = offset.map_or(0.0, |offset| *offset.get_ref());
+        if !sensor_offset_m.is_finite() {
+            let cause = format!("offset_m = {sensor_offset_m} must be finite");
+            return Err(at(offset.map_or(0..0, toml::Spanned::span), cause));
+        }
+        Ok(Self { name: file.name, actuator, model, sensor_offset_m, provenance: file.provenance })
     }
 
     /// The parameters as TOML text.

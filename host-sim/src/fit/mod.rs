@@ -1,0 +1,274 @@
+//! Fits of the model to recordings: parameters, structure, and how far both can be trusted.
+
+pub mod candidate;
+pub mod levenberg_marquardt;
+pub mod objective;
+pub mod observe;
+pub mod pattern_search;
+pub mod robust;
+pub mod search;
+pub mod selection;
+pub mod starts;
+pub mod trust;
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use springpot::{Actuator, Topology};
+
+use crate::agreement::Agreement;
+use crate::error::{Error, Result};
+use crate::recording::Input;
+use candidate::{Candidate, Variable};
+use objective::{Objective, Observation};
+use robust::Loss;
+use search::{Context, Found};
+use selection::Row;
+use trust::Trust;
+
+/// How parameters are searched for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Method {
+    /// Levenberg–Marquardt with exact derivatives from many starts.
+    Lm,
+    /// Generalised pattern search from the paper's start: the paper's procedure.
+    PatternSearch,
+}
+
+/// What is fitted, and how.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// How parameters are searched for.
+    pub method: Method,
+    /// Number of branches to try; more than one is a choice.
+    pub branches: Vec<usize>,
+    /// Topologies to try; more than one is a choice.
+    pub topologies: Vec<Topology>,
+    /// Eq. 1 and the weight at the start.
+    pub actuator: Actuator,
+    /// What is fitted besides the elements.
+    pub surroundings: Vec<Variable>,
+    /// Elements' variables that keep their value from `start`.
+    pub held: Vec<Variable>,
+    /// A further start.
+    pub start: Option<Candidate>,
+    /// How residuals count.
+    pub loss: Loss,
+    /// Seed of the random starts.
+    pub seed: u64,
+    /// Random starts of every structure.
+    pub starts: usize,
+    /// Whether to judge the parameters.
+    pub judge: bool,
+}
+
+/// A fit.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The best candidate.
+    pub candidate: Candidate,
+    /// Agreement with every observation.
+    pub agreements: Vec<Agreement>,
+    /// Mean of the observations' R².
+    pub r2_mean: f64,
+    /// Structures that were tried.
+    pub table: Vec<Row>,
+    /// How far the parameters can be trusted.
+    pub trust: Option<Trust>,
+    /// What the user should know, plainly.
+    pub warnings: Vec<String>,
+    /// Residual evaluations.
+    pub evaluations: usize,
+    /// Whether the search was ended early.
+    pub interrupted: bool,
+}
+
+/// Fits `observations`; `progress` hears what is being done, and `stop` ends the search with the best so far.
+///
+/// # Errors
+///
+/// [`Error`] for settings that make no fit, or recordings that allow none.
+pub fn fit(
+    observations: &[Observation],
+    settings: &Settings,
+    stop: &AtomicBool,
+    progress: &dyn Fn(&str),
+) -> Result<Fit> {
+    settings.actuator.check()?;
+    let scale_like = settings.surroundings.iter().filter(|v| v.force_exponent().is_some()).count();
+    if scale_like > 1 {
+        return Err(Error::option(
+            "--free",
+            "permittivity, length, width and thickness only scale the force; free one of them at the most",
+        ));
+    }
+    let fine = Objective::new(observations)?;
+    let thinned: Vec<Observation> = observations.iter().map(observe::thinned).collect();
+    let coarse = Objective::new(&thinned)?;
+    let mut warnings = Vec::new();
+    let surroundings = effective(observations, settings, &mut warnings);
+    let evaluations = AtomicUsize::new(0);
+    let context = Context {
+        coarse: &coarse,
+        fine: &fine,
+        actuator: settings.actuator,
+        surroundings,
+        held: settings.held.clone(),
+        loss: settings.loss,
+        scales: observe::scales(observations, settings.actuator.force_per_square_volt()),
+        seed: settings.seed,
+        starts: settings.starts,
+        stop,
+        evaluations: &evaluations,
+    };
+
+    let (found, table) = match settings.method {
+        Method::Lm => {
+            let one = settings.branches.len() * settings.topologies.len() == 1;
+            match (&settings.start, one) {
+                (Some(start), true) => (refine(&context, start, settings)?, Vec::new()),
+                (None, true) => {
+                    progress("fit");
+                    let (topology, branches) = (settings.topologies[0], settings.branches[0]);
+                    let found = context.best(topology, branches, &[]);
+                    let found = found
+                        .ok_or_else(|| Error::Computation("no start leads to a fit of these recordings".into()))?;
+                    (found, Vec::new())
+                }
+                (_, false) => {
+                    selection::choose(&context, observations, &settings.topologies, &settings.branches, progress)?
+                }
+            }
+        }
+        Method::PatternSearch => pattern(&context, settings, progress)?,
+    };
+
+    let trust = if settings.judge && settings.method == Method::Lm {
+        progress("how far the parameters can be trusted");
+        trust::judge(&context, &found)
+    } else {
+        None
+    };
+    if let Some(trust) = &trust {
+        warn_of(trust, &fine, &found, &mut warnings);
+    }
+    let agreements = selection::agreements(&fine, &found.candidate);
+    if agreements.is_empty() {
+        return Err(Error::Computation("the fit has no response; check the units of the recordings".into()));
+    }
+    warn_of_outliers(&fine, &found, settings.loss, &mut warnings);
+    let r2_mean = agreements.iter().map(|a| a.r2).sum::<f64>() / agreements.len() as f64;
+    Ok(Fit {
+        candidate: found.candidate,
+        r2_mean,
+        agreements,
+        table,
+        trust,
+        warnings,
+        evaluations: evaluations.load(Ordering::Relaxed),
+        interrupted: stop.load(Ordering::Relaxed),
+    })
+}
+
+/// The surroundings that the observations can tell anything of.
+fn effective(observations: &[Observation], settings: &Settings, warnings: &mut Vec<String>) -> Vec<Variable> {
+    let voltage_driven = observations.iter().any(|o| matches!(o.input, Input::Voltage(_)));
+    let displacement_fitted = observations.iter().any(|o| !matches!(o.input, Input::Displacement(_)));
+    let varies = observations.iter().any(|o| {
+        let values = &o.input.samples().value;
+        let (low, high) =
+            values.iter().fold((f64::INFINITY, 0f64), |(low, high), v| (low.min(v.abs()), high.max(v.abs())));
+        high - low > 0.01 * high
+    });
+    if !varies {
+        warnings.push("what drives the film is constant: only creep under this one load is seen".into());
+    }
+    settings
+        .surroundings
+        .iter()
+        .copied()
+        .filter(|variable| match variable {
+            Variable::StretchCoupling => voltage_driven && varies,
+            Variable::Offset => displacement_fitted,
+            Variable::Mass => true,
+            _ => voltage_driven,
+        })
+        .collect()
+}
+
+fn refine(context: &Context<'_>, start: &Candidate, settings: &Settings) -> Result<Found> {
+    let limits = levenberg_marquardt::Limits { iterations: 100, decrease: 1e-9 };
+    let mut start = start.clone();
+    start.topology = settings.topologies[0];
+    context
+        .descend(context.fine, &start, limits)
+        .ok_or_else(|| Error::Computation("the given start has no response to these recordings".into()))
+}
+
+/// The paper's procedure for every structure; the best is chosen by the sum of squares, as the paper does.
+fn pattern(context: &Context<'_>, settings: &Settings, progress: &dyn Fn(&str)) -> Result<(Found, Vec<Row>)> {
+    let mut best: Option<(pattern_search::Outcome, Topology, usize)> = None;
+    for &topology in &settings.topologies {
+        for &branches in &settings.branches {
+            progress(&format!("pattern search, {} with n = {branches}", selection::name_of(topology)));
+            let start = settings
+                .start
+                .clone()
+                .unwrap_or_else(|| pattern_search::paper_start(settings.actuator, topology, branches));
+            let count = || {
+                context.evaluations.fetch_add(1, Ordering::Relaxed);
+            };
+            let outcome =
+                pattern_search::search(context.fine, &start, pattern_search::Limits::default(), context.stop, &count);
+            if let Some(outcome) = outcome
+                && best.as_ref().is_none_or(|(b, _, _)| outcome.cost < b.cost)
+            {
+                best = Some((outcome, topology, branches));
+            }
+        }
+    }
+    let (outcome, _, branches) =
+        best.ok_or_else(|| Error::Computation("pattern search has no response at its start".into()))?;
+    let variables = Variable::of_model(branches);
+    let minimum = levenberg_marquardt::Minimum {
+        place: variables.iter().map(|v| v.get(&outcome.candidate)).collect(),
+        cost: outcome.cost,
+        normal: nalgebra::DMatrix::zeros(0, 0),
+        evaluations: outcome.evaluations,
+        iterations: 0,
+        converged: outcome.converged,
+    };
+    Ok((Found { candidate: outcome.candidate, variables, minimum }, Vec::new()))
+}
+
+fn warn_of(trust: &Trust, objective: &Objective, found: &Found, warnings: &mut Vec<String>) {
+    for set in &trust.undetermined {
+        warnings.push(format!("the recordings leave {set} free: other values fit as well"));
+    }
+    for estimate in trust.estimates.iter().filter(|e| e.at_bound) {
+        warnings.push(format!("{} stands on its bound, {}", estimate.name, estimate.value));
+    }
+    if !trust.white {
+        let rms = (2.0 * found.minimum.cost / objective.samples() as f64).sqrt();
+        warnings.push(format!(
+            "the residuals (RMS {rms:.2e}) are not white (autocorrelation {:.2} at lag one): the model leaves something out, \
+             and the intervals count {:.0} independent samples instead of {}",
+            trust.lag_one,
+            trust.effective_samples,
+            objective.samples()
+        ));
+    }
+    if !found.minimum.converged {
+        warnings.push("the search ended before nothing was left to gain".into());
+    }
+}
+
+fn warn_of_outliers(objective: &Objective, found: &Found, loss: Loss, warnings: &mut Vec<String>) {
+    let Some(evaluation) = objective.evaluate(&found.candidate) else { return };
+    let residuals = objective.residuals(&evaluation);
+    let limit = 8.0 * robust::spread(&residuals);
+    let outliers = residuals.iter().filter(|r| r.abs() > limit).count();
+    if outliers > 0 && limit > 0.0 {
+        let mend = if loss == Loss::Square { "; --loss huber keeps them from pulling" } else { "" };
+        warnings.push(format!("{outliers} values lie far off (more than 8 standard deviations){mend}"));
+    }
+}

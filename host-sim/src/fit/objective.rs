@@ -1,0 +1,481 @@
+//! The objective of a fit: model minus measurement over all recordings, and its exact derivatives.
+//!
+//! Runs are computed with full memory in the frequency domain. A model without coupling is a product there, and so are its
+//! derivatives with respect to every c and α. With coupling the force depends on the answer,
+//! `x = H (F (1 + κ x) + W)`; the compressed recursion solves that in one pass over the samples, and passes through H
+//! remove its last error. The derivatives obey the same equation with other right-hand sides.
+
+use num_complex::Complex;
+use rayon::prelude::*;
+use springpot::{Compressed, Law, Load, Maxwell, Options, Springpot, Topology};
+
+use super::candidate::{Candidate, Variable};
+use crate::error::{Error, Result};
+use crate::full_memory::FullMemory;
+use crate::recording::{Input, Samples};
+use crate::series::Grid;
+
+/// A recording as a fit sees it.
+#[derive(Clone, Debug)]
+pub struct Observation {
+    /// What the recording is called.
+    pub name: String,
+    /// What drove the film.
+    pub input: Input,
+    /// What was measured: displacement, or force where displacement drove.
+    pub measured: Samples,
+    /// Steps per second.
+    pub rate_hz: f64,
+    /// How much it counts.
+    pub weight: f64,
+}
+
+/// Model minus measurement over all observations.
+pub struct Objective {
+    circles: Vec<FullMemory>,
+    steps: Vec<f64>,
+    records: Vec<Record>,
+}
+
+/// An observation on its grid.
+struct Record {
+    name: String,
+    circle: usize,
+    samples: usize,
+    drive: Drive,
+    measured: Vec<f64>,
+    places: Places,
+    weight: f64,
+}
+
+enum Drive {
+    /// Squared voltage, V².
+    Voltage { squared: Vec<f64>, spectrum: Spectrum, ones: Spectrum },
+    /// Force, as a spectrum.
+    Force(Spectrum),
+    /// Displacement, as a spectrum.
+    Displacement(Spectrum),
+}
+
+/// Where the measured samples lie on the grid.
+enum Places {
+    /// One on every grid point.
+    All,
+    /// Between a grid point and the next, by a share of the step.
+    Between(Vec<(usize, f64)>),
+}
+
+impl Places {
+    fn new(times: &[f64], grid: Grid) -> Self {
+        let places: Vec<(usize, f64)> = times
+            .iter()
+            .map(|t| {
+                let place = (t * grid.rate_hz).clamp(0.0, (grid.samples - 1) as f64);
+                let before = (place as usize).min(grid.samples.saturating_sub(2));
+                (before, place - before as f64)
+            })
+            .collect();
+        let on_the_grid =
+            |(k, &(before, share)): (usize, &(usize, f64))| (before as f64 + share - k as f64).abs() < 1e-6;
+        if places.len() == grid.samples && places.iter().enumerate().all(on_the_grid) {
+            Self::All
+        } else {
+            Self::Between(places)
+        }
+    }
+
+    fn pick(&self, series: &[f64]) -> Vec<f64> {
+        match self {
+            Self::All => series.to_vec(),
+            Self::Between(places) => places
+                .iter()
+                .map(|&(before, share)| {
+                    let after = series[(before + 1).min(series.len() - 1)];
+                    series[before] + share * (after - series[before])
+                })
+                .collect(),
+        }
+    }
+}
+
+/// Values at the points of a circle.
+type Spectrum = Vec<Complex<f64>>;
+
+/// A candidate's responses, with what its derivatives need.
+pub struct Evaluation {
+    /// Modelled values at the measured times, one series per observation.
+    pub modelled: Vec<Vec<f64>>,
+    transfers: Vec<Transfer>,
+    /// Displacement on the grid.
+    displacement: Vec<Vec<f64>>,
+}
+
+/// The dynamic compliance of a model on a circle.
+struct Transfer {
+    /// 1/(m s² + K).
+    compliance: Spectrum,
+    /// m s² + K.
+    stiffness: Spectrum,
+    /// ∂K/∂ ln c of every element.
+    sensitivities: Vec<Spectrum>,
+    /// Solves what coupling makes implicit, nearly.
+    law: Option<Law<f64, Compressed<f64>>>,
+}
+
+impl Objective {
+    /// The objective over `observations`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for no observations, or one that is too long for its rate.
+    pub fn new(observations: &[Observation]) -> Result<Self> {
+        if observations.is_empty() {
+            return Err(Error::Computation("there is nothing to fit".into()));
+        }
+        let grids = observations
+            .iter()
+            .map(|o| Grid::covering(o.input.samples().time_s.last().copied().unwrap_or(0.0), o.rate_hz))
+            .collect::<Result<Vec<Grid>>>()?;
+        // Recordings of one rate share a circle for the longest of them.
+        let mut circles: Vec<FullMemory> = Vec::new();
+        let mut steps: Vec<f64> = Vec::new();
+        for grid in &grids {
+            if !steps.contains(&grid.step_s()) {
+                let same = grids.iter().filter(|other| other.rate_hz == grid.rate_hz);
+                let longest = same.map(|other| other.samples).max().unwrap_or(grid.samples);
+                circles.push(FullMemory::with_oversampling(longest, grid.step_s(), 2));
+                steps.push(grid.step_s());
+            }
+        }
+        let records = observations
+            .iter()
+            .zip(grids)
+            .map(|(observation, grid)| {
+                let circle = steps.iter().position(|&step| step == grid.step_s()).unwrap_or(0);
+                let memory = &circles[circle];
+                let values = grid.resample(observation.input.samples());
+                let drive = match observation.input {
+                    Input::Voltage(_) => {
+                        let squared: Vec<f64> = values.iter().map(|v| v * v).collect();
+                        let spectrum = memory.spectrum(&squared);
+                        Drive::Voltage { squared, spectrum, ones: memory.spectrum(&vec![1.0; grid.samples]) }
+                    }
+                    Input::Force(_) => Drive::Force(memory.spectrum(&values)),
+                    Input::Displacement(_) => Drive::Displacement(memory.spectrum(&values)),
+                };
+                Record {
+                    name: observation.name.clone(),
+                    circle,
+                    samples: grid.samples,
+                    drive,
+                    measured: observation.measured.value.clone(),
+                    places: Places::new(&observation.measured.time_s, grid),
+                    weight: observation.weight,
+                }
+            })
+            .collect();
+        Ok(Self { circles, steps, records })
+    }
+
+    /// Names of the observations.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.records.iter().map(|record| record.name.as_str())
+    }
+
+    /// Measured values of every observation.
+    pub fn measured(&self) -> impl Iterator<Item = &[f64]> {
+        self.records.iter().map(|record| record.measured.as_slice())
+    }
+
+    /// Number of measured values.
+    pub fn samples(&self) -> usize {
+        self.records.iter().map(|record| record.measured.len()).sum()
+    }
+
+    /// The responses of `candidate`, or nothing where it has none: elements out of range, pull-in, overflow.
+    pub fn evaluate(&self, candidate: &Candidate) -> Option<Evaluation> {
+        let model = candidate.model().ok()?;
+        candidate.actuator.check().ok()?;
+        let coupled = candidate.actuator.stretch_coupling > 0.0;
+        let transfers = self
+            .circles
+            .iter()
+            .zip(&self.steps)
+            .map(|(circle, &step)| Transfer::new(&model, circle, step, coupled))
+            .collect::<Option<Vec<Transfer>>>()?;
+        let responses = self
+            .records
+            .par_iter()
+            .map(|record| self.respond(record, candidate, &transfers[record.circle]))
+            .collect::<Option<Vec<(Vec<f64>, Vec<f64>)>>>()?;
+        let (modelled, displacement) = responses.into_iter().unzip();
+        Some(Evaluation { modelled, transfers, displacement })
+    }
+
+    /// Modelled values and displacement on the grid.
+    fn respond(&self, record: &Record, candidate: &Candidate, transfer: &Transfer) -> Option<(Vec<f64>, Vec<f64>)> {
+        let circle = &self.circles[record.circle];
+        let series = match &record.drive {
+            Drive::Displacement(path) => {
+                let force = path.iter().zip(&transfer.stiffness).map(|(x, k)| x * k).collect();
+                circle.series(force, record.samples)
+            }
+            Drive::Force(force) => {
+                let x = force.iter().zip(&transfer.compliance).map(|(f, h)| f * h).collect();
+                circle.series(x, record.samples)
+            }
+            Drive::Voltage { squared, spectrum, ones } => {
+                let scale = candidate.actuator.force_per_square_volt();
+                let weight = candidate.actuator.preload_n();
+                match &transfer.law {
+                    None => {
+                        let x = spectrum
+                            .iter()
+                            .zip(ones)
+                            .zip(&transfer.compliance)
+                            .map(|((f, one), h)| (f * scale + one * weight) * h)
+                            .collect();
+                        circle.series(x, record.samples)
+                    }
+                    Some(law) => {
+                        let force: Vec<f64> = squared.iter().map(|v2| scale * v2 + weight).collect();
+                        let pull = scale * candidate.actuator.stretch_coupling;
+                        coupled(circle, transfer, law, squared, pull, &force)?
+                    }
+                }
+            }
+        };
+        series.iter().all(|value| value.is_finite()).then(|| {
+            let offset = if matches!(record.drive, Drive::Displacement(_)) { 0.0 } else { candidate.offset_m };
+            let modelled = record.places.pick(&series).into_iter().map(|x| x + offset).collect();
+            (modelled, series)
+        })
+    }
+
+    /// Model minus measurement, weighted, all observations in a row.
+    pub fn residuals(&self, evaluation: &Evaluation) -> Vec<f64> {
+        let mut residuals = Vec::with_capacity(self.samples());
+        for (record, modelled) in self.records.iter().zip(&evaluation.modelled) {
+            residuals.extend(modelled.iter().zip(&record.measured).map(|(model, y)| record.weight * (model - y)));
+        }
+        residuals
+    }
+
+    /// Derivatives of the residuals with respect to `variables`, one column each.
+    pub fn jacobian(&self, candidate: &Candidate, evaluation: &Evaluation, variables: &[Variable]) -> Vec<Vec<f64>> {
+        // What one variable does to one observation is one task.
+        let pieces: Vec<Vec<f64>> = (0..variables.len() * self.records.len())
+            .into_par_iter()
+            .map(|task| {
+                let (variable, record) = (variables[task / self.records.len()], task % self.records.len());
+                self.derivative(candidate, evaluation, variable, record)
+            })
+            .collect();
+        pieces.chunks(self.records.len()).map(<[Vec<f64>]>::concat).collect()
+    }
+
+    fn derivative(&self, candidate: &Candidate, evaluation: &Evaluation, variable: Variable, index: usize) -> Vec<f64> {
+        let record = &self.records[index];
+        let circle = &self.circles[record.circle];
+        let transfer = &evaluation.transfers[record.circle];
+        let forced = !matches!(record.drive, Drive::Displacement(_));
+        let weighted = |series: &[f64]| -> Vec<f64> {
+            record.places.pick(series).into_iter().map(|value| record.weight * value).collect()
+        };
+        let nothing = || vec![0.0; record.measured.len()];
+        let actuator = &candidate.actuator;
+        // The right-hand side: a force spectrum that, put through the film, is the derivative.
+        let x = &evaluation.displacement[index];
+        let modulus_change = |element: usize| -> Box<dyn Fn(usize) -> Complex<f64> + Sync> {
+            let sensitivity = &transfer.sensitivities[element];
+            match variable {
+                Variable::Order(_) => Box::new(move |j| sensitivity[j] * circle.ln_s()[j]),
+                _ => Box::new(move |j| sensitivity[j]),
+            }
+        };
+        let spectrum: Spectrum = match variable {
+            Variable::Offset if forced => return vec![record.weight; record.measured.len()],
+            Variable::Coefficient(element) | Variable::Order(element) => {
+                let change = modulus_change(element);
+                match &record.drive {
+                    Drive::Displacement(path) => {
+                        let force = path.iter().enumerate().map(|(j, x)| x * change(j)).collect();
+                        return weighted(&circle.series(force, record.samples));
+                    }
+                    Drive::Force(force) => force
+                        .iter()
+                        .zip(&transfer.compliance)
+                        .enumerate()
+                        .map(|(j, (f, h))| -f * h * change(j))
+                        .collect(),
+                    Drive::Voltage { .. } => {
+                        circle.spectrum(x).into_iter().enumerate().map(|(j, x)| -x * change(j)).collect()
+                    }
+                }
+            }
+            Variable::StretchCoupling => match &record.drive {
+                Drive::Voltage { squared, .. } => {
+                    let scale = actuator.force_per_square_volt();
+                    let force: Vec<f64> = squared.iter().zip(x).map(|(v2, x)| scale * v2 * x).collect();
+                    circle.spectrum(&force)
+                }
+                _ => return nothing(),
+            },
+            Variable::Mass => {
+                let inertia = |j: usize| (2.0 * circle.ln_s()[j]).exp() * actuator.mass_kg;
+                match &record.drive {
+                    Drive::Displacement(path) => {
+                        let force = path.iter().enumerate().map(|(j, x)| x * inertia(j)).collect();
+                        return weighted(&circle.series(force, record.samples));
+                    }
+                    Drive::Force(force) => {
+                        let shares = force.iter().zip(&transfer.compliance).enumerate();
+                        shares.map(|(j, (f, h))| -f * h * inertia(j)).collect()
+                    }
+                    Drive::Voltage { ones, .. } => {
+                        let shares = circle.spectrum(x).into_iter().zip(ones).enumerate();
+                        shares.map(|(j, (x, one))| one * actuator.preload_n() - x * inertia(j)).collect()
+                    }
+                }
+            }
+            _ => match (variable.force_exponent(), &record.drive) {
+                (Some(exponent), Drive::Voltage { squared, .. }) => {
+                    let scale = exponent * actuator.force_per_square_volt();
+                    let coupling = actuator.stretch_coupling;
+                    let force: Vec<f64> =
+                        squared.iter().zip(x).map(|(v2, x)| scale * v2 * (1.0 + coupling * x)).collect();
+                    circle.spectrum(&force)
+                }
+                _ => return nothing(),
+            },
+        };
+        match (&transfer.law, &record.drive) {
+            (Some(law), Drive::Voltage { squared, .. }) => {
+                let force = circle.series(spectrum, record.samples);
+                let pull = actuator.force_per_square_volt() * actuator.stretch_coupling;
+                weighted(&recursion(law, squared, pull, &force))
+            }
+            _ => {
+                let x = spectrum.iter().zip(&transfer.compliance).map(|(f, h)| f * h).collect();
+                weighted(&circle.series(x, record.samples))
+            }
+        }
+    }
+}
+
+/// Displacement under `force + pull V² x`, by the compressed recursion.
+fn recursion(law: &Law<f64, Compressed<f64>>, squared: &[f64], pull: f64, force: &[f64]) -> Vec<f64> {
+    let mut state = law.state();
+    force
+        .iter()
+        .zip(squared)
+        .map(|(&force, v2)| law.displacement_under(&mut state, Load { force, slope: pull * v2 }))
+        .collect()
+}
+
+/// The same with full memory: the recursion, then passes through the compliance until nothing changes.
+fn coupled(
+    circle: &FullMemory,
+    transfer: &Transfer,
+    law: &Law<f64, Compressed<f64>>,
+    squared: &[f64],
+    pull: f64,
+    force: &[f64],
+) -> Option<Vec<f64>> {
+    // Past this slope of the load the film is pulled in.
+    let steepest = squared.iter().copied().fold(0.0, f64::max) * pull;
+    if steepest >= 0.99 * law.stiffness() {
+        return None;
+    }
+    let mut x = recursion(law, squared, pull, force);
+    for _ in 0..50 {
+        let total: Vec<f64> = force.iter().zip(squared).zip(&x).map(|((f, v2), x)| f + pull * v2 * x).collect();
+        let better = circle.displacement_from(&transfer.stiffness, &total);
+        let (mut change, mut size) = (0.0, 0.0);
+        for (old, new) in x.iter().zip(&better) {
+            change += (old - new) * (old - new);
+            size += new * new;
+        }
+        x = better;
+        if change <= 1e-16 * size || change.is_nan() {
+            return x.iter().all(|x| x.is_finite()).then_some(x);
+        }
+    }
+    None
+}
+
+impl Transfer {
+    fn new(model: &Maxwell, circle: &FullMemory, step_s: f64, coupled: bool) -> Option<Self> {
+        const CHUNK: usize = 1024;
+        let law = if coupled {
+            let horizon_s = (circle.samples() as f64 * step_s).max(100.0 * step_s);
+            // However coarse: passes through the compliance remove what the tail misses.
+            let options = Options::at_step(step_s).with_horizon(horizon_s).with_tolerance(f64::MAX);
+            Some(Law::compressed(model, options).ok()?)
+        } else {
+            None
+        };
+        let elements: Vec<Springpot> =
+            std::iter::once(model.main()).chain(model.branches().as_flattened().iter().copied()).collect();
+        let chain_length = match model.topology() {
+            Topology::Eq11 => (elements.len() - 1).max(1),
+            Topology::Parallel => 2,
+        };
+        let chain_scale = match model.topology() {
+            Topology::Eq11 => model.branches().len() as f64,
+            Topology::Parallel => 1.0,
+        };
+        let pieces: Vec<(Spectrum, Vec<Spectrum>)> = circle
+            .ln_s()
+            .par_chunks(CHUNK)
+            .map(|ln_s| {
+                let power = |element: &Springpot, sign: f64| -> Spectrum {
+                    let (alpha, factor) = (sign * element.alpha, element.c.powf(sign));
+                    ln_s.iter()
+                        .map(|z| {
+                            let size = factor * (alpha * z.re).exp();
+                            let (sin, cos) = (alpha * z.im).sin_cos();
+                            Complex::new(size * cos, size * sin)
+                        })
+                        .collect()
+                };
+                let main = power(&elements[0], 1.0);
+                let mut stiffness: Spectrum =
+                    ln_s.iter().zip(&main).map(|(z, k)| (2.0 * z).exp() * model.mass_kg() + k).collect();
+                let mut sensitivities = vec![main];
+                for chain in elements[1..].chunks(chain_length) {
+                    let compliances: Vec<Spectrum> = chain.iter().map(|e| power(e, -1.0)).collect();
+                    // scale / Σ J, and its derivative scale J_i / (Σ J)²
+                    let factors: Spectrum = (0..ln_s.len())
+                        .map(|j| {
+                            let inverse = compliances.iter().map(|c| c[j]).sum::<Complex<f64>>().inv();
+                            stiffness[j] += inverse * chain_scale;
+                            inverse * inverse * chain_scale
+                        })
+                        .collect();
+                    for mut compliance in compliances {
+                        compliance.iter_mut().zip(&factors).for_each(|(c, f)| *c *= f);
+                        sensitivities.push(compliance);
+                    }
+                }
+                (stiffness, sensitivities)
+            })
+            .collect();
+        let points = circle.ln_s().len();
+        let mut stiffness = Vec::with_capacity(points);
+        let mut sensitivities: Vec<Spectrum> = elements.iter().map(|_| Vec::with_capacity(points)).collect();
+        for (piece, of_elements) in pieces {
+            stiffness.extend(piece);
+            for (all, some) in sensitivities.iter_mut().zip(of_elements) {
+                all.extend(some);
+            }
+        }
+        let compliance: Spectrum = stiffness.iter().map(Complex::inv).collect();
+        compliance.iter().all(|h| h.re.is_finite() && h.im.is_finite()).then_some(Self {
+            compliance,
+            stiffness,
+            sensitivities,
+            law,
+        })
+    }
+}

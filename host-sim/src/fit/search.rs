@@ -1,0 +1,173 @@
+//! Searches for the best candidate of one structure: from many starts on thinned recordings, then on all samples.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+use springpot::{Actuator, Topology};
+
+use super::candidate::{Candidate, Variable};
+use super::levenberg_marquardt::{self, Limits, Minimum, Problem};
+use super::objective::{Evaluation, Objective};
+use super::robust::{Loss, Weights};
+use super::starts::{self, Scales};
+
+/// What all searches of a fit share.
+pub struct Context<'a> {
+    /// Thinned recordings, where searches begin.
+    pub coarse: &'a Objective,
+    /// All samples, where they end.
+    pub fine: &'a Objective,
+    /// Eq. 1 and the weight at the start.
+    pub actuator: Actuator,
+    /// What is fitted besides the elements.
+    pub surroundings: Vec<Variable>,
+    /// Elements' variables that are not fitted.
+    pub held: Vec<Variable>,
+    /// How residuals count.
+    pub loss: Loss,
+    /// What the recordings tell beforehand.
+    pub scales: Scales,
+    /// Seed of the starts.
+    pub seed: u64,
+    /// Random starts of every structure.
+    pub starts: usize,
+    /// Set to end early and keep the best so far.
+    pub stop: &'a AtomicBool,
+    /// Counts residual evaluations.
+    pub evaluations: &'a AtomicUsize,
+}
+
+/// A candidate that was found.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The candidate.
+    pub candidate: Candidate,
+    /// The variables that were fitted.
+    pub variables: Vec<Variable>,
+    /// The minimum on all samples.
+    pub minimum: Minimum,
+}
+
+impl Context<'_> {
+    /// The variables of a structure with so many branches.
+    pub fn variables(&self, branches: usize) -> Vec<Variable> {
+        Variable::of_model(branches)
+            .into_iter()
+            .filter(|variable| !self.held.contains(variable))
+            .chain(self.surroundings.iter().copied())
+            .collect()
+    }
+
+    /// The best candidate of a structure; `warm` are further starts.
+    pub fn best(&self, topology: Topology, branches: usize, warm: &[Candidate]) -> Option<Found> {
+        let random = (0..self.starts).map(|index| {
+            let mut start = starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
+            if self.surroundings.contains(&Variable::StretchCoupling) && start.actuator.stretch_coupling == 0.0 {
+                start.actuator.stretch_coupling = self.scales.coupling;
+            }
+            start
+        });
+        let all: Vec<Candidate> = warm.iter().cloned().chain(random).collect();
+        let coarse = Limits { iterations: 60, decrease: 1e-7 };
+        let mut found: Vec<Found> =
+            all.par_iter().filter_map(|start| self.descend(self.coarse, start, coarse)).collect();
+        found.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+        // The two best that differ go on, lest the thinning decide between them.
+        let best = found.first()?.minimum.cost;
+        found.dedup_by(|b, a| b.minimum.cost <= 1.001 * a.minimum.cost);
+        found.truncate(if self.stop.load(Ordering::Relaxed) { 1 } else { 2 });
+        found.retain(|f| f.minimum.cost <= 1.2 * best);
+        let fine = Limits { iterations: 60, decrease: 1e-9 };
+        found
+            .iter()
+            .filter_map(|start| self.descend(self.fine, &start.candidate, fine))
+            .min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))
+    }
+
+    /// The minimum that `start` leads to.
+    pub fn descend(&self, objective: &Objective, start: &Candidate, limits: Limits) -> Option<Found> {
+        self.descend_over(objective, start, self.variables(start.branches()), limits)
+    }
+
+    /// The same over chosen variables.
+    pub fn descend_over(
+        &self,
+        objective: &Objective,
+        start: &Candidate,
+        variables: Vec<Variable>,
+        limits: Limits,
+    ) -> Option<Found> {
+        let mut descent = Descent {
+            objective,
+            base: start,
+            bounds: variables.iter().map(|variable| variable.bounds()).collect(),
+            variables,
+            weights: None,
+            stop: self.stop,
+            evaluations: self.evaluations,
+        };
+        let mut place: Vec<f64> = descent.variables.iter().map(|variable| variable.get(start)).collect();
+        let mut minimum = levenberg_marquardt::minimise(&descent, &place, limits)?;
+        if self.loss == Loss::Huber {
+            // Iteratively reweighted least squares.
+            for _ in 0..6 {
+                place.clone_from(&minimum.place);
+                let evaluation = objective.evaluate(&descent.candidate(&place))?;
+                descent.weights = Some(Weights::huber(&objective.residuals(&evaluation)));
+                minimum = levenberg_marquardt::minimise(&descent, &place, limits)?;
+            }
+        }
+        Some(Found { candidate: descent.candidate(&minimum.place), variables: descent.variables, minimum })
+    }
+}
+
+/// One descent.
+struct Descent<'a> {
+    objective: &'a Objective,
+    base: &'a Candidate,
+    variables: Vec<Variable>,
+    bounds: Vec<(f64, f64)>,
+    weights: Option<Weights>,
+    stop: &'a AtomicBool,
+    evaluations: &'a AtomicUsize,
+}
+
+impl Descent<'_> {
+    fn candidate(&self, place: &[f64]) -> Candidate {
+        let mut candidate = self.base.clone();
+        for (variable, &value) in self.variables.iter().zip(place) {
+            variable.set(&mut candidate, value);
+        }
+        candidate
+    }
+}
+
+impl Problem for Descent<'_> {
+    type Evaluation = Evaluation;
+
+    fn residuals(&self, place: &[f64]) -> Option<(Vec<f64>, Evaluation)> {
+        self.evaluations.fetch_add(1, Ordering::Relaxed);
+        let evaluation = self.objective.evaluate(&self.candidate(place))?;
+        let mut residuals = self.objective.residuals(&evaluation);
+        if let Some(weights) = &self.weights {
+            weights.apply(&mut residuals);
+        }
+        Some((residuals, evaluation))
+    }
+
+    fn jacobian(&self, place: &[f64], evaluation: &Evaluation) -> Vec<Vec<f64>> {
+        let mut columns = self.objective.jacobian(&self.candidate(place), evaluation, &self.variables);
+        if let Some(weights) = &self.weights {
+            columns.iter_mut().for_each(|column| weights.apply(column));
+        }
+        columns
+    }
+
+    fn bounds(&self) -> &[(f64, f64)] {
+        &self.bounds
+    }
+
+    fn interrupted(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
