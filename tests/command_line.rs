@@ -8,8 +8,10 @@ use serde_json::Value;
 use tempfile::TempDir;
 use tests::recordings;
 
+const HOST_SIM: &str = env!("CARGO_BIN_EXE_host-sim-under-test");
+
 fn host_sim(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_host-sim-under-test"));
+    let mut command = Command::new(HOST_SIM);
     command.args(arguments);
     command
 }
@@ -196,6 +198,59 @@ fn twin_records_with_seeded_noise() {
     assert!((4.5e-6..5.5e-6).contains(&rms), "5 µm rms of noise: {rms}");
     let half = record("e.csv", &["--peak-voltage", "3000", "--frequency", "0.05"]);
     assert!(half.iter().copied().fold(0.0, f64::max) < 0.5e-3);
+}
+
+/// The README shows what the first command prints.
+#[test]
+fn readme_shows_what_replay_prints() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let readme = fs::read_to_string(root.join("README.md")).expect("there");
+    let mut files: Vec<String> = ["hossain", "wang"]
+        .into_iter()
+        .flat_map(recordings)
+        .map(|path| format!("tests/recordings/{}", path.file_name().expect("a name").display()))
+        .collect();
+    files.sort();
+    let mut command = host_sim(&["replay", "--params", "preset:table3-n2"]);
+    let printed = command.args(files).current_dir(root).assert().success().get_output().stdout.clone();
+    let printed = String::from_utf8(printed).expect("UTF-8");
+    assert_eq!(printed.lines().count(), 8);
+    for line in printed.lines() {
+        assert!(readme.contains(line), "README.md lacks: {line}");
+    }
+}
+
+/// Ctrl-C leaves nothing half written.
+#[test]
+fn an_interrupted_run_leaves_nothing_behind() {
+    let folder = TempDir::new().expect("a folder");
+    let profile = folder.path().join("long.csv");
+    fs::write(&profile, "time_s,voltage_v\n0,0\n6000,6000\n").expect("written");
+    let out = folder.path().join("out.csv");
+    let arguments = ["simulate", "--params", "preset:table3-n2", "--profile", text(&profile), "--out", text(&out)];
+    let mut running = std::process::Command::new(HOST_SIM).args(arguments).spawn().expect("runs");
+    let files = || fs::read_dir(folder.path()).expect("a folder").count();
+    while files() < 2 {
+        assert!(running.try_wait().expect("waits").is_none(), "it is done before it wrote anything");
+    }
+    let kill = std::process::Command::new("kill").args(["-INT", &running.id().to_string()]).status().expect("kills");
+    assert!(kill.success());
+    assert_eq!(running.wait().expect("ends").code(), Some(130));
+    assert_eq!(files(), 1, "only the profile is left");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn results_that_cannot_be_printed_are_an_error() {
+    let [recording, ..] = recordings("wang");
+    for more in [[].as_slice(), &["--json"]] {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("a device");
+        let mut command = std::process::Command::new(HOST_SIM);
+        command.args(["replay", "--params", "preset:table3-n2", text(&recording)]).args(more).stdout(full);
+        let output = command.output().expect("runs");
+        assert_eq!(output.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&output.stderr).starts_with("host-sim: standard output: "));
+    }
 }
 
 #[test]

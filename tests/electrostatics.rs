@@ -54,7 +54,7 @@ fn what_electrostatics_cannot_give_is_0_v() {
 }
 
 #[test]
-fn voltages_beyond_the_largest_are_limited_so_that_pull_in_stays_impossible() {
+fn voltages_beyond_the_largest_are_limited_so_that_a_step_always_has_an_answer() {
     let drive = drive(&Actuator { stretch_coupling: 80.0, ..Actuator::KARNER_2022 });
     assert_eq!(drive.load(1e9), drive.load(8000.0));
     assert_eq!(drive.load(-1e9), drive.load(8000.0));

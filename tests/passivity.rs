@@ -51,6 +51,25 @@ proptest! {
     }
 }
 
+/// The same on the controller's arithmetic, down to its rounding.
+#[test]
+fn the_controller_s_arithmetic_takes_work() {
+    for (seed, (name, model)) in random_models(11, 200).into_iter().enumerate() {
+        let law = Law::<f32>::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let mut state = law.state();
+        let mut random = Pcg64::seed_from_u64(seed as u64);
+        let (mut work, mut gross) = (0.0, 0.0);
+        for _ in 0..20_000 {
+            let force = random.random_range(-100.0..100.0f32);
+            law.displacement(&mut state, force);
+            let taken = f64::from(force) * f64::from(state.increment());
+            work += taken;
+            gross += taken.abs();
+            assert!(work >= -1e-6 * gross, "{name}: {work} J of {gross} J");
+        }
+    }
+}
+
 /// Random forces on the controller's arithmetic: bounded throughout, and the response decays once the force is gone.
 #[test]
 fn presets_stay_bounded_and_come_to_rest() {

@@ -2,6 +2,7 @@
 
 use host_sim::recording::Recording;
 use host_sim::twin::{Film, Plant, Waveform};
+use tempfile::TempDir;
 use tests::recordings;
 
 /// Largest displacement (m) in the first and the last full period over 155 s of 0…6 kV.
@@ -65,18 +66,27 @@ fn pull_in_is_reported() {
     assert!(error.to_string().contains("pull-in"), "{error}");
 }
 
-/// The committed recordings are what the twin records, up to the sensor's last digit.
+/// The committed recordings are what the commands in their headers record, up to the sensor's last digit.
 #[test]
 fn recordings_are_reproducible() {
-    for (plant, name) in [(Plant::Hossain, "hossain"), (Plant::Wang, "wang")] {
-        for (path, period_s) in recordings(name).into_iter().zip([5, 7, 13]) {
-            let recording = Recording::read(&path).expect("committed");
-            let measured = recording.displacement().expect("measured");
-            assert_eq!(measured.value.len(), 15_501, "{}", path.display());
-            let peak = measured.value.iter().copied().fold(0.0, f64::max);
-            let [_, expected] = peaks(plant, period_s);
-            // Five standard deviations of 5 µm.
-            assert!((peak - expected).abs() < 35e-6, "{}: {peak} m for {expected} m", path.display());
+    let folder = TempDir::new().expect("a folder");
+    for path in ["hossain", "wang"].into_iter().flat_map(recordings) {
+        let committed = std::fs::read_to_string(&path).expect("committed");
+        let command = committed.lines().nth(1).and_then(|line| line.strip_prefix("# host-sim ")).expect("the command");
+        let again = folder.path().join("again.csv");
+        let arguments: Vec<&str> = command.split(' ').map_while(|word| (word != "--out").then_some(word)).collect();
+        let mut tool = assert_cmd::Command::new(env!("CARGO_BIN_EXE_host-sim-under-test"));
+        tool.args(arguments).arg("--out").arg(&again).assert().success();
+        let (old, new) = (Recording::read(&path).expect("committed"), Recording::read(&again).expect("written"));
+        for (old, new, quantum) in [
+            (old.displacement().expect("measured"), new.displacement().expect("measured"), 1e-6),
+            (old.voltage().expect("measured"), new.voltage().expect("measured"), 0.01),
+        ] {
+            assert_eq!(old.time_s, new.time_s);
+            let pairs = old.value.iter().zip(&new.value);
+            let differ = pairs.filter(|(old, new)| (*old - *new).abs() > 0.01 * quantum).count();
+            // Another machine's sines may round a cell the other way.
+            assert!(differ * 1000 <= old.value.len(), "{}: {differ} cells differ", path.display());
         }
     }
 }

@@ -12,7 +12,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 #[non_exhaustive]
 pub enum Error {
     /// A file that cannot be read or written.
-    #[error("{}: {cause}", path.display())]
+    #[error("{}: {cause}", shown(path))]
     File {
         /// The file.
         path: PathBuf,
@@ -20,7 +20,7 @@ pub enum Error {
         cause: String,
     },
     /// A line of a file that cannot be used.
-    #[error("{}:{line}: {cause}", path.display())]
+    #[error("{}:{line}: {cause}", shown(path))]
     Line {
         /// The file.
         path: PathBuf,
@@ -28,6 +28,14 @@ pub enum Error {
         line: u64,
         /// What is wrong, and what would be right.
         cause: String,
+    },
+    /// An error about something that stands in, or comes of, a file.
+    #[error("{place}: {error}")]
+    At {
+        /// The file, or the preset.
+        place: String,
+        /// What is wrong.
+        error: Box<Error>,
     },
     /// A command line that cannot be understood.
     #[error("{0}")]
@@ -69,4 +77,21 @@ impl Error {
     pub fn option(option: &'static str, cause: impl Into<String>) -> Self {
         Self::Option { option, cause: cause.into() }
     }
+
+    /// Names the file that this is about: `parameters` as named on the command line, or else the `recording`.
+    #[must_use]
+    pub fn about(self, parameters: &str, recording: &Path) -> Self {
+        let place = match self {
+            Self::Model(_) | Self::Law(_) | Self::Actuator(_) => parameters.into(),
+            Self::Computation(_) => shown(recording),
+            _ => return self,
+        };
+        Self::At { place, error: Box::new(self) }
+    }
+}
+
+/// A path on one line, whatever its name.
+pub fn shown(path: &Path) -> String {
+    let name = path.display().to_string();
+    if name.contains(char::is_control) { name.escape_debug().to_string() } else { name }
 }

@@ -19,6 +19,7 @@ pub mod recording;
 pub mod reduce;
 pub mod run;
 pub mod series;
+pub mod terminal;
 pub mod twin;
 
 pub use error::{Error, Result};

@@ -1,14 +1,104 @@
-//! Files that are written whole or not at all, and progress on the terminal.
+//! Files that are written whole or not at all.
 
 use std::fs;
-use std::io::{self, BufWriter, IsTerminal, Write};
-use std::path::Path;
-use std::time::Duration;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde::Serialize;
+use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result};
+use crate::interrupt::HalfWritten;
+
+/// Refuses, before long work begins, a file that could not be written later or that is one of `inputs`. Folders that are
+/// not there yet are `made` where the caller makes them.
+///
+/// # Errors
+///
+/// [`Error::File`] naming the file.
+pub fn check(path: &Path, inputs: &[&Path], made: Folders) -> Result<()> {
+    if let Ok(target) = path.canonicalize()
+        && let Some(input) = inputs.iter().find(|input| input.canonicalize().is_ok_and(|input| input == target))
+    {
+        return Err(Error::file(path, format!("would overwrite {}, which is read", input.display())));
+    }
+    if let Ok(there) = fs::metadata(path) {
+        if there.is_dir() {
+            return Err(Error::file(path, "is a directory; name a file to write"));
+        }
+        if !there.is_file() {
+            return Err(Error::file(path, "is a device or a pipe; name a file to write"));
+        }
+        if there.permissions().readonly() {
+            return Err(Error::file(path, "is write-protected; name another file"));
+        }
+        fs::OpenOptions::new().append(true).open(path).map_err(|e| Error::file(path, e))?;
+    }
+    let folder = match made {
+        Folders::Exist => folder_of(path),
+        Folders::AreMade => path.ancestors().skip(1).find(|folder| folder.exists()).unwrap_or(Path::new(".")),
+    };
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    if !folder.is_dir() {
+        return Err(Error::file(path, format!("there is no folder {}; make it first", folder.display())));
+    }
+    tempfile::tempfile_in(folder).map(drop).map_err(|e| Error::file(path, e))
+}
+
+/// Whether folders of an output are there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Folders {
+    /// They must be.
+    Exist,
+    /// They are made when it is written.
+    AreMade,
+}
+
+/// A file that is complete, but does not stand at its place yet.
+#[derive(Debug)]
+pub struct Staged {
+    file: NamedTempFile,
+    path: PathBuf,
+    half_written: HalfWritten,
+}
+
+impl Staged {
+    /// Writes the file for `path` through `fill`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] where it cannot be written; nothing is left behind.
+    pub fn new(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<Self> {
+        check(path, &[], Folders::Exist)?;
+        let fault = |e: io::Error| Error::file(path, e);
+        // A link stays, and its target is replaced.
+        let path = path.canonicalize().unwrap_or_else(|_| path.into());
+        let mut builder = tempfile::Builder::new();
+        #[cfg(unix)]
+        {
+            // As any other new file: the umask takes from this.
+            use std::os::unix::fs::PermissionsExt;
+            builder.permissions(fs::Permissions::from_mode(0o666));
+        }
+        let mut file = builder.prefix(".host-sim-").tempfile_in(folder_of(&path)).map_err(fault)?;
+        let half_written = HalfWritten::new(file.path());
+        {
+            let mut writer = BufWriter::new(file.as_file_mut());
+            fill(&mut writer).and_then(|()| writer.flush()).map_err(fault)?;
+        }
+        Ok(Self { file, path, half_written })
+    }
+
+    /// Puts the file at its place.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] where that fails.
+    pub fn commit(self) -> Result<()> {
+        self.file.persist(&self.path).map_err(|e| Error::file(&self.path, e.error))?;
+        drop(self.half_written);
+        Ok(())
+    }
+}
 
 /// Writes a file through `fill`; it appears at `path` when it is complete, and not at all if anything fails.
 ///
@@ -16,44 +106,7 @@ use crate::error::{Error, Result};
 ///
 /// [`Error::File`] where the file cannot be written.
 pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
-    let fault = |e: io::Error| Error::file(path, e);
-    if path.is_dir() {
-        return Err(Error::file(path, "is a directory; name a file to write"));
-    }
-    let folder = folder_of(path);
-    if !folder.is_dir() {
-        return Err(Error::file(path, format!("there is no folder {}; make it first", folder.display())));
-    }
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    {
-        // As any other new file: the umask takes from this.
-        use std::os::unix::fs::PermissionsExt;
-        builder.permissions(fs::Permissions::from_mode(0o666));
-    }
-    let mut file = builder.prefix(".host-sim-").tempfile_in(folder).map_err(fault)?;
-    {
-        let mut writer = BufWriter::new(file.as_file_mut());
-        fill(&mut writer).and_then(|()| writer.flush()).map_err(fault)?;
-    }
-    file.persist(path).map_err(|e| fault(e.error))?;
-    Ok(())
-}
-
-/// Refuses a file that could not be written later, before long work begins.
-///
-/// # Errors
-///
-/// [`Error::File`] where the folder is missing or closed, or the path is a folder itself.
-pub fn check_writable(path: &Path) -> Result<()> {
-    if path.is_dir() {
-        return Err(Error::file(path, "is a directory; name a file to write"));
-    }
-    let folder = folder_of(path);
-    if !folder.is_dir() {
-        return Err(Error::file(path, format!("there is no folder {}; make it first", folder.display())));
-    }
-    tempfile::Builder::new().prefix(".host-sim-").tempfile_in(folder).map(drop).map_err(|e| Error::file(path, e))
+    Staged::new(path, fill)?.commit()
 }
 
 fn folder_of(path: &Path) -> &Path {
@@ -66,7 +119,16 @@ fn folder_of(path: &Path) -> &Path {
 ///
 /// As [`write_whole`].
 pub fn write_columns(path: &Path, comments: &[String], columns: &[(&str, Option<&[f64]>)]) -> Result<()> {
-    write_whole(path, |out| {
+    stage_columns(path, comments, columns)?.commit()
+}
+
+/// The same, staged.
+///
+/// # Errors
+///
+/// As [`Staged::new`].
+pub fn stage_columns(path: &Path, comments: &[String], columns: &[(&str, Option<&[f64]>)]) -> Result<Staged> {
+    Staged::new(path, |out| {
         for comment in comments {
             writeln!(out, "# {comment}")?;
         }
@@ -95,42 +157,4 @@ pub fn write_columns(path: &Path, comments: &[String], columns: &[(&str, Option<
 /// [`Error::File`] where it cannot be made.
 pub fn make_folder(path: &Path) -> Result<()> {
     fs::create_dir_all(path).map_err(|e| Error::file(path, e))
-}
-
-/// Prints `text` on standard output. A reader that has gone away is no error.
-pub fn print(text: &str) {
-    let mut out = io::stdout().lock();
-    let _ = out.write_all(text.as_bytes()).and_then(|()| out.write_all(b"\n")).and_then(|()| out.flush());
-}
-
-/// Prints `document` as JSON, or else `text`.
-pub fn report<D: Serialize>(json: bool, document: &D, text: impl FnOnce() -> String) {
-    if json {
-        // Documents are plain structs of numbers and strings, which serialise always.
-        print(&serde_json::to_string(document).unwrap_or_default());
-    } else {
-        print(&text());
-    }
-}
-
-/// A progress bar over `length` units of work: on standard error, and only where that is a terminal.
-pub fn progress(length: u64, what: &str) -> ProgressBar {
-    let target = if io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let bar = ProgressBar::with_draw_target(Some(length), target).with_message(what.to_owned());
-    if let Ok(style) = ProgressStyle::with_template("{msg} [{bar:30}] {percent:>3} % {eta}") {
-        bar.set_style(style.progress_chars("=> "));
-    }
-    bar.enable_steady_tick(Duration::from_millis(250));
-    bar
-}
-
-/// A sign of life for work of unknown length: on standard error, and only where that is a terminal.
-pub fn spinner() -> ProgressBar {
-    let target = if io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let bar = ProgressBar::with_draw_target(None, target);
-    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
-        bar.set_style(style);
-    }
-    bar.enable_steady_tick(Duration::from_millis(250));
-    bar
 }

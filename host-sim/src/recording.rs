@@ -3,7 +3,7 @@
 //! A header names the columns with their units; unknown columns are ignored and lines that begin with `#` are comments.
 //! A file is checked as it is read: the first thing that is wrong ends the reading and names its line.
 
-use std::collections::BTreeSet;
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -26,6 +26,8 @@ pub struct Recording {
 struct Column {
     name: &'static str,
     cells: Vec<Option<f64>>,
+    /// Line of the first empty cell.
+    first_gap: Option<u64>,
 }
 
 /// Samples of one quantity at their times.
@@ -47,6 +49,9 @@ pub enum Input {
     /// Displacement of the film, m.
     Displacement(Samples),
 }
+
+/// No value is larger, in any unit.
+const LARGEST: f64 = 1e15;
 
 /// Column names with the factor to SI units.
 const TIME: &[(&str, f64)] = &[("time_s", 1.0), ("time_ms", 1e-3)];
@@ -79,10 +84,11 @@ impl Recording {
             .trim(csv::Trim::All)
             .flexible(true)
             .from_reader(Lines::new(csv));
-        let header = reader.byte_headers().map_err(|e| csv_error(path, &e))?.clone();
-        let header_line = reader.get_ref().of_record(1);
-        let header: Vec<String> =
-            header.iter().map(|name| String::from_utf8_lossy(name).trim_start_matches('\u{feff}').into()).collect();
+        let header = match reader.byte_headers() {
+            Ok(header) => header.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect::<Vec<_>>(),
+            Err(e) => return Err(csv_error(path, reader.get_ref(), &e)),
+        };
+        let header_line = reader.get_mut().next_record();
 
         let find = |names: &[(&'static str, f64)]| -> Result<Option<Field>> {
             let mut found = None;
@@ -106,13 +112,19 @@ impl Recording {
         }
 
         let mut time_s = Vec::new();
-        let mut columns = fields.map(|field| field.map(|f| (f, Column { name: f.name, cells: Vec::new() })));
+        let mut columns =
+            fields.map(|field| field.map(|f| (f, Column { name: f.name, cells: Vec::new(), first_gap: None })));
         let mut record = csv::ByteRecord::new();
-        while reader.read_byte_record(&mut record).map_err(|e| csv_error(path, &e))? {
-            let start = record.position().map_or(0, csv::Position::line);
-            let line = reader.get_ref().of_record(start);
+        loop {
+            match reader.read_byte_record(&mut record) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(e) => return Err(csv_error(path, reader.get_ref(), &e)),
+            }
+            let line = reader.get_mut().next_record();
             let at = |cause: String| Error::line(path, line, cause);
-            let now = time.number(&record).map_err(at)?.ok_or_else(|| at(format!("no value for {}", time.name)))?;
+            let now = time.number(&record).map_err(at)?;
+            let now = now.ok_or_else(|| at(format!("no value for {}; every row needs its time", time.name)))?;
             if let Some(&before) = time_s.last()
                 && now <= before
             {
@@ -121,7 +133,11 @@ impl Recording {
             }
             time_s.push(now);
             for (field, column) in columns.iter_mut().flatten() {
-                column.cells.push(field.number(&record).map_err(at)?);
+                let cell = field.number(&record).map_err(at)?;
+                if cell.is_none() && column.first_gap.is_none() {
+                    column.first_gap = Some(line);
+                }
+                column.cells.push(cell);
             }
         }
         if time_s.len() < 2 {
@@ -209,14 +225,9 @@ impl Recording {
     }
 
     fn complete(&self, column: &Column) -> Result<Samples> {
-        if let Some(row) = column.cells.iter().position(Option::is_none) {
-            let cause = format!(
-                "{} is empty at {} s after the start (data row {}); what drives the film must be complete",
-                column.name,
-                self.time_s[row],
-                row + 1
-            );
-            return Err(Error::file(&self.path, cause));
+        if let Some(line) = column.first_gap {
+            let cause = format!("{} is empty; what drives the film must be complete", column.name);
+            return Err(Error::line(&self.path, line, cause));
         }
         Ok(self.present(column))
     }
@@ -238,7 +249,8 @@ impl Field {
             return Ok(None);
         }
         match text.parse::<f64>() {
-            Ok(value) if value.is_finite() => Ok(Some(value * self.factor)),
+            Ok(value) if value.abs() <= LARGEST => Ok(Some(value * self.factor)),
+            Ok(value) if value.is_finite() => Err(format!("{} is {text}; no instrument reads that", self.name)),
             Ok(_) => Err(format!("{} is {text}; leave the cell empty where nothing was measured", self.name)),
             Err(_) => Err(format!("{} is {:?}, which is not a number", self.name, shortened(&text))),
         }
@@ -255,59 +267,126 @@ fn shortened(text: &str) -> String {
     if text.chars().count() <= LONGEST { text.into() } else { text.chars().take(LONGEST).chain(['…']).collect() }
 }
 
-fn csv_error(path: &Path, error: &csv::Error) -> Error {
-    let line = error.position().map(csv::Position::line);
-    let cause = match error.kind() {
-        csv::ErrorKind::Io(e) => e.to_string(),
-        _ => error.to_string(),
-    };
-    match line {
-        Some(line) => Error::line(path, line, cause),
-        None => Error::file(path, cause),
+fn csv_error<R>(path: &Path, lines: &Lines<R>, error: &csv::Error) -> Error {
+    match (&lines.fault, error.kind()) {
+        (Some(fault), _) => Error::line(path, lines.line, *fault),
+        (None, csv::ErrorKind::Io(e)) => Error::file(path, e),
+        (None, _) => Error::file(path, error),
     }
 }
 
-/// A reader that gives up on text without line ends, before it fills the memory, and notes the lines that a CSV reader
-/// skips without counting them to a record.
+/// A reader that gives a CSV reader lines as it likes them, and knows which line a record stood on.
+///
+/// Line ends of all systems become `\n`, a byte order mark is taken off, and text that can be no recording ends the
+/// reading before it fills the memory. A CSV reader skips empty lines and comments, so every other line is a record.
 struct Lines<R> {
     inner: R,
+    /// The line that is being read, counted from one.
     line: u64,
-    /// Bytes of the line so far.
+    /// Bytes of it so far.
     length: usize,
-    skipped: BTreeSet<u64>,
+    comment: bool,
+    quoted: bool,
+    /// The last byte was `\r`, so that `\n` would belong to it.
+    carriage_return: bool,
+    /// Lines of the records that were read and not asked for yet.
+    records: VecDeque<u64>,
+    fault: Option<&'static str>,
 }
 
 impl<R: Read> Lines<R> {
-    fn new(inner: R) -> Self {
-        Self { inner, line: 1, length: 0, skipped: BTreeSet::new() }
+    fn new(inner: R) -> Lines<impl Read> {
+        Lines {
+            inner: WithoutMark { inner, start: None },
+            line: 1,
+            length: 0,
+            comment: false,
+            quoted: false,
+            carriage_return: false,
+            records: VecDeque::new(),
+            fault: None,
+        }
+    }
+}
+
+impl<R> Lines<R> {
+    /// The line of the next record, in their order.
+    fn next_record(&mut self) -> u64 {
+        self.records.pop_front().unwrap_or(self.line)
     }
 
-    /// The line of a record whose reading began at line `start`.
-    fn of_record(&self, start: u64) -> u64 {
-        (start..).find(|line| !self.skipped.contains(line)).unwrap_or(start)
+    /// Takes note of `byte` and gives what the CSV reader is to see.
+    fn take(&mut self, byte: u8) -> std::result::Result<u8, &'static str> {
+        const LONGEST: usize = 1 << 16;
+        let second_half = byte == b'\n' && self.carriage_return;
+        self.carriage_return = byte == b'\r';
+        if second_half {
+            return Ok(b'\n');
+        }
+        if matches!(byte, b'\n' | b'\r') {
+            if self.quoted {
+                return Err("a quote is not closed on this line");
+            }
+            self.line += 1;
+            (self.length, self.comment) = (0, false);
+            return Ok(b'\n');
+        }
+        if self.length == 0 {
+            self.comment = byte == b'#';
+            if !self.comment {
+                self.records.push_back(self.line);
+            }
+        }
+        self.length += 1;
+        self.quoted ^= byte == b'"' && !self.comment;
+        if self.length > LONGEST {
+            return Err("a line of more than 65536 characters; this is not a CSV recording");
+        }
+        Ok(byte)
     }
 }
 
 impl<R: Read> Read for Lines<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        const LONGEST: usize = 1 << 16;
         let n = self.inner.read(buffer)?;
-        for &byte in &buffer[..n] {
-            if self.length == 0 && matches!(byte, b'#' | b'\n' | b'\r') {
-                self.skipped.insert(self.line);
-            }
-            self.length += 1;
-            if byte == b'\n' {
-                self.line += 1;
-                self.length = 0;
-            } else if self.length > LONGEST {
-                return Err(io::Error::new(
-                    io::ErrorKind::InvalidData,
-                    "a line of more than 65536 characters; this is not a CSV recording",
-                ));
-            }
+        if n == 0 && self.quoted {
+            self.fault = Some("a quote is not closed on this line");
+            return Err(io::ErrorKind::InvalidData.into());
+        }
+        for byte in &mut buffer[..n] {
+            *byte = self.take(*byte).map_err(|fault| {
+                self.fault = Some(fault);
+                io::Error::from(io::ErrorKind::InvalidData)
+            })?;
         }
         Ok(n)
+    }
+}
+
+/// A reader without the byte order mark that some programs put in front.
+struct WithoutMark<R> {
+    inner: R,
+    start: Option<io::Cursor<Vec<u8>>>,
+}
+
+impl<R: Read> Read for WithoutMark<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        const MARK: &[u8] = b"\xef\xbb\xbf";
+        let start = match &mut self.start {
+            Some(start) => start,
+            none => {
+                let mut first = Vec::new();
+                self.inner.by_ref().take(MARK.len() as u64).read_to_end(&mut first)?;
+                if first == MARK {
+                    first.clear();
+                }
+                none.insert(io::Cursor::new(first))
+            }
+        };
+        match start.read(buffer)? {
+            0 => self.inner.read(buffer),
+            n => Ok(n),
+        }
     }
 }
 

@@ -5,12 +5,14 @@ use std::path::Path;
 use std::str::FromStr;
 
 use indicatif::ProgressBar;
-use springpot::{Actuator, Compressed, Law, Load, Memory, Options, Real, State, VoltageDrive, Window};
+use springpot::{
+    Actuator, Compressed, Law, LawError, Load, Maxwell, Memory, Options, Real, State, VoltageDrive, Window,
+};
 
 use crate::agreement::relative_rms;
 use crate::error::{Error, Result};
 use crate::full_memory::FullMemory;
-use crate::output;
+use crate::output::{self, Staged};
 use crate::parameters::Parameters;
 use crate::recording::Input;
 use crate::series::Grid;
@@ -92,12 +94,12 @@ pub struct Response {
 }
 
 impl Response {
-    /// Writes the response as CSV, `more` columns behind the usual ones.
+    /// Writes the response as CSV, `more` columns behind the usual ones, staged.
     ///
     /// # Errors
     ///
     /// [`Error::File`] where it cannot be written.
-    pub fn write(&self, path: &Path, grid: Grid, more: &[(&str, Option<&[f64]>)]) -> Result<()> {
+    pub fn stage(&self, path: &Path, grid: Grid, more: &[(&str, Option<&[f64]>)]) -> Result<Staged> {
         let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
         let mut columns = vec![
             ("time_s", Some(time.as_slice())),
@@ -106,7 +108,7 @@ impl Response {
             ("displacement_m", Some(&self.displacement_m)),
         ];
         columns.extend_from_slice(more);
-        output::write_columns(path, &[], &columns)
+        output::stage_columns(path, &[], &columns)
     }
 }
 
@@ -124,6 +126,9 @@ impl Drive {
         }
     }
 }
+
+/// Samples that full memory takes: each costs some 280 bytes.
+const MOST_IN_FULL: usize = 1 << 24;
 
 /// Runs `parameters` along `input`, resampled to `grid`; `progress` counts samples.
 ///
@@ -158,6 +163,10 @@ pub fn run(
         (MemoryChoice::Window(s), Precision::F32) => windowed::<f32>(parameters, &drive, grid, s, progress)?,
         (MemoryChoice::Window(s), Precision::F64) => windowed::<f64>(parameters, &drive, grid, s, progress)?,
     };
+    let coupling = parameters.actuator.stretch_coupling;
+    if matches!(drive, Drive::Voltage(_)) && displacement_m.iter().any(|x| coupling * x > MOST_COUPLED) {
+        return Err(pulled_in(coupling));
+    }
     if !force_n.iter().chain(&displacement_m).all(|value| value.is_finite()) {
         return Err(Error::Computation(
             "the response leaves the range of the number type; check the units of the input and the parameters".into(),
@@ -173,7 +182,7 @@ pub fn run(
 type Columns = (Vec<f64>, Vec<f64>);
 
 fn compressed<T: Real>(parameters: &Parameters, drive: &Drive, grid: Grid, progress: &ProgressBar) -> Result<Columns> {
-    let law = Law::<T, Compressed<T>>::compressed(&parameters.model, Options::at_step(grid.step_s()))?;
+    let law = compressed_law::<T>(&parameters.model, grid.rate_hz)?;
     let state = law.state();
     step_through(&law, state, &parameters.actuator, drive, progress)
 }
@@ -190,6 +199,20 @@ fn windowed<T: Real>(
     let law = Law::<T, Window<T, Vec<T>>>::window(&parameters.model, grid.step_s(), vec![T::ZERO; length])?;
     let state = law.state(vec![T::ZERO; length])?;
     step_through(&law, state, &parameters.actuator, drive, progress)
+}
+
+/// The law that the controller steps at `rate_hz`.
+///
+/// # Errors
+///
+/// [`Error`] for a rate or a model that is refused.
+pub fn compressed_law<T: Real>(model: &Maxwell, rate_hz: f64) -> Result<Law<T, Compressed<T>>> {
+    Law::compressed(model, Options::at_step(1.0 / rate_hz)).map_err(|error| match error {
+        LawError::Step(_) | LawError::Horizon { .. } => {
+            Error::option("--rate", format!("{rate_hz:?} Hz; a law needs at least 1e-3 Hz"))
+        }
+        error => error.into(),
+    })
 }
 
 /// Steps `law` along `drive`: the same calls as on the controller.
@@ -235,8 +258,22 @@ fn step_through<T: Real, M: Memory<T>>(
     Ok((force, displacement))
 }
 
+/// A force that coupling has made so many times as large belongs to a film that is pulled in.
+const MOST_COUPLED: f64 = 10.0;
+
+fn pulled_in(coupling: f64) -> Error {
+    Error::Computation(format!(
+        "pull-in: with stretch_coupling = {coupling:?} 1/m the force grows faster than the film resists; lower the coupling \
+         or the voltage"
+    ))
+}
+
 /// The exact answer with full memory.
 fn full(parameters: &Parameters, drive: &Drive, grid: Grid) -> Result<Columns> {
+    if grid.samples > MOST_IN_FULL {
+        let cause = format!("full memory of {} samples; {MOST_IN_FULL} at the most, lower the rate", grid.samples);
+        return Err(Error::option("--memory", cause));
+    }
     let memory = FullMemory::new(grid.samples, grid.step_s());
     let actuator = &parameters.actuator;
     match drive {
@@ -256,14 +293,11 @@ fn full(parameters: &Parameters, drive: &Drive, grid: Grid) -> Result<Columns> {
                 let better = memory.displacement_from(&stiffness, &total(&displacement));
                 let change = relative_rms(&displacement, &better);
                 displacement = better;
-                if actuator.stretch_coupling == 0.0 || change < 1e-13 || change.is_nan() {
+                if actuator.stretch_coupling == 0.0 || change < 1e-13 {
                     return Ok((total(&displacement), displacement));
                 }
             }
-            Err(Error::Computation(format!(
-                "no answer with full memory: stretch_coupling = {} is too strong for this voltage",
-                actuator.stretch_coupling
-            )))
+            Err(pulled_in(actuator.stretch_coupling))
         }
     }
 }

@@ -12,8 +12,8 @@ pub struct Grid {
     pub samples: usize,
 }
 
-/// Samples that a grid may have: 2^28, 74 h at 1 kHz.
-const MOST: f64 = 268_435_456.0;
+/// Samples that a grid may have: 27 h at 1 kHz. A run holds some 60 bytes of each.
+const MOST: f64 = 1e8;
 
 impl Grid {
     /// The shortest grid at `rate_hz` that covers `duration_s`.
@@ -23,7 +23,7 @@ impl Grid {
     /// [`Error::Option`] for a rate that is not positive and finite, or more samples than memory should hold.
     pub fn covering(duration_s: f64, rate_hz: f64) -> Result<Self> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
-            return Err(Error::option("--rate", format!("{rate_hz} Hz must be finite and greater than 0")));
+            return Err(Error::option("--rate", format!("{rate_hz:?} Hz must be finite and greater than 0")));
         }
         // Times such as 155.0 · 1000 come out a rounding error above the whole number.
         let last = (duration_s * rate_hz - 1e-6).ceil().max(0.0);

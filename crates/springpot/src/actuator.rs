@@ -108,7 +108,9 @@ impl<T: Real> VoltageDrive<T> {
     ///
     /// # Errors
     ///
-    /// [`ActuatorError`] for an actuator or a voltage that makes no sense, and where the coupling would pull the film in.
+    /// [`ActuatorError`] for an actuator or a voltage that makes no sense, and where the coupling's pull at that voltage
+    /// comes near the stiffness of one step, so that a step has no answer. A film creeps towards far less stiffness than
+    /// that of one step: a weaker coupling can still pull it in over many steps, and the run shows it.
     pub fn new(actuator: &Actuator, max_voltage_v: f64, stiffness: T) -> Result<Self, ActuatorError> {
         actuator.check()?;
         if !(max_voltage_v.is_finite() && max_voltage_v > 0.0) {

@@ -58,8 +58,8 @@ impl Options {
 ///
 /// Cutting the sum instead (the short-memory principle, [`Window`](crate::Window)) loses the creep, because what is cut
 /// *is* the creep. The rates ρ_i and weights A_i are the Gauss quadrature rule of the model's relaxation spectrum, so the
-/// weights are positive and the memory is passive whatever the model, springs and plain relaxation times are exact, and
-/// a narrow line in the spectrum gets the nodes it needs.
+/// weights are positive whatever the model, springs and plain relaxation times are exact, and a narrow line in the
+/// spectrum gets the nodes it needs.
 ///
 /// # Rounding
 ///
@@ -69,8 +69,8 @@ impl Options {
 /// compensated S: neither a decay of 1e-10 a step nor an increment of 1e-9 m is lost in f32. 1 − ρ is stored, since f32
 /// cannot hold ρ near 1.
 ///
-/// The defaults hold 1e-7 in f64 and 2e-7 more in f32 over 24 h, from 100 Hz to 5 kHz; `Compressed<T, 8, 16, 0>` is a
-/// lean memory for short runs.
+/// The defaults hold 1e-7 in f64 from 100 Hz to 5 kHz and 2.5e-7 more in f32 over 24 h; `Compressed<T, 8, 14, 4>`, with a
+/// horizon of an hour at 1 kHz, is a lean memory that holds 1e-4 over that hour, in f32 and in both directions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Compressed<T, const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
     /// g_0 + g_1, g_2, …, g_HEAD in N/m.
@@ -115,7 +115,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// The law of `model` with a compressed memory.
     ///
     /// Evaluates the model a few thousand times in f64, with about 6 KiB of stack and no allocation: below a
-    /// millisecond on a host.
+    /// millisecond on a host; 0.7 to 1.5 s on a Cortex-M4F at 168 MHz, which has f64 in software only.
     ///
     /// # Errors
     ///
@@ -177,7 +177,10 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
         let kernel = Kernel::new(model, step_s);
         let modes = tail::modes(model, step_s, horizon_s, HEAD, FAST + SLOW)?;
         let tail_error = tail::error(model, &kernel, &modes, horizon_s, HEAD);
-        if tail_error.is_nan() || tail_error > tolerance {
+        if tail_error.is_nan() {
+            return Err(LawError::NothingToSolve);
+        }
+        if tail_error > tolerance {
             return Err(LawError::ToleranceMissed { reached: tail_error, asked: tolerance });
         }
 

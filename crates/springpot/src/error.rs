@@ -132,9 +132,9 @@ impl fmt::Display for LawError {
             Self::TooFewModes { modes, needed } => {
                 write!(f, "{modes} modes, but the model needs at least {needed}")
             }
-            Self::NothingToSolve => {
-                f.write_str("nothing to solve: the stiffness of one step is 0 or infinite in this number type")
-            }
+            Self::NothingToSolve => f.write_str(
+                "nothing to solve: the stiffness of one step is 0, infinite or beyond the number type; check the units",
+            ),
             Self::EmptyWindow => f.write_str("a window needs at least one sample"),
             Self::Storage { given, needed } => {
                 write!(f, "storage of {given} samples for a window of {needed}")
@@ -159,7 +159,7 @@ pub enum ActuatorError {
     },
     /// A stretch coupling that is not finite or is negative (1/m).
     Coupling(f64),
-    /// The pull of the coupling would overcome the film's stiffness of one step: pull-in.
+    /// The pull of the coupling would overcome the film's stiffness of one step: pull-in at once.
     PullIn {
         /// Stiffness of the electrostatic pull at the largest voltage, N/m.
         pull: f64,

@@ -1,17 +1,17 @@
 //! The published parameter sets: Tables 3 and 4 of Karner et al. 2022.
-//!
-//! The paper's coefficients are in newtons per *millimetre*: with c₁₁ ≈ 63 N/mm its 140 N at 6 kV make the millimetres
-//! of its figures, although its Table 1 says metres. Here they stand × 1000, in N·s^α/m.
-//!
-//! Two values are not legible in the paper: α₆₂ of Table 3, n = 5, is taken as 1 (it changes the displacement by about
-//! 1e-5), and α₁₁ of n = 2 as 0.2 (from the text).
 
 use crate::actuator::Actuator;
 use crate::element::Springpot;
 use crate::error::ModelError;
 use crate::maxwell::{Maxwell, Topology};
 
-/// A published parameter set.
+/// A published parameter set: Tables 3 and 4 of Karner, Belšak and Gotlih, Fractal Fract. 2022, 6, 720.
+///
+/// The paper's coefficients are in newtons per *millimetre*: with c₁₁ ≈ 63 N/mm its 140 N at 6 kV make the millimetres
+/// of its figures, although its Table 1 says metres. Here they stand × 1000, in N·s^α/m.
+///
+/// Two values could not be read in the copy they were taken from: α₆₂ of Table 3, n = 5, stands as 1 (it changes the
+/// displacement by about 1e-5), and α₁₁ of n = 2 as 0.2 (from the text).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preset {
     name: &'static str,

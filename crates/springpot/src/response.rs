@@ -11,7 +11,8 @@ use crate::scalar::Scalar;
 use crate::trig;
 
 impl Maxwell {
-    /// Displacement over force at `frequency_hz` in steady state, Eq. 11 with s = 2πif, in m/N.
+    /// Displacement over force at `frequency_hz` in steady state, Eq. 11 with s = 2πif, in m/N. There is none at 0 Hz,
+    /// where a springpot has no steady state: NaN.
     #[must_use]
     pub fn frequency_response(&self, frequency_hz: f64) -> Complex<f64> {
         self.compliance(Complex::new(0.0, TAU * frequency_hz))
@@ -19,7 +20,7 @@ impl Maxwell {
 
     /// Force left at `time_s` > 0 after a unit step of displacement, in N/m, without the mass.
     ///
-    /// Accurate to about 1e-12 of the modulus; NaN for times that are not positive.
+    /// Accurate to about 1e-12 of K(1/t); NaN for times that are not positive.
     #[must_use]
     pub fn relaxation_modulus(&self, time_s: f64) -> f64 {
         if time_s > 0.0 { contour::invert(time_s, |s| self.modulus(s) / s) } else { f64::NAN }
@@ -40,7 +41,7 @@ impl Maxwell {
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Displacement over force at `frequency_hz` in steady state, in m/N, as this law with its rounded constants steps
-    /// it; below a tenth of the rate close to [`Maxwell::frequency_response`].
+    /// it; below a tenth of the rate close to [`Maxwell::frequency_response`]. NaN at 0 Hz.
     #[must_use]
     pub fn frequency_response(&self, frequency_hz: f64) -> Complex<f64> {
         let turn = Complex::new(0.0, -TAU * frequency_hz * self.step_s());

@@ -25,9 +25,10 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
     /// The state of a film that has crept under a constant `force` (N) for `duration_s` from rest, without inertia.
     ///
-    /// Equal to that many steps of [`displacement`](Law::displacement) to about 1e-6, at the cost of some thousand
-    /// steps even for days: creep slows down, so blocks of equal increments are solved at once that grow with the time
-    /// passed. A duration that is negative or not a number counts as nought.
+    /// Equal to that many steps of [`displacement`](Law::displacement) of a law without mass to about 1e-6, and of one
+    /// with mass once its oscillation has died away. Costs some thousand steps even for days: creep slows down, so blocks
+    /// of equal increments are solved at once that grow with the time passed. A duration that is negative or not a number
+    /// counts as nought.
     #[must_use]
     pub fn settled(&self, force: T, duration_s: f64) -> State<T, CompressedHistory<T, HEAD, FAST, SLOW>> {
         let mut creep = Creep::new(self, force.to_f64());

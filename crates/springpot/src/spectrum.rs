@@ -17,7 +17,8 @@ use crate::element::Springpot;
 use crate::maxwell::{Chain, MAX_BRANCHES, Maxwell};
 use crate::trig::{cos_pi, sin_pi};
 
-/// Orders this close to 0 or 1 are springs and dashpots: the difference to the exact order is below rounding.
+/// Orders this close to 0 or 1 are springs and dashpots: over nine decades of rates the difference is 2e-8, within what
+/// the compressed memory promises.
 const SNAP: f64 = 1e-9;
 
 /// A Maxwell element of the spectrum.

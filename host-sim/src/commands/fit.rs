@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use crate::agreement::Agreement;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, shown};
 use crate::fit::candidate::{Candidate, Variable};
 use crate::fit::objective::Observation;
 use crate::fit::observe::{self, Direction};
@@ -18,10 +18,11 @@ use crate::fit::selection::{Row, name_of};
 use crate::fit::trust::Trust;
 use crate::fit::{self, Fit, Method, Settings};
 use crate::interrupt;
-use crate::output;
+use crate::output::{self, Folders};
 use crate::parameters::Parameters;
 use crate::recording::Recording;
 use crate::reduce;
+use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -181,8 +182,8 @@ impl FitOptions {
         })
     }
 
-    /// The observations, and warnings about them.
-    fn observations(&self, recordings: &[Recording]) -> Result<(Vec<Observation>, Vec<String>)> {
+    /// The observations, and warnings about each of them.
+    fn observations(&self, recordings: &[Recording]) -> Result<(Vec<Observation>, Vec<Vec<String>>)> {
         if !(self.weights.is_empty() || self.weights.len() == recordings.len()) {
             let cause = format!("{} weights for {} recordings", self.weights.len(), recordings.len());
             return Err(Error::option("--weights", cause));
@@ -191,14 +192,17 @@ impl FitOptions {
             return Err(Error::option("--weights", format!("{weight} must be finite and greater than 0")));
         }
         let weight = |index: usize| self.weights.get(index).copied().unwrap_or(1.0);
-        let observed = recordings
+        recordings
             .iter()
             .enumerate()
             // Squared residuals are weighted.
             .map(|(index, recording)| observe::observe(recording, self.drive, weight(index).sqrt()))
-            .collect::<Result<Vec<_>>>()?;
-        let (observations, warnings): (Vec<Observation>, Vec<Vec<String>>) = observed.into_iter().unzip();
-        Ok((observations, warnings.concat()))
+            .collect()
+    }
+
+    /// Parameter files that are read.
+    fn parameter_files(&self) -> impl Iterator<Item = &Path> {
+        self.actuator.iter().chain(&self.start).map(Path::new)
     }
 }
 
@@ -226,7 +230,7 @@ fn unknown(option: &'static str, name: &str) -> Error {
 struct Report {
     recordings: Vec<RecordingRow>,
     r2_mean: f64,
-    parameters_file: PathBuf,
+    parameters_file: String,
     seconds: f64,
     evaluations: usize,
     topology: &'static str,
@@ -239,7 +243,7 @@ struct Report {
 
 #[derive(Serialize)]
 struct RecordingRow {
-    file: PathBuf,
+    file: String,
     r2: f64,
     nrmse_pct: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -253,7 +257,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let settings = arguments.options.settings()?;
     let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
     let (observations, warnings) = arguments.options.observations(&recordings)?;
-    let stop = interrupt::flag();
+    let stop = interrupt::stop_flag();
     let jobs: Vec<(PathBuf, Vec<usize>)> = if arguments.each {
         let outputs = recordings.iter().map(|recording| beside(&arguments.out, recording.path())).collect::<Vec<_>>();
         if let Some(twice) = outputs.iter().enumerate().find(|(k, path)| outputs[..*k].contains(path)) {
@@ -263,30 +267,30 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     } else {
         vec![(arguments.out.clone(), (0..recordings.len()).collect())]
     };
-    output::check_writable(&arguments.out)?;
+    let inputs: Vec<&Path> =
+        recordings.iter().map(Recording::path).chain(arguments.options.parameter_files()).collect();
+    for (out, _) in &jobs {
+        output::check(out, &inputs, Folders::Exist)?;
+    }
 
     let mut reports = Vec::new();
     for (out, indices) in jobs {
         let chosen: Vec<Observation> = indices.iter().map(|&index| observations[index].clone()).collect();
         let files: Vec<&Path> = indices.iter().map(|&index| recordings[index].path()).collect();
         let started = Instant::now();
-        let bar = output::spinner();
+        let bar = terminal::spinner();
         let mut fit = fit::fit(&chosen, &settings, stop, &|message| bar.set_message(message.to_owned()))?;
         bar.finish_and_clear();
-        fit.warnings.splice(0..0, warnings.iter().cloned());
+        fit.warnings.splice(0..0, indices.iter().flat_map(|&index| warnings[index].clone()));
         let seconds = started.elapsed().as_secs_f64();
         let parameters = parameters_of(&fit, &settings, &arguments.options, &files)?;
         output::write_whole(&out, |file| file.write_all(parameters.to_toml().as_bytes()))?;
-        reports.push(report_of(fit, arguments.options.drive, &files, out, seconds));
+        reports.push(report_of(fit, arguments.options.drive, &files, &out, seconds));
     }
-    if arguments.each && json {
-        output::report(json, &reports, String::new);
-    } else {
-        for report in &reports {
-            output::report(json, report, || text(report));
-        }
+    match reports.as_slice() {
+        [report] if !arguments.each => terminal::report(json, report, || text(report)),
+        _ => terminal::report(json, &reports, || reports.iter().map(text).collect::<Vec<_>>().join("\n\n")),
     }
-    Ok(())
 }
 
 fn beside(out: &Path, recording: &Path) -> PathBuf {
@@ -360,9 +364,9 @@ fn hash(path: &Path) -> Result<String> {
     }))
 }
 
-fn report_of(fit: Fit, drive: Direction, files: &[&Path], out: PathBuf, seconds: f64) -> Report {
+fn report_of(fit: Fit, drive: Direction, files: &[&Path], out: &Path, seconds: f64) -> Report {
     let row = |(file, agreement): (&&Path, &Agreement)| RecordingRow {
-        file: file.to_path_buf(),
+        file: shown(file),
         r2: agreement.r2,
         nrmse_pct: agreement.nrmse_pct,
         rmse_m: (drive == Direction::Force).then_some(agreement.rmse),
@@ -372,7 +376,7 @@ fn report_of(fit: Fit, drive: Direction, files: &[&Path], out: PathBuf, seconds:
     Report {
         recordings: files.iter().zip(&fit.agreements).map(row).collect(),
         r2_mean: fit.r2_mean,
-        parameters_file: out,
+        parameters_file: shown(out),
         seconds,
         evaluations: fit.evaluations,
         topology: name_of(fit.candidate.topology),
@@ -421,7 +425,7 @@ fn text(report: &Report) -> String {
         text.push('\n');
     }
     for row in &report.recordings {
-        let _ = writeln!(text, "{}: R² {:.6}, NRMSE {:.3} %", row.file.display(), row.r2, row.nrmse_pct);
+        let _ = writeln!(text, "{}: R² {:.6}, NRMSE {:.3} %", row.file, row.r2, row.nrmse_pct);
     }
     for warning in &report.warnings {
         let _ = writeln!(text, "warning: {warning}");
@@ -429,7 +433,7 @@ fn text(report: &Report) -> String {
     let _ = write!(
         text,
         "{}: {} with n = {}, R² mean {:.6}, {} evaluations in {:.1} s{}",
-        report.parameters_file.display(),
+        report.parameters_file,
         report.topology,
         report.branches,
         report.r2_mean,

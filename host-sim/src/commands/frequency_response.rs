@@ -1,12 +1,12 @@
 use std::path::PathBuf;
 
+use crate::error::{Error, Result, shown};
+use crate::output::{self, Folders};
+use crate::parameters::Parameters;
+use crate::run;
+use crate::terminal;
 use clap::Args;
 use serde::Serialize;
-use springpot::{Compressed, Law, Options};
-
-use crate::error::{Error, Result};
-use crate::output;
-use crate::parameters::Parameters;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -28,31 +28,39 @@ pub(super) struct Arguments {
     /// Of the law that the controller steps (f32, compressed), instead of the continuous Eq. 11.
     #[arg(long)]
     discrete: bool,
-    /// Steps per second of the law.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
-    rate: f64,
+    /// Steps per second of the law (1000 if left out).
+    #[arg(long, value_name = "HZ", requires = "discrete")]
+    rate: Option<f64>,
 }
 
 #[derive(Serialize)]
 struct Report {
-    out: PathBuf,
+    out: String,
     points: usize,
     discrete: bool,
 }
 
+/// Frequencies (Hz) at which every model has a response.
+const LOWEST: f64 = 1e-12;
+const HIGHEST: f64 = 1e12;
+
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let Arguments { from, to, points, rate, .. } = *arguments;
-    if !(from.is_finite() && from > 0.0) {
-        return Err(Error::option("--from", format!("{from} Hz must be finite and greater than 0")));
+    let Arguments { from, to, points, .. } = *arguments;
+    let rate = arguments.rate.unwrap_or(1000.0);
+    if !(LOWEST..=HIGHEST).contains(&from) {
+        return Err(Error::option("--from", format!("{from:?} Hz must be from {LOWEST:?} to {HIGHEST:?}")));
     }
-    if !(to.is_finite() && to >= from) {
-        return Err(Error::option("--to", format!("{to} Hz must be finite and not below --from")));
+    if !(from..=HIGHEST).contains(&to) {
+        return Err(Error::option("--to", format!("{to:?} Hz must be from --from to {HIGHEST:?}")));
     }
     if !(1..=10_000_000).contains(&points) {
         return Err(Error::option("--points", format!("{points} must be from 1 to 10000000")));
     }
+    if points == 1 && from != to {
+        return Err(Error::option("--points", "1 is one frequency, but --from and --to are two"));
+    }
     if !(rate.is_finite() && rate > 0.0) {
-        return Err(Error::option("--rate", format!("{rate} Hz must be finite and greater than 0")));
+        return Err(Error::option("--rate", format!("{rate:?} Hz must be finite and greater than 0")));
     }
     if arguments.discrete && to > 0.5 * rate {
         return Err(Error::option(
@@ -61,13 +69,17 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         ));
     }
     let parameters = Parameters::load(&arguments.params)?;
+    output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
     let law = arguments
         .discrete
-        .then(|| Law::<f32, Compressed<f32>>::compressed(&parameters.model, Options::at_step(1.0 / rate)))
+        .then(|| {
+            run::compressed_law::<f32>(&parameters.model, rate).map_err(|e| e.about(&arguments.params, &arguments.out))
+        })
         .transpose()?;
 
     let spacing = (to / from).ln() / (points.max(2) - 1) as f64;
-    let frequency: Vec<f64> = (0..points).map(|k| from * (spacing * k as f64).exp()).collect();
+    let frequency: Vec<f64> =
+        (0..points).map(|k| if k + 1 == points { to } else { from * (spacing * k as f64).exp() }).collect();
     let (magnitude, phase): (Vec<f64>, Vec<f64>) = frequency
         .iter()
         .map(|&f| law.as_ref().map_or_else(|| parameters.model.frequency_response(f), |law| law.frequency_response(f)))
@@ -78,10 +90,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         &[],
         &[("frequency_hz", Some(&frequency)), ("magnitude_m_per_n", Some(&magnitude)), ("phase_rad", Some(&phase))],
     )?;
-    let report = Report { out: arguments.out.clone(), points, discrete: arguments.discrete };
-    output::report(json, &report, || {
+    let report = Report { out: shown(&arguments.out), points, discrete: arguments.discrete };
+    terminal::report(json, &report, || {
         let kind = if report.discrete { format!("the law at {rate} Hz") } else { "Eq. 11".into() };
-        format!("{}: {points} frequencies of {kind}", report.out.display())
-    });
-    Ok(())
+        format!("{}: {points} frequencies of {kind}", report.out)
+    })
 }

@@ -12,8 +12,9 @@ use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 
 use crate::error::{Error, Result};
-use crate::output;
+use crate::interrupt;
 use crate::run::{MemoryChoice, Precision, RunOptions};
+use crate::terminal;
 
 /// Creep compensation for dielectric elastomer actuators, on the bench.
 ///
@@ -39,7 +40,7 @@ enum Command {
     Fit(Box<fit::Arguments>),
     /// Tabulate displacement over force against frequency.
     FrequencyResponse(frequency_response::Arguments),
-    /// Record a run of the nonlinear film.
+    /// Simulate a recording of a nonlinear film.
     Twin(twin::Arguments),
 }
 
@@ -76,10 +77,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => return Err(Error::Usage(one_line(&error))),
         Err(help) => {
-            output::print(help.render().to_string().trim_end());
-            return Ok(());
+            return terminal::print(help.render().to_string().trim_end());
         }
     };
+    interrupt::install();
     match cli.command {
         Command::Simulate(arguments) => simulate::run(&arguments, cli.json),
         Command::Replay(arguments) => replay::run(&arguments, cli.json),

@@ -6,12 +6,13 @@ use serde::Serialize;
 
 use super::ModelOptions;
 use crate::agreement::Agreement;
-use crate::error::{Error, Result};
-use crate::output;
+use crate::error::{Error, Result, shown};
+use crate::output::{self, Folders, Staged};
 use crate::parameters::Parameters;
 use crate::recording::{Input, Recording, Samples};
 use crate::run::{self, Response};
 use crate::series::Grid;
+use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -38,7 +39,7 @@ enum Drive {
 /// One recording's agreement. RMSE is in m, or in N where displacement drives.
 #[derive(Serialize)]
 struct Row {
-    file: PathBuf,
+    file: String,
     r2: f64,
     nrmse_pct: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -62,19 +63,19 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<Recording>>>()?;
     let jobs = recordings
         .iter()
-        .map(|recording| Ok((recording, recording.grid(options.rate_hz)?)))
-        .collect::<Result<Vec<(&Recording, Grid)>>>()?;
-    let outputs = arguments.out.as_deref().map(|folder| output_paths(folder, &recordings)).transpose()?;
+        .map(|recording| Job::new(recording, arguments.drive, &parameters, options.rate_hz))
+        .collect::<Result<Vec<Job<'_>>>>()?;
+    let outputs = match &arguments.out {
+        Some(folder) => output_paths(folder, &recordings, &arguments.model.params)?.into_iter().map(Some).collect(),
+        None => vec![None; jobs.len()],
+    };
 
-    let bar = output::progress(jobs.iter().map(|(_, grid)| grid.samples as u64).sum(), "replay");
+    let bar = terminal::progress(jobs.iter().map(|job| job.grid.samples as u64).sum(), "replay");
     let mut rows = Vec::new();
-    let mut responses = Vec::new();
-    for (recording, grid) in jobs {
-        let (input, measured) = match arguments.drive {
-            Drive::Force => (recording.drive()?, recording.displacement()?),
-            Drive::Displacement => (recording.displacement_drive()?, total_force(&parameters, recording)?),
-        };
-        let response = run::run(&parameters, &input, grid, &options, &bar)?;
+    let mut written = Vec::new();
+    for (Job { recording, grid, input, measured }, path) in jobs.into_iter().zip(outputs) {
+        let response = run::run(&parameters, &input, grid, &options, &bar)
+            .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
         let modelled = match arguments.drive {
             Drive::Force => &response.displacement_m,
             Drive::Displacement => &response.force_n,
@@ -87,25 +88,46 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let agreement = Agreement::of(&measured.value, &read);
         let rmse_for = |drive| (arguments.drive == drive).then_some(agreement.rmse);
         rows.push(Row {
-            file: recording.path().into(),
+            file: shown(recording.path()),
             r2: agreement.r2,
             nrmse_pct: agreement.nrmse_pct,
             rmse_m: rmse_for(Drive::Force),
             rmse_n: rmse_for(Drive::Displacement),
             samples: agreement.samples,
         });
-        responses.push((response, grid, measured));
-    }
-    bar.finish_and_clear();
-    if let Some(paths) = outputs {
-        for (path, (response, grid, measured)) in paths.iter().zip(&responses) {
-            write(path, arguments.drive, response, *grid, measured)?;
+        if let Some(path) = path {
+            if let Some(folder) = path.parent() {
+                output::make_folder(folder)?;
+            }
+            written.push(stage(&path, arguments.drive, &response, grid, &measured)?);
         }
     }
+    bar.finish_and_clear();
+    written.into_iter().try_for_each(Staged::commit)?;
     let r2_mean = rows.iter().map(|row| row.r2).sum::<f64>() / rows.len() as f64;
     let report = Report { recordings: rows, r2_mean };
-    output::report(json, &report, || table(&report));
-    Ok(())
+    terminal::report(json, &report, || table(&report))
+}
+
+/// What is run and compared.
+struct Job<'a> {
+    recording: &'a Recording,
+    grid: Grid,
+    input: Input,
+    measured: Samples,
+}
+
+impl<'a> Job<'a> {
+    fn new(recording: &'a Recording, drive: Drive, parameters: &Parameters, rate_hz: f64) -> Result<Self> {
+        let (input, measured) = match drive {
+            Drive::Force => (recording.drive()?, recording.displacement()?),
+            Drive::Displacement => (recording.displacement_drive()?, total_force(parameters, recording)?),
+        };
+        if measured.value.len() < 2 {
+            return Err(Error::file(recording.path(), "one measured value; a comparison needs at least 2"));
+        }
+        Ok(Self { recording, grid: recording.grid(rate_hz)?, input, measured })
+    }
 }
 
 /// The force on the film as it was measured, or as Eq. 1 gives it from voltage and displacement.
@@ -125,34 +147,32 @@ fn total_force(parameters: &Parameters, recording: &Recording) -> Result<Samples
     Ok(Samples { time_s: voltage.time_s, value: pairs.map(force).collect() })
 }
 
-fn output_paths(folder: &Path, recordings: &[Recording]) -> Result<Vec<PathBuf>> {
+fn output_paths(folder: &Path, recordings: &[Recording], parameters: &str) -> Result<Vec<PathBuf>> {
+    let inputs: Vec<&Path> = recordings.iter().map(Recording::path).chain([Path::new(parameters)]).collect();
     let mut paths = Vec::new();
     for recording in recordings {
         let path = folder.join(recording.path().file_name().unwrap_or_default());
         if paths.contains(&path) {
-            return Err(Error::option("--out", format!("two recordings would be written to {}", path.display())));
+            return Err(Error::option("--out", format!("two recordings would be written to {}", shown(&path))));
         }
-        if path.canonicalize().is_ok_and(|p| recording.path().canonicalize().is_ok_and(|r| p == r)) {
-            return Err(Error::option("--out", format!("{} would overwrite the recording", path.display())));
-        }
+        output::check(&path, &inputs, Folders::AreMade)?;
         paths.push(path);
     }
-    output::make_folder(folder)?;
     Ok(paths)
 }
 
-fn write(path: &Path, drive: Drive, response: &Response, grid: Grid, measured: &Samples) -> Result<()> {
+fn stage(path: &Path, drive: Drive, response: &Response, grid: Grid, measured: &Samples) -> Result<Staged> {
     let measured = grid.resample(measured);
     let name = match drive {
         Drive::Force => "measured_displacement_m",
         Drive::Displacement => "measured_force_n",
     };
-    response.write(path, grid, &[(name, Some(&measured))])
+    response.stage(path, grid, &[(name, Some(&measured))])
 }
 
 fn table(report: &Report) -> String {
     let rows = &report.recordings;
-    let width = rows.iter().map(|row| row.file.display().to_string().chars().count()).max().unwrap_or(0).max(9);
+    let width = rows.iter().map(|row| row.file.chars().count()).max().unwrap_or(0).max(9);
     let unit = if rows.iter().any(|row| row.rmse_n.is_some()) { "mN" } else { "µm" };
     let mut text =
         format!("{:width$}  {:>9}  {:>9}  {:>10}  samples\n", "recording", "R²", "NRMSE %", format!("RMSE {unit}"));
@@ -161,10 +181,7 @@ fn table(report: &Report) -> String {
         let _ = writeln!(
             text,
             "{:width$}  {:>9.5}  {:>9.3}  {rmse:>10.2}  {:>7}",
-            row.file.display().to_string(),
-            row.r2,
-            row.nrmse_pct,
-            row.samples
+            row.file, row.r2, row.nrmse_pct, row.samples
         );
     }
     let _ = write!(text, "{:width$}  {:>9.5}", "mean", report.r2_mean);

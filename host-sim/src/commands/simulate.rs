@@ -4,11 +4,12 @@ use clap::Args;
 use serde::Serialize;
 
 use super::ModelOptions;
-use crate::error::Result;
-use crate::output;
+use crate::error::{Result, shown};
+use crate::output::{self, Folders};
 use crate::parameters::Parameters;
 use crate::recording::Recording;
 use crate::run;
+use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -24,7 +25,7 @@ pub(super) struct Arguments {
 
 #[derive(Serialize)]
 struct Report {
-    out: PathBuf,
+    out: String,
     samples: usize,
     rate_hz: f64,
     /// Largest displacement, m.
@@ -35,25 +36,26 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
     let parameters = Parameters::load(&arguments.model.params)?;
     let recording = Recording::read(&arguments.profile)?;
+    output::check(&arguments.out, &[&arguments.profile, arguments.model.params.as_ref()], Folders::Exist)?;
     let grid = recording.grid(options.rate_hz)?;
-    let bar = output::progress(grid.samples as u64, "simulate");
-    let response = run::run(&parameters, &recording.drive()?, grid, &options, &bar)?;
+    let bar = terminal::progress(grid.samples as u64, "simulate");
+    let response = run::run(&parameters, &recording.drive()?, grid, &options, &bar)
+        .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
     bar.finish_and_clear();
-    response.write(&arguments.out, grid, &[])?;
+    response.stage(&arguments.out, grid, &[])?.commit()?;
     let report = Report {
-        out: arguments.out.clone(),
+        out: shown(&arguments.out),
         samples: grid.samples,
         rate_hz: grid.rate_hz,
         peak_displacement_m: response.displacement_m.iter().copied().fold(f64::NEG_INFINITY, f64::max),
     };
-    output::report(json, &report, || {
+    terminal::report(json, &report, || {
         format!(
             "{}: {} samples at {} Hz, largest displacement {:.4} mm",
-            report.out.display(),
+            report.out,
             report.samples,
             report.rate_hz,
             1e3 * report.peak_displacement_m
         )
-    });
-    Ok(())
+    })
 }

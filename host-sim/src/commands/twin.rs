@@ -3,9 +3,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use crate::error::{Error, Result};
-use crate::output;
+use crate::error::{Error, Result, shown};
+use crate::output::{self, Folders};
 use crate::series::Grid;
+use crate::terminal;
 use crate::twin::{Film, Instruments, Plant, Readings, Waveform};
 
 #[derive(Debug, Args)]
@@ -44,7 +45,7 @@ pub(super) struct Arguments {
 
 #[derive(Serialize)]
 struct Report {
-    out: PathBuf,
+    out: String,
     samples: usize,
     /// Stretch under the weight alone.
     rest_stretch: f64,
@@ -53,35 +54,49 @@ struct Report {
     last_peak_m: f64,
 }
 
+/// A recording has no more samples: the film's states at all of them stand in memory.
+const MOST_SAMPLES: usize = 20_000_000;
+
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let positive = |option, value: f64| {
         if value.is_finite() && value > 0.0 {
             Ok(())
         } else {
-            Err(Error::option(option, format!("{value} must be finite and greater than 0")))
+            Err(Error::option(option, format!("{value:?} must be finite and greater than 0")))
         }
     };
-    let not_negative = |option, value: f64| {
-        if value.is_finite() && value >= 0.0 {
+    let at_most = |option, value: f64, most: f64| {
+        if (0.0..=most).contains(&value) {
             Ok(())
         } else {
-            Err(Error::option(option, format!("{value} must be finite and not negative")))
+            Err(Error::option(option, format!("{value:?} must be from 0 to {most}")))
         }
     };
+    positive("--duration", arguments.duration)?;
+    positive("--rate", arguments.rate)?;
     for &frequency in &arguments.frequency {
         positive("--frequency", frequency)?;
+        if frequency > 0.5 * arguments.rate {
+            let cause = format!("{frequency:?} Hz is above half the rate; a recording cannot show it");
+            return Err(Error::option("--frequency", cause));
+        }
     }
-    positive("--duration", arguments.duration)?;
-    not_negative("--peak-voltage", arguments.peak_voltage)?;
-    not_negative("--noise", arguments.noise)?;
-    not_negative("--quantum", arguments.quantum)?;
-    not_negative("--monitor-noise", arguments.monitor_noise)?;
+    at_most("--peak-voltage", arguments.peak_voltage, 1e6)?;
+    at_most("--noise", arguments.noise, 1.0)?;
+    at_most("--quantum", arguments.quantum, 1.0)?;
+    at_most("--monitor-noise", arguments.monitor_noise, 1e6)?;
     let grid = Grid::covering(arguments.duration, arguments.rate)?;
+    if !(2..=MOST_SAMPLES).contains(&grid.samples) {
+        let cause = format!("{} samples at this rate; from 2 to {MOST_SAMPLES} are possible", grid.samples);
+        return Err(Error::option("--duration", cause));
+    }
+    output::check(&arguments.out, &[], Folders::Exist)?;
 
     let film = Film::new(arguments.plant);
     let waveform = Waveform { peak_v: arguments.peak_voltage, frequencies_hz: arguments.frequency.clone() };
     let times: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
-    let bar = output::progress(0, "integrate the film");
+    let bar = terminal::spinner();
+    bar.set_message("integrate the film");
     let states = film.states(film.rest(), &times, |t| waveform.voltage_v(t))?;
     bar.finish_and_clear();
 
@@ -113,23 +128,22 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let last_full = (grid.samples / period - 1) * period;
     let peak = |from: usize| truth[from..][..period].iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let report = Report {
-        out: arguments.out.clone(),
+        out: shown(&arguments.out),
         samples: grid.samples,
         rest_stretch: film.rest_stretch(),
         first_peak_m: peak(0),
         last_peak_m: peak(last_full),
     };
-    output::report(json, &report, || {
+    terminal::report(json, &report, || {
         format!(
             "{}: {} samples, stretch at rest {:.2}, peak {:.2} mm in the first period, {:.2} mm in the last full one",
-            report.out.display(),
+            report.out,
             report.samples,
             report.rest_stretch,
             1e3 * report.first_peak_m,
             1e3 * report.last_peak_m
         )
-    });
-    Ok(())
+    })
 }
 
 /// The command that makes this recording again.

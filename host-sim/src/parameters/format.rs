@@ -53,7 +53,8 @@ enum PreloadName {
 pub(super) struct ModelTable {
     topology: TopologyName,
     main: ElementTable,
-    branches: Vec<[ElementTable; 2]>,
+    /// Of two springpots each.
+    pub(super) branches: Vec<Spanned<Vec<ElementTable>>>,
 }
 
 #[derive(Deserialize)]
@@ -72,7 +73,7 @@ enum TopologyName {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct ElementTable {
+pub(super) struct ElementTable {
     c: Spanned<f64>,
     alpha: Spanned<f64>,
 }
@@ -113,26 +114,27 @@ impl ActuatorTable {
 
 impl ModelTable {
     pub(super) fn model(&self, mass_kg: f64) -> Result<Maxwell, ModelError> {
-        let branches: Vec<[Springpot; 2]> =
-            self.branches.iter().map(|pair| pair.each_ref().map(ElementTable::element)).collect();
+        let elements: Vec<Springpot> =
+            self.branches.iter().flat_map(|branch| branch.get_ref()).map(ElementTable::element).collect();
+        let (branches, _) = elements.as_chunks::<2>();
         let topology = match self.topology {
             TopologyName::Eq11 => Topology::Eq11,
             TopologyName::Parallel => Topology::Parallel,
         };
-        Maxwell::new(self.main.element(), &branches, topology, mass_kg)
+        Maxwell::new(self.main.element(), branches, topology, mass_kg)
     }
 
     /// Where the value stands that an error is about.
     pub(super) fn place_of(&self, error: &ModelError) -> Option<Range<usize>> {
         let element = |element: &Element| match *element {
             Element::Main => Some(&self.main),
-            Element::Branch { branch, element } => self.branches.get(branch)?.get(element),
+            Element::Branch { branch, element } => self.branches.get(branch)?.get_ref().get(element),
             _ => None,
         };
         match error {
             ModelError::Coefficient { element: which, .. } => Some(element(which)?.c.span()),
             ModelError::Order { element: which, .. } => Some(element(which)?.alpha.span()),
-            ModelError::Branches(_) => Some(self.branches.last()?[0].c.span()),
+            ModelError::Branches(_) => Some(self.branches.last()?.span()),
             _ => None,
         }
     }

@@ -2,7 +2,8 @@
 
 mod format;
 
-use std::fs;
+use std::fs::File;
+use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
@@ -67,15 +68,16 @@ impl Parameters {
     ///
     /// [`Error`] naming the file, the line and the value that cannot be used.
     pub fn read(path: &Path) -> Result<Self> {
-        let length = fs::metadata(path).map_err(|e| Error::file(path, e))?;
-        if length.is_dir() {
+        if path.is_dir() {
             return Err(Error::file(path, "is a directory; name a parameter file (TOML) or preset:NAME"));
         }
-        if length.len() > LONGEST {
-            let cause = format!("{} bytes; a parameter file has {LONGEST} at the most", length.len());
-            return Err(Error::file(path, cause));
+        let mut bytes = Vec::new();
+        let file = File::open(path).map_err(|e| Error::file(path, e))?;
+        // A pipe has no length beforehand.
+        file.take(LONGEST + 1).read_to_end(&mut bytes).map_err(|e| Error::file(path, e))?;
+        if bytes.len() as u64 > LONGEST {
+            return Err(Error::file(path, format!("more than {LONGEST} bytes; this is not a parameter file")));
         }
-        let bytes = fs::read(path).map_err(|e| Error::file(path, e))?;
         let text = String::from_utf8(bytes).map_err(|e| {
             let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
             Error::line(path, line as u64, "not UTF-8 text; this is not a TOML parameter file")
@@ -106,6 +108,10 @@ impl Parameters {
         }
         let actuator = file.actuator.actuator();
         actuator.check().map_err(|e| at(file.actuator.place_of(&e).unwrap_or(0..0), e.to_string()))?;
+        if let Some(branch) = file.model.branches.iter().find(|branch| branch.get_ref().len() != 2) {
+            let cause = format!("a branch of {} springpots; it has exactly two", branch.get_ref().len());
+            return Err(at(branch.span(), cause));
+        }
         let model = file
             .model
             .model(actuator.mass_kg)
