@@ -8,13 +8,16 @@
 
 pub mod agreement;
 pub mod commands;
+pub mod compare;
 pub mod error;
 pub mod fit;
 pub mod full_memory;
 pub mod interrupt;
 pub mod output;
+pub mod page;
 pub mod parameters;
 pub mod plot;
+pub mod prandtl_ishlinskii;
 pub mod recording;
 pub mod reduce;
 pub mod run;

@@ -6,6 +6,7 @@ use kuva::backend::png::PngBackend;
 use kuva::backend::svg::SvgBackend;
 use kuva::plot::LineStyle;
 use kuva::prelude::{Figure, Layout, LegendPosition, LinePlot, Plot};
+use kuva::render::render::Scene;
 
 use crate::error::{Error, Result};
 use crate::output;
@@ -137,6 +138,20 @@ pub fn write(path: &Path, panels: &[Panel]) -> Result<()> {
     if !matches!(ending, "svg" | "png") {
         return Err(Error::file(path, "a figure is written as .svg or .png"));
     }
+    let bytes = if ending == "svg" {
+        svg(panels).into_bytes()
+    } else {
+        PngBackend::new().with_scale(1.5).render_scene(&scene(panels)).map_err(|e| Error::file(path, e))?
+    };
+    output::write_whole(path, |out| out.write_all(&bytes))
+}
+
+/// `panels`, one above the other, as SVG text.
+pub fn svg(panels: &[Panel]) -> String {
+    SvgBackend::new().render_scene(&scene(panels))
+}
+
+fn scene(panels: &[Panel]) -> Scene {
     let (plots, layouts): (Vec<Vec<Plot>>, Vec<Layout>) = panels
         .iter()
         .map(|panel| {
@@ -145,14 +160,7 @@ pub fn write(path: &Path, panels: &[Panel]) -> Result<()> {
             (plots, layout)
         })
         .unzip();
-    let scene =
-        Figure::new(panels.len(), 1).with_plots(plots).with_layouts(layouts).with_cell_size(PANEL.0, PANEL.1).render();
-    let bytes = if ending == "svg" {
-        SvgBackend::new().render_scene(&scene).into_bytes()
-    } else {
-        PngBackend::new().with_scale(1.5).render_scene(&scene).map_err(|e| Error::file(path, e))?
-    };
-    output::write_whole(path, |out| out.write_all(&bytes))
+    Figure::new(panels.len(), 1).with_plots(plots).with_layouts(layouts).with_cell_size(PANEL.0, PANEL.1).render()
 }
 
 /// Every stretch of points becomes its first, lowest, highest and last one, so that no peak is lost.

@@ -1,7 +1,9 @@
 //! The command line: one file per command.
 
+mod compare;
 mod fit;
 mod frequency_response;
+mod reduce;
 mod replay;
 mod simulate;
 mod twin;
@@ -38,6 +40,10 @@ enum Command {
     Replay(replay::Arguments),
     /// Find the parameters of the model from recordings.
     Fit(Box<fit::Arguments>),
+    /// Fit other models of creep to the same recordings, in one table.
+    Compare(Box<compare::Arguments>),
+    /// Find a smaller model with the same response.
+    Reduce(reduce::Arguments),
     /// Tabulate displacement over force against frequency.
     FrequencyResponse(frequency_response::Arguments),
     /// Simulate a recording of a nonlinear film.
@@ -85,6 +91,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
         Command::Simulate(arguments) => simulate::run(&arguments, cli.json),
         Command::Replay(arguments) => replay::run(&arguments, cli.json),
         Command::Fit(arguments) => fit::run(&arguments, cli.json),
+        Command::Compare(arguments) => compare::run(&arguments, cli.json),
+        Command::Reduce(arguments) => reduce::run(&arguments, cli.json),
         Command::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
         Command::Twin(arguments) => twin::run(&arguments, cli.json),
     }

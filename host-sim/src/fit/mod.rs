@@ -11,17 +11,18 @@ pub mod selection;
 pub mod starts;
 pub mod trust;
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use springpot::{Actuator, Topology};
 
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
 use crate::recording::Input;
+use crate::reduce;
 use candidate::{Candidate, Variable};
 use objective::{Objective, Observation};
 use robust::Loss;
-use search::{Context, Found};
+use search::{Context, Found, Workbench};
 use selection::Row;
 use trust::Trust;
 
@@ -66,6 +67,8 @@ pub struct Settings {
 pub struct Fit {
     /// The best candidate.
     pub candidate: Candidate,
+    /// Modelled values at the measured times of every observation.
+    pub modelled: Vec<Vec<f64>>,
     /// Agreement with every observation.
     pub agreements: Vec<Agreement>,
     /// Mean of the observations' R².
@@ -101,25 +104,11 @@ pub fn fit(
             "permittivity, length, width and thickness only scale the force; free one of them at the most",
         ));
     }
-    let fine = Objective::new(observations)?;
-    let thinned: Vec<Observation> = observations.iter().map(observe::thinned).collect();
-    let coarse = Objective::new(&thinned)?;
+    let workbench = Workbench::new(observations, &settings.actuator)?;
     let mut warnings = Vec::new();
     let surroundings = effective(observations, settings, &mut warnings);
-    let evaluations = AtomicUsize::new(0);
-    let context = Context {
-        coarse: &coarse,
-        fine: &fine,
-        actuator: settings.actuator,
-        surroundings,
-        held: settings.held.clone(),
-        loss: settings.loss,
-        scales: observe::scales(observations, settings.actuator.force_per_square_volt()),
-        seed: settings.seed,
-        starts: settings.starts,
-        stop,
-        evaluations: &evaluations,
-    };
+    let context = workbench.context(settings, surroundings, stop);
+    let fine = context.fine;
 
     let (found, table) = match settings.method {
         Method::Lm => {
@@ -142,6 +131,7 @@ pub fn fit(
         Method::PatternSearch => pattern(&context, settings, progress)?,
     };
 
+    let found = named_in_order(&context, found, settings);
     let trust = if settings.judge && settings.method == Method::Lm {
         progress("how far the parameters can be trusted");
         trust::judge(&context, &found)
@@ -149,28 +139,49 @@ pub fn fit(
         None
     };
     if let Some(trust) = &trust {
-        warn_of(trust, &fine, &found, &mut warnings);
+        warn_of(trust, fine, &found, &mut warnings);
     }
-    let agreements = selection::agreements(&fine, &found.candidate);
-    if agreements.is_empty() {
-        return Err(Error::Computation("the fit has no response; check the units of the recordings".into()));
-    }
-    warn_of_outliers(&fine, &found, settings.loss, &mut warnings);
+    let no_response = || Error::Computation("the fit has no response; check the units of the recordings".into());
+    let modelled = fine.evaluate(&found.candidate).ok_or_else(no_response)?.modelled;
+    let agreements: Vec<Agreement> =
+        fine.measured().zip(&modelled).map(|(measured, modelled)| Agreement::of(measured, modelled)).collect();
+    warn_of_outliers(fine, &found, settings.loss, &mut warnings);
     let r2_mean = agreements.iter().map(|a| a.r2).sum::<f64>() / agreements.len() as f64;
     Ok(Fit {
         candidate: found.candidate,
         r2_mean,
+        modelled,
         agreements,
         table,
         trust,
         warnings,
-        evaluations: evaluations.load(Ordering::Relaxed),
+        evaluations: context.evaluations.load(Ordering::Relaxed),
         interrupted: stop.load(Ordering::Relaxed),
     })
 }
 
+/// The fit with its branches in the order in which they are written, unless a start gave them names.
+fn named_in_order(context: &Context<'_>, found: Found, settings: &Settings) -> Found {
+    let Some(ordered) = found.candidate.model().and_then(|model| reduce::ordered(&model)).ok() else { return found };
+    let elements = std::iter::once(ordered.main()).chain(ordered.branches().as_flattened().iter().copied()).collect();
+    let candidate = Candidate { elements, ..found.candidate.clone() };
+    if settings.start.is_some() || candidate == found.candidate {
+        return found;
+    }
+    if settings.method == Method::PatternSearch {
+        return Found { candidate, ..found };
+    }
+    // One more step from there gives the derivatives in the new order.
+    let limits = levenberg_marquardt::Limits { iterations: 2, decrease: 1e-9 };
+    let again = context.descend(context.fine, &candidate, limits);
+    again.map_or(found.clone(), |again| {
+        let minimum = levenberg_marquardt::Minimum { converged: found.minimum.converged, ..again.minimum };
+        Found { minimum, ..again }
+    })
+}
+
 /// The surroundings that the observations can tell anything of.
-fn effective(observations: &[Observation], settings: &Settings, warnings: &mut Vec<String>) -> Vec<Variable> {
+pub fn effective(observations: &[Observation], settings: &Settings, warnings: &mut Vec<String>) -> Vec<Variable> {
     let voltage_driven = observations.iter().any(|o| matches!(o.input, Input::Voltage(_)));
     let displacement_fitted = observations.iter().any(|o| !matches!(o.input, Input::Displacement(_)));
     let varies = observations.iter().any(|o| {
@@ -244,8 +255,14 @@ fn warn_of(trust: &Trust, objective: &Objective, found: &Found, warnings: &mut V
     for set in &trust.undetermined {
         warnings.push(format!("the recordings leave {set} free: other values fit as well"));
     }
-    for estimate in trust.estimates.iter().filter(|e| e.at_bound) {
-        warnings.push(format!("{} stands on its bound, {}", estimate.name, estimate.value));
+    let at_bound: Vec<String> = trust
+        .estimates
+        .iter()
+        .filter(|estimate| estimate.at_bound)
+        .map(|estimate| format!("{} = {}", estimate.name, estimate.value))
+        .collect();
+    if !at_bound.is_empty() {
+        warnings.push(format!("on their bounds: {}", at_bound.join(", ")));
     }
     if !trust.white {
         let rms = (2.0 * found.minimum.cost / objective.samples() as f64).sqrt();
@@ -258,7 +275,7 @@ fn warn_of(trust: &Trust, objective: &Objective, found: &Found, warnings: &mut V
         ));
     }
     if !found.minimum.converged {
-        warnings.push("the search ended before nothing was left to gain".into());
+        warnings.push("the search ran out of iterations; --start with this result goes on".into());
     }
 }
 

@@ -98,6 +98,9 @@ impl Places {
     }
 }
 
+/// The memory of the recursion that solves for coupled motion, nearly.
+type Solver = Compressed<f64, 8, 16, 0>;
+
 /// Values at the points of a circle.
 type Spectrum = Vec<Complex<f64>>;
 
@@ -119,7 +122,7 @@ struct Transfer {
     /// ∂K/∂ ln c of every element.
     sensitivities: Vec<Spectrum>,
     /// Solves what coupling makes implicit, nearly.
-    law: Option<Law<f64, Compressed<f64>>>,
+    law: Option<Law<f64, Solver>>,
 }
 
 impl Objective {
@@ -364,7 +367,7 @@ impl Objective {
 }
 
 /// Displacement under `force + pull V² x`, by the compressed recursion.
-fn recursion(law: &Law<f64, Compressed<f64>>, squared: &[f64], pull: f64, force: &[f64]) -> Vec<f64> {
+fn recursion(law: &Law<f64, Solver>, squared: &[f64], pull: f64, force: &[f64]) -> Vec<f64> {
     let mut state = law.state();
     force
         .iter()
@@ -377,7 +380,7 @@ fn recursion(law: &Law<f64, Compressed<f64>>, squared: &[f64], pull: f64, force:
 fn coupled(
     circle: &FullMemory,
     transfer: &Transfer,
-    law: &Law<f64, Compressed<f64>>,
+    law: &Law<f64, Solver>,
     squared: &[f64],
     pull: f64,
     force: &[f64],
@@ -411,7 +414,7 @@ impl Transfer {
             let horizon_s = (circle.samples() as f64 * step_s).max(100.0 * step_s);
             // However coarse: passes through the compliance remove what the tail misses.
             let options = Options::at_step(step_s).with_horizon(horizon_s).with_tolerance(f64::MAX);
-            Some(Law::compressed(model, options).ok()?)
+            Some(Law::<f64, Solver>::compressed(model, options).ok()?)
         } else {
             None
         };

@@ -5,11 +5,61 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rayon::prelude::*;
 use springpot::{Actuator, Topology};
 
+use super::Settings;
 use super::candidate::{Candidate, Variable};
 use super::levenberg_marquardt::{self, Limits, Minimum, Problem};
-use super::objective::{Evaluation, Objective};
+use super::objective::{Evaluation, Objective, Observation};
+use super::observe;
 use super::robust::{Loss, Weights};
 use super::starts::{self, Scales};
+use crate::error::Result;
+
+/// Observations made ready for searches.
+pub struct Workbench {
+    coarse: Objective,
+    fine: Objective,
+    scales: Scales,
+    evaluations: AtomicUsize,
+}
+
+impl Workbench {
+    /// Makes `observations` ready; `actuator` turns voltage into force.
+    ///
+    /// # Errors
+    ///
+    /// As [`Objective::new`].
+    pub fn new(observations: &[Observation], actuator: &Actuator) -> Result<Self> {
+        let thinned: Vec<Observation> = observations.iter().map(observe::thinned).collect();
+        Ok(Self {
+            coarse: Objective::new(&thinned)?,
+            fine: Objective::new(observations)?,
+            scales: observe::scales(observations, actuator.force_per_square_volt()),
+            evaluations: AtomicUsize::new(0),
+        })
+    }
+
+    /// A context for searches with `settings`, `surroundings` fitted besides the elements.
+    pub fn context<'a>(
+        &'a self,
+        settings: &Settings,
+        surroundings: Vec<Variable>,
+        stop: &'a AtomicBool,
+    ) -> Context<'a> {
+        Context {
+            coarse: &self.coarse,
+            fine: &self.fine,
+            actuator: settings.actuator,
+            surroundings,
+            held: settings.held.clone(),
+            loss: settings.loss,
+            scales: self.scales,
+            seed: settings.seed,
+            starts: settings.starts,
+            stop,
+            evaluations: &self.evaluations,
+        }
+    }
+}
 
 /// What all searches of a fit share.
 pub struct Context<'a> {
@@ -29,7 +79,7 @@ pub struct Context<'a> {
     pub scales: Scales,
     /// Seed of the starts.
     pub seed: u64,
-    /// Random starts of every structure.
+    /// Random starts of a structure; larger ones that go on from smaller ones take fewer.
     pub starts: usize,
     /// Set to end early and keep the best so far.
     pub stop: &'a AtomicBool,
@@ -60,27 +110,36 @@ impl Context<'_> {
 
     /// The best candidate of a structure; `warm` are further starts.
     pub fn best(&self, topology: Topology, branches: usize, warm: &[Candidate]) -> Option<Found> {
-        let random = (0..self.starts).map(|index| {
+        // Larger structures begin from smaller ones, too.
+        let random_starts = if warm.is_empty() { self.starts } else { self.starts.div_ceil(branches.max(1)) };
+        let random = (0..random_starts).map(|index| {
             let mut start = starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
             if self.surroundings.contains(&Variable::StretchCoupling) && start.actuator.stretch_coupling == 0.0 {
                 start.actuator.stretch_coupling = self.scales.coupling;
             }
             start
         });
-        let all: Vec<Candidate> = warm.iter().cloned().chain(random).collect();
+        let starts: Vec<Candidate> = warm.iter().cloned().chain(random).collect();
+        self.best_from(&starts, &self.variables(branches))
+    }
+
+    /// The best candidate that `starts` lead to over chosen `variables`.
+    pub fn best_from(&self, starts: &[Candidate], variables: &[Variable]) -> Option<Found> {
         let coarse = Limits { iterations: 60, decrease: 1e-7 };
-        let mut found: Vec<Found> =
-            all.par_iter().filter_map(|start| self.descend(self.coarse, start, coarse)).collect();
+        let mut found: Vec<Found> = starts
+            .par_iter()
+            .filter_map(|start| self.descend_over(self.coarse, start, variables.to_vec(), coarse))
+            .collect();
         found.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
         // The two best that differ go on, lest the thinning decide between them.
         let best = found.first()?.minimum.cost;
         found.dedup_by(|b, a| b.minimum.cost <= 1.001 * a.minimum.cost);
         found.truncate(if self.stop.load(Ordering::Relaxed) { 1 } else { 2 });
         found.retain(|f| f.minimum.cost <= 1.2 * best);
-        let fine = Limits { iterations: 60, decrease: 1e-9 };
+        let fine = Limits { iterations: 100, decrease: 1e-9 };
         found
             .iter()
-            .filter_map(|start| self.descend(self.fine, &start.candidate, fine))
+            .filter_map(|start| self.descend_over(self.fine, &start.candidate, variables.to_vec(), fine))
             .min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))
     }
 

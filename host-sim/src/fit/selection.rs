@@ -172,14 +172,18 @@ fn grown(candidate: &Candidate, topology: Topology, context: &Context<'_>) -> Ve
 }
 
 /// Fits to all recordings but one.
-struct LeftOut {
+pub struct LeftOut {
     /// The others, thinned, and the one, in full.
     folds: Vec<(Objective, Objective)>,
 }
 
 impl LeftOut {
     /// The folds of `observations`, if there is more than one.
-    fn new(observations: &[Observation]) -> Result<Option<Self>> {
+    ///
+    /// # Errors
+    ///
+    /// As [`Objective::new`].
+    pub fn new(observations: &[Observation]) -> Result<Option<Self>> {
         if observations.len() < 2 {
             return Ok(None);
         }
@@ -198,11 +202,11 @@ impl LeftOut {
     }
 
     /// Mean NRMSE (%) of the recordings that were left out.
-    fn error(&self, context: &Context<'_>, found: &Found) -> Option<f64> {
+    pub fn error(&self, context: &Context<'_>, found: &Found) -> Option<f64> {
         let limits = Limits { iterations: 25, decrease: 1e-6 };
         let mut sum = 0.0;
         for (others, one) in &self.folds {
-            let fitted = context.descend(others, &found.candidate, limits)?;
+            let fitted = context.descend_over(others, &found.candidate, found.variables.clone(), limits)?;
             sum += agreements(one, &fitted.candidate).first()?.nrmse_pct;
         }
         Some(sum / self.folds.len() as f64)

@@ -123,7 +123,11 @@ pub fn judge(context: &Context<'_>, found: &Found) -> Option<Trust> {
         })
         .collect();
 
-    let profiles = profiles(context, found, &errors, freedom);
+    // Where the covariance tells nothing, how far the variable could move if all others stayed.
+    let sizes: Vec<f64> = (0..variables.len())
+        .map(|i| errors[i].unwrap_or_else(|| (variance / found.minimum.normal[(i, i)].max(f64::MIN_POSITIVE)).sqrt()))
+        .collect();
+    let profiles = profiles(context, found, &sizes, freedom);
     let estimates = variables
         .iter()
         .enumerate()
@@ -179,7 +183,7 @@ fn undetermined(matrix: &DMatrix<f64>, inside: &[usize], variables: &[Variable])
 type Ends = (Option<f64>, Option<f64>);
 
 /// Where the cost, minimised over all other variables, exceeds its minimum by what chance allows in 95 of 100 cases.
-fn profiles(context: &Context<'_>, found: &Found, errors: &[Option<f64>], freedom: f64) -> Vec<Ends> {
+fn profiles(context: &Context<'_>, found: &Found, sizes: &[f64], freedom: f64) -> Vec<Ends> {
     let none = || vec![(None, None); found.variables.len()];
     if context.stop.load(Ordering::Relaxed) {
         return none();
@@ -196,7 +200,7 @@ fn profiles(context: &Context<'_>, found: &Found, errors: &[Option<f64>], freedo
             let (low, high) = variable.bounds();
             let value = variable.get(&found.candidate);
             let end = |sign: f64| {
-                let distance = profile_end(context, &base, i, errors[i], sign, threshold)?;
+                let distance = profile_end(context, &base, i, sizes[i], sign, threshold)?;
                 Some((value + sign * distance).clamp(low, high))
             };
             (end(-1.0), end(1.0))
@@ -205,14 +209,7 @@ fn profiles(context: &Context<'_>, found: &Found, errors: &[Option<f64>], freedo
 }
 
 /// The distance from the minimum at which the profile crosses the threshold, if it does before the bound.
-fn profile_end(
-    context: &Context<'_>,
-    base: &Found,
-    index: usize,
-    error: Option<f64>,
-    sign: f64,
-    threshold: f64,
-) -> Option<f64> {
+fn profile_end(context: &Context<'_>, base: &Found, index: usize, size: f64, sign: f64, threshold: f64) -> Option<f64> {
     let variable = base.variables[index];
     let value = variable.get(&base.candidate);
     let (low, high) = variable.bounds();
@@ -239,10 +236,10 @@ fn profile_end(
     };
     // Outwards until the cost is exceeded, then between.
     let mut inner = 0.0;
-    let mut outer = (NORMAL * error.unwrap_or(0.05)).clamp(1e-6, 1.0).min(room);
+    let mut outer = (NORMAL * size).min(1.0).min(room);
     let mut steps = 0;
     while cost_at(outer) < threshold {
-        if outer >= room || steps == 6 {
+        if outer >= room || steps == 8 {
             return None;
         }
         inner = outer;

@@ -1,0 +1,204 @@
+use std::path::Path;
+
+use clap::{Args, ValueEnum};
+use springpot::{Actuator, MAX_BRANCHES, Topology};
+
+use crate::error::{Error, Result};
+use crate::fit::candidate::{Candidate, Variable};
+use crate::fit::objective::Observation;
+use crate::fit::observe::{self, Direction};
+use crate::fit::robust::Loss;
+use crate::fit::{Method, Settings};
+use crate::parameters::Parameters;
+use crate::recording::Recording;
+
+/// Options of every command that fits.
+#[derive(Clone, Debug, Args)]
+pub(in crate::commands) struct FitOptions {
+    /// Branches of two springpots, 0 to 5, or auto.
+    #[arg(long, value_name = "N|auto", default_value = "auto", value_parser = branches)]
+    branches: Branches,
+    /// How branches are connected.
+    #[arg(long, value_enum, default_value_t = TopologyChoice::Auto)]
+    topology: TopologyChoice,
+    /// How parameters are searched for.
+    #[arg(long, value_enum, default_value_t = Method::Lm)]
+    method: Method,
+    /// What drives the model.
+    #[arg(long, value_enum, default_value_t = Direction::Force)]
+    drive: Direction,
+    /// Fit this too: stretch_coupling and offset_m (freed by default), mass_kg, or one of relative_permittivity,
+    /// length_m, width_m and thickness_m.
+    #[arg(long, value_name = "NAME")]
+    free: Vec<String>,
+    /// Do not fit this: stretch_coupling, offset_m, or with --start an element such as main.alpha or branches[0][1].c.
+    #[arg(long, value_name = "NAME")]
+    hold: Vec<String>,
+    /// Parameters whose actuator is taken: geometry, permittivity, mass, preload, coupling.
+    #[arg(long, value_name = "P")]
+    actuator: Option<String>,
+    /// Parameters to begin from, instead of random starts; they also give branches and topology.
+    #[arg(long, value_name = "P", conflicts_with_all = ["actuator"])]
+    start: Option<String>,
+    /// How residuals count.
+    #[arg(long, value_enum, default_value_t = Loss::Square)]
+    loss: Loss,
+    /// How much each recording counts, in their order.
+    #[arg(long, value_name = "W,W,…", value_delimiter = ',')]
+    weights: Vec<f64>,
+    /// Seed of the random starts.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Random starts of every structure.
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    starts: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Branches {
+    Auto,
+    Number(usize),
+}
+
+fn branches(text: &str) -> std::result::Result<Branches, String> {
+    if text == "auto" {
+        return Ok(Branches::Auto);
+    }
+    text.parse()
+        .ok()
+        .filter(|n| *n <= MAX_BRANCHES)
+        .map(Branches::Number)
+        .ok_or_else(|| format!("use auto or a number from 0 to {MAX_BRANCHES}"))
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum TopologyChoice {
+    Eq11,
+    Parallel,
+    Auto,
+}
+
+impl FitOptions {
+    pub(in crate::commands) fn settings(&self) -> Result<Settings> {
+        let start = self.start.as_deref().map(Parameters::load).transpose()?;
+        let actuator = match (&self.actuator, &start) {
+            (Some(name), _) => Parameters::load(name)?.actuator,
+            (None, Some(start)) => start.actuator,
+            (None, None) => Actuator::KARNER_2022,
+        };
+        let start = start.map(|parameters| Candidate {
+            actuator,
+            elements: std::iter::once(parameters.model.main())
+                .chain(parameters.model.branches().as_flattened().iter().copied())
+                .collect(),
+            topology: parameters.model.topology(),
+            offset_m: parameters.sensor_offset_m,
+        });
+        if self.starts == 0 && start.is_none() {
+            return Err(Error::option("--starts", "at least 1 is needed"));
+        }
+
+        let mut surroundings = vec![Variable::StretchCoupling, Variable::Offset];
+        for name in &self.free {
+            let variable = surrounding(name).ok_or_else(|| unknown("--free", name))?;
+            if !surroundings.contains(&variable) {
+                surroundings.push(variable);
+            }
+        }
+        let mut held = Vec::new();
+        for name in &self.hold {
+            if let Some(variable) = surrounding(name) {
+                surroundings.retain(|v| *v != variable);
+            } else {
+                let all = Variable::of_model(start.as_ref().map_or(0, Candidate::branches));
+                let variable =
+                    all.into_iter().find(|v| v.to_string() == *name).ok_or_else(|| unknown("--hold", name))?;
+                if start.is_none() {
+                    return Err(Error::option("--hold", format!("{name} needs --start, which gives its value")));
+                }
+                held.push(variable);
+            }
+        }
+        if self.method == Method::PatternSearch {
+            surroundings.clear();
+        }
+        if self.method == Method::PatternSearch && self.loss != Loss::Square {
+            return Err(Error::option("--loss", "pattern search is the paper's procedure, with squares"));
+        }
+
+        let branches = match (self.branches, &start) {
+            (_, Some(start)) => vec![start.branches()],
+            (Branches::Number(n), None) => vec![n],
+            (Branches::Auto, None) => (0..=MAX_BRANCHES).collect(),
+        };
+        let topologies = match (self.topology, &start) {
+            (TopologyChoice::Eq11, _) => vec![Topology::Eq11],
+            (TopologyChoice::Parallel, _) => vec![Topology::Parallel],
+            (TopologyChoice::Auto, Some(start)) => vec![start.topology],
+            (TopologyChoice::Auto, None) => vec![Topology::Parallel, Topology::Eq11],
+        };
+        Ok(Settings {
+            method: self.method,
+            branches,
+            topologies,
+            actuator,
+            surroundings,
+            held,
+            start,
+            loss: self.loss,
+            seed: self.seed,
+            starts: self.starts,
+            judge: true,
+        })
+    }
+
+    /// The observations, and warnings about each of them.
+    pub(in crate::commands) fn observations(
+        &self,
+        recordings: &[Recording],
+    ) -> Result<(Vec<Observation>, Vec<Vec<String>>)> {
+        if !(self.weights.is_empty() || self.weights.len() == recordings.len()) {
+            let cause = format!("{} weights for {} recordings", self.weights.len(), recordings.len());
+            return Err(Error::option("--weights", cause));
+        }
+        if let Some(weight) = self.weights.iter().find(|w| !(w.is_finite() && **w > 0.0)) {
+            return Err(Error::option("--weights", format!("{weight} must be finite and greater than 0")));
+        }
+        let weight = |index: usize| self.weights.get(index).copied().unwrap_or(1.0);
+        recordings
+            .iter()
+            .enumerate()
+            // Squared residuals are weighted.
+            .map(|(index, recording)| observe::observe(recording, self.drive, weight(index).sqrt()))
+            .collect()
+    }
+
+    /// What drives the model.
+    pub(in crate::commands) fn direction(&self) -> Direction {
+        self.drive
+    }
+
+    /// Parameter files that are read.
+    pub(in crate::commands) fn parameter_files(&self) -> impl Iterator<Item = &Path> {
+        self.actuator.iter().chain(&self.start).map(Path::new)
+    }
+}
+
+fn surrounding(name: &str) -> Option<Variable> {
+    [
+        Variable::StretchCoupling,
+        Variable::Offset,
+        Variable::Permittivity,
+        Variable::Length,
+        Variable::Width,
+        Variable::Thickness,
+        Variable::Mass,
+    ]
+    .into_iter()
+    .find(|variable| variable.to_string() == name)
+}
+
+fn unknown(option: &'static str, name: &str) -> Error {
+    let names = "stretch_coupling, offset_m, mass_kg, relative_permittivity, length_m, width_m, thickness_m";
+    Error::option(option, format!("no quantity {name:?}; there are {names} and elements such as main.alpha"))
+}

@@ -1,0 +1,78 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use crate::error::{Error, Result, shown};
+use crate::output::{self, Folders};
+use crate::parameters::Parameters;
+use crate::reduce::{self, Limits};
+use crate::terminal;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Parameter file (TOML), or preset:NAME such as preset:table3-n5.
+    #[arg(long, value_name = "P")]
+    params: String,
+    /// Where the reduced parameters go.
+    #[arg(long, value_name = "P.toml")]
+    out: PathBuf,
+    /// Lowest frequency at which the response is to stay.
+    #[arg(long, value_name = "HZ", default_value_t = Limits::default().from_hz)]
+    from: f64,
+    /// Highest frequency at which the response is to stay.
+    #[arg(long, value_name = "HZ", default_value_t = Limits::default().to_hz)]
+    to: f64,
+    /// Largest relative change of the dynamic modulus between them.
+    #[arg(long, value_name = "SHARE", default_value_t = Limits::default().tolerance)]
+    tolerance: f64,
+}
+
+#[derive(Serialize)]
+struct Report {
+    parameters_file: String,
+    branches_before: usize,
+    branches: usize,
+    steps: Vec<String>,
+    largest_change: f64,
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    let limits = Limits { from_hz: arguments.from, to_hz: arguments.to, tolerance: arguments.tolerance };
+    if !(1e-12..=1e12).contains(&limits.from_hz) {
+        return Err(Error::option("--from", format!("{:?} Hz must be from 1e-12 to 1e12", limits.from_hz)));
+    }
+    if !(limits.from_hz..=1e12).contains(&limits.to_hz) {
+        return Err(Error::option("--to", format!("{:?} Hz must be from --from to 1e12", limits.to_hz)));
+    }
+    if !(1e-12..1.0).contains(&limits.tolerance) {
+        return Err(Error::option("--tolerance", format!("{:?} must be from 1e-12 to below 1", limits.tolerance)));
+    }
+    let mut parameters = Parameters::load(&arguments.params)?;
+    output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
+    let reduction = reduce::reduced(&parameters.model, limits)?;
+    let branches_before = parameters.model.branches().len();
+    parameters.name = format!("{}, reduced", parameters.name);
+    parameters.model = reduction.model;
+    output::write_whole(&arguments.out, |file| file.write_all(parameters.to_toml().as_bytes()))?;
+    let report = Report {
+        parameters_file: shown(&arguments.out),
+        branches_before,
+        branches: parameters.model.branches().len(),
+        steps: reduction.steps,
+        largest_change: reduction.change,
+    };
+    terminal::report(json, &report, || {
+        let mut lines = report.steps.clone();
+        lines.push(format!(
+            "{}: {} branches became {}; the modulus changes by {:.1e} at the most from {} to {} Hz",
+            report.parameters_file,
+            report.branches_before,
+            report.branches,
+            report.largest_change,
+            limits.from_hz,
+            limits.to_hz
+        ));
+        lines.join("\n")
+    })
+}
