@@ -22,6 +22,8 @@ pub mod recording;
 pub mod reduce;
 pub mod run;
 pub mod series;
+pub mod study;
+pub mod table;
 pub mod terminal;
 pub mod twin;
 

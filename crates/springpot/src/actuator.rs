@@ -33,7 +33,7 @@ pub struct Actuator {
     pub width_m: f64,
     /// Thickness l₃ of the film, m.
     pub thickness_m: f64,
-    /// The weight that hangs on the film, and its inertia, kg.
+    /// The weight that hangs on the film, and its inertia, kg; nought in a test machine, which carries it.
     pub mass_kg: f64,
     /// When the weight begins to act.
     pub preload: Preload,
@@ -73,18 +73,20 @@ impl Actuator {
     ///
     /// # Errors
     ///
-    /// [`ActuatorError::NotPositive`] or [`ActuatorError::Coupling`].
+    /// [`ActuatorError::NotPositive`], [`ActuatorError::Mass`] or [`ActuatorError::Coupling`].
     pub fn check(&self) -> Result<(), ActuatorError> {
         for (quantity, value) in [
             ("relative_permittivity", self.relative_permittivity),
             ("length_m", self.length_m),
             ("width_m", self.width_m),
             ("thickness_m", self.thickness_m),
-            ("mass_kg", self.mass_kg),
         ] {
             if !(value.is_finite() && value > 0.0) {
                 return Err(ActuatorError::NotPositive { quantity, value });
             }
+        }
+        if !(self.mass_kg.is_finite() && self.mass_kg >= 0.0) {
+            return Err(ActuatorError::Mass(self.mass_kg));
         }
         if !(self.stretch_coupling.is_finite() && self.stretch_coupling >= 0.0) {
             return Err(ActuatorError::Coupling(self.stretch_coupling));

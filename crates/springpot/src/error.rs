@@ -157,6 +157,8 @@ pub enum ActuatorError {
         /// The value.
         value: f64,
     },
+    /// A mass that is not finite or is negative (kg).
+    Mass(f64),
     /// A stretch coupling that is not finite or is negative (1/m).
     Coupling(f64),
     /// The pull of the coupling would overcome the film's stiffness of one step: pull-in at once.
@@ -174,6 +176,7 @@ impl fmt::Display for ActuatorError {
             Self::NotPositive { quantity, value } => {
                 write!(f, "{quantity} = {value} must be finite and greater than 0")
             }
+            Self::Mass(mass) => write!(f, "mass_kg = {mass} must be finite and not negative"),
             Self::Coupling(coupling) => {
                 write!(f, "stretch_coupling = {coupling} must be finite and not negative (1/m)")
             }

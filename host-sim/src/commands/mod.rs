@@ -1,11 +1,13 @@
 //! The command line: one file per command.
 
 mod compare;
+mod convert;
 mod fit;
 mod frequency_response;
 mod reduce;
 mod replay;
 mod simulate;
+mod study;
 mod twin;
 
 use std::ffi::OsString;
@@ -42,6 +44,10 @@ enum Command {
     Fit(Box<fit::Arguments>),
     /// Fit other models of creep to the same recordings, in one table.
     Compare(Box<compare::Arguments>),
+    /// Repeat the paper's study on recordings: joint and single fits, both methods and topologies, tables and figures.
+    Study(study::Arguments),
+    /// Turn a material test (stretch and stress) into a recording of a body (displacement and force).
+    Convert(convert::Arguments),
     /// Find a smaller model with the same response.
     Reduce(reduce::Arguments),
     /// Tabulate displacement over force against frequency.
@@ -92,6 +98,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
         Command::Replay(arguments) => replay::run(&arguments, cli.json),
         Command::Fit(arguments) => fit::run(&arguments, cli.json),
         Command::Compare(arguments) => compare::run(&arguments, cli.json),
+        Command::Study(arguments) => study::run(&arguments, cli.json),
+        Command::Convert(arguments) => convert::run(&arguments, cli.json),
         Command::Reduce(arguments) => reduce::run(&arguments, cli.json),
         Command::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
         Command::Twin(arguments) => twin::run(&arguments, cli.json),

@@ -13,7 +13,7 @@ pub mod trust;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use springpot::{Actuator, Topology};
+use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
@@ -60,6 +60,25 @@ pub struct Settings {
     pub starts: usize,
     /// Whether to judge the parameters.
     pub judge: bool,
+}
+
+impl Default for Settings {
+    /// Every structure from random starts, coupling and offset freed, the paper's actuator.
+    fn default() -> Self {
+        Self {
+            method: Method::Lm,
+            branches: (0..=MAX_BRANCHES).collect(),
+            topologies: vec![Topology::Parallel, Topology::Eq11],
+            actuator: Actuator::KARNER_2022,
+            surroundings: vec![Variable::StretchCoupling, Variable::Offset],
+            held: Vec::new(),
+            start: None,
+            loss: Loss::Square,
+            seed: 1,
+            starts: 8,
+            judge: true,
+        }
+    }
 }
 
 /// A fit.
@@ -281,11 +300,14 @@ fn warn_of(trust: &Trust, objective: &Objective, found: &Found, warnings: &mut V
 
 fn warn_of_outliers(objective: &Objective, found: &Found, loss: Loss, warnings: &mut Vec<String>) {
     let Some(evaluation) = objective.evaluate(&found.candidate) else { return };
-    let residuals = objective.residuals(&evaluation);
-    let limit = 8.0 * robust::spread(&residuals);
+    let mut residuals = objective.residuals(&evaluation);
+    // A fit that outliers have pulled leaves the others beside nought.
+    let middle = observe::median(&residuals);
+    residuals.iter_mut().for_each(|r| *r -= middle);
+    let limit = 6.0 * robust::spread(&residuals);
     let outliers = residuals.iter().filter(|r| r.abs() > limit).count();
     if outliers > 0 && limit > 0.0 {
         let mend = if loss == Loss::Square { "; --loss huber keeps them from pulling" } else { "" };
-        warnings.push(format!("{outliers} values lie far off (more than 8 standard deviations){mend}"));
+        warnings.push(format!("{outliers} values lie far off (more than 6 standard deviations){mend}"));
     }
 }

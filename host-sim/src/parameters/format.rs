@@ -102,9 +102,9 @@ impl ActuatorTable {
                 "length_m" => &self.length_m,
                 "width_m" => &self.width_m,
                 "thickness_m" => &self.thickness_m,
-                "mass_kg" => &self.mass_kg,
                 _ => return None,
             },
+            ActuatorError::Mass(_) => &self.mass_kg,
             ActuatorError::Coupling(_) => self.stretch_coupling.as_ref()?,
             _ => return None,
         };

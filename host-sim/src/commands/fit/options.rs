@@ -34,7 +34,8 @@ pub(in crate::commands) struct FitOptions {
     /// Do not fit this: stretch_coupling, offset_m, or with --start an element such as main.alpha or branches[0][1].c.
     #[arg(long, value_name = "NAME")]
     hold: Vec<String>,
-    /// Parameters whose actuator is taken: geometry, permittivity, mass, preload, coupling.
+    /// Parameters whose actuator is taken: geometry, permittivity, mass, preload, coupling. If left out it is the
+    /// paper's, without mass where displacement drives.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Parameters to begin from, instead of random starts; they also give branches and topology.
@@ -47,10 +48,10 @@ pub(in crate::commands) struct FitOptions {
     #[arg(long, value_name = "W,W,…", value_delimiter = ',')]
     weights: Vec<f64>,
     /// Seed of the random starts.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
     seed: u64,
     /// Random starts of every structure.
-    #[arg(long, value_name = "N", default_value_t = 8)]
+    #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
     starts: usize,
 }
 
@@ -84,6 +85,8 @@ impl FitOptions {
         let actuator = match (&self.actuator, &start) {
             (Some(name), _) => Parameters::load(name)?.actuator,
             (None, Some(start)) => start.actuator,
+            // A test machine carries the weight.
+            (None, None) if self.drive == Direction::Displacement => Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 },
             (None, None) => Actuator::KARNER_2022,
         };
         let start = start.map(|parameters| Candidate {
@@ -98,9 +101,12 @@ impl FitOptions {
             return Err(Error::option("--starts", "at least 1 is needed"));
         }
 
-        let mut surroundings = vec![Variable::StretchCoupling, Variable::Offset];
+        let mut surroundings = Settings::default().surroundings;
         for name in &self.free {
             let variable = surrounding(name).ok_or_else(|| unknown("--free", name))?;
+            if variable == Variable::Mass && actuator.mass_kg == 0.0 {
+                return Err(Error::option("--free", "mass_kg needs a mass to begin from; give it with --actuator"));
+            }
             if !surroundings.contains(&variable) {
                 surroundings.push(variable);
             }
@@ -148,7 +154,7 @@ impl FitOptions {
             loss: self.loss,
             seed: self.seed,
             starts: self.starts,
-            judge: true,
+            ..Settings::default()
         })
     }
 

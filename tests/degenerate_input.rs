@@ -1,0 +1,192 @@
+//! Recordings that tell little, or wrongly: a clear error or a sane fit with a warning, never a panic or NaN in a file.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+const HOST_SIM: &str = env!("CARGO_BIN_EXE_host-sim-under-test");
+
+/// A recording: V (V) and displacement (m, or nothing) at the times k / rate.
+fn recording(path: &Path, seconds: f64, rate_hz: f64, row: impl Fn(f64) -> (f64, Option<f64>)) {
+    let mut text = "time_s,voltage_v,displacement_m\n".to_owned();
+    for k in 0..=(seconds * rate_hz) as usize {
+        let time = k as f64 / rate_hz;
+        let (voltage, displacement) = row(time);
+        let cell = displacement.map_or_else(String::new, |x| format!("{x:.9}"));
+        let _ = writeln!(text, "{time},{voltage},{cell}");
+    }
+    fs::write(path, text).expect("written");
+}
+
+fn voltage(time: f64) -> f64 {
+    3000.0 * (1.0 - (std::f64::consts::TAU * time / 7.0).cos())
+}
+
+/// A film with creep and noise, by hand: stroke with V², a share of it late.
+fn displacement(time: f64) -> f64 {
+    let share = (voltage(time) / 6000.0).powi(2);
+    let noise = 5e-6 * (1000.0 * time).sin();
+    2e-3 * share + 3e-4 * (1.0 - (-time / 20.0).exp()) + noise
+}
+
+fn fit(folder: &Path, files: &[&Path], more: &[&str]) -> Output {
+    let mut command = Command::new(HOST_SIM);
+    command.args(["fit", "--json", "--out"]).arg(folder.join("p.toml")).args(files).args(more);
+    command.output().expect("runs")
+}
+
+/// The fit's report, after checking that no file holds NaN and that the parameters can be read.
+fn sane(folder: &Path, files: &[&Path], more: &[&str]) -> Value {
+    let output = fit(folder, files, more);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: Value = serde_json::from_slice(&output.stdout).expect("one document");
+    let parameters = folder.join("p.toml");
+    let text = fs::read_to_string(&parameters).expect("written");
+    let words = || text.split(|c: char| !c.is_alphanumeric()).map(str::to_lowercase);
+    assert!(words().all(|word| word != "nan"), "{text}");
+    let replay = Command::new(HOST_SIM).args(["replay", "--json", "--params"]).arg(&parameters).args(files).output();
+    assert!(replay.expect("runs").status.success());
+    report
+}
+
+fn refused(folder: &Path, files: &[&Path], words: &[&str]) {
+    let output = fit(folder, files, &[]);
+    let line = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(output.status.code(), Some(2), "{line}");
+    assert_eq!(line.lines().count(), 1, "{line}");
+    for word in words {
+        assert!(line.contains(word), "{word:?} is missing in: {line}");
+    }
+    assert!(!folder.join("p.toml").exists());
+    println!("{}", line.trim_end());
+}
+
+fn warns(report: &Value, words: &str) -> bool {
+    report["warnings"].as_array().expect("a list").iter().any(|w| w.as_str().expect("text").contains(words))
+}
+
+#[test]
+fn nothing_to_learn_is_refused() {
+    let folder = TempDir::new().expect("a folder");
+    let file = folder.path().join("rec.csv");
+    recording(&file, 20.0, 100.0, |t| (voltage(t), Some(0.0)));
+    refused(folder.path(), &[&file], &["rec.csv", "displacement", "nothing to fit"]);
+    recording(&file, 20.0, 100.0, |_| (0.0, Some(displacement(1.0))));
+    refused(folder.path(), &[&file], &["rec.csv", "nothing to fit"]);
+    recording(&file, 0.08, 100.0, |t| (voltage(t), Some(displacement(t))));
+    refused(folder.path(), &[&file], &["rec.csv", "9 values", "at least 10"]);
+    recording(&file, 20.0, 100.0, |t| (voltage(t), None));
+    refused(folder.path(), &[&file], &["rec.csv", "displacement_m"]);
+}
+
+#[test]
+fn creep_under_constant_voltage() {
+    let folder = TempDir::new().expect("a folder");
+    let file = folder.path().join("step.csv");
+    recording(&file, 100.0, 20.0, |t| (5000.0, Some(1e-3 * (t + 0.05).powf(0.1) + 2e-6 * (900.0 * t).sin())));
+    let report = sane(folder.path(), &[&file], &[]);
+    assert!(report["r2_mean"].as_f64().expect("a number") > 0.99);
+    assert!(warns(&report, "constant"), "{report}");
+}
+
+#[test]
+fn different_lengths_and_rates_and_a_single_cycle() {
+    let folder = TempDir::new().expect("a folder");
+    let files = ["a.csv", "b.csv", "c.csv"].map(|name| folder.path().join(name));
+    for (file, (seconds, rate)) in files.iter().zip([(60.0, 50.0), (7.0, 333.0), (25.0, 20.0)]) {
+        recording(file, seconds, rate, |t| (voltage(t), Some(displacement(t))));
+    }
+    let report = sane(folder.path(), &[&files[0], &files[1], &files[2]], &["--branches", "1"]);
+    assert!(report["r2_mean"].as_f64().expect("a number") > 0.98, "{report}");
+    let alone = sane(folder.path(), &[&files[1]], &[]);
+    assert!(alone["r2_mean"].as_f64().expect("a number") > 0.98, "{alone}");
+}
+
+#[test]
+fn gaps_are_bridged_and_told() {
+    let folder = TempDir::new().expect("a folder");
+    let file = folder.path().join("gap.csv");
+    recording(&file, 60.0, 50.0, |t| (voltage(t), Some(displacement(t))));
+    let text = fs::read_to_string(&file).expect("written");
+    let cut: String = text
+        .lines()
+        .filter(|line| {
+            let time: Option<f64> = line.split(',').next().and_then(|cell| cell.parse().ok());
+            time.is_none_or(|t| !(20.0..22.0).contains(&t))
+        })
+        .flat_map(|line| [line, "\n"])
+        .collect();
+    fs::write(&file, cut).expect("written");
+    let report = sane(folder.path(), &[&file], &["--branches", "1"]);
+    assert!(warns(&report, "gap"), "{report}");
+    // Empty cells of the measurement are no gap: the voltage is known there.
+    recording(&file, 60.0, 50.0, |t| (voltage(t), (!(20.0..22.0).contains(&t)).then(|| displacement(t))));
+    let report = sane(folder.path(), &[&file], &["--branches", "1"]);
+    assert!(!warns(&report, "gap") && report["r2_mean"].as_f64().expect("a number") > 0.98, "{report}");
+}
+
+#[test]
+fn drop_outs_of_the_laser_do_not_pull_a_robust_fit() {
+    let folder = TempDir::new().expect("a folder");
+    let (clean, dirty) = (folder.path().join("clean.csv"), folder.path().join("dirty.csv"));
+    let out = |t: f64| (t * 10.0).fract() < 0.2 && (t as usize).is_multiple_of(3);
+    recording(&clean, 60.0, 50.0, |t| (voltage(t), Some(displacement(t))));
+    recording(&dirty, 60.0, 50.0, |t| (voltage(t), Some(if out(t) { -0.02 } else { displacement(t) })));
+    let error_on_clean = |more: &[&str]| {
+        let report = sane(folder.path(), &[&dirty], &[&["--branches", "1"], more].concat());
+        let replay = Command::new(HOST_SIM)
+            .args(["replay", "--json", "--params"])
+            .args([&folder.path().join("p.toml"), &clean])
+            .output()
+            .expect("runs");
+        let replay: Value = serde_json::from_slice(&replay.stdout).expect("one document");
+        (replay["recordings"][0]["nrmse_pct"].as_f64().expect("a number"), report)
+    };
+    let (square, told) = error_on_clean(&[]);
+    let (huber, _) = error_on_clean(&["--loss", "huber"]);
+    println!("NRMSE on the clean recording: squares {square:.2} %, Huber {huber:.2} %");
+    assert!(warns(&told, "--loss huber"), "{told}");
+    assert!(huber < 5.0 && huber < 0.25 * square, "squares {square} %, Huber {huber} %");
+}
+
+#[test]
+fn a_saturated_sensor_is_told() {
+    let folder = TempDir::new().expect("a folder");
+    let file = folder.path().join("saturated.csv");
+    recording(&file, 60.0, 50.0, |t| (voltage(t), Some(displacement(t).min(1.6e-3))));
+    let report = sane(folder.path(), &[&file], &["--branches", "1"]);
+    assert!(warns(&report, "saturated"), "{report}");
+}
+
+#[test]
+fn ten_hours_at_10_hz() {
+    let folder = TempDir::new().expect("a folder");
+    let file = folder.path().join("long.csv");
+    recording(&file, 36_000.0, 10.0, |t| (voltage(t), Some(displacement(t) + 1e-4 * (t / 3600.0).ln_1p())));
+    let report = sane(folder.path(), &[&file], &["--branches", "1", "--topology", "parallel"]);
+    assert!(report["r2_mean"].as_f64().expect("a number") > 0.98, "{report}");
+}
+
+/// Ctrl-C ends a search with the best so far, in a file that says so.
+#[test]
+fn an_interrupted_search_keeps_the_best_so_far() {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("p.toml");
+    let mut command = Command::new(HOST_SIM);
+    command.args(["fit", "--starts", "500", "--out"]).arg(&out).args(tests::recordings("hossain"));
+    let mut running = command.stdout(std::process::Stdio::null()).spawn().expect("runs");
+    std::thread::sleep(std::time::Duration::from_secs(2));
+    assert!(running.try_wait().expect("waits").is_none(), "500 starts are done in 2 s");
+    let kill = Command::new("kill").args(["-INT", &running.id().to_string()]).status().expect("kills");
+    assert!(kill.success() && running.wait().expect("ends").success());
+    let text = fs::read_to_string(&out).expect("the best so far");
+    assert!(text.contains("interrupted = true"), "{text}");
+    let [recording, ..] = tests::recordings("hossain");
+    let replay = Command::new(HOST_SIM).args(["replay", "--json", "--params"]).args([&out, &recording]).output();
+    let report: Value = serde_json::from_slice(&replay.expect("runs").stdout).expect("one document");
+    assert!(report["r2_mean"].as_f64().expect("a number") > 0.9, "{report}");
+}

@@ -1,0 +1,296 @@
+//! `fit`, `study`, `compare`, `reduce` and `convert` as scripts call them.
+
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+use host_sim::agreement::relative_rms;
+use host_sim::full_memory::FullMemory;
+use host_sim::parameters::Parameters;
+use host_sim::reduce::{self, Limits};
+use serde_json::Value;
+use springpot::{Maxwell, Springpot, Topology};
+use tempfile::TempDir;
+use tests::{paper_force, presets, random_models, recordings};
+
+const HOST_SIM: &str = env!("CARGO_BIN_EXE_host-sim-under-test");
+
+fn host_sim(arguments: &[&str]) -> Command {
+    let mut command = Command::new(HOST_SIM);
+    command.args(arguments);
+    command
+}
+
+fn json(arguments: &[&str]) -> Value {
+    let output = host_sim(arguments).arg("--json").assert().success().get_output().stdout.clone();
+    serde_json::from_slice(&output).expect("one JSON document and nothing else")
+}
+
+/// One line on standard error that holds `words`, exit status 2.
+fn fails(arguments: &[&str], words: &[&str]) {
+    let output = host_sim(arguments).assert().code(2).get_output().clone();
+    let line = String::from_utf8(output.stderr).expect("UTF-8");
+    assert_eq!(line.lines().count(), 1, "{line}");
+    assert!(output.stdout.is_empty());
+    for word in words {
+        assert!(line.contains(word), "{word:?} is missing in: {line}");
+    }
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("UTF-8")
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+#[test]
+fn replay_on_the_controller_agrees_with_the_fit() {
+    let folder = TempDir::new().expect("a folder");
+    let (out, page) = (folder.path().join("p.toml"), folder.path().join("p.html"));
+    let [a, b, c] = recordings("wang");
+    let files = [text(&a), text(&b), text(&c)];
+    let arguments = ["fit", "--branches", "2", "--topology", "parallel", "--out", text(&out), "--report", text(&page)];
+    let fit = json(&[&arguments, files.as_slice()].concat());
+    assert_eq!(fit["parameters_file"], text(&out));
+    assert_eq!((&fit["topology"], &fit["branches"]), (&"parallel".into(), &2.into()));
+    assert!(number(&fit["seconds"]) > 0.0 && number(&fit["evaluations"]) > 10.0);
+    let replay = json(&[["replay", "--params", text(&out)].as_slice(), &files].concat());
+    for (fitted, replayed) in
+        std::iter::zip(fit["recordings"].as_array().expect("a list"), replay["recordings"].as_array().expect("a list"))
+    {
+        let (fitted, replayed) = (number(&fitted["r2"]), number(&replayed["r2"]));
+        println!("R² of the fit {fitted:.7}, of the controller's arithmetic at 1 kHz {replayed:.7}");
+        assert!((fitted - replayed).abs() < 5e-5);
+    }
+    // The file says where it comes from.
+    let provenance = Parameters::read(&out).expect("readable").provenance.expect("a table");
+    let digest = provenance["recordings"][0]["sha256"].as_str().expect("text");
+    assert!(digest.len() == 64 && digest.chars().all(|c| c.is_ascii_hexdigit()));
+    assert!(provenance["method"].as_str().expect("text").contains("seed 1"));
+    assert!(provenance["intervals_95_pct"]["main.c"].as_array().is_some_and(|ends| ends.len() == 2));
+    let page = fs::read_to_string(&page).expect("written");
+    assert!(page.starts_with("<!DOCTYPE html>") && page.contains("<svg") && page.contains("wang-7s.csv"));
+}
+
+#[test]
+fn auto_compares_structures_and_marks_its_choice() {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("p.toml");
+    let [a, b, c] = recordings("wang");
+    let fit = json(&["fit", "--out", text(&out), text(&a), text(&b), text(&c)]);
+    let structures = fit["structures"].as_array().expect("a list");
+    // n = 0 and 1 are the same model in both topologies.
+    assert_eq!(structures.len(), 10);
+    let chosen: Vec<&Value> = structures.iter().filter(|row| row["chosen"] == true).collect();
+    assert_eq!(chosen.len(), 1);
+    let left_out = |row: &Value| number(&row["left_out_nrmse_pct"]);
+    let best = structures.iter().map(left_out).fold(f64::INFINITY, f64::min);
+    assert!(left_out(chosen[0]) <= 1.05 * best);
+    for row in structures {
+        let smaller = number(&row["variables"]) < number(&chosen[0]["variables"]);
+        assert!(!smaller || left_out(row) > 1.05 * best, "{row} is smaller and not worse");
+    }
+    // The plant is a network of springs and dashpots in parallel: the harmonic mean cannot follow it.
+    assert_eq!(chosen[0]["topology"], "parallel");
+}
+
+#[test]
+fn each_recording_alone() {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("p.toml");
+    let [a, b, _] = recordings("wang");
+    let fits = json(&["fit", "--each", "--branches", "1", "--out", text(&out), text(&a), text(&b)]);
+    assert_eq!(fits.as_array().expect("a list").len(), 2);
+    for name in ["p-wang-5s.toml", "p-wang-7s.toml"] {
+        Parameters::read(&folder.path().join(name)).expect("a file beside --out");
+    }
+    assert!(!out.exists());
+}
+
+#[test]
+fn starts_holds_and_frees() {
+    let folder = TempDir::new().expect("a folder");
+    let (first, second) = (folder.path().join("a.toml"), folder.path().join("b.toml"));
+    let [a, ..] = recordings("wang");
+    json(&[
+        "fit",
+        "--branches",
+        "1",
+        "--hold",
+        "stretch_coupling",
+        "--hold",
+        "offset_m",
+        "--out",
+        text(&first),
+        text(&a),
+    ]);
+    let before = Parameters::read(&first).expect("readable");
+    assert_eq!((before.actuator.stretch_coupling, before.sensor_offset_m), (0.0, 0.0));
+    let more = ["--hold", "main.alpha", "--free", "relative_permittivity", "--hold", "main.c"];
+    json(&[["fit", "--start", text(&first), "--out", text(&second), text(&a)].as_slice(), &more].concat());
+    let after = Parameters::read(&second).expect("readable");
+    assert_eq!(before.model.main(), after.model.main());
+    assert_ne!(before.actuator.relative_permittivity, after.actuator.relative_permittivity);
+    assert!(after.actuator.stretch_coupling > 0.0);
+}
+
+#[test]
+fn what_makes_no_fit_is_refused() {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("p.toml");
+    let [a, b, _] = recordings("wang");
+    let (a, b, out) = (text(&a), text(&b), text(&out));
+    let with = |more: &[&str], words: &[&str]| fails(&[["fit", "--out", out, a, b].as_slice(), more].concat(), words);
+    with(&["--branches", "6"], &["--branches", "0 to 5"]);
+    with(&["--topology", "star"], &["--topology", "star"]);
+    with(&["--method", "guess"], &["--method", "guess"]);
+    with(&["--weights", "1"], &["--weights", "1 weights for 2 recordings"]);
+    with(&["--weights", "1,-1"], &["--weights", "-1"]);
+    with(&["--free", "colour"], &["--free", "colour", "mass_kg"]);
+    with(&["--free", "length_m", "--free", "width_m"], &["--free", "only scale"]);
+    with(&["--hold", "main.c"], &["--hold", "--start"]);
+    with(&["--starts", "0"], &["--starts"]);
+    with(&["--drive", "displacement"], &["wang-5s.csv", "force_n"]);
+    with(&["--actuator", "preset:none"], &["none"]);
+    with(&["--method", "pattern-search", "--loss", "huber"], &["--loss"]);
+    with(&["--report", a], &["wang-5s.csv", "overwrite"]);
+    fails(&["fit", "--out", "/nowhere/p.toml", a], &["/nowhere"]);
+    fails(&["fit", "--each", "--out", out, a, a], &["two recordings"]);
+    assert!(!Path::new(out).exists());
+}
+
+#[test]
+fn compare_prints_every_baseline() {
+    let [a, b, _] = recordings("wang");
+    let report = json(&["compare", "--starts", "2", text(&a), text(&b)]);
+    let models = report["models"].as_array().expect("a list");
+    let row = |name: &str| models.iter().find(|row| row["model"] == name).unwrap_or_else(|| panic!("no {name}"));
+    let nrmse = |name: &str| number(&row(name)["nrmse_pct"]);
+    assert!(models.iter().all(|row| number(&row["left_out_nrmse_pct"]) > 0.0 && number(&row["step_ns"]) > 0.0));
+    assert_eq!(models.len(), 11);
+    // More branches never fit worse, springpots beat springs and dashpots of as many branches, and what has no creep is worst.
+    assert!(nrmse("Prony series, 2 branches") < nrmse("standard linear solid"));
+    assert!(nrmse("fractional Maxwell, n = 1") < nrmse("standard linear solid"));
+    assert!(nrmse("fractional Maxwell, n = 2") < nrmse("Prony series, 2 branches"));
+    let worst = models.iter().map(|row| number(&row["nrmse_pct"])).fold(0.0, f64::max);
+    assert!(nrmse("Prandtl–Ishlinskii, rate-dependent") == worst && worst < 6.0, "{worst}");
+    fails(&["compare", "--drive", "displacement", text(&a)], &["--drive"]);
+}
+
+#[test]
+fn study_repeats_the_paper() {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("study");
+    // Every tenth sample of 30 s keeps pattern search short.
+    let files: Vec<_> = recordings("wang")
+        .iter()
+        .map(|path| {
+            let short = folder.path().join(path.file_name().expect("a name"));
+            let text = fs::read_to_string(path).expect("committed");
+            let rows: Vec<&str> = text.lines().filter(|line| !line.starts_with('#')).take(3001).collect();
+            let kept: Vec<&str> = rows[..1].iter().chain(rows[1..].iter().step_by(10)).copied().collect();
+            fs::write(&short, kept.join("\n")).expect("written");
+            short
+        })
+        .collect();
+    let arguments: Vec<&str> =
+        ["study", "--out", text(&out)].into_iter().chain(files.iter().map(|f| text(f))).collect();
+    let report = json(&arguments);
+    let fits = report["fits"].as_array().expect("a list");
+    // (n = 1…5 together, and each of three alone) × two methods × two topologies.
+    assert_eq!(fits.len(), (5 + 3) * 2 * 2);
+    let r2 = |method: &str, topology: &str, branches: u64| {
+        let wanted = |fit: &&Value| {
+            fit["method"] == method
+                && fit["topology"] == topology
+                && fit["branches"] == branches
+                && fit["recording"].is_null()
+        };
+        number(&fits.iter().find(wanted).expect("a fit")["r2_mean"])
+    };
+    for branches in 1..=5 {
+        assert!(r2("lm", "parallel", branches) >= r2("pattern-search", "parallel", branches) - 1e-6);
+    }
+    assert!(r2("lm", "eq11", 5) - r2("lm", "eq11", 2) < 1e-4, "Eq. 9 does not gain");
+    assert!(report["why_eq9_stops"].as_str().expect("a line").contains("harmonic mean"));
+    for name in ["figure-6.svg", "figure-6.png", "figure-7.svg", "figure-7.png", "study.html", "study.md"] {
+        assert!(fs::metadata(out.join(name)).is_ok_and(|file| file.len() > 1000), "{name}");
+    }
+    let tables = fs::read_to_string(out.join("study.md")).expect("written");
+    assert!(["Table 2", "Table 3", "Table 4"].iter().all(|title| tables.contains(title)));
+}
+
+/// Reduced models answer as before, to 1e-9: the published ones, random ones, and ones with springs and dashpots to merge.
+#[test]
+fn reduced_models_answer_as_before() {
+    let sp = Springpot::new;
+    let mergeable = [
+        vec![[sp(1e4, 1.0), sp(2e4, 1.0)], [sp(3e4, 0.0), sp(1e5, 0.0)], [sp(1e4, 0.0), sp(2e4, 1.0)]],
+        vec![[sp(1e4, 0.3), sp(1e18, 0.0)], [sp(1e-9, 0.2), sp(1e3, 1.0)], [sp(1e4, 0.3), sp(2e4, 0.3)]],
+        vec![[sp(1e4, 0.2), sp(3e4, 0.2)]],
+    ];
+    let mut models: Vec<(String, Maxwell)> = presets().into_iter().chain(random_models(8, 40)).collect();
+    for (k, branches) in mergeable.iter().enumerate() {
+        for topology in [Topology::Eq11, Topology::Parallel] {
+            let model = Maxwell::new(sp(5e4, 0.2), branches, topology, 0.316).expect("valid");
+            models.push((format!("mergeable {k} {topology:?}"), model));
+        }
+    }
+    let force = paper_force(1.0 / 7.0, 60.0, 100.0);
+    let full = FullMemory::new(force.len(), 0.01);
+    let mut fewer = 0;
+    for (name, model) in models {
+        let reduction = reduce::reduced(&model, Limits::default()).expect("valid");
+        assert!(reduction.change <= 1e-9, "{name}: the modulus changes by {:.1e}", reduction.change);
+        let error = relative_rms(&full.displacement(&reduction.model, &force), &full.displacement(&model, &force));
+        assert!(error <= 1e-9, "{name}: the response changes by {error:.1e}");
+        let (before, after) = (model.branches().len(), reduction.model.branches().len());
+        assert!(after <= before);
+        fewer += usize::from(after < before);
+        if name == "mergeable 2 Parallel" {
+            assert_eq!((after, reduction.model.main().alpha), (0, 0.2), "joins the main springpot");
+        }
+    }
+    assert!(fewer >= 8, "{fewer} models became smaller");
+}
+
+/// Fig. 8: Table 3, n = 5, is a spring-like springpot and a dashpot in series.
+#[test]
+fn reduce_merges_the_paper_s_dashpots() {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("r.toml");
+    let report = json(&["reduce", "--params", "preset:table3-n5", "--out", text(&out)]);
+    assert_eq!((&report["branches_before"], &report["branches"]), (&5.into(), &1.into()));
+    let reduced = Parameters::read(&out).expect("readable").model;
+    let [spring, dashpot] = reduced.branches()[0];
+    // 5 / Σ 1/c over the published coefficients, × 1000.
+    let merged = |c: &[f64]| 5e3 / c.iter().map(|c| 1.0 / c).sum::<f64>();
+    assert!((spring.c / merged(&[0.097, 0.097, 0.095]) - 1.0).abs() < 1e-12 && spring.alpha == 0.002);
+    let dashpots = [0.315, 0.036, 0.356, 0.036, 0.036, 0.036, 0.285];
+    assert!((dashpot.c / merged(&dashpots) - 1.0).abs() < 1e-12 && dashpot.alpha == 1.0);
+    for (option, value) in [("--tolerance", "0"), ("--from", "-1"), ("--to", "1e-9")] {
+        let given = format!("{option}={value}");
+        fails(&["reduce", "--params", "preset:table3-n5", "--out", text(&out), &given], &[option]);
+    }
+}
+
+/// Eqs. 12–13: stretch and stress of a material become displacement and force of a body, and fits of either agree.
+#[test]
+fn converted_material_tests() {
+    let folder = TempDir::new().expect("a folder");
+    let (test, out) = (folder.path().join("test.csv"), folder.path().join("body.csv"));
+    fs::write(&test, "time_s,stretch,nominal_stress_kpa\n0,1,0\n1,1.5,20\n2,2,30\n").expect("written");
+    json(&["convert", "--length", "0.06", "--area", "7.84e-6", "--out", text(&out), text(&test)]);
+    let body = fs::read_to_string(&out).expect("written");
+    let last: Vec<f64> =
+        body.lines().last().expect("a row").split(',').map(|cell| cell.parse().expect("a number")).collect();
+    assert!((last[1] - 0.06).abs() < 1e-12 && (last[2] - 30e3 * 7.84e-6).abs() < 1e-12, "{last:?}");
+    fs::write(&test, "time_s,stretch\n0,1\n1,2\n").expect("written");
+    fails(
+        &["convert", "--length", "0.06", "--area", "1", "--out", text(&out), text(&test)],
+        &["test.csv:1:", "nominal_stress_pa"],
+    );
+    fails(&["convert", "--length", "0", "--area", "1", "--out", text(&out), text(&test)], &["--length"]);
+}
