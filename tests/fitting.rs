@@ -1,6 +1,6 @@
 //! Fits: they find what is there, hold on recordings they have not seen, and say how far they can be trusted.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use host_sim::agreement::Agreement;
@@ -15,7 +15,7 @@ use tests::recordings;
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
-fn observation(path: &PathBuf, direction: Direction) -> Observation {
+fn observation(path: &Path, direction: Direction) -> Observation {
     let recording = Recording::read(path).expect("readable");
     observe::observe(&recording, direction, 1.0).expect("fit for fitting").0
 }

@@ -2,7 +2,9 @@
 //!
 //! Recordings of high-voltage runs ([`recording`]) are driven through the very code that a microcontroller steps
 //! ([`run`]), or through its exact full-memory reference ([`full_memory`]), and compared with what was measured
-//! ([`agreement`]). [`twin`] makes recordings of a nonlinear film.
+//! ([`agreement`]). [`fit`] finds the parameters of the model from recordings, [`study`] repeats the paper's study and
+//! [`compare`] sets other models beside it; [`reduce`] finds smaller models with the same response. [`twin`] simulates
+//! recordings of a nonlinear film.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 

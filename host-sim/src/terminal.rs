@@ -26,7 +26,7 @@ pub fn print(text: &str) -> Result<()> {
 ///
 /// # Errors
 ///
-/// As [`print`].
+/// As [`print()`].
 pub fn report<D: Serialize>(json: bool, document: &D, text: impl FnOnce() -> String) -> Result<()> {
     if json {
         print(&serde_json::to_string(document).map_err(|e| Error::Computation(format!("JSON: {e}")))?)

@@ -136,7 +136,7 @@ impl Context<'_> {
         found.dedup_by(|b, a| b.minimum.cost <= 1.001 * a.minimum.cost);
         found.truncate(if self.stop.load(Ordering::Relaxed) { 1 } else { 2 });
         found.retain(|f| f.minimum.cost <= 1.2 * best);
-        let fine = Limits { iterations: 100, decrease: 1e-9 };
+        let fine = Limits { iterations: 60, decrease: 1e-8 };
         found
             .iter()
             .filter_map(|start| self.descend_over(self.fine, &start.candidate, variables.to_vec(), fine))

@@ -31,7 +31,7 @@ pub(in crate::commands) struct FitOptions {
     /// length_m, width_m and thickness_m.
     #[arg(long, value_name = "NAME")]
     free: Vec<String>,
-    /// Do not fit this: stretch_coupling, offset_m, or with --start an element such as main.alpha or branches[0][1].c.
+    /// Do not fit this: stretch_coupling, offset_m, or with --start an element as warnings name it, such as main.alpha.
     #[arg(long, value_name = "NAME")]
     hold: Vec<String>,
     /// Parameters whose actuator is taken: geometry, permittivity, mass, preload, coupling. If left out it is the
