@@ -1,5 +1,7 @@
 //! What the tests share: models to try, and the paper's drive.
 
+use dea_driver::convert::{Calibration, CommandRange};
+use dea_driver::{Limits, MonitorLimits, OnSensorFault, Parameters, PlausibilityLimits};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{Actuator, Maxwell, Preset, Springpot, Topology};
@@ -96,6 +98,49 @@ pub fn paper_force(frequency_hz: f64, seconds: f64, rate_hz: f64) -> Vec<f64> {
             Actuator::KARNER_2022.force_per_square_volt() * voltage * voltage
         })
         .collect()
+}
+
+/// Limits of a bench with a film like the paper's.
+pub fn bench_limits() -> Limits {
+    Limits {
+        max_voltage_v: 6500.0,
+        max_field_v_per_m: 4.2e7,
+        thickness_m: 160e-6,
+        max_slew_v_per_s: 50e3,
+        max_displacement_m: 8e-3,
+        monitor: MonitorLimits { slew_v_per_s: 100e3, band_v: 60.0, band_share: 0.03, settle_s: 0.02 },
+        sensor: PlausibilityLimits { low: -1e-3, high: 9e-3, jump: 0.4e-3, stuck_ticks: 500 },
+        on_sensor_fault: OnSensorFault::Trip,
+        heartbeat_s: 0.5,
+    }
+}
+
+/// Parameters of a board with that bench: the paper's model with two branches, a 1000:1 amplifier.
+pub fn board_parameters() -> Parameters {
+    let preset = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+    let actuator = Actuator::KARNER_2022;
+    let elements = std::iter::once(preset.main()).chain(preset.branches().as_flattened().iter().copied());
+    Parameters {
+        name: "bench".try_into().expect("short"),
+        rate_hz: 1000.0,
+        eq11: true,
+        elements: elements.map(|e| (e.c, e.alpha)).collect(),
+        actuator: [
+            actuator.relative_permittivity,
+            actuator.length_m,
+            actuator.width_m,
+            actuator.thickness_m,
+            actuator.mass_kg,
+            actuator.stretch_coupling,
+        ],
+        from_start: false,
+        sensor_offset_m: 0.0,
+        command_range: CommandRange::TenVolts,
+        amplifier: Calibration::linear(1000.0),
+        monitor: Calibration::linear(1000.0),
+        sensor: Calibration::linear(1e-3),
+        limits: bench_limits(),
+    }
 }
 
 /// The committed recordings of one plant, fast to slow.

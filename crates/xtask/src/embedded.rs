@@ -25,8 +25,9 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
     format.current_dir(&folder);
     run_command(format)?;
     for target in TARGETS {
-        let springpot = root().join("crates/springpot");
-        run_command(toolchain.cargo(&springpot, target, &["build", "--quiet", "--all-features"]))?;
+        for library in ["crates/springpot", "crates/dea-driver"] {
+            run_command(toolchain.cargo(&root().join(library), target, &["build", "--quiet", "--all-features"]))?;
+        }
         if matches!(toolchain, Toolchain::Rustup) {
             run_command(toolchain.cargo(&folder, target, &["clippy", "--quiet", "--", "-D", "warnings"]))?;
         }

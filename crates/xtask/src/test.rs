@@ -13,7 +13,9 @@ pub fn run() -> Result<()> {
 
     workspace(&["fmt", "--all", "--check"])?;
     workspace(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
-    workspace(&["clippy", "--quiet", "--package", "springpot", "--all-features", "--", "-D", "warnings"])?;
+    for library in ["springpot", "dea-driver"] {
+        workspace(&["clippy", "--quiet", "--package", library, "--all-features", "--", "-D", "warnings"])?;
+    }
     let mut doc = cargo(&["doc", "--quiet", "--workspace", "--no-deps", "--document-private-items"]);
     doc.env("RUSTDOCFLAGS", "-D warnings");
     run_command(doc)?;

@@ -1,0 +1,84 @@
+//! The high-voltage amplifier: its command from an AD5754, and its enable input.
+
+use ad57xx::ad57x4::ChannelQuad as Channel;
+use ad57xx::marker::Ad57x4;
+use ad57xx::{Ad57xx, Ad57xxShared, OutputRange};
+use embedded_hal::digital::OutputPin;
+use embedded_hal::spi::SpiDevice;
+
+use crate::convert::{CommandRange, DacCode};
+
+/// An amplifier that follows channel A of an AD5754 while its enable input is high.
+///
+/// The DAC drives 0…5 V or 0…10 V, straight binary (its BIN/2sCOMP pin high), LDAC tied low. SPI mode 1 or 2, up to 30 MHz.
+pub struct Amplifier<SPI, EN> {
+    dac: Ad57xxShared<SPI, Ad57x4>,
+    enable: EN,
+}
+
+/// Why the amplifier did not do as told. It is disabled then.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum AmplifierError {
+    /// The bus did not carry the command.
+    Bus,
+    /// The enable output did not switch.
+    Enable,
+}
+
+impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
+    /// Disables the amplifier, sets the range of its command and brings that to 0 V.
+    ///
+    /// # Errors
+    ///
+    /// [`AmplifierError`] where a chip does not answer; the enable output has been set low first.
+    pub fn new(spi: SPI, mut enable: EN, range: CommandRange) -> Result<Self, AmplifierError> {
+        enable.set_low().map_err(|_| AmplifierError::Enable)?;
+        let mut amplifier = Self { dac: Ad57xxShared::new_ad57x4(spi), enable };
+        let range = match range {
+            CommandRange::FiveVolts => OutputRange::Unipolar5V,
+            CommandRange::TenVolts => OutputRange::Unipolar10V,
+        };
+        // 0 V before power, so that the output never shows what the register held.
+        amplifier.dac.set_output_range(Channel::DacA, range).map_err(|_| AmplifierError::Bus)?;
+        amplifier.command(DacCode::ZERO)?;
+        amplifier.dac.set_power(Channel::DacA, true).map_err(|_| AmplifierError::Bus)?;
+        Ok(amplifier)
+    }
+
+    /// Gives the amplifier's command.
+    ///
+    /// # Errors
+    ///
+    /// [`AmplifierError::Bus`]; call [`disable`](Self::disable) then.
+    pub fn command(&mut self, code: DacCode) -> Result<(), AmplifierError> {
+        self.dac.set_dac_output(Channel::DacA, code.0).map_err(|_| AmplifierError::Bus)
+    }
+
+    /// Brings the command to 0 V and enables the amplifier.
+    ///
+    /// # Errors
+    ///
+    /// [`AmplifierError`]; it is not enabled then.
+    pub fn enable(&mut self) -> Result<(), AmplifierError> {
+        self.command(DacCode::ZERO)?;
+        self.enable.set_high().map_err(|_| AmplifierError::Enable)
+    }
+
+    /// Disables the amplifier and brings the command to 0 V: both are tried, whatever fails.
+    ///
+    /// # Errors
+    ///
+    /// [`AmplifierError`] for the first that failed.
+    pub fn disable(&mut self) -> Result<(), AmplifierError> {
+        let enable = self.enable.set_low().map_err(|_| AmplifierError::Enable);
+        let command = self.command(DacCode::ZERO);
+        enable.and(command)
+    }
+
+    /// Gives the bus and the enable output back.
+    pub fn destroy(self) -> (SPI, EN) {
+        (self.dac.destroy(), self.enable)
+    }
+}

@@ -1,0 +1,198 @@
+//! What controller and host say to each other.
+
+use heapless::{String, Vec};
+use serde::{Deserialize, Serialize};
+
+use crate::supervisor::{Refusal, State};
+
+/// Steps of a loop test in one frame.
+pub const BATCH: usize = 24;
+
+/// Bytes of an upload in one frame.
+pub const CHUNK: usize = 128;
+
+/// From host to controller. Every request is answered, with its sequence number.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Request {
+    /// Chosen by the host; comes back with the answer.
+    pub sequence: u16,
+    /// What is asked for.
+    pub command: Command,
+}
+
+/// What a host can ask for. New commands are added at the end.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Command {
+    /// Who is there? Answered by [`Answer::Identity`].
+    Identify,
+    /// The host is alive.
+    Heartbeat,
+    /// Answered by [`Answer::Status`].
+    Status,
+    /// Enable the amplifier at 0 V.
+    Arm,
+    /// Let the law command the voltage.
+    Start(Mode),
+    /// Back to 0 V, amplifier enabled.
+    Stop,
+    /// Back to 0 V, amplifier disabled.
+    Disarm,
+    /// Take note of a trip.
+    Acknowledge,
+    /// The voltage of [`Mode::Voltage`], V at the film.
+    SetVoltage(f32),
+    /// The displacement of [`Mode::Feedforward`], m.
+    SetReference(f32),
+    /// Part of a parameter blob, in order.
+    Upload {
+        /// Where it belongs.
+        offset: u16,
+        /// The bytes.
+        bytes: Vec<u8, CHUNK>,
+    },
+    /// Check the blob that was uploaded, keep it, and run it from now on. Only while disarmed.
+    Commit {
+        /// Length of the blob.
+        length: u16,
+    },
+    /// Answered by [`Answer::Name`].
+    Query,
+    /// Send every so-many-th tick as [`Message::Telemetry`]; 0 ends it.
+    Stream {
+        /// Ticks per sample.
+        every: u16,
+    },
+    /// Bring the model to rest at x = 0. Only while disarmed.
+    Rest,
+    /// Step the model under these voltages (V), without hardware. Only while disarmed. Answered by [`Answer::Steps`].
+    Step(Vec<f32, BATCH>),
+}
+
+/// What the law does while running.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Mode {
+    /// The film gets the voltage that was set; the model observes.
+    Voltage,
+    /// The film gets the voltage that brings it to the reference.
+    Feedforward,
+}
+
+/// From controller to host.
+#[allow(clippy::large_enum_variant)] // there is no heap to box it on
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Message {
+    /// The answer to the request of that sequence number; 0 for a frame whose number could not be read.
+    Answer {
+        /// The request's number.
+        sequence: u16,
+        /// The answer.
+        answer: Answer,
+    },
+    /// A sample that was asked for by [`Command::Stream`].
+    Telemetry(Sample),
+}
+
+/// What a controller can answer. New answers are added at the end.
+#[allow(clippy::large_enum_variant)] // there is no heap to box it on
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Answer {
+    /// Done as asked.
+    Done,
+    /// Not in this state.
+    Refused(Refusal),
+    /// Not as it was sent.
+    Rejected(Reject),
+    /// Who is here.
+    Identity(Identity),
+    /// How things are.
+    Status(Status),
+    /// What the parameters are called.
+    Name(String<32>),
+    /// What the model did.
+    Steps(Vec<Step, BATCH>),
+}
+
+/// Why a frame was not obeyed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Reject {
+    /// The frame was damaged.
+    Damaged,
+    /// The frame was whole, but this firmware does not know what it says.
+    Unknown,
+    /// A value that is not a number, or out of range.
+    Value,
+    /// The upload has a gap, or another length than it should.
+    Upload,
+    /// The blob was refused; the old parameters stay.
+    Blob,
+    /// There are no parameters yet.
+    NoParameters,
+    /// The flash failed; the old parameters stay.
+    Flash,
+}
+
+/// Who is here.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Identity {
+    /// Version of the protocol.
+    pub protocol: u8,
+    /// Version of the parameter blob.
+    pub schema: u16,
+    /// The board.
+    pub board: u16,
+    /// Version of the firmware.
+    pub firmware: String<16>,
+}
+
+/// How things are.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Status {
+    /// The supervisor's state, with the cause of a trip.
+    pub state: State,
+    /// Ticks since the start, wrapping.
+    pub ticks: u32,
+    /// The tick of the last trip.
+    pub tripped_at: u32,
+    /// Voltage commanded, V.
+    pub command_v: f32,
+    /// Frames that were damaged.
+    pub damaged_frames: u32,
+    /// Frames that were not understood.
+    pub unknown_frames: u32,
+}
+
+/// A tick, for the host's log.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Sample {
+    /// The tick.
+    pub tick: u32,
+    /// Samples that were dropped before this one, because the link was busy.
+    pub dropped: u32,
+    /// Voltage commanded, V.
+    pub command_v: f32,
+    /// Voltage monitor, V.
+    pub monitor_v: f32,
+    /// Displacement sensor, m.
+    pub displacement_m: f32,
+    /// Displacement that the model predicts, m.
+    pub predicted_m: f32,
+}
+
+/// A step of the model in a loop test.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Step {
+    /// Displacement under the voltage, m.
+    pub displacement_m: f32,
+    /// The force that holds the film there at the next step, N: it sums up the model's whole state.
+    pub force_n: f32,
+    /// The voltage that the inverse of Eq. 1 finds for the force of this step, V.
+    pub voltage_v: f32,
+}

@@ -1,0 +1,82 @@
+//! The voltage monitor against the command.
+
+use serde::{Deserialize, Serialize};
+
+/// How far the monitor may be from what the amplifier was told.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MonitorLimits {
+    /// Slew of the amplifier under load, V/s.
+    pub slew_v_per_s: f32,
+    /// Allowed difference at 0 V, V.
+    pub band_v: f32,
+    /// Allowed difference as a share of the voltage.
+    pub band_share: f32,
+    /// Time for which the difference may be larger, s.
+    pub settle_s: f32,
+}
+
+impl MonitorLimits {
+    /// Whether they can be kept at all.
+    #[must_use]
+    pub fn are_valid(&self) -> bool {
+        let positive = |value: f32| value.is_finite() && value > 0.0;
+        positive(self.slew_v_per_s)
+            && positive(self.band_v)
+            && self.band_share.is_finite()
+            && self.band_share >= 0.0
+            && self.settle_s.is_finite()
+            && self.settle_s >= 0.0
+    }
+}
+
+/// Follows the command at the amplifier's own slew and compares the monitor with it.
+#[derive(Clone, Copy, Debug)]
+pub struct Monitor {
+    slew_v_per_tick: f32,
+    band_v: f32,
+    band_share: f32,
+    settle_ticks: u32,
+    expected_v: f32,
+    outside_ticks: u32,
+}
+
+impl Monitor {
+    /// A monitor at 0 V, checked `rate_hz` times a second.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+    pub fn new(limits: MonitorLimits, rate_hz: f32) -> Self {
+        Self {
+            slew_v_per_tick: limits.slew_v_per_s / rate_hz,
+            band_v: limits.band_v,
+            band_share: limits.band_share,
+            settle_ticks: (limits.settle_s * rate_hz + 0.5) as u32,
+            expected_v: 0.0,
+            outside_ticks: 0,
+        }
+    }
+
+    /// Takes in the command (V) of the last tick and what the monitor shows (V); false once they have differed for longer
+    /// than the settle time. What is not a number differs.
+    #[must_use]
+    pub fn agrees(&mut self, command_v: f32, monitor_v: f32) -> bool {
+        let ahead = command_v - self.expected_v;
+        self.expected_v += bounded(ahead, self.slew_v_per_tick);
+        let difference = monitor_v - self.expected_v;
+        let band = self.band_v + self.band_share * self.expected_v.abs();
+        let inside = -band <= difference && difference <= band;
+        self.outside_ticks = if inside { 0 } else { self.outside_ticks.saturating_add(1) };
+        self.outside_ticks <= self.settle_ticks
+    }
+}
+
+/// `value`, no larger than `bound` in size: without the panic of [`f32::clamp`] for bounds that make no sense.
+pub(crate) fn bounded(value: f32, bound: f32) -> f32 {
+    if value > bound {
+        bound
+    } else if value < -bound {
+        -bound
+    } else {
+        value
+    }
+}

@@ -1,0 +1,179 @@
+//! The link: every message comes through, nothing that is damaged is obeyed.
+
+use dea_driver::link::{
+    Answer, BATCH, CHUNK, Command, FRAME_LEN, FrameError, Identity, Message, Mode, Receiver, Reject, Request, Sample,
+    Status, Step, Upload, UploadError, VERSION, encode,
+};
+use dea_driver::{BLOB_LEN, Cause, Refusal, SensorFault, State};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use serde::Serialize;
+
+fn frame(message: &impl Serialize) -> Vec<u8> {
+    let mut bytes = [0; FRAME_LEN + 8];
+    let length = encode(message, &mut bytes).expect("fits");
+    bytes[..length].to_vec()
+}
+
+fn receive<T: serde::de::DeserializeOwned>(receiver: &mut Receiver, bytes: &[u8]) -> Vec<Result<T, FrameError>> {
+    bytes.iter().filter_map(|&byte| receiver.push(byte)).collect()
+}
+
+fn commands() -> Vec<Command> {
+    vec![
+        Command::Identify,
+        Command::Heartbeat,
+        Command::Status,
+        Command::Arm,
+        Command::Start(Mode::Voltage),
+        Command::Start(Mode::Feedforward),
+        Command::Stop,
+        Command::Disarm,
+        Command::Acknowledge,
+        Command::SetVoltage(4321.0),
+        Command::SetReference(1.5e-3),
+        Command::Upload { offset: 0, bytes: [0; CHUNK].into() },
+        Command::Upload { offset: 511, bytes: [0xff; CHUNK].into() },
+        Command::Commit { length: 512 },
+        Command::Query,
+        Command::Stream { every: 10 },
+        Command::Rest,
+        Command::Step([0.0; BATCH].into()),
+        Command::Step([f32::MAX; BATCH].into()),
+    ]
+}
+
+fn messages() -> Vec<Message> {
+    let status = Status {
+        state: State::Tripped(Cause::Sensor(SensorFault::Stuck)),
+        ticks: u32::MAX,
+        tripped_at: u32::MAX,
+        command_v: f32::MAX,
+        damaged_frames: u32::MAX,
+        unknown_frames: u32::MAX,
+    };
+    let step = Step { displacement_m: -f32::MAX, force_n: f32::MAX, voltage_v: f32::MIN_POSITIVE };
+    let sample = Sample {
+        tick: u32::MAX,
+        dropped: u32::MAX,
+        command_v: 1.0,
+        monitor_v: 2.0,
+        displacement_m: 3.0,
+        predicted_m: 4.0,
+    };
+    let identity = Identity {
+        protocol: VERSION,
+        schema: u16::MAX,
+        board: u16::MAX,
+        firmware: "0123456789abcdef".try_into().expect("short"),
+    };
+    let answers = [
+        Answer::Done,
+        Answer::Refused(Refusal::State(State::Running)),
+        Answer::Rejected(Reject::Damaged),
+        Answer::Identity(identity),
+        Answer::Status(status),
+        Answer::Name("a name of thirty-two characters.".try_into().expect("short")),
+        Answer::Steps([step; BATCH].into()),
+    ];
+    answers
+        .into_iter()
+        .map(|answer| Message::Answer { sequence: u16::MAX, answer })
+        .chain([Message::Telemetry(sample)])
+        .collect()
+}
+
+#[test]
+fn every_message_comes_through() {
+    let mut receiver = Receiver::new();
+    for command in commands() {
+        let request = Request { sequence: 0x1234, command };
+        let bytes = frame(&request);
+        assert!(bytes.len() <= FRAME_LEN && !bytes[..bytes.len() - 1].contains(&0));
+        assert_eq!(receive(&mut receiver, &bytes), [Ok(request)]);
+    }
+    let mut longest = 0;
+    for message in messages() {
+        let bytes = frame(&message);
+        longest = longest.max(bytes.len());
+        assert_eq!(receive(&mut receiver, &bytes), [Ok(message)]);
+    }
+    println!("longest message: {longest} bytes");
+    assert!(longest <= FRAME_LEN);
+    assert_eq!((receiver.damaged(), receiver.unknown()), (0, 0));
+}
+
+/// Flip any bit of a frame: whatever comes out, it is not a message. The receiver is ready for the next frame.
+#[test]
+fn no_damaged_frame_is_obeyed() {
+    for command in commands() {
+        let request = Request { sequence: 7, command };
+        let bytes = frame(&request);
+        let mut receiver = Receiver::new();
+        for bit in 0..8 * bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            let found: Vec<Result<Request, FrameError>> = receive(&mut receiver, &damaged);
+            assert!(found.iter().all(Result::is_err), "bit {bit} of {request:?}: {found:?}");
+            // A zero that became something else runs into the next frame; a second zero ends that.
+            receive::<Request>(&mut receiver, &[0]);
+            assert_eq!(receive(&mut receiver, &bytes), [Ok(request.clone())], "after bit {bit}");
+        }
+        assert!(receiver.damaged() as usize >= 8 * bytes.len() - 8, "every damaged frame is counted");
+    }
+}
+
+/// A flood of random bytes at line rate never makes a message and never stops the receiver.
+#[test]
+fn garbage_is_counted_and_not_obeyed() {
+    let mut random = Pcg64::seed_from_u64(3);
+    let mut receiver = Receiver::new();
+    let mut errors = 0u32;
+    for _ in 0..2_000_000 {
+        match receiver.push::<Request>(random.random()) {
+            Some(Ok(request)) => panic!("obeyed {request:?}"),
+            Some(Err(_)) => errors += 1,
+            None => {}
+        }
+    }
+    assert!(errors > 1000);
+    assert_eq!(receiver.damaged() + receiver.unknown(), errors);
+    receiver.push::<Request>(0);
+    let request = Request { sequence: 1, command: Command::Arm };
+    assert_eq!(receive(&mut receiver, &frame(&request)), [Ok(request)]);
+}
+
+#[test]
+fn unknown_and_overlong_frames_are_told_apart() {
+    let mut receiver = Receiver::new();
+    // A command that this version does not know, and one with more behind it than it should have.
+    assert_eq!(receive::<Request>(&mut receiver, &frame(&(1u16, 200u8))), [Err(FrameError::Unknown)]);
+    assert_eq!(receive::<Request>(&mut receiver, &frame(&(1u16, 0u8, 0u8))), [Err(FrameError::Unknown)]);
+    assert_eq!(receive::<Request>(&mut receiver, &[b'x'; 5000]), []);
+    assert_eq!(receive::<Request>(&mut receiver, &[0]), [Err(FrameError::TooLong)]);
+    assert_eq!((receiver.damaged(), receiver.unknown()), (1, 2));
+    // Zeros alone are silence.
+    assert_eq!(receive::<Request>(&mut receiver, &[0; 100]), []);
+    let mut small = [0; 10];
+    let request = Request { sequence: 1, command: Command::Step([0.0; BATCH].into()) };
+    assert_eq!(encode(&request, &mut small), Err(FrameError::TooLong));
+}
+
+#[test]
+fn uploads_are_whole_or_refused() {
+    let blob: Vec<u8> = (0..BLOB_LEN).map(|k| (k * 7) as u8).collect();
+    let mut upload = Upload::new();
+    for (index, piece) in blob.chunks(CHUNK).enumerate() {
+        upload.take(index * CHUNK, piece).expect("in order");
+    }
+    assert_eq!(upload.finish(BLOB_LEN), Ok(blob.as_slice()));
+    // Finished is finished.
+    assert_eq!(upload.finish(BLOB_LEN), Err(UploadError::Length));
+    upload.take(0, &blob[..100]).expect("begins anew");
+    assert_eq!(upload.take(101, &blob[..10]), Err(UploadError::Gap));
+    assert_eq!(upload.finish(200), Err(UploadError::Length), "truncated");
+    upload.take(0, &blob[..100]).expect("begins anew");
+    upload.take(100, &blob[100..]).expect("follows");
+    assert_eq!(upload.take(BLOB_LEN, &[1]), Err(UploadError::TooLong));
+    assert_eq!(Upload::new().finish(0), Err(UploadError::Length));
+}

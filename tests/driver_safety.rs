@@ -1,0 +1,314 @@
+//! Every state and every fault: each ends at 0 V with the amplifier disabled and its first cause latched.
+
+use dea_driver::{Cause, Limits, LimitsError, OnSensorFault, Readings, Refusal, SensorFault, State, Supervisor};
+use tests::bench_limits;
+
+const RATE_HZ: f32 = 1000.0;
+
+/// A film on a bench: the amplifier follows its command within a tick, the film stretches with V².
+struct Bench {
+    supervisor: Supervisor,
+    wanted_v: f32,
+    noise: u32,
+}
+
+impl Bench {
+    fn new(limits: &Limits) -> Self {
+        let supervisor = Supervisor::new(limits, RATE_HZ).expect("valid");
+        Self { supervisor, wanted_v: 4000.0, noise: 1 }
+    }
+
+    fn healthy(&mut self) -> Readings {
+        // A living sensor: a few micrometres of noise.
+        self.noise = self.noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let noise = (self.noise >> 16) as f32 / 65_536.0 * 5e-6;
+        let volts = self.supervisor.command_v();
+        Readings { interlock_closed: true, monitor_v: volts, displacement_m: 2e-3 * (volts / 6000.0).powi(2) + noise }
+    }
+
+    /// A tick whose readings `spoil` may alter.
+    fn tick(&mut self, spoil: impl FnOnce(&mut Readings)) -> State {
+        let mut readings = self.healthy();
+        spoil(&mut readings);
+        let state = self.supervisor.check(readings).state;
+        self.supervisor.command(self.wanted_v);
+        state
+    }
+
+    fn run(limits: &Limits) -> Self {
+        let mut bench = Self::new(limits);
+        bench.tick(|_| ());
+        bench.supervisor.arm().expect("healthy");
+        bench.supervisor.start().expect("armed");
+        for _ in 0..200 {
+            bench.supervisor.heartbeat();
+            bench.tick(|_| ());
+        }
+        assert_eq!(bench.supervisor.state(), State::Running);
+        assert_eq!(bench.supervisor.command_v(), 4000.0);
+        bench
+    }
+
+    /// Spoils every tick until it trips; returns the ticks that took.
+    fn spoil_until_tripped(&mut self, spoil: impl Fn(&mut Readings), heartbeat: bool) -> u32 {
+        for ticks in 1..10_000 {
+            if heartbeat {
+                self.supervisor.heartbeat();
+            }
+            if let State::Tripped(_) = self.tick(&spoil) {
+                return ticks;
+            }
+        }
+        panic!("never trips");
+    }
+
+    fn is_safe(&mut self, cause: Cause) {
+        assert_eq!(self.supervisor.state(), State::Tripped(cause));
+        assert!(!self.supervisor.enables());
+        assert_eq!(self.supervisor.command_v(), 0.0);
+        // It stays so, whatever is asked for, and whatever happens next.
+        self.wanted_v = 6000.0;
+        self.tick(|readings| readings.interlock_closed = false);
+        assert_eq!((self.supervisor.state(), self.supervisor.command_v()), (State::Tripped(cause), 0.0));
+        assert_eq!(self.supervisor.arm(), Err(Refusal::State(State::Tripped(cause))));
+        assert_eq!(self.supervisor.start(), Err(Refusal::State(State::Tripped(cause))));
+        assert_eq!(self.supervisor.disarm(), Err(Refusal::State(State::Tripped(cause))));
+        // Until it is acknowledged, and even then it has to be armed again.
+        self.supervisor.acknowledge().expect("tripped");
+        assert_eq!(self.supervisor.state(), State::Disarmed);
+        assert_eq!(self.supervisor.command(6000.0), 0.0);
+    }
+}
+
+type Spoil = fn(&mut Readings);
+
+#[test]
+fn every_fault_ends_at_0_v_with_its_cause() {
+    let faults: [(Cause, u32, Spoil); 10] = [
+        (Cause::Interlock, 1, |r| r.interlock_closed = false),
+        (Cause::Voltage, 1, |r| r.monitor_v = 7000.0),
+        // A stuck or dead monitor: after the settle time of 20 ticks.
+        (Cause::Monitor, 21, |r| r.monitor_v = 1000.0),
+        (Cause::Monitor, 21, |r| r.monitor_v = f32::NAN),
+        (Cause::Sensor(SensorFault::Range), 1, |r| r.displacement_m = 0.5),
+        (Cause::Sensor(SensorFault::Range), 1, |r| r.displacement_m = f32::NAN),
+        (Cause::Sensor(SensorFault::Range), 1, |r| r.displacement_m = f32::NEG_INFINITY),
+        (Cause::Sensor(SensorFault::Jump), 1, |r| r.displacement_m += 0.5e-3),
+        // 500 equal values, the first of which is one.
+        (Cause::Sensor(SensorFault::Stuck), 501, |r| r.displacement_m = 0.9e-3),
+        (Cause::Interlock, 1, |r| {
+            *r = Readings { interlock_closed: false, monitor_v: f32::NAN, displacement_m: f32::NAN }
+        }),
+    ];
+    for (cause, ticks, spoil) in faults {
+        let mut bench = Bench::run(&bench_limits());
+        assert_eq!(bench.spoil_until_tripped(spoil, true), ticks, "{cause:?}");
+        bench.is_safe(cause);
+    }
+}
+
+#[test]
+fn a_film_that_moves_too_far_trips() {
+    let limits = Limits { max_displacement_m: 0.8e-3, ..bench_limits() };
+    let mut bench = Bench::new(&limits);
+    bench.tick(|_| ());
+    bench.supervisor.arm().expect("healthy");
+    bench.supervisor.start().expect("armed");
+    bench.spoil_until_tripped(|_| (), true);
+    bench.is_safe(Cause::Displacement);
+}
+
+#[test]
+fn a_silent_host_trips() {
+    let mut bench = Bench::run(&bench_limits());
+    assert_eq!(bench.spoil_until_tripped(|_| (), false), 500);
+    bench.is_safe(Cause::Heartbeat);
+}
+
+/// Faults that others find: overrun, bus, law, watchdog, panic.
+#[test]
+fn trips_from_elsewhere_latch_the_first_cause() {
+    for cause in [Cause::Overrun, Cause::Bus, Cause::Law, Cause::Watchdog, Cause::Panic] {
+        let mut bench = Bench::run(&bench_limits());
+        bench.supervisor.trip(cause);
+        assert_eq!(bench.supervisor.tripped_at(), bench.supervisor.ticks());
+        bench.supervisor.trip(Cause::Interlock);
+        bench.is_safe(cause);
+    }
+    // From disarmed as well: after a reset the cause is told before anything can be armed.
+    let mut bench = Bench::new(&bench_limits());
+    bench.supervisor.trip(Cause::Panic);
+    bench.is_safe(Cause::Panic);
+}
+
+#[test]
+fn transitions_are_the_documented_ones() {
+    let limits = bench_limits();
+    let fresh = || {
+        let mut bench = Bench::new(&limits);
+        bench.tick(|_| ());
+        bench.supervisor
+    };
+    type Ask = fn(&mut Supervisor) -> Result<(), Refusal>;
+    let asks: [(&str, Ask); 5] = [
+        ("arm", Supervisor::arm),
+        ("start", Supervisor::start),
+        ("stop", Supervisor::stop),
+        ("disarm", Supervisor::disarm),
+        ("acknowledge", Supervisor::acknowledge),
+    ];
+    let tripped = State::Tripped(Cause::Bus);
+    let reach = |state: State| {
+        let mut supervisor = fresh();
+        if state != State::Disarmed {
+            supervisor.arm().expect("healthy");
+        }
+        match state {
+            State::Running => supervisor.start().expect("armed"),
+            State::Tripped(cause) => supervisor.trip(cause),
+            _ => {}
+        }
+        assert_eq!(supervisor.state(), state);
+        supervisor
+    };
+    for from in [State::Disarmed, State::Armed, State::Running, tripped] {
+        for (name, ask) in asks {
+            let mut supervisor = reach(from);
+            let to = match (from, name) {
+                (State::Disarmed, "arm") | (State::Running, "stop") => Some(State::Armed),
+                (State::Armed, "start") => Some(State::Running),
+                (State::Disarmed | State::Armed | State::Running, "disarm") => Some(State::Disarmed),
+                (State::Tripped(_), "acknowledge") => Some(State::Disarmed),
+                _ => None,
+            };
+            let answer = ask(&mut supervisor);
+            assert_eq!(answer.is_ok(), to.is_some(), "{name} from {from:?}");
+            assert_eq!(supervisor.state(), to.unwrap_or(from), "{name} from {from:?}");
+            if supervisor.state() != State::Running {
+                assert_eq!(supervisor.command(5000.0), 0.0, "{name} from {from:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_is_armed_while_it_is_not_safe() {
+    let limits = bench_limits();
+    let after = |spoil: Spoil| {
+        let mut bench = Bench::new(&limits);
+        bench.tick(spoil);
+        bench.supervisor.arm()
+    };
+    assert_eq!(after(|r| r.interlock_closed = false), Err(Refusal::InterlockOpen));
+    assert_eq!(after(|r| r.monitor_v = 500.0), Err(Refusal::LiveVoltage));
+    assert_eq!(after(|r| r.monitor_v = f32::NAN), Err(Refusal::LiveVoltage));
+    assert_eq!(after(|r| r.displacement_m = 1.0), Err(Refusal::Sensor(SensorFault::Range)));
+    assert_eq!(after(|_| ()), Ok(()));
+    // Before the first tick nothing is known.
+    assert_eq!(Supervisor::new(&limits, RATE_HZ).expect("valid").arm(), Err(Refusal::InterlockOpen));
+}
+
+/// Without a sensor the film can go on by the model, where the bench allows it.
+#[test]
+fn open_loop_goes_on_without_the_sensor() {
+    let limits = Limits { on_sensor_fault: OnSensorFault::OpenLoop, ..bench_limits() };
+    let mut bench = Bench::run(&limits);
+    for _ in 0..100 {
+        bench.supervisor.heartbeat();
+        let mut readings = bench.healthy();
+        readings.displacement_m = f32::NAN;
+        let tick = bench.supervisor.check(readings);
+        assert_eq!((tick.state, tick.displacement_m), (State::Running, None));
+        bench.supervisor.command(4000.0);
+    }
+    let back = bench.healthy();
+    assert_eq!(bench.supervisor.check(back).displacement_m, Some(back.displacement_m));
+}
+
+#[test]
+fn commands_stay_within_voltage_field_and_slew() {
+    let limits = bench_limits();
+    let mut bench = Bench::run(&limits);
+    let mut last = bench.supervisor.command_v();
+    for wanted in [1e9, f32::INFINITY, -1e9, f32::NAN, 3000.0, f32::NEG_INFINITY, 6500.0] {
+        for _ in 0..200 {
+            let command = bench.supervisor.command(wanted);
+            assert!((0.0..=6500.0).contains(&command), "{wanted}: {command} V");
+            // 50 kV/s at 1 kHz.
+            assert!((command - last).abs() <= 50.001, "{wanted}: from {last} to {command} V");
+            last = command;
+        }
+        let target = if wanted > 6500.0 {
+            6500.0
+        } else if wanted > 0.0 {
+            wanted
+        } else {
+            0.0
+        };
+        assert_eq!(last, target, "{wanted}");
+    }
+    // 42 V/µm over 160 µm are 6720 V; over 100 µm 4200 V.
+    let thin = Limits { thickness_m: 100e-6, ..limits };
+    let mut bench = Bench::run(&thin);
+    for _ in 0..200 {
+        bench.supervisor.command(6500.0);
+    }
+    assert!((bench.supervisor.command_v() - 4200.0).abs() < 0.1);
+}
+
+/// An amplifier slower than the command is not a fault; one that lags for longer than the settle time is.
+#[test]
+fn the_monitor_s_band_knows_the_amplifier_s_slew() {
+    let mut limits = bench_limits();
+    limits.max_slew_v_per_s = 1e6;
+    limits.monitor.slew_v_per_s = 20e3;
+    let trips_at = |slew_v_per_tick: f32| {
+        let mut bench = Bench::new(&limits);
+        bench.wanted_v = 6000.0;
+        bench.tick(|_| ());
+        bench.supervisor.arm().expect("healthy");
+        bench.supervisor.start().expect("armed");
+        let mut monitor_v = 0.0f32;
+        for tick in 0..1000 {
+            bench.supervisor.heartbeat();
+            let command_v = bench.supervisor.command_v();
+            monitor_v += (command_v - monitor_v).clamp(-slew_v_per_tick, slew_v_per_tick);
+            let displacement_m = 2e-3 * (monitor_v / 6000.0).powi(2) + 1e-6 * (tick % 7) as f32;
+            let state = bench.supervisor.check(Readings { interlock_closed: true, monitor_v, displacement_m }).state;
+            if let State::Tripped(cause) = state {
+                return Some(cause);
+            }
+            bench.supervisor.command(6000.0);
+        }
+        None
+    };
+    assert_eq!(trips_at(20.0), None, "as fast as it should be");
+    assert_eq!(trips_at(19.6), None, "a little slower, within the band");
+    assert_eq!(trips_at(8.0), Some(Cause::Monitor), "much slower");
+}
+
+#[test]
+fn limits_that_make_no_sense_are_refused() {
+    let good = bench_limits();
+    let refused = |limits: Limits| Supervisor::new(&limits, RATE_HZ).err();
+    for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        let cases = [
+            (Limits { max_voltage_v: bad, ..good }, "max_voltage_v"),
+            (Limits { max_field_v_per_m: bad, ..good }, "max_field_v_per_m"),
+            (Limits { thickness_m: bad, ..good }, "thickness_m"),
+            (Limits { max_slew_v_per_s: bad, ..good }, "max_slew_v_per_s"),
+            (Limits { max_displacement_m: bad, ..good }, "max_displacement_m"),
+            (Limits { heartbeat_s: bad, ..good }, "heartbeat_s"),
+        ];
+        for (limits, name) in cases {
+            assert_eq!(refused(limits), Some(LimitsError::NotPositive(name)));
+        }
+        assert_eq!(Supervisor::new(&good, bad).err(), Some(LimitsError::NotPositive("rate_hz")));
+        let mut monitor = good;
+        monitor.monitor.slew_v_per_s = bad;
+        assert_eq!(refused(monitor), Some(LimitsError::Monitor));
+    }
+    let mut sensor = good;
+    sensor.sensor.low = sensor.sensor.high;
+    assert_eq!(refused(sensor), Some(LimitsError::Sensor));
+}

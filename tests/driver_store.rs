@@ -1,0 +1,233 @@
+//! Parameters survive whatever happens to them: damage is refused, power may go at any byte.
+
+use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, Store, StoreError};
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
+};
+use springpot::{ActuatorError, ModelError};
+use tests::board_parameters;
+
+const BOARD: u16 = 0x0405;
+const SECTOR: usize = 1024;
+
+/// Flash of two sectors, whose power goes after so many written or erased bytes.
+#[derive(Clone)]
+struct Flash {
+    bytes: Vec<u8>,
+    power: usize,
+}
+
+#[derive(Debug)]
+struct Failed(NorFlashErrorKind);
+
+impl NorFlashError for Failed {
+    fn kind(&self) -> NorFlashErrorKind {
+        self.0
+    }
+}
+
+impl Flash {
+    /// A flash as it comes from the factory, or with something else in it.
+    fn new() -> Self {
+        Self { bytes: vec![0xff; 2 * SECTOR], power: usize::MAX }
+    }
+
+    fn spend(&mut self) -> Result<(), Failed> {
+        self.power = self.power.checked_sub(1).ok_or(Failed(NorFlashErrorKind::Other))?;
+        Ok(())
+    }
+}
+
+impl ErrorType for Flash {
+    type Error = Failed;
+}
+
+impl ReadNorFlash for Flash {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Failed> {
+        check_read(self, offset, bytes.len()).map_err(Failed)?;
+        bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        self.bytes.len()
+    }
+}
+
+impl NorFlash for Flash {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), Failed> {
+        check_erase(self, from, to).map_err(Failed)?;
+        for at in from as usize..to as usize {
+            self.spend()?;
+            self.bytes[at] = 0xff;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failed> {
+        check_write(self, offset, bytes.len()).map_err(Failed)?;
+        for (at, byte) in (offset as usize..).zip(bytes) {
+            self.spend()?;
+            // Flash can only clear bits.
+            assert_eq!(self.bytes[at] & byte, *byte, "byte {at} was not erased");
+            self.bytes[at] &= byte;
+        }
+        Ok(())
+    }
+}
+
+fn named(name: &str) -> Parameters {
+    Parameters { name: name.try_into().expect("short"), ..board_parameters() }
+}
+
+fn bytes_of(parameters: &Parameters) -> Vec<u8> {
+    let mut bytes = [0; BLOB_LEN];
+    let length = parameters.encode(BOARD, &mut bytes).expect("valid");
+    bytes[..length].to_vec()
+}
+
+fn store(flash: Flash) -> Store<Flash> {
+    Store::new(flash, BOARD).expect("two sectors")
+}
+
+#[test]
+fn a_blob_comes_back_as_it_was() {
+    let mut parameters = board_parameters();
+    let blob = Blob::decode(&bytes_of(&parameters), BOARD).expect("valid");
+    assert_eq!(blob.parameters, parameters);
+    assert_eq!(blob.model, springpot::Preset::named("table3-n2").expect("a preset").model().expect("valid"));
+    assert_eq!(blob.actuator, springpot::Actuator::KARNER_2022);
+    // The largest there can be: five branches, a full name.
+    parameters.name = "a name of thirty-two characters.".try_into().expect("short");
+    while !parameters.elements.is_full() {
+        parameters.elements.push((123_456.789, 0.123_456_789)).expect("room");
+    }
+    let bytes = bytes_of(&parameters);
+    println!("blob: {} bytes for two branches, {} for five", bytes_of(&board_parameters()).len(), bytes.len());
+    assert_eq!(Blob::decode(&bytes, BOARD).expect("valid").parameters, parameters);
+}
+
+/// Every single bit flip, every truncation, and any other bytes are refused.
+#[test]
+fn damage_is_refused() {
+    let bytes = bytes_of(&board_parameters());
+    for bit in 0..8 * bytes.len() {
+        let mut damaged = bytes.clone();
+        damaged[bit / 8] ^= 1 << (bit % 8);
+        assert!(Blob::decode(&damaged, BOARD).is_err(), "bit {bit}");
+    }
+    for length in 0..bytes.len() {
+        assert_eq!(Blob::decode(&bytes[..length], BOARD).err(), Some(BlobError::Truncated), "{length} bytes");
+    }
+    assert_eq!(Blob::decode(&[0xff; BLOB_LEN], BOARD).err(), Some(BlobError::Magic));
+    assert_eq!(Blob::decode(&[0; BLOB_LEN], BOARD).err(), Some(BlobError::Magic));
+    assert_eq!(Blob::decode(&bytes, BOARD + 1).err(), Some(BlobError::Board { found: BOARD }));
+}
+
+/// Values that are whole but wrong are refused, by name, before anything is written.
+#[test]
+fn wrong_values_are_refused() {
+    let good = board_parameters();
+    let refused = |change: &dyn Fn(&mut Parameters)| {
+        let mut parameters = good.clone();
+        change(&mut parameters);
+        let mut bytes = [0; BLOB_LEN];
+        let error = parameters.encode(BOARD, &mut bytes).expect_err("wrong");
+        assert_eq!(bytes, [0; BLOB_LEN]);
+        println!("{error}");
+        error
+    };
+    for nan in [f64::NAN, f64::INFINITY, -1.0] {
+        assert!(matches!(refused(&|p| p.elements[0].0 = nan), BlobError::Model(ModelError::Coefficient { .. })));
+        assert!(matches!(refused(&|p| p.elements[3].1 = nan), BlobError::Model(ModelError::Order { .. })));
+        assert!(matches!(refused(&|p| p.actuator[3] = nan), BlobError::Actuator(ActuatorError::NotPositive { .. })));
+        assert!(matches!(refused(&|p| p.actuator[4] = nan), BlobError::Actuator(ActuatorError::Mass(_))));
+        assert!(matches!(refused(&|p| p.actuator[5] = nan), BlobError::Actuator(ActuatorError::Coupling(_))));
+        assert_eq!(refused(&|p| p.rate_hz = nan as f32), BlobError::Rate);
+        assert!(matches!(refused(&|p| p.limits.max_voltage_v = nan as f32), BlobError::Limits(_)));
+        assert!(matches!(refused(&|p| p.monitor.gain = nan as f32), BlobError::Calibration("monitor")));
+    }
+    assert_eq!(refused(&|p| p.sensor_offset_m = f32::NAN), BlobError::Offset);
+    assert_eq!(refused(&|p| p.elements.truncate(4)), BlobError::Elements);
+    assert_eq!(refused(&|p| p.elements.clear()), BlobError::Elements);
+}
+
+#[test]
+fn the_newest_valid_set_wins() {
+    let mut store = store(Flash::new());
+    assert!(matches!(store.load(), Err(StoreError::Empty(_))));
+    for name in ["one", "two", "three", "four", "five"] {
+        assert_eq!(store.save(&bytes_of(&named(name))).expect("saved").parameters.name, name);
+        assert_eq!(store.load().expect("there").parameters.name, name);
+    }
+    // The newest gets damaged: the one before is still there.
+    let mut flash = store.destroy();
+    let newest = (0..2).find(|slot| flash.bytes[slot * SECTOR] == 5).expect("the fifth");
+    flash.bytes[newest * SECTOR + 100] ^= 0x10;
+    let mut store = self::store(flash);
+    assert_eq!(store.load().expect("there").parameters.name, "four");
+    // And the next one replaces the damaged one.
+    store.save(&bytes_of(&named("six"))).expect("saved");
+    assert_eq!(store.load().expect("there").parameters.name, "six");
+    // What would be refused is not written.
+    let before = store.destroy();
+    let mut store = self::store(before.clone());
+    let damaged = &bytes_of(&named("seven"))[1..];
+    assert!(matches!(store.save(damaged), Err(StoreError::Refused(_))));
+    assert_eq!(store.destroy().bytes, before.bytes);
+}
+
+/// Power goes after every possible byte of a save: the old set or the new one is there, never neither and never a mixture.
+#[test]
+fn power_may_go_at_any_byte() {
+    let fresh = {
+        let mut store = store(Flash::new());
+        store.save(&bytes_of(&named("old"))).expect("saved");
+        store.destroy()
+    };
+    // From a flash with one set, and from one with two.
+    let used = {
+        let mut store = store(fresh.clone());
+        store.save(&bytes_of(&named("older"))).expect("saved");
+        store.save(&bytes_of(&named("old"))).expect("saved");
+        store.destroy()
+    };
+    let new = bytes_of(&named("new"));
+    for start in [fresh, used] {
+        let (mut old_kept, mut new_there) = (0, 0);
+        for power in 0.. {
+            let mut flash = start.clone();
+            flash.power = power;
+            let mut store = self::store(flash);
+            let saved = store.save(&new).is_ok();
+            let mut flash = store.destroy();
+            flash.power = usize::MAX;
+            let mut store = self::store(flash);
+            let found = store.load().unwrap_or_else(|e| panic!("nothing is left after {power} bytes: {e:?}"));
+            match found.parameters.name.as_str() {
+                "old" => old_kept += 1,
+                "new" => new_there += 1,
+                other => panic!("{other} after {power} bytes"),
+            }
+            // The store goes on working.
+            store.save(&bytes_of(&named("next"))).expect("saved");
+            assert_eq!(store.load().expect("there").parameters.name, "next");
+            if saved {
+                break;
+            }
+        }
+        println!("power lost after each byte: the old set {old_kept} times, the new one {new_there} times");
+        assert!(old_kept > SECTOR + BLOB_LEN && new_there >= 1);
+    }
+}
+
+#[test]
+fn a_flash_that_is_too_small_is_refused() {
+    let flash = Flash { bytes: vec![0xff; SECTOR], power: usize::MAX };
+    assert!(matches!(Store::new(flash, BOARD), Err(StoreError::Geometry)));
+}
