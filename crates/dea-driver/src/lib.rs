@@ -10,6 +10,7 @@
 //! - [`Amplifier`] (AD5754) and [`Ads868x`]: the chips, on [`embedded_hal::spi::SpiDevice`].
 //! - [`Supervisor`]: disarmed, armed, running or tripped; limits of voltage, field, slew and stroke; [`Monitor`] and
 //!   [`Plausibility`] watch the sensors. Whatever trips ends at 0 V with the enable output low, its cause latched.
+//! - [`Controller`]: the tick of a control loop and what a host can ask of it.
 //! - [`Blob`]: the parameters of a board as bytes; [`Store`] keeps them in two slots of flash.
 //! - [`link`]: the frames and messages between controller and host.
 //!
@@ -27,6 +28,7 @@
 mod ads868x;
 mod amplifier;
 mod blob;
+mod control;
 pub mod convert;
 pub mod link;
 mod monitor;
@@ -37,6 +39,7 @@ mod supervisor;
 pub use ads868x::{AdcError, Ads868x};
 pub use amplifier::{Amplifier, AmplifierError};
 pub use blob::{BLOB_LEN, Blob, BlobError, Parameters, SCHEMA};
+pub use control::{Controller, ControllerError, Inputs, Outputs};
 pub use monitor::{Monitor, MonitorLimits};
 pub use plausibility::{Plausibility, PlausibilityLimits, SensorFault};
 pub use store::{Store, StoreError};

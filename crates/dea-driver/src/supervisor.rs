@@ -27,6 +27,14 @@ pub enum State {
     Tripped(Cause),
 }
 
+impl State {
+    /// Whether the amplifier is enabled.
+    #[must_use]
+    pub fn is_live(self) -> bool {
+        matches!(self, Self::Armed | Self::Running)
+    }
+}
+
 /// Why the driver tripped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -251,7 +259,7 @@ impl Supervisor {
     /// Whether the amplifier is to be enabled.
     #[must_use]
     pub fn enables(&self) -> bool {
-        matches!(self.state, State::Armed | State::Running)
+        self.state.is_live()
     }
 
     /// Enables the amplifier at 0 V.

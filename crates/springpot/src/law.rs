@@ -128,12 +128,24 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Force (N) that the film shows when it is at `displacement` (m) at the next step.
     #[inline]
     pub fn force(&self, state: &mut State<T, M::History>, displacement: T) -> T {
-        let increment = (displacement - state.position) + state.position_surplus;
-        let force = state.base + self.stiffness * (increment - state.increment);
+        let increment = state.increment_to(displacement);
+        let force = self.force_of(state, increment);
         state.position = displacement;
         state.position_surplus = T::ZERO;
         self.advance(state, increment);
         force
+    }
+
+    /// Force (N) that would bring the film to `displacement` (m) at the next step. The state stays as it is: step it with
+    /// the force that the actuator then really gives.
+    #[inline]
+    pub fn force_to(&self, state: &State<T, M::History>, displacement: T) -> T {
+        self.force_of(state, state.increment_to(displacement))
+    }
+
+    #[inline]
+    fn force_of(&self, state: &State<T, M::History>, increment: T) -> T {
+        state.base + self.stiffness * (increment - state.increment)
     }
 
     #[inline]
@@ -158,6 +170,11 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 impl<T: Scalar, H> State<T, H> {
     pub(crate) fn with_history(history: H) -> Self {
         Self { position: T::ZERO, position_surplus: T::ZERO, increment: T::ZERO, base: T::ZERO, history }
+    }
+
+    #[inline]
+    fn increment_to(&self, displacement: T) -> T {
+        (displacement - self.position) + self.position_surplus
     }
 
     /// The displacement at the last step, m.

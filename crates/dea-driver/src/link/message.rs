@@ -51,7 +51,8 @@ pub enum Command {
         /// The bytes.
         bytes: Vec<u8, CHUNK>,
     },
-    /// Check the blob that was uploaded, keep it, and run it from now on. Only while disarmed.
+    /// Check the blob that was uploaded, keep it, and run it from now on. Only while the amplifier is
+    /// disabled.
     Commit {
         /// Length of the blob.
         length: u16,
@@ -63,9 +64,10 @@ pub enum Command {
         /// Ticks per sample.
         every: u16,
     },
-    /// Bring the model to rest at x = 0. Only while disarmed.
+    /// Bring the model of the loop test to rest at x = 0. Only while the amplifier is disabled.
     Rest,
-    /// Step the model under these voltages (V), without hardware. Only while disarmed. Answered by [`Answer::Steps`].
+    /// Step a model of its own under these voltages (V), without hardware: the loop test. Only while the amplifier is
+    /// disabled. Answered by [`Answer::Steps`].
     Step(Vec<f32, BATCH>),
 }
 

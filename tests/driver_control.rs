@@ -1,0 +1,185 @@
+//! The control tick around a simulated film, and the loop test.
+
+use dea_driver::convert::{AdcCode, Calibration, DacCode};
+use dea_driver::link::{Answer, BATCH, Command, Mode, Reject};
+use dea_driver::{Blob, Cause, Controller, Inputs, Outputs, Parameters, Refusal, SensorFault, State};
+use springpot::{Actuator, Law, Options, Preset, VoltageDrive};
+use tests::{board_parameters, paper_force};
+
+/// A bench around a controller: an amplifier of 1000:1, a sensor of 1 mm/V at 1 V, and the model itself as film.
+struct Bench {
+    controller: Controller,
+    parameters: Parameters,
+    film: springpot::State<f64, <springpot::Compressed<f64> as springpot::Memory<f64>>::History>,
+    law: Law<f64>,
+    drive: VoltageDrive<f64>,
+    high_voltage_v: f64,
+    displacement_m: f64,
+    noise: u32,
+}
+
+/// The sensor reads 1 V of a film at rest, so that both ways are in its range.
+fn parameters() -> Parameters {
+    let mut parameters = board_parameters();
+    parameters.sensor = Calibration { offset: -1e-3, gain: 1e-3, quadratic: 0.0 };
+    parameters
+}
+
+impl Bench {
+    fn new() -> Self {
+        let parameters = parameters();
+        let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+        let law: Law<f64> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
+        let controller = Controller::new(Blob::new(parameters.clone()).expect("valid")).expect("a law");
+        let film = law.state();
+        Self { controller, parameters, film, law, drive, high_voltage_v: 0.0, displacement_m: 0.0, noise: 1 }
+    }
+
+    fn inputs(&mut self) -> Inputs {
+        self.noise = self.noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let noise = f64::from(self.noise >> 16) / 65_536.0 * 5e-6;
+        let adc = |volts: f64| AdcCode((volts / 10.24 * 65_536.0) as u16);
+        Inputs {
+            interlock_closed: true,
+            monitor: Some(adc(self.high_voltage_v / 1000.0)),
+            displacement: Some(adc(1.0 + (self.displacement_m + noise) / 1e-3)),
+        }
+    }
+
+    fn tick(&mut self, spoil: impl FnOnce(&mut Inputs)) -> Outputs {
+        let mut inputs = self.inputs();
+        spoil(&mut inputs);
+        let outputs = self.controller.tick(inputs);
+        let volts = f64::from(outputs.command.volts(self.parameters.command_range)) * 1000.0;
+        self.high_voltage_v = if outputs.enable { volts } else { 0.0 };
+        self.displacement_m = self.law.displacement_under(&mut self.film, self.drive.load(self.high_voltage_v));
+        outputs
+    }
+
+    fn obey(&mut self, command: Command) -> Answer {
+        self.controller.obey(&command).expect("the controller's")
+    }
+
+    fn start(&mut self, mode: Mode) {
+        self.tick(|_| ());
+        assert_eq!(self.obey(Command::Arm), Answer::Done);
+        assert_eq!(self.obey(Command::Start(mode)), Answer::Done);
+    }
+}
+
+#[test]
+fn follows_the_voltage_that_was_set_and_observes() {
+    let mut bench = Bench::new();
+    bench.start(Mode::Voltage);
+    assert_eq!(bench.obey(Command::SetVoltage(4000.0)), Answer::Done);
+    let mut outputs = bench.tick(|_| ());
+    for tick in 0..3000 {
+        if tick % 100 == 0 {
+            assert_eq!(bench.obey(Command::Heartbeat), Answer::Done);
+        }
+        outputs = bench.tick(|_| ());
+    }
+    assert_eq!(bench.controller.supervisor().state(), State::Running);
+    assert_eq!(outputs.command, DacCode(26_214), "4 V of 10 V");
+    // The model's prediction is where the film is, to the DAC's step and a tick.
+    let predicted = f64::from(outputs.sample.predicted_m);
+    assert!((predicted - bench.displacement_m).abs() < 1e-6, "{predicted} m for {} m", bench.displacement_m);
+    assert!((f64::from(outputs.sample.displacement_m) - bench.displacement_m).abs() < 10e-6);
+    assert_eq!(outputs.sample.tick, 3002);
+}
+
+/// Feedforward brings a film that the model knows to its reference, and holds it there while it creeps.
+#[test]
+fn feedforward_holds_a_creeping_film() {
+    let mut bench = Bench::new();
+    bench.start(Mode::Feedforward);
+    assert_eq!(bench.obey(Command::SetReference(0.8e-3)), Answer::Done);
+    let mut voltages = Vec::new();
+    for tick in 0..20_000 {
+        if tick % 100 == 0 {
+            bench.obey(Command::Heartbeat);
+        }
+        let outputs = bench.tick(|_| ());
+        if tick > 1000 {
+            voltages.push(outputs.sample.command_v);
+            assert!((bench.displacement_m - 0.8e-3).abs() < 2e-6, "tick {tick}: {} m", bench.displacement_m);
+        }
+    }
+    // What holds it sinks, because the film creeps.
+    assert!(voltages[voltages.len() - 1] < 0.9 * voltages[0]);
+}
+
+#[test]
+fn faults_end_at_0_v_within_the_tick() {
+    type Spoil = fn(&mut Inputs);
+    let faults: [(Cause, Spoil); 5] = [
+        (Cause::Interlock, |inputs| inputs.interlock_closed = false),
+        (Cause::Bus, |inputs| inputs.monitor = None),
+        (Cause::Bus, |inputs| inputs.displacement = None),
+        (Cause::Sensor(SensorFault::Range), |inputs| inputs.displacement = Some(AdcCode(u16::MAX))),
+        (Cause::Voltage, |inputs| inputs.monitor = Some(AdcCode(u16::MAX))),
+    ];
+    for (cause, spoil) in faults {
+        let mut bench = Bench::new();
+        bench.start(Mode::Voltage);
+        bench.obey(Command::SetVoltage(5000.0));
+        for _ in 0..200 {
+            bench.tick(|_| ());
+        }
+        assert!(bench.high_voltage_v > 4900.0);
+        let outputs = bench.tick(spoil);
+        assert_eq!(
+            (outputs.enable, outputs.command, outputs.sample.command_v),
+            (false, DacCode::ZERO, 0.0),
+            "{cause:?}"
+        );
+        assert_eq!(bench.controller.supervisor().state(), State::Tripped(cause));
+        assert_eq!(bench.obey(Command::Arm), Answer::Refused(Refusal::State(State::Tripped(cause))));
+    }
+}
+
+#[test]
+fn values_that_make_no_sense_are_rejected() {
+    let mut bench = Bench::new();
+    for volts in [-1.0, f32::NAN, f32::INFINITY, 6501.0] {
+        assert_eq!(bench.obey(Command::SetVoltage(volts)), Answer::Rejected(Reject::Value), "{volts} V");
+    }
+    for metres in [f32::NAN, f32::INFINITY, 8.1e-3, -8.1e-3] {
+        assert_eq!(bench.obey(Command::SetReference(metres)), Answer::Rejected(Reject::Value), "{metres} m");
+    }
+    assert_eq!(bench.controller.obey(&Command::Identify), None, "the board's, not the controller's");
+}
+
+/// The loop test steps a model of its own, bit for bit the one that `host-sim` runs.
+#[test]
+fn the_loop_test_is_the_law_itself() {
+    let mut bench = Bench::new();
+    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, Options::at_step(1.0 / f64::from(1000f32))).expect("valid");
+    let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
+    let voltages: Vec<f32> = paper_force(0.2, 10.0, 1000.0).iter().map(|f| (f / 140.45 * 6000.0) as f32).collect();
+    for _ in 0..2 {
+        assert_eq!(bench.obey(Command::Rest), Answer::Done);
+        let mut film = law.state();
+        for batch in voltages.chunks(BATCH) {
+            let Answer::Steps(steps) = bench.obey(Command::Step(batch.iter().copied().collect())) else {
+                panic!("no steps");
+            };
+            // Ticks in between do not disturb it.
+            bench.tick(|_| ());
+            for (step, &volts) in steps.iter().zip(batch) {
+                let load = drive.load(volts);
+                let x = law.displacement_under(&mut film, load);
+                assert_eq!(step.displacement_m.to_bits(), x.to_bits());
+                assert_eq!(step.force_n.to_bits(), film.base_force().to_bits());
+                assert!((step.voltage_v - volts).abs() < 0.01);
+            }
+        }
+    }
+    // Not with voltage on the film.
+    bench.start(Mode::Voltage);
+    assert_eq!(bench.obey(Command::Rest), Answer::Refused(Refusal::State(State::Running)));
+    let step = Command::Step([0.0; BATCH].into());
+    assert_eq!(bench.obey(step), Answer::Refused(Refusal::State(State::Running)));
+}
