@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use host_sim::agreement::Agreement;
-use host_sim::fit::candidate::Candidate;
+use host_sim::fit::candidate::{Candidate, Variable};
 use host_sim::fit::objective::{Objective, Observation};
 use host_sim::fit::observe::{self, Direction};
 use host_sim::fit::{self, Fit, Method, Settings};
 use host_sim::recording::{Input, Recording, Samples};
 use host_sim::twin::{Film, Instruments, Plant, Readings, Waveform};
-use springpot::{Actuator, Springpot, Topology};
+use springpot::{Actuator, Preload, Springpot, Topology};
 use tests::recordings;
 
 static NEVER: AtomicBool = AtomicBool::new(false);
@@ -110,39 +110,87 @@ fn leaves_white_noise_and_tells_how_far_it_can_be_trusted() {
 fn tells_what_the_data_leave_free() {
     let spring = Candidate { elements: vec![Springpot::new(4e4, 0.0)], ..truth() };
     let fit = fitted(&synthetic(&spring, 5e-6), &structure(Topology::Parallel, 1));
-    let trust = fit.trust.expect("judged");
-    let open = trust.estimates.iter().filter(|e| e.low.is_none() || e.high.is_none()).count();
-    assert!(!trust.undetermined.is_empty() || open >= 2, "{trust:?}");
+    println!("{:?}", fit.warnings);
+    let told = |words: &str| fit.warnings.iter().any(|warning| warning.contains(words));
+    assert!(told("fewer branches will do") || told("branches[0]") && told("free: other values fit as well"));
 }
 
+/// Every derivative against differences: coupled or not, driven by voltage, force or displacement.
 #[test]
 fn exact_derivatives() {
-    use host_sim::fit::candidate::Variable;
-    let observations = observations("wang");
-    let objective = Objective::new(&observations).expect("valid");
-    for topology in [Topology::Parallel, Topology::Eq11] {
-        let candidate = Candidate { topology, ..truth() };
-        let evaluation = objective.evaluate(&candidate).expect("a response");
-        let mut variables = Variable::of_model(2);
-        variables.extend([Variable::StretchCoupling, Variable::Offset, Variable::Permittivity, Variable::Mass]);
-        let jacobian = objective.jacobian(&candidate, &evaluation, &variables);
-        for (variable, column) in variables.iter().zip(jacobian) {
-            let step =
-                if *variable == Variable::Offset { 1e-6 } else { 1e-4 * variable.get(&candidate).abs().max(1.0) };
-            let at = |sign: f64| {
-                let mut moved = candidate.clone();
-                variable.set(&mut moved, variable.get(&candidate) + sign * step);
-                objective.residuals(&objective.evaluate(&moved).expect("a response"))
-            };
-            let difference: Vec<f64> = at(1.0).iter().zip(at(-1.0)).map(|(a, b)| (a - b) / (2.0 * step)).collect();
-            let norm = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>().sqrt();
-            let error: Vec<f64> = column.iter().zip(&difference).map(|(a, b)| a - b).collect();
-            // Of mass the data know so little that differences drown in rounding.
-            let allowed = if *variable == Variable::Mass { 2e-2 } else { 1e-3 };
-            let relative = norm(&error) / norm(&difference);
-            assert!(relative < allowed, "{topology:?} {variable}: {relative:.1e}");
+    use Variable::{Length, Mass, Offset, Permittivity, StretchCoupling, Thickness, Width};
+    let voltage = observations("wang");
+    let driven = |input: &dyn Fn(Samples) -> Input| -> Vec<Observation> {
+        let of = |o: &Observation| {
+            // Something of the size of a force (N) or a path (m), with something to compare.
+            let scaled = o.input.samples().value.iter().map(|v| v / 6000.0).collect();
+            let samples = Samples { value: scaled, ..o.input.samples().clone() };
+            Observation { input: input(samples), ..o.clone() }
+        };
+        voltage[..1].iter().map(of).collect()
+    };
+    let (force, displacement) = (driven(&Input::Force), driven(&Input::Displacement));
+    let all = [StretchCoupling, Offset, Permittivity, Mass, Length, Width, Thickness];
+    let cases: [(&str, &[Observation], f64, &[Variable]); 4] = [
+        ("voltage, coupled", &voltage, 30.0, &all),
+        ("voltage", &voltage, 0.0, &all[1..]),
+        ("force", &force, 0.0, &[Offset, Mass]),
+        ("displacement", &displacement, 0.0, &[Mass]),
+    ];
+    for (name, observations, coupling, more) in cases {
+        let objective = Objective::new(observations).expect("valid");
+        for topology in [Topology::Parallel, Topology::Eq11] {
+            for preload in [Preload::Settled, Preload::FromStart] {
+                let mut candidate = Candidate { topology, ..truth() };
+                candidate.actuator.stretch_coupling = coupling;
+                candidate.actuator.preload = preload;
+                let evaluation = objective.evaluate(&candidate).expect("a response");
+                let mut variables = Variable::of_model(2);
+                variables.extend(more);
+                let jacobian = objective.jacobian(&candidate, &evaluation, &variables);
+                for (variable, column) in variables.iter().zip(jacobian) {
+                    let step = if *variable == Offset { 1e-6 } else { 1e-4 * variable.get(&candidate).abs().max(1.0) };
+                    let at = |sign: f64| {
+                        let mut moved = candidate.clone();
+                        variable.set(&mut moved, variable.get(&candidate) + sign * step);
+                        objective.residuals(&objective.evaluate(&moved).expect("a response"))
+                    };
+                    let difference: Vec<f64> =
+                        at(1.0).iter().zip(at(-1.0)).map(|(a, b)| (a - b) / (2.0 * step)).collect();
+                    let norm = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>().sqrt();
+                    let error: Vec<f64> = column.iter().zip(&difference).map(|(a, b)| a - b).collect();
+                    // The recursion that solves the coupling holds 1e-4. Of mass the data know so little that differences drown.
+                    let allowed = match variable {
+                        Mass => 2e-2,
+                        _ if coupling > 0.0 => 1e-4,
+                        _ => 1e-5,
+                    };
+                    let relative = norm(&error) / norm(&difference);
+                    assert!(relative < allowed, "{name} {topology:?} {preload:?} {variable}: {relative:.1e}");
+                }
+            }
         }
     }
+}
+
+/// What the table calls left out is the error on a recording of a fit to the others, by another way to compute it.
+#[test]
+fn left_out_is_left_out() {
+    let all = observations("hossain");
+    let settings =
+        Settings { judge: false, branches: vec![1, 2], topologies: vec![Topology::Parallel], ..Settings::default() };
+    let fit = fitted(&all, &settings);
+    let row = fit.table.iter().find(|row| row.branches == 2).expect("tried");
+    let mut sum = 0.0;
+    for out in 0..all.len() {
+        let others: Vec<Observation> = (0..all.len()).filter(|k| *k != out).map(|k| all[k].clone()).collect();
+        let start = Some(fitted(&all, &Settings { judge: false, ..structure(Topology::Parallel, 2) }).candidate);
+        let refit = fitted(&others, &Settings { start, judge: false, ..structure(Topology::Parallel, 2) });
+        sum += nrmse_of(&refit.candidate, &all[out..=out])[0];
+    }
+    let (reported, refitted) = (row.left_out_nrmse_pct.expect("three recordings"), sum / all.len() as f64);
+    println!("left out: {reported:.4} % reported, {refitted:.4} % refitted");
+    assert!((reported / refitted - 1.0).abs() < 0.02);
 }
 
 /// A recording of a plant that no fit has seen.
@@ -188,7 +236,7 @@ fn follows_both_films_and_recordings_it_has_not_seen() {
     }
 }
 
-/// The paper's procedure ends where it started to be stuck; derivatives go on, with a hundredth of the evaluations.
+/// The paper's procedure ends where it is stuck; derivatives go further, with a tenth of the evaluations.
 #[test]
 fn pattern_search_is_there_and_worse() {
     let thinned: Vec<Observation> = observations("wang").iter().map(observe::thinned).collect();

@@ -31,6 +31,11 @@ pub fn stop_flag() -> &'static AtomicBool {
     &STOP
 }
 
+/// Whether a search was ended by Ctrl-C.
+pub fn came() -> bool {
+    STOP.load(Ordering::Relaxed)
+}
+
 /// A file that is removed if the program is ended while this stands.
 #[derive(Debug)]
 pub struct HalfWritten(PathBuf);

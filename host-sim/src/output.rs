@@ -156,5 +156,8 @@ pub fn stage_columns(path: &Path, comments: &[String], columns: &[(&str, Option<
 ///
 /// [`Error::File`] where it cannot be made.
 pub fn make_folder(path: &Path) -> Result<()> {
+    if path.is_file() {
+        return Err(Error::file(path, "is a file; name a folder"));
+    }
     fs::create_dir_all(path).map_err(|e| Error::file(path, e))
 }

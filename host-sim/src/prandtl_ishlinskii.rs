@@ -5,7 +5,7 @@
 //! of the input beside one-sided play operators whose thresholds grow with the input's rate,
 //!
 //! ```text
-//! x = a₁ u + a₂ u² + a₃ u³ + Σ_i b_i P_i + x₀,     P_i ← max(u − r_i, min(u, P_i)),     r_i = i/n + β |u̇|,     b_i ≥ 0
+//! x = a₁ u + a₂ u² + a₃ u³ + Σ_i b_i P_i + x₀,     P_i ← max(u − r_i, min(u, P_i)),     r_i = i/(n+1) + β |u̇|,     b_i ≥ 0
 //! ```
 //!
 //! with u the squared voltage (Eq. 1's force) over its largest value. It knows the input's rate, but not how long ago
@@ -76,7 +76,7 @@ struct Plays([f64; OPERATORS]);
 impl Plays {
     fn step(&mut self, u: f64, widening: f64) {
         for (i, play) in self.0.iter_mut().enumerate() {
-            let threshold = (i + 1) as f64 / OPERATORS as f64 + widening;
+            let threshold = (i + 1) as f64 / (OPERATORS + 1) as f64 + widening;
             *play = (u - threshold).max(play.min(u));
         }
     }
@@ -133,7 +133,7 @@ impl PrandtlIshlinskii {
             before = u;
             let mut x = place[PARAMETERS - 2] + u * (place[0] + u * (place[1] + u * place[2]));
             for (i, (play, weight)) in plays.iter_mut().zip(&place[3..]).enumerate() {
-                let threshold = (i + 1) as f32 / OPERATORS as f32 + widening;
+                let threshold = (i + 1) as f32 / (OPERATORS + 1) as f32 + widening;
                 *play = (u - threshold).max(play.min(u));
                 x += weight * *play;
             }

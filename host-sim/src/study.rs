@@ -3,7 +3,6 @@
 //! As in the paper, forces come from Eq. 1 without coupling and displacements without offset.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::Instant;
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -45,8 +44,6 @@ pub struct Entry {
     pub modelled: Vec<Vec<f64>>,
     /// Residual evaluations.
     pub evaluations: usize,
-    /// Time taken, s.
-    pub seconds: f64,
 }
 
 /// How a study is made.
@@ -107,7 +104,6 @@ fn entry(
     options: &Options,
     stop: &AtomicBool,
 ) -> Option<Entry> {
-    let started = Instant::now();
     let settings = Settings {
         method,
         branches: vec![branches],
@@ -134,9 +130,8 @@ fn entry(
     };
     let modelled = context.fine.evaluate(&candidate)?.modelled;
     let agreements = context.fine.measured().zip(&modelled).map(|(y, x)| Agreement::of(y, x)).collect();
-    let seconds = started.elapsed().as_secs_f64();
     let evaluations = counted.load(Ordering::Relaxed);
-    Some(Entry { method, topology, branches, recording, candidate, agreements, modelled, evaluations, seconds })
+    Some(Entry { method, topology, branches, recording, candidate, agreements, modelled, evaluations })
 }
 
 impl Entry {
@@ -202,7 +197,6 @@ pub struct EntryRow {
     /// c in N·s^α/m and α of the main springpot and both of every branch.
     elements: Vec<(f64, f64)>,
     evaluations: usize,
-    seconds: f64,
 }
 
 impl EntryRow {
@@ -218,7 +212,6 @@ impl EntryRow {
             nrmse_pct: entry.agreements.iter().map(|a| a.nrmse_pct).collect(),
             elements: entry.candidate.elements.iter().map(|e| (e.c, e.alpha)).collect(),
             evaluations: entry.evaluations,
-            seconds: entry.seconds,
         }
     }
 }

@@ -1,24 +1,32 @@
 use std::fmt::Write;
 use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use serde::Serialize;
 
-use super::fit::FitOptions;
 use crate::compare::{self, Row};
 use crate::error::{Error, Result, shown};
-use crate::fit;
-use crate::fit::observe::Direction;
+use crate::fit::objective::Observation;
+use crate::fit::observe::{self, Direction};
 use crate::fit::search::Workbench;
-use crate::interrupt;
+use crate::fit::{self, Settings};
+use crate::parameters::Parameters;
 use crate::recording::Recording;
 use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    #[command(flatten)]
-    options: FitOptions,
-    /// Recordings to fit.
+    /// File whose [actuator] is taken: geometry, permittivity, mass, preload. If left out it is the paper's.
+    #[arg(long, value_name = "P")]
+    actuator: Option<String>,
+    /// Seed of the random starts.
+    #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
+    seed: u64,
+    /// Random starts of every structure.
+    #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
+    starts: usize,
+    /// Recordings to fit, driven by voltage or force.
     #[arg(value_name = "REC.csv", required = true)]
     recordings: Vec<PathBuf>,
 }
@@ -30,16 +38,24 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let settings = arguments.options.settings()?;
-    if arguments.options.direction() == Direction::Displacement {
-        return Err(Error::option("--drive", "models are compared as voltage or force drives them"));
+    if arguments.starts == 0 {
+        return Err(Error::option("--starts", "at least 1 is needed"));
+    }
+    let mut settings = Settings { seed: arguments.seed, starts: arguments.starts, ..Settings::default() };
+    if let Some(name) = &arguments.actuator {
+        settings.actuator = Parameters::load_actuator(name)?;
     }
     let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
-    let (observations, _) = arguments.options.observations(&recordings)?;
+    let observations = recordings
+        .iter()
+        .map(|recording| observe::observe(recording, Direction::Force, 1.0).map(|(observation, _)| observation))
+        .collect::<Result<Vec<Observation>>>()?;
     let bar = terminal::spinner();
     let workbench = Workbench::new(&observations, &settings.actuator)?;
     let surroundings = fit::effective(&observations, &settings, &mut Vec::new());
-    let context = workbench.context(&settings, surroundings, interrupt::stop_flag());
+    // Half a comparison is none: Ctrl-C ends it.
+    let never = AtomicBool::new(false);
+    let context = workbench.context(&settings, surroundings, &never);
     let models = compare::compare(&context, &observations, &|message| bar.set_message(message.to_owned()))?;
     bar.finish_and_clear();
     let report = Report { recordings: arguments.recordings.iter().map(|path| shown(path)).collect(), models };

@@ -49,7 +49,13 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let column = column.as_ref().ok_or_else(|| Error::file(path, "stretch or nominal stress has no value"))?;
         column.complete(path, &table.time_s, "a material test needs both in every row")
     };
-    let displacement: Vec<f64> = complete(0)?.value.iter().map(|stretch| (stretch - 1.0) * arguments.length).collect();
+    let stretch = complete(0)?;
+    if let Some(k) = stretch.value.iter().position(|&stretch| stretch <= 0.0) {
+        let cause =
+            format!("stretch is {} at {} s; it is length over original length", stretch.value[k], table.time_s[k]);
+        return Err(Error::file(path, cause));
+    }
+    let displacement: Vec<f64> = stretch.value.iter().map(|stretch| (stretch - 1.0) * arguments.length).collect();
     let force: Vec<f64> = complete(1)?.value.iter().map(|stress| stress * arguments.area).collect();
     let comment = format!("{}, as a body of L = {} m and A = {} m2", shown(path), arguments.length, arguments.area);
     output::write_columns(

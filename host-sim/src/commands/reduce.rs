@@ -52,6 +52,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
     let reduction = reduce::reduced(&parameters.model, limits)?;
     let branches_before = parameters.model.branches().len();
+    // Intervals are of quantities that now have other names.
+    if let Some(provenance) = &mut parameters.provenance {
+        provenance.remove("intervals_95_pct");
+    }
     parameters.name = format!("{}, reduced", parameters.name);
     parameters.model = reduction.model;
     output::write_whole(&arguments.out, |file| file.write_all(parameters.to_toml().as_bytes()))?;

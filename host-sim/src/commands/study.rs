@@ -1,5 +1,6 @@
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use maud::html;
@@ -11,8 +12,7 @@ use crate::fit::Method;
 use crate::fit::objective::Observation;
 use crate::fit::observe::{self, Direction};
 use crate::fit::selection::name_of;
-use crate::interrupt;
-use crate::output;
+use crate::output::{self, Folders};
 use crate::page;
 use crate::parameters::Parameters;
 use crate::plot::{self, COLOURS, Line, Panel};
@@ -25,7 +25,7 @@ pub(super) struct Arguments {
     /// Folder for the page (study.html), the tables (study.md) and the figures (SVG and PNG).
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Parameters whose actuator is taken: geometry, permittivity, mass, preload.
+    /// File whose [actuator] is taken: geometry, permittivity, mass, preload.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Seed of the random starts.
@@ -38,6 +38,9 @@ pub(super) struct Arguments {
     #[arg(value_name = "REC.csv", required = true)]
     recordings: Vec<PathBuf>,
 }
+
+/// What is written.
+const FILES: [&str; 6] = ["figure-6.svg", "figure-6.png", "figure-7.svg", "figure-7.png", "study.html", "study.md"];
 
 #[derive(Serialize)]
 struct Report {
@@ -56,7 +59,7 @@ struct Table {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let actuator = match &arguments.actuator {
-        Some(name) => Parameters::load(name)?.actuator,
+        Some(name) => Parameters::load_actuator(name)?,
         None => Actuator::KARNER_2022,
     };
     let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
@@ -64,12 +67,17 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         .iter()
         .map(|recording| observe::observe(recording, Direction::Force, 1.0).map(|(observation, _)| observation))
         .collect::<Result<Vec<Observation>>>()?;
-    output::make_folder(&arguments.out)?;
+    for name in FILES {
+        let inputs: Vec<&Path> = recordings.iter().map(Recording::path).collect();
+        output::check(&arguments.out.join(name), &inputs, Folders::AreMade)?;
+    }
     let names: Vec<String> = observations.iter().map(|o| o.name.clone()).collect();
 
     let options = study::Options { actuator, seed: arguments.seed, all_samples: arguments.all_samples };
     let bar = terminal::progress(0, "study");
-    let entries = study::study(&observations, &options, interrupt::stop_flag(), &|all| {
+    // Half a study is none: Ctrl-C ends it.
+    let never = AtomicBool::new(false);
+    let entries = study::study(&observations, &options, &never, &|all| {
         bar.set_length(all as u64);
         bar.inc(1);
     })?;
@@ -83,6 +91,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     ];
     let page = page(&tables, &why, &figures);
     let markdown = markdown(&tables, &why);
+    output::make_folder(&arguments.out)?;
     let mut files = Vec::new();
     for (name, _, panels) in &figures {
         for ending in ["svg", "png"] {
@@ -119,11 +128,11 @@ fn table_2(entries: &[Entry], names: &[String]) -> Table {
             let mut row = vec![e.branches.to_string()];
             row.extend(kind(e));
             row.extend(e.agreements.iter().map(|a| format!("{:.6}", a.r2)));
-            row.extend([format!("{:.6}", e.r2_mean()), e.evaluations.to_string(), format!("{:.1}", e.seconds)]);
+            row.extend([format!("{:.6}", e.r2_mean()), e.evaluations.to_string()]);
             row
         })
         .collect();
-    let tail = ["R² mean", "evaluations", "time s"].map(str::to_owned);
+    let tail = ["R² mean", "evaluations"].map(str::to_owned);
     let header = header.into_iter().chain(names.iter().map(|name| format!("R² {name}"))).chain(tail).collect();
     Table { title: "Table 2: R² of the joint fits".into(), header, rows }
 }

@@ -14,6 +14,11 @@ pub trait Problem: Sync {
     fn jacobian(&self, place: &[f64], evaluation: &Self::Evaluation) -> Vec<Vec<f64>>;
     /// Lower and upper bound of every variable.
     fn bounds(&self) -> &[(f64, f64)];
+    /// How far variable `index` may move in one step.
+    fn longest(&self, index: usize) -> f64 {
+        let _ = index;
+        LONGEST
+    }
     /// Whether to stop early and keep the best so far.
     fn interrupted(&self) -> bool {
         false
@@ -46,8 +51,8 @@ pub struct Limits {
     pub decrease: f64,
 }
 
-/// No variable moves further in one step.
-const LONGEST: f64 = 3.0;
+/// Logarithms and orders move no further in one step.
+pub const LONGEST: f64 = 3.0;
 
 /// The minimum that is reached from `start`, or nothing if the problem has no value there.
 pub fn minimise<P: Problem>(problem: &P, start: &[f64], limits: Limits) -> Option<Minimum> {
@@ -67,7 +72,8 @@ pub fn minimise<P: Problem>(problem: &P, start: &[f64], limits: Limits) -> Optio
     let mut scale = DVector::<f64>::zeros(n);
     let (mut damping, mut growth) = (1e-3, 2.0);
     let mut small = 0;
-    while best.iterations < limits.iterations && !problem.interrupted() {
+    best.converged = n == 0;
+    while n > 0 && best.iterations < limits.iterations && !problem.interrupted() {
         let jacobian = problem.jacobian(&place, &evaluation);
         best.iterations += 1;
         let (normal, gradient) = normal_equations(&jacobian, &residuals);
@@ -88,7 +94,10 @@ pub fn minimise<P: Problem>(problem: &P, start: &[f64], limits: Limits) -> Optio
         let mut accepted = false;
         for _ in 0..30 {
             let reach: Vec<(f64, f64)> = (0..n)
-                .map(|i| ((bounds[i].0 - place[i]).max(-LONGEST), (bounds[i].1 - place[i]).min(LONGEST)))
+                .map(|i| {
+                    let longest = problem.longest(i);
+                    ((bounds[i].0 - place[i]).max(-longest), (bounds[i].1 - place[i]).min(longest))
+                })
                 .collect();
             let Some(moved) = bounded_step(&normal, &gradient, &scale, damping, &free, &reach) else {
                 damping *= growth;

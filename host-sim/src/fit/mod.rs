@@ -10,6 +10,7 @@ pub mod search;
 pub mod selection;
 pub mod starts;
 pub mod trust;
+mod warnings;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -20,7 +21,7 @@ use crate::error::{Error, Result};
 use crate::recording::Input;
 use crate::reduce;
 use candidate::{Candidate, Variable};
-use objective::{Objective, Observation};
+use objective::Observation;
 use robust::Loss;
 use search::{Context, Found, Workbench};
 use selection::Row;
@@ -127,6 +128,9 @@ pub fn fit(
     let mut warnings = Vec::new();
     let surroundings = effective(observations, settings, &mut warnings);
     let context = workbench.context(settings, surroundings, stop);
+    if settings.branches.iter().all(|&branches| context.variables(branches).is_empty()) {
+        return Err(Error::option("--hold", "nothing is left to fit"));
+    }
     let fine = context.fine;
 
     let (found, table) = match settings.method {
@@ -138,8 +142,7 @@ pub fn fit(
                     progress("fit");
                     let (topology, branches) = (settings.topologies[0], settings.branches[0]);
                     let found = context.best(topology, branches, &[]);
-                    let found = found
-                        .ok_or_else(|| Error::Computation("no start leads to a fit of these recordings".into()))?;
+                    let found = found.ok_or_else(|| no_fit(observations))?;
                     (found, Vec::new())
                 }
                 (_, false) => {
@@ -151,21 +154,28 @@ pub fn fit(
     };
 
     let found = named_in_order(&context, found, settings);
-    let trust = if settings.judge && settings.method == Method::Lm {
+    let interrupted = stop.load(Ordering::Relaxed);
+    let trust = if settings.judge && settings.method == Method::Lm && !interrupted {
         progress("how far the parameters can be trusted");
         trust::judge(&context, &found)
     } else {
         None
     };
-    if let Some(trust) = &trust {
-        warn_of(trust, fine, &found, &mut warnings);
-    }
     let no_response = || Error::Computation("the fit has no response; check the units of the recordings".into());
     let modelled = fine.evaluate(&found.candidate).ok_or_else(no_response)?.modelled;
     let agreements: Vec<Agreement> =
         fine.measured().zip(&modelled).map(|(measured, modelled)| Agreement::of(measured, modelled)).collect();
-    warn_of_outliers(fine, &found, settings.loss, &mut warnings);
     let r2_mean = agreements.iter().map(|a| a.r2).sum::<f64>() / agreements.len() as f64;
+    let residuals: Vec<f64> =
+        fine.measured().zip(&modelled).flat_map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y)).collect();
+    if let Some(trust) = &trust {
+        warnings::of_trust(trust, &residuals, &mut warnings);
+    }
+    if !(found.minimum.converged || interrupted) {
+        warnings.push("the search ran out of iterations; --start with this result goes on".into());
+    }
+    warnings::of_outliers(&residuals, settings.loss, &mut warnings);
+    warnings::of_units(observations, &settings.actuator, r2_mean, settings.loss, &mut warnings);
     Ok(Fit {
         candidate: found.candidate,
         r2_mean,
@@ -175,7 +185,7 @@ pub fn fit(
         trust,
         warnings,
         evaluations: context.evaluations.load(Ordering::Relaxed),
-        interrupted: stop.load(Ordering::Relaxed),
+        interrupted,
     })
 }
 
@@ -197,6 +207,14 @@ fn named_in_order(context: &Context<'_>, found: Found, settings: &Settings) -> F
         let minimum = levenberg_marquardt::Minimum { converged: found.minimum.converged, ..again.minimum };
         Found { minimum, ..again }
     })
+}
+
+fn no_fit(observations: &[Observation]) -> Error {
+    let names: Vec<&str> = observations.iter().map(|o| o.name.as_str()).collect();
+    Error::Computation(format!(
+        "{}: no start leads to a fit; check the units of voltage and displacement, and the actuator",
+        names.join(", ")
+    ))
 }
 
 /// The surroundings that the observations can tell anything of.
@@ -268,46 +286,4 @@ fn pattern(context: &Context<'_>, settings: &Settings, progress: &dyn Fn(&str)) 
         converged: outcome.converged,
     };
     Ok((Found { candidate: outcome.candidate, variables, minimum }, Vec::new()))
-}
-
-fn warn_of(trust: &Trust, objective: &Objective, found: &Found, warnings: &mut Vec<String>) {
-    for set in &trust.undetermined {
-        warnings.push(format!("the recordings leave {set} free: other values fit as well"));
-    }
-    let at_bound: Vec<String> = trust
-        .estimates
-        .iter()
-        .filter(|estimate| estimate.at_bound)
-        .map(|estimate| format!("{} = {}", estimate.name, estimate.value))
-        .collect();
-    if !at_bound.is_empty() {
-        warnings.push(format!("on their bounds: {}", at_bound.join(", ")));
-    }
-    if !trust.white {
-        let rms = (2.0 * found.minimum.cost / objective.samples() as f64).sqrt();
-        warnings.push(format!(
-            "the residuals (RMS {rms:.2e}) are not white (autocorrelation {:.2} at lag one): the model leaves something out, \
-             and the intervals count {:.0} independent samples instead of {}",
-            trust.lag_one,
-            trust.effective_samples,
-            objective.samples()
-        ));
-    }
-    if !found.minimum.converged {
-        warnings.push("the search ran out of iterations; --start with this result goes on".into());
-    }
-}
-
-fn warn_of_outliers(objective: &Objective, found: &Found, loss: Loss, warnings: &mut Vec<String>) {
-    let Some(evaluation) = objective.evaluate(&found.candidate) else { return };
-    let mut residuals = objective.residuals(&evaluation);
-    // A fit that outliers have pulled leaves the others beside nought.
-    let middle = observe::median(&residuals);
-    residuals.iter_mut().for_each(|r| *r -= middle);
-    let limit = 6.0 * robust::spread(&residuals);
-    let outliers = residuals.iter().filter(|r| r.abs() > limit).count();
-    if outliers > 0 && limit > 0.0 {
-        let mend = if loss == Loss::Square { "; --loss huber keeps them from pulling" } else { "" };
-        warnings.push(format!("{outliers} values lie far off (more than 6 standard deviations){mend}"));
-    }
 }

@@ -30,6 +30,15 @@ pub struct Observation {
     pub weight: f64,
 }
 
+fn too_long(name: &str, samples: f64) -> Error {
+    Error::Computation(format!(
+        "{name}: {samples:.0} steps at its usual rate; a fit takes {MOST_SAMPLES} at the most, cut the recording or thin it"
+    ))
+}
+
+/// Samples of a recording that a fit takes: each costs about a kilobyte.
+const MOST_SAMPLES: usize = 1 << 22;
+
 /// Model minus measurement over all observations.
 pub struct Objective {
     circles: Vec<FullMemory>,
@@ -137,8 +146,14 @@ impl Objective {
         }
         let grids = observations
             .iter()
-            .map(|o| Grid::covering(o.input.samples().time_s.last().copied().unwrap_or(0.0), o.rate_hz))
+            .map(|o| {
+                let duration_s = o.input.samples().time_s.last().copied().unwrap_or(0.0);
+                Grid::covering(duration_s, o.rate_hz).map_err(|_| too_long(&o.name, duration_s * o.rate_hz))
+            })
             .collect::<Result<Vec<Grid>>>()?;
+        if let Some((long, grid)) = observations.iter().zip(&grids).find(|(_, grid)| grid.samples > MOST_SAMPLES) {
+            return Err(too_long(&long.name, grid.samples as f64));
+        }
         // Recordings of one rate share a circle for the longest of them.
         let mut circles: Vec<FullMemory> = Vec::new();
         let mut steps: Vec<f64> = Vec::new();

@@ -15,6 +15,9 @@ pub enum Direction {
     Displacement,
 }
 
+/// No sensor sees smaller changes, m or N.
+const SMALLEST: f64 = 1e-12;
+
 /// The observation of `recording`, and warnings about it.
 ///
 /// # Errors
@@ -41,6 +44,10 @@ pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Resu
     if low == high {
         return Err(Error::file(path, format!("the {what} is {low} {unit} throughout; there is nothing to fit")));
     }
+    if high - low < SMALLEST {
+        let cause = format!("the {what} changes by {:.1e} {unit} only; check its unit", high - low);
+        return Err(Error::file(path, cause));
+    }
     let (low_drive, high_drive) = range(&drive.value);
     if low_drive == high_drive && high_drive == 0.0 {
         return Err(Error::file(path, "what drives the film is 0 throughout; there is nothing to fit"));
@@ -65,7 +72,10 @@ pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Resu
             ));
         }
     }
-    let observation = Observation { name, input, measured, rate_hz: 1.0 / usual, weight };
+    // Bursts with long pauses are followed no finer than eight steps per row.
+    let duration = drive.time_s.last().copied().unwrap_or(0.0);
+    let rate_hz = (1.0 / usual).min(8.0 * drive.time_s.len() as f64 / duration);
+    let observation = Observation { name, input, measured, rate_hz, weight };
     Ok((observation, warnings))
 }
 

@@ -26,7 +26,7 @@ pub struct Outcome {
     pub cost: f64,
     /// Residual evaluations.
     pub evaluations: usize,
-    /// Whether the mesh became fine enough, as opposed to the evaluations running out.
+    /// Whether the mesh became fine enough, as opposed to evaluations or polls running out.
     pub converged: bool,
 }
 
@@ -37,12 +37,14 @@ pub struct Limits {
     pub mesh: f64,
     /// Evaluations per variable at the most.
     pub evaluations_per_variable: usize,
+    /// Polls per variable at the most.
+    pub iterations_per_variable: usize,
 }
 
 impl Default for Limits {
     /// MATLAB's defaults.
     fn default() -> Self {
-        Self { mesh: 1e-6, evaluations_per_variable: 2000 }
+        Self { mesh: 1e-6, evaluations_per_variable: 2000, iterations_per_variable: 100 }
     }
 }
 
@@ -80,12 +82,14 @@ pub fn search(
     let mut cost = cost_of(&place)?;
     let (mut mesh, mut evaluations) = (1.0, 1);
     let most = limits.evaluations_per_variable * place.len();
+    let mut iterations = limits.iterations_per_variable * place.len();
     let mut converged = false;
-    while evaluations < most && !stop.load(Ordering::Relaxed) {
+    while evaluations < most && iterations > 0 && !stop.load(Ordering::Relaxed) {
         if mesh < limits.mesh {
             converged = true;
             break;
         }
+        iterations -= 1;
         let mut success = false;
         'poll: for sign in [1.0, -1.0] {
             for i in 0..place.len() {

@@ -5,25 +5,54 @@
 pub enum Loss {
     /// Squares: best for noise.
     Square,
-    /// Huber's: squares near nought, absolute values beyond, so that drop-outs do not pull.
+    /// Huber's: squares up to 0.5 % of the measured range, absolute values beyond, so that drop-outs do not pull.
     Huber,
+}
+
+/// Huber's loss with its limit, in the residuals' unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Huber {
+    limit: f64,
+}
+
+impl Huber {
+    /// The loss for measurements of the given range (that of 96 % of them): the same for every candidate, so that their
+    /// costs can be compared.
+    pub fn new(range: f64) -> Self {
+        Self { limit: (0.005 * range).max(f64::MIN_POSITIVE) }
+    }
+
+    /// Half the sum of squares, of which large residuals count less.
+    pub fn cost(&self, residuals: &[f64]) -> f64 {
+        residuals
+            .iter()
+            .map(|r| if r.abs() <= self.limit { 0.5 * r * r } else { self.limit * (r.abs() - 0.5 * self.limit) })
+            .sum()
+    }
+
+    /// The weights with which squares have the same slope.
+    pub fn weights(&self, residuals: &[f64]) -> Weights {
+        let weight = |r: &f64| if r.abs() > self.limit { (self.limit / r.abs()).sqrt() } else { 1.0 };
+        Weights(residuals.iter().map(weight).collect())
+    }
 }
 
 /// Square roots of the weights of residuals.
 pub struct Weights(Vec<f64>);
 
 impl Weights {
-    /// Huber's weights, from the spread of the residuals themselves (median absolute deviation).
-    pub fn huber(residuals: &[f64]) -> Self {
-        // Residuals of a normal distribution keep 95 % of their efficiency.
-        let limit = 1.345 * spread(residuals);
-        Self(residuals.iter().map(|r| if r.abs() > limit { (limit / r.abs()).sqrt() } else { 1.0 }).collect())
-    }
-
     /// Multiplies `values`, one per residual.
     pub fn apply(&self, values: &mut [f64]) {
         values.iter_mut().zip(&self.0).for_each(|(value, weight)| *value *= weight);
     }
+}
+
+/// The range that holds 96 % of `values`, whatever drop-outs among them.
+pub fn range(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    let at = |share: f64| sorted.get((share * (sorted.len().max(1) - 1) as f64) as usize).copied().unwrap_or(0.0);
+    at(0.98) - at(0.02)
 }
 
 /// The standard deviation of residuals that are mostly normal: 1.4826 times their median absolute value.

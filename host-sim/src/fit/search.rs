@@ -10,7 +10,7 @@ use super::candidate::{Candidate, Variable};
 use super::levenberg_marquardt::{self, Limits, Minimum, Problem};
 use super::objective::{Evaluation, Objective, Observation};
 use super::observe;
-use super::robust::{Loss, Weights};
+use super::robust::{self, Huber, Loss, Weights};
 use super::starts::{self, Scales};
 use crate::error::Result;
 
@@ -168,13 +168,23 @@ impl Context<'_> {
         let mut place: Vec<f64> = descent.variables.iter().map(|variable| variable.get(start)).collect();
         let mut minimum = levenberg_marquardt::minimise(&descent, &place, limits)?;
         if self.loss == Loss::Huber {
-            // Iteratively reweighted least squares.
-            for _ in 0..6 {
+            let huber = Huber::new(robust::range(objective.measured().flatten().copied()));
+            // Iteratively reweighted least squares. After the first it is near.
+            for pass in 0..6 {
                 place.clone_from(&minimum.place);
                 let evaluation = objective.evaluate(&descent.candidate(&place))?;
-                descent.weights = Some(Weights::huber(&objective.residuals(&evaluation)));
-                minimum = levenberg_marquardt::minimise(&descent, &place, limits)?;
+                descent.weights = Some(huber.weights(&objective.residuals(&evaluation)));
+                let iterations = if pass == 0 { limits.iterations } else { limits.iterations.min(8) };
+                let again = levenberg_marquardt::minimise(&descent, &place, Limits { iterations, ..limits })?;
+                let moved =
+                    again.place.iter().zip(&place).any(|(new, old)| (new - old).abs() > 1e-4 * old.abs().max(1e-3));
+                minimum = again;
+                if !moved {
+                    break;
+                }
             }
+            let evaluation = objective.evaluate(&descent.candidate(&minimum.place))?;
+            minimum.cost = huber.cost(&objective.residuals(&evaluation));
         }
         Some(Found { candidate: descent.candidate(&minimum.place), variables: descent.variables, minimum })
     }
@@ -224,6 +234,14 @@ impl Problem for Descent<'_> {
 
     fn bounds(&self) -> &[(f64, f64)] {
         &self.bounds
+    }
+
+    fn longest(&self, index: usize) -> f64 {
+        match self.variables[index] {
+            // In 1/m and m: as far as the bounds.
+            Variable::StretchCoupling | Variable::Offset => f64::INFINITY,
+            _ => levenberg_marquardt::LONGEST,
+        }
     }
 
     fn interrupted(&self) -> bool {

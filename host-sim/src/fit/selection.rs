@@ -1,11 +1,15 @@
 //! Which structure: the number of branches, and how they are connected.
 
+use std::sync::atomic::Ordering;
+
+use rayon::prelude::*;
 use serde::Serialize;
 use springpot::{Springpot, Topology};
 
 use super::candidate::Candidate;
 use super::levenberg_marquardt::Limits;
 use super::objective::{Objective, Observation};
+use super::robust::{self, Loss};
 use super::search::{Context, Found};
 use super::trust;
 use crate::agreement::Agreement;
@@ -67,13 +71,16 @@ pub fn choose(
 ) -> Result<(Found, Vec<Row>)> {
     let left_out = LeftOut::new(observations)?;
     let mut tried: Vec<(Topology, usize, Found, Option<f64>)> = Vec::new();
-    for &topology in topologies {
+    'structures: for &topology in topologies {
         let mut smaller: Option<Candidate> = None;
         for &n in branches {
             // Up to one branch the topologies are the same model.
             if n < 2 && topology != topologies[0] {
                 smaller = tried.iter().find(|t| t.1 == n).map(|t| t.2.candidate.clone());
                 continue;
+            }
+            if context.stop.load(Ordering::Relaxed) && !tried.is_empty() {
+                break 'structures;
             }
             progress(&format!("{} with n = {n}", name_of(topology)));
             let warm: Vec<Candidate> = smaller.iter().flat_map(|c| grown(c, topology, context)).collect();
@@ -108,9 +115,10 @@ pub fn choose(
     let least = |of: &dyn Fn(&(f64, f64)) -> f64| criteria.iter().map(of).fold(f64::INFINITY, f64::min);
     let (aic, bic) = (least(&|c| c.0), least(&|c| c.1));
     let least_left_out = tried.iter().filter_map(|t| t.3).fold(f64::INFINITY, f64::min);
+    let judged = tried.iter().any(|t| t.3.is_some());
     let not_worse = |index: usize| match tried[index].3 {
         Some(error) => error <= MARGIN * least_left_out,
-        None => left_out.is_none() && criteria[index].1 <= bic + MARGIN_BIC,
+        None => !judged && criteria[index].1 <= bic + MARGIN_BIC,
     };
     let chosen = (0..tried.len())
         .filter(|&index| not_worse(index))
@@ -150,6 +158,17 @@ pub fn agreements(objective: &Objective, candidate: &Candidate) -> Vec<Agreement
     objective.measured().zip(&modelled).map(|(measured, modelled)| Agreement::of(measured, modelled)).collect()
 }
 
+/// NRMSE (%) of a candidate as the loss counts: with Huber's, from the spread of the residuals, whatever the drop-outs.
+fn nrmse_pct(objective: &Objective, candidate: &Candidate, loss: Loss) -> Option<f64> {
+    let agreement = *agreements(objective, candidate).first()?;
+    if loss == Loss::Square {
+        return Some(agreement.nrmse_pct);
+    }
+    let residuals = objective.residuals(&objective.evaluate(candidate)?);
+    let range = robust::range(objective.measured().flatten().copied());
+    Some(100.0 * robust::spread(&residuals) / range.max(f64::MIN_POSITIVE))
+}
+
 /// The candidate with one more branch, small, at three relaxation times.
 fn grown(candidate: &Candidate, topology: Topology, context: &Context<'_>) -> Vec<Candidate> {
     let (short, long) = context.scales.times_s;
@@ -171,9 +190,9 @@ fn grown(candidate: &Candidate, topology: Topology, context: &Context<'_>) -> Ve
         .collect()
 }
 
-/// Fits to all recordings but one.
+/// Fits to all recordings but one, and their error on that one.
 pub struct LeftOut {
-    /// The others, thinned, and the one, in full.
+    /// The others, and the one.
     folds: Vec<(Objective, Objective)>,
 }
 
@@ -193,7 +212,7 @@ impl LeftOut {
                     .iter()
                     .enumerate()
                     .filter(|(index, _)| *index != out)
-                    .map(|(_, observation)| super::observe::thinned(observation))
+                    .map(|(_, observation)| observation.clone())
                     .collect();
                 Ok((Objective::new(&others)?, Objective::new(&observations[out..=out])?))
             })
@@ -201,14 +220,18 @@ impl LeftOut {
         Ok(Some(Self { folds }))
     }
 
-    /// Mean NRMSE (%) of the recordings that were left out.
+    /// Mean NRMSE (%) of the recordings that were left out; nothing if the search was interrupted.
     pub fn error(&self, context: &Context<'_>, found: &Found) -> Option<f64> {
-        let limits = Limits { iterations: 25, decrease: 1e-6 };
-        let mut sum = 0.0;
-        for (others, one) in &self.folds {
-            let fitted = context.descend_over(others, &found.candidate, found.variables.clone(), limits)?;
-            sum += agreements(one, &fitted.candidate).first()?.nrmse_pct;
-        }
-        Some(sum / self.folds.len() as f64)
+        // From the fit to all of them it is not far.
+        let limits = Limits { iterations: 40, decrease: 1e-6 };
+        let errors: Vec<f64> = self
+            .folds
+            .par_iter()
+            .map(|(others, one)| {
+                let fitted = context.descend_over(others, &found.candidate, found.variables.clone(), limits)?;
+                nrmse_pct(one, &fitted.candidate, context.loss)
+            })
+            .collect::<Option<_>>()?;
+        (!context.stop.load(Ordering::Relaxed)).then(|| errors.iter().sum::<f64>() / errors.len() as f64)
     }
 }

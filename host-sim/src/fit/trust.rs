@@ -137,11 +137,13 @@ pub fn judge(context: &Context<'_>, found: &Found) -> Option<Trust> {
                 variable.set(&mut candidate, value);
                 variable.natural(&candidate)
             };
+            // An order has its ends by nature.
+            let within_bounds = |end: f64| matches!(variable, Variable::Order(_)).then_some(end);
             Estimate {
                 name: variable.to_string(),
                 value: natural(values[i]),
-                low: profiles[i].0.map(natural),
-                high: profiles[i].1.map(natural),
+                low: profiles[i].0.map(natural).or(within_bounds(0.0)),
+                high: profiles[i].1.map(natural).or(within_bounds(1.0)),
                 linear: errors[i].map(|e| (natural(values[i] - NORMAL * e), natural(values[i] + NORMAL * e))),
                 at_bound: at_bound[i],
             }

@@ -27,6 +27,22 @@ pub(super) struct FileTable {
     pub(super) provenance: Option<toml::Table>,
 }
 
+/// A parameter file of which only the actuator is wanted; it may lack the rest.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ActuatorFileTable {
+    pub(super) schema: Spanned<u32>,
+    #[serde(default, rename = "name")]
+    _name: Option<String>,
+    pub(super) actuator: ActuatorTable,
+    #[serde(default, rename = "model")]
+    _model: Option<toml::Value>,
+    #[serde(default, rename = "sensor")]
+    _sensor: Option<toml::Value>,
+    #[serde(default, rename = "provenance")]
+    _provenance: Option<toml::Value>,
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ActuatorTable {

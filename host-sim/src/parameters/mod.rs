@@ -7,10 +7,12 @@ use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
+use serde::de::DeserializeOwned;
 use springpot::{Actuator, Maxwell, Preset};
+use toml::Spanned;
 
 use crate::error::{Error, Result};
-use format::{FileTable, SCHEMA};
+use format::{ActuatorFileTable, ActuatorTable, FileTable, SCHEMA};
 
 /// An actuator and the model of its film.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,21 +70,24 @@ impl Parameters {
     ///
     /// [`Error`] naming the file, the line and the value that cannot be used.
     pub fn read(path: &Path) -> Result<Self> {
-        if path.is_dir() {
-            return Err(Error::file(path, "is a directory; name a parameter file (TOML) or preset:NAME"));
+        Self::from_toml(path, &text_of(path)?)
+    }
+
+    /// The actuator named on a command line: of a file that may hold nothing else, or of `preset:NAME`.
+    ///
+    /// # Errors
+    ///
+    /// As [`load`](Self::load).
+    pub fn load_actuator(name: &str) -> Result<Actuator> {
+        if name.starts_with("preset:") {
+            return Ok(Self::load(name)?.actuator);
         }
-        let mut bytes = Vec::new();
-        let file = File::open(path).map_err(|e| Error::file(path, e))?;
-        // A pipe has no length beforehand.
-        file.take(LONGEST + 1).read_to_end(&mut bytes).map_err(|e| Error::file(path, e))?;
-        if bytes.len() as u64 > LONGEST {
-            return Err(Error::file(path, format!("more than {LONGEST} bytes; this is not a parameter file")));
-        }
-        let text = String::from_utf8(bytes).map_err(|e| {
-            let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
-            Error::line(path, line as u64, "not UTF-8 text; this is not a TOML parameter file")
-        })?;
-        Self::from_toml(path, &text)
+        let path = Path::new(name);
+        let text = text_of(path)?;
+        let place = Place { path, text: &text };
+        let file: ActuatorFileTable = place.parse()?;
+        place.check_schema(&file.schema)?;
+        place.actuator(&file.actuator)
     }
 
     /// Reads parameters from TOML text; `path` is what errors name.
@@ -91,36 +96,23 @@ impl Parameters {
     ///
     /// As [`read`](Self::read).
     pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
-        let at = |span: Range<usize>, cause: String| {
-            let line = 1 + text.as_bytes()[..span.start.min(text.len())].iter().filter(|&&b| b == b'\n').count();
-            Error::line(path, line as u64, cause)
-        };
-        let file: FileTable = toml::from_str(text).map_err(|e| {
-            let cause = e.message().trim().replace('\n', "; ");
-            match e.span() {
-                Some(span) => at(span, cause),
-                None => Error::file(path, cause),
-            }
-        })?;
-        if *file.schema.get_ref() != SCHEMA {
-            let cause = format!("schema = {}; this version reads schema = {SCHEMA}", file.schema.get_ref());
-            return Err(at(file.schema.span(), cause));
-        }
-        let actuator = file.actuator.actuator();
-        actuator.check().map_err(|e| at(file.actuator.place_of(&e).unwrap_or(0..0), e.to_string()))?;
+        let place = Place { path, text };
+        let file: FileTable = place.parse()?;
+        place.check_schema(&file.schema)?;
+        let actuator = place.actuator(&file.actuator)?;
         if let Some(branch) = file.model.branches.iter().find(|branch| branch.get_ref().len() != 2) {
             let cause = format!("a branch of {} springpots; it has exactly two", branch.get_ref().len());
-            return Err(at(branch.span(), cause));
+            return Err(place.error(branch.span(), cause));
         }
         let model = file
             .model
             .model(actuator.mass_kg)
-            .map_err(|e| at(file.model.place_of(&e).unwrap_or(0..0), e.to_string()))?;
+            .map_err(|e| place.error(file.model.place_of(&e).unwrap_or(0..0), e.to_string()))?;
         let offset = file.sensor.as_ref().map(|sensor| &sensor.offset_m);
         let sensor_offset_m = offset.map_or(0.0, |offset| *offset.get_ref());
         if !sensor_offset_m.is_finite() {
             let cause = format!("offset_m = {sensor_offset_m} must be finite");
-            return Err(at(offset.map_or(0..0, toml::Spanned::span), cause));
+            return Err(place.error(offset.map_or(0..0, toml::Spanned::span), cause));
         }
         Ok(Self { name: file.name, actuator, model, sensor_offset_m, provenance: file.provenance })
     }
@@ -128,5 +120,61 @@ impl Parameters {
     /// The parameters as TOML text.
     pub fn to_toml(&self) -> String {
         format::write(self)
+    }
+}
+
+/// The text of a parameter file.
+fn text_of(path: &Path) -> Result<String> {
+    if path.is_dir() {
+        return Err(Error::file(path, "is a directory; name a parameter file (TOML) or preset:NAME"));
+    }
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(|e| Error::file(path, e))?;
+    // A pipe has no length beforehand.
+    file.take(LONGEST + 1).read_to_end(&mut bytes).map_err(|e| Error::file(path, e))?;
+    if bytes.len() as u64 > LONGEST {
+        return Err(Error::file(path, format!("more than {LONGEST} bytes; this is not a parameter file")));
+    }
+    String::from_utf8(bytes).map_err(|e| {
+        let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+        Error::line(path, line as u64, "not UTF-8 text; this is not a TOML parameter file")
+    })
+}
+
+/// A text whose errors name its lines.
+struct Place<'a> {
+    path: &'a Path,
+    text: &'a str,
+}
+
+impl Place<'_> {
+    fn error(&self, span: Range<usize>, cause: String) -> Error {
+        let before = &self.text.as_bytes()[..span.start.min(self.text.len())];
+        let line = 1 + before.iter().filter(|&&b| b == b'\n').count();
+        Error::line(self.path, line as u64, cause)
+    }
+
+    fn parse<T: DeserializeOwned>(&self) -> Result<T> {
+        toml::from_str(self.text).map_err(|e| {
+            let cause = e.message().trim().replace('\n', "; ");
+            match e.span() {
+                Some(span) => self.error(span, cause),
+                None => Error::file(self.path, cause),
+            }
+        })
+    }
+
+    fn check_schema(&self, schema: &Spanned<u32>) -> Result<()> {
+        if *schema.get_ref() == SCHEMA {
+            return Ok(());
+        }
+        let cause = format!("schema = {}; this version reads schema = {SCHEMA}", schema.get_ref());
+        Err(self.error(schema.span(), cause))
+    }
+
+    fn actuator(&self, table: &ActuatorTable) -> Result<Actuator> {
+        let actuator = table.actuator();
+        actuator.check().map_err(|e| self.error(table.place_of(&e).unwrap_or(0..0), e.to_string()))?;
+        Ok(actuator)
     }
 }

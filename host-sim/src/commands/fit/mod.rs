@@ -3,6 +3,7 @@ mod page;
 mod result;
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use clap::Args;
@@ -64,9 +65,18 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     for path in jobs.iter().flat_map(|job| [Some(&job.out), job.page.as_ref()]).flatten() {
         output::check(path, &inputs, Folders::Exist)?;
     }
+    if arguments.report.as_ref() == Some(&arguments.out) {
+        return Err(Error::option("--report", "is the file of the parameters; name another"));
+    }
 
     let mut reports = Vec::new();
+    let all = jobs.len();
     for Job { out, page, indices } in jobs {
+        // What was not begun is not written.
+        if stop.load(Ordering::Relaxed) && !reports.is_empty() {
+            eprintln!("host-sim: interrupted: {} of {all} recordings are fitted", reports.len());
+            break;
+        }
         let chosen: Vec<Observation> = indices.iter().map(|&index| observations[index].clone()).collect();
         let files: Vec<&Path> = indices.iter().map(|&index| recordings[index].path()).collect();
         let started = Instant::now();
@@ -101,6 +111,6 @@ struct Job {
 /// The file beside `out` that belongs to `recording`.
 fn beside(out: &Path, recording: &Path) -> PathBuf {
     let stem = |path: &Path| path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let name = format!("{}-{}", stem(out), stem(recording));
-    out.with_file_name(name).with_extension(out.extension().unwrap_or_default())
+    let ending = out.extension().map_or_else(String::new, |ending| format!(".{}", ending.to_string_lossy()));
+    out.with_file_name(format!("{}-{}{ending}", stem(out), stem(recording)))
 }

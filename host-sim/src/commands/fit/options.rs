@@ -34,12 +34,12 @@ pub(in crate::commands) struct FitOptions {
     /// Do not fit this: stretch_coupling, offset_m, or with --start an element as warnings name it, such as main.alpha.
     #[arg(long, value_name = "NAME")]
     hold: Vec<String>,
-    /// Parameters whose actuator is taken: geometry, permittivity, mass, preload, coupling. If left out it is the
+    /// File whose [actuator] is taken: geometry, permittivity, mass, preload, coupling. If left out it is the
     /// paper's, without mass where displacement drives.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Parameters to begin from, instead of random starts; they also give branches and topology.
-    #[arg(long, value_name = "P", conflicts_with_all = ["actuator"])]
+    #[arg(long, value_name = "P", conflicts_with_all = ["actuator", "branches"])]
     start: Option<String>,
     /// How residuals count.
     #[arg(long, value_enum, default_value_t = Loss::Square)]
@@ -83,7 +83,7 @@ impl FitOptions {
     pub(in crate::commands) fn settings(&self) -> Result<Settings> {
         let start = self.start.as_deref().map(Parameters::load).transpose()?;
         let actuator = match (&self.actuator, &start) {
-            (Some(name), _) => Parameters::load(name)?.actuator,
+            (Some(name), _) => Parameters::load_actuator(name)?,
             (None, Some(start)) => start.actuator,
             // A test machine carries the weight.
             (None, None) if self.drive == Direction::Displacement => Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 },
@@ -111,6 +111,9 @@ impl FitOptions {
                 surroundings.push(variable);
             }
         }
+        if let Some(name) = self.free.iter().find(|name| self.hold.contains(name)) {
+            return Err(Error::option("--hold", format!("{name} is also to be freed")));
+        }
         let mut held = Vec::new();
         for name in &self.hold {
             if let Some(variable) = surrounding(name) {
@@ -127,6 +130,12 @@ impl FitOptions {
         }
         if self.method == Method::PatternSearch {
             surroundings.clear();
+            if let Some(name) = self.free.first().or(self.hold.first()) {
+                let cause = format!(
+                    "pattern search is the paper's procedure, over all elements and nothing else; leave out {name}"
+                );
+                return Err(Error::option("--method", cause));
+            }
         }
         if self.method == Method::PatternSearch && self.loss != Loss::Square {
             return Err(Error::option("--loss", "pattern search is the paper's procedure, with squares"));
@@ -167,10 +176,12 @@ impl FitOptions {
             let cause = format!("{} weights for {} recordings", self.weights.len(), recordings.len());
             return Err(Error::option("--weights", cause));
         }
-        if let Some(weight) = self.weights.iter().find(|w| !(w.is_finite() && **w > 0.0)) {
-            return Err(Error::option("--weights", format!("{weight} must be finite and greater than 0")));
+        if let Some(weight) = self.weights.iter().find(|w| !(1e-6..=1e6).contains(*w)) {
+            return Err(Error::option("--weights", format!("{weight:?} must be from 1e-6 to 1e6")));
         }
-        let weight = |index: usize| self.weights.get(index).copied().unwrap_or(1.0);
+        // Of mean 1, so that residuals keep their unit.
+        let mean = self.weights.iter().sum::<f64>() / self.weights.len().max(1) as f64;
+        let weight = |index: usize| self.weights.get(index).map_or(1.0, |weight| weight / mean);
         recordings
             .iter()
             .enumerate()
@@ -205,6 +216,10 @@ fn surrounding(name: &str) -> Option<Variable> {
 }
 
 fn unknown(option: &'static str, name: &str) -> Error {
+    if option == "--free" && (name.starts_with("main.") || name.starts_with("branches[")) {
+        return Error::option(option, format!("{name} is free unless it is held"));
+    }
     let names = "stretch_coupling, offset_m, mass_kg, relative_permittivity, length_m, width_m, thickness_m";
-    Error::option(option, format!("no quantity {name:?}; there are {names} and elements such as main.alpha"))
+    let elements = if option == "--hold" { " and, with --start, elements such as main.alpha" } else { "" };
+    Error::option(option, format!("no quantity {name:?}; there are {names}{elements}"))
 }

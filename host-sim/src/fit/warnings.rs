@@ -1,0 +1,88 @@
+//! What the user of a fit should know, plainly.
+
+use springpot::Actuator;
+
+use super::objective::Observation;
+use super::observe;
+use super::robust::{self, Loss};
+use super::trust::Trust;
+use crate::recording::Input;
+
+/// What the data leave open; `residuals` in the unit of the measurement.
+pub fn of_trust(trust: &Trust, residuals: &[f64], warnings: &mut Vec<String>) {
+    for set in &trust.undetermined {
+        warnings.push(format!("the recordings leave {set} free: other values fit as well"));
+    }
+    let at_bound: Vec<String> = trust
+        .estimates
+        .iter()
+        .filter(|estimate| estimate.at_bound)
+        .map(|estimate| format!("{} = {}", estimate.name, estimate.value))
+        .collect();
+    if !at_bound.is_empty() {
+        let idle = at_bound.iter().any(|name| name.contains(".c = "));
+        let mend = if idle { "; a branch whose c is on its bound does nothing: fewer branches will do" } else { "" };
+        warnings.push(format!("on their bounds: {}{mend}", at_bound.join(", ")));
+    }
+    if !trust.white {
+        let rms = (residuals.iter().map(|r| r * r).sum::<f64>() / residuals.len() as f64).sqrt();
+        warnings.push(format!(
+            "the residuals (RMS {rms:.2e}) are not white (autocorrelation {:.2} at lag one): the model leaves something out, \
+             and the intervals count {:.0} independent samples instead of {}",
+            trust.lag_one,
+            trust.effective_samples,
+            residuals.len()
+        ));
+    }
+}
+
+/// Values that lie far off.
+pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<String>) {
+    // A fit that outliers have pulled leaves the others beside nought.
+    let middle = observe::median(residuals);
+    let centred: Vec<f64> = residuals.iter().map(|r| r - middle).collect();
+    let limit = 6.0 * robust::spread(&centred);
+    let outliers = centred.iter().filter(|r| r.abs() > limit).count();
+    if outliers > 0 && limit > 0.0 {
+        let mend = if loss == Loss::Square { "; --loss huber keeps them from pulling" } else { "" };
+        warnings.push(format!("{outliers} values lie far off (more than 6 standard deviations){mend}"));
+    }
+}
+
+/// No film stands such a field, V/m.
+const HIGHEST_FIELD: f64 = 1e9;
+
+/// Units that cannot be meant.
+pub fn of_units(
+    observations: &[Observation],
+    actuator: &Actuator,
+    r2_mean: f64,
+    loss: Loss,
+    warnings: &mut Vec<String>,
+) {
+    for observation in observations {
+        let name = &observation.name;
+        if let Input::Voltage(voltage) = &observation.input {
+            let peak = voltage.value.iter().fold(0.0, |peak: f64, v| peak.max(v.abs()));
+            let field = peak / actuator.thickness_m;
+            if field > HIGHEST_FIELD {
+                warnings.push(format!(
+                    "{name}: {peak} V over {} m are {field:.1e} V/m; check the units",
+                    actuator.thickness_m
+                ));
+            }
+        }
+        if !matches!(observation.input, Input::Displacement(_)) {
+            let stroke = robust::range(observation.measured.value.iter().copied());
+            let size = actuator.length_m.max(actuator.width_m);
+            if stroke > 2.0 * size {
+                warnings.push(format!("{name}: a stroke of {stroke:.3} m of a film of {size} m; check the units"));
+            }
+        }
+    }
+    if r2_mean < 0.5 && loss == Loss::Square {
+        warnings.push(format!(
+            "the model explains little (R² {r2_mean:.3}): check the units, and that displacement grows with voltage"
+        ));
+    }
+}
