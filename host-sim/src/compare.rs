@@ -60,9 +60,13 @@ const KINDS: [(&str, Kind); 10] = [
 pub fn compare(context: &Context<'_>, observations: &[Observation], progress: &dyn Fn(&str)) -> Result<Vec<Row>> {
     let left_out = LeftOut::new(observations)?;
     let mut rows = Vec::new();
+    let mut smaller: Option<Candidate> = None;
     for (name, kind) in KINDS {
         progress(name);
-        let found = kind.best(context).ok_or_else(|| Error::Computation(format!("{name}: no fit was found")))?;
+        let found = kind
+            .best(context, smaller.as_ref())
+            .ok_or_else(|| Error::Computation(format!("{name}: no fit was found")))?;
+        smaller = Some(found.candidate.clone());
         let agreements = selection::agreements(context.fine, &found.candidate);
         let n = agreements.len() as f64;
         rows.push(Row {
@@ -80,11 +84,15 @@ pub fn compare(context: &Context<'_>, observations: &[Observation], progress: &d
 }
 
 impl Kind {
-    fn best(self, context: &Context<'_>) -> Option<Found> {
+    /// The best of its kind; `smaller` is the fit before, from which a Prony series goes on.
+    fn best(self, context: &Context<'_>, smaller: Option<&Candidate>) -> Option<Found> {
         match self {
             Self::Fractional(topology, branches) => context.best(topology, branches, &[]),
             Self::Prony(branches) => {
-                let starts: Vec<Candidate> = [0.2, 0.5, 1.0].map(|share| prony(context, branches, share)).into();
+                let mut starts: Vec<Candidate> = [0.2, 0.5, 1.0].map(|share| prony(context, branches, share)).into();
+                starts.extend(
+                    smaller.filter(|c| c.branches() + 1 == branches).into_iter().flat_map(|c| grown(context, c)),
+                );
                 let mut variables: Vec<Variable> = (0..=2 * branches).map(Variable::Coefficient).collect();
                 variables.extend(&context.surroundings);
                 context.best_from(&starts, &variables)
@@ -124,6 +132,22 @@ fn prony(context: &Context<'_>, branches: usize, share: f64) -> Candidate {
         actuator.stretch_coupling = context.scales.coupling;
     }
     Candidate { actuator, elements, topology: Topology::Parallel, offset_m: 0.0 }
+}
+
+/// The candidate with one more small branch of a spring and a dashpot, at several relaxation times.
+fn grown(context: &Context<'_>, smaller: &Candidate) -> Vec<Candidate> {
+    let (short, long) = context.scales.times_s;
+    let stiffness = 0.1 * context.scales.stiffness;
+    let times = [0.1, 0.3, 0.5, 0.7, 0.9].map(|share| short * f64::powf(long / short, share));
+    times
+        .into_iter()
+        .map(|time| {
+            let mut grown = smaller.clone();
+            grown.elements[0].alpha = 0.0;
+            grown.elements.extend([Springpot::new(stiffness, 0.0), Springpot::new(stiffness * time, 1.0)]);
+            grown
+        })
+        .collect()
 }
 
 const STEPS: usize = 200_000;

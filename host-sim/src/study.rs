@@ -53,8 +53,8 @@ pub struct Options {
     pub actuator: Actuator,
     /// Seed of the random starts.
     pub seed: u64,
-    /// Whether pattern search sees all samples, instead of thinned recordings.
-    pub all_samples: bool,
+    /// Whether pattern search sees thinned recordings, instead of all samples.
+    pub thinned: bool,
 }
 
 /// All fits of the study; `progress` hears of each that is done, with the number of all.
@@ -121,7 +121,7 @@ fn entry(
         Method::Lm => context.best(topology, branches, &[])?.candidate,
         Method::PatternSearch => {
             let start = pattern_search::paper_start(options.actuator, topology, branches);
-            let objective: &Objective = if options.all_samples { context.fine } else { context.coarse };
+            let objective: &Objective = if options.thinned { context.coarse } else { context.fine };
             let count = || {
                 counted.fetch_add(1, Ordering::Relaxed);
             };
