@@ -17,7 +17,7 @@ use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// File whose [actuator] is taken: geometry, permittivity, mass, preload. If left out it is the paper's.
+    /// File whose actuator table is taken: geometry, permittivity, mass, preload. If left out it is the paper's.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Seed of the random starts.

@@ -25,7 +25,7 @@ pub(super) struct Arguments {
     /// Folder for the page (study.html), the tables (study.md) and the figures (SVG and PNG).
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// File whose [actuator] is taken: geometry, permittivity, mass, preload.
+    /// File whose actuator table is taken: geometry, permittivity, mass, preload.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Seed of the random starts.

@@ -34,7 +34,7 @@ pub(in crate::commands) struct FitOptions {
     /// Do not fit this: stretch_coupling, offset_m, or with --start an element as warnings name it, such as main.alpha.
     #[arg(long, value_name = "NAME")]
     hold: Vec<String>,
-    /// File whose [actuator] is taken: geometry, permittivity, mass, preload, coupling. If left out it is the
+    /// File whose actuator table is taken: geometry, permittivity, mass, preload, coupling. If left out it is the
     /// paper's, without mass where displacement drives.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
