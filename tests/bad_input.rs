@@ -4,10 +4,10 @@ use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 
-use assert_cmd::Command;
 use tempfile::TempDir;
+use tests::tool::{Tool, names};
 
-const HOST_SIM: &str = env!("CARGO_BIN_EXE_host-sim-under-test");
+const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
 
 struct Bench {
     folder: TempDir,
@@ -31,13 +31,8 @@ impl Bench {
     /// Runs the tool, which must fail as agreed; returns its one line.
     fn fails(&self, arguments: &[&str]) -> String {
         let before = self.listing();
-        let output = Command::new(HOST_SIM).args(arguments).assert().code(2).get_output().clone();
-        let line = String::from_utf8(output.stderr).expect("UTF-8");
-        assert_eq!(line.lines().count(), 1, "{line}");
-        assert!(line.starts_with("host-sim: ") && line.len() < 600, "{line}");
-        assert!(output.stdout.is_empty());
+        let line = TOOL.fails(arguments);
         assert_eq!(before, self.listing(), "nothing is left behind");
-        println!("{}", line.trim_end());
         line
     }
 
@@ -63,12 +58,6 @@ impl Bench {
         let line = self.fails(&["replay", "--params", &file, recording.to_str().expect("UTF-8")]);
         assert!(line.contains(&file), "names the file: {line}");
         line
-    }
-}
-
-fn names(line: &str, words: &[&str]) {
-    for word in words {
-        assert!(line.contains(word), "{word:?} is missing in: {line}");
     }
 }
 
@@ -214,7 +203,7 @@ fn parameter_files() {
     let good = PARAMETERS;
     let [recording, ..] = tests::recordings("wang");
     let fine = bench.file("fine.toml", good);
-    Command::new(HOST_SIM).args(["replay", "--params", &fine, recording.to_str().expect("UTF-8")]).assert().success();
+    TOOL.with(&["replay", "--params", &fine, recording.to_str().expect("UTF-8")]).assert().success();
     let with = |from: &str, to: &str| {
         assert!(good.contains(from));
         bench.parameters_fail(good.replace(from, to))

@@ -3,26 +3,15 @@
 use std::fs;
 use std::path::Path;
 
-use assert_cmd::Command;
 use serde_json::Value;
 use tempfile::TempDir;
 use tests::recordings;
+use tests::tool::{Tool, text};
 
-const HOST_SIM: &str = env!("CARGO_BIN_EXE_host-sim-under-test");
-
-fn host_sim(arguments: &[&str]) -> Command {
-    let mut command = Command::new(HOST_SIM);
-    command.args(arguments);
-    command
-}
+const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
 
 fn json(arguments: &[&str]) -> Value {
-    let output = host_sim(arguments).arg("--json").assert().success().get_output().stdout.clone();
-    serde_json::from_slice(&output).expect("one JSON document and nothing else")
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("UTF-8")
+    TOOL.json(arguments)
 }
 
 /// Columns of a CSV file, comments left out.
@@ -58,7 +47,7 @@ fn replay_prints_r2_per_recording_and_the_mean() {
     let mean = controller["r2_mean"].as_f64().expect("mean");
     assert!((mean - sum / 6.0).abs() < 1e-12);
     // For people: a table with the same numbers.
-    let output = host_sim(&arguments).assert().success().get_output().stdout.clone();
+    let output = TOOL.with(&arguments).assert().success().get_output().stdout.clone();
     let table = String::from_utf8(output).expect("UTF-8");
     assert!(table.contains("R²") && table.contains("mean") && table.contains(&format!("{mean:.5}")), "{table}");
 }
@@ -211,7 +200,7 @@ fn readme_shows_what_replay_prints() {
         .map(|path| format!("tests/recordings/{}", path.file_name().expect("a name").display()))
         .collect();
     files.sort();
-    let mut command = host_sim(&["replay", "--params", "preset:table3-n2"]);
+    let mut command = TOOL.with(&["replay", "--params", "preset:table3-n2"]);
     let printed = command.args(files).current_dir(root).assert().success().get_output().stdout.clone();
     let printed = String::from_utf8(printed).expect("UTF-8");
     assert_eq!(printed.lines().count(), 8);
@@ -228,7 +217,7 @@ fn an_interrupted_run_leaves_nothing_behind() {
     fs::write(&profile, "time_s,voltage_v\n0,0\n6000,6000\n").expect("written");
     let out = folder.path().join("out.csv");
     let arguments = ["simulate", "--params", "preset:table3-n2", "--profile", text(&profile), "--out", text(&out)];
-    let mut running = std::process::Command::new(HOST_SIM).args(arguments).spawn().expect("runs");
+    let mut running = std::process::Command::new(TOOL.0).args(arguments).spawn().expect("runs");
     let files = || fs::read_dir(folder.path()).expect("a folder").count();
     while files() < 2 {
         assert!(running.try_wait().expect("waits").is_none(), "it is done before it wrote anything");
@@ -245,7 +234,7 @@ fn results_that_cannot_be_printed_are_an_error() {
     let [recording, ..] = recordings("wang");
     for more in [[].as_slice(), &["--json"]] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("a device");
-        let mut command = std::process::Command::new(HOST_SIM);
+        let mut command = std::process::Command::new(TOOL.0);
         command.args(["replay", "--params", "preset:table3-n2", text(&recording)]).args(more).stdout(full);
         let output = command.output().expect("runs");
         assert_eq!(output.status.code(), Some(2));
@@ -256,7 +245,7 @@ fn results_that_cannot_be_printed_are_an_error() {
 #[test]
 fn help_and_version_are_no_errors() {
     for arguments in [["--help"].as_slice(), &["--version"], &["replay", "--help"]] {
-        let output = host_sim(arguments).assert().success().get_output().clone();
+        let output = TOOL.with(arguments).assert().success().get_output().clone();
         assert!(!output.stdout.is_empty() && output.stderr.is_empty());
     }
 }

@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::Path;
 
-use assert_cmd::Command;
 use host_sim::agreement::relative_rms;
 use host_sim::full_memory::FullMemory;
 use host_sim::parameters::Parameters;
@@ -11,34 +10,17 @@ use host_sim::reduce::{self, Limits};
 use serde_json::Value;
 use springpot::{Maxwell, Springpot, Topology};
 use tempfile::TempDir;
+use tests::tool::{Tool, names, text};
 use tests::{paper_force, presets, random_models, recordings};
 
-const HOST_SIM: &str = env!("CARGO_BIN_EXE_host-sim-under-test");
-
-fn host_sim(arguments: &[&str]) -> Command {
-    let mut command = Command::new(HOST_SIM);
-    command.args(arguments);
-    command
-}
+const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
 
 fn json(arguments: &[&str]) -> Value {
-    let output = host_sim(arguments).arg("--json").assert().success().get_output().stdout.clone();
-    serde_json::from_slice(&output).expect("one JSON document and nothing else")
+    TOOL.json(arguments)
 }
 
-/// One line on standard error that holds `words`, exit status 2.
 fn fails(arguments: &[&str], words: &[&str]) {
-    let output = host_sim(arguments).assert().code(2).get_output().clone();
-    let line = String::from_utf8(output.stderr).expect("UTF-8");
-    assert_eq!(line.lines().count(), 1, "{line}");
-    assert!(output.stdout.is_empty());
-    for word in words {
-        assert!(line.contains(word), "{word:?} is missing in: {line}");
-    }
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("UTF-8")
+    names(&TOOL.fails(arguments), words);
 }
 
 fn number(value: &Value) -> f64 {

@@ -1,5 +1,7 @@
 //! What the tests share: models to try, and the paper's drive.
 
+pub mod tool;
+
 use dea_driver::convert::{Calibration, CommandRange};
 use dea_driver::{Limits, MonitorLimits, OnSensorFault, Parameters, PlausibilityLimits};
 use rand::{Rng, RngExt, SeedableRng};
