@@ -9,6 +9,7 @@ pub mod robust;
 pub mod search;
 pub mod selection;
 pub mod starts;
+mod transfer;
 pub mod trust;
 mod warnings;
 
