@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Full scale of the amplifier's command, V at the DAC's output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum CommandRange {
     /// 0 to 5 V.
@@ -70,6 +71,7 @@ impl AdcCode {
 /// Of the amplifier, u is the command (V) and y the high voltage (V); of the voltage monitor, u is the monitor's output
 /// and y the high voltage; of the displacement sensor, u is its output and y the stroke (m).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Calibration {
     /// y at u = 0.

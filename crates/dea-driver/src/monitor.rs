@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// How far the monitor may be from what the amplifier was told.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct MonitorLimits {
     /// Slew of the amplifier under load, V/s.

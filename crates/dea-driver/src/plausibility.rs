@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// What a sensor may read.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct PlausibilityLimits {
     /// Lowest plausible value, in the sensor's unit.

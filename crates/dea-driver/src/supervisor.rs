@@ -66,6 +66,7 @@ pub enum Cause {
 
 /// What is done when the displacement sensor cannot be believed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum OnSensorFault {
     /// Trip.
@@ -76,6 +77,7 @@ pub enum OnSensorFault {
 
 /// What the film and the bench allow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Limits {
     /// Largest voltage, V.

@@ -2,6 +2,7 @@
 
 mod compare;
 mod convert;
+mod export;
 mod fit;
 mod frequency_response;
 mod reduce;
@@ -48,6 +49,8 @@ enum Command {
     Study(study::Arguments),
     /// Turn a material test (stretch and stress) into a recording of a body (displacement and force).
     Convert(convert::Arguments),
+    /// Write the parameter blob for the firmware.
+    Export(export::Arguments),
     /// Find a smaller model with the same response.
     Reduce(reduce::Arguments),
     /// Tabulate displacement over force against frequency.
@@ -100,6 +103,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
         Command::Compare(arguments) => compare::run(&arguments, cli.json),
         Command::Study(arguments) => study::run(&arguments, cli.json),
         Command::Convert(arguments) => convert::run(&arguments, cli.json),
+        Command::Export(arguments) => export::run(&arguments, cli.json),
         Command::Reduce(arguments) => reduce::run(&arguments, cli.json),
         Command::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
         Command::Twin(arguments) => twin::run(&arguments, cli.json),

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use springpot::{Actuator, ActuatorError, Element, Maxwell, ModelError, Preload, Springpot, Topology};
 use toml::Spanned;
 
-use super::Parameters;
+use super::{Board, Parameters};
 
 /// The version of the format.
 pub(super) const SCHEMA: u32 = 1;
@@ -22,6 +22,8 @@ pub(super) struct FileTable {
     pub(super) model: ModelTable,
     #[serde(default)]
     pub(super) sensor: Option<SensorTable>,
+    #[serde(default)]
+    pub(super) board: Option<Spanned<Board>>,
     /// Where the numbers come from, for people.
     #[serde(default)]
     pub(super) provenance: Option<toml::Table>,
@@ -39,6 +41,8 @@ pub(super) struct ActuatorFileTable {
     _model: Option<toml::Value>,
     #[serde(default, rename = "sensor")]
     _sensor: Option<toml::Value>,
+    #[serde(default, rename = "board")]
+    _board: Option<toml::Value>,
     #[serde(default, rename = "provenance")]
     _provenance: Option<toml::Value>,
 }
@@ -201,6 +205,10 @@ pub(super) fn write(parameters: &Parameters) -> String {
     if parameters.sensor_offset_m != 0.0 {
         let _ =
             write!(text, "\n[sensor]\noffset_m = {:?} # what it reads of a film at rest\n", parameters.sensor_offset_m);
+    }
+    if let Some(board) = &parameters.board {
+        let table = toml::Table::from_iter([("board".to_owned(), toml::Value::Table(board.to_toml()))]);
+        let _ = write!(text, "\n{table}");
     }
     if let Some(provenance) = &parameters.provenance {
         // Nested under its own name, so that its tables are, too.

@@ -1,5 +1,6 @@
 //! Parameter files: an actuator and its model, as TOML in SI units.
 
+mod board;
 mod format;
 
 use std::fs::File;
@@ -12,6 +13,7 @@ use springpot::{Actuator, Maxwell, Preset};
 use toml::Spanned;
 
 use crate::error::{Error, Result};
+pub use board::Board;
 use format::{ActuatorFileTable, ActuatorTable, FileTable, SCHEMA};
 
 /// An actuator and the model of its film.
@@ -25,6 +27,8 @@ pub struct Parameters {
     pub model: Maxwell,
     /// What the displacement sensor reads of a film at x = 0, m.
     pub sensor_offset_m: f64,
+    /// The board that is to run them, if the file tells.
+    pub board: Option<Board>,
     /// Where the numbers come from, for people.
     pub provenance: Option<toml::Table>,
 }
@@ -60,6 +64,7 @@ impl Parameters {
             actuator: Actuator::KARNER_2022,
             model: preset.model()?,
             sensor_offset_m: 0.0,
+            board: None,
             provenance: None,
         })
     }
@@ -114,7 +119,14 @@ impl Parameters {
             let cause = format!("offset_m = {sensor_offset_m} must be finite");
             return Err(place.error(offset.map_or(0..0, toml::Spanned::span), cause));
         }
-        Ok(Self { name: file.name, actuator, model, sensor_offset_m, provenance: file.provenance })
+        let board = file.board.as_ref().map(|board| board.get_ref().clone());
+        let parameters = Self { name: file.name, actuator, model, sensor_offset_m, board, provenance: file.provenance };
+        if let Some(board) = &file.board {
+            // At any rate: what a controller would refuse of the board is refused here, where its line is known.
+            let checked = parameters.to_blob(board.get_ref(), 1000.0);
+            checked.map_err(|e| place.error(board.span(), e.to_string()))?;
+        }
+        Ok(parameters)
     }
 
     /// The parameters as TOML text.

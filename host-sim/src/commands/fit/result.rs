@@ -101,6 +101,7 @@ pub(super) fn parameters_of(
         actuator: fit.candidate.actuator,
         model: fit.candidate.model()?,
         sensor_offset_m: fit.candidate.offset_m,
+        board: None,
         provenance: Some(provenance),
     })
 }

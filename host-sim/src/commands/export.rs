@@ -1,0 +1,91 @@
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use dea_driver::{Blob, Controller};
+use serde::Serialize;
+
+use crate::error::{Error, Result, shown};
+use crate::output::{self, Folders};
+use crate::parameters::{Board, Parameters};
+use crate::terminal;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
+    #[arg(long, value_name = "P")]
+    params: String,
+    /// Ticks per second of the controller.
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    rate: f64,
+    /// What is written: the blob itself, or a constant for a program.
+    #[arg(long, value_enum, default_value_t = Emit::Blob)]
+    emit: Emit,
+    /// Where it goes.
+    #[arg(long, value_name = "P.bin")]
+    out: PathBuf,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Emit {
+    /// Bytes, for the link or the flash.
+    Blob,
+    /// Rust source: `pub const BLOB: [u8; N]`.
+    Rust,
+}
+
+#[derive(Serialize)]
+struct Report {
+    out: String,
+    bytes: usize,
+    rate_hz: f64,
+    board: u16,
+    /// Whether the file told its board, or the paper's bench was taken.
+    own_board: bool,
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    let parameters = Parameters::load(&arguments.params)?;
+    output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
+    if !(1.0..=100_000.0).contains(&arguments.rate) {
+        return Err(Error::option("--rate", format!("{:?} Hz must be from 1 to 100000", arguments.rate)));
+    }
+    let board = parameters.board.clone().unwrap_or_else(|| Board::bench(&parameters.actuator));
+    let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());
+    let blob = parameters.to_blob(&board, arguments.rate).map_err(refused)?;
+    // What a controller would say to it is said here.
+    let decoded = Blob::decode(&blob, board.id).map_err(|e| refused(Error::Computation(e.to_string())))?;
+    Controller::new(decoded).map_err(|e| refused(Error::Computation(e.to_string())))?;
+
+    let content = match arguments.emit {
+        Emit::Blob => blob.clone(),
+        Emit::Rust => rust(&parameters.name, &blob).into_bytes(),
+    };
+    output::write_whole(&arguments.out, |file| file.write_all(&content))?;
+    let report = Report {
+        out: shown(&arguments.out),
+        bytes: blob.len(),
+        rate_hz: arguments.rate,
+        board: board.id,
+        own_board: parameters.board.is_some(),
+    };
+    terminal::report(json, &report, || {
+        let bench =
+            if report.own_board { "" } else { "; no [board] table: calibrations and limits of the paper's bench" };
+        format!(
+            "{}: {} bytes for board {:#06x} at {} Hz{bench}",
+            report.out, report.bytes, report.board, report.rate_hz
+        )
+    })
+}
+
+fn rust(name: &str, blob: &[u8]) -> String {
+    let name: String = name.chars().filter(|letter| !letter.is_control()).collect();
+    let mut text = format!("/// The parameter blob of {name}.\npub const BLOB: [u8; {}] = [", blob.len());
+    for (index, byte) in blob.iter().enumerate() {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{}0x{byte:02x},", if index % 16 == 0 { "\n    " } else { " " });
+    }
+    text.push_str("\n];\n");
+    text
+}

@@ -1,0 +1,118 @@
+//! What is exported is what the controller runs.
+
+use std::fs;
+
+use dea_driver::convert::CommandRange;
+use dea_driver::link::{Answer, Command};
+use dea_driver::{Blob, Controller, OnSensorFault};
+use host_sim::parameters::{Board, Parameters};
+use springpot::{Law, Options, VoltageDrive};
+use tempfile::TempDir;
+use tests::tool::{Tool, names, text};
+
+const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
+
+const BOARD: &str = "\n[board]\nid = 7\ncommand-range = \"five-volts\"\n";
+
+fn board_table() -> String {
+    "\n[board]\nid = 7\ncommand_range = \"five-volts\"\namplifier = { offset = 0.0, gain = 1200.0, quadratic = -3.5 }\n\
+     monitor = { offset = 1.5, gain = 1000.0, quadratic = 0.0 }\nsensor = { offset = -0.001, gain = 0.001, quadratic = 0.0 }\n\
+     [board.limits]\nmax_voltage_v = 5500.0\nmax_field_v_per_m = 4e7\nthickness_m = 160e-6\nmax_slew_v_per_s = 2e4\n\
+     max_displacement_m = 6e-3\non_sensor_fault = \"open-loop\"\nheartbeat_s = 0.25\n\
+     monitor = { slew_v_per_s = 5e4, band_v = 50.0, band_share = 0.02, settle_s = 0.01 }\n\
+     sensor = { low = -1e-3, high = 8e-3, jump = 2e-4, stuck_ticks = 300 }\n"
+        .into()
+}
+
+/// Exports `params` at `rate` and gives the blob's bytes.
+fn exported(params: &str, rate: &str) -> Vec<u8> {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("p.bin");
+    let report = TOOL.json(&["export", "--params", params, "--rate", rate, "--out", text(&out)]);
+    let blob = fs::read(&out).expect("written");
+    assert_eq!(report["bytes"].as_u64(), Some(blob.len() as u64));
+    // The same as a constant.
+    let source = folder.path().join("blob.rs");
+    TOOL.json(&["export", "--params", params, "--rate", rate, "--emit", "rust", "--out", text(&source)]);
+    let source = fs::read_to_string(&source).expect("written");
+    let constant: Vec<u8> = source
+        .split(|c: char| !c.is_ascii_alphanumeric())
+        .filter_map(|word| word.strip_prefix("0x"))
+        .map(|hex| u8::from_str_radix(hex, 16).expect("a byte"))
+        .collect();
+    assert_eq!(constant, blob);
+    blob
+}
+
+/// Every preset, at several rates: the controller's steps are the host's, bit for bit.
+#[test]
+fn the_controller_runs_what_the_host_runs() {
+    for preset in springpot::Preset::ALL {
+        for rate in [200.0, 1000.0, 5000.0] {
+            let blob = exported(&format!("preset:{}", preset.name()), &rate.to_string());
+            let blob = Blob::decode(&blob, Board::STM32F405).expect("valid");
+            let mut controller = Controller::new(blob).expect("a law");
+            let parameters = Parameters::preset(preset.name()).expect("there");
+            let law: Law<f32> = Law::compressed(&parameters.model, Options::at_step(1.0 / rate)).expect("valid");
+            let drive = VoltageDrive::new(&parameters.actuator, 6000.0, law.stiffness()).expect("valid");
+            let mut film = law.state();
+            for k in 0..2000u16 {
+                let volts = 6.0 * f32::from(k % 1000);
+                let x = law.displacement_under(&mut film, drive.load(volts));
+                let Some(Answer::Steps(steps)) = controller.obey(&Command::Step([volts].into_iter().collect())) else {
+                    panic!("no step");
+                };
+                assert_eq!(steps[0].displacement_m.to_bits(), x.to_bits(), "{} at {rate} Hz, step {k}", preset.name());
+                assert_eq!(steps[0].force_n.to_bits(), film.base_force().to_bits());
+            }
+        }
+    }
+}
+
+#[test]
+fn a_board_of_its_own_goes_into_the_blob() {
+    let folder = TempDir::new().expect("a folder");
+    let file = folder.path().join("p.toml");
+    let mut parameters = Parameters::preset("table3-n2").expect("there");
+    parameters.sensor_offset_m = 12e-6;
+    fs::write(&file, parameters.to_toml() + &board_table()).expect("written");
+    let blob = Blob::decode(&exported(text(&file), "2000"), 7).expect("for board 7").parameters;
+    assert_eq!((blob.rate_hz, blob.command_range), (2000.0, CommandRange::FiveVolts));
+    assert_eq!((blob.amplifier.gain, blob.amplifier.quadratic, blob.monitor.offset), (1200.0, -3.5, 1.5));
+    assert_eq!((blob.limits.max_voltage_v, blob.limits.on_sensor_fault), (5500.0, OnSensorFault::OpenLoop));
+    assert_eq!((blob.limits.sensor.stuck_ticks, blob.sensor_offset_m), (300, 12e-6));
+    // And through other commands, unchanged.
+    let reduced = folder.path().join("r.toml");
+    TOOL.json(&["reduce", "--params", text(&file), "--out", text(&reduced)]);
+    let (before, after) = (Parameters::read(&file).expect("readable"), Parameters::read(&reduced).expect("readable"));
+    assert_eq!(before.board, after.board);
+    assert!(fs::read_to_string(&reduced).expect("written").contains("settle_s = 0.01\n"), "short numbers");
+}
+
+#[test]
+fn what_no_controller_takes_is_not_exported() {
+    let folder = TempDir::new().expect("a folder");
+    let (file, out) = (folder.path().join("p.toml"), folder.path().join("p.bin"));
+    let good = Parameters::preset("table3-n2").expect("there").to_toml() + &board_table();
+    let fails = |from: &str, to: &str, words: &[&str]| {
+        assert!(good.contains(from), "{from}");
+        fs::write(&file, good.replace(from, to)).expect("written");
+        names(&TOOL.fails(&["export", "--params", text(&file), "--out", text(&out)]), words);
+        assert!(!out.exists());
+    };
+    fails("max_voltage_v = 5500.0", "max_voltage_v = -1.0", &["p.toml:", "max_voltage_v"]);
+    fails("max_voltage_v = 5500.0", "max_voltage_v = nan", &["p.toml:", "max_voltage_v"]);
+    fails("max_voltage_v = 5500.0", "max_volts = 5500.0", &["p.toml:", "max_volts"]);
+    fails("gain = 1200.0", "gain = 0.0", &["p.toml:", "amplifier"]);
+    fails("quadratic = -3.5", "quadratic = -350.0", &["p.toml:", "amplifier"]);
+    fails("low = -1e-3", "low = 1.0", &["p.toml:", "sensor"]);
+    fails("\"open-loop\"", "\"pray\"", &["p.toml:", "pray"]);
+    fails("command_range = \"five-volts\"", "command_range = \"kilovolts\"", &["p.toml:", "kilovolts"]);
+    fails(&board_table(), BOARD, &["p.toml:", "command-range"]);
+    fails("stretch_coupling = 0.0", "stretch_coupling = 1e6", &["p.toml", "pull-in"]);
+    fs::write(&file, &good).expect("written");
+    for rate in ["0", "0.5", "1e6", "nan"] {
+        names(&TOOL.fails(&["export", "--params", text(&file), "--rate", rate, "--out", text(&out)]), &["--rate"]);
+    }
+    names(&TOOL.fails(&["export", "--params", text(&file), "--out", text(&file)]), &["overwrite"]);
+}
