@@ -5,10 +5,12 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod tick;
+
 use core::fmt;
 use core::hint::black_box;
 
-use springpot::{Actuator, Compressed, Law, Memory, Options, Preset, State, Topology, VoltageDrive};
+use springpot::{Actuator, Compressed, Law, Maxwell, Memory, Options, Preset, State, Topology, VoltageDrive};
 
 /// Takes what the program reports.
 pub trait Report {
@@ -29,7 +31,7 @@ pub struct Name {
     pub topology: Topology,
     /// Head and modes of the law.
     pub size: &'static str,
-    /// `law`, `creep`, `relaxation` or `voltage` (Eq. 1 from force to voltage).
+    /// `law`, `creep`, `relaxation`, `voltage` (Eq. 1 from force to voltage) or `tick` (the whole control tick).
     pub what: &'static str,
 }
 
@@ -80,21 +82,28 @@ pub fn run(report: &mut impl Report) {
         let Some(model) = model else { panic!("{} is no preset", preset) };
         let model = model.with_topology(topology);
 
-        let name = |what| Name { preset, topology, size: "12+36", what };
-        let options = Options::at_step(1e-3);
-        let law = report.cost(name("law"), || Law::<f32>::compressed(black_box(&model), options));
-        let Ok(law) = law else { panic!("{} is refused", preset) };
-        report.bits(name("law"), modes(law.memory().modes()));
-        step(report, name, &law, &law.state());
-        voltage(report, name("voltage"), law.stiffness());
-
-        let name = |what| Name { preset, topology, size: "8+18", what };
-        let options = options.with_horizon(3600.0).with_tolerance(1e-3);
-        let law = report.cost(name("law"), || Law::<f32, Lean>::compressed(black_box(&model), options));
-        let Ok(law) = law else { panic!("{} is refused", preset) };
-        report.bits(name("law"), modes(law.memory().modes()));
-        step(report, name, &law, &law.state());
+        laws(report, preset, topology, &model);
+        tick::run(report, Name { preset, topology, size: "12+36", what: "tick" }, &model);
     }
+}
+
+/// Laws of `model`, default and lean: what they cost to build and to step.
+#[inline(never)]
+fn laws(report: &mut impl Report, preset: &'static str, topology: Topology, model: &Maxwell) {
+    let name = |what| Name { preset, topology, size: "12+36", what };
+    let options = Options::at_step(1e-3);
+    let law = report.cost(name("law"), || Law::<f32>::compressed(black_box(model), options));
+    let Ok(law) = law else { panic!("{} is refused", preset) };
+    report.bits(name("law"), modes(law.memory().modes()));
+    step(report, name, &law, &law.state());
+    voltage(report, name("voltage"), law.stiffness());
+
+    let name = |what| Name { preset, topology, size: "8+18", what };
+    let options = options.with_horizon(3600.0).with_tolerance(1e-3);
+    let law = report.cost(name("law"), || Law::<f32, Lean>::compressed(black_box(model), options));
+    let Ok(law) = law else { panic!("{} is refused", preset) };
+    report.bits(name("law"), modes(law.memory().modes()));
+    step(report, name, &law, &law.state());
 }
 
 fn modes(modes: impl Iterator<Item = (f32, f32)>) -> Checksum {

@@ -1,0 +1,116 @@
+//! The whole control tick, feedforward against a sensor, as the firmware runs it.
+
+use core::hint::black_box;
+
+use dea_driver::convert::{AdcCode, Calibration, CommandRange, DacCode};
+use dea_driver::link::{Command, Mode};
+use dea_driver::{
+    Blob, Controller, Inputs, Limits, MonitorLimits, OnSensorFault, Outputs, Parameters, PlausibilityLimits,
+};
+use springpot::{Actuator, Maxwell, Topology};
+
+use crate::{Checksum, Name, Report, STEPS};
+
+/// Reports cost and bits of a tick of `model`. Each has a stack of its own: the small chip has 16 KiB for all.
+pub fn run(report: &mut impl Report, name: Name, model: &Maxwell) {
+    bits(report, name, model);
+    cost(report, name, model);
+}
+
+#[inline(never)]
+fn bits(report: &mut impl Report, name: Name, model: &Maxwell) {
+    let Ok(mut controller) = Controller::new(blob(model)) else { panic!("the law is refused") };
+    start(&mut controller);
+    let mut checksum = Checksum::default();
+    ticks(&mut controller, |outputs| {
+        checksum.add(outputs.sample.command_v);
+        checksum.add(outputs.sample.predicted_m);
+        checksum.add(f32::from(outputs.command.0));
+    });
+    report.bits(name, checksum);
+}
+
+#[inline(never)]
+fn cost(report: &mut impl Report, name: Name, model: &Maxwell) {
+    let Ok(mut controller) = Controller::new(blob(model)) else { panic!("the law is refused") };
+    start(&mut controller);
+    let keep = |outputs: Outputs| {
+        black_box(outputs.command);
+    };
+    report.cost_of_step(name, STEPS, || ticks(&mut controller, keep), || ());
+    // A tick that tripped would have cost another thing.
+    assert!(controller.supervisor().enables(), "the bench tripped");
+}
+
+#[inline(never)]
+fn blob(model: &Maxwell) -> Blob {
+    let Ok(blob) = Blob::new(parameters(model)) else { panic!("the bench is refused") };
+    blob
+}
+
+/// Arms and starts it, after what the sensors say at rest.
+#[inline(never)]
+fn start(controller: &mut Controller) {
+    controller.tick(inputs(DacCode::ZERO));
+    for command in [Command::Arm, Command::Start(Mode::Feedforward), Command::SetReference(0.8e-3)] {
+        controller.obey(&command);
+    }
+}
+
+fn ticks(controller: &mut Controller, mut take: impl FnMut(Outputs)) {
+    let mut command = DacCode::ZERO;
+    for _ in 0..STEPS {
+        let outputs = tick(controller, black_box(inputs(command)));
+        command = outputs.command;
+        take(outputs);
+    }
+}
+
+#[inline(never)]
+fn tick(controller: &mut Controller, inputs: Inputs) -> Outputs {
+    controller.tick(inputs)
+}
+
+/// A monitor that follows the command at once, and a sensor that stands still.
+fn inputs(command: DacCode) -> Inputs {
+    // Both are volts: of 10 V at 65536, and of 10.24 V.
+    #[allow(clippy::cast_possible_truncation)] // below the DAC's code
+    let monitor = (u32::from(command.0) * 1000 / 1024) as u16;
+    Inputs { interlock_closed: true, monitor: Some(AdcCode(monitor)), displacement: Some(AdcCode(5120)) }
+}
+
+fn parameters(model: &Maxwell) -> Parameters {
+    let actuator = Actuator::KARNER_2022;
+    let elements = core::iter::once(model.main()).chain(model.branches().as_flattened().iter().copied());
+    Parameters {
+        name: heapless::String::new(),
+        rate_hz: 1000.0,
+        eq11: model.topology() == Topology::Eq11,
+        elements: elements.map(|e| (e.c, e.alpha)).collect(),
+        actuator: [
+            actuator.relative_permittivity,
+            actuator.length_m,
+            actuator.width_m,
+            actuator.thickness_m,
+            actuator.mass_kg,
+            actuator.stretch_coupling,
+        ],
+        from_start: false,
+        sensor_offset_m: 0.0,
+        command_range: CommandRange::TenVolts,
+        amplifier: Calibration { offset: 0.0, gain: 1000.0, quadratic: -1.0 },
+        monitor: Calibration { offset: 0.0, gain: 1000.0, quadratic: -1.0 },
+        sensor: Calibration::linear(1e-3),
+        limits: Limits {
+            max_voltage_v: 6000.0,
+            max_field_v_per_m: 4e7,
+            thickness_m: 160e-6,
+            max_slew_v_per_s: 50e3,
+            max_displacement_m: 8e-3,
+            monitor: MonitorLimits { slew_v_per_s: 100e3, band_v: 60.0, band_share: 0.03, settle_s: 0.02 },
+            sensor: PlausibilityLimits { low: -1e-3, high: 9e-3, jump: 0.5e-3, stuck_ticks: 0 },
+            on_sensor_fault: OnSensorFault::Trip,
+            heartbeat_s: 60.0,
+        },
+    }
+}
