@@ -2,8 +2,8 @@
 
 pub mod tool;
 
-use dea_driver::convert::{Calibration, CommandRange};
-use dea_driver::{Limits, MonitorLimits, OnSensorFault, Parameters, PlausibilityLimits};
+use dea_driver::{Blob, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters, PlausibilityLimits};
+use host_sim::parameters::{Board, Parameters};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{Actuator, Maxwell, Preset, Springpot, Topology};
@@ -117,32 +117,12 @@ pub fn bench_limits() -> Limits {
     }
 }
 
-/// Parameters of a board with that bench: the paper's model with two branches, a 1000:1 amplifier.
-pub fn board_parameters() -> Parameters {
-    let preset = Preset::named("table3-n2").expect("a preset").model().expect("valid");
-    let actuator = Actuator::KARNER_2022;
-    let elements = std::iter::once(preset.main()).chain(preset.branches().as_flattened().iter().copied());
-    Parameters {
-        name: "bench".try_into().expect("short"),
-        rate_hz: 1000.0,
-        eq11: true,
-        elements: elements.map(|e| (e.c, e.alpha)).collect(),
-        actuator: [
-            actuator.relative_permittivity,
-            actuator.length_m,
-            actuator.width_m,
-            actuator.thickness_m,
-            actuator.mass_kg,
-            actuator.stretch_coupling,
-        ],
-        from_start: false,
-        sensor_offset_m: 0.0,
-        command_range: CommandRange::TenVolts,
-        amplifier: Calibration::linear(1000.0),
-        monitor: Calibration::linear(1000.0),
-        sensor: Calibration::linear(1e-3),
-        limits: bench_limits(),
-    }
+/// Parameters of a board with that bench: the paper's model with two branches, a 1000:1 amplifier, as `export` makes them.
+pub fn board_parameters() -> BoardParameters {
+    let parameters = Parameters::preset("table3-n2").expect("a preset");
+    let board = Board { limits: bench_limits(), ..Board::bench(&parameters.actuator) };
+    let blob = parameters.to_blob(&board, 1000.0).expect("valid");
+    Blob::decode(&blob, board.id).expect("valid").parameters
 }
 
 /// The committed recordings of one plant, fast to slow.
