@@ -61,7 +61,8 @@ pub(super) fn page(report: &Report, fit: &Fit, observations: &[Observation], dri
         (page::figure(&panels(fit, observations, drive)))
         @if !structures.is_empty() {
             h2 { "Structures" }
-            p { "The smallest structure that is not worse than the best on left-out recordings is chosen." }
+            @let judged = if report.recordings.len() > 1 { "on left-out recordings" } else { "by the Bayesian criterion" };
+            p { "The smallest structure that is not worse than the best " (judged) " is chosen." }
             (page::table(
                 &["structure", "variables", "R²", "NRMSE %", "ΔAIC", "ΔBIC", "left out, NRMSE %"],
                 &structures,
@@ -69,7 +70,10 @@ pub(super) fn page(report: &Report, fit: &Fit, observations: &[Observation], dri
         }
         @if !estimates.is_empty() {
             h2 { "Parameters" }
-            p { "SI units, with 95 % intervals from the profile likelihood. An open end is one that the data do not set." }
+            p {
+                "SI units, with 95 % intervals from the profile likelihood. An end that the data do not set is open, or for an "
+                "order 0 or 1."
+            }
             (page::table(&["parameter", "value", "from", "to"], &estimates))
         }
     };
