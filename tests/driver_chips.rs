@@ -1,7 +1,7 @@
 //! The converters, transaction by transaction, against what their data sheets ask for.
 
 use dea_driver::convert::{AdcCode, Calibration, CommandRange, DacCode};
-use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError};
+use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError, Drive};
 use embedded_hal_mock::eh1::MockError;
 use embedded_hal_mock::eh1::digital::{Mock as Pin, State, Transaction as OnPin};
 use embedded_hal_mock::eh1::spi::{Mock as Spi, Transaction as OnSpi};
@@ -32,6 +32,26 @@ fn amplifier_starts_at_0_v_and_ends_there() {
     amplifier.enable().expect("answers");
     amplifier.command(DacCode::from_volts(6.0, CommandRange::TenVolts)).expect("answers");
     amplifier.disable().expect("answers");
+    let (mut spi, mut pin) = amplifier.destroy();
+    spi.done();
+    pin.done();
+}
+
+/// What ticks put out, one after the other: a range for the board's parameters, on at 0 V, a command, off.
+#[test]
+fn amplifier_does_what_a_tick_puts_out() {
+    let mut expected = start_up();
+    expected.extend(written([0x00, 0, 0])); // off, as it was
+    expected.extend([written([0x08, 0, 0]), written([0x00, 0, 0])].concat()); // 0…5 V, 0 V again
+    expected.extend(written([0x00, 0, 0])); // on at 0 V
+    expected.extend([written([0x00, 0x12, 0x34]), written([0x00, 0x56, 0x78])].concat());
+    expected.extend(written([0x00, 0, 0])); // off
+    let pin = [State::Low, State::Low, State::High, State::Low].map(OnPin::set);
+    let mut amplifier = Amplifier::new(Spi::new(&expected), Pin::new(&pin), CommandRange::TenVolts).expect("answers");
+    let on = |code| Drive { enable: true, command: DacCode(code), range: CommandRange::FiveVolts };
+    for drive in [Drive::OFF, on(0x1234), on(0x5678), Drive::OFF] {
+        amplifier.apply(drive).expect("answers");
+    }
     let (mut spi, mut pin) = amplifier.destroy();
     spi.done();
     pin.done();
@@ -81,7 +101,9 @@ fn adc_sets_its_range_checks_it_and_reads() {
     expected.extend(exchanged([0xc8, 0x14, 0, 0], [0x12, 0x34, 0, 0]));
     expected.extend(exchanged([0; 4], [0x00, 0x09, 0, 0]));
     expected.extend(exchanged([0; 4], [0x80, 0x00, 0, 0]));
-    let mut adc = Ads868x::new(Spi::new(&expected)).expect("answers");
+    let mut adc = Ads868x::new(Spi::new(&expected));
+    assert_eq!(adc.read(), Err(AdcError::Unconfigured), "before anything is said to it");
+    adc.configure().expect("answers");
     let code = adc.read().expect("answers");
     assert_eq!(code, AdcCode(0x8000));
     assert_eq!(code.volts(), 5.12);
@@ -96,9 +118,10 @@ fn an_adc_that_is_not_there_is_refused() {
         for sent in [[0xd0, 0x14, 0x00, 0x09], [0xc8, 0x14, 0, 0], [0; 4]] {
             expected.extend(exchanged(sent, [byte; 4]));
         }
-        let mut spi = Spi::new(&expected);
-        assert_eq!(Ads868x::new(spi.clone()).err(), Some(AdcError::Range { found }));
-        spi.done();
+        let mut adc = Ads868x::new(Spi::new(&expected));
+        assert_eq!(adc.configure(), Err(AdcError::Range { found }));
+        assert_eq!(adc.read(), Err(AdcError::Unconfigured));
+        adc.destroy().done();
     }
 }
 

@@ -31,7 +31,7 @@ impl Bench {
         let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
         let law: Law<f64> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
-        let controller = Controller::new(Blob::new(parameters.clone()).expect("valid")).expect("a law");
+        let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
         let film = law.state();
         Self { controller, parameters, film, law, drive, high_voltage_v: 0.0, displacement_m: 0.0, noise: 1 }
     }
@@ -163,7 +163,7 @@ fn the_loop_test_is_the_law_itself() {
         assert_eq!(bench.obey(Command::Rest), Answer::Done);
         let mut film = law.state();
         for batch in voltages.chunks(BATCH) {
-            let Answer::Steps(steps) = bench.obey(Command::Step(batch.iter().copied().collect())) else {
+            let Answer::Steps { steps, .. } = bench.obey(Command::Step(batch.iter().copied().collect())) else {
                 panic!("no steps");
             };
             // Ticks in between do not disturb it.

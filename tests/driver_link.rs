@@ -1,8 +1,8 @@
 //! The link: every message comes through, nothing that is damaged is obeyed.
 
 use dea_driver::link::{
-    Answer, BATCH, CHUNK, Command, FRAME_LEN, FrameError, Identity, Message, Mode, Receiver, Reject, Request, Sample,
-    Status, Step, Upload, UploadError, VERSION, encode,
+    Answer, BATCH, CHUNK, Command, Drill, FRAME_LEN, FrameError, Identity, Message, Mode, Receiver, Reject, Request,
+    Sample, Status, Step, Upload, UploadError, VERSION, encode,
 };
 use dea_driver::{BLOB_LEN, Cause, Refusal, SensorFault, State};
 use rand::{RngExt, SeedableRng};
@@ -40,6 +40,9 @@ fn commands() -> Vec<Command> {
         Command::Rest,
         Command::Step([0.0; BATCH].into()),
         Command::Step([f32::MAX; BATCH].into()),
+        Command::Try { length: 512 },
+        Command::PanicMessage,
+        Command::Drill(Drill::Hang),
     ]
 }
 
@@ -51,6 +54,8 @@ fn messages() -> Vec<Message> {
         command_v: f32::MAX,
         damaged_frames: u32::MAX,
         unknown_frames: u32::MAX,
+        has_parameters: true,
+        stack_peak: u32::MAX,
     };
     let step = Step { displacement_m: -f32::MAX, force_n: f32::MAX, voltage_v: f32::MIN_POSITIVE };
     let sample = Sample {
@@ -74,7 +79,8 @@ fn messages() -> Vec<Message> {
         Answer::Identity(identity),
         Answer::Status(status),
         Answer::Name("a name of thirty-two characters.".try_into().expect("short")),
-        Answer::Steps([step; BATCH].into()),
+        Answer::Steps { steps: [step; BATCH].into(), cycles: u32::MAX },
+        Answer::PanicMessage(["0123456789"; 20].concat().as_str().try_into().expect("short")),
     ];
     answers
         .into_iter()

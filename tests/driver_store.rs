@@ -4,7 +4,7 @@ use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, Store, StoreError};
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
-use springpot::{ActuatorError, ModelError};
+use springpot::{Actuator, ActuatorError, Law, LawError, Options, VoltageDrive};
 use tests::board_parameters;
 
 const BOARD: u16 = 0x0405;
@@ -100,15 +100,15 @@ fn a_blob_comes_back_as_it_was() {
     let mut parameters = board_parameters();
     let blob = Blob::decode(&bytes_of(&parameters), BOARD).expect("valid");
     assert_eq!(blob.parameters, parameters);
-    assert_eq!(blob.model, springpot::Preset::named("table3-n2").expect("a preset").model().expect("valid"));
-    assert_eq!(blob.actuator, springpot::Actuator::KARNER_2022);
-    // The largest there can be: five branches, a full name.
+    // The law is the one that a host steps, to the bit.
+    let model = springpot::Preset::named("table3-n2").expect("a preset").model().expect("valid");
+    let law = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+    assert_eq!(blob.law, law);
+    assert_eq!(blob.drive, VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid"));
+    // The largest there can be: a full name.
     parameters.name = "a name of thirty-two characters.".try_into().expect("short");
-    while !parameters.elements.is_full() {
-        parameters.elements.push((123_456.789, 0.123_456_789)).expect("room");
-    }
     let bytes = bytes_of(&parameters);
-    println!("blob: {} bytes for two branches, {} for five", bytes_of(&board_parameters()).len(), bytes.len());
+    println!("blob: at most {} bytes", bytes.len());
     assert_eq!(Blob::decode(&bytes, BOARD).expect("valid").parameters, parameters);
 }
 
@@ -143,8 +143,13 @@ fn wrong_values_are_refused() {
         error
     };
     for nan in [f64::NAN, f64::INFINITY, -1.0] {
-        assert!(matches!(refused(&|p| p.elements[0].0 = nan), BlobError::Model(ModelError::Coefficient { .. })));
-        assert!(matches!(refused(&|p| p.elements[3].1 = nan), BlobError::Model(ModelError::Order { .. })));
+        let wrong_law = |which, change: &dyn Fn(&mut Parameters)| {
+            assert_eq!(refused(change), BlobError::Law(LawError::Coefficient(which)));
+        };
+        wrong_law("instant", &|p| p.law.instant = nan);
+        wrong_law("tail_error", &|p| p.law.tail_error = nan);
+        wrong_law("fast", &|p| p.law.fast[11].1 = nan as f32);
+        wrong_law("slow", &|p| p.law.slow[0].0 = nan as f32);
         assert!(matches!(refused(&|p| p.actuator[3] = nan), BlobError::Actuator(ActuatorError::NotPositive { .. })));
         assert!(matches!(refused(&|p| p.actuator[4] = nan), BlobError::Actuator(ActuatorError::Mass(_))));
         assert!(matches!(refused(&|p| p.actuator[5] = nan), BlobError::Actuator(ActuatorError::Coupling(_))));
@@ -153,8 +158,10 @@ fn wrong_values_are_refused() {
         assert!(matches!(refused(&|p| p.monitor.gain = nan as f32), BlobError::Calibration("monitor")));
     }
     assert_eq!(refused(&|p| p.sensor_offset_m = f32::NAN), BlobError::Offset);
-    assert_eq!(refused(&|p| p.elements.truncate(4)), BlobError::Elements);
-    assert_eq!(refused(&|p| p.elements.clear()), BlobError::Elements);
+    assert_eq!(refused(&|p| p.law.head[3] = f32::NAN), BlobError::Law(LawError::Coefficient("head")));
+    assert_eq!(refused(&|p| p.law.slow[5].0 = 1.01), BlobError::Law(LawError::Coefficient("slow")));
+    // A coupling that pulls the film in within a step.
+    assert!(matches!(refused(&|p| p.actuator[5] = 1e9), BlobError::Actuator(ActuatorError::PullIn { .. })));
 }
 
 #[test]

@@ -51,7 +51,7 @@ fn the_controller_runs_what_the_host_runs() {
         for rate in [200.0, 1000.0, 5000.0] {
             let blob = exported(&format!("preset:{}", preset.name()), &rate.to_string());
             let blob = Blob::decode(&blob, Board::STM32F405).expect("valid");
-            let mut controller = Controller::new(blob).expect("a law");
+            let mut controller = Controller::new(blob);
             let parameters = Parameters::preset(preset.name()).expect("there");
             let law: Law<f32> = Law::compressed(&parameters.model, Options::at_step(1.0 / rate)).expect("valid");
             let drive = VoltageDrive::new(&parameters.actuator, 6000.0, law.stiffness()).expect("valid");
@@ -59,7 +59,8 @@ fn the_controller_runs_what_the_host_runs() {
             for k in 0..2000u16 {
                 let volts = 6.0 * f32::from(k % 1000);
                 let x = law.displacement_under(&mut film, drive.load(volts));
-                let Some(Answer::Steps(steps)) = controller.obey(&Command::Step([volts].into_iter().collect())) else {
+                let Some(Answer::Steps { steps, .. }) = controller.obey(&Command::Step([volts].into_iter().collect()))
+                else {
                     panic!("no step");
                 };
                 assert_eq!(steps[0].displacement_m.to_bits(), x.to_bits(), "{} at {rate} Hz, step {k}", preset.name());

@@ -19,6 +19,7 @@ const UNIPOLAR_10_24_V: u16 = 0b1001;
 /// tick before.
 pub struct Ads868x<SPI> {
     spi: SPI,
+    configured: bool,
 }
 
 /// Why an ADC cannot be used.
@@ -33,31 +34,47 @@ pub enum AdcError {
         /// What it holds.
         found: u16,
     },
+    /// Its range was not set yet.
+    Unconfigured,
 }
 
 impl<SPI: SpiDevice> Ads868x<SPI> {
+    /// An ADC on `spi`, nothing said to it yet.
+    pub const fn new(spi: SPI) -> Self {
+        Self { spi, configured: false }
+    }
+
+    /// Whether its range was set.
+    pub const fn is_configured(&self) -> bool {
+        self.configured
+    }
+
     /// Sets the range to 0…10.24 V and reads it back.
     ///
     /// # Errors
     ///
-    /// [`AdcError`] where the chip does not answer as it should.
-    pub fn new(spi: SPI) -> Result<Self, AdcError> {
-        let mut adc = Self { spi };
+    /// [`AdcError`] where the chip does not answer as it should; try again once it has power.
+    pub fn configure(&mut self) -> Result<(), AdcError> {
+        self.configured = false;
         let [high, low] = UNIPOLAR_10_24_V.to_be_bytes();
-        adc.frame([WRITE, RANGE_SEL, high, low])?;
-        adc.frame([READ, RANGE_SEL, 0, 0])?;
-        let [high, low, ..] = adc.frame([0; 4])?;
+        self.frame([WRITE, RANGE_SEL, high, low])?;
+        self.frame([READ, RANGE_SEL, 0, 0])?;
+        let [high, low, ..] = self.frame([0; 4])?;
         let found = u16::from_be_bytes([high, low]);
         // The upper bits hold alarms.
-        if found & 0x000f == UNIPOLAR_10_24_V { Ok(adc) } else { Err(AdcError::Range { found }) }
+        self.configured = found & 0x000f == UNIPOLAR_10_24_V;
+        if self.configured { Ok(()) } else { Err(AdcError::Range { found }) }
     }
 
     /// The sample that was taken at the end of the last frame.
     ///
     /// # Errors
     ///
-    /// [`AdcError::Bus`].
+    /// [`AdcError::Bus`], [`AdcError::Unconfigured`].
     pub fn read(&mut self) -> Result<AdcCode, AdcError> {
+        if !self.configured {
+            return Err(AdcError::Unconfigured);
+        }
         let [high, low, ..] = self.frame([0; 4])?;
         Ok(AdcCode(u16::from_be_bytes([high, low])))
     }

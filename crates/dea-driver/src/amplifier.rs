@@ -7,6 +7,7 @@ use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiDevice;
 
 use crate::convert::{CommandRange, DacCode};
+use crate::device::Drive;
 
 /// An amplifier that follows channel A of an AD5754 while its enable input is high.
 ///
@@ -14,6 +15,8 @@ use crate::convert::{CommandRange, DacCode};
 pub struct Amplifier<SPI, EN> {
     dac: Ad57xxShared<SPI, Ad57x4>,
     enable: EN,
+    range: CommandRange,
+    enabled: bool,
 }
 
 /// Why the amplifier did not do as told. It is disabled then.
@@ -35,16 +38,37 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
     /// [`AmplifierError`] where a chip does not answer; the enable output has been set low first.
     pub fn new(spi: SPI, mut enable: EN, range: CommandRange) -> Result<Self, AmplifierError> {
         enable.set_low().map_err(|_| AmplifierError::Enable)?;
-        let mut amplifier = Self { dac: Ad57xxShared::new_ad57x4(spi), enable };
-        let range = match range {
+        let mut amplifier = Self { dac: Ad57xxShared::new_ad57x4(spi), enable, range, enabled: false };
+        amplifier.set_range(range)?;
+        amplifier.dac.set_power(Channel::DacA, true).map_err(|_| AmplifierError::Bus)?;
+        Ok(amplifier)
+    }
+
+    /// Does what a tick puts out: disables before anything else, enables at 0 V.
+    ///
+    /// # Errors
+    ///
+    /// [`AmplifierError`]; call [`disable`](Self::disable) then.
+    pub fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError> {
+        if !drive.enable {
+            self.disable()?;
+            return if drive.range == self.range { Ok(()) } else { self.set_range(drive.range) };
+        }
+        if !self.enabled {
+            self.enable()?;
+        }
+        self.command(drive.command)
+    }
+
+    /// The register keeps its code when the range changes, so it is brought to 0 V after.
+    fn set_range(&mut self, range: CommandRange) -> Result<(), AmplifierError> {
+        let output = match range {
             CommandRange::FiveVolts => OutputRange::Unipolar5V,
             CommandRange::TenVolts => OutputRange::Unipolar10V,
         };
-        // 0 V before power, so that the output never shows what the register held.
-        amplifier.dac.set_output_range(Channel::DacA, range).map_err(|_| AmplifierError::Bus)?;
-        amplifier.command(DacCode::ZERO)?;
-        amplifier.dac.set_power(Channel::DacA, true).map_err(|_| AmplifierError::Bus)?;
-        Ok(amplifier)
+        self.dac.set_output_range(Channel::DacA, output).map_err(|_| AmplifierError::Bus)?;
+        self.range = range;
+        self.command(DacCode::ZERO)
     }
 
     /// Gives the amplifier's command.
@@ -63,7 +87,9 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
     /// [`AmplifierError`]; it is not enabled then.
     pub fn enable(&mut self) -> Result<(), AmplifierError> {
         self.command(DacCode::ZERO)?;
-        self.enable.set_high().map_err(|_| AmplifierError::Enable)
+        self.enable.set_high().map_err(|_| AmplifierError::Enable)?;
+        self.enabled = true;
+        Ok(())
     }
 
     /// Disables the amplifier and brings the command to 0 V: both are tried, whatever fails.
@@ -72,6 +98,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
     ///
     /// [`AmplifierError`] for the first that failed.
     pub fn disable(&mut self) -> Result<(), AmplifierError> {
+        self.enabled = false;
         let enable = self.enable.set_low().map_err(|_| AmplifierError::Enable);
         let command = self.command(DacCode::ZERO);
         enable.and(command)

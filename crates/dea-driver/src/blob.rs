@@ -4,9 +4,9 @@
 
 use core::fmt;
 
-use heapless::{String, Vec};
+use heapless::String;
 use serde::{Deserialize, Serialize};
-use springpot::{Actuator, ActuatorError, MAX_BRANCHES, Maxwell, ModelError, Preload, Springpot, Topology};
+use springpot::{Actuator, ActuatorError, Coefficients, Law, LawError, Preload, VoltageDrive};
 
 use crate::convert::{AdcCode, Calibration, CommandRange};
 use crate::supervisor::{Limits, LimitsError, Supervisor};
@@ -15,7 +15,7 @@ use crate::supervisor::{Limits, LimitsError, Supervisor};
 pub const SCHEMA: u16 = 1;
 
 /// No blob is longer, in bytes.
-pub const BLOB_LEN: usize = 512;
+pub const BLOB_LEN: usize = 768;
 
 const MAGIC: [u8; 4] = *b"DEA\x01";
 /// Magic, schema, board, length.
@@ -31,10 +31,8 @@ pub struct Parameters {
     pub name: String<32>,
     /// Ticks per second.
     pub rate_hz: f32,
-    /// Whether branches are connected as published (Eq. 11) instead of side by side.
-    pub eq11: bool,
-    /// c (N·s^α/m) and α of the main springpot, then of both of every branch.
-    pub elements: Vec<(f64, f64), { 1 + 2 * MAX_BRANCHES }>,
+    /// The film at that rate.
+    pub law: LawNumbers,
     /// Relative permittivity, length, width and thickness (m), mass (kg), stretch coupling (1/m).
     pub actuator: [f64; 6],
     /// Whether the weight acts from the start.
@@ -53,21 +51,52 @@ pub struct Parameters {
     pub limits: Limits,
 }
 
+/// A law as a host computed it: [`Coefficients`] without step and mass, which stand in the [`Parameters`] already.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LawNumbers {
+    /// g_0, N/m.
+    pub instant: f64,
+    /// Largest relative error of the relaxation modulus beyond the head.
+    pub tail_error: f64,
+    /// Weights of the head, N/m.
+    pub head: [f32; 12],
+    /// Fast modes as (1 − ρ, weight in N/m).
+    pub fast: [(f32, f32); 12],
+    /// Slow modes, likewise.
+    pub slow: [(f32, f32); 24],
+}
+
+impl LawNumbers {
+    /// The numbers of `law`.
+    #[must_use]
+    pub fn of(law: &Law<f32>) -> Self {
+        // The mass stands beside them.
+        let Coefficients { instant, tail_error, head, fast, slow, .. } = law.coefficients(0.0);
+        Self { instant, tail_error, head, fast, slow }
+    }
+
+    fn law(&self, step_s: f64, mass_kg: f64) -> Result<Law<f32>, LawError> {
+        let &Self { instant, tail_error, head, fast, slow } = self;
+        Law::from_coefficients(&Coefficients { step_s, instant, mass_kg, head, fast, slow, tail_error })
+    }
+}
+
 /// A set of parameters that was found good, with what is built from it.
 #[derive(Clone, Debug)]
 pub struct Blob {
     /// The parameters.
     pub parameters: Parameters,
-    /// The model of the film.
-    pub model: Maxwell,
-    /// The actuator around it.
-    pub actuator: Actuator,
+    /// The law of the film.
+    pub law: Law<f32>,
+    /// From voltage to force and back.
+    pub drive: VoltageDrive<f32>,
     /// The supervisor of its limits, disarmed.
     pub supervisor: Supervisor,
 }
 
 /// Why a blob was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum BlobError {
     /// Fewer bytes than it says, or than a header has.
@@ -90,17 +119,15 @@ pub enum BlobError {
     Checksum,
     /// The checksum holds, but the contents are no parameters.
     Contents,
-    /// Elements that do not come in pairs beside the main springpot.
-    Elements,
     /// A rate that is not within 1 Hz…100 kHz.
     Rate,
     /// An offset of the sensor that is not finite.
     Offset,
     /// A calibration that cannot be inverted.
     Calibration(&'static str),
-    /// A model that was refused.
-    Model(ModelError),
-    /// An actuator that was refused.
+    /// A law that was refused.
+    Law(LawError),
+    /// An actuator that was refused, on its own or at the largest voltage.
     Actuator(ActuatorError),
     /// Limits that were refused.
     Limits(LimitsError),
@@ -116,11 +143,10 @@ impl fmt::Display for BlobError {
             Self::TooLong => write!(f, "longer than {BLOB_LEN} bytes"),
             Self::Checksum => f.write_str("the blob is damaged: its checksum does not hold"),
             Self::Contents => f.write_str("the blob holds no parameters"),
-            Self::Elements => f.write_str("a model has a main springpot and pairs in its branches"),
             Self::Rate => f.write_str("rate_hz must be from 1 to 100000"),
             Self::Offset => f.write_str("sensor_offset_m must be finite"),
             Self::Calibration(which) => write!(f, "the calibration of the {which} must rise over its full scale"),
-            Self::Model(error) => write!(f, "model: {error}"),
+            Self::Law(error) => write!(f, "law: {error}"),
             Self::Actuator(error) => write!(f, "actuator: {error}"),
             Self::Limits(error) => write!(f, "limits: {error}"),
         }
@@ -211,17 +237,11 @@ impl Blob {
         let actuator =
             Actuator { relative_permittivity, length_m, width_m, thickness_m, mass_kg, preload, stretch_coupling };
         actuator.check().map_err(BlobError::Actuator)?;
-
-        let (main, rest) = parameters.elements.split_first().ok_or(BlobError::Elements)?;
-        let springpot = |&(c, alpha): &(f64, f64)| Springpot::new(c, alpha);
-        let elements: Vec<Springpot, { 2 * MAX_BRANCHES }> = rest.iter().map(springpot).collect();
-        let (branches, odd) = elements.as_chunks::<2>();
-        if !odd.is_empty() {
-            return Err(BlobError::Elements);
-        }
-        let topology = if parameters.eq11 { Topology::Eq11 } else { Topology::Parallel };
-        let model = Maxwell::new(springpot(main), branches, topology, mass_kg).map_err(BlobError::Model)?;
+        let step_s = 1.0 / f64::from(parameters.rate_hz);
+        let law = parameters.law.law(step_s, mass_kg).map_err(BlobError::Law)?;
         let supervisor = Supervisor::new(&parameters.limits, parameters.rate_hz).map_err(BlobError::Limits)?;
-        Ok(Self { parameters, model, actuator, supervisor })
+        let largest_v = f64::from(parameters.limits.max_voltage_v);
+        let drive = VoltageDrive::new(&actuator, largest_v, law.stiffness()).map_err(BlobError::Actuator)?;
+        Ok(Self { parameters, law, drive, supervisor })
     }
 }

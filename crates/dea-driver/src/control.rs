@@ -1,8 +1,6 @@
 //! The control tick, and what a host can ask of it.
 
-use core::fmt;
-
-use springpot::{ActuatorError, Compressed, Law, LawError, Memory, Options, State as FilmState, VoltageDrive};
+use springpot::{Compressed, Law, Memory, State as FilmState, VoltageDrive};
 
 use crate::blob::{Blob, Parameters};
 use crate::convert::{AdcCode, DacCode};
@@ -36,8 +34,7 @@ pub struct Outputs {
 
 /// A model, its actuator and their supervisor, ticked at a fixed rate.
 ///
-/// The law is built when the parameters come, which takes a second on a Cortex-M4F; a tick then takes the same number of
-/// operations every time, and cannot fail.
+/// A tick takes the same number of operations every time, and cannot fail.
 #[derive(Clone, Debug)]
 pub struct Controller {
     parameters: Parameters,
@@ -53,42 +50,15 @@ pub struct Controller {
     reference_m: f32,
 }
 
-/// Why parameters make no controller.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum ControllerError {
-    /// The law was refused.
-    Law(LawError),
-    /// The actuator was refused at the largest voltage.
-    Actuator(ActuatorError),
-}
-
-impl fmt::Display for ControllerError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Law(error) => write!(f, "law: {error}"),
-            Self::Actuator(error) => write!(f, "actuator: {error}"),
-        }
-    }
-}
-
-impl core::error::Error for ControllerError {}
-
 impl Controller {
     /// The controller of `blob`, disarmed, its film at rest.
-    ///
-    /// # Errors
-    ///
-    /// [`ControllerError`] for a model that has no law at this rate, or an actuator that pulls in at once.
-    pub fn new(blob: Blob) -> Result<Self, ControllerError> {
-        let step_s = 1.0 / f64::from(blob.parameters.rate_hz);
-        let law: Law<f32> = Law::compressed(&blob.model, Options::at_step(step_s)).map_err(ControllerError::Law)?;
-        let largest_v = f64::from(blob.parameters.limits.max_voltage_v);
-        let drive = VoltageDrive::new(&blob.actuator, largest_v, law.stiffness()).map_err(ControllerError::Actuator)?;
+    #[must_use]
+    pub fn new(blob: Blob) -> Self {
+        let Blob { parameters, law, drive, supervisor } = blob;
         let (film, test_film) = (law.state(), law.state());
-        Ok(Self {
-            parameters: blob.parameters,
-            supervisor: blob.supervisor,
+        Self {
+            parameters,
+            supervisor,
             law,
             drive,
             film,
@@ -96,7 +66,7 @@ impl Controller {
             mode: Mode::Voltage,
             voltage_v: 0.0,
             reference_m: 0.0,
-        })
+        }
     }
 
     /// The supervisor.
@@ -186,7 +156,10 @@ impl Controller {
             }
             Command::Rest => self.disarmed().map(|()| self.test_film = self.law.state()),
             Command::Step(voltages) => match self.disarmed() {
-                Ok(()) => return Some(Answer::Steps(voltages.iter().map(|&volts| self.step(volts)).collect())),
+                Ok(()) => {
+                    let steps = voltages.iter().map(|&volts| self.step(volts)).collect();
+                    return Some(Answer::Steps { steps, cycles: 0 });
+                }
                 Err(refusal) => Err(refusal),
             },
             Command::Query => return Some(Answer::Name(self.parameters.name.clone())),

@@ -10,9 +10,10 @@
 //! - [`Amplifier`] (AD5754) and [`Ads868x`]: the chips, on [`embedded_hal::spi::SpiDevice`].
 //! - [`Supervisor`]: disarmed, armed, running or tripped; limits of voltage, field, slew and stroke; [`Monitor`] and
 //!   [`Plausibility`] watch the sensors. Whatever trips ends at 0 V with the enable output low, its cause latched.
-//! - [`Controller`]: the tick of a control loop and what a host can ask of it.
+//! - [`Controller`]: the tick of a control loop and what a host can ask of it; [`Device`]: a board that ticks one, once it has
+//!   parameters.
 //! - [`Blob`]: the parameters of a board as bytes; [`Store`] keeps them in two slots of flash.
-//! - [`link`]: the frames and messages between controller and host.
+//! - [`link`]: the frames and messages between controller and host, and the board's side of that conversation.
 //!
 //! Units are SI: volts at the film, metres, seconds; time is counted in ticks of the control loop.
 //!
@@ -30,6 +31,7 @@ mod amplifier;
 mod blob;
 mod control;
 pub mod convert;
+mod device;
 pub mod link;
 mod monitor;
 mod plausibility;
@@ -38,8 +40,9 @@ mod supervisor;
 
 pub use ads868x::{AdcError, Ads868x};
 pub use amplifier::{Amplifier, AmplifierError};
-pub use blob::{BLOB_LEN, Blob, BlobError, Parameters, SCHEMA};
-pub use control::{Controller, ControllerError, Inputs, Outputs};
+pub use blob::{BLOB_LEN, Blob, BlobError, LawNumbers, Parameters, SCHEMA};
+pub use control::{Controller, Inputs, Outputs};
+pub use device::{Device, Drive};
 pub use monitor::{Monitor, MonitorLimits};
 pub use plausibility::{Plausibility, PlausibilityLimits, SensorFault};
 pub use store::{Store, StoreError};

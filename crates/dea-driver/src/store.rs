@@ -22,6 +22,7 @@ pub struct Store<F> {
 
 /// Why the store could not do as asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum StoreError {
     /// The flash has no two erasable parts that hold a slot, or writes in words of more than eight bytes.
@@ -90,7 +91,8 @@ impl<F: NorFlash> Store<F> {
         #[allow(clippy::cast_possible_truncation)] // eight
         self.flash.write(start + HEADER as u32, &body).map_err(failed)?;
         self.flash.write(start, &header).map_err(failed)?;
-        self.read(index)
+        // It was valid when it was written: if it is not now, the flash did not take it.
+        self.read(index).map_err(|_| StoreError::Flash(NorFlashErrorKind::Other))
     }
 
     /// Gives the flash back.

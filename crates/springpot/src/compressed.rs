@@ -75,18 +75,18 @@ impl Options {
 pub struct Compressed<T, const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
     /// g_0 + g_1, g_2, …, g_HEAD in N/m.
     pub(crate) head: [T; HEAD],
-    fast: [Decay<T>; FAST],
-    slow: [Decay<T>; SLOW],
-    tail_error: f64,
+    pub(crate) fast: [Decay<T>; FAST],
+    pub(crate) slow: [Decay<T>; SLOW],
+    pub(crate) tail_error: f64,
 }
 
 /// The constants of a Maxwell element.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Decay<T> {
+pub(crate) struct Decay<T> {
     /// 1 − ρ, what is lost of the spring's extension in a step.
-    loss: T,
+    pub(crate) loss: T,
     /// Stiffness of the spring, N/m.
-    weight: T,
+    pub(crate) weight: T,
 }
 
 /// The dashpot of a slow Maxwell element.
@@ -115,7 +115,8 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// The law of `model` with a compressed memory.
     ///
     /// Evaluates the model a few thousand times in f64, with about 6 KiB of stack and no allocation: below a
-    /// millisecond on a host; 0.7 to 1.5 s on a Cortex-M4F at 168 MHz, which has f64 in software only.
+    /// millisecond on a host; 0.7 to 1.5 s on a Cortex-M4F at 168 MHz, which has f64 in software only and may rather get
+    /// the [`Coefficients`](crate::Coefficients) from a host.
     ///
     /// # Errors
     ///

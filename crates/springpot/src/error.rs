@@ -105,6 +105,8 @@ pub enum LawError {
     },
     /// Nothing to solve: within the number type the force per step of displacement is nought or infinite.
     NothingToSolve,
+    /// A number of a law that no film has: not finite, negative, or a mode that grows.
+    Coefficient(&'static str),
     /// No samples were given for a window.
     EmptyWindow,
     /// Storage for a window's state of another length than its weights.
@@ -135,6 +137,7 @@ impl fmt::Display for LawError {
             Self::NothingToSolve => f.write_str(
                 "nothing to solve: the stiffness of one step is 0, infinite or beyond the number type; check the units",
             ),
+            Self::Coefficient(which) => write!(f, "{which} of the law must be finite, and what relaxes must decay"),
             Self::EmptyWindow => f.write_str("a window needs at least one sample"),
             Self::Storage { given, needed } => {
                 write!(f, "storage of {given} samples for a window of {needed}")

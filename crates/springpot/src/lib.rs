@@ -63,6 +63,7 @@
 #![allow(clippy::similar_names, clippy::doc_markdown)]
 
 mod actuator;
+mod coefficients;
 mod compressed;
 mod contour;
 mod element;
@@ -82,6 +83,7 @@ mod trig;
 mod window;
 
 pub use actuator::{Actuator, EPSILON_0, GRAVITY, Preload, VoltageDrive};
+pub use coefficients::Coefficients;
 pub use compressed::{Compressed, CompressedHistory, Options};
 pub use element::Springpot;
 pub use error::{ActuatorError, Element, LawError, ModelError};

@@ -2,7 +2,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use dea_driver::{Blob, Controller};
+use dea_driver::Blob;
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
@@ -54,8 +54,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());
     let blob = parameters.to_blob(&board, arguments.rate).map_err(refused)?;
     // What a controller would say to it is said here.
-    let decoded = Blob::decode(&blob, board.id).map_err(|e| refused(Error::Computation(e.to_string())))?;
-    Controller::new(decoded).map_err(|e| refused(Error::Computation(e.to_string())))?;
+    Blob::decode(&blob, board.id).map_err(|e| refused(Error::Computation(e.to_string())))?;
 
     let content = match arguments.emit {
         Emit::Blob => blob.clone(),

@@ -2,11 +2,12 @@
 
 use dea_driver::convert::{Calibration, CommandRange};
 use dea_driver::{
-    BLOB_LEN, BlobError, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters, PlausibilityLimits,
+    BLOB_LEN, BlobError, LawNumbers, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters,
+    PlausibilityLimits,
 };
 use heapless::String;
 use serde::{Deserialize, Serialize};
-use springpot::{Actuator, Preload, Topology};
+use springpot::{Actuator, Law, Options, Preload};
 
 use super::Parameters;
 use crate::error::{Error, Result};
@@ -79,17 +80,16 @@ impl Parameters {
     ///
     /// # Errors
     ///
-    /// [`Error::Computation`] for what a controller would refuse.
+    /// [`Error::Law`] for a model that has no law at this rate, [`Error::Computation`] for what a controller would refuse.
     pub fn to_blob(&self, board: &Board, rate_hz: f64) -> Result<Vec<u8>> {
         let Actuator { relative_permittivity, length_m, width_m, thickness_m, mass_kg, preload, stretch_coupling } =
             self.actuator;
-        let model = &self.model;
-        let elements = std::iter::once(model.main()).chain(model.branches().as_flattened().iter().copied());
+        let rate_hz = rate_hz as f32;
+        let law: Law<f32> = Law::compressed(&self.model, Options::at_step(1.0 / f64::from(rate_hz)))?;
         let parameters = BoardParameters {
             name: shortened(&self.name),
-            rate_hz: rate_hz as f32,
-            eq11: model.topology() == Topology::Eq11,
-            elements: elements.map(|e| (e.c, e.alpha)).collect(),
+            rate_hz,
+            law: LawNumbers::of(&law),
             actuator: [relative_permittivity, length_m, width_m, thickness_m, mass_kg, stretch_coupling],
             from_start: preload == Preload::FromStart,
             sensor_offset_m: self.sensor_offset_m as f32,

@@ -5,9 +5,9 @@ use core::hint::black_box;
 use dea_driver::convert::{AdcCode, Calibration, CommandRange, DacCode};
 use dea_driver::link::{Command, Mode};
 use dea_driver::{
-    Blob, Controller, Inputs, Limits, MonitorLimits, OnSensorFault, Outputs, Parameters, PlausibilityLimits,
+    Blob, Controller, Inputs, LawNumbers, Limits, MonitorLimits, OnSensorFault, Outputs, Parameters, PlausibilityLimits,
 };
-use springpot::{Actuator, Maxwell, Topology};
+use springpot::{Actuator, Law, Maxwell, Options};
 
 use crate::{Checksum, Name, Report, STEPS};
 
@@ -19,7 +19,7 @@ pub fn run(report: &mut impl Report, name: Name, model: &Maxwell) {
 
 #[inline(never)]
 fn bits(report: &mut impl Report, name: Name, model: &Maxwell) {
-    let Ok(mut controller) = Controller::new(blob(model)) else { panic!("the law is refused") };
+    let mut controller = Controller::new(blob(model));
     start(&mut controller);
     let mut checksum = Checksum::default();
     ticks(&mut controller, |outputs| {
@@ -32,7 +32,7 @@ fn bits(report: &mut impl Report, name: Name, model: &Maxwell) {
 
 #[inline(never)]
 fn cost(report: &mut impl Report, name: Name, model: &Maxwell) {
-    let Ok(mut controller) = Controller::new(blob(model)) else { panic!("the law is refused") };
+    let mut controller = Controller::new(blob(model));
     start(&mut controller);
     let keep = |outputs: Outputs| {
         black_box(outputs.command);
@@ -44,8 +44,14 @@ fn cost(report: &mut impl Report, name: Name, model: &Maxwell) {
 
 #[inline(never)]
 fn blob(model: &Maxwell) -> Blob {
-    let Ok(blob) = Blob::new(parameters(model)) else { panic!("the bench is refused") };
+    let Ok(blob) = Blob::new(parameters(law(model))) else { panic!("the bench is refused") };
     blob
+}
+
+#[inline(never)]
+fn law(model: &Maxwell) -> LawNumbers {
+    let Ok(law) = Law::compressed(model, Options::at_step(1e-3)) else { panic!("the law is refused") };
+    LawNumbers::of(&law)
 }
 
 /// Arms and starts it, after what the sensors say at rest.
@@ -79,14 +85,12 @@ fn inputs(command: DacCode) -> Inputs {
     Inputs { interlock_closed: true, monitor: Some(AdcCode(monitor)), displacement: Some(AdcCode(5120)) }
 }
 
-fn parameters(model: &Maxwell) -> Parameters {
+fn parameters(law: LawNumbers) -> Parameters {
     let actuator = Actuator::KARNER_2022;
-    let elements = core::iter::once(model.main()).chain(model.branches().as_flattened().iter().copied());
     Parameters {
         name: heapless::String::new(),
         rate_hz: 1000.0,
-        eq11: model.topology() == Topology::Eq11,
-        elements: elements.map(|e| (e.c, e.alpha)).collect(),
+        law,
         actuator: [
             actuator.relative_permittivity,
             actuator.length_m,

@@ -3,6 +3,7 @@
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
+use super::FrameError;
 use crate::supervisor::{Refusal, State};
 
 /// Steps of a loop test in one frame.
@@ -69,6 +70,36 @@ pub enum Command {
     /// Step a model of its own under these voltages (V), without hardware: the loop test. Only while the amplifier is
     /// disabled. Answered by [`Answer::Steps`].
     Step(Vec<f32, BATCH>),
+    /// Check the blob that was uploaded and run it until the next reset, without keeping it. Only while the amplifier is
+    /// disabled.
+    Try {
+        /// Length of the blob.
+        length: u16,
+    },
+    /// Answered by [`Answer::PanicMessage`].
+    PanicMessage,
+    /// Go wrong on purpose. Images for use reject it.
+    Drill(Drill),
+}
+
+/// Ways to go wrong, of an image that was built to show how each ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Drill {
+    /// The interlock opens.
+    Interlock,
+    /// The voltage monitor stays where it is.
+    Monitor,
+    /// The displacement sensor is unplugged.
+    Sensor,
+    /// A converter does not answer.
+    Bus,
+    /// A tick takes longer than it may.
+    Overrun,
+    /// The firmware panics.
+    Panic,
+    /// The tick hangs.
+    Hang,
 }
 
 /// What the law does while running.
@@ -114,7 +145,14 @@ pub enum Answer {
     /// What the parameters are called.
     Name(String<32>),
     /// What the model did.
-    Steps(Vec<Step, BATCH>),
+    Steps {
+        /// Step by step.
+        steps: Vec<Step, BATCH>,
+        /// Cycles of the processor that all of them took.
+        cycles: u32,
+    },
+    /// What the firmware said when it panicked last; empty if it never did.
+    PanicMessage(String<200>),
 }
 
 /// Why a frame was not obeyed.
@@ -136,6 +174,17 @@ pub enum Reject {
     NoParameters,
     /// The flash failed; the old parameters stay.
     Flash,
+    /// Ticks slower or faster than this board can; the old parameters stay.
+    Rate,
+}
+
+impl From<FrameError> for Reject {
+    fn from(error: FrameError) -> Self {
+        match error {
+            FrameError::Damaged | FrameError::TooLong => Self::Damaged,
+            FrameError::Version(_) | FrameError::Unknown => Self::Unknown,
+        }
+    }
 }
 
 /// Who is here.
@@ -157,6 +206,8 @@ pub struct Identity {
 pub struct Status {
     /// The supervisor's state, with the cause of a trip.
     pub state: State,
+    /// Whether there are parameters, so that it can be armed.
+    pub has_parameters: bool,
     /// Ticks since the start, wrapping.
     pub ticks: u32,
     /// The tick of the last trip.
@@ -167,6 +218,8 @@ pub struct Status {
     pub damaged_frames: u32,
     /// Frames that were not understood.
     pub unknown_frames: u32,
+    /// Largest depth of the stack so far, bytes.
+    pub stack_peak: u32,
 }
 
 /// A tick, for the host's log.

@@ -5,10 +5,14 @@
 
 mod frame;
 mod message;
+mod session;
 mod upload;
 
 pub use frame::{FRAME_LEN, FrameError, Receiver, encode};
-pub use message::{Answer, BATCH, CHUNK, Command, Identity, Message, Mode, Reject, Request, Sample, Status, Step};
+pub use message::{
+    Answer, BATCH, CHUNK, Command, Drill, Identity, Message, Mode, Reject, Request, Sample, Status, Step,
+};
+pub use session::{Board, Session, StartError};
 pub use upload::{Upload, UploadError};
 
 /// The version of the protocol.

@@ -1,0 +1,101 @@
+//! The bench on the board's pins: amplifier, sensors, interlock, light. `docs/wiring.md` shows it.
+
+use dea_driver::convert::CommandRange;
+use dea_driver::{Ads868x, Amplifier, AmplifierError, Drive, Inputs};
+use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice, NoDelay};
+use embedded_hal_bus::util::AtomicCell;
+use stm32f4xx_hal::gpio::{Input, Output, PB0, PB1, PB12, PC6, PC7, gpiob, gpioc};
+use stm32f4xx_hal::hal::spi::{MODE_0, MODE_1};
+use stm32f4xx_hal::pac::{SPI2, SPI3};
+use stm32f4xx_hal::prelude::*;
+use stm32f4xx_hal::rcc::Rcc;
+use stm32f4xx_hal::spi::Spi;
+
+/// Clock of both buses, Hz, at the most; the chips take 30 MHz and more, but so may the wires not.
+const BUS_HZ: u32 = 10_000_000;
+/// Ticks between two attempts to configure an ADC that does not answer.
+const RETRY_TICKS: u32 = 256;
+
+/// The bus that both ADCs share.
+pub type AdcBus = AtomicCell<Spi<SPI3>>;
+type Adc<CS> = Ads868x<AtomicDevice<'static, Spi<SPI3>, CS, NoDelay>>;
+
+/// What is connected to the board.
+pub struct Bench {
+    amplifier: Option<Amplifier<ExclusiveDevice<Spi<SPI2>, PB12<Output>, NoDelay>, PC6<Output>>>,
+    monitor: Option<Adc<PB0<Output>>>,
+    displacement: Option<Adc<PB1<Output>>>,
+    interlock: PC7<Input>,
+    ticks: u32,
+}
+
+impl Bench {
+    /// Disables the amplifier before anything else, and brings its command to 0 V.
+    pub fn new(
+        spi2: SPI2,
+        spi3: SPI3,
+        gpiob: gpiob::Parts,
+        enable: PC6<Output>,
+        (interlock, sck, miso): (gpioc::PC7, gpioc::PC10, gpioc::PC11),
+        adc_bus: &'static mut Option<AdcBus>,
+        rcc: &mut Rcc,
+    ) -> Self {
+        let pins = (Some(gpiob.pb13), Some(gpiob.pb14), Some(gpiob.pb15));
+        let bus = Spi::new(spi2, pins, MODE_1, BUS_HZ.Hz(), rcc);
+        let select = gpiob.pb12.into_push_pull_output_in_state(stm32f4xx_hal::gpio::PinState::High);
+        let device = ExclusiveDevice::new_no_delay(bus, select).ok();
+        // The range of the parameters comes with the first tick that has some.
+        let amplifier = device.and_then(|device| Amplifier::new(device, enable, CommandRange::FiveVolts).ok());
+
+        let bus = Spi::new(spi3, (Some(sck), Some(miso), Some(gpiob.pb5)), MODE_0, BUS_HZ.Hz(), rcc);
+        let bus: &'static AdcBus = adc_bus.insert(AtomicCell::new(bus));
+        let monitor = AtomicDevice::new_no_delay(bus, gpiob.pb0.into_push_pull_output()).ok();
+        let displacement = AtomicDevice::new_no_delay(bus, gpiob.pb1.into_push_pull_output()).ok();
+        Self {
+            amplifier,
+            monitor: monitor.map(Ads868x::new),
+            displacement: displacement.map(Ads868x::new),
+            interlock: interlock.into_pull_down_input(),
+            ticks: 0,
+        }
+    }
+
+    /// What interlock and sensors say. An ADC that does not answer is tried again from time to time, while `idle`.
+    pub fn sample(&mut self, idle: bool) -> Inputs {
+        self.ticks = self.ticks.wrapping_add(1);
+        let retry = idle && self.ticks.is_multiple_of(RETRY_TICKS);
+        Inputs {
+            interlock_closed: self.interlock.is_high(),
+            monitor: self.monitor.as_mut().and_then(|adc| read(adc, retry)),
+            displacement: self.displacement.as_mut().and_then(|adc| read(adc, retry)),
+        }
+    }
+
+    /// Gives the amplifier what a tick puts out.
+    pub fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError> {
+        match &mut self.amplifier {
+            Some(amplifier) => {
+                let applied = amplifier.apply(drive);
+                if applied.is_err() {
+                    // The fault that counts is the first one.
+                    let _ = amplifier.disable();
+                }
+                applied
+            }
+            // There is nothing that could be enabled.
+            None if drive.enable => Err(AmplifierError::Bus),
+            None => Ok(()),
+        }
+    }
+}
+
+fn read<CS: stm32f4xx_hal::hal::digital::OutputPin>(
+    adc: &mut Adc<CS>,
+    retry: bool,
+) -> Option<dea_driver::convert::AdcCode> {
+    if !adc.is_configured() && retry {
+        // It says so by not reading.
+        let _ = adc.configure();
+    }
+    adc.read().ok()
+}

@@ -1,0 +1,74 @@
+//! A simulated bench that goes wrong on purpose, instead of pins and converters: an image with the feature `drills` shows in
+//! QEMU how every fault ends.
+
+use core::sync::atomic::{AtomicU8, Ordering};
+
+use dea_driver::convert::{AdcCode, DacCode};
+use dea_driver::link::Drill;
+use dea_driver::{AmplifierError, Drive, Inputs};
+
+/// The drill that is asked for: its place in the list, from 1; 0 is none.
+static ASKED: AtomicU8 = AtomicU8::new(0);
+
+const DRILLS: [Drill; 7] =
+    [Drill::Interlock, Drill::Monitor, Drill::Sensor, Drill::Bus, Drill::Overrun, Drill::Panic, Drill::Hang];
+
+/// Lets the next tick go wrong.
+pub fn ask(drill: Drill) {
+    let place = DRILLS.iter().position(|&other| other == drill).map_or(0, |place| place as u8 + 1);
+    ASKED.store(place, Ordering::Relaxed);
+}
+
+/// An amplifier and a monitor that follow at once, and a sensor on a film that stands still.
+pub struct Bench {
+    /// What the amplifier gives, as its monitor's code.
+    monitor: u16,
+    ticks: u32,
+    stuck: bool,
+}
+
+impl Bench {
+    pub const fn new() -> Self {
+        Self { monitor: 0, ticks: 0, stuck: false }
+    }
+
+    pub fn sample(&mut self, idle: bool) -> Inputs {
+        self.ticks = self.ticks.wrapping_add(1);
+        // 1 V, and the noise of a living sensor.
+        let displacement = 6400 + (self.ticks % 4) as u16;
+        let mut inputs = Inputs {
+            interlock_closed: true,
+            monitor: Some(AdcCode(self.monitor)),
+            displacement: Some(AdcCode(displacement)),
+        };
+        if idle {
+            // What went wrong is mended once the amplifier is off.
+            self.stuck = false;
+            ASKED.store(0, Ordering::Relaxed);
+        }
+        let asked = ASKED.load(Ordering::Relaxed);
+        match DRILLS.get(usize::from(asked).wrapping_sub(1)) {
+            Some(Drill::Interlock) => inputs.interlock_closed = false,
+            Some(Drill::Monitor) => self.stuck = true,
+            Some(Drill::Sensor) => inputs.displacement = Some(AdcCode(u16::MAX)),
+            Some(Drill::Bus) => inputs.displacement = None,
+            // Two ticks of 1 kHz at 168 MHz.
+            Some(Drill::Overrun) => cortex_m::asm::delay(336_000),
+            Some(Drill::Panic) => panic!("a drill"),
+            Some(Drill::Hang) => loop {
+                cortex_m::asm::nop();
+            },
+            None => {}
+        }
+        inputs
+    }
+
+    pub fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError> {
+        let code = if drive.enable { drive.command } else { DacCode::ZERO };
+        if !self.stuck {
+            // From the DAC's volts to the monitor's code of 10.24 V: both instruments stand for the same.
+            self.monitor = (code.volts(drive.range) / AdcCode::FULL_SCALE_V * 65_536.0) as u16;
+        }
+        Ok(())
+    }
+}

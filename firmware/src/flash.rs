@@ -1,0 +1,67 @@
+//! The two sectors of flash that keep the parameters.
+
+use core::slice;
+
+use embedded_storage::nor_flash::{
+    ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
+};
+use stm32f4xx_hal::flash::{FlashExt, LockedFlash};
+use stm32f4xx_hal::pac::FLASH;
+
+/// Bytes of a sector.
+const SECTOR: u32 = 16 * 1024;
+/// The sectors, as the chip counts them.
+const SECTORS: [u8; 2] = [1, 2];
+/// Where they begin in the flash; `memory.x` keeps the program away.
+const START: usize = 16 * 1024;
+
+/// Sectors 1 and 2.
+pub struct ParameterFlash {
+    flash: LockedFlash,
+}
+
+impl ParameterFlash {
+    pub fn new(flash: FLASH) -> Self {
+        Self { flash: LockedFlash::new(flash) }
+    }
+}
+
+impl ErrorType for ParameterFlash {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for ParameterFlash {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        check_read(self, offset, bytes.len())?;
+        let start = (self.flash.address() + START) as *const u8;
+        // SAFETY: the flash is mapped there for as long as the chip has power, and nothing writes while this borrows it.
+        let sectors = unsafe { slice::from_raw_parts(start, self.capacity()) };
+        bytes.copy_from_slice(&sectors[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        SECTORS.len() * SECTOR as usize
+    }
+}
+
+impl NorFlash for ParameterFlash {
+    const WRITE_SIZE: usize = 1;
+    const ERASE_SIZE: usize = SECTOR as usize;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        check_erase(self, from, to)?;
+        let mut flash = self.flash.unlocked();
+        for &sector in &SECTORS[(from / SECTOR) as usize..(to / SECTOR) as usize] {
+            flash.erase(sector).map_err(|_| NorFlashErrorKind::Other)?;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        check_write(self, offset, bytes.len())?;
+        self.flash.unlocked().program(START + offset as usize, bytes.iter()).map_err(|_| NorFlashErrorKind::Other)
+    }
+}

@@ -1,0 +1,255 @@
+//! Creep compensation for a dielectric elastomer actuator on an STM32F405.
+//!
+//! Every tick, by SysTick, 1000 times a second unless the parameters say otherwise:
+//!
+//! 1. sample: interlock, voltage monitor, displacement sensor;
+//! 2. check: sensors, limits, the host's heartbeat;
+//! 3. estimate: where the model is under the voltage that stood;
+//! 4. command: what the mode asks for, within the limits;
+//! 5. log: every so-many-th tick, for the host.
+//!
+//! 2 to 5 are [`dea_driver::Controller::tick`]. Bytes of the link (USART2, 460 800 baud) come and go by interrupt, above the
+//! tick, since the chip keeps only one; requests are answered in the background, below it. Whatever goes wrong ends with PC6
+//! low, which disables the amplifier: a trip at once, a panic before it resets the chip, a hanging tick by the watchdog after
+//! 50 ms, a reset by the resistor at the pin.
+#![no_std]
+#![no_main]
+
+#[cfg(all(feature = "rtt", feature = "semihosting"))]
+compile_error!("one log at a time: --no-default-features --features rtt for a board");
+#[cfg(not(any(feature = "rtt", feature = "semihosting")))]
+compile_error!("the log needs a way out: --features rtt for a board, --features semihosting for QEMU");
+
+#[cfg(feature = "rtt")]
+use defmt_rtt as _;
+#[cfg(feature = "semihosting")]
+use defmt_semihosting as _;
+
+#[cfg(not(feature = "drills"))]
+mod bench;
+mod board;
+mod clock;
+#[cfg(feature = "drills")]
+mod drills;
+mod flash;
+mod panic;
+
+#[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
+mod app {
+    use cortex_m::peripheral::SCB;
+    use dea_driver::link::{FRAME_LEN, Message, Session, StartError, encode};
+    use dea_driver::{Cause, Device, Drive, State, Store, StoreError};
+    use heapless::spsc::{Consumer, Producer, Queue};
+    use stm32f4xx_hal::gpio::{Output, PC12, PinState};
+    use stm32f4xx_hal::hal_02::serial::{Read, Write};
+    use stm32f4xx_hal::nb;
+    use stm32f4xx_hal::pac::{Interrupt, USART2};
+    use stm32f4xx_hal::prelude::*;
+    use stm32f4xx_hal::serial::{Config, Serial};
+    use stm32f4xx_hal::watchdog::IndependentWatchdog;
+
+    #[cfg(not(feature = "drills"))]
+    use crate::bench::{AdcBus, Bench};
+    use crate::board::{self, Background, Ticker};
+    use crate::clock;
+    #[cfg(feature = "drills")]
+    use crate::drills::Bench;
+    use crate::flash::ParameterFlash;
+    use crate::panic::Message as PanicMessage;
+
+    /// Until there are parameters.
+    const RATE_HZ: f32 = 1000.0;
+    /// Exact to 0.2 % from 42 MHz, and what every adapter can.
+    const BAUD: u32 = 460_800;
+    /// Bytes that wait for the background: 11 ms at that rate.
+    const RECEIVED: usize = 512;
+    /// Bytes that wait for the wire: the longest answer and two samples.
+    const SENDING: usize = 512;
+
+    #[shared]
+    struct Shared {
+        device: Device,
+        watchdog: IndependentWatchdog,
+    }
+
+    #[local]
+    struct Local {
+        bench: Bench,
+        led: PC12<Output>,
+        serial: Serial<USART2>,
+        heard: Producer<'static, u8>,
+        received: Consumer<'static, u8>,
+        sending: Producer<'static, u8>,
+        said: Consumer<'static, u8>,
+        store: Store<ParameterFlash>,
+        ticker: Ticker,
+        panic_message: PanicMessage,
+    }
+
+    #[init(local = [
+        adc_bus: Option<AdcBus> = None,
+        incoming: Queue<u8, RECEIVED> = Queue::new(),
+        outgoing: Queue<u8, SENDING> = Queue::new(),
+    ])]
+    fn init(cx: init::Context) -> (Shared, Local) {
+        #[cfg(feature = "semihosting")]
+        board::stop_on_a_chip();
+        let chip = cx.device;
+        let panic_message = PanicMessage::take();
+        let by_watchdog = chip.RCC.csr().read().wdgrstf().bit_is_set();
+        chip.RCC.csr().modify(|_, w| w.rmvf().set_bit());
+        let (mut rcc, fault) = clock::start(chip.RCC);
+
+        // The amplifier's enable output is low before anything else is set up.
+        let gpioc = chip.GPIOC.split(&mut rcc);
+        let enable = gpioc.pc6.into_push_pull_output_in_state(PinState::Low);
+        let led = gpioc.pc12.into_push_pull_output_in_state(PinState::High);
+
+        let core_hz = rcc.clocks.hclk().raw();
+        defmt::info!("firmware {}, core at {} Hz", env!("CARGO_PKG_VERSION"), core_hz);
+        if let Some(fault) = fault {
+            defmt::error!("clock: {}; the internal oscillator serves", fault);
+        }
+        let latched = match panic_message.as_str() {
+            "" if by_watchdog => Some(Cause::Watchdog),
+            "" => None,
+            text => {
+                defmt::error!("the last run panicked: {}", text);
+                Some(Cause::Panic)
+            }
+        };
+
+        #[cfg(not(feature = "drills"))]
+        let bench = {
+            let gpiob = chip.GPIOB.split(&mut rcc);
+            let pins = (gpioc.pc7, gpioc.pc10, gpioc.pc11);
+            Bench::new(chip.SPI2, chip.SPI3, gpiob, enable, pins, cx.local.adc_bus, &mut rcc)
+        };
+        #[cfg(feature = "drills")]
+        let bench = {
+            let _: (&Option<AdcBus>, _) = (cx.local.adc_bus, enable);
+            Bench::new()
+        };
+
+        let gpioa = chip.GPIOA.split(&mut rcc);
+        let config = Config::default().baudrate(BAUD.bps());
+        let serial = Serial::new(chip.USART2, (gpioa.pa2, gpioa.pa3), config, &mut rcc);
+        let Ok(mut serial) = serial else { panic!("the clock is too slow for the link") };
+        serial.listen(stm32f4xx_hal::serial::Event::RxNotEmpty);
+        let (heard, received) = cx.local.incoming.split();
+        let (sending, said) = cx.local.outgoing.split();
+
+        let Ok(store) = Store::new(ParameterFlash::new(chip.FLASH), board::ID) else {
+            panic!("two sectors hold two slots")
+        };
+        let mut watchdog = IndependentWatchdog::new(chip.IWDG);
+        watchdog.stop_on_debug(&chip.DBGMCU, true);
+        board::watch(&mut watchdog);
+        let ticker = Ticker::start(cx.core.SYST, core_hz, RATE_HZ);
+        let shared = Shared { device: Device::new(latched), watchdog };
+        (shared, Local { bench, led, serial, heard, received, sending, said, store, ticker, panic_message })
+    }
+
+    /// The control tick.
+    #[task(binds = SysTick, priority = 2, local = [bench, led, ticks: u32 = 0], shared = [device, watchdog])]
+    fn tick(mut cx: tick::Context) {
+        let tick::LocalResources { bench, led, ticks, .. } = cx.local;
+        cx.shared.watchdog.lock(IndependentWatchdog::feed);
+        let state = cx.shared.device.lock(|device| {
+            let inputs = bench.sample(!device.state().is_live());
+            let drive = device.tick(inputs);
+            if bench.apply(drive).is_err() {
+                device.trip(Cause::Bus);
+            }
+            // The next tick is due already: this one was too slow.
+            if SCB::is_pendst_pending() {
+                device.trip(Cause::Overrun);
+                // Whatever comes of it, the cause is latched.
+                let _ = bench.apply(Drive::OFF);
+            }
+            device.state()
+        });
+
+        // Lit while the amplifier is enabled; slow when disarmed, fast when tripped. The light hangs between supply and pin.
+        *ticks = ticks.wrapping_add(1);
+        let dark = match state {
+            State::Armed | State::Running => false,
+            State::Disarmed => *ticks & 0x200 == 0,
+            State::Tripped(_) => *ticks & 0x40 == 0,
+        };
+        led.set_state(PinState::from(dark));
+    }
+
+    /// Bytes of the link, in and out.
+    #[task(binds = USART2, priority = 3, local = [serial, heard, said])]
+    fn link(cx: link::Context) {
+        let link::LocalResources { serial, heard, said, .. } = cx.local;
+        match Read::read(serial) {
+            // A byte that finds no room is lost, and its frame with it: that is counted where frames are.
+            Ok(byte) => drop(heard.enqueue(byte)),
+            // Noise or a lost byte: the same.
+            Err(nb::Error::Other(_) | nb::Error::WouldBlock) => {}
+        }
+        if serial.is_tx_empty() {
+            match said.dequeue() {
+                Some(byte) => {
+                    // It is empty, so there is no waiting.
+                    let _ = Write::write(serial, byte);
+                    serial.listen(stm32f4xx_hal::serial::Event::TxEmpty);
+                }
+                None => serial.unlisten(stm32f4xx_hal::serial::Event::TxEmpty),
+            }
+        }
+    }
+
+    /// Requests and telemetry, in the time that is left.
+    #[idle(local = [received, sending, store, ticker, panic_message], shared = [device, watchdog])]
+    fn idle(cx: idle::Context) -> ! {
+        let idle::LocalResources { received, sending, store, ticker, panic_message, .. } = cx.local;
+        let mut board =
+            Background { device: cx.shared.device, watchdog: cx.shared.watchdog, store, ticker, panic_message };
+        let mut session = Session::new(env!("CARGO_PKG_VERSION"));
+        match session.begin(&mut board) {
+            Ok(()) => defmt::info!("runs the parameters that it keeps"),
+            Err(StartError::Store(StoreError::Empty(None))) => defmt::info!("waits for parameters"),
+            Err(error) => defmt::error!("waits for parameters; those it keeps: {}", error),
+        }
+        loop {
+            let mut quiet = true;
+            while let Some(byte) = received.dequeue() {
+                quiet = false;
+                if let Some(message) = session.serve(byte, &mut board) {
+                    send(&message, sending);
+                }
+            }
+            // A sample waits where it is until there is room, so that what is dropped is counted.
+            while sending.capacity() - sending.len() > FRAME_LEN
+                && let Some(sample) = board.device.lock(Device::sample)
+            {
+                quiet = false;
+                send(&Message::Telemetry(sample), sending);
+            }
+            if quiet {
+                // An interrupt that comes after the question still ends the wait.
+                cortex_m::interrupt::free(|_| {
+                    if !received.ready() {
+                        cortex_m::asm::wfi();
+                    }
+                });
+            }
+        }
+    }
+
+    /// Hands a message to the wire, waiting for room.
+    fn send(message: &Message, sending: &mut Producer<'static, u8>) {
+        let mut frame = [0; FRAME_LEN + 1];
+        // Every message fits: a test of the link holds that.
+        let length = encode(message, &mut frame).unwrap_or(0);
+        for &byte in &frame[..length] {
+            while sending.enqueue(byte).is_err() {
+                rtic::pend(Interrupt::USART2);
+            }
+        }
+        rtic::pend(Interrupt::USART2);
+    }
+}
