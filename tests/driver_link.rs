@@ -54,7 +54,7 @@ fn messages() -> Vec<Message> {
         command_v: f32::MAX,
         damaged_frames: u32::MAX,
         unknown_frames: u32::MAX,
-        has_parameters: true,
+        rate_hz: 5000.0,
         stack_peak: u32::MAX,
     };
     let step = Step { displacement_m: -f32::MAX, force_n: f32::MAX, voltage_v: f32::MIN_POSITIVE };

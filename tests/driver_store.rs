@@ -1,85 +1,11 @@
 //! Parameters survive whatever happens to them: damage is refused, power may go at any byte.
 
 use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, Store, StoreError};
-use embedded_storage::nor_flash::{
-    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
-};
 use springpot::{Actuator, ActuatorError, Law, LawError, Options, VoltageDrive};
 use tests::board_parameters;
+use tests::flash::{Flash, SECTOR};
 
 const BOARD: u16 = 0x0405;
-const SECTOR: usize = 1024;
-
-/// Flash of two sectors, whose power goes after so many written or erased bytes.
-#[derive(Clone)]
-struct Flash {
-    bytes: Vec<u8>,
-    power: usize,
-}
-
-#[derive(Debug)]
-struct Failed(NorFlashErrorKind);
-
-impl NorFlashError for Failed {
-    fn kind(&self) -> NorFlashErrorKind {
-        self.0
-    }
-}
-
-impl Flash {
-    /// A flash as it comes from the factory, or with something else in it.
-    fn new() -> Self {
-        Self { bytes: vec![0xff; 2 * SECTOR], power: usize::MAX }
-    }
-
-    fn spend(&mut self) -> Result<(), Failed> {
-        self.power = self.power.checked_sub(1).ok_or(Failed(NorFlashErrorKind::Other))?;
-        Ok(())
-    }
-}
-
-impl ErrorType for Flash {
-    type Error = Failed;
-}
-
-impl ReadNorFlash for Flash {
-    const READ_SIZE: usize = 1;
-
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Failed> {
-        check_read(self, offset, bytes.len()).map_err(Failed)?;
-        bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
-        Ok(())
-    }
-
-    fn capacity(&self) -> usize {
-        self.bytes.len()
-    }
-}
-
-impl NorFlash for Flash {
-    const WRITE_SIZE: usize = 4;
-    const ERASE_SIZE: usize = SECTOR;
-
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), Failed> {
-        check_erase(self, from, to).map_err(Failed)?;
-        for at in from as usize..to as usize {
-            self.spend()?;
-            self.bytes[at] = 0xff;
-        }
-        Ok(())
-    }
-
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Failed> {
-        check_write(self, offset, bytes.len()).map_err(Failed)?;
-        for (at, byte) in (offset as usize..).zip(bytes) {
-            self.spend()?;
-            // Flash can only clear bits.
-            assert_eq!(self.bytes[at] & byte, *byte, "byte {at} was not erased");
-            self.bytes[at] &= byte;
-        }
-        Ok(())
-    }
-}
 
 fn named(name: &str) -> Parameters {
     Parameters { name: name.try_into().expect("short"), ..board_parameters() }

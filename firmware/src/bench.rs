@@ -1,10 +1,11 @@
 //! The bench on the board's pins: amplifier, sensors, interlock, light. `docs/wiring.md` shows it.
 
-use dea_driver::convert::CommandRange;
+use dea_driver::convert::{AdcCode, CommandRange};
 use dea_driver::{Ads868x, Amplifier, AmplifierError, Drive, Inputs};
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice, NoDelay};
 use embedded_hal_bus::util::AtomicCell;
-use stm32f4xx_hal::gpio::{Input, Output, PB0, PB1, PB12, PC6, PC7, gpiob, gpioc};
+use stm32f4xx_hal::gpio::{Input, Output, PB0, PB1, PB12, PC6, PC7, PinState, gpiob, gpioc};
+use stm32f4xx_hal::hal::digital::OutputPin;
 use stm32f4xx_hal::hal::spi::{MODE_0, MODE_1};
 use stm32f4xx_hal::pac::{SPI2, SPI3};
 use stm32f4xx_hal::prelude::*;
@@ -19,10 +20,11 @@ const RETRY_TICKS: u32 = 256;
 /// The bus that both ADCs share.
 pub type AdcBus = AtomicCell<Spi<SPI3>>;
 type Adc<CS> = Ads868x<AtomicDevice<'static, Spi<SPI3>, CS, NoDelay>>;
+type Dac = ExclusiveDevice<Spi<SPI2>, PB12<Output>, NoDelay>;
 
 /// What is connected to the board.
 pub struct Bench {
-    amplifier: Option<Amplifier<ExclusiveDevice<Spi<SPI2>, PB12<Output>, NoDelay>, PC6<Output>>>,
+    amplifier: Option<Amplifier<Dac, PC6<Output>>>,
     monitor: Option<Adc<PB0<Output>>>,
     displacement: Option<Adc<PB1<Output>>>,
     interlock: PC7<Input>,
@@ -42,7 +44,7 @@ impl Bench {
     ) -> Self {
         let pins = (Some(gpiob.pb13), Some(gpiob.pb14), Some(gpiob.pb15));
         let bus = Spi::new(spi2, pins, MODE_1, BUS_HZ.Hz(), rcc);
-        let select = gpiob.pb12.into_push_pull_output_in_state(stm32f4xx_hal::gpio::PinState::High);
+        let select = gpiob.pb12.into_push_pull_output_in_state(PinState::High);
         let device = ExclusiveDevice::new_no_delay(bus, select).ok();
         // The range of the parameters comes with the first tick that has some.
         let amplifier = device.and_then(|device| Amplifier::new(device, enable, CommandRange::FiveVolts).ok());
@@ -89,10 +91,7 @@ impl Bench {
     }
 }
 
-fn read<CS: stm32f4xx_hal::hal::digital::OutputPin>(
-    adc: &mut Adc<CS>,
-    retry: bool,
-) -> Option<dea_driver::convert::AdcCode> {
+fn read<CS: OutputPin>(adc: &mut Adc<CS>, retry: bool) -> Option<AdcCode> {
     if !adc.is_configured() && retry {
         // It says so by not reading.
         let _ = adc.configure();

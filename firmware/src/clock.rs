@@ -7,7 +7,7 @@ use stm32f4xx_hal::rcc::{Config, Rcc};
 /// The crystal, Hz.
 const CRYSTAL_HZ: u32 = 8_000_000;
 /// The core, Hz.
-const CORE_HZ: u32 = 168_000_000;
+pub const CORE_HZ: u32 = 168_000_000;
 /// How often a ready bit is asked for: some 20 ms on the internal oscillator, ten times what a crystal takes.
 const PATIENCE: u32 = 50_000;
 

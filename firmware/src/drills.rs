@@ -19,6 +19,9 @@ pub fn ask(drill: Drill) {
     ASKED.store(place, Ordering::Relaxed);
 }
 
+/// On this bench, nothing is connected.
+pub type AdcBus = ();
+
 /// An amplifier and a monitor that follow at once, and a sensor on a film that stands still.
 pub struct Bench {
     /// What the amplifier gives, as its monitor's code.
@@ -52,8 +55,9 @@ impl Bench {
             Some(Drill::Monitor) => self.stuck = true,
             Some(Drill::Sensor) => inputs.displacement = Some(AdcCode(u16::MAX)),
             Some(Drill::Bus) => inputs.displacement = None,
-            // Two ticks of 1 kHz at 168 MHz.
-            Some(Drill::Overrun) => cortex_m::asm::delay(336_000),
+            // Some 18 ms at 168 MHz, and 3 ms where QEMU counts a nanosecond per instruction: longer than a tick, shorter
+            // than the watchdog waits.
+            Some(Drill::Overrun) => cortex_m::asm::delay(3_000_000),
             Some(Drill::Panic) => panic!("a drill"),
             Some(Drill::Hang) => loop {
                 cortex_m::asm::nop();

@@ -57,6 +57,14 @@ pub enum Error {
     /// An actuator that was refused.
     #[error("actuator: {0}")]
     Actuator(#[from] ActuatorError),
+    /// A controller that cannot be talked to, or that refuses.
+    #[error("{port}: {cause}")]
+    Link {
+        /// Its port.
+        port: String,
+        /// What is wrong, and what would be right.
+        cause: String,
+    },
     /// A computation that gave no answer.
     #[error("{0}")]
     Computation(String),

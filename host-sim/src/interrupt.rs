@@ -1,25 +1,30 @@
-//! Ctrl-C: a search ends with the best so far, anything else at once; files that are half written are removed.
+//! Ctrl-C: a search ends with the best so far, a film is brought to 0 V, anything else ends at once; files that are half
+//! written are removed, and programs that were started end as well.
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process;
+use std::process::{self, ChildStderr};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 static SEARCHING: AtomicBool = AtomicBool::new(false);
 static STOP: AtomicBool = AtomicBool::new(false);
 static HALF_WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+static CHILDREN: Mutex<Vec<Arc<Mutex<process::Child>>>> = Mutex::new(Vec::new());
 
 /// Listens for Ctrl-C, and for the system's requests to end.
 pub fn install() {
     // A handler that is there already is this one.
     let _ = ctrlc::set_handler(|| {
         if SEARCHING.load(Ordering::Relaxed) && !STOP.swap(true, Ordering::Relaxed) {
-            eprintln!("host-sim: ends with the best so far; once more to end at once");
+            eprintln!("host-sim: comes to an end; once more to end at once");
             return;
         }
-        for path in HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).iter() {
+        for path in locked(&HALF_WRITTEN).iter() {
             let _ = fs::remove_file(path);
+        }
+        for child in locked(&CHILDREN).iter() {
+            let _ = locked(child).kill();
         }
         process::exit(130);
     });
@@ -43,13 +48,52 @@ pub struct HalfWritten(PathBuf);
 impl HalfWritten {
     /// Notes the file at `path`.
     pub fn new(path: &Path) -> Self {
-        HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).push(path.into());
+        locked(&HALF_WRITTEN).push(path.into());
         Self(path.into())
     }
 }
 
 impl Drop for HalfWritten {
     fn drop(&mut self) {
-        HALF_WRITTEN.lock().unwrap_or_else(PoisonError::into_inner).retain(|path| *path != self.0);
+        locked(&HALF_WRITTEN).retain(|path| *path != self.0);
     }
+}
+
+/// A program that was started; it ends with this one, or when this is dropped.
+#[derive(Debug)]
+pub struct Child(Arc<Mutex<process::Child>>);
+
+impl Child {
+    /// Notes the program.
+    pub fn new(child: process::Child) -> Self {
+        let child = Arc::new(Mutex::new(child));
+        locked(&CHILDREN).push(Arc::clone(&child));
+        Self(child)
+    }
+
+    /// Whether it has ended by itself.
+    pub fn has_ended(&self) -> bool {
+        !matches!(locked(&self.0).try_wait(), Ok(None))
+    }
+
+    /// Ends it, and gives its standard error, if that is a pipe.
+    pub fn end(&self) -> Option<ChildStderr> {
+        let mut child = locked(&self.0);
+        // One that has ended already is no error.
+        let _ = child.kill();
+        let _ = child.wait();
+        child.stderr.take()
+    }
+}
+
+impl Drop for Child {
+    fn drop(&mut self) {
+        self.end();
+        locked(&CHILDREN).retain(|other| !Arc::ptr_eq(other, &self.0));
+    }
+}
+
+/// What a panic elsewhere left behind is as good as it was.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

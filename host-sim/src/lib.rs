@@ -15,6 +15,7 @@ pub mod error;
 pub mod fit;
 pub mod full_memory;
 pub mod interrupt;
+pub mod link;
 pub mod output;
 pub mod page;
 pub mod parameters;

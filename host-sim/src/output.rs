@@ -140,7 +140,8 @@ pub fn stage_columns(path: &Path, comments: &[String], columns: &[(&str, Option<
                 if index > 0 {
                     out.write_all(b",")?;
                 }
-                if let Some(value) = values.and_then(|values| values.get(row)) {
+                // What was not measured is an empty cell.
+                if let Some(value) = values.and_then(|values| values.get(row)).filter(|value| !value.is_nan()) {
                     write!(out, "{value}")?;
                 }
             }

@@ -1,6 +1,8 @@
 //! What the tests share: models to try, and the paper's drive.
 
+pub mod flash;
 pub mod tool;
+pub mod virtual_board;
 
 use dea_driver::{Blob, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters, PlausibilityLimits};
 use host_sim::parameters::{Board, Parameters};
@@ -129,5 +131,12 @@ pub fn board_parameters() -> BoardParameters {
 pub fn recordings(plant: &str) -> [std::path::PathBuf; 3] {
     ["5", "7", "13"].map(|period| {
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("recordings/{plant}-{period}s.csv"))
+    })
+}
+
+/// CRC-32 (ISO-HDLC), bit by bit.
+pub fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(u32::MAX, |crc, byte| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| (crc >> 1) ^ (0xedb8_8320 & (crc & 1).wrapping_neg()))
     })
 }

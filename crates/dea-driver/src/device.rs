@@ -142,7 +142,7 @@ impl Device {
         let supervisor = self.controller.as_ref().map(Controller::supervisor);
         Status {
             state: self.state(),
-            has_parameters: supervisor.is_some(),
+            rate_hz: self.controller.as_ref().map_or(0.0, |controller| controller.parameters().rate_hz),
             ticks: supervisor.map_or(0, Supervisor::ticks),
             tripped_at: supervisor.map_or(0, Supervisor::tripped_at),
             command_v: supervisor.map_or(0.0, Supervisor::command_v),

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::path::Path;
 
 use chip_program::{Checksum, Name, Report};
 
@@ -31,6 +32,7 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
         if matches!(toolchain, Toolchain::Rustup) {
             run_command(toolchain.cargo(&folder, target, &["clippy", "--quiet", "--", "-D", "warnings"]))?;
         }
+        panic_free(toolchain, target, &folder)?;
         let image = ["--quiet", "--release", "--bin", "steps"];
         run_command(toolchain.cargo(&folder, target, &[&["build"], image.as_slice()].concat()))?;
         let text = output(toolchain.cargo(&folder, target, &[&["run"], image.as_slice()].concat()))?;
@@ -40,6 +42,21 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
         columns.push(printed.costs);
     }
     compare_costs(&columns)
+}
+
+/// Links a program that cannot be linked if a step or a tick can panic, and sees that it does not link with one that can.
+fn panic_free(toolchain: &Toolchain, target: &str, folder: &Path) -> Result<()> {
+    let image = ["build", "--quiet", "--release", "--bin", "panic-free"];
+    run_command(toolchain.cargo(folder, target, &image))?;
+    let spoiled = toolchain.cargo(folder, target, &[image.as_slice(), &["--features", "can-panic"]].concat());
+    match output(spoiled) {
+        Err(error) if error.contains("a_step_or_a_tick_can_panic") => {
+            println!("{target}: neither a step nor a tick can panic");
+            Ok(())
+        }
+        Err(error) => Err(error),
+        Ok(_) => Err(format!("{target}: panic-free links although it panics: it proves nothing")),
+    }
 }
 
 /// The same program on the host.

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod embedded;
+mod firmware;
 mod process;
 mod recordings;
 mod setup;
@@ -23,10 +24,14 @@ struct Cli {
 enum Chore {
     /// Install what is missing, then run every check and every test, on the host and in QEMU.
     Test,
-    /// Install what is missing: compiler targets and QEMU.
+    /// Install what is missing: compiler targets, QEMU, and what decodes the firmware's log.
     Setup,
     /// Run the images in QEMU: the host's bits, and the README's instruction counts.
     Embedded,
+    /// Build the firmware for QEMU, as host-sim pil starts it.
+    Image,
+    /// Build the firmware for QEMU and for a board, and run it in QEMU: the host's bits, and how faults end.
+    Firmware,
     /// Make the recordings under tests/recordings again.
     Recordings,
     /// Check the licences of all dependencies with cargo-deny.
@@ -38,6 +43,8 @@ fn main() -> ExitCode {
         Chore::Test => test::run(),
         Chore::Setup => setup::run().map(drop),
         Chore::Embedded => setup::run().and_then(|toolchain| embedded::run(&toolchain)),
+        Chore::Image => setup::toolchain().and_then(|toolchain| firmware::image(&toolchain)),
+        Chore::Firmware => setup::run().and_then(|toolchain| firmware::run(&toolchain)),
         Chore::Recordings => recordings::run(),
         Chore::Deny => test::deny(),
     };

@@ -1,4 +1,4 @@
-//! Installs what the tests need beyond the host's Rust: the chips' compiler targets, and QEMU.
+//! Installs what the tests need beyond the host's Rust: the chips' compiler targets, QEMU, and what decodes a log.
 
 use std::env;
 use std::ffi::OsString;
@@ -50,7 +50,7 @@ impl Toolchain {
 
 /// Installs what is missing and says what it took.
 pub fn run() -> Result<Toolchain> {
-    let toolchain = targets()?;
+    let toolchain = toolchain()?;
     match &toolchain {
         Toolchain::Rustup => println!("images are compiled by this toolchain, with rustup's targets"),
         Toolchain::Debian { .. } => {
@@ -58,10 +58,14 @@ pub fn run() -> Result<Toolchain> {
         }
     }
     qemu()?;
+    if !has("defmt-print") {
+        run_command(cargo(&["install", "--quiet", "--locked", "defmt-print"]))?;
+    }
     Ok(toolchain)
 }
 
-fn targets() -> Result<Toolchain> {
+/// What images are compiled with, installed if it is missing.
+pub fn toolchain() -> Result<Toolchain> {
     // For trying the other way where rustup would do.
     let without_rustup = env::var_os("XTASK_WITHOUT_RUSTUP").is_some();
     if !without_rustup {

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use crate::process::{Result, cargo, output, run as run_command};
-use crate::{embedded, setup};
+use crate::{embedded, firmware, setup};
 
 /// Installs what is missing and runs every check and test.
 pub fn run() -> Result<()> {
@@ -23,6 +23,7 @@ pub fn run() -> Result<()> {
     // The same electrostatics on the fast square root.
     workspace(&["test", "--quiet", "--package", "tests", "--features", "micromath", "--test", "electrostatics"])?;
     embedded::run(&toolchain)?;
+    firmware::run(&toolchain)?;
     println!("all tests passed in {} s", start.elapsed().as_secs());
     Ok(())
 }

@@ -47,9 +47,7 @@ struct Report {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let parameters = Parameters::load(&arguments.params)?;
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
-    if !(1.0..=100_000.0).contains(&arguments.rate) {
-        return Err(Error::option("--rate", format!("{:?} Hz must be from 1 to 100000", arguments.rate)));
-    }
+    super::board_rate(arguments.rate)?;
     let board = parameters.board.clone().unwrap_or_else(|| Board::bench(&parameters.actuator));
     let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());
     let blob = parameters.to_blob(&board, arguments.rate).map_err(refused)?;

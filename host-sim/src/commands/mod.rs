@@ -5,6 +5,8 @@ mod convert;
 mod export;
 mod fit;
 mod frequency_response;
+mod link;
+mod pil;
 mod reduce;
 mod replay;
 mod simulate;
@@ -51,6 +53,10 @@ enum Command {
     Convert(convert::Arguments),
     /// Write the parameter blob for the firmware.
     Export(export::Arguments),
+    /// Step recordings through the firmware, in QEMU or on a board, and compare it with this host bit by bit.
+    Pil(pil::Arguments),
+    /// Talk to a controller.
+    Link(Box<link::Arguments>),
     /// Find a smaller model with the same response.
     Reduce(reduce::Arguments),
     /// Tabulate displacement over force against frequency.
@@ -104,10 +110,20 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
         Command::Study(arguments) => study::run(&arguments, cli.json),
         Command::Convert(arguments) => convert::run(&arguments, cli.json),
         Command::Export(arguments) => export::run(&arguments, cli.json),
+        Command::Pil(arguments) => pil::run(&arguments, cli.json),
+        Command::Link(arguments) => link::run(&arguments, cli.json),
         Command::Reduce(arguments) => reduce::run(&arguments, cli.json),
         Command::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
         Command::Twin(arguments) => twin::run(&arguments, cli.json),
     }
+}
+
+/// The rate (Hz) of a controller that is asked for, as its single precision holds it.
+fn board_rate(rate_hz: f64) -> Result<f64> {
+    if !(1.0..=100_000.0).contains(&rate_hz) {
+        return Err(Error::option("--rate", format!("{rate_hz:?} Hz must be from 1 to 100000")));
+    }
+    Ok(f64::from(rate_hz as f32))
 }
 
 /// What is wrong with a command line, without the usage that follows.

@@ -13,13 +13,14 @@ use crate::{Checksum, Name, Report, STEPS};
 
 /// Reports cost and bits of a tick of `model`. Each has a stack of its own: the small chip has 16 KiB for all.
 pub fn run(report: &mut impl Report, name: Name, model: &Maxwell) {
-    bits(report, name, model);
-    cost(report, name, model);
+    let law = law(model);
+    bits(report, name, &law);
+    cost(report, name, &law);
 }
 
 #[inline(never)]
-fn bits(report: &mut impl Report, name: Name, model: &Maxwell) {
-    let mut controller = Controller::new(blob(model));
+fn bits(report: &mut impl Report, name: Name, law: &LawNumbers) {
+    let mut controller = Controller::new(blob(law));
     start(&mut controller);
     let mut checksum = Checksum::default();
     ticks(&mut controller, |outputs| {
@@ -31,8 +32,8 @@ fn bits(report: &mut impl Report, name: Name, model: &Maxwell) {
 }
 
 #[inline(never)]
-fn cost(report: &mut impl Report, name: Name, model: &Maxwell) {
-    let mut controller = Controller::new(blob(model));
+fn cost(report: &mut impl Report, name: Name, law: &LawNumbers) {
+    let mut controller = Controller::new(blob(law));
     start(&mut controller);
     let keep = |outputs: Outputs| {
         black_box(outputs.command);
@@ -43,8 +44,8 @@ fn cost(report: &mut impl Report, name: Name, model: &Maxwell) {
 }
 
 #[inline(never)]
-fn blob(model: &Maxwell) -> Blob {
-    let Ok(blob) = Blob::new(parameters(law(model))) else { panic!("the bench is refused") };
+fn blob(law: &LawNumbers) -> Blob {
+    let Ok(blob) = Blob::new(parameters(law.clone())) else { panic!("the bench is refused") };
     blob
 }
 

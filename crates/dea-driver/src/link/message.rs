@@ -206,8 +206,8 @@ pub struct Identity {
 pub struct Status {
     /// The supervisor's state, with the cause of a trip.
     pub state: State,
-    /// Whether there are parameters, so that it can be armed.
-    pub has_parameters: bool,
+    /// Ticks per second; 0 while there are no parameters, so that it cannot be armed.
+    pub rate_hz: f32,
     /// Ticks since the start, wrapping.
     pub ticks: u32,
     /// The tick of the last trip.

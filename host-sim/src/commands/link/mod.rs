@@ -1,0 +1,265 @@
+//! The link for people: one verb per request, and two that keep talking.
+
+mod live;
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+use dea_driver::link::{Answer, Command, Identity, Mode, Status};
+use serde::Serialize;
+
+use crate::error::{Error, Result, shown};
+use crate::link::{Client, Port, named};
+use crate::parameters::{Board, Parameters};
+use crate::terminal;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Where the controller is: a serial port such as /dev/ttyUSB0, or tcp:HOST:PORT.
+    #[arg(long, value_name = "PORT")]
+    port: String,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Who is there: board, firmware, parameters.
+    Identify,
+    /// State, last trip, voltage, damaged frames.
+    Status,
+    /// Enable the amplifier at 0 V. It trips again if the host is silent for longer than the parameters allow: `play` keeps
+    /// talking.
+    Arm,
+    /// Let the voltage or the reference that was set act.
+    Start {
+        /// What is followed.
+        #[arg(value_enum)]
+        mode: What,
+    },
+    /// Back to 0 V, amplifier enabled.
+    Stop,
+    /// Back to 0 V, amplifier disabled.
+    Disarm,
+    /// Take note of a trip.
+    Acknowledge,
+    /// Set the voltage or the displacement to be followed.
+    Set(Set),
+    /// Send parameters; they are kept over a reset.
+    Upload(Upload),
+    /// Write what the controller measures and predicts to a file, until Ctrl-C.
+    Stream(live::Stream),
+    /// Arm, play the voltage or the displacement of a recording, and disarm; Ctrl-C ends it at 0 V.
+    Play(live::Play),
+    /// What the firmware said when it panicked last.
+    Panic,
+}
+
+/// What a controller follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum What {
+    /// The voltage that is set.
+    Voltage,
+    /// The displacement that is set, by feedforward.
+    Reference,
+}
+
+impl From<What> for Mode {
+    fn from(what: What) -> Self {
+        match what {
+            What::Voltage => Self::Voltage,
+            What::Reference => Self::Feedforward,
+        }
+    }
+}
+
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+struct Set {
+    /// Voltage at the film, V.
+    #[arg(long, value_name = "V", allow_negative_numbers = true)]
+    voltage: Option<f32>,
+    /// Displacement, m.
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    reference: Option<f32>,
+}
+
+#[derive(Debug, Args)]
+struct Upload {
+    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
+    #[arg(long, value_name = "P", required_unless_present = "blob", conflicts_with = "blob")]
+    params: Option<String>,
+    /// A blob that `export` wrote.
+    #[arg(long, value_name = "P.bin")]
+    blob: Option<PathBuf>,
+    /// Ticks per second.
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0, conflicts_with = "blob")]
+    rate: f64,
+    /// Only run them until the next reset.
+    #[arg(long = "try")]
+    only_try: bool,
+}
+
+/// What a verb without figures reports.
+#[derive(Serialize)]
+struct Done {
+    port: String,
+    done: &'static str,
+}
+
+#[derive(Serialize)]
+struct Who {
+    port: String,
+    firmware: String,
+    board: u16,
+    protocol: u8,
+    schema: u16,
+    /// What the parameters are called; none if there are none.
+    parameters: Option<String>,
+}
+
+#[derive(Serialize)]
+struct How {
+    port: String,
+    state: String,
+    /// Ticks per second; none without parameters.
+    rate_hz: Option<f32>,
+    ticks: u32,
+    tripped_at: u32,
+    command_v: f32,
+    damaged_frames: u32,
+    unknown_frames: u32,
+    stack_peak_bytes: u32,
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    // What is wrong with files shows before anybody is talked to.
+    let blob = match &arguments.verb {
+        Verb::Upload(upload) => Some(upload.blob()?),
+        Verb::Play(play) => {
+            play.check()?;
+            None
+        }
+        Verb::Stream(stream) => {
+            stream.check()?;
+            None
+        }
+        _ => None,
+    };
+    let (mut client, identity) = Client::new(Port::open(&arguments.port)?)?;
+    let port = arguments.port.clone();
+    let done = match &arguments.verb {
+        Verb::Identify => return identify(client, &identity, port, json),
+        Verb::Status => return status(client, port, json),
+        Verb::Panic => return panicked(client, port, json),
+        Verb::Stream(stream) => return stream.run(client, json),
+        Verb::Play(play) => return play.run(client, json),
+        Verb::Arm => client.order(Command::Arm).map(|()| "armed"),
+        Verb::Start { mode } => client.order(Command::Start((*mode).into())).map(|()| "running"),
+        Verb::Stop => client.order(Command::Stop).map(|()| "stopped: 0 V, still armed"),
+        Verb::Disarm => client.order(Command::Disarm).map(|()| "disarmed"),
+        Verb::Acknowledge => client.order(Command::Acknowledge).map(|()| "acknowledged"),
+        Verb::Set(set) => client.order(set.command()).map(|()| "set"),
+        Verb::Upload(upload) => {
+            client.upload(&blob.unwrap_or_default(), !upload.only_try)?;
+            Ok(if upload.only_try {
+                "runs these parameters until the next reset"
+            } else {
+                "runs and keeps these parameters"
+            })
+        }
+    }?;
+    terminal::report(json, &Done { port: port.clone(), done }, || format!("{port}: {done}"))
+}
+
+impl Set {
+    fn command(&self) -> Command {
+        match (self.voltage, self.reference) {
+            (Some(volts), _) => Command::SetVoltage(volts),
+            (None, metres) => Command::SetReference(metres.unwrap_or_default()),
+        }
+    }
+}
+
+impl Upload {
+    fn blob(&self) -> Result<Vec<u8>> {
+        match (&self.params, &self.blob) {
+            (Some(params), _) => {
+                let parameters = Parameters::load(params)?;
+                let board = parameters.board.clone().unwrap_or_else(|| Board::bench(&parameters.actuator));
+                parameters.to_blob(&board, super::board_rate(self.rate)?).map_err(|e| e.about(params, params.as_ref()))
+            }
+            (None, blob) => {
+                let path = blob.as_deref().unwrap_or("".as_ref());
+                let bytes = std::fs::read(path).map_err(|e| Error::file(path, e))?;
+                // The board says no to another board's; whatever else is wrong shows here.
+                let board = bytes.get(6..8).map_or(0, |id| u16::from_le_bytes([id[0], id[1]]));
+                dea_driver::Blob::decode(&bytes, board).map_err(|e| Error::file(path, e))?;
+                Ok(bytes)
+            }
+        }
+    }
+}
+
+fn identify(mut client: Client, identity: &Identity, port: String, json: bool) -> Result<()> {
+    let parameters = match client.ask(Command::Query)? {
+        Answer::Name(name) => Some(name.to_string()),
+        _ => None,
+    };
+    let who = Who {
+        port,
+        firmware: identity.firmware.to_string(),
+        board: identity.board,
+        protocol: identity.protocol,
+        schema: identity.schema,
+        parameters,
+    };
+    terminal::report(json, &who, || {
+        let parameters =
+            who.parameters.as_deref().map_or("no parameters yet".into(), |name| format!("parameters {name}"));
+        format!("{}: firmware {} on board {:#06x}, {parameters}", who.port, who.firmware, who.board)
+    })
+}
+
+fn status(mut client: Client, port: String, json: bool) -> Result<()> {
+    let Status { state, rate_hz, ticks, tripped_at, command_v, damaged_frames, unknown_frames, stack_peak } =
+        client.status()?;
+    let how = How {
+        port,
+        state: named(state),
+        rate_hz: Some(rate_hz).filter(|&rate_hz| rate_hz > 0.0),
+        ticks,
+        tripped_at,
+        command_v,
+        damaged_frames,
+        unknown_frames,
+        stack_peak_bytes: stack_peak,
+    };
+    terminal::report(json, &how, || {
+        let parameters = how.rate_hz.map_or("no parameters yet".into(), |rate_hz| format!("{rate_hz} Hz"));
+        let trip = if tripped_at > 0 { format!(", last trip at tick {tripped_at}") } else { String::new() };
+        format!(
+            "{}: {}, {parameters}, {command_v:.0} V, tick {ticks}{trip}; frames: {damaged_frames} damaged, \
+             {unknown_frames} not understood; stack: {stack_peak} bytes at the most",
+            how.port, how.state
+        )
+    })
+}
+
+#[derive(Serialize)]
+struct LastPanic {
+    port: String,
+    message: Option<String>,
+}
+
+fn panicked(mut client: Client, port: String, json: bool) -> Result<()> {
+    let message = match client.ask(Command::PanicMessage)? {
+        Answer::PanicMessage(text) => Some(text.to_string()).filter(|text| !text.is_empty()),
+        other => return Err(client.unexpected(&other)),
+    };
+    let last = LastPanic { port, message };
+    terminal::report(json, &last, || {
+        let message = last.message.as_deref().unwrap_or("the firmware did not panic before this start");
+        format!("{}: {}", last.port, shown(message.as_ref()))
+    })
+}

@@ -1,0 +1,110 @@
+//! The firmware in QEMU, linked by TCP.
+
+use std::io::{ErrorKind, Read};
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::Port;
+use crate::error::{Error, Result};
+use crate::interrupt::Child;
+
+/// Name of the emulator.
+const QEMU: &str = "qemu-system-arm";
+/// For so long it may take to start.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// A running image; ends with this value.
+#[derive(Debug)]
+pub struct Emulator {
+    _child: Child,
+}
+
+impl Emulator {
+    /// The processor's clock in QEMU, Hz. With a nanosecond to every instruction, a cycle of it is 1e9 / this of them.
+    pub const CLOCK_HZ: f64 = 168e6;
+
+    /// Starts `image` and returns its link.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Link`] for a QEMU that is missing or does not start, [`Error::File`] for an image that is not there.
+    pub fn start(image: &Path) -> Result<(Self, Port)> {
+        let fault = |cause: String| Error::Link { port: QEMU.into(), cause };
+        if !image.is_file() {
+            return Err(Error::file(image, "there is no such image; cargo xtask image builds it"));
+        }
+        // QEMU connects to us, so that no port has to be guessed.
+        let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(|e| fault(e.to_string()))?;
+        let address = listener.local_addr().map_err(|e| fault(e.to_string()))?;
+        let child = Command::new(QEMU)
+            .args(["-M", "olimex-stm32-h405", "-display", "none", "-monitor", "none", "-serial", "null"])
+            .arg("-serial")
+            .arg(format!("tcp:{address},nodelay=on"))
+            // The log goes to standard output. A nanosecond passes per instruction, so that they can be counted.
+            .args(["-semihosting-config", "enable=on,target=native", "-icount", "shift=0", "-kernel"])
+            .arg(image)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(|e| fault(format!("{e}; cargo xtask setup installs it")))?;
+        let child = Child::new(child);
+        listener.set_nonblocking(true).map_err(|e| fault(e.to_string()))?;
+        let start = Instant::now();
+        loop {
+            match listener.accept() {
+                Ok((stream, _)) => {
+                    stream.set_nonblocking(false).map_err(|e| fault(e.to_string()))?;
+                    return Ok((Self { _child: child }, Port::over_tcp(QEMU, stream)?));
+                }
+                Err(e) if e.kind() == ErrorKind::WouldBlock => {}
+                Err(e) => return Err(fault(e.to_string())),
+            }
+            if child.has_ended() || start.elapsed() > PATIENCE {
+                let mut said = String::new();
+                if let Some(mut stderr) = child.end() {
+                    // What it said so far is enough.
+                    let _ = stderr.read_to_string(&mut said);
+                }
+                let said = said.lines().next().unwrap_or("it said nothing").to_owned();
+                return Err(fault(format!("it does not start: {said}; version 10 or later is needed")));
+            }
+            thread::sleep(Duration::from_millis(5));
+        }
+    }
+
+    /// The image that this repository builds.
+    pub fn default_image() -> PathBuf {
+        root().join("firmware/target/thumbv7em-none-eabihf/release/firmware")
+    }
+
+    /// Brings that image up to date.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Link`] where it cannot be built.
+    pub fn build_image() -> Result<()> {
+        let fault = |cause: String| Error::Link { port: "firmware".into(), cause };
+        let output = Command::new("cargo")
+            .args(["xtask", "image"])
+            .current_dir(root())
+            .stdin(Stdio::null())
+            .output()
+            .map_err(|e| fault(format!("cargo: {e}; name an image with --image")))?;
+        if output.status.success() {
+            return Ok(());
+        }
+        let said = String::from_utf8_lossy(&output.stderr);
+        let cause =
+            said.lines().rev().find(|line| line.contains("error") || line.starts_with("xtask")).unwrap_or_default();
+        Err(fault(format!("it does not build ({cause}); run cargo xtask image in {}", root().display())))
+    }
+}
+
+/// The project that this tool was built from.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."))
+}

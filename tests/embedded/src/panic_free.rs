@@ -1,0 +1,58 @@
+//! Links only if neither a step of a law nor a control tick can panic: the panic handler calls what does not exist, and the
+//! linker looks for it only if something reaches the handler.
+//!
+//! Built, never run. With the feature `can-panic` it must not link, which shows that the proof can fail.
+#![no_std]
+#![no_main]
+
+use core::hint::black_box;
+use core::panic::PanicInfo;
+
+use cortex_m_rt::entry;
+use dea_driver::convert::AdcCode;
+use dea_driver::{Device, Inputs};
+use springpot::{Compressed, Law, Memory, State, VoltageDrive};
+
+unsafe extern "C" {
+    fn a_step_or_a_tick_can_panic() -> !;
+}
+
+#[panic_handler]
+fn panic(_: &PanicInfo) -> ! {
+    // SAFETY: there is no such function, so nothing that links gets here.
+    unsafe { a_step_or_a_tick_can_panic() }
+}
+
+/// Some value that was built elsewhere: building may fail, and is not what is looked at here.
+fn built<T>() -> &'static mut T {
+    // SAFETY: never run.
+    unsafe { &mut *black_box(0x2000_0000 as *mut T) }
+}
+
+fn step<M: Memory<f32> + 'static>()
+where
+    M::History: 'static,
+{
+    let (law, state) = (built::<Law<f32, M>>(), built::<State<f32, M::History>>());
+    let drive = built::<VoltageDrive<f32>>();
+    let load = drive.load(black_box(1.0));
+    let x = law.displacement_under(state, load);
+    let force =
+        law.force(state, black_box(x)) + law.force_to(state, black_box(1.0)) + law.displacement(state, black_box(1.0));
+    black_box(drive.voltage(force, x));
+}
+
+#[entry]
+fn main() -> ! {
+    loop {
+        step::<Compressed<f32>>();
+        step::<Compressed<f32, 8, 14, 4>>();
+        let code = |value: u16| black_box(Some(AdcCode(value)));
+        let inputs = Inputs { interlock_closed: black_box(true), monitor: code(1), displacement: code(2) };
+        black_box(built::<Device>().tick(inputs));
+        black_box(built::<Device>().sample());
+        if cfg!(feature = "can-panic") {
+            black_box([1, 2, 3][black_box(3)]);
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! The firmware in QEMU: it gives the host's bits, and every fault ends at 0 V with its cause latched.
+//!
+//! `cargo xtask firmware` builds the images and runs this.
+
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use dea_driver::link::{Answer, Command, Drill, Mode, Reject, Status};
+use dea_driver::{Cause, SensorFault, State};
+use host_sim::link::{Client, Emulator, Port};
+use host_sim::parameters::{Board, Parameters};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use tests::tool::{Tool, text};
+use tests::{bench_limits, recordings};
+
+const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the project")
+}
+
+/// The image that `cargo xtask firmware` has built, or its sibling for drills.
+fn image(folder: &str) -> PathBuf {
+    root().join(folder).join("thumbv7em-none-eabihf/release/firmware")
+}
+
+/// A number of the README's table, by the name of its row.
+fn stated(row: &str) -> f64 {
+    let readme = std::fs::read_to_string(root().join("README.md")).expect("there");
+    let line = readme.lines().find(|line| line.starts_with(&format!("| `{row}` |"))).expect("in the table");
+    let cell = line.split('|').nth(2).expect("a number");
+    cell.chars().filter(char::is_ascii_digit).collect::<String>().parse().expect("a number")
+}
+
+/// Three recordings of 155 s at 1 kHz: displacement, state and voltage of all 465 003 steps are the host's, bit for bit.
+#[test]
+fn every_step_of_three_recordings_has_the_hosts_bits() {
+    let image = image("firmware/target");
+    let recordings = recordings("hossain");
+    let [fast, middle, slow] = recordings.each_ref().map(|path| text(path));
+    let report = TOOL.json(&["pil", "--params", "preset:table3-n2", "--image", text(&image), fast, middle, slow]);
+    println!("{report}");
+    assert_eq!((report["steps"].as_u64(), report["mismatches"].as_u64()), (Some(465_003), Some(0)));
+    let counted = report["instructions_per_step"].as_f64().expect("counted");
+    let stated = stated("pil");
+    assert!((0.98..=1.02).contains(&(counted / stated)), "README.md states {stated} instructions, counted {counted}");
+}
+
+/// Bits are compared, not merely printed: with other parameters on the chip than on the host, the test fails.
+#[test]
+fn another_model_is_noticed() {
+    let (_emulator, port) = Emulator::start(&image("firmware/target")).expect("starts");
+    let (mut client, _) = Client::new(port).expect("answers");
+    for (preset, same) in [("table3-n2", true), ("table3-n3", false)] {
+        let parameters = Parameters::preset(preset).expect("a preset");
+        let blob = parameters.to_blob(&Board::bench(&parameters.actuator), 1000.0).expect("valid");
+        client.upload(&blob, false).expect("taken");
+        let (steps, cycles) = client.step(&[3000.0; 24]).expect("steps");
+        let host = Parameters::preset("table3-n2").expect("a preset");
+        let law = host_sim::run::compressed_law::<f32>(&host.model, 1000.0).expect("valid");
+        let drive = springpot::VoltageDrive::new(&host.actuator, 6000.0, law.stiffness()).expect("valid");
+        let mut film = law.state();
+        let here: Vec<u32> = (0..24).map(|_| law.displacement_under(&mut film, drive.load(3000.0)).to_bits()).collect();
+        let there: Vec<u32> = steps.iter().map(|step| step.displacement_m.to_bits()).collect();
+        assert_eq!(here == there, same, "{preset}");
+        assert!(cycles > 0);
+    }
+}
+
+/// What the README states of flash and RAM is what the image takes, within 2 %; the linker holds the budget.
+#[test]
+fn the_image_takes_what_the_readme_states() {
+    for folder in ["firmware/target", "firmware/target/board"] {
+        let elf = std::fs::read(image(folder)).expect("built");
+        let (flash, ram) = taken(&elf);
+        println!("{folder}: {flash} bytes of flash, {ram} of RAM");
+        assert!(flash <= 65_536.0 && ram <= 16_384.0);
+        for (row, taken) in [("flash", flash), ("ram", ram)] {
+            assert!(
+                taken <= 1.02 * stated(row),
+                "README.md states {} bytes of {row}, {folder} takes {taken}",
+                stated(row)
+            );
+        }
+    }
+}
+
+/// Bytes of flash and of RAM in an image: 32-bit ELF, little-endian, its section headers.
+fn taken(elf: &[u8]) -> (f64, f64) {
+    let word = |at: usize| u32::from_le_bytes([elf[at], elf[at + 1], elf[at + 2], elf[at + 3]]);
+    let half = |at: usize| usize::from(u16::from_le_bytes([elf[at], elf[at + 1]]));
+    let (start, size, count) = (word(0x20) as usize, half(0x2e), half(0x30));
+    let (mut flash, mut ram) = (0, 0);
+    for section in (0..count).map(|index| start + index * size) {
+        let (kind, flags, address, bytes) =
+            (word(section + 4), word(section + 8), word(section + 12), word(section + 20));
+        // What is loaded is allocated and has contents; statics are allocated in the SRAM.
+        let allocated = flags & 2 != 0;
+        if allocated && kind == 1 {
+            flash += bytes;
+        }
+        if allocated && (0x2000_0000..0x2001_fc00).contains(&address) {
+            ram += bytes;
+        }
+    }
+    (f64::from(flash), f64::from(ram))
+}
+
+/// The image for use, without anything connected: it says so, refuses to be armed, and rejects drills. QEMU's flash cannot be
+/// written: the parameters are refused as the flash refuses them, and what ran before goes on.
+#[test]
+fn without_a_bench_nothing_is_enabled() {
+    let (_emulator, port) = Emulator::start(&image("firmware/target")).expect("starts");
+    let (mut client, identity) = Client::new(port).expect("answers");
+    assert_eq!(identity.board, Board::STM32F405);
+    assert_eq!(client.ask(Command::Arm).expect("answers"), Answer::Rejected(Reject::NoParameters));
+    client.upload(&blob(), false).expect("taken");
+    let before = client.ask(Command::Query).expect("answers");
+    let refused = client.upload(&blob(), true).expect_err("QEMU's flash cannot be written").to_string();
+    assert!(refused.contains("flash"), "{refused}");
+    assert_eq!(client.ask(Command::Query).expect("answers"), before);
+    let open = client.ask(Command::Arm).expect("answers");
+    assert_eq!(open, Answer::Refused(dea_driver::Refusal::InterlockOpen));
+    assert_eq!(client.ask(Command::Drill(Drill::Panic)).expect("answers"), Answer::Rejected(Reject::Unknown));
+    assert_eq!(client.ask(Command::PanicMessage).expect("answers"), Answer::PanicMessage(Default::default()));
+
+    // The stack, after all that the link can ask for.
+    client.step(&[1000.0; 24]).expect("steps");
+    let peak = f64::from(client.status().expect("answers").stack_peak);
+    println!("stack: {peak} bytes at the most");
+    let stated = stated("stack");
+    assert!(peak <= stated, "README.md states {stated} bytes of stack, {peak} were used");
+}
+
+/// Parameters of the drills' bench.
+fn blob() -> Vec<u8> {
+    let parameters = Parameters::preset("table3-n2").expect("a preset");
+    let mut limits = bench_limits();
+    // The host of a test may be busy with others; the emulated clock is never ahead of the real one.
+    limits.heartbeat_s = 1.0;
+    let sensor = dea_driver::convert::Calibration { offset: -1e-3, gain: 1e-3, quadratic: 0.0 };
+    let board = Board { limits, sensor, ..Board::bench(&parameters.actuator) };
+    parameters.to_blob(&board, 1000.0).expect("valid")
+}
+
+/// The image for drills with 3 kV on its simulated film.
+fn live() -> (Emulator, Client) {
+    let (emulator, port) = Emulator::start(&image("firmware/target/drills")).expect("starts");
+    let (mut client, _) = Client::new(port).expect("answers");
+    client.upload(&blob(), false).expect("taken");
+    let status = start(&mut client);
+    assert_eq!(status.state, State::Running);
+    (emulator, client)
+}
+
+/// 3 kV, once the sensors have been looked at.
+fn start(client: &mut Client) -> Status {
+    wait(client, |status| status.ticks > 1);
+    for command in [Command::SetVoltage(3000.0), Command::Arm, Command::Start(Mode::Voltage)] {
+        client.order(command).expect("done");
+    }
+    wait(client, |status| status.command_v == 3000.0)
+}
+
+fn wait(client: &mut Client, until: impl Fn(&Status) -> bool) -> Status {
+    let start = Instant::now();
+    loop {
+        // A controller that is just starting again may lose a request.
+        let status = client.status();
+        match status {
+            Ok(status) if until(&status) => return status,
+            status => assert!(start.elapsed() < Duration::from_secs(60), "still {status:?}"),
+        }
+    }
+}
+
+#[test]
+fn every_fault_ends_at_0_v_with_its_cause() {
+    let drills = [
+        (Drill::Interlock, Cause::Interlock),
+        (Drill::Monitor, Cause::Monitor),
+        (Drill::Sensor, Cause::Sensor(SensorFault::Range)),
+        (Drill::Bus, Cause::Bus),
+        (Drill::Overrun, Cause::Overrun),
+    ];
+    for (drill, cause) in drills {
+        let (_emulator, mut client) = live();
+        if drill == Drill::Monitor {
+            // It stays where it is, which shows once the voltage is to change.
+            client.order(Command::Drill(drill)).expect("done");
+            client.order(Command::SetVoltage(1000.0)).expect("done");
+        } else {
+            client.order(Command::Drill(drill)).expect("done");
+        }
+        let status = wait(&mut client, |status| matches!(status.state, State::Tripped(_)));
+        println!("{drill:?}: {:?} at tick {}, {} V", status.state, status.tripped_at, status.command_v);
+        assert_eq!((status.state, status.command_v), (State::Tripped(cause), 0.0));
+        // The cause stays although the fault is gone, until it is acknowledged.
+        assert!(client.order(Command::Arm).is_err());
+        client.order(Command::Acknowledge).expect("done");
+        wait(&mut client, |status| status.state == State::Disarmed);
+    }
+}
+
+/// A panic resets the chip; the next start keeps its message, and the trip until it is acknowledged.
+#[test]
+fn a_panic_resets_and_is_remembered() {
+    let (_emulator, mut client) = live();
+    client.order(Command::Drill(Drill::Panic)).expect("done");
+    let status = wait(&mut client, |status| matches!(status.state, State::Tripped(_)));
+    assert_eq!((status.state, status.command_v), (State::Tripped(Cause::Panic), 0.0));
+    assert_eq!(status.rate_hz, 0.0, "it has started again: parameters that were only tried are gone");
+    let Answer::PanicMessage(message) = client.ask(Command::PanicMessage).expect("answers") else {
+        panic!("no message")
+    };
+    println!("{message}");
+    assert!(message.starts_with("a drill at src/drills.rs:"), "{message}");
+    client.upload(&blob(), false).expect("taken");
+    assert!(client.order(Command::Arm).is_err(), "not before it is acknowledged");
+    client.order(Command::Acknowledge).expect("done");
+    wait(&mut client, |status| status.ticks > 1);
+    client.order(Command::Arm).expect("done");
+}
+
+#[test]
+fn a_silent_host_ends_at_0_v() {
+    let (_emulator, mut client) = live();
+    thread::sleep(Duration::from_secs(6));
+    let status = wait(&mut client, |_| true);
+    assert_eq!((status.state, status.command_v), (State::Tripped(Cause::Heartbeat), 0.0));
+}
+
+/// Garbage as fast as the line takes it: nothing of it is obeyed, the ticks go on, and with nothing but garbage the host counts
+/// as silent.
+#[test]
+fn garbage_is_not_obeyed() {
+    let (_emulator, port) = Emulator::start(&image("firmware/target/drills")).expect("starts");
+    let mut port = port;
+    let mut random = Pcg64::seed_from_u64(4);
+    // Before anything else has been said.
+    flood(&mut port, &mut random, 4000);
+    let (mut client, _) = Client::new(port).expect("answers all the same");
+    client.upload(&blob(), false).expect("taken");
+    let running = start(&mut client);
+    assert!(running.damaged_frames > 10, "{running:?}");
+    let start = Instant::now();
+    while start.elapsed() < Duration::from_secs(6) {
+        flood(client.port_mut(), &mut random, 500);
+    }
+    let status = wait(&mut client, |_| true);
+    println!("{status:?}");
+    assert_eq!((status.state, status.command_v), (State::Tripped(Cause::Heartbeat), 0.0));
+    assert!(status.ticks > running.ticks + 1000 && status.damaged_frames > running.damaged_frames);
+}
+
+fn flood(port: &mut Port, random: &mut Pcg64, bytes: usize) {
+    // Every thirtieth byte ends a frame.
+    let garbage: Vec<u8> = (0..bytes).map(|_| if random.random_ratio(1, 30) { 0 } else { random.random() }).collect();
+    port.write(&garbage).expect("sent");
+    while port.byte().expect("read").is_some() {}
+}
+
+/// An upload that ends early, or with another length, is not taken.
+#[test]
+fn a_truncated_upload_changes_nothing() {
+    let (_emulator, port) = Emulator::start(&image("firmware/target/drills")).expect("starts");
+    let (mut client, _) = Client::new(port).expect("answers");
+    let blob = blob();
+    client.upload(&blob, false).expect("taken");
+    let piece: heapless::Vec<u8, { dea_driver::link::CHUNK }> = blob[..100].iter().copied().collect();
+    for length in [100, 99, blob.len() as u16] {
+        client.order(Command::Upload { offset: 0, bytes: piece.clone() }).expect("done");
+        let answer = client.ask(Command::Try { length }).expect("answers");
+        let expected = if length == 100 { Reject::Blob } else { Reject::Upload };
+        assert_eq!(answer, Answer::Rejected(expected), "{length} bytes");
+        let Answer::Name(name) = client.ask(Command::Query).expect("answers") else { panic!("no name") };
+        assert_eq!(name, "karner-2022-table3-n2");
+    }
+    // NaN in the parameters, with a checksum that holds, is refused by the board as well.
+    let mut parameters = dea_driver::Blob::decode(&blob, Board::STM32F405).expect("valid").parameters;
+    parameters.law.head[2] = f32::NAN;
+    let spoiled = unchecked(&parameters);
+    assert!(client.upload(&spoiled, false).is_err());
+    wait(&mut client, |status| status.ticks > 1);
+    client.order(Command::Arm).expect("the old parameters are in force");
+}
+
+/// A blob whose contents nobody has checked.
+fn unchecked(parameters: &dea_driver::Parameters) -> Vec<u8> {
+    let body = postcard::to_vec::<_, { dea_driver::BLOB_LEN }>(parameters).expect("fits");
+    let mut bytes = b"DEA\x01".to_vec();
+    bytes.extend(dea_driver::SCHEMA.to_le_bytes());
+    bytes.extend(Board::STM32F405.to_le_bytes());
+    bytes.extend((body.len() as u16).to_le_bytes());
+    bytes.extend(body.iter());
+    let checksum = tests::crc32(&bytes).to_le_bytes();
+    bytes.extend(checksum);
+    bytes
+}

@@ -1,0 +1,156 @@
+//! `host-sim link` against a board that runs in this process.
+
+use std::fs;
+use std::path::PathBuf;
+
+use tempfile::TempDir;
+use tests::tool::{Tool, names, text};
+use tests::virtual_board::{Scene, VirtualBoard};
+use tests::{crc32, recordings};
+
+const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
+
+fn link<'a>(board: &'a VirtualBoard, verb: &[&'a str]) -> Vec<&'a str> {
+    [&["link", "--port", board.port.as_str()], verb].concat()
+}
+
+fn upload(board: &VirtualBoard) {
+    TOOL.json(&link(board, &["upload", "--params", "preset:table3-n2"]));
+}
+
+/// Two seconds of a half wave up to 3 kV.
+fn profile(folder: &TempDir) -> PathBuf {
+    let path = folder.path().join("profile.csv");
+    let rows = (0..=20).map(|k| format!("{},{}\n", f64::from(k) / 10.0, 300 * (10 - (k - 10i32).abs())));
+    fs::write(&path, "time_s,voltage_v\n".to_owned() + &rows.collect::<String>()).expect("written");
+    path
+}
+
+#[test]
+fn a_board_tells_who_and_how_it_is() {
+    let board = VirtualBoard::start(Scene::CALM);
+    let who = TOOL.json(&link(&board, &["identify"]));
+    assert_eq!((who["firmware"].as_str(), who["board"].as_u64()), (Some("virtual"), Some(0x0405)));
+    assert!(who["parameters"].is_null());
+    let how = TOOL.json(&link(&board, &["status"]));
+    assert_eq!(how["state"], "disarmed");
+    assert!(how["rate_hz"].is_null());
+    assert_eq!(how["stack_peak_bytes"], 1234);
+    names(&TOOL.fails(&link(&board, &["arm"])), &[&board.port, "no parameters yet", "upload"]);
+
+    upload(&board);
+    assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table3-n2");
+    assert_eq!(TOOL.json(&link(&board, &["status"]))["rate_hz"], 1000.0);
+    assert!(TOOL.json(&link(&board, &["panic"]))["message"].is_null());
+}
+
+#[test]
+fn verbs_do_as_they_say() {
+    let board = VirtualBoard::start(Scene::CALM);
+    upload(&board);
+    names(&TOOL.fails(&link(&board, &["start", "voltage"])), &["not while it is disarmed"]);
+    names(&TOOL.fails(&link(&board, &["set", "--voltage", "6001"])), &["beyond the limits"]);
+    names(&TOOL.fails(&link(&board, &["set", "--voltage", "NaN"])), &["beyond the limits"]);
+    names(&TOOL.fails(&link(&board, &["set"])), &["--voltage", "--reference"]);
+    names(&TOOL.fails(&link(&board, &["set", "--voltage", "1", "--reference", "1"])), &["cannot be used with"]);
+    TOOL.json(&link(&board, &["set", "--voltage", "1500"]));
+    TOOL.json(&link(&board, &["arm"]));
+    TOOL.json(&link(&board, &["start", "voltage"]));
+    // Nobody talks to it any more: 0 V after half a second.
+    std::thread::sleep(std::time::Duration::from_millis(1000));
+    let (largest, now) = board.voltage();
+    assert_eq!((largest, now), (1500.0, 0.0));
+    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "tripped: Heartbeat");
+    names(&TOOL.fails(&link(&board, &["arm"])), &["tripped (Heartbeat)", "acknowledge"]);
+    TOOL.json(&link(&board, &["acknowledge"]));
+    TOOL.json(&link(&board, &["arm"]));
+    TOOL.json(&link(&board, &["disarm"]));
+    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "disarmed");
+}
+
+/// A recording is played, what the board measures comes back as a recording, and the film is left at 0 V.
+#[test]
+fn play_follows_a_recording_and_ends_at_0_v() {
+    let folder = TempDir::new().expect("a folder");
+    let (played, out) = (profile(&folder), folder.path().join("out.csv"));
+    let board = VirtualBoard::start(Scene::CALM);
+    upload(&board);
+    let report = TOOL.json(&link(&board, &["play", text(&played), "--out", text(&out), "--every", "5"]));
+    assert_eq!(report["state"], "disarmed");
+    assert!(report["samples"].as_u64().expect("a number") > 200, "{report}");
+    let (largest, now) = board.voltage();
+    assert!((2900.0..=3000.0).contains(&largest) && now == 0.0, "{largest} V, then {now} V");
+    // The file is a recording, which any command reads.
+    let replayed = TOOL.json(&["replay", "--params", "preset:table3-n2", text(&out)]);
+    assert!(replayed["recordings"][0]["samples"].as_u64().expect("a number") > 200);
+    let header = fs::read_to_string(&out).expect("written");
+    assert!(header.starts_with("time_s,tick,command_v,voltage_v,displacement_m,predicted_m\n"));
+}
+
+/// The interlock opens halfway: the command says so, keeps what was measured, and the film is at 0 V.
+#[test]
+fn a_trip_ends_the_playback() {
+    let folder = TempDir::new().expect("a folder");
+    let (played, out) = (profile(&folder), folder.path().join("out.csv"));
+    let board = VirtualBoard::start(Scene { opens_above_v: Some(2000.0), ..Scene::CALM });
+    upload(&board);
+    let line = TOOL.fails(&link(&board, &["play", text(&played), "--out", text(&out)]));
+    names(&line, &["tripped (Interlock)", "acknowledge"]);
+    assert_eq!(board.voltage().1, 0.0);
+    assert!(fs::read_to_string(&out).expect("kept").lines().count() > 20);
+    // Not even armed while it is open.
+    let board = VirtualBoard::start(Scene { interlock_closed: false, ..Scene::CALM });
+    upload(&board);
+    let line = TOOL.fails(&link(&board, &["play", text(&played), "--out", text(&out)]));
+    names(&line, &["the interlock is open"]);
+    assert_eq!(board.voltage(), (0.0, 0.0));
+}
+
+#[test]
+fn a_panic_before_the_start_stays_until_it_is_acknowledged() {
+    let board = VirtualBoard::start(Scene { panic_message: "a drill at src/drills.rs:75", ..Scene::CALM });
+    assert_eq!(TOOL.json(&link(&board, &["panic"]))["message"], "a drill at src/drills.rs:75");
+    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "tripped: Panic");
+    // Parameters do not make it forget.
+    upload(&board);
+    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "tripped: Panic");
+    names(&TOOL.fails(&link(&board, &["arm"])), &["tripped (Panic)"]);
+    TOOL.json(&link(&board, &["acknowledge"]));
+    TOOL.json(&link(&board, &["arm"]));
+}
+
+/// A board takes what `export` writes, for it and no other, at rates that it can.
+#[test]
+fn blobs_are_checked_before_they_are_sent_and_after() {
+    let folder = TempDir::new().expect("a folder");
+    let blob = folder.path().join("p.bin");
+    TOOL.json(&["export", "--params", "preset:table4-f7", "--rate", "500", "--out", text(&blob)]);
+    let board = VirtualBoard::start(Scene::CALM);
+    TOOL.json(&link(&board, &["upload", "--blob", text(&blob), "--try"]));
+    assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table4-f7");
+
+    let mut bytes = fs::read(&blob).expect("written");
+    bytes[6] ^= 1;
+    let end = bytes.len() - 4;
+    let checksum = crc32(&bytes[..end]).to_le_bytes();
+    bytes[end..].copy_from_slice(&checksum);
+    fs::write(&blob, &bytes).expect("written");
+    names(&TOOL.fails(&link(&board, &["upload", "--blob", text(&blob)])), &["made for this board"]);
+    fs::write(&blob, &bytes[..end]).expect("written");
+    names(&TOOL.fails(&link(&board, &["upload", "--blob", text(&blob)])), &["p.bin", "truncated"]);
+    let fast = link(&board, &["upload", "--params", "preset:table3-n1", "--rate", "6000"]);
+    names(&TOOL.fails(&fast), &["cannot tick at that rate", "--rate"]);
+    names(&TOOL.fails(&link(&board, &["upload"])), &["--params"]);
+    assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table4-f7", "the old ones stay");
+}
+
+#[test]
+fn a_port_that_is_none_is_named() {
+    names(&TOOL.fails(&["link", "--port", "tcp:127.0.0.1:1", "status"]), &["tcp:127.0.0.1:1"]);
+    names(&TOOL.fails(&["link", "--port", "/dev/there-is-none", "status"]), &["/dev/there-is-none", "serial port"]);
+    names(&TOOL.fails(&["link", "status"]), &["--port"]);
+    let [recording, ..] = recordings("hossain");
+    let pil = ["pil", "--params", "preset:table3-n2", text(&recording)];
+    names(&TOOL.fails(&[pil.as_slice(), &["--image", "none.elf"]].concat()), &["none.elf", "cargo xtask image"]);
+    names(&TOOL.fails(&[pil.as_slice(), &["--duration", "0"]].concat()), &["--duration"]);
+}

@@ -1,0 +1,169 @@
+//! A board that ticks in a thread of this process, linked by TCP: the driver's own code around a simulated bench.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use dea_driver::convert::{AdcCode, DacCode};
+use dea_driver::link::{Board, FRAME_LEN, Message, Session, encode};
+use dea_driver::{Device, Drive, Inputs, Store};
+use host_sim::parameters::Board as BoardTable;
+
+use crate::flash::Flash;
+
+/// What happens on the bench.
+#[derive(Clone, Copy, Debug)]
+pub struct Scene {
+    /// Whether the interlock is closed.
+    pub interlock_closed: bool,
+    /// Opens it once the film is above this voltage (V).
+    pub opens_above_v: Option<f32>,
+    /// What the panic before this start said.
+    pub panic_message: &'static str,
+    /// Stack that was used, bytes.
+    pub stack_peak: u32,
+}
+
+impl Scene {
+    /// All is well.
+    pub const CALM: Self = Self { interlock_closed: true, opens_above_v: None, panic_message: "", stack_peak: 1234 };
+}
+
+/// A running board; ends with this value.
+#[derive(Debug)]
+pub struct VirtualBoard {
+    /// Its port, as `--port` takes it.
+    pub port: String,
+    /// Largest voltage command so far, and the present one, V.
+    voltage: Arc<Mutex<(f32, f32)>>,
+    ended: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl VirtualBoard {
+    /// Starts a board without parameters.
+    pub fn start(scene: Scene) -> Self {
+        let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
+        let port = format!("tcp:{}", listener.local_addr().expect("bound"));
+        let ended = Arc::new(AtomicBool::new(false));
+        let voltage = Arc::new(Mutex::new((0.0, 0.0)));
+        let (flag, shown) = (Arc::clone(&ended), Arc::clone(&voltage));
+        let thread = Some(thread::spawn(move || run(&listener, scene, &flag, &shown)));
+        Self { port, voltage, ended, thread }
+    }
+
+    /// Largest voltage command so far, and the present one, V.
+    pub fn voltage(&self) -> (f32, f32) {
+        // What was asked for last shows in a tick.
+        thread::sleep(Duration::from_millis(50));
+        *self.voltage.lock().expect("not poisoned")
+    }
+}
+
+impl Drop for VirtualBoard {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            assert!(thread.join().is_ok() || thread::panicking(), "the board panicked");
+        }
+    }
+}
+
+struct Bench {
+    device: Device,
+    store: Store<Flash>,
+    scene: Scene,
+}
+
+impl Board for Bench {
+    type Flash = Flash;
+    const ID: u16 = BoardTable::STM32F405;
+    const RATES_HZ: (f32, f32) = (100.0, 5000.0);
+
+    fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
+        (work(&mut self.device), 1)
+    }
+
+    fn with_store<R>(&mut self, work: impl FnOnce(&mut Store<Flash>) -> R) -> R {
+        work(&mut self.store)
+    }
+
+    fn set_rate(&mut self, _: f32) {}
+
+    fn stack_peak(&self) -> u32 {
+        self.scene.stack_peak
+    }
+
+    fn panic_message(&self) -> &str {
+        self.scene.panic_message
+    }
+}
+
+fn run(listener: &TcpListener, scene: Scene, ended: &AtomicBool, voltage: &Mutex<(f32, f32)>) {
+    listener.set_nonblocking(true).expect("can be polled");
+    let latched = if scene.panic_message.is_empty() { None } else { Some(dea_driver::Cause::Panic) };
+    let store = Store::new(Flash::new(), BoardTable::STM32F405).expect("two sectors");
+    let mut bench = Bench { device: Device::new(latched), store, scene };
+    let mut session = Session::new("virtual");
+    let mut stream: Option<TcpStream> = None;
+    let mut drive = Drive::OFF;
+    let start = Instant::now();
+    let mut ticks = 0;
+    while !ended.load(Ordering::Relaxed) {
+        // A tick per millisecond; those that are late are made up for.
+        while ticks < start.elapsed().as_millis() {
+            ticks += 1;
+            drive = bench.device.tick(inputs(&scene, drive, ticks as u32));
+            let command_v = bench.device.status().command_v;
+            let mut voltage = voltage.lock().expect("not poisoned");
+            *voltage = (voltage.0.max(command_v), command_v);
+        }
+        if let Ok((connected, _)) = listener.accept() {
+            connected.set_nonblocking(false).expect("can be set");
+            connected.set_read_timeout(Some(Duration::from_millis(1))).expect("can be set");
+            connected.set_nodelay(true).expect("can be set");
+            stream = Some(connected);
+        }
+        let Some(line) = &mut stream else {
+            thread::sleep(Duration::from_millis(1));
+            continue;
+        };
+        while let Some(sample) = bench.device.sample() {
+            send(line, &Message::Telemetry(sample));
+        }
+        let mut bytes = [0; 512];
+        match line.read(&mut bytes) {
+            Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
+            Ok(0) | Err(_) => stream = None,
+            Ok(length) => {
+                for &byte in &bytes[..length] {
+                    if let Some(message) = session.serve(byte, &mut bench) {
+                        send(line, &message);
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn send(line: &mut TcpStream, message: &Message) {
+    let mut frame = [0; FRAME_LEN + 1];
+    let length = encode(message, &mut frame).expect("every message fits");
+    // A host that has gone away is no fault of the board's.
+    let _ = line.write_all(&frame[..length]);
+}
+
+/// A monitor that follows at once, a sensor at 1 V with some noise.
+fn inputs(scene: &Scene, drive: Drive, tick: u32) -> Inputs {
+    let code = if drive.enable { drive.command } else { DacCode::ZERO };
+    let volts = code.volts(drive.range);
+    let opened = scene.opens_above_v.is_some_and(|limit| 1000.0 * volts > limit);
+    Inputs {
+        interlock_closed: scene.interlock_closed && !opened,
+        monitor: Some(AdcCode((volts / AdcCode::FULL_SCALE_V * 65_536.0) as u16)),
+        displacement: Some(AdcCode(6400 + (tick % 4) as u16)),
+    }
+}
