@@ -237,11 +237,10 @@ fn a_silent_host_ends_at_0_v() {
 #[test]
 fn garbage_is_not_obeyed() {
     let (_emulator, port) = Emulator::start(&image("firmware/target/drills")).expect("starts");
-    let mut port = port;
+    let (mut client, _) = Client::new(port).expect("answers");
     let mut random = Pcg64::seed_from_u64(4);
-    // Before anything else has been said.
-    flood(&mut port, &mut random, 4000);
-    let (mut client, _) = Client::new(port).expect("answers all the same");
+    flood(client.port_mut(), &mut random, 4000);
+    wait(&mut client, |_| true);
     client.upload(&blob(), false).expect("taken");
     let running = start(&mut client);
     assert!(running.damaged_frames > 10, "{running:?}");
@@ -258,7 +257,7 @@ fn garbage_is_not_obeyed() {
 fn flood(port: &mut Port, random: &mut Pcg64, bytes: usize) {
     // Every thirtieth byte ends a frame.
     let garbage: Vec<u8> = (0..bytes).map(|_| if random.random_ratio(1, 30) { 0 } else { random.random() }).collect();
-    port.write(&garbage).expect("sent");
+    port.write(&[garbage.as_slice(), &[0]].concat()).expect("sent");
     while port.byte().expect("read").is_some() {}
 }
 
