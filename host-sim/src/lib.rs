@@ -9,8 +9,10 @@
 #![warn(missing_docs)]
 
 pub mod agreement;
+pub mod closed_loop;
 pub mod commands;
 pub mod compare;
+pub mod controller;
 pub mod error;
 pub mod fit;
 pub mod full_memory;
@@ -22,6 +24,7 @@ pub mod plot;
 pub mod prandtl_ishlinskii;
 pub mod recording;
 pub mod reduce;
+pub mod references;
 pub mod run;
 pub mod series;
 pub mod study;
