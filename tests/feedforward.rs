@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use host_sim::agreement::relative_rms;
 use springpot::{
-    Actuator, ActuatorError, Command, CommandLimits, ControlError, Feedforward, Law, Limited, Maxwell, Options, Preset,
-    Real, Springpot, Topology, VoltageDrive,
+    Actuator, ActuatorError, Applied, Command, CommandLimits, ControlError, Feedforward, Law, Limited, Maxwell,
+    Options, Preset, Real, Springpot, Topology, VoltageDrive,
 };
 
 const RATE_HZ: f64 = 1000.0;
@@ -43,7 +43,7 @@ fn follow<T: Real>(feedforward: &Feedforward<T>, reference: &[f64]) -> (Vec<Comm
         .iter()
         .map(|&r| {
             let command = feedforward.command(&mut state, T::from_f64(r));
-            let x = feedforward.apply(&mut state, command.voltage);
+            let x = feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
             (command, x.to_f64())
         })
         .unzip()
@@ -160,7 +160,7 @@ fn slew_is_kept() {
     for _ in 0..2000 {
         let command = feedforward.command(&mut state, 1e-3);
         assert!(command.voltage <= 2.0001);
-        feedforward.apply(&mut state, 0.0);
+        feedforward.apply(&mut state, Applied::as_commanded(0.0));
     }
     assert!(state.displacement().abs() < 1e-12);
 }
@@ -193,7 +193,7 @@ fn comes_back_smoothly_after_a_limit_behind_it() {
     for (k, &r) in reference.iter().enumerate() {
         let command = feedforward.command(&mut state, r as f32);
         let applied = if (10_000..12_000).contains(&k) { 0.0 } else { command.voltage };
-        let x = feedforward.apply(&mut state, applied);
+        let x = feedforward.apply(&mut state, Applied::as_commanded(applied));
         if k >= 12_000 {
             after.push((command, f64::from(x) - r));
         }
@@ -214,7 +214,7 @@ fn a_reference_that_is_no_number_is_passed_over() {
     for k in 0..3000 {
         let reference = [1e-3, f32::NAN, f32::INFINITY, f32::NEG_INFINITY][if k % 7 == 0 { k % 4 } else { 0 }];
         let command = feedforward.command(&mut state, reference);
-        feedforward.apply(&mut state, command.voltage);
+        feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
     }
     assert!((state.displacement() - 1e-3).abs() < 1e-7);
 }

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, CommandLimits, Compressed, ControlError, Law, Load, Maxwell, Memory, Observer, ObserverOptions,
+    Actuator, Applied, CommandLimits, Compressed, ControlError, Law, Load, Maxwell, Memory, Observer, ObserverOptions,
     ObserverState, Options, Sample, Springpot, State, Topology, Tracking, VoltageDrive,
 };
 
@@ -209,7 +209,7 @@ fn a_lost_sensor_bumps_nothing() {
     let (mut steps, mut errors) = (Vec::new(), Vec::new());
     for k in 0..60_000 {
         let sample = sensor.read(x).filter(|_| !(20_000..50_000).contains(&k));
-        tracking.observe(&mut state, voltage, sample);
+        tracking.observe(&mut state, Applied::as_commanded(voltage), sample);
         let t = (k + 1) as f64 * 1e-3;
         let s = (t / 4.0).min(1.0);
         let wave = if t < 4.0 { 0.0 } else { 0.5e-3 * (1.0 - (TAU * 0.1 * (t - 4.0)).cos()) };

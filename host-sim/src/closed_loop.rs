@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use indicatif::ProgressBar;
 use serde::Serialize;
-use springpot::{Limited, Sample};
+use springpot::{Applied, Limited, Sample};
 
 use crate::controller::Controller;
 use crate::error::{Error, Result};
@@ -168,8 +168,8 @@ pub fn run(
             Sample { displacement: reading, age_ticks: k - taken }
         });
         let applied = match bench.monitor_error {
-            Some(share) => readings.voltage_v(actual * (1.0 + share)),
-            None => commanded,
+            Some(share) => Applied::as_monitored(commanded, readings.voltage_v(actual * (1.0 + share))),
+            None => Applied::as_commanded(commanded),
         };
         let target = reference.get(k + 1).or(reference.last()).copied().unwrap_or(0.0);
         let output = controller.tick(applied, sample, target);

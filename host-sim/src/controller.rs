@@ -1,9 +1,11 @@
 //! Controllers to compare: the laws of `springpot` as a controller runs them, and simpler ones beside them.
 
+use std::collections::VecDeque;
+
 use clap::ValueEnum;
 use springpot::{
-    Actuator, CommandLimits, Feedforward, FeedforwardState, Law, Limited, Memory, ObserverOptions, Real, Sample,
-    Tracking, TrackingState, Window, WindowHistory,
+    Actuator, Applied, CommandLimits, Feedforward, FeedforwardState, Law, Limited, Memory, ObserverOptions, Real,
+    Sample, Tracking, TrackingState, Window, WindowHistory,
 };
 
 use crate::error::{Error, Result};
@@ -68,9 +70,9 @@ pub struct Output {
 
 /// A controller, ticked once a step.
 pub trait Controller {
-    /// From the voltage that was applied since the last tick (V), a sample of the sensor if one has arrived, and the
+    /// From the voltage since the last tick, a sample of the sensor if one has arrived, and the
     /// reference for the end of this tick (m).
-    fn tick(&mut self, applied_v: f64, sample: Option<Sample<f64>>, reference_m: f64) -> Output;
+    fn tick(&mut self, applied: Applied<f64>, sample: Option<Sample<f64>>, reference_m: f64) -> Output;
 }
 
 /// How controllers are set.
@@ -86,6 +88,11 @@ pub struct Settings {
     pub peak_m: f64,
 }
 
+/// Bandwidth of the feedback alone where none is given, Hz: the best on the twins' sines.
+pub const PI_HZ: f64 = 0.8;
+
+/// References that the feedback remembers.
+const REMEMBERED: usize = 1024;
 /// Length of the plain window, s.
 const WINDOW_S: f64 = 10.0;
 /// Where the one spring of the static inverse is as stiff as the model, Hz: within the band of usual fits.
@@ -158,7 +165,7 @@ struct Proportional {
 }
 
 impl Controller for Proportional {
-    fn tick(&mut self, _: f64, _: Option<Sample<f64>>, reference_m: f64) -> Output {
+    fn tick(&mut self, _: Applied<f64>, _: Option<Sample<f64>>, reference_m: f64) -> Output {
         let share = if self.peak_m > 0.0 { reference_m / self.peak_m } else { 0.0 };
         let limited = if share < 0.0 { Limited::BELOW_ZERO } else { Limited::NONE };
         Output { voltage_v: self.peak_v * share.clamp(0.0, 1.0).sqrt(), limited, ..Output::default() }
@@ -193,7 +200,7 @@ impl Static {
 }
 
 impl Controller for Static {
-    fn tick(&mut self, _: f64, _: Option<Sample<f64>>, reference_m: f64) -> Output {
+    fn tick(&mut self, _: Applied<f64>, _: Option<Sample<f64>>, reference_m: f64) -> Output {
         let (voltage_v, limited) = self.voltage(reference_m);
         Output { voltage_v, limited, ..Output::default() }
     }
@@ -208,7 +215,8 @@ struct Feedback {
     integral_n: f64,
     error_m: f64,
     since_s: f64,
-    last_reference_m: f64,
+    /// References of the last ticks, the newest last.
+    references_m: VecDeque<f64>,
 }
 
 impl Default for Feedback {
@@ -225,25 +233,33 @@ impl Default for Feedback {
             integral_n: 0.0,
             error_m: 0.0,
             since_s: 0.0,
-            last_reference_m: 0.0,
+            references_m: VecDeque::new(),
         }
     }
 }
 
 impl Controller for Feedback {
-    fn tick(&mut self, _: f64, sample: Option<Sample<f64>>, reference_m: f64) -> Output {
+    fn tick(&mut self, _: Applied<f64>, sample: Option<Sample<f64>>, reference_m: f64) -> Output {
         self.since_s += self.step_s;
         if let Some(sample) = sample {
-            // The reference of the tick that the sample is of, as near as the last one known.
-            self.error_m = self.last_reference_m - sample.displacement;
+            // A late sample is compared with the reference of its time.
+            let then = self.references_m.iter().rev().nth(sample.age_ticks).copied().unwrap_or(0.0);
+            self.error_m = then - sample.displacement;
             self.integral_n = (self.integral_n + self.gains[1] * self.since_s * self.error_m).max(0.0);
             self.since_s = 0.0;
         }
-        self.last_reference_m = reference_m;
+        self.references_m.push_back(reference_m);
+        if self.references_m.len() > REMEMBERED {
+            self.references_m.pop_front();
+        }
         let (voltage_v, limited) =
             self.inverse.of_force(self.gains[0] * self.error_m + self.integral_n, reference_m.max(0.0));
         Output { voltage_v, limited, ..Output::default() }
     }
+}
+
+fn of_type<T: Real>(applied: Applied<f64>) -> Applied<T> {
+    Applied { commanded: T::from_f64(applied.commanded), reading: applied.reading.map(T::from_f64) }
 }
 
 struct Inverse<T: Real, M: Memory<T, History = H>, H> {
@@ -252,8 +268,8 @@ struct Inverse<T: Real, M: Memory<T, History = H>, H> {
 }
 
 impl<T: Real, M: Memory<T, History = H>, H> Controller for Inverse<T, M, H> {
-    fn tick(&mut self, applied_v: f64, _: Option<Sample<f64>>, reference_m: f64) -> Output {
-        let estimate = self.feedforward.apply(&mut self.state, T::from_f64(applied_v));
+    fn tick(&mut self, applied: Applied<f64>, _: Option<Sample<f64>>, reference_m: f64) -> Output {
+        let estimate = self.feedforward.apply(&mut self.state, of_type(applied));
         let command = self.feedforward.command(&mut self.state, T::from_f64(reference_m));
         Output {
             voltage_v: command.voltage.to_f64(),
@@ -271,9 +287,9 @@ struct Tracked<T: Real> {
 }
 
 impl<T: Real> Controller for Tracked<T> {
-    fn tick(&mut self, applied_v: f64, sample: Option<Sample<f64>>, reference_m: f64) -> Output {
+    fn tick(&mut self, applied: Applied<f64>, sample: Option<Sample<f64>>, reference_m: f64) -> Output {
         let sample = sample.map(|s| Sample { displacement: T::from_f64(s.displacement), age_ticks: s.age_ticks });
-        let estimate = self.tracking.observe(&mut self.state, T::from_f64(applied_v), sample);
+        let estimate = self.tracking.observe(&mut self.state, of_type(applied), sample);
         let command = self.tracking.command(&mut self.state, T::from_f64(reference_m));
         Output {
             voltage_v: command.voltage.to_f64(),

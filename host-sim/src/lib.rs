@@ -4,7 +4,7 @@
 //! ([`run`]), or through its exact full-memory reference ([`full_memory`]), and compared with what was measured
 //! ([`agreement`]). [`fit`] finds the parameters of the model from recordings, [`study`] repeats the paper's study and
 //! [`compare`] sets other models beside it; [`reduce`] finds smaller models with the same response. [`twin`] simulates
-//! recordings of a nonlinear film.
+//! recordings of a nonlinear film, and [`closed_loop`] sets a [`controller`] on it to follow one of the [`references`].
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -14,9 +14,11 @@ pub mod commands;
 pub mod compare;
 pub mod controller;
 pub mod error;
+pub mod feedforward;
 pub mod fit;
 pub mod full_memory;
 pub mod interrupt;
+pub mod observation;
 pub mod output;
 pub mod page;
 pub mod parameters;

@@ -113,7 +113,8 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Writes columns of equal length as CSV; a column of `None` leaves its cells empty.
+/// Writes columns of equal length as CSV; a column of `None`, or a value that is not a number,
+/// leaves its cells empty.
 ///
 /// # Errors
 ///
@@ -140,7 +141,7 @@ pub fn stage_columns(path: &Path, comments: &[String], columns: &[(&str, Option<
                 if index > 0 {
                     out.write_all(b",")?;
                 }
-                if let Some(value) = values.and_then(|values| values.get(row)) {
+                if let Some(value) = values.and_then(|values| values.get(row)).filter(|value| !value.is_nan()) {
                     write!(out, "{value}")?;
                 }
             }

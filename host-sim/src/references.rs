@@ -1,6 +1,7 @@
 //! References to follow: sines, triangles, steps and a random walk, with gentle starts and edges.
 
 use std::f64::consts::TAU;
+use std::path::Path;
 
 use clap::ValueEnum;
 use rand::SeedableRng;
@@ -8,7 +9,26 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
 use crate::error::{Error, Result};
+use crate::recording::Recording;
 use crate::series::Grid;
+
+/// The reference in the file at `path`, from its `displacement_m` (or `_mm`, `_um`), on its grid at `rate_hz`.
+///
+/// # Errors
+///
+/// [`Error`] naming the file and line of the first thing that cannot be used.
+pub fn read(path: &Path, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
+    let recording = Recording::read_reference(path)?;
+    let grid = recording.grid(rate_hz)?;
+    if grid.samples < 2 {
+        return Err(Error::file(path, format!("shorter than a step at {rate_hz} Hz; raise --rate")));
+    }
+    let values = grid.resample(recording.displacement_drive()?.samples());
+    if values.iter().any(|x| x.abs() > 1.0) {
+        return Err(Error::file(path, "a displacement of more than 1 m; check the unit in the column's name"));
+    }
+    Ok((values, grid))
+}
 
 /// What a reference looks like.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -41,9 +61,9 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// A reference with a rise of 2 s.
+    /// A reference with a rise of 5 s.
     pub fn new(shape: Shape, low_m: f64, high_m: f64, period_s: f64) -> Self {
-        Self { shape, low_m, high_m, period_s, rise_s: 2.0, seed: 1 }
+        Self { shape, low_m, high_m, period_s, rise_s: 5.0, seed: 1 }
     }
 
     /// The same with another seed.
@@ -121,7 +141,7 @@ impl Reference {
 }
 
 /// From 0 to 1 while `share` goes from 0 to 1, with the least jerk.
-fn minimum_jerk(share: f64) -> f64 {
+pub fn minimum_jerk(share: f64) -> f64 {
     let s = share.clamp(0.0, 1.0);
     s * s * s * (10.0 + s * (6.0 * s - 15.0))
 }

@@ -5,7 +5,7 @@ use crate::error::ControlError;
 use crate::law::{Law, Memory, State};
 use crate::limits::CommandLimits;
 use crate::sqrt::Real;
-use crate::steering::{Command, Correction, Course, Steering};
+use crate::steering::{Applied, Command, Correction, Course, Steering};
 
 /// Compensation without a sensor: the inverse of the law, shaped and limited.
 ///
@@ -17,7 +17,7 @@ use crate::steering::{Command, Correction, Course, Steering};
 /// 2. [`command`](Self::command) with where the film is to be at the end of this tick.
 ///
 /// ```
-/// use springpot::{Actuator, CommandLimits, Feedforward, Law, Options, Preset};
+/// use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, Options, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// let model = Preset::named("table3-n2").unwrap().model()?;
@@ -28,7 +28,7 @@ use crate::steering::{Command, Correction, Course, Steering};
 /// let mut state = feedforward.state(rest);
 /// for _ in 0..5000 {
 ///     let command = feedforward.command(&mut state, 0.3e-3);
-///     feedforward.apply(&mut state, command.voltage);
+///     feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
 /// }
 /// // It neither creeps nor drifts: the voltage falls while the film would creep.
 /// assert!((state.displacement() - 0.3e-3).abs() < 1e-8);
@@ -69,10 +69,10 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
         FeedforwardState { film, course }
     }
 
-    /// Steps the film under the `voltage` (V) that was really applied; returns its displacement (m).
+    /// Steps the film under the voltage that was really applied since the last tick; returns its displacement (m).
     #[inline]
-    pub fn apply(&self, state: &mut FeedforwardState<T, M::History>, voltage: T) -> T {
-        state.course.apply(voltage);
+    pub fn apply(&self, state: &mut FeedforwardState<T, M::History>, applied: Applied<T>) -> T {
+        let voltage = self.steering.note(&mut state.course, applied);
         self.law.displacement_under(&mut state.film, self.drive.load(voltage))
     }
 

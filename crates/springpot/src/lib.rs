@@ -104,6 +104,6 @@ pub use presets::Preset;
 pub use scalar::Scalar;
 pub use sqrt::Real;
 pub use statistics::Statistics;
-pub use steering::Command;
+pub use steering::{Applied, Command};
 pub use tracking::{Tracking, TrackingState};
 pub use window::{Window, WindowHistory};

@@ -4,7 +4,7 @@ use crate::actuator::{Actuator, VoltageDrive};
 use crate::error::ControlError;
 use crate::law::{Law, Memory, State};
 use crate::limits::{CommandLimits, Limited};
-use crate::reference::{Path, Shaper, clamp};
+use crate::reference::{Path, Shaper, clamp, is_finite};
 use crate::sqrt::Real;
 
 /// What a tick commands.
@@ -20,24 +20,49 @@ pub struct Command<T> {
     pub limited: Limited,
 }
 
+/// The voltage since the last tick, V, either sign.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Applied<T> {
+    /// What was commanded in the end, by whoever had the last word.
+    pub commanded: T,
+    /// What a monitor read of it, if there is one; what is no number is passed over.
+    pub reading: Option<T>,
+}
+
+impl<T: Real> Applied<T> {
+    /// A commanded voltage, which is taken to have acted.
+    pub const fn as_commanded(voltage: T) -> Self {
+        Self { commanded: voltage, reading: None }
+    }
+
+    /// A commanded voltage beside what a monitor read of it.
+    pub const fn as_monitored(commanded: T, reading: T) -> Self {
+        Self { commanded, reading: Some(reading) }
+    }
+}
+
 /// What steering remembers from tick to tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Course<T> {
     pub(crate) path: Path<T>,
-    /// Size of the voltage that was applied last, V.
-    applied: T,
+    /// Size of the voltage that was commanded last, V.
+    commanded: T,
+    /// Slow means of commanded and read voltage, V, and their ratio: the amplifier's gain.
+    commanded_mean: T,
+    reading_mean: T,
+    gain: T,
 }
 
 impl<T: Real> Course<T> {
     /// At rest at `position` (m), at 0 V.
     pub(crate) fn at(position: T) -> Self {
-        Self { path: Path::at(position), applied: T::ZERO }
-    }
-
-    /// Takes note of the voltage that was really applied (V, either sign).
-    #[inline]
-    pub(crate) fn apply(&mut self, voltage: T) {
-        self.applied = if voltage < T::ZERO { -voltage } else { voltage };
+        Self {
+            path: Path::at(position),
+            commanded: T::ZERO,
+            commanded_mean: T::ZERO,
+            reading_mean: T::ZERO,
+            gain: T::from_f64(1.0),
+        }
     }
 }
 
@@ -76,7 +101,16 @@ pub(crate) struct Steering<T> {
     coupling: T,
     /// Largest change of voltage in a tick, V.
     slew: T,
+    /// Share of a tick in the means of the voltage.
+    averaging: T,
+    /// Mean voltage from which on the amplifier's gain shows, V.
+    telling_voltage: T,
 }
+
+/// Time over which the amplifier's gain is measured, s.
+const GAIN_S: f64 = 10.0;
+/// It stays within these.
+const GAINS: [f64; 2] = [0.8, 1.25];
 
 impl<T: Real> Steering<T> {
     pub(crate) fn new(actuator: &Actuator, limits: &CommandLimits, step_s: f64) -> Result<Self, ControlError> {
@@ -92,6 +126,8 @@ impl<T: Real> Steering<T> {
             field_voltage: T::from_f64(limits.field_voltage(actuator)),
             coupling: T::from_f64(actuator.stretch_coupling),
             slew: T::from_f64(slew),
+            averaging: T::from_f64(-libm::expm1(-step_s / GAIN_S)),
+            telling_voltage: T::from_f64(0.02 * limits.max_voltage_v),
         };
         for (quantity, value, usable) in [
             ("max_velocity_m_per_s or max_acceleration_m_per_s2", limits.max_acceleration_m_per_s2, shaper.is_usable()),
@@ -102,6 +138,25 @@ impl<T: Real> Steering<T> {
             }
         }
         Ok(steering)
+    }
+
+    /// Takes note of what was applied, and returns the voltage that acted on the film (V).
+    ///
+    /// The inverse asks for the force that goes on from the film's last one, so a reading that is 1 % off would add up tick
+    /// by tick, and its noise would come back as commands. A monitor therefore tells the amplifier's gain, slowly.
+    #[inline]
+    pub(crate) fn note(&self, course: &mut Course<T>, applied: Applied<T>) -> T {
+        let size = |voltage: T| if voltage < T::ZERO { -voltage } else { voltage };
+        course.commanded = size(applied.commanded);
+        if let Some(reading) = applied.reading.filter(|reading| is_finite(*reading)) {
+            course.commanded_mean = course.commanded_mean + self.averaging * (course.commanded - course.commanded_mean);
+            course.reading_mean = course.reading_mean + self.averaging * (size(reading) - course.reading_mean);
+            if course.commanded_mean > self.telling_voltage {
+                let [low, high] = GAINS.map(T::from_f64);
+                course.gain = clamp(course.reading_mean / course.commanded_mean, low, high);
+            }
+        }
+        course.gain * course.commanded
     }
 
     /// The command that takes `film` along its `course` towards `reference` (m).
@@ -115,7 +170,7 @@ impl<T: Real> Steering<T> {
         reference: T,
         correction: Correction<T>,
     ) -> Command<T> {
-        let Course { path, applied } = course;
+        let Course { path, commanded, gain, .. } = course;
         let away = film.position() - path.position;
         let drift = film.increment() - path.increment;
         let mut limited = self.shaper.advance(path, reference);
@@ -128,23 +183,25 @@ impl<T: Real> Steering<T> {
         if force < T::ZERO {
             limited |= Limited::BELOW_ZERO;
         }
-        let mut voltage = drive.voltage(force + drive.preload(), ahead);
+        let wanted = drive.voltage(force + drive.preload(), ahead) / *gain;
 
         // The film thins as it lengthens, by as much as its force grows.
         let thinning = one + self.coupling * ahead;
         let field_voltage = if thinning > one { self.field_voltage / thinning } else { self.field_voltage };
-        if voltage > field_voltage {
+        if wanted > field_voltage {
             limited |= Limited::FIELD;
-            voltage = field_voltage;
         }
-        if voltage > self.max_voltage {
+        if wanted > self.max_voltage {
             limited |= Limited::MAX_VOLTAGE;
-            voltage = self.max_voltage;
         }
-        let within = clamp(voltage, *applied - self.slew, *applied + self.slew);
-        if within < voltage || voltage < within {
+        let largest = if field_voltage < self.max_voltage { field_voltage } else { self.max_voltage };
+        let allowed = if wanted > largest { largest } else { wanted };
+        let slewed = clamp(allowed, *commanded - self.slew, *commanded + self.slew);
+        if slewed < allowed || allowed < slewed {
             limited |= Limited::SLEW;
         }
-        Command { voltage: within, reference: path.position, force, limited }
+        // The largest voltage outranks the slew.
+        let voltage = clamp(slewed, T::ZERO, largest);
+        Command { voltage, reference: path.position, force, limited }
     }
 }

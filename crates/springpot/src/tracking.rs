@@ -6,7 +6,7 @@ use crate::law::{Law, Memory, State};
 use crate::limits::CommandLimits;
 use crate::observer::{Observer, ObserverOptions, ObserverState, Sample};
 use crate::sqrt::Real;
-use crate::steering::{Command, Course, Steering};
+use crate::steering::{Applied, Command, Course, Steering};
 
 /// Compensation with a sensor: [`Feedforward`](crate::Feedforward) from where an [`Observer`] sees the film, less the
 /// disturbance that it sees.
@@ -54,11 +54,16 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         TrackingState { observer: self.observer.state(film), course }
     }
 
-    /// Steps the film under the `voltage` (V) that was really applied and corrects it with a `sample`, if one has arrived.
-    /// Returns the estimated displacement (m).
+    /// Steps the film under the voltage that was really applied since the last tick and corrects it with a `sample`, if one
+    /// has arrived. Returns the estimated displacement (m).
     #[inline]
-    pub fn observe(&self, state: &mut TrackingState<T, M::History, PAST>, voltage: T, sample: Option<Sample<T>>) -> T {
-        state.course.apply(voltage);
+    pub fn observe(
+        &self,
+        state: &mut TrackingState<T, M::History, PAST>,
+        applied: Applied<T>,
+        sample: Option<Sample<T>>,
+    ) -> T {
+        let voltage = self.steering.note(&mut state.course, applied);
         self.observer.observe(&mut state.observer, voltage, sample)
     }
 
