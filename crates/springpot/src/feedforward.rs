@@ -57,7 +57,7 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     /// [`ControlError::NotPositive`] for a limit that makes no sense, [`ControlError::Actuator`] for an actuator that is
     /// refused at the largest voltage.
     pub fn new(law: Law<T, M>, actuator: &Actuator, limits: CommandLimits) -> Result<Self, ControlError> {
-        let steering = Steering::new(actuator, &limits, law.step_s())?;
+        let steering = Steering::new(actuator, &limits, law.step_s(), law.stiffness())?;
         let drive = VoltageDrive::new(actuator, limits.max_voltage_v, law.stiffness())?;
         Ok(Self { law, drive, steering })
     }

@@ -22,13 +22,14 @@ pub struct CommandLimits {
     pub max_velocity_m_per_s: f64,
     /// Largest acceleration of the shaped reference, m/s².
     pub max_acceleration_m_per_s2: f64,
-    /// How fast the film is led back to the reference after a limit was met: twice a pole at this frequency, Hz.
+    /// How fast the film is led back to the reference after a limit was met: two poles at this frequency, Hz. Heavy films are
+    /// led back more slowly, as the largest force allows.
     pub return_hz: f64,
 }
 
 impl CommandLimits {
     /// Limits of the bench of Karner et al. 2022: 6 kV at the most and 50 kV/s; 50 mm/s and 0.5 m/s², which no reference
-    /// below 1 Hz comes near; back within a tenth of a second.
+    /// below 1 Hz comes near; back within some tenths of a second.
     ///
     /// The field is that of 6 kV on 160 µm with a tenth to spare for thinning.
     pub const BENCH: Self = Self {
@@ -37,7 +38,7 @@ impl CommandLimits {
         max_slew_v_per_s: 50e3,
         max_velocity_m_per_s: 0.05,
         max_acceleration_m_per_s2: 0.5,
-        return_hz: 10.0,
+        return_hz: 5.0,
     };
 
     pub(crate) fn check(&self) -> Result<(), ControlError> {

@@ -81,20 +81,24 @@ pub(crate) struct Correction<T> {
 /// is to change by
 ///
 /// ```text
-/// Δx_k − Δx_{k−1} = (Δq_k − Δq_{k−1}) − (1 − p²) δ − (1 − p)² ε
+/// Δx_k − Δx_{k−1} = (Δq_k − Δq_{k−1}) + (1 − p²) (w − δ),      w = −(1 − p) / (1 + p) ε
 /// ```
 ///
 /// which puts both poles of ε to p. While no limit is met ε and δ are nought and the law's inverse is exact. After a limit
 /// a film that is asked back onto its path within one tick would need a force of m ε / h² this way and that: it would
-/// chatter between 0 V and the largest voltage. Working on changes of increments also keeps the digits of a slow
-/// reference in f32.
+/// chatter between 0 V and the largest voltage. For the same reason the term that leads back is bounded to a share of what
+/// the largest force can do to the film's inertia, and w to what that can brake. Working on changes of increments also keeps
+/// the digits of a slow reference in f32.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Steering<T> {
     shaper: Shaper<T>,
     /// 1 − p².
     damping: T,
-    /// (1 − p)².
-    pull: T,
+    /// (1 − p)² / (1 − p²): share of ε by which to close in, per tick.
+    approach: T,
+    /// Largest increment of closing in and largest change of it, m.
+    closing: T,
+    back: T,
     max_voltage: T,
     /// Voltage of the largest field at x = 0.
     field_voltage: T,
@@ -107,21 +111,33 @@ pub(crate) struct Steering<T> {
     telling_voltage: T,
 }
 
+/// Share of the largest force that leading the film back may take for its inertia.
+const RETURN_SHARE: f64 = 0.1;
 /// Time over which the amplifier's gain is measured, s.
 const GAIN_S: f64 = 10.0;
 /// It stays within these.
 const GAINS: [f64; 2] = [0.8, 1.25];
 
 impl<T: Real> Steering<T> {
-    pub(crate) fn new(actuator: &Actuator, limits: &CommandLimits, step_s: f64) -> Result<Self, ControlError> {
+    pub(crate) fn new(
+        actuator: &Actuator,
+        limits: &CommandLimits,
+        step_s: f64,
+        stiffness: T,
+    ) -> Result<Self, ControlError> {
         limits.check()?;
         let shaper = Shaper::new(step_s, limits.max_velocity_m_per_s, limits.max_acceleration_m_per_s2);
         let pole = libm::exp(-core::f64::consts::TAU * limits.return_hz * step_s);
+        let approach = (1.0 - pole) / (1.0 + pole);
+        let largest_force = actuator.force_per_square_volt() * limits.max_voltage_v * limits.max_voltage_v;
+        let back = RETURN_SHARE * largest_force / stiffness.to_f64();
         let slew = limits.max_slew_v_per_s * step_s;
         let steering = Self {
             shaper,
             damping: T::from_f64(1.0 - pole * pole),
-            pull: T::from_f64((1.0 - pole) * (1.0 - pole)),
+            approach: T::from_f64(approach),
+            closing: T::from_f64(back / approach),
+            back: T::from_f64(back),
             max_voltage: T::from_f64(limits.max_voltage_v),
             field_voltage: T::from_f64(limits.field_voltage(actuator)),
             coupling: T::from_f64(actuator.stretch_coupling),
@@ -174,7 +190,9 @@ impl<T: Real> Steering<T> {
         let away = film.position() - path.position;
         let drift = film.increment() - path.increment;
         let mut limited = self.shaper.advance(path, reference);
-        let change = path.change - (self.damping * drift + self.pull * away);
+        let closing = clamp(-(self.approach * away), -self.closing, self.closing);
+        let back = clamp(self.damping * (closing - drift), -self.back, self.back);
+        let change = path.change + back;
 
         let one = T::from_f64(1.0);
         let ahead = film.position() + (film.increment() + change);

@@ -42,7 +42,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         limits: CommandLimits,
         options: ObserverOptions,
     ) -> Result<Self, ControlError> {
-        let steering = Steering::new(actuator, &limits, law.step_s())?;
+        let steering = Steering::new(actuator, &limits, law.step_s(), law.stiffness())?;
         let observer = Observer::new(law, actuator, limits.max_voltage_v, options)?;
         Ok(Self { observer, steering })
     }
