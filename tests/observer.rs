@@ -6,8 +6,9 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, Applied, CommandLimits, Compressed, ControlError, Law, Load, Maxwell, Memory, Observer, ObserverOptions,
-    ObserverState, Options, Sample, Springpot, State, Topology, Tracking, VoltageDrive,
+    Actuator, Applied, CommandLimits, Compressed, ControlError, Feedforward, FeedforwardState, Law, Load, Maxwell,
+    Memory, Observer, ObserverOptions, ObserverState, Options, Sample, Springpot, State, Topology, Tracking,
+    TrackingState, VoltageDrive,
 };
 
 type Estimate = ObserverState<f32, <Compressed<f32> as Memory<f32>>::History>;
@@ -238,6 +239,17 @@ fn a_lost_sensor_bumps_nothing() {
     assert!(rms < 6e-6, "{rms}");
     assert!(biggest(20_000..22_000) < 5.0 && biggest(50_000..52_000) < 5.0);
     assert!(largest(&errors[40_000..50_000]) > 30e-6 && largest(&errors[53_000..]) < 1e-6);
+}
+
+#[test]
+fn laws_of_control_are_small() {
+    type History = <Compressed<f32> as Memory<f32>>::History;
+    let (law, state) = (size_of::<Feedforward<f32>>(), size_of::<FeedforwardState<f32, History>>());
+    println!("feedforward {law} bytes, state {state} bytes");
+    assert!(law <= 512 && state <= 512);
+    let (law, state) = (size_of::<Tracking<f32>>(), size_of::<TrackingState<f32, History>>());
+    println!("tracking {law} bytes, state {state} bytes, 64 predictions remembered");
+    assert!(law <= 512 && state <= 768);
 }
 
 #[test]
