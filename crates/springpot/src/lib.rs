@@ -47,8 +47,8 @@
 //!
 //! Everything that can be wrong is refused when a model, a law or a drive is built ([`ModelError`], [`LawError`],
 //! [`ActuatorError`], [`ControlError`]). A step cannot fail, panic or allocate, and takes the same number of operations
-//! every time (an observer a few more when a sample arrives). A step given a force, displacement or voltage that is not a number never recovers: check monitors before.
-//! References and sensor samples that are no numbers are passed over.
+//! every time (an observer a few more when a sample arrives). A step given a force, displacement or voltage that is not a
+//! number never recovers: check before. References, sensor samples and monitor readings that are no numbers are passed over.
 //!
 //! # Units
 //!
