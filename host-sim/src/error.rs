@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use springpot::{ActuatorError, LawError, ModelError};
+use springpot::{ActuatorError, ControlError, LawError, ModelError};
 
 /// A result of this library.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -65,6 +65,9 @@ pub enum Error {
         /// What is wrong, and what would be right.
         cause: String,
     },
+    /// A law of control that was refused.
+    #[error("control: {0}")]
+    Control(#[from] ControlError),
     /// A computation that gave no answer.
     #[error("{0}")]
     Computation(String),

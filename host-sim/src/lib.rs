@@ -4,18 +4,22 @@
 //! ([`run`]), or through its exact full-memory reference ([`full_memory`]), and compared with what was measured
 //! ([`agreement`]). [`fit`] finds the parameters of the model from recordings, [`study`] repeats the paper's study and
 //! [`compare`] sets other models beside it; [`reduce`] finds smaller models with the same response. [`twin`] simulates
-//! recordings of a nonlinear film.
+//! recordings of a nonlinear film, and [`closed_loop`] sets a [`controller`] on it to follow one of the [`references`].
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
 pub mod agreement;
+pub mod closed_loop;
 pub mod commands;
 pub mod compare;
+pub mod controller;
 pub mod error;
+pub mod feedforward;
 pub mod fit;
 pub mod full_memory;
 pub mod interrupt;
 pub mod link;
+pub mod observation;
 pub mod output;
 pub mod page;
 pub mod parameters;
@@ -23,6 +27,7 @@ pub mod plot;
 pub mod prandtl_ishlinskii;
 pub mod recording;
 pub mod reduce;
+pub mod references;
 pub mod run;
 pub mod series;
 pub mod study;

@@ -113,7 +113,8 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Writes columns of equal length as CSV; a column of `None` leaves its cells empty.
+/// Writes columns of equal length as CSV; a column of `None`, or a value that is not a number,
+/// leaves its cells empty.
 ///
 /// # Errors
 ///

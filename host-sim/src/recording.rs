@@ -70,6 +70,17 @@ impl Recording {
         Ok(Self { path: path.into(), time_s: table.time_s, voltage_v, force_n, displacement_m })
     }
 
+    /// Reads a reference at `path`: displacement over time, no voltage needed.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn read_reference(path: &Path) -> Result<Self> {
+        let table = Table::read(path, [DISPLACEMENT], &[&[0]])?;
+        let [displacement_m] = table.columns;
+        Ok(Self { path: path.into(), time_s: table.time_s, voltage_v: None, force_n: None, displacement_m })
+    }
+
     /// Where the recording came from.
     pub fn path(&self) -> &Path {
         &self.path

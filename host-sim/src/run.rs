@@ -128,7 +128,7 @@ impl Drive {
 }
 
 /// Samples that full memory takes: each costs some 280 bytes.
-const MOST_IN_FULL: usize = 1 << 24;
+pub const MOST_IN_FULL: usize = 1 << 24;
 
 /// Runs `parameters` along `input`, resampled to `grid`; `progress` counts samples.
 ///

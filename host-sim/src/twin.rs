@@ -135,11 +135,36 @@ impl Film {
             .method(ExplicitRungeKutta::dop853().rtol(1e-9).atol(1e-12).max_steps(usize::MAX))
             .solve()
             .map_err(|e| Error::Computation(format!("the film runs away under this voltage (pull-in): {e:?}")))?;
-        let holds = |state: &FilmState| state[0] > 0.1 && state[0] < self.largest_stretch();
-        if solution.y.len() != times.len() || !solution.y.iter().all(holds) {
+        if solution.y.len() != times.len() || !solution.y.iter().all(|state| self.holds(state)) {
             return Err(Error::Computation("the film runs away under this voltage (pull-in); lower it".into()));
         }
         Ok(solution.y)
+    }
+
+    /// The state `duration_s` after `state` under a constant `voltage` (V), in `parts` steps of the classical Runge–Kutta
+    /// method: what a control loop takes from tick to tick.
+    #[must_use]
+    pub fn advanced(&self, state: &FilmState, voltage: f64, duration_s: f64, parts: usize) -> FilmState {
+        let step = duration_s / parts as f64;
+        let ahead = |state: &FilmState, slope: &FilmState, by: f64| -> FilmState {
+            std::array::from_fn(|i| state[i] + by * slope[i])
+        };
+        let mut state = *state;
+        for _ in 0..parts {
+            let a = self.derivative(voltage, &state);
+            let b = self.derivative(voltage, &ahead(&state, &a, 0.5 * step));
+            let c = self.derivative(voltage, &ahead(&state, &b, 0.5 * step));
+            let d = self.derivative(voltage, &ahead(&state, &c, step));
+            let slope = std::array::from_fn(|i| (a[i] + 2.0 * (b[i] + c[i]) + d[i]) / 6.0);
+            state = ahead(&state, &slope, step);
+        }
+        state
+    }
+
+    /// Whether the film still holds in `state`: neither torn nor pulled in.
+    #[must_use]
+    pub fn holds(&self, state: &FilmState) -> bool {
+        state[0] > 0.1 && state[0] < self.largest_stretch()
     }
 
     fn equilibrium_stress(&self, stretch: f64) -> f64 {

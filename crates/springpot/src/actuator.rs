@@ -164,6 +164,11 @@ impl<T: Real> VoltageDrive<T> {
         }
     }
 
+    /// The weight's share of the force, N.
+    pub(crate) fn preload(&self) -> T {
+        self.preload
+    }
+
     /// The largest voltage, V.
     #[must_use]
     pub fn max_voltage(&self) -> T {

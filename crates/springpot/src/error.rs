@@ -193,3 +193,68 @@ impl fmt::Display for ActuatorError {
 }
 
 impl core::error::Error for ActuatorError {}
+
+/// Why a law of control was refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum ControlError {
+    /// The actuator was refused at the largest voltage.
+    Actuator(ActuatorError),
+    /// A quantity that is not finite or not greater than nought; the name carries its unit.
+    NotPositive {
+        /// Name of the quantity.
+        quantity: &'static str,
+        /// The value.
+        value: f64,
+    },
+    /// A bandwidth that the sensor is too slow for: in the time from one sample to the next and until it arrives, the
+    /// correction would turn too far.
+    SensorTooSlow {
+        /// The bandwidth, Hz.
+        bandwidth_hz: f64,
+        /// The largest one for this sensor, Hz.
+        largest_hz: f64,
+    },
+    /// A sensor whose samples come later than the observer remembers its predictions.
+    SensorTooLate {
+        /// Delay in ticks.
+        ticks: usize,
+        /// Most ticks that are remembered.
+        most: usize,
+    },
+    /// A bandwidth at which the model no longer resists like a spring: inertia has taken over.
+    AboveResonance {
+        /// The bandwidth, Hz.
+        bandwidth_hz: f64,
+    },
+}
+
+impl From<ActuatorError> for ControlError {
+    fn from(error: ActuatorError) -> Self {
+        Self::Actuator(error)
+    }
+}
+
+impl fmt::Display for ControlError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Actuator(error) => write!(f, "{error}"),
+            Self::NotPositive { quantity, value } => {
+                write!(f, "{quantity} = {value} must be finite and greater than 0")
+            }
+            Self::SensorTooSlow { bandwidth_hz, largest_hz } => write!(
+                f,
+                "bandwidth {bandwidth_hz} Hz is too much for a sensor this slow; {largest_hz:.3} Hz at the most"
+            ),
+            Self::SensorTooLate { ticks, most } => {
+                write!(f, "sensor samples {ticks} ticks late; {most} at the most")
+            }
+            Self::AboveResonance { bandwidth_hz } => {
+                write!(f, "bandwidth {bandwidth_hz} Hz lies above the resonance of the model; lower it")
+            }
+        }
+    }
+}
+
+impl core::error::Error for ControlError {}

@@ -143,6 +143,15 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         self.force_of(state, state.increment_to(displacement))
     }
 
+    /// Force (N) that would change the film's increment by `change` (m) in the next step. The state stays as it is.
+    ///
+    /// The same as [`force_to`](Self::force_to) for who knows the path by its changes: no digits are lost in the
+    /// difference of two positions.
+    #[inline]
+    pub fn force_for(&self, state: &State<T, M::History>, change: T) -> T {
+        state.base + self.stiffness * change
+    }
+
     #[inline]
     fn force_of(&self, state: &State<T, M::History>, increment: T) -> T {
         state.base + self.stiffness * (increment - state.increment)

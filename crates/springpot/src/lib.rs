@@ -41,11 +41,14 @@
 //! - [`Law`] is the model at a step, [`State`] what a step changes. [`Compressed`] (the default) and [`Window`] are the two
 //!   ways to remember.
 //! - [`Actuator`] and [`VoltageDrive`] turn voltage into force and back (Eq. 1).
+//! - [`Feedforward`] makes a film follow a reference without a sensor, [`Observer`] estimates it from voltage and samples of
+//!   its displacement, [`Tracking`] is both. All step the one law, once a tick.
 //! - [`Preset`]: the published parameters.
 //!
 //! Everything that can be wrong is refused when a model, a law or a drive is built ([`ModelError`], [`LawError`],
-//! [`ActuatorError`]). A step cannot fail, panic or allocate, and takes the same number of operations every time. A step
-//! given a force or displacement that is not a number never recovers: check sensors before.
+//! [`ActuatorError`], [`ControlError`]). A step cannot fail, panic or allocate, and takes the same number of operations
+//! every time (an observer a few more when a sample arrives). A step given a force, displacement or voltage that is not a
+//! number never recovers: check before. References, sensor samples and monitor readings that are no numbers are passed over.
 //!
 //! # Units
 //!
@@ -68,17 +71,24 @@ mod compressed;
 mod contour;
 mod element;
 mod error;
+mod feedforward;
 mod law;
+mod limits;
 mod maxwell;
+mod observer;
 mod presets;
 mod quadrature;
+mod reference;
 mod response;
 mod scalar;
 mod series;
 mod settle;
 mod spectrum;
 mod sqrt;
+mod statistics;
+mod steering;
 mod tail;
+mod tracking;
 mod trig;
 mod window;
 
@@ -86,10 +96,16 @@ pub use actuator::{Actuator, EPSILON_0, GRAVITY, Preload, VoltageDrive};
 pub use coefficients::Coefficients;
 pub use compressed::{Compressed, CompressedHistory, Options};
 pub use element::Springpot;
-pub use error::{ActuatorError, Element, LawError, ModelError};
+pub use error::{ActuatorError, ControlError, Element, LawError, ModelError};
+pub use feedforward::{Feedforward, FeedforwardState};
 pub use law::{Law, Load, Memory, State};
+pub use limits::{CommandLimits, Limited};
 pub use maxwell::{MAX_BRANCHES, Maxwell, Topology};
+pub use observer::{Observer, ObserverOptions, ObserverState, Sample};
 pub use presets::Preset;
 pub use scalar::Scalar;
 pub use sqrt::Real;
+pub use statistics::Statistics;
+pub use steering::{Applied, Command};
+pub use tracking::{Tracking, TrackingState};
 pub use window::{Window, WindowHistory};

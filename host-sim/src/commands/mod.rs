@@ -1,13 +1,18 @@
 //! The command line: one file per command.
 
+mod closed_loop;
 mod compare;
+mod control;
 mod convert;
 mod export;
+mod feedforward;
 mod fit;
 mod frequency_response;
 mod link;
+mod observe;
 mod pil;
 mod reduce;
+mod reference;
 mod replay;
 mod simulate;
 mod study;
@@ -45,6 +50,14 @@ enum Command {
     Replay(replay::Arguments),
     /// Find the parameters of the model from recordings.
     Fit(Box<fit::Arguments>),
+    /// Compute the voltage that makes the film follow a reference, or check whether there is one.
+    Feedforward(feedforward::Arguments),
+    /// Run the observer over a recording: estimate, disturbance, innovation.
+    Observe(observe::Arguments),
+    /// Let a controller follow a reference on a nonlinear film.
+    ClosedLoop(Box<closed_loop::Arguments>),
+    /// Write a reference to follow: sine, triangle, steps or random walk.
+    Reference(reference::Arguments),
     /// Fit other models of creep to the same recordings, in one table.
     Compare(Box<compare::Arguments>),
     /// Repeat the paper's study on recordings: joint and single fits, both methods and topologies, tables and figures.
@@ -106,6 +119,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
         Command::Simulate(arguments) => simulate::run(&arguments, cli.json),
         Command::Replay(arguments) => replay::run(&arguments, cli.json),
         Command::Fit(arguments) => fit::run(&arguments, cli.json),
+        Command::Feedforward(arguments) => feedforward::run(&arguments, cli.json),
+        Command::Observe(arguments) => observe::run(&arguments, cli.json),
+        Command::ClosedLoop(arguments) => closed_loop::run(&arguments, cli.json),
+        Command::Reference(arguments) => reference::run(&arguments, cli.json),
         Command::Compare(arguments) => compare::run(&arguments, cli.json),
         Command::Study(arguments) => study::run(&arguments, cli.json),
         Command::Convert(arguments) => convert::run(&arguments, cli.json),

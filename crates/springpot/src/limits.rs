@@ -1,0 +1,140 @@
+//! What a command may not exceed, and what tells that it would have.
+
+use core::fmt;
+use core::ops::{BitOr, BitOrAssign};
+
+use crate::actuator::Actuator;
+use crate::error::ControlError;
+
+/// Limits of the path and of the voltage that a law commands. SI units; all must be finite and greater than 0.
+///
+/// These limits shape commands. A supervisor that protects people and film stands behind them, with limits of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CommandLimits {
+    /// Largest voltage, V.
+    pub max_voltage_v: f64,
+    /// Largest electric field in the film as it thins, V/m.
+    pub max_field_v_per_m: f64,
+    /// Largest change of voltage, V/s.
+    pub max_slew_v_per_s: f64,
+    /// Largest speed of the shaped reference, m/s.
+    pub max_velocity_m_per_s: f64,
+    /// Largest acceleration of the shaped reference, m/s².
+    pub max_acceleration_m_per_s2: f64,
+    /// How fast the film is led back to the reference after a limit was met: two poles at this frequency, Hz. Heavy films are
+    /// led back more slowly, as the largest force allows.
+    pub return_hz: f64,
+}
+
+impl CommandLimits {
+    /// Limits of the bench of Karner et al. 2022: 6 kV at the most and 50 kV/s; 50 mm/s and 0.5 m/s², which no reference
+    /// below 1 Hz comes near; back within some tenths of a second.
+    ///
+    /// The field is that of 6 kV on 160 µm with a tenth to spare for thinning.
+    pub const BENCH: Self = Self {
+        max_voltage_v: 6000.0,
+        max_field_v_per_m: 4.2e7,
+        max_slew_v_per_s: 50e3,
+        max_velocity_m_per_s: 0.05,
+        max_acceleration_m_per_s2: 0.5,
+        return_hz: 5.0,
+    };
+
+    pub(crate) fn check(&self) -> Result<(), ControlError> {
+        for (quantity, value) in [
+            ("max_voltage_v", self.max_voltage_v),
+            ("max_field_v_per_m", self.max_field_v_per_m),
+            ("max_slew_v_per_s", self.max_slew_v_per_s),
+            ("max_velocity_m_per_s", self.max_velocity_m_per_s),
+            ("max_acceleration_m_per_s2", self.max_acceleration_m_per_s2),
+            ("return_hz", self.return_hz),
+        ] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(ControlError::NotPositive { quantity, value });
+            }
+        }
+        Ok(())
+    }
+
+    /// The voltage that makes the largest field in the film at x = 0, V.
+    pub(crate) fn field_voltage(&self, actuator: &Actuator) -> f64 {
+        self.max_field_v_per_m * actuator.thickness_m
+    }
+}
+
+/// The limits that a command met: a set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Limited(u8);
+
+impl Limited {
+    /// None: the command does what the reference asks for.
+    pub const NONE: Self = Self(0);
+    /// A force below what 0 V gives: voltage can only lengthen the film.
+    pub const BELOW_ZERO: Self = Self(1);
+    /// The largest voltage.
+    pub const MAX_VOLTAGE: Self = Self(1 << 1);
+    /// The largest field.
+    pub const FIELD: Self = Self(1 << 2);
+    /// The largest change of voltage in a tick.
+    pub const SLEW: Self = Self(1 << 3);
+    /// The largest speed of the shaped reference.
+    pub const VELOCITY: Self = Self(1 << 4);
+    /// The largest acceleration of the shaped reference.
+    pub const ACCELERATION: Self = Self(1 << 5);
+
+    /// All limits with their names.
+    pub const ALL: [(Self, &'static str); 6] = [
+        (Self::BELOW_ZERO, "below-zero"),
+        (Self::MAX_VOLTAGE, "max-voltage"),
+        (Self::FIELD, "field"),
+        (Self::SLEW, "slew"),
+        (Self::VELOCITY, "velocity"),
+        (Self::ACCELERATION, "acceleration"),
+    ];
+
+    /// Whether all limits of `others` were met.
+    #[must_use]
+    pub const fn contains(self, others: Self) -> bool {
+        self.0 & others.0 == others.0
+    }
+
+    /// Whether no limit was met.
+    #[must_use]
+    pub const fn is_none(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The set as bits: below zero 1, largest voltage 2, field 4, slew 8, velocity 16, acceleration 32.
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+}
+
+impl BitOr for Limited {
+    type Output = Self;
+
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
+impl BitOrAssign for Limited {
+    fn bitor_assign(&mut self, other: Self) {
+        self.0 |= other.0;
+    }
+}
+
+impl fmt::Display for Limited {
+    /// The names with `+` between them, or `none`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_none() {
+            return f.write_str("none");
+        }
+        let mut names = Self::ALL.iter().filter(|(limit, _)| self.contains(*limit)).map(|(_, name)| *name);
+        f.write_str(names.next().unwrap_or_default())?;
+        names.try_for_each(|name| write!(f, "+{name}"))
+    }
+}

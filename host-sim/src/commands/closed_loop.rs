@@ -1,0 +1,233 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+use springpot::ObserverOptions;
+
+use super::control::{LimitOptions, at_most, positive};
+use crate::closed_loop::{self, Bench, Run, Tracked};
+use crate::controller::{self, Controller, Kind, Settings};
+use crate::error::{Error, Result, shown};
+use crate::output::{self, Folders};
+use crate::parameters::Parameters;
+use crate::plot::{self, Line, Panel};
+use crate::references;
+use crate::run::Precision;
+use crate::series::Grid;
+use crate::terminal;
+use crate::twin::{Film, Plant};
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Which film.
+    #[arg(long, value_enum)]
+    plant: Plant,
+    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
+    #[arg(long, value_name = "P")]
+    params: String,
+    /// Reference to follow: time_s, displacement_m.
+    #[arg(long, value_name = "REF.csv")]
+    reference: PathBuf,
+    /// Which controller.
+    #[arg(long, value_enum)]
+    controller: Kind,
+    /// Where the run goes: time_s, voltage_v, displacement_m, reference_m, limited, estimate_m, disturbance_n, force_scale.
+    #[arg(long, value_name = "CSV")]
+    out: Option<PathBuf>,
+    /// Figure of the run, SVG or PNG by its ending.
+    #[arg(long, value_name = "FIGURE")]
+    plot: Option<PathBuf>,
+    /// Steps per second.
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    rate: f64,
+    /// Arithmetic of the controller.
+    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    precision: Precision,
+    /// Seed of the sensors' noise.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// The one bandwidth of tracking (0.6 if left out), or of pi (0.8).
+    #[arg(long, value_name = "HZ")]
+    bandwidth: Option<f64>,
+    /// Time over which a disturbance that swings with the load becomes a change of the force scale; 0 for never.
+    #[arg(long, value_name = "S", default_value_t = 30.0)]
+    adaptation: f64,
+    /// Stiffness of the film in units of the one that was recorded.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    stiffness: f64,
+    #[command(flatten)]
+    limits: LimitOptions,
+    #[command(flatten)]
+    sensor: SensorOptions,
+}
+
+#[derive(Clone, Debug, Args)]
+struct SensorOptions {
+    /// RMS noise of the displacement sensor.
+    #[arg(long, value_name = "M", default_value_t = Bench::default().sensor_noise_m)]
+    sensor_noise: f64,
+    /// Samples of the displacement sensor per second.
+    #[arg(long, value_name = "HZ", default_value_t = Bench::default().sensor_rate_hz)]
+    sensor_rate: f64,
+    /// Time until a sample arrives.
+    #[arg(long, value_name = "S", default_value_t = Bench::default().sensor_delay_s)]
+    sensor_delay: f64,
+    /// Steps in which the sensor reads; 0 for none.
+    #[arg(long, value_name = "M", default_value_t = Bench::default().sensor_quantum_m)]
+    sensor_quantum: f64,
+    /// Times from which and to which the sensor is lost, such as 60:90; may be given more than once.
+    #[arg(long, value_name = "FROM:TO", value_parser = interval)]
+    sensor_lost: Vec<(f64, f64)>,
+    /// Time constant of the amplifier; 0 for none.
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    amplifier_lag: f64,
+    /// Let the controller see a voltage monitor that reads too much by this share (with 3 V of noise), not its command.
+    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
+    monitor_error: Option<f64>,
+}
+
+fn interval(text: &str) -> std::result::Result<(f64, f64), String> {
+    text.split_once(':')
+        .and_then(|(from, to)| Some((from.parse::<f64>().ok()?, to.parse::<f64>().ok()?)))
+        .filter(|(from, to)| from.is_finite() && to.is_finite() && from < to)
+        .ok_or_else(|| "use FROM:TO in seconds, FROM before TO".into())
+}
+
+impl SensorOptions {
+    fn bench(&self, seed: u64) -> Result<Bench> {
+        at_most("--sensor-noise", self.sensor_noise, 1.0)?;
+        at_most("--sensor-quantum", self.sensor_quantum, 1.0)?;
+        at_most("--sensor-delay", self.sensor_delay, 10.0)?;
+        at_most("--amplifier-lag", self.amplifier_lag, 10.0)?;
+        at_most("--monitor-error", self.monitor_error.unwrap_or(0.0).abs(), 0.5)?;
+        positive("--sensor-rate", self.sensor_rate)?;
+        Ok(Bench {
+            sensor_noise_m: self.sensor_noise,
+            sensor_rate_hz: self.sensor_rate,
+            sensor_delay_s: self.sensor_delay,
+            sensor_quantum_m: self.sensor_quantum,
+            sensor_lost_s: self.sensor_lost.clone(),
+            amplifier_lag_s: self.amplifier_lag,
+            monitor_error: self.monitor_error,
+            seed,
+        })
+    }
+}
+
+#[derive(Serialize)]
+struct Report {
+    controller: &'static str,
+    samples: usize,
+    #[serde(flatten)]
+    tracked: Tracked,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    out: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    plot: Option<String>,
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    let bench = arguments.sensor.bench(arguments.seed)?;
+    let limits = arguments.limits.limits()?;
+    if !(0.2..=5.0).contains(&arguments.stiffness) {
+        return Err(Error::option("--stiffness", format!("{:?} must be from 0.2 to 5", arguments.stiffness)));
+    }
+    at_most("--adaptation", arguments.adaptation, 1e9)?;
+    let bandwidth_hz =
+        arguments.bandwidth.unwrap_or(if arguments.controller == Kind::Pi { controller::PI_HZ } else { 0.6 });
+    positive("--bandwidth", bandwidth_hz)?;
+    let parameters = Parameters::load(&arguments.params)?;
+    let (reference, grid) = references::read(&arguments.reference, arguments.rate)?;
+    for path in [&arguments.out, &arguments.plot].into_iter().flatten() {
+        output::check(path, &[&arguments.reference, arguments.params.as_ref()], Folders::Exist)?;
+    }
+    let interval_s = (1.0 / bench.sensor_rate_hz).max(grid.step_s());
+    let observer = ObserverOptions {
+        bandwidth_hz,
+        sample_interval_s: interval_s,
+        delay_s: bench.sensor_delay_s,
+        lost_after_s: 5.0 * interval_s,
+        adaptation_s: arguments.adaptation,
+    };
+    let peak_m = reference.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let settings = Settings { rate_hz: grid.rate_hz, limits, observer, peak_m };
+    let about = |error: Error| error.about(&arguments.params, &arguments.reference);
+    let mut controller: Box<dyn Controller + Send> = match arguments.precision {
+        Precision::F32 => controller::build::<f32>(arguments.controller, &parameters, &settings),
+        Precision::F64 => controller::build::<f64>(arguments.controller, &parameters, &settings),
+    }
+    .map_err(about)?;
+
+    let film = Film::new(arguments.plant).stiffened(arguments.stiffness);
+    let bar = terminal::progress(grid.samples as u64, "closed loop");
+    let run = closed_loop::run(&film, &bench, controller.as_mut(), &reference, grid, &bar).map_err(about)?;
+    bar.finish_and_clear();
+    if let Some(path) = &arguments.out {
+        write(path, &run, grid)?;
+    }
+    if let Some(path) = &arguments.plot {
+        plot::write(path, &panels(&run, grid, arguments.controller))?;
+    }
+    let tracked = run.tracked();
+    let report = Report {
+        controller: arguments.controller.name(),
+        samples: grid.samples,
+        tracked,
+        out: arguments.out.as_deref().map(shown),
+        plot: arguments.plot.as_deref().map(shown),
+    };
+    terminal::report(json, &report, || {
+        let drift = tracked.drift_pct.map(|drift| format!(", drift {drift:.3} %")).unwrap_or_default();
+        format!(
+            "{}: tracking error {:.4} % RMS{drift}, infeasible {:.2} % of the time, largest error {:.2} µm, largest voltage \
+             {:.0} V",
+            report.controller,
+            tracked.tracking_rms_pct,
+            tracked.infeasible_pct,
+            1e6 * tracked.largest_error_m,
+            tracked.largest_voltage_v
+        )
+    })
+}
+
+fn write(path: &std::path::Path, run: &Run, grid: Grid) -> Result<()> {
+    let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
+    let limited: Vec<f64> = run.limited.iter().map(|limited| f64::from(limited.bits())).collect();
+    fn known(values: &[f64]) -> Option<&[f64]> {
+        values.iter().any(|value| !value.is_nan()).then_some(values)
+    }
+    output::write_columns(
+        path,
+        &[],
+        &[
+            ("time_s", Some(time.as_slice())),
+            ("voltage_v", Some(&run.voltage_v)),
+            ("displacement_m", Some(&run.displacement_m)),
+            ("reference_m", Some(&run.reference_m)),
+            ("limited", Some(&limited)),
+            ("estimate_m", known(&run.estimate_m)),
+            ("disturbance_n", known(&run.disturbance_n)),
+            ("force_scale", known(&run.force_scale)),
+        ],
+    )
+}
+
+fn panels(run: &Run, grid: Grid, kind: Kind) -> Vec<Panel> {
+    let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
+    let scaled = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|value| by * value).collect() };
+    vec![
+        Panel::new(format!("Reference and film: {}", kind.name()), "time (s)", "displacement (mm)")
+            .with(Line::new("reference", &time, &scaled(&run.reference_m, 1e3)).wide(3.0))
+            .with(Line::new("film", &time, &scaled(&run.displacement_m, 1e3))),
+        Panel::new("Error", "time (s)", "error (µm)").with(Line::new(
+            "film − reference",
+            &time,
+            &scaled(&run.error_m(), 1e6),
+        )),
+        Panel::new("Voltage", "time (s)", "voltage (kV)").with(Line::new(
+            "command",
+            &time,
+            &scaled(&run.voltage_v, 1e-3),
+        )),
+    ]
+}

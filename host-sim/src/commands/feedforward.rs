@@ -1,0 +1,143 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+use springpot::Limited;
+
+use super::ModelOptions;
+use super::control::LimitOptions;
+use crate::error::{Error, Result, shown};
+use crate::feedforward::{self, Feasibility};
+use crate::output::{self, Folders};
+use crate::parameters::Parameters;
+use crate::references;
+use crate::terminal;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    model: ModelOptions,
+    #[command(flatten)]
+    limits: LimitOptions,
+    /// Reference to follow: time_s, displacement_m.
+    #[arg(long, value_name = "REF.csv")]
+    reference: PathBuf,
+    /// Where the voltage goes: time_s, voltage_v, displacement_m, limited, reference_m.
+    #[arg(long, value_name = "V.csv", required_unless_present = "check")]
+    out: Option<PathBuf>,
+    /// Tell whether the reference can be followed, and what offset would make it so, before any voltage is applied.
+    #[arg(long)]
+    check: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    out: Option<String>,
+    samples: usize,
+    rate_hz: f64,
+    /// Share of samples at which a limit was met, %, by limit.
+    limited_pct: Option<f64>,
+    limits_met: Option<Vec<Met>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    largest_voltage_v: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    check: Option<Feasibility>,
+}
+
+#[derive(Serialize)]
+struct Met {
+    limit: &'static str,
+    pct: f64,
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    let options = arguments.model.run_options();
+    let limits = arguments.limits.limits()?;
+    let parameters = Parameters::load(&arguments.model.params)?;
+    let (reference, grid) = references::read(&arguments.reference, options.rate_hz)?;
+    let about = |error: Error| error.about(&arguments.model.params, &arguments.reference);
+    let check = arguments.check.then(|| feedforward::check(&parameters, &reference, grid, &limits)).transpose();
+    let mut report = Report {
+        out: arguments.out.as_deref().map(shown),
+        samples: grid.samples,
+        rate_hz: grid.rate_hz,
+        limited_pct: None,
+        limits_met: None,
+        largest_voltage_v: None,
+        check: check.map_err(about)?,
+    };
+    if let Some(out) = &arguments.out {
+        output::check(out, &[&arguments.reference, arguments.model.params.as_ref()], Folders::Exist)?;
+        let bar = terminal::progress(grid.samples as u64, "feedforward");
+        let commands = feedforward::along(&parameters, &reference, grid, &options, limits, &bar).map_err(about)?;
+        bar.finish_and_clear();
+        let share = |limit: &dyn Fn(&Limited) -> bool| {
+            100.0 * commands.limited.iter().filter(|limited| limit(limited)).count() as f64 / grid.samples as f64
+        };
+        report.limited_pct = Some(share(&|limited| !limited.is_none()));
+        let met = Limited::ALL.iter().map(|(limit, name)| Met { limit: name, pct: share(&|l| l.contains(*limit)) });
+        report.limits_met = Some(met.filter(|met| met.pct > 0.0).collect());
+        report.largest_voltage_v = Some(commands.voltage_v.iter().copied().fold(0.0, f64::max));
+        let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
+        let limited: Vec<f64> = commands.limited.iter().map(|limited| f64::from(limited.bits())).collect();
+        output::write_columns(
+            out,
+            &[],
+            &[
+                ("time_s", Some(time.as_slice())),
+                ("voltage_v", Some(&commands.voltage_v)),
+                ("displacement_m", Some(&commands.displacement_m)),
+                ("limited", Some(&limited)),
+                ("reference_m", Some(&commands.reference_m)),
+            ],
+        )?;
+    }
+    terminal::report(json, &report, || text(&report))
+}
+
+fn text(report: &Report) -> String {
+    let mut lines = Vec::new();
+    if let Some(check) = &report.check {
+        lines.extend(verdict(check));
+    }
+    if let (Some(out), Some(largest), Some(met)) = (&report.out, report.largest_voltage_v, &report.limits_met) {
+        let met = if met.is_empty() {
+            "no limit met".to_owned()
+        } else {
+            let each: Vec<String> = met.iter().map(|met| format!("{} {:.2} %", met.limit, met.pct)).collect();
+            format!("limits met: {} of the time", each.join(", "))
+        };
+        lines.push(format!("{out}: {} samples, largest voltage {largest:.0} V, {met}", report.samples));
+    }
+    lines.join("\n")
+}
+
+fn verdict(check: &Feasibility) -> Vec<String> {
+    let mm = 1e3;
+    let band = |offset: f64| format!("{:.3} … {:.3} mm", mm * (check.low_m + offset), mm * (check.high_m + offset));
+    let mut lines = vec![format!(
+        "{}: {} from 2 s on, largest voltage {:.0} V, lowest force {:.3} N",
+        if check.feasible { "feasible" } else { "not feasible" },
+        band(0.0),
+        check.largest_voltage_v,
+        check.lowest_force_n
+    )];
+    if let Some(first) = check.first_s {
+        lines.push(format!(
+            "below 0 V {:.2} % of the time, above the largest voltage {:.2} %, first at {first:.3} s",
+            check.below_zero_pct, check.above_largest_pct
+        ));
+    }
+    lines.push(match (check.least_offset_m, check.most_offset_m) {
+        (Some(least), Some(most)) => format!(
+            "feasible with an offset of {:.3} to {:.3} mm: {} to {}",
+            mm * least,
+            mm * most,
+            band(least),
+            band(most)
+        ),
+        _ => "no offset makes it feasible: it needs a smaller stroke or a slower way back".into(),
+    });
+    lines
+}

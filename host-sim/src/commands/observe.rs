@@ -1,0 +1,110 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+use springpot::ObserverOptions;
+
+use super::control::{at_most, positive};
+use crate::error::{Error, Result, shown};
+use crate::observation::{self, Observed};
+use crate::output::{self, Folders};
+use crate::parameters::Parameters;
+use crate::recording::{Input, Recording};
+use crate::run::Precision;
+use crate::terminal;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
+    #[arg(long, value_name = "P")]
+    params: String,
+    /// Recording of voltage and, where there is any, displacement.
+    #[arg(value_name = "REC.csv")]
+    recording: PathBuf,
+    /// Where the estimates go: time_s, voltage_v, displacement_m, sample_m, disturbance_n, force_scale, innovation_m,
+    /// innovation_mean_m, innovation_std_m.
+    #[arg(long, value_name = "OUT.csv")]
+    out: PathBuf,
+    /// Up to here the estimate follows the sensor, beyond it the model.
+    #[arg(long, value_name = "HZ", default_value_t = 0.6)]
+    bandwidth: f64,
+    /// Time over which a disturbance that swings with the load becomes a change of the force scale; 0 for never.
+    #[arg(long, value_name = "S", default_value_t = 30.0)]
+    adaptation: f64,
+    /// Steps per second.
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    rate: f64,
+    /// Arithmetic of a step.
+    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    precision: Precision,
+}
+
+#[derive(Serialize)]
+struct Report {
+    out: String,
+    rate_hz: f64,
+    #[serde(flatten)]
+    observed: Observed,
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    positive("--bandwidth", arguments.bandwidth)?;
+    at_most("--adaptation", arguments.adaptation, 1e9)?;
+    let parameters = Parameters::load(&arguments.params)?;
+    let recording = Recording::read(&arguments.recording)?;
+    output::check(&arguments.out, &[&arguments.recording, arguments.params.as_ref()], Folders::Exist)?;
+    let grid = recording.grid(arguments.rate)?;
+    let Input::Voltage(voltage) = recording.drive()? else {
+        return Err(Error::file(
+            &arguments.recording,
+            "no column voltage_v or voltage_kv; the observer needs the voltage",
+        ));
+    };
+    let measured = recording.displacement()?;
+    if measured.time_s.len() < 2 {
+        return Err(Error::file(&arguments.recording, "one measured displacement; the observer needs at least 2"));
+    }
+    let mut intervals: Vec<f64> = measured.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    intervals.sort_by(f64::total_cmp);
+    let interval_s = intervals[intervals.len() / 2].max(grid.step_s());
+    let options = ObserverOptions {
+        sample_interval_s: interval_s,
+        delay_s: 0.0,
+        lost_after_s: 5.0 * interval_s,
+        adaptation_s: arguments.adaptation,
+        ..ObserverOptions::at_bandwidth(arguments.bandwidth)
+    };
+    let bar = terminal::progress(grid.samples as u64, "observe");
+    let volts = grid.resample(&voltage);
+    let estimates = observation::observe(&parameters, &volts, &measured, grid, options, arguments.precision, &bar)
+        .map_err(|e| e.about(&arguments.params, recording.path()))?;
+    bar.finish_and_clear();
+    let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
+    output::write_columns(
+        &arguments.out,
+        &[],
+        &[
+            ("time_s", Some(time.as_slice())),
+            ("voltage_v", Some(&volts)),
+            ("displacement_m", Some(&estimates.displacement_m)),
+            ("sample_m", Some(&estimates.sample_m)),
+            ("disturbance_n", Some(&estimates.disturbance_n)),
+            ("force_scale", Some(&estimates.force_scale)),
+            ("innovation_m", Some(&estimates.innovation_m)),
+            ("innovation_mean_m", Some(&estimates.innovation_mean_m)),
+            ("innovation_std_m", Some(&estimates.innovation_std_m)),
+        ],
+    )?;
+    let observed = estimates.observed();
+    let report = Report { out: shown(&arguments.out), rate_hz: grid.rate_hz, observed };
+    terminal::report(json, &report, || {
+        format!(
+            "{}: {} sensor samples, innovation {:.2} µm RMS, at the end disturbance {:.3} N and force scale {:.4}",
+            report.out,
+            observed.samples,
+            1e6 * observed.innovation_rms_m,
+            observed.disturbance_n,
+            observed.force_scale
+        )
+    })
+}

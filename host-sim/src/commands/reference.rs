@@ -1,0 +1,76 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
+
+use super::control::positive;
+use crate::error::{Error, Result, shown};
+use crate::output::{self, Folders};
+use crate::references::{Reference, Shape};
+use crate::series::Grid;
+use crate::terminal;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// What the reference looks like.
+    #[arg(long, value_enum)]
+    shape: Shape,
+    /// Lowest displacement after the rise from 0.
+    #[arg(long, value_name = "M")]
+    low: f64,
+    /// Highest displacement.
+    #[arg(long, value_name = "M")]
+    high: f64,
+    /// Length of a period; of a plateau with its edge (steps); or the period beyond which a random walk hardly moves.
+    #[arg(long, value_name = "S")]
+    period: f64,
+    /// Length of the rise at the start and of edges, with the least jerk.
+    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    rise: f64,
+    /// Length of the reference.
+    #[arg(long, value_name = "S", default_value_t = 155.0)]
+    duration: f64,
+    /// Samples per second.
+    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    rate: f64,
+    /// Seed of a random walk.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Where the reference goes: time_s, displacement_m.
+    #[arg(long, value_name = "REF.csv")]
+    out: PathBuf,
+}
+
+#[derive(Serialize)]
+struct Report {
+    out: String,
+    samples: usize,
+}
+
+/// A reference has no more samples.
+const MOST_SAMPLES: usize = 20_000_000;
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    positive("--duration", arguments.duration)?;
+    positive("--rate", arguments.rate)?;
+    let grid = Grid::covering(arguments.duration, arguments.rate)?;
+    if !(2..=MOST_SAMPLES).contains(&grid.samples) {
+        let cause = format!("{} samples at this rate; from 2 to {MOST_SAMPLES} are possible", grid.samples);
+        return Err(Error::option("--duration", cause));
+    }
+    let reference = Reference {
+        rise_s: arguments.rise,
+        seed: arguments.seed,
+        ..Reference::new(arguments.shape, arguments.low, arguments.high, arguments.period)
+    };
+    let values = reference.on(grid)?;
+    output::check(&arguments.out, &[], Folders::Exist)?;
+    let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
+    output::write_columns(
+        &arguments.out,
+        &[],
+        &[("time_s", Some(time.as_slice())), ("displacement_m", Some(values.as_slice()))],
+    )?;
+    let report = Report { out: shown(&arguments.out), samples: grid.samples };
+    terminal::report(json, &report, || format!("{}: {} samples", report.out, report.samples))
+}

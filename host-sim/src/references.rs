@@ -1,0 +1,214 @@
+//! References to follow: sines, triangles, steps and a random walk, with gentle starts and edges.
+
+use std::f64::consts::TAU;
+use std::path::Path;
+
+use clap::ValueEnum;
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64;
+
+use crate::error::{Error, Result};
+use crate::recording::Recording;
+use crate::series::Grid;
+
+/// The reference in the file at `path`, from its `displacement_m` (or `_mm`, `_um`), on its grid at `rate_hz`.
+///
+/// # Errors
+///
+/// [`Error`] naming the file and line of the first thing that cannot be used.
+pub fn read(path: &Path, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
+    let recording = Recording::read_reference(path)?;
+    let grid = recording.grid(rate_hz)?;
+    if grid.samples < 2 {
+        return Err(Error::file(path, format!("shorter than a step at {rate_hz} Hz; raise --rate")));
+    }
+    let values = grid.resample(recording.displacement_drive()?.samples());
+    if values.iter().any(|x| x.abs() > 1.0) {
+        return Err(Error::file(path, "a displacement of more than 1 m; check the unit in the column's name"));
+    }
+    Ok((values, grid))
+}
+
+/// What a reference looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Shape {
+    /// Sine from its trough.
+    Sine,
+    /// Triangle from its trough, corners rounded.
+    Triangle,
+    /// Plateaus of equal length at low, high, middle, low, …
+    Steps,
+    /// Band-limited random walk.
+    RandomWalk,
+}
+
+/// A reference between two displacements, which begins with a rise from 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reference {
+    /// What it looks like.
+    pub shape: Shape,
+    /// Lowest displacement after the rise, m.
+    pub low_m: f64,
+    /// Highest displacement, m.
+    pub high_m: f64,
+    /// Length of a period, of a plateau with its edge, or the shortest period in a random walk, s.
+    pub period_s: f64,
+    /// Length of the rise and of edges, s. Minimum jerk: finite acceleration throughout.
+    pub rise_s: f64,
+    /// Seed of a random walk.
+    pub seed: u64,
+}
+
+impl Reference {
+    /// A reference with a rise of 5 s.
+    pub fn new(shape: Shape, low_m: f64, high_m: f64, period_s: f64) -> Self {
+        Self { shape, low_m, high_m, period_s, rise_s: 5.0, seed: 1 }
+    }
+
+    /// The same with another seed.
+    #[must_use]
+    pub fn with_seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// Its values on `grid`, m.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] for sizes and times that make no sense.
+    pub fn on(&self, grid: Grid) -> Result<Vec<f64>> {
+        let Self { low_m, high_m, period_s, rise_s, .. } = *self;
+        if !(low_m.is_finite() && high_m.is_finite() && low_m < high_m && low_m.abs().max(high_m.abs()) < 1.0) {
+            return Err(Error::option("--low", format!("{low_m:?} must lie below --high {high_m:?}, both within 1 m")));
+        }
+        for (option, value) in [("--period", period_s), ("--rise", rise_s)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(Error::option(option, format!("{value:?} must be finite and greater than 0")));
+            }
+        }
+        let span = high_m - low_m;
+        if self.shape == Shape::RandomWalk {
+            return Ok(self.random_walk(grid));
+        }
+        let after = |t: f64| match self.shape {
+            Shape::Sine => 0.5 * (1.0 - (TAU * t / period_s).cos()),
+            Shape::Triangle => rounded_triangle(t / period_s),
+            _ => self.plateaus(t),
+        };
+        Ok((0..grid.samples)
+            .map(|k| {
+                let t = grid.time_s(k);
+                if t < rise_s { low_m * minimum_jerk(t / rise_s) } else { low_m + span * after(t - rise_s) }
+            })
+            .collect())
+    }
+
+    /// Plateaus, 0 to 1.
+    fn plateaus(&self, t: f64) -> f64 {
+        const LEVELS: [f64; 4] = [0.0, 1.0, 0.5, 0.75];
+        let number = (t / self.period_s) as usize;
+        let level = |n: usize| LEVELS[n % LEVELS.len()];
+        let into = t - number as f64 * self.period_s;
+        let before = if number == 0 { level(0) } else { level(number - 1) };
+        before + (level(number) - before) * minimum_jerk(into / self.rise_s)
+    }
+
+    /// Noise through four low-passes, scaled into the range.
+    fn random_walk(&self, grid: Grid) -> Vec<f64> {
+        let mut random = Pcg64::seed_from_u64(self.seed);
+        let unit = Normal::new(0.0, 1.0).unwrap_or_else(|_| unreachable!("unit normal"));
+        let share = -(-TAU * grid.step_s() / self.period_s).exp_m1();
+        let mut stages = [0.0; 4];
+        let settle = (20.0 * self.period_s * grid.rate_hz) as usize;
+        let mut walk = Vec::with_capacity(grid.samples);
+        for k in 0..settle + grid.samples {
+            let mut input: f64 = unit.sample(&mut random);
+            for stage in &mut stages {
+                *stage += share * (input - *stage);
+                input = *stage;
+            }
+            if k >= settle {
+                walk.push(input);
+            }
+        }
+        let (low, high) = walk.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
+        let rise = self.rise_s;
+        let scaled = walk.iter().map(|x| self.low_m + (self.high_m - self.low_m) * (x - low) / (high - low));
+        scaled.enumerate().map(|(k, x)| x * minimum_jerk(grid.time_s(k) / rise)).collect()
+    }
+}
+
+/// From 0 to 1 while `share` goes from 0 to 1, with the least jerk.
+pub fn minimum_jerk(share: f64) -> f64 {
+    let s = share.clamp(0.0, 1.0);
+    s * s * s * (10.0 + s * (6.0 * s - 15.0))
+}
+
+/// A triangle of period 1 from 0 to 1 whose corners are parabolas over a tenth of the period.
+fn rounded_triangle(turns: f64) -> f64 {
+    const ROUND: f64 = 0.05;
+    let phase = turns - turns.floor();
+    let half = if phase <= 0.5 { phase } else { 1.0 - phase };
+    let from_corner = half.min(0.5 - half);
+    let rounded = if from_corner < ROUND { 0.5 * (from_corner * from_corner / ROUND + ROUND) } else { from_corner };
+    let value = if half <= 0.25 { rounded } else { 0.5 - rounded };
+    (value - 0.5 * ROUND) / (0.5 - ROUND)
+}
+
+/// The part of a series that repeats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Periods {
+    /// Sample at which the first period begins.
+    pub start: usize,
+    /// Samples of a period.
+    pub length: usize,
+    /// Full periods.
+    pub count: usize,
+}
+
+impl Periods {
+    /// Finds the shortest period of `series` that holds for its last half, and how far back it holds; two periods at the
+    /// least.
+    pub fn of(series: &[f64]) -> Option<Self> {
+        let (low, high) = series.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
+        let tolerance = 1e-3 * (high - low);
+        if series.len() < 8 || tolerance <= 0.0 {
+            return None;
+        }
+        let middle = series.len() / 2;
+        // Far coarser than any period that is to be found.
+        let stride = (series.len() / 2000).max(1);
+        let differs = |lag: usize, from: usize, stride: usize| {
+            (from..series.len()).step_by(stride).any(|k| (series[k] - series[k - lag]).abs() > tolerance)
+        };
+        let mut away = false;
+        for lag in 1..=middle {
+            let gone = differs(lag, middle, stride);
+            // A slow series resembles itself at short lags: it must have gone away before it comes back.
+            away |=
+                (middle..series.len()).step_by(stride).any(|k| (series[k] - series[k - lag]).abs() > 100.0 * tolerance);
+            if !away || gone || differs(lag, middle, 1) {
+                continue;
+            }
+            // Best among the neighbours that hold.
+            let distance = |lag: usize| -> f64 {
+                (middle..series.len()).step_by(stride).map(|k| (series[k] - series[k - lag]).powi(2)).sum()
+            };
+            let length =
+                (lag..=(lag + lag / 50 + 1).min(middle)).min_by(|a, b| distance(*a).total_cmp(&distance(*b)))?;
+            let first = (length..series.len()).rev().find(|&k| (series[k] - series[k - length]).abs() > tolerance);
+            let start = first.map_or(0, |k| k + 1 - length);
+            let count = (series.len() - start) / length;
+            return (count >= 2).then_some(Self { start, length, count });
+        }
+        None
+    }
+
+    /// Mean of the last full period of `series` minus that of the first.
+    pub fn drift(&self, series: &[f64]) -> f64 {
+        let mean = |from: usize| series[from..from + self.length].iter().sum::<f64>() / self.length as f64;
+        mean(self.start + (self.count - 1) * self.length) - mean(self.start)
+    }
+}

@@ -1,0 +1,282 @@
+//! Observer and tracking on films that the model knows and does not know: a heavier load, a stiffer film, a sensor that is
+//! slow, late, noisy, lost.
+
+use std::f64::consts::TAU;
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use springpot::{
+    Actuator, Applied, CommandLimits, Compressed, ControlError, Feedforward, FeedforwardState, Law, Load, Maxwell,
+    Memory, Observer, ObserverOptions, ObserverState, Options, Sample, Springpot, State, Topology, Tracking,
+    TrackingState, VoltageDrive,
+};
+
+type Estimate = ObserverState<f32, <Compressed<f32> as Memory<f32>>::History>;
+type Film = State<f64, <Compressed<f64> as Memory<f64>>::History>;
+
+fn model(factor: f64) -> Maxwell {
+    let sp = |c: f64, alpha| Springpot::new(factor * c, alpha);
+    let branches = [[sp(1.1e4, 0.0), sp(9e3, 1.0)], [sp(7e3, 0.02), sp(7e4, 0.95)]];
+    Maxwell::new(sp(2.4e4, 0.03), &branches, Topology::Parallel, 0.316).expect("valid")
+}
+
+/// The film itself: the model in f64, stiffer by a factor and under a force that nobody told of.
+struct Plant {
+    law: Law<f64>,
+    drive: VoltageDrive<f64>,
+    film: Film,
+}
+
+impl Plant {
+    fn new(factor: f64) -> Self {
+        let law = Law::compressed(&model(factor), Options::at_step(1e-3)).expect("a law");
+        let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.stiffness()).expect("valid");
+        Self { film: law.state(), law, drive }
+    }
+
+    fn step(&mut self, voltage: f64, disturbance: f64) -> f64 {
+        let load = self.drive.load(voltage);
+        self.law.displacement_under(&mut self.film, Load { force: load.force + disturbance, ..load })
+    }
+}
+
+fn observer(options: ObserverOptions) -> Observer<f32> {
+    let law = Law::compressed(&model(1.0), Options::at_step(1e-3)).expect("a law");
+    Observer::new(law, &Actuator::KARNER_2022, 6000.0, options).expect("valid")
+}
+
+fn volts(k: usize) -> f64 {
+    1500.0 * (1.0 - (TAU * 0.1e-3 * k as f64).cos()) + 1500.0
+}
+
+/// The sensor: every `interval` ticks, `delay` ticks late.
+struct Sensor {
+    interval: usize,
+    delay: usize,
+    past: Vec<f64>,
+}
+
+impl Sensor {
+    fn read(&mut self, x: f64) -> Option<Sample<f32>> {
+        self.past.push(x);
+        let k = self.past.len() - 1;
+        let taken = k.checked_sub(self.delay)?;
+        let due = taken % self.interval == 0;
+        due.then(|| Sample { displacement: self.past[taken] as f32, age_ticks: self.delay })
+    }
+}
+
+/// Errors of the estimate (m) and the states after every second, over 30 s.
+fn run(
+    observer: &Observer<f32>,
+    plant: &mut Plant,
+    sensor: &mut Sensor,
+    disturbance: impl Fn(usize) -> f64,
+) -> (Vec<f64>, Vec<Estimate>) {
+    let mut state = observer.state(observer.law().state());
+    let (mut errors, mut states) = (Vec::new(), Vec::new());
+    for k in 0..30_000 {
+        let x = plant.step(volts(k), disturbance(k));
+        let sample = sensor.read(x);
+        let estimate = observer.observe(&mut state, volts(k) as f32, sample);
+        errors.push(f64::from(estimate) - x);
+        if k % 1000 == 999 {
+            states.push(state.clone());
+        }
+    }
+    (errors, states)
+}
+
+fn largest(errors: &[f64]) -> f64 {
+    errors.iter().fold(0.0, |largest, error| largest.max(error.abs()))
+}
+
+#[test]
+fn predicts_exactly_what_the_model_knows() {
+    let observer = observer(ObserverOptions::at_bandwidth(0.6));
+    for interval in [1, 10, usize::MAX] {
+        let mut sensor = Sensor { interval, delay: 10, past: Vec::new() };
+        let (errors, states) = run(&observer, &mut Plant::new(1.0), &mut sensor, |_| 0.0);
+        // The digits of f32.
+        assert!(largest(&errors) < 5e-9, "{}", largest(&errors));
+        assert!(states.iter().all(|s| s.disturbance().abs() < 1e-3 && (s.force_scale() - 1.0).abs() < 1e-4));
+    }
+}
+
+/// A force that nobody told of is found, whether samples come every tick, every tenth, or late.
+#[test]
+fn finds_an_unknown_force_within_the_bandwidth() {
+    for (interval, delay) in [(1, 0), (1, 10), (10, 0), (10, 10), (33, 20)] {
+        let observer = observer(ObserverOptions {
+            sample_interval_s: 1e-3 * interval as f64,
+            delay_s: 1e-3 * delay as f64,
+            adaptation_s: 0.0,
+            ..ObserverOptions::at_bandwidth(0.6)
+        });
+        let mut sensor = Sensor { interval, delay, past: Vec::new() };
+        let force = |k: usize| if k < 10_000 { 0.0 } else { 3.0 };
+        let (errors, states) = run(&observer, &mut Plant::new(1.0), &mut sensor, force);
+        let found = f64::from(states[13].disturbance());
+        println!(
+            "every {interval} ticks, {delay} late: {found:.4} N after 4 s, error {:.2e} m",
+            largest(&errors[14_000..])
+        );
+        // 3 N move the film by 75 µm at once; 4 s are 15 time constants of the bandwidth, and the film still creeps.
+        assert!((found - 3.0).abs() < 0.05 && (f64::from(states[29].disturbance()) - 3.0).abs() < 0.01);
+        assert!(largest(&errors[14_000..]) < 1e-6);
+        let statistics = states[29].statistics();
+        assert!(statistics.mean().abs() < 1e-6 && statistics.variance() < 1e-10);
+    }
+}
+
+/// A film that has become stiffer shows in the force scale, and in nothing else after a while.
+#[test]
+fn tells_drift_of_stiffness() {
+    for factor in [0.8, 1.25] {
+        let observer = observer(ObserverOptions::at_bandwidth(0.6));
+        let mut sensor = Sensor { interval: 10, delay: 10, past: Vec::new() };
+        let (errors, states) = run(&observer, &mut Plant::new(factor), &mut sensor, |_| 0.0);
+        let scale = f64::from(states[29].force_scale());
+        println!("{factor} times as stiff: force scale {scale:.4}, disturbance {:.3} N", states[29].disturbance());
+        assert!((scale * factor - 1.0).abs() < 0.01, "{scale}");
+        assert!(states[29].disturbance().abs() < 0.2 && largest(&errors[25_000..]) < 1e-6);
+    }
+}
+
+/// White noise on the sensor: the estimate is far better than the sensor, and the statistics of the innovation tell the
+/// noise.
+#[test]
+fn smooths_noise_and_measures_it() {
+    let observer = observer(ObserverOptions::at_bandwidth(0.6));
+    let mut random = Pcg64::seed_from_u64(5);
+    let mut noise = || (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>() * 5e-6;
+    let mut plant = Plant::new(1.0);
+    let mut state = observer.state(observer.law().state());
+    let (mut square, mut n) = (0.0, 0.0);
+    for k in 0..60_000 {
+        let x = plant.step(volts(k), 0.0);
+        let sample = (k % 10 == 0).then(|| Sample { displacement: (x + noise()) as f32, age_ticks: 0 });
+        let estimate = observer.observe(&mut state, volts(k) as f32, sample);
+        if k > 5_000 {
+            square += (f64::from(estimate) - x).powi(2);
+            n += 1.0;
+        }
+    }
+    let (rms, told) = ((square / n).sqrt(), f64::from(state.statistics().variance()).sqrt());
+    println!("5 µm of noise at 100 Hz: estimate {:.2} µm, innovation {:.2} µm", 1e6 * rms, 1e6 * told);
+    // A low-pass of 0.6 Hz leaves sqrt(π · 0.6 Hz / 100 Hz) = 14 % of the noise, the added slope half as much again.
+    assert!(rms < 1.3e-6 && (4e-6..6e-6).contains(&told));
+}
+
+#[test]
+fn samples_that_are_no_use_are_passed_over() {
+    let observer = observer(ObserverOptions::at_bandwidth(0.6));
+    let mut plant = Plant::new(1.0);
+    let mut state = observer.state(observer.law().state());
+    for k in 0..2000 {
+        let x = plant.step(volts(k), 0.0) as f32;
+        let sample = match k % 4 {
+            0 => Sample { displacement: f32::NAN, age_ticks: 0 },
+            1 => Sample { displacement: f32::INFINITY, age_ticks: 3 },
+            2 => Sample { displacement: 1.0, age_ticks: 64 },
+            _ => Sample { displacement: 1.0, age_ticks: usize::MAX },
+        };
+        let estimate = observer.observe(&mut state, volts(k) as f32, Some(sample));
+        assert!((estimate - x).abs() < 5e-9);
+    }
+    assert_eq!(state.ticks_since_sample(), 2000);
+    // And nonsense within its range does not make the film run away for good.
+    for k in 0..20_000 {
+        let wild = if k % 2 == 0 { 1e30 } else { -1e30 };
+        observer.observe(&mut state, 6000.0, Some(Sample { displacement: wild, age_ticks: 0 }));
+    }
+    assert!(state.displacement().is_finite() && state.disturbance().is_finite() && state.force_scale().is_finite());
+    assert!(state.statistics().variance().is_finite());
+}
+
+/// A lost sensor: the voltage neither jumps when it goes nor when it comes back, and the film is back on its reference
+/// within a second.
+#[test]
+fn a_lost_sensor_bumps_nothing() {
+    let law: Law<f32> = Law::compressed(&model(1.0), Options::at_step(1e-3)).expect("a law");
+    let rest = law.state();
+    let options = ObserverOptions::at_bandwidth(0.6);
+    let tracking: Tracking<f32> =
+        Tracking::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH, options).expect("valid");
+    let mut state = tracking.state(rest);
+    let mut plant = Plant::new(1.2);
+    let mut sensor = Sensor { interval: 10, delay: 10, past: Vec::new() };
+    let (mut voltage, mut x) = (0.0_f32, 0.0);
+    let (mut steps, mut errors) = (Vec::new(), Vec::new());
+    for k in 0..60_000 {
+        let sample = sensor.read(x).filter(|_| !(20_000..50_000).contains(&k));
+        tracking.observe(&mut state, Applied::as_commanded(voltage), sample);
+        let t = (k + 1) as f64 * 1e-3;
+        let s = (t / 4.0).min(1.0);
+        let wave = if t < 4.0 { 0.0 } else { 0.5e-3 * (1.0 - (TAU * 0.1 * (t - 4.0)).cos()) };
+        let reference = 1.5e-3 * s * s * s * (10.0 + s * (6.0 * s - 15.0)) + wave;
+        // A step in the disturbance while nobody looks.
+        let command = tracking.command(&mut state, reference as f32);
+        steps.push((command.voltage - voltage).abs());
+        voltage = command.voltage;
+        x = plant.step(f64::from(voltage), if k > 30_000 { 1.0 } else { 0.0 });
+        errors.push(x - reference);
+    }
+    let biggest = |range: std::ops::Range<usize>| steps[range].iter().copied().fold(0.0, f32::max);
+    println!(
+        "volts per tick: {:.2} with the sensor, {:.2} when it goes, {:.2} when it comes",
+        biggest(10_000..19_900),
+        biggest(20_000..22_000),
+        biggest(50_000..52_000)
+    );
+    let rms = (errors[51_000..52_000].iter().map(|e| e * e).sum::<f64>() / 1000.0).sqrt();
+    println!(
+        "errors: {:.1} µm without, {:.2} µm from a second after on",
+        1e6 * largest(&errors[35_000..50_000]),
+        1e6 * largest(&errors[51_000..])
+    );
+    // A quarter of a percent of the reference's 2.5 mm.
+    assert!(rms < 6e-6, "{rms}");
+    assert!(biggest(20_000..22_000) < 5.0 && biggest(50_000..52_000) < 5.0);
+    assert!(largest(&errors[40_000..50_000]) > 30e-6 && largest(&errors[53_000..]) < 1e-6);
+}
+
+#[test]
+fn laws_of_control_are_small() {
+    type History = <Compressed<f32> as Memory<f32>>::History;
+    let (law, state) = (size_of::<Feedforward<f32>>(), size_of::<FeedforwardState<f32, History>>());
+    println!("feedforward {law} bytes, state {state} bytes");
+    assert!(law <= 512 && state <= 512);
+    let (law, state) = (size_of::<Tracking<f32>>(), size_of::<TrackingState<f32, History>>());
+    println!("tracking {law} bytes, state {state} bytes, 64 predictions remembered");
+    assert!(law <= 512 && state <= 768);
+}
+
+#[test]
+fn refuses_what_cannot_work() {
+    let law: Law<f32> = Law::compressed(&model(1.0), Options::at_step(1e-3)).expect("a law");
+    let new = |options| Observer::<f32>::new(law.clone(), &Actuator::KARNER_2022, 6000.0, options).map(drop);
+    let good = ObserverOptions::at_bandwidth(0.6);
+    assert_eq!(new(good), Ok(()));
+    for bad in [0.0, -1.0, f64::NAN] {
+        for options in [
+            ObserverOptions { bandwidth_hz: bad, ..good },
+            ObserverOptions { sample_interval_s: bad, ..good },
+            ObserverOptions { lost_after_s: bad, ..good },
+            ObserverOptions { adaptation_s: bad - 1.0, ..good },
+            ObserverOptions { delay_s: bad - 1.0, ..good },
+        ] {
+            assert!(matches!(new(options), Err(ControlError::NotPositive { .. })), "{options:?}");
+        }
+    }
+    let slow = ObserverOptions { sample_interval_s: 0.2, ..good };
+    assert!(matches!(new(slow), Err(ControlError::SensorTooSlow { .. })));
+    let late = ObserverOptions { delay_s: 0.064, ..good };
+    assert!(matches!(new(late), Err(ControlError::SensorTooLate { ticks: 64, most: 63 })));
+    // Heavy: 1 kg-scaled mass of the twins puts the resonance at 3 Hz, 10 Hz lies above.
+    let heavy = Maxwell::new(Springpot::new(4e4, 0.1), &[], Topology::Eq11, 118.0).expect("valid");
+    let law: Law<f32> = Law::compressed(&heavy, Options::at_step(1e-3)).expect("a law");
+    let fast = ObserverOptions { bandwidth_hz: 5.0, sample_interval_s: 1e-3, delay_s: 0.0, ..good };
+    let error = Observer::<f32>::new(law, &Actuator::KARNER_2022, 6000.0, fast).map(drop);
+    assert_eq!(error, Err(ControlError::AboveResonance { bandwidth_hz: 5.0 }));
+}
