@@ -1,12 +1,15 @@
 //! The control tick around a simulated film, and the loop test.
 
 use dea_driver::convert::{AdcCode, Calibration, DacCode};
-use dea_driver::link::{Answer, BATCH, Command, Mode, Reject};
-use dea_driver::{Blob, Cause, Controller, Inputs, Outputs, Parameters, Refusal, SensorFault, State};
-use springpot::{Actuator, Law, Options, Preset, VoltageDrive};
+use dea_driver::link::{Answer, BATCH, Command, Mode, Reject, Target};
+use dea_driver::{Blob, Cause, Controller, Inputs, OnSensorFault, Outputs, Parameters, Refusal, SensorFault, State};
+use springpot::{
+    Actuator, Applied, CommandLimits, Law, Limited, ObserverOptions, Options, Preset, Sample, Tracking, VoltageDrive,
+};
 use tests::{board_parameters, paper_force};
 
-/// A bench around a controller: an amplifier of 1000:1, a sensor of 1 mm/V at 1 V, and the model itself as film.
+/// A bench around a controller: an amplifier of 1000:1, a sensor of 1 mm/V at 1 V, and the model itself as film, or one that
+/// is pulled less.
 struct Bench {
     controller: Controller,
     parameters: Parameters,
@@ -16,6 +19,8 @@ struct Bench {
     high_voltage_v: f64,
     displacement_m: f64,
     noise: u32,
+    /// Electrostatic force in units of what the model takes it for.
+    force_scale: f64,
 }
 
 /// The sensor reads 1 V of a film at rest, so that both ways are in its range.
@@ -33,7 +38,17 @@ impl Bench {
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
         let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
         let film = law.state();
-        Self { controller, parameters, film, law, drive, high_voltage_v: 0.0, displacement_m: 0.0, noise: 1 }
+        Self {
+            controller,
+            parameters,
+            film,
+            law,
+            drive,
+            high_voltage_v: 0.0,
+            displacement_m: 0.0,
+            noise: 1,
+            force_scale: 1.0,
+        }
     }
 
     fn inputs(&mut self) -> Inputs {
@@ -53,7 +68,8 @@ impl Bench {
         let outputs = self.controller.tick(inputs);
         let volts = f64::from(outputs.command.volts(self.parameters.command_range)) * 1000.0;
         self.high_voltage_v = if outputs.enable { volts } else { 0.0 };
-        self.displacement_m = self.law.displacement_under(&mut self.film, self.drive.load(self.high_voltage_v));
+        let load = self.drive.load(self.high_voltage_v * self.force_scale.sqrt());
+        self.displacement_m = self.law.displacement_under(&mut self.film, load);
         outputs
     }
 
@@ -82,9 +98,9 @@ fn follows_the_voltage_that_was_set_and_observes() {
     }
     assert_eq!(bench.controller.supervisor().state(), State::Running);
     assert_eq!(outputs.command, DacCode(26_214), "4 V of 10 V");
-    // The model's prediction is where the film is, to the DAC's step and a tick.
+    // The estimate is where the film is, to the sensor's noise of 0…5 µm.
     let predicted = f64::from(outputs.sample.predicted_m);
-    assert!((predicted - bench.displacement_m).abs() < 1e-6, "{predicted} m for {} m", bench.displacement_m);
+    assert!((predicted - bench.displacement_m).abs() < 5e-6, "{predicted} m for {} m", bench.displacement_m);
     assert!((f64::from(outputs.sample.displacement_m) - bench.displacement_m).abs() < 10e-6);
     assert_eq!(outputs.sample.tick, 3002);
 }
@@ -108,6 +124,86 @@ fn feedforward_holds_a_creeping_film() {
     }
     // What holds it sinks, because the film creeps.
     assert!(voltages[voltages.len() - 1] < 0.9 * voltages[0]);
+}
+
+/// A film that is pulled a tenth less than the model says: feedforward is off by as much, tracking finds it out.
+#[test]
+fn tracking_follows_a_film_that_the_model_does_not_know() {
+    let off = |mode| {
+        let mut bench = Bench { force_scale: 0.9, ..Bench::new() };
+        bench.start(mode);
+        let mut largest = 0.0f64;
+        for tick in 0..20_000 {
+            // Up within two seconds, then swinging, slowly enough for the bandwidth.
+            let time_s = f64::from(tick) / 1000.0;
+            let reference = 0.8e-3 * (time_s / 2.0).min(1.0) - 0.1e-3 * (0.6 * time_s).sin();
+            assert_eq!(bench.obey(Command::SetReference(reference as f32)), Answer::Done);
+            bench.tick(|_| ());
+            if tick > 10_000 {
+                largest = largest.max((bench.displacement_m - reference).abs());
+            }
+        }
+        assert_eq!(bench.controller.supervisor().state(), State::Running);
+        (largest, bench.tick(|_| ()).sample)
+    };
+    let (feedforward, _) = off(Mode::Feedforward);
+    let (tracking, sample) = off(Mode::Tracking);
+    println!("off by {:.1} µm, with the sensor {:.1} µm; {sample:?}", 1e6 * feedforward, 1e6 * tracking);
+    assert!(feedforward > 60e-6 && tracking < 8e-6);
+    // Where the film is swinging, the log tells by how much it is pulled less.
+    assert!((sample.force_scale - 0.9).abs() < 0.05 && sample.limited == 0);
+}
+
+/// With a sensor that may fail, tracking goes on without it, and comes back to it, without a jump.
+#[test]
+fn tracking_goes_on_without_its_sensor() {
+    let mut parameters = parameters();
+    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
+    let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
+    let mut bench = Bench { parameters, controller, force_scale: 0.95, ..Bench::new() };
+    bench.start(Mode::Tracking);
+    assert_eq!(bench.obey(Command::SetReference(0.8e-3)), Answer::Done);
+    let mut before = None;
+    for tick in 0..20_000 {
+        bench.obey(Command::Heartbeat);
+        let unplugged = (10_000..15_000).contains(&tick);
+        let outputs = bench.tick(|inputs| {
+            if unplugged {
+                inputs.displacement = Some(AdcCode(u16::MAX));
+            }
+        });
+        assert_eq!(bench.controller.supervisor().state(), State::Running, "tick {tick}");
+        if tick > 5000 {
+            assert!((bench.displacement_m - 0.8e-3).abs() < 15e-6, "tick {tick}: {} m", bench.displacement_m);
+            let step = before.map_or(0.0, |before: f32| (outputs.sample.command_v - before).abs());
+            assert!(step < 5.0, "tick {tick}: {step} V in a tick, of 50 allowed");
+        }
+        before = Some(outputs.sample.command_v);
+    }
+}
+
+/// Following begins where the film is, whatever was asked for before.
+#[test]
+fn following_begins_without_a_jump() {
+    let mut bench = Bench::new();
+    bench.start(Mode::Voltage);
+    bench.obey(Command::SetVoltage(4000.0));
+    for _ in 0..1000 {
+        bench.obey(Command::Heartbeat);
+        bench.tick(|_| ());
+    }
+    // It was stretched, and is still creeping back when it is asked to go on.
+    assert_eq!(bench.obey(Command::Stop), Answer::Done);
+    for _ in 0..200 {
+        bench.obey(Command::Heartbeat);
+        bench.tick(|_| ());
+    }
+    let (from, increment) = (bench.displacement_m, 0.05 / 1000.0);
+    assert_eq!(bench.obey(Command::Start(Mode::Feedforward)), Answer::Done);
+    assert_eq!(bench.obey(Command::SetReference(2e-3)), Answer::Done);
+    let first = bench.tick(|_| ()).sample;
+    assert!((f64::from(first.reference_m) - from).abs() <= 1.01 * increment, "{} m after {from} m", first.reference_m);
+    assert!(Limited::ALL.iter().any(|(limit, _)| u32::from(limit.bits()) & u32::from(first.limited) != 0));
 }
 
 #[test]
@@ -182,4 +278,52 @@ fn the_loop_test_is_the_law_itself() {
     assert_eq!(bench.obey(Command::Rest), Answer::Refused(Refusal::State(State::Running)));
     let step = Command::Step([0.0; BATCH].into());
     assert_eq!(bench.obey(step), Answer::Refused(Refusal::State(State::Running)));
+}
+
+/// The loop test of the control is `springpot::Tracking` itself, bit for bit, in all three modes.
+#[test]
+fn the_loop_test_of_the_control_is_the_control_itself() {
+    let mut bench = Bench::new();
+    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+    let rest = law.state();
+    let limits =
+        CommandLimits { max_voltage_v: 6500.0, max_velocity_m_per_s: f64::from(0.05f32), ..CommandLimits::BENCH };
+    let options = ObserverOptions {
+        bandwidth_hz: f64::from(0.6f32),
+        sample_interval_s: f64::from(0.01f32),
+        delay_s: f64::from(0.01f32),
+        lost_after_s: f64::from(0.05f32),
+        adaptation_s: 30.0,
+    };
+    let limits = CommandLimits { max_field_v_per_m: f64::from(4.2e7f32), ..limits };
+    let tracking: Tracking<f32> = Tracking::new(law, &Actuator::KARNER_2022, limits, options).expect("valid");
+    for mode in [Mode::Voltage, Mode::Feedforward, Mode::Tracking] {
+        assert_eq!(bench.obey(Command::Rest), Answer::Done);
+        let mut state = tracking.state(rest.clone());
+        let mut voltage = 0.0f32;
+        for k in 0..2000u16 {
+            let swing = (0.01 * f64::from(k)).sin() as f32;
+            let value = if mode == Mode::Voltage { 3000.0 + 2000.0 * swing } else { 0.5e-3 + 0.2e-3 * swing };
+            let sample_m = (k % 10 == 0).then_some(0.4e-3 + 0.2e-3 * swing);
+            let targets = [Target { value, sample_m }].into_iter().collect();
+            let Answer::Followed { ticks, .. } = bench.obey(Command::Follow { mode, targets }) else {
+                panic!("no ticks")
+            };
+
+            if mode == Mode::Voltage {
+                voltage = value;
+            }
+            let sample = sample_m.filter(|_| mode != Mode::Feedforward);
+            let sample = sample.map(|displacement| Sample { displacement, age_ticks: 10 });
+            let x = tracking.observe(&mut state, Applied::as_commanded(voltage), sample);
+            let command = tracking.command(&mut state, if mode == Mode::Voltage { x } else { value });
+            if mode != Mode::Voltage {
+                voltage = command.voltage;
+            }
+            assert_eq!(ticks[0].voltage_v.to_bits(), voltage.to_bits(), "{mode:?}, tick {k}");
+            assert_eq!(ticks[0].displacement_m.to_bits(), x.to_bits());
+            assert_eq!(ticks[0].disturbance_n.to_bits(), state.observer().disturbance().to_bits());
+        }
+    }
 }

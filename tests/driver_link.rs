@@ -1,8 +1,8 @@
 //! The link: every message comes through, nothing that is damaged is obeyed.
 
 use dea_driver::link::{
-    Answer, BATCH, CHUNK, Command, Drill, FRAME_LEN, FrameError, Identity, Message, Mode, Receiver, Reject, Request,
-    Sample, Status, Step, Upload, UploadError, VERSION, encode,
+    Answer, BATCH, CHUNK, Command, Drill, FRAME_LEN, Followed, FrameError, Identity, Message, Mode, Receiver, Reject,
+    Request, Sample, Status, Step, Target, Upload, UploadError, VERSION, encode,
 };
 use dea_driver::{BLOB_LEN, Cause, Refusal, SensorFault, State};
 use rand::{RngExt, SeedableRng};
@@ -43,6 +43,7 @@ fn commands() -> Vec<Command> {
         Command::Try { length: 512 },
         Command::PanicMessage,
         Command::Drill(Drill::Hang),
+        Command::Follow { mode: Mode::Tracking, targets: [Target { value: 1.0, sample_m: Some(2.0) }; BATCH].into() },
     ]
 }
 
@@ -58,6 +59,7 @@ fn messages() -> Vec<Message> {
         stack_peak: u32::MAX,
     };
     let step = Step { displacement_m: -f32::MAX, force_n: f32::MAX, voltage_v: f32::MIN_POSITIVE };
+    let followed = Followed { voltage_v: 1.0, displacement_m: 2.0, disturbance_n: 3.0 };
     let sample = Sample {
         tick: u32::MAX,
         dropped: u32::MAX,
@@ -65,6 +67,11 @@ fn messages() -> Vec<Message> {
         monitor_v: 2.0,
         displacement_m: 3.0,
         predicted_m: 4.0,
+        reference_m: 5.0,
+        disturbance_n: 6.0,
+        force_scale: 7.0,
+        innovation_m: 8.0,
+        limited: u8::MAX,
     };
     let identity = Identity {
         protocol: VERSION,
@@ -80,6 +87,7 @@ fn messages() -> Vec<Message> {
         Answer::Status(status),
         Answer::Name("a name of thirty-two characters.".try_into().expect("short")),
         Answer::Steps { steps: [step; BATCH].into(), cycles: u32::MAX },
+        Answer::Followed { ticks: [followed; BATCH].into(), cycles: u32::MAX },
         Answer::PanicMessage(["0123456789"; 20].concat().as_str().try_into().expect("short")),
     ];
     answers

@@ -29,8 +29,10 @@ fn a_blob_comes_back_as_it_was() {
     // The law is the one that a host steps, to the bit.
     let model = springpot::Preset::named("table3-n2").expect("a preset").model().expect("valid");
     let law = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
-    assert_eq!(blob.law, law);
-    assert_eq!(blob.drive, VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid"));
+    let observer = blob.tracking.observer();
+    assert_eq!(observer.law(), &law);
+    let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
+    assert_eq!(observer.drive(), &drive);
     // The largest there can be: a full name.
     parameters.name = "a name of thirty-two characters.".try_into().expect("short");
     let bytes = bytes_of(&parameters);

@@ -6,7 +6,10 @@ use core::fmt;
 
 use heapless::String;
 use serde::{Deserialize, Serialize};
-use springpot::{Actuator, ActuatorError, Coefficients, Law, LawError, Preload, VoltageDrive};
+use springpot::{
+    Actuator, ActuatorError, Coefficients, CommandLimits, ControlError, Law, LawError, ObserverOptions, Preload,
+    Tracking,
+};
 
 use crate::convert::{AdcCode, Calibration, CommandRange};
 use crate::supervisor::{Limits, LimitsError, Supervisor};
@@ -49,6 +52,67 @@ pub struct Parameters {
     pub sensor: Calibration,
     /// What film and bench allow.
     pub limits: Limits,
+    /// How references are followed and the film is observed.
+    pub control: Control,
+}
+
+/// How references are followed and the film is observed: [`CommandLimits`] and [`ObserverOptions`], as far as they do not
+/// follow from the [`Limits`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Control {
+    /// Largest speed of a reference, m/s.
+    pub max_velocity_m_per_s: f32,
+    /// Largest acceleration of a reference, m/s².
+    pub max_acceleration_m_per_s2: f32,
+    /// Two poles that lead the film back after a limit, Hz.
+    pub return_hz: f32,
+    /// Up to here the film follows the sensor, beyond it the model, Hz.
+    pub bandwidth_hz: f32,
+    /// Time from one sample that is used to the next, s: a tick, or longer for a sensor that is slower.
+    pub sample_interval_s: f32,
+    /// Age of a sample when it is read, s.
+    pub delay_s: f32,
+    /// After so long without a sample the sensor counts as lost, s.
+    pub lost_after_s: f32,
+    /// Time over which the force scale adapts, s; 0: never.
+    pub adaptation_s: f32,
+}
+
+impl Control {
+    /// For a sensor of 100 Hz whose samples come 10 ms late, on a film whose resonance is at 3 Hz or above.
+    pub const BENCH: Self = Self {
+        max_velocity_m_per_s: 0.05,
+        max_acceleration_m_per_s2: 0.5,
+        return_hz: 5.0,
+        bandwidth_hz: 0.6,
+        sample_interval_s: 0.01,
+        delay_s: 0.01,
+        lost_after_s: 0.05,
+        adaptation_s: 30.0,
+    };
+
+    fn command_limits(&self, limits: &Limits) -> CommandLimits {
+        CommandLimits {
+            max_voltage_v: f64::from(limits.max_voltage_v),
+            max_field_v_per_m: f64::from(limits.max_field_v_per_m),
+            max_slew_v_per_s: f64::from(limits.max_slew_v_per_s),
+            max_velocity_m_per_s: f64::from(self.max_velocity_m_per_s),
+            max_acceleration_m_per_s2: f64::from(self.max_acceleration_m_per_s2),
+            return_hz: f64::from(self.return_hz),
+        }
+    }
+
+    fn observer_options(&self) -> ObserverOptions {
+        ObserverOptions {
+            bandwidth_hz: f64::from(self.bandwidth_hz),
+            sample_interval_s: f64::from(self.sample_interval_s),
+            delay_s: f64::from(self.delay_s),
+            lost_after_s: f64::from(self.lost_after_s),
+            adaptation_s: f64::from(self.adaptation_s),
+        }
+    }
 }
 
 /// A law as a host computed it: [`Coefficients`] without step and mass, which stand in the [`Parameters`] already.
@@ -86,10 +150,8 @@ impl LawNumbers {
 pub struct Blob {
     /// The parameters.
     pub parameters: Parameters,
-    /// The law of the film.
-    pub law: Law<f32>,
-    /// From voltage to force and back.
-    pub drive: VoltageDrive<f32>,
+    /// The law of the film, with what follows references along it.
+    pub tracking: Tracking<f32>,
     /// The supervisor of its limits, disarmed.
     pub supervisor: Supervisor,
 }
@@ -131,6 +193,8 @@ pub enum BlobError {
     Actuator(ActuatorError),
     /// Limits that were refused.
     Limits(LimitsError),
+    /// Settings of the control that were refused.
+    Control(ControlError),
 }
 
 impl fmt::Display for BlobError {
@@ -149,6 +213,7 @@ impl fmt::Display for BlobError {
             Self::Law(error) => write!(f, "law: {error}"),
             Self::Actuator(error) => write!(f, "actuator: {error}"),
             Self::Limits(error) => write!(f, "limits: {error}"),
+            Self::Control(error) => write!(f, "control: {error}"),
         }
     }
 }
@@ -240,8 +305,12 @@ impl Blob {
         let step_s = 1.0 / f64::from(parameters.rate_hz);
         let law = parameters.law.law(step_s, mass_kg).map_err(BlobError::Law)?;
         let supervisor = Supervisor::new(&parameters.limits, parameters.rate_hz).map_err(BlobError::Limits)?;
-        let largest_v = f64::from(parameters.limits.max_voltage_v);
-        let drive = VoltageDrive::new(&actuator, largest_v, law.stiffness()).map_err(BlobError::Actuator)?;
-        Ok(Self { parameters, law, drive, supervisor })
+        let limits = parameters.control.command_limits(&parameters.limits);
+        let tracking = Tracking::new(law, &actuator, limits, parameters.control.observer_options());
+        let tracking = tracking.map_err(|error| match error {
+            ControlError::Actuator(error) => BlobError::Actuator(error),
+            error => BlobError::Control(error),
+        })?;
+        Ok(Self { parameters, tracking, supervisor })
     }
 }

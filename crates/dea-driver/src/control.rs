@@ -1,10 +1,10 @@
 //! The control tick, and what a host can ask of it.
 
-use springpot::{Compressed, Law, Memory, State as FilmState, VoltageDrive};
+use springpot::{Applied, Compressed, Limited, Memory, Sample as SensorSample, State, Tracking, TrackingState};
 
 use crate::blob::{Blob, Parameters};
 use crate::convert::{AdcCode, DacCode};
-use crate::link::{Answer, Command, Mode, Reject, Sample, Step};
+use crate::link::{Answer, Command, Followed, Mode, Reject, Sample, Step, Target};
 use crate::supervisor::{Cause, Readings, Refusal, Supervisor};
 
 type History = <Compressed<f32> as Memory<f32>>::History;
@@ -32,40 +32,60 @@ pub struct Outputs {
     pub sample: Sample,
 }
 
-/// A model, its actuator and their supervisor, ticked at a fixed rate.
+/// A film's law, its control and its supervisor, ticked at a fixed rate.
 ///
-/// A tick takes the same number of operations every time, and cannot fail.
+/// A tick cannot fail, and takes the same number of operations every time but for the sensor's samples, which may come more
+/// slowly.
 #[derive(Clone, Debug)]
 pub struct Controller {
     parameters: Parameters,
     supervisor: Supervisor,
-    law: Law<f32>,
-    drive: VoltageDrive<f32>,
-    /// The film as the ticks know it.
-    film: FilmState<f32, History>,
-    /// Another one, which a loop test steps.
-    test_film: FilmState<f32, History>,
+    tracking: Tracking<f32>,
+    /// The film as the ticks know it, and where it is led.
+    course: TrackingState<f32, History>,
+    sampler: Sampler,
     mode: Mode,
     voltage_v: f32,
     reference_m: f32,
+    test: LoopTest,
+}
+
+/// Films of their own that a host steps, without hardware.
+#[derive(Clone, Debug)]
+struct LoopTest {
+    film: State<f32, History>,
+    course: TrackingState<f32, History>,
+    /// The voltage that was commanded last, V.
+    voltage_v: f32,
+}
+
+/// Takes a sample of the sensor from time to time.
+#[derive(Clone, Copy, Debug)]
+struct Sampler {
+    every: u32,
+    since: u32,
+    age_ticks: usize,
 }
 
 impl Controller {
     /// The controller of `blob`, disarmed, its film at rest.
     #[must_use]
     pub fn new(blob: Blob) -> Self {
-        let Blob { parameters, law, drive, supervisor } = blob;
-        let (film, test_film) = (law.state(), law.state());
+        let Blob { parameters, tracking, supervisor } = blob;
+        let rest = tracking.observer().law().state();
+        let course = tracking.state(rest.clone());
+        let test = LoopTest { film: rest, course: course.clone(), voltage_v: 0.0 };
+        let sampler = Sampler::new(&parameters);
         Self {
             parameters,
             supervisor,
-            law,
-            drive,
-            film,
-            test_film,
+            tracking,
+            course,
+            sampler,
             mode: Mode::Voltage,
             voltage_v: 0.0,
             reference_m: 0.0,
+            test,
         }
     }
 
@@ -98,23 +118,24 @@ impl Controller {
         if !answered && self.supervisor.enables() {
             self.supervisor.trip(Cause::Bus);
         }
-        self.supervisor.check(Readings { interlock_closed: inputs.interlock_closed, monitor_v, displacement_m });
+        let checked =
+            self.supervisor.check(Readings { interlock_closed: inputs.interlock_closed, monitor_v, displacement_m });
 
-        // Estimate: where the model is under the voltage that stood since the last tick.
-        let load = self.drive.load(self.supervisor.command_v());
-        let predicted_m = self.law.displacement_under(&mut self.film, load);
+        // Estimate: where the film is under the voltage that stood since the last tick, and what a sample says to that.
+        let believed = checked.displacement_m.filter(|_| self.mode != Mode::Feedforward);
+        let sample = self.sampler.take(believed);
+        let applied = Applied::as_commanded(self.supervisor.command_v());
+        let predicted_m = self.tracking.observe(&mut self.course, applied, sample);
         if !predicted_m.is_finite() {
             self.supervisor.trip(Cause::Law);
         }
 
-        // Command: what the mode asks for, within the limits.
-        let wanted_v = match self.mode {
-            Mode::Voltage => self.voltage_v,
-            Mode::Feedforward => {
-                let force = self.law.force_to(&self.film, self.reference_m);
-                self.drive.voltage(force, self.reference_m)
-            }
-        };
+        // Command: what the mode asks for, within the limits. A reference that is not followed yet stays with the film, so
+        // that following begins without a jump.
+        let follows = self.supervisor.runs() && self.mode != Mode::Voltage;
+        let reference_m = if follows { self.reference_m } else { predicted_m };
+        let wanted = self.tracking.command(&mut self.course, reference_m);
+        let wanted_v = if self.mode == Mode::Voltage { self.voltage_v } else { wanted.voltage };
         let command_v = self.supervisor.command(wanted_v);
         let range = self.parameters.command_range;
         let command = if self.supervisor.enables() {
@@ -124,8 +145,20 @@ impl Controller {
         };
 
         // Log.
-        let tick = self.supervisor.ticks();
-        let sample = Sample { tick, dropped: 0, command_v, monitor_v, displacement_m, predicted_m };
+        let observer = self.course.observer();
+        let sample = Sample {
+            tick: self.supervisor.ticks(),
+            dropped: 0,
+            command_v,
+            monitor_v,
+            displacement_m,
+            predicted_m,
+            reference_m: wanted.reference,
+            disturbance_n: observer.disturbance(),
+            force_scale: observer.force_scale(),
+            innovation_m: observer.innovation(),
+            limited: if follows { wanted.limited.bits() } else { Limited::NONE.bits() },
+        };
         Outputs { enable: self.supervisor.enables(), command, sample }
     }
 
@@ -154,11 +187,18 @@ impl Controller {
                 self.reference_m = *metres;
                 Ok(())
             }
-            Command::Rest => self.disarmed().map(|()| self.test_film = self.law.state()),
+            Command::Rest => self.disarmed().map(|()| self.rest()),
             Command::Step(voltages) => match self.disarmed() {
                 Ok(()) => {
                     let steps = voltages.iter().map(|&volts| self.step(volts)).collect();
                     return Some(Answer::Steps { steps, cycles: 0 });
+                }
+                Err(refusal) => Err(refusal),
+            },
+            Command::Follow { mode, targets } => match self.disarmed() {
+                Ok(()) => {
+                    let ticks = targets.iter().map(|&target| self.follow(*mode, target)).collect();
+                    return Some(Answer::Followed { ticks, cycles: 0 });
                 }
                 Err(refusal) => Err(refusal),
             },
@@ -176,12 +216,55 @@ impl Controller {
         if self.supervisor.enables() { Err(Refusal::State(self.supervisor.state())) } else { Ok(()) }
     }
 
+    /// Brings the loop tests to rest at x = 0.
+    pub fn rest(&mut self) {
+        let rest = self.tracking.observer().law().state();
+        self.test = LoopTest { film: rest.clone(), course: self.tracking.state(rest), voltage_v: 0.0 };
+    }
+
     /// A model of its own under `volts` for a step, and back: what a loop test compares bit by bit.
     pub fn step(&mut self, volts: f32) -> Step {
-        let load = self.drive.load(volts);
-        let displacement_m = self.law.displacement_under(&mut self.test_film, load);
+        let (law, drive) = (self.tracking.observer().law(), self.tracking.observer().drive());
+        let load = drive.load(volts);
+        let displacement_m = law.displacement_under(&mut self.test.film, load);
         let force_n = load.force + load.slope * displacement_m;
-        let voltage_v = self.drive.voltage(force_n, displacement_m);
-        Step { displacement_m, force_n: self.test_film.base_force(), voltage_v }
+        let voltage_v = drive.voltage(force_n, displacement_m);
+        Step { displacement_m, force_n: self.test.film.base_force(), voltage_v }
+    }
+
+    /// A tick of the control on a film of its own: what a loop test compares bit by bit.
+    pub fn follow(&mut self, mode: Mode, target: Target) -> Followed {
+        let LoopTest { course, voltage_v, .. } = &mut self.test;
+        if mode == Mode::Voltage {
+            *voltage_v = target.value;
+        }
+        let age_ticks = self.sampler.age_ticks;
+        let displacement = target.sample_m.filter(|_| mode != Mode::Feedforward);
+        let sample = displacement.map(|displacement| SensorSample { displacement, age_ticks });
+        let displacement_m = self.tracking.observe(course, Applied::as_commanded(*voltage_v), sample);
+        let command = self.tracking.command(course, if mode == Mode::Voltage { displacement_m } else { target.value });
+        if mode != Mode::Voltage {
+            *voltage_v = command.voltage;
+        }
+        Followed { voltage_v: *voltage_v, displacement_m, disturbance_n: course.observer().disturbance() }
+    }
+}
+
+impl Sampler {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+    fn new(parameters: &Parameters) -> Self {
+        let ticks = |seconds: f32| (seconds * parameters.rate_hz + 0.5) as u32;
+        let every = ticks(parameters.control.sample_interval_s).max(1);
+        Self { every, since: every, age_ticks: ticks(parameters.control.delay_s) as usize }
+    }
+
+    /// The sample of this tick, if one is due and the sensor can be believed.
+    fn take(&mut self, displacement_m: Option<f32>) -> Option<SensorSample<f32>> {
+        self.since = self.since.saturating_add(1);
+        if self.since < self.every {
+            return None;
+        }
+        self.since = 0;
+        displacement_m.map(|displacement| SensorSample { displacement, age_ticks: self.age_ticks })
     }
 }

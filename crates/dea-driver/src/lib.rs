@@ -40,7 +40,7 @@ mod supervisor;
 
 pub use ads868x::{AdcError, Ads868x};
 pub use amplifier::{Amplifier, AmplifierError};
-pub use blob::{BLOB_LEN, Blob, BlobError, LawNumbers, Parameters, SCHEMA};
+pub use blob::{BLOB_LEN, Blob, BlobError, Control, LawNumbers, Parameters, SCHEMA};
 pub use control::{Controller, Inputs, Outputs};
 pub use device::{Device, Drive};
 pub use monitor::{Monitor, MonitorLimits};

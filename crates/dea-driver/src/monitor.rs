@@ -58,14 +58,15 @@ impl Monitor {
     }
 
     /// Takes in the command (V) of the last tick and what the monitor shows (V); false once they have differed for longer
-    /// than the settle time. What is not a number differs.
+    /// than the settle time. An amplifier may be faster than its slew: it is expected anywhere between where that takes it
+    /// and the command. What is not a number differs.
     #[must_use]
     pub fn agrees(&mut self, command_v: f32, monitor_v: f32) -> bool {
         let ahead = command_v - self.expected_v;
         self.expected_v += bounded(ahead, self.slew_v_per_tick);
-        let difference = monitor_v - self.expected_v;
-        let band = self.band_v + self.band_share * self.expected_v.abs();
-        let inside = -band <= difference && difference <= band;
+        let (low, high) = if ahead < 0.0 { (command_v, self.expected_v) } else { (self.expected_v, command_v) };
+        let band = self.band_v + self.band_share * high;
+        let inside = low - band <= monitor_v && monitor_v <= high + band;
         self.outside_ticks = if inside { 0 } else { self.outside_ticks.saturating_add(1) };
         self.outside_ticks <= self.settle_ticks
     }

@@ -264,6 +264,12 @@ impl Supervisor {
         self.state.is_live()
     }
 
+    /// Whether the law commands the voltage.
+    #[must_use]
+    pub fn runs(&self) -> bool {
+        self.state == State::Running
+    }
+
     /// Enables the amplifier at 0 V.
     ///
     /// # Errors

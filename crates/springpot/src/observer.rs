@@ -8,7 +8,7 @@ use crate::law::{Law, Load, Memory, State};
 use crate::reference::{clamp, is_finite};
 use crate::sqrt::Real;
 use crate::statistics::Statistics;
-use crate::steering::Correction;
+use crate::steering::{Correction, share_per_step};
 
 /// How an [`Observer`] corrects. Times in s.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -175,13 +175,13 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         if late >= PAST {
             return Err(ControlError::SensorTooLate { ticks: late, most: PAST.saturating_sub(1) });
         }
-        let stiffness = law.frequency_response(bandwidth_hz).inv();
+        let stiffness = law.dynamic_stiffness(bandwidth_hz);
         if !(stiffness.re > 0.0 && stiffness.im.is_finite()) {
             return Err(ControlError::AboveResonance { bandwidth_hz });
         }
         let adapts = adaptation_s > 0.0;
         let omega = TAU * bandwidth_hz;
-        let share = |rate: f64| T::from_f64(-libm::expm1(-rate * step_s));
+        let share = |rate: f64| T::from_f64(share_per_step(rate, step_s));
         let largest_force = actuator.force_per_square_volt() * max_voltage_v * max_voltage_v;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
         let lost_after = libm::ceil(lost_after_s / step_s) as u32;
@@ -244,30 +244,31 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         position
     }
 
-    /// Takes in a sample, if there is one, and moves the disturbance on by a tick.
+    /// Takes in a sample, if there is one, and moves the disturbance on by a tick. The same work in every tick: a sample that
+    /// is missing weighs nothing.
     #[inline]
     fn correct(&self, state: &mut ObserverState<T, M::History, PAST>, sample: Option<Sample<T>>) {
-        state.since_sample = state.since_sample.saturating_add(1);
-        let innovation = sample.and_then(|sample| state.innovation_of(sample)).filter(|e| is_finite(*e));
-        if let Some(innovation) = innovation {
-            let innovation = clamp(innovation, -self.most_innovation, self.most_innovation);
-            state.innovation = innovation;
-            state.statistics.take(innovation, T::from_f64(1.0 / REMEMBERED));
-            // A sample stands for the time since the last one, but not for a loss.
-            let ticks = T::from_f64(f64::from(state.since_sample.min(self.lost_after)));
-            state.since_sample = 0;
-            state.slope = clamp(state.slope + self.slope * ticks * innovation, -self.most_slope, self.most_slope);
-            state.held = state.held + self.integral * ticks * innovation;
-            state.swift = self.proportional * innovation;
-        }
-        if state.since_sample > self.lost_after {
-            state.slope = T::ZERO;
-            state.swift = T::ZERO;
-            state.held = state.held + self.recovery * (state.usual - state.held);
-        } else {
-            state.held = clamp(state.held + state.slope, -self.most_force, self.most_force);
-            state.usual = state.usual + self.averaging * (state.held - state.usual);
-        }
+        let since = state.since_sample.saturating_add(1);
+        let found = sample.and_then(|sample| state.innovation_of(sample)).filter(|e| is_finite(*e));
+        let come = found.is_some();
+        let innovation = clamp(found.unwrap_or(T::ZERO), -self.most_innovation, self.most_innovation);
+        // A sample stands for the time since the last one, but not for a loss.
+        let ticks = if come { T::from_f64(f64::from(since.min(self.lost_after))) } else { T::ZERO };
+        state.statistics.take(innovation, if come { T::from_f64(1.0 / REMEMBERED) } else { T::ZERO });
+        state.since_sample = if come { 0 } else { since };
+        state.innovation = if come { innovation } else { state.innovation };
+        let swift = if come { self.proportional * innovation } else { state.swift };
+        let slope = clamp(state.slope + self.slope * ticks * innovation, -self.most_slope, self.most_slope);
+        let held = state.held + self.integral * ticks * innovation;
+
+        let lost = state.since_sample > self.lost_after;
+        let corrected = clamp(held + slope, -self.most_force, self.most_force);
+        let recovered = held + self.recovery * (state.usual - held);
+        let usual = state.usual + self.averaging * (corrected - state.usual);
+        state.slope = if lost { T::ZERO } else { slope };
+        state.swift = if lost { T::ZERO } else { swift };
+        state.held = if lost { recovered } else { corrected };
+        state.usual = if lost { state.usual } else { usual };
         state.disturbance = state.disturbance + self.smoothing * (state.held + state.swift - state.disturbance);
     }
 
@@ -280,11 +281,10 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         state.usual_load = state.usual_load + self.averaging * (load - state.usual_load);
         let swing = load - state.usual_load;
         state.swing = state.swing + (swing * swing - self.forgetting * state.swing);
-        if state.since_sample > self.lost_after {
-            return;
-        }
         let [low, high] = SCALES.map(T::from_f64);
-        let share = self.adapting * (state.held - state.usual) * swing / (state.swing + self.least_swing);
+        // While the sensor is lost nothing is learned.
+        let adapting = if state.since_sample > self.lost_after { T::ZERO } else { self.adapting };
+        let share = adapting * (state.held - state.usual) * swing / (state.swing + self.least_swing);
         let scale = clamp(state.force_scale + share * state.force_scale, low, high);
         let growth = (scale - state.force_scale) / state.force_scale;
         state.held = state.held - growth * load;

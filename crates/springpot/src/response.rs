@@ -45,10 +45,21 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     #[must_use]
     pub fn frequency_response(&self, frequency_hz: f64) -> Complex<f64> {
         let turn = Complex::new(0.0, -TAU * frequency_hz * self.step_s());
-        let delay = trig::exp(turn);
-        let difference = -trig::expm1(turn);
+        Complex::new(1.0, 0.0) / self.stiffness_of(trig::exp(turn), -trig::expm1(turn))
+    }
+
+    /// Force over displacement at `frequency_hz` in steady state, in N/m, of the film that this law discretises: with
+    /// (1 − ζ)/h = 2πif, as the recursion has it for slow changes. Needs the four basic operations alone.
+    #[must_use]
+    pub(crate) fn dynamic_stiffness(&self, frequency_hz: f64) -> Complex<f64> {
+        let difference = Complex::new(0.0, TAU * frequency_hz * self.step_s());
+        self.stiffness_of(Complex::new(1.0, 0.0) - difference, difference)
+    }
+
+    /// Force over displacement for a delay of ζ in a step and 1 − ζ, N/m.
+    fn stiffness_of(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64> {
         // F = [ζ B(ζ) + S (1 − ζ)] Δx and Δx = (1 − ζ) x.
         let force = delay * self.memory().response(delay, difference) + difference * self.stiffness().to_f64();
-        Complex::new(1.0, 0.0) / (force * difference)
+        force * difference
     }
 }

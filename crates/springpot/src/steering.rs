@@ -118,6 +118,12 @@ const GAIN_S: f64 = 10.0;
 /// It stays within these.
 const GAINS: [f64; 2] = [0.8, 1.25];
 
+/// What a first-order lag of `rate` (1/s) takes in of its input in a step: backward Euler, stable at any rate.
+pub(crate) fn share_per_step(rate: f64, step_s: f64) -> f64 {
+    let steps = rate * step_s;
+    steps / (1.0 + steps)
+}
+
 impl<T: Real> Steering<T> {
     pub(crate) fn new(
         actuator: &Actuator,
@@ -127,7 +133,7 @@ impl<T: Real> Steering<T> {
     ) -> Result<Self, ControlError> {
         limits.check()?;
         let shaper = Shaper::new(step_s, limits.max_velocity_m_per_s, limits.max_acceleration_m_per_s2);
-        let pole = libm::exp(-core::f64::consts::TAU * limits.return_hz * step_s);
+        let pole = 1.0 - share_per_step(core::f64::consts::TAU * limits.return_hz, step_s);
         let approach = (1.0 - pole) / (1.0 + pole);
         let largest_force = actuator.force_per_square_volt() * limits.max_voltage_v * limits.max_voltage_v;
         let back = RETURN_SHARE * largest_force / stiffness.to_f64();
@@ -142,7 +148,7 @@ impl<T: Real> Steering<T> {
             field_voltage: T::from_f64(limits.field_voltage(actuator)),
             coupling: T::from_f64(actuator.stretch_coupling),
             slew: T::from_f64(slew),
-            averaging: T::from_f64(-libm::expm1(-step_s / GAIN_S)),
+            averaging: T::from_f64(share_per_step(1.0 / GAIN_S, step_s)),
             telling_voltage: T::from_f64(0.02 * limits.max_voltage_v),
         };
         for (quantity, value, usable) in [

@@ -2,7 +2,7 @@
 
 use dea_driver::convert::{Calibration, CommandRange};
 use dea_driver::{
-    BLOB_LEN, BlobError, LawNumbers, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters,
+    BLOB_LEN, BlobError, Control, LawNumbers, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters,
     PlausibilityLimits,
 };
 use heapless::String;
@@ -28,6 +28,9 @@ pub struct Board {
     pub sensor: Calibration,
     /// What film and bench allow.
     pub limits: Limits,
+    /// How references are followed and the film is observed.
+    #[serde(default = "Board::control")]
+    pub control: Control,
 }
 
 impl Board {
@@ -55,7 +58,12 @@ impl Board {
                 on_sensor_fault: OnSensorFault::Trip,
                 heartbeat_s: 0.5,
             },
+            control: Self::control(),
         }
+    }
+
+    fn control() -> Control {
+        Control::BENCH
     }
 
     /// The table as TOML, numbers as short as they were written.
@@ -98,6 +106,7 @@ impl Parameters {
             monitor: board.monitor,
             sensor: board.sensor,
             limits: board.limits,
+            control: board.control,
         };
         let mut bytes = vec![0; BLOB_LEN];
         let refused = |error: BlobError| Error::Computation(error.to_string());

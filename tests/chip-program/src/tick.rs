@@ -5,7 +5,8 @@ use core::hint::black_box;
 use dea_driver::convert::{AdcCode, Calibration, CommandRange, DacCode};
 use dea_driver::link::{Command, Mode};
 use dea_driver::{
-    Blob, Controller, Inputs, LawNumbers, Limits, MonitorLimits, OnSensorFault, Outputs, Parameters, PlausibilityLimits,
+    Blob, Control, Controller, Inputs, LawNumbers, Limits, MonitorLimits, OnSensorFault, Outputs, Parameters,
+    PlausibilityLimits,
 };
 use springpot::{Actuator, Law, Maxwell, Options};
 
@@ -117,5 +118,6 @@ fn parameters(law: LawNumbers) -> Parameters {
             on_sensor_fault: OnSensorFault::Trip,
             heartbeat_s: 60.0,
         },
+        control: Control::BENCH,
     }
 }

@@ -80,6 +80,23 @@ pub enum Command {
     PanicMessage,
     /// Go wrong on purpose. Images for use reject it.
     Drill(Drill),
+    /// Tick the control on a film of its own, without hardware: the loop test of the laws of control. Only while the
+    /// amplifier is disabled. Answered by [`Answer::Followed`].
+    Follow {
+        /// The law.
+        mode: Mode,
+        /// Tick by tick.
+        targets: Vec<Target, BATCH>,
+    },
+}
+
+/// What a tick of a loop test gets.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Target {
+    /// The voltage (V) of [`Mode::Voltage`], the reference (m) of the others.
+    pub value: f32,
+    /// A sample of the displacement sensor, m, if one has come.
+    pub sample_m: Option<f32>,
 }
 
 /// Ways to go wrong, of an image that was built to show how each ends.
@@ -106,10 +123,12 @@ pub enum Drill {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
-    /// The film gets the voltage that was set; the model observes.
+    /// The film gets the voltage that was set; the observer follows it.
     Voltage,
-    /// The film gets the voltage that brings it to the reference.
+    /// The film gets the voltage that brings the model to the reference; the sensor is only watched.
     Feedforward,
+    /// The same, less the disturbance that the observer sees.
+    Tracking,
 }
 
 /// From controller to host.
@@ -153,6 +172,13 @@ pub enum Answer {
     },
     /// What the firmware said when it panicked last; empty if it never did.
     PanicMessage(String<200>),
+    /// What the control did.
+    Followed {
+        /// Tick by tick.
+        ticks: Vec<Followed, BATCH>,
+        /// Cycles of the processor that all of them took.
+        cycles: u32,
+    },
 }
 
 /// Why a frame was not obeyed.
@@ -236,8 +262,18 @@ pub struct Sample {
     pub monitor_v: f32,
     /// Displacement sensor, m.
     pub displacement_m: f32,
-    /// Displacement that the model predicts, m.
+    /// Displacement that the model predicts, corrected by the sensor, m.
     pub predicted_m: f32,
+    /// The shaped reference; of [`Mode::Voltage`] the prediction, m.
+    pub reference_m: f32,
+    /// Force that the model does not know, N.
+    pub disturbance_n: f32,
+    /// Electrostatic force in units of what the model takes it for.
+    pub force_scale: f32,
+    /// The last sample minus what was predicted for its time, m.
+    pub innovation_m: f32,
+    /// Limits that the command met, as bits ([`springpot::Limited`]).
+    pub limited: u8,
 }
 
 /// A step of the model in a loop test.
@@ -250,4 +286,16 @@ pub struct Step {
     pub force_n: f32,
     /// The voltage that the inverse of Eq. 1 finds for the force of this step, V.
     pub voltage_v: f32,
+}
+
+/// A tick of the control in a loop test.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Followed {
+    /// The voltage that is commanded, V.
+    pub voltage_v: f32,
+    /// The estimated displacement, m.
+    pub displacement_m: f32,
+    /// The estimated disturbance, N.
+    pub disturbance_n: f32,
 }

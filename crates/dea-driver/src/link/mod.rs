@@ -10,7 +10,8 @@ mod upload;
 
 pub use frame::{FRAME_LEN, FrameError, Receiver, encode};
 pub use message::{
-    Answer, BATCH, CHUNK, Command, Drill, Identity, Message, Mode, Reject, Request, Sample, Status, Step,
+    Answer, BATCH, CHUNK, Command, Drill, Followed, Identity, Message, Mode, Reject, Request, Sample, Status, Step,
+    Target,
 };
 pub use session::{Board, Session, StartError};
 pub use upload::{Upload, UploadError};

@@ -107,8 +107,9 @@ impl Session {
             Command::Try { length } => self.take_over(usize::from(*length), false, board),
             Command::Drill(drill) if board.drill(*drill) => Answer::Done,
             Command::Drill(_) => Answer::Rejected(Reject::Unknown),
-            Command::Step(_) => match board.with(|device| device.obey(command)) {
+            Command::Step(_) | Command::Follow { .. } => match board.with(|device| device.obey(command)) {
                 (Answer::Steps { steps, .. }, cycles) => Answer::Steps { steps, cycles },
+                (Answer::Followed { ticks, .. }, cycles) => Answer::Followed { ticks, cycles },
                 (other, _) => other,
             },
             _ => board.with(|device| device.obey(command)).0,
