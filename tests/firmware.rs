@@ -48,6 +48,34 @@ fn every_step_of_three_recordings_has_the_hosts_bits() {
     assert!((0.98..=1.02).contains(&(counted / stated)), "README.md states {stated} instructions, counted {counted}");
 }
 
+/// The three laws of control: feedforward and tracking with their loop closed around the firmware, the simulated film as
+/// plant, and the observer along a recording. Every voltage, estimate and disturbance has the host's bits, and the film
+/// follows.
+#[test]
+fn the_laws_of_control_have_the_hosts_bits() {
+    let folder = tempfile::TempDir::new().expect("a folder");
+    let (image, film, sine) =
+        (image("firmware/target"), folder.path().join("film.toml"), folder.path().join("sine.csv"));
+    let recordings = recordings("hossain");
+    let [fast, middle, slow] = recordings.each_ref().map(|path| text(path));
+    let structure = ["--topology", "parallel", "--branches", "2"];
+    TOOL.json(&[&["fit", fast, middle, slow, "--out", text(&film)], structure.as_slice()].concat());
+    let shape = ["--shape", "sine", "--low", "1.5e-3", "--high", "4e-3", "--period", "10", "--out", text(&sine)];
+    TOOL.json(&[["reference"].as_slice(), &shape].concat());
+    let pil = |more: &[&str]| {
+        let all = ["pil", "--params", text(&film), "--image", text(&image), "--duration", "10"];
+        let report = TOOL.json(&[all.as_slice(), more].concat());
+        println!("{report}");
+        assert_eq!((report["steps"].as_u64(), report["mismatches"].as_u64()), (Some(10_001), Some(0)));
+        report["recordings"][0]["tracking_rms_pct"].as_f64()
+    };
+    let closed = ["--plant", "hossain", text(&sine)];
+    let feedforward = pil(&[["--law", "feedforward"].as_slice(), &closed].concat()).expect("a closed loop");
+    let tracking = pil(&[["--law", "tracking"].as_slice(), &closed].concat()).expect("a closed loop");
+    assert!(feedforward < 1.0 && tracking < 0.25, "{feedforward} %, {tracking} %");
+    assert_eq!(pil(&["--law", "observer", fast]), None);
+}
+
 /// Bits are compared, not merely printed: with other parameters on the chip than on the host, the test fails.
 #[test]
 fn another_model_is_noticed() {

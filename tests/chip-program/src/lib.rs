@@ -5,6 +5,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+mod control;
 mod tick;
 
 use core::fmt;
@@ -83,6 +84,7 @@ pub fn run(report: &mut impl Report) {
         let model = model.with_topology(topology);
 
         laws(report, preset, topology, &model);
+        control::run(report, |what| Name { preset, topology, size: "12+36", what }, &model);
         tick::run(report, Name { preset, topology, size: "12+36", what: "tick" }, &model);
     }
 }

@@ -1,0 +1,82 @@
+//! The laws of control: a tick of each, without converters and supervisor.
+
+use core::hint::black_box;
+
+use springpot::{
+    Actuator, Applied, CommandLimits, Compressed, Feedforward, Law, Maxwell, Observer, ObserverOptions, Options,
+    Sample, Tracking,
+};
+
+use crate::{Checksum, Name, Report, STEPS, repeat};
+
+type FilmLaw = Law<f32, Compressed<f32>>;
+
+/// Reports bits and cost of a tick of each law of control along `model`. Each has a stack of its own.
+pub fn run(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model: &Maxwell) {
+    feedforward(report, name("feedforward"), law(model));
+    observer(report, name("observer"), law(model));
+    tracking(report, name("tracking"), law(model));
+}
+
+#[inline(never)]
+fn law(model: &Maxwell) -> FilmLaw {
+    let Ok(law) = Law::compressed(model, Options::at_step(1e-3)) else { panic!("the law is refused") };
+    law
+}
+
+/// A reference of up to 1 mm, and a sensor beside it.
+fn reference(k: f32) -> f32 {
+    1e-9 * k * k
+}
+
+fn sample(k: f32) -> Option<Sample<f32>> {
+    Some(Sample { displacement: 0.98 * reference(k), age_ticks: 10 })
+}
+
+/// Ticks on the way: bits of what `tick` gives, then what it costs, a sample coming in every tick.
+fn ticks(report: &mut impl Report, name: Name, mut tick: impl FnMut(f32) -> f32) {
+    let mut checksum = Checksum::default();
+    for k in 0..STEPS {
+        checksum.add(tick(f32::from(k)));
+    }
+    report.bits(name, checksum);
+    report.cost_of_step(name, STEPS, || repeat(&mut tick), || repeat(|k| k));
+}
+
+#[inline(never)]
+fn feedforward(report: &mut impl Report, name: Name, law: FilmLaw) {
+    let rest = law.state();
+    let Ok(config) = Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH) else { panic!("refused") };
+    let mut state = config.state(rest);
+    let mut voltage = 0.0;
+    ticks(report, name, |k| {
+        config.apply(&mut state, Applied::as_commanded(voltage));
+        voltage = config.command(&mut state, reference(k)).voltage;
+        voltage
+    });
+}
+
+#[inline(never)]
+fn observer(report: &mut impl Report, name: Name, law: FilmLaw) {
+    let rest = law.state();
+    let options = ObserverOptions::at_bandwidth(0.6);
+    let observer: Result<Observer<f32>, _> = Observer::new(law, &Actuator::KARNER_2022, 6000.0, options);
+    let Ok(config) = observer else { panic!("refused") };
+    let mut state = config.state(rest);
+    ticks(report, name, |k| config.observe(&mut state, 5.0 * k, sample(k)));
+}
+
+#[inline(never)]
+fn tracking(report: &mut impl Report, name: Name, law: FilmLaw) {
+    let rest = law.state();
+    let options = ObserverOptions::at_bandwidth(0.6);
+    let tracking: Result<Tracking<f32>, _> = Tracking::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH, options);
+    let Ok(config) = tracking else { panic!("refused") };
+    let mut state = config.state(rest);
+    let mut voltage = 0.0;
+    ticks(report, name, |k| {
+        config.observe(&mut state, Applied::as_commanded(voltage), black_box(sample(k)));
+        voltage = config.command(&mut state, reference(k)).voltage;
+        voltage
+    });
+}
