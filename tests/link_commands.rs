@@ -84,7 +84,7 @@ fn play_follows_a_recording_and_ends_at_0_v() {
     let replayed = TOOL.json(&["replay", "--params", "preset:table3-n2", text(&out)]);
     assert!(replayed["recordings"][0]["samples"].as_u64().expect("a number") > 200);
     let header = fs::read_to_string(&out).expect("written");
-    assert!(header.starts_with("time_s,tick,command_v,voltage_v,displacement_m,predicted_m\n"));
+    assert!(header.starts_with("time_s,tick,command_v,voltage_v,displacement_m,predicted_m,reference_m,"));
 }
 
 /// The interlock opens halfway: the command says so, keeps what was measured, and the film is at 0 V.

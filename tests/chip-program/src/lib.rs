@@ -32,7 +32,8 @@ pub struct Name {
     pub topology: Topology,
     /// Head and modes of the law.
     pub size: &'static str,
-    /// `law`, `creep`, `relaxation`, `voltage` (Eq. 1 from force to voltage) or `tick` (the whole control tick).
+    /// `law`, `creep`, `relaxation`, `voltage` (Eq. 1 from force to voltage), `feedforward`, `observer`, `tracking`, or `tick`
+    /// (the whole control tick).
     pub what: &'static str,
 }
 

@@ -144,7 +144,7 @@ impl Play {
             (What::Voltage, _) => {
                 return Err(Error::file(&self.recording, "a column voltage_v or voltage_kv is needed"));
             }
-            (What::Reference, _) => recording.displacement_drive()?.samples().clone(),
+            (What::Feedforward | What::Tracking, _) => recording.displacement_drive()?.samples().clone(),
         };
         let grid = Grid::covering(recording.duration_s(), SENT_HZ)?;
         Ok(grid.resample(&samples).into_iter().map(|value| value as f32).collect())
@@ -154,7 +154,7 @@ impl Play {
         let values = self.values()?;
         let value = |value: f32| match self.mode {
             What::Voltage => Command::SetVoltage(value),
-            What::Reference => Command::SetReference(value),
+            What::Feedforward | What::Tracking => Command::SetReference(value),
         };
         client.order(value(values[0]))?;
         client.order(Command::Arm)?;
@@ -195,6 +195,11 @@ impl Log {
             ("voltage_v", column(|sample| f64::from(sample.monitor_v))),
             ("displacement_m", column(|sample| f64::from(sample.displacement_m))),
             ("predicted_m", column(|sample| f64::from(sample.predicted_m))),
+            ("reference_m", column(|sample| f64::from(sample.reference_m))),
+            ("disturbance_n", column(|sample| f64::from(sample.disturbance_n))),
+            ("force_scale", column(|sample| f64::from(sample.force_scale))),
+            ("innovation_m", column(|sample| f64::from(sample.innovation_m))),
+            ("limited", column(|sample| f64::from(sample.limited))),
         ];
         let columns: Vec<(&str, Option<&[f64]>)> =
             columns.iter().map(|(name, values)| (*name, Some(values.as_slice()))).collect();

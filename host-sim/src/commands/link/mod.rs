@@ -60,15 +60,18 @@ enum Verb {
 enum What {
     /// The voltage that is set.
     Voltage,
-    /// The displacement that is set, by feedforward.
-    Reference,
+    /// The displacement that is set, without the sensor.
+    Feedforward,
+    /// The displacement that is set, with the sensor.
+    Tracking,
 }
 
 impl From<What> for Mode {
     fn from(what: What) -> Self {
         match what {
             What::Voltage => Self::Voltage,
-            What::Reference => Self::Feedforward,
+            What::Feedforward => Self::Feedforward,
+            What::Tracking => Self::Tracking,
         }
     }
 }
