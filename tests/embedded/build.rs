@@ -1,16 +1,39 @@
-//! Puts the target's memory map where the linker finds it.
+//! Puts the target's memory map where the linker finds it, and the coefficients of two laws where `cycles` finds them.
 
 use std::env;
 use std::error::Error;
 use std::fs;
 use std::path::Path;
 
+use springpot::{Coefficients, Compressed, Law, Options, Preset};
+
 fn main() -> Result<(), Box<dyn Error>> {
     let map = if env::var("TARGET")?.starts_with("thumbv6m") { "microbit.x" } else { "../../memory.x" };
     let out = env::var("OUT_DIR")?;
     fs::copy(map, Path::new(&out).join("memory.x"))?;
+    fs::write(Path::new(&out).join("coefficients.rs"), coefficients()?)?;
     println!("cargo:rustc-link-search={out}");
     println!("cargo:rerun-if-changed={map}");
     println!("cargo:rerun-if-changed=build.rs");
     Ok(())
+}
+
+/// The default law and the lean one, of a published model.
+fn coefficients() -> Result<String, Box<dyn Error>> {
+    let model = Preset::named("table3-n2").ok_or("no preset")?.model()?;
+    let options = Options::at_step(1e-3);
+    let default: Law<f32> = Law::compressed(&model, options)?;
+    let lean: Law<f32, Compressed<f32, 8, 14, 4>> =
+        Law::compressed(&model, options.with_horizon(3600.0).with_tolerance(1e-3))?;
+    let default = constant("DEFAULT", "12, 12, 24", &default.coefficients(model.mass_kg()));
+    Ok(default + &constant("LEAN", "8, 14, 4", &lean.coefficients(model.mass_kg())))
+}
+
+fn constant<const H: usize, const F: usize, const S: usize>(
+    name: &str,
+    sizes: &str,
+    coefficients: &Coefficients<f32, H, F, S>,
+) -> String {
+    // What Debug prints is the expression itself.
+    format!("static {name}: Coefficients<f32, {sizes}> = {coefficients:?};\n")
 }

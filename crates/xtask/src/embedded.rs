@@ -6,6 +6,7 @@ use std::path::Path;
 
 use chip_program::{Checksum, Name, Report};
 
+use crate::cycles;
 use crate::process::{Result, cargo, output, root, run as run_command};
 use crate::setup::{TARGETS, Toolchain};
 
@@ -41,7 +42,19 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
         println!("{target}: {} checksums of laws, steps and both directions are the host's", printed.bits.len());
         columns.push(printed.costs);
     }
-    compare_costs(&columns)
+    let readme = Readme::read()?;
+    let mut off = readme.compare(0, TARGETS[0], &columns[0]);
+    off.extend(readme.compare(1, TARGETS[1], &columns[1]));
+    let cycles = cycles::modelled(toolchain)?;
+    let cycles: BTreeMap<String, u64> =
+        cycles.into_iter().map(|(row, cycles)| (row.to_owned(), cycles as u64)).collect();
+    off.extend(readme.compare(2, "cycles", &cycles));
+    if off.is_empty() {
+        println!("the README's instruction counts and modelled cycles hold within 2 %");
+        Ok(())
+    } else {
+        Err(format!("README.md, costs:\n  {}", off.join("\n  ")))
+    }
 }
 
 /// Links a program that cannot be linked if a step or a tick can panic, and sees that it does not link with one that can.
@@ -103,32 +116,35 @@ fn compare_bits(target: &str, host: &BTreeMap<String, String>, chip: &BTreeMap<S
     if chip.len() == host.len() { Ok(()) } else { Err(format!("{target}: more was reported than on the host")) }
 }
 
-/// Holds the counts against the README's table, whose rows begin with a name such as `creep/12+36` in backticks: within
-/// 2 %, for every model.
-fn compare_costs(columns: &[BTreeMap<String, u64>]) -> Result<()> {
-    let readme = fs::read_to_string(root().join("README.md")).map_err(|error| format!("README.md: {error}"))?;
-    let mut unmentioned: Vec<&String> = columns[0].keys().collect();
-    let mut off = Vec::new();
-    for row in readme.lines().filter(|line| line.starts_with("| `")) {
-        let cells: Vec<&str> = row.split('|').map(str::trim).collect();
-        let name = cells[1].trim_matches('`');
-        for (index, costs) in columns.iter().enumerate() {
-            let stated: String = cells.get(2 + index).unwrap_or(&"").chars().filter(char::is_ascii_digit).collect();
+/// The README's table of costs, whose rows begin with a name such as `creep/12+36` in backticks.
+struct Readme(String);
+
+impl Readme {
+    fn read() -> Result<Self> {
+        fs::read_to_string(root().join("README.md")).map(Self).map_err(|error| format!("README.md: {error}"))
+    }
+
+    /// What of `counted` is not stated in a column within 2 %; a row's name is the beginning of theirs.
+    fn compare(&self, column: usize, what: &str, counted: &BTreeMap<String, u64>) -> Vec<String> {
+        let mut unmentioned: Vec<&String> = counted.keys().collect();
+        let mut off = Vec::new();
+        for row in self.0.lines().filter(|line| line.starts_with("| `")) {
+            let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+            let name = cells[1].trim_matches('`');
+            let stated: String = cells.get(2 + column).unwrap_or(&"").chars().filter(char::is_ascii_digit).collect();
             let Ok(stated) = stated.parse::<f64>() else { continue };
-            for (full_name, &counted) in costs.iter().filter(|(full_name, _)| full_name.starts_with(name)) {
+            let named = |full_name: &str| full_name == name || full_name.starts_with(&format!("{name}/"));
+            for (full_name, &counted) in counted.iter().filter(|(full_name, _)| named(full_name)) {
                 unmentioned.retain(|other| *other != full_name);
                 let ratio = counted as f64 / stated;
                 if !(0.98..=1.02).contains(&ratio) {
-                    off.push(format!("{} on {}: {counted} counted, {stated} stated", full_name, TARGETS[index]));
+                    off.push(format!("{full_name}, {what}: {counted} counted, {stated} stated"));
                 }
             }
         }
-    }
-    off.extend(unmentioned.into_iter().map(|name| format!("{name} is not in the table")));
-    if off.is_empty() {
-        println!("the README's instruction counts hold within 2 %");
-        Ok(())
-    } else {
-        Err(format!("README.md, instruction counts:\n  {}", off.join("\n  ")))
+        off.extend(
+            unmentioned.into_iter().map(|name| format!("{name}, {what}: {} counted, not in the table", counted[name])),
+        );
+        off
     }
 }

@@ -1,6 +1,7 @@
 //! Chores of the project: `cargo xtask help`.
 #![forbid(unsafe_code)]
 
+mod cycles;
 mod embedded;
 mod firmware;
 mod process;

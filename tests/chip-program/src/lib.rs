@@ -6,7 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod control;
-mod tick;
+pub mod tick;
 
 use core::fmt;
 use core::hint::black_box;

@@ -1,4 +1,4 @@
-//! The whole control tick, feedforward against a sensor, as the firmware runs it.
+//! The whole control tick, tracking with a sensor, as the firmware runs it.
 
 use core::hint::black_box;
 
@@ -21,8 +21,7 @@ pub fn run(report: &mut impl Report, name: Name, model: &Maxwell) {
 
 #[inline(never)]
 fn bits(report: &mut impl Report, name: Name, law: &LawNumbers) {
-    let mut controller = Controller::new(blob(law));
-    start(&mut controller);
+    let mut controller = running(law);
     let mut checksum = Checksum::default();
     ticks(&mut controller, |outputs| {
         checksum.add(outputs.sample.command_v);
@@ -34,14 +33,21 @@ fn bits(report: &mut impl Report, name: Name, law: &LawNumbers) {
 
 #[inline(never)]
 fn cost(report: &mut impl Report, name: Name, law: &LawNumbers) {
-    let mut controller = Controller::new(blob(law));
-    start(&mut controller);
+    let mut controller = running(law);
     let keep = |outputs: Outputs| {
         black_box(outputs.command);
     };
     report.cost_of_step(name, STEPS, || ticks(&mut controller, keep), || ());
     // A tick that tripped would have cost another thing.
     assert!(controller.supervisor().enables(), "the bench tripped");
+}
+
+/// A controller on the bench, tracking.
+#[inline(never)]
+pub fn running(law: &LawNumbers) -> Controller {
+    let mut controller = Controller::new(blob(law));
+    start(&mut controller);
+    controller
 }
 
 #[inline(never)]
@@ -60,7 +66,7 @@ fn law(model: &Maxwell) -> LawNumbers {
 #[inline(never)]
 fn start(controller: &mut Controller) {
     controller.tick(inputs(DacCode::ZERO));
-    for command in [Command::Arm, Command::Start(Mode::Feedforward), Command::SetReference(0.8e-3)] {
+    for command in [Command::Arm, Command::Start(Mode::Tracking), Command::SetReference(0.8e-3)] {
         controller.obey(&command);
     }
 }
@@ -80,7 +86,7 @@ fn tick(controller: &mut Controller, inputs: Inputs) -> Outputs {
 }
 
 /// A monitor that follows the command at once, and a sensor that stands still.
-fn inputs(command: DacCode) -> Inputs {
+pub fn inputs(command: DacCode) -> Inputs {
     // Both are volts: of 10 V at 65536, and of 10.24 V.
     #[allow(clippy::cast_possible_truncation)] // below the DAC's code
     let monitor = (u32::from(command.0) * 1000 / 1024) as u16;

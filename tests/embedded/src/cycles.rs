@@ -1,0 +1,108 @@
+//! Calls every kernel, for a trace of its instructions: `cargo xtask embedded` models the cycles from it.
+//!
+//! The laws come as coefficients that the build has computed, so that the trace holds little else.
+#![no_std]
+#![no_main]
+
+use core::hint::black_box;
+
+use chip_program::tick;
+use cortex_m_rt::entry;
+use cortex_m_semihosting::debug::{self, EXIT_SUCCESS};
+use dea_driver::convert::DacCode;
+use dea_driver::{Controller, LawNumbers};
+use panic_semihosting as _;
+use springpot::{
+    Actuator, Applied, Coefficients, CommandLimits, Compressed, CompressedHistory, Feedforward, FeedforwardState, Law,
+    Observer, ObserverOptions, ObserverState, Sample, State, Tracking, TrackingState, VoltageDrive,
+};
+
+include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
+
+type History = CompressedHistory<f32, 12, 12, 24>;
+type LeanLaw = Law<f32, Compressed<f32, 8, 14, 4>>;
+type LeanState = State<f32, CompressedHistory<f32, 8, 14, 4>>;
+
+/// Calls a function of this name, whose instructions the trace tells by it; the last call counts.
+macro_rules! kernel {
+    ($name:ident, |$config:ident: $Config:ty, $state:ident: $State:ty| $body:expr, $with:expr) => {{
+        let (config, mut state) = $with;
+        #[unsafe(no_mangle)]
+        #[inline(never)]
+        fn $name($config: &$Config, $state: &mut $State) {
+            black_box($body);
+        }
+        for _ in 0..2 {
+            $name(black_box(&config), black_box(&mut state));
+        }
+    }};
+}
+
+fn built<T, E>(result: Result<T, E>) -> T {
+    match result {
+        Ok(built) => built,
+        Err(_) => panic!("refused"),
+    }
+}
+
+fn sample() -> Option<Sample<f32>> {
+    black_box(Some(Sample { displacement: 1e-4, age_ticks: 10 }))
+}
+
+fn applied() -> Applied<f32> {
+    black_box(Applied::as_commanded(1000.0))
+}
+
+#[entry]
+fn main() -> ! {
+    let law: Law<f32> = built(Law::from_coefficients(&DEFAULT));
+    let lean: LeanLaw = built(Law::from_coefficients(&LEAN));
+    let film = || (law.clone(), law.state());
+    kernel!(creep_12_36, |law: Law<f32>, film: State<f32, History>| law.displacement(film, black_box(10.0)), film());
+    kernel!(relaxation_12_36, |law: Law<f32>, film: State<f32, History>| law.force(film, black_box(1e-4)), film());
+    let film = || (lean.clone(), lean.state());
+    kernel!(creep_8_18, |law: LeanLaw, film: LeanState| law.displacement(film, black_box(10.0)), film());
+    kernel!(relaxation_8_18, |law: LeanLaw, film: LeanState| law.force(film, black_box(1e-4)), film());
+
+    let actuator = &Actuator::KARNER_2022;
+    let drive: VoltageDrive<f32> = built(VoltageDrive::new(actuator, 6000.0, law.stiffness()));
+    kernel!(voltage, |drive: VoltageDrive<f32>, force: f32| drive.voltage(*force, black_box(1e-4)), (drive, 10.0));
+
+    let (limits, options) = (CommandLimits::BENCH, ObserverOptions::at_bandwidth(0.6));
+    let config: Feedforward<f32> = built(Feedforward::new(law.clone(), actuator, limits));
+    let state = config.state(law.state());
+    kernel!(
+        feedforward,
+        |config: Feedforward<f32>, state: FeedforwardState<f32, History>| {
+            config.apply(state, applied());
+            config.command(state, black_box(1e-4))
+        },
+        (config, state)
+    );
+    let config: Observer<f32> = built(Observer::new(law.clone(), actuator, 6000.0, options));
+    let state = config.state(law.state());
+    kernel!(
+        observer,
+        |config: Observer<f32>, state: ObserverState<f32, History>| config.observe(state, black_box(1000.0), sample()),
+        (config, state)
+    );
+    let config: Tracking<f32> = built(Tracking::new(law.clone(), actuator, limits, options));
+    let state = config.state(law.state());
+    kernel!(
+        tracking,
+        |config: Tracking<f32>, state: TrackingState<f32, History>| {
+            config.observe(state, applied(), sample());
+            config.command(state, black_box(1e-4))
+        },
+        (config, state)
+    );
+    let controller = tick::running(&LawNumbers::of(&law));
+    kernel!(
+        tick,
+        |command: DacCode, controller: Controller| controller.tick(black_box(tick::inputs(*command))),
+        (DacCode::ZERO, controller)
+    );
+    loop {
+        debug::exit(EXIT_SUCCESS);
+    }
+}
