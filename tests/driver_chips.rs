@@ -24,7 +24,7 @@ fn start_up() -> Vec<OnSpi<u8>> {
 #[test]
 fn amplifier_starts_at_0_v_and_ends_there() {
     let mut expected = start_up();
-    expected.extend(written([0x00, 0, 0])); // enable
+    expected.extend(start_up()); // enable
     expected.extend(written([0x00, 0x99, 0x9a])); // 6 V of 10 V
     expected.extend(written([0x00, 0, 0])); // disable
     let pin = Pin::new(&[OnPin::set(State::Low), OnPin::set(State::High), OnPin::set(State::Low)]);
@@ -43,7 +43,8 @@ fn amplifier_does_what_a_tick_puts_out() {
     let mut expected = start_up();
     expected.extend(written([0x00, 0, 0])); // off, as it was
     expected.extend([written([0x08, 0, 0]), written([0x00, 0, 0])].concat()); // 0…5 V, 0 V again
-    expected.extend(written([0x00, 0, 0])); // on at 0 V
+    let again = [written([0x08, 0, 0]), written([0x00, 0, 0]), written([0x10, 0, 1])];
+    expected.extend(again.concat()); // on at 0 V
     expected.extend([written([0x00, 0x12, 0x34]), written([0x00, 0x56, 0x78])].concat());
     expected.extend(written([0x00, 0, 0])); // off
     let pin = [State::Low, State::Low, State::High, State::Low].map(OnPin::set);
@@ -72,7 +73,7 @@ fn the_range_of_five_volts_is_another_code() {
 fn pins_are_low_whatever_the_bus_does() {
     // The output that refuses to rise.
     let mut expected = start_up();
-    expected.extend(written([0x00, 0, 0])); // enable
+    expected.extend(start_up()); // enable
     expected.extend(written([0x00, 0, 0])); // disable
     let stuck = OnPin::set(State::High).with_error(MockError::Io(ErrorKind::Other));
     let pin = Pin::new(&[OnPin::set(State::Low), stuck, OnPin::set(State::Low)]);

@@ -43,6 +43,7 @@ fn commands() -> Vec<Command> {
         Command::Try { length: 512 },
         Command::PanicMessage,
         Command::Drill(Drill::Hang),
+        Command::Reload,
         Command::Follow { mode: Mode::Tracking, targets: [Target { value: 1.0, sample_m: Some(2.0) }; BATCH].into() },
     ]
 }

@@ -23,7 +23,8 @@ impl Bench {
         self.noise = self.noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let noise = (self.noise >> 16) as f32 / 65_536.0 * 5e-6;
         let volts = self.supervisor.command_v();
-        Readings { interlock_closed: true, monitor_v: volts, displacement_m: 2e-3 * (volts / 6000.0).powi(2) + noise }
+        let predicted_m = 2e-3 * (volts / 6000.0).powi(2);
+        Readings { interlock_closed: true, monitor_v: volts, displacement_m: predicted_m + noise, predicted_m }
     }
 
     /// A tick whose readings `spoil` may alter.
@@ -31,7 +32,7 @@ impl Bench {
         let mut readings = self.healthy();
         spoil(&mut readings);
         let state = self.supervisor.check(readings).state;
-        self.supervisor.command(self.wanted_v);
+        self.supervisor.command(self.wanted_v, 1.0);
         state
     }
 
@@ -76,7 +77,7 @@ impl Bench {
         // Until it is acknowledged, and even then it has to be armed again.
         self.supervisor.acknowledge().expect("tripped");
         assert_eq!(self.supervisor.state(), State::Disarmed);
-        assert_eq!(self.supervisor.command(6000.0), 0.0);
+        assert_eq!(self.supervisor.command(6000.0, 1.0), 0.0);
     }
 }
 
@@ -97,7 +98,7 @@ fn every_fault_ends_at_0_v_with_its_cause() {
         // 500 equal values, the first of which is one.
         (Cause::Sensor(SensorFault::Stuck), 501, |r| r.displacement_m = 0.9e-3),
         (Cause::Interlock, 1, |r| {
-            *r = Readings { interlock_closed: false, monitor_v: f32::NAN, displacement_m: f32::NAN }
+            *r = Readings { interlock_closed: false, monitor_v: f32::NAN, displacement_m: f32::NAN, ..*r }
         }),
     ];
     for (cause, ticks, spoil) in faults {
@@ -185,7 +186,7 @@ fn transitions_are_the_documented_ones() {
             assert_eq!(answer.is_ok(), to.is_some(), "{name} from {from:?}");
             assert_eq!(supervisor.state(), to.unwrap_or(from), "{name} from {from:?}");
             if supervisor.state() != State::Running {
-                assert_eq!(supervisor.command(5000.0), 0.0, "{name} from {from:?}");
+                assert_eq!(supervisor.command(5000.0, 1.0), 0.0, "{name} from {from:?}");
             }
         }
     }
@@ -219,10 +220,26 @@ fn open_loop_goes_on_without_the_sensor() {
         readings.displacement_m = f32::NAN;
         let tick = bench.supervisor.check(readings);
         assert_eq!((tick.state, tick.displacement_m), (State::Running, None));
-        bench.supervisor.command(4000.0);
+        bench.supervisor.command(4000.0, 1.0);
     }
-    let back = bench.healthy();
-    assert_eq!(bench.supervisor.check(back).displacement_m, Some(back.displacement_m));
+    // It is believed again after ten good values behind the first one.
+    for tick in 1..=12 {
+        let back = bench.healthy();
+        let believed = bench.supervisor.check(back).displacement_m;
+        assert_eq!(believed, (tick >= 11).then_some(back.displacement_m), "tick {tick}");
+    }
+    // One that has slipped is a jump once, and not believed however steady it is from then on.
+    for _ in 0..1000 {
+        bench.supervisor.heartbeat();
+        let mut readings = bench.healthy();
+        readings.displacement_m += 2e-3;
+        assert_eq!(bench.supervisor.check(readings).displacement_m, None);
+    }
+    // The model's film keeps the limit of the stroke.
+    let mut readings = bench.healthy();
+    readings.displacement_m = f32::NAN;
+    readings.predicted_m = 8.1e-3;
+    assert_eq!(bench.supervisor.check(readings).state, State::Tripped(Cause::Displacement));
 }
 
 #[test]
@@ -232,7 +249,7 @@ fn commands_stay_within_voltage_field_and_slew() {
     let mut last = bench.supervisor.command_v();
     for wanted in [1e9, f32::INFINITY, -1e9, f32::NAN, 3000.0, f32::NEG_INFINITY, 6500.0] {
         for _ in 0..200 {
-            let command = bench.supervisor.command(wanted);
+            let command = bench.supervisor.command(wanted, 1.0);
             assert!((0.0..=6500.0).contains(&command), "{wanted}: {command} V");
             // 50 kV/s at 1 kHz.
             assert!((command - last).abs() <= 50.001, "{wanted}: from {last} to {command} V");
@@ -251,9 +268,27 @@ fn commands_stay_within_voltage_field_and_slew() {
     let thin = Limits { thickness_m: 100e-6, ..limits };
     let mut bench = Bench::run(&thin);
     for _ in 0..200 {
-        bench.supervisor.command(6500.0);
+        bench.supervisor.command(6500.0, 1.0);
     }
     assert!((bench.supervisor.command_v() - 4200.0).abs() < 0.1);
+    // A film that is stretched is thinner: the field outranks the slew.
+    assert!((bench.supervisor.command(6500.0, 1.05) - 4000.0).abs() < 0.1);
+    assert!((bench.supervisor.command(6500.0, f32::NAN) - 4050.0).abs() < 0.1, "50 kV/s upwards");
+}
+
+/// Limits that would protect nothing are no limits.
+#[test]
+fn limits_without_an_end_are_refused() {
+    for change in [
+        |l: &mut Limits| l.heartbeat_s = 61.0,
+        |l: &mut Limits| l.monitor.band_share = 0.6,
+        |l: &mut Limits| l.monitor.settle_s = 1.5,
+    ] {
+        let mut limits = bench_limits();
+        change(&mut limits);
+        let error = Supervisor::new(&limits, RATE_HZ).expect_err("refused");
+        assert!(matches!(error, LimitsError::TooLarge(_)), "{error}");
+    }
 }
 
 /// An amplifier slower than the command is not a fault; one that lags for longer than the settle time is.
@@ -274,11 +309,14 @@ fn the_monitor_s_band_knows_the_amplifier_s_slew() {
             let command_v = bench.supervisor.command_v();
             monitor_v += (command_v - monitor_v).clamp(-slew_v_per_tick, slew_v_per_tick);
             let displacement_m = 2e-3 * (monitor_v / 6000.0).powi(2) + 1e-6 * (tick % 7) as f32;
-            let state = bench.supervisor.check(Readings { interlock_closed: true, monitor_v, displacement_m }).state;
+            let state = bench
+                .supervisor
+                .check(Readings { interlock_closed: true, monitor_v, displacement_m, predicted_m: displacement_m })
+                .state;
             if let State::Tripped(cause) = state {
                 return Some(cause);
             }
-            bench.supervisor.command(6000.0);
+            bench.supervisor.command(6000.0, 1.0);
         }
         None
     };

@@ -88,6 +88,13 @@ fn wrong_values_are_refused() {
     assert_eq!(refused(&|p| p.sensor_offset_m = f32::NAN), BlobError::Offset);
     assert_eq!(refused(&|p| p.law.head[3] = f32::NAN), BlobError::Law(LawError::Coefficient("head")));
     assert_eq!(refused(&|p| p.law.slow[5].0 = 1.01), BlobError::Law(LawError::Coefficient("slow")));
+    // Instruments that cannot show or reach what the limits allow, and limits for another film.
+    assert_eq!(refused(&|p| p.monitor.gain = 650.0), BlobError::Reach("monitor"));
+    assert_eq!(refused(&|p| p.amplifier.gain = 600.0), BlobError::Reach("amplifier"));
+    assert_eq!(refused(&|p| p.amplifier.offset = 7000.0), BlobError::Reach("amplifier"));
+    assert_eq!(refused(&|p| p.limits.thickness_m = 170e-6), BlobError::Thickness);
+    // A sensor that is lost between two samples.
+    assert!(matches!(refused(&|p| p.control.lost_after_s = 0.009), BlobError::Control(_)));
     // A coupling that pulls the film in within a step.
     assert!(matches!(refused(&|p| p.actuator[5] = 1e9), BlobError::Actuator(ActuatorError::PullIn { .. })));
 }

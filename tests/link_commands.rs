@@ -15,7 +15,7 @@ fn link<'a>(board: &'a VirtualBoard, verb: &[&'a str]) -> Vec<&'a str> {
 }
 
 fn upload(board: &VirtualBoard) {
-    TOOL.json(&link(board, &["upload", "--params", "preset:table3-n2"]));
+    TOOL.json(&link(board, &["upload", "--params", "preset:table3-n2", "--bench"]));
 }
 
 /// Two seconds of a half wave up to 3 kV.
@@ -49,7 +49,7 @@ fn verbs_do_as_they_say() {
     let board = VirtualBoard::start(Scene::CALM);
     upload(&board);
     names(&TOOL.fails(&link(&board, &["start", "voltage"])), &["not while it is disarmed"]);
-    names(&TOOL.fails(&link(&board, &["set", "--voltage", "6001"])), &["beyond the limits"]);
+    names(&TOOL.fails(&link(&board, &["set", "--voltage", "6300"])), &["beyond the limits"]);
     names(&TOOL.fails(&link(&board, &["set", "--voltage", "NaN"])), &["beyond the limits"]);
     names(&TOOL.fails(&link(&board, &["set"])), &["--voltage", "--reference"]);
     names(&TOOL.fails(&link(&board, &["set", "--voltage", "1", "--reference", "1"])), &["cannot be used with"]);
@@ -85,6 +85,43 @@ fn play_follows_a_recording_and_ends_at_0_v() {
     assert!(replayed["recordings"][0]["samples"].as_u64().expect("a number") > 200);
     let header = fs::read_to_string(&out).expect("written");
     assert!(header.starts_with("time_s,tick,command_v,voltage_v,displacement_m,predicted_m,reference_m,"));
+}
+
+/// A recording as it is measured: its voltage is noise about 0 V at first.
+#[test]
+fn play_takes_recordings_as_they_are() {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("out.csv");
+    let [recording, ..] = recordings("hossain");
+    let board = VirtualBoard::start(Scene::CALM);
+    upload(&board);
+    TOOL.json(&link(&board, &["play", text(&recording), "--out", text(&out), "--duration", "1"]));
+    assert!(board.voltage().0 > 500.0);
+    // What is beyond the limits is refused before anything is enabled.
+    let high = folder.path().join("high.csv");
+    fs::write(&high, "time_s,voltage_v\n0,0\n1,6500\n2,0\n").expect("written");
+    let board = VirtualBoard::start(Scene::CALM);
+    upload(&board);
+    names(&TOOL.fails(&link(&board, &["play", text(&high), "--out", text(&out)])), &["high.csv", "6500", "limits"]);
+    assert_eq!(board.voltage(), (0.0, 0.0));
+}
+
+/// References are followed with and without the sensor.
+#[test]
+fn play_follows_references() {
+    let folder = TempDir::new().expect("a folder");
+    let (reference, out) = (folder.path().join("reference.csv"), folder.path().join("out.csv"));
+    let shape = ["--shape", "sine", "--low", "0.3e-3", "--high", "0.5e-3", "--period", "10", "--out", text(&reference)];
+    TOOL.json(&[["reference"].as_slice(), &shape].concat());
+    for mode in ["feedforward", "tracking"] {
+        let board = VirtualBoard::start(Scene::CALM);
+        upload(&board);
+        let play = ["play", text(&reference), "--mode", mode, "--duration", "3", "--out", text(&out)];
+        let report = TOOL.json(&link(&board, &play));
+        assert_eq!(report["state"], "disarmed");
+        let (largest, now) = board.voltage();
+        assert!(largest > 500.0 && now == 0.0, "{mode}: {largest} V, then {now} V");
+    }
 }
 
 /// The interlock opens halfway: the command says so, keeps what was measured, and the film is at 0 V.
@@ -138,10 +175,29 @@ fn blobs_are_checked_before_they_are_sent_and_after() {
     names(&TOOL.fails(&link(&board, &["upload", "--blob", text(&blob)])), &["made for this board"]);
     fs::write(&blob, &bytes[..end]).expect("written");
     names(&TOOL.fails(&link(&board, &["upload", "--blob", text(&blob)])), &["p.bin", "truncated"]);
-    let fast = link(&board, &["upload", "--params", "preset:table3-n1", "--rate", "6000"]);
+    let fast = link(&board, &["upload", "--params", "preset:table3-n1", "--rate", "6000", "--bench"]);
     names(&TOOL.fails(&fast), &["cannot tick at that rate", "--rate"]);
     names(&TOOL.fails(&link(&board, &["upload"])), &["--params"]);
+    // Calibrations of some other bench are not taken in silence.
+    let bare = link(&board, &["upload", "--params", "preset:table3-n1"]);
+    names(&TOOL.fails(&bare), &["preset:table3-n1", "[board]", "--bench"]);
     assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table4-f7", "the old ones stay");
+}
+
+/// Whoever talks without end, but not as a controller does, is given up after a few seconds.
+#[test]
+fn a_port_that_babbles_is_given_up() {
+    let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a port");
+    let port = format!("tcp:{}", listener.local_addr().expect("bound"));
+    let babble = std::thread::spawn(move || {
+        let (mut line, _) = listener.accept().expect("connects");
+        // Until the other side hangs up.
+        while std::io::Write::write_all(&mut line, b"ABCDEFG").is_ok() {
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
+    });
+    names(&TOOL.fails(&["link", "--port", &port, "status"]), &[&port, "nobody answers"]);
+    babble.join().expect("hung up");
 }
 
 #[test]

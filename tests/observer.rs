@@ -269,10 +269,15 @@ fn refuses_what_cannot_work() {
             assert!(matches!(new(options), Err(ControlError::NotPositive { .. })), "{options:?}");
         }
     }
-    let slow = ObserverOptions { sample_interval_s: 0.2, ..good };
+    let lost = ObserverOptions { sample_interval_s: 0.06, ..good };
+    assert!(matches!(new(lost), Err(ControlError::LostBetweenSamples { .. })));
+    let slow = ObserverOptions { sample_interval_s: 0.2, lost_after_s: 1.0, ..good };
     assert!(matches!(new(slow), Err(ControlError::SensorTooSlow { .. })));
     let late = ObserverOptions { delay_s: 0.064, ..good };
     assert!(matches!(new(late), Err(ControlError::SensorTooLate { ticks: 64, most: 63 })));
+    // 63 ticks, as single precision has them.
+    let rounded = ObserverOptions { delay_s: f64::from(0.063f32), bandwidth_hz: 0.5, ..good };
+    assert_eq!(new(rounded), Ok(()));
     // Heavy: 1 kg-scaled mass of the twins puts the resonance at 3 Hz, 10 Hz lies above.
     let heavy = Maxwell::new(Springpot::new(4e4, 0.1), &[], Topology::Eq11, 118.0).expect("valid");
     let law: Law<f32> = Law::compressed(&heavy, Options::at_step(1e-3)).expect("a law");

@@ -5,8 +5,9 @@ use cortex_m::peripheral::{SCB, SYST};
 use dea_driver::link::Board;
 #[cfg(feature = "drills")]
 use dea_driver::link::Drill;
-use dea_driver::{Device, Store};
+use dea_driver::{Device, Store, StoreError};
 use rtic::Mutex;
+use stm32f4xx_hal::pac::IWDG;
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
@@ -17,10 +18,16 @@ use crate::panic::Message;
 pub const ID: u16 = 0x0405;
 /// The slowest tick, Hz: the counter has 24 bits, and the watchdog waits for 50 ms.
 pub const MIN_RATE_HZ: f32 = 100.0;
-/// For so long the tick may not come, ms.
+/// The fastest, Hz.
+const MAX_RATE_HZ: f32 = 5000.0;
+/// Cycles that a tick leaves for at the least, four times what it takes: on the internal oscillator the fastest tick is slower.
+const CYCLES_PER_TICK: f32 = 8000.0;
+/// For so long the tick may not come, ms, give or take what the watchdog's own oscillator is off: 35 to 95 ms.
 const WATCHDOG_MS: u32 = 50;
-/// For so long the flash may hold up everything, ms: two sectors take 1 s at the most.
+/// For so long the flash may hold up everything, ms: erasing 16 KiB takes 0.8 s at the most.
 const FLASH_MS: u32 = 4000;
+/// How often the watchdog is asked whether it has taken its settings over: some milliseconds; it needs 0.2 ms.
+const PATIENCE: u32 = 20_000;
 
 /// Ticks: SysTick at the core's clock.
 pub struct Ticker {
@@ -47,7 +54,19 @@ impl Ticker {
 
 /// Starts the watchdog.
 pub fn watch(watchdog: &mut IndependentWatchdog) {
-    watchdog.start(WATCHDOG_MS.millis());
+    set_watchdog(watchdog, WATCHDOG_MS);
+}
+
+/// Lets it wait for `ms`. Its registers belong to a slow clock: they take nothing while they still take over what came before,
+/// and count from what they had until they have it.
+fn set_watchdog(watchdog: &mut IndependentWatchdog, ms: u32) {
+    // SAFETY: its status is only read.
+    let status = unsafe { &*IWDG::ptr() }.sr();
+    let settles = || (0..PATIENCE).any(|_| status.read().bits() == 0);
+    settles();
+    watchdog.start(ms.millis());
+    settles();
+    watchdog.feed();
 }
 
 /// The board, as the link's background sees it.
@@ -62,7 +81,6 @@ pub struct Background<'a, D, W> {
 impl<D: Mutex<T = Device>, W: Mutex<T = IndependentWatchdog>> Board for Background<'_, D, W> {
     type Flash = ParameterFlash;
     const ID: u16 = ID;
-    const RATES_HZ: (f32, f32) = (MIN_RATE_HZ, 5000.0);
 
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
         let reload = SYST::get_reload() + 1;
@@ -77,11 +95,20 @@ impl<D: Mutex<T = Device>, W: Mutex<T = IndependentWatchdog>> Board for Backgrou
         })
     }
 
-    fn with_store<R>(&mut self, work: impl FnOnce(&mut Store<ParameterFlash>) -> R) -> R {
-        self.watchdog.lock(|watchdog| watchdog.start(FLASH_MS.millis()));
-        let result = work(self.store);
+    fn rates_hz(&self) -> (f32, f32) {
+        let fastest = self.ticker.core_hz as f32 / CYCLES_PER_TICK;
+        (MIN_RATE_HZ, fastest.min(MAX_RATE_HZ))
+    }
+
+    fn store(&mut self) -> &mut Store<ParameterFlash> {
+        self.store
+    }
+
+    fn save(&mut self, blob: &[u8]) -> Result<(), StoreError> {
+        self.watchdog.lock(|watchdog| set_watchdog(watchdog, FLASH_MS));
+        let saved = self.store.save(blob);
         self.watchdog.lock(watch);
-        result
+        saved.map(drop)
     }
 
     fn set_rate(&mut self, rate_hz: f32) {

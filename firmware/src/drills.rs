@@ -54,7 +54,7 @@ impl Bench {
             Some(Drill::Interlock) => inputs.interlock_closed = false,
             Some(Drill::Monitor) => self.stuck = true,
             Some(Drill::Sensor) => inputs.displacement = Some(AdcCode(u16::MAX)),
-            Some(Drill::Bus) => inputs.displacement = None,
+            Some(Drill::Bus) => inputs.monitor = None,
             // Some 18 ms at 168 MHz, and 3 ms where QEMU counts a nanosecond per instruction: longer than a tick, shorter
             // than the watchdog waits.
             Some(Drill::Overrun) => cortex_m::asm::delay(3_000_000),

@@ -53,15 +53,47 @@ impl NorFlash for ParameterFlash {
 
     fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
         check_erase(self, from, to)?;
-        let mut flash = self.flash.unlocked();
-        for &sector in &SECTORS[(from / SECTOR) as usize..(to / SECTOR) as usize] {
-            flash.erase(sector).map_err(|_| NorFlashErrorKind::Other)?;
-        }
-        Ok(())
+        clear_faults();
+        let sectors = &SECTORS[(from / SECTOR) as usize..(to / SECTOR) as usize];
+        let erased = {
+            let mut flash = self.flash.unlocked();
+            sectors.iter().try_for_each(|&sector| flash.erase(sector))
+        };
+        flush_caches();
+        erased.map_err(|_| NorFlashErrorKind::Other)
     }
 
     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
         check_write(self, offset, bytes.len())?;
-        self.flash.unlocked().program(START + offset as usize, bytes.iter()).map_err(|_| NorFlashErrorKind::Other)
+        clear_faults();
+        let written = self.flash.unlocked().program(START + offset as usize, bytes.iter());
+        flush_caches();
+        written.map_err(|_| NorFlashErrorKind::Other)
     }
+}
+
+/// Forgets faults of earlier operations, which would be taken for faults of the next.
+fn clear_faults() {
+    // SAFETY: this code has the flash to itself; writing ones clears the flags.
+    let status = unsafe { &*FLASH::ptr() }.sr();
+    status.write(|w| {
+        w.pgserr()
+            .clear_bit_by_one()
+            .pgperr()
+            .clear_bit_by_one()
+            .pgaerr()
+            .clear_bit_by_one()
+            .wrperr()
+            .clear_bit_by_one()
+    });
+}
+
+/// Empties the caches between flash and core, which do not notice that the flash has changed.
+fn flush_caches() {
+    // SAFETY: as above. They are off while they are emptied, as the manual asks.
+    let control = unsafe { &*FLASH::ptr() }.acr();
+    control.modify(|_, w| w.dcen().clear_bit().icen().clear_bit());
+    control.modify(|_, w| w.dcrst().set_bit().icrst().set_bit());
+    control.modify(|_, w| w.dcrst().clear_bit().icrst().clear_bit());
+    control.modify(|_, w| w.dcen().set_bit().icen().set_bit());
 }

@@ -145,7 +145,8 @@ mod app {
             panic!("two sectors hold two slots")
         };
         let mut watchdog = IndependentWatchdog::new(chip.IWDG);
-        watchdog.stop_on_debug(&chip.DBGMCU, true);
+        // A debugger that halts the core would halt the tick with the film at high voltage: the chip is reset instead.
+        watchdog.stop_on_debug(&chip.DBGMCU, false);
         board::watch(&mut watchdog);
         let ticker = Ticker::start(cx.core.SYST, core_hz, RATE_HZ);
         let shared = Shared { device: Device::new(latched), watchdog };

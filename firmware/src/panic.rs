@@ -1,4 +1,6 @@
 //! What happens when the firmware panics: the amplifier is disabled, the message is kept, the chip is reset.
+//!
+//! A stack that overflows leaves nothing to run this on: then the core locks up, and the watchdog resets it.
 
 use core::fmt::{self, Write};
 use core::mem::MaybeUninit;
@@ -87,4 +89,10 @@ fn panic(info: &PanicInfo) -> ! {
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     panic!("hard fault at {:#010x}", frame.pc());
+}
+
+/// An interrupt that nobody asked for.
+#[exception]
+unsafe fn DefaultHandler(number: i16) {
+    panic!("unexpected interrupt {number}");
 }

@@ -135,7 +135,11 @@ fn bandwidth(path: &Path, subjects: &[&Subject]) -> host_sim::Result<()> {
             let errors = bandwidths
                 .par_iter()
                 .map(|&hz| {
-                    Ok(subject.run(Kind::Tracking, hz, stiffness, &Bench::default())?.tracked().tracking_rms_pct)
+                    Ok(subject
+                        .run(Kind::Tracking, hz, stiffness, &Bench::default())?
+                        .tracked()
+                        .tracking_rms_pct
+                        .unwrap_or(f64::NAN))
                 })
                 .collect::<host_sim::Result<Vec<f64>>>()?;
             // Beyond, the loop rings without end.

@@ -53,7 +53,9 @@ impl Default for Bench {
 /// What happened, one value per sample of the grid.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Run {
-    /// The shaped reference, m.
+    /// The reference as it was given, m.
+    pub asked_m: Vec<f64>,
+    /// The shaped reference, m: the same while it keeps within the limits of speed and acceleration.
     pub reference_m: Vec<f64>,
     /// Where the film really was, m.
     pub displacement_m: Vec<f64>,
@@ -72,8 +74,12 @@ pub struct Run {
 /// How well a film followed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Tracked {
-    /// RMS error in % of the reference's peak to peak, from t = 0.
-    pub tracking_rms_pct: f64,
+    /// RMS error in % of the shaped reference's peak to peak, from t = 0; none for a constant reference.
+    pub tracking_rms_pct: Option<f64>,
+    /// The same against the reference as it was given: larger where that asks for more than the limits allow.
+    pub asked_rms_pct: Option<f64>,
+    /// RMS error, m.
+    pub rms_m: f64,
     /// Mean error of the last cycle minus that of the first, in % of peak to peak, where the reference is periodic.
     pub drift_pct: Option<f64>,
     /// Share of the time at 0 V while a negative force was asked for, %.
@@ -93,19 +99,30 @@ impl Run {
     /// How well the film followed.
     pub fn tracked(&self) -> Tracked {
         let error = self.error_m();
-        let n = error.len() as f64;
-        let (low, high) = bounds(&self.reference_m);
-        let percent = 100.0 / (high - low);
-        let rms = (error.iter().map(|e| e * e).sum::<f64>() / n).sqrt();
+        let asked: Vec<f64> = self.displacement_m.iter().zip(&self.asked_m).map(|(x, r)| x - r).collect();
         let below = self.limited.iter().filter(|limited| limited.contains(Limited::BELOW_ZERO)).count();
+        let percent = percent_of(&self.reference_m);
+        let periods = Periods::of(&self.reference_m).filter(|_| percent.is_some());
         Tracked {
-            tracking_rms_pct: percent * rms,
-            drift_pct: Periods::of(&self.reference_m).map(|periods| percent * periods.drift(&error)),
-            infeasible_pct: 100.0 * below as f64 / n,
+            tracking_rms_pct: percent.map(|percent| percent * rms(&error)),
+            asked_rms_pct: percent_of(&self.asked_m).map(|percent| percent * rms(&asked)),
+            rms_m: rms(&error),
+            drift_pct: periods.zip(percent).map(|(periods, percent)| percent * periods.drift(&error)),
+            infeasible_pct: 100.0 * below as f64 / error.len() as f64,
             largest_error_m: error.iter().fold(0.0, |largest: f64, e| largest.max(e.abs())),
             largest_voltage_v: bounds(&self.voltage_v).1,
         }
     }
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|e| e * e).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+/// What makes metres percent of a reference's peak to peak; nothing for a constant one.
+fn percent_of(reference: &[f64]) -> Option<f64> {
+    let (low, high) = bounds(reference);
+    (high > low).then(|| 100.0 / (high - low))
 }
 
 fn bounds(values: &[f64]) -> (f64, f64) {
@@ -174,6 +191,7 @@ pub fn run(
         let target = reference.get(k + 1).or(reference.last()).copied().unwrap_or(0.0);
         let output = controller.tick(applied, sample, target);
 
+        run.asked_m.push(reference.get(k).copied().unwrap_or(shaped));
         run.reference_m.push(shaped);
         run.displacement_m.push(displacement);
         run.voltage_v.push(output.voltage_v);

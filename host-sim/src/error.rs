@@ -89,11 +89,17 @@ impl Error {
         Self::Option { option, cause: cause.into() }
     }
 
+    /// Names the file and the value in it that a controller says no to.
+    #[must_use]
+    pub fn about_value(self, path: &Path, value: f64) -> Self {
+        Self::At { place: format!("{}, value {value}", shown(path)), error: Box::new(self) }
+    }
+
     /// Names the file that this is about: `parameters` as named on the command line, or else the `recording`.
     #[must_use]
     pub fn about(self, parameters: &str, recording: &Path) -> Self {
         let place = match self {
-            Self::Model(_) | Self::Law(_) | Self::Actuator(_) => parameters.into(),
+            Self::Model(_) | Self::Law(_) | Self::Actuator(_) | Self::Control(_) => parameters.into(),
             Self::Computation(_) => shown(recording),
             _ => return self,
         };

@@ -154,13 +154,15 @@ pub struct Feasibility {
     pub low_m: f64,
     /// See `low_m`.
     pub high_m: f64,
-    /// What has to be added to the reference so that it needs no voltage below 0, m: a rise of 2 s, then a constant.
-    /// Nothing, where no offset within the film's reach is enough.
+    /// What has to be added at the least so that the reference needs no voltage below 0, m: a rise of 2 s, then a constant.
+    /// Negative where it lies higher than it must; nothing, where no offset within the film's reach is enough.
     pub least_offset_m: Option<f64>,
     /// The most that can be added before the largest voltage is needed, m; negative for a reference that is too high.
     pub most_offset_m: Option<f64>,
 }
 
+/// No film is stretched so far, m.
+const MOST_OFFSET_M: f64 = 10.0;
 /// Time in which an offset is added, s.
 const RISE_S: f64 = 2.0;
 
@@ -199,21 +201,23 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
     let share = |flags: &[bool]| 100.0 * flags.iter().filter(|flag| **flag).count() as f64 / flags.len() as f64;
     let first = (0..force.len()).find(|&k| below[k] || above[k]);
 
+    // Where the rise has no say yet, the force must be positive by itself.
+    let telling = 1e-9 * per_offset.iter().copied().fold(0.0, f64::max);
     let least = (0..force.len())
-        .filter(|&k| below[k])
-        .map(|k| if per_offset[k] > 0.0 { -force[k] / per_offset[k] } else { f64::INFINITY })
-        .fold(0.0, f64::max);
+        .filter(|&k| per_offset[k] > telling || below[k])
+        .map(|k| if per_offset[k] > telling { -(force[k] + slack) / per_offset[k] } else { f64::INFINITY })
+        .fold(f64::NEG_INFINITY, f64::max);
     let fits = |offset: f64| (0..force.len()).all(|k| excess(k, offset).0 <= 0.0);
     let settled = ((RISE_S * grid.rate_hz) as usize).min(reference.len() - 1);
     let (low, high) = reference[settled..]
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)));
-    // Voltage grows with the offset: bisect between no reference at all and ten times as much.
+    // Voltage grows with the offset: bisect between no reference at all and what no film can do.
     let reach = 10.0 * high.abs().max(high - low).max(1e-6);
     let most = fits(-reach).then(|| {
         let (mut enough, mut too_much) = (-reach, reach);
-        if fits(too_much) {
-            return too_much;
+        while fits(too_much) && too_much < MOST_OFFSET_M {
+            too_much *= 2.0;
         }
         for _ in 0..60 {
             let middle = 0.5 * (enough + too_much);

@@ -60,6 +60,9 @@ pub struct Reference {
     pub seed: u64,
 }
 
+/// The longest period: a walk runs for twenty before it begins.
+const MOST_PERIOD_S: f64 = 1e5;
+
 impl Reference {
     /// A reference with a rise of 5 s.
     pub fn new(shape: Shape, low_m: f64, high_m: f64, period_s: f64) -> Self {
@@ -87,6 +90,10 @@ impl Reference {
             if !(value.is_finite() && value > 0.0) {
                 return Err(Error::option(option, format!("{value:?} must be finite and greater than 0")));
             }
+        }
+        if !(2.0 * grid.step_s()..=MOST_PERIOD_S).contains(&period_s) {
+            let cause = format!("{period_s:?} s must be from two samples to {MOST_PERIOD_S} s");
+            return Err(Error::option("--period", cause));
         }
         let span = high_m - low_m;
         if self.shape == Shape::RandomWalk {

@@ -1,4 +1,4 @@
-//! Puts the target's memory map where the linker finds it, and the coefficients of two laws where `cycles` finds them.
+//! Puts the target's memory map where the linker finds it, and the coefficients of three laws where `cycles` finds them.
 
 use std::env;
 use std::error::Error;
@@ -18,15 +18,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The default law and the lean one, of a published model.
+/// The default law and the lean ones, of a published model.
 fn coefficients() -> Result<String, Box<dyn Error>> {
     let model = Preset::named("table3-n2").ok_or("no preset")?.model()?;
     let options = Options::at_step(1e-3);
     let default: Law<f32> = Law::compressed(&model, options)?;
     let lean: Law<f32, Compressed<f32, 8, 14, 4>> =
         Law::compressed(&model, options.with_horizon(3600.0).with_tolerance(1e-3))?;
+    let leanest: Law<f32, Compressed<f32, 8, 16, 0>> =
+        Law::compressed(&model, options.with_horizon(155.0).with_tolerance(1e-3))?;
     let default = constant("DEFAULT", "12, 12, 24", &default.coefficients(model.mass_kg()));
-    Ok(default + &constant("LEAN", "8, 14, 4", &lean.coefficients(model.mass_kg())))
+    let lean = constant("LEAN", "8, 14, 4", &lean.coefficients(model.mass_kg()));
+    Ok(default + &lean + &constant("LEANEST", "8, 16, 0", &leanest.coefficients(model.mass_kg())))
 }
 
 fn constant<const H: usize, const F: usize, const S: usize>(

@@ -81,14 +81,17 @@ struct Bench {
 impl Board for Bench {
     type Flash = Flash;
     const ID: u16 = BoardTable::STM32F405;
-    const RATES_HZ: (f32, f32) = (100.0, 5000.0);
 
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
         (work(&mut self.device), 1)
     }
 
-    fn with_store<R>(&mut self, work: impl FnOnce(&mut Store<Flash>) -> R) -> R {
-        work(&mut self.store)
+    fn rates_hz(&self) -> (f32, f32) {
+        (100.0, 5000.0)
+    }
+
+    fn store(&mut self) -> &mut Store<Flash> {
+        &mut self.store
     }
 
     fn set_rate(&mut self, _: f32) {}

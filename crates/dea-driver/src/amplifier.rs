@@ -39,8 +39,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
     pub fn new(spi: SPI, mut enable: EN, range: CommandRange) -> Result<Self, AmplifierError> {
         enable.set_low().map_err(|_| AmplifierError::Enable)?;
         let mut amplifier = Self { dac: Ad57xxShared::new_ad57x4(spi), enable, range, enabled: false };
-        amplifier.set_range(range)?;
-        amplifier.dac.set_power(Channel::DacA, true).map_err(|_| AmplifierError::Bus)?;
+        amplifier.start()?;
         Ok(amplifier)
     }
 
@@ -80,13 +79,20 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
         self.dac.set_dac_output(Channel::DacA, code.0).map_err(|_| AmplifierError::Bus)
     }
 
-    /// Brings the command to 0 V and enables the amplifier.
+    /// Range, 0 V, power: 0 V before power, so that the output never shows what the register held.
+    fn start(&mut self) -> Result<(), AmplifierError> {
+        self.set_range(self.range)?;
+        self.dac.set_power(Channel::DacA, true).map_err(|_| AmplifierError::Bus)
+    }
+
+    /// Brings the command to 0 V and enables the amplifier. The DAC is started again before: it may have been without supply
+    /// since it was started last.
     ///
     /// # Errors
     ///
     /// [`AmplifierError`]; it is not enabled then.
     pub fn enable(&mut self) -> Result<(), AmplifierError> {
-        self.command(DacCode::ZERO)?;
+        self.start()?;
         self.enable.set_high().map_err(|_| AmplifierError::Enable)?;
         self.enabled = true;
         Ok(())

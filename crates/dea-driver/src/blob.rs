@@ -195,6 +195,10 @@ pub enum BlobError {
     Limits(LimitsError),
     /// Settings of the control that were refused.
     Control(ControlError),
+    /// An instrument that does not reach from 0 V to the largest voltage of the limits.
+    Reach(&'static str),
+    /// Limits for a film of another thickness than the actuator's.
+    Thickness,
 }
 
 impl fmt::Display for BlobError {
@@ -214,6 +218,10 @@ impl fmt::Display for BlobError {
             Self::Actuator(error) => write!(f, "actuator: {error}"),
             Self::Limits(error) => write!(f, "limits: {error}"),
             Self::Control(error) => write!(f, "control: {error}"),
+            Self::Reach(which) => {
+                write!(f, "the {which} does not reach from 0 V to limits.max_voltage_v, within the monitor's band")
+            }
+            Self::Thickness => f.write_str("limits.thickness_m is not the actuator's thickness_m"),
         }
     }
 }
@@ -305,6 +313,23 @@ impl Blob {
         let step_s = 1.0 / f64::from(parameters.rate_hz);
         let law = parameters.law.law(step_s, mass_kg).map_err(BlobError::Law)?;
         let supervisor = Supervisor::new(&parameters.limits, parameters.rate_hz).map_err(BlobError::Limits)?;
+        // A monitor that ends below the limit could never show that it is exceeded.
+        let limits = &parameters.limits;
+        if parameters.monitor.apply(AdcCode(u16::MAX).volts()) < limits.monitored_v() {
+            return Err(BlobError::Reach("monitor"));
+        }
+        // The last code is one step short of full scale.
+        if parameters.amplifier.apply(parameters.command_range.full_scale_v()) < limits.max_voltage_v {
+            return Err(BlobError::Reach("amplifier"));
+        }
+        // Disabled or not, a command of 0 V must be one.
+        let at_rest = parameters.amplifier.offset;
+        if at_rest > limits.monitor.band_v || at_rest < -limits.monitor.band_v {
+            return Err(BlobError::Reach("amplifier"));
+        }
+        if !(0.99..=1.01).contains(&(f64::from(limits.thickness_m) / actuator.thickness_m)) {
+            return Err(BlobError::Thickness);
+        }
         let limits = parameters.control.command_limits(&parameters.limits);
         let tracking = Tracking::new(law, &actuator, limits, parameters.control.observer_options());
         let tracking = tracking.map_err(|error| match error {

@@ -9,6 +9,9 @@ use crate::supervisor::{Cause, Readings, Refusal, Supervisor};
 
 type History = <Compressed<f32> as Memory<f32>>::History;
 
+/// Time in which a new target is reached at the most, s.
+const RAMP_S: f32 = 0.05;
+
 /// What was sampled at the beginning of a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -45,8 +48,10 @@ pub struct Controller {
     course: TrackingState<f32, History>,
     sampler: Sampler,
     mode: Mode,
-    voltage_v: f32,
-    reference_m: f32,
+    /// What was set, V; nothing until it is set again after a run.
+    voltage: Ramp,
+    /// The same for the reference, m.
+    reference: Ramp,
     test: LoopTest,
 }
 
@@ -83,8 +88,8 @@ impl Controller {
             course,
             sampler,
             mode: Mode::Voltage,
-            voltage_v: 0.0,
-            reference_m: 0.0,
+            voltage: Ramp::NONE,
+            reference: Ramp::NONE,
             test,
         }
     }
@@ -109,21 +114,24 @@ impl Controller {
     /// One tick: sample, check, estimate, command, log.
     pub fn tick(&mut self, inputs: Inputs) -> Outputs {
         // Sample: codes become volts and metres. A converter that did not answer reads as no number.
-        let answered = inputs.monitor.is_some() && inputs.displacement.is_some();
         let monitor_v = inputs.monitor.map_or(f32::NAN, |code| self.parameters.monitor.apply(code.volts()));
         let sensor_m = inputs.displacement.map_or(f32::NAN, |code| self.parameters.sensor.apply(code.volts()));
         let displacement_m = sensor_m - self.parameters.sensor_offset_m;
 
-        // Check: sensors, limits, heartbeat.
-        if !answered && self.supervisor.enables() {
+        // Check: sensors, limits, heartbeat. Without the monitor nobody knows what is on the film; without the displacement
+        // sensor the parameters say what to do.
+        let ran = self.supervisor.runs();
+        if inputs.monitor.is_none() && self.supervisor.enables() {
             self.supervisor.trip(Cause::Bus);
         }
-        let checked =
-            self.supervisor.check(Readings { interlock_closed: inputs.interlock_closed, monitor_v, displacement_m });
+        let predicted_m = self.course.observer().displacement();
+        let interlock_closed = inputs.interlock_closed;
+        let checked = self.supervisor.check(Readings { interlock_closed, monitor_v, displacement_m, predicted_m });
 
         // Estimate: where the film is under the voltage that stood since the last tick, and what a sample says to that.
-        let believed = checked.displacement_m.filter(|_| self.mode != Mode::Feedforward);
-        let sample = self.sampler.take(believed);
+        // Nothing is learned from a film that is not driven.
+        let listens = self.supervisor.runs() && self.mode != Mode::Feedforward;
+        let sample = self.sampler.take(checked.displacement_m.filter(|_| listens));
         let applied = Applied::as_commanded(self.supervisor.command_v());
         let predicted_m = self.tracking.observe(&mut self.course, applied, sample);
         if !predicted_m.is_finite() {
@@ -131,12 +139,17 @@ impl Controller {
         }
 
         // Command: what the mode asks for, within the limits. A reference that is not followed yet stays with the film, so
-        // that following begins without a jump.
+        // that following begins without a jump. What was set does not outlive the run.
+        if ran && !self.supervisor.runs() {
+            self.forget_targets();
+        }
         let follows = self.supervisor.runs() && self.mode != Mode::Voltage;
-        let reference_m = if follows { self.reference_m } else { predicted_m };
+        let reference_m = self.reference.next().filter(|_| follows).unwrap_or(predicted_m);
         let wanted = self.tracking.command(&mut self.course, reference_m);
-        let wanted_v = if self.mode == Mode::Voltage { self.voltage_v } else { wanted.voltage };
-        let command_v = self.supervisor.command(wanted_v);
+        let set_v = self.voltage.next().unwrap_or(0.0);
+        let wanted_v = if self.mode == Mode::Voltage { set_v } else { wanted.voltage };
+        let furthest_m = if displacement_m > predicted_m { displacement_m } else { predicted_m };
+        let command_v = self.supervisor.command(wanted_v, 1.0 + self.coupling() * furthest_m);
         let range = self.parameters.command_range;
         let command = if self.supervisor.enables() {
             DacCode::from_volts(self.parameters.amplifier.invert(command_v), range)
@@ -169,22 +182,23 @@ impl Controller {
         let done = match command {
             Command::Heartbeat => Ok(()),
             Command::Arm => supervisor.arm(),
-            Command::Start(mode) => supervisor.start().map(|()| self.mode = *mode),
-            Command::Stop => supervisor.stop(),
-            Command::Disarm => supervisor.disarm(),
-            Command::Acknowledge => supervisor.acknowledge(),
+            Command::Start(mode) => supervisor.start().map(|()| self.begin(*mode)),
+            Command::Stop => supervisor.stop().map(|()| self.forget_targets()),
+            Command::Disarm => supervisor.disarm().map(|()| self.forget_targets()),
+            Command::Acknowledge => self.acknowledge(),
             Command::SetVoltage(volts) => {
-                if !(0.0..=self.parameters.limits.max_voltage_v).contains(volts) {
+                // A recording shows the limit with its monitor's noise. What is beyond the limit is not commanded.
+                if !(0.0..=self.parameters.limits.monitored_v()).contains(volts) {
                     return Some(Answer::Rejected(Reject::Value));
                 }
-                self.voltage_v = *volts;
+                self.voltage.set(*volts, self.ramp_ticks());
                 Ok(())
             }
             Command::SetReference(metres) => {
                 if metres.is_nan() || metres.abs() > self.parameters.limits.max_displacement_m {
                     return Some(Answer::Rejected(Reject::Value));
                 }
-                self.reference_m = *metres;
+                self.reference.set(*metres, self.ramp_ticks());
                 Ok(())
             }
             Command::Rest => self.disarmed().map(|()| self.rest()),
@@ -209,6 +223,40 @@ impl Controller {
             Ok(()) => Answer::Done,
             Err(refusal) => Answer::Refused(refusal),
         })
+    }
+
+    /// A run begins. Feedforward goes by the model as it was fitted, not by what was learned in other runs.
+    fn begin(&mut self, mode: Mode) {
+        self.mode = mode;
+        if mode == Mode::Feedforward {
+            self.course.forget();
+        }
+    }
+
+    /// A trip is taken note of. A film that has become no number begins anew.
+    fn acknowledge(&mut self) -> Result<(), Refusal> {
+        self.supervisor.acknowledge()?;
+        if !self.course.observer().displacement().is_finite() {
+            self.course = self.tracking.state(self.tracking.observer().law().state());
+        }
+        Ok(())
+    }
+
+    fn forget_targets(&mut self) {
+        self.voltage = Ramp::NONE;
+        self.reference = Ramp::NONE;
+    }
+
+    /// Ticks over which a new target is approached at the most.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+    fn ramp_ticks(&self) -> u16 {
+        (RAMP_S * self.parameters.rate_hz) as u16
+    }
+
+    /// How the force grows with the stroke, 1/m.
+    #[allow(clippy::cast_possible_truncation)] // as the laws have it
+    fn coupling(&self) -> f32 {
+        self.parameters.actuator[5] as f32
     }
 
     /// Whether the model may be stepped by hand: 0 V, amplifier disabled.
@@ -247,6 +295,45 @@ impl Controller {
             *voltage_v = command.voltage;
         }
         Followed { voltage_v: *voltage_v, displacement_m, disturbance_n: course.observer().disturbance() }
+    }
+}
+
+/// A value that a host sets from time to time: reached in a straight line, in the time that has passed since the one before.
+#[derive(Clone, Copy, Debug)]
+struct Ramp {
+    value: Option<f32>,
+    increment: f32,
+    target: f32,
+    ticks: u16,
+    since_set: u16,
+}
+
+impl Ramp {
+    /// Nothing was set.
+    const NONE: Self = Self { value: None, increment: 0.0, target: 0.0, ticks: 0, since_set: u16::MAX };
+
+    /// Sets a new target, to be reached within `most` ticks.
+    fn set(&mut self, target: f32, most: u16) {
+        let ticks = self.since_set.clamp(1, most.max(1));
+        self.since_set = 0;
+        self.target = target;
+        let from = self.value.unwrap_or(target);
+        self.value = Some(from);
+        self.ticks = ticks;
+        self.increment = (target - from) / f32::from(ticks);
+    }
+
+    /// The value of this tick.
+    fn next(&mut self) -> Option<f32> {
+        self.since_set = self.since_set.saturating_add(1);
+        if self.ticks > 1 {
+            self.ticks -= 1;
+            self.value = self.value.map(|value| value + self.increment);
+        } else {
+            // The last step ends exactly there.
+            self.value = self.value.map(|_| self.target);
+        }
+        self.value
     }
 }
 

@@ -37,45 +37,58 @@ impl PlausibilityLimits {
     }
 }
 
+/// So many good values in a row, and a sensor that was not believed is believed again.
+const RETURN_TICKS: u32 = 10;
+
 /// Watches one sensor.
 #[derive(Clone, Copy, Debug)]
 pub struct Plausibility {
     limits: PlausibilityLimits,
     last: Option<f32>,
     same: u32,
+    /// Good values that are still wanted before it is believed.
+    doubted: u32,
+    /// Why it was not believed last.
+    fault: SensorFault,
 }
 
 impl Plausibility {
     /// A watch that has seen nothing yet.
     #[must_use]
     pub const fn new(limits: PlausibilityLimits) -> Self {
-        Self { limits, last: None, same: 0 }
+        Self { limits, last: None, same: 0, doubted: 0, fault: SensorFault::Range }
     }
 
-    /// Takes in the value of this tick.
-    pub fn check(&mut self, value: f32) -> Option<SensorFault> {
+    /// Takes in the value of this tick, where the model takes the film to be at `predicted`. A sensor that was not believed is
+    /// believed again after ten values in a row that are in range, steady, and no further from the model than a plausible
+    /// jump: one that has slipped stays out.
+    pub fn check(&mut self, value: f32, predicted: f32) -> Option<SensorFault> {
         let PlausibilityLimits { low, high, jump, stuck_ticks } = self.limits;
         let before = self.last.replace(value);
-        // A value that is not a number is in no range.
-        if !(low <= value && value <= high) {
-            return Some(SensorFault::Range);
-        }
-        let before = before?;
-        let change = value - before;
-        let same = value.to_bits() == before.to_bits();
+        let near = |other: f32| (-jump..=jump).contains(&(value - other));
+        let same = before.is_some_and(|before| value.to_bits() == before.to_bits());
         self.same = if same { self.same.saturating_add(1) } else { 0 };
-        if change > jump || change < -jump {
+        // A value that is not a number is in no range, and near nothing.
+        let fault = if !(low <= value && value <= high) {
+            Some(SensorFault::Range)
+        } else if !before.is_none_or(near) {
             Some(SensorFault::Jump)
         } else if stuck_ticks > 0 && self.same >= stuck_ticks {
             Some(SensorFault::Stuck)
         } else {
             None
+        };
+        if let Some(fault) = fault {
+            self.fault = fault;
+            self.doubted = RETURN_TICKS;
+        } else if self.doubted > 0 {
+            self.doubted = if near(predicted) { self.doubted - 1 } else { RETURN_TICKS };
         }
+        if self.doubted > 0 { Some(self.fault) } else { None }
     }
 
     /// Forgets what was seen: after the sensor was out of use.
     pub fn reset(&mut self) {
-        self.last = None;
-        self.same = 0;
+        *self = Self::new(self.limits);
     }
 }

@@ -100,6 +100,14 @@ pub struct Limits {
     pub heartbeat_s: f32,
 }
 
+impl Limits {
+    /// What the voltage monitor may show at the most, V.
+    #[must_use]
+    pub fn monitored_v(&self) -> f32 {
+        self.max_voltage_v * (1.0 + self.monitor.band_share) + self.monitor.band_v
+    }
+}
+
 /// Why limits were refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -111,6 +119,8 @@ pub enum LimitsError {
     Monitor,
     /// Sensor limits that cannot be kept.
     Sensor,
+    /// More than makes sense of a limit: it would protect nothing.
+    TooLarge(&'static str),
 }
 
 impl fmt::Display for LimitsError {
@@ -120,6 +130,7 @@ impl fmt::Display for LimitsError {
             Self::Monitor => {
                 f.write_str("monitor: slew and band must be greater than 0, share and settle time not negative")
             }
+            Self::TooLarge(quantity) => write!(f, "{quantity} is so large that it protects nothing"),
             Self::Sensor => f.write_str("sensor: low must be below high, and the jump greater than 0"),
         }
     }
@@ -151,6 +162,8 @@ pub struct Readings {
     pub monitor_v: f32,
     /// The displacement sensor, m.
     pub displacement_m: f32,
+    /// Where the model takes the film to be, m.
+    pub predicted_m: f32,
 }
 
 /// What a tick may do.
@@ -169,6 +182,9 @@ pub struct Supervisor {
     ticks: u32,
     tripped_at: u32,
     max_voltage_v: f32,
+    monitored_v: f32,
+    /// Voltage of the largest field at rest, V.
+    field_v: f32,
     slew_v_per_tick: f32,
     max_displacement_m: f32,
     live_v: f32,
@@ -205,18 +221,28 @@ impl Supervisor {
                 return Err(LimitsError::NotPositive(name));
             }
         }
+        for (name, value, most) in [
+            ("heartbeat_s", limits.heartbeat_s, 60.0),
+            ("monitor.band_share", limits.monitor.band_share, 0.5),
+            ("monitor.settle_s", limits.monitor.settle_s, 1.0),
+        ] {
+            if value > most {
+                return Err(LimitsError::TooLarge(name));
+            }
+        }
         if !limits.monitor.are_valid() {
             return Err(LimitsError::Monitor);
         }
         if !limits.sensor.are_valid() {
             return Err(LimitsError::Sensor);
         }
-        let by_field = limits.max_field_v_per_m * limits.thickness_m;
         Ok(Self {
             state: State::Disarmed,
             ticks: 0,
             tripped_at: 0,
-            max_voltage_v: if by_field < limits.max_voltage_v { by_field } else { limits.max_voltage_v },
+            max_voltage_v: limits.max_voltage_v,
+            monitored_v: limits.monitored_v(),
+            field_v: limits.max_field_v_per_m * limits.thickness_m,
             slew_v_per_tick: limits.max_slew_v_per_s / rate_hz,
             max_displacement_m: limits.max_displacement_m,
             live_v: limits.monitor.band_v,
@@ -229,7 +255,7 @@ impl Supervisor {
             sensor: Plausibility::new(limits.sensor),
             rate_hz,
             // Nothing is known yet, so nothing can be armed.
-            last: Readings { interlock_closed: false, monitor_v: f32::NAN, displacement_m: f32::NAN },
+            last: Readings { interlock_closed: false, monitor_v: f32::NAN, displacement_m: f32::NAN, predicted_m: 0.0 },
             last_fault: None,
         })
     }
@@ -371,16 +397,17 @@ impl Supervisor {
         self.ticks = self.ticks.wrapping_add(1);
         self.silent_ticks = self.silent_ticks.saturating_add(1);
         self.last = readings;
-        self.last_fault = self.sensor.check(readings.displacement_m);
+        self.last_fault = self.sensor.check(readings.displacement_m, readings.predicted_m);
+        // Without a sensor to believe, the model says where the film is.
+        let displacement_m = if self.last_fault.is_none() { readings.displacement_m } else { readings.predicted_m };
         let agrees = self.monitor.agrees(self.command_v, readings.monitor_v);
-        let most_v = self.max_voltage_v * (1.0 + self.monitor_limits.band_share) + self.monitor_limits.band_v;
         let trips = matches!(self.on_sensor_fault, OnSensorFault::Trip);
         let cause = match self.last_fault {
             _ if !readings.interlock_closed => Some(Cause::Interlock),
-            _ if readings.monitor_v > most_v => Some(Cause::Voltage),
+            _ if readings.monitor_v > self.monitored_v => Some(Cause::Voltage),
             _ if !agrees => Some(Cause::Monitor),
             Some(fault) if trips => Some(Cause::Sensor(fault)),
-            None if readings.displacement_m.abs() > self.max_displacement_m => Some(Cause::Displacement),
+            _ if displacement_m.abs() > self.max_displacement_m => Some(Cause::Displacement),
             _ if self.silent_ticks > self.heartbeat_ticks => Some(Cause::Heartbeat),
             _ => None,
         };
@@ -392,17 +419,15 @@ impl Supervisor {
     }
 
     /// The command (V) that may follow the last one when `wanted_v` is asked for: 0 V unless running, and for what is not a
-    /// number; between 0 and the largest voltage that film and field allow; no faster than the slew.
-    pub fn command(&mut self, wanted_v: f32) -> f32 {
+    /// number; between 0 and the largest voltage that bench and field allow; no faster than the slew, but for the field, which
+    /// outranks it. `thinning` is how many times thinner than at rest the film is.
+    pub fn command(&mut self, wanted_v: f32, thinning: f32) -> f32 {
         self.command_v = if matches!(self.state, State::Running) {
-            let wanted = if wanted_v > self.max_voltage_v {
-                self.max_voltage_v
-            } else if wanted_v > 0.0 {
-                wanted_v
-            } else {
-                0.0
-            };
-            self.command_v + bounded(wanted - self.command_v, self.slew_v_per_tick)
+            let by_field = if thinning > 1.0 { self.field_v / thinning } else { self.field_v };
+            let most = if by_field < self.max_voltage_v { by_field } else { self.max_voltage_v };
+            let wanted = if wanted_v > 0.0 { wanted_v } else { 0.0 };
+            let slewed = self.command_v + bounded(wanted - self.command_v, self.slew_v_per_tick);
+            if slewed < most { slewed } else { most }
         } else {
             0.0
         };

@@ -223,6 +223,13 @@ pub enum ControlError {
         /// Most ticks that are remembered.
         most: usize,
     },
+    /// A sensor that would count as lost between two of its samples.
+    LostBetweenSamples {
+        /// After so long without a sample it would count as lost, s.
+        lost_after_s: f64,
+        /// Time between samples, s.
+        sample_interval_s: f64,
+    },
     /// A bandwidth at which the model no longer resists like a spring: inertia has taken over.
     AboveResonance {
         /// The bandwidth, Hz.
@@ -250,6 +257,10 @@ impl fmt::Display for ControlError {
             Self::SensorTooLate { ticks, most } => {
                 write!(f, "sensor samples {ticks} ticks late; {most} at the most")
             }
+            Self::LostBetweenSamples { lost_after_s, sample_interval_s } => write!(
+                f,
+                "lost_after_s = {lost_after_s} is less than the {sample_interval_s} s from one sample to the next"
+            ),
             Self::AboveResonance { bandwidth_hz } => {
                 write!(f, "bandwidth {bandwidth_hz} Hz lies above the resonance of the model; lower it")
             }

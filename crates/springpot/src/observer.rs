@@ -130,6 +130,8 @@ pub struct ObserverState<T, H, const PAST: usize = 64> {
     statistics: Statistics<T>,
 }
 
+/// Share of a tick that times may be off because they are not whole in binary, or come in single precision.
+const ROUNDING: f64 = 1e-4;
 /// One over the time in which something becomes usual, 1/s.
 const AVERAGING: f64 = 1.0 / 20.0;
 /// Samples that statistics remember.
@@ -165,13 +167,16 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
                 return Err(ControlError::NotPositive { quantity, value });
             }
         }
+        if lost_after_s < sample_interval_s {
+            return Err(ControlError::LostBetweenSamples { lost_after_s, sample_interval_s });
+        }
         let largest_hz = MOST_PHASE / (TAU * (sample_interval_s + delay_s));
         if bandwidth_hz > largest_hz {
             return Err(ControlError::SensorTooSlow { bandwidth_hz, largest_hz });
         }
         let step_s = law.step_s();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-        let late = libm::ceil(delay_s / step_s) as usize;
+        let late = libm::ceil(delay_s / step_s - ROUNDING) as usize;
         if late >= PAST {
             return Err(ControlError::SensorTooLate { ticks: late, most: PAST.saturating_sub(1) });
         }
@@ -184,7 +189,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         let share = |rate: f64| T::from_f64(share_per_step(rate, step_s));
         let largest_force = actuator.force_per_square_volt() * max_voltage_v * max_voltage_v;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-        let lost_after = libm::ceil(lost_after_s / step_s) as u32;
+        let lost_after = libm::ceil(lost_after_s / step_s - ROUNDING) as u32;
         Ok(Self {
             law,
             drive,
@@ -330,6 +335,18 @@ impl<T: Real, H, const PAST: usize> ObserverState<T, H, PAST> {
         let index = self.newest + sample.age_ticks;
         let index = if index >= PAST { index - PAST } else { index };
         self.past.get(index).map(|&predicted| sample.displacement - predicted)
+    }
+
+    /// Forgets what was learned about disturbance and force scale; film, innovation and statistics stay.
+    pub(crate) fn forget(&mut self) {
+        self.held = T::ZERO;
+        self.slope = T::ZERO;
+        self.swift = T::ZERO;
+        self.disturbance = T::ZERO;
+        self.force_scale = T::from_f64(1.0);
+        self.usual = T::ZERO;
+        self.usual_load = T::ZERO;
+        self.swing = T::ZERO;
     }
 
     /// The estimated displacement, m.

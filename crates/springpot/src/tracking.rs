@@ -91,6 +91,11 @@ impl<T: Real, H, const PAST: usize> TrackingState<T, H, PAST> {
         &self.observer
     }
 
+    /// Forgets what was learned about disturbance and force scale: the model as it was fitted from now on.
+    pub fn forget(&mut self) {
+        self.observer.forget();
+    }
+
     /// The shaped reference, m.
     #[must_use]
     pub fn reference(&self) -> T {

@@ -13,11 +13,13 @@ use crate::process::{Result, output, root};
 use crate::setup::{TARGETS, Toolchain};
 
 /// Functions of `tests/embedded/src/cycles.rs`, and the rows of the README that they stand for.
-const KERNELS: [(&str, &str); 9] = [
+const KERNELS: [(&str, &str); 11] = [
     ("creep_12_36", "creep/12+36"),
     ("relaxation_12_36", "relaxation/12+36"),
     ("creep_8_18", "creep/8+18"),
     ("relaxation_8_18", "relaxation/8+18"),
+    ("creep_8_16", "creep/8+16"),
+    ("relaxation_8_16", "relaxation/8+16"),
     ("voltage", "voltage"),
     ("feedforward", "feedforward"),
     ("observer", "observer"),

@@ -42,6 +42,7 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
         println!("{target}: {} checksums of laws, steps and both directions are the host's", printed.bits.len());
         columns.push(printed.costs);
     }
+    within_bars(&columns[0])?;
     let readme = Readme::read()?;
     let mut off = readme.compare(0, TARGETS[0], &columns[0]);
     off.extend(readme.compare(1, TARGETS[1], &columns[1]));
@@ -114,6 +115,25 @@ fn compare_bits(target: &str, host: &BTreeMap<String, String>, chip: &BTreeMap<S
         }
     }
     if chip.len() == host.len() { Ok(()) } else { Err(format!("{target}: more was reported than on the host")) }
+}
+
+/// What a step and a tick may cost on the Cortex-M4F, whatever the README states.
+fn within_bars(counted: &BTreeMap<String, u64>) -> Result<()> {
+    let bars = [
+        ("creep/12+36", 550),
+        ("relaxation/12+36", 550),
+        ("creep/8+16", 220),
+        ("relaxation/8+16", 220),
+        ("tick/12+36", 2000),
+    ];
+    for (name, bar) in bars {
+        for (full_name, &count) in counted.iter().filter(|(full_name, _)| full_name.starts_with(name)) {
+            if count > bar {
+                return Err(format!("{full_name} takes {count} instructions; {bar} at the most"));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The README's table of costs, whose rows begin with a name such as `creep/12+36` in backticks.

@@ -1,10 +1,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use dea_driver::Control;
 use serde::Serialize;
 use springpot::ObserverOptions;
 
-use super::control::{LimitOptions, at_most, positive};
+use super::control::{LimitOptions, as_written, at_most, positive};
 use crate::closed_loop::{self, Bench, Run, Tracked};
 use crate::controller::{self, Controller, Kind, Settings};
 use crate::error::{Error, Result, shown};
@@ -46,12 +47,13 @@ pub(super) struct Arguments {
     /// Seed of the sensors' noise.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// The one bandwidth of tracking (0.6 if left out), or of pi (0.8).
+    /// The one bandwidth of tracking (the parameters' or 0.6 if left out), or of pi (0.8).
     #[arg(long, value_name = "HZ")]
     bandwidth: Option<f64>,
-    /// Time over which a disturbance that swings with the load becomes a change of the force scale; 0 for never.
-    #[arg(long, value_name = "S", default_value_t = 30.0)]
-    adaptation: f64,
+    /// Time over which a disturbance that swings with the load becomes a change of the force scale; 0 for never, 30 if left
+    /// out here and in the parameters.
+    #[arg(long, value_name = "S")]
+    adaptation: Option<f64>,
     /// Stiffness of the film in units of the one that was recorded.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     stiffness: f64,
@@ -128,16 +130,23 @@ struct Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let bench = arguments.sensor.bench(arguments.seed)?;
-    let limits = arguments.limits.limits()?;
     if !(0.2..=5.0).contains(&arguments.stiffness) {
         return Err(Error::option("--stiffness", format!("{:?} must be from 0.2 to 5", arguments.stiffness)));
     }
-    at_most("--adaptation", arguments.adaptation, 1e9)?;
-    let bandwidth_hz =
-        arguments.bandwidth.unwrap_or(if arguments.controller == Kind::Pi { controller::PI_HZ } else { 0.6 });
-    positive("--bandwidth", bandwidth_hz)?;
     let parameters = Parameters::load(&arguments.params)?;
+    let limits = arguments.limits.limits(parameters.board.as_ref())?;
+    let control = parameters.board.as_ref().map_or(Control::BENCH, |board| board.control);
+    let bandwidth_hz = arguments.bandwidth.unwrap_or(match arguments.controller {
+        Kind::Pi => controller::PI_HZ,
+        _ => as_written(control.bandwidth_hz),
+    });
+    positive("--bandwidth", bandwidth_hz)?;
+    let adaptation_s = arguments.adaptation.unwrap_or(as_written(control.adaptation_s));
+    at_most("--adaptation", adaptation_s, 1e9)?;
     let (reference, grid) = references::read(&arguments.reference, arguments.rate)?;
+    if arguments.out.is_some() && arguments.out == arguments.plot {
+        return Err(Error::option("--plot", "is the file of --out; name another one"));
+    }
     for path in [&arguments.out, &arguments.plot].into_iter().flatten() {
         output::check(path, &[&arguments.reference, arguments.params.as_ref()], Folders::Exist)?;
     }
@@ -147,7 +156,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         sample_interval_s: interval_s,
         delay_s: bench.sensor_delay_s,
         lost_after_s: 5.0 * interval_s,
-        adaptation_s: arguments.adaptation,
+        adaptation_s,
     };
     let peak_m = reference.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let settings = Settings { rate_hz: grid.rate_hz, limits, observer, peak_m };
@@ -178,11 +187,21 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     };
     terminal::report(json, &report, || {
         let drift = tracked.drift_pct.map(|drift| format!(", drift {drift:.3} %")).unwrap_or_default();
+        let error = match tracked.tracking_rms_pct {
+            Some(percent) => format!("{percent:.4} % RMS"),
+            None => format!("{:.3} µm RMS (the reference is constant)", 1e6 * tracked.rms_m),
+        };
+        // Shaping changes little of a reference that keeps within the limits.
+        let asked = match (tracked.tracking_rms_pct, tracked.asked_rms_pct) {
+            (Some(shaped), Some(asked)) if (asked - shaped).abs() > 0.1 => {
+                format!(" of the shaped reference, {asked:.2} % of the one that was asked for")
+            }
+            _ => String::new(),
+        };
         format!(
-            "{}: tracking error {:.4} % RMS{drift}, infeasible {:.2} % of the time, largest error {:.2} µm, largest voltage \
+            "{}: tracking error {error}{asked}{drift}, infeasible {:.2} % of the time, largest error {:.2} µm, largest voltage \
              {:.0} V",
             report.controller,
-            tracked.tracking_rms_pct,
             tracked.infeasible_pct,
             1e6 * tracked.largest_error_m,
             tracked.largest_voltage_v

@@ -4,48 +4,58 @@ use clap::Args;
 use springpot::CommandLimits;
 
 use crate::error::{Error, Result};
+use crate::parameters::Board;
 
-/// Limits of what is commanded.
+/// Limits of what is commanded. Those that are left out are the [board] table's, or without one the paper's bench's.
 #[derive(Clone, Debug, Args)]
 pub(super) struct LimitOptions {
-    /// Largest voltage.
-    #[arg(long, value_name = "V", default_value_t = CommandLimits::BENCH.max_voltage_v)]
-    max_voltage: f64,
-    /// Largest electric field in the film as it thins, V/m.
-    #[arg(long, value_name = "V/M", default_value_t = CommandLimits::BENCH.max_field_v_per_m)]
-    max_field: f64,
-    /// Largest change of voltage, V/s.
-    #[arg(long, value_name = "V/S", default_value_t = CommandLimits::BENCH.max_slew_v_per_s)]
-    max_slew: f64,
-    /// Largest speed of the shaped reference, m/s.
-    #[arg(long, value_name = "M/S", default_value_t = CommandLimits::BENCH.max_velocity_m_per_s)]
-    max_velocity: f64,
-    /// Largest acceleration of the shaped reference, m/s².
-    #[arg(long, value_name = "M/S2", default_value_t = CommandLimits::BENCH.max_acceleration_m_per_s2)]
-    max_acceleration: f64,
+    /// Largest voltage; the parameters' or 6000 if left out.
+    #[arg(long, value_name = "V")]
+    max_voltage: Option<f64>,
+    /// Largest electric field in the film as it thins, V/m; the parameters' or 4.2e7 if left out.
+    #[arg(long, value_name = "V/M")]
+    max_field: Option<f64>,
+    /// Largest change of voltage, V/s; the parameters' or 50e3 if left out.
+    #[arg(long, value_name = "V/S")]
+    max_slew: Option<f64>,
+    /// Largest speed of the shaped reference, m/s; the parameters' or 0.05 if left out.
+    #[arg(long, value_name = "M/S")]
+    max_velocity: Option<f64>,
+    /// Largest acceleration of the shaped reference, m/s²; the parameters' or 0.5 if left out.
+    #[arg(long, value_name = "M/S2")]
+    max_acceleration: Option<f64>,
 }
 
 impl LimitOptions {
-    /// The limits.
-    pub(super) fn limits(&self) -> Result<CommandLimits> {
-        for (option, value) in [
-            ("--max-voltage", self.max_voltage),
-            ("--max-field", self.max_field),
-            ("--max-slew", self.max_slew),
-            ("--max-velocity", self.max_velocity),
-            ("--max-acceleration", self.max_acceleration),
+    /// The limits on `board`.
+    pub(super) fn limits(&self, board: Option<&Board>) -> Result<CommandLimits> {
+        let mut limits = board.map_or(CommandLimits::BENCH, |Board { limits, control, .. }| CommandLimits {
+            max_voltage_v: as_written(limits.max_voltage_v),
+            max_field_v_per_m: as_written(limits.max_field_v_per_m),
+            max_slew_v_per_s: as_written(limits.max_slew_v_per_s),
+            max_velocity_m_per_s: as_written(control.max_velocity_m_per_s),
+            max_acceleration_m_per_s2: as_written(control.max_acceleration_m_per_s2),
+            return_hz: as_written(control.return_hz),
+        });
+        for (option, given, limit) in [
+            ("--max-voltage", self.max_voltage, &mut limits.max_voltage_v),
+            ("--max-field", self.max_field, &mut limits.max_field_v_per_m),
+            ("--max-slew", self.max_slew, &mut limits.max_slew_v_per_s),
+            ("--max-velocity", self.max_velocity, &mut limits.max_velocity_m_per_s),
+            ("--max-acceleration", self.max_acceleration, &mut limits.max_acceleration_m_per_s2),
         ] {
-            positive(option, value)?;
+            if let Some(given) = given {
+                positive(option, given)?;
+                *limit = given;
+            }
         }
-        Ok(CommandLimits {
-            max_voltage_v: self.max_voltage,
-            max_field_v_per_m: self.max_field,
-            max_slew_v_per_s: self.max_slew,
-            max_velocity_m_per_s: self.max_velocity,
-            max_acceleration_m_per_s2: self.max_acceleration,
-            ..CommandLimits::BENCH
-        })
+        Ok(limits)
     }
+}
+
+/// A number of a controller as it was written, without the digits of its single precision.
+pub(super) fn as_written(number: f32) -> f64 {
+    number.to_string().parse().unwrap_or(f64::from(number))
 }
 
 /// Refuses a value that is not finite and greater than 0.

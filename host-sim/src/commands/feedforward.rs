@@ -53,8 +53,8 @@ struct Met {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
-    let limits = arguments.limits.limits()?;
     let parameters = Parameters::load(&arguments.model.params)?;
+    let limits = arguments.limits.limits(parameters.board.as_ref())?;
     let (reference, grid) = references::read(&arguments.reference, options.rate_hz)?;
     let about = |error: Error| error.about(&arguments.model.params, &arguments.reference);
     let check = arguments.check.then(|| feedforward::check(&parameters, &reference, grid, &limits)).transpose();

@@ -1,5 +1,6 @@
 //! The firmware in QEMU, linked by TCP.
 
+use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
@@ -35,6 +36,14 @@ impl Emulator {
         let fault = |cause: String| Error::Link { port: QEMU.into(), cause };
         if !image.is_file() {
             return Err(Error::file(image, "there is no such image; cargo xtask image builds it"));
+        }
+        let mut magic = [0; 4];
+        let read = File::open(image).and_then(|mut file| file.read_exact(&mut magic));
+        if read.is_err() || magic != *b"\x7fELF" {
+            return Err(Error::file(
+                image,
+                "this is no image: an ELF file is needed, such as cargo xtask image builds",
+            ));
         }
         // QEMU connects to us, so that no port has to be guessed.
         let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(|e| fault(e.to_string()))?;

@@ -23,6 +23,9 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// And so long the first of all.
 const CALL: Duration = Duration::from_millis(250);
 
+/// After so long without a message, whoever waits for one is asked again whether to wait.
+const MOMENT: Duration = Duration::from_millis(50);
+
 /// A conversation with a controller.
 #[derive(Debug)]
 pub struct Client {
@@ -161,8 +164,10 @@ impl Client {
         Ok(self.samples.pop_front())
     }
 
-    /// The next answer, after the samples that came before it; nothing if the line is silent for a moment.
+    /// The next answer, after the samples that came before it; nothing if the line is silent for a moment, or says nothing
+    /// that could be understood for a while.
     fn receive(&mut self) -> Result<Option<Message>> {
+        let start = Instant::now();
         while let Some(byte) = self.port.byte()? {
             match self.receiver.push(byte) {
                 Some(Ok(Message::Telemetry(sample))) => {
@@ -172,6 +177,9 @@ impl Client {
                 Some(Ok(message)) => return Ok(Some(message)),
                 // What was damaged on its way is asked for again by whoever misses it.
                 Some(Err(_)) | None => {}
+            }
+            if start.elapsed() > MOMENT {
+                break;
             }
         }
         Ok(None)

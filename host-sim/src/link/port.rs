@@ -2,7 +2,7 @@
 
 use std::fmt;
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::TcpStream;
+use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
 use serial2::SerialPort;
@@ -11,6 +11,8 @@ use crate::error::{Error, Result};
 
 /// As the firmware has it.
 const BAUD: u32 = 460_800;
+/// For so long a connection may take.
+const PATIENCE: Duration = Duration::from_secs(5);
 /// After so long without a byte the line is silent.
 const SILENCE: Duration = Duration::from_millis(5);
 
@@ -42,7 +44,10 @@ impl Port {
     pub fn open(name: &str) -> Result<Self> {
         let fault = |cause: String| Error::Link { port: name.into(), cause };
         if let Some(address) = name.strip_prefix("tcp:") {
-            let stream = TcpStream::connect(address).map_err(|e| fault(format!("{e}; tcp:HOST:PORT is expected")))?;
+            let expected = |e: io::Error| fault(format!("{e}; tcp:HOST:PORT is expected"));
+            let mut addresses = address.to_socket_addrs().map_err(expected)?;
+            let address = addresses.next().ok_or_else(|| fault("there is no such host".into()))?;
+            let stream = TcpStream::connect_timeout(&address, PATIENCE).map_err(expected)?;
             return Self::over_tcp(name, stream);
         }
         let mut port = SerialPort::open(name, BAUD).map_err(|e| {

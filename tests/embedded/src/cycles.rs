@@ -21,6 +21,8 @@ include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 
 type History = CompressedHistory<f32, 12, 12, 24>;
 type LeanLaw = Law<f32, Compressed<f32, 8, 14, 4>>;
+type LeanestLaw = Law<f32, Compressed<f32, 8, 16, 0>>;
+type LeanestState = State<f32, CompressedHistory<f32, 8, 16, 0>>;
 type LeanState = State<f32, CompressedHistory<f32, 8, 14, 4>>;
 
 /// Calls a function of this name, whose instructions the trace tells by it; the last call counts.
@@ -63,6 +65,10 @@ fn main() -> ! {
     let film = || (lean.clone(), lean.state());
     kernel!(creep_8_18, |law: LeanLaw, film: LeanState| law.displacement(film, black_box(10.0)), film());
     kernel!(relaxation_8_18, |law: LeanLaw, film: LeanState| law.force(film, black_box(1e-4)), film());
+    let leanest: LeanestLaw = built(Law::from_coefficients(&LEANEST));
+    let film = || (leanest.clone(), leanest.state());
+    kernel!(creep_8_16, |law: LeanestLaw, film: LeanestState| law.displacement(film, black_box(10.0)), film());
+    kernel!(relaxation_8_16, |law: LeanestLaw, film: LeanestState| law.force(film, black_box(1e-4)), film());
 
     let actuator = &Actuator::KARNER_2022;
     let drive: VoltageDrive<f32> = built(VoltageDrive::new(actuator, 6000.0, law.stiffness()));

@@ -43,7 +43,7 @@ pub enum Command {
     Acknowledge,
     /// The voltage of [`Mode::Voltage`], V at the film.
     SetVoltage(f32),
-    /// The displacement of [`Mode::Feedforward`], m.
+    /// The displacement of [`Mode::Feedforward`] and [`Mode::Tracking`], m.
     SetReference(f32),
     /// Part of a parameter blob, in order.
     Upload {
@@ -88,6 +88,8 @@ pub enum Command {
         /// Tick by tick.
         targets: Vec<Target, BATCH>,
     },
+    /// Run the parameters that are kept, as after a reset. Only while the amplifier is disabled.
+    Reload,
 }
 
 /// What a tick of a loop test gets.
@@ -109,7 +111,7 @@ pub enum Drill {
     Monitor,
     /// The displacement sensor is unplugged.
     Sensor,
-    /// A converter does not answer.
+    /// The monitor's converter does not answer.
     Bus,
     /// A tick takes longer than it may.
     Overrun,

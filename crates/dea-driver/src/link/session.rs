@@ -19,15 +19,24 @@ pub trait Board {
     /// Its number; blobs for another one are refused.
     const ID: u16;
 
-    /// The slowest and the fastest it can tick, Hz.
-    const RATES_HZ: (f32, f32);
-
     /// Does `work` while no tick can come between, and tells how many cycles of the processor it took.
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32);
 
-    /// Does `work` on the store. Ticks may be held up for as long as the flash takes to erase and write, a second at the
-    /// most; the amplifier is disabled.
-    fn with_store<R>(&mut self, work: impl FnOnce(&mut Store<Self::Flash>) -> R) -> R;
+    /// The slowest and the fastest it can tick, Hz.
+    fn rates_hz(&self) -> (f32, f32);
+
+    /// The store of its parameters.
+    fn store(&mut self) -> &mut Store<Self::Flash>;
+
+    /// Saves a blob. Ticks may be held up for as long as the flash takes to erase and write, a second or two; the amplifier
+    /// is disabled.
+    ///
+    /// # Errors
+    ///
+    /// As [`Store::save`].
+    fn save(&mut self, blob: &[u8]) -> Result<(), StoreError> {
+        self.store().save(blob).map(drop)
+    }
 
     /// Ticks at `rate_hz` from now on.
     fn set_rate(&mut self, rate_hz: f32);
@@ -66,8 +75,8 @@ impl Session {
     ///
     /// Why it keeps none, or why they were refused; the link works nonetheless.
     pub fn begin<B: Board>(&mut self, board: &mut B) -> Result<(), StartError> {
-        let blob = board.with_store(Store::load).map_err(StartError::Store)?;
-        let controller = Self::controller::<B>(blob).map_err(StartError::Rejected)?;
+        let blob = board.store().load().map_err(StartError::Store)?;
+        let controller = Self::controller(blob, board).map_err(StartError::Rejected)?;
         // Nothing is enabled yet that could refuse it.
         Self::install(controller, board).map_err(StartError::Refused)
     }
@@ -98,6 +107,12 @@ impl Session {
                     ..status
                 })
             }
+            Command::Reload => match self.begin(board) {
+                Ok(()) => Answer::Done,
+                Err(StartError::Refused(refusal)) => Answer::Refused(refusal),
+                Err(StartError::Rejected(reject)) => Answer::Rejected(reject),
+                Err(StartError::Store(_)) => Answer::Rejected(Reject::NoParameters),
+            },
             Command::PanicMessage => Answer::PanicMessage(shortened(board.panic_message())),
             Command::Upload { offset, bytes } => match self.upload.take(usize::from(*offset), bytes) {
                 Ok(()) => Answer::Done,
@@ -126,15 +141,15 @@ impl Session {
         board.with(|device| device.is_off()).0.map_err(Fault::Refused)?;
         let blob = Blob::decode(bytes, B::ID).map_err(|_| Fault::Rejected(Reject::Blob))?;
         // What this board cannot run is not kept either.
-        let controller = Self::controller::<B>(blob).map_err(Fault::Rejected)?;
+        let controller = Self::controller(blob, board).map_err(Fault::Rejected)?;
         if keep {
-            board.with_store(|store| store.save(bytes)).map_err(|_| Fault::Rejected(Reject::Flash))?;
+            board.save(bytes).map_err(|_| Fault::Rejected(Reject::Flash))?;
         }
         Self::install(controller, board).map_err(Fault::Refused)
     }
 
-    fn controller<B: Board>(blob: Blob) -> Result<Controller, Reject> {
-        let (slowest, fastest) = B::RATES_HZ;
+    fn controller<B: Board>(blob: Blob, board: &B) -> Result<Controller, Reject> {
+        let (slowest, fastest) = board.rates_hz();
         if !(slowest..=fastest).contains(&blob.parameters.rate_hz) {
             return Err(Reject::Rate);
         }

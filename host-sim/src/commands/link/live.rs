@@ -1,11 +1,12 @@
 //! What keeps talking to a controller: streams and playback.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use dea_driver::State;
-use dea_driver::link::{Command, Sample};
+use dea_driver::link::{Answer, Command, Sample};
+use dea_driver::{Refusal, State};
 use serde::Serialize;
 
 use super::What;
@@ -14,11 +15,16 @@ use crate::interrupt;
 use crate::link::{Client, named};
 use crate::output::{self, Folders};
 use crate::recording::{Input, Recording};
+use crate::references;
 use crate::series::Grid;
 use crate::terminal;
 
 /// Values per second that are sent while playing: five for every heartbeat that the shortest sensible limit asks for.
 const SENT_HZ: f64 = 100.0;
+/// Every so many of them the state is asked for.
+const STATUS_EVERY: u32 = 10;
+/// So many frames in a row may be lost.
+const MOST_DAMAGED: u32 = 2;
 
 #[derive(Debug, Args)]
 pub(super) struct Stream {
@@ -66,34 +72,36 @@ impl Stream {
     }
 
     pub(super) fn run(&self, mut client: Client, json: bool) -> Result<()> {
-        let mut log = Log::default();
-        let ended = self.talk(&mut client, &mut log, |_, _| Ok(Some(Command::Heartbeat)));
-        self.finish(client, log, ended, json)
+        let stop = interrupt::stop_flag();
+        let mut log = Log::of(&mut client)?;
+        let ended = self.talk(&mut client, &mut log, stop, |_, client| {
+            client.order(Command::Heartbeat)?;
+            Ok(true)
+        });
+        self.finish(client, &log, ended, json)
     }
 
-    /// Streams, saying what `say` gives for the time (s) a hundred times a second, until it gives nothing, time is up or Ctrl-C
-    /// comes.
+    /// Streams, letting `say` talk for the time (s) a hundred times a second, until it is done, time is up or Ctrl-C comes.
     fn talk(
         &self,
         client: &mut Client,
         log: &mut Log,
-        mut say: impl FnMut(f64, &mut Client) -> Result<Option<Command>>,
+        stop: &AtomicBool,
+        mut say: impl FnMut(f64, &mut Client) -> Result<bool>,
     ) -> Result<()> {
-        let stop = interrupt::stop_flag();
         client.order(Command::Stream { every: self.every })?;
         let bar = terminal::spinner();
         let start = Instant::now();
         let mut next = Duration::ZERO;
-        while !stop.load(std::sync::atomic::Ordering::Relaxed) {
+        while !stop.load(Ordering::Relaxed) {
             let now = start.elapsed();
             if self.duration.is_some_and(|seconds| now.as_secs_f64() >= seconds) {
                 break;
             }
             if now >= next {
                 next = now + Duration::from_secs_f64(1.0 / SENT_HZ);
-                match say(now.as_secs_f64(), client)? {
-                    Some(command) => client.order(command)?,
-                    None => break,
+                if !say(now.as_secs_f64(), client)? {
+                    break;
                 }
             }
             if let Some(sample) = client.sample()? {
@@ -110,13 +118,12 @@ impl Stream {
         Ok(())
     }
 
-    /// Ends the stream and writes what came, whatever ended it.
-    fn finish(&self, mut client: Client, log: Log, ended: Result<()>, json: bool) -> Result<()> {
+    /// Ends the stream and writes what came, whatever ended it: that is told before anything else.
+    fn finish(&self, mut client: Client, log: &Log, ended: Result<()>, json: bool) -> Result<()> {
         let state = client.order(Command::Stream { every: 0 }).and_then(|()| client.status());
-        // Without parameters there are no ticks, so no samples either.
-        let rate_hz = state.as_ref().map_or(1.0, |status| f64::from(status.rate_hz.max(1.0)));
-        log.write(&self.out, rate_hz)?;
+        let written = log.write(&self.out);
         ended?;
+        written?;
         let report = Report {
             out: shown(&self.out),
             samples: log.samples.len(),
@@ -138,56 +145,103 @@ impl Play {
 
     /// What is played, `SENT_HZ` times a second.
     fn values(&self) -> Result<Vec<f32>> {
+        if self.mode != What::Voltage {
+            let (reference, _) = references::read(&self.recording, SENT_HZ)?;
+            return Ok(reference.into_iter().map(|metres| metres as f32).collect());
+        }
         let recording = Recording::read(&self.recording)?;
-        let samples = match (self.mode, recording.drive()) {
-            (What::Voltage, Ok(Input::Voltage(samples))) => samples,
-            (What::Voltage, _) => {
-                return Err(Error::file(&self.recording, "a column voltage_v or voltage_kv is needed"));
-            }
-            (What::Feedforward | What::Tracking, _) => recording.displacement_drive()?.samples().clone(),
+        let Input::Voltage(voltage) = recording.drive()? else {
+            return Err(Error::file(&self.recording, "a column voltage_v or voltage_kv is needed"));
         };
-        let grid = Grid::covering(recording.duration_s(), SENT_HZ)?;
-        Ok(grid.resample(&samples).into_iter().map(|value| value as f32).collect())
+        let volts = Grid::covering(recording.duration_s(), SENT_HZ)?.resample(&voltage);
+        // The film feels the square of a voltage: a monitor's noise about 0 V, or a bipolar drive, pulls either way.
+        Ok(volts.into_iter().map(|volts| volts.abs() as f32).collect())
+    }
+
+    fn set(&self, value: f32) -> Command {
+        match self.mode {
+            What::Voltage => Command::SetVoltage(value),
+            What::Feedforward | What::Tracking => Command::SetReference(value),
+        }
     }
 
     pub(super) fn run(&self, mut client: Client, json: bool) -> Result<()> {
+        // Before anything is enabled: from here on Ctrl-C comes to an end at 0 V.
+        let stop = interrupt::stop_flag();
         let values = self.values()?;
-        let value = |value: f32| match self.mode {
-            What::Voltage => Command::SetVoltage(value),
-            What::Feedforward | What::Tracking => Command::SetReference(value),
-        };
-        client.order(value(values[0]))?;
-        client.order(Command::Arm)?;
-        let mut log = Log::default();
-        let played = client.order(Command::Start(self.mode.into())).and_then(|()| {
-            self.stream.talk(&mut client, &mut log, |now_s, client| {
-                let state = client.status()?.state;
-                if state != State::Running {
-                    return Err(
-                        client.unexpected(&dea_driver::link::Answer::Refused(dea_driver::Refusal::State(state)))
-                    );
-                }
-                Ok(values.get((now_s * SENT_HZ) as usize).map(|&next| value(next)))
-            })
-        });
+        let mut log = Log::of(&mut client)?;
+        let played = self.play(&mut client, &mut log, &values, stop);
         // 0 V before anything else, whatever has happened. After a trip it is there already.
-        let disarmed = client.order(Command::Disarm);
-        let ended = played.and(disarmed);
-        self.stream.finish(client, log, ended, json)
+        let disarmed = disarm(&mut client);
+        self.stream.finish(client, &log, played.and(disarmed), json)
+    }
+
+    fn play(&self, client: &mut Client, log: &mut Log, values: &[f32], stop: &AtomicBool) -> Result<()> {
+        // What is beyond the limits shows before anything is enabled.
+        let by_size = |a: &&f32, b: &&f32| a.abs().total_cmp(&b.abs());
+        for &value in values.iter().max_by(by_size).into_iter().chain(values.first()) {
+            client.order(self.set(value)).map_err(|e| e.about_value(&self.recording, f64::from(value)))?;
+        }
+        client.order(Command::Arm)?;
+        client.order(Command::Start(self.mode.into()))?;
+        let mut damaged = 0;
+        let mut rounds = 0;
+        self.stream.talk(client, log, stop, |now_s, client| {
+            let Some(&value) = values.get((now_s * SENT_HZ) as usize) else { return Ok(false) };
+            // A frame that is lost on the way is made up for by the next; many in a row are a broken line.
+            match client.order(self.set(value)) {
+                Ok(()) => damaged = 0,
+                Err(error) if damaged >= MOST_DAMAGED => return Err(error),
+                Err(_) => damaged += 1,
+            }
+            rounds += 1;
+            if rounds % STATUS_EVERY == 0
+                && let Ok(status) = client.status()
+                && status.state != State::Running
+            {
+                return Err(client.unexpected(&Answer::Refused(Refusal::State(status.state))));
+            }
+            Ok(true)
+        })?;
+        // It may have tripped since it was asked last.
+        match client.status()?.state {
+            State::Running => Ok(()),
+            state => Err(client.unexpected(&Answer::Refused(Refusal::State(state)))),
+        }
     }
 }
 
+/// Disarms, and does not give up at the first frame that is lost.
+fn disarm(client: &mut Client) -> Result<()> {
+    let mut done = client.order(Command::Disarm);
+    for _ in 0..2 {
+        if done.is_ok() {
+            break;
+        }
+        done = client.order(Command::Disarm);
+    }
+    done
+}
+
 /// What came.
-#[derive(Default)]
 struct Log {
+    /// Ticks per second.
+    rate_hz: f64,
     samples: Vec<Sample>,
 }
 
 impl Log {
-    fn write(&self, path: &Path, rate_hz: f64) -> Result<()> {
+    /// An empty log of the controller as it ticks now.
+    fn of(client: &mut Client) -> Result<Self> {
+        // Without parameters there are no ticks, so no samples either.
+        Ok(Self { rate_hz: f64::from(client.status()?.rate_hz.max(1.0)), samples: Vec::new() })
+    }
+
+    fn write(&self, path: &Path) -> Result<()> {
         let column = |value: fn(&Sample) -> f64| self.samples.iter().map(value).collect::<Vec<f64>>();
         let first = self.samples.first().map_or(0, |sample| sample.tick);
-        let time_s = self.samples.iter().map(|sample| f64::from(sample.tick.wrapping_sub(first)) / rate_hz).collect();
+        let time_s =
+            self.samples.iter().map(|sample| f64::from(sample.tick.wrapping_sub(first)) / self.rate_hz).collect();
         let columns = [
             ("time_s", time_s),
             ("tick", column(|sample| f64::from(sample.tick))),

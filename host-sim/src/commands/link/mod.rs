@@ -43,6 +43,8 @@ enum Verb {
     Disarm,
     /// Take note of a trip.
     Acknowledge,
+    /// Run the parameters that are kept, as after a reset.
+    Reload,
     /// Set the voltage or the displacement to be followed.
     Set(Set),
     /// Send parameters; they are kept over a reset.
@@ -101,6 +103,9 @@ struct Upload {
     /// Only run them until the next reset.
     #[arg(long = "try")]
     only_try: bool,
+    /// Take calibrations and limits of the paper's bench (10 V for 10 kV, 6 kV at the most) where the file has no [board] table.
+    #[arg(long)]
+    bench: bool,
 }
 
 /// What a verb without figures reports.
@@ -162,6 +167,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Verb::Stop => client.order(Command::Stop).map(|()| "stopped: 0 V, still armed"),
         Verb::Disarm => client.order(Command::Disarm).map(|()| "disarmed"),
         Verb::Acknowledge => client.order(Command::Acknowledge).map(|()| "acknowledged"),
+        Verb::Reload => client.order(Command::Reload).map(|()| "runs the parameters that it keeps"),
         Verb::Set(set) => client.order(set.command()).map(|()| "set"),
         Verb::Upload(upload) => {
             client.upload(&blob.unwrap_or_default(), !upload.only_try)?;
@@ -189,7 +195,14 @@ impl Upload {
         match (&self.params, &self.blob) {
             (Some(params), _) => {
                 let parameters = Parameters::load(params)?;
-                let board = parameters.board.clone().unwrap_or_else(|| Board::bench(&parameters.actuator));
+                let board = match parameters.board.clone() {
+                    Some(board) => board,
+                    None if self.bench => Board::bench(&parameters.actuator),
+                    None => {
+                        let cause = "no [board] table: calibrations and limits of your bench are needed (docs/formats.md), or --bench";
+                        return Err(Error::file(params.as_ref(), cause));
+                    }
+                };
                 parameters.to_blob(&board, super::board_rate(self.rate)?).map_err(|e| e.about(params, params.as_ref()))
             }
             (None, blob) => {

@@ -64,7 +64,7 @@ impl Task {
                     return Err(fault);
                 }
                 comparison = chip.comparison;
-                comparison.tracking_rms_pct = Some(run?.tracked().tracking_rms_pct);
+                comparison.tracking_rms_pct = run?.tracked().tracking_rms_pct;
             }
         }
         Ok(comparison)

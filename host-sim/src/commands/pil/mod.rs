@@ -5,7 +5,7 @@ mod laws;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use dea_driver::link::{Identity, Mode, Target};
+use dea_driver::link::{Command, Identity, Mode, Target};
 use dea_driver::{Blob, Controller};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
@@ -105,7 +105,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         // One after the other: there is one board.
         Some(name) => {
             let mut board = test.connect(Port::open(name)?)?;
-            tasks.iter().map(|task| test.run(task, &mut board)).collect::<Result<Vec<Run>>>()?
+            let runs = tasks.iter().map(|task| test.run(task, &mut board)).collect::<Result<Vec<Run>>>();
+            // The parameters of the test are not those of the bench: back to those that it keeps. A board that keeps none
+            // says so, which is no fault here.
+            let _ = board.0.ask(Command::Reload);
+            runs?
         }
         None => {
             let image = match &arguments.image {
