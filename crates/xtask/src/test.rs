@@ -33,5 +33,12 @@ pub fn deny() -> Result<()> {
     if output(cargo(&["deny", "--version"])).is_err() {
         run_command(cargo(&["install", "--locked", "cargo-deny"]))?;
     }
-    run_command(cargo(&["deny", "--workspace", "--all-features", "check", "licenses", "bans", "sources"]))
+    let checks = ["check", "licenses", "bans", "sources"];
+    run_command(cargo(&[["deny", "--workspace", "--all-features"].as_slice(), &checks].concat()))?;
+    // The images are workspaces of their own.
+    for manifest in ["firmware/Cargo.toml", "tests/embedded/Cargo.toml"] {
+        let of_images = ["deny", "--manifest-path", manifest, "--config", "deny.toml", "--log-level", "error"];
+        run_command(cargo(&[of_images.as_slice(), &checks].concat()))?;
+    }
+    Ok(())
 }
