@@ -6,7 +6,7 @@ use springpot::CommandLimits;
 use crate::error::{Error, Result};
 use crate::parameters::Board;
 
-/// Limits of what is commanded. Those that are left out are the [board] table's, or without one the paper's bench's.
+/// Limits of what is commanded. Those that are left out are the board's, or without one the paper's bench's.
 #[derive(Clone, Debug, Args)]
 pub(super) struct LimitOptions {
     /// Largest voltage; the parameters' or 6000 if left out.

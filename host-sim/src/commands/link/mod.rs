@@ -103,7 +103,7 @@ struct Upload {
     /// Only run them until the next reset.
     #[arg(long = "try")]
     only_try: bool,
-    /// Take calibrations and limits of the paper's bench (10 V for 10 kV, 6 kV at the most) where the file has no [board] table.
+    /// Take calibrations and limits of the paper's bench (10 V for 10 kV, 6 kV at the most) where the file tells none.
     #[arg(long)]
     bench: bool,
 }
