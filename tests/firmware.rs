@@ -97,20 +97,19 @@ fn another_model_is_noticed() {
     }
 }
 
-/// What the README states of flash and RAM is what the image takes, within 2 %; the linker holds the budget.
+/// What the README states of flash and RAM is what the image for a board takes, within 2 %; the linker holds the budget, of
+/// the image for QEMU as well.
 #[test]
 fn the_image_takes_what_the_readme_states() {
-    for folder in ["firmware/target", "firmware/target/board"] {
+    for (folder, stated_here) in [("firmware/target", false), ("firmware/target/board", true)] {
         let elf = std::fs::read(image(folder)).expect("built");
         let (flash, ram) = taken(&elf);
         println!("{folder}: {flash} bytes of flash, {ram} of RAM");
         assert!(flash <= 65_536.0 && ram <= 16_384.0);
         for (row, taken) in [("flash", flash), ("ram", ram)] {
-            assert!(
-                taken <= 1.02 * stated(row),
-                "README.md states {} bytes of {row}, {folder} takes {taken}",
-                stated(row)
-            );
+            let ratio = taken / stated(row);
+            let holds = ratio <= 1.02 && (ratio >= 0.98 || !stated_here);
+            assert!(holds, "README.md states {} bytes of {row}, {folder} takes {taken}", stated(row));
         }
     }
 }
