@@ -20,7 +20,7 @@ pub const ID: u16 = 0x0405;
 pub const MIN_RATE_HZ: f32 = 100.0;
 /// The fastest, Hz.
 const MAX_RATE_HZ: f32 = 5000.0;
-/// Cycles that a tick leaves for at the least, four times what it takes: on the internal oscillator the fastest tick is slower.
+/// Cycles from tick to tick at the least, three times what one takes: on the internal oscillator the fastest is slower.
 const CYCLES_PER_TICK: f32 = 8000.0;
 /// For so long the tick may not come, ms, give or take what the watchdog's own oscillator is off: 35 to 95 ms.
 const WATCHDOG_MS: u32 = 50;
