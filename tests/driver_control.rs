@@ -182,6 +182,42 @@ fn tracking_goes_on_without_its_sensor() {
     }
 }
 
+/// What a sensor reads that is not believed does not move the voltage either.
+#[test]
+fn a_sensor_that_is_not_believed_does_not_limit_the_field() {
+    let mut parameters = parameters();
+    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
+    parameters.limits.max_field_v_per_m = 3e7;
+    parameters.actuator[5] = 29.0;
+    let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
+    let mut bench = Bench { parameters, controller, ..Bench::new() };
+    bench.start(Mode::Voltage);
+    bench.obey(Command::SetVoltage(4500.0));
+    for _ in 0..300 {
+        bench.obey(Command::Heartbeat);
+        bench.tick(|_| ());
+    }
+    let before = bench.tick(|_| ()).sample.command_v;
+    // 4.8 kV at rest; at the 9 mm that it reads it would be 3.8 kV.
+    let after = bench.tick(|inputs| inputs.displacement = Some(AdcCode(u16::MAX))).sample.command_v;
+    assert!(before > 4300.0 && (after - before).abs() < 5.0, "{before} V, then {after} V");
+}
+
+/// The model feels the voltage that stood until the trip, in the tick that trips.
+#[test]
+fn the_model_feels_the_last_tick_before_a_trip() {
+    let predicted = |trips: bool| {
+        let mut bench = Bench::new();
+        bench.start(Mode::Feedforward);
+        bench.obey(Command::SetReference(0.8e-3));
+        for _ in 0..300 {
+            bench.tick(|_| ());
+        }
+        bench.tick(|inputs| inputs.interlock_closed = !trips).sample.predicted_m
+    };
+    assert_eq!(predicted(true).to_bits(), predicted(false).to_bits());
+}
+
 /// With parameters for it, the driver needs no displacement sensor at all.
 #[test]
 fn feedforward_needs_no_sensor() {
@@ -204,7 +240,15 @@ fn feedforward_needs_no_sensor() {
 /// What was set for one run is gone when it ends, however it ends: the next one begins at 0 V.
 #[test]
 fn targets_do_not_outlive_a_run() {
-    let ends: [fn(&mut Bench); 3] = [
+    let ends: [fn(&mut Bench); 4] = [
+        // A trip from elsewhere, between two ticks: an overrun.
+        |bench| {
+            bench.controller.supervisor_mut().trip(Cause::Overrun);
+            bench.tick(|_| ());
+            assert_eq!(bench.obey(Command::Acknowledge), Answer::Done);
+            bench.tick(|_| ());
+            assert_eq!(bench.obey(Command::Arm), Answer::Done);
+        },
         |bench| assert_eq!(bench.obey(Command::Stop), Answer::Done),
         |bench| {
             assert_eq!(bench.obey(Command::Disarm), Answer::Done);

@@ -48,6 +48,8 @@ pub struct Controller {
     course: TrackingState<f32, History>,
     sampler: Sampler,
     mode: Mode,
+    /// Whether the law commanded the voltage in the last tick, or has been started since.
+    ran: bool,
     /// What was set, V; nothing until it is set again after a run.
     voltage: Ramp,
     /// The same for the reference, m.
@@ -88,6 +90,7 @@ impl Controller {
             course,
             sampler,
             mode: Mode::Voltage,
+            ran: false,
             voltage: Ramp::NONE,
             reference: Ramp::NONE,
             test,
@@ -120,7 +123,7 @@ impl Controller {
 
         // Check: sensors, limits, heartbeat. Without the monitor nobody knows what is on the film; without the displacement
         // sensor the parameters say what to do.
-        let ran = self.supervisor.runs();
+        let stood_v = self.supervisor.command_v();
         if inputs.monitor.is_none() && self.supervisor.enables() {
             self.supervisor.trip(Cause::Bus);
         }
@@ -132,7 +135,7 @@ impl Controller {
         // Nothing is learned from a film that is not driven.
         let listens = self.supervisor.runs() && self.mode != Mode::Feedforward;
         let sample = self.sampler.take(checked.displacement_m.filter(|_| listens));
-        let applied = Applied::as_commanded(self.supervisor.command_v());
+        let applied = Applied::as_commanded(stood_v);
         let predicted_m = self.tracking.observe(&mut self.course, applied, sample);
         if !predicted_m.is_finite() {
             self.supervisor.trip(Cause::Law);
@@ -140,15 +143,18 @@ impl Controller {
 
         // Command: what the mode asks for, within the limits. A reference that is not followed yet stays with the film, so
         // that following begins without a jump. What was set does not outlive the run.
-        if ran && !self.supervisor.runs() {
+        // It may have been tripped since the last tick as well.
+        let runs = self.supervisor.runs();
+        if self.ran && !runs {
             self.forget_targets();
         }
+        self.ran = runs;
         let follows = self.supervisor.runs() && self.mode != Mode::Voltage;
         let reference_m = self.reference.next().filter(|_| follows).unwrap_or(predicted_m);
         let wanted = self.tracking.command(&mut self.course, reference_m);
         let set_v = self.voltage.next().unwrap_or(0.0);
         let wanted_v = if self.mode == Mode::Voltage { set_v } else { wanted.voltage };
-        let furthest_m = if displacement_m > predicted_m { displacement_m } else { predicted_m };
+        let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > predicted_m).unwrap_or(predicted_m);
         let command_v = self.supervisor.command(wanted_v, 1.0 + self.coupling() * furthest_m);
         let range = self.parameters.command_range;
         let command = if self.supervisor.enables() {
@@ -228,6 +234,7 @@ impl Controller {
     /// A run begins. Feedforward goes by the model as it was fitted, not by what was learned in other runs.
     fn begin(&mut self, mode: Mode) {
         self.mode = mode;
+        self.ran = true;
         if mode == Mode::Feedforward {
             self.course.forget();
         }

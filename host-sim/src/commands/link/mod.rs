@@ -82,10 +82,10 @@ impl From<What> for Mode {
 #[group(required = true, multiple = false)]
 struct Set {
     /// Voltage at the film, V.
-    #[arg(long, value_name = "V", allow_negative_numbers = true)]
+    #[arg(long, value_name = "V", allow_hyphen_values = true)]
     voltage: Option<f32>,
     /// Displacement, m.
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    #[arg(long, value_name = "M", allow_hyphen_values = true)]
     reference: Option<f32>,
 }
 
