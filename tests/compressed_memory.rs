@@ -1,7 +1,7 @@
 //! The compressed memory against the exact answer with full memory.
 
 use host_sim::agreement::relative_rms;
-use host_sim::full_memory::FullMemory;
+use host_sim::replay::full_memory::FullMemory;
 use rayon::prelude::*;
 use springpot::{Compressed, Law, LawError, Maxwell, Options, Window};
 use tests::{hard_models, paper_force, presets, random_models};

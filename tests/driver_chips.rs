@@ -1,6 +1,6 @@
 //! The converters, transaction by transaction, against what their data sheets ask for.
 
-use dea_driver::convert::{AdcCode, Calibration, CommandRange, DacCode};
+use dea_driver::chips::{AdcCode, Calibration, CommandRange, DacCode};
 use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError, Drive};
 use embedded_hal_mock::eh1::MockError;
 use embedded_hal_mock::eh1::digital::{Mock as Pin, State, Transaction as OnPin};

@@ -1,7 +1,7 @@
 //! The control tick around a simulated film, and the loop test.
 
-use dea_driver::convert::{AdcCode, Calibration, DacCode};
-use dea_driver::link::{Answer, BATCH, Command, Mode, Reject, Target};
+use dea_driver::chips::{AdcCode, Calibration, DacCode};
+use dea_driver::wire::{Answer, BATCH, Command, Mode, Reject, Target};
 use dea_driver::{Blob, Cause, Controller, Inputs, OnSensorFault, Outputs, Parameters, Refusal, SensorFault, State};
 use springpot::{
     Actuator, Applied, CommandLimits, Law, Limited, ObserverOptions, Options, Preset, Sample, Tracking, VoltageDrive,

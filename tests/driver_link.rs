@@ -1,8 +1,9 @@
 //! The link: every message comes through, nothing that is damaged is obeyed.
 
-use dea_driver::link::{
+use dea_driver::server::{Upload, UploadError};
+use dea_driver::wire::{
     Answer, BATCH, CHUNK, Command, Drill, FRAME_LEN, Followed, FrameError, Identity, Message, Mode, Receiver, Reject,
-    Request, Sample, Status, Step, Target, Upload, UploadError, VERSION, encode,
+    Request, Sample, Status, Step, Target, VERSION, encode,
 };
 use dea_driver::{BLOB_LEN, Cause, Refusal, SensorFault, State};
 use rand::{RngExt, SeedableRng};

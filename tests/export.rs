@@ -2,10 +2,10 @@
 
 use std::fs;
 
-use dea_driver::convert::CommandRange;
-use dea_driver::link::{Answer, Command};
+use dea_driver::chips::CommandRange;
+use dea_driver::wire::{Answer, Command};
 use dea_driver::{Blob, Controller, OnSensorFault};
-use host_sim::parameters::{Board, Parameters};
+use host_sim::files::parameters::{Board, Parameters};
 use springpot::{Law, Options, VoltageDrive};
 use tempfile::TempDir;
 use tests::tool::{Tool, names, text};

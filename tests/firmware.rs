@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use dea_driver::link::{Answer, Command, Drill, Mode, Reject, Status};
+use dea_driver::wire::{Answer, Command, Drill, Mode, Reject, Status};
 use dea_driver::{Cause, SensorFault, State};
+use host_sim::files::parameters::{Board, Parameters};
 use host_sim::link::{Client, Emulator, Port};
-use host_sim::parameters::{Board, Parameters};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use tests::tool::{Tool, text};
@@ -87,7 +87,7 @@ fn another_model_is_noticed() {
         client.upload(&blob, false).expect("taken");
         let (steps, cycles) = client.step(&[3000.0; 24]).expect("steps");
         let host = Parameters::preset("table3-n2").expect("a preset");
-        let law = host_sim::run::compressed_law::<f32>(&host.model, 1000.0).expect("valid");
+        let law = host_sim::replay::simulate::compressed_law::<f32>(&host.model, 1000.0).expect("valid");
         let drive = springpot::VoltageDrive::new(&host.actuator, 6000.0, law.stiffness()).expect("valid");
         let mut film = law.state();
         let here: Vec<u32> = (0..24).map(|_| law.displacement_under(&mut film, drive.load(3000.0)).to_bits()).collect();
@@ -167,7 +167,7 @@ fn blob() -> Vec<u8> {
     let mut limits = bench_limits();
     // The host of a test may be busy with others; the emulated clock is never ahead of the real one.
     limits.heartbeat_s = 1.0;
-    let sensor = dea_driver::convert::Calibration { offset: -1e-3, gain: 1e-3, quadratic: 0.0 };
+    let sensor = dea_driver::chips::Calibration { offset: -1e-3, gain: 1e-3, quadratic: 0.0 };
     let board = Board { limits, sensor, ..Board::bench(&parameters.actuator) };
     parameters.to_blob(&board, 1000.0).expect("valid")
 }
@@ -295,7 +295,7 @@ fn a_truncated_upload_changes_nothing() {
     let (mut client, _) = Client::new(port).expect("answers");
     let blob = blob();
     client.upload(&blob, false).expect("taken");
-    let piece: heapless::Vec<u8, { dea_driver::link::CHUNK }> = blob[..100].iter().copied().collect();
+    let piece: heapless::Vec<u8, { dea_driver::wire::CHUNK }> = blob[..100].iter().copied().collect();
     for length in [100, 99, blob.len() as u16] {
         client.order(Command::Upload { offset: 0, bytes: piece.clone() }).expect("done");
         let answer = client.ask(Command::Try { length }).expect("answers");

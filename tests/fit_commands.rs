@@ -4,9 +4,9 @@ use std::fs;
 use std::path::Path;
 
 use host_sim::agreement::relative_rms;
-use host_sim::full_memory::FullMemory;
-use host_sim::parameters::Parameters;
+use host_sim::files::parameters::Parameters;
 use host_sim::reduce::{self, Limits};
+use host_sim::replay::full_memory::FullMemory;
 use serde_json::Value;
 use springpot::{Maxwell, Springpot, Topology};
 use tempfile::TempDir;

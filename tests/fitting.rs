@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use host_sim::agreement::Agreement;
+use host_sim::bench::film::{Film, Instruments, Plant, Readings, Waveform};
+use host_sim::files::recording::{Input, Recording, Samples};
 use host_sim::fit::candidate::{Candidate, Variable};
 use host_sim::fit::objective::{Objective, Observation};
-use host_sim::fit::observe::{self, Direction};
+use host_sim::fit::observation::{self, Direction};
 use host_sim::fit::{self, Fit, Method, Settings};
-use host_sim::recording::{Input, Recording, Samples};
-use host_sim::twin::{Film, Instruments, Plant, Readings, Waveform};
 use springpot::{Actuator, Preload, Springpot, Topology};
 use tests::recordings;
 
@@ -17,7 +17,7 @@ static NEVER: AtomicBool = AtomicBool::new(false);
 
 fn observation(path: &Path, direction: Direction) -> Observation {
     let recording = Recording::read(path).expect("readable");
-    observe::observe(&recording, direction, 1.0).expect("fit for fitting").0
+    observation::observe(&recording, direction, 1.0).expect("fit for fitting").0
 }
 
 fn observations(plant: &str) -> Vec<Observation> {
@@ -239,7 +239,7 @@ fn follows_both_films_and_recordings_it_has_not_seen() {
 /// The paper's procedure ends where it is stuck; derivatives go further, with a tenth of the evaluations.
 #[test]
 fn pattern_search_is_there_and_worse() {
-    let thinned: Vec<Observation> = observations("wang").iter().map(observe::thinned).collect();
+    let thinned: Vec<Observation> = observations("wang").iter().map(observation::thinned).collect();
     let settings = Settings { surroundings: Vec::new(), judge: false, ..structure(Topology::Eq11, 1) };
     let paper = fitted(&thinned, &Settings { method: Method::PatternSearch, ..settings.clone() });
     let lm = fitted(&thinned, &settings);
@@ -254,7 +254,7 @@ fn pattern_search_is_there_and_worse() {
 /// The same seed gives the same parameters to the last bit.
 #[test]
 fn is_reproducible() {
-    let thinned: Vec<Observation> = observations("hossain").iter().map(observe::thinned).collect();
+    let thinned: Vec<Observation> = observations("hossain").iter().map(observation::thinned).collect();
     let settings = Settings { branches: vec![0, 1, 2], judge: false, ..Settings::default() };
     assert_eq!(fitted(&thinned, &settings).candidate, fitted(&thinned, &settings).candidate);
 }

@@ -5,16 +5,16 @@
 
 use std::sync::atomic::AtomicBool;
 
-use host_sim::closed_loop::{self, Bench, Run};
-use host_sim::controller::{self, Kind, Settings};
-use host_sim::feedforward;
-use host_sim::fit::observe::{Direction, observe};
+use host_sim::bench::closed_loop::{self, Bench, Run};
+use host_sim::bench::controllers::{self, Kind, Settings};
+use host_sim::bench::film::{Film, Plant};
+use host_sim::files::parameters::Parameters;
+use host_sim::files::recording::Recording;
+use host_sim::fit::observation::{Direction, observe};
 use host_sim::fit::{self, Settings as FitSettings};
-use host_sim::parameters::Parameters;
-use host_sim::recording::Recording;
+use host_sim::grid::Grid;
 use host_sim::references::{Reference, Shape};
-use host_sim::series::Grid;
-use host_sim::twin::{Film, Plant};
+use host_sim::replay::feedforward;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{CommandLimits, ObserverOptions, Topology};
@@ -88,7 +88,7 @@ impl Trial<'_> {
             observer: ObserverOptions::at_bandwidth(self.bandwidth_hz),
             peak_m: self.reference.iter().copied().fold(0.0, f64::max),
         };
-        let mut controller = controller::build::<f32>(kind, self.parameters, &settings).expect("valid");
+        let mut controller = controllers::build::<f32>(kind, self.parameters, &settings).expect("valid");
         closed_loop::run(&self.film, &self.bench, controller.as_mut(), self.reference, grid, &ProgressBar::hidden())
             .expect("the film holds")
     }

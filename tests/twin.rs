@@ -1,7 +1,7 @@
 //! The nonlinear film: its published peaks, and the committed recordings.
 
-use host_sim::recording::Recording;
-use host_sim::twin::{Film, Plant, Waveform};
+use host_sim::bench::film::{Film, Plant, Waveform};
+use host_sim::files::recording::Recording;
 use tempfile::TempDir;
 use tests::recordings;
 

@@ -1,6 +1,6 @@
 //! The bench on the board's pins: amplifier, sensors, interlock, light. `docs/wiring.md` shows it.
 
-use dea_driver::convert::{AdcCode, CommandRange};
+use dea_driver::chips::{AdcCode, CommandRange};
 use dea_driver::{Ads868x, Amplifier, AmplifierError, Drive, Inputs};
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice, NoDelay};
 use embedded_hal_bus::util::AtomicCell;

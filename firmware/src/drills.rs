@@ -3,8 +3,8 @@
 
 use core::sync::atomic::{AtomicU8, Ordering};
 
-use dea_driver::convert::{AdcCode, DacCode};
-use dea_driver::link::Drill;
+use dea_driver::chips::{AdcCode, DacCode};
+use dea_driver::wire::Drill;
 use dea_driver::{AmplifierError, Drive, Inputs};
 
 /// The drill that is asked for: its place in the list, from 1; 0 is none.

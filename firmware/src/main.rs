@@ -37,7 +37,8 @@ mod panic;
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
     use cortex_m::peripheral::SCB;
-    use dea_driver::link::{FRAME_LEN, Message, Session, StartError, encode};
+    use dea_driver::server::{Session, StartError};
+    use dea_driver::wire::{FRAME_LEN, Message, encode};
     use dea_driver::{Cause, Device, Drive, State, Store, StoreError};
     use heapless::spsc::{Consumer, Producer, Queue};
     use stm32f4xx_hal::gpio::{Output, PC12, PinState};

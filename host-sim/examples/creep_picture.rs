@@ -4,12 +4,12 @@
 
 use std::path::PathBuf;
 
-use host_sim::parameters::Parameters;
-use host_sim::plot::{self, Line, Panel};
-use host_sim::recording::{Input, Samples};
-use host_sim::run::{self, MemoryChoice, Precision, RunOptions};
-use host_sim::series::Grid;
-use host_sim::twin::Waveform;
+use host_sim::bench::film::Waveform;
+use host_sim::files::parameters::Parameters;
+use host_sim::files::recording::{Input, Samples};
+use host_sim::grid::Grid;
+use host_sim::replay::simulate::{self, MemoryChoice, Precision, RunOptions};
+use host_sim::report::plot::{self, Line, Panel};
 use indicatif::ProgressBar;
 
 fn main() -> host_sim::Result<()> {
@@ -22,7 +22,7 @@ fn main() -> host_sim::Result<()> {
     let input = Input::Voltage(Samples { time_s: time_s.clone(), value });
     let displacement_mm = |memory, precision| -> host_sim::Result<Vec<f64>> {
         let options = RunOptions { memory, precision, ..RunOptions::default() };
-        let response = run::run(&parameters, &input, grid, &options, &ProgressBar::hidden())?;
+        let response = simulate::run(&parameters, &input, grid, &options, &ProgressBar::hidden())?;
         Ok(response.displacement_m.iter().map(|x| 1e3 * x).collect())
     };
     let full = displacement_mm(MemoryChoice::Full, Precision::F64)?;

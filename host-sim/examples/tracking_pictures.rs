@@ -5,16 +5,16 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use host_sim::closed_loop::{self, Bench, Run};
-use host_sim::controller::{self, Kind, Settings};
-use host_sim::fit::observe::{Direction, observe};
+use host_sim::bench::closed_loop::{self, Bench, Run};
+use host_sim::bench::controllers::{self, Kind, Settings};
+use host_sim::bench::film::{Film, Plant};
+use host_sim::files::parameters::Parameters;
+use host_sim::files::recording::Recording;
+use host_sim::fit::observation::{Direction, observe};
 use host_sim::fit::{self, Settings as FitSettings};
-use host_sim::parameters::Parameters;
-use host_sim::plot::{self, COLOURS, Line, Panel};
-use host_sim::recording::Recording;
+use host_sim::grid::Grid;
 use host_sim::references::{Reference, Shape};
-use host_sim::series::Grid;
-use host_sim::twin::{Film, Plant};
+use host_sim::report::plot::{self, COLOURS, Line, Panel};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{CommandLimits, Limited, ObserverOptions, Topology};
@@ -81,7 +81,7 @@ impl Subject {
             self.limits
         };
         let settings = Settings { rate_hz: self.grid.rate_hz, limits, observer, peak_m };
-        let mut controller = controller::build::<f32>(kind, &self.parameters, &settings)?;
+        let mut controller = controllers::build::<f32>(kind, &self.parameters, &settings)?;
         let film = self.film.stiffened(stiffness);
         closed_loop::run(&film, bench, controller.as_mut(), &self.reference, self.grid, &ProgressBar::hidden())
     }

@@ -9,30 +9,19 @@
 #![warn(missing_docs)]
 
 pub mod agreement;
-pub mod closed_loop;
+pub mod bench;
 pub mod commands;
-pub mod compare;
-pub mod controller;
 pub mod error;
-pub mod feedforward;
+pub mod files;
 pub mod fit;
-pub mod full_memory;
+pub mod grid;
 pub mod interrupt;
 pub mod link;
-pub mod observation;
-pub mod output;
-pub mod page;
-pub mod parameters;
-pub mod plot;
-pub mod prandtl_ishlinskii;
-pub mod recording;
 pub mod reduce;
 pub mod references;
-pub mod run;
-pub mod series;
-pub mod study;
-pub mod table;
+pub mod replay;
+pub mod report;
+pub mod studies;
 pub mod terminal;
-pub mod twin;
 
 pub use error::{Error, Result};

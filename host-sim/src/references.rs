@@ -9,8 +9,8 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
 use crate::error::{Error, Result};
-use crate::recording::Recording;
-use crate::series::Grid;
+use crate::files::recording::Recording;
+use crate::grid::Grid;
 
 /// The reference in the file at `path`, from its `displacement_m` (or `_mm`, `_um`), on its grid at `rate_hz`.
 ///

@@ -5,11 +5,11 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use host_sim::files::recording::Recording;
 use host_sim::fit::candidate::{Candidate, Variable};
 use host_sim::fit::objective::{Objective, Observation};
-use host_sim::fit::observe::{self, Direction};
+use host_sim::fit::observation::{self, Direction};
 use host_sim::fit::{self, Method, Settings};
-use host_sim::recording::Recording;
 use springpot::{Actuator, Springpot, Topology};
 
 static NEVER: AtomicBool = AtomicBool::new(false);
@@ -20,7 +20,7 @@ fn main() {
         .iter()
         .map(|path| {
             let recording = Recording::read(path).expect("committed");
-            observe::observe(&recording, Direction::Force, 1.0).expect("fit for fitting").0
+            observation::observe(&recording, Direction::Force, 1.0).expect("fit for fitting").0
         })
         .collect();
     let objective = Objective::new(&observations).expect("valid");

@@ -6,7 +6,7 @@ use std::hint::black_box;
 
 use divan::Bencher;
 use host_sim::agreement::relative_rms;
-use host_sim::full_memory::FullMemory;
+use host_sim::replay::full_memory::FullMemory;
 use oxictl::pid::fractional::GrunwaldLeibniz;
 use springpot::{Compressed, Law, Maxwell, Memory, Options, Preset, Scalar, Springpot, State, Topology, Window};
 use tests::paper_force;

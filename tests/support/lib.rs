@@ -5,7 +5,7 @@ pub mod tool;
 pub mod virtual_board;
 
 use dea_driver::{Blob, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters, PlausibilityLimits};
-use host_sim::parameters::{Board, Parameters};
+use host_sim::files::parameters::{Board, Parameters};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{Actuator, Maxwell, Preset, Springpot, Topology};

@@ -7,10 +7,11 @@ use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use dea_driver::convert::{AdcCode, DacCode};
-use dea_driver::link::{Board, FRAME_LEN, Message, Session, encode};
+use dea_driver::chips::{AdcCode, DacCode};
+use dea_driver::server::{Board, Session};
+use dea_driver::wire::{FRAME_LEN, Message, encode};
 use dea_driver::{Device, Drive, Inputs, Store};
-use host_sim::parameters::Board as BoardTable;
+use host_sim::files::parameters::Board as BoardTable;
 
 use crate::flash::Flash;
 

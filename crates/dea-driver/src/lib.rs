@@ -6,14 +6,14 @@
 //!
 //! # The parts
 //!
-//! - [`convert`]: codes of the converters as types, with their volts per count and a calibration.
+//! - [`chips`]: codes of the converters as types, with their volts per count and a calibration.
 //! - [`Amplifier`] (AD5754) and [`Ads868x`]: the chips, on [`embedded_hal::spi::SpiDevice`].
 //! - [`Supervisor`]: disarmed, armed, running or tripped; limits of voltage, field, slew and stroke; [`Monitor`] and
 //!   [`Plausibility`] watch the sensors. Whatever trips ends at 0 V with the enable output low, its cause latched.
 //! - [`Controller`]: the tick of a control loop and what a host can ask of it; [`Device`]: a board that ticks one, once it has
 //!   parameters.
 //! - [`Blob`]: the parameters of a board as bytes; [`Store`] keeps them in two slots of flash.
-//! - [`link`]: the frames and messages between controller and host, and the board's side of that conversation.
+//! - [`wire`]: the frames and messages between controller and host; [`server`]: the board's side of that conversation.
 //!
 //! Units are SI: volts at the film, metres, seconds; time is counted in ticks of the control loop.
 //!
@@ -26,24 +26,18 @@
 #![warn(clippy::pedantic)]
 #![allow(clippy::doc_markdown)]
 
-mod ads868x;
-mod amplifier;
-mod blob;
+pub mod chips;
 mod control;
-pub mod convert;
-mod device;
-pub mod link;
-mod monitor;
-mod plausibility;
-mod store;
-mod supervisor;
+mod parameters;
+mod safety;
+pub mod server;
+pub mod wire;
 
-pub use ads868x::{AdcError, Ads868x};
-pub use amplifier::{Amplifier, AmplifierError};
-pub use blob::{BLOB_LEN, Blob, BlobError, Control, LawNumbers, Parameters, SCHEMA};
+pub use chips::{AdcError, Ads868x, Amplifier, AmplifierError, Drive};
 pub use control::{Controller, Inputs, Outputs};
-pub use device::{Device, Drive};
-pub use monitor::{Monitor, MonitorLimits};
-pub use plausibility::{Plausibility, PlausibilityLimits, SensorFault};
-pub use store::{Store, StoreError};
-pub use supervisor::{Cause, Limits, LimitsError, OnSensorFault, Readings, Refusal, State, Supervisor, Tick};
+pub use parameters::{BLOB_LEN, Blob, BlobError, Control, LawNumbers, Parameters, SCHEMA, Store, StoreError};
+pub use safety::{
+    Cause, Limits, LimitsError, Monitor, MonitorLimits, OnSensorFault, Plausibility, PlausibilityLimits, Readings,
+    Refusal, SensorFault, State, Supervisor, Tick,
+};
+pub use server::Device;

@@ -1,8 +1,7 @@
 //! From voltage to force and back: Eq. 1.
 
 use crate::error::ActuatorError;
-use crate::law::Load;
-use crate::sqrt::Real;
+use crate::scalar::Real;
 
 /// Permittivity of free space in F/m.
 pub const EPSILON_0: f64 = 8.854_187_812_8e-12;
@@ -93,6 +92,17 @@ impl Actuator {
         }
         Ok(())
     }
+}
+
+/// A force that depends on where the film is: `force + slope · x`.
+///
+/// A slope above nought pulls harder the further the film is stretched, as the electrostatic force does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Load<T> {
+    /// Force at x = 0, N.
+    pub force: T,
+    /// Change of the force with displacement, N/m; must stay below [`Law::stiffness`](crate::Law::stiffness).
+    pub slope: T,
 }
 
 /// Eq. 1 both ways, as it runs in a step: voltage → force, force → voltage.

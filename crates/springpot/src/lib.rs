@@ -66,46 +66,20 @@
 #![allow(clippy::similar_names, clippy::doc_markdown)]
 
 mod actuator;
-mod coefficients;
-mod compressed;
-mod contour;
-mod element;
+mod complex;
+mod control;
 mod error;
-mod feedforward;
+mod kernel;
 mod law;
-mod limits;
-mod maxwell;
-mod observer;
-mod presets;
-mod quadrature;
-mod reference;
-mod response;
+mod model;
 mod scalar;
-mod series;
-mod settle;
-mod spectrum;
-mod sqrt;
-mod statistics;
-mod steering;
-mod tail;
-mod tracking;
-mod trig;
-mod window;
 
-pub use actuator::{Actuator, EPSILON_0, GRAVITY, Preload, VoltageDrive};
-pub use coefficients::Coefficients;
-pub use compressed::{Compressed, CompressedHistory, Options};
-pub use element::Springpot;
+pub use actuator::{Actuator, EPSILON_0, GRAVITY, Load, Preload, VoltageDrive};
+pub use control::{
+    Applied, Command, CommandLimits, Feedforward, FeedforwardState, Limited, Observer, ObserverOptions, ObserverState,
+    Sample, Statistics, Tracking, TrackingState,
+};
 pub use error::{ActuatorError, ControlError, Element, LawError, ModelError};
-pub use feedforward::{Feedforward, FeedforwardState};
-pub use law::{Law, Load, Memory, State};
-pub use limits::{CommandLimits, Limited};
-pub use maxwell::{MAX_BRANCHES, Maxwell, Topology};
-pub use observer::{Observer, ObserverOptions, ObserverState, Sample};
-pub use presets::Preset;
-pub use scalar::Scalar;
-pub use sqrt::Real;
-pub use statistics::Statistics;
-pub use steering::{Applied, Command};
-pub use tracking::{Tracking, TrackingState};
-pub use window::{Window, WindowHistory};
+pub use law::{Coefficients, Compressed, CompressedHistory, Law, Memory, Options, State, Window, WindowHistory};
+pub use model::{Chain, MAX_BRANCHES, Maxwell, Preset, Springpot, Topology};
+pub use scalar::{Real, Scalar};

@@ -5,18 +5,18 @@ use dea_driver::Control;
 use serde::Serialize;
 use springpot::ObserverOptions;
 
-use super::control::{LimitOptions, as_written, at_most, positive};
-use crate::closed_loop::{self, Bench, Run, Tracked};
-use crate::controller::{self, Controller, Kind, Settings};
+use super::options::{LimitOptions, as_written, at_most, positive};
+use crate::bench::closed_loop::{self, Bench, Run, Tracked};
+use crate::bench::controllers::{self, Controller, Kind, Settings};
+use crate::bench::film::{Film, Plant};
 use crate::error::{Error, Result, shown};
-use crate::output::{self, Folders};
-use crate::parameters::Parameters;
-use crate::plot::{self, Line, Panel};
+use crate::files::output::{self, Folders};
+use crate::files::parameters::Parameters;
+use crate::grid::Grid;
 use crate::references;
-use crate::run::Precision;
-use crate::series::Grid;
+use crate::replay::simulate::Precision;
+use crate::report::plot::{self, Line, Panel};
 use crate::terminal;
-use crate::twin::{Film, Plant};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -137,7 +137,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
     let control = parameters.board.as_ref().map_or(Control::BENCH, |board| board.control);
     let bandwidth_hz = arguments.bandwidth.unwrap_or(match arguments.controller {
-        Kind::Pi => controller::PI_HZ,
+        Kind::Pi => controllers::PI_HZ,
         _ => as_written(control.bandwidth_hz),
     });
     positive("--bandwidth", bandwidth_hz)?;
@@ -162,8 +162,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let settings = Settings { rate_hz: grid.rate_hz, limits, observer, peak_m };
     let about = |error: Error| error.about(&arguments.params, &arguments.reference);
     let mut controller: Box<dyn Controller + Send> = match arguments.precision {
-        Precision::F32 => controller::build::<f32>(arguments.controller, &parameters, &settings),
-        Precision::F64 => controller::build::<f64>(arguments.controller, &parameters, &settings),
+        Precision::F32 => controllers::build::<f32>(arguments.controller, &parameters, &settings),
+        Precision::F64 => controllers::build::<f64>(arguments.controller, &parameters, &settings),
     }
     .map_err(about)?;
 

@@ -5,14 +5,14 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use serde::Serialize;
 
-use crate::compare::{self, Row};
 use crate::error::{Error, Result, shown};
+use crate::files::parameters::Parameters;
+use crate::files::recording::Recording;
 use crate::fit::objective::Observation;
-use crate::fit::observe::{self, Direction};
+use crate::fit::observation::{self, Direction};
 use crate::fit::search::Workbench;
 use crate::fit::{self, Settings};
-use crate::parameters::Parameters;
-use crate::recording::Recording;
+use crate::studies::compare::{self, Row};
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -48,7 +48,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
     let observations = recordings
         .iter()
-        .map(|recording| observe::observe(recording, Direction::Force, 1.0).map(|(observation, _)| observation))
+        .map(|recording| observation::observe(recording, Direction::Force, 1.0).map(|(observation, _)| observation))
         .collect::<Result<Vec<Observation>>>()?;
     let bar = terminal::spinner();
     let workbench = Workbench::new(&observations, &settings.actuator)?;

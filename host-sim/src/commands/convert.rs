@@ -4,8 +4,8 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
-use crate::output::{self, Folders};
-use crate::table::{Names, Table};
+use crate::files::csv::{Names, Table};
+use crate::files::output::{self, Folders};
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let path = &arguments.test;
     let table = Table::read(path, [STRETCH, STRESS], &[&[0], &[1]])?;
     let complete = |index: usize| {
-        let column: &Option<crate::table::Column> = &table.columns[index];
+        let column: &Option<crate::files::csv::Column> = &table.columns[index];
         let column = column.as_ref().ok_or_else(|| Error::file(path, "stretch or nominal stress has no value"))?;
         column.complete(path, &table.time_s, "a material test needs both in every row")
     };

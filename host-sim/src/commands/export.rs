@@ -6,8 +6,8 @@ use dea_driver::Blob;
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
-use crate::output::{self, Folders};
-use crate::parameters::{Board, Parameters};
+use crate::files::output::{self, Folders};
+use crate::files::parameters::{Board, Parameters};
 use crate::terminal;
 
 #[derive(Debug, Args)]

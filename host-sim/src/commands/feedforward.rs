@@ -5,12 +5,12 @@ use serde::Serialize;
 use springpot::Limited;
 
 use super::ModelOptions;
-use super::control::LimitOptions;
+use super::options::LimitOptions;
 use crate::error::{Error, Result, shown};
-use crate::feedforward::{self, Feasibility};
-use crate::output::{self, Folders};
-use crate::parameters::Parameters;
+use crate::files::output::{self, Folders};
+use crate::files::parameters::Parameters;
 use crate::references;
+use crate::replay::feedforward::{self, Feasibility};
 use crate::terminal;
 
 #[derive(Debug, Args)]

@@ -1,9 +1,9 @@
 use std::path::PathBuf;
 
 use crate::error::{Error, Result, shown};
-use crate::output::{self, Folders};
-use crate::parameters::Parameters;
-use crate::run;
+use crate::files::output::{self, Folders};
+use crate::files::parameters::Parameters;
+use crate::replay::simulate;
 use crate::terminal;
 use clap::Args;
 use serde::Serialize;
@@ -73,7 +73,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let law = arguments
         .discrete
         .then(|| {
-            run::compressed_law::<f32>(&parameters.model, rate).map_err(|e| e.about(&arguments.params, &arguments.out))
+            simulate::compressed_law::<f32>(&parameters.model, rate)
+                .map_err(|e| e.about(&arguments.params, &arguments.out))
         })
         .transpose()?;
 

@@ -2,7 +2,6 @@
 
 mod closed_loop;
 mod compare;
-mod control;
 mod convert;
 mod export;
 mod feedforward;
@@ -10,6 +9,7 @@ mod fit;
 mod frequency_response;
 mod link;
 mod observe;
+mod options;
 mod pil;
 mod reduce;
 mod reference;
@@ -25,7 +25,7 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::run::{MemoryChoice, Precision, RunOptions};
+use crate::replay::simulate::{MemoryChoice, Precision, RunOptions};
 use crate::terminal;
 
 /// Creep compensation for dielectric elastomer actuators, on the bench.

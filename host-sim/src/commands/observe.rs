@@ -4,13 +4,13 @@ use clap::Args;
 use serde::Serialize;
 use springpot::ObserverOptions;
 
-use super::control::{at_most, positive};
+use super::options::{at_most, positive};
 use crate::error::{Error, Result, shown};
-use crate::observation::{self, Observed};
-use crate::output::{self, Folders};
-use crate::parameters::Parameters;
-use crate::recording::{Input, Recording};
-use crate::run::Precision;
+use crate::files::output::{self, Folders};
+use crate::files::parameters::Parameters;
+use crate::files::recording::{Input, Recording};
+use crate::replay::observer::{self, Observed};
+use crate::replay::simulate::Precision;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -76,7 +76,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     };
     let bar = terminal::progress(grid.samples as u64, "observe");
     let volts = grid.resample(&voltage);
-    let estimates = observation::observe(&parameters, &volts, &measured, grid, options, arguments.precision, &bar)
+    let estimates = observer::observe(&parameters, &volts, &measured, grid, options, arguments.precision, &bar)
         .map_err(|e| e.about(&arguments.params, recording.path()))?;
     bar.finish_and_clear();
     let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();

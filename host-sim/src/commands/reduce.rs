@@ -4,8 +4,8 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
-use crate::output::{self, Folders};
-use crate::parameters::Parameters;
+use crate::files::output::{self, Folders};
+use crate::files::parameters::Parameters;
 use crate::reduce::{self, Limits};
 use crate::terminal;
 

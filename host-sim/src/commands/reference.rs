@@ -3,11 +3,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::control::positive;
+use super::options::positive;
 use crate::error::{Error, Result, shown};
-use crate::output::{self, Folders};
+use crate::files::output::{self, Folders};
+use crate::grid::Grid;
 use crate::references::{Reference, Shape};
-use crate::series::Grid;
 use crate::terminal;
 
 #[derive(Debug, Args)]

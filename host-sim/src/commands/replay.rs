@@ -7,11 +7,11 @@ use serde::Serialize;
 use super::ModelOptions;
 use crate::agreement::Agreement;
 use crate::error::{Error, Result, shown};
-use crate::output::{self, Folders, Staged};
-use crate::parameters::Parameters;
-use crate::recording::{Input, Recording, Samples};
-use crate::run::{self, Response};
-use crate::series::Grid;
+use crate::files::output::{self, Folders, Staged};
+use crate::files::parameters::Parameters;
+use crate::files::recording::{Input, Recording, Samples};
+use crate::grid::Grid;
+use crate::replay::simulate::{self, Response};
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -74,7 +74,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let mut rows = Vec::new();
     let mut written = Vec::new();
     for (Job { recording, grid, input, measured }, path) in jobs.into_iter().zip(outputs) {
-        let response = run::run(&parameters, &input, grid, &options, &bar)
+        let response = simulate::run(&parameters, &input, grid, &options, &bar)
             .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
         let modelled = match arguments.drive {
             Drive::Force => &response.displacement_m,

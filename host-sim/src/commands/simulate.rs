@@ -5,10 +5,10 @@ use serde::Serialize;
 
 use super::ModelOptions;
 use crate::error::{Result, shown};
-use crate::output::{self, Folders};
-use crate::parameters::Parameters;
-use crate::recording::Recording;
-use crate::run;
+use crate::files::output::{self, Folders};
+use crate::files::parameters::Parameters;
+use crate::files::recording::Recording;
+use crate::replay::simulate;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -39,7 +39,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     output::check(&arguments.out, &[&arguments.profile, arguments.model.params.as_ref()], Folders::Exist)?;
     let grid = recording.grid(options.rate_hz)?;
     let bar = terminal::progress(grid.samples as u64, "simulate");
-    let response = run::run(&parameters, &recording.drive()?, grid, &options, &bar)
+    let response = simulate::run(&parameters, &recording.drive()?, grid, &options, &bar)
         .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
     bar.finish_and_clear();
     response.stage(&arguments.out, grid, &[])?.commit()?;

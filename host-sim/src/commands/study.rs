@@ -8,16 +8,16 @@ use serde::Serialize;
 use springpot::{Actuator, Topology};
 
 use crate::error::Result;
+use crate::files::output::{self, Folders};
+use crate::files::parameters::Parameters;
+use crate::files::recording::Recording;
 use crate::fit::Method;
 use crate::fit::objective::Observation;
-use crate::fit::observe::{self, Direction};
+use crate::fit::observation::{self, Direction};
 use crate::fit::selection::name_of;
-use crate::output::{self, Folders};
-use crate::page;
-use crate::parameters::Parameters;
-use crate::plot::{self, COLOURS, Line, Panel};
-use crate::recording::Recording;
-use crate::study::{self, Entry, EntryRow, method_name};
+use crate::report::html;
+use crate::report::plot::{self, COLOURS, Line, Panel};
+use crate::studies::paper::{self, Entry, EntryRow, method_name};
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -65,7 +65,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
     let observations = recordings
         .iter()
-        .map(|recording| observe::observe(recording, Direction::Force, 1.0).map(|(observation, _)| observation))
+        .map(|recording| observation::observe(recording, Direction::Force, 1.0).map(|(observation, _)| observation))
         .collect::<Result<Vec<Observation>>>()?;
     for name in FILES {
         let inputs: Vec<&Path> = recordings.iter().map(Recording::path).collect();
@@ -73,18 +73,18 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     }
     let names: Vec<String> = observations.iter().map(|o| o.name.clone()).collect();
 
-    let options = study::Options { actuator, seed: arguments.seed, thinned: arguments.thinned };
+    let options = paper::Options { actuator, seed: arguments.seed, thinned: arguments.thinned };
     let bar = terminal::progress(0, "study");
     // Half a study is none: Ctrl-C ends it.
     let never = AtomicBool::new(false);
-    let entries = study::study(&observations, &options, &never, &|all| {
+    let entries = paper::study(&observations, &options, &never, &|all| {
         bar.set_length(all as u64);
         bar.inc(1);
     })?;
     bar.finish_and_clear();
 
     let tables = [table_2(&entries, &names), table_3(&entries), table_4(&entries, &names)];
-    let why = study::why_eq9_stops(&entries);
+    let why = paper::why_eq9_stops(&entries);
     let figures = [
         ("figure-6", "Measured and calculated, joint fit (Fig. 6)", panels(&entries, &observations, false)),
         ("figure-7", "Measured and calculated, one fit per recording (Fig. 7)", panels(&entries, &observations, true)),
@@ -174,7 +174,7 @@ fn table_4(entries: &[Entry], names: &[String]) -> Table {
         })
         .collect();
     Table {
-        title: format!("Table 4: each recording alone, n = {}, c in N·s^α/mm", study::BRANCHES_ALONE),
+        title: format!("Table 4: each recording alone, n = {}, c in N·s^α/mm", paper::BRANCHES_ALONE),
         header: ["recording", "topology", "method", "main (c, α)", "branches (c, α)–(c, α)", "R²"]
             .map(str::to_owned)
             .into(),
@@ -199,7 +199,7 @@ fn panels(entries: &[Entry], observations: &[Observation], alone: bool) -> Vec<P
                 let wanted = |e: &&Entry| {
                     e.method == method
                         && e.topology == topology
-                        && e.branches == study::BRANCHES_ALONE
+                        && e.branches == paper::BRANCHES_ALONE
                         && e.recording == alone.then_some(index)
                 };
                 if let Some(entry) = entries.iter().find(wanted) {
@@ -223,15 +223,15 @@ fn page(tables: &[Table], why: &str, figures: &[(&str, &str, Vec<Panel>)], thinn
             h2 { (table.title) }
             @let header: Vec<&str> = table.header.iter().map(String::as_str).collect();
             @let rows: Vec<(bool, Vec<String>)> = table.rows.iter().map(|row| (false, row.clone())).collect();
-            (page::table(&header, &rows))
+            (html::table(&header, &rows))
         }
         p { (why) }
         @for (_, title, panels) in figures {
             h2 { (title) }
-            (page::figure(panels))
+            (html::figure(panels))
         }
     };
-    page::page("The study of Karner et al. 2022 on these recordings", &body)
+    html::page("The study of Karner et al. 2022 on these recordings", &body)
 }
 
 fn markdown(tables: &[Table], why: &str) -> String {

@@ -3,11 +3,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use crate::bench::film::{Film, Instruments, Plant, Readings, Waveform};
 use crate::error::{Error, Result, shown};
-use crate::output::{self, Folders};
-use crate::series::Grid;
+use crate::files::output::{self, Folders};
+use crate::grid::Grid;
 use crate::terminal;
-use crate::twin::{Film, Instruments, Plant, Readings, Waveform};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

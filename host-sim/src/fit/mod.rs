@@ -2,15 +2,15 @@
 
 pub mod candidate;
 pub mod levenberg_marquardt;
+pub mod loss;
 pub mod objective;
-pub mod observe;
+pub mod observation;
 pub mod pattern_search;
-pub mod robust;
 pub mod search;
 pub mod selection;
 pub mod starts;
 mod transfer;
-pub mod trust;
+pub mod uncertainty;
 mod warnings;
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -19,14 +19,14 @@ use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
-use crate::recording::Input;
+use crate::files::recording::Input;
 use crate::reduce;
 use candidate::{Candidate, Variable};
+use loss::Loss;
 use objective::Observation;
-use robust::Loss;
 use search::{Context, Found, Workbench};
 use selection::Row;
-use trust::Trust;
+use uncertainty::Trust;
 
 /// How parameters are searched for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -158,7 +158,7 @@ pub fn fit(
     let interrupted = stop.load(Ordering::Relaxed);
     let trust = if settings.judge && settings.method == Method::Lm && !interrupted {
         progress("how far the parameters can be trusted");
-        trust::judge(&context, &found)
+        uncertainty::judge(&context, &found)
     } else {
         None
     };

@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use super::candidate::{Candidate, Variable};
 use super::transfer::{Spectrum, Transfer, coupled, recursion};
 use crate::error::{Error, Result};
-use crate::full_memory::FullMemory;
-use crate::recording::{Input, Samples};
-use crate::series::Grid;
+use crate::files::recording::{Input, Samples};
+use crate::grid::Grid;
+use crate::replay::full_memory::FullMemory;
 
 /// A recording as a fit sees it.
 #[derive(Clone, Debug)]

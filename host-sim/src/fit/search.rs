@@ -8,9 +8,9 @@ use springpot::{Actuator, Topology};
 use super::Settings;
 use super::candidate::{Candidate, Variable};
 use super::levenberg_marquardt::{self, Limits, Minimum, Problem};
+use super::loss::{self, Huber, Loss, Weights};
 use super::objective::{Evaluation, Objective, Observation};
-use super::observe;
-use super::robust::{self, Huber, Loss, Weights};
+use super::observation;
 use super::starts::{self, Scales};
 use crate::error::Result;
 
@@ -29,11 +29,11 @@ impl Workbench {
     ///
     /// As [`Objective::new`].
     pub fn new(observations: &[Observation], actuator: &Actuator) -> Result<Self> {
-        let thinned: Vec<Observation> = observations.iter().map(observe::thinned).collect();
+        let thinned: Vec<Observation> = observations.iter().map(observation::thinned).collect();
         Ok(Self {
             coarse: Objective::new(&thinned)?,
             fine: Objective::new(observations)?,
-            scales: observe::scales(observations, actuator.force_per_square_volt()),
+            scales: observation::scales(observations, actuator.force_per_square_volt()),
             evaluations: AtomicUsize::new(0),
         })
     }
@@ -168,7 +168,7 @@ impl Context<'_> {
         let mut place: Vec<f64> = descent.variables.iter().map(|variable| variable.get(start)).collect();
         let mut minimum = levenberg_marquardt::minimise(&descent, &place, limits)?;
         if self.loss == Loss::Huber {
-            let huber = Huber::new(robust::range(objective.measured().flatten().copied()));
+            let huber = Huber::new(loss::range(objective.measured().flatten().copied()));
             // Iteratively reweighted least squares. After the first it is near.
             for pass in 0..6 {
                 place.clone_from(&minimum.place);

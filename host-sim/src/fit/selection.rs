@@ -8,10 +8,10 @@ use springpot::{Springpot, Topology};
 
 use super::candidate::Candidate;
 use super::levenberg_marquardt::Limits;
+use super::loss::{self, Loss};
 use super::objective::{Objective, Observation};
-use super::robust::{self, Loss};
 use super::search::{Context, Found};
-use super::trust;
+use super::uncertainty;
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
 
@@ -102,7 +102,7 @@ pub fn choose(
         .fine
         .evaluate(&best.candidate)
         .ok_or_else(|| Error::Computation("the best fit has no response".into()))?;
-    let samples = trust::whiteness(context.fine, &context.fine.residuals(&evaluation)).effective_samples;
+    let samples = uncertainty::whiteness(context.fine, &context.fine.residuals(&evaluation)).effective_samples;
     let criteria: Vec<(f64, f64)> = tried
         .iter()
         .map(|(_, _, found, _)| {
@@ -165,8 +165,8 @@ fn nrmse_pct(objective: &Objective, candidate: &Candidate, loss: Loss) -> Option
         return Some(agreement.nrmse_pct);
     }
     let residuals = objective.residuals(&objective.evaluate(candidate)?);
-    let range = robust::range(objective.measured().flatten().copied());
-    Some(100.0 * robust::spread(&residuals) / range.max(f64::MIN_POSITIVE))
+    let range = loss::range(objective.measured().flatten().copied());
+    Some(100.0 * loss::spread(&residuals) / range.max(f64::MIN_POSITIVE))
 }
 
 /// The candidate with one more branch, small, at three relaxation times.

@@ -4,7 +4,7 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use springpot::{Compressed, Law, Load, Maxwell, Options, Springpot, Topology};
 
-use crate::full_memory::FullMemory;
+use crate::replay::full_memory::FullMemory;
 
 /// The memory of the recursion that solves for coupled motion, nearly.
 pub(super) type Solver = Compressed<f64, 8, 16, 0>;

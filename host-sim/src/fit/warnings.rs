@@ -2,11 +2,11 @@
 
 use springpot::Actuator;
 
+use super::loss::{self, Loss};
 use super::objective::Observation;
-use super::observe;
-use super::robust::{self, Loss};
-use super::trust::Trust;
-use crate::recording::Input;
+use super::observation;
+use super::uncertainty::Trust;
+use crate::files::recording::Input;
 
 /// What the data leave open; `residuals` in the unit of the measurement.
 pub fn of_trust(trust: &Trust, residuals: &[f64], warnings: &mut Vec<String>) {
@@ -39,9 +39,9 @@ pub fn of_trust(trust: &Trust, residuals: &[f64], warnings: &mut Vec<String>) {
 /// Values that lie far off.
 pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<String>) {
     // A fit that outliers have pulled leaves the others beside nought.
-    let middle = observe::median(residuals);
+    let middle = observation::median(residuals);
     let centred: Vec<f64> = residuals.iter().map(|r| r - middle).collect();
-    let limit = 6.0 * robust::spread(&centred);
+    let limit = 6.0 * loss::spread(&centred);
     let outliers = centred.iter().filter(|r| r.abs() > limit).count();
     if outliers > 0 && limit > 0.0 {
         let mend = if loss == Loss::Square { "; --loss huber keeps them from pulling" } else { "" };
@@ -73,7 +73,7 @@ pub fn of_units(
             }
         }
         if !matches!(observation.input, Input::Displacement(_)) {
-            let stroke = robust::range(observation.measured.value.iter().copied());
+            let stroke = loss::range(observation.measured.value.iter().copied());
             let size = actuator.length_m.max(actuator.width_m);
             if stroke > 2.0 * size {
                 warnings.push(format!("{name}: a stroke of {stroke:.3} m of a film of {size} m; check the units"));

@@ -6,7 +6,7 @@ mod port;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use dea_driver::link::{
+use dea_driver::wire::{
     Answer, BATCH, CHUNK, Command, FRAME_LEN, Identity, Message, Receiver, Reject, Request, Sample, Status, Step,
     VERSION, encode,
 };

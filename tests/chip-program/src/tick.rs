@@ -2,8 +2,8 @@
 
 use core::hint::black_box;
 
-use dea_driver::convert::{AdcCode, Calibration, CommandRange, DacCode};
-use dea_driver::link::{Command, Mode};
+use dea_driver::chips::{AdcCode, Calibration, CommandRange, DacCode};
+use dea_driver::wire::{Command, Mode};
 use dea_driver::{
     Blob, Control, Controller, Inputs, LawNumbers, Limits, MonitorLimits, OnSensorFault, Outputs, Parameters,
     PlausibilityLimits,

@@ -9,7 +9,7 @@ use core::hint::black_box;
 use chip_program::tick;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::debug::{self, EXIT_SUCCESS};
-use dea_driver::convert::DacCode;
+use dea_driver::chips::DacCode;
 use dea_driver::{Controller, LawNumbers};
 use panic_semihosting as _;
 use springpot::{

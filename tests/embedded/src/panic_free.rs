@@ -9,7 +9,7 @@ use core::hint::black_box;
 use core::panic::PanicInfo;
 
 use cortex_m_rt::entry;
-use dea_driver::convert::AdcCode;
+use dea_driver::chips::AdcCode;
 use dea_driver::{Device, Inputs};
 use springpot::{Compressed, Law, Memory, State, VoltageDrive};
 

@@ -9,11 +9,11 @@ use std::time::Instant;
 use clap::Args;
 
 use crate::error::{Error, Result};
+use crate::files::output::{self, Folders};
+use crate::files::recording::Recording;
 use crate::fit;
 use crate::fit::objective::Observation;
 use crate::interrupt;
-use crate::output::{self, Folders};
-use crate::recording::Recording;
 use crate::terminal;
 pub(super) use options::FitOptions;
 

@@ -4,13 +4,13 @@ use clap::{Args, ValueEnum};
 use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use crate::error::{Error, Result};
+use crate::files::parameters::Parameters;
+use crate::files::recording::Recording;
 use crate::fit::candidate::{Candidate, Variable};
+use crate::fit::loss::Loss;
 use crate::fit::objective::Observation;
-use crate::fit::observe::{self, Direction};
-use crate::fit::robust::Loss;
+use crate::fit::observation::{self, Direction};
 use crate::fit::{Method, Settings};
-use crate::parameters::Parameters;
-use crate::recording::Recording;
 
 /// Options of every command that fits.
 #[derive(Clone, Debug, Args)]
@@ -186,7 +186,7 @@ impl FitOptions {
             .iter()
             .enumerate()
             // Squared residuals are weighted.
-            .map(|(index, recording)| observe::observe(recording, self.drive, weight(index).sqrt()))
+            .map(|(index, recording)| observation::observe(recording, self.drive, weight(index).sqrt()))
             .collect()
     }
 

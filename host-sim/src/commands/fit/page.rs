@@ -3,10 +3,10 @@ use maud::html;
 use super::result::Report;
 use crate::fit::Fit;
 use crate::fit::objective::Observation;
-use crate::fit::observe::Direction;
+use crate::fit::observation::Direction;
 use crate::fit::selection::name_of;
-use crate::page;
-use crate::plot::{COLOURS, Line, Panel};
+use crate::report::html;
+use crate::report::plot::{COLOURS, Line, Panel};
 
 /// The page of a fit: what was found, how well it agrees, and how far it can be trusted.
 pub(super) fn page(report: &Report, fit: &Fit, observations: &[Observation], drive: Direction) -> String {
@@ -57,13 +57,13 @@ pub(super) fn page(report: &Report, fit: &Fit, observations: &[Observation], dri
         }
         @for warning in &report.warnings { p.warning { (warning) } }
         h2 { "Agreement" }
-        (page::table(&["recording", "R²", "NRMSE %", "RMSE", "samples"], &recordings))
-        (page::figure(&panels(fit, observations, drive)))
+        (html::table(&["recording", "R²", "NRMSE %", "RMSE", "samples"], &recordings))
+        (html::figure(&panels(fit, observations, drive)))
         @if !structures.is_empty() {
             h2 { "Structures" }
             @let judged = if report.recordings.len() > 1 { "on left-out recordings" } else { "by the Bayesian criterion" };
             p { "The smallest structure that is not worse than the best " (judged) " is chosen." }
-            (page::table(
+            (html::table(
                 &["structure", "variables", "R²", "NRMSE %", "ΔAIC", "ΔBIC", "left out, NRMSE %"],
                 &structures,
             ))
@@ -74,10 +74,10 @@ pub(super) fn page(report: &Report, fit: &Fit, observations: &[Observation], dri
                 "SI units, with 95 % intervals from the profile likelihood. An end that the data do not set is open, or for an "
                 "order 0 or 1."
             }
-            (page::table(&["parameter", "value", "from", "to"], &estimates))
+            (html::table(&["parameter", "value", "from", "to"], &estimates))
         }
     };
-    page::page("Fit of the fully fractional generalised Maxwell model", &body)
+    html::page("Fit of the fully fractional generalised Maxwell model", &body)
 }
 
 /// Measured and modelled, and their difference, for every recording.

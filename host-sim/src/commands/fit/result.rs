@@ -8,12 +8,12 @@ use sha2::{Digest, Sha256};
 use super::FitOptions;
 use crate::agreement::Agreement;
 use crate::error::{Error, Result, shown};
-use crate::fit::observe::Direction;
-use crate::fit::robust::Loss;
+use crate::files::parameters::Parameters;
+use crate::fit::loss::Loss;
+use crate::fit::observation::Direction;
 use crate::fit::selection::{Row, name_of};
-use crate::fit::trust::Trust;
+use crate::fit::uncertainty::Trust;
 use crate::fit::{Fit, Method, Settings};
-use crate::parameters::Parameters;
 
 /// What a fit found, for people and machines.
 #[derive(Serialize)]

@@ -5,18 +5,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use dea_driver::link::{Answer, Command, Sample};
+use dea_driver::wire::{Answer, Command, Sample};
 use dea_driver::{Refusal, State};
 use serde::Serialize;
 
 use super::What;
 use crate::error::{Error, Result, shown};
+use crate::files::output::{self, Folders};
+use crate::files::recording::{Input, Recording};
+use crate::grid::Grid;
 use crate::interrupt;
 use crate::link::{Client, named};
-use crate::output::{self, Folders};
-use crate::recording::{Input, Recording};
 use crate::references;
-use crate::series::Grid;
 use crate::terminal;
 
 /// Values per second that are sent while playing: five for every heartbeat that the shortest sensible limit asks for.

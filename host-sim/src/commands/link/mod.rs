@@ -5,12 +5,12 @@ mod live;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
-use dea_driver::link::{Answer, Command, Identity, Mode, Status};
+use dea_driver::wire::{Answer, Command, Identity, Mode, Status};
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
+use crate::files::parameters::{Board, Parameters};
 use crate::link::{Client, Port, named};
-use crate::parameters::{Board, Parameters};
 use crate::terminal;
 
 #[derive(Debug, Args)]

@@ -1,25 +1,25 @@
 //! The processor in the loop.
 
-mod laws;
+mod tasks;
 
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use dea_driver::link::{Command, Identity, Mode, Target};
+use dea_driver::wire::{Command, Identity, Mode, Target};
 use dea_driver::{Blob, Controller};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use self::laws::{Comparison, Task};
+use self::tasks::{Comparison, Task};
+use crate::bench::film::Plant;
 use crate::error::{Error, Result, shown};
+use crate::files::parameters::{Board, Parameters};
+use crate::files::recording::{Input, Recording};
+use crate::grid::Grid;
 use crate::link::{Client, Emulator, Port};
-use crate::parameters::{Board, Parameters};
-use crate::recording::{Input, Recording};
 use crate::references;
-use crate::series::Grid;
 use crate::terminal;
-use crate::twin::Plant;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {

@@ -1,0 +1,117 @@
+//! The high-voltage amplifier: its command from an AD5754, and its enable input.
+
+use ad57xx::ad57x4::ChannelQuad as Channel;
+use ad57xx::marker::Ad57x4;
+use ad57xx::{Ad57xx, Ad57xxShared, OutputRange};
+use embedded_hal::digital::OutputPin;
+use embedded_hal::spi::SpiDevice;
+
+use crate::chips::Drive;
+use crate::chips::{CommandRange, DacCode};
+
+/// An amplifier that follows channel A of an AD5754 while its enable input is high.
+///
+/// The DAC drives 0…5 V or 0…10 V, straight binary (its BIN/2sCOMP pin high), LDAC tied low. SPI mode 1 or 2, up to 30 MHz.
+pub struct Amplifier<SPI, EN> {
+    dac: Ad57xxShared<SPI, Ad57x4>,
+    enable: EN,
+    range: CommandRange,
+    enabled: bool,
+}
+
+/// Why the amplifier did not do as told. It is disabled then.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum AmplifierError {
+    /// The bus did not carry the command.
+    Bus,
+    /// The enable output did not switch.
+    Enable,
+}
+
+impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
+    /// Disables the amplifier, sets the range of its command and brings that to 0 V.
+    ///
+    /// # Errors
+    ///
+    /// [`AmplifierError`] where a chip does not answer; the enable output has been set low first.
+    pub fn new(spi: SPI, mut enable: EN, range: CommandRange) -> Result<Self, AmplifierError> {
+        enable.set_low().map_err(|_| AmplifierError::Enable)?;
+        let mut amplifier = Self { dac: Ad57xxShared::new_ad57x4(spi), enable, range, enabled: false };
+        amplifier.start()?;
+        Ok(amplifier)
+    }
+
+    /// Does what a tick puts out: disables before anything else, enables at 0 V.
+    ///
+    /// # Errors
+    ///
+    /// [`AmplifierError`]; call [`disable`](Self::disable) then.
+    pub fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError> {
+        if !drive.enable {
+            self.disable()?;
+            return if drive.range == self.range { Ok(()) } else { self.set_range(drive.range) };
+        }
+        if !self.enabled {
+            self.enable()?;
+        }
+        self.command(drive.command)
+    }
+
+    /// The register keeps its code when the range changes, so it is brought to 0 V after.
+    fn set_range(&mut self, range: CommandRange) -> Result<(), AmplifierError> {
+        let output = match range {
+            CommandRange::FiveVolts => OutputRange::Unipolar5V,
+            CommandRange::TenVolts => OutputRange::Unipolar10V,
+        };
+        self.dac.set_output_range(Channel::DacA, output).map_err(|_| AmplifierError::Bus)?;
+        self.range = range;
+        self.command(DacCode::ZERO)
+    }
+
+    /// Gives the amplifier's command.
+    ///
+    /// # Errors
+    ///
+    /// [`AmplifierError::Bus`]; call [`disable`](Self::disable) then.
+    pub fn command(&mut self, code: DacCode) -> Result<(), AmplifierError> {
+        self.dac.set_dac_output(Channel::DacA, code.0).map_err(|_| AmplifierError::Bus)
+    }
+
+    /// Range, 0 V, power: 0 V before power, so that the output never shows what the register held.
+    fn start(&mut self) -> Result<(), AmplifierError> {
+        self.set_range(self.range)?;
+        self.dac.set_power(Channel::DacA, true).map_err(|_| AmplifierError::Bus)
+    }
+
+    /// Brings the command to 0 V and enables the amplifier. The DAC is started again before: it may have been without supply
+    /// since it was started last.
+    ///
+    /// # Errors
+    ///
+    /// [`AmplifierError`]; it is not enabled then.
+    pub fn enable(&mut self) -> Result<(), AmplifierError> {
+        self.start()?;
+        self.enable.set_high().map_err(|_| AmplifierError::Enable)?;
+        self.enabled = true;
+        Ok(())
+    }
+
+    /// Disables the amplifier and brings the command to 0 V: both are tried, whatever fails.
+    ///
+    /// # Errors
+    ///
+    /// [`AmplifierError`] for the first that failed.
+    pub fn disable(&mut self) -> Result<(), AmplifierError> {
+        self.enabled = false;
+        let enable = self.enable.set_low().map_err(|_| AmplifierError::Enable);
+        let command = self.command(DacCode::ZERO);
+        enable.and(command)
+    }
+
+    /// Gives the bus and the enable output back.
+    pub fn destroy(self) -> (SPI, EN) {
+        (self.dac.destroy(), self.enable)
+    }
+}

@@ -1,0 +1,5 @@
+//! The control tick.
+
+mod controller;
+
+pub use controller::{Controller, Inputs, Outputs};

@@ -1,0 +1,118 @@
+//! Reference displacement in, voltage out, without a sensor.
+
+use crate::actuator::{Actuator, VoltageDrive};
+use crate::control::inverse::{Applied, Command, Correction, Course, Steering};
+use crate::control::limits::CommandLimits;
+use crate::error::ControlError;
+use crate::law::{Law, Memory, State};
+use crate::scalar::Real;
+
+/// Compensation without a sensor: the inverse of the law, shaped and limited.
+///
+/// In every tick, in this order:
+///
+/// 1. [`apply`](Self::apply) the voltage that was really applied since the last tick. The film's state then is what the
+///    model makes of it, so nothing winds up when a limit is met, here or behind: the next command starts from where the
+///    film is.
+/// 2. [`command`](Self::command) with where the film is to be at the end of this tick.
+///
+/// ```
+/// use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let rest = law.state();
+/// let feedforward = Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH)?;
+///
+/// let mut state = feedforward.state(rest);
+/// for _ in 0..5000 {
+///     let command = feedforward.command(&mut state, 0.3e-3);
+///     feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
+/// }
+/// // It neither creeps nor drifts: the voltage falls while the film would creep.
+/// assert!((state.displacement() - 0.3e-3).abs() < 1e-8);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Feedforward<T, M = crate::Compressed<T>> {
+    law: Law<T, M>,
+    drive: VoltageDrive<T>,
+    steering: Steering<T>,
+}
+
+/// What changes with every tick of a [`Feedforward`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct FeedforwardState<T, H> {
+    film: State<T, H>,
+    course: Course<T>,
+}
+
+impl<T: Real, M: Memory<T>> Feedforward<T, M> {
+    /// Feedforward for `actuator` along `law` within `limits`.
+    ///
+    /// # Errors
+    ///
+    /// [`ControlError::NotPositive`] for a limit that makes no sense, [`ControlError::Actuator`] for an actuator that is
+    /// refused at the largest voltage.
+    pub fn new(law: Law<T, M>, actuator: &Actuator, limits: CommandLimits) -> Result<Self, ControlError> {
+        let steering = Steering::new(actuator, &limits, law.step_s(), law.stiffness())?;
+        let drive = VoltageDrive::new(actuator, limits.max_voltage_v, law.stiffness())?;
+        Ok(Self { law, drive, steering })
+    }
+
+    /// A state whose film is `film`, with its reference where the film is, at 0 V.
+    #[must_use]
+    pub fn state(&self, film: State<T, M::History>) -> FeedforwardState<T, M::History> {
+        let course = Course::at(film.position());
+        FeedforwardState { film, course }
+    }
+
+    /// Steps the film under the voltage that was really applied since the last tick; returns its displacement (m).
+    #[inline]
+    pub fn apply(&self, state: &mut FeedforwardState<T, M::History>, applied: Applied<T>) -> T {
+        let voltage = self.steering.note(&mut state.course, applied);
+        self.law.displacement_under(&mut state.film, self.drive.load(voltage))
+    }
+
+    /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A reference
+    /// that is not finite leaves the one before.
+    #[inline]
+    pub fn command(&self, state: &mut FeedforwardState<T, M::History>, reference: T) -> Command<T> {
+        let exact = Correction { disturbance: T::ZERO, force_scale: T::from_f64(1.0) };
+        self.steering.command(&self.law, &self.drive, &state.film, &mut state.course, reference, exact)
+    }
+
+    /// The law.
+    #[must_use]
+    pub fn law(&self) -> &Law<T, M> {
+        &self.law
+    }
+
+    /// The drive.
+    #[must_use]
+    pub fn drive(&self) -> &VoltageDrive<T> {
+        &self.drive
+    }
+}
+
+impl<T: Real, H> FeedforwardState<T, H> {
+    /// Where the film is, m.
+    #[must_use]
+    pub fn displacement(&self) -> T {
+        self.film.position()
+    }
+
+    /// The shaped reference, m.
+    #[must_use]
+    pub fn reference(&self) -> T {
+        self.course.path.position
+    }
+
+    /// The film.
+    #[must_use]
+    pub fn film(&self) -> &State<T, H> {
+        &self.film
+    }
+}

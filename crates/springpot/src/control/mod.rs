@@ -1,0 +1,16 @@
+//! Control laws that step one law once a tick: feedforward, observer, and tracking, which is both.
+
+mod feedforward;
+mod inverse;
+mod limits;
+mod observer;
+mod path;
+mod statistics;
+mod tracking;
+
+pub use feedforward::{Feedforward, FeedforwardState};
+pub use inverse::{Applied, Command};
+pub use limits::{CommandLimits, Limited};
+pub use observer::{Observer, ObserverOptions, ObserverState, Sample};
+pub use statistics::Statistics;
+pub use tracking::{Tracking, TrackingState};

@@ -1,0 +1,79 @@
+//! Values of a response at any time, from its Laplace transform.
+//!
+//! Every transform here has all its singularities on the negative real axis, so the inversion integral may be taken
+//! along a contour that opens to the left, where `e^{st}` decays and a midpoint rule converges geometrically: the
+//! cotangent contour of L. N. Trefethen, J. A. C. Weideman, T. Schmelzer, "Talbot quadratures and rational
+//! approximations", BIT 46 (2006) 653. With 24 nodes (12 by symmetry) about 1e-13 of the response.
+
+use core::f64::consts::PI;
+
+use num_complex::Complex;
+
+use crate::complex;
+use crate::kernel::power_series::{self, TERMS};
+use crate::model::Maxwell;
+
+const NODES: u32 = 24;
+
+/// The function of time `t` > 0 whose transform is `transform`, both in any consistent units.
+pub(crate) fn invert(t: f64, transform: impl Fn(Complex<f64>) -> Complex<f64>) -> f64 {
+    const SHIFT: f64 = -0.6122;
+    const OPENING: f64 = 0.5017;
+    const BEND: f64 = 0.6407;
+    const RISE: f64 = 0.2645;
+    let nodes = f64::from(NODES);
+    let scale = nodes / t;
+    let mut sum = 0.0;
+    for k in 0..NODES / 2 {
+        let theta = (2.0 * f64::from(k) + 1.0) * PI / nodes;
+        let (sin, cos) = libm::sincos(BEND * theta);
+        let (cot, cosec2) = (cos / sin, 1.0 / (sin * sin));
+        let s = Complex::new(SHIFT + OPENING * theta * cot, RISE * theta) * scale;
+        let slope = Complex::new(OPENING * (cot - BEND * theta * cosec2), RISE) * scale;
+        sum += (complex::exp(s * t) * transform(s) * slope).im;
+    }
+    2.0 * sum / nodes
+}
+
+/// Exact values of the discrete relaxation modulus g_j, in N/m.
+pub(crate) struct Kernel<'a> {
+    model: &'a Maxwell,
+    step_s: f64,
+    head: [f64; TERMS],
+}
+
+impl<'a> Kernel<'a> {
+    /// The kernel of `model` at `step_s`.
+    pub(crate) fn new(model: &'a Maxwell, step_s: f64) -> Self {
+        Self { model, step_s, head: power_series::relaxation_modulus(model, step_s) }
+    }
+
+    /// The step in seconds.
+    pub(crate) fn step_s(&self) -> f64 {
+        self.step_s
+    }
+
+    /// g_0 … g_63.
+    pub(crate) fn head(&self) -> &[f64; TERMS] {
+        &self.head
+    }
+
+    /// g_j: by power series while that is short, by the Laplace integral beyond.
+    ///
+    /// With ζ = e^{−σ} the coefficient integral of g(ζ) is an inverse Laplace integral in σ at "time" j, cut along
+    /// the negative real axis; the contour stays within |Im σ| < π for j > 6.
+    pub(crate) fn at(&self, j: usize) -> f64 {
+        if let Some(&g) = self.head.get(j) {
+            return g;
+        }
+        #[allow(clippy::cast_precision_loss)] // far below 2^53 steps
+        let j = j as f64;
+        let ln_step = libm::log(self.step_s);
+        invert(j, |sigma| {
+            // 1 − e^{−σ}
+            let difference = -complex::expm1(-sigma);
+            let ln_s = complex::ln(difference) - ln_step;
+            self.model.modulus_of_ln(ln_s) / difference
+        })
+    }
+}

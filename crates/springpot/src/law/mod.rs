@@ -1,0 +1,214 @@
+//! A law steps a model forwards and backwards on one line of arithmetic.
+
+mod coefficients;
+mod compressed;
+mod response;
+mod warm_start;
+mod window;
+
+pub use coefficients::Coefficients;
+pub use compressed::{Compressed, CompressedHistory, Options};
+pub use window::{Window, WindowHistory};
+
+use num_complex::Complex;
+
+use crate::actuator::Load;
+use crate::error::LawError;
+use crate::scalar::Scalar;
+
+/// How a law remembers the past: [`Compressed`](crate::Compressed) (the default) or [`Window`](crate::Window).
+pub trait Memory<T: Scalar> {
+    /// What changes with every step.
+    type History;
+
+    /// Takes in the newest increment of displacement (m) and returns the force (N) that the film would show at the
+    /// next step if it went on with that increment.
+    ///
+    /// The same number of operations every time; cannot fail.
+    fn advance(&self, history: &mut Self::History, increment: T) -> T;
+
+    /// The transfer function of [`advance`](Self::advance), N/m, from the delay of one step ζ and 1 − ζ.
+    fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64>;
+}
+
+/// The configuration: a model at a step, built once.
+///
+/// A law holds what does not change, so one law serves many [`State`]s and can live in flash. It is built fallibly by
+/// [`Law::compressed`] or [`Law::window`] and then steps infallibly, with the same number of operations every time.
+///
+/// # The line
+///
+/// With Δx_k the increment of displacement in step k, g the relaxation modulus of the model in the Grünwald–Letnikov
+/// discretisation and m the mass, Eq. 11 of Karner et al. 2022 reads *exactly*
+///
+/// ```text
+/// F_k = Σ_{j≥0} g_j Δx_{k−j} + (m/h²)(Δx_k − Δx_{k−1})
+/// ```
+///
+/// All that is known before step k is gathered in the force `base_k` that the film would show if it went on with the
+/// increment it had, which leaves
+///
+/// ```text
+/// F_k − base_k = (g_0 + m/h²) (Δx_k − Δx_{k−1})
+/// ```
+///
+/// Read from left to right it gives displacement from force ([`displacement`](Law::displacement): creep, observer),
+/// from right to left force from displacement ([`force`](Law::force): relaxation, feedforward). Solving for the change
+/// of the increment keeps the digits of a small stiffness beside a large m/h².
+#[derive(Clone, Debug, PartialEq)]
+pub struct Law<T, M = crate::Compressed<T>> {
+    step_s: f64,
+    /// g_0, N/m.
+    instant: f64,
+    /// g_0 + m/h², N/m.
+    stiffness: T,
+    memory: M,
+}
+
+/// What changes with every step of a [`Law`]: displacement, increment and the history.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State<T, H> {
+    pub(crate) position: T,
+    /// What rounding added to `position` (Kahan).
+    pub(crate) position_surplus: T,
+    pub(crate) increment: T,
+    /// The force at the next step if the increment stays, N.
+    pub(crate) base: T,
+    pub(crate) history: H,
+}
+
+impl<T: Scalar, M: Memory<T>> Law<T, M> {
+    pub(crate) fn from_memory(step_s: f64, instant: f64, mass_kg: f64, memory: M) -> Result<Self, LawError> {
+        let stiffness = T::from_f64(instant + mass_kg / (step_s * step_s));
+        let (held, inverse) = (stiffness.to_f64(), T::from_f64(1.0 / stiffness.to_f64()).to_f64());
+        if !(held.is_finite() && held > 0.0 && inverse.is_finite() && inverse > 0.0) {
+            return Err(LawError::NothingToSolve);
+        }
+        Ok(Self { step_s, instant, stiffness, memory })
+    }
+
+    /// The step h in seconds.
+    #[must_use]
+    pub fn step_s(&self) -> f64 {
+        self.step_s
+    }
+
+    /// Force per displacement within one step, g_0 + m/h², in N/m.
+    #[must_use]
+    pub fn stiffness(&self) -> T {
+        self.stiffness
+    }
+
+    /// g_0, the force per displacement within one step without the mass, N/m.
+    pub(crate) fn instant(&self) -> f64 {
+        self.instant
+    }
+
+    /// The memory.
+    #[must_use]
+    pub fn memory(&self) -> &M {
+        &self.memory
+    }
+
+    /// Displacement (m) at the next step from the `force` (N) that acts in it.
+    #[inline]
+    pub fn displacement(&self, state: &mut State<T, M::History>, force: T) -> T {
+        self.change_increment(state, (force - state.base) / self.stiffness)
+    }
+
+    /// Displacement (m) at the next step under a `load` that depends on that displacement.
+    ///
+    /// The dependence is linear, so this is one solve as well: `base + S δ = f + f' (x + Δx + δ)`.
+    #[inline]
+    pub fn displacement_under(&self, state: &mut State<T, M::History>, load: Load<T>) -> T {
+        let force_ahead = load.force + load.slope * (state.position + state.increment);
+        self.change_increment(state, (force_ahead - state.base) / (self.stiffness - load.slope))
+    }
+
+    /// Force (N) that the film shows when it is at `displacement` (m) at the next step.
+    #[inline]
+    pub fn force(&self, state: &mut State<T, M::History>, displacement: T) -> T {
+        let increment = state.increment_to(displacement);
+        let force = self.force_of(state, increment);
+        state.position = displacement;
+        state.position_surplus = T::ZERO;
+        self.advance(state, increment);
+        force
+    }
+
+    /// Force (N) that would bring the film to `displacement` (m) at the next step. The state stays as it is: step it with
+    /// the force that the actuator then really gives.
+    #[inline]
+    pub fn force_to(&self, state: &State<T, M::History>, displacement: T) -> T {
+        self.force_of(state, state.increment_to(displacement))
+    }
+
+    /// Force (N) that would change the film's increment by `change` (m) in the next step. The state stays as it is.
+    ///
+    /// The same as [`force_to`](Self::force_to) for who knows the path by its changes: no digits are lost in the
+    /// difference of two positions.
+    #[inline]
+    pub fn force_for(&self, state: &State<T, M::History>, change: T) -> T {
+        state.base + self.stiffness * change
+    }
+
+    #[inline]
+    fn force_of(&self, state: &State<T, M::History>, increment: T) -> T {
+        state.base + self.stiffness * (increment - state.increment)
+    }
+
+    #[inline]
+    fn change_increment(&self, state: &mut State<T, M::History>, change: T) -> T {
+        let increment = state.increment + change;
+        // Kahan's sum: what was rounded away comes back with the next increment.
+        let addend = increment - state.position_surplus;
+        let position = state.position + addend;
+        state.position_surplus = (position - state.position) - addend;
+        state.position = position;
+        self.advance(state, increment);
+        position
+    }
+
+    #[inline]
+    fn advance(&self, state: &mut State<T, M::History>, increment: T) {
+        state.increment = increment;
+        state.base = self.memory.advance(&mut state.history, increment);
+    }
+}
+
+impl<T: Scalar, H> State<T, H> {
+    pub(crate) fn with_history(history: H) -> Self {
+        Self { position: T::ZERO, position_surplus: T::ZERO, increment: T::ZERO, base: T::ZERO, history }
+    }
+
+    #[inline]
+    fn increment_to(&self, displacement: T) -> T {
+        (displacement - self.position) + self.position_surplus
+    }
+
+    /// The displacement at the last step, m.
+    #[must_use]
+    pub fn position(&self) -> T {
+        self.position
+    }
+
+    /// The increment of displacement in the last step, m.
+    #[must_use]
+    pub fn increment(&self) -> T {
+        self.increment
+    }
+
+    /// The force (N) that the film would show at the next step if it went on with its increment; at rest, the force
+    /// that holds it where it is.
+    #[must_use]
+    pub fn base_force(&self) -> T {
+        self.base
+    }
+
+    /// Measures displacement from `origin` (m) from now on: a sensor that is zeroed on a film that has already crept.
+    /// The film's memory is untouched.
+    pub fn move_origin(&mut self, origin: T) {
+        self.position = (self.position - origin) - self.position_surplus;
+        self.position_surplus = T::ZERO;
+    }
+}

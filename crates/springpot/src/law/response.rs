@@ -1,0 +1,65 @@
+//! Responses in frequency and time, of a law and of the continuous model.
+
+use core::f64::consts::TAU;
+
+use num_complex::Complex;
+
+use crate::complex;
+use crate::kernel::laplace;
+use crate::law::{Law, Memory};
+use crate::model::Maxwell;
+use crate::scalar::Scalar;
+
+impl Maxwell {
+    /// Displacement over force at `frequency_hz` in steady state, Eq. 11 with s = 2πif, in m/N. There is none at 0 Hz,
+    /// where a springpot has no steady state: NaN.
+    #[must_use]
+    pub fn frequency_response(&self, frequency_hz: f64) -> Complex<f64> {
+        self.compliance(Complex::new(0.0, TAU * frequency_hz))
+    }
+
+    /// Force left at `time_s` > 0 after a unit step of displacement, in N/m, without the mass.
+    ///
+    /// Accurate to about 1e-12 of K(1/t); NaN for times that are not positive.
+    #[must_use]
+    pub fn relaxation_modulus(&self, time_s: f64) -> f64 {
+        if time_s > 0.0 { laplace::invert(time_s, |s| self.modulus(s) / s) } else { f64::NAN }
+    }
+
+    /// Displacement at `time_s` > 0 after a unit step of force, in m/N, without the mass.
+    ///
+    /// Accurate to about 1e-12 of the compliance; NaN for times that are not positive.
+    #[must_use]
+    pub fn creep_compliance(&self, time_s: f64) -> f64 {
+        if time_s > 0.0 {
+            laplace::invert(time_s, |s| Complex::new(1.0, 0.0) / (self.modulus(s) * s))
+        } else {
+            f64::NAN
+        }
+    }
+}
+
+impl<T: Scalar, M: Memory<T>> Law<T, M> {
+    /// Displacement over force at `frequency_hz` in steady state, in m/N, as this law with its rounded constants steps
+    /// it; below a tenth of the rate close to [`Maxwell::frequency_response`]. NaN at 0 Hz.
+    #[must_use]
+    pub fn frequency_response(&self, frequency_hz: f64) -> Complex<f64> {
+        let turn = Complex::new(0.0, -TAU * frequency_hz * self.step_s());
+        Complex::new(1.0, 0.0) / self.stiffness_of(complex::exp(turn), -complex::expm1(turn))
+    }
+
+    /// Force over displacement at `frequency_hz` in steady state, in N/m, of the film that this law discretises: with
+    /// (1 − ζ)/h = 2πif, as the recursion has it for slow changes. Needs the four basic operations alone.
+    #[must_use]
+    pub(crate) fn dynamic_stiffness(&self, frequency_hz: f64) -> Complex<f64> {
+        let difference = Complex::new(0.0, TAU * frequency_hz * self.step_s());
+        self.stiffness_of(Complex::new(1.0, 0.0) - difference, difference)
+    }
+
+    /// Force over displacement for a delay of ζ in a step and 1 − ζ, N/m.
+    fn stiffness_of(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64> {
+        // F = [ζ B(ζ) + S (1 − ζ)] Δx and Δx = (1 − ζ) x.
+        let force = delay * self.memory().response(delay, difference) + difference * self.stiffness().to_f64();
+        force * difference
+    }
+}

@@ -1,0 +1,208 @@
+//! Warm starts: a film that has a past when the run begins.
+
+use crate::kernel::power_series::TERMS;
+use crate::kernel::quadrature::MAX_NODES;
+use crate::law::compressed::{Compressed, CompressedHistory, Dashpot};
+use crate::law::{Law, Memory, State};
+use crate::scalar::Scalar;
+
+impl<T: Scalar, M: Memory<T>> Law<T, M> {
+    /// Takes `state` through a recorded history of `forces` (N), one per step.
+    pub fn warm_up(&self, state: &mut State<T, M::History>, forces: impl IntoIterator<Item = T>) {
+        for force in forces {
+            self.displacement(state, force);
+        }
+    }
+
+    /// Takes `state` through a recorded history of `displacements` (m), one per step.
+    pub fn warm_up_along(&self, state: &mut State<T, M::History>, displacements: impl IntoIterator<Item = T>) {
+        for displacement in displacements {
+            self.force(state, displacement);
+        }
+    }
+}
+
+impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
+    /// The state of a film that has crept under a constant `force` (N) for `duration_s` from rest, without inertia.
+    ///
+    /// Equal to that many steps of [`displacement`](Law::displacement) of a law without mass to about 1e-6, and of one
+    /// with mass once its oscillation has died away. Costs some thousand steps even for days: creep slows down, so blocks
+    /// of equal increments are solved at once that grow with the time passed. A duration that is negative or not a number
+    /// counts as nought.
+    #[must_use]
+    pub fn settled(&self, force: T, duration_s: f64) -> State<T, CompressedHistory<T, HEAD, FAST, SLOW>> {
+        let mut creep = Creep::new(self, force.to_f64());
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+        let steps = libm::round(duration_s / self.step_s()) as u64;
+        let mut done = 0;
+        while done < steps {
+            let block = (done / Creep::<HEAD>::FINENESS).min(steps - done);
+            if block < Creep::<HEAD>::SHORTEST {
+                creep.step();
+                done += 1;
+            } else {
+                creep.block(block);
+                done += block;
+            }
+        }
+        self.state_after(&creep)
+    }
+
+    fn state_after(&self, creep: &Creep<HEAD>) -> State<T, CompressedHistory<T, HEAD, FAST, SLOW>> {
+        let mut state = self.state();
+        let head = creep.increments.map(T::from_f64);
+        let left = creep.position - creep.increments.iter().sum::<f64>();
+        state.history.increments = [head; 2];
+        (state.history.left, state.history.left_surplus) = split(left);
+        let (fast, slow) = creep.extensions[..FAST + SLOW].split_at(FAST);
+        for (slot, &extension) in state.history.fast.iter_mut().zip(fast) {
+            *slot = T::from_f64(extension);
+        }
+        for (slot, &extension) in state.history.slow.iter_mut().zip(slow) {
+            let (displacement, surplus) = split(left - extension);
+            *slot = Dashpot { displacement, surplus };
+        }
+        (state.position, state.position_surplus) = split(creep.position);
+        state.increment = head[0];
+        state.base = T::from_f64(creep.base());
+        state
+    }
+}
+
+/// The nearest number of type T, and what rounding added.
+fn split<T: Scalar>(value: f64) -> (T, T) {
+    let rounded = T::from_f64(value);
+    (rounded, T::from_f64(rounded.to_f64() - value))
+}
+
+/// Creep under a constant force in f64, in blocks of steps.
+struct Creep<const HEAD: usize> {
+    force: f64,
+    /// g_0 … g_HEAD.
+    head: [f64; TERMS],
+    modes: [Mode; MAX_NODES],
+    extensions: [f64; MAX_NODES],
+    /// Newest first.
+    increments: [f64; HEAD],
+    position: f64,
+}
+
+impl<const HEAD: usize> Creep<HEAD> {
+    /// Steps of the shortest block that is more than one step.
+    const SHORTEST: u64 = HEAD as u64 + 2;
+    /// One over the share of the time passed by which blocks grow.
+    const FINENESS: u64 = 200;
+
+    fn new<T: Scalar, const FAST: usize, const SLOW: usize>(
+        law: &Law<T, Compressed<T, HEAD, FAST, SLOW>>,
+        force: f64,
+    ) -> Self {
+        let mut head = [0.0; TERMS];
+        head[0] = law.instant();
+        for (slot, weight) in head[1..].iter_mut().zip(&law.memory().head) {
+            *slot = weight.to_f64();
+        }
+        head[1] -= head[0];
+        let mut modes = [Mode { loss: 0.0, ln_left: 0.0, weight: 0.0 }; MAX_NODES];
+        for (slot, (loss, weight)) in modes.iter_mut().zip(law.memory().modes()) {
+            let loss = loss.to_f64();
+            *slot = Mode { loss, ln_left: libm::log1p(-loss), weight: weight.to_f64() };
+        }
+        Self { force, head, modes, extensions: [0.0; MAX_NODES], increments: [0.0; HEAD], position: 0.0 }
+    }
+
+    /// One step that meets the force.
+    fn step(&mut self) {
+        let mut known: f64 = self.increments.iter().zip(&self.head[1..]).map(|(dx, g)| g * dx).sum();
+        known += self.tail();
+        let increment = (self.force - known) / self.head[0];
+        self.leave(self.increments[HEAD - 1]);
+        self.increments.copy_within(..HEAD - 1, 1);
+        self.increments[0] = increment;
+        self.position += increment;
+    }
+
+    /// A block of `steps` ≥ `SHORTEST` steps whose increments go on from the last one in equal changes, such that the
+    /// last step meets the force. Of second order in the length of the block.
+    #[allow(clippy::cast_precision_loss)] // far below 2^53 steps
+    fn block(&mut self, steps: u64) {
+        let steps = steps as f64;
+        let last = self.increments[0];
+        for i in (0..HEAD).rev() {
+            self.leave(self.increments[i]);
+        }
+        // So many more leave the head before the last step: last + change, last + 2 change, …
+        let leaving = steps - 1.0 - HEAD as f64;
+        let (mut force, mut stiffness) = (0.0, 0.0);
+        for (j, g) in self.head[..=HEAD].iter().enumerate() {
+            force += g * last;
+            stiffness += g * (steps - j as f64);
+        }
+        let mut gains = [0.0; MAX_NODES];
+        for ((extension, gain), mode) in self.extensions.iter_mut().zip(&mut gains).zip(&self.modes) {
+            let sums = mode.sums(leaving);
+            *gain = sums.ramp;
+            *extension += last * sums.constant - *extension * mode.loss * sums.constant;
+            force += mode.weight * *extension;
+            stiffness += mode.weight * sums.ramp;
+        }
+        let change = (self.force - force) / stiffness;
+        for (extension, gain) in self.extensions.iter_mut().zip(gains) {
+            *extension += gain * change;
+        }
+        self.leave(last + change * (leaving + 1.0));
+        for (j, increment) in self.increments.iter_mut().enumerate() {
+            *increment = last + change * (steps - j as f64);
+        }
+        self.position += steps * last + 0.5 * steps * (steps + 1.0) * change;
+    }
+
+    /// An increment leaves the head.
+    fn leave(&mut self, increment: f64) {
+        for (extension, mode) in self.extensions.iter_mut().zip(&self.modes) {
+            *extension += increment - mode.loss * *extension;
+        }
+    }
+
+    /// The force at the next step if the increment stays.
+    fn base(&self) -> f64 {
+        let head: f64 = self.increments.iter().zip(&self.head[1..]).map(|(dx, g)| g * dx).sum();
+        self.head[0] * self.increments[0] + head + self.tail()
+    }
+
+    fn tail(&self) -> f64 {
+        self.extensions.iter().zip(&self.modes).map(|(y, mode)| mode.weight * y).sum()
+    }
+}
+
+/// A mode in f64.
+#[derive(Clone, Copy)]
+struct Mode {
+    /// 1 − ρ.
+    loss: f64,
+    ln_left: f64,
+    weight: f64,
+}
+
+/// What n increments leave in a mode.
+struct Sums {
+    /// Σ ρ^(n−i) over i = 1…n: of increments of 1.
+    constant: f64,
+    /// Σ i ρ^(n−i): of increments of i.
+    ramp: f64,
+}
+
+impl Mode {
+    fn sums(&self, n: f64) -> Sums {
+        let loss = self.loss;
+        if loss * n < 1e-4 {
+            // Closed forms cancel here: series in n · loss.
+            let constant = n - loss * n * (n - 1.0) / 2.0 * (1.0 - loss * (n - 2.0) / 3.0);
+            let ramp = n * (n + 1.0) / 2.0 * (1.0 - loss * (n - 1.0) / 3.0 * (1.0 - loss * (n - 2.0) / 4.0));
+            Sums { constant, ramp }
+        } else {
+            let constant = -libm::expm1(n * self.ln_left) / loss;
+            Sums { constant, ramp: (n - (1.0 - loss) * constant) / loss }
+        }
+    }
+}

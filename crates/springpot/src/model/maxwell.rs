@@ -1,0 +1,182 @@
+//! The fully fractional generalised Maxwell model, Eq. 11.
+
+use heapless::Vec;
+use num_complex::Complex;
+
+use crate::complex;
+use crate::error::{Element, ModelError};
+use crate::model::Springpot;
+
+/// Branches a model can have.
+pub const MAX_BRANCHES: usize = 5;
+
+/// How the branches are connected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Topology {
+    /// As published: `n / Σ 1/(c s^α)` over all 2n springpots of the branches, their harmonic mean (Eq. 9).
+    Eq11,
+    /// The generalised Maxwell model proper: every branch is two springpots in series, and the branches' forces add.
+    Parallel,
+}
+
+/// Eq. 11 of Karner et al. 2022: a main springpot, up to five branches of two springpots each, and a mass.
+///
+/// With `s` the Laplace variable, displacement over force is
+///
+/// ```text
+/// x(s)/F(s) = 1 / (m s² + K(s))
+/// K(s) = c₁₁ s^α₁₁ + n / Σ_i [ 1/(c_i1 s^α_i1) + 1/(c_i2 s^α_i2) ]       Topology::Eq11
+/// K(s) = c₁₁ s^α₁₁ + Σ_i 1 / [ 1/(c_i1 s^α_i1) + 1/(c_i2 s^α_i2) ]       Topology::Parallel
+/// ```
+///
+/// The two topologies agree for one branch and differ for more: the published one is the harmonic mean of the branches.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Maxwell {
+    main: Springpot,
+    branches: Vec<[Springpot; 2], MAX_BRANCHES>,
+    topology: Topology,
+    mass_kg: f64,
+}
+
+impl Maxwell {
+    /// A model of `main` beside `branches` (at most [`MAX_BRANCHES`]), carrying `mass_kg`.
+    ///
+    /// # Errors
+    ///
+    /// [`ModelError`] for a coefficient that is not finite and positive, an order outside 0…1, a mass that is
+    /// negative or not finite, or too many branches.
+    pub fn new(
+        main: Springpot,
+        branches: &[[Springpot; 2]],
+        topology: Topology,
+        mass_kg: f64,
+    ) -> Result<Self, ModelError> {
+        check(Element::Main, main)?;
+        for (branch, pair) in branches.iter().enumerate() {
+            for (element, &springpot) in pair.iter().enumerate() {
+                check(Element::Branch { branch, element }, springpot)?;
+            }
+        }
+        if !(mass_kg.is_finite() && mass_kg >= 0.0) {
+            return Err(ModelError::Mass(mass_kg));
+        }
+        let branches = Vec::from_slice(branches).map_err(|_| ModelError::Branches(branches.len()))?;
+        Ok(Self { main, branches, topology, mass_kg })
+    }
+
+    /// The springpot beside the branches.
+    #[must_use]
+    pub fn main(&self) -> Springpot {
+        self.main
+    }
+
+    /// The branches.
+    #[must_use]
+    pub fn branches(&self) -> &[[Springpot; 2]] {
+        &self.branches
+    }
+
+    /// How the branches are connected.
+    #[must_use]
+    pub fn topology(&self) -> Topology {
+        self.topology
+    }
+
+    /// The mass in kg.
+    #[must_use]
+    pub fn mass_kg(&self) -> f64 {
+        self.mass_kg
+    }
+
+    /// The same elements in another topology. For more than one branch this is another model.
+    #[must_use]
+    pub fn with_topology(mut self, topology: Topology) -> Self {
+        self.topology = topology;
+        self
+    }
+
+    /// The model with every coefficient times `factor`: with `factor = A / L` it turns a material law (stress from
+    /// strain) into an actuator law (force from displacement), with `L / A` back (Eqs. 12–13). The mass stays.
+    ///
+    /// # Errors
+    ///
+    /// [`ModelError::Coefficient`] where the product is not finite and positive.
+    pub fn scaled(mut self, factor: f64) -> Result<Self, ModelError> {
+        self.main.c *= factor;
+        for springpot in self.branches.as_flattened_mut() {
+            springpot.c *= factor;
+        }
+        Self::new(self.main, &self.branches, self.topology, self.mass_kg)
+    }
+
+    /// The springpots as chains in series whose forces add: first the main springpot, then the branches (Eq. 9: all of them
+    /// in one chain; [`Topology::Parallel`]: one chain per branch). K(s) is the sum over these chains.
+    pub fn chains(&self) -> impl Iterator<Item = Chain<'_>> {
+        let elements = self.branches.as_flattened();
+        #[allow(clippy::cast_precision_loss)] // at most five
+        let (scale, length) = match self.topology {
+            Topology::Eq11 => (self.branches.len() as f64, elements.len().max(1)),
+            Topology::Parallel => (1.0, 2),
+        };
+        let branches = elements.chunks(length).map(move |elements| Chain { scale, elements });
+        core::iter::once(Chain { scale: 1.0, elements: core::slice::from_ref(&self.main) }).chain(branches)
+    }
+
+    /// [`modulus`](Self::modulus) from ln s, where that is at hand: no logarithm, one exponential per springpot.
+    #[must_use]
+    pub fn modulus_of_ln(&self, ln_s: Complex<f64>) -> Complex<f64> {
+        self.chains().map(|chain| chain.modulus(ln_s)).fold(Complex::ZERO, |sum, k| sum + k)
+    }
+
+    /// K(s) in N/m for a real s > 0 (1/s).
+    pub(crate) fn modulus_real(&self, s: f64) -> f64 {
+        let ln_s = libm::log(s);
+        self.chains()
+            .map(|chain| {
+                let compliance: f64 = chain.elements.iter().map(|e| libm::exp(-e.alpha * ln_s) / e.c).sum();
+                chain.scale / compliance
+            })
+            .sum()
+    }
+
+    /// The dynamic modulus K(s) in N/m: force over displacement, without the mass.
+    #[must_use]
+    pub fn modulus(&self, s: Complex<f64>) -> Complex<f64> {
+        self.modulus_of_ln(complex::ln(s))
+    }
+
+    /// Displacement over force, Eq. 11, in m/N at the Laplace variable `s` (1/s).
+    #[must_use]
+    pub fn compliance(&self, s: Complex<f64>) -> Complex<f64> {
+        Complex::new(1.0, 0.0) / (s * s * self.mass_kg + self.modulus(s))
+    }
+}
+
+/// Springpots in series, whose force is `scale / Σ 1/(c s^α)` times their displacement.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chain<'a> {
+    /// Factor of the chain: n for the branches of [`Topology::Eq11`], 1 otherwise.
+    pub scale: f64,
+    /// Its springpots.
+    pub elements: &'a [Springpot],
+}
+
+impl Chain<'_> {
+    fn modulus(&self, ln_s: Complex<f64>) -> Complex<f64> {
+        let compliance =
+            self.elements.iter().map(|e| complex::exp(ln_s * -e.alpha) / e.c).fold(Complex::ZERO, |sum, j| sum + j);
+        Complex::new(self.scale, 0.0) / compliance
+    }
+}
+
+fn check(element: Element, springpot: Springpot) -> Result<(), ModelError> {
+    let Springpot { c, alpha } = springpot;
+    if !(c.is_finite() && c > 0.0) {
+        return Err(ModelError::Coefficient { element, c });
+    }
+    if !(0.0..=1.0).contains(&alpha) {
+        return Err(ModelError::Order { element, alpha });
+    }
+    Ok(())
+}

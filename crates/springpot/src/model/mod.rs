@@ -1,0 +1,9 @@
+//! What a film is: springpots (Eqs. 12–13) in the generalised Maxwell model (Eqs. 9 and 11), and its published parameters.
+
+mod element;
+mod maxwell;
+mod presets;
+
+pub use element::Springpot;
+pub use maxwell::{Chain, MAX_BRANCHES, Maxwell, Topology};
+pub use presets::Preset;

@@ -1,0 +1,315 @@
+//! Tables: CSV files with a column of times and columns of numbers.
+//!
+//! A header names the columns with their units; unknown columns are ignored and lines that begin with `#` are comments.
+//! A file is checked as it is read: the first thing that is wrong ends the reading and names its line.
+
+use std::collections::VecDeque;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::files::recording::Samples;
+
+/// Names that a column may have, with their factors to SI units.
+pub type Names = [(&'static str, f64)];
+
+/// The column of times.
+const TIME: &Names = &[("time_s", 1.0), ("time_ms", 1e-3)];
+
+/// No value is larger, in any unit.
+const LARGEST: f64 = 1e15;
+
+/// Columns in SI units, time from the first row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table<const N: usize> {
+    /// Times in s, increasing from 0.
+    pub time_s: Vec<f64>,
+    /// The columns that were asked for; one that is empty throughout is as good as none.
+    pub columns: [Option<Column>; N],
+}
+
+/// One quantity over the rows; a cell may be empty where nothing was measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    name: &'static str,
+    cells: Vec<Option<f64>>,
+    /// Line of the first empty cell.
+    first_gap: Option<u64>,
+}
+
+impl<const N: usize> Table<N> {
+    /// Reads the columns `names` of the file at `path`.
+    ///
+    /// # Errors
+    ///
+    /// As [`from_csv`](Self::from_csv).
+    pub fn read(path: &Path, names: [&Names; N], needed: &[&[usize]]) -> Result<Self> {
+        if path.is_dir() {
+            return Err(Error::file(path, "is a directory; name a CSV recording in it"));
+        }
+        let file = File::open(path).map_err(|e| Error::file(path, e))?;
+        Self::from_csv(path, file, names, needed)
+    }
+
+    /// Reads the columns `names` from CSV text; `path` is what errors name. Of every set in `needed` one column at the
+    /// least must be there.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming the file and line of the first thing that cannot be used.
+    pub fn from_csv(path: &Path, csv: impl Read, names: [&Names; N], needed: &[&[usize]]) -> Result<Self> {
+        let mut reader = csv::ReaderBuilder::new()
+            .comment(Some(b'#'))
+            .trim(csv::Trim::All)
+            .flexible(true)
+            .from_reader(Lines::new(csv));
+        let header = match reader.byte_headers() {
+            Ok(header) => header.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect::<Vec<_>>(),
+            Err(e) => return Err(csv_error(path, reader.get_ref(), &e)),
+        };
+        let header_line = reader.get_mut().next_record();
+
+        let find = |names: &[(&'static str, f64)]| -> Result<Option<Field>> {
+            let mut found = None;
+            for &(name, factor) in names {
+                for (index, _) in header.iter().enumerate().filter(|(_, column)| *column == name) {
+                    if let Some(Field { name: other, .. }) = found {
+                        let cause = format!("both {other} and {name}; leave one of them");
+                        return Err(Error::line(path, header_line, cause));
+                    }
+                    found = Some(Field { name, index, factor });
+                }
+            }
+            Ok(found)
+        };
+        let time = find(TIME)?
+            .ok_or_else(|| Error::line(path, header_line, format!("no column {}", alternatives(&[TIME], &header))))?;
+        let mut fields = [None; N];
+        for (field, names) in fields.iter_mut().zip(names) {
+            *field = find(names)?;
+        }
+        for set in needed {
+            if set.iter().all(|&index| fields[index].is_none()) {
+                let set: Vec<&Names> = set.iter().map(|&index| names[index]).collect();
+                let cause = format!("no column {}", alternatives(&set, &header));
+                return Err(Error::line(path, header_line, cause));
+            }
+        }
+
+        let mut time_s = Vec::new();
+        let mut columns =
+            fields.map(|field| field.map(|f| (f, Column { name: f.name, cells: Vec::new(), first_gap: None })));
+        let mut record = csv::ByteRecord::new();
+        loop {
+            match reader.read_byte_record(&mut record) {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(e) => return Err(csv_error(path, reader.get_ref(), &e)),
+            }
+            let line = reader.get_mut().next_record();
+            let at = |cause: String| Error::line(path, line, cause);
+            let now = time.number(&record).map_err(at)?;
+            let now = now.ok_or_else(|| at(format!("no value for {}; every row needs its time", time.name)))?;
+            if let Some(&before) = time_s.last()
+                && now <= before
+            {
+                let way = if now < before { "goes backwards" } else { "stands still" };
+                return Err(at(format!("{} {way} at {now} s; sort the rows and remove doubles", time.name)));
+            }
+            time_s.push(now);
+            for (field, column) in columns.iter_mut().flatten() {
+                let cell = field.number(&record).map_err(at)?;
+                if cell.is_none() && column.first_gap.is_none() {
+                    column.first_gap = Some(line);
+                }
+                column.cells.push(cell);
+            }
+        }
+        if time_s.len() < 2 {
+            return Err(Error::file(path, format!("{} data rows; a recording needs at least 2", time_s.len())));
+        }
+        let start = time_s[0];
+        time_s.iter_mut().for_each(|t| *t -= start);
+        let columns = columns
+            .map(|found| found.map(|(_, column)| column).filter(|column| column.cells.iter().any(Option::is_some)));
+        Ok(Self { time_s, columns })
+    }
+}
+
+impl Column {
+    /// The cells that are not empty, at their times.
+    pub fn present(&self, time_s: &[f64]) -> Samples {
+        let (time_s, value) = time_s.iter().zip(&self.cells).filter_map(|(&t, cell)| cell.map(|v| (t, v))).unzip();
+        Samples { time_s, value }
+    }
+
+    /// All cells.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Line`] where a cell is empty; `why` tells why that will not do.
+    pub fn complete(&self, path: &Path, time_s: &[f64], why: &str) -> Result<Samples> {
+        match self.first_gap {
+            Some(line) => Err(Error::line(path, line, format!("{} is empty; {why}", self.name))),
+            None => Ok(self.present(time_s)),
+        }
+    }
+}
+
+/// A column of the file.
+#[derive(Clone, Copy)]
+struct Field {
+    name: &'static str,
+    index: usize,
+    factor: f64,
+}
+
+impl Field {
+    fn number(&self, record: &csv::ByteRecord) -> std::result::Result<Option<f64>, String> {
+        let text = record.get(self.index).ok_or_else(|| format!("the row ends before {}", self.name))?;
+        let text = String::from_utf8_lossy(text);
+        if text.is_empty() {
+            return Ok(None);
+        }
+        match text.parse::<f64>() {
+            Ok(value) if value.abs() <= LARGEST => Ok(Some(value * self.factor)),
+            Ok(value) if value.is_finite() => Err(format!("{} is {text}; no instrument reads that", self.name)),
+            Ok(_) => Err(format!("{} is {text}; leave the cell empty where nothing was measured", self.name)),
+            Err(_) => Err(format!("{} is {:?}, which is not a number", self.name, shortened(&text))),
+        }
+    }
+}
+
+fn alternatives(groups: &[&[(&str, f64)]], header: &[String]) -> String {
+    let names: Vec<&str> = groups.iter().flat_map(|group| group.iter().map(|(name, _)| *name)).collect();
+    format!("{}; the header is {:?}", names.join(" or "), shortened(&header.join(",")))
+}
+
+fn shortened(text: &str) -> String {
+    const LONGEST: usize = 60;
+    if text.chars().count() <= LONGEST { text.into() } else { text.chars().take(LONGEST).chain(['…']).collect() }
+}
+
+fn csv_error<R>(path: &Path, lines: &Lines<R>, error: &csv::Error) -> Error {
+    match (&lines.fault, error.kind()) {
+        (Some(fault), _) => Error::line(path, lines.line, *fault),
+        (None, csv::ErrorKind::Io(e)) => Error::file(path, e),
+        (None, _) => Error::file(path, error),
+    }
+}
+
+/// A reader that gives a CSV reader lines as it likes them, and knows which line a record stood on.
+///
+/// Line ends of all systems become `\n`, a byte order mark is taken off, and text that can be no recording ends the
+/// reading before it fills the memory. A CSV reader skips empty lines and comments, so every other line is a record.
+struct Lines<R> {
+    inner: R,
+    /// The line that is being read, counted from one.
+    line: u64,
+    /// Bytes of it so far.
+    length: usize,
+    comment: bool,
+    quoted: bool,
+    /// The last byte was `\r`, so that `\n` would belong to it.
+    carriage_return: bool,
+    /// Lines of the records that were read and not asked for yet.
+    records: VecDeque<u64>,
+    fault: Option<&'static str>,
+}
+
+impl<R: Read> Lines<R> {
+    fn new(inner: R) -> Lines<impl Read> {
+        Lines {
+            inner: WithoutMark { inner, start: None },
+            line: 1,
+            length: 0,
+            comment: false,
+            quoted: false,
+            carriage_return: false,
+            records: VecDeque::new(),
+            fault: None,
+        }
+    }
+}
+
+impl<R> Lines<R> {
+    /// The line of the next record, in their order.
+    fn next_record(&mut self) -> u64 {
+        self.records.pop_front().unwrap_or(self.line)
+    }
+
+    /// Takes note of `byte` and gives what the CSV reader is to see.
+    fn take(&mut self, byte: u8) -> std::result::Result<u8, &'static str> {
+        const LONGEST: usize = 1 << 16;
+        let second_half = byte == b'\n' && self.carriage_return;
+        self.carriage_return = byte == b'\r';
+        if second_half {
+            return Ok(b'\n');
+        }
+        if matches!(byte, b'\n' | b'\r') {
+            if self.quoted {
+                return Err("a quote is not closed on this line");
+            }
+            self.line += 1;
+            (self.length, self.comment) = (0, false);
+            return Ok(b'\n');
+        }
+        if self.length == 0 {
+            self.comment = byte == b'#';
+            if !self.comment {
+                self.records.push_back(self.line);
+            }
+        }
+        self.length += 1;
+        self.quoted ^= byte == b'"' && !self.comment;
+        if self.length > LONGEST {
+            return Err("a line of more than 65536 characters; this is not a CSV recording");
+        }
+        Ok(byte)
+    }
+}
+
+impl<R: Read> Read for Lines<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let n = self.inner.read(buffer)?;
+        if n == 0 && self.quoted {
+            self.fault = Some("a quote is not closed on this line");
+            return Err(io::ErrorKind::InvalidData.into());
+        }
+        for byte in &mut buffer[..n] {
+            *byte = self.take(*byte).map_err(|fault| {
+                self.fault = Some(fault);
+                io::Error::from(io::ErrorKind::InvalidData)
+            })?;
+        }
+        Ok(n)
+    }
+}
+
+/// A reader without the byte order mark that some programs put in front.
+struct WithoutMark<R> {
+    inner: R,
+    start: Option<io::Cursor<Vec<u8>>>,
+}
+
+impl<R: Read> Read for WithoutMark<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        const MARK: &[u8] = b"\xef\xbb\xbf";
+        let start = match &mut self.start {
+            Some(start) => start,
+            none => {
+                let mut first = Vec::new();
+                self.inner.by_ref().take(MARK.len() as u64).read_to_end(&mut first)?;
+                if first == MARK {
+                    first.clear();
+                }
+                none.insert(io::Cursor::new(first))
+            }
+        };
+        match start.read(buffer)? {
+            0 => self.inner.read(buffer),
+            n => Ok(n),
+        }
+    }
+}

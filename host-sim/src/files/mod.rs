@@ -1,0 +1,6 @@
+//! Files that are read and written: recordings, parameters, results.
+
+pub mod csv;
+pub mod output;
+pub mod parameters;
+pub mod recording;

@@ -1,0 +1,166 @@
+//! Recordings: CSV files of what was applied and what was measured.
+//!
+//! [`crate::files::csv`] reads them.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::files::csv::{Column, Names, Table};
+use crate::grid::Grid;
+
+/// A recording in SI units, time from its first sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    path: PathBuf,
+    time_s: Vec<f64>,
+    voltage_v: Option<Column>,
+    force_n: Option<Column>,
+    displacement_m: Option<Column>,
+}
+
+/// Samples of one quantity at their times.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Samples {
+    /// Times in seconds from the recording's first sample, increasing.
+    pub time_s: Vec<f64>,
+    /// Values in SI units.
+    pub value: Vec<f64>,
+}
+
+/// What drives a run.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Input {
+    /// Voltage on the electrodes, V.
+    Voltage(Samples),
+    /// Total force on the film, N.
+    Force(Samples),
+    /// Displacement of the film, m.
+    Displacement(Samples),
+}
+
+/// Column names with the factor to SI units.
+const VOLTAGE: &Names = &[("voltage_v", 1.0), ("voltage_kv", 1e3)];
+const FORCE: &Names = &[("force_n", 1.0)];
+const DISPLACEMENT: &Names = &[("displacement_m", 1.0), ("displacement_mm", 1e-3), ("displacement_um", 1e-6)];
+
+impl Recording {
+    /// Reads the recording at `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming the file and line of the first thing that cannot be used.
+    pub fn read(path: &Path) -> Result<Self> {
+        if path.is_dir() {
+            return Err(Error::file(path, "is a directory; name a CSV recording in it"));
+        }
+        let file = File::open(path).map_err(|e| Error::file(path, e))?;
+        Self::from_csv(path, file)
+    }
+
+    /// Reads a recording from CSV text; `path` is what errors name.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
+        let table = Table::from_csv(path, csv, [VOLTAGE, FORCE, DISPLACEMENT], &[&[0, 1]])?;
+        let [voltage_v, force_n, displacement_m] = table.columns;
+        Ok(Self { path: path.into(), time_s: table.time_s, voltage_v, force_n, displacement_m })
+    }
+
+    /// Reads a reference at `path`: displacement over time, no voltage needed.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn read_reference(path: &Path) -> Result<Self> {
+        let table = Table::read(path, [DISPLACEMENT], &[&[0]])?;
+        let [displacement_m] = table.columns;
+        Ok(Self { path: path.into(), time_s: table.time_s, voltage_v: None, force_n: None, displacement_m })
+    }
+
+    /// Where the recording came from.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Length in seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.time_s.last().copied().unwrap_or(0.0)
+    }
+
+    /// The grid at `rate_hz` that covers the recording.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a rate that is not positive and finite, or a recording that is too long for it.
+    pub fn grid(&self, rate_hz: f64) -> Result<Grid> {
+        Grid::covering(self.duration_s(), rate_hz)
+            .map_err(|error| if rate_hz > 0.0 && rate_hz.is_finite() { Error::file(&self.path, error) } else { error })
+    }
+
+    /// What drove the film: the voltage, or the force where there is none.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a column with gaps.
+    pub fn drive(&self) -> Result<Input> {
+        match (&self.voltage_v, &self.force_n) {
+            (Some(voltage), _) => Ok(Input::Voltage(self.complete(voltage)?)),
+            (None, Some(force)) => Ok(Input::Force(self.complete(force)?)),
+            (None, None) => Err(Error::file(&self.path, "neither voltage_v nor force_n has a value")),
+        }
+    }
+
+    /// The displacement as a drive.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] where there is none or it has gaps.
+    pub fn displacement_drive(&self) -> Result<Input> {
+        let column = self.displacement_m.as_ref().ok_or_else(|| self.no_displacement())?;
+        Ok(Input::Displacement(self.complete(column)?))
+    }
+
+    /// The measured displacement in m.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] where there is none.
+    pub fn displacement(&self) -> Result<Samples> {
+        self.displacement_m.as_ref().map(|column| self.present(column)).ok_or_else(|| self.no_displacement())
+    }
+
+    /// The force in N, where it was measured.
+    pub fn force(&self) -> Option<Samples> {
+        self.force_n.as_ref().map(|column| self.present(column))
+    }
+
+    /// The voltage in V, where it was measured.
+    pub fn voltage(&self) -> Option<Samples> {
+        self.voltage_v.as_ref().map(|column| self.present(column))
+    }
+
+    fn no_displacement(&self) -> Error {
+        Error::file(&self.path, "no column displacement_m, displacement_mm or displacement_um with values")
+    }
+
+    fn present(&self, column: &Column) -> Samples {
+        column.present(&self.time_s)
+    }
+
+    fn complete(&self, column: &Column) -> Result<Samples> {
+        column.complete(&self.path, &self.time_s, "what drives the film must be complete")
+    }
+}
+
+impl Input {
+    /// The samples, whatever they are of.
+    pub fn samples(&self) -> &Samples {
+        match self {
+            Self::Voltage(samples) | Self::Force(samples) | Self::Displacement(samples) => samples,
+        }
+    }
+}

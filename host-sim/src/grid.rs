@@ -1,0 +1,83 @@
+//! Evenly sampled series and the samples of recordings: interpolation both ways.
+
+use crate::error::{Error, Result};
+use crate::files::recording::Samples;
+
+/// The times k / rate at which a model runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Number of samples.
+    pub samples: usize,
+}
+
+/// Samples that a grid may have: 27 h at 1 kHz. A run holds some 60 bytes of each.
+const MOST: f64 = 1e8;
+
+impl Grid {
+    /// The shortest grid at `rate_hz` that covers `duration_s`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] for a rate that is not positive and finite, or more samples than memory should hold.
+    pub fn covering(duration_s: f64, rate_hz: f64) -> Result<Self> {
+        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+            return Err(Error::option("--rate", format!("{rate_hz:?} Hz must be finite and greater than 0")));
+        }
+        // Times such as 155.0 · 1000 come out a rounding error above the whole number.
+        let last = (duration_s * rate_hz - 1e-6).ceil().max(0.0);
+        if last.is_nan() || last >= MOST {
+            let cause = format!("{duration_s:?} s at {rate_hz:?} Hz are more than {MOST} samples; lower the rate");
+            return Err(Error::option("--rate", cause));
+        }
+        Ok(Self { rate_hz, samples: last as usize + 1 })
+    }
+
+    /// Seconds per sample.
+    pub fn step_s(&self) -> f64 {
+        1.0 / self.rate_hz
+    }
+
+    /// Time of sample `k` in seconds.
+    pub fn time_s(&self, k: usize) -> f64 {
+        k as f64 / self.rate_hz
+    }
+
+    /// `samples` interpolated linearly to the grid, held at both ends.
+    pub fn resample(&self, samples: &Samples) -> Vec<f64> {
+        let (time, value) = (&samples.time_s, &samples.value);
+        let mut next = 0;
+        (0..self.samples)
+            .map(|k| {
+                let now = self.time_s(k);
+                while next < time.len() && time[next] <= now {
+                    next += 1;
+                }
+                match (next.checked_sub(1), value.get(next)) {
+                    (Some(before), Some(after)) => {
+                        let share = (now - time[before]) / (time[next] - time[before]);
+                        value[before] + share * (after - value[before])
+                    }
+                    (Some(last), None) => value[last],
+                    (None, first) => first.copied().unwrap_or(0.0),
+                }
+            })
+            .collect()
+    }
+
+    /// `series` on this grid, interpolated linearly to `times` within it.
+    pub fn at(&self, series: &[f64], times: &[f64]) -> Vec<f64> {
+        let last = series.len() - 1;
+        times
+            .iter()
+            .map(|t| {
+                let place = (t * self.rate_hz).clamp(0.0, last as f64);
+                let before = (place as usize).min(last.saturating_sub(1));
+                let share = place - before as f64;
+                let after = series[(before + 1).min(last)];
+                series[before] + share * (after - series[before])
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,4 @@
+//! Reports for people: pages and figures.
+
+pub mod html;
+pub mod plot;

@@ -1,0 +1,205 @@
+//! The fractional model beside what else is used for creep, on the same recordings.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use serde::Serialize;
+use springpot::{Actuator, Compressed, Law, Memory, Options, Springpot, Topology, VoltageDrive};
+
+use crate::error::{Error, Result};
+use crate::fit::candidate::{Candidate, Variable};
+use crate::fit::objective::Observation;
+use crate::fit::search::{Context, Found};
+use crate::fit::selection::{self, LeftOut};
+use crate::studies::prandtl_ishlinskii::PrandtlIshlinskii;
+
+/// A model of the comparison.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// What it is.
+    pub model: String,
+    /// Fitted quantities.
+    pub parameters: usize,
+    /// Mean of the recordings' R².
+    pub r2_mean: f64,
+    /// Mean of the recordings' NRMSE, %.
+    pub nrmse_pct: f64,
+    /// Mean NRMSE (%) of every recording under a fit to the others; null for a single recording.
+    pub left_out_nrmse_pct: Option<f64>,
+    /// Time of a step on this machine, f32, ns.
+    pub step_ns: f64,
+}
+
+/// Kinds of models that the recursion can run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    /// Springs and dashpots: a generalised Maxwell model, or Prony series.
+    Prony(usize),
+    /// Springpots.
+    Fractional(Topology, usize),
+}
+
+const KINDS: [(&str, Kind); 10] = [
+    ("single springpot", Kind::Fractional(Topology::Parallel, 0)),
+    ("standard linear solid", Kind::Prony(1)),
+    ("Prony series, 2 branches", Kind::Prony(2)),
+    ("Prony series, 3 branches", Kind::Prony(3)),
+    ("Prony series, 4 branches", Kind::Prony(4)),
+    ("Prony series, 5 branches", Kind::Prony(5)),
+    ("fractional Maxwell, n = 1", Kind::Fractional(Topology::Parallel, 1)),
+    ("Eq. 11, n = 2", Kind::Fractional(Topology::Eq11, 2)),
+    ("fractional Maxwell, n = 2", Kind::Fractional(Topology::Parallel, 2)),
+    ("fractional Maxwell, n = 3", Kind::Fractional(Topology::Parallel, 3)),
+];
+
+/// Fits every model to `observations` and to all of them but one; `progress` hears what is being done.
+///
+/// # Errors
+///
+/// [`Error`] where a model cannot be fitted.
+pub fn compare(context: &Context<'_>, observations: &[Observation], progress: &dyn Fn(&str)) -> Result<Vec<Row>> {
+    let left_out = LeftOut::new(observations)?;
+    let mut rows = Vec::new();
+    let mut smaller: Option<Candidate> = None;
+    for (name, kind) in KINDS {
+        progress(name);
+        let found = kind
+            .best(context, smaller.as_ref())
+            .ok_or_else(|| Error::Computation(format!("{name}: no fit was found")))?;
+        smaller = Some(found.candidate.clone());
+        let agreements = selection::agreements(context.fine, &found.candidate);
+        let n = agreements.len() as f64;
+        rows.push(Row {
+            model: name.into(),
+            parameters: found.variables.len(),
+            r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
+            nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
+            left_out_nrmse_pct: left_out.as_ref().and_then(|left_out| left_out.error(context, &found)),
+            step_ns: kind.step_ns(&found.candidate)?,
+        });
+    }
+    progress("Prandtl–Ishlinskii");
+    rows.push(prandtl_ishlinskii(observations)?);
+    Ok(rows)
+}
+
+impl Kind {
+    /// The best of its kind; `smaller` is the fit before, from which a Prony series goes on.
+    fn best(self, context: &Context<'_>, smaller: Option<&Candidate>) -> Option<Found> {
+        match self {
+            Self::Fractional(topology, branches) => context.best(topology, branches, &[]),
+            Self::Prony(branches) => {
+                let mut starts: Vec<Candidate> = [0.2, 0.5, 1.0].map(|share| prony(context, branches, share)).into();
+                starts.extend(
+                    smaller.filter(|c| c.branches() + 1 == branches).into_iter().flat_map(|c| grown(context, c)),
+                );
+                let mut variables: Vec<Variable> = (0..=2 * branches).map(Variable::Coefficient).collect();
+                variables.extend(&context.surroundings);
+                context.best_from(&starts, &variables)
+            }
+        }
+    }
+
+    /// Time of a step of the law that a controller would run.
+    fn step_ns(self, candidate: &Candidate) -> Result<f64> {
+        let model = candidate.model()?;
+        match self {
+            // Plain relaxation times need neither head nor compensation.
+            Self::Prony(_) => {
+                let law: Law<f32, Compressed<f32, 1, 6, 0>> = Law::compressed(&model, Options::at_step(1e-3))?;
+                law_step_ns(&law, &candidate.actuator, || law.state())
+            }
+            Self::Fractional(..) => {
+                let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+                law_step_ns(&law, &candidate.actuator, || law.state())
+            }
+        }
+    }
+}
+
+/// Springs and dashpots whose relaxation times lie among those that the recordings resolve.
+fn prony(context: &Context<'_>, branches: usize, share: f64) -> Candidate {
+    let (short, long) = context.scales.times_s;
+    let stiffness = context.scales.stiffness;
+    let mut elements = vec![Springpot::new(stiffness, 0.0)];
+    for branch in 0..branches {
+        let time = short * (long / short).powf((branch as f64 + 0.5) / branches as f64);
+        elements.push(Springpot::new(share * stiffness, 0.0));
+        elements.push(Springpot::new(share * stiffness * time, 1.0));
+    }
+    let mut actuator = context.actuator;
+    if context.surroundings.contains(&Variable::StretchCoupling) && actuator.stretch_coupling == 0.0 {
+        actuator.stretch_coupling = context.scales.coupling;
+    }
+    Candidate { actuator, elements, topology: Topology::Parallel, offset_m: 0.0 }
+}
+
+/// The candidate with one more small branch of a spring and a dashpot, at several relaxation times.
+fn grown(context: &Context<'_>, smaller: &Candidate) -> Vec<Candidate> {
+    let (short, long) = context.scales.times_s;
+    let stiffness = 0.1 * context.scales.stiffness;
+    let times = [0.1, 0.3, 0.5, 0.7, 0.9].map(|share| short * f64::powf(long / short, share));
+    times
+        .into_iter()
+        .map(|time| {
+            let mut grown = smaller.clone();
+            grown.elements[0].alpha = 0.0;
+            grown.elements.extend([Springpot::new(stiffness, 0.0), Springpot::new(stiffness * time, 1.0)]);
+            grown
+        })
+        .collect()
+}
+
+const STEPS: usize = 200_000;
+
+/// The shortest of several runs, per step.
+fn nanoseconds(mut run: impl FnMut()) -> f64 {
+    (0..5)
+        .map(|_| {
+            let started = Instant::now();
+            run();
+            1e9 * started.elapsed().as_secs_f64() / STEPS as f64
+        })
+        .fold(f64::INFINITY, f64::min)
+}
+
+fn law_step_ns<M: Memory<f32>>(
+    law: &Law<f32, M>,
+    actuator: &Actuator,
+    state: impl Fn() -> springpot::State<f32, M::History>,
+) -> Result<f64> {
+    let drive = VoltageDrive::new(actuator, 6000.0, law.stiffness())?;
+    Ok(nanoseconds(|| {
+        let mut state = state();
+        for k in 0..STEPS {
+            let voltage = 6000.0 * (k % 5000) as f32 / 5000.0;
+            black_box(law.displacement_under(&mut state, drive.load(black_box(voltage))));
+        }
+    }))
+}
+
+fn prandtl_ishlinskii(observations: &[Observation]) -> Result<Row> {
+    let model = PrandtlIshlinskii::fit(observations)?;
+    let agreements = observations.iter().map(|o| model.agreement(o)).collect::<Result<Vec<_>>>()?;
+    let left_out = (0..observations.len())
+        .map(|out| {
+            let others: Vec<Observation> =
+                observations.iter().enumerate().filter(|(k, _)| *k != out).map(|(_, o)| o.clone()).collect();
+            Ok(PrandtlIshlinskii::fit(&others)?.agreement(&observations[out])?.nrmse_pct)
+        })
+        .collect::<Result<Vec<f64>>>();
+    let n = agreements.len() as f64;
+    let loads: Vec<f32> = (0..STEPS).map(|k| (6000.0 * (k % 5000) as f32 / 5000.0).powi(2)).collect();
+    Ok(Row {
+        model: "Prandtl–Ishlinskii, rate-dependent".into(),
+        parameters: PrandtlIshlinskii::PARAMETERS,
+        r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
+        nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
+        left_out_nrmse_pct: if observations.len() > 1 { Some(left_out?.iter().sum::<f64>() / n) } else { None },
+        step_ns: nanoseconds(|| {
+            model.steps_f32(black_box(&loads), 1000.0, |x| {
+                black_box(x);
+            });
+        }),
+    })
+}

@@ -1,0 +1,5 @@
+//! Comparisons over many fits: the paper's study, and other models of creep beside this one.
+
+pub mod compare;
+pub mod paper;
+mod prandtl_ishlinskii;
