@@ -4,8 +4,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use num_complex::Complex;
 use springpot::{
-    Compressed, Element, Law, LawError, Load, Maxwell, Memory, ModelError, Options, Preset, Scalar, Springpot, State,
-    Topology, Window,
+    Compressed, Element, Law, LawError, Load, Maxwell, ModelError, Options, Preset, Scalar, Springpot, State, Topology,
+    Window,
 };
 use tests::{TOPOLOGIES, hard_models, paper_force, presets, random_models};
 
@@ -21,8 +21,7 @@ fn single(c: f64, alpha: f64, mass_kg: f64) -> Maxwell {
 
 #[test]
 fn law_and_state_are_small() {
-    type History = <Compressed<f32> as Memory<f32>>::History;
-    let (law, state) = (size_of::<Law<f32>>(), size_of::<State<f32, History>>());
+    let (law, state) = (size_of::<Law<f32>>(), size_of::<State<f32>>());
     println!("f32, 12 + 36: law {law} bytes, state {state} bytes, any n, either topology");
     assert!(law <= 640 && state <= 640);
 }
