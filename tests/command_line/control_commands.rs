@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use tests::recordings;
-use tests::tool::{Tool, names, text};
+use tests::tool::{names, text};
 
-const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
+use crate::TOOL;
 
 fn column(path: &Path, name: &str) -> Vec<f64> {
     let content = fs::read_to_string(path).expect("written");

@@ -5,9 +5,9 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use tempfile::TempDir;
-use tests::tool::{Tool, names};
+use tests::tool::names;
 
-const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
+use crate::TOOL;
 
 struct Bench {
     folder: TempDir,

@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use serde_json::Value;
 use tempfile::TempDir;
 
-const HOST_SIM: &str = env!("CARGO_BIN_EXE_host-sim-under-test");
+use crate::TOOL;
 
 /// A recording: V (V) and displacement (m, or nothing) at the times k / rate.
 fn recording(path: &Path, seconds: f64, rate_hz: f64, row: impl Fn(f64) -> (f64, Option<f64>)) {
@@ -34,7 +34,7 @@ fn displacement(time: f64) -> f64 {
 }
 
 fn fit(folder: &Path, files: &[&Path], more: &[&str]) -> Output {
-    let mut command = Command::new(HOST_SIM);
+    let mut command = Command::new(TOOL.0);
     command.args(["fit", "--json", "--out"]).arg(folder.join("p.toml")).args(files).args(more);
     command.output().expect("runs")
 }
@@ -48,7 +48,7 @@ fn sane(folder: &Path, files: &[&Path], more: &[&str]) -> Value {
     let text = fs::read_to_string(&parameters).expect("written");
     let words = || text.split(|c: char| !c.is_alphanumeric()).map(str::to_lowercase);
     assert!(words().all(|word| word != "nan"), "{text}");
-    let replay = Command::new(HOST_SIM).args(["replay", "--json", "--params"]).arg(&parameters).args(files).output();
+    let replay = Command::new(TOOL.0).args(["replay", "--json", "--params"]).arg(&parameters).args(files).output();
     assert!(replay.expect("runs").status.success());
     report
 }
@@ -138,7 +138,7 @@ fn drop_outs_of_the_laser_do_not_pull_a_robust_fit() {
     recording(&dirty, 60.0, 50.0, |t| (voltage(t), Some(if out(t) { -0.02 } else { displacement(t) })));
     let error_on_clean = |more: &[&str]| {
         let report = sane(folder.path(), &[&dirty], &[&["--branches", "1"], more].concat());
-        let replay = Command::new(HOST_SIM)
+        let replay = Command::new(TOOL.0)
             .args(["replay", "--json", "--params"])
             .args([&folder.path().join("p.toml"), &clean])
             .output()
@@ -233,7 +233,7 @@ fn ten_hours_at_10_hz() {
 fn an_interrupted_search_keeps_the_best_so_far() {
     let folder = TempDir::new().expect("a folder");
     let out = folder.path().join("p.toml");
-    let mut command = Command::new(HOST_SIM);
+    let mut command = Command::new(TOOL.0);
     command.args(["fit", "--starts", "500", "--out"]).arg(&out).args(tests::recordings("hossain"));
     let mut running = command.stdout(std::process::Stdio::null()).spawn().expect("runs");
     std::thread::sleep(std::time::Duration::from_secs(2));
@@ -246,7 +246,7 @@ fn an_interrupted_search_keeps_the_best_so_far() {
     // What was not computed is not told.
     assert!(!text.contains("free: other values") && !text.contains("intervals_95_pct"), "{text}");
     let [recording, ..] = tests::recordings("hossain");
-    let replay = Command::new(HOST_SIM).args(["replay", "--json", "--params"]).args([&out, &recording]).output();
+    let replay = Command::new(TOOL.0).args(["replay", "--json", "--params"]).args([&out, &recording]).output();
     let report: Value = serde_json::from_slice(&replay.expect("runs").stdout).expect("one document");
     assert!(report["r2_mean"].as_f64().expect("a number") > 0.9, "{report}");
 }

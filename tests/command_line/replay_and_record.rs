@@ -6,9 +6,9 @@ use std::path::Path;
 use serde_json::Value;
 use tempfile::TempDir;
 use tests::recordings;
-use tests::tool::{Tool, text};
+use tests::tool::text;
 
-const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
+use crate::TOOL;
 
 fn json(arguments: &[&str]) -> Value {
     TOOL.json(arguments)

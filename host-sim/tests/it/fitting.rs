@@ -269,7 +269,7 @@ fn measured_vhb_4910() {
     }
     let folder = tempfile::TempDir::new().expect("a folder");
     let body = folder.path().join("body.csv");
-    let mut convert = assert_cmd::Command::new(env!("CARGO_BIN_EXE_host-sim-under-test"));
+    let mut convert = assert_cmd::Command::new(env!("CARGO_BIN_EXE_host-sim"));
     // L = 60 mm, A = 49 mm × 0.16 mm.
     convert
         .args(["convert", "--length", "0.06", "--area", "7.84e-6", "--out"])
