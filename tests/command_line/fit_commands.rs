@@ -20,7 +20,7 @@ fn fails(arguments: &[&str], words: &[&str]) {
 }
 
 fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
+    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn starts_holds_and_frees() {
     let folder = TempDir::new().expect("a folder");
     let (first, second) = (folder.path().join("a.toml"), folder.path().join("b.toml"));
     let [a, ..] = recordings("wang");
-    // A film of its own size needs no model to say so.
+    // A film of another size: its geometry alone, without a model.
     let own = folder.path().join("own.toml");
     let table = "schema = 1\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.02\nwidth_m = 0.03\n\
                  thickness_m = 100e-6\nmass_kg = 0.1\n";

@@ -1,6 +1,8 @@
 //! What the tests share: models to try, and the paper's drive.
 
 pub mod flash;
+#[path = "../../crates/springpot/tests/it/support/sweep.rs"]
+pub mod sweep;
 pub mod tool;
 pub mod virtual_board;
 

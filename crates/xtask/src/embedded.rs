@@ -117,7 +117,7 @@ fn compare_bits(target: &str, host: &BTreeMap<String, String>, chip: &BTreeMap<S
     if chip.len() == host.len() { Ok(()) } else { Err(format!("{target}: more was reported than on the host")) }
 }
 
-/// What a step and a tick may cost on the Cortex-M4F, whatever the documents state.
+/// What a step and a tick may cost on the Cortex-M4F, independent of what the documents state.
 fn within_bars(counted: &BTreeMap<String, u64>) -> Result<()> {
     let bars = [
         ("creep/12+36", 550),

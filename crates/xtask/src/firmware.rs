@@ -1,4 +1,4 @@
-//! The firmware: its images, and what is run against them in QEMU.
+//! The firmware: its images, and the tests that run them in QEMU.
 
 use std::process::Command;
 
@@ -22,7 +22,7 @@ pub fn image(toolchain: &Toolchain) -> Result<()> {
     build(toolchain, &IMAGES[0])
 }
 
-/// Builds all images, which fails beyond their budget of flash and RAM, and runs what is to be shown in QEMU.
+/// Builds all images, which fails beyond their budget of flash and RAM, and runs the tests in QEMU.
 pub fn run(toolchain: &Toolchain) -> Result<()> {
     let mut format = cargo(&["fmt", "--check"]);
     format.current_dir(root().join("firmware"));

@@ -3,7 +3,7 @@
 use crate::process::{Result, cargo, output};
 use crate::test::LIBRARIES;
 
-/// Files of a package beside its folders of sources: they are there, or cargo adds them.
+/// Files in the root of a package: its own, and those that cargo adds.
 const FILES: [&str; 7] = [
     ".cargo_vcs_info.json",
     "Cargo.lock",

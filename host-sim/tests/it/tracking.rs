@@ -269,9 +269,9 @@ fn the_bench_may_be_imperfect() {
     assert!(errors.iter().all(|(_, error)| *error <= 0.25), "{errors:?}");
 }
 
-/// The plant's own integration, against the adaptive one of the recordings.
+/// The fixed-step integration of the closed loop, against the adaptive one of the recordings.
 #[test]
-fn the_loop_integrates_the_film_truly() {
+fn the_loop_integrates_the_film_accurately() {
     let film = Film::new(Plant::Hossain);
     let times: Vec<f64> = (0..=20).map(|k| 0.5 * f64::from(k)).collect();
     let exact = film.states(film.rest(), &times, |_| 5000.0).expect("no pull-in");
