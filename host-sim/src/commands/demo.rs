@@ -99,7 +99,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let files = OutputFiles::in_folder(&arguments.out);
     let inputs: Vec<&Path> =
         arguments.recordings.iter().map(PathBuf::as_path).chain(arguments.actuator.as_deref().map(Path::new)).collect();
-    files.check(&inputs)?;
+    files.check(&arguments.out, &inputs)?;
     let simulated = given.is_empty();
     let recordings = if simulated { simulated_recordings(&arguments.out)? } else { given };
 
@@ -151,10 +151,13 @@ impl OutputFiles {
     }
 
     /// Refuses a folder in which they cannot be written, or `inputs` among them; makes the folder.
-    fn check(&self, inputs: &[&Path]) -> Result<()> {
+    fn check(&self, folder: &Path, inputs: &[&Path]) -> Result<()> {
+        if folder.is_file() {
+            return Err(Error::file(folder, "is a file; name a folder"));
+        }
         let all = [&self.parameters, &self.page, &self.reference, &self.voltage];
         all.into_iter().try_for_each(|path| output::check(path, inputs, Folders::AreMade))?;
-        self.parameters.parent().map_or(Ok(()), output::make_folder)
+        output::make_folder(folder)
     }
 
     /// The reference, and the voltage that makes the model follow it.
