@@ -1,7 +1,8 @@
 //! Every check and every test, stage by stage, on the host and in QEMU.
 
-use std::fs;
+use std::path::Path;
 use std::time::Instant;
+use std::{fs, io};
 
 use crate::process::{Result, cargo, output, root, run as run_command};
 use crate::{embedded, firmware, packages, setup};
@@ -77,10 +78,29 @@ pub fn sweep() -> Result<()> {
 
 const WORKSPACE: [&str; 2] = ["--quiet", "--workspace"];
 
+/// Sources of libraries whose manifest says `test = false`: a test in them would never run.
+const WITHOUT_TESTS: [&str; 4] = ["host-sim/src", "tests/support", "tests/chip-program/src", "tests/documents/src"];
+
 /// All targets, the tests in QEMU included.
 fn lint() -> Result<()> {
+    for folder in WITHOUT_TESTS {
+        no_tests_in(&root().join(folder))?;
+    }
     let targets = ["--all-targets", "--features", "tests/qemu", "--", "-D", "warnings"];
     run_command(cargo(&[["clippy"].as_slice(), &WORKSPACE, &targets].concat()))
+}
+
+fn no_tests_in(folder: &Path) -> Result<()> {
+    let failed = |error: io::Error| format!("{}: {error}", folder.display());
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if path.is_dir() {
+            no_tests_in(&path)?;
+        } else if fs::read_to_string(&path).map_err(failed)?.contains("#[test]") {
+            return Err(format!("{} has a test that is never run", path.display()));
+        }
+    }
+    Ok(())
 }
 
 /// Each library without features, with each alone, and with all.
