@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use dea_driver::link::{Answer, Command, Drill, Mode, Reject, Status};
+use dea_driver::link::{Answer, Command, Drill, Mode, Reject, Status, boards};
 use dea_driver::{Cause, SensorFault, State};
 use host_sim::link::{Client, Emulator, Port};
 use host_sim::parameters::{Board, Parameters};
@@ -141,7 +141,7 @@ fn taken(elf: &[u8]) -> (f64, f64) {
 fn without_a_bench_nothing_is_enabled() {
     let (_emulator, port) = Emulator::start(&image("firmware/target")).expect("starts");
     let (mut client, identity) = Client::new(port).expect("answers");
-    assert_eq!(identity.board, Board::STM32F405);
+    assert_eq!(identity.board, boards::STM32F405);
     assert_eq!(client.ask(Command::Arm).expect("answers"), Answer::Rejected(Reject::NoParameters));
     client.upload(&blob(), false).expect("taken");
     let before = client.ask(Command::Query).expect("answers");
@@ -305,7 +305,7 @@ fn a_truncated_upload_changes_nothing() {
         assert_eq!(name, "karner-2022-table3-n2");
     }
     // NaN in the parameters, with a checksum that holds, is refused by the board as well.
-    let mut parameters = dea_driver::Blob::decode(&blob, Board::STM32F405).expect("valid").parameters;
+    let mut parameters = dea_driver::Blob::decode(&blob, boards::STM32F405).expect("valid").parameters;
     parameters.law.head[2] = f32::NAN;
     let spoiled = unchecked(&parameters);
     assert!(client.upload(&spoiled, false).is_err());
@@ -318,7 +318,7 @@ fn unchecked(parameters: &dea_driver::Parameters) -> Vec<u8> {
     let body = postcard::to_vec::<_, { dea_driver::BLOB_LEN }>(parameters).expect("fits");
     let mut bytes = b"DEA\x01".to_vec();
     bytes.extend(dea_driver::SCHEMA.to_le_bytes());
-    bytes.extend(Board::STM32F405.to_le_bytes());
+    bytes.extend(boards::STM32F405.to_le_bytes());
     bytes.extend((body.len() as u16).to_le_bytes());
     bytes.extend(body.iter());
     let checksum = tests::crc32(&bytes).to_le_bytes();

@@ -37,7 +37,7 @@ mod panic;
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
     use cortex_m::peripheral::SCB;
-    use dea_driver::link::{FRAME_LEN, Message, Session, StartError, encode};
+    use dea_driver::link::{BAUD, FRAME_LEN, Message, Session, StartError, boards, encode};
     use dea_driver::{Cause, Device, Drive, State, Store, StoreError};
     use heapless::spsc::{Consumer, Producer, Queue};
     use stm32f4xx_hal::gpio::{Output, PC12, PinState};
@@ -59,8 +59,6 @@ mod app {
 
     /// Until there are parameters.
     const RATE_HZ: f32 = 1000.0;
-    /// Exact to 0.2 % from 42 MHz, and what every adapter can.
-    const BAUD: u32 = 460_800;
     /// Bytes that wait for the background: 11 ms at that rate.
     const RECEIVED: usize = 512;
     /// Bytes that wait for the wire: the longest answer and two samples.
@@ -141,7 +139,7 @@ mod app {
         let (heard, received) = cx.local.incoming.split();
         let (sending, said) = cx.local.outgoing.split();
 
-        let Ok(store) = Store::new(ParameterFlash::new(chip.FLASH), board::ID) else {
+        let Ok(store) = Store::new(ParameterFlash::new(chip.FLASH), boards::STM32F405) else {
             panic!("two sectors hold two slots")
         };
         let mut watchdog = IndependentWatchdog::new(chip.IWDG);

@@ -8,9 +8,8 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use dea_driver::convert::{AdcCode, DacCode};
-use dea_driver::link::{Board, FRAME_LEN, Message, Session, encode};
+use dea_driver::link::{Board, FRAME_LEN, Message, Session, boards, encode};
 use dea_driver::{Device, Drive, Inputs, Store};
-use host_sim::parameters::Board as BoardTable;
 
 use crate::flash::Flash;
 
@@ -80,7 +79,7 @@ struct Bench {
 
 impl Board for Bench {
     type Flash = Flash;
-    const ID: u16 = BoardTable::STM32F405;
+    const ID: u16 = boards::STM32F405;
 
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
         (work(&mut self.device), 1)
@@ -108,7 +107,7 @@ impl Board for Bench {
 fn run(listener: &TcpListener, scene: Scene, ended: &AtomicBool, voltage: &Mutex<(f32, f32)>) {
     listener.set_nonblocking(true).expect("can be polled");
     let latched = if scene.panic_message.is_empty() { None } else { Some(dea_driver::Cause::Panic) };
-    let store = Store::new(Flash::new(), BoardTable::STM32F405).expect("two sectors");
+    let store = Store::new(Flash::new(), boards::STM32F405).expect("two sectors");
     let mut bench = Bench { device: Device::new(latched), store, scene };
     let mut session = Session::new("virtual");
     let mut stream: Option<TcpStream> = None;

@@ -5,12 +5,11 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::Duration;
 
+use dea_driver::link::BAUD;
 use serial2::SerialPort;
 
 use crate::error::{Error, Result};
 
-/// As the firmware has it.
-const BAUD: u32 = 460_800;
 /// For so long a connection may take.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// After so long without a byte the line is silent.
