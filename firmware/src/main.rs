@@ -31,6 +31,8 @@ mod board;
 mod clock;
 #[cfg(feature = "drills")]
 mod drills;
+#[cfg(feature = "semihosting")]
+mod emulated;
 mod flash;
 mod panic;
 
@@ -41,7 +43,9 @@ mod app {
     use dea_driver::{Cause, Device, Drive, State, Store, StoreError};
     use heapless::spsc::{Consumer, Producer, Queue};
     use stm32f4xx_hal::gpio::{Output, PC12, PinState};
-    use stm32f4xx_hal::hal_02::serial::{Read, Write};
+    #[cfg(not(feature = "semihosting"))]
+    use stm32f4xx_hal::hal_02::serial::Read;
+    use stm32f4xx_hal::hal_02::serial::Write;
     use stm32f4xx_hal::nb;
     use stm32f4xx_hal::pac::{Interrupt, USART2};
     use stm32f4xx_hal::prelude::*;
@@ -54,6 +58,8 @@ mod app {
     use crate::clock;
     #[cfg(feature = "drills")]
     use crate::drills::{AdcBus, Bench};
+    #[cfg(feature = "semihosting")]
+    use crate::emulated;
     use crate::flash::ParameterFlash;
     use crate::panic::Message as PanicMessage;
 
@@ -155,6 +161,8 @@ mod app {
     #[task(binds = SysTick, priority = 2, local = [bench, led, ticks: u32 = 0], shared = [device, watchdog])]
     fn tick(mut cx: tick::Context) {
         let tick::LocalResources { bench, led, ticks, .. } = cx.local;
+        #[cfg(feature = "semihosting")]
+        emulated::begin_tick();
         cx.shared.watchdog.lock(IndependentWatchdog::feed);
         let state = cx.shared.device.lock(|device| {
             let inputs = bench.sample(!device.state().is_live());
@@ -185,7 +193,11 @@ mod app {
     #[task(binds = USART2, priority = 3, local = [serial, heard, said])]
     fn link(cx: link::Context) {
         let link::LocalResources { serial, heard, said, .. } = cx.local;
-        match Read::read(serial) {
+        #[cfg(not(feature = "semihosting"))]
+        let read = Read::read;
+        #[cfg(feature = "semihosting")]
+        let read = emulated::read;
+        match read(serial) {
             // A byte that finds no room is lost, and its frame with it: that is counted where frames are.
             Ok(byte) => drop(heard.enqueue(byte)),
             // Noise or a lost byte: the same.
