@@ -1,10 +1,13 @@
 #!/bin/sh
 # Runs an image in QEMU, its log decoded: cargo run --release. Ctrl-C ends it. The link is on TCP port 4050:
 # host-sim link --port tcp:127.0.0.1:4050 status
+#
+# qemu.args holds what host-sim passes as well. "-icount shift=0" lets a nanosecond pass on the chip per instruction: a tick
+# takes the same time on a busy machine. USART1 is not connected, USART2 is the link.
 set -eu
 for tool in qemu-system-arm defmt-print; do
     command -v "$tool" >/dev/null || { echo "$tool is missing: run 'cargo xtask setup' in the project's root" >&2; exit 1; }
 done
-qemu-system-arm -M olimex-stm32-h405 -nographic -monitor none -serial null \
-    -serial tcp:127.0.0.1:4050,server=on,wait=off,nodelay=on \
-    -semihosting-config enable=on,target=native -kernel "$1" | defmt-print -e "$1"
+# shellcheck disable=SC2046 # the arguments hold no spaces
+qemu-system-arm $(cat "$(dirname "$0")/qemu.args") -serial tcp:127.0.0.1:4050,server=on,wait=off,nodelay=on \
+    -kernel "$1" | defmt-print -e "$1"

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use dea_driver::wire::{Answer, Command, Drill, Mode, Reject, Status};
+use dea_driver::wire::{Answer, BAUD, Command, Drill, Mode, Reject, Status, boards};
 use dea_driver::{Cause, SensorFault, State};
 use documents::{Documents, Tolerance};
 use host_sim::files::parameters::{Board, Parameters};
@@ -140,11 +140,11 @@ fn taken(elf: &[u8]) -> (f64, f64) {
 fn without_a_bench_nothing_is_enabled() {
     let (_emulator, port) = Emulator::start(&image("firmware/target")).expect("starts");
     let (mut client, identity) = Client::new(port).expect("answers");
-    assert_eq!(identity.board, Board::STM32F405);
+    assert_eq!(identity.board, boards::STM32F405);
     assert_eq!(client.ask(Command::Arm).expect("answers"), Answer::Rejected(Reject::NoParameters));
-    client.upload(&blob(), false).expect("taken");
+    client.upload(&blob(ANY_SILENCE_S), false).expect("taken");
     let before = client.ask(Command::Query).expect("answers");
-    let refused = client.upload(&blob(), true).expect_err("QEMU's flash cannot be written").to_string();
+    let refused = client.upload(&blob(ANY_SILENCE_S), true).expect_err("QEMU's flash cannot be written").to_string();
     assert!(refused.contains("flash"), "{refused}");
     assert_eq!(client.ask(Command::Query).expect("answers"), before);
     let open = client.ask(Command::Arm).expect("answers");
@@ -160,22 +160,31 @@ fn without_a_bench_nothing_is_enabled() {
     assert!(peak <= stated, "{stated} bytes of stack are stated, {peak} were used");
 }
 
-/// Parameters of the drills' bench.
-fn blob() -> Vec<u8> {
+/// A test that has failed ends after this time. Nothing else depends on it.
+const DEADLINE: Duration = Duration::from_secs(600);
+/// The longest silence of a host that parameters may allow, s. A host that is silent for as long as that has been stopped: no
+/// test that is about something else ends in a trip because this machine is busy with other work.
+const ANY_SILENCE_S: f32 = 60.0;
+/// The silence that ends in a trip where a test is about it, s. The board has been armed and started by then, in four exchanges
+/// which may take so long each.
+const SHORT_SILENCE_S: f32 = 3.0;
+/// Ticks between two samples while a test waits for that trip without asking, since a question is a heartbeat.
+const EVERY: u16 = 20;
+
+/// Parameters of the drills' bench, with the silence of the host that ends in a trip.
+fn blob(heartbeat_s: f32) -> Vec<u8> {
     let parameters = Parameters::preset("table3-n2").expect("a preset");
-    let mut limits = bench_limits();
-    // The host of a test may be busy with others; the emulated clock is never ahead of the real one.
-    limits.heartbeat_s = 1.0;
+    let limits = dea_driver::Limits { heartbeat_s, ..bench_limits() };
     let sensor = dea_driver::chips::Calibration { offset: -1e-3, gain: 1e-3, quadratic: 0.0 };
     let board = Board { limits, sensor, ..Board::bench(&parameters.actuator) };
     parameters.to_blob(&board, 1000.0).expect("valid")
 }
 
 /// The image for drills with 3 kV on its simulated film.
-fn live() -> (Emulator, Client) {
+fn live(heartbeat_s: f32) -> (Emulator, Client) {
     let (emulator, port) = Emulator::start(&image("firmware/target/drills")).expect("starts");
     let (mut client, _) = Client::new(port).expect("answers");
-    client.upload(&blob(), false).expect("taken");
+    client.upload(&blob(heartbeat_s), false).expect("taken");
     let status = start(&mut client);
     assert_eq!(status.state, State::Running);
     (emulator, client)
@@ -190,16 +199,35 @@ fn start(client: &mut Client) -> Status {
     wait(client, |status| status.command_v == 3000.0)
 }
 
+/// Asks until the board is as it should be. What is waited for takes ticks, not time on this machine: the deadline only ends a
+/// test that has failed.
 fn wait(client: &mut Client, until: impl Fn(&Status) -> bool) -> Status {
     let start = Instant::now();
     loop {
-        // A controller that is just starting again may lose a request.
-        let status = client.status();
-        match status {
-            Ok(status) if until(&status) => return status,
-            status => assert!(start.elapsed() < Duration::from_secs(60), "still {status:?}"),
+        let status = client.status().expect("answers");
+        if until(&status) {
+            return status;
         }
+        assert!(start.elapsed() < DEADLINE, "still {status:?}");
+        // The board gets the time to tick.
+        thread::sleep(Duration::from_millis(2));
     }
+}
+
+/// Watches the stream until the board is at 0 V, and gives how many ticks that took. Nothing is asked, since that would be a
+/// heartbeat; `meanwhile` is done at every sample, with the ticks since the one before.
+fn wait_for_0_v(client: &mut Client, mut meanwhile: impl FnMut(&mut Client, u32)) -> u32 {
+    client.order(Command::Stream { every: EVERY }).expect("done");
+    let deadline = Instant::now() + DEADLINE;
+    let (mut first, mut last) = (None, None);
+    while let Some(sample) = client.sample(deadline).expect("read") {
+        let ticks = sample.tick - *first.get_or_insert(sample.tick);
+        if sample.command_v == 0.0 {
+            return ticks;
+        }
+        meanwhile(client, sample.tick - last.replace(sample.tick).unwrap_or(sample.tick));
+    }
+    panic!("still not at 0 V");
 }
 
 #[test]
@@ -212,7 +240,7 @@ fn every_fault_ends_at_0_v_with_its_cause() {
         (Drill::Overrun, Cause::Overrun),
     ];
     for (drill, cause) in drills {
-        let (_emulator, mut client) = live();
+        let (_emulator, mut client) = live(ANY_SILENCE_S);
         if drill == Drill::Monitor {
             // It stays where it is, which shows once the voltage is to change.
             client.order(Command::Drill(drill)).expect("done");
@@ -233,7 +261,7 @@ fn every_fault_ends_at_0_v_with_its_cause() {
 /// A panic resets the chip; the next start keeps its message, and the trip until it is acknowledged.
 #[test]
 fn a_panic_resets_and_is_remembered() {
-    let (_emulator, mut client) = live();
+    let (_emulator, mut client) = live(ANY_SILENCE_S);
     client.order(Command::Drill(Drill::Panic)).expect("done");
     let status = wait(&mut client, |status| matches!(status.state, State::Tripped(_)));
     assert_eq!((status.state, status.command_v), (State::Tripped(Cause::Panic), 0.0));
@@ -243,19 +271,29 @@ fn a_panic_resets_and_is_remembered() {
     };
     println!("{message}");
     assert!(message.starts_with("a drill at src/drills.rs:"), "{message}");
-    client.upload(&blob(), false).expect("taken");
+    client.upload(&blob(ANY_SILENCE_S), false).expect("taken");
     assert!(client.order(Command::Arm).is_err(), "not before it is acknowledged");
     client.order(Command::Acknowledge).expect("done");
     wait(&mut client, |status| status.ticks > 1);
     client.order(Command::Arm).expect("done");
 }
 
+/// The board goes on for as long as the parameters say, then it is at 0 V.
 #[test]
 fn a_silent_host_ends_at_0_v() {
-    let (_emulator, mut client) = live();
-    thread::sleep(Duration::from_secs(6));
-    let status = wait(&mut client, |_| true);
+    let (_emulator, mut client) = live(SHORT_SILENCE_S);
+    let ticks = wait_for_0_v(&mut client, |_, _| {});
+    is_silence(ticks);
+    let status = client.status().expect("answers");
     assert_eq!((status.state, status.command_v), (State::Tripped(Cause::Heartbeat), 0.0));
+}
+
+/// `ticks` from the first sample of a stream to the first one at 0 V are those of a host that was silent since it asked for the
+/// stream. Each of both samples is up to `EVERY` ticks late; the first ones may have been dropped.
+fn is_silence(ticks: u32) {
+    let allowed = (SHORT_SILENCE_S * 1000.0) as u32;
+    let slack = 2 * u32::from(EVERY);
+    assert!((allowed - slack..=allowed + slack).contains(&ticks), "{ticks} ticks");
 }
 
 /// Garbage as fast as the line takes it: nothing of it is obeyed, the ticks go on, and with nothing but garbage the host counts
@@ -265,26 +303,34 @@ fn garbage_is_not_obeyed() {
     let (_emulator, port) = Emulator::start(&image("firmware/target/drills")).expect("starts");
     let (mut client, _) = Client::new(port).expect("answers");
     let mut random = Pcg64::seed_from_u64(4);
-    flood(client.port_mut(), &mut random, 4000);
-    wait(&mut client, |_| true);
-    client.upload(&blob(), false).expect("taken");
+    client.upload(&blob(SHORT_SILENCE_S), false).expect("taken");
+    let before = wait(&mut client, |status| status.ticks > 1);
+    flood(client.port_mut(), &mut random, 100 * BYTES_PER_TICK);
+    let after = client.status().expect("answers");
+    assert!(after.damaged_frames > before.damaged_frames + 10, "{after:?}");
+    // As slow as the line, whatever the machine: the ticks that it takes to bring that many bytes, less the first and the last.
+    assert!(after.ticks - before.ticks >= 98, "{} ticks", after.ticks - before.ticks);
+
     let running = start(&mut client);
-    assert!(running.damaged_frames > 10, "{running:?}");
-    let start = Instant::now();
-    while start.elapsed() < Duration::from_secs(6) {
-        flood(client.port_mut(), &mut random, 500);
-    }
-    let status = wait(&mut client, |_| true);
+    let keep_it_busy = |client: &mut Client, ticks| {
+        flood(client.port_mut(), &mut random, ticks as usize * (BYTES_PER_TICK + 1));
+    };
+    let ticks = wait_for_0_v(&mut client, keep_it_busy);
+    let status = client.status().expect("answers");
     println!("{status:?}");
+    is_silence(ticks);
     assert_eq!((status.state, status.command_v), (State::Tripped(Cause::Heartbeat), 0.0));
-    assert!(status.ticks > running.ticks + 1000 && status.damaged_frames > running.damaged_frames);
+    // A frame every 30 bytes, so more than one a tick.
+    assert!(status.damaged_frames - running.damaged_frames > ticks, "{status:?}");
 }
+
+/// What the line brings in a tick of a millisecond, ten bits to a byte.
+const BYTES_PER_TICK: usize = BAUD as usize / 10_000;
 
 fn flood(port: &mut Port, random: &mut Pcg64, bytes: usize) {
     // Every thirtieth byte ends a frame.
     let garbage: Vec<u8> = (0..bytes).map(|_| if random.random_ratio(1, 30) { 0 } else { random.random() }).collect();
     port.write(&[garbage.as_slice(), &[0]].concat()).expect("sent");
-    while port.byte().expect("read").is_some() {}
 }
 
 /// An upload that ends early, or with another length, is not taken.
@@ -292,7 +338,7 @@ fn flood(port: &mut Port, random: &mut Pcg64, bytes: usize) {
 fn a_truncated_upload_changes_nothing() {
     let (_emulator, port) = Emulator::start(&image("firmware/target/drills")).expect("starts");
     let (mut client, _) = Client::new(port).expect("answers");
-    let blob = blob();
+    let blob = blob(ANY_SILENCE_S);
     client.upload(&blob, false).expect("taken");
     let piece: heapless::Vec<u8, { dea_driver::wire::CHUNK }> = blob[..100].iter().copied().collect();
     for length in [100, 99, blob.len() as u16] {
@@ -304,7 +350,7 @@ fn a_truncated_upload_changes_nothing() {
         assert_eq!(name, "karner-2022-table3-n2");
     }
     // NaN in the parameters, with a checksum that holds, is refused by the board as well.
-    let mut parameters = dea_driver::Blob::decode(&blob, Board::STM32F405).expect("valid").parameters;
+    let mut parameters = dea_driver::Blob::decode(&blob, boards::STM32F405).expect("valid").parameters;
     parameters.law.head[2] = f32::NAN;
     let spoiled = unchecked(&parameters);
     assert!(client.upload(&spoiled, false).is_err());
@@ -317,7 +363,7 @@ fn unchecked(parameters: &dea_driver::Parameters) -> Vec<u8> {
     let body = postcard::to_vec::<_, { dea_driver::BLOB_LEN }>(parameters).expect("fits");
     let mut bytes = b"DEA\x01".to_vec();
     bytes.extend(dea_driver::SCHEMA.to_le_bytes());
-    bytes.extend(Board::STM32F405.to_le_bytes());
+    bytes.extend(boards::STM32F405.to_le_bytes());
     bytes.extend((body.len() as u16).to_le_bytes());
     bytes.extend(body.iter());
     let checksum = tests::crc32(&bytes).to_le_bytes();

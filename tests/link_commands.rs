@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::PathBuf;
 
+use dea_driver::wire::{Answer, Command, FRAME_LEN, Identity, Message, Request, boards, encode};
+use host_sim::link::{Client, Port};
 use tempfile::TempDir;
 use tests::tool::{Tool, names, text};
 use tests::virtual_board::{Scene, VirtualBoard};
@@ -56,10 +58,12 @@ fn each_verb_has_its_effect() {
     TOOL.json(&link(&board, &["set", "--voltage", "1500"]));
     TOOL.json(&link(&board, &["arm"]));
     TOOL.json(&link(&board, &["start", "voltage"]));
-    // The host is silent: 0 V after the heartbeat timeout of half a second.
-    std::thread::sleep(std::time::Duration::from_millis(1000));
-    let (largest, now) = board.voltage();
-    assert_eq!((largest, now), (1500.0, 0.0));
+    // Nobody talks to it any more: 0 V after 500 of its ticks. Each look takes 50 of them.
+    let mut looks = 0;
+    while board.voltage() != (1500.0, 0.0) {
+        looks += 1;
+        assert!(looks < 1000, "{:?}", board.voltage());
+    }
     assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "tripped: Heartbeat");
     names(&TOOL.fails(&link(&board, &["arm"])), &["tripped (Heartbeat)", "acknowledge"]);
     TOOL.json(&link(&board, &["acknowledge"]));
@@ -198,6 +202,68 @@ fn a_port_that_sends_garbage_ends_in_a_timeout() {
     });
     names(&TOOL.fails(&["link", "--port", &port, "status"]), &[&port, "nobody answers"]);
     garbage.join().expect("the connection was closed");
+}
+
+/// The verbs over a serial port, and what is said when its plug is pulled.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_serial_port_is_as_good() {
+    let board = VirtualBoard::at_a_serial_port(Scene::CALM);
+    upload(&board);
+    assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table3-n2");
+    TOOL.json(&link(&board, &["arm"]));
+    TOOL.json(&link(&board, &["disarm"]));
+    let how = TOOL.json(&link(&board, &["status"]));
+    assert_eq!((&how["state"], &how["damaged_frames"]), (&"disarmed".into(), &0.into()));
+
+    let (mut client, identity) = Client::new(Port::open(&board.port).expect("opens")).expect("answers");
+    assert_eq!(identity.firmware, "virtual");
+    drop(board);
+    let gone = client.status().expect_err("unplugged").to_string();
+    assert!(gone.contains("the connection is gone"), "{gone}");
+}
+
+/// A controller that answers everything later than it is asked again, such as an emulator on a busy machine, is understood; one
+/// that hangs up is not waited for; a request that changes something is sent once.
+#[test]
+fn a_late_answer_counts_and_a_closed_connection_does_not_wait() {
+    let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a port");
+    let port = format!("tcp:{}", listener.local_addr().expect("bound"));
+    let peer = std::thread::spawn(move || {
+        let (line, _) = listener.accept().expect("connects");
+        let mut receiver = dea_driver::wire::Receiver::new();
+        let mut orders = 0;
+        for byte in std::io::Read::bytes(&line) {
+            let Some(request) = receiver.push::<Request>(byte.expect("read")) else { continue };
+            let Request { sequence, command } = request.expect("whole");
+            let answer = match command {
+                Command::Identify => Answer::Identity(Identity {
+                    protocol: dea_driver::wire::VERSION,
+                    schema: dea_driver::SCHEMA,
+                    board: boards::STM32F405,
+                    firmware: "late".try_into().expect("short"),
+                }),
+                Command::Rest => {
+                    orders += 1;
+                    Answer::Done
+                }
+                // Without an answer.
+                _ => break,
+            };
+            // Longer than the first two calls wait.
+            std::thread::sleep(std::time::Duration::from_millis(900));
+            let mut frame = [0; FRAME_LEN + 1];
+            let length = encode(&Message::Answer { sequence, answer }, &mut frame).expect("fits");
+            std::io::Write::write_all(&mut &line, &frame[..length]).expect("sent");
+        }
+        orders
+    });
+    let (mut client, identity) = Client::new(Port::open(&port).expect("opens")).expect("answers");
+    assert_eq!(identity.firmware, "late");
+    client.order(Command::Rest).expect("done");
+    let gone = client.status().expect_err("hung up").to_string();
+    assert!(gone.contains("the connection is gone"), "{gone}");
+    assert_eq!(peer.join().expect("no fault"), 1);
 }
 
 #[test]

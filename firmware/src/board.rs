@@ -5,6 +5,7 @@ use cortex_m::peripheral::{SCB, SYST};
 use dea_driver::server::Board;
 #[cfg(feature = "drills")]
 use dea_driver::wire::Drill;
+use dea_driver::wire::boards;
 use dea_driver::{Device, Store, StoreError};
 use rtic::Mutex;
 use stm32f4xx_hal::pac::IWDG;
@@ -14,8 +15,6 @@ use stm32f4xx_hal::watchdog::IndependentWatchdog;
 use crate::flash::ParameterFlash;
 use crate::panic::Message;
 
-/// What `host-sim export` takes by default.
-pub const ID: u16 = 0x0405;
 /// The slowest tick, Hz: the counter has 24 bits, and the watchdog waits for 50 ms.
 pub const MIN_RATE_HZ: f32 = 100.0;
 /// The fastest, Hz.
@@ -80,7 +79,7 @@ pub struct Background<'a, D, W> {
 
 impl<D: Mutex<T = Device>, W: Mutex<T = IndependentWatchdog>> Board for Background<'_, D, W> {
     type Flash = ParameterFlash;
-    const ID: u16 = ID;
+    const ID: u16 = boards::STM32F405;
 
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
         let reload = SYST::get_reload() + 1;

@@ -3,9 +3,9 @@
 use std::fs;
 
 use dea_driver::chips::CommandRange;
-use dea_driver::wire::{Answer, Command};
+use dea_driver::wire::{Answer, Command, boards};
 use dea_driver::{Blob, Controller, OnSensorFault};
-use host_sim::files::parameters::{Board, Parameters};
+use host_sim::files::parameters::Parameters;
 use springpot::{Law, Options, VoltageDrive};
 use tempfile::TempDir;
 use tests::tool::{names, text};
@@ -50,7 +50,7 @@ fn the_controller_runs_what_the_host_runs() {
     for preset in springpot::Preset::ALL {
         for rate in [200.0, 1000.0, 5000.0] {
             let blob = exported(&format!("preset:{}", preset.name()), &rate.to_string());
-            let blob = Blob::decode(&blob, Board::STM32F405).expect("valid");
+            let blob = Blob::decode(&blob, boards::STM32F405).expect("valid");
             let mut controller = Controller::new(blob);
             let parameters = Parameters::preset(preset.name()).expect("there");
             let law: Law<f32> = Law::compressed(&parameters.model, Options::at_step(1.0 / rate)).expect("valid");

@@ -1,7 +1,9 @@
 //! A board that ticks in a thread of this process, linked by TCP: the driver's own code around a simulated bench.
 
 use std::io::{ErrorKind, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpListener;
+#[cfg(target_os = "linux")]
+use std::os::fd::AsRawFd;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
@@ -9,11 +11,15 @@ use std::time::{Duration, Instant};
 
 use dea_driver::chips::{AdcCode, DacCode};
 use dea_driver::server::{Board, Session};
-use dea_driver::wire::{FRAME_LEN, Message, encode};
+use dea_driver::wire::{FRAME_LEN, Message, boards, encode};
 use dea_driver::{Device, Drive, Inputs, Store};
-use host_sim::files::parameters::Board as BoardTable;
+#[cfg(target_os = "linux")]
+use serial2::SerialPort;
 
 use crate::flash::Flash;
+
+/// Ticks that are late are made up for if it is not by more than this.
+const MOST_LATE: Duration = Duration::from_millis(50);
 
 /// What happens on the bench.
 #[derive(Clone, Copy, Debug)]
@@ -52,7 +58,34 @@ impl VirtualBoard {
         let ended = Arc::new(AtomicBool::new(false));
         let voltage = Arc::new(Mutex::new((0.0, 0.0)));
         let (flag, shown) = (Arc::clone(&ended), Arc::clone(&voltage));
-        let thread = Some(thread::spawn(move || run(&listener, scene, &flag, &shown)));
+        listener.set_nonblocking(true).expect("can be polled");
+        let accept = move || {
+            let (line, _) = listener.accept().ok()?;
+            line.set_nonblocking(false).expect("can be set");
+            line.set_read_timeout(Some(Duration::from_millis(1))).expect("can be set");
+            line.set_nodelay(true).expect("can be set");
+            Some(Box::new(line) as Box<dyn Line>)
+        };
+        let thread = Some(thread::spawn(move || run(accept, scene, &flag, &shown)));
+        Self { port, voltage, ended, thread }
+    }
+
+    /// The same at a pseudo-terminal, which host-sim opens as any serial port.
+    #[cfg(target_os = "linux")]
+    pub fn at_a_serial_port(scene: Scene) -> Self {
+        let (mut near, far) = SerialPort::pair().expect("a pseudo-terminal");
+        near.set_read_timeout(Duration::from_millis(1)).expect("can be set");
+        let link = format!("/proc/self/fd/{}", far.as_raw_fd());
+        let port = std::fs::read_link(link).expect("a path").to_string_lossy().into_owned();
+        let ended = Arc::new(AtomicBool::new(false));
+        let voltage = Arc::new(Mutex::new((0.0, 0.0)));
+        let (flag, shown) = (Arc::clone(&ended), Arc::clone(&voltage));
+        let mut near = Some(near);
+        let thread = Some(thread::spawn(move || {
+            // As long as this end is open, the port does not hang up when host-sim closes it.
+            let _far = far;
+            run(move || near.take().map(|line| Box::new(line) as Box<dyn Line>), scene, &flag, &shown);
+        }));
         Self { port, voltage, ended, thread }
     }
 
@@ -73,6 +106,11 @@ impl Drop for VirtualBoard {
     }
 }
 
+/// The board's end of a connection.
+trait Line: Read + Write {}
+
+impl<T: Read + Write> Line for T {}
+
 struct Bench {
     device: Device,
     store: Store<Flash>,
@@ -81,7 +119,7 @@ struct Bench {
 
 impl Board for Bench {
     type Flash = Flash;
-    const ID: u16 = BoardTable::STM32F405;
+    const ID: u16 = boards::STM32F405;
 
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
         (work(&mut self.device), 1)
@@ -106,29 +144,34 @@ impl Board for Bench {
     }
 }
 
-fn run(listener: &TcpListener, scene: Scene, ended: &AtomicBool, voltage: &Mutex<(f32, f32)>) {
-    listener.set_nonblocking(true).expect("can be polled");
+fn run(
+    mut accept: impl FnMut() -> Option<Box<dyn Line>>,
+    scene: Scene,
+    ended: &AtomicBool,
+    voltage: &Mutex<(f32, f32)>,
+) {
     let latched = if scene.panic_message.is_empty() { None } else { Some(dea_driver::Cause::Panic) };
-    let store = Store::new(Flash::new(), BoardTable::STM32F405).expect("two sectors");
+    let store = Store::new(Flash::new(), boards::STM32F405).expect("two sectors");
     let mut bench = Bench { device: Device::new(latched), store, scene };
     let mut session = Session::new("virtual");
-    let mut stream: Option<TcpStream> = None;
+    let mut stream: Option<Box<dyn Line>> = None;
     let mut drive = Drive::OFF;
-    let start = Instant::now();
-    let mut ticks = 0;
+    let mut due = Instant::now();
+    let mut ticks: u32 = 0;
     while !ended.load(Ordering::Relaxed) {
-        // A tick per millisecond; those that are late are made up for.
-        while ticks < start.elapsed().as_millis() {
+        // A tick per millisecond. Those that this machine is late with are made up for as long as they are few; more of them
+        // in a row, while what the host has sent waits, would look like a host that is silent.
+        let now = Instant::now();
+        due = due.max(now.checked_sub(MOST_LATE).unwrap_or(now));
+        while due <= now {
+            due += Duration::from_millis(1);
             ticks += 1;
-            drive = bench.device.tick(inputs(&scene, drive, ticks as u32));
+            drive = bench.device.tick(inputs(&scene, drive, ticks));
             let command_v = bench.device.status().command_v;
             let mut voltage = voltage.lock().expect("not poisoned");
             *voltage = (voltage.0.max(command_v), command_v);
         }
-        if let Ok((connected, _)) = listener.accept() {
-            connected.set_nonblocking(false).expect("can be set");
-            connected.set_read_timeout(Some(Duration::from_millis(1))).expect("can be set");
-            connected.set_nodelay(true).expect("can be set");
+        if let Some(connected) = accept() {
             stream = Some(connected);
         }
         let Some(line) = &mut stream else {
@@ -136,7 +179,7 @@ fn run(listener: &TcpListener, scene: Scene, ended: &AtomicBool, voltage: &Mutex
             continue;
         };
         while let Some(sample) = bench.device.sample() {
-            send(line, &Message::Telemetry(sample));
+            send(line.as_mut(), &Message::Telemetry(sample));
         }
         let mut bytes = [0; 512];
         match line.read(&mut bytes) {
@@ -145,7 +188,7 @@ fn run(listener: &TcpListener, scene: Scene, ended: &AtomicBool, voltage: &Mutex
             Ok(length) => {
                 for &byte in &bytes[..length] {
                     if let Some(message) = session.serve(byte, &mut bench) {
-                        send(line, &message);
+                        send(line.as_mut(), &message);
                     }
                 }
             }
@@ -153,7 +196,7 @@ fn run(listener: &TcpListener, scene: Scene, ended: &AtomicBool, voltage: &Mutex
     }
 }
 
-fn send(line: &mut TcpStream, message: &Message) {
+fn send(line: &mut dyn Line, message: &Message) {
     let mut frame = [0; FRAME_LEN + 1];
     let length = encode(message, &mut frame).expect("every message fits");
     // A host that has gone away is no fault of the board's.

@@ -14,8 +14,11 @@ use crate::interrupt::Child;
 
 /// Name of the emulator.
 const QEMU: &str = "qemu-system-arm";
-/// For so long it may take to start.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// How long it may take to start, and its image to answer, on a machine that is busy with other work. Nobody waits for as long
+/// as that for an emulator that has ended: its connection is gone then.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// QEMU's arguments for this image, which `firmware/emulate.sh` passes as well.
+const ARGUMENTS: &str = include_str!("../../../firmware/qemu.args");
 
 /// A running image; ends with this value.
 #[derive(Debug)]
@@ -49,11 +52,8 @@ impl Emulator {
         let listener = TcpListener::bind(("127.0.0.1", 0)).map_err(|e| fault(e.to_string()))?;
         let address = listener.local_addr().map_err(|e| fault(e.to_string()))?;
         let child = Command::new(QEMU)
-            .args(["-M", "olimex-stm32-h405", "-display", "none", "-monitor", "none", "-serial", "null"])
-            .arg("-serial")
-            .arg(format!("tcp:{address},nodelay=on"))
-            // The log goes to standard output. A nanosecond passes per instruction, so that they can be counted.
-            .args(["-semihosting-config", "enable=on,target=native", "-icount", "shift=0", "-kernel"])
+            .args(ARGUMENTS.split_whitespace())
+            .args(["-serial", &format!("tcp:{address},nodelay=on"), "-kernel"])
             .arg(image)
             .stdin(Stdio::null())
             .stdout(Stdio::null())
@@ -67,7 +67,7 @@ impl Emulator {
             match listener.accept() {
                 Ok((stream, _)) => {
                     stream.set_nonblocking(false).map_err(|e| fault(e.to_string()))?;
-                    return Ok((Self { _child: child }, Port::over_tcp(QEMU, stream)?));
+                    return Ok((Self { _child: child }, Port::over_tcp(QEMU, stream, PATIENCE)?));
                 }
                 Err(e) if e.kind() == ErrorKind::WouldBlock => {}
                 Err(e) => return Err(fault(e.to_string())),

@@ -17,14 +17,8 @@ pub use port::Port;
 
 use crate::error::{Error, Result};
 
-/// For so long an answer may take: the flash needs a second for two sectors.
-const PATIENCE: Duration = Duration::from_secs(5);
-
-/// And so long the first of all.
+/// A request that changes nothing is sent again after this time without an answer, then after twice as long, and so on.
 const CALL: Duration = Duration::from_millis(250);
-
-/// After so long without a message, whoever waits for one is asked again whether to wait.
-const MOMENT: Duration = Duration::from_millis(50);
 
 /// A conversation with a controller.
 #[derive(Debug)]
@@ -45,15 +39,7 @@ impl Client {
         let mut client = Self { port, receiver: Receiver::new(), sequence: 0, samples: VecDeque::new() };
         // What an earlier conversation left half said ends here.
         client.port.write(&[0])?;
-        // A board that is just starting does not hear the first calls.
-        let start = Instant::now();
-        let answer = loop {
-            match client.ask_within(Command::Identify, CALL) {
-                Err(_) if start.elapsed() < PATIENCE => {}
-                answer => break answer?,
-            }
-        };
-        let identity = match answer {
+        let identity = match client.ask(Command::Identify)? {
             Answer::Identity(identity) => identity,
             other => return Err(client.unexpected(&other)),
         };
@@ -72,34 +58,55 @@ impl Client {
         &mut self.port
     }
 
-    /// Sends a command and waits for its answer.
+    /// Sends a command and waits for its answer, for as long as the port's [`patience`](Port::patience).
+    ///
+    /// A request that changes nothing is sent again if no answer comes: a board that is just starting does not receive the
+    /// first ones. Any other is sent once, since an answer that is late or lost does not tell whether it was obeyed.
     ///
     /// # Errors
     ///
-    /// [`Error::Link`] where none comes, or the request was damaged on its way.
+    /// [`Error::Link`] where no answer comes, or the request was damaged on its way.
     pub fn ask(&mut self, command: Command) -> Result<Answer> {
-        self.ask_within(command, PATIENCE)
-    }
-
-    fn ask_within(&mut self, command: Command, patience: Duration) -> Result<Answer> {
-        self.sequence = self.sequence.wrapping_add(1).max(1);
-        let mut frame = [0; FRAME_LEN + 1];
-        let request = Request { sequence: self.sequence, command };
-        let length = encode(&request, &mut frame).map_err(|e| self.fault(format!("{e:?}")))?;
-        self.port.write(&frame[..length])?;
-        let start = Instant::now();
-        while start.elapsed() < patience {
-            match self.receive()? {
-                Some(Message::Answer { sequence, answer }) if sequence == self.sequence => return Ok(answer),
-                Some(Message::Answer { sequence: 0, answer: Answer::Rejected(reject) }) => {
-                    return Err(
-                        self.fault(format!("the request did not arrive as it was sent ({reject:?}); check the wire"))
-                    );
+        let deadline = Instant::now() + self.port.patience();
+        let repeats = changes_nothing(&command);
+        let mut request = Request { sequence: self.sequence, command };
+        let mut sent = Vec::new();
+        let mut rejected = None;
+        let mut call = CALL;
+        loop {
+            request.sequence = request.sequence.wrapping_add(1).max(1);
+            self.sequence = request.sequence;
+            sent.push(request.sequence);
+            self.send(&request)?;
+            let until = if repeats { deadline.min(Instant::now() + call) } else { deadline };
+            call *= 2;
+            while let Some(message) = self.receive(until)? {
+                match message {
+                    // A late answer to an earlier call is as good.
+                    Message::Answer { sequence, answer } if sent.contains(&sequence) => return Ok(answer),
+                    Message::Answer { sequence: 0, answer: Answer::Rejected(reject) } => {
+                        rejected = Some(reject);
+                        if !repeats {
+                            break;
+                        }
+                    }
+                    Message::Answer { .. } => {}
+                    Message::Telemetry(sample) => self.samples.push_back(sample),
                 }
-                _ => {}
+            }
+            if !repeats || Instant::now() >= deadline {
+                return Err(self.fault(match rejected {
+                    Some(reject) => format!("the request did not arrive as it was sent ({reject:?}); check the wire"),
+                    None => "nobody answers; is the board powered, and is this its port?".into(),
+                }));
             }
         }
-        Err(self.fault("nobody answers; is the board powered, and is this its port?"))
+    }
+
+    fn send(&mut self, request: &Request) -> Result<()> {
+        let mut frame = [0; FRAME_LEN + 1];
+        let length = encode(request, &mut frame).map_err(|e| self.fault(format!("{e:?}")))?;
+        self.port.write(&frame[..length])
     }
 
     /// Sends a command that is either done or not.
@@ -152,34 +159,30 @@ impl Client {
         }
     }
 
-    /// The next sample of a stream, if one has come.
+    /// The next sample of a stream; nothing if none comes before `deadline`.
     ///
     /// # Errors
     ///
     /// [`Error::Link`] for a port that fails.
-    pub fn sample(&mut self) -> Result<Option<Sample>> {
-        if self.samples.is_empty() {
-            self.receive()?;
+    pub fn sample(&mut self, deadline: Instant) -> Result<Option<Sample>> {
+        if let Some(sample) = self.samples.pop_front() {
+            return Ok(Some(sample));
         }
-        Ok(self.samples.pop_front())
+        while let Some(message) = self.receive(deadline)? {
+            // An answer that comes now is too late: nobody waits for it any more.
+            if let Message::Telemetry(sample) = message {
+                return Ok(Some(sample));
+            }
+        }
+        Ok(None)
     }
 
-    /// The next answer, after the samples that came before it; nothing if the line is silent for a moment, or says nothing
-    /// that could be understood for a while.
-    fn receive(&mut self) -> Result<Option<Message>> {
-        let start = Instant::now();
-        while let Some(byte) = self.port.byte()? {
-            match self.receiver.push(byte) {
-                Some(Ok(Message::Telemetry(sample))) => {
-                    self.samples.push_back(sample);
-                    return Ok(None);
-                }
-                Some(Ok(message)) => return Ok(Some(message)),
-                // What was damaged on its way is asked for again by whoever misses it.
-                Some(Err(_)) | None => {}
-            }
-            if start.elapsed() > MOMENT {
-                break;
+    /// The next message; nothing if none comes before `deadline`.
+    fn receive(&mut self, deadline: Instant) -> Result<Option<Message>> {
+        while let Some(byte) = self.port.byte(deadline)? {
+            // A message that was damaged on its way is missed by whoever waits for it.
+            if let Some(Ok(message)) = self.receiver.push(byte) {
+                return Ok(Some(message));
             }
         }
         Ok(None)
@@ -212,6 +215,11 @@ impl Client {
             other => format!("unexpected answer {other:?}"),
         })
     }
+}
+
+/// Whether a request may be obeyed twice without anybody noticing.
+fn changes_nothing(command: &Command) -> bool {
+    matches!(command, Command::Identify | Command::Status | Command::Query | Command::PanicMessage)
 }
 
 /// A state in words.

@@ -3,25 +3,42 @@
 use std::fmt;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
-use std::time::Duration;
+use std::thread;
+use std::time::{Duration, Instant};
 
+use dea_driver::wire::BAUD;
 use serial2::SerialPort;
 
 use crate::error::{Error, Result};
 
-/// As the firmware has it.
-const BAUD: u32 = 460_800;
-/// For so long a connection may take.
-const PATIENCE: Duration = Duration::from_secs(5);
-/// After so long without a byte the line is silent.
-const SILENCE: Duration = Duration::from_millis(5);
+/// How long a connection may take.
+const CONNECTING: Duration = Duration::from_secs(5);
+/// How long a board may take to answer: its flash needs two seconds for two sectors.
+const OF_A_BOARD: Duration = Duration::from_secs(5);
+/// The same of whoever is behind a TCP connection: it may be an emulator on a busy machine.
+const OF_A_CONNECTION: Duration = Duration::from_secs(10);
+/// Bytes per second that are read at the most: ten times what the line brings. A peer that floods a connection is slowed down
+/// to this, so that reading it takes a few per cent of a core.
+const FASTEST: f64 = BAUD as f64;
+/// Bytes that are read at once.
+const BUFFER: usize = 4096;
+/// The least time between two reads. An emulator sends byte by byte: each would cost a system call and a change of task.
+const GATHERING: Duration = Duration::from_micros(100);
+/// The longest wait of a single read. A wait until a deadline is made of these, so that the port's timeout is rarely set.
+const SLICE: Duration = Duration::from_millis(100);
 
 /// A line of bytes to a controller.
 pub struct Port {
     name: String,
     line: Line,
+    patience: Duration,
+    /// The timeout of a read that is set now.
+    timeout: Duration,
     buffer: Vec<u8>,
     next: usize,
+    /// Bytes that may be read now without exceeding [`FASTEST`], as of `read_at`.
+    credit: f64,
+    read_at: Instant,
 }
 
 enum Line {
@@ -47,8 +64,8 @@ impl Port {
             let expected = |e: io::Error| fault(format!("{e}; tcp:HOST:PORT is expected"));
             let mut addresses = address.to_socket_addrs().map_err(expected)?;
             let address = addresses.next().ok_or_else(|| fault("there is no such host".into()))?;
-            let stream = TcpStream::connect_timeout(&address, PATIENCE).map_err(expected)?;
-            return Self::over_tcp(name, stream);
+            let stream = TcpStream::connect_timeout(&address, CONNECTING).map_err(expected)?;
+            return Self::over_tcp(name, stream, OF_A_CONNECTION);
         }
         let mut port = SerialPort::open(name, BAUD).map_err(|e| {
             let known = SerialPort::available_ports().unwrap_or_default();
@@ -57,25 +74,27 @@ impl Port {
                 if known.is_empty() { "there is none here".into() } else { format!("there are {}", known.join(", ")) };
             fault(format!("{e}; a serial port is expected ({known}) or tcp:HOST:PORT"))
         })?;
-        port.set_read_timeout(SILENCE).and_then(|()| port.discard_buffers()).map_err(|e| fault(e.to_string()))?;
-        Ok(Self::new(name, Line::Serial(port)))
+        port.set_write_timeout(OF_A_BOARD).and_then(|()| port.discard_buffers()).map_err(|e| fault(e.to_string()))?;
+        Ok(Self::new(name, Line::Serial(port), OF_A_BOARD))
     }
 
-    /// A connection that stands already.
+    /// A connection that stands already, to a peer that answers within `patience`.
     ///
     /// # Errors
     ///
     /// [`Error::Link`] where it cannot be set up.
-    pub fn over_tcp(name: &str, stream: TcpStream) -> Result<Self> {
+    pub fn over_tcp(name: &str, stream: TcpStream, patience: Duration) -> Result<Self> {
         stream
             .set_nodelay(true)
-            .and_then(|()| stream.set_read_timeout(Some(SILENCE)))
+            .and_then(|()| stream.set_write_timeout(Some(patience)))
             .map_err(|e| Error::Link { port: name.into(), cause: e.to_string() })?;
-        Ok(Self::new(name, Line::Tcp(stream)))
+        Ok(Self::new(name, Line::Tcp(stream), patience))
     }
 
-    fn new(name: &str, line: Line) -> Self {
-        Self { name: name.into(), line, buffer: Vec::new(), next: 0 }
+    fn new(name: &str, line: Line, patience: Duration) -> Self {
+        let (credit, read_at) = (BUFFER as f64, Instant::now());
+        let (timeout, buffer) = (Duration::ZERO, Vec::new());
+        Self { name: name.into(), line, patience, timeout, buffer, next: 0, credit, read_at }
     }
 
     /// What it is called.
@@ -83,11 +102,16 @@ impl Port {
         &self.name
     }
 
+    /// How long an answer may take here.
+    pub fn patience(&self) -> Duration {
+        self.patience
+    }
+
     /// Sends `bytes`.
     ///
     /// # Errors
     ///
-    /// [`Error::Link`] for a line that is cut.
+    /// [`Error::Link`] for a line that is cut, or a peer that takes nothing for as long as an answer may take.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let written = match &mut self.line {
             Line::Serial(port) => port.write_all(bytes),
@@ -96,35 +120,77 @@ impl Port {
         written.map_err(|e| self.cut(&e))
     }
 
-    /// The next byte; nothing if the line is silent for a moment.
+    /// The next byte; nothing if none comes before `deadline`. Bytes that have come already are given after it as well.
     ///
     /// # Errors
     ///
     /// [`Error::Link`] for a line that is cut.
-    pub fn byte(&mut self) -> Result<Option<u8>> {
-        if self.next == self.buffer.len() {
-            self.next = 0;
-            self.buffer.resize(4096, 0);
-            let read = match &mut self.line {
-                Line::Serial(port) => port.read(&mut self.buffer),
-                Line::Tcp(stream) => stream.read(&mut self.buffer),
-            };
-            let length = match read {
-                Ok(0) => Err(io::Error::from(ErrorKind::UnexpectedEof)),
-                Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => {
-                    Ok(0)
-                }
-                other => other,
-            };
-            let length = length.map_err(|e| self.cut(&e))?;
-            self.buffer.truncate(length);
+    pub fn byte(&mut self, deadline: Instant) -> Result<Option<u8>> {
+        while self.next == self.buffer.len() {
+            let now = Instant::now();
+            if now >= deadline {
+                return Ok(None);
+            }
+            self.fill(deadline - now)?;
         }
         let byte = self.buffer.get(self.next).copied();
-        self.next += usize::from(byte.is_some());
+        self.next += 1;
         Ok(byte)
     }
 
+    /// Reads what has come, waiting for `remaining` at the most.
+    fn fill(&mut self, remaining: Duration) -> Result<()> {
+        if let Some(rest) = GATHERING.checked_sub(self.read_at.elapsed()) {
+            thread::sleep(rest);
+        }
+        // Ports count milliseconds, and take 0 for no wait at all.
+        self.set_timeout(remaining.clamp(Duration::from_millis(1), SLICE)).map_err(|e| self.cut(&e))?;
+        self.next = 0;
+        self.buffer.resize(BUFFER, 0);
+        let read = match &mut self.line {
+            Line::Serial(port) => port.read(&mut self.buffer),
+            Line::Tcp(stream) => stream.read(&mut self.buffer),
+        };
+        let length = match read {
+            Ok(0) => Err(io::Error::from(ErrorKind::UnexpectedEof)),
+            Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => Ok(0),
+            other => other,
+        };
+        self.buffer.truncate(*length.as_ref().unwrap_or(&0));
+        let length = length.map_err(|e| self.cut(&e))?;
+        self.slow_down(length);
+        Ok(())
+    }
+
+    fn set_timeout(&mut self, timeout: Duration) -> io::Result<()> {
+        if timeout != self.timeout {
+            match &mut self.line {
+                Line::Serial(port) => port.set_read_timeout(timeout)?,
+                Line::Tcp(stream) => stream.set_read_timeout(Some(timeout))?,
+            }
+            self.timeout = timeout;
+        }
+        Ok(())
+    }
+
+    /// Sleeps while a peer that sent `length` bytes more is faster than [`FASTEST`]: for some 10 ms at the most.
+    fn slow_down(&mut self, length: usize) {
+        let now = Instant::now();
+        let earned = now.duration_since(self.read_at).as_secs_f64() * FASTEST;
+        self.read_at = now;
+        self.credit = (self.credit + earned).min(BUFFER as f64) - length as f64;
+        if self.credit < 0.0 {
+            thread::sleep(Duration::from_secs_f64(-self.credit / FASTEST));
+        }
+    }
+
     fn cut(&self, error: &io::Error) -> Error {
-        Error::Link { port: self.name.clone(), cause: format!("the connection is gone ({error})") }
+        let cause = match error.kind() {
+            ErrorKind::WouldBlock | ErrorKind::TimedOut => {
+                format!("nothing that is sent is taken within {} s", self.patience.as_secs())
+            }
+            _ => format!("the connection is gone ({error})"),
+        };
+        Error::Link { port: self.name.clone(), cause }
     }
 }

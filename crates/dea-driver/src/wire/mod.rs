@@ -14,3 +14,13 @@ pub use message::{
 
 /// The version of the protocol.
 pub const VERSION: u8 = 1;
+
+/// Baud rate of the serial line, 8N1. 42 MHz, the clock of the STM32F405's USART, divides to it within 0.2 %, and common USB
+/// adapters support it.
+pub const BAUD: u32 = 460_800;
+
+/// Boards that this repository has firmware for: the number in [`Identity::board`] and in the header of a blob.
+pub mod boards {
+    /// The STM32F405 of the crate `firmware`.
+    pub const STM32F405: u16 = 0x0405;
+}

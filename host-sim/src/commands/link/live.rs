@@ -104,7 +104,8 @@ impl Stream {
                     break;
                 }
             }
-            if let Some(sample) = client.sample()? {
+            // What has come, until the next value is due.
+            while let Some(sample) = client.sample(start + next)? {
                 log.samples.push(sample);
                 let Sample { command_v, monitor_v, displacement_m, predicted_m, .. } = sample;
                 bar.set_message(format!(

@@ -123,6 +123,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
                 let (_emulator, port) = Emulator::start(&image)?;
                 test.run(task, &mut test.connect(port)?)
             };
+            // No more emulators at once than there are cores. Nothing that is compared depends on time, and the emulator's
+            // port waits long enough for one that is starved.
             tasks.par_iter().map(emulated).collect::<Result<Vec<Run>>>()?
         }
     };

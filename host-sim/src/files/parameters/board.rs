@@ -1,6 +1,7 @@
 //! What a board needs to know besides actuator and model: its converters, and what film and bench allow.
 
 use dea_driver::chips::{Calibration, CommandRange};
+use dea_driver::wire::boards;
 use dea_driver::{
     BLOB_LEN, BlobError, Control, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters,
     PlausibilityLimits,
@@ -34,15 +35,12 @@ pub struct Board {
 }
 
 impl Board {
-    /// The board of the firmware in this repository.
-    pub const STM32F405: u16 = 0x0405;
-
     /// A bench like the paper's around `actuator`: 6 kV from an amplifier and a monitor of 1000:1 on 0…10 V, a sensor of
     /// 1 mm/V, and limits on the safe side of them.
     pub fn bench(actuator: &Actuator) -> Self {
         let thickness_m = actuator.thickness_m as f32;
         Self {
-            id: Self::STM32F405,
+            id: boards::STM32F405,
             command_range: CommandRange::TenVolts,
             amplifier: Calibration::linear(1000.0),
             monitor: Calibration::linear(1000.0),

@@ -1,0 +1,61 @@
+//! What QEMU's chip lacks: a line with a baud rate, and ticks that come in time.
+//!
+//! Under `-icount` an instruction takes a nanosecond of the chip's time, however busy the machine is. Two things still depend on
+//! the machine, and would end a run that is right on a board:
+//!
+//! - QEMU's USART has no baud rate. Bytes arrive as fast as the host writes them, in interrupts above the tick. Here no more
+//!   are read in a tick than the line brings: QEMU keeps the next byte back until the last one has been read.
+//! - While the core sleeps, the chip's time follows the machine's. A machine that wakes the emulator late lets a tick start
+//!   late, or leaves out several. A tick that starts shortly before the next one is due would be taken for one that lasts too
+//!   long. Here the period begins anew with every tick, so that an overrun means what it means on a board: the tick itself
+//!   took longer than its period.
+
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use cortex_m::peripheral::{SCB, SYST};
+use dea_driver::wire::BAUD;
+use stm32f4xx_hal::hal_02::serial::Read;
+use stm32f4xx_hal::nb;
+use stm32f4xx_hal::pac::{Interrupt, USART2};
+use stm32f4xx_hal::prelude::*;
+use stm32f4xx_hal::serial::{Error, Event, Serial};
+
+use crate::clock::CORE_HZ;
+
+/// Cycles of the core that a byte takes on the line: ten bits.
+const CYCLES_PER_BYTE: u32 = CORE_HZ / (BAUD / 10);
+
+/// Bytes that the line may still bring before the next tick.
+static ALLOWED: AtomicU32 = AtomicU32::new(0);
+/// Whether a byte waits for the next tick.
+static WAITING: AtomicBool = AtomicBool::new(false);
+
+/// A tick begins: its period starts now, and the line goes on.
+pub fn begin_tick() {
+    // SAFETY: writing the current value only restarts the counter, which whoever owns the timer reads as a shorter tick; no
+    // time is measured across the start of a tick.
+    unsafe { (*SYST::PTR).cvr.write(0) };
+    SCB::clear_pendst();
+    ALLOWED.store((SYST::get_reload() + 1) / CYCLES_PER_BYTE, Ordering::Relaxed);
+    if WAITING.load(Ordering::Relaxed) {
+        rtic::pend(Interrupt::USART2);
+    }
+}
+
+/// The byte that has come, if the line could have brought it by now.
+pub fn read(serial: &mut Serial<USART2>) -> nb::Result<u8, Error> {
+    let allowed = ALLOWED.load(Ordering::Relaxed);
+    if allowed == 0 {
+        // It stays where it is until the next tick.
+        serial.unlisten(Event::RxNotEmpty);
+        WAITING.store(true, Ordering::Relaxed);
+        return Err(nb::Error::WouldBlock);
+    }
+    if WAITING.load(Ordering::Relaxed) {
+        WAITING.store(false, Ordering::Relaxed);
+        serial.listen(Event::RxNotEmpty);
+    }
+    let byte = Read::read(serial)?;
+    ALLOWED.store(allowed - 1, Ordering::Relaxed);
+    Ok(byte)
+}
