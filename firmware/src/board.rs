@@ -2,9 +2,9 @@
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
-use dea_driver::link::{Board, boards};
 #[cfg(feature = "drills")]
 use dea_driver::link::Drill;
+use dea_driver::link::{Board, boards};
 use dea_driver::{Device, Store, StoreError};
 use rtic::Mutex;
 use stm32f4xx_hal::pac::IWDG;
