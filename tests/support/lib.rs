@@ -5,6 +5,8 @@ pub mod defining_sum;
 pub mod flash;
 #[path = "../../crates/springpot/tests/it/support/models.rs"]
 mod models;
+#[path = "../../crates/springpot/tests/it/support/sweep.rs"]
+pub mod sweep;
 pub mod tool;
 pub mod virtual_board;
 

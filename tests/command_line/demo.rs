@@ -5,9 +5,9 @@ use std::path::Path;
 
 use tempfile::TempDir;
 use tests::recordings;
-use tests::tool::{Tool, names, text};
+use tests::tool::{names, text};
 
-const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
+use crate::TOOL;
 
 /// The rows of a CSV, without comments.
 fn rows(path: &Path) -> Vec<String> {
@@ -23,7 +23,7 @@ fn the_readme_shows_what_the_demo_prints() {
     let printed = TOOL.with(&["demo"]).current_dir(folder.path()).assert().success().get_output().stdout.clone();
     let printed = String::from_utf8(printed).expect("UTF-8");
     println!("{printed}");
-    let readme = include_str!("../README.md");
+    let readme = include_str!("../../README.md");
     let (_, shown) = readme.split_once("The first prints\n\n```text\n").expect("the README shows it");
     let (shown, _) = shown.split_once("```").expect("the block ends");
     assert_eq!(printed.lines().count(), shown.lines().count());
@@ -52,14 +52,19 @@ fn simulated_recordings_are_fitted_replayed_and_followed() {
     assert_eq!((report["simulated"].as_bool(), report["interrupted"].as_bool()), (Some(true), Some(false)));
 
     // The recordings are those that other tests use.
-    for (ours, path) in ["recording-5s.csv", "recording-7s.csv", "recording-13s.csv"].iter().zip(recordings("hossain")) {
+    for (ours, path) in ["recording-5s.csv", "recording-7s.csv", "recording-13s.csv"].iter().zip(recordings("hossain"))
+    {
         assert!(rows(&out.join(ours)) == rows(&path), "{ours}");
     }
     assert!(fs::read_to_string(out.join("report.html")).expect("written").contains("<svg"));
 
     // `replay` prints the same with the parameters that were written.
-    let files: Vec<String> =
-        report["recordings"].as_array().expect("rows").iter().map(|row| row["file"].as_str().expect("a name").into()).collect();
+    let files: Vec<String> = report["recordings"]
+        .as_array()
+        .expect("rows")
+        .iter()
+        .map(|row| row["file"].as_str().expect("a name").into())
+        .collect();
     let film = out.join("film.toml");
     let mut replay = vec!["replay", "--params", text(&film)];
     replay.extend(files.iter().map(String::as_str));
@@ -101,7 +106,8 @@ fn recordings_of_a_user_are_fitted_and_get_a_voltage() {
     assert_eq!(report["reference"]["check"]["feasible"].as_bool(), Some(true));
     // The film behind these recordings is not known to the demo.
     assert_eq!(report["closed_loop"].as_array().map(Vec::len), Some(0));
-    let mut written: Vec<_> = fs::read_dir(&out).expect("a folder").map(|entry| entry.expect("a file").file_name()).collect();
+    let mut written: Vec<_> =
+        fs::read_dir(&out).expect("a folder").map(|entry| entry.expect("a file").file_name()).collect();
     written.sort();
     assert_eq!(written, ["film.toml", "reference.csv", "report.html", "voltage.csv"]);
 }
