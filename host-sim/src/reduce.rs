@@ -61,16 +61,16 @@ pub fn reduced(model: &Maxwell, criterion: Criterion) -> Result<Reduction, Model
         drop_stiff(chain, share, &places, &mut steps);
     }
     // Chains of one springpot are in parallel to the main one.
-    let mut beside: Series = vec![main];
+    let mut parallel: Series = vec![main];
     chains.retain(|chain| {
         if let [single] = chain.as_slice() {
-            beside.push(*single);
+            parallel.push(*single);
         }
         chain.len() > 1
     });
-    merge(&mut beside, |a, b| a + b, "side by side", &mut steps);
-    main = beside.remove(0);
-    chains.extend(beside.into_iter().map(|single| vec![single]));
+    merge(&mut parallel, |a, b| a + b, "in parallel", &mut steps);
+    main = parallel.remove(0);
+    chains.extend(parallel.into_iter().map(|single| vec![single]));
     drop_soft(main, &mut chains, share, &places, &mut steps);
     let reduced = ordered(&assembled(main, &chains, model.topology(), model.mass_kg())?)?;
     let change = places
@@ -157,7 +157,7 @@ fn drop_stiff(chain: &mut Series, share: f64, places: &[Complex<f64>], steps: &m
             return;
         }
         let Springpot { c, alpha } = chain.remove(least);
-        steps.push(format!("drop c = {c:.4e}, alpha = {alpha}: too stiff to yield beside what is in series with it"));
+        steps.push(format!("drop c = {c:.4e}, alpha = {alpha}: too stiff to have an effect in its chain"));
     }
 }
 
@@ -172,7 +172,7 @@ fn drop_soft(main: Springpot, chains: &mut Vec<Series>, share: f64, places: &[Co
             places.iter().zip(&whole).map(|(&s, whole)| (modulus(chain, s) / whole).norm()).fold(0.0, f64::max);
         if effect <= share {
             let names: Vec<String> = chain.iter().map(|e| format!("c = {:.4e}, alpha = {}", e.c, e.alpha)).collect();
-            steps.push(format!("drop the branch of {}: too soft to be felt", names.join(" with ")));
+            steps.push(format!("drop the branch of {}: too soft to have an effect", names.join(" with ")));
         }
         effect > share
     });

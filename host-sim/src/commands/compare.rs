@@ -16,13 +16,13 @@ use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// File whose actuator table is taken: geometry, permittivity, mass, preload. If left out it is the paper's.
+    /// File with the actuator table: geometry, permittivity, mass, preload. The default is the paper's.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Seed of the random starts.
     #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
     seed: u64,
-    /// Random starts of every structure.
+    /// Random starts per structure.
     #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
     starts: usize,
     /// Recordings to fit, driven by voltage or force.

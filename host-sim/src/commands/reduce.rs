@@ -19,10 +19,10 @@ pub(super) struct Arguments {
     /// Where the reduced parameters go.
     #[arg(long, value_name = "P.toml")]
     out: PathBuf,
-    /// Lowest frequency at which the response is to stay.
+    /// Lowest frequency at which the response must stay the same.
     #[arg(long, value_name = "HZ", default_value_t = Criterion::default().from_hz)]
     from: f64,
-    /// Highest frequency at which the response is to stay.
+    /// Highest frequency at which the response must stay the same.
     #[arg(long, value_name = "HZ", default_value_t = Criterion::default().to_hz)]
     to: f64,
     /// Largest relative change of the dynamic modulus between them.
@@ -54,7 +54,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
     let reduction = reduce::reduced(&parameters.model, criterion)?;
     let branches_before = parameters.model.branches().len();
-    // Intervals are of quantities that now have other names.
+    // The intervals are of the elements before the reduction.
     if let Some(provenance) = &mut parameters.provenance {
         provenance.remove("intervals_95_pct");
     }

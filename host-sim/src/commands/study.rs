@@ -21,7 +21,7 @@ pub(super) struct Arguments {
     /// Folder for the page (study.html), the tables (study.md) and the figures (SVG and PNG).
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// File whose actuator table is taken: geometry, permittivity, mass, preload.
+    /// File with the actuator table: geometry, permittivity, mass, preload. The default is the paper's.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Seed of the random starts.

@@ -24,7 +24,7 @@ const MOST_SAMPLES: usize = 1 << 22;
 
 fn too_long(name: &str, samples: f64) -> Error {
     Error::Computation(format!(
-        "{name}: {samples:.0} steps at its usual rate; a fit takes {MOST_SAMPLES} at the most, cut the recording or thin it"
+        "{name}: {samples:.0} steps at its median rate; a fit is limited to {MOST_SAMPLES}, cut the recording or thin it"
     ))
 }
 

@@ -94,7 +94,7 @@ fn check(path: &Path, direction: Direction, measured: &Samples, drive: &Samples)
         return Err(Error::file(path, cause));
     }
     if range(&drive.value) == (0.0, 0.0) {
-        return Err(Error::file(path, "what drives the film is 0 throughout; there is nothing to fit"));
+        return Err(Error::file(path, "the input is 0 throughout; there is nothing to fit"));
     }
     Ok(())
 }
@@ -102,7 +102,7 @@ fn check(path: &Path, direction: Direction, measured: &Samples, drive: &Samples)
 /// The first gap in the input.
 fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<String> {
     let (step, time) = steps.iter().zip(&drive.time_s).find(|&(&step, _)| step > 5.0 * median_step_s)?;
-    Some(format!("a gap of {step:.3} s at {time:.3} s; what drives the film is interpolated across it"))
+    Some(format!("a gap of {step:.3} s at {time:.3} s; the input is interpolated across it"))
 }
 
 /// Measured values that repeat at the ends of their range.

@@ -90,7 +90,7 @@ impl Settings {
         if self.freed.iter().filter(|v| v.force_exponent().is_some()).count() > 1 {
             return Err(Error::option(
                 "--free",
-                "permittivity, length, width and thickness only scale the force; free one of them at the most",
+                "permittivity, length, width and thickness only scale the force; free at most one of them",
             ));
         }
         Ok(())

@@ -10,14 +10,14 @@ use crate::files::recording::Input;
 /// Inputs that do not vary.
 pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<String>) {
     if !excitation.varies {
-        warnings.push("what drives the film is constant: only creep under this one load is seen".into());
+        warnings.push("the input is constant: the recordings show creep under one load only".into());
     }
 }
 
 /// A search that did not converge.
 pub fn of_convergence(converged: bool, warnings: &mut Vec<String>) {
     if !converged {
-        warnings.push("the search ran out of iterations; --start with this result goes on".into());
+        warnings.push("the search ran out of iterations; continue it with --start and this result".into());
     }
 }
 
@@ -34,14 +34,14 @@ pub fn of_uncertainty(uncertainty: &Uncertainty, residuals: &[f64], warnings: &m
         .collect();
     if !at_bound.is_empty() {
         let idle = at_bound.iter().any(|name| name.contains(".c = "));
-        let mend = if idle { "; a branch whose c is on its bound does nothing: fewer branches will do" } else { "" };
+        let mend = if idle { "; a branch whose c is on its bound has no effect: fewer branches will do" } else { "" };
         warnings.push(format!("on their bounds: {}{mend}", at_bound.join(", ")));
     }
     if !uncertainty.white {
         let rms = (residuals.iter().map(|r| r * r).sum::<f64>() / residuals.len() as f64).sqrt();
         warnings.push(format!(
-            "the residuals (RMS {rms:.2e}) are not white (autocorrelation {:.2} at lag one): the model leaves something out, \
-             and the intervals count {:.0} independent samples instead of {}",
+            "the residuals (RMS {rms:.2e}) are not white (autocorrelation {:.2} at lag one): the model is incomplete, and the \
+             intervals count {:.0} independent samples instead of {}",
             uncertainty.lag_one,
             uncertainty.effective_samples,
             residuals.len()
@@ -57,8 +57,8 @@ pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<String>) {
     let limit = 6.0 * loss::robust_deviation(&centred);
     let outliers = centred.iter().filter(|r| r.abs() > limit).count();
     if outliers > 0 && limit > 0.0 {
-        let mend = if loss == Loss::Square { "; --loss huber keeps them from pulling" } else { "" };
-        warnings.push(format!("{outliers} values lie far off (more than 6 standard deviations){mend}"));
+        let mend = if loss == Loss::Square { "; --loss huber reduces their effect" } else { "" };
+        warnings.push(format!("{outliers} outliers (more than 6 standard deviations){mend}"));
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! After J. Zou and G. Gu, "Modeling the Viscoelastic Hysteresis of Dielectric Elastomer Actuators with a Modified
 //! Rate-Dependent Prandtl–Ishlinskii Model", Polymers 2018, 10, 525, as used for feedforward control: a cubic polynomial
-//! of the input beside one-sided play operators whose thresholds grow with the input's rate,
+//! of the input plus one-sided play operators whose thresholds grow with the input's rate,
 //!
 //! ```text
 //! x = a₁ u + a₂ u² + a₃ u³ + Σ_i b_i P_i + x₀,     P_i ← max(u − r_i, min(u, P_i)),     r_i = i/(n+1) + β |u̇|,     b_i ≥ 0

@@ -9,9 +9,8 @@ use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::files::recording::Recording;
 use crate::fit::candidate::{Candidate, Variable};
-use crate::fit::loss::Loss;
 use crate::fit::observation::{self, Direction, Observation};
-use crate::fit::{Method, Settings};
+use crate::fit::{Loss, Method, Settings};
 
 /// Options of a fit.
 #[derive(Clone, Debug, Args)]
@@ -25,7 +24,7 @@ pub(super) struct FitOptions {
     /// How parameters are searched for.
     #[arg(long, value_enum, default_value_t = Method::Lm)]
     method: Method,
-    /// What drives the model.
+    /// Input of the model.
     #[arg(long, value_enum, default_value_t = Direction::Force)]
     drive: Direction,
     /// Fit this too: stretch_coupling and offset_m (freed by default), mass_kg, or one of relative_permittivity,
@@ -35,23 +34,23 @@ pub(super) struct FitOptions {
     /// Do not fit this: stretch_coupling, offset_m, or with --start an element as warnings name it, such as main.alpha.
     #[arg(long, value_name = "NAME")]
     hold: Vec<String>,
-    /// File whose actuator table is taken: geometry, permittivity, mass, preload, coupling. If left out it is the
-    /// paper's, without mass where displacement drives.
+    /// File with the actuator table: geometry, permittivity, mass, preload, coupling. The default is the paper's, without
+    /// mass if displacement drives.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
-    /// Parameters to begin from, instead of random starts; they also give branches and topology.
+    /// Start parameters, instead of random starts; they also give branches and topology.
     #[arg(long, value_name = "P", conflicts_with_all = ["actuator", "branches"])]
     start: Option<String>,
-    /// How residuals count.
+    /// Loss function of the residuals.
     #[arg(long, value_enum, default_value_t = Loss::Square)]
     loss: Loss,
-    /// How much each recording counts, in their order.
+    /// Weight of each recording, in their order.
     #[arg(long, value_name = "W,W,…", value_delimiter = ',')]
     weights: Vec<f64>,
     /// Seed of the random starts.
     #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
     seed: u64,
-    /// Random starts of every structure.
+    /// Random starts per structure.
     #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
     starts: usize,
 }
