@@ -25,8 +25,8 @@ mod whiteness;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
-use observation::Observation;
 pub use loss::Loss;
+use observation::Observation;
 pub use outcome::Fit;
 use search::{Context, Found, PreparedObservations};
 pub use selection::StructureRow;
