@@ -51,7 +51,7 @@ impl Subject {
         let settings = FitSettings {
             topologies: vec![Topology::Parallel],
             branches: vec![4],
-            judge: false,
+            uncertainty: false,
             ..FitSettings::default()
         };
         let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ())?.candidate;
@@ -176,7 +176,7 @@ fn lost_sensor(path: &Path, subject: &Subject) -> host_sim::Result<()> {
     )
 }
 
-/// A reference that wants more than there is: from far up almost down to nought, and a jump.
+/// A reference beyond the limits: from a large displacement almost to zero, and a jump.
 fn limits(path: &Path, subject: &Subject) -> host_sim::Result<()> {
     let grid = Grid::covering(30.0, 1000.0)?;
     let reference = (0..grid.samples)

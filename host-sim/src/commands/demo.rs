@@ -4,13 +4,12 @@ mod table;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 
 use clap::Args;
 use serde::Serialize;
 use springpot::{Actuator, CommandLimits, ObserverOptions, Topology};
 
-use super::fit::{page, result};
+use super::fit::Job;
 use super::replay;
 use crate::bench::closed_loop::{self, Bench, Tracked};
 use crate::bench::controllers::{self, Kind};
@@ -20,11 +19,12 @@ use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Input, Recording};
 use crate::fit::observation::{self, Direction};
-use crate::fit::{self, Settings};
+use crate::fit::Settings;
 use crate::grid::Grid;
 use crate::references::{Reference, Shape};
 use crate::replay::feedforward::{self, Feasibility};
 use crate::replay::simulate::{self, RunOptions};
+use crate::report::fit_report::FitReport;
 use crate::{interrupt, terminal};
 
 #[derive(Debug, Args)]
@@ -57,7 +57,7 @@ const BANDWIDTH_HZ: f64 = 0.6;
 #[derive(Serialize)]
 struct Report {
     simulated: bool,
-    fit: FitRow,
+    fit: FitReport,
     #[serde(flatten)]
     replay: replay::Report,
     /// The sine; none where no voltage was recorded or the film can follow none.
@@ -65,15 +65,6 @@ struct Report {
     closed_loop: Vec<LoopRow>,
     files: Vec<String>,
     interrupted: bool,
-}
-
-#[derive(Serialize)]
-struct FitRow {
-    topology: &'static str,
-    branches: usize,
-    seconds: f64,
-    evaluations: usize,
-    warnings: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -103,9 +94,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let simulated = given.is_empty();
     let recordings = if simulated { simulated_recordings(&arguments.out)? } else { given };
 
-    let mut staged = Vec::new();
-    let (parameters, fit) = fitted(&recordings, actuator, stop, &files, &mut staged)?;
+    let fit = fitted(&recordings, actuator, &files)?;
+    // The parameters as they were written: `replay` gives the same.
+    let parameters = Parameters::read(&files.parameters)?;
     let (replay, peak_m) = replayed(&recordings, &parameters)?;
+    let mut staged = Vec::new();
     let mut report = Report {
         simulated,
         fit,
@@ -126,7 +119,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         }
     }
     report.interrupted = stop.load(Ordering::Relaxed);
-    report.files = staged.iter().map(|file| shown(file.path())).collect();
+    let written = [&files.parameters, &files.page].into_iter().map(PathBuf::as_path).chain(staged.iter().map(Staged::path));
+    report.files = written.map(shown).collect();
     staged.into_iter().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || table::text(&report))
 }
@@ -213,40 +207,22 @@ fn simulated_recordings(folder: &Path) -> Result<Vec<Recording>> {
     Ok(recordings)
 }
 
-/// Fits `recordings` together; stages the parameters and the page.
-fn fitted(
-    recordings: &[Recording],
-    actuator: Actuator,
-    stop: &AtomicBool,
-    files: &OutputFiles,
-    staged: &mut Vec<Staged>,
-) -> Result<(Parameters, FitRow)> {
+/// Fits `recordings` together; writes the parameters and the page.
+fn fitted(recordings: &[Recording], actuator: Actuator, files: &OutputFiles) -> Result<FitReport> {
     // One structure. The search over all of them takes twenty times as long and finds little more on these recordings.
     let settings =
         Settings { branches: vec![2], topologies: vec![Topology::Parallel], actuator, ..Settings::default() };
     let observed =
         recordings.iter().map(|r| observation::observe(r, Direction::Force, 1.0)).collect::<Result<Vec<_>>>()?;
     let (observations, warnings): (Vec<_>, Vec<_>) = observed.into_iter().unzip();
-    let paths: Vec<&Path> = recordings.iter().map(Recording::path).collect();
-    let started = Instant::now();
-    let bar = terminal::spinner();
-    let mut fit = fit::fit(&observations, &settings, stop, &|message| bar.set_message(message.to_owned()))?;
-    bar.finish_and_clear();
-    fit.warnings.splice(0..0, warnings.into_iter().flatten());
-    let parameters = result::parameters_of(&fit, &settings, Direction::Force, &paths)?;
-    let seconds = started.elapsed().as_secs_f64();
-    let report = result::report_of(&fit, Direction::Force, &paths, &files.parameters, seconds);
-    let page = page::page(&report, &fit, &observations, Direction::Force);
-    staged.push(Staged::new(&files.parameters, |file| file.write_all(parameters.to_toml().as_bytes()))?);
-    staged.push(Staged::new(&files.page, |file| file.write_all(page.as_bytes()))?);
-    let row = FitRow {
-        topology: report.topology,
-        branches: report.branches,
-        seconds,
-        evaluations: report.evaluations,
-        warnings: fit.warnings,
+    let job = Job {
+        out: files.parameters.clone(),
+        page: Some(files.page.clone()),
+        files: recordings.iter().map(Recording::path).collect(),
+        observations,
+        warnings: warnings.concat(),
     };
-    Ok((parameters, row))
+    job.run(&settings, Direction::Force)
 }
 
 /// The recordings through the controller's code, and the largest displacement there, m.

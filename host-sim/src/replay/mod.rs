@@ -1,5 +1,6 @@
 //! Recordings and references through a model: the controller's own code, or its full-memory reference.
 
+pub mod coupling;
 pub mod feedforward;
 pub mod full_memory;
 pub mod observer;

@@ -9,12 +9,12 @@ use springpot::{
     Actuator, Compressed, Law, LawError, Load, Maxwell, Memory, Options, Real, State, VoltageDrive, Window,
 };
 
-use crate::agreement::relative_rms;
 use crate::error::{Error, Result};
 use crate::files::output::{self, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::Input;
 use crate::grid::Grid;
+use crate::replay::coupling::{PullIn, coupled_displacement};
 use crate::replay::full_memory::FullMemory;
 
 /// How much of the past a run remembers.
@@ -281,23 +281,21 @@ fn full(parameters: &Parameters, drive: &Drive, grid: Grid) -> Result<Columns> {
         Drive::Displacement(path) => Ok((memory.force(&parameters.model, path), path.clone())),
         Drive::Voltage(voltage) => {
             actuator.check()?;
-            let electrostatic: Vec<f64> = voltage.iter().map(|v| actuator.force_per_square_volt() * v * v).collect();
-            let total = |x: &[f64]| -> Vec<f64> {
-                let coupled = electrostatic.iter().zip(x).map(|(f, x)| f * (1.0 + actuator.stretch_coupling * x));
-                coupled.map(|f| f + actuator.preload_n()).collect()
-            };
+            let loads: Vec<Load<f64>> = voltage
+                .iter()
+                .map(|v| {
+                    let electrostatic = actuator.force_per_square_volt() * v * v;
+                    Load {
+                        force: electrostatic + actuator.preload_n(),
+                        slope: electrostatic * actuator.stretch_coupling,
+                    }
+                })
+                .collect();
             let stiffness = memory.dynamic_stiffness(&parameters.model);
-            let mut displacement = vec![0.0; grid.samples];
-            // The coupling depends on the answer: repeat until it stays. Each pass gains about a digit.
-            for _ in 0..200 {
-                let better = memory.displacement_from(&stiffness, &total(&displacement));
-                let change = relative_rms(&displacement, &better);
-                displacement = better;
-                if actuator.stretch_coupling == 0.0 || change < 1e-13 {
-                    return Ok((total(&displacement), displacement));
-                }
-            }
-            Err(pulled_in(actuator.stretch_coupling))
+            let displacement = coupled_displacement(&memory, &stiffness, &loads, vec![0.0; grid.samples])
+                .map_err(|PullIn| pulled_in(actuator.stretch_coupling))?;
+            let force = loads.iter().zip(&displacement).map(|(load, x)| load.force + load.slope * x).collect();
+            Ok((force, displacement))
         }
     }
 }
