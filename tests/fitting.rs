@@ -5,11 +5,12 @@ use std::sync::atomic::AtomicBool;
 
 use host_sim::agreement::Agreement;
 use host_sim::bench::film::{Film, Instruments, Plant, Readings, Waveform};
-use host_sim::files::recording::{Input, Recording, Samples};
+use host_sim::files::recording::{Direction, Input, Recording};
 use host_sim::fit::candidate::{Candidate, Variable};
 use host_sim::fit::objective::{Objective, Observation};
-use host_sim::fit::observation::{self, Direction};
+use host_sim::fit::observation;
 use host_sim::fit::{self, Fit, Method, Settings};
+use host_sim::grid::Samples;
 use springpot::{Actuator, Preload, Springpot, Topology};
 use tests::recordings;
 

@@ -5,10 +5,10 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use host_sim::files::recording::Recording;
+use host_sim::files::recording::{Direction, Recording};
 use host_sim::fit::candidate::{Candidate, Variable};
 use host_sim::fit::objective::{Objective, Observation};
-use host_sim::fit::observation::{self, Direction};
+use host_sim::fit::observation;
 use host_sim::fit::{self, Method, Settings};
 use springpot::{Actuator, Springpot, Topology};
 

@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
-use crate::files::recording::Recording;
+use crate::files::recording::{Direction, Recording};
 use crate::fit::objective::Observation;
-use crate::fit::observation::{self, Direction};
+use crate::fit::observation;
 use crate::fit::search::Workbench;
 use crate::fit::{self, Settings};
 use crate::studies::compare::{self, Row};

@@ -4,6 +4,8 @@ use std::fmt;
 
 use springpot::{Actuator, Maxwell, ModelError, Springpot, Topology};
 
+use crate::files::parameters::DisplacementSensor;
+
 /// A model and its surroundings while they are being fitted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
@@ -21,6 +23,11 @@ impl Candidate {
     /// Branches of two springpots.
     pub fn branches(&self) -> usize {
         (self.elements.len() - 1) / 2
+    }
+
+    /// The displacement sensor.
+    pub fn sensor(&self) -> DisplacementSensor {
+        DisplacementSensor { offset_m: self.offset_m }
     }
 
     /// The model.

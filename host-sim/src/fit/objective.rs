@@ -11,8 +11,8 @@ use rayon::prelude::*;
 use super::candidate::{Candidate, Variable};
 use super::transfer::{Spectrum, Transfer, coupled, recursion};
 use crate::error::{Error, Result};
-use crate::files::recording::{Input, Samples};
-use crate::grid::Grid;
+use crate::files::recording::Input;
+use crate::grid::{Grid, Samples};
 use crate::replay::full_memory::FullMemory;
 
 /// A recording as a fit sees it.
@@ -246,8 +246,10 @@ impl Objective {
             }
         };
         series.iter().all(|value| value.is_finite()).then(|| {
-            let offset = if matches!(record.drive, Drive::Displacement(_)) { 0.0 } else { candidate.offset_m };
-            let modelled = record.places.pick(&series).into_iter().map(|x| x + offset).collect();
+            let modelled = match record.drive {
+                Drive::Displacement(_) => record.places.pick(&series),
+                _ => record.places.pick(&series).into_iter().map(|x| candidate.sensor().reading_m(x)).collect(),
+            };
             (modelled, series)
         })
     }

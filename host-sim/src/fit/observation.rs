@@ -1,19 +1,11 @@
 //! Recordings as a fit sees them, with what should be known about them beforehand.
 
 use crate::error::{Error, Result};
-use crate::files::recording::{Input, Recording, Samples};
+use crate::files::recording::{Direction, Input, Recording};
+use crate::grid::Samples;
 
 use super::objective::Observation;
 use super::starts::Scales;
-
-/// What drives the model in a fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Direction {
-    /// Voltage or force drives, displacement is fitted.
-    Force,
-    /// Displacement drives, force is fitted.
-    Displacement,
-}
 
 /// No sensor sees smaller changes, m or N.
 const SMALLEST: f64 = 1e-12;

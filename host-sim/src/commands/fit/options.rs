@@ -5,11 +5,12 @@ use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
+use crate::files::recording::Direction;
 use crate::files::recording::Recording;
 use crate::fit::candidate::{Candidate, Variable};
 use crate::fit::loss::Loss;
 use crate::fit::objective::Observation;
-use crate::fit::observation::{self, Direction};
+use crate::fit::observation;
 use crate::fit::{Method, Settings};
 
 /// Options of every command that fits.

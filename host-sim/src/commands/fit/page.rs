@@ -1,9 +1,9 @@
 use maud::html;
 
 use super::result::Report;
+use crate::files::recording::Direction;
 use crate::fit::Fit;
 use crate::fit::objective::Observation;
-use crate::fit::observation::Direction;
 use crate::fit::selection::name_of;
 use crate::report::html;
 use crate::report::plot::{COLOURS, Line, Panel};
