@@ -8,9 +8,9 @@ use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
-use crate::files::recording::Recording;
+use crate::files::recording::{Direction, Recording};
 use crate::fit::Settings;
-use crate::fit::observation::{Direction, observe_all};
+use crate::fit::observation::observe_all;
 use crate::studies::compare::{self, ModelRow};
 use crate::terminal;
 

@@ -4,6 +4,8 @@ use std::fmt;
 
 use springpot::{Actuator, Maxwell, ModelError, Springpot, Topology};
 
+use crate::files::parameters::DisplacementSensor;
+
 /// A model with its actuator and sensor offset, as a fit changes them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
@@ -26,6 +28,11 @@ impl Candidate {
     /// The springpots of `model` in the order of [`elements`](Self::elements).
     pub fn elements_of(model: &Maxwell) -> Vec<Springpot> {
         model.chains().flat_map(|chain| chain.elements).copied().collect()
+    }
+
+    /// The displacement sensor.
+    pub fn sensor(&self) -> DisplacementSensor {
+        DisplacementSensor { offset_m: self.offset_m }
     }
 
     /// The model.

@@ -212,8 +212,12 @@ impl Objective {
             },
         };
         series.iter().all(|value| value.is_finite()).then(|| {
-            let offset = if record.measures_force() { 0.0 } else { candidate.offset_m };
-            let modelled = record.measured_at.pick(&series).into_iter().map(|x| x + offset).collect();
+            let modelled = record.measured_at.pick(&series);
+            let modelled = if record.measures_force() {
+                modelled
+            } else {
+                modelled.into_iter().map(|x| candidate.sensor().reading_m(x)).collect()
+            };
             (modelled, series)
         })
     }

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::candidate::Variable;
 use crate::error::{Error, Result};
-use crate::files::recording::{Input, Recording, Samples};
+use crate::files::recording::{Direction, Input, Recording};
+use crate::grid::Samples;
 
 /// A recording as a fit uses it.
 #[derive(Clone, Debug)]
@@ -21,27 +22,16 @@ pub struct Observation {
     pub weight: f64,
 }
 
-/// Input and output of the model in a fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Direction {
-    /// Voltage or force drives, displacement is fitted.
-    Force,
-    /// Displacement drives, force is fitted.
-    Displacement,
-}
-
-impl Direction {
-    /// Name and SI unit of what is measured.
-    fn measured(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Force => ("displacement", "m"),
-            Self::Displacement => ("force", "N"),
-        }
-    }
-}
-
 /// Smaller changes are below the resolution of any sensor, m or N.
 const SMALLEST_CHANGE: f64 = 1e-12;
+
+/// Name and SI unit of what is measured.
+fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
+    match direction {
+        Direction::Force => ("displacement", "m"),
+        Direction::Displacement => ("force", "N"),
+    }
+}
 
 /// The observation of `recording`, and warnings about it.
 ///
@@ -81,7 +71,7 @@ pub fn observe_all(recordings: &[Recording], direction: Direction) -> Result<Vec
 
 /// Refuses recordings with too few values, or whose input or measurement does not change.
 fn check(path: &Path, direction: Direction, measured: &Samples, drive: &Samples) -> Result<()> {
-    let (what, unit) = direction.measured();
+    let (what, unit) = measured_quantity(direction);
     if measured.value.len() < 10 {
         return Err(Error::file(path, format!("{} values of {what}; a fit needs at least 10", measured.value.len())));
     }
@@ -107,7 +97,7 @@ fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<String> {
 
 /// Measured values that repeat at the ends of their range.
 fn saturation(direction: Direction, values: &[f64]) -> Vec<String> {
-    let (what, unit) = direction.measured();
+    let (what, unit) = measured_quantity(direction);
     let (low, high) = range(values);
     [(high, "largest"), (low, "smallest")]
         .into_iter()

@@ -8,13 +8,13 @@ use sha2::{Digest, Sha256};
 use toml::{Table, Value};
 
 use super::loss::Loss;
-use super::observation::Direction;
 use super::outcome::Fit;
 use super::settings::Settings;
 use super::uncertainty::Uncertainty;
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
+use crate::files::recording::Direction;
 
 impl Fit {
     /// The parameters of this fit to the recordings in `files`, with their provenance.

@@ -33,7 +33,7 @@ impl FullMemory {
         Self::with_oversampling(samples, step, 4)
     }
 
-    /// The same with `oversampling` times as many points as samples, 2 at the least.
+    /// The same with `oversampling` times as many points as samples, at least 2.
     pub fn with_oversampling(samples: usize, step: f64, oversampling: usize) -> Self {
         let oversampling = oversampling.max(2);
         let points = smooth_length(samples.max(1) * oversampling);

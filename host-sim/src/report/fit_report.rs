@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use crate::agreement::Agreement;
 use crate::error::shown;
+use crate::files::recording::Direction;
 use crate::fit::Fit;
-use crate::fit::observation::Direction;
 use crate::fit::selection::StructureRow;
 use crate::fit::settings::topology_name;
 use crate::fit::uncertainty::Uncertainty;

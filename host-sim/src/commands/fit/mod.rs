@@ -10,8 +10,8 @@ use clap::Args;
 
 use crate::error::{Error, Result};
 use crate::files::output::{self, Folders, Staged};
-use crate::files::recording::Recording;
-use crate::fit::observation::{Direction, Observation};
+use crate::files::recording::{Direction, Recording};
+use crate::fit::observation::Observation;
 use crate::fit::{self, Settings};
 use crate::interrupt;
 use crate::report::fit_page;

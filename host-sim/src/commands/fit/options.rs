@@ -7,9 +7,9 @@ use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
-use crate::files::recording::Recording;
+use crate::files::recording::{Direction, Recording};
 use crate::fit::candidate::{Candidate, Variable};
-use crate::fit::observation::{self, Direction, Observation};
+use crate::fit::observation::{self, Observation};
 use crate::fit::{Loss, Method, Settings};
 
 /// Options of a fit.
