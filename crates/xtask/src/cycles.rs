@@ -92,8 +92,10 @@ impl<'a> Trace<'a> {
     fn cycles_of(&self, kernel: &str) -> Result<f64> {
         let missing = || format!("{kernel} is not in the trace");
         let entry = self.executed.iter().find(|(_, function)| *function == kernel).ok_or_else(missing)?.0;
-        let start = self.executed.iter().rposition(|(address, _)| *address == entry).ok_or_else(missing)?;
-        let caller = self.executed[start.checked_sub(1).ok_or_else(missing)?].1;
+        // A loop may lead back to the entry: a call comes from another function.
+        let is_call = |pair: &[(u64, &str)]| pair[1].0 == entry && pair[0].1 != kernel;
+        let before_call = self.executed.windows(2).rposition(is_call).ok_or_else(missing)?;
+        let (start, caller) = (before_call + 1, self.executed[before_call].1);
         let mut cycles = 0;
         let mut before: Option<&Instruction<'_>> = None;
         for pair in self.executed[start..].windows(2) {

@@ -1,6 +1,7 @@
 //! Every check and every test, stage by stage, on the host and in QEMU.
 
 use std::path::Path;
+use std::process::Command;
 use std::time::Instant;
 use std::{fs, io};
 
@@ -55,11 +56,12 @@ pub fn run() -> Result<()> {
     stages.run("features", features)?;
     stages.run("documentation", documentation)?;
     stages.run("packages", packages::run)?;
-    stages.run("test builds", || run_command(cargo(&[&["test"], WORKSPACE.as_slice(), &["--no-run"]].concat())))?;
-    stages.run("tests", || run_command(cargo(&[&["test"], WORKSPACE.as_slice()].concat())))?;
-    stages.run("tests with micromath", micromath)?;
     stages.run("chips", || embedded::run(&toolchain))?;
-    stages.run("firmware", || firmware::run(&toolchain))?;
+    stages.run("firmware images", || firmware::images(&toolchain))?;
+    stages.run("test builds", || run_command(tests(&[QEMU.as_slice(), &["--no-run"]].concat())))?;
+    // One program after another, so that neither emulators nor boards that tick in real time share the machine with fits.
+    stages.run("tests, firmware in QEMU included", || run_command(tests(&QEMU)))?;
+    stages.run("tests with micromath", micromath)?;
     stages.print();
     Ok(())
 }
@@ -68,7 +70,7 @@ pub fn run() -> Result<()> {
 pub fn sweep() -> Result<()> {
     let mut stages = Stages::default();
     stages.run("tests, all cases", || {
-        let mut tests = cargo(&[&["test"], WORKSPACE.as_slice()].concat());
+        let mut tests = tests(&[]);
         tests.env(SWEEP, "full");
         run_command(tests)
     })?;
@@ -76,7 +78,13 @@ pub fn sweep() -> Result<()> {
     Ok(())
 }
 
-const WORKSPACE: [&str; 2] = ["--quiet", "--workspace"];
+/// The tests that run the firmware's images.
+const QEMU: [&str; 2] = ["--features", "tests/qemu"];
+
+/// The tests of the workspace.
+fn tests(options: &[&str]) -> Command {
+    cargo(&[["test", "--quiet", "--workspace"].as_slice(), options].concat())
+}
 
 /// Sources of libraries whose manifest says `test = false`: a test in them would never run.
 const WITHOUT_TESTS: [&str; 4] = ["host-sim/src", "tests/support", "tests/chip-program/src", "tests/documents/src"];
@@ -86,8 +94,8 @@ fn lint() -> Result<()> {
     for folder in WITHOUT_TESTS {
         no_tests_in(&root().join(folder))?;
     }
-    let targets = ["--all-targets", "--features", "tests/qemu", "--", "-D", "warnings"];
-    run_command(cargo(&[["clippy"].as_slice(), &WORKSPACE, &targets].concat()))
+    let all = ["clippy", "--quiet", "--workspace", "--all-targets"];
+    run_command(cargo(&[all.as_slice(), &QEMU, &["--", "-D", "warnings"]].concat()))
 }
 
 fn no_tests_in(folder: &Path) -> Result<()> {

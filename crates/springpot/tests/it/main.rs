@@ -12,5 +12,8 @@ mod laws;
 mod observer;
 mod passivity;
 mod responses;
+#[cfg(feature = "serde")]
+mod serde_formats;
 mod single_precision;
+mod state_names;
 mod support;
