@@ -292,7 +292,8 @@ fn full(parameters: &Parameters, drive: &Drive, grid: Grid) -> Result<Columns> {
                 })
                 .collect();
             let stiffness = memory.dynamic_stiffness(&parameters.model);
-            let displacement = coupled_displacement(&memory, &stiffness, &loads, vec![0.0; grid.samples])
+            let start = vec![0.0; grid.samples];
+            let displacement = coupled_displacement(&memory, &stiffness, &loads, start, memory.rounding())
                 .map_err(|PullIn| pulled_in(actuator.stretch_coupling))?;
             let force = loads.iter().zip(&displacement).map(|(load, x)| load.force + load.slope * x).collect();
             Ok((force, displacement))
