@@ -27,7 +27,7 @@ fn profile(folder: &TempDir) -> PathBuf {
 }
 
 #[test]
-fn a_board_tells_who_and_how_it_is() {
+fn a_board_reports_identity_and_status() {
     let board = VirtualBoard::start(Scene::CALM);
     let who = TOOL.json(&link(&board, &["identify"]));
     assert_eq!((who["firmware"].as_str(), who["board"].as_u64()), (Some("virtual"), Some(0x0405)));
@@ -45,7 +45,7 @@ fn a_board_tells_who_and_how_it_is() {
 }
 
 #[test]
-fn verbs_do_as_they_say() {
+fn each_verb_has_its_effect() {
     let board = VirtualBoard::start(Scene::CALM);
     upload(&board);
     names(&TOOL.fails(&link(&board, &["start", "voltage"])), &["not while it is disarmed"]);
@@ -56,7 +56,7 @@ fn verbs_do_as_they_say() {
     TOOL.json(&link(&board, &["set", "--voltage", "1500"]));
     TOOL.json(&link(&board, &["arm"]));
     TOOL.json(&link(&board, &["start", "voltage"]));
-    // Nobody talks to it any more: 0 V after half a second.
+    // The host is silent: 0 V after the heartbeat timeout of half a second.
     std::thread::sleep(std::time::Duration::from_millis(1000));
     let (largest, now) = board.voltage();
     assert_eq!((largest, now), (1500.0, 0.0));
@@ -124,7 +124,7 @@ fn play_follows_references() {
     }
 }
 
-/// The interlock opens halfway: the command says so, keeps what was measured, and the film is at 0 V.
+/// The interlock opens halfway: the command reports it, keeps what was measured, and the film is at 0 V.
 #[test]
 fn a_trip_ends_the_playback() {
     let folder = TempDir::new().expect("a folder");
@@ -148,7 +148,7 @@ fn a_panic_before_the_start_stays_until_it_is_acknowledged() {
     let board = VirtualBoard::start(Scene { panic_message: "a drill at src/drills.rs:75", ..Scene::CALM });
     assert_eq!(TOOL.json(&link(&board, &["panic"]))["message"], "a drill at src/drills.rs:75");
     assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "tripped: Panic");
-    // Parameters do not make it forget.
+    // New parameters do not clear it.
     upload(&board);
     assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "tripped: Panic");
     names(&TOOL.fails(&link(&board, &["arm"])), &["tripped (Panic)"]);
@@ -178,30 +178,30 @@ fn blobs_are_checked_before_they_are_sent_and_after() {
     let fast = link(&board, &["upload", "--params", "preset:table3-n1", "--rate", "6000", "--bench"]);
     names(&TOOL.fails(&fast), &["cannot tick at that rate", "--rate"]);
     names(&TOOL.fails(&link(&board, &["upload"])), &["--params"]);
-    // Calibrations of some other bench are not taken in silence.
+    // Calibrations of another bench are refused unless --bench is given.
     let bare = link(&board, &["upload", "--params", "preset:table3-n1"]);
     names(&TOOL.fails(&bare), &["preset:table3-n1", "[board]", "--bench"]);
     assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table4-f7", "the old ones stay");
 }
 
-/// Whoever talks without end, but not as a controller does, is given up after a few seconds.
+/// A peer that sends without end, but no valid frame, ends in a timeout after a few seconds.
 #[test]
-fn a_port_that_babbles_is_given_up() {
+fn a_port_that_sends_garbage_ends_in_a_timeout() {
     let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a port");
     let port = format!("tcp:{}", listener.local_addr().expect("bound"));
-    let babble = std::thread::spawn(move || {
+    let garbage = std::thread::spawn(move || {
         let (mut line, _) = listener.accept().expect("connects");
-        // Until the other side hangs up.
+        // Until the other side closes the connection.
         while std::io::Write::write_all(&mut line, b"ABCDEFG").is_ok() {
             std::thread::sleep(std::time::Duration::from_millis(2));
         }
     });
     names(&TOOL.fails(&["link", "--port", &port, "status"]), &[&port, "nobody answers"]);
-    babble.join().expect("hung up");
+    garbage.join().expect("the connection was closed");
 }
 
 #[test]
-fn a_port_that_is_none_is_named() {
+fn a_missing_port_is_named() {
     names(&TOOL.fails(&["link", "--port", "tcp:127.0.0.1:1", "status"]), &["tcp:127.0.0.1:1"]);
     names(&TOOL.fails(&["link", "--port", "/dev/there-is-none", "status"]), &["/dev/there-is-none", "serial port"]);
     names(&TOOL.fails(&["link", "status"]), &["--port"]);

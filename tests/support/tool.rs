@@ -23,7 +23,7 @@ impl Tool {
         serde_json::from_slice(&output).expect("one JSON document and nothing else")
     }
 
-    /// Its one line on standard error, where it fails as agreed: exit status 2, nothing on standard output.
+    /// Its one line on standard error, where it must fail: exit status 2, nothing on standard output.
     pub fn fails(self, arguments: &[&str]) -> String {
         let output = self.with(arguments).assert().code(2).get_output().clone();
         let line = String::from_utf8(output.stderr).expect("UTF-8");

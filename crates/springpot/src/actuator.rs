@@ -12,6 +12,8 @@ pub const GRAVITY: f64 = 9.806_65;
 /// When the weight that stretches the film begins to act.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Preload {
     /// The weight has hung for long and displacement is measured from there: it does not appear in the force.
     #[default]
@@ -23,6 +25,8 @@ pub enum Preload {
 /// A dielectric elastomer actuator around its film: electrodes, weight, coupling. SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Actuator {
     /// Relative permittivity ε_r of the film.
     pub relative_permittivity: f64,
@@ -34,11 +38,11 @@ pub struct Actuator {
     pub thickness_m: f64,
     /// The weight that hangs on the film, and its inertia, kg; nought in a test machine, which carries it.
     pub mass_kg: f64,
-    /// When the weight begins to act.
-    pub preload: Preload,
-    /// κ in 1/m: a film of constant volume and width thins as it lengthens, so that the force grows with 1 + κ x. Nought
+    /// κ in 1/m: a film of constant volume and width thins as it lengthens, so that the force grows with 1 + κ x. Zero
     /// is Eq. 1.
     pub stretch_coupling: f64,
+    /// When the weight begins to act.
+    pub preload: Preload,
 }
 
 impl Actuator {
@@ -49,8 +53,8 @@ impl Actuator {
         width_m: 0.06,
         thickness_m: 160e-6,
         mass_kg: 0.316,
-        preload: Preload::Settled,
         stretch_coupling: 0.0,
+        preload: Preload::Settled,
     };
 
     /// Electrostatic force per voltage squared at x = 0, `ε₀ ε_r l₁ l₂ / l₃²` (Eq. 1), in N/V².

@@ -80,6 +80,8 @@ pub use control::{
     Sample, Statistics, Tracking, TrackingState,
 };
 pub use error::{ActuatorError, ControlError, Element, LawError, ModelError};
-pub use law::{Coefficients, Compressed, CompressedHistory, Law, Memory, Options, State, Window, WindowHistory};
+pub use law::{Coefficients, Compressed, Law, Memory, Options, State, Window};
 pub use model::{Chain, MAX_BRANCHES, Maxwell, Preset, Springpot, Topology};
+/// The complex number of [`Maxwell::modulus`] and of the frequency responses, from the crate `num-complex`.
+pub use num_complex::Complex;
 pub use scalar::{Real, Scalar};

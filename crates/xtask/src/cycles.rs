@@ -1,9 +1,14 @@
 //! Cycles of the Cortex-M4F, modelled from a trace of instructions, since QEMU has no clock of its own.
 //!
 //! Each instruction takes what the core's technical reference manual states (Arm 100166, tables 3-1 and 7-1), from memory
-//! without wait states. A load right after a load or store overlaps it, a taken branch refills the pipeline in two cycles, and
-//! a result of the floating-point unit that the very next instruction of that unit takes costs one more. An estimate: on a
-//! board, `host-sim pil --port` counts.
+//! without wait states, with these choices where the manual leaves a range:
+//! - a load directly after a load or store overlaps it (section 3.3.2) and takes one cycle less;
+//! - a store takes one cycle per word, because the write buffer completes it beside the next instruction;
+//! - a taken branch refills the pipeline in two cycles (P = 1 to 3);
+//! - a division of integers takes 7 cycles (2 to 12);
+//! - a result of the floating-point unit that the next instruction of that unit uses costs one cycle more (section 7.2.3).
+//!
+//! This is an estimate: on a board, `host-sim pil --port` counts.
 
 use std::collections::HashMap;
 use std::fs;
@@ -12,7 +17,7 @@ use std::process::Command;
 use crate::process::{Result, output, root};
 use crate::setup::{TARGETS, Toolchain};
 
-/// Functions of `tests/embedded/src/cycles.rs`, and the rows of the README that they stand for.
+/// Functions of `tests/embedded/src/cycles.rs`, and the rows of docs/results.md that they stand for.
 const KERNELS: [(&str, &str); 11] = [
     ("creep_12_36", "creep/12+36"),
     ("relaxation_12_36", "relaxation/12+36"),
@@ -27,7 +32,7 @@ const KERNELS: [(&str, &str); 11] = [
     ("tick", "tick"),
 ];
 
-/// Cycles by the README's rows.
+/// Cycles by the rows of docs/results.md.
 pub fn modelled(toolchain: &Toolchain) -> Result<Vec<(&'static str, f64)>> {
     let folder = root().join("tests/embedded");
     let build = ["build", "--quiet", "--release", "--bin", "cycles"];
@@ -112,14 +117,14 @@ fn is_hex(word: &str) -> bool {
 impl Instruction<'_> {
     fn cycles(&self, jumps: bool, before: Option<&Self>) -> u32 {
         let name = self.mnemonic.split('.').next().unwrap_or_default();
-        let registers = || self.operands.split_once('{').map_or(1, |(_, list)| count(list));
+        let list = self.operands.split_once('{').map_or("", |(_, list)| list);
         let own = match name {
             "vdiv" | "vsqrt" => 14,
             "vmla" | "vmls" | "vnmla" | "vnmls" | "vfma" | "vfms" => 3,
             "vpush" | "vpop" | "vldm" | "vstm" | "vldmia" | "vstmia" | "vldmdb" | "vstmdb" => {
-                1 + registers() * self.words()
+                1 + count(list) * words(list)
             }
-            "push" | "pop" | "ldm" | "stm" | "ldmia" | "stmia" | "ldmdb" | "stmdb" => 1 + registers(),
+            "push" | "pop" | "ldm" | "stm" | "ldmia" | "stmia" | "ldmdb" | "stmdb" => 1 + count(list),
             "ldrd" | "strd" => {
                 if before.is_some_and(Self::accesses_memory) {
                     2
@@ -130,9 +135,9 @@ impl Instruction<'_> {
             "udiv" | "sdiv" => 7,
             "umull" | "smull" | "umlal" | "smlal" | "mla" | "mls" => 1,
             _ if name.starts_with("ldr") || name.starts_with("vldr") => {
-                1 + u32::from(!before.is_some_and(Self::accesses_memory)) + (self.words() - 1)
+                1 + u32::from(!before.is_some_and(Self::accesses_memory)) + (words(self.operands) - 1)
             }
-            _ if name.starts_with("vstr") => self.words(),
+            _ if name.starts_with("vstr") => words(self.operands),
             _ => 1,
         };
         let waits = u32::from(before.is_some_and(|before| self.waits_for(before)));
@@ -141,11 +146,6 @@ impl Instruction<'_> {
 
     fn accesses_memory(&self) -> bool {
         ["ldr", "str", "vldr", "vstr"].iter().any(|kind| self.mnemonic.starts_with(kind))
-    }
-
-    /// Words that a register of this instruction holds.
-    fn words(&self) -> u32 {
-        if self.operands.trim_start_matches('{').starts_with('d') { 2 } else { 1 }
     }
 
     /// Whether this is arithmetic of the floating-point unit on the result of the instruction before, which was as well.
@@ -161,6 +161,11 @@ impl Instruction<'_> {
     }
 }
 
+/// Words that the first of these registers holds.
+fn words(registers: &str) -> u32 {
+    if registers.starts_with('d') { 2 } else { 1 }
+}
+
 /// Registers in a list such as `d8, d9} ` or `r4-r7, lr}`.
 fn count(list: &str) -> u32 {
     let number = |register: &str| register.trim_matches(|c: char| !c.is_ascii_digit()).parse::<u32>();
@@ -174,4 +179,118 @@ fn count(list: &str) -> u32 {
             None => 1,
         })
         .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Instructions: address, code, text.
+    type Listing = [(&'static str, &'static str, &'static str)];
+
+    /// What QEMU prints: the disassembly, then the address and the function of every executed instruction.
+    fn trace(listing: &Listing, executed: &[(&str, &str)]) -> String {
+        let line = |(address, code, text): &(&str, &str, &str)| format!("0x0000{address}:  {code}  {text}\n");
+        let disassembly: String = listing.iter().map(line).collect();
+        let line = |(address, function): &(&str, &str)| {
+            format!("Trace 0: 0x7f1200000000 [00800400/000000000000{address}/00000010/ff020201] {function}\n")
+        };
+        format!("IN: kernel\n{disassembly}") + &executed.iter().map(line).collect::<String>()
+    }
+
+    fn cycles(listing: &Listing, executed: &[(&str, &str)]) -> f64 {
+        Trace::read(&trace(listing, executed)).cycles_of("kernel").expect("in the trace")
+    }
+
+    /// Straight code, counted by hand from tables 3-1 and 7-1 of Arm 100166.
+    #[test]
+    fn loads_arithmetic_and_return() {
+        let listing = [
+            ("0100", "b510     ", "push     {r4, lr}"),     // 1 + 2
+            ("0102", "ed90 0a00", "vldr     s0, [r0]"),     // 2
+            ("0106", "edd0 0a01", "vldr     s1, [r0, #4]"), // 2, 1 less after a load
+            ("010a", "ee20 0a20", "vmul.f32 s0, s0, s1"),   // 1
+            ("010e", "ee30 0a20", "vadd.f32 s0, s0, s1"),   // 1, 1 more for the product
+            ("0112", "ed80 0a00", "vstr     s0, [r0]"),     // 1
+            ("0116", "eeb1 1ac1", "vsqrt.f32 s2, s2"),      // 14
+            ("011a", "bd10     ", "pop      {r4, pc}"),     // 1 + 2, and 2 for the jump
+        ];
+        let inside: Vec<(&str, &str)> = listing.iter().map(|(address, ..)| (*address, "kernel")).collect();
+        let executed = [&[("0090", "main")], inside.as_slice(), &[("0094", "main")]].concat();
+        assert_eq!(cycles(&listing, &executed), 3.0 + 2.0 + 1.0 + 1.0 + 2.0 + 1.0 + 14.0 + 5.0);
+    }
+
+    /// A loop of three turns: a taken branch takes 1 + 2, one that is not taken 1.
+    #[test]
+    fn taken_branches() {
+        let listing = [("0100", "3801", "subs r0, #1"), ("0102", "d1fd", "bne #0x100"), ("0104", "4770", "bx lr")];
+        let turn = [("0100", "kernel"), ("0102", "kernel")];
+        let executed =
+            [&[("0090", "main")], turn.as_slice(), &turn, &turn, &[("0104", "kernel"), ("0094", "main")]].concat();
+        assert_eq!(cycles(&listing, &executed), (1.0 + 3.0) + (1.0 + 3.0) + (1.0 + 1.0) + 3.0);
+    }
+
+    /// What a kernel calls is part of it, and its last call counts: the first ones warm up.
+    #[test]
+    fn calls_and_the_last_of_several_runs() {
+        let listing = [
+            ("0100", "f000 f802", "bl #0x200"),       // 1 + 2
+            ("0104", "4770     ", "bx lr"),           // 1 + 2
+            ("0200", "fb90 f0f1", "sdiv r0, r0, r1"), // 7 of 2 to 12
+            ("0204", "4770     ", "bx lr"),           // 1 + 2
+        ];
+        let short = [("0100", "kernel"), ("0104", "kernel")];
+        let long = [("0100", "kernel"), ("0200", "callee"), ("0204", "callee"), ("0104", "kernel")];
+        let main = [("0090", "main")];
+        let executed = [main.as_slice(), &short, &main, &long, &main].concat();
+        assert_eq!(cycles(&listing, &executed), 3.0 + 7.0 + 3.0 + 3.0);
+        let other = Trace::read(&trace(&listing, &executed)).cycles_of("another");
+        assert!(other.is_err_and(|error| error.contains("another is not in the trace")));
+    }
+
+    /// Instructions alone, without what stands before them, against tables 3-1 and 7-1 of Arm 100166.
+    #[test]
+    fn single_instructions() {
+        for (mnemonic, operands, expected) in [
+            ("adds", "r0, r0, r1", 1),
+            ("mul", "r0, r1, r2", 1),
+            ("smlal", "r0, r1, r2, r3", 1),
+            ("ldr", "r0, [r1]", 2),
+            ("str", "r0, [r1]", 1),
+            ("ldrd", "r0, r1, [r2]", 1 + 2),
+            ("ldm.w", "r0!, {r4, r5, r6, r7}", 1 + 4),
+            ("push.w", "{r4-r11, lr}", 1 + 9),
+            ("vadd.f32", "s0, s1, s2", 1),
+            ("vmul.f32", "s0, s1, s2", 1),
+            ("vmla.f32", "s0, s1, s2", 3),
+            ("vdiv.f32", "s0, s1, s2", 14),
+            ("vldr", "s0, [r0]", 2),
+            ("vldr", "d0, [r0]", 3),
+            ("vpush", "{d8, d9}", 1 + 2 * 2),
+            ("vpop", "{d8-d15}", 1 + 2 * 8),
+            ("vldmia", "r0!, {s0-s7}", 1 + 8),
+            ("vstmia", "r0!, {d0-d3}", 1 + 2 * 4),
+        ] {
+            let instruction = Instruction { size: 4, mnemonic, operands };
+            assert_eq!(instruction.cycles(false, None), expected, "{mnemonic} {operands}");
+        }
+    }
+
+    /// Section 7.2.3: only arithmetic on the result of the arithmetic directly before waits.
+    #[test]
+    fn results_that_are_used_at_once() {
+        let of = |mnemonic, operands| Instruction { size: 4, mnemonic, operands };
+        let product = of("vmul.f32", "s0, s1, s2");
+        for (mnemonic, operands, expected) in [
+            ("vadd.f32", "s3, s0, s4", 2),
+            ("vadd.f32", "s3, s4, s5", 1),
+            ("vadd.f32", "s0, s4, s5", 1),
+            ("vcmp.f32", "s0, s4", 2),
+            ("vmov", "r0, s0", 1),
+        ] {
+            assert_eq!(of(mnemonic, operands).cycles(false, Some(&product)), expected, "{mnemonic} {operands}");
+        }
+        let load = of("vldr", "s0, [r0]");
+        assert_eq!(of("vadd.f32", "s3, s0, s4").cycles(false, Some(&load)), 1);
+    }
 }

@@ -1,10 +1,10 @@
 //! Images in QEMU: the host's bits on the chips, and what a step costs there.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 use chip_program::{Checksum, Name, Report};
+use documents::{Documents, Tolerance};
 
 use crate::cycles;
 use crate::process::{Result, cargo, output, root, run as run_command};
@@ -17,7 +17,7 @@ struct Printed {
     bits: BTreeMap<String, String>,
 }
 
-/// Builds the libraries for both chips, runs the images and compares them with host and README.
+/// Builds the libraries for both chips, runs the images and compares them with the host and with what the documents state.
 pub fn run(toolchain: &Toolchain) -> Result<()> {
     let folder = root().join("tests/embedded");
     let mut host = Host::default();
@@ -43,18 +43,18 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
         columns.push(printed.costs);
     }
     within_bars(&columns[0])?;
-    let readme = Readme::read()?;
-    let mut off = readme.compare(0, TARGETS[0], &columns[0]);
-    off.extend(readme.compare(1, TARGETS[1], &columns[1]));
+    let documents = Documents::read()?;
+    let mut off = compare(&documents, "Cortex-M4F", &columns[0]);
+    off.extend(compare(&documents, "Cortex-M0", &columns[1]));
     let cycles = cycles::modelled(toolchain)?;
     let cycles: BTreeMap<String, u64> =
         cycles.into_iter().map(|(row, cycles)| (row.to_owned(), cycles as u64)).collect();
-    off.extend(readme.compare(2, "cycles", &cycles));
+    off.extend(compare(&documents, "cycles", &cycles));
     if off.is_empty() {
-        println!("the README's instruction counts and modelled cycles hold within 2 %");
+        println!("the instruction counts and modelled cycles that the documents state hold within 2 %");
         Ok(())
     } else {
-        Err(format!("README.md, costs:\n  {}", off.join("\n  ")))
+        Err(format!("docs/results.md, costs:\n  {}", off.join("\n  ")))
     }
 }
 
@@ -117,7 +117,7 @@ fn compare_bits(target: &str, host: &BTreeMap<String, String>, chip: &BTreeMap<S
     if chip.len() == host.len() { Ok(()) } else { Err(format!("{target}: more was reported than on the host")) }
 }
 
-/// What a step and a tick may cost on the Cortex-M4F, whatever the README states.
+/// What a step and a tick may cost on the Cortex-M4F, independent of what the documents state.
 fn within_bars(counted: &BTreeMap<String, u64>) -> Result<()> {
     let bars = [
         ("creep/12+36", 550),
@@ -136,35 +136,22 @@ fn within_bars(counted: &BTreeMap<String, u64>) -> Result<()> {
     Ok(())
 }
 
-/// The README's table of costs, whose rows begin with a name such as `creep/12+36` in backticks.
-struct Readme(String);
-
-impl Readme {
-    fn read() -> Result<Self> {
-        fs::read_to_string(root().join("README.md")).map(Self).map_err(|error| format!("README.md: {error}"))
-    }
-
-    /// What of `counted` is not stated in a column within 2 %; a row's name is the beginning of theirs.
-    fn compare(&self, column: usize, what: &str, counted: &BTreeMap<String, u64>) -> Vec<String> {
-        let mut unmentioned: Vec<&String> = counted.keys().collect();
-        let mut off = Vec::new();
-        for row in self.0.lines().filter(|line| line.starts_with("| `")) {
-            let cells: Vec<&str> = row.split('|').map(str::trim).collect();
-            let name = cells[1].trim_matches('`');
-            let stated: String = cells.get(2 + column).unwrap_or(&"").chars().filter(char::is_ascii_digit).collect();
-            let Ok(stated) = stated.parse::<f64>() else { continue };
-            let named = |full_name: &str| full_name == name || full_name.starts_with(&format!("{name}/"));
-            for (full_name, &counted) in counted.iter().filter(|(full_name, _)| named(full_name)) {
-                unmentioned.retain(|other| *other != full_name);
-                let ratio = counted as f64 / stated;
-                if !(0.98..=1.02).contains(&ratio) {
-                    off.push(format!("{full_name}, {what}: {counted} counted, {stated} stated"));
-                }
+/// What of `counted` is not stated within 2 % in the column whose title begins with `column`; a row's name is the beginning of
+/// theirs.
+fn compare(documents: &Documents, column: &str, counted: &BTreeMap<String, u64>) -> Vec<String> {
+    let mut unmentioned: Vec<&String> = counted.keys().collect();
+    let mut off = Vec::new();
+    for (name, stated) in documents.column(column) {
+        let named = |full_name: &str| full_name == name || full_name.starts_with(&format!("{name}/"));
+        for (full_name, &counted) in counted.iter().filter(|(full_name, _)| named(full_name)) {
+            unmentioned.retain(|other| *other != full_name);
+            if !Tolerance::COUNT.holds(counted as f64, stated) {
+                off.push(format!("{full_name}, {column}: {counted} counted, {stated} stated"));
             }
         }
-        off.extend(
-            unmentioned.into_iter().map(|name| format!("{name}, {what}: {} counted, not in the table", counted[name])),
-        );
-        off
     }
+    off.extend(
+        unmentioned.into_iter().map(|name| format!("{name}, {column}: {} counted, not in the table", counted[name])),
+    );
+    off
 }

@@ -4,6 +4,7 @@
 mod cycles;
 mod embedded;
 mod firmware;
+mod packages;
 mod process;
 mod recordings;
 mod setup;
@@ -25,9 +26,11 @@ struct Cli {
 enum Chore {
     /// Install what is missing, then run every check and every test, on the host and in QEMU.
     Test,
+    /// Run the tests of the host with all cases of their sweeps, of which `test` runs a sample.
+    Sweep,
     /// Install what is missing: compiler targets, QEMU, and what decodes the firmware's log.
     Setup,
-    /// Run the images in QEMU: the host's bits, and the README's instruction counts.
+    /// Run the images in QEMU: the host's bits, and the instruction counts that docs/results.md states.
     Embedded,
     /// Build the firmware for QEMU, as host-sim pil starts it.
     Image,
@@ -42,6 +45,7 @@ enum Chore {
 fn main() -> ExitCode {
     let done = match Cli::parse().chore {
         Chore::Test => test::run(),
+        Chore::Sweep => test::sweep(),
         Chore::Setup => setup::run().map(drop),
         Chore::Embedded => setup::run().and_then(|toolchain| embedded::run(&toolchain)),
         Chore::Image => setup::toolchain().and_then(|toolchain| firmware::image(&toolchain)),

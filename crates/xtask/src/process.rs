@@ -4,7 +4,7 @@ use std::env;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// A chore's result: an error is what to tell the user.
+/// A chore's result: the error is the message for the user.
 pub type Result<T> = std::result::Result<T, String>;
 
 /// The root of the project.

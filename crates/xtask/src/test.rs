@@ -1,31 +1,156 @@
-//! Everything that must be true, on the host and in QEMU.
+//! Every check and every test, stage by stage, on the host and in QEMU.
 
+use std::path::Path;
 use std::time::Instant;
+use std::{fs, io};
 
-use crate::process::{Result, cargo, output, run as run_command};
-use crate::{embedded, firmware, setup};
+use crate::process::{Result, cargo, output, root, run as run_command};
+use crate::{embedded, firmware, packages, setup};
+
+/// The libraries: they are checked with every feature, and packaged.
+pub const LIBRARIES: [&str; 2] = ["springpot", "dea-driver"];
+
+/// What the tests read: with `full` they run all cases of their sweeps, otherwise a sample.
+const SWEEP: &str = "SPRINGPOT_SWEEP";
+
+/// Stages that have passed, with their seconds.
+#[derive(Default)]
+struct Stages(Vec<(&'static str, f64)>);
+
+impl Stages {
+    /// Runs a stage: prints its name, what it runs, and the time that it took.
+    fn run<R>(&mut self, name: &'static str, stage: impl FnOnce() -> Result<R>) -> Result<R> {
+        println!("\n== {name}");
+        let start = Instant::now();
+        let done = stage();
+        let seconds = start.elapsed().as_secs_f64();
+        let passed = self.0.len();
+        match &done {
+            Ok(_) => {
+                println!("== {name}: passed in {seconds:.0} s");
+                self.0.push((name, seconds));
+            }
+            Err(_) => println!("== {name}: failed after {seconds:.0} s; stages: {passed} passed, 1 failed"),
+        }
+        done
+    }
+
+    fn print(&self) {
+        println!("\nseconds  stage");
+        for (name, seconds) in &self.0 {
+            println!("{seconds:7.0}  {name}");
+        }
+        let all: f64 = self.0.iter().map(|(_, seconds)| seconds).sum();
+        println!("{all:7.0}  all");
+        println!("stages: {} passed, 0 failed", self.0.len());
+    }
+}
 
 /// Installs what is missing and runs every check and test.
 pub fn run() -> Result<()> {
-    let start = Instant::now();
-    let toolchain = setup::run()?;
-    let workspace = |arguments: &[&str]| run_command(cargo(arguments));
+    let mut stages = Stages::default();
+    let toolchain = stages.run("tools", setup::run)?;
+    stages.run("format", || run_command(cargo(&["fmt", "--all", "--check"])))?;
+    stages.run("lint", lint)?;
+    stages.run("features", features)?;
+    stages.run("documentation", documentation)?;
+    stages.run("packages", packages::run)?;
+    stages.run("test builds", || run_command(cargo(&[&["test"], WORKSPACE.as_slice(), &["--no-run"]].concat())))?;
+    stages.run("tests", || run_command(cargo(&[&["test"], WORKSPACE.as_slice()].concat())))?;
+    stages.run("tests with micromath", micromath)?;
+    stages.run("chips", || embedded::run(&toolchain))?;
+    stages.run("firmware", || firmware::run(&toolchain))?;
+    stages.print();
+    Ok(())
+}
 
-    workspace(&["fmt", "--all", "--check"])?;
-    workspace(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
-    for library in ["springpot", "dea-driver"] {
-        workspace(&["clippy", "--quiet", "--package", library, "--all-features", "--", "-D", "warnings"])?;
+/// The tests of the host with all cases of their sweeps, of which `cargo xtask test` runs a sample.
+pub fn sweep() -> Result<()> {
+    let mut stages = Stages::default();
+    stages.run("tests, all cases", || {
+        let mut tests = cargo(&[&["test"], WORKSPACE.as_slice()].concat());
+        tests.env(SWEEP, "full");
+        run_command(tests)
+    })?;
+    stages.print();
+    Ok(())
+}
+
+const WORKSPACE: [&str; 2] = ["--quiet", "--workspace"];
+
+/// Sources of libraries whose manifest says `test = false`: a test in them would never run.
+const WITHOUT_TESTS: [&str; 4] = ["host-sim/src", "tests/support", "tests/chip-program/src", "tests/documents/src"];
+
+/// All targets, the tests in QEMU included.
+fn lint() -> Result<()> {
+    for folder in WITHOUT_TESTS {
+        no_tests_in(&root().join(folder))?;
     }
+    let targets = ["--all-targets", "--features", "tests/qemu", "--", "-D", "warnings"];
+    run_command(cargo(&[["clippy"].as_slice(), &WORKSPACE, &targets].concat()))
+}
+
+fn no_tests_in(folder: &Path) -> Result<()> {
+    let failed = |error: io::Error| format!("{}: {error}", folder.display());
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if path.is_dir() {
+            no_tests_in(&path)?;
+        } else if fs::read_to_string(&path).map_err(failed)?.contains("#[test]") {
+            return Err(format!("{} has a test that is never run", path.display()));
+        }
+    }
+    Ok(())
+}
+
+/// Each library without features, with each alone, and with all.
+fn features() -> Result<()> {
+    for library in LIBRARIES {
+        let clippy = |features: &[&str]| {
+            let all = ["clippy", "--quiet", "--package", library];
+            run_command(cargo(&[all.as_slice(), features, &["--", "-D", "warnings"]].concat()))
+        };
+        clippy(&["--no-default-features"])?;
+        for feature in features_of(library)? {
+            clippy(&["--no-default-features", "--features", &feature])?;
+        }
+        clippy(&["--all-features"])?;
+    }
+    Ok(())
+}
+
+/// Names in the table of features in a library's manifest.
+fn features_of(library: &str) -> Result<Vec<String>> {
+    let path = root().join("crates").join(library).join("Cargo.toml");
+    let manifest = fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let table = manifest.lines().skip_while(|line| line.trim() != "[features]").skip(1);
+    let names = table
+        .take_while(|line| !line.starts_with('['))
+        .filter(|line| !line.starts_with([' ', '#', ']']))
+        .filter_map(|line| Some(line.split_once('=')?.0.trim().trim_matches('"').to_owned()))
+        .filter(|name| name != "default");
+    Ok(names.collect())
+}
+
+fn documentation() -> Result<()> {
     let mut doc = cargo(&["doc", "--quiet", "--workspace", "--no-deps", "--document-private-items"]);
     doc.env("RUSTDOCFLAGS", "-D warnings");
-    run_command(doc)?;
-    workspace(&["test", "--quiet", "--workspace"])?;
-    // The same electrostatics on the fast square root.
-    workspace(&["test", "--quiet", "--package", "tests", "--features", "micromath", "--test", "electrostatics"])?;
-    embedded::run(&toolchain)?;
-    firmware::run(&toolchain)?;
-    println!("all tests passed in {} s", start.elapsed().as_secs());
-    Ok(())
+    run_command(doc)
+}
+
+/// The electrostatics on springpot's fast square root.
+fn micromath() -> Result<()> {
+    run_command(cargo(&[
+        "test",
+        "--quiet",
+        "--package",
+        "springpot",
+        "--features",
+        "micromath",
+        "--test",
+        "it",
+        "electrostatics",
+    ]))
 }
 
 /// Checks licences with cargo-deny, which is installed if it is missing.

@@ -258,7 +258,7 @@ fn of_type<T: Real>(applied: Applied<f64>) -> Applied<T> {
 /// `Feedforward`, and `Window` with another memory.
 struct FeedforwardController<T: Real, M: Memory<T>> {
     feedforward: Feedforward<T, M>,
-    state: FeedforwardState<T, M::History>,
+    state: FeedforwardState<T, M>,
 }
 
 impl<T: Real, M: Memory<T>> Controller for FeedforwardController<T, M> {
@@ -278,7 +278,7 @@ impl<T: Real, M: Memory<T>> Controller for FeedforwardController<T, M> {
 /// `Tracking`.
 struct TrackingController<T: Real> {
     tracking: Tracking<T>,
-    state: TrackingState<T, <Compressed<T> as Memory<T>>::History>,
+    state: TrackingState<T>,
 }
 
 impl<T: Real> Controller for TrackingController<T> {

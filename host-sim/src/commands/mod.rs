@@ -3,6 +3,7 @@
 mod closed_loop;
 mod compare;
 mod convert;
+mod demo;
 mod export;
 mod feedforward;
 mod fit;
@@ -44,6 +45,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum CliCommand {
+    /// Do everything once: fit recordings, replay them, follow a sine; three simulated recordings if none are given.
+    Demo(demo::Arguments),
     /// Compute the response to a recorded input.
     Simulate(simulate::Arguments),
     /// Compute the response to recorded inputs and compare it with what was measured.
@@ -117,6 +120,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
     };
     interrupt::install();
     match cli.command {
+        CliCommand::Demo(arguments) => demo::run(&arguments, cli.json),
         CliCommand::Simulate(arguments) => simulate::run(&arguments, cli.json),
         CliCommand::Replay(arguments) => replay::run(&arguments, cli.json),
         CliCommand::Fit(arguments) => fit::run(&arguments, cli.json),

@@ -7,6 +7,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::ModelOptions;
+use crate::agreement::Agreement;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
@@ -33,7 +34,7 @@ pub(super) struct Arguments {
 
 /// One recording's agreement. RMSE is in m, or in N where displacement is the input.
 #[derive(Serialize)]
-struct RecordingAgreement {
+pub(super) struct RecordingAgreement {
     file: String,
     r2: f64,
     nrmse_pct: f64,
@@ -45,9 +46,25 @@ struct RecordingAgreement {
 }
 
 #[derive(Serialize)]
-struct Report {
-    recordings: Vec<RecordingAgreement>,
-    r2_mean: f64,
+pub(super) struct Report {
+    pub(super) recordings: Vec<RecordingAgreement>,
+    pub(super) r2_mean: f64,
+}
+
+impl RecordingAgreement {
+    pub(super) fn new(path: &Path, drive: Direction, agreement: Agreement) -> Self {
+        let Agreement { r2, nrmse_pct, rmse, samples } = agreement;
+        let rmse_for = |input| (drive == input).then_some(rmse);
+        let (rmse_m, rmse_n) = (rmse_for(Direction::Force), rmse_for(Direction::Displacement));
+        Self { file: shown(path), r2, nrmse_pct, rmse_m, rmse_n, samples }
+    }
+}
+
+impl Report {
+    pub(super) fn of(recordings: Vec<RecordingAgreement>) -> Self {
+        let r2_mean = recordings.iter().map(|row| row.r2).sum::<f64>() / recordings.len() as f64;
+        Self { recordings, r2_mean }
+    }
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -73,15 +90,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let (response, agreement) = comparison
             .run(&parameters, &options, &bar)
             .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
-        let rmse_for = |drive| (arguments.drive == drive).then_some(agreement.rmse);
-        rows.push(RecordingAgreement {
-            file: shown(recording.path()),
-            r2: agreement.r2,
-            nrmse_pct: agreement.nrmse_pct,
-            rmse_m: rmse_for(Direction::Force),
-            rmse_n: rmse_for(Direction::Displacement),
-            samples: agreement.samples,
-        });
+        rows.push(RecordingAgreement::new(recording.path(), arguments.drive, agreement));
         if let Some(path) = path {
             if let Some(folder) = path.parent() {
                 output::make_folder(folder)?;
@@ -91,8 +100,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     }
     bar.finish_and_clear();
     written.into_iter().try_for_each(Staged::commit)?;
-    let r2_mean = rows.iter().map(|row| row.r2).sum::<f64>() / rows.len() as f64;
-    let report = Report { recordings: rows, r2_mean };
+    let report = Report::of(rows);
     terminal::report(json, &report, || table(&report))
 }
 
@@ -119,7 +127,7 @@ fn stage(path: &Path, drive: Direction, response: &Response, comparison: &Compar
     response.stage(path, comparison.grid, &[(name, Some(&measured))])
 }
 
-fn table(report: &Report) -> String {
+pub(super) fn table(report: &Report) -> String {
     let rows = &report.recordings;
     let width = rows.iter().map(|row| row.file.chars().count()).max().unwrap_or(0).max(9);
     let unit = if rows.iter().any(|row| row.rmse_n.is_some()) { "mN" } else { "µm" };

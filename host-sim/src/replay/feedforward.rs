@@ -1,13 +1,13 @@
 //! The voltage that makes a film follow a reference.
 
 use indicatif::ProgressBar;
-use springpot::{Applied, CommandLimits, Feedforward, Law, Limited, Memory, Real};
+use springpot::{Applied, CommandLimits, Feedforward, Law, Limited, Memory, Real, State};
 
 use crate::error::Result;
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
 use crate::replay::full_memory::FullMemory;
-use crate::replay::memory::{OnLaw, OnMemory, RunOptions, StateOf, on_memory};
+use crate::replay::memory::{OnLaw, OnMemory, RunOptions, on_memory};
 use crate::replay::simulate::check_full;
 
 /// Voltages along a reference, one value per sample of its grid.
@@ -56,7 +56,7 @@ impl OnLaw for Inversion<'_> {
     type Output = VoltagePlan;
 
     /// The calls of a controller, tick by tick.
-    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: StateOf<T, M>) -> Result<VoltagePlan> {
+    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: State<T, M>) -> Result<VoltagePlan> {
         let feedforward = Feedforward::new(law, &self.parameters.actuator, self.limits)?;
         let mut state = feedforward.state(rest);
         let mut plan = VoltagePlan::default();

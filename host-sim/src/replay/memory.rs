@@ -73,9 +73,6 @@ impl Default for RunOptions {
     }
 }
 
-/// The state of a law with memory `M`.
-pub type StateOf<T, M> = State<T, <M as Memory<T>>::History>;
-
 /// Work that is written once for every memory and precision.
 pub trait OnLaw {
     /// What the work gives.
@@ -86,7 +83,7 @@ pub trait OnLaw {
     /// # Errors
     ///
     /// Those of the work.
-    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: StateOf<T, M>) -> Result<Self::Output>;
+    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: State<T, M>) -> Result<Self::Output>;
 }
 
 /// Work with a law of recursive memory, or with full memory, which has no law to step.
@@ -159,7 +156,7 @@ pub fn window_law<T: Real>(
     model: &Maxwell,
     step_s: f64,
     length: usize,
-) -> Result<(WindowLaw<T>, StateOf<T, VecWindow<T>>)> {
+) -> Result<(WindowLaw<T>, State<T, VecWindow<T>>)> {
     let law = WindowLaw::<T>::window(model, step_s, vec![T::ZERO; length])?;
     let rest = law.state(vec![T::ZERO; length])?;
     Ok((law, rest))

@@ -2,12 +2,12 @@
 
 use indicatif::ProgressBar;
 use serde::Serialize;
-use springpot::{ControlError, Law, Memory, Observer, ObserverOptions, Real, Sample};
+use springpot::{ControlError, Law, Memory, Observer, ObserverOptions, Real, Sample, State};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::grid::{Grid, Samples};
-use crate::replay::memory::{OnLaw, Precision, StateOf, on_compressed};
+use crate::replay::memory::{OnLaw, Precision, on_compressed};
 
 /// Estimates, one value per sample of the grid.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -124,7 +124,7 @@ struct ObserverRun<'a> {
 impl OnLaw for ObserverRun<'_> {
     type Output = Estimates;
 
-    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: StateOf<T, M>) -> Result<Estimates> {
+    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: State<T, M>) -> Result<Estimates> {
         let sensor = self.parameters.sensor();
         let largest = self.voltage_v.iter().fold(1.0, |largest: f64, v| largest.max(v.abs()));
         let observer: Observer<T, M> =

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use indicatif::ProgressBar;
-use springpot::{Actuator, Law, Load, Maxwell, Memory, Real, VoltageDrive};
+use springpot::{Actuator, Law, Load, Maxwell, Memory, Real, State, VoltageDrive};
 
 use crate::agreement::relative_rms;
 use crate::error::{Error, Result};
@@ -12,7 +12,7 @@ use crate::files::parameters::Parameters;
 use crate::files::recording::Input;
 use crate::grid::Grid;
 use crate::replay::full_memory::FullMemory;
-use crate::replay::memory::{OnLaw, OnMemory, Precision, RunOptions, StateOf, on_memory};
+use crate::replay::memory::{OnLaw, OnMemory, Precision, RunOptions, on_memory};
 
 /// Force and displacement of a run, one value per sample of its grid.
 #[derive(Clone, Debug, PartialEq)]
@@ -106,7 +106,7 @@ impl OnLaw for ModelRun<'_> {
     type Output = Columns;
 
     /// Steps `law` along the input: the same calls as on the controller.
-    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, mut state: StateOf<T, M>) -> Result<Columns> {
+    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, mut state: State<T, M>) -> Result<Columns> {
         let mut force = Vec::with_capacity(self.grid.samples);
         let mut displacement = Vec::with_capacity(self.grid.samples);
         let mut push = |f: T, x: T| {

@@ -187,7 +187,7 @@ impl<T: Real> Steering<T> {
         &self,
         law: &Law<T, M>,
         drive: &VoltageDrive<T>,
-        film: &State<T, M::History>,
+        film: &State<T, M>,
         course: &mut Course<T>,
         reference: T,
         correction: Correction<T>,

@@ -11,6 +11,8 @@ use crate::error::ControlError;
 /// These limits shape commands. A supervisor that protects people and film stands behind them, with limits of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct CommandLimits {
     /// Largest voltage, V.
     pub max_voltage_v: f64,

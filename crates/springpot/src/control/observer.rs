@@ -8,12 +8,14 @@ use crate::control::inverse::{Correction, share_per_step};
 use crate::control::path::{clamp, is_finite};
 use crate::control::statistics::Statistics;
 use crate::error::ControlError;
-use crate::law::{Law, Memory, State};
-use crate::scalar::Real;
+use crate::law::{Law, Memory, State, state_traits};
+use crate::scalar::{Real, Scalar};
 
 /// How an [`Observer`] corrects. Times in s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct ObserverOptions {
     /// Up to here the estimate follows the sensor, beyond it the model, Hz.
     pub bandwidth_hz: f64,
@@ -107,9 +109,8 @@ pub struct Observer<T, M = crate::Compressed<T>, const PAST: usize = 64> {
 }
 
 /// What changes with every tick of an [`Observer`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct ObserverState<T, H, const PAST: usize = 64> {
-    pub(crate) film: State<T, H>,
+pub struct ObserverState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const PAST: usize = 64> {
+    pub(crate) film: State<T, M>,
     /// Predictions of the last ticks, `newest` first and round.
     past: [T; PAST],
     newest: usize,
@@ -130,6 +131,11 @@ pub struct ObserverState<T, H, const PAST: usize = 64> {
     innovation: T,
     statistics: Statistics<T>,
 }
+
+state_traits!(ObserverState<T, M, PAST> {
+    film, past, newest, held, slope, swift, disturbance, force_scale, usual, usual_load, swing, since_sample, innovation,
+    statistics,
+});
 
 /// Share of a tick that times may be off because they are not whole in binary, or come in single precision.
 const ROUNDING: f64 = 1e-4;
@@ -213,7 +219,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
 
     /// A state whose film is `film`, with no disturbance.
     #[must_use]
-    pub fn state(&self, film: State<T, M::History>) -> ObserverState<T, M::History, PAST> {
+    pub fn state(&self, film: State<T, M>) -> ObserverState<T, M, PAST> {
         let position = film.position();
         ObserverState {
             film,
@@ -236,7 +242,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
     /// Steps the film under the `voltage` (V) that was applied since the last tick, or that a monitor read, and corrects
     /// it with a `sample`, if one has arrived. Returns the estimated displacement (m).
     #[inline]
-    pub fn observe(&self, state: &mut ObserverState<T, M::History, PAST>, voltage: T, sample: Option<Sample<T>>) -> T {
+    pub fn observe(&self, state: &mut ObserverState<T, M, PAST>, voltage: T, sample: Option<Sample<T>>) -> T {
         let load = self.drive.load(voltage);
         let electrostatic = (load.force - self.drive.preload()) * state.force_scale;
         let forced = Load {
@@ -253,7 +259,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
     /// Takes in a sample, if there is one, and moves the disturbance on by a tick. The same work in every tick: a sample that
     /// is missing weighs nothing.
     #[inline]
-    fn correct(&self, state: &mut ObserverState<T, M::History, PAST>, sample: Option<Sample<T>>) {
+    fn correct(&self, state: &mut ObserverState<T, M, PAST>, sample: Option<Sample<T>>) {
         let since = state.since_sample.saturating_add(1);
         let found = sample.and_then(|sample| state.innovation_of(sample)).filter(|e| is_finite(*e));
         let come = found.is_some();
@@ -283,7 +289,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
     /// Least squares, one tick at a time: a tick's say is its swing over the sum of all swings. At first every tick says
     /// much, so that the first rise already tells a film that is stiffer than the model.
     #[inline]
-    fn adapt(&self, state: &mut ObserverState<T, M::History, PAST>, load: T) {
+    fn adapt(&self, state: &mut ObserverState<T, M, PAST>, load: T) {
         state.usual_load = state.usual_load + self.averaging * (load - state.usual_load);
         let swing = load - state.usual_load;
         state.swing = state.swing + (swing * swing - self.forgetting * state.swing);
@@ -318,7 +324,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
     }
 }
 
-impl<T: Real, H, const PAST: usize> ObserverState<T, H, PAST> {
+impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
     #[inline]
     fn remember(&mut self, position: T) {
         self.newest = if self.newest == 0 { PAST.saturating_sub(1) } else { self.newest - 1 };
@@ -389,7 +395,7 @@ impl<T: Real, H, const PAST: usize> ObserverState<T, H, PAST> {
 
     /// The film.
     #[must_use]
-    pub fn film(&self) -> &State<T, H> {
+    pub fn film(&self) -> &State<T, M> {
         &self.film
     }
 

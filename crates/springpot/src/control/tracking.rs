@@ -5,8 +5,8 @@ use crate::control::inverse::{Applied, Command, Course, Steering};
 use crate::control::limits::CommandLimits;
 use crate::control::observer::{Observer, ObserverOptions, ObserverState, Sample};
 use crate::error::ControlError;
-use crate::law::{Law, Memory, State};
-use crate::scalar::Real;
+use crate::law::{Law, Memory, State, state_traits};
+use crate::scalar::{Real, Scalar};
 
 /// Compensation with a sensor: [`Feedforward`](crate::Feedforward) from where an [`Observer`] sees the film, less the
 /// disturbance that it sees.
@@ -24,11 +24,12 @@ pub struct Tracking<T, M = crate::Compressed<T>, const PAST: usize = 64> {
 }
 
 /// What changes with every tick of a [`Tracking`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct TrackingState<T, H, const PAST: usize = 64> {
-    observer: ObserverState<T, H, PAST>,
+pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const PAST: usize = 64> {
+    observer: ObserverState<T, M, PAST>,
     course: Course<T>,
 }
+
+state_traits!(TrackingState<T, M, PAST> { observer, course });
 
 impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// Tracking for `actuator` along `law` within `limits`, corrected as `options` tell.
@@ -49,7 +50,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
 
     /// A state whose film is `film`, with its reference where the film is, at 0 V.
     #[must_use]
-    pub fn state(&self, film: State<T, M::History>) -> TrackingState<T, M::History, PAST> {
+    pub fn state(&self, film: State<T, M>) -> TrackingState<T, M, PAST> {
         let course = Course::at(film.position());
         TrackingState { observer: self.observer.state(film), course }
     }
@@ -57,12 +58,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// Steps the film under the voltage that was really applied since the last tick and corrects it with a `sample`, if one
     /// has arrived. Returns the estimated displacement (m).
     #[inline]
-    pub fn observe(
-        &self,
-        state: &mut TrackingState<T, M::History, PAST>,
-        applied: Applied<T>,
-        sample: Option<Sample<T>>,
-    ) -> T {
+    pub fn observe(&self, state: &mut TrackingState<T, M, PAST>, applied: Applied<T>, sample: Option<Sample<T>>) -> T {
         let voltage = self.steering.note(&mut state.course, applied);
         self.observer.observe(&mut state.observer, voltage, sample)
     }
@@ -70,7 +66,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A reference
     /// that is not finite leaves the one before.
     #[inline]
-    pub fn command(&self, state: &mut TrackingState<T, M::History, PAST>, reference: T) -> Command<T> {
+    pub fn command(&self, state: &mut TrackingState<T, M, PAST>, reference: T) -> Command<T> {
         let correction = state.observer.correction();
         let TrackingState { observer, course } = state;
         let (law, drive) = (self.observer.law(), self.observer.drive());
@@ -84,10 +80,10 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     }
 }
 
-impl<T: Real, H, const PAST: usize> TrackingState<T, H, PAST> {
+impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
     /// What the observer knows.
     #[must_use]
-    pub fn observer(&self) -> &ObserverState<T, H, PAST> {
+    pub fn observer(&self) -> &ObserverState<T, M, PAST> {
         &self.observer
     }
 

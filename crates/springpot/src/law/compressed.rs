@@ -14,6 +14,8 @@ use crate::scalar::Scalar;
 /// What a compressed memory is asked to follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Options {
     /// Step h in seconds.
     pub step_s: f64,
@@ -129,7 +131,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
 
     /// A state at rest at x = 0.
     #[must_use]
-    pub fn state(&self) -> State<T, CompressedHistory<T, HEAD, FAST, SLOW>> {
+    pub fn state(&self) -> State<T, Compressed<T, HEAD, FAST, SLOW>> {
         State::with_history(CompressedHistory {
             increments: [[T::ZERO; HEAD]; 2],
             newest: 0,

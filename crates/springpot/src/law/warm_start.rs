@@ -2,20 +2,20 @@
 
 use crate::kernel::power_series::TERMS;
 use crate::kernel::quadrature::MAX_NODES;
-use crate::law::compressed::{Compressed, CompressedHistory, Dashpot};
+use crate::law::compressed::{Compressed, Dashpot};
 use crate::law::{Law, Memory, State};
 use crate::scalar::Scalar;
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Takes `state` through a recorded history of `forces` (N), one per step.
-    pub fn warm_up(&self, state: &mut State<T, M::History>, forces: impl IntoIterator<Item = T>) {
+    pub fn warm_up(&self, state: &mut State<T, M>, forces: impl IntoIterator<Item = T>) {
         for force in forces {
             self.displacement(state, force);
         }
     }
 
     /// Takes `state` through a recorded history of `displacements` (m), one per step.
-    pub fn warm_up_along(&self, state: &mut State<T, M::History>, displacements: impl IntoIterator<Item = T>) {
+    pub fn warm_up_along(&self, state: &mut State<T, M>, displacements: impl IntoIterator<Item = T>) {
         for displacement in displacements {
             self.force(state, displacement);
         }
@@ -30,7 +30,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// of equal increments are solved at once that grow with the time passed. A duration that is negative or not a number
     /// counts as nought.
     #[must_use]
-    pub fn settled(&self, force: T, duration_s: f64) -> State<T, CompressedHistory<T, HEAD, FAST, SLOW>> {
+    pub fn settled(&self, force: T, duration_s: f64) -> State<T, Compressed<T, HEAD, FAST, SLOW>> {
         let mut creep = Creep::new(self, force.to_f64());
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
         let steps = libm::round(duration_s / self.step_s()) as u64;
@@ -48,7 +48,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         self.state_after(&creep)
     }
 
-    fn state_after(&self, creep: &Creep<HEAD>) -> State<T, CompressedHistory<T, HEAD, FAST, SLOW>> {
+    fn state_after(&self, creep: &Creep<HEAD>) -> State<T, Compressed<T, HEAD, FAST, SLOW>> {
         let mut state = self.state();
         let head = creep.increments.map(T::from_f64);
         let left = creep.position - creep.increments.iter().sum::<f64>();

@@ -60,7 +60,7 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Law<T, Window<T, B>> {
     /// # Errors
     ///
     /// [`LawError::Storage`] for storage of another length.
-    pub fn state(&self, storage: B) -> Result<State<T, WindowHistory<T, B>>, LawError> {
+    pub fn state(&self, storage: B) -> Result<State<T, Window<T, B>>, LawError> {
         let mut increments = storage;
         let (given, needed) = (increments.as_ref().len(), self.memory().weights.as_ref().len());
         if given != needed {

@@ -6,6 +6,8 @@
 /// values that make no element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Springpot {
     /// Coefficient in N·s^α/m, greater than nought.
     pub c: f64,

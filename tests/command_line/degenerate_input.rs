@@ -1,4 +1,4 @@
-//! Recordings that tell little, or wrongly: a clear error or a sane fit with a warning, never a panic or NaN in a file.
+//! Recordings with little or wrong information: a clear error, or a usable fit with a warning; never a panic, never NaN in a file.
 
 use std::fmt::Write;
 use std::fs;
@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use serde_json::Value;
 use tempfile::TempDir;
 
-const HOST_SIM: &str = env!("CARGO_BIN_EXE_host-sim-under-test");
+use crate::TOOL;
 
 /// A recording: V (V) and displacement (m, or nothing) at the times k / rate.
 fn recording(path: &Path, seconds: f64, rate_hz: f64, row: impl Fn(f64) -> (f64, Option<f64>)) {
@@ -34,7 +34,7 @@ fn displacement(time: f64) -> f64 {
 }
 
 fn fit(folder: &Path, files: &[&Path], more: &[&str]) -> Output {
-    let mut command = Command::new(HOST_SIM);
+    let mut command = Command::new(TOOL.0);
     command.args(["fit", "--json", "--out"]).arg(folder.join("p.toml")).args(files).args(more);
     command.output().expect("runs")
 }
@@ -48,7 +48,7 @@ fn sane(folder: &Path, files: &[&Path], more: &[&str]) -> Value {
     let text = fs::read_to_string(&parameters).expect("written");
     let words = || text.split(|c: char| !c.is_alphanumeric()).map(str::to_lowercase);
     assert!(words().all(|word| word != "nan"), "{text}");
-    let replay = Command::new(HOST_SIM).args(["replay", "--json", "--params"]).arg(&parameters).args(files).output();
+    let replay = Command::new(TOOL.0).args(["replay", "--json", "--params"]).arg(&parameters).args(files).output();
     assert!(replay.expect("runs").status.success());
     report
 }
@@ -107,7 +107,7 @@ fn different_lengths_and_rates_and_a_single_cycle() {
 }
 
 #[test]
-fn gaps_are_bridged_and_told() {
+fn gaps_are_bridged_with_a_warning() {
     let folder = TempDir::new().expect("a folder");
     let file = folder.path().join("gap.csv");
     recording(&file, 60.0, 50.0, |t| (voltage(t), Some(displacement(t))));
@@ -138,7 +138,7 @@ fn drop_outs_of_the_laser_do_not_pull_a_robust_fit() {
     recording(&dirty, 60.0, 50.0, |t| (voltage(t), Some(if out(t) { -0.02 } else { displacement(t) })));
     let error_on_clean = |more: &[&str]| {
         let report = sane(folder.path(), &[&dirty], &[&["--branches", "1"], more].concat());
-        let replay = Command::new(HOST_SIM)
+        let replay = Command::new(TOOL.0)
             .args(["replay", "--json", "--params"])
             .args([&folder.path().join("p.toml"), &clean])
             .output()
@@ -146,10 +146,10 @@ fn drop_outs_of_the_laser_do_not_pull_a_robust_fit() {
         let replay: Value = serde_json::from_slice(&replay.stdout).expect("one document");
         (replay["recordings"][0]["nrmse_pct"].as_f64().expect("a number"), report)
     };
-    let (square, told) = error_on_clean(&[]);
+    let (square, report) = error_on_clean(&[]);
     let (huber, _) = error_on_clean(&["--loss", "huber"]);
     println!("NRMSE on the clean recording: squares {square:.2} %, Huber {huber:.2} %");
-    assert!(warns(&told, "--loss huber"), "{told}");
+    assert!(warns(&report, "--loss huber"), "{report}");
     assert!(huber < 5.0 && huber < 0.25 * square, "squares {square} %, Huber {huber} %");
 }
 
@@ -195,7 +195,7 @@ fn bursts_do_not_exhaust_the_memory() {
 }
 
 #[test]
-fn wrong_units_are_told() {
+fn wrong_units_give_a_warning() {
     let folder = TempDir::new().expect("a folder");
     let file = folder.path().join("rec.csv");
     let branches = ["--branches", "0"];
@@ -211,7 +211,7 @@ fn wrong_units_are_told() {
 }
 
 #[test]
-fn a_saturated_sensor_is_told() {
+fn a_saturated_sensor_gives_a_warning() {
     let folder = TempDir::new().expect("a folder");
     let file = folder.path().join("saturated.csv");
     recording(&file, 60.0, 50.0, |t| (voltage(t), Some(displacement(t).min(1.6e-3))));
@@ -228,12 +228,12 @@ fn ten_hours_at_10_hz() {
     assert!(report["r2_mean"].as_f64().expect("a number") > 0.98, "{report}");
 }
 
-/// Ctrl-C ends a search with the best so far, in a file that says so.
+/// Ctrl-C ends a search with the best result so far, in a file that is marked as interrupted.
 #[test]
 fn an_interrupted_search_keeps_the_best_so_far() {
     let folder = TempDir::new().expect("a folder");
     let out = folder.path().join("p.toml");
-    let mut command = Command::new(HOST_SIM);
+    let mut command = Command::new(TOOL.0);
     command.args(["fit", "--starts", "500", "--out"]).arg(&out).args(tests::recordings("hossain"));
     let mut running = command.stdout(std::process::Stdio::null()).spawn().expect("runs");
     std::thread::sleep(std::time::Duration::from_secs(2));
@@ -243,10 +243,10 @@ fn an_interrupted_search_keeps_the_best_so_far() {
     assert_eq!(running.wait().expect("ends").code(), Some(130), "scripts notice");
     let text = fs::read_to_string(&out).expect("the best so far");
     assert!(text.contains("interrupted = true"), "{text}");
-    // What was not computed is not told.
+    // Results that were not computed are not in the file.
     assert!(!text.contains("free: other values") && !text.contains("intervals_95_pct"), "{text}");
     let [recording, ..] = tests::recordings("hossain");
-    let replay = Command::new(HOST_SIM).args(["replay", "--json", "--params"]).args([&out, &recording]).output();
+    let replay = Command::new(TOOL.0).args(["replay", "--json", "--params"]).args([&out, &recording]).output();
     let report: Value = serde_json::from_slice(&replay.expect("runs").stdout).expect("one document");
     assert!(report["r2_mean"].as_f64().expect("a number") > 0.9, "{report}");
 }

@@ -1,4 +1,4 @@
-//! The commands as scripts call them.
+//! `simulate`, `replay`, `frequency-response` and `twin` as scripts call them.
 
 use std::fs;
 use std::path::Path;
@@ -6,9 +6,9 @@ use std::path::Path;
 use serde_json::Value;
 use tempfile::TempDir;
 use tests::recordings;
-use tests::tool::{Tool, text};
+use tests::tool::text;
 
-const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
+use crate::TOOL;
 
 fn json(arguments: &[&str]) -> Value {
     TOOL.json(arguments)
@@ -46,7 +46,7 @@ fn replay_prints_r2_per_recording_and_the_mean() {
     }
     let mean = controller["r2_mean"].as_f64().expect("mean");
     assert!((mean - sum / 6.0).abs() < 1e-12);
-    // For people: a table with the same numbers.
+    // Without --json: a table with the same numbers.
     let output = TOOL.with(&arguments).assert().success().get_output().stdout.clone();
     let table = String::from_utf8(output).expect("UTF-8");
     assert!(table.contains("R²") && table.contains("mean") && table.contains(&format!("{mean:.5}")), "{table}");
@@ -189,11 +189,10 @@ fn twin_records_with_seeded_noise() {
     assert!(half.iter().copied().fold(0.0, f64::max) < 0.5e-3);
 }
 
-/// The README shows what the first command prints.
+/// README or docs show what `replay` prints of the committed recordings: the numbers are the same within 1e-3, which leaves room
+/// for another machine's sines.
 #[test]
-fn readme_shows_what_replay_prints() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let readme = fs::read_to_string(root.join("README.md")).expect("there");
+fn documents_show_what_replay_prints() {
     let mut files: Vec<String> = ["hossain", "wang"]
         .into_iter()
         .flat_map(recordings)
@@ -201,11 +200,23 @@ fn readme_shows_what_replay_prints() {
         .collect();
     files.sort();
     let mut command = TOOL.with(&["replay", "--params", "preset:table3-n2"]);
-    let printed = command.args(files).current_dir(root).assert().success().get_output().stdout.clone();
+    let printed = command.args(files).current_dir(documents::root()).assert().success().get_output().stdout.clone();
     let printed = String::from_utf8(printed).expect("UTF-8");
     assert_eq!(printed.lines().count(), 8);
-    for line in printed.lines() {
-        assert!(readme.contains(line), "README.md lacks: {line}");
+    let texts: Vec<String> =
+        documents::files().expect("readable").iter().map(|path| fs::read_to_string(path).expect("readable")).collect();
+    let shown = |name: &str| -> Vec<&str> {
+        texts.iter().flat_map(|text| text.lines()).filter(|line| line.starts_with(name)).collect()
+    };
+    let numbers = |line: &str| line.split_whitespace().skip(1).map(number).collect::<Vec<f64>>();
+    for line in printed.lines().filter(|line| line.starts_with("tests/recordings/")) {
+        let name = line.split_whitespace().next().expect("a file");
+        assert!(!shown(name).is_empty(), "no document shows what replay prints: {line}");
+        for other in shown(name) {
+            let (here, there) = (numbers(line), numbers(other));
+            let close = here.iter().zip(&there).all(|(a, b)| (a - b).abs() <= 1e-3 * a.abs());
+            assert!(here.len() == there.len() && close, "printed: {line}\nshown:   {other}");
+        }
     }
 }
 

@@ -83,7 +83,7 @@ fn recordings_are_reproducible() {
         let command = committed.lines().nth(1).and_then(|line| line.strip_prefix("# host-sim ")).expect("the command");
         let again = folder.path().join("again.csv");
         let arguments: Vec<&str> = command.split(' ').map_while(|word| (word != "--out").then_some(word)).collect();
-        let mut tool = assert_cmd::Command::new(env!("CARGO_BIN_EXE_host-sim-under-test"));
+        let mut tool = assert_cmd::Command::new(env!("CARGO_BIN_EXE_host-sim"));
         tool.args(arguments).arg("--out").arg(&again).assert().success();
         let (old, new) = (Recording::read(&path).expect("committed"), Recording::read(&again).expect("written"));
         for (old, new, quantum) in [

@@ -8,9 +8,9 @@ use dea_driver::{Blob, Controller, OnSensorFault};
 use host_sim::files::parameters::{Board, Parameters};
 use springpot::{Law, Options, VoltageDrive};
 use tempfile::TempDir;
-use tests::tool::{Tool, names, text};
+use tests::tool::{names, text};
 
-const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
+use crate::TOOL;
 
 const BOARD: &str = "\n[board]\nid = 7\ncommand-range = \"five-volts\"\n";
 

@@ -1,13 +1,13 @@
-//! Whatever is wrong with a file or a command line: one line that names the place, exit status 2, nothing written.
+//! Bad files and bad command lines: one line that names the place, exit status 2, nothing written.
 
 use std::fs;
 use std::io::Write;
 use std::path::PathBuf;
 
 use tempfile::TempDir;
-use tests::tool::{Tool, names};
+use tests::tool::names;
 
-const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
+use crate::TOOL;
 
 struct Bench {
     folder: TempDir,
@@ -28,7 +28,7 @@ impl Bench {
         self.folder.path().join(name).to_str().expect("UTF-8").into()
     }
 
-    /// Runs the tool, which must fail as agreed; returns its one line.
+    /// Runs the tool, which must fail with one line and exit status 2; returns that line.
     fn fails(&self, arguments: &[&str]) -> String {
         let before = self.listing();
         let line = TOOL.fails(arguments);
@@ -122,7 +122,7 @@ fn directories_and_files_that_are_not_there() {
     names(&bench.fails(&["replay", "--params", "preset:table3-n2", "--out", &folder, &kept]), &["overwrite"]);
 }
 
-/// Garbage of a gigabyte ends at once, without filling the memory. Sparse files and pipes make it cheap to test.
+/// A gigabyte of garbage is refused at once, without filling the memory. Sparse files and devices make the test cheap.
 #[test]
 fn a_gigabyte_of_garbage() {
     let bench = Bench::new();
@@ -171,9 +171,9 @@ fn nothing_that_is_read_is_overwritten() {
     assert_eq!(fs::read_to_string(&kept).expect("there"), "kept");
 }
 
-/// The film is pulled in where the force outgrows it, whatever the memory, and nothing is written.
+/// Pull-in, where the force grows faster than the film resists, is an error with every memory, and nothing is written.
 #[test]
-fn pull_in_is_told() {
+fn pull_in_is_an_error() {
     let bench = Bench::new();
     let [recording, ..] = tests::recordings("wang");
     let recording = recording.to_str().expect("UTF-8");

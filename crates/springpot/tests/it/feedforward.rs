@@ -2,11 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use host_sim::agreement::relative_rms;
 use springpot::{
     Actuator, ActuatorError, Applied, Command, CommandLimits, ControlError, Feedforward, Law, Limited, Maxwell,
     Options, Preset, Real, Springpot, Topology, VoltageDrive,
 };
+
+use crate::support::relative_rms;
 
 const RATE_HZ: f64 = 1000.0;
 

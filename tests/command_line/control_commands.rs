@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use tests::recordings;
-use tests::tool::{Tool, names, text};
+use tests::tool::{names, text};
 
-const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
+use crate::TOOL;
 
 fn column(path: &Path, name: &str) -> Vec<f64> {
     let content = fs::read_to_string(path).expect("written");
@@ -16,7 +16,7 @@ fn column(path: &Path, name: &str) -> Vec<f64> {
     lines.map(|line| line.split(',').nth(index).expect("a cell").parse().unwrap_or(f64::NAN)).collect()
 }
 
-/// A folder with parameters of a film that is like the first twin, and references that it can and cannot follow.
+/// A folder with parameters of a film like the first simulated film, and references that it can and cannot follow.
 struct Bench {
     folder: TempDir,
 }
@@ -82,13 +82,13 @@ fn feedforward_and_simulate_are_each_others_inverse() {
         let files = ["simulate", "--profile", text(&volts), "--out", text(&back)];
         TOOL.json(&[&files, how.as_slice()].concat());
         let worst = |x: &[f64]| x.iter().zip(&wanted).map(|(x, r)| (x - r).abs()).fold(0.0, f64::max) / 4e-3;
-        let (told, came) = (worst(&column(&volts, "displacement_m")), worst(&column(&back, "displacement_m")));
-        println!("{memory} {precision}: told {told:.1e}, came {came:.1e}");
-        assert!(told < within && came < within, "{memory} {precision}: {told} {came}");
+        let (reported, simulated) = (worst(&column(&volts, "displacement_m")), worst(&column(&back, "displacement_m")));
+        println!("{memory} {precision}: reported {reported:.1e}, simulated {simulated:.1e}");
+        assert!(reported < within && simulated < within, "{memory} {precision}: {reported} {simulated}");
     }
 }
 
-/// The check tells before any voltage is applied, and the offset that it names is enough, but no smaller one is.
+/// The check needs no voltage output. The offset that it reports is sufficient, and a smaller one is not.
 #[test]
 fn check_tells_the_feasible_band() {
     let bench = Bench::new();
@@ -116,7 +116,7 @@ fn check_tells_the_feasible_band() {
         fs::write(&raised, csv).expect("written");
         assert_eq!(check(&raised)["feasible"], feasible, "{offset}");
     }
-    // What is commanded anyway is limited and says so.
+    // A command for it is limited, and marked as limited.
     let out = bench.path("v.csv");
     let low = bench.path("low.csv");
     let params = bench.params();

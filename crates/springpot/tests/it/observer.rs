@@ -6,13 +6,12 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, Applied, CommandLimits, Compressed, ControlError, Feedforward, FeedforwardState, Law, Load, Maxwell,
-    Memory, Observer, ObserverOptions, ObserverState, Options, Sample, Springpot, State, Topology, Tracking,
-    TrackingState, VoltageDrive,
+    Actuator, Applied, CommandLimits, ControlError, Feedforward, FeedforwardState, Law, Load, Maxwell, Observer,
+    ObserverOptions, ObserverState, Options, Sample, Springpot, State, Topology, Tracking, TrackingState, VoltageDrive,
 };
 
-type Estimate = ObserverState<f32, <Compressed<f32> as Memory<f32>>::History>;
-type Film = State<f64, <Compressed<f64> as Memory<f64>>::History>;
+type Estimate = ObserverState<f32>;
+type Film = State<f64>;
 
 fn model(factor: f64) -> Maxwell {
     let sp = |c: f64, alpha| Springpot::new(factor * c, alpha);
@@ -243,11 +242,10 @@ fn a_lost_sensor_bumps_nothing() {
 
 #[test]
 fn laws_of_control_are_small() {
-    type History = <Compressed<f32> as Memory<f32>>::History;
-    let (law, state) = (size_of::<Feedforward<f32>>(), size_of::<FeedforwardState<f32, History>>());
+    let (law, state) = (size_of::<Feedforward<f32>>(), size_of::<FeedforwardState<f32>>());
     println!("feedforward {law} bytes, state {state} bytes");
     assert!(law <= 512 && state <= 512);
-    let (law, state) = (size_of::<Tracking<f32>>(), size_of::<TrackingState<f32, History>>());
+    let (law, state) = (size_of::<Tracking<f32>>(), size_of::<TrackingState<f32>>());
     println!("tracking {law} bytes, state {state} bytes, 64 predictions remembered");
     assert!(law <= 512 && state <= 768);
 }

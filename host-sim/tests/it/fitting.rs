@@ -1,4 +1,4 @@
-//! Fits: they find what is there, hold on recordings they have not seen, and say how far they can be trusted.
+//! Fits: they recover known models, hold on recordings that they have not seen, and give intervals that contain the truth.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -72,7 +72,7 @@ fn finds_the_model_that_made_the_data() {
 
 /// With noise the residual is the noise: white, as large as it was made, and the truth lies in the intervals.
 #[test]
-fn leaves_white_noise_and_tells_how_far_it_can_be_trusted() {
+fn leaves_white_noise_and_gives_intervals() {
     let mut truth = truth();
     for branches in [2, 1] {
         truth.elements.truncate(1 + 2 * branches);
@@ -81,7 +81,7 @@ fn leaves_white_noise_and_tells_how_far_it_can_be_trusted() {
         assert!(trust.white, "autocorrelation {} at lag one", trust.lag_one);
         assert!(fit.agreements.iter().all(|a| (4.9e-6..5.1e-6).contains(&a.rmse)));
     }
-    // Of one branch the recordings tell all.
+    // The recordings determine all parameters of a model with one branch.
     let fit = fitted(&synthetic(&truth, 5e-6), &structure(Topology::Parallel, 1));
     let trust = fit.trust.expect("judged");
     let truths = [
@@ -106,14 +106,14 @@ fn leaves_white_noise_and_tells_how_far_it_can_be_trusted() {
     assert!(trust.undetermined.is_empty());
 }
 
-/// A branch more than the data hold is told, not hidden.
+/// A branch that the data do not determine gives a warning.
 #[test]
-fn tells_what_the_data_leave_free() {
+fn warns_of_undetermined_parameters() {
     let spring = Candidate { elements: vec![Springpot::new(4e4, 0.0)], ..truth() };
     let fit = fitted(&synthetic(&spring, 5e-6), &structure(Topology::Parallel, 1));
     println!("{:?}", fit.warnings);
-    let told = |words: &str| fit.warnings.iter().any(|warning| warning.contains(words));
-    assert!(told("fewer branches will do") || told("branches[0]") && told("free: other values fit as well"));
+    let warned = |words: &str| fit.warnings.iter().any(|warning| warning.contains(words));
+    assert!(warned("fewer branches will do") || warned("branches[0]") && warned("free: other values fit as well"));
 }
 
 /// Every derivative against differences: coupled or not, driven by voltage, force or displacement.
@@ -160,7 +160,7 @@ fn exact_derivatives() {
                         at(1.0).iter().zip(at(-1.0)).map(|(a, b)| (a - b) / (2.0 * step)).collect();
                     let norm = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>().sqrt();
                     let error: Vec<f64> = column.iter().zip(&difference).map(|(a, b)| a - b).collect();
-                    // The recursion that solves the coupling holds 1e-4. Of mass the data know so little that differences drown.
+                    // The recursion that solves the coupling holds 1e-4. The mass has so little effect that rounding dominates its differences.
                     let allowed = match variable {
                         Mass => 2e-2,
                         _ if coupling > 0.0 => 1e-4,
@@ -174,7 +174,7 @@ fn exact_derivatives() {
     }
 }
 
-/// What the table calls left out is the error on a recording of a fit to the others, by another way to compute it.
+/// The table's left-out error is the error on one recording of a fit to the others: here by fitting again.
 #[test]
 fn left_out_is_left_out() {
     let all = observations("hossain");
@@ -237,7 +237,7 @@ fn follows_both_films_and_recordings_it_has_not_seen() {
     }
 }
 
-/// The paper's procedure ends where it is stuck; derivatives go further, with a tenth of the evaluations.
+/// The paper's pattern search ends with a larger error than a search with derivatives, which needs a tenth of the evaluations.
 #[test]
 fn pattern_search_is_there_and_worse() {
     let thinned: Vec<Observation> = observations("wang").iter().map(observation::thinned).collect();
@@ -270,7 +270,7 @@ fn measured_vhb_4910() {
     }
     let folder = tempfile::TempDir::new().expect("a folder");
     let body = folder.path().join("body.csv");
-    let mut convert = assert_cmd::Command::new(env!("CARGO_BIN_EXE_host-sim-under-test"));
+    let mut convert = assert_cmd::Command::new(env!("CARGO_BIN_EXE_host-sim"));
     // L = 60 mm, A = 49 mm × 0.16 mm.
     convert
         .args(["convert", "--length", "0.06", "--area", "7.84e-6", "--out"])

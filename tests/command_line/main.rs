@@ -1,0 +1,13 @@
+//! The commands as scripts call them: what they compute and write, and how they refuse bad input.
+
+mod bad_input;
+mod control_commands;
+mod degenerate_input;
+mod demo;
+mod export;
+mod fit_commands;
+mod replay_and_record;
+
+use tests::tool::Tool;
+
+const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));

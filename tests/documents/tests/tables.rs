@@ -1,0 +1,65 @@
+//! README.md and docs/*.md: their tables are complete, and their links lead to files.
+
+use std::fs;
+
+use documents::{Documents, Table, Tolerance, files, root};
+
+/// Rows whose number of cells is not their header's.
+fn ragged(tables: &[Table]) -> Vec<String> {
+    tables
+        .iter()
+        .flat_map(|table| table.rows.iter().map(move |row| (table, row)))
+        .filter(|(table, row)| row.len() != table.header.len())
+        .map(|(table, row)| {
+            format!("table at {}: {} cells below {} titles: {row:?}", table.place, row.len(), table.header.len())
+        })
+        .collect()
+}
+
+#[test]
+fn a_table_has_as_many_cells_as_its_header() {
+    let documents = Documents::read().expect("readable");
+    assert!(documents.tables().len() > 5, "README.md and docs have tables");
+    let ragged = ragged(documents.tables());
+    assert!(ragged.is_empty(), "{}", ragged.join("\n"));
+}
+
+/// The reader itself: bars in code, groups of digits, bold numbers, and a row that lacks a cell.
+#[test]
+fn numbers_are_found_by_row_and_title() {
+    let documents = Documents::of(
+        "x.md",
+        "| row | a | **b**, late |\n| --- | --- | --- |\n| `x\\|y` | 35 477 | **0.382** |\n| film | 1.8e-7 | 16 kB |\n| `short` | 1 |\n\
+         \n```text\n| no | table |\n```\n",
+    );
+    assert_eq!(documents.tables().len(), 1);
+    assert_eq!(documents.number(&["x\\|y"], "a"), Some(35_477.0));
+    assert_eq!(documents.number(&["x\\|y"], "b"), Some(0.382));
+    assert_eq!(documents.number(&["film", "1.8e-7"], "b"), Some(16.0));
+    assert_eq!(documents.number(&["film"], "a"), Some(1.8e-7));
+    assert_eq!(documents.number(&["film"], "c"), None);
+    assert_eq!(documents.number(&["short"], "b"), None);
+    assert_eq!(documents.column("a"), [("x\\|y", 35_477.0), ("short", 1.0)]);
+    assert_eq!(ragged(documents.tables()).len(), 1);
+    assert!(Tolerance::COUNT.holds(102.0, 100.0) && !Tolerance::COUNT.holds(102.1, 100.0));
+    assert!(!Tolerance::COUNT.holds(f64::NAN, 100.0));
+}
+
+/// Links to files of the project, relative to the document.
+#[test]
+fn links_lead_to_files() {
+    let mut count = 0;
+    for path in files().expect("readable") {
+        let text = fs::read_to_string(&path).expect("readable");
+        for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
+            if link.contains("://") || link.starts_with('#') {
+                continue;
+            }
+            count += 1;
+            let file = link.split('#').next().unwrap_or(link);
+            let target = path.parent().unwrap_or(root()).join(file);
+            assert!(target.exists(), "{}: {link} is missing", path.display());
+        }
+    }
+    assert!(count > 5);
+}
