@@ -6,9 +6,10 @@ use std::path::PathBuf;
 
 use host_sim::bench::film::Waveform;
 use host_sim::files::parameters::Parameters;
-use host_sim::files::recording::{Input, Samples};
-use host_sim::grid::Grid;
-use host_sim::replay::simulate::{self, MemoryChoice, Precision, RunOptions};
+use host_sim::files::recording::Input;
+use host_sim::grid::{Grid, Samples};
+use host_sim::replay::memory::{MemoryChoice, Precision, RunOptions};
+use host_sim::replay::simulate;
 use host_sim::report::plot::{self, Line, Panel};
 use indicatif::ProgressBar;
 
@@ -22,7 +23,7 @@ fn main() -> host_sim::Result<()> {
     let input = Input::Voltage(Samples { time_s: time_s.clone(), value });
     let displacement_mm = |memory, precision| -> host_sim::Result<Vec<f64>> {
         let options = RunOptions { memory, precision, ..RunOptions::default() };
-        let response = simulate::run(&parameters, &input, grid, &options, &ProgressBar::hidden())?;
+        let response = simulate::response(&parameters, &input, grid, &options, &ProgressBar::hidden())?;
         Ok(response.displacement_m.iter().map(|x| 1e3 * x).collect())
     };
     let full = displacement_mm(MemoryChoice::Full, Precision::F64)?;

@@ -5,15 +5,16 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use host_sim::bench::closed_loop::{self, Bench, Run};
-use host_sim::bench::controllers::{self, Kind, Settings};
+use host_sim::bench::closed_loop::{self, BenchModel, LoopRun};
+use host_sim::bench::controllers::{self, ControllerKind, ControllerSettings};
 use host_sim::bench::film::{Film, Plant};
 use host_sim::files::parameters::Parameters;
-use host_sim::files::recording::Recording;
-use host_sim::fit::observation::{Direction, observe};
-use host_sim::fit::{self, Settings as FitSettings};
+use host_sim::files::recording::{Direction, Recording};
+use host_sim::fit::observation::observe;
+use host_sim::fit::{self, Settings};
 use host_sim::grid::Grid;
 use host_sim::references::{Reference, Shape};
+use host_sim::replay::memory::Precision;
 use host_sim::report::plot::{self, COLOURS, Line, Panel};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
@@ -48,11 +49,11 @@ impl Subject {
             .iter()
             .map(|path| Ok(observe(&Recording::read(path)?, Direction::Force, 1.0)?.0))
             .collect::<host_sim::Result<Vec<_>>>()?;
-        let settings = FitSettings {
+        let settings = Settings {
             topologies: vec![Topology::Parallel],
             branches: vec![4],
-            judge: false,
-            ..FitSettings::default()
+            uncertainty: false,
+            ..Settings::default()
         };
         let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ())?.candidate;
         let parameters = Parameters {
@@ -72,7 +73,13 @@ impl Subject {
         Self { parameters: self.parameters.clone(), reference, grid, ..*self }
     }
 
-    fn run(&self, kind: Kind, bandwidth_hz: f64, stiffness: f64, bench: &Bench) -> host_sim::Result<Run> {
+    fn run(
+        &self,
+        kind: ControllerKind,
+        bandwidth_hz: f64,
+        stiffness: f64,
+        bench: &BenchModel,
+    ) -> host_sim::Result<LoopRun> {
         let observer = ObserverOptions::at_bandwidth(bandwidth_hz);
         let peak_m = self.reference.iter().copied().fold(0.0, f64::max);
         let limits = if stiffness > 1.0 {
@@ -80,10 +87,10 @@ impl Subject {
         } else {
             self.limits
         };
-        let settings = Settings { rate_hz: self.grid.rate_hz, limits, observer, peak_m };
-        let mut controller = controllers::build::<f32>(kind, &self.parameters, &settings)?;
+        let settings = ControllerSettings { rate_hz: self.grid.rate_hz, limits, observer, peak_m };
+        let mut controller = controllers::build(kind, &self.parameters, &settings, Precision::F32)?;
         let film = self.film.stiffened(stiffness);
-        closed_loop::run(&film, bench, controller.as_mut(), &self.reference, self.grid, &ProgressBar::hidden())
+        closed_loop::track(&film, bench, controller.as_mut(), &self.reference, self.grid, &ProgressBar::hidden())
     }
 
     fn time_s(&self) -> Vec<f64> {
@@ -99,23 +106,23 @@ fn scaled(values: &[f64], by: f64) -> Vec<f64> {
 fn controllers(path: &Path, subject: &Subject) -> host_sim::Result<()> {
     let time = subject.time_s();
     let kinds = [
-        (Kind::None, "no compensation", 0.6, COLOURS[2]),
-        (Kind::Window, "10 s window", 0.6, COLOURS[5]),
-        (Kind::Pi, "PI alone, 1 Hz", 1.0, COLOURS[4]),
-        (Kind::Feedforward, "feedforward", 0.6, COLOURS[1]),
-        (Kind::Tracking, "tracking", 0.6, COLOURS[3]),
+        (ControllerKind::None, "no compensation", 0.6, COLOURS[2]),
+        (ControllerKind::Window, "10 s window", 0.6, COLOURS[5]),
+        (ControllerKind::Pi, "PI alone, 1 Hz", 1.0, COLOURS[4]),
+        (ControllerKind::Feedforward, "feedforward", 0.6, COLOURS[1]),
+        (ControllerKind::Tracking, "tracking", 0.6, COLOURS[3]),
     ];
     let mut film = Panel::new("A sine of 1/10 Hz on the film hossain", "time (s)", "displacement (mm)")
         .with(Line::new("reference", &time, &scaled(&subject.reference, 1e3)).wide(5.0).coloured("#bdbdbd"));
     let mut error = Panel::new("Error of what compensates", "time (s)", "film − reference (µm)");
     let mut voltage = Panel::new("Voltage", "time (s)", "voltage (kV)");
     for (kind, name, bandwidth_hz, colour) in kinds {
-        let run = subject.run(kind, bandwidth_hz, 1.0, &Bench::default())?;
-        if matches!(kind, Kind::None | Kind::Tracking) {
+        let run = subject.run(kind, bandwidth_hz, 1.0, &BenchModel::default())?;
+        if matches!(kind, ControllerKind::None | ControllerKind::Tracking) {
             film = film.with(Line::new(name, &time, &scaled(&run.displacement_m, 1e3)).coloured(colour));
             voltage = voltage.with(Line::new(name, &time, &scaled(&run.voltage_v, 1e-3)).coloured(colour));
         }
-        if matches!(kind, Kind::Pi | Kind::Feedforward | Kind::Tracking) {
+        if matches!(kind, ControllerKind::Pi | ControllerKind::Feedforward | ControllerKind::Tracking) {
             error = error.with(Line::new(name, &time, &scaled(&run.error_m(), 1e6)).coloured(colour));
         }
     }
@@ -136,8 +143,8 @@ fn bandwidth(path: &Path, subjects: &[&Subject]) -> host_sim::Result<()> {
                 .par_iter()
                 .map(|&hz| {
                     Ok(subject
-                        .run(Kind::Tracking, hz, stiffness, &Bench::default())?
-                        .tracked()
+                        .run(ControllerKind::Tracking, hz, stiffness, &BenchModel::default())?
+                        .quality()
                         .tracking_rms_pct
                         .unwrap_or(f64::NAN))
                 })
@@ -153,11 +160,11 @@ fn bandwidth(path: &Path, subjects: &[&Subject]) -> host_sim::Result<()> {
 
 /// Thirty seconds without a sensor, on a film a twentieth softer than the fit.
 fn lost_sensor(path: &Path, subject: &Subject) -> host_sim::Result<()> {
-    let bench = Bench { sensor_lost_s: vec![(60.0, 90.0)], ..Bench::default() };
+    let bench = BenchModel { sensor_lost_s: vec![(60.0, 90.0)], ..BenchModel::default() };
     let time = subject.time_s();
-    let run = subject.run(Kind::Tracking, 0.6, 0.95, &bench)?;
+    let run = subject.run(ControllerKind::Tracking, 0.6, 0.95, &bench)?;
     let steps: Vec<f64> = run.voltage_v.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let error = subject.run(Kind::Feedforward, 0.6, 0.95, &bench)?;
+    let error = subject.run(ControllerKind::Feedforward, 0.6, 0.95, &bench)?;
     plot::write(
         path,
         &[
@@ -176,7 +183,7 @@ fn lost_sensor(path: &Path, subject: &Subject) -> host_sim::Result<()> {
     )
 }
 
-/// A reference that wants more than there is: from far up almost down to nought, and a jump.
+/// A reference beyond the limits: from a large displacement almost to zero, and a jump.
 fn limits(path: &Path, subject: &Subject) -> host_sim::Result<()> {
     let grid = Grid::covering(30.0, 1000.0)?;
     let reference = (0..grid.samples)
@@ -190,7 +197,7 @@ fn limits(path: &Path, subject: &Subject) -> host_sim::Result<()> {
     let limits = CommandLimits { max_velocity_m_per_s: 4e-3, max_acceleration_m_per_s2: 10e-3, ..CommandLimits::BENCH };
     let subject = Subject { limits, ..subject };
     let time = subject.time_s();
-    let run = subject.run(Kind::Tracking, 0.6, 1.0, &Bench::default())?;
+    let run = subject.run(ControllerKind::Tracking, 0.6, 1.0, &BenchModel::default())?;
     let flag = |limit: Limited, level: f64| -> Vec<f64> {
         run.limited.iter().map(|met| if met.contains(limit) { level } else { level - 0.7 }).collect()
     };

@@ -1,4 +1,4 @@
-//! How well a model agrees with a measurement.
+//! Agreement of a model with a measurement.
 
 use serde::Serialize;
 

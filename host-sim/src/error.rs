@@ -1,4 +1,4 @@
-//! Errors: one line each, naming the place and the mend.
+//! Errors: one line each, with the place, the cause and the remedy.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use springpot::{ActuatorError, ControlError, LawError, ModelError};
 /// A result of this library.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What can be wrong, as one line.
+/// An error, printed as one line.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -16,7 +16,7 @@ pub enum Error {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system says, or what is wrong with it as a whole.
+        /// The system's message, or what is wrong with the file as a whole.
         cause: String,
     },
     /// A line of a file that cannot be used.
@@ -29,7 +29,7 @@ pub enum Error {
         /// What is wrong, and what would be right.
         cause: String,
     },
-    /// An error about something that stands in, or comes of, a file.
+    /// An error about the content of a file, or about a result computed from it.
     #[error("{place}: {error}")]
     At {
         /// The file, or the preset.
@@ -37,13 +37,13 @@ pub enum Error {
         /// What is wrong.
         error: Box<Error>,
     },
-    /// A command line that cannot be understood.
+    /// A command line that cannot be parsed.
     #[error("{0}")]
     Usage(String),
     /// An option that cannot be used.
     #[error("{option}: {cause}")]
     Option {
-        /// The option as the user writes it.
+        /// The option as it stands on the command line.
         option: &'static str,
         /// What is wrong, and what would be right.
         cause: String,
@@ -57,7 +57,7 @@ pub enum Error {
     /// An actuator that was refused.
     #[error("actuator: {0}")]
     Actuator(#[from] ActuatorError),
-    /// A controller that cannot be talked to, or that refuses.
+    /// A controller that does not answer, or that refuses.
     #[error("{port}: {cause}")]
     Link {
         /// Its port.
@@ -65,10 +65,10 @@ pub enum Error {
         /// What is wrong, and what would be right.
         cause: String,
     },
-    /// A law of control that was refused.
+    /// A controller's settings that were refused.
     #[error("control: {0}")]
     Control(#[from] ControlError),
-    /// A computation that gave no answer.
+    /// A computation that has no result.
     #[error("{0}")]
     Computation(String),
 }
@@ -89,13 +89,13 @@ impl Error {
         Self::Option { option, cause: cause.into() }
     }
 
-    /// Names the file and the value in it that a controller says no to.
+    /// Names the file and the value in it that a controller refuses.
     #[must_use]
     pub fn about_value(self, path: &Path, value: f64) -> Self {
         Self::At { place: format!("{}, value {value}", shown(path)), error: Box::new(self) }
     }
 
-    /// Names the file that this is about: `parameters` as named on the command line, or else the `recording`.
+    /// Names the file that caused this: `parameters` as named on the command line, or else the `recording`.
     #[must_use]
     pub fn about(self, parameters: &str, recording: &Path) -> Self {
         let place = match self {
@@ -107,7 +107,7 @@ impl Error {
     }
 }
 
-/// A path on one line, whatever its name.
+/// A path for an error or a report: on one line, control characters escaped.
 pub fn shown(path: &Path) -> String {
     let name = path.display().to_string();
     if name.contains(char::is_control) { name.escape_debug().to_string() } else { name }

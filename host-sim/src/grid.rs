@@ -1,7 +1,15 @@
-//! Evenly sampled series and the samples of recordings: interpolation both ways.
+//! Samples at their times and evenly sampled series: linear interpolation both ways.
 
 use crate::error::{Error, Result};
-use crate::files::recording::Samples;
+
+/// Samples of one quantity at their times.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Samples {
+    /// Times in seconds from the recording's first sample, increasing.
+    pub time_s: Vec<f64>,
+    /// Values in SI units.
+    pub value: Vec<f64>,
+}
 
 /// The times k / rate at which a model runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,7 +20,7 @@ pub struct Grid {
     pub samples: usize,
 }
 
-/// Samples that a grid may have: 27 h at 1 kHz. A run holds some 60 bytes of each.
+/// Largest number of samples of a grid: 27 h at 1 kHz. A run holds some 60 bytes per sample.
 const MOST: f64 = 1e8;
 
 impl Grid {
@@ -20,12 +28,12 @@ impl Grid {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] for a rate that is not positive and finite, or more samples than memory should hold.
+    /// [`Error::Option`] for a rate that is not positive and finite, or for too many samples.
     pub fn covering(duration_s: f64, rate_hz: f64) -> Result<Self> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
             return Err(Error::option("--rate", format!("{rate_hz:?} Hz must be finite and greater than 0")));
         }
-        // Times such as 155.0 · 1000 come out a rounding error above the whole number.
+        // Products such as 155.0 · 1000 can lie a rounding error above the whole number.
         let last = (duration_s * rate_hz - 1e-6).ceil().max(0.0);
         if last.is_nan() || last >= MOST {
             let cause = format!("{duration_s:?} s at {rate_hz:?} Hz are more than {MOST} samples; lower the rate");
@@ -44,7 +52,12 @@ impl Grid {
         k as f64 / self.rate_hz
     }
 
-    /// `samples` interpolated linearly to the grid, held at both ends.
+    /// The times of all samples in seconds.
+    pub fn times_s(&self) -> Vec<f64> {
+        (0..self.samples).map(|k| self.time_s(k)).collect()
+    }
+
+    /// `samples` interpolated linearly to the grid, constant beyond both ends.
     pub fn resample(&self, samples: &Samples) -> Vec<f64> {
         let (time, value) = (&samples.time_s, &samples.value);
         let mut next = 0;

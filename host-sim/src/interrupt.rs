@@ -1,5 +1,5 @@
-//! Ctrl-C: a search ends with the best so far, a film is brought to 0 V, anything else ends at once; files that are half
-//! written are removed, and programs that were started end as well.
+//! Ctrl-C: a search ends with the best result so far, a film is brought to 0 V, anything else ends at once. Incomplete files
+//! are removed, and child processes end as well.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,9 +12,9 @@ static STOP: AtomicBool = AtomicBool::new(false);
 static HALF_WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 static CHILDREN: Mutex<Vec<Arc<Mutex<process::Child>>>> = Mutex::new(Vec::new());
 
-/// Listens for Ctrl-C, and for the system's requests to end.
+/// Installs the handler of Ctrl-C and of the system's termination signals.
 pub fn install() {
-    // A handler that is there already is this one.
+    // An error means that this handler is already installed.
     let _ = ctrlc::set_handler(|| {
         if SEARCHING.load(Ordering::Relaxed) && !STOP.swap(true, Ordering::Relaxed) {
             eprintln!("host-sim: comes to an end; once more to end at once");
@@ -46,7 +46,7 @@ pub fn came() -> bool {
 pub struct HalfWritten(PathBuf);
 
 impl HalfWritten {
-    /// Notes the file at `path`.
+    /// Registers the file at `path`.
     pub fn new(path: &Path) -> Self {
         locked(&HALF_WRITTEN).push(path.into());
         Self(path.into())
@@ -59,12 +59,12 @@ impl Drop for HalfWritten {
     }
 }
 
-/// A program that was started; it ends with this one, or when this is dropped.
+/// A child process; it ends with this program, or when this is dropped.
 #[derive(Debug)]
 pub struct Child(Arc<Mutex<process::Child>>);
 
 impl Child {
-    /// Notes the program.
+    /// Registers the process.
     pub fn new(child: process::Child) -> Self {
         let child = Arc::new(Mutex::new(child));
         locked(&CHILDREN).push(Arc::clone(&child));
@@ -93,7 +93,7 @@ impl Drop for Child {
     }
 }
 
-/// What a panic elsewhere left behind is as good as it was.
+/// Locks `mutex`. A panic elsewhere leaves the lists valid.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,10 +1,19 @@
-//! The bench beside the controller: the library behind the `host-sim` commands.
+//! The library behind the `host-sim` commands.
 //!
-//! Recordings of high-voltage runs ([`recording`]) are driven through the very code that a microcontroller steps
-//! ([`run`]), or through its exact full-memory reference ([`full_memory`]), and compared with what was measured
-//! ([`agreement`]). [`fit`] finds the parameters of the model from recordings, [`study`] repeats the paper's study and
-//! [`compare`] sets other models beside it; [`reduce`] finds smaller models with the same response. [`twin`] simulates
-//! recordings of a nonlinear film, and [`closed_loop`] sets a [`controller`] on it to follow one of the [`references`].
+//! | room | what it does |
+//! | --- | --- |
+//! | [`files`] | reads and writes recordings, parameters, tables |
+//! | [`grid`], [`agreement`], [`references`], [`reduce`] | sampled series, measures of agreement, references to follow, smaller models with the same response |
+//! | [`replay`] | recordings and references through a model: the code that a microcontroller steps, or its exact full-memory reference |
+//! | [`fit`] | the parameters of the model from recordings |
+//! | [`studies`] | the paper's study, and other models of creep beside this one |
+//! | [`bench`](mod@bench) | a simulated nonlinear film, controllers that make it follow a reference, the firmware in the loop |
+//! | [`link`] | the host's side of the link to a controller |
+//! | [`report`] | figures and HTML pages |
+//! | [`commands`] | the command line, one file per command |
+//!
+//! Imports point downwards: commands → studies, report → fit → replay, bench → files → grid → error, interrupt. [`bench`](mod@bench)
+//! uses [`link`] for the firmware in the loop.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 

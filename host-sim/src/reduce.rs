@@ -1,72 +1,76 @@
 //! Smaller models with the same response.
 //!
-//! Springpots of one order in series are one springpot (Fig. 8 of Karner et al. 2022 merges dashpots so), and so are
-//! springpots of one order side by side. What does nothing at any frequency that matters can go.
+//! Springpots of the same order in series are one springpot (Fig. 8 of Karner et al. 2022 merges dashpots so), and so are
+//! springpots of the same order in parallel. Springpots that have no effect at the frequencies of interest are dropped.
 
 use num_complex::Complex;
-use springpot::{Maxwell, ModelError, Springpot, Topology};
+use springpot::{Chain, Maxwell, ModelError, Springpot, Topology};
 
-/// What a reduction may change.
+/// How closely a reduced model must agree with the original.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Limits {
-    /// Lowest frequency that matters, Hz.
+pub struct Criterion {
+    /// Lowest frequency of interest, Hz.
     pub from_hz: f64,
-    /// Highest frequency that matters, Hz.
+    /// Highest frequency of interest, Hz.
     pub to_hz: f64,
     /// Largest relative change of the dynamic modulus between them.
     pub tolerance: f64,
 }
 
-impl Default for Limits {
+impl Default for Criterion {
     /// 1e-9 from 1 µHz (eleven days) to 10 kHz.
     fn default() -> Self {
         Self { from_hz: 1e-6, to_hz: 1e4, tolerance: 1e-9 }
     }
 }
 
-/// A reduced model, and what was done.
+/// A reduced model with its steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reduction {
     /// The reduced model.
     pub model: Maxwell,
-    /// What was merged and dropped, in order.
+    /// Descriptions of what was merged and dropped, in order.
     pub steps: Vec<String>,
-    /// Largest relative change of the dynamic modulus within the limits.
+    /// Largest relative change of the dynamic modulus at these frequencies.
     pub change: f64,
 }
 
-/// Springpots in series; chains stand side by side.
-type Chain = Vec<Springpot>;
+/// Springpots in series; the forces of several series add.
+type Series = Vec<Springpot>;
 
-/// The smallest model found whose dynamic modulus is that of `model` within `limits`.
+/// The smallest model found whose dynamic modulus agrees with that of `model` within `criterion`.
 ///
 /// # Errors
 ///
-/// [`ModelError`] where coefficients leave the range of numbers.
-pub fn reduced(model: &Maxwell, limits: Limits) -> Result<Reduction, ModelError> {
+/// [`ModelError`] where coefficients overflow.
+pub fn reduced(model: &Maxwell, criterion: Criterion) -> Result<Reduction, ModelError> {
     let mut main = model.main();
     let mut steps = Vec::new();
-    let mut chains = chains_of(model);
+    // The first chain is the main springpot; a factor multiplies every coefficient of its chain.
+    let scaled = |chain: Chain<'_>| -> Series {
+        chain.elements.iter().map(|e| Springpot::new(chain.scale * e.c, e.alpha)).collect()
+    };
+    let mut chains: Vec<Series> = model.chains().skip(1).map(scaled).collect();
     for chain in &mut chains {
         merge(chain, |a, b| a * b / (a + b), "in series", &mut steps);
     }
-    // What is left out alters the rest: a tenth of the tolerance is for each of at most ten springpots.
-    let share = 0.1 * limits.tolerance;
-    let places = limits.places();
+    // Every dropped springpot changes the response: each of at most ten may take a tenth of the tolerance.
+    let share = 0.1 * criterion.tolerance;
+    let places = criterion.places();
     for chain in &mut chains {
         drop_stiff(chain, share, &places, &mut steps);
     }
-    // Chains that have come down to one springpot stand beside the main one.
-    let mut beside: Chain = vec![main];
+    // Chains of one springpot are in parallel to the main one.
+    let mut parallel: Series = vec![main];
     chains.retain(|chain| {
         if let [single] = chain.as_slice() {
-            beside.push(*single);
+            parallel.push(*single);
         }
         chain.len() > 1
     });
-    merge(&mut beside, |a, b| a + b, "side by side", &mut steps);
-    main = beside.remove(0);
-    chains.extend(beside.into_iter().map(|single| vec![single]));
+    merge(&mut parallel, |a, b| a + b, "in parallel", &mut steps);
+    main = parallel.remove(0);
+    chains.extend(parallel.into_iter().map(|single| vec![single]));
     drop_soft(main, &mut chains, share, &places, &mut steps);
     let reduced = ordered(&assembled(main, &chains, model.topology(), model.mass_kg())?)?;
     let change = places
@@ -76,8 +80,8 @@ pub fn reduced(model: &Maxwell, limits: Limits) -> Result<Reduction, ModelError>
     Ok(Reduction { model: reduced, steps, change })
 }
 
-impl Limits {
-    /// s = 2πif, twenty places a decade.
+impl Criterion {
+    /// s = 2πif at twenty frequencies per decade.
     fn places(&self) -> Vec<Complex<f64>> {
         let (low, high) = (self.from_hz.log10(), self.to_hz.log10());
         let count = ((high - low) * 20.0).ceil().max(1.0) as usize;
@@ -88,33 +92,19 @@ impl Limits {
     }
 }
 
-/// The branches as chains whose forces add: one per branch, or one for all of them in Eq. 11, whose factor n is taken
-/// into the coefficients.
-fn chains_of(model: &Maxwell) -> Vec<Chain> {
-    let branches = model.branches();
-    match model.topology() {
-        _ if branches.is_empty() => Vec::new(),
-        Topology::Parallel => branches.iter().map(|pair| pair.to_vec()).collect(),
-        Topology::Eq11 => {
-            let n = branches.len() as f64;
-            vec![branches.as_flattened().iter().map(|e| Springpot::new(n * e.c, e.alpha)).collect()]
-        }
-    }
-}
-
-/// The model of `main` beside `chains`.
-fn assembled(main: Springpot, chains: &[Chain], topology: Topology, mass_kg: f64) -> Result<Maxwell, ModelError> {
+/// The model of `main` in parallel to `chains`.
+fn assembled(main: Springpot, chains: &[Series], topology: Topology, mass_kg: f64) -> Result<Maxwell, ModelError> {
     let mut branches = Vec::new();
     for chain in chains {
         let mut elements = chain.clone();
         if !elements.len().is_multiple_of(2) {
-            // A branch has two springpots: halves of the last one.
+            // A branch has two springpots: the last one is split into two of half its compliance.
             if let Some(last) = elements.pop() {
                 elements.extend([Springpot::new(2.0 * last.c, last.alpha); 2]);
             }
         }
         elements.sort_by(|a, b| a.alpha.total_cmp(&b.alpha));
-        // Eq. 11 multiplies by the number of branches.
+        // Eq. 9 multiplies by the number of branches; with parallel branches a chain is one pair.
         let pairs = elements.len() / 2;
         branches.extend(
             (0..pairs).map(|i| [elements[i], elements[i + pairs]].map(|e| Springpot::new(e.c / pairs as f64, e.alpha))),
@@ -123,9 +113,9 @@ fn assembled(main: Springpot, chains: &[Chain], topology: Topology, mass_kg: f64
     Maxwell::new(main, &branches, topology, mass_kg)
 }
 
-/// Merges springpots of one order.
-fn merge(chain: &mut Chain, both: impl Fn(f64, f64) -> f64, how: &str, steps: &mut Vec<String>) {
-    let mut merged: Chain = Vec::new();
+/// Merges springpots of the same order.
+fn merge(chain: &mut Series, both: impl Fn(f64, f64) -> f64, how: &str, steps: &mut Vec<String>) {
+    let mut merged: Series = Vec::new();
     for element in chain.drain(..) {
         match merged.iter_mut().find(|other| other.alpha == element.alpha) {
             Some(other) => {
@@ -154,8 +144,8 @@ fn modulus(chain: &[Springpot], s: Complex<f64>) -> Complex<f64> {
     chain.iter().map(|&e| compliance(e, s)).sum::<Complex<f64>>().inv()
 }
 
-/// Drops springpots so stiff that their chain does not feel them.
-fn drop_stiff(chain: &mut Chain, share: f64, places: &[Complex<f64>], steps: &mut Vec<String>) {
+/// Drops springpots so stiff that they have no effect on their chain.
+fn drop_stiff(chain: &mut Series, share: f64, places: &[Complex<f64>], steps: &mut Vec<String>) {
     while chain.len() > 1 {
         let part = |element: Springpot| {
             let shares = places.iter().map(|&s| (compliance(element, s) * modulus(chain, s)).norm());
@@ -167,23 +157,24 @@ fn drop_stiff(chain: &mut Chain, share: f64, places: &[Complex<f64>], steps: &mu
             return;
         }
         let Springpot { c, alpha } = chain.remove(least);
-        steps.push(format!("drop c = {c:.4e}, alpha = {alpha}: too stiff to yield beside what is in series with it"));
+        steps.push(format!("drop c = {c:.4e}, alpha = {alpha}: too stiff to have an effect in its chain"));
     }
 }
 
-/// Drops chains so soft that the model does not feel them.
-fn drop_soft(main: Springpot, chains: &mut Vec<Chain>, share: f64, places: &[Complex<f64>], steps: &mut Vec<String>) {
+/// Drops chains so soft that they have no effect on the model.
+fn drop_soft(main: Springpot, chains: &mut Vec<Series>, share: f64, places: &[Complex<f64>], steps: &mut Vec<String>) {
     let whole: Vec<Complex<f64>> = places
         .iter()
         .map(|&s| compliance(main, s).inv() + chains.iter().map(|chain| modulus(chain, s)).sum::<Complex<f64>>())
         .collect();
     chains.retain(|chain| {
-        let felt = places.iter().zip(&whole).map(|(&s, whole)| (modulus(chain, s) / whole).norm()).fold(0.0, f64::max);
-        if felt <= share {
+        let effect =
+            places.iter().zip(&whole).map(|(&s, whole)| (modulus(chain, s) / whole).norm()).fold(0.0, f64::max);
+        if effect <= share {
             let names: Vec<String> = chain.iter().map(|e| format!("c = {:.4e}, alpha = {}", e.c, e.alpha)).collect();
-            steps.push(format!("drop the branch of {}: too soft to be felt", names.join(" with ")));
+            steps.push(format!("drop the branch of {}: too soft to have an effect", names.join(" with ")));
         }
-        felt > share
+        effect > share
     });
 }
 
@@ -191,7 +182,7 @@ fn drop_soft(main: Springpot, chains: &mut Vec<Chain>, share: f64, places: &[Com
 ///
 /// # Errors
 ///
-/// [`ModelError`] never, of a model that was valid.
+/// None for a valid model.
 pub fn ordered(model: &Maxwell) -> Result<Maxwell, ModelError> {
     let mut branches: Vec<[Springpot; 2]> = model.branches().to_vec();
     for pair in &mut branches {

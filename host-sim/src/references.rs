@@ -1,4 +1,4 @@
-//! References to follow: sines, triangles, steps and a random walk, with gentle starts and edges.
+//! References to follow: sines, triangles, steps and a random walk, with smooth starts and edges.
 
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -30,7 +30,7 @@ pub fn read(path: &Path, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
     Ok((values, grid))
 }
 
-/// What a reference looks like.
+/// Shape of a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Shape {
     /// Sine from its trough.
@@ -46,7 +46,7 @@ pub enum Shape {
 /// A reference between two displacements, which begins with a rise from 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {
-    /// What it looks like.
+    /// Shape.
     pub shape: Shape,
     /// Lowest displacement after the rise, m.
     pub low_m: f64,
@@ -60,20 +60,13 @@ pub struct Reference {
     pub seed: u64,
 }
 
-/// The longest period: a walk runs for twenty before it begins.
+/// The longest period, s. A random walk runs for twenty periods before its first sample.
 const MOST_PERIOD_S: f64 = 1e5;
 
 impl Reference {
     /// A reference with a rise of 5 s.
     pub fn new(shape: Shape, low_m: f64, high_m: f64, period_s: f64) -> Self {
         Self { shape, low_m, high_m, period_s, rise_s: 5.0, seed: 1 }
-    }
-
-    /// The same with another seed.
-    #[must_use]
-    pub fn with_seed(mut self, seed: u64) -> Self {
-        self.seed = seed;
-        self
     }
 
     /// Its values on `grid`, m.
@@ -128,15 +121,15 @@ impl Reference {
         let unit = Normal::new(0.0, 1.0).unwrap_or_else(|_| unreachable!("unit normal"));
         let share = -(-TAU * grid.step_s() / self.period_s).exp_m1();
         let mut stages = [0.0; 4];
-        let settle = (20.0 * self.period_s * grid.rate_hz) as usize;
+        let warm_up = (20.0 * self.period_s * grid.rate_hz) as usize;
         let mut walk = Vec::with_capacity(grid.samples);
-        for k in 0..settle + grid.samples {
+        for k in 0..warm_up + grid.samples {
             let mut input: f64 = unit.sample(&mut random);
             for stage in &mut stages {
                 *stage += share * (input - *stage);
                 input = *stage;
             }
-            if k >= settle {
+            if k >= warm_up {
                 walk.push(input);
             }
         }
@@ -176,8 +169,7 @@ pub struct Periods {
 }
 
 impl Periods {
-    /// Finds the shortest period of `series` that holds for its last half, and how far back it holds; two periods at the
-    /// least.
+    /// The shortest period of `series` that holds for its last half, and how far back it holds; at least two periods.
     pub fn of(series: &[f64]) -> Option<Self> {
         let (low, high) = series.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
         let tolerance = 1e-3 * (high - low);
@@ -193,7 +185,7 @@ impl Periods {
         let mut away = false;
         for lag in 1..=middle {
             let gone = differs(lag, middle, stride);
-            // A slow series resembles itself at short lags: it must have gone away before it comes back.
+            // A slow series resembles itself at short lags: the difference must grow before it vanishes.
             away |=
                 (middle..series.len()).step_by(stride).any(|k| (series[k] - series[k - lag]).abs() > 100.0 * tolerance);
             if !away || gone || differs(lag, middle, 1) {

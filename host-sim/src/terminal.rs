@@ -1,4 +1,4 @@
-//! What is printed: results on standard output, progress on standard error.
+//! Output: results on standard output, progress on standard error.
 
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::time::Duration;
@@ -8,11 +8,11 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-/// Prints `text` on standard output. A reader that has gone away is no error.
+/// Prints `text` on standard output. A closed pipe is no error.
 ///
 /// # Errors
 ///
-/// [`Error::Computation`] where standard output takes no more.
+/// [`Error::Computation`] where standard output cannot be written.
 pub fn print(text: &str) -> Result<()> {
     let mut out = io::stdout().lock();
     let written = out.write_all(text.as_bytes()).and_then(|()| out.write_all(b"\n")).and_then(|()| out.flush());
@@ -40,7 +40,7 @@ pub fn progress(length: u64, what: &str) -> ProgressBar {
     styled(Some(length), "{msg} [{bar:30}] {percent:>3} % {eta}").with_message(what.to_owned())
 }
 
-/// A sign of life for work of unknown length: on standard error, and only where that is a terminal.
+/// A spinner for work of unknown length: on standard error, and only where that is a terminal.
 pub fn spinner() -> ProgressBar {
     styled(None, "{spinner} {msg} {elapsed}")
 }

@@ -1,14 +1,14 @@
 //! What a fit costs, as a table: three recordings of 15 501 samples, jointly.
 //!
-//! `cargo bench -p tests --bench fit`; `-- --short` leaves out what takes minutes.
+//! `cargo bench -p tests --bench fit`; `-- --short` skips the one that takes minutes.
 
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use host_sim::files::recording::Recording;
+use host_sim::files::recording::{Direction, Recording};
 use host_sim::fit::candidate::{Candidate, Variable};
-use host_sim::fit::objective::{Objective, Observation};
-use host_sim::fit::observation::{self, Direction};
+use host_sim::fit::objective::Objective;
+use host_sim::fit::observation::{self, Observation};
 use host_sim::fit::{self, Method, Settings};
 use springpot::{Actuator, Springpot, Topology};
 
@@ -53,11 +53,12 @@ fn main() {
             }),
         );
     }
-    let two = Settings { branches: vec![2], topologies: vec![Topology::Parallel], judge: false, ..Settings::default() };
+    let two =
+        Settings { branches: vec![2], topologies: vec![Topology::Parallel], uncertainty: false, ..Settings::default() };
     fitted("fit, n = 2, parallel, one start", &observations, &Settings { starts: 1, ..two.clone() });
-    fitted("fit, n = 2, parallel, 8 starts, intervals", &observations, &Settings { judge: true, ..two.clone() });
+    fitted("fit, n = 2, parallel, 8 starts, intervals", &observations, &Settings { uncertainty: true, ..two.clone() });
     fitted("fit, auto: both topologies, n = 0…5, intervals", &observations, &Settings::default());
-    let uncoupled = Settings { surroundings: Vec::new(), topologies: vec![Topology::Eq11], ..two };
+    let uncoupled = Settings { freed: Vec::new(), topologies: vec![Topology::Eq11], ..two };
     fitted("fit, n = 2, eq11, no coupling, 8 starts", &observations, &uncoupled);
     if !short {
         let paper = Settings { method: Method::PatternSearch, ..uncoupled };

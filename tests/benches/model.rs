@@ -135,7 +135,7 @@ fn run_155_s_oxictl_10000(bencher: Bencher<'_, '_>) {
     bencher.with_inputs(force).bench_refs(|force| peer::<10_000>(force));
 }
 
-/// Divan tells times only; the errors of the same runs, against the FFT.
+/// Divan measures time only: the errors of the same runs, against the FFT.
 fn print_errors() {
     // `cargo test` runs benchmarks once to see that they work.
     if std::env::args().any(|argument| argument == "--test") {

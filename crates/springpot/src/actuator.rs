@@ -89,6 +89,87 @@ impl Actuator {
         }
     }
 
+    /// Force on the film in N under `voltage_v` (V, either sign) at `displacement_m` (m), the weight included: Eq. 1 with
+    /// coupling,
+    ///
+    /// ```text
+    /// F = ε₀ ε_r l₁ l₂ / l₃² · V² (1 + κ x) + preload
+    /// ```
+    ///
+    /// In f64, for a host. A controller computes the same in its own arithmetic with [`VoltageDrive`].
+    ///
+    /// ```
+    /// use springpot::{Actuator, GRAVITY, Preload};
+    ///
+    /// // Eq. 1 with the values of Table 2 of Karner et al. 2022, at 6 kV.
+    /// let paper = Actuator { preload: Preload::FromStart, ..Actuator::KARNER_2022 };
+    /// let electrostatic = 8.8541878128e-12 * 4.7 * 0.04 * 0.06 / (160e-6 * 160e-6) * 6000.0 * 6000.0;
+    /// assert!((paper.force(6000.0, 0.0) - (electrostatic + 0.316 * GRAVITY)).abs() < 1e-12);
+    ///
+    /// // With κ = 100 1/m and x = 2 mm the film is a fifth thinner, and Eq. 1 gives a fifth more.
+    /// let coupled = Actuator { stretch_coupling: 100.0, ..Actuator::KARNER_2022 };
+    /// assert!((coupled.force(6000.0, 2e-3) - 1.2 * electrostatic).abs() < 1e-12);
+    /// ```
+    #[must_use]
+    pub fn force(&self, voltage_v: f64, displacement_m: f64) -> f64 {
+        self.force_per_square_volt() * voltage_v * voltage_v * self.thinning(displacement_m) + self.preload_n()
+    }
+
+    /// The squared voltage in V² that exerts `force_n` (N, weight included) on the film at `displacement_m` (m): the inverse
+    /// of [`force`](Self::force). Negative for a force below that at 0 V, which no voltage gives.
+    ///
+    /// ```
+    /// use springpot::Actuator;
+    ///
+    /// let actuator = Actuator { stretch_coupling: 100.0, ..Actuator::KARNER_2022 };
+    /// let force_n = actuator.force(4000.0, 2e-3);
+    /// assert!((actuator.squared_voltage(force_n, 2e-3) / 16e6 - 1.0).abs() < 1e-12);
+    /// assert!(actuator.squared_voltage(-1.0, 2e-3) < 0.0);
+    /// ```
+    #[must_use]
+    pub fn squared_voltage(&self, force_n: f64, displacement_m: f64) -> f64 {
+        // 1 + κ x ≤ 0 is beyond the model: the force needs an unbounded voltage there.
+        let thinning = self.thinning(displacement_m).max(1e-9);
+        (force_n - self.preload_n()) / (self.force_per_square_volt() * thinning)
+    }
+
+    /// The voltage in V (≥ 0) that exerts `force_n` (N, weight included) on the film at `displacement_m` (m); 0 V for a force
+    /// below that at 0 V. No limit is applied.
+    ///
+    /// ```
+    /// use springpot::Actuator;
+    ///
+    /// let actuator = Actuator { stretch_coupling: 100.0, ..Actuator::KARNER_2022 };
+    /// let force_n = actuator.force(4000.0, 2e-3);
+    /// assert!((actuator.voltage(force_n, 2e-3) - 4000.0).abs() < 1e-9);
+    /// assert_eq!(actuator.voltage(-1.0, 2e-3), 0.0);
+    /// ```
+    #[must_use]
+    pub fn voltage(&self, force_n: f64, displacement_m: f64) -> f64 {
+        libm::sqrt(self.squared_voltage(force_n, displacement_m).max(0.0))
+    }
+
+    /// The voltage in V that makes the field `field_v_per_m` (V/m) in the film at `displacement_m` (m). With coupling a film
+    /// thins by 1 + κ x as it lengthens; a shortened film is not taken as thicker than l₃.
+    ///
+    /// ```
+    /// use springpot::Actuator;
+    ///
+    /// let actuator = Actuator { stretch_coupling: 100.0, ..Actuator::KARNER_2022 };
+    /// assert_eq!(actuator.field_voltage(4.2e7, 0.0), 4.2e7 * 160e-6);
+    /// assert!((actuator.field_voltage(4.2e7, 2e-3) - 4.2e7 * 160e-6 / 1.2).abs() < 1e-9);
+    /// assert_eq!(actuator.field_voltage(4.2e7, -2e-3), 4.2e7 * 160e-6);
+    /// ```
+    #[must_use]
+    pub fn field_voltage(&self, field_v_per_m: f64, displacement_m: f64) -> f64 {
+        field_v_per_m * self.thickness_m / self.thinning(displacement_m).max(1.0)
+    }
+
+    /// 1 + κ x: how many times thinner the film is at `displacement_m` (m) than at x = 0.
+    fn thinning(&self, displacement_m: f64) -> f64 {
+        1.0 + self.stretch_coupling * displacement_m
+    }
+
     /// Checks the values.
     ///
     /// # Errors

@@ -1,4 +1,6 @@
 //! A controller on the nonlinear film, through a sensor, an amplifier and a voltage monitor that are not ideal.
+//!
+//! The simulated sensor has no offset: its readings are displacements of the film plus noise.
 
 use std::collections::VecDeque;
 
@@ -6,35 +8,35 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 use springpot::{Applied, Limited, Sample};
 
-use crate::bench::controllers::Controller;
-use crate::bench::film::{Film, Instruments, Readings};
+use crate::bench::controllers::{Controller, ControllerOutput};
+use crate::bench::film::{Film, FilmState, Instruments, Readings};
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::references::Periods;
 
-/// The bench between controller and film.
+/// Sensor, amplifier and voltage monitor between controller and film.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bench {
+pub struct BenchModel {
     /// RMS noise of the displacement sensor, m.
     pub sensor_noise_m: f64,
     /// Samples of the displacement sensor per second.
     pub sensor_rate_hz: f64,
     /// Time until a sample arrives, s.
     pub sensor_delay_s: f64,
-    /// Steps in which the sensor reads, m; nought for none.
+    /// Resolution of the sensor, m; 0 for none.
     pub sensor_quantum_m: f64,
     /// Times (s) from which and to which the sensor is lost.
     pub sensor_lost_s: Vec<(f64, f64)>,
-    /// Time constant of the amplifier, s; nought for none.
+    /// Time constant of the amplifier, s; 0 for none.
     pub amplifier_lag_s: f64,
-    /// What the voltage monitor reads too much, as a share; without a monitor the controller takes its command.
+    /// Relative error of the voltage monitor; without a monitor the controller assumes its command.
     pub monitor_error: Option<f64>,
     /// Seed of the noise.
     pub seed: u64,
 }
 
-impl Default for Bench {
-    /// 5 µm of noise, 100 Hz, 10 ms late, steps of 1 µm; no monitor, no lag.
+impl Default for BenchModel {
+    /// 5 µm of noise, 100 Hz, 10 ms late, 1 µm resolution; no monitor, no lag.
     fn default() -> Self {
         let instruments = Instruments::default();
         Self {
@@ -50,14 +52,14 @@ impl Default for Bench {
     }
 }
 
-/// What happened, one value per sample of the grid.
+/// A closed loop's run, one value per sample of the grid.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Run {
-    /// The reference as it was given, m.
+pub struct LoopRun {
+    /// The reference as given, m.
     pub asked_m: Vec<f64>,
-    /// The shaped reference, m: the same while it keeps within the limits of speed and acceleration.
+    /// The shaped reference, m: equal to the given one within the limits of speed and acceleration.
     pub reference_m: Vec<f64>,
-    /// Where the film really was, m.
+    /// Displacement of the film, m.
     pub displacement_m: Vec<f64>,
     /// The voltage that was commanded from this sample on, V.
     pub voltage_v: Vec<f64>,
@@ -71,12 +73,12 @@ pub struct Run {
     pub force_scale: Vec<f64>,
 }
 
-/// How well a film followed.
+/// How well a film followed its reference.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Tracked {
-    /// RMS error in % of the shaped reference's peak to peak, from t = 0; none for a constant reference.
+pub struct TrackingQuality {
+    /// RMS error in % of the shaped reference's peak to peak, from t = 0; `None` for a constant reference.
     pub tracking_rms_pct: Option<f64>,
-    /// The same against the reference as it was given: larger where that asks for more than the limits allow.
+    /// The same against the reference as given: larger where that exceeds the limits.
     pub asked_rms_pct: Option<f64>,
     /// RMS error, m.
     pub rms_m: f64,
@@ -90,20 +92,31 @@ pub struct Tracked {
     pub largest_voltage_v: f64,
 }
 
-impl Run {
+impl LoopRun {
+    fn push(&mut self, asked: f64, shaped: f64, displacement: f64, output: &ControllerOutput) {
+        self.asked_m.push(asked);
+        self.reference_m.push(shaped);
+        self.displacement_m.push(displacement);
+        self.voltage_v.push(output.voltage_v);
+        self.limited.push(output.limited);
+        self.estimate_m.push(output.estimate_m.unwrap_or(f64::NAN));
+        self.disturbance_n.push(output.disturbance_n.unwrap_or(f64::NAN));
+        self.force_scale.push(output.force_scale.unwrap_or(f64::NAN));
+    }
+
     /// Error, m.
     pub fn error_m(&self) -> Vec<f64> {
         self.displacement_m.iter().zip(&self.reference_m).map(|(x, r)| x - r).collect()
     }
 
-    /// How well the film followed.
-    pub fn tracked(&self) -> Tracked {
+    /// How well the film followed the reference.
+    pub fn quality(&self) -> TrackingQuality {
         let error = self.error_m();
         let asked: Vec<f64> = self.displacement_m.iter().zip(&self.asked_m).map(|(x, r)| x - r).collect();
         let below = self.limited.iter().filter(|limited| limited.contains(Limited::BELOW_ZERO)).count();
         let percent = percent_of(&self.reference_m);
         let periods = Periods::of(&self.reference_m).filter(|_| percent.is_some());
-        Tracked {
+        TrackingQuality {
             tracking_rms_pct: percent.map(|percent| percent * rms(&error)),
             asked_rms_pct: percent_of(&self.asked_m).map(|percent| percent * rms(&asked)),
             rms_m: rms(&error),
@@ -119,7 +132,7 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|e| e * e).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// What makes metres percent of a reference's peak to peak; nothing for a constant one.
+/// Factor from metres to percent of a reference's peak to peak; `None` for a constant one.
 fn percent_of(reference: &[f64]) -> Option<f64> {
     let (low, high) = bounds(reference);
     (high > low).then(|| 100.0 / (high - low))
@@ -129,83 +142,114 @@ fn bounds(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }
 
-/// Steps of integration per tick, so that each is at most half a millisecond.
-fn parts(grid: Grid) -> usize {
-    ((2000.0 * grid.step_s()).ceil() as usize).max(1)
+/// The instruments and the amplifier while a loop runs.
+struct RunningBench<'a> {
+    model: &'a BenchModel,
+    readings: Readings,
+    delay_ticks: usize,
+    /// Samples that have not arrived yet, with the tick at which each was taken.
+    in_transit: VecDeque<(usize, f64)>,
+    samples_taken: f64,
+    /// Steps of integration per tick, and the duration of one, s.
+    substeps: usize,
+    substep_s: f64,
+    /// Share of the remaining change that the amplifier makes in a substep.
+    lag: f64,
+    /// Voltage on the film, V.
+    actual_v: f64,
+}
+
+impl<'a> RunningBench<'a> {
+    fn new(model: &'a BenchModel, grid: Grid) -> Self {
+        let instruments = Instruments {
+            displacement_noise_m: model.sensor_noise_m,
+            displacement_quantum_m: model.sensor_quantum_m,
+            monitor_noise_v: if model.monitor_error.is_some() { Instruments::default().monitor_noise_v } else { 0.0 },
+        };
+        // At most half a millisecond each.
+        let substeps = ((2000.0 * grid.step_s()).ceil() as usize).max(1);
+        let substep_s = grid.step_s() / substeps as f64;
+        let lag = if model.amplifier_lag_s > 0.0 { -(-substep_s / model.amplifier_lag_s).exp_m1() } else { 1.0 };
+        Self {
+            model,
+            readings: Readings::new(instruments, model.seed),
+            delay_ticks: (model.sensor_delay_s * grid.rate_hz).round() as usize,
+            in_transit: VecDeque::new(),
+            samples_taken: 0.0,
+            substeps,
+            substep_s,
+            lag,
+            actual_v: 0.0,
+        }
+    }
+
+    /// Measures `displacement` (m) at tick `k`, `now` (s), if a sample is due, and gives the sample that arrives.
+    fn sample(&mut self, k: usize, now: f64, displacement: f64) -> Option<Sample<f64>> {
+        if now >= self.samples_taken / self.model.sensor_rate_hz - 1e-9 {
+            self.samples_taken += 1.0;
+            let lost = self.model.sensor_lost_s.iter().any(|&(from, to)| (from..to).contains(&now));
+            // Lost samples draw their noise as well: the rest of the run keeps its noise.
+            let reading = self.readings.displacement_m(displacement);
+            if !lost {
+                self.in_transit.push_back((k, reading));
+            }
+        }
+        let &(taken, displacement) = self.in_transit.front().filter(|(taken, _)| k - taken >= self.delay_ticks)?;
+        self.in_transit.pop_front();
+        Some(Sample { displacement, age_ticks: k - taken })
+    }
+
+    /// What the controller knows of the voltage that it `commanded` (V).
+    fn applied(&mut self, commanded: f64) -> Applied<f64> {
+        match self.model.monitor_error {
+            Some(share) => Applied::as_monitored(commanded, self.readings.voltage_v(self.actual_v * (1.0 + share))),
+            None => Applied::as_commanded(commanded),
+        }
+    }
+
+    /// The film's state after a tick under the `commanded` voltage (V).
+    fn advance(&mut self, film: &Film, mut state: FilmState, commanded: f64) -> FilmState {
+        for _ in 0..self.substeps {
+            self.actual_v += self.lag * (commanded - self.actual_v);
+            state = film.advanced(&state, self.actual_v, self.substep_s, 1);
+        }
+        state
+    }
 }
 
 /// Runs `controller` along `reference` (m, on `grid`) on `film`; `progress` counts samples.
 ///
-/// The tick at sample k sees the film as it is there and commands the voltage until sample k + 1, where the reference is
+/// The tick at sample k measures the film as it is then and commands the voltage until sample k + 1, where the reference is
 /// to be met.
 ///
 /// # Errors
 ///
 /// [`Error::Computation`] where the film is torn.
-pub fn run(
+pub fn track(
     film: &Film,
-    bench: &Bench,
+    bench: &BenchModel,
     controller: &mut dyn Controller,
     reference: &[f64],
     grid: Grid,
     progress: &ProgressBar,
-) -> Result<Run> {
-    let instruments = Instruments {
-        displacement_noise_m: bench.sensor_noise_m,
-        displacement_quantum_m: bench.sensor_quantum_m,
-        monitor_noise_v: if bench.monitor_error.is_some() { Instruments::default().monitor_noise_v } else { 0.0 },
-    };
-    let mut readings = Readings::new(instruments, bench.seed);
-    let step = grid.step_s();
-    let delay = (bench.sensor_delay_s * grid.rate_hz).round() as usize;
-    let mut on_the_way: VecDeque<(usize, f64)> = VecDeque::new();
-    let mut samples_taken = 0.0;
-
-    let parts = parts(grid);
-    let part = step / parts as f64;
-    let lag = if bench.amplifier_lag_s > 0.0 { -(-part / bench.amplifier_lag_s).exp_m1() } else { 1.0 };
-    let (mut commanded, mut actual) = (0.0, 0.0);
+) -> Result<LoopRun> {
+    let mut bench = RunningBench::new(bench, grid);
+    let mut commanded = 0.0;
     let mut state = film.rest();
     let mut shaped = reference.first().copied().unwrap_or(0.0);
-    let mut run = Run::default();
+    let mut run = LoopRun::default();
     for k in 0..grid.samples {
         let now = grid.time_s(k);
         let displacement = film.displacement_m(&state);
-        if now >= samples_taken / bench.sensor_rate_hz - 1e-9 {
-            samples_taken += 1.0;
-            let lost = bench.sensor_lost_s.iter().any(|&(from, to)| (from..to).contains(&now));
-            let reading = readings.displacement_m(displacement);
-            if !lost {
-                on_the_way.push_back((k, reading));
-            }
-        }
-        let arrived = on_the_way.front().filter(|(taken, _)| k - taken >= delay).copied();
-        let sample = arrived.map(|(taken, reading)| {
-            on_the_way.pop_front();
-            Sample { displacement: reading, age_ticks: k - taken }
-        });
-        let applied = match bench.monitor_error {
-            Some(share) => Applied::as_monitored(commanded, readings.voltage_v(actual * (1.0 + share))),
-            None => Applied::as_commanded(commanded),
-        };
+        let sample = bench.sample(k, now, displacement);
+        let applied = bench.applied(commanded);
         let target = reference.get(k + 1).or(reference.last()).copied().unwrap_or(0.0);
         let output = controller.tick(applied, sample, target);
-
-        run.asked_m.push(reference.get(k).copied().unwrap_or(shaped));
-        run.reference_m.push(shaped);
-        run.displacement_m.push(displacement);
-        run.voltage_v.push(output.voltage_v);
-        run.limited.push(output.limited);
-        run.estimate_m.push(output.estimate_m.unwrap_or(f64::NAN));
-        run.disturbance_n.push(output.disturbance_n.unwrap_or(f64::NAN));
-        run.force_scale.push(output.force_scale.unwrap_or(f64::NAN));
+        run.push(reference.get(k).copied().unwrap_or(shaped), shaped, displacement, &output);
 
         shaped = output.reference_m.unwrap_or(target);
         commanded = output.voltage_v;
-        for _ in 0..parts {
-            actual += lag * (commanded - actual);
-            state = film.advanced(&state, actual, part, 1);
-        }
+        state = bench.advance(film, state, commanded);
         if !film.holds(&state) {
             return Err(Error::Computation(format!(
                 "the film is torn or pulled in at {now:.3} s under {commanded:.0} V; lower the reference or --max-voltage"

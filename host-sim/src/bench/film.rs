@@ -1,6 +1,6 @@
-//! The twin: a nonlinear viscoelastic film to try models and controllers on.
+//! A nonlinear viscoelastic film, simulated, to try models and controllers on.
 //!
-//! It is deliberately *not* our model, so that a fit to its recordings proves something. A strip of VHB 4910 in pure
+//! It is deliberately *not* the model of this project: a fit to its recordings is no inverse crime. A strip of VHB 4910 in pure
 //! shear (L₀ = 10 mm, W₀ = 49 mm, H₀ = 1 mm), 40/49 of its width under electrodes, is stretched by a weight of 316 g. With λ
 //! its stretch, ξ_i the stretch of the dashpots of three Maxwell branches and V the voltage
 //!
@@ -53,6 +53,16 @@ pub struct Film {
     /// Modulus (Pa) and relaxation time (s) of the branches.
     branches: [(f64, f64); 3],
     rest_stretch: f64,
+}
+
+impl Plant {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Hossain => "hossain",
+            Self::Wang => "wang",
+        }
+    }
 }
 
 impl Film {
@@ -142,7 +152,7 @@ impl Film {
     }
 
     /// The state `duration_s` after `state` under a constant `voltage` (V), in `parts` steps of the classical Runge–Kutta
-    /// method: what a control loop takes from tick to tick.
+    /// method, as a control loop needs from tick to tick.
     #[must_use]
     pub fn advanced(&self, state: &FilmState, voltage: f64, duration_s: f64, parts: usize) -> FilmState {
         let step = duration_s / parts as f64;
@@ -161,7 +171,7 @@ impl Film {
         state
     }
 
-    /// Whether the film still holds in `state`: neither torn nor pulled in.
+    /// Whether the film is intact in `state`: neither torn nor pulled in.
     #[must_use]
     pub fn holds(&self, state: &FilmState) -> bool {
         state[0] > 0.1 && state[0] < self.largest_stretch()
@@ -215,12 +225,12 @@ impl Waveform {
     }
 }
 
-/// What the bench's instruments add to what they measure.
+/// Noise and resolution of the bench's instruments.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Instruments {
     /// RMS noise of the displacement sensor, m.
     pub displacement_noise_m: f64,
-    /// Steps in which the displacement sensor reads, m; nought for none.
+    /// Resolution of the displacement sensor, m; 0 for none.
     pub displacement_quantum_m: f64,
     /// RMS noise of the voltage monitor, V.
     pub monitor_noise_v: f64,
@@ -248,14 +258,14 @@ impl Readings {
         Self { instruments, random: Pcg64::seed_from_u64(seed), unit }
     }
 
-    /// What the displacement sensor reads of `displacement` (m).
+    /// The displacement sensor's reading (m) at `displacement` (m).
     pub fn displacement_m(&mut self, displacement: f64) -> f64 {
         let noisy = displacement + self.instruments.displacement_noise_m * self.unit.sample(&mut self.random);
         let quantum = self.instruments.displacement_quantum_m;
         if quantum > 0.0 { (noisy / quantum).round() * quantum } else { noisy }
     }
 
-    /// What the voltage monitor reads of `voltage` (V).
+    /// The voltage monitor's reading (V) at `voltage` (V).
     pub fn voltage_v(&mut self, voltage: f64) -> f64 {
         voltage + self.instruments.monitor_noise_v * self.unit.sample(&mut self.random)
     }

@@ -1,5 +1,8 @@
-//! The simulated bench: a nonlinear film with its instruments, and controllers that make it follow a reference.
+//! The bench: a simulated nonlinear film with its instruments, controllers that make it follow a reference, and the firmware
+//! in the loop.
 
 pub mod closed_loop;
 pub mod controllers;
 pub mod film;
+pub mod film_recording;
+pub mod processor;

@@ -1,20 +1,22 @@
-use std::path::PathBuf;
+//! `closed-loop`: a controller follows a reference on a nonlinear film.
+
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use dea_driver::Control;
 use serde::Serialize;
 use springpot::ObserverOptions;
 
-use super::options::{LimitOptions, as_written, at_most, positive};
-use crate::bench::closed_loop::{self, Bench, Run, Tracked};
-use crate::bench::controllers::{self, Controller, Kind, Settings};
+use super::options::{LimitOptions, at_most, positive};
+use crate::bench::closed_loop::{self, BenchModel, LoopRun, TrackingQuality};
+use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
 use crate::bench::film::{Film, Plant};
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
-use crate::files::parameters::Parameters;
+use crate::files::parameters::{Parameters, as_written};
 use crate::grid::Grid;
 use crate::references;
-use crate::replay::simulate::Precision;
+use crate::replay::memory::Precision;
 use crate::report::plot::{self, Line, Panel};
 use crate::terminal;
 
@@ -31,7 +33,7 @@ pub(super) struct Arguments {
     reference: PathBuf,
     /// Which controller.
     #[arg(long, value_enum)]
-    controller: Kind,
+    controller: ControllerKind,
     /// Where the run goes: time_s, voltage_v, displacement_m, reference_m, limited, estimate_m, disturbance_n, force_scale.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
@@ -66,16 +68,16 @@ pub(super) struct Arguments {
 #[derive(Clone, Debug, Args)]
 struct SensorOptions {
     /// RMS noise of the displacement sensor.
-    #[arg(long, value_name = "M", default_value_t = Bench::default().sensor_noise_m)]
+    #[arg(long, value_name = "M", default_value_t = BenchModel::default().sensor_noise_m)]
     sensor_noise: f64,
     /// Samples of the displacement sensor per second.
-    #[arg(long, value_name = "HZ", default_value_t = Bench::default().sensor_rate_hz)]
+    #[arg(long, value_name = "HZ", default_value_t = BenchModel::default().sensor_rate_hz)]
     sensor_rate: f64,
     /// Time until a sample arrives.
-    #[arg(long, value_name = "S", default_value_t = Bench::default().sensor_delay_s)]
+    #[arg(long, value_name = "S", default_value_t = BenchModel::default().sensor_delay_s)]
     sensor_delay: f64,
-    /// Steps in which the sensor reads; 0 for none.
-    #[arg(long, value_name = "M", default_value_t = Bench::default().sensor_quantum_m)]
+    /// Resolution of the sensor; 0 for none.
+    #[arg(long, value_name = "M", default_value_t = BenchModel::default().sensor_quantum_m)]
     sensor_quantum: f64,
     /// Times from which and to which the sensor is lost, such as 60:90; may be given more than once.
     #[arg(long, value_name = "FROM:TO", value_parser = interval)]
@@ -83,7 +85,7 @@ struct SensorOptions {
     /// Time constant of the amplifier; 0 for none.
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     amplifier_lag: f64,
-    /// Let the controller see a voltage monitor that reads too much by this share (with 3 V of noise), not its command.
+    /// Give the controller a voltage monitor with this relative error (and 3 V of noise) instead of its command.
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     monitor_error: Option<f64>,
 }
@@ -96,14 +98,14 @@ fn interval(text: &str) -> std::result::Result<(f64, f64), String> {
 }
 
 impl SensorOptions {
-    fn bench(&self, seed: u64) -> Result<Bench> {
+    fn bench(&self, seed: u64) -> Result<BenchModel> {
         at_most("--sensor-noise", self.sensor_noise, 1.0)?;
         at_most("--sensor-quantum", self.sensor_quantum, 1.0)?;
         at_most("--sensor-delay", self.sensor_delay, 10.0)?;
         at_most("--amplifier-lag", self.amplifier_lag, 10.0)?;
         at_most("--monitor-error", self.monitor_error.unwrap_or(0.0).abs(), 0.5)?;
         positive("--sensor-rate", self.sensor_rate)?;
-        Ok(Bench {
+        Ok(BenchModel {
             sensor_noise_m: self.sensor_noise,
             sensor_rate_hz: self.sensor_rate,
             sensor_delay_s: self.sensor_delay,
@@ -121,7 +123,7 @@ struct Report {
     controller: &'static str,
     samples: usize,
     #[serde(flatten)]
-    tracked: Tracked,
+    quality: TrackingQuality,
     #[serde(skip_serializing_if = "Option::is_none")]
     out: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -135,21 +137,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     }
     let parameters = Parameters::load(&arguments.params)?;
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
-    let control = parameters.board.as_ref().map_or(Control::BENCH, |board| board.control);
-    let bandwidth_hz = arguments.bandwidth.unwrap_or(match arguments.controller {
-        Kind::Pi => controllers::PI_HZ,
-        _ => as_written(control.bandwidth_hz),
-    });
-    positive("--bandwidth", bandwidth_hz)?;
-    let adaptation_s = arguments.adaptation.unwrap_or(as_written(control.adaptation_s));
-    at_most("--adaptation", adaptation_s, 1e9)?;
+    let (bandwidth_hz, adaptation_s) = arguments.tuning(&parameters)?;
     let (reference, grid) = references::read(&arguments.reference, arguments.rate)?;
-    if arguments.out.is_some() && arguments.out == arguments.plot {
-        return Err(Error::option("--plot", "is the file of --out; name another one"));
-    }
-    for path in [&arguments.out, &arguments.plot].into_iter().flatten() {
-        output::check(path, &[&arguments.reference, arguments.params.as_ref()], Folders::Exist)?;
-    }
+    arguments.check_outputs()?;
     let interval_s = (1.0 / bench.sensor_rate_hz).max(grid.step_s());
     let observer = ObserverOptions {
         bandwidth_hz,
@@ -159,17 +149,14 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         adaptation_s,
     };
     let peak_m = reference.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let settings = Settings { rate_hz: grid.rate_hz, limits, observer, peak_m };
+    let settings = ControllerSettings { rate_hz: grid.rate_hz, limits, observer, peak_m };
     let about = |error: Error| error.about(&arguments.params, &arguments.reference);
-    let mut controller: Box<dyn Controller + Send> = match arguments.precision {
-        Precision::F32 => controllers::build::<f32>(arguments.controller, &parameters, &settings),
-        Precision::F64 => controllers::build::<f64>(arguments.controller, &parameters, &settings),
-    }
-    .map_err(about)?;
+    let mut controller =
+        controllers::build(arguments.controller, &parameters, &settings, arguments.precision).map_err(about)?;
 
     let film = Film::new(arguments.plant).stiffened(arguments.stiffness);
     let bar = terminal::progress(grid.samples as u64, "closed loop");
-    let run = closed_loop::run(&film, &bench, controller.as_mut(), &reference, grid, &bar).map_err(about)?;
+    let run = closed_loop::track(&film, &bench, controller.as_mut(), &reference, grid, &bar).map_err(about)?;
     bar.finish_and_clear();
     if let Some(path) = &arguments.out {
         write(path, &run, grid)?;
@@ -177,44 +164,71 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     if let Some(path) = &arguments.plot {
         plot::write(path, &panels(&run, grid, arguments.controller))?;
     }
-    let tracked = run.tracked();
     let report = Report {
         controller: arguments.controller.name(),
         samples: grid.samples,
-        tracked,
+        quality: run.quality(),
         out: arguments.out.as_deref().map(shown),
         plot: arguments.plot.as_deref().map(shown),
     };
-    terminal::report(json, &report, || {
-        let drift = tracked.drift_pct.map(|drift| format!(", drift {drift:.3} %")).unwrap_or_default();
-        let error = match tracked.tracking_rms_pct {
-            Some(percent) => format!("{percent:.4} % RMS"),
-            None => format!("{:.3} µm RMS (the reference is constant)", 1e6 * tracked.rms_m),
-        };
-        // Shaping changes little of a reference that keeps within the limits.
-        let asked = match (tracked.tracking_rms_pct, tracked.asked_rms_pct) {
-            (Some(shaped), Some(asked)) if (asked - shaped).abs() > 0.1 => {
-                format!(" of the shaped reference, {asked:.2} % of the one that was asked for")
-            }
-            _ => String::new(),
-        };
-        format!(
-            "{}: tracking error {error}{asked}{drift}, infeasible {:.2} % of the time, largest error {:.2} µm, largest voltage \
-             {:.0} V",
-            report.controller,
-            tracked.infeasible_pct,
-            1e6 * tracked.largest_error_m,
-            tracked.largest_voltage_v
-        )
-    })
+    terminal::report(json, &report, || text(&report))
 }
 
-fn write(path: &std::path::Path, run: &Run, grid: Grid) -> Result<()> {
-    let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
-    let limited: Vec<f64> = run.limited.iter().map(|limited| f64::from(limited.bits())).collect();
+impl Arguments {
+    /// Bandwidth (Hz) and adaptation time (s): the options, or else those of the parameters' board or of the paper's bench.
+    fn tuning(&self, parameters: &Parameters) -> Result<(f64, f64)> {
+        let control = parameters.board.as_ref().map_or(Control::BENCH, |board| board.control);
+        let bandwidth_hz = self.bandwidth.unwrap_or(match self.controller {
+            ControllerKind::Pi => controllers::PI_HZ,
+            _ => as_written(control.bandwidth_hz),
+        });
+        positive("--bandwidth", bandwidth_hz)?;
+        let adaptation_s = self.adaptation.unwrap_or(as_written(control.adaptation_s));
+        at_most("--adaptation", adaptation_s, 1e9)?;
+        Ok((bandwidth_hz, adaptation_s))
+    }
+
+    fn check_outputs(&self) -> Result<()> {
+        if self.out.is_some() && self.out == self.plot {
+            return Err(Error::option("--plot", "is the file of --out; name another one"));
+        }
+        for path in [&self.out, &self.plot].into_iter().flatten() {
+            output::check(path, &[&self.reference, self.params.as_ref()], Folders::Exist)?;
+        }
+        Ok(())
+    }
+}
+
+fn text(report: &Report) -> String {
+    let quality = &report.quality;
+    let drift = quality.drift_pct.map(|drift| format!(", drift {drift:.3} %")).unwrap_or_default();
+    let error = match quality.tracking_rms_pct {
+        Some(percent) => format!("{percent:.4} % RMS"),
+        None => format!("{:.3} µm RMS (the reference is constant)", 1e6 * quality.rms_m),
+    };
+    // Shaping hardly changes a reference within the limits.
+    let asked = match (quality.tracking_rms_pct, quality.asked_rms_pct) {
+        (Some(shaped), Some(asked)) if (asked - shaped).abs() > 0.1 => {
+            format!(" of the shaped reference, {asked:.2} % of the one that was asked for")
+        }
+        _ => String::new(),
+    };
+    format!(
+        "{}: tracking error {error}{asked}{drift}, infeasible {:.2} % of the time, largest error {:.2} µm, largest voltage \
+         {:.0} V",
+        report.controller,
+        quality.infeasible_pct,
+        1e6 * quality.largest_error_m,
+        quality.largest_voltage_v
+    )
+}
+
+fn write(path: &Path, run: &LoopRun, grid: Grid) -> Result<()> {
     fn known(values: &[f64]) -> Option<&[f64]> {
         values.iter().any(|value| !value.is_nan()).then_some(values)
     }
+    let time = grid.times_s();
+    let limited: Vec<f64> = run.limited.iter().map(|limited| f64::from(limited.bits())).collect();
     output::write_columns(
         path,
         &[],
@@ -231,8 +245,8 @@ fn write(path: &std::path::Path, run: &Run, grid: Grid) -> Result<()> {
     )
 }
 
-fn panels(run: &Run, grid: Grid, kind: Kind) -> Vec<Panel> {
-    let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
+fn panels(run: &LoopRun, grid: Grid, kind: ControllerKind) -> Vec<Panel> {
+    let time = grid.times_s();
     let scaled = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|value| by * value).collect() };
     vec![
         Panel::new(format!("Reference and film: {}", kind.name()), "time (s)", "displacement (mm)")

@@ -1,29 +1,28 @@
+//! `compare`: other models of creep on the same recordings.
+
 use std::fmt::Write;
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
-use crate::files::recording::Recording;
-use crate::fit::objective::Observation;
-use crate::fit::observation::{self, Direction};
-use crate::fit::search::Workbench;
-use crate::fit::{self, Settings};
-use crate::studies::compare::{self, Row};
+use crate::files::recording::{Direction, Recording};
+use crate::fit::Settings;
+use crate::fit::observation::observe_all;
+use crate::studies::compare::{self, ModelRow};
 use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// File whose actuator table is taken: geometry, permittivity, mass, preload. If left out it is the paper's.
+    /// File with the actuator table: geometry, permittivity, mass, preload. The default is the paper's.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Seed of the random starts.
     #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
     seed: u64,
-    /// Random starts of every structure.
+    /// Random starts per structure.
     #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
     starts: usize,
     /// Recordings to fit, driven by voltage or force.
@@ -34,7 +33,7 @@ pub(super) struct Arguments {
 #[derive(Serialize)]
 struct Report {
     recordings: Vec<String>,
-    models: Vec<Row>,
+    models: Vec<ModelRow>,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -46,17 +45,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         settings.actuator = Parameters::load_actuator(name)?;
     }
     let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
-    let observations = recordings
-        .iter()
-        .map(|recording| observation::observe(recording, Direction::Force, 1.0).map(|(observation, _)| observation))
-        .collect::<Result<Vec<Observation>>>()?;
+    let observations = observe_all(&recordings, Direction::Force)?;
     let bar = terminal::spinner();
-    let workbench = Workbench::new(&observations, &settings.actuator)?;
-    let surroundings = fit::effective(&observations, &settings, &mut Vec::new());
-    // Half a comparison is none: Ctrl-C ends it.
-    let never = AtomicBool::new(false);
-    let context = workbench.context(&settings, surroundings, &never);
-    let models = compare::compare(&context, &observations, &|message| bar.set_message(message.to_owned()))?;
+    let models = compare::compare(&observations, &settings, &|message| bar.set_message(message.to_owned()))?;
     bar.finish_and_clear();
     let report = Report { recordings: arguments.recordings.iter().map(|path| shown(path)).collect(), models };
     terminal::report(json, &report, || text(&report))

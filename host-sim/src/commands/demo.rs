@@ -4,27 +4,29 @@ mod table;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
 
 use clap::Args;
 use serde::Serialize;
 use springpot::{Actuator, CommandLimits, ObserverOptions, Topology};
 
-use super::fit::{page, result};
-use super::replay;
-use crate::bench::closed_loop::{self, Bench, Tracked};
-use crate::bench::controllers::{self, Kind};
-use crate::bench::film::{Film, Instruments, Plant, Readings, Waveform};
+use super::fit::Job;
+use super::{feedforward as feedforward_command, replay};
+use crate::bench::closed_loop::{self, BenchModel, TrackingQuality};
+use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
+use crate::bench::film::{Film, Instruments, Plant, Waveform};
+use crate::bench::film_recording::FilmRecording;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
-use crate::files::recording::{Input, Recording};
-use crate::fit::observation::{self, Direction};
-use crate::fit::{self, Settings};
+use crate::files::recording::{Direction, Input, Recording};
+use crate::fit::{Settings, observation};
 use crate::grid::Grid;
 use crate::references::{Reference, Shape};
-use crate::replay::feedforward::{self, Feasibility};
-use crate::replay::simulate::{self, RunOptions};
+use crate::replay::comparison::Comparison;
+use crate::replay::feasibility::{self, Feasibility};
+use crate::replay::feedforward;
+use crate::replay::memory::{Precision, RunOptions};
+use crate::report::fit_report::FitReport;
 use crate::{interrupt, terminal};
 
 #[derive(Debug, Args)]
@@ -49,7 +51,7 @@ const SIMULATED_S: f64 = 155.0;
 const SIMULATED_HZ: f64 = 100.0;
 const SIMULATED_PEAK_V: f64 = 6000.0;
 /// The controllers that are compared.
-const CONTROLLERS: [Kind; 3] = [Kind::None, Kind::Feedforward, Kind::Tracking];
+const CONTROLLERS: [ControllerKind; 3] = [ControllerKind::None, ControllerKind::Feedforward, ControllerKind::Tracking];
 /// Bandwidth of tracking, Hz: a fifth of the simulated film's resonance.
 const BANDWIDTH_HZ: f64 = 0.6;
 
@@ -57,7 +59,7 @@ const BANDWIDTH_HZ: f64 = 0.6;
 #[derive(Serialize)]
 struct Report {
     simulated: bool,
-    fit: FitRow,
+    fit: FitReport,
     #[serde(flatten)]
     replay: replay::Report,
     /// The sine; none where no voltage was recorded or the film can follow none.
@@ -65,15 +67,6 @@ struct Report {
     closed_loop: Vec<LoopRow>,
     files: Vec<String>,
     interrupted: bool,
-}
-
-#[derive(Serialize)]
-struct FitRow {
-    topology: &'static str,
-    branches: usize,
-    seconds: f64,
-    evaluations: usize,
-    warnings: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -89,7 +82,7 @@ struct ReferenceRow {
 struct LoopRow {
     controller: &'static str,
     #[serde(flatten)]
-    tracked: Tracked,
+    quality: TrackingQuality,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -103,9 +96,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let simulated = given.is_empty();
     let recordings = if simulated { simulated_recordings(&arguments.out)? } else { given };
 
-    let mut staged = Vec::new();
-    let (parameters, fit) = fitted(&recordings, actuator, stop, &files, &mut staged)?;
+    let fit = fitted(&recordings, actuator, &files)?;
+    // The parameters as they were written: `replay` gives the same.
+    let parameters = Parameters::read(&files.parameters)?;
     let (replay, peak_m) = replayed(&recordings, &parameters)?;
+    let mut staged = Vec::new();
     let mut report = Report {
         simulated,
         fit,
@@ -126,7 +121,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         }
     }
     report.interrupted = stop.load(Ordering::Relaxed);
-    report.files = staged.iter().map(|file| shown(file.path())).collect();
+    let written =
+        [&files.parameters, &files.page].into_iter().map(PathBuf::as_path).chain(staged.iter().map(Staged::path));
+    report.files = written.map(shown).collect();
     staged.into_iter().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || table::text(&report))
 }
@@ -165,18 +162,13 @@ impl OutputFiles {
         let Sine { grid, values, .. } = sine;
         let options = RunOptions::default();
         let bar = terminal::progress(grid.samples as u64, "feedforward");
-        let commands = feedforward::along(parameters, values, *grid, &options, *limits, &bar)?;
+        let plan = feedforward::plan(parameters, values, *grid, &options, *limits, &bar)?;
         bar.finish_and_clear();
-        let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
+        let time = grid.times_s();
         let columns: [(&str, Option<&[f64]>); 2] = [("time_s", Some(&time)), ("displacement_m", Some(values))];
-        let voltage: [(&str, Option<&[f64]>); 3] = [
-            ("time_s", Some(&time)),
-            ("voltage_v", Some(&commands.voltage_v)),
-            ("displacement_m", Some(&commands.displacement_m)),
-        ];
         Ok([
             output::stage_columns(&self.reference, &[], &columns)?,
-            output::stage_columns(&self.voltage, &[], &voltage)?,
+            feedforward_command::stage(&self.voltage, *grid, &plan)?,
         ])
     }
 }
@@ -185,68 +177,33 @@ impl OutputFiles {
 fn simulated_recordings(folder: &Path) -> Result<Vec<Recording>> {
     let film = Film::new(PLANT);
     let grid = Grid::covering(SIMULATED_S, SIMULATED_HZ)?;
-    let times: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
     let mut recordings = Vec::new();
     for (period_s, seed) in SIMULATED {
         let waveform = Waveform { peak_v: SIMULATED_PEAK_V, frequencies_hz: vec![1.0 / period_s] };
-        let states = film.states(film.rest(), &times, |t| waveform.voltage_v(t))?;
-        let mut readings = Readings::new(Instruments::default(), seed);
-        let (voltage, displacement): (Vec<f64>, Vec<f64>) = times
-            .iter()
-            .zip(&states)
-            .map(|(&t, state)| {
-                let (v, x) =
-                    (readings.voltage_v(waveform.voltage_v(t)), readings.displacement_m(film.displacement_m(state)));
-                // Recorders write so many digits.
-                ((v * 1e2).round() / 1e2, (x * 1e8).round() / 1e8)
-            })
-            .unzip();
         let path = folder.join(format!("recording-{period_s}s.csv"));
         let comment = "a nonlinear film, simulated; not a measurement".to_owned();
-        output::write_columns(
-            &path,
-            &[comment],
-            &[("time_s", Some(&times)), ("voltage_v", Some(&voltage)), ("displacement_m", Some(&displacement))],
-        )?;
+        FilmRecording::new(&film, &waveform, grid, Instruments::default(), seed)?.write(&path, &[comment])?;
         recordings.push(Recording::read(&path)?);
     }
     Ok(recordings)
 }
 
-/// Fits `recordings` together; stages the parameters and the page.
-fn fitted(
-    recordings: &[Recording],
-    actuator: Actuator,
-    stop: &AtomicBool,
-    files: &OutputFiles,
-    staged: &mut Vec<Staged>,
-) -> Result<(Parameters, FitRow)> {
+/// Fits `recordings` together; writes the parameters and the page.
+fn fitted(recordings: &[Recording], actuator: Actuator, files: &OutputFiles) -> Result<FitReport> {
     // One structure. The search over all of them takes twenty times as long and finds little more on these recordings.
     let settings =
         Settings { branches: vec![2], topologies: vec![Topology::Parallel], actuator, ..Settings::default() };
     let observed =
         recordings.iter().map(|r| observation::observe(r, Direction::Force, 1.0)).collect::<Result<Vec<_>>>()?;
     let (observations, warnings): (Vec<_>, Vec<_>) = observed.into_iter().unzip();
-    let paths: Vec<&Path> = recordings.iter().map(Recording::path).collect();
-    let started = Instant::now();
-    let bar = terminal::spinner();
-    let mut fit = fit::fit(&observations, &settings, stop, &|message| bar.set_message(message.to_owned()))?;
-    bar.finish_and_clear();
-    fit.warnings.splice(0..0, warnings.into_iter().flatten());
-    let parameters = result::parameters_of(&fit, &settings, Direction::Force, &paths)?;
-    let seconds = started.elapsed().as_secs_f64();
-    let report = result::report_of(&fit, Direction::Force, &paths, &files.parameters, seconds);
-    let page = page::page(&report, &fit, &observations, Direction::Force);
-    staged.push(Staged::new(&files.parameters, |file| file.write_all(parameters.to_toml().as_bytes()))?);
-    staged.push(Staged::new(&files.page, |file| file.write_all(page.as_bytes()))?);
-    let row = FitRow {
-        topology: report.topology,
-        branches: report.branches,
-        seconds,
-        evaluations: report.evaluations,
-        warnings: fit.warnings,
+    let job = Job {
+        out: files.parameters.clone(),
+        page: Some(files.page.clone()),
+        files: recordings.iter().map(Recording::path).collect(),
+        observations,
+        warnings: warnings.concat(),
     };
-    Ok((parameters, row))
+    job.run(&settings, Direction::Force)
 }
 
 /// The recordings through the controller's code, and the largest displacement there, m.
@@ -255,13 +212,13 @@ fn replayed(recordings: &[Recording], parameters: &Parameters) -> Result<(replay
     let mut rows = Vec::new();
     let mut peak_m = 0.0_f64;
     for recording in recordings {
-        let grid = recording.grid(options.rate_hz)?;
-        let bar = terminal::progress(grid.samples as u64, "replay");
+        let comparison = Comparison::new(recording, Direction::Force, parameters, options.rate_hz)?;
+        let bar = terminal::progress(comparison.grid.samples as u64, "replay");
         let about = |error: Error| error.about(&parameters.name, recording.path());
-        let response = simulate::run(parameters, &recording.drive()?, grid, &options, &bar).map_err(about)?;
+        let (response, agreement) = comparison.run(parameters, &options, &bar).map_err(about)?;
         bar.finish_and_clear();
         peak_m = response.displacement_m.iter().copied().fold(peak_m, f64::max);
-        rows.push(replay::Row::of_displacement(recording, parameters, &response, grid)?);
+        rows.push(replay::RecordingAgreement::new(recording, Direction::Force, &agreement));
     }
     Ok((replay::Report::of(rows), peak_m))
 }
@@ -311,7 +268,7 @@ impl Sine {
             let reference =
                 Reference { rise_s: 0.5 * period_s, ..Reference::new(Shape::Sine, low_m, high_m, period_s) };
             let values = reference.on(grid)?;
-            let check = feedforward::check(parameters, &values, grid, limits)?;
+            let check = feasibility::check(parameters, &values, grid, limits)?;
             Ok(Self { reference, grid, values, check })
         };
         for share in [0.45, 0.25, 0.1] {
@@ -344,7 +301,7 @@ fn closed_loops(
     stop: &AtomicBool,
 ) -> Result<Vec<LoopRow>> {
     let film = Film::new(PLANT);
-    let settings = controllers::Settings {
+    let settings = ControllerSettings {
         rate_hz: sine.grid.rate_hz,
         limits,
         observer: ObserverOptions::at_bandwidth(BANDWIDTH_HZ),
@@ -355,12 +312,12 @@ fn closed_loops(
         if stop.load(Ordering::Relaxed) {
             break;
         }
-        let mut controller = controllers::build::<f32>(kind, parameters, &settings)?;
+        let mut controller = controllers::build(kind, parameters, &settings, Precision::F32)?;
         let bar = terminal::progress(sine.grid.samples as u64, kind.name());
-        let bench = Bench::default();
-        let run = closed_loop::run(&film, &bench, controller.as_mut(), &sine.values, sine.grid, &bar)?;
+        let bench = BenchModel::default();
+        let run = closed_loop::track(&film, &bench, controller.as_mut(), &sine.values, sine.grid, &bar)?;
         bar.finish_and_clear();
-        rows.push(LoopRow { controller: kind.name(), tracked: run.tracked() });
+        rows.push(LoopRow { controller: kind.name(), quality: run.quality() });
     }
     Ok(rows)
 }

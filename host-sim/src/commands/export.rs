@@ -1,13 +1,14 @@
+//! `export`: writes the parameter blob for the firmware.
+
 use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use dea_driver::Blob;
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
-use crate::files::parameters::{Board, Parameters};
+use crate::files::parameters::Parameters;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -40,7 +41,7 @@ struct Report {
     bytes: usize,
     rate_hz: f64,
     board: u16,
-    /// Whether the file told its board, or the paper's bench was taken.
+    /// Whether the file has a board; otherwise that of the paper's bench is used.
     own_board: bool,
 }
 
@@ -48,15 +49,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let parameters = Parameters::load(&arguments.params)?;
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
     super::board_rate(arguments.rate)?;
-    let board = parameters.board.clone().unwrap_or_else(|| Board::bench(&parameters.actuator));
     let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());
-    let blob = parameters.to_blob(&board, arguments.rate).map_err(refused)?;
-    // What a controller would say to it is said here.
-    Blob::decode(&blob, board.id).map_err(|e| refused(Error::Computation(e.to_string())))?;
+    let (blob, board) = parameters.checked_blob(arguments.rate).map_err(refused)?;
 
     let content = match arguments.emit {
         Emit::Blob => blob.clone(),
-        Emit::Rust => rust(&parameters.name, &blob).into_bytes(),
+        Emit::Rust => rust_constant(&parameters.name, &blob).into_bytes(),
     };
     output::write_whole(&arguments.out, |file| file.write_all(&content))?;
     let report = Report {
@@ -76,7 +74,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     })
 }
 
-fn rust(name: &str, blob: &[u8]) -> String {
+/// A blob as Rust source.
+fn rust_constant(name: &str, blob: &[u8]) -> String {
     let name: String = name.chars().filter(|letter| !letter.is_control()).collect();
     let mut text = format!("/// The parameter blob of {name}.\npub const BLOB: [u8; {}] = [", blob.len());
     for (index, byte) in blob.iter().enumerate() {

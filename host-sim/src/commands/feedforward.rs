@@ -1,4 +1,6 @@
-use std::path::PathBuf;
+//! `feedforward`: the voltage that makes the film follow a reference, or whether there is one.
+
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
@@ -7,10 +9,12 @@ use springpot::Limited;
 use super::ModelOptions;
 use super::options::LimitOptions;
 use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folders};
+use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
+use crate::grid::Grid;
 use crate::references;
-use crate::replay::feedforward::{self, Feasibility};
+use crate::replay::feasibility::{self, Feasibility};
+use crate::replay::feedforward::{self, VoltagePlan};
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -25,7 +29,7 @@ pub(super) struct Arguments {
     /// Where the voltage goes: time_s, voltage_v, displacement_m, limited, reference_m.
     #[arg(long, value_name = "V.csv", required_unless_present = "check")]
     out: Option<PathBuf>,
-    /// Tell whether the reference can be followed, and what offset would make it so, before any voltage is applied.
+    /// Report whether the reference can be followed, and which offset makes it so, before any voltage is applied.
     #[arg(long)]
     check: bool,
 }
@@ -38,7 +42,7 @@ struct Report {
     rate_hz: f64,
     /// Share of samples at which a limit was met, %, by limit.
     limited_pct: Option<f64>,
-    limits_met: Option<Vec<Met>>,
+    limits_met: Option<Vec<LimitShare>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     largest_voltage_v: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -46,7 +50,7 @@ struct Report {
 }
 
 #[derive(Serialize)]
-struct Met {
+struct LimitShare {
     limit: &'static str,
     pct: f64,
 }
@@ -57,7 +61,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
     let (reference, grid) = references::read(&arguments.reference, options.rate_hz)?;
     let about = |error: Error| error.about(&arguments.model.params, &arguments.reference);
-    let check = arguments.check.then(|| feedforward::check(&parameters, &reference, grid, &limits)).transpose();
+    let check = arguments.check.then(|| feasibility::check(&parameters, &reference, grid, &limits)).transpose();
     let mut report = Report {
         out: arguments.out.as_deref().map(shown),
         samples: grid.samples,
@@ -70,30 +74,42 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     if let Some(out) = &arguments.out {
         output::check(out, &[&arguments.reference, arguments.model.params.as_ref()], Folders::Exist)?;
         let bar = terminal::progress(grid.samples as u64, "feedforward");
-        let commands = feedforward::along(&parameters, &reference, grid, &options, limits, &bar).map_err(about)?;
+        let plan = feedforward::plan(&parameters, &reference, grid, &options, limits, &bar).map_err(about)?;
         bar.finish_and_clear();
-        let share = |limit: &dyn Fn(&Limited) -> bool| {
-            100.0 * commands.limited.iter().filter(|limited| limit(limited)).count() as f64 / grid.samples as f64
-        };
-        report.limited_pct = Some(share(&|limited| !limited.is_none()));
-        let met = Limited::ALL.iter().map(|(limit, name)| Met { limit: name, pct: share(&|l| l.contains(*limit)) });
-        report.limits_met = Some(met.filter(|met| met.pct > 0.0).collect());
-        report.largest_voltage_v = Some(commands.voltage_v.iter().copied().fold(0.0, f64::max));
-        let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
-        let limited: Vec<f64> = commands.limited.iter().map(|limited| f64::from(limited.bits())).collect();
-        output::write_columns(
-            out,
-            &[],
-            &[
-                ("time_s", Some(time.as_slice())),
-                ("voltage_v", Some(&commands.voltage_v)),
-                ("displacement_m", Some(&commands.displacement_m)),
-                ("limited", Some(&limited)),
-                ("reference_m", Some(&commands.reference_m)),
-            ],
-        )?;
+        report.add(&plan);
+        stage(out, grid, &plan)?.commit()?;
     }
     terminal::report(json, &report, || text(&report))
+}
+
+impl Report {
+    fn add(&mut self, plan: &VoltagePlan) {
+        let share = |limit: &dyn Fn(&Limited) -> bool| {
+            100.0 * plan.limited.iter().filter(|limited| limit(limited)).count() as f64 / self.samples as f64
+        };
+        self.limited_pct = Some(share(&|limited| !limited.is_none()));
+        let met =
+            Limited::ALL.iter().map(|(limit, name)| LimitShare { limit: name, pct: share(&|l| l.contains(*limit)) });
+        self.limits_met = Some(met.filter(|met| met.pct > 0.0).collect());
+        self.largest_voltage_v = Some(plan.voltage_v.iter().copied().fold(0.0, f64::max));
+    }
+}
+
+/// The file of `plan`: a recording that `simulate` can play back.
+pub(super) fn stage(path: &Path, grid: Grid, plan: &VoltagePlan) -> Result<Staged> {
+    let time = grid.times_s();
+    let limited: Vec<f64> = plan.limited.iter().map(|limited| f64::from(limited.bits())).collect();
+    output::stage_columns(
+        path,
+        &[],
+        &[
+            ("time_s", Some(time.as_slice())),
+            ("voltage_v", Some(&plan.voltage_v)),
+            ("displacement_m", Some(&plan.displacement_m)),
+            ("limited", Some(&limited)),
+            ("reference_m", Some(&plan.reference_m)),
+        ],
+    )
 }
 
 fn text(report: &Report) -> String {

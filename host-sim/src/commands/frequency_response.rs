@@ -1,12 +1,15 @@
+//! `frequency-response`: displacement over force against frequency.
+
 use std::path::PathBuf;
+
+use clap::Args;
+use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
-use crate::replay::simulate;
+use crate::replay::memory;
 use crate::terminal;
-use clap::Args;
-use serde::Serialize;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -40,47 +43,21 @@ struct Report {
     discrete: bool,
 }
 
-/// Frequencies (Hz) at which every model has a response.
+/// Lowest frequency (Hz) at which every model has a response.
 const LOWEST: f64 = 1e-12;
+/// Highest such frequency, Hz.
 const HIGHEST: f64 = 1e12;
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let Arguments { from, to, points, .. } = *arguments;
-    let rate = arguments.rate.unwrap_or(1000.0);
-    if !(LOWEST..=HIGHEST).contains(&from) {
-        return Err(Error::option("--from", format!("{from:?} Hz must be from {LOWEST:?} to {HIGHEST:?}")));
-    }
-    if !(from..=HIGHEST).contains(&to) {
-        return Err(Error::option("--to", format!("{to:?} Hz must be from --from to {HIGHEST:?}")));
-    }
-    if !(1..=10_000_000).contains(&points) {
-        return Err(Error::option("--points", format!("{points} must be from 1 to 10000000")));
-    }
-    if points == 1 && from != to {
-        return Err(Error::option("--points", "1 is one frequency, but --from and --to are two"));
-    }
-    if !(rate.is_finite() && rate > 0.0) {
-        return Err(Error::option("--rate", format!("{rate:?} Hz must be finite and greater than 0")));
-    }
-    if arguments.discrete && to > 0.5 * rate {
-        return Err(Error::option(
-            "--to",
-            format!("{to} Hz is above half the rate; a law at {rate} Hz has no such frequency"),
-        ));
-    }
+    let rate = arguments.checked_rate()?;
     let parameters = Parameters::load(&arguments.params)?;
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
     let law = arguments
         .discrete
-        .then(|| {
-            simulate::compressed_law::<f32>(&parameters.model, rate)
-                .map_err(|e| e.about(&arguments.params, &arguments.out))
-        })
-        .transpose()?;
-
-    let spacing = (to / from).ln() / (points.max(2) - 1) as f64;
-    let frequency: Vec<f64> =
-        (0..points).map(|k| if k + 1 == points { to } else { from * (spacing * k as f64).exp() }).collect();
+        .then(|| memory::compressed_law::<f32>(&parameters.model, rate))
+        .transpose()
+        .map_err(|e| e.about(&arguments.params, &arguments.out))?;
+    let frequency = arguments.frequencies();
     let (magnitude, phase): (Vec<f64>, Vec<f64>) = frequency
         .iter()
         .map(|&f| law.as_ref().map_or_else(|| parameters.model.frequency_response(f), |law| law.frequency_response(f)))
@@ -91,9 +68,44 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         &[],
         &[("frequency_hz", Some(&frequency)), ("magnitude_m_per_n", Some(&magnitude)), ("phase_rad", Some(&phase))],
     )?;
-    let report = Report { out: shown(&arguments.out), points, discrete: arguments.discrete };
+    let report = Report { out: shown(&arguments.out), points: arguments.points, discrete: arguments.discrete };
     terminal::report(json, &report, || {
         let kind = if report.discrete { format!("the law at {rate} Hz") } else { "Eq. 11".into() };
-        format!("{}: {points} frequencies of {kind}", report.out)
+        format!("{}: {} frequencies of {kind}", report.out, report.points)
     })
+}
+
+impl Arguments {
+    /// The rate of the law (Hz), once all options are checked.
+    fn checked_rate(&self) -> Result<f64> {
+        let Self { from, to, points, .. } = *self;
+        let rate = self.rate.unwrap_or(1000.0);
+        if !(LOWEST..=HIGHEST).contains(&from) {
+            return Err(Error::option("--from", format!("{from:?} Hz must be from {LOWEST:?} to {HIGHEST:?}")));
+        }
+        if !(from..=HIGHEST).contains(&to) {
+            return Err(Error::option("--to", format!("{to:?} Hz must be from --from to {HIGHEST:?}")));
+        }
+        if !(1..=10_000_000).contains(&points) {
+            return Err(Error::option("--points", format!("{points} must be from 1 to 10000000")));
+        }
+        if points == 1 && from != to {
+            return Err(Error::option("--points", "1 is one frequency, but --from and --to are two"));
+        }
+        if !(rate.is_finite() && rate > 0.0) {
+            return Err(Error::option("--rate", format!("{rate:?} Hz must be finite and greater than 0")));
+        }
+        if self.discrete && to > 0.5 * rate {
+            let cause = format!("{to} Hz is above half the rate; a law at {rate} Hz has no such frequency");
+            return Err(Error::option("--to", cause));
+        }
+        Ok(rate)
+    }
+
+    /// The frequencies (Hz), spaced evenly on a logarithmic scale.
+    fn frequencies(&self) -> Vec<f64> {
+        let Self { from, to, points, .. } = *self;
+        let spacing = (to / from).ln() / (points.max(2) - 1) as f64;
+        (0..points).map(|k| if k + 1 == points { to } else { from * (spacing * k as f64).exp() }).collect()
+    }
 }

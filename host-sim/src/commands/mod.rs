@@ -12,12 +12,12 @@ mod link;
 mod observe;
 mod options;
 mod pil;
+mod plant;
 mod reduce;
 mod reference;
 mod replay;
 mod simulate;
 mod study;
-mod twin;
 
 use std::ffi::OsString;
 
@@ -26,7 +26,7 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::replay::simulate::{MemoryChoice, Precision, RunOptions};
+use crate::replay::memory::{MemoryChoice, Precision, RunOptions};
 use crate::terminal;
 
 /// Creep compensation for dielectric elastomer actuators, on the bench.
@@ -37,14 +37,14 @@ use crate::terminal;
 #[command(name = "host-sim", version)]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: CliCommand,
     /// Print one JSON document on standard output, and nothing else there.
     #[arg(long, global = true)]
     json: bool,
 }
 
 #[derive(Debug, Subcommand)]
-enum Command {
+enum CliCommand {
     /// Do everything once: fit recordings, replay them, follow a sine; three simulated recordings if none are given.
     Demo(demo::Arguments),
     /// Compute the response to a recorded input.
@@ -78,7 +78,8 @@ enum Command {
     /// Tabulate displacement over force against frequency.
     FrequencyResponse(frequency_response::Arguments),
     /// Simulate a recording of a nonlinear film.
-    Twin(twin::Arguments),
+    #[command(visible_alias = "twin")]
+    Plant(plant::Arguments),
 }
 
 /// Options of every command that steps a model.
@@ -108,7 +109,7 @@ impl ModelOptions {
 ///
 /// # Errors
 ///
-/// [`Error`], one line that names the place and the mend.
+/// [`Error`], one line that names the place and the remedy.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
     let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
@@ -119,27 +120,27 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
     };
     interrupt::install();
     match cli.command {
-        Command::Demo(arguments) => demo::run(&arguments, cli.json),
-        Command::Simulate(arguments) => simulate::run(&arguments, cli.json),
-        Command::Replay(arguments) => replay::run(&arguments, cli.json),
-        Command::Fit(arguments) => fit::run(&arguments, cli.json),
-        Command::Feedforward(arguments) => feedforward::run(&arguments, cli.json),
-        Command::Observe(arguments) => observe::run(&arguments, cli.json),
-        Command::ClosedLoop(arguments) => closed_loop::run(&arguments, cli.json),
-        Command::Reference(arguments) => reference::run(&arguments, cli.json),
-        Command::Compare(arguments) => compare::run(&arguments, cli.json),
-        Command::Study(arguments) => study::run(&arguments, cli.json),
-        Command::Convert(arguments) => convert::run(&arguments, cli.json),
-        Command::Export(arguments) => export::run(&arguments, cli.json),
-        Command::Pil(arguments) => pil::run(&arguments, cli.json),
-        Command::Link(arguments) => link::run(&arguments, cli.json),
-        Command::Reduce(arguments) => reduce::run(&arguments, cli.json),
-        Command::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
-        Command::Twin(arguments) => twin::run(&arguments, cli.json),
+        CliCommand::Demo(arguments) => demo::run(&arguments, cli.json),
+        CliCommand::Simulate(arguments) => simulate::run(&arguments, cli.json),
+        CliCommand::Replay(arguments) => replay::run(&arguments, cli.json),
+        CliCommand::Fit(arguments) => fit::run(&arguments, cli.json),
+        CliCommand::Feedforward(arguments) => feedforward::run(&arguments, cli.json),
+        CliCommand::Observe(arguments) => observe::run(&arguments, cli.json),
+        CliCommand::ClosedLoop(arguments) => closed_loop::run(&arguments, cli.json),
+        CliCommand::Reference(arguments) => reference::run(&arguments, cli.json),
+        CliCommand::Compare(arguments) => compare::run(&arguments, cli.json),
+        CliCommand::Study(arguments) => study::run(&arguments, cli.json),
+        CliCommand::Convert(arguments) => convert::run(&arguments, cli.json),
+        CliCommand::Export(arguments) => export::run(&arguments, cli.json),
+        CliCommand::Pil(arguments) => pil::run(&arguments, cli.json),
+        CliCommand::Link(arguments) => link::run(&arguments, cli.json),
+        CliCommand::Reduce(arguments) => reduce::run(&arguments, cli.json),
+        CliCommand::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
+        CliCommand::Plant(arguments) => plant::run(&arguments, cli.json),
     }
 }
 
-/// The rate (Hz) of a controller that is asked for, as its single precision holds it.
+/// Checks the rate (Hz) of a controller and rounds it to single precision, as the controller stores it.
 fn board_rate(rate_hz: f64) -> Result<f64> {
     if !(1.0..=100_000.0).contains(&rate_hz) {
         return Err(Error::option("--rate", format!("{rate_hz:?} Hz must be from 1 to 100000")));

@@ -1,16 +1,18 @@
-use std::path::PathBuf;
+//! `observe`: the observer over a recording.
+
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
-use springpot::ObserverOptions;
 
 use super::options::{at_most, positive};
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Input, Recording};
-use crate::replay::observer::{self, Observed};
-use crate::replay::simulate::Precision;
+use crate::grid::Grid;
+use crate::replay::memory::Precision;
+use crate::replay::observer::{self, Estimates, ObserverSummary};
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -18,7 +20,7 @@ pub(super) struct Arguments {
     /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
     #[arg(long, value_name = "P")]
     params: String,
-    /// Recording of voltage and, where there is any, displacement.
+    /// Recording of voltage and displacement.
     #[arg(value_name = "REC.csv")]
     recording: PathBuf,
     /// Where the estimates go: time_s, voltage_v, displacement_m, sample_m, disturbance_n, force_scale, innovation_m,
@@ -44,7 +46,7 @@ struct Report {
     out: String,
     rate_hz: f64,
     #[serde(flatten)]
-    observed: Observed,
+    observed: ObserverSummary,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -61,41 +63,15 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         ));
     };
     let measured = recording.displacement()?;
-    if measured.time_s.len() < 2 {
-        return Err(Error::file(&arguments.recording, "one measured displacement; the observer needs at least 2"));
-    }
-    let mut intervals: Vec<f64> = measured.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    intervals.sort_by(f64::total_cmp);
-    let interval_s = intervals[intervals.len() / 2].max(grid.step_s());
-    let options = ObserverOptions {
-        sample_interval_s: interval_s,
-        delay_s: 0.0,
-        lost_after_s: 5.0 * interval_s,
-        adaptation_s: arguments.adaptation,
-        ..ObserverOptions::at_bandwidth(arguments.bandwidth)
-    };
+    let about = |error: Error| error.about(&arguments.params, recording.path());
+    let options = observer::options(arguments.bandwidth, arguments.adaptation, &measured, grid).map_err(about)?;
     let bar = terminal::progress(grid.samples as u64, "observe");
     let volts = grid.resample(&voltage);
-    let estimates = observer::observe(&parameters, &volts, &measured, grid, options, arguments.precision, &bar)
-        .map_err(|e| e.about(&arguments.params, recording.path()))?;
+    let estimates =
+        observer::estimate(&parameters, &volts, &measured, grid, options, arguments.precision, &bar).map_err(about)?;
     bar.finish_and_clear();
-    let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
-    output::write_columns(
-        &arguments.out,
-        &[],
-        &[
-            ("time_s", Some(time.as_slice())),
-            ("voltage_v", Some(&volts)),
-            ("displacement_m", Some(&estimates.displacement_m)),
-            ("sample_m", Some(&estimates.sample_m)),
-            ("disturbance_n", Some(&estimates.disturbance_n)),
-            ("force_scale", Some(&estimates.force_scale)),
-            ("innovation_m", Some(&estimates.innovation_m)),
-            ("innovation_mean_m", Some(&estimates.innovation_mean_m)),
-            ("innovation_std_m", Some(&estimates.innovation_std_m)),
-        ],
-    )?;
-    let observed = estimates.observed();
+    write(&arguments.out, grid, &volts, &estimates)?;
+    let observed = estimates.summary();
     let report = Report { out: shown(&arguments.out), rate_hz: grid.rate_hz, observed };
     terminal::report(json, &report, || {
         format!(
@@ -107,4 +83,23 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             observed.force_scale
         )
     })
+}
+
+fn write(path: &Path, grid: Grid, volts: &[f64], estimates: &Estimates) -> Result<()> {
+    let time = grid.times_s();
+    output::write_columns(
+        path,
+        &[],
+        &[
+            ("time_s", Some(time.as_slice())),
+            ("voltage_v", Some(volts)),
+            ("displacement_m", Some(&estimates.displacement_m)),
+            ("sample_m", Some(&estimates.sample_m)),
+            ("disturbance_n", Some(&estimates.disturbance_n)),
+            ("force_scale", Some(&estimates.force_scale)),
+            ("innovation_m", Some(&estimates.innovation_m)),
+            ("innovation_mean_m", Some(&estimates.innovation_mean_m)),
+            ("innovation_std_m", Some(&estimates.innovation_std_m)),
+        ],
+    )
 }

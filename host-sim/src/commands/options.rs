@@ -1,4 +1,4 @@
-//! Options that commands of control share.
+//! Options that several commands share.
 
 use clap::Args;
 use springpot::CommandLimits;
@@ -6,7 +6,7 @@ use springpot::CommandLimits;
 use crate::error::{Error, Result};
 use crate::files::parameters::Board;
 
-/// Limits of what is commanded. Those that are left out are the board's, or without one the paper's bench's.
+/// Limits of the command. Defaults are those of the board, or without one those of the paper's bench.
 #[derive(Clone, Debug, Args)]
 pub(super) struct LimitOptions {
     /// Largest voltage; the parameters' or 6000 if left out.
@@ -29,14 +29,7 @@ pub(super) struct LimitOptions {
 impl LimitOptions {
     /// The limits on `board`.
     pub(super) fn limits(&self, board: Option<&Board>) -> Result<CommandLimits> {
-        let mut limits = board.map_or(CommandLimits::BENCH, |Board { limits, control, .. }| CommandLimits {
-            max_voltage_v: as_written(limits.max_voltage_v),
-            max_field_v_per_m: as_written(limits.max_field_v_per_m),
-            max_slew_v_per_s: as_written(limits.max_slew_v_per_s),
-            max_velocity_m_per_s: as_written(control.max_velocity_m_per_s),
-            max_acceleration_m_per_s2: as_written(control.max_acceleration_m_per_s2),
-            return_hz: as_written(control.return_hz),
-        });
+        let mut limits = board.map_or(CommandLimits::BENCH, Board::command_limits);
         for (option, given, limit) in [
             ("--max-voltage", self.max_voltage, &mut limits.max_voltage_v),
             ("--max-field", self.max_field, &mut limits.max_field_v_per_m),
@@ -53,11 +46,6 @@ impl LimitOptions {
     }
 }
 
-/// A number of a controller as it was written, without the digits of its single precision.
-pub(super) fn as_written(number: f32) -> f64 {
-    number.to_string().parse().unwrap_or(f64::from(number))
-}
-
 /// Refuses a value that is not finite and greater than 0.
 pub(super) fn positive(option: &'static str, value: f64) -> Result<()> {
     if value.is_finite() && value > 0.0 {
@@ -67,7 +55,7 @@ pub(super) fn positive(option: &'static str, value: f64) -> Result<()> {
     }
 }
 
-/// Refuses a value that does not lie within 0 and `most`.
+/// Refuses a value outside 0 to `most`.
 pub(super) fn at_most(option: &'static str, value: f64, most: f64) -> Result<()> {
     if (0.0..=most).contains(&value) {
         Ok(())

@@ -1,3 +1,5 @@
+//! `reduce`: a smaller model with the same response.
+
 use std::path::PathBuf;
 
 use clap::Args;
@@ -6,7 +8,7 @@ use serde::Serialize;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
-use crate::reduce::{self, Limits};
+use crate::reduce::{self, Criterion};
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -17,14 +19,14 @@ pub(super) struct Arguments {
     /// Where the reduced parameters go.
     #[arg(long, value_name = "P.toml")]
     out: PathBuf,
-    /// Lowest frequency at which the response is to stay.
-    #[arg(long, value_name = "HZ", default_value_t = Limits::default().from_hz)]
+    /// Lowest frequency at which the response must stay the same.
+    #[arg(long, value_name = "HZ", default_value_t = Criterion::default().from_hz)]
     from: f64,
-    /// Highest frequency at which the response is to stay.
-    #[arg(long, value_name = "HZ", default_value_t = Limits::default().to_hz)]
+    /// Highest frequency at which the response must stay the same.
+    #[arg(long, value_name = "HZ", default_value_t = Criterion::default().to_hz)]
     to: f64,
     /// Largest relative change of the dynamic modulus between them.
-    #[arg(long, value_name = "SHARE", default_value_t = Limits::default().tolerance)]
+    #[arg(long, value_name = "SHARE", default_value_t = Criterion::default().tolerance)]
     tolerance: f64,
 }
 
@@ -38,21 +40,21 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let limits = Limits { from_hz: arguments.from, to_hz: arguments.to, tolerance: arguments.tolerance };
-    if !(1e-12..=1e12).contains(&limits.from_hz) {
-        return Err(Error::option("--from", format!("{:?} Hz must be from 1e-12 to 1e12", limits.from_hz)));
+    let criterion = Criterion { from_hz: arguments.from, to_hz: arguments.to, tolerance: arguments.tolerance };
+    if !(1e-12..=1e12).contains(&criterion.from_hz) {
+        return Err(Error::option("--from", format!("{:?} Hz must be from 1e-12 to 1e12", criterion.from_hz)));
     }
-    if !(limits.from_hz..=1e12).contains(&limits.to_hz) {
-        return Err(Error::option("--to", format!("{:?} Hz must be from --from to 1e12", limits.to_hz)));
+    if !(criterion.from_hz..=1e12).contains(&criterion.to_hz) {
+        return Err(Error::option("--to", format!("{:?} Hz must be from --from to 1e12", criterion.to_hz)));
     }
-    if !(1e-12..1.0).contains(&limits.tolerance) {
-        return Err(Error::option("--tolerance", format!("{:?} must be from 1e-12 to below 1", limits.tolerance)));
+    if !(1e-12..1.0).contains(&criterion.tolerance) {
+        return Err(Error::option("--tolerance", format!("{:?} must be from 1e-12 to below 1", criterion.tolerance)));
     }
     let mut parameters = Parameters::load(&arguments.params)?;
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
-    let reduction = reduce::reduced(&parameters.model, limits)?;
+    let reduction = reduce::reduced(&parameters.model, criterion)?;
     let branches_before = parameters.model.branches().len();
-    // Intervals are of quantities that now have other names.
+    // The intervals are of the elements before the reduction.
     if let Some(provenance) = &mut parameters.provenance {
         provenance.remove("intervals_95_pct");
     }
@@ -74,8 +76,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             report.branches_before,
             report.branches,
             report.largest_change,
-            limits.from_hz,
-            limits.to_hz
+            criterion.from_hz,
+            criterion.to_hz
         ));
         lines.join("\n")
     })

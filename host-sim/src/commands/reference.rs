@@ -1,3 +1,5 @@
+//! `reference`: writes a reference to follow.
+
 use std::path::PathBuf;
 
 use clap::Args;
@@ -12,7 +14,7 @@ use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// What the reference looks like.
+    /// Shape of the reference.
     #[arg(long, value_enum)]
     shape: Shape,
     /// Lowest displacement after the rise from 0.
@@ -47,7 +49,7 @@ struct Report {
     samples: usize,
 }
 
-/// A reference has no more samples.
+/// Largest number of samples of a reference.
 const MOST_SAMPLES: usize = 20_000_000;
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -65,7 +67,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     };
     let values = reference.on(grid)?;
     output::check(&arguments.out, &[], Folders::Exist)?;
-    let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
+    let time = grid.times_s();
     output::write_columns(
         &arguments.out,
         &[],

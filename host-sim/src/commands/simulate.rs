@@ -1,3 +1,5 @@
+//! `simulate`: the response to a recorded input.
+
 use std::path::PathBuf;
 
 use clap::Args;
@@ -15,7 +17,7 @@ use crate::terminal;
 pub(super) struct Arguments {
     #[command(flatten)]
     model: ModelOptions,
-    /// Recording whose voltage or force drives the model.
+    /// Recording whose voltage or force is the input of the model.
     #[arg(long, value_name = "REC.csv")]
     profile: PathBuf,
     /// Where the response goes: time_s, voltage_v, force_n, displacement_m.
@@ -39,7 +41,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     output::check(&arguments.out, &[&arguments.profile, arguments.model.params.as_ref()], Folders::Exist)?;
     let grid = recording.grid(options.rate_hz)?;
     let bar = terminal::progress(grid.samples as u64, "simulate");
-    let response = simulate::run(&parameters, &recording.drive()?, grid, &options, &bar)
+    let response = simulate::response(&parameters, &recording.drive()?, grid, &options, &bar)
         .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
     bar.finish_and_clear();
     response.stage(&arguments.out, grid, &[])?.commit()?;

@@ -1,7 +1,7 @@
 //! Tables: CSV files with a column of times and columns of numbers.
 //!
 //! A header names the columns with their units; unknown columns are ignored and lines that begin with `#` are comments.
-//! A file is checked as it is read: the first thing that is wrong ends the reading and names its line.
+//! A file is checked while it is read: the first fault ends the reading, and its line is reported.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -9,7 +9,7 @@ use std::io::{self, Read};
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::recording::Samples;
+use crate::grid::Samples;
 
 /// Names that a column may have, with their factors to SI units.
 pub type Names = [(&'static str, f64)];
@@ -17,7 +17,7 @@ pub type Names = [(&'static str, f64)];
 /// The column of times.
 const TIME: &Names = &[("time_s", 1.0), ("time_ms", 1e-3)];
 
-/// No value is larger, in any unit.
+/// Largest value, in any unit.
 const LARGEST: f64 = 1e15;
 
 /// Columns in SI units, time from the first row.
@@ -25,7 +25,7 @@ const LARGEST: f64 = 1e15;
 pub struct Table<const N: usize> {
     /// Times in s, increasing from 0.
     pub time_s: Vec<f64>,
-    /// The columns that were asked for; one that is empty throughout is as good as none.
+    /// The requested columns; `None` for a column that is missing or empty throughout.
     pub columns: [Option<Column>; N],
 }
 
@@ -52,78 +52,35 @@ impl<const N: usize> Table<N> {
         Self::from_csv(path, file, names, needed)
     }
 
-    /// Reads the columns `names` from CSV text; `path` is what errors name. Of every set in `needed` one column at the
-    /// least must be there.
+    /// Reads the columns `names` from CSV text; `path` is what errors name. Of every set in `needed` at least one
+    /// column must be there.
     ///
     /// # Errors
     ///
     /// [`Error`] naming the file and line of the first thing that cannot be used.
     pub fn from_csv(path: &Path, csv: impl Read, names: [&Names; N], needed: &[&[usize]]) -> Result<Self> {
-        let mut reader = csv::ReaderBuilder::new()
-            .comment(Some(b'#'))
-            .trim(csv::Trim::All)
-            .flexible(true)
-            .from_reader(Lines::new(csv));
-        let header = match reader.byte_headers() {
-            Ok(header) => header.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect::<Vec<_>>(),
-            Err(e) => return Err(csv_error(path, reader.get_ref(), &e)),
-        };
-        let header_line = reader.get_mut().next_record();
-
-        let find = |names: &[(&'static str, f64)]| -> Result<Option<Field>> {
-            let mut found = None;
-            for &(name, factor) in names {
-                for (index, _) in header.iter().enumerate().filter(|(_, column)| *column == name) {
-                    if let Some(Field { name: other, .. }) = found {
-                        let cause = format!("both {other} and {name}; leave one of them");
-                        return Err(Error::line(path, header_line, cause));
-                    }
-                    found = Some(Field { name, index, factor });
-                }
-            }
-            Ok(found)
-        };
-        let time = find(TIME)?
-            .ok_or_else(|| Error::line(path, header_line, format!("no column {}", alternatives(&[TIME], &header))))?;
+        let mut records = Records::new(path, csv);
+        let header = Header::read(&mut records)?;
+        let time = header.find(TIME)?.ok_or_else(|| header.missing(&[TIME]))?;
         let mut fields = [None; N];
         for (field, names) in fields.iter_mut().zip(names) {
-            *field = find(names)?;
+            *field = header.find(names)?;
         }
         for set in needed {
             if set.iter().all(|&index| fields[index].is_none()) {
                 let set: Vec<&Names> = set.iter().map(|&index| names[index]).collect();
-                let cause = format!("no column {}", alternatives(&set, &header));
-                return Err(Error::line(path, header_line, cause));
+                return Err(header.missing(&set));
             }
         }
 
         let mut time_s = Vec::new();
-        let mut columns =
-            fields.map(|field| field.map(|f| (f, Column { name: f.name, cells: Vec::new(), first_gap: None })));
-        let mut record = csv::ByteRecord::new();
-        loop {
-            match reader.read_byte_record(&mut record) {
-                Ok(true) => {}
-                Ok(false) => break,
-                Err(e) => return Err(csv_error(path, reader.get_ref(), &e)),
-            }
-            let line = reader.get_mut().next_record();
+        let mut columns = fields.map(|field| field.map(|field| (field, Column::empty(field.name))));
+        while let Some(line) = records.next()? {
             let at = |cause: String| Error::line(path, line, cause);
-            let now = time.number(&record).map_err(at)?;
-            let now = now.ok_or_else(|| at(format!("no value for {}; every row needs its time", time.name)))?;
-            if let Some(&before) = time_s.last()
-                && now <= before
-            {
-                let way = if now < before { "goes backwards" } else { "stands still" };
-                return Err(at(format!("{} {way} at {now} s; sort the rows and remove doubles", time.name)));
-            }
+            let now = time.time(&records.record, time_s.last().copied()).map_err(at)?;
             time_s.push(now);
             for (field, column) in columns.iter_mut().flatten() {
-                let cell = field.number(&record).map_err(at)?;
-                if cell.is_none() && column.first_gap.is_none() {
-                    column.first_gap = Some(line);
-                }
-                column.cells.push(cell);
+                column.push(field.number(&records.record).map_err(at)?, line);
             }
         }
         if time_s.len() < 2 {
@@ -137,7 +94,85 @@ impl<const N: usize> Table<N> {
     }
 }
 
+/// The records of a CSV file with their lines.
+struct Records<'a, R> {
+    path: &'a Path,
+    reader: csv::Reader<Lines<R>>,
+    /// The record that was read last.
+    record: csv::ByteRecord,
+}
+
+impl<'a, R: Read> Records<'a, R> {
+    fn new(path: &'a Path, csv: R) -> Records<'a, WithoutMark<R>> {
+        let reader = csv::ReaderBuilder::new()
+            .comment(Some(b'#'))
+            .trim(csv::Trim::All)
+            .flexible(true)
+            .from_reader(Lines::new(WithoutMark { inner: csv, start: None }));
+        Records { path, reader, record: csv::ByteRecord::new() }
+    }
+
+    /// Reads the next record and gives its line, or `None` at the end.
+    fn next(&mut self) -> Result<Option<u64>> {
+        match self.reader.read_byte_record(&mut self.record) {
+            Ok(true) => Ok(Some(self.reader.get_mut().next_record())),
+            Ok(false) => Ok(None),
+            Err(e) => Err(csv_error(self.path, self.reader.get_ref(), &e)),
+        }
+    }
+}
+
+/// The names of a file's columns.
+struct Header<'a> {
+    path: &'a Path,
+    line: u64,
+    names: Vec<String>,
+}
+
+impl<'a> Header<'a> {
+    fn read<R: Read>(records: &mut Records<'a, R>) -> Result<Self> {
+        let names = match records.reader.byte_headers() {
+            Ok(header) => header.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect(),
+            Err(e) => return Err(csv_error(records.path, records.reader.get_ref(), &e)),
+        };
+        Ok(Self { path: records.path, line: records.reader.get_mut().next_record(), names })
+    }
+
+    /// The column with one of `names`, if there is one.
+    fn find(&self, names: &Names) -> Result<Option<Field>> {
+        let mut found = None;
+        for &(name, factor) in names {
+            for (index, _) in self.names.iter().enumerate().filter(|(_, column)| *column == name) {
+                if let Some(Field { name: other, .. }) = found {
+                    let cause = format!("both {other} and {name}; leave one of them");
+                    return Err(Error::line(self.path, self.line, cause));
+                }
+                found = Some(Field { name, index, factor });
+            }
+        }
+        Ok(found)
+    }
+
+    /// The error where all columns of `groups` are missing.
+    fn missing(&self, groups: &[&Names]) -> Error {
+        let names: Vec<&str> = groups.iter().flat_map(|group| group.iter().map(|(name, _)| *name)).collect();
+        let header = shortened(&self.names.join(","));
+        Error::line(self.path, self.line, format!("no column {}; the header is {header:?}", names.join(" or ")))
+    }
+}
+
 impl Column {
+    fn empty(name: &'static str) -> Self {
+        Self { name, cells: Vec::new(), first_gap: None }
+    }
+
+    fn push(&mut self, cell: Option<f64>, line: u64) {
+        if cell.is_none() && self.first_gap.is_none() {
+            self.first_gap = Some(line);
+        }
+        self.cells.push(cell);
+    }
+
     /// The cells that are not empty, at their times.
     pub fn present(&self, time_s: &[f64]) -> Samples {
         let (time_s, value) = time_s.iter().zip(&self.cells).filter_map(|(&t, cell)| cell.map(|v| (t, v))).unzip();
@@ -148,7 +183,7 @@ impl Column {
     ///
     /// # Errors
     ///
-    /// [`Error::Line`] where a cell is empty; `why` tells why that will not do.
+    /// [`Error::Line`] where a cell is empty; `why` is the reason that it must not be.
     pub fn complete(&self, path: &Path, time_s: &[f64], why: &str) -> Result<Samples> {
         match self.first_gap {
             Some(line) => Err(Error::line(path, line, format!("{} is empty; {why}", self.name))),
@@ -166,6 +201,19 @@ struct Field {
 }
 
 impl Field {
+    /// The time in `record`, which must lie after `before`.
+    fn time(&self, record: &csv::ByteRecord, before: Option<f64>) -> std::result::Result<f64, String> {
+        let now =
+            self.number(record)?.ok_or_else(|| format!("no value for {}; every row needs its time", self.name))?;
+        match before {
+            Some(before) if now <= before => {
+                let way = if now < before { "goes backwards" } else { "stands still" };
+                Err(format!("{} {way} at {now} s; sort the rows and remove doubles", self.name))
+            }
+            _ => Ok(now),
+        }
+    }
+
     fn number(&self, record: &csv::ByteRecord) -> std::result::Result<Option<f64>, String> {
         let text = record.get(self.index).ok_or_else(|| format!("the row ends before {}", self.name))?;
         let text = String::from_utf8_lossy(text);
@@ -181,11 +229,6 @@ impl Field {
     }
 }
 
-fn alternatives(groups: &[&[(&str, f64)]], header: &[String]) -> String {
-    let names: Vec<&str> = groups.iter().flat_map(|group| group.iter().map(|(name, _)| *name)).collect();
-    format!("{}; the header is {:?}", names.join(" or "), shortened(&header.join(",")))
-}
-
 fn shortened(text: &str) -> String {
     const LONGEST: usize = 60;
     if text.chars().count() <= LONGEST { text.into() } else { text.chars().take(LONGEST).chain(['…']).collect() }
@@ -199,29 +242,29 @@ fn csv_error<R>(path: &Path, lines: &Lines<R>, error: &csv::Error) -> Error {
     }
 }
 
-/// A reader that gives a CSV reader lines as it likes them, and knows which line a record stood on.
+/// A reader that normalises lines for a CSV reader and keeps the line number of every record.
 ///
-/// Line ends of all systems become `\n`, a byte order mark is taken off, and text that can be no recording ends the
-/// reading before it fills the memory. A CSV reader skips empty lines and comments, so every other line is a record.
+/// Line ends of all systems become `\n`. Text that cannot be a recording ends the reading before it fills the memory. A CSV
+/// reader skips empty lines and comments, so every other line is a record.
 struct Lines<R> {
     inner: R,
-    /// The line that is being read, counted from one.
+    /// Number of the current line, from one.
     line: u64,
     /// Bytes of it so far.
     length: usize,
     comment: bool,
     quoted: bool,
-    /// The last byte was `\r`, so that `\n` would belong to it.
+    /// The last byte was `\r`: a `\n` that follows belongs to it.
     carriage_return: bool,
-    /// Lines of the records that were read and not asked for yet.
+    /// Lines of the records that were read ahead.
     records: VecDeque<u64>,
     fault: Option<&'static str>,
 }
 
 impl<R: Read> Lines<R> {
-    fn new(inner: R) -> Lines<impl Read> {
-        Lines {
-            inner: WithoutMark { inner, start: None },
+    fn new(inner: R) -> Self {
+        Self {
+            inner,
             line: 1,
             length: 0,
             comment: false,
@@ -239,7 +282,7 @@ impl<R> Lines<R> {
         self.records.pop_front().unwrap_or(self.line)
     }
 
-    /// Takes note of `byte` and gives what the CSV reader is to see.
+    /// Counts `byte` and returns what the CSV reader gets.
     fn take(&mut self, byte: u8) -> std::result::Result<u8, &'static str> {
         const LONGEST: usize = 1 << 16;
         let second_half = byte == b'\n' && self.carriage_return;
@@ -287,7 +330,7 @@ impl<R: Read> Read for Lines<R> {
     }
 }
 
-/// A reader without the byte order mark that some programs put in front.
+/// A reader that removes a byte order mark at the start.
 struct WithoutMark<R> {
     inner: R,
     start: Option<io::Cursor<Vec<u8>>>,

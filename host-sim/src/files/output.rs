@@ -1,4 +1,4 @@
-//! Files that are written whole or not at all.
+//! Files that are written completely or not at all.
 
 use std::fs;
 use std::io::{self, BufWriter, Write};
@@ -9,8 +9,8 @@ use tempfile::NamedTempFile;
 use crate::error::{Error, Result};
 use crate::interrupt::HalfWritten;
 
-/// Refuses, before long work begins, a file that could not be written later or that is one of `inputs`. Folders that are
-/// not there yet are `made` where the caller makes them.
+/// Refuses, before long work begins, a file that could not be written later or that is one of `inputs`. With
+/// [`Folders::AreMade`] missing folders are no fault.
 ///
 /// # Errors
 ///
@@ -44,16 +44,16 @@ pub fn check(path: &Path, inputs: &[&Path], made: Folders) -> Result<()> {
     tempfile::tempfile_in(folder).map(drop).map_err(|e| Error::file(path, e))
 }
 
-/// Whether folders of an output are there.
+/// Folders of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Folders {
-    /// They must be.
+    /// They must exist.
     Exist,
-    /// They are made when it is written.
+    /// Missing ones are made when the output is written.
     AreMade,
 }
 
-/// A file that is complete, but does not stand at its place yet.
+/// A complete file that has not been moved to its path yet.
 #[derive(Debug)]
 pub struct Staged {
     file: NamedTempFile,
@@ -88,12 +88,12 @@ impl Staged {
         Ok(Self { file, path, half_written })
     }
 
-    /// Where the file will be.
+    /// Path of the complete file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Puts the file at its place.
+    /// Moves the file to its path.
     ///
     /// # Errors
     ///
@@ -105,7 +105,7 @@ impl Staged {
     }
 }
 
-/// Writes a file through `fill`; it appears at `path` when it is complete, and not at all if anything fails.
+/// Writes a file through `fill`. It appears at `path` once it is complete, and not at all if anything fails.
 ///
 /// # Errors
 ///

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::files::csv::{Column, Names, Table};
-use crate::grid::Grid;
+use crate::grid::{Grid, Samples};
 
 /// A recording in SI units, time from its first sample.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,24 +20,24 @@ pub struct Recording {
     displacement_m: Option<Column>,
 }
 
-/// Samples of one quantity at their times.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Samples {
-    /// Times in seconds from the recording's first sample, increasing.
-    pub time_s: Vec<f64>,
-    /// Values in SI units.
-    pub value: Vec<f64>,
+/// The input of a model with its values: [`Samples`] as recorded, or another form of them such as a series on a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Input<S = Samples> {
+    /// Voltage on the electrodes, V.
+    Voltage(S),
+    /// Total force on the film, N.
+    Force(S),
+    /// Displacement of the film, m.
+    Displacement(S),
 }
 
-/// What drives a run.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Input {
-    /// Voltage on the electrodes, V.
-    Voltage(Samples),
-    /// Total force on the film, N.
-    Force(Samples),
-    /// Displacement of the film, m.
-    Displacement(Samples),
+/// Which of a recording's columns is the input of the model, and which is its output (`--drive`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Direction {
+    /// Voltage or force is the input, displacement the output.
+    Force,
+    /// Displacement is the input, force the output.
+    Displacement,
 }
 
 /// Column names with the factor to SI units.
@@ -101,7 +101,7 @@ impl Recording {
             .map_err(|error| if rate_hz > 0.0 && rate_hz.is_finite() { Error::file(&self.path, error) } else { error })
     }
 
-    /// What drove the film: the voltage, or the force where there is none.
+    /// The input of the film: the voltage, or the force where there is no voltage.
     ///
     /// # Errors
     ///
@@ -114,7 +114,7 @@ impl Recording {
         }
     }
 
-    /// The displacement as a drive.
+    /// The displacement as the input of a model.
     ///
     /// # Errors
     ///
@@ -138,11 +138,6 @@ impl Recording {
         self.force_n.as_ref().map(|column| self.present(column))
     }
 
-    /// The voltage in V, where it was measured.
-    pub fn voltage(&self) -> Option<Samples> {
-        self.voltage_v.as_ref().map(|column| self.present(column))
-    }
-
     fn no_displacement(&self) -> Error {
         Error::file(&self.path, "no column displacement_m, displacement_mm or displacement_um with values")
     }
@@ -156,11 +151,20 @@ impl Recording {
     }
 }
 
-impl Input {
-    /// The samples, whatever they are of.
-    pub fn samples(&self) -> &Samples {
+impl<S> Input<S> {
+    /// The values, whatever they are of.
+    pub fn samples(&self) -> &S {
         match self {
             Self::Voltage(samples) | Self::Force(samples) | Self::Displacement(samples) => samples,
+        }
+    }
+
+    /// The same input with its values in another form.
+    pub fn map<U>(&self, form: impl FnOnce(&S) -> U) -> Input<U> {
+        match self {
+            Self::Voltage(samples) => Input::Voltage(form(samples)),
+            Self::Force(samples) => Input::Force(form(samples)),
+            Self::Displacement(samples) => Input::Displacement(form(samples)),
         }
     }
 }

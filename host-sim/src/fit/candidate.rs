@@ -1,10 +1,12 @@
-//! What a fit changes: elements of the model, and what stands around it.
+//! What a fit changes: the elements of the model, and quantities of the actuator and the sensor.
 
 use std::fmt;
 
 use springpot::{Actuator, Maxwell, ModelError, Springpot, Topology};
 
-/// A model and its surroundings while they are being fitted.
+use crate::files::parameters::DisplacementSensor;
+
+/// A model with its actuator and sensor offset, as a fit changes them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// Eq. 1 and the weight.
@@ -13,21 +15,31 @@ pub struct Candidate {
     pub elements: Vec<Springpot>,
     /// How the branches are connected.
     pub topology: Topology,
-    /// What the displacement sensor reads of a film at x = 0, m.
+    /// Reading of the displacement sensor at x = 0, m.
     pub offset_m: f64,
 }
 
 impl Candidate {
-    /// Branches of two springpots.
+    /// Number of branches, of two springpots each.
     pub fn branches(&self) -> usize {
         (self.elements.len() - 1) / 2
+    }
+
+    /// The springpots of `model` in the order of [`elements`](Self::elements).
+    pub fn elements_of(model: &Maxwell) -> Vec<Springpot> {
+        model.chains().flat_map(|chain| chain.elements).copied().collect()
+    }
+
+    /// The displacement sensor.
+    pub fn sensor(&self) -> DisplacementSensor {
+        DisplacementSensor { offset_m: self.offset_m }
     }
 
     /// The model.
     ///
     /// # Errors
     ///
-    /// [`ModelError`] for elements that make none.
+    /// [`ModelError`] for elements out of range.
     pub fn model(&self) -> Result<Maxwell, ModelError> {
         let (branches, _) = self.elements[1..].as_chunks::<2>();
         Maxwell::new(self.elements[0], branches, self.topology, self.actuator.mass_kg)
@@ -58,12 +70,12 @@ pub enum Variable {
 }
 
 impl Variable {
-    /// The elements' variables of a model with so many branches.
+    /// The variables of the elements of a model with `branches` branches.
     pub fn of_model(branches: usize) -> Vec<Self> {
         (0..=2 * branches).flat_map(|element| [Self::Coefficient(element), Self::Order(element)]).collect()
     }
 
-    /// Its value in `candidate`: a logarithm for what must stay positive.
+    /// Its value in `candidate`: the logarithm of a quantity that must stay positive.
     pub fn get(self, candidate: &Candidate) -> f64 {
         let actuator = &candidate.actuator;
         match self {
@@ -95,7 +107,7 @@ impl Variable {
         }
     }
 
-    /// What it stands for, in SI units.
+    /// The quantity itself, in SI units.
     pub fn natural(self, candidate: &Candidate) -> f64 {
         let value = self.get(candidate);
         match self {
@@ -104,7 +116,7 @@ impl Variable {
         }
     }
 
-    /// Bounds of the value: orders 0…1, a coupling that pulls, anything within twelve decades of SI units.
+    /// Bounds of the value: orders 0…1, coupling at least 0, all others some decades around 1 in SI units.
     pub fn bounds(self) -> (f64, f64) {
         let decades =
             |low: i32, high: i32| (f64::from(low) * std::f64::consts::LN_10, f64::from(high) * std::f64::consts::LN_10);
@@ -119,7 +131,7 @@ impl Variable {
         }
     }
 
-    /// How the value changes with the size of the electrostatic force, where it is nothing else: ∂ ln F / ∂ value.
+    /// ∂ ln F / ∂ value of a quantity that only scales the electrostatic force F (Eq. 1).
     pub fn force_exponent(self) -> Option<f64> {
         match self {
             Self::Permittivity | Self::Length | Self::Width => Some(1.0),

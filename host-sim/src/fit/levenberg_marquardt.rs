@@ -5,16 +5,16 @@ use rayon::prelude::*;
 
 /// A least-squares problem.
 pub trait Problem: Sync {
-    /// What [`jacobian`](Self::jacobian) needs from [`residuals`](Self::residuals) at the same place.
+    /// What [`jacobian`](Self::jacobian) needs from [`residuals`](Self::residuals) at the same values.
     type Evaluation: Send;
 
-    /// Residuals at `place`, or nothing where the problem has none.
-    fn residuals(&self, place: &[f64]) -> Option<(Vec<f64>, Self::Evaluation)>;
+    /// Residuals at `values` of the variables; none where the problem is not defined.
+    fn residuals(&self, values: &[f64]) -> Option<(Vec<f64>, Self::Evaluation)>;
     /// Derivatives of the residuals there, one column per variable.
-    fn jacobian(&self, place: &[f64], evaluation: &Self::Evaluation) -> Vec<Vec<f64>>;
+    fn jacobian(&self, values: &[f64], evaluation: &Self::Evaluation) -> Vec<Vec<f64>>;
     /// Lower and upper bound of every variable.
     fn bounds(&self) -> &[(f64, f64)];
-    /// How far variable `index` may move in one step.
+    /// Longest step of variable `index`.
     fn longest(&self, index: usize) -> f64 {
         let _ = index;
         LONGEST
@@ -25,114 +25,140 @@ pub trait Problem: Sync {
     }
 }
 
-/// Where a search ended.
+/// Result of a search.
 #[derive(Clone, Debug)]
 pub struct Minimum {
-    /// The best place.
-    pub place: Vec<f64>,
+    /// Values of the variables.
+    pub values: Vec<f64>,
     /// Half the sum of squared residuals there.
     pub cost: f64,
     /// Jᵀ J there.
     pub normal: DMatrix<f64>,
-    /// Residual evaluations.
-    pub evaluations: usize,
-    /// Jacobian evaluations.
-    pub iterations: usize,
-    /// Whether nothing was left to gain, as opposed to the iterations running out.
+    /// Whether it converged; false if the iterations ran out.
     pub converged: bool,
 }
 
-/// When a search ends.
+/// Stopping criteria of a search.
 #[derive(Clone, Copy, Debug)]
-pub struct Limits {
-    /// Jacobian evaluations at the most.
+pub struct StoppingCriteria {
+    /// Largest number of Jacobian evaluations.
     pub iterations: usize,
-    /// Relative decrease of the cost below which nothing is left to gain.
+    /// Relative decrease of the cost per step below which the search has converged.
     pub decrease: f64,
 }
 
-/// Logarithms and orders move no further in one step.
+/// Longest step of a logarithm or an order.
 pub const LONGEST: f64 = 3.0;
 
-/// The minimum that is reached from `start`, or nothing if the problem has no value there.
-pub fn minimise<P: Problem>(problem: &P, start: &[f64], limits: Limits) -> Option<Minimum> {
-    let bounds = problem.bounds();
+/// Trials of one step, with increasing damping, before the search has converged.
+const MOST_TRIALS: usize = 30;
+
+/// The minimum that is reached from `start`; none if the problem has no value there.
+pub fn minimise<P: Problem>(problem: &P, start: &[f64], stopping: StoppingCriteria) -> Option<Minimum> {
+    let mut search = Search::new(problem, start)?;
     let n = start.len();
-    let mut place: Vec<f64> = start.iter().zip(bounds).map(|(x, (low, high))| x.clamp(*low, *high)).collect();
-    let (mut residuals, mut evaluation) = problem.residuals(&place)?;
-    let mut cost = half_square(&residuals);
-    let mut best = Minimum {
-        place: place.clone(),
-        cost,
-        normal: DMatrix::zeros(n, n),
-        evaluations: 1,
-        iterations: 0,
-        converged: false,
-    };
-    let mut scale = DVector::<f64>::zeros(n);
-    let (mut damping, mut growth) = (1e-3, 2.0);
-    let mut small = 0;
-    best.converged = n == 0;
-    while n > 0 && best.iterations < limits.iterations && !problem.interrupted() {
-        let jacobian = problem.jacobian(&place, &evaluation);
-        best.iterations += 1;
-        let (normal, gradient) = normal_equations(&jacobian, &residuals);
-        best.normal.copy_from(&normal);
-        for i in 0..n {
-            scale[i] = f64::max(scale[i], normal[(i, i)]).max(f64::MIN_POSITIVE);
+    let mut normal = DMatrix::zeros(n, n);
+    let mut converged = n == 0;
+    let mut iterations = 0;
+    // Steps in a row that hardly decreased the cost.
+    let mut small_steps = 0;
+    while !converged && iterations < stopping.iterations && !problem.interrupted() {
+        let jacobian = problem.jacobian(&search.values, &search.evaluation);
+        iterations += 1;
+        let gradient;
+        (normal, gradient) = normal_equations(&jacobian, &search.residuals);
+        let free = search.free(&gradient);
+        let stationary = |&i: &usize| gradient[i].abs() <= 1e-10 * (2.0 * search.cost * normal[(i, i)]).sqrt();
+        if free.iter().all(stationary) {
+            converged = true;
+            break;
         }
-        let free: Vec<usize> = (0..n)
-            .filter(|&i| {
-                !(place[i] <= bounds[i].0 && gradient[i] > 0.0 || place[i] >= bounds[i].1 && gradient[i] < 0.0)
+        match search.step(&normal, &gradient, &free) {
+            Some(decrease) if decrease < stopping.decrease => small_steps += 1,
+            Some(_) => small_steps = 0,
+            None => converged = true,
+        }
+        converged |= small_steps >= 2 || search.cost == 0.0;
+    }
+    Some(Minimum { values: search.values, cost: search.cost, normal, converged })
+}
+
+/// State of a search.
+struct Search<'a, P: Problem> {
+    problem: &'a P,
+    values: Vec<f64>,
+    residuals: Vec<f64>,
+    evaluation: P::Evaluation,
+    cost: f64,
+    /// Largest diagonal of Jᵀ J so far, which scales the damping.
+    scale: DVector<f64>,
+    damping: f64,
+    /// Factor of the damping after a step that does not decrease the cost.
+    growth: f64,
+}
+
+impl<'a, P: Problem> Search<'a, P> {
+    fn new(problem: &'a P, start: &[f64]) -> Option<Self> {
+        let bounds = problem.bounds();
+        let values: Vec<f64> = start.iter().zip(bounds).map(|(x, (low, high))| x.clamp(*low, *high)).collect();
+        let (residuals, evaluation) = problem.residuals(&values)?;
+        let cost = half_square(&residuals);
+        let scale = DVector::zeros(start.len());
+        Some(Self { problem, values, residuals, evaluation, cost, scale, damping: 1e-3, growth: 2.0 })
+    }
+
+    /// Variables that the gradient does not push out of their bounds.
+    fn free(&self, gradient: &DVector<f64>) -> Vec<usize> {
+        let pushed_out = |i: usize| {
+            let (low, high) = self.problem.bounds()[i];
+            self.values[i] <= low && gradient[i] > 0.0 || self.values[i] >= high && gradient[i] < 0.0
+        };
+        (0..self.values.len()).filter(|&i| !pushed_out(i)).collect()
+    }
+
+    /// Takes a step, with more damping until the cost decreases: the relative decrease, or none if no step decreases it.
+    fn step(&mut self, normal: &DMatrix<f64>, gradient: &DVector<f64>, free: &[usize]) -> Option<f64> {
+        for i in 0..self.values.len() {
+            self.scale[i] = f64::max(self.scale[i], normal[(i, i)]).max(f64::MIN_POSITIVE);
+        }
+        let bounds = self.problem.bounds();
+        let limits: Vec<(f64, f64)> = (0..self.values.len())
+            .map(|i| {
+                let longest = self.problem.longest(i);
+                ((bounds[i].0 - self.values[i]).max(-longest), (bounds[i].1 - self.values[i]).min(longest))
             })
             .collect();
-        if free.iter().all(|&i| gradient[i].abs() <= 1e-10 * (2.0 * cost * normal[(i, i)]).sqrt()) {
-            best.converged = true;
-            break;
-        }
-        // Shorten the step until it gains.
-        let mut accepted = false;
-        for _ in 0..30 {
-            let reach: Vec<(f64, f64)> = (0..n)
-                .map(|i| {
-                    let longest = problem.longest(i);
-                    ((bounds[i].0 - place[i]).max(-longest), (bounds[i].1 - place[i]).min(longest))
-                })
-                .collect();
-            let Some(moved) = bounded_step(&normal, &gradient, &scale, damping, &free, &reach) else {
-                damping *= growth;
-                growth *= 2.0;
-                continue;
-            };
-            let trial: Vec<f64> = (0..n).map(|i| (place[i] + moved[i]).clamp(bounds[i].0, bounds[i].1)).collect();
-            let predicted = -(gradient.dot(&moved) + 0.5 * moved.dot(&(&normal * &moved)));
-            best.evaluations += 1;
-            let gain = problem.residuals(&trial).and_then(|(new_residuals, new_evaluation)| {
-                let new_cost = half_square(&new_residuals);
-                (new_cost.is_finite() && new_cost < cost).then_some((new_residuals, new_evaluation, new_cost))
-            });
-            if let Some((new_residuals, new_evaluation, new_cost)) = gain {
-                let ratio = (cost - new_cost) / predicted.max(f64::MIN_POSITIVE);
-                let decrease = (cost - new_cost) / cost;
-                (place, residuals, evaluation, cost) = (trial, new_residuals, new_evaluation, new_cost);
-                // Nielsen's rule.
-                damping = (damping * f64::max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0).powi(3))).max(1e-15);
-                growth = 2.0;
-                accepted = true;
-                small = if decrease < limits.decrease { small + 1 } else { 0 };
-                break;
+        for _ in 0..MOST_TRIALS {
+            if let Some(step) = bounded_step(normal, gradient, &self.scale, self.damping, free, &limits) {
+                let predicted = -(gradient.dot(&step) + 0.5 * step.dot(&(normal * &step)));
+                if let Some(decrease) = self.try_step(&step, predicted) {
+                    return Some(decrease);
+                }
             }
-            damping *= growth;
-            growth *= 2.0;
+            self.damping *= self.growth;
+            self.growth *= 2.0;
         }
-        best.place.clone_from(&place);
-        best.cost = cost;
-        if !accepted || small >= 2 || cost == 0.0 {
-            best.converged = true;
-            break;
-        }
+        None
     }
-    Some(best)
+
+    /// Takes `step` if it decreases the cost; `predicted` is the decrease of the quadratic model.
+    fn try_step(&mut self, step: &DVector<f64>, predicted: f64) -> Option<f64> {
+        let bounds = self.problem.bounds();
+        let trial: Vec<f64> =
+            (0..self.values.len()).map(|i| (self.values[i] + step[i]).clamp(bounds[i].0, bounds[i].1)).collect();
+        let (residuals, evaluation) = self.problem.residuals(&trial)?;
+        let cost = half_square(&residuals);
+        if !(cost.is_finite() && cost < self.cost) {
+            return None;
+        }
+        let ratio = (self.cost - cost) / predicted.max(f64::MIN_POSITIVE);
+        let decrease = (self.cost - cost) / self.cost;
+        (self.values, self.residuals, self.evaluation, self.cost) = (trial, residuals, evaluation, cost);
+        // Nielsen's rule.
+        self.damping = (self.damping * f64::max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0).powi(3))).max(1e-15);
+        self.growth = 2.0;
+        Some(decrease)
+    }
 }
 
 /// Half the sum of squares.
@@ -141,7 +167,7 @@ pub fn half_square(residuals: &[f64]) -> f64 {
 }
 
 /// Jᵀ J and Jᵀ r.
-pub fn normal_equations(jacobian: &[Vec<f64>], residuals: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
+fn normal_equations(jacobian: &[Vec<f64>], residuals: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
     let n = jacobian.len();
     let rows: Vec<Vec<f64>> =
         (0..n).into_par_iter().map(|i| (0..=i).map(|j| dot(&jacobian[i], &jacobian[j])).collect()).collect();
@@ -150,8 +176,8 @@ pub fn normal_equations(jacobian: &[Vec<f64>], residuals: &[f64]) -> (DMatrix<f6
     (normal, gradient)
 }
 
-/// The step that minimises the damped quadratic model over the free variables within `limits`: variables that would
-/// leave are put on their limit, and the others solved again.
+/// The step that minimises the damped quadratic model over the free variables within `limits`: variables that would leave
+/// them are set to their limit, and the others are solved again.
 fn bounded_step(
     normal: &DMatrix<f64>,
     gradient: &DVector<f64>,
@@ -167,7 +193,7 @@ fn bounded_step(
             let (a, b) = (free[i], free[j]);
             normal[(a, b)] + if i == j { damping * scale[a] } else { 0.0 }
         });
-        // Variables on their limits push the others.
+        // The step of variables on their limits changes the gradient of the others.
         let pushed = normal * &step;
         let right = DVector::from_fn(free.len(), |i, _| -gradient[free[i]] - pushed[free[i]]);
         let solution = matrix.cholesky()?.solve(&right);
@@ -189,7 +215,7 @@ fn bounded_step(
     Some(step)
 }
 
-/// The scalar product, in lanes that the processor adds side by side.
+/// The scalar product, in lanes that the compiler vectorises.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     const LANES: usize = 8;
     let mut sums = [0.0; LANES];

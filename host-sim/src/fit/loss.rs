@@ -1,11 +1,11 @@
-//! How residuals count: squared, or less where a sensor dropped out.
+//! Loss functions of the residuals: squares, or Huber's for recordings with drop-outs.
 
-/// The loss of a fit.
+/// Loss function of a fit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Loss {
     /// Squares: best for noise.
     Square,
-    /// Huber's: squares up to 0.5 % of the measured range, absolute values beyond, so that drop-outs do not pull.
+    /// Huber's: squares up to 0.5 % of the measured range, absolute values beyond, so that drop-outs have little effect.
     Huber,
 }
 
@@ -16,13 +16,13 @@ pub struct Huber {
 }
 
 impl Huber {
-    /// The loss for measurements of the given range (that of 96 % of them): the same for every candidate, so that their
-    /// costs can be compared.
+    /// The loss for measurements of the given [`percentile_range`]: the same for every candidate, so that their costs can be
+    /// compared.
     pub fn new(range: f64) -> Self {
         Self { limit: (0.005 * range).max(f64::MIN_POSITIVE) }
     }
 
-    /// Half the sum of squares, of which large residuals count less.
+    /// Half the sum of squares, linear beyond the limit.
     pub fn cost(&self, residuals: &[f64]) -> f64 {
         residuals
             .iter()
@@ -30,14 +30,14 @@ impl Huber {
             .sum()
     }
 
-    /// The weights with which squares have the same slope.
+    /// Weights of iteratively reweighted least squares: with them the squares have the slope of this loss.
     pub fn weights(&self, residuals: &[f64]) -> Weights {
         let weight = |r: &f64| if r.abs() > self.limit { (self.limit / r.abs()).sqrt() } else { 1.0 };
         Weights(residuals.iter().map(weight).collect())
     }
 }
 
-/// Square roots of the weights of residuals.
+/// Square roots of the residuals' weights.
 pub struct Weights(Vec<f64>);
 
 impl Weights {
@@ -47,16 +47,16 @@ impl Weights {
     }
 }
 
-/// The range that holds 96 % of `values`, whatever drop-outs among them.
-pub fn range(values: impl Iterator<Item = f64>) -> f64 {
+/// The range between the 2nd and the 98th percentile, which drop-outs do not change.
+pub fn percentile_range(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
     let at = |share: f64| sorted.get((share * (sorted.len().max(1) - 1) as f64) as usize).copied().unwrap_or(0.0);
     at(0.98) - at(0.02)
 }
 
-/// The standard deviation of residuals that are mostly normal: 1.4826 times their median absolute value.
-pub fn spread(residuals: &[f64]) -> f64 {
+/// Robust estimate of the residuals' standard deviation: 1.4826 times their median absolute value.
+pub fn robust_deviation(residuals: &[f64]) -> f64 {
     let mut sizes: Vec<f64> = residuals.iter().map(|r| r.abs()).collect();
     if sizes.is_empty() {
         return 0.0;

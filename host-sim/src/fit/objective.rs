@@ -1,43 +1,32 @@
-//! The objective of a fit: model minus measurement over all recordings, and its exact derivatives.
+//! The objective of a fit: model minus measurement over all recordings, with its exact derivatives.
 //!
-//! Runs are computed with full memory in the frequency domain. A model without coupling is a product there, and so are its
-//! derivatives with respect to every c and α. With coupling the force depends on the answer,
-//! `x = H (F (1 + κ x) + W)`; the compressed recursion solves that in one pass over the samples, and passes through H
-//! remove its last error. The derivatives obey the same equation with other right-hand sides.
+//! Responses are computed with full memory in the frequency domain. Without coupling a response is a product there, and so
+//! are its derivatives with respect to every c and α. With coupling the force depends on the response,
+//! `x = H (F (1 + κ x) + W)`: the compressed recursion approximates it in one pass over the samples, and passes through H
+//! remove the remaining error. The derivatives obey the same equation with other right-hand sides.
+
+use std::borrow::Cow;
 
 use num_complex::Complex;
 use rayon::prelude::*;
+use springpot::{Actuator, Load};
 
 use super::candidate::{Candidate, Variable};
-use super::transfer::{Spectrum, Transfer, coupled, recursion};
+use super::observation::Observation;
+use super::transfer::{Spectrum, Transfer, recursion};
 use crate::error::{Error, Result};
-use crate::files::recording::{Input, Samples};
+use crate::files::recording::Input;
 use crate::grid::Grid;
 use crate::replay::full_memory::FullMemory;
 
-/// A recording as a fit sees it.
-#[derive(Clone, Debug)]
-pub struct Observation {
-    /// What the recording is called.
-    pub name: String,
-    /// What drove the film.
-    pub input: Input,
-    /// What was measured: displacement, or force where displacement drove.
-    pub measured: Samples,
-    /// Steps per second.
-    pub rate_hz: f64,
-    /// How much it counts.
-    pub weight: f64,
-}
+/// Most steps of a recording in a fit: each costs about a kilobyte.
+const MOST_SAMPLES: usize = 1 << 22;
 
 fn too_long(name: &str, samples: f64) -> Error {
     Error::Computation(format!(
-        "{name}: {samples:.0} steps at its usual rate; a fit takes {MOST_SAMPLES} at the most, cut the recording or thin it"
+        "{name}: {samples:.0} steps at its median rate; a fit is limited to {MOST_SAMPLES}, cut the recording or thin it"
     ))
 }
-
-/// Samples of a recording that a fit takes: each costs about a kilobyte.
-const MOST_SAMPLES: usize = 1 << 22;
 
 /// Model minus measurement over all observations.
 pub struct Objective {
@@ -48,29 +37,51 @@ pub struct Objective {
 
 /// An observation on its grid.
 struct Record {
-    name: String,
     circle: usize,
     samples: usize,
-    drive: Drive,
+    drive: DriveSpectra,
     measured: Vec<f64>,
-    places: Places,
+    measured_at: Places,
     weight: f64,
 }
 
-enum Drive {
-    /// Squared voltage, V².
+/// The input of an observation on its circle.
+enum DriveSpectra {
+    /// Squared voltage (V²) over time and as a spectrum, and the spectrum of a constant 1.
     Voltage { squared: Vec<f64>, spectrum: Spectrum, ones: Spectrum },
-    /// Force, as a spectrum.
+    /// Force, N.
     Force(Spectrum),
-    /// Displacement, as a spectrum.
+    /// Displacement, m.
     Displacement(Spectrum),
 }
 
-/// Where the measured samples lie on the grid.
+impl DriveSpectra {
+    fn new(input: &Input, grid: Grid, circle: &FullMemory) -> Self {
+        let values = grid.resample(input.samples());
+        match input {
+            Input::Voltage(_) => {
+                let squared: Vec<f64> = values.iter().map(|v| v * v).collect();
+                let spectrum = circle.spectrum(&squared);
+                Self::Voltage { squared, spectrum, ones: circle.spectrum(&vec![1.0; grid.samples]) }
+            }
+            Input::Force(_) => Self::Force(circle.spectrum(&values)),
+            Input::Displacement(_) => Self::Displacement(circle.spectrum(&values)),
+        }
+    }
+}
+
+/// Eq. 1 with coupling: F = `force_per_square_volt` V² (1 + κ x) plus the weight of the preload.
+fn loads(actuator: &Actuator, squared: &[f64]) -> Vec<Load<f64>> {
+    let (scale, weight) = (actuator.force_per_square_volt(), actuator.preload_n());
+    let slope = scale * actuator.stretch_coupling;
+    squared.iter().map(|v2| Load { force: scale * v2 + weight, slope: slope * v2 }).collect()
+}
+
+/// Times of the measured samples on the grid.
 enum Places {
-    /// One on every grid point.
+    /// One sample at every grid point.
     All,
-    /// Between a grid point and the next, by a share of the step.
+    /// A grid point for every sample, and the fraction of the step after it.
     Between(Vec<(usize, f64)>),
 }
 
@@ -112,8 +123,8 @@ pub struct Evaluation {
     /// Modelled values at the measured times, one series per observation.
     pub modelled: Vec<Vec<f64>>,
     transfers: Vec<Transfer>,
-    /// Displacement on the grid.
-    displacement: Vec<Vec<f64>>,
+    /// Responses on the grid: displacement (m), or force (N).
+    responses: Vec<Vec<f64>>,
 }
 
 impl Objective {
@@ -136,50 +147,23 @@ impl Objective {
         if let Some((long, grid)) = observations.iter().zip(&grids).find(|(_, grid)| grid.samples > MOST_SAMPLES) {
             return Err(too_long(&long.name, grid.samples as f64));
         }
-        // Recordings of one rate share a circle for the longest of them.
-        let mut circles: Vec<FullMemory> = Vec::new();
-        let mut steps: Vec<f64> = Vec::new();
-        for grid in &grids {
-            if !steps.contains(&grid.step_s()) {
-                let same = grids.iter().filter(|other| other.rate_hz == grid.rate_hz);
-                let longest = same.map(|other| other.samples).max().unwrap_or(grid.samples);
-                circles.push(FullMemory::with_oversampling(longest, grid.step_s(), 2));
-                steps.push(grid.step_s());
-            }
-        }
+        let (circles, steps) = circles(&grids);
         let records = observations
             .iter()
             .zip(grids)
             .map(|(observation, grid)| {
                 let circle = steps.iter().position(|&step| step == grid.step_s()).unwrap_or(0);
-                let memory = &circles[circle];
-                let values = grid.resample(observation.input.samples());
-                let drive = match observation.input {
-                    Input::Voltage(_) => {
-                        let squared: Vec<f64> = values.iter().map(|v| v * v).collect();
-                        let spectrum = memory.spectrum(&squared);
-                        Drive::Voltage { squared, spectrum, ones: memory.spectrum(&vec![1.0; grid.samples]) }
-                    }
-                    Input::Force(_) => Drive::Force(memory.spectrum(&values)),
-                    Input::Displacement(_) => Drive::Displacement(memory.spectrum(&values)),
-                };
                 Record {
-                    name: observation.name.clone(),
                     circle,
                     samples: grid.samples,
-                    drive,
+                    drive: DriveSpectra::new(&observation.input, grid, &circles[circle]),
                     measured: observation.measured.value.clone(),
-                    places: Places::new(&observation.measured.time_s, grid),
+                    measured_at: Places::new(&observation.measured.time_s, grid),
                     weight: observation.weight,
                 }
             })
             .collect();
         Ok(Self { circles, steps, records })
-    }
-
-    /// Names of the observations.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.records.iter().map(|record| record.name.as_str())
     }
 
     /// Measured values of every observation.
@@ -192,7 +176,7 @@ impl Objective {
         self.records.iter().map(|record| record.measured.len()).sum()
     }
 
-    /// The responses of `candidate`, or nothing where it has none: elements out of range, pull-in, overflow.
+    /// The responses of `candidate`; none where elements are out of range, the film is pulled in, or numbers overflow.
     pub fn evaluate(&self, candidate: &Candidate) -> Option<Evaluation> {
         let model = candidate.model().ok()?;
         candidate.actuator.check().ok()?;
@@ -208,51 +192,37 @@ impl Objective {
             .par_iter()
             .map(|record| self.respond(record, candidate, &transfers[record.circle]))
             .collect::<Option<Vec<(Vec<f64>, Vec<f64>)>>>()?;
-        let (modelled, displacement) = responses.into_iter().unzip();
-        Some(Evaluation { modelled, transfers, displacement })
+        let (modelled, responses) = responses.into_iter().unzip();
+        Some(Evaluation { modelled, transfers, responses })
     }
 
-    /// Modelled values and displacement on the grid.
+    /// Modelled values at the measured times, and the same response on the grid.
     fn respond(&self, record: &Record, candidate: &Candidate, transfer: &Transfer) -> Option<(Vec<f64>, Vec<f64>)> {
         let circle = &self.circles[record.circle];
         let series = match &record.drive {
-            Drive::Displacement(path) => {
-                let force = path.iter().zip(&transfer.stiffness).map(|(x, k)| x * k).collect();
-                circle.series(force, record.samples)
-            }
-            Drive::Force(force) => {
-                let x = force.iter().zip(&transfer.compliance).map(|(f, h)| f * h).collect();
-                circle.series(x, record.samples)
-            }
-            Drive::Voltage { squared, spectrum, ones } => {
-                let scale = candidate.actuator.force_per_square_volt();
-                let weight = candidate.actuator.preload_n();
-                match &transfer.law {
-                    None => {
-                        let x = spectrum
-                            .iter()
-                            .zip(ones)
-                            .zip(&transfer.compliance)
-                            .map(|((f, one), h)| (f * scale + one * weight) * h)
-                            .collect();
-                        circle.series(x, record.samples)
-                    }
-                    Some(law) => {
-                        let force: Vec<f64> = squared.iter().map(|v2| scale * v2 + weight).collect();
-                        let pull = scale * candidate.actuator.stretch_coupling;
-                        coupled(circle, transfer, law, squared, pull, &force)?
-                    }
+            DriveSpectra::Displacement(path) => circle.series(product(path, &transfer.stiffness), record.samples),
+            DriveSpectra::Force(force) => circle.series(product(force, &transfer.compliance), record.samples),
+            DriveSpectra::Voltage { squared, spectrum, ones } => match &transfer.law {
+                None => {
+                    let (scale, weight) = (candidate.actuator.force_per_square_volt(), candidate.actuator.preload_n());
+                    let force: Spectrum = spectrum.iter().zip(ones).map(|(f, one)| f * scale + one * weight).collect();
+                    circle.series(product(&force, &transfer.compliance), record.samples)
                 }
-            }
+                Some(law) => transfer.coupled(circle, law, &loads(&candidate.actuator, squared)).ok()?,
+            },
         };
         series.iter().all(|value| value.is_finite()).then(|| {
-            let offset = if matches!(record.drive, Drive::Displacement(_)) { 0.0 } else { candidate.offset_m };
-            let modelled = record.places.pick(&series).into_iter().map(|x| x + offset).collect();
+            let modelled = record.measured_at.pick(&series);
+            let modelled = if record.measures_force() {
+                modelled
+            } else {
+                modelled.into_iter().map(|x| candidate.sensor().reading_m(x)).collect()
+            };
             (modelled, series)
         })
     }
 
-    /// Model minus measurement, weighted, all observations in a row.
+    /// Model minus measurement, weighted, one observation after another.
     pub fn residuals(&self, evaluation: &Evaluation) -> Vec<f64> {
         let mut residuals = Vec::with_capacity(self.samples());
         for (record, modelled) in self.records.iter().zip(&evaluation.modelled) {
@@ -274,91 +244,129 @@ impl Objective {
         pieces.chunks(self.records.len()).map(<[Vec<f64>]>::concat).collect()
     }
 
+    /// Derivative of the residuals of observation `index`.
     fn derivative(&self, candidate: &Candidate, evaluation: &Evaluation, variable: Variable, index: usize) -> Vec<f64> {
         let record = &self.records[index];
-        let circle = &self.circles[record.circle];
-        let transfer = &evaluation.transfers[record.circle];
-        let forced = !matches!(record.drive, Drive::Displacement(_));
-        let weighted = |series: &[f64]| -> Vec<f64> {
-            record.places.pick(series).into_iter().map(|value| record.weight * value).collect()
+        if variable == Variable::Offset && !record.measures_force() {
+            return vec![record.weight; record.measured.len()];
+        }
+        let linearised = Linearised {
+            record,
+            circle: &self.circles[record.circle],
+            transfer: &evaluation.transfers[record.circle],
+            actuator: &candidate.actuator,
+            response: &evaluation.responses[index],
         };
-        let nothing = || vec![0.0; record.measured.len()];
-        let actuator = &candidate.actuator;
-        // The right-hand side: a force spectrum that, put through the film, is the derivative.
-        let x = &evaluation.displacement[index];
-        let modulus_change = |element: usize| -> Box<dyn Fn(usize) -> Complex<f64> + Sync> {
-            let sensitivity = &transfer.sensitivities[element];
-            match variable {
-                Variable::Order(_) => Box::new(move |j| sensitivity[j] * circle.ln_s()[j]),
-                _ => Box::new(move |j| sensitivity[j]),
+        match linearised.derivative(variable) {
+            Some(series) => record.measured_at.pick(&series).into_iter().map(|value| record.weight * value).collect(),
+            None => vec![0.0; record.measured.len()],
+        }
+    }
+}
+
+impl Record {
+    fn measures_force(&self) -> bool {
+        matches!(self.drive, DriveSpectra::Displacement(_))
+    }
+}
+
+/// The response of one observation near a candidate.
+struct Linearised<'a> {
+    record: &'a Record,
+    circle: &'a FullMemory,
+    transfer: &'a Transfer,
+    actuator: &'a Actuator,
+    /// On the grid: displacement (m), or force (N).
+    response: &'a [f64],
+}
+
+impl Linearised<'_> {
+    /// Derivative of the response on the grid; none where `variable` has no effect on it.
+    fn derivative(&self, variable: Variable) -> Option<Vec<f64>> {
+        let samples = self.record.samples;
+        if let DriveSpectra::Displacement(path) = &self.record.drive {
+            let force = product(path, &self.stiffness_derivative(variable)?);
+            return Some(self.circle.series(force, samples));
+        }
+        let force = self.force_derivative(variable)?;
+        match (&self.transfer.law, &self.record.drive) {
+            (Some(law), DriveSpectra::Voltage { squared, .. }) => {
+                let slope = self.actuator.force_per_square_volt() * self.actuator.stretch_coupling;
+                let force = self.circle.series(force, samples);
+                let loads: Vec<Load<f64>> =
+                    force.iter().zip(squared).map(|(&force, v2)| Load { force, slope: slope * v2 }).collect();
+                Some(recursion(law, &loads))
             }
-        };
-        let spectrum: Spectrum = match variable {
-            Variable::Offset if forced => return vec![record.weight; record.measured.len()],
-            Variable::Coefficient(element) | Variable::Order(element) => {
-                let change = modulus_change(element);
-                match &record.drive {
-                    Drive::Displacement(path) => {
-                        let force = path.iter().enumerate().map(|(j, x)| x * change(j)).collect();
-                        return weighted(&circle.series(force, record.samples));
-                    }
-                    Drive::Force(force) => force
-                        .iter()
-                        .zip(&transfer.compliance)
-                        .enumerate()
-                        .map(|(j, (f, h))| -f * h * change(j))
-                        .collect(),
-                    Drive::Voltage { .. } => {
-                        circle.spectrum(x).into_iter().enumerate().map(|(j, x)| -x * change(j)).collect()
-                    }
-                }
+            _ => Some(self.circle.series(product(&force, &self.transfer.compliance), samples)),
+        }
+    }
+
+    /// ∂(m s² + K)/∂ `variable` on the circle.
+    fn stiffness_derivative(&self, variable: Variable) -> Option<Cow<'_, [Complex<f64>]>> {
+        let ln_s = self.circle.ln_s();
+        match variable {
+            Variable::Coefficient(element) => Some(Cow::Borrowed(&self.transfer.sensitivities[element])),
+            Variable::Order(element) => Some(Cow::Owned(product(&self.transfer.sensitivities[element], ln_s))),
+            Variable::Mass => Some(Cow::Owned(ln_s.iter().map(|z| (2.0 * z).exp() * self.actuator.mass_kg).collect())),
+            _ => None,
+        }
+    }
+
+    /// The force whose response is the derivative of the displacement: ∂F/∂v − x ∂(m s² + K)/∂v for the variable v, as a
+    /// spectrum.
+    fn force_derivative(&self, variable: Variable) -> Option<Spectrum> {
+        match &self.record.drive {
+            DriveSpectra::Displacement(_) => None,
+            DriveSpectra::Force(force) => {
+                let change = self.stiffness_derivative(variable)?;
+                let x = force.iter().zip(&self.transfer.compliance).map(|(f, h)| -f * h);
+                Some(x.zip(change.iter()).map(|(x, k)| x * k).collect())
             }
-            Variable::StretchCoupling => match &record.drive {
-                Drive::Voltage { squared, .. } => {
-                    let scale = actuator.force_per_square_volt();
-                    let force: Vec<f64> = squared.iter().zip(x).map(|(v2, x)| scale * v2 * x).collect();
-                    circle.spectrum(&force)
-                }
-                _ => return nothing(),
-            },
-            Variable::Mass => {
-                let inertia = |j: usize| (2.0 * circle.ln_s()[j]).exp() * actuator.mass_kg;
-                match &record.drive {
-                    Drive::Displacement(path) => {
-                        let force = path.iter().enumerate().map(|(j, x)| x * inertia(j)).collect();
-                        return weighted(&circle.series(force, record.samples));
-                    }
-                    Drive::Force(force) => {
-                        let shares = force.iter().zip(&transfer.compliance).enumerate();
-                        shares.map(|(j, (f, h))| -f * h * inertia(j)).collect()
-                    }
-                    Drive::Voltage { ones, .. } => {
-                        let shares = circle.spectrum(x).into_iter().zip(ones).enumerate();
-                        shares.map(|(j, (x, one))| one * actuator.preload_n() - x * inertia(j)).collect()
-                    }
-                }
-            }
-            _ => match (variable.force_exponent(), &record.drive) {
-                (Some(exponent), Drive::Voltage { squared, .. }) => {
-                    let scale = exponent * actuator.force_per_square_volt();
-                    let coupling = actuator.stretch_coupling;
+            DriveSpectra::Voltage { squared, ones, .. } => {
+                let scale = self.actuator.force_per_square_volt();
+                let electrostatic = |scale: f64, factor: &dyn Fn(f64) -> f64| {
                     let force: Vec<f64> =
-                        squared.iter().zip(x).map(|(v2, x)| scale * v2 * (1.0 + coupling * x)).collect();
-                    circle.spectrum(&force)
+                        squared.iter().zip(self.response).map(|(v2, &x)| scale * v2 * factor(x)).collect();
+                    self.circle.spectrum(&force)
+                };
+                match (variable, variable.force_exponent()) {
+                    (Variable::StretchCoupling, _) => Some(electrostatic(scale, &|x| x)),
+                    (_, Some(exponent)) => {
+                        let coupling = self.actuator.stretch_coupling;
+                        Some(electrostatic(exponent * scale, &|x| 1.0 + coupling * x))
+                    }
+                    _ => {
+                        let change = self.stiffness_derivative(variable)?;
+                        let x = self.circle.spectrum(self.response);
+                        let mut force: Spectrum = x.iter().zip(change.iter()).map(|(x, k)| -x * k).collect();
+                        if variable == Variable::Mass {
+                            let weight = self.actuator.preload_n();
+                            force.iter_mut().zip(ones).for_each(|(f, one)| *f += one * weight);
+                        }
+                        Some(force)
+                    }
                 }
-                _ => return nothing(),
-            },
-        };
-        match (&transfer.law, &record.drive) {
-            (Some(law), Drive::Voltage { squared, .. }) => {
-                let force = circle.series(spectrum, record.samples);
-                let pull = actuator.force_per_square_volt() * actuator.stretch_coupling;
-                weighted(&recursion(law, squared, pull, &force))
-            }
-            _ => {
-                let x = spectrum.iter().zip(&transfer.compliance).map(|(f, h)| f * h).collect();
-                weighted(&circle.series(x, record.samples))
             }
         }
     }
+}
+
+/// The product of two spectra.
+fn product(a: &[Complex<f64>], b: &[Complex<f64>]) -> Spectrum {
+    a.iter().zip(b).map(|(a, b)| a * b).collect()
+}
+
+/// A circle for every rate, as long as the longest recording of that rate, and the steps (s) of these circles.
+fn circles(grids: &[Grid]) -> (Vec<FullMemory>, Vec<f64>) {
+    let mut circles: Vec<FullMemory> = Vec::new();
+    let mut steps: Vec<f64> = Vec::new();
+    for grid in grids {
+        if !steps.contains(&grid.step_s()) {
+            let same = grids.iter().filter(|other| other.rate_hz == grid.rate_hz);
+            let longest = same.map(|other| other.samples).max().unwrap_or(grid.samples);
+            circles.push(FullMemory::with_oversampling(longest, grid.step_s(), 2));
+            steps.push(grid.step_s());
+        }
+    }
+    (circles, steps)
 }

@@ -1,28 +1,43 @@
-//! Recordings as a fit sees them, with what should be known about them beforehand.
+//! Recordings as a fit uses them, with checks and warnings before the fit.
 
+use std::path::Path;
+
+use super::candidate::Variable;
 use crate::error::{Error, Result};
-use crate::files::recording::{Input, Recording, Samples};
+use crate::files::recording::{Direction, Input, Recording};
+use crate::grid::Samples;
 
-use super::objective::Observation;
-use super::starts::Scales;
-
-/// What drives the model in a fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Direction {
-    /// Voltage or force drives, displacement is fitted.
-    Force,
-    /// Displacement drives, force is fitted.
-    Displacement,
+/// A recording as a fit uses it.
+#[derive(Clone, Debug)]
+pub struct Observation {
+    /// Name of the recording.
+    pub name: String,
+    /// Input of the model.
+    pub input: Input,
+    /// What was measured: displacement (m), or force (N) where displacement is the input.
+    pub measured: Samples,
+    /// Steps per second.
+    pub rate_hz: f64,
+    /// Factor of its residuals.
+    pub weight: f64,
 }
 
-/// No sensor sees smaller changes, m or N.
-const SMALLEST: f64 = 1e-12;
+/// Smaller changes are below the resolution of any sensor, m or N.
+const SMALLEST_CHANGE: f64 = 1e-12;
+
+/// Name and SI unit of what is measured.
+fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
+    match direction {
+        Direction::Force => ("displacement", "m"),
+        Direction::Displacement => ("force", "N"),
+    }
+}
 
 /// The observation of `recording`, and warnings about it.
 ///
 /// # Errors
 ///
-/// [`Error`] for a recording from which nothing can be learnt, naming it.
+/// [`Error`] naming a recording that cannot be fitted.
 pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Result<(Observation, Vec<String>)> {
     let path = recording.path();
     let (input, measured) = match direction {
@@ -33,10 +48,30 @@ pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Resu
         }
     };
     let drive = input.samples();
-    let (what, unit) = match direction {
-        Direction::Force => ("displacement", "m"),
-        Direction::Displacement => ("force", "N"),
-    };
+    check(path, direction, &measured, drive)?;
+    let steps: Vec<f64> = drive.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let median_step_s = median(&steps);
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let warnings = gap(&steps, median_step_s, drive).into_iter().chain(saturation(direction, &measured.value));
+    let warnings = warnings.map(|warning| format!("{name}: {warning}")).collect();
+    // For bursts with long pauses: at most eight steps per row.
+    let duration_s = drive.time_s.last().copied().unwrap_or(0.0);
+    let rate_hz = (1.0 / median_step_s).min(8.0 * drive.time_s.len() as f64 / duration_s);
+    Ok((Observation { name, input, measured, rate_hz, weight }, warnings))
+}
+
+/// The observations of all `recordings` with weight 1, without the warnings.
+///
+/// # Errors
+///
+/// As [`observe`].
+pub fn observe_all(recordings: &[Recording], direction: Direction) -> Result<Vec<Observation>> {
+    recordings.iter().map(|recording| observe(recording, direction, 1.0).map(|(observation, _)| observation)).collect()
+}
+
+/// Refuses recordings with too few values, or whose input or measurement does not change.
+fn check(path: &Path, direction: Direction, measured: &Samples, drive: &Samples) -> Result<()> {
+    let (what, unit) = measured_quantity(direction);
     if measured.value.len() < 10 {
         return Err(Error::file(path, format!("{} values of {what}; a fit needs at least 10", measured.value.len())));
     }
@@ -44,42 +79,41 @@ pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Resu
     if low == high {
         return Err(Error::file(path, format!("the {what} is {low} {unit} throughout; there is nothing to fit")));
     }
-    if high - low < SMALLEST {
+    if high - low < SMALLEST_CHANGE {
         let cause = format!("the {what} changes by {:.1e} {unit} only; check its unit", high - low);
         return Err(Error::file(path, cause));
     }
-    let (low_drive, high_drive) = range(&drive.value);
-    if low_drive == high_drive && high_drive == 0.0 {
-        return Err(Error::file(path, "what drives the film is 0 throughout; there is nothing to fit"));
+    if range(&drive.value) == (0.0, 0.0) {
+        return Err(Error::file(path, "the input is 0 throughout; there is nothing to fit"));
     }
-
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let mut warnings = Vec::new();
-    let steps: Vec<f64> = drive.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let usual = median(&steps);
-    if let Some(k) = (0..steps.len()).find(|&k| steps[k] > 5.0 * usual) {
-        warnings.push(format!(
-            "{name}: a gap of {:.3} s at {:.3} s; what drives the film is interpolated across it",
-            steps[k], drive.time_s[k]
-        ));
-    }
-    for (value, end) in [(high, "largest"), (low, "smallest")] {
-        let at_end = runs_at(&measured.value, value);
-        if at_end * 50 > measured.value.len() && value != measured.value[0] {
-            warnings.push(format!(
-                "{name}: {at_end} values stand at the {end} {what} of {value} {unit}; if the sensor is saturated there, \
-                 leave those cells empty"
-            ));
-        }
-    }
-    // Bursts with long pauses are followed no finer than eight steps per row.
-    let duration = drive.time_s.last().copied().unwrap_or(0.0);
-    let rate_hz = (1.0 / usual).min(8.0 * drive.time_s.len() as f64 / duration);
-    let observation = Observation { name, input, measured, rate_hz, weight };
-    Ok((observation, warnings))
+    Ok(())
 }
 
-/// A recording with fewer samples that still follows what drives the film: where searches begin.
+/// The first gap in the input.
+fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<String> {
+    let (step, time) = steps.iter().zip(&drive.time_s).find(|&(&step, _)| step > 5.0 * median_step_s)?;
+    Some(format!("a gap of {step:.3} s at {time:.3} s; the input is interpolated across it"))
+}
+
+/// Measured values that repeat at the ends of their range.
+fn saturation(direction: Direction, values: &[f64]) -> Vec<String> {
+    let (what, unit) = measured_quantity(direction);
+    let (low, high) = range(values);
+    [(high, "largest"), (low, "smallest")]
+        .into_iter()
+        .filter_map(|(value, end)| {
+            let at_end = runs_at(values, value);
+            (at_end * 50 > values.len() && value != values[0]).then(|| {
+                format!(
+                    "{at_end} values are at the {end} {what} of {value} {unit}; if the sensor saturates there, leave \
+                     those cells empty"
+                )
+            })
+        })
+        .collect()
+}
+
+/// The observation with fewer samples, of which the input is still followed to 0.5 % of its range: for first searches.
 #[must_use]
 pub fn thinned(observation: &Observation) -> Observation {
     const FEWEST: usize = 800;
@@ -116,50 +150,50 @@ pub fn thinned(observation: &Observation) -> Observation {
     }
 }
 
-/// What the observations tell before anything is fitted; `force_per_square_volt` turns voltage into force.
-#[must_use]
-pub fn scales(observations: &[Observation], force_per_square_volt: f64) -> Scales {
-    let mut stiffness = Vec::new();
-    let (mut longest, mut shortest, mut stroke) = (0f64, f64::INFINITY, 0f64);
-    for observation in observations {
-        let drive = observation.input.samples();
-        let (low, high) = range(&observation.measured.value);
-        let measured = high - low;
-        stiffness.push(match observation.input {
-            Input::Voltage(_) => {
-                let squared: Vec<f64> = drive.value.iter().map(|v| v * v).collect();
-                let (low, high) = range(&squared);
-                let change = if high > low { high - low } else { high };
-                force_per_square_volt * change / measured
-            }
-            Input::Force(_) => {
-                let (low, high) = range(&drive.value);
-                (if high > low { high - low } else { high.abs() }) / measured
-            }
-            Input::Displacement(_) => {
-                let (low, high) = range(&drive.value);
-                measured / (high - low).max(f64::MIN_POSITIVE)
-            }
-        });
-        if !matches!(observation.input, Input::Displacement(_)) {
-            stroke = stroke.max(measured);
+/// What a set of observations contains that quantities of the actuator and the sensor can be identified from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Excitation {
+    /// Whether any input is a voltage.
+    pub voltage_driven: bool,
+    /// Whether any measurement is of displacement.
+    pub displacement_fitted: bool,
+    /// Whether the size of any input varies by more than 1 %.
+    pub varies: bool,
+}
+
+impl Excitation {
+    /// The excitation of `observations`.
+    pub fn of(observations: &[Observation]) -> Self {
+        let varies = |observation: &Observation| {
+            let values = &observation.input.samples().value;
+            let (low, high) =
+                values.iter().fold((f64::INFINITY, 0f64), |(low, high), v| (low.min(v.abs()), high.max(v.abs())));
+            high - low > 0.01 * high
+        };
+        Self {
+            voltage_driven: observations.iter().any(|o| matches!(o.input, Input::Voltage(_))),
+            displacement_fitted: observations.iter().any(|o| !matches!(o.input, Input::Displacement(_))),
+            varies: observations.iter().any(varies),
         }
-        longest = longest.max(drive.time_s.last().copied().unwrap_or(0.0));
-        shortest = shortest.min(10.0 / observation.rate_hz);
     }
-    let stiffness = median(&stiffness).max(1e-3);
-    Scales {
-        stiffness,
-        times_s: (shortest.min(0.1 * longest), 2.0 * longest),
-        coupling: if stroke > 0.0 { (0.15 / stroke).min(1e3) } else { 0.0 },
+
+    /// Whether `variable`, of the actuator or the sensor, has an effect on the observations.
+    pub fn identifies(self, variable: Variable) -> bool {
+        match variable {
+            Variable::StretchCoupling => self.voltage_driven && self.varies,
+            Variable::Offset => self.displacement_fitted,
+            Variable::Mass => true,
+            _ => self.voltage_driven,
+        }
     }
 }
 
-fn range(values: &[f64]) -> (f64, f64) {
+/// Smallest and largest value.
+pub(super) fn range(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
 }
 
-/// The middle value; NaN of nothing.
+/// The median; NaN if empty.
 #[must_use]
 pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();

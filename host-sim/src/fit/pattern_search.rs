@@ -1,51 +1,42 @@
 //! The paper's procedure: generalised pattern search, from the paper's start.
 //!
-//! As MATLAB's `patternsearch` does by default: the positive 2N basis, polled in order until a point is better; the mesh
-//! doubles after a success and halves after a failure, and is scaled by the size of every variable at the start. Variables
-//! are the paper's: c in N·s^α/mm and α, without coupling and offset.
+//! It follows the defaults of MATLAB's `patternsearch`: the positive basis of 2N directions is polled in order until a point
+//! is better; the mesh doubles after a success and halves after a failure, and is scaled by the size of every variable at the
+//! start. Variables are the paper's: c in N·s^α/mm and α, without coupling and offset.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use springpot::{Actuator, Springpot, Topology};
 
-use super::candidate::Candidate;
-use super::levenberg_marquardt::half_square;
+use super::candidate::{Candidate, Variable};
+use super::levenberg_marquardt::{Minimum, half_square};
 use super::objective::Objective;
+use super::search::{Context, Found};
+use super::settings::{Settings, topology_name};
+use crate::error::{Error, Result};
 
 /// Coefficients in the paper's unit, N·s^α/mm.
 const PER_MILLIMETRE: f64 = 1000.0;
-/// Bounds of c in the paper's unit; orders are within 0…1.
+/// Bounds of c in the paper's unit.
 const COEFFICIENTS: (f64, f64) = (1e-3, 1e6);
+/// Bounds of α.
+const ORDERS: (f64, f64) = (0.0, 1.0);
+/// Size of the mesh at which a search has converged.
+const FINEST_MESH: f64 = 1e-6;
+/// Most evaluations per variable.
+const EVALUATIONS: usize = 2000;
+/// Most polls per variable.
+const POLLS: usize = 100;
 
-/// Where a pattern search ended.
+/// Result of a pattern search.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     /// The best candidate.
     pub candidate: Candidate,
     /// Half the sum of squared residuals.
     pub cost: f64,
-    /// Residual evaluations.
-    pub evaluations: usize,
-    /// Whether the mesh became fine enough, as opposed to evaluations or polls running out.
+    /// Whether the mesh became fine enough; false if evaluations or polls ran out.
     pub converged: bool,
-}
-
-/// When a pattern search ends.
-#[derive(Clone, Copy, Debug)]
-pub struct Limits {
-    /// Size of the mesh at which it ends.
-    pub mesh: f64,
-    /// Evaluations per variable at the most.
-    pub evaluations_per_variable: usize,
-    /// Polls per variable at the most.
-    pub iterations_per_variable: usize,
-}
-
-impl Default for Limits {
-    /// MATLAB's defaults.
-    fn default() -> Self {
-        Self { mesh: 1e-6, evaluations_per_variable: 2000, iterations_per_variable: 100 }
-    }
 }
 
 /// The paper's start: c = 500 N·s^α/mm, α₁₁ = 0.2, all other orders 1.
@@ -56,61 +47,104 @@ pub fn paper_start(actuator: Actuator, topology: Topology, branches: usize) -> C
     Candidate { actuator, elements, topology, offset_m: 0.0 }
 }
 
-/// Searches from `start`; `progress` hears of every evaluation.
+/// Searches from `start`, calling `on_evaluation` before every evaluation; none where `start` has no response.
 pub fn search(
     objective: &Objective,
     start: &Candidate,
-    limits: Limits,
     stop: &AtomicBool,
-    progress: &dyn Fn(),
+    on_evaluation: &dyn Fn(),
 ) -> Option<Outcome> {
-    let mut place: Vec<f64> = start.elements.iter().flat_map(|e| [e.c / PER_MILLIMETRE, e.alpha]).collect();
-    let candidate = |place: &[f64]| {
-        let (pairs, _) = place.as_chunks::<2>();
-        let elements = pairs.iter().map(|[c, alpha]| Springpot::new(c * PER_MILLIMETRE, *alpha)).collect();
-        Candidate { elements, ..start.clone() }
-    };
-    let cost_of = |place: &[f64]| {
-        progress();
-        let evaluation = objective.evaluate(&candidate(place))?;
-        Some(half_square(&objective.residuals(&evaluation))).filter(|cost| cost.is_finite())
-    };
+    let values: Vec<f64> = start.elements.iter().flat_map(|e| [e.c / PER_MILLIMETRE, e.alpha]).collect();
     // Powers of two near the variables' size, as ScaleMesh does.
-    let scale: Vec<f64> = place.iter().map(|x| x.abs().max(f64::MIN_POSITIVE).log2().round().exp2()).collect();
-    let bounds = |i: usize| if i.is_multiple_of(2) { COEFFICIENTS } else { (0.0, 1.0) };
-
-    let mut cost = cost_of(&place)?;
-    let (mut mesh, mut evaluations) = (1.0, 1);
-    let most = limits.evaluations_per_variable * place.len();
-    let mut iterations = limits.iterations_per_variable * place.len();
+    let scale = values.iter().map(|x| x.abs().max(f64::MIN_POSITIVE).log2().round().exp2()).collect();
+    let mut poll = Poll { objective, start, on_evaluation, values, scale, cost: f64::INFINITY, evaluations: 0 };
+    poll.cost = poll.cost_here()?;
+    let most_evaluations = EVALUATIONS * poll.values.len();
+    let mut polls = POLLS * poll.values.len();
+    let mut mesh = 1.0;
     let mut converged = false;
-    while evaluations < most && iterations > 0 && !stop.load(Ordering::Relaxed) {
-        if mesh < limits.mesh {
+    while poll.evaluations < most_evaluations && polls > 0 && !stop.load(Ordering::Relaxed) {
+        if mesh < FINEST_MESH {
             converged = true;
             break;
         }
-        iterations -= 1;
-        let mut success = false;
-        'poll: for sign in [1.0, -1.0] {
-            for i in 0..place.len() {
-                let (low, high) = bounds(i);
-                let moved = (place[i] + sign * mesh * scale[i]).clamp(low, high);
-                if moved == place[i] {
+        polls -= 1;
+        mesh *= if poll.improves(mesh) { 2.0 } else { 0.5 };
+    }
+    Some(Outcome { candidate: poll.candidate(), cost: poll.cost, converged })
+}
+
+/// The best structure of the settings by the sum of squares, as the paper selects it.
+///
+/// # Errors
+///
+/// [`Error::Computation`] if no start has a response.
+pub fn best_structure(context: &Context<'_>, settings: &Settings, progress: &dyn Fn(&str)) -> Result<Found> {
+    let mut best: Option<Outcome> = None;
+    for &topology in &settings.topologies {
+        for &branches in &settings.branches {
+            progress(&format!("pattern search, {} with n = {branches}", topology_name(topology)));
+            let start = settings.start.clone().unwrap_or_else(|| paper_start(settings.actuator, topology, branches));
+            let count = || {
+                context.evaluations.fetch_add(1, Ordering::Relaxed);
+            };
+            let outcome = search(context.fine, &start, context.stop, &count);
+            best = best.into_iter().chain(outcome).reduce(|a, b| if b.cost < a.cost { b } else { a });
+        }
+    }
+    let Outcome { candidate, cost, converged } =
+        best.ok_or_else(|| Error::Computation("pattern search has no response at its start".into()))?;
+    let variables = Variable::of_model(candidate.branches());
+    // Without derivatives there is no Jᵀ J.
+    let values = variables.iter().map(|variable| variable.get(&candidate)).collect();
+    let minimum = Minimum { values, cost, normal: nalgebra::DMatrix::zeros(0, 0), converged };
+    Ok(Found { candidate, variables, minimum })
+}
+
+/// State of a search.
+struct Poll<'a> {
+    objective: &'a Objective,
+    start: &'a Candidate,
+    on_evaluation: &'a dyn Fn(),
+    values: Vec<f64>,
+    scale: Vec<f64>,
+    cost: f64,
+    evaluations: usize,
+}
+
+impl Poll<'_> {
+    fn candidate(&self) -> Candidate {
+        let (pairs, _) = self.values.as_chunks::<2>();
+        let elements = pairs.iter().map(|[c, alpha]| Springpot::new(c * PER_MILLIMETRE, *alpha)).collect();
+        Candidate { elements, ..self.start.clone() }
+    }
+
+    fn cost_here(&mut self) -> Option<f64> {
+        (self.on_evaluation)();
+        self.evaluations += 1;
+        let evaluation = self.objective.evaluate(&self.candidate())?;
+        Some(half_square(&self.objective.residuals(&evaluation))).filter(|cost| cost.is_finite())
+    }
+
+    /// Moves to the first point of the mesh around this one that is better, if there is one.
+    fn improves(&mut self, mesh: f64) -> bool {
+        for sign in [1.0, -1.0] {
+            for i in 0..self.values.len() {
+                let (low, high) = if i.is_multiple_of(2) { COEFFICIENTS } else { ORDERS };
+                let moved = (self.values[i] + sign * mesh * self.scale[i]).clamp(low, high);
+                if moved == self.values[i] {
                     continue;
                 }
-                let before = std::mem::replace(&mut place[i], moved);
-                evaluations += 1;
-                match cost_of(&place) {
-                    Some(better) if better < cost => {
-                        cost = better;
-                        success = true;
-                        break 'poll;
+                let before = std::mem::replace(&mut self.values[i], moved);
+                match self.cost_here() {
+                    Some(cost) if cost < self.cost => {
+                        self.cost = cost;
+                        return true;
                     }
-                    _ => place[i] = before,
+                    _ => self.values[i] = before,
                 }
             }
         }
-        mesh *= if success { 2.0 } else { 0.5 };
+        false
     }
-    Some(Outcome { candidate: candidate(&place), cost, evaluations, converged })
 }

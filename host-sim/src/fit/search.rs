@@ -5,25 +5,27 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rayon::prelude::*;
 use springpot::{Actuator, Topology};
 
-use super::Settings;
 use super::candidate::{Candidate, Variable};
-use super::levenberg_marquardt::{self, Limits, Minimum, Problem};
+use super::levenberg_marquardt::{self, Minimum, Problem, StoppingCriteria};
 use super::loss::{self, Huber, Loss, Weights};
-use super::objective::{Evaluation, Objective, Observation};
-use super::observation;
+use super::objective::{Evaluation, Objective};
+use super::observation::{self, Excitation, Observation};
+use super::settings::Settings;
 use super::starts::{self, Scales};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::reduce;
 
-/// Observations made ready for searches.
-pub struct Workbench {
+/// Observations with what every search needs of them.
+pub struct PreparedObservations {
     coarse: Objective,
     fine: Objective,
     scales: Scales,
+    excitation: Excitation,
     evaluations: AtomicUsize,
 }
 
-impl Workbench {
-    /// Makes `observations` ready; `actuator` turns voltage into force.
+impl PreparedObservations {
+    /// Prepares `observations`; `actuator` converts voltage to force.
     ///
     /// # Errors
     ///
@@ -33,26 +35,25 @@ impl Workbench {
         Ok(Self {
             coarse: Objective::new(&thinned)?,
             fine: Objective::new(observations)?,
-            scales: observation::scales(observations, actuator.force_per_square_volt()),
+            scales: Scales::of(observations, actuator.force_per_square_volt()),
+            excitation: Excitation::of(observations),
             evaluations: AtomicUsize::new(0),
         })
     }
 
-    /// A context for searches with `settings`, `surroundings` fitted besides the elements.
-    pub fn context<'a>(
-        &'a self,
-        settings: &Settings,
-        surroundings: Vec<Variable>,
-        stop: &'a AtomicBool,
-    ) -> Context<'a> {
+    /// The context of searches with `settings`, without freed quantities that cannot be identified; they end early when
+    /// `stop` is set.
+    pub fn context<'a>(&'a self, settings: &Settings, stop: &'a AtomicBool) -> Context<'a> {
+        let identified = |variable: &Variable| self.excitation.identifies(*variable);
         Context {
             coarse: &self.coarse,
             fine: &self.fine,
             actuator: settings.actuator,
-            surroundings,
+            freed: settings.freed.iter().copied().filter(identified).collect(),
             held: settings.held.clone(),
             loss: settings.loss,
             scales: self.scales,
+            excitation: self.excitation,
             seed: settings.seed,
             starts: settings.starts,
             stop,
@@ -61,7 +62,7 @@ impl Workbench {
     }
 }
 
-/// What all searches of a fit share.
+/// What is common to all searches of a fit.
 pub struct Context<'a> {
     /// Thinned recordings, where searches begin.
     pub coarse: &'a Objective,
@@ -69,25 +70,27 @@ pub struct Context<'a> {
     pub fine: &'a Objective,
     /// Eq. 1 and the weight at the start.
     pub actuator: Actuator,
-    /// What is fitted besides the elements.
-    pub surroundings: Vec<Variable>,
-    /// Elements' variables that are not fitted.
+    /// Quantities of the actuator and the sensor that are fitted besides the elements.
+    pub freed: Vec<Variable>,
+    /// Variables of the elements that are not fitted.
     pub held: Vec<Variable>,
-    /// How residuals count.
+    /// Loss function of the residuals.
     pub loss: Loss,
-    /// What the recordings tell beforehand.
+    /// Orders of magnitude of the parameters.
     pub scales: Scales,
+    /// What can be identified from the observations.
+    pub excitation: Excitation,
     /// Seed of the starts.
     pub seed: u64,
-    /// Random starts of a structure; larger ones that go on from smaller ones take fewer.
+    /// Random starts per structure; fewer for larger structures that also start from smaller ones.
     pub starts: usize,
-    /// Set to end early and keep the best so far.
+    /// Set to end searches early with the best so far.
     pub stop: &'a AtomicBool,
     /// Counts residual evaluations.
     pub evaluations: &'a AtomicUsize,
 }
 
-/// A candidate that was found.
+/// Result of a search.
 #[derive(Clone, Debug)]
 pub struct Found {
     /// The candidate.
@@ -99,62 +102,61 @@ pub struct Found {
 }
 
 impl Context<'_> {
-    /// The variables of a structure with so many branches.
+    /// The variables of a structure with `branches` branches.
     pub fn variables(&self, branches: usize) -> Vec<Variable> {
         Variable::of_model(branches)
             .into_iter()
             .filter(|variable| !self.held.contains(variable))
-            .chain(self.surroundings.iter().copied())
+            .chain(self.freed.iter().copied())
             .collect()
     }
 
-    /// The best candidate of a structure; `warm` are further starts.
-    pub fn best(&self, topology: Topology, branches: usize, warm: &[Candidate]) -> Option<Found> {
-        // Larger structures begin from smaller ones, too.
-        let random_starts = if warm.is_empty() { self.starts } else { self.starts.div_ceil(branches.max(1)) };
+    /// The best candidate of a structure from random starts and from those of smaller structures, `grown`.
+    pub fn best(&self, topology: Topology, branches: usize, grown: &[Candidate]) -> Option<Found> {
+        let random_starts = if grown.is_empty() { self.starts } else { self.starts.div_ceil(branches.max(1)) };
         let random = (0..random_starts).map(|index| {
             let mut start = starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
-            if self.surroundings.contains(&Variable::StretchCoupling) && start.actuator.stretch_coupling == 0.0 {
+            if self.freed.contains(&Variable::StretchCoupling) && start.actuator.stretch_coupling == 0.0 {
                 start.actuator.stretch_coupling = self.scales.coupling;
             }
             start
         });
-        let starts: Vec<Candidate> = warm.iter().cloned().chain(random).collect();
+        let starts: Vec<Candidate> = grown.iter().cloned().chain(random).collect();
         self.best_from(&starts, &self.variables(branches))
     }
 
-    /// The best candidate that `starts` lead to over chosen `variables`.
+    /// The best candidate from `starts`, over `variables`.
     pub fn best_from(&self, starts: &[Candidate], variables: &[Variable]) -> Option<Found> {
-        let coarse = Limits { iterations: 60, decrease: 1e-7 };
+        let coarse = StoppingCriteria { iterations: 60, decrease: 1e-7 };
         let mut found: Vec<Found> = starts
             .par_iter()
             .filter_map(|start| self.descend_over(self.coarse, start, variables.to_vec(), coarse))
             .collect();
         found.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
-        // The two best that differ go on, lest the thinning decide between them.
+        // The two best that differ are fitted to all samples, because thinning could change their order.
         let best = found.first()?.minimum.cost;
         found.dedup_by(|b, a| b.minimum.cost <= 1.001 * a.minimum.cost);
         found.truncate(if self.stop.load(Ordering::Relaxed) { 1 } else { 2 });
         found.retain(|f| f.minimum.cost <= 1.2 * best);
-        let fine = Limits { iterations: 60, decrease: 1e-8 };
+        let fine = StoppingCriteria { iterations: 60, decrease: 1e-8 };
         found
             .iter()
             .filter_map(|start| self.descend_over(self.fine, &start.candidate, variables.to_vec(), fine))
             .min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))
     }
 
-    /// The minimum that `start` leads to.
-    pub fn descend(&self, objective: &Objective, start: &Candidate, limits: Limits) -> Option<Found> {
-        self.descend_over(objective, start, self.variables(start.branches()), limits)
+    /// The minimum that is reached from `start`; none if `start` has no response.
+    pub fn descend(&self, objective: &Objective, start: &Candidate, stopping: StoppingCriteria) -> Option<Found> {
+        self.descend_over(objective, start, self.variables(start.branches()), stopping)
     }
 
-    /// The same over chosen variables.
+    /// The same over other variables.
     pub fn descend_over(
         &self,
         objective: &Objective,
         start: &Candidate,
         variables: Vec<Variable>,
-        limits: Limits,
+        stopping: StoppingCriteria,
     ) -> Option<Found> {
         let mut descent = Descent {
             objective,
@@ -165,32 +167,51 @@ impl Context<'_> {
             stop: self.stop,
             evaluations: self.evaluations,
         };
-        let mut place: Vec<f64> = descent.variables.iter().map(|variable| variable.get(start)).collect();
-        let mut minimum = levenberg_marquardt::minimise(&descent, &place, limits)?;
-        if self.loss == Loss::Huber {
-            let huber = Huber::new(loss::range(objective.measured().flatten().copied()));
-            // Iteratively reweighted least squares. After the first it is near.
-            for pass in 0..6 {
-                place.clone_from(&minimum.place);
-                let evaluation = objective.evaluate(&descent.candidate(&place))?;
-                descent.weights = Some(huber.weights(&objective.residuals(&evaluation)));
-                let iterations = if pass == 0 { limits.iterations } else { limits.iterations.min(8) };
-                let again = levenberg_marquardt::minimise(&descent, &place, Limits { iterations, ..limits })?;
-                let moved =
-                    again.place.iter().zip(&place).any(|(new, old)| (new - old).abs() > 1e-4 * old.abs().max(1e-3));
-                minimum = again;
-                if !moved {
-                    break;
-                }
+        let values: Vec<f64> = descent.variables.iter().map(|variable| variable.get(start)).collect();
+        let minimum = levenberg_marquardt::minimise(&descent, &values, stopping)?;
+        let minimum = match self.loss {
+            Loss::Square => minimum,
+            Loss::Huber => descent.reweighted(minimum, stopping)?,
+        };
+        Some(Found { candidate: descent.candidate(&minimum.values), variables: descent.variables, minimum })
+    }
+
+    /// The minimum on all samples from a `start` of the user.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Computation`] if `start` has no response.
+    pub fn refined(&self, start: &Candidate, topology: Topology) -> Result<Found> {
+        let start = Candidate { topology, ..start.clone() };
+        self.descend(self.fine, &start, StoppingCriteria { iterations: 100, decrease: 1e-9 })
+            .ok_or_else(|| Error::Computation("the given start has no response to these recordings".into()))
+    }
+
+    /// `found` with its branches in the order in which they are written, and the derivatives in that order.
+    pub fn in_order(&self, found: Found) -> Found {
+        let Some(candidate) = found.in_order() else { return found };
+        // One more step gives the derivatives.
+        let again = self.descend(self.fine, &candidate, StoppingCriteria { iterations: 2, decrease: 1e-9 });
+        match again {
+            Some(mut again) => {
+                again.minimum.converged = found.minimum.converged;
+                again
             }
-            let evaluation = objective.evaluate(&descent.candidate(&minimum.place))?;
-            minimum.cost = huber.cost(&objective.residuals(&evaluation));
+            None => found,
         }
-        Some(Found { candidate: descent.candidate(&minimum.place), variables: descent.variables, minimum })
     }
 }
 
-/// One descent.
+impl Found {
+    /// The candidate with its branches in the order in which they are written; none if they are.
+    pub fn in_order(&self) -> Option<Candidate> {
+        let ordered = reduce::ordered(&self.candidate.model().ok()?).ok()?;
+        let candidate = Candidate { elements: Candidate::elements_of(&ordered), ..self.candidate.clone() };
+        (candidate != self.candidate).then_some(candidate)
+    }
+}
+
+/// A descent from one start.
 struct Descent<'a> {
     objective: &'a Objective,
     base: &'a Candidate,
@@ -202,21 +223,42 @@ struct Descent<'a> {
 }
 
 impl Descent<'_> {
-    fn candidate(&self, place: &[f64]) -> Candidate {
+    fn candidate(&self, values: &[f64]) -> Candidate {
         let mut candidate = self.base.clone();
-        for (variable, &value) in self.variables.iter().zip(place) {
+        for (variable, &value) in self.variables.iter().zip(values) {
             variable.set(&mut candidate, value);
         }
         candidate
+    }
+
+    /// The minimum of Huber's loss by iteratively reweighted least squares, from the `minimum` of squares.
+    fn reweighted(&mut self, mut minimum: Minimum, stopping: StoppingCriteria) -> Option<Minimum> {
+        const PASSES: usize = 6;
+        let huber = Huber::new(loss::percentile_range(self.objective.measured().flatten().copied()));
+        for pass in 0..PASSES {
+            let before = minimum.values;
+            let evaluation = self.objective.evaluate(&self.candidate(&before))?;
+            self.weights = Some(huber.weights(&self.objective.residuals(&evaluation)));
+            // After the first pass the start is close.
+            let iterations = if pass == 0 { stopping.iterations } else { stopping.iterations.min(8) };
+            minimum = levenberg_marquardt::minimise(self, &before, StoppingCriteria { iterations, ..stopping })?;
+            let moved = |(new, old): (&f64, &f64)| (new - old).abs() > 1e-4 * old.abs().max(1e-3);
+            if !minimum.values.iter().zip(&before).any(moved) {
+                break;
+            }
+        }
+        let evaluation = self.objective.evaluate(&self.candidate(&minimum.values))?;
+        minimum.cost = huber.cost(&self.objective.residuals(&evaluation));
+        Some(minimum)
     }
 }
 
 impl Problem for Descent<'_> {
     type Evaluation = Evaluation;
 
-    fn residuals(&self, place: &[f64]) -> Option<(Vec<f64>, Evaluation)> {
+    fn residuals(&self, values: &[f64]) -> Option<(Vec<f64>, Evaluation)> {
         self.evaluations.fetch_add(1, Ordering::Relaxed);
-        let evaluation = self.objective.evaluate(&self.candidate(place))?;
+        let evaluation = self.objective.evaluate(&self.candidate(values))?;
         let mut residuals = self.objective.residuals(&evaluation);
         if let Some(weights) = &self.weights {
             weights.apply(&mut residuals);
@@ -224,8 +266,8 @@ impl Problem for Descent<'_> {
         Some((residuals, evaluation))
     }
 
-    fn jacobian(&self, place: &[f64], evaluation: &Evaluation) -> Vec<Vec<f64>> {
-        let mut columns = self.objective.jacobian(&self.candidate(place), evaluation, &self.variables);
+    fn jacobian(&self, values: &[f64], evaluation: &Evaluation) -> Vec<Vec<f64>> {
+        let mut columns = self.objective.jacobian(&self.candidate(values), evaluation, &self.variables);
         if let Some(weights) = &self.weights {
             columns.iter_mut().for_each(|column| weights.apply(column));
         }
@@ -238,7 +280,7 @@ impl Problem for Descent<'_> {
 
     fn longest(&self, index: usize) -> f64 {
         match self.variables[index] {
-            // In 1/m and m: as far as the bounds.
+            // In 1/m and m: limited by the bounds only.
             Variable::StretchCoupling | Variable::Offset => f64::INFINITY,
             _ => levenberg_marquardt::LONGEST,
         }

@@ -1,4 +1,4 @@
-//! Which structure: the number of branches, and how they are connected.
+//! Selection of the structure: the number of branches, and how they are connected.
 
 use std::sync::atomic::Ordering;
 
@@ -7,169 +7,205 @@ use serde::Serialize;
 use springpot::{Springpot, Topology};
 
 use super::candidate::Candidate;
-use super::levenberg_marquardt::Limits;
+use super::levenberg_marquardt::StoppingCriteria;
 use super::loss::{self, Loss};
-use super::objective::{Objective, Observation};
+use super::objective::Objective;
+use super::observation::Observation;
 use super::search::{Context, Found};
-use super::uncertainty;
+use super::settings::{Settings, topology_name};
+use super::whiteness::Whiteness;
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
 
-/// A structure that was tried.
+/// A structure that was fitted, for tables.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
+pub struct StructureRow {
     /// How the branches are connected.
-    #[serde(serialize_with = "topology_name")]
+    #[serde(serialize_with = "serialize_topology")]
     pub topology: Topology,
-    /// Branches.
+    /// Number of branches.
     pub branches: usize,
-    /// Variables that were fitted.
+    /// Number of fitted variables.
     pub variables: usize,
     /// Mean of the recordings' R².
     pub r2_mean: f64,
     /// Mean of the recordings' NRMSE, %.
     pub nrmse_pct: f64,
-    /// Akaike's criterion less the best of the table.
+    /// Akaike's criterion minus the least of the table.
     pub delta_aic: f64,
-    /// The Bayesian criterion less the best of the table.
+    /// The Bayesian criterion minus the least of the table.
     pub delta_bic: f64,
     /// Mean NRMSE (%) of every recording under a fit to the others; null for a single recording.
     pub left_out_nrmse_pct: Option<f64>,
-    /// Whether this structure was chosen.
+    /// Whether this structure was selected.
     pub chosen: bool,
 }
 
-/// The lower-case name of a topology, as in parameter files.
-pub fn name_of(topology: Topology) -> &'static str {
-    match topology {
-        Topology::Eq11 => "eq11",
-        Topology::Parallel => "parallel",
-    }
+fn serialize_topology<S: serde::Serializer>(
+    topology: &Topology,
+    serializer: S,
+) -> std::result::Result<S::Ok, S::Error> {
+    serializer.serialize_str(topology_name(*topology))
 }
 
-fn topology_name<S: serde::Serializer>(topology: &Topology, serializer: S) -> std::result::Result<S::Ok, S::Error> {
-    serializer.serialize_str(name_of(*topology))
-}
-
-/// A left-out error this much above the best is not worse.
+/// A left-out error up to this factor above the least is not worse.
 const MARGIN: f64 = 1.05;
-/// A Bayesian criterion this much above the best is not worse: odds of e⁵ to one at the most.
+/// A Bayesian criterion up to this much above the least is not worse: odds of e⁵ to one.
 const MARGIN_BIC: f64 = 10.0;
 
-/// Fits every structure of `topologies` and `branches`, and chooses the smallest that is not worse than the best: by the
-/// error on left-out recordings, or by the Bayesian criterion where there is only one recording.
+/// Fits every structure of the settings and selects the smallest that is not worse than the best: by the error on left-out
+/// recordings, or by the Bayesian criterion if there is only one recording.
 ///
 /// # Errors
 ///
 /// [`Error::Computation`] where no structure has a fit.
-pub fn choose(
+pub fn select(
     context: &Context<'_>,
     observations: &[Observation],
-    topologies: &[Topology],
-    branches: &[usize],
+    settings: &Settings,
     progress: &dyn Fn(&str),
-) -> Result<(Found, Vec<Row>)> {
+) -> Result<(Found, Vec<StructureRow>)> {
+    let mut fits = fit_structures(context, observations, settings, progress)?;
+    let criteria = Criteria::of(context, &fits)?;
+    let selected = criteria.smallest_that_is_not_worse(&fits);
+    let rows = fits.iter().enumerate().map(|(k, fit)| criteria.row(context, fit, k, k == selected)).collect();
+    Ok((fits.swap_remove(selected).found, rows))
+}
+
+/// A fitted structure.
+struct StructureFit {
+    topology: Topology,
+    branches: usize,
+    found: Found,
+    left_out_nrmse_pct: Option<f64>,
+}
+
+impl StructureFit {
+    fn variables(&self) -> usize {
+        self.found.variables.len()
+    }
+}
+
+/// Fits of all structures, larger ones also from smaller ones; fewer if the search is interrupted.
+fn fit_structures(
+    context: &Context<'_>,
+    observations: &[Observation],
+    settings: &Settings,
+    progress: &dyn Fn(&str),
+) -> Result<Vec<StructureFit>> {
     let left_out = LeftOut::new(observations)?;
-    let mut tried: Vec<(Topology, usize, Found, Option<f64>)> = Vec::new();
-    'structures: for &topology in topologies {
+    let mut fits: Vec<StructureFit> = Vec::new();
+    'structures: for &topology in &settings.topologies {
         let mut smaller: Option<Candidate> = None;
-        for &n in branches {
-            // Up to one branch the topologies are the same model.
-            if n < 2 && topology != topologies[0] {
-                smaller = tried.iter().find(|t| t.1 == n).map(|t| t.2.candidate.clone());
+        for &n in &settings.branches {
+            // Below two branches the topologies are the same model.
+            if n < 2 && topology != settings.topologies[0] {
+                smaller = fits.iter().find(|fit| fit.branches == n).map(|fit| fit.found.candidate.clone());
                 continue;
             }
-            if context.stop.load(Ordering::Relaxed) && !tried.is_empty() {
+            if context.stop.load(Ordering::Relaxed) && !fits.is_empty() {
                 break 'structures;
             }
-            progress(&format!("{} with n = {n}", name_of(topology)));
-            let warm: Vec<Candidate> = smaller.iter().flat_map(|c| grown(c, topology, context)).collect();
-            if let Some(found) = context.best(topology, n, &warm) {
-                let error = left_out.as_ref().and_then(|left_out| left_out.error(context, &found));
+            progress(&format!("{} with n = {n}", topology_name(topology)));
+            let starts: Vec<Candidate> = smaller.iter().flat_map(|c| grown(c, topology, context)).collect();
+            if let Some(found) = context.best(topology, n, &starts) {
+                let left_out_nrmse_pct = left_out.as_ref().and_then(|left_out| left_out.error(context, &found));
                 smaller = Some(found.candidate.clone());
-                tried.push((topology, n, found, error));
+                fits.push(StructureFit { topology, branches: n, found, left_out_nrmse_pct });
             }
         }
     }
-    if tried.is_empty() {
+    if fits.is_empty() {
         return Err(Error::Computation("no structure could be fitted to these recordings".into()));
     }
-
-    // Criteria count samples that are independent, as the residuals of the best fit tell.
-    let best =
-        tried.iter().map(|t| &t.2).min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost)).unwrap_or(&tried[0].2);
-    let evaluation = context
-        .fine
-        .evaluate(&best.candidate)
-        .ok_or_else(|| Error::Computation("the best fit has no response".into()))?;
-    let samples = uncertainty::whiteness(context.fine, &context.fine.residuals(&evaluation)).effective_samples;
-    let criteria: Vec<(f64, f64)> = tried
-        .iter()
-        .map(|(_, _, found, _)| {
-            let misfit =
-                samples * (2.0 * found.minimum.cost / context.fine.samples() as f64).max(f64::MIN_POSITIVE).ln();
-            let k = found.variables.len() as f64;
-            (misfit + 2.0 * k, misfit + k * samples.ln())
-        })
-        .collect();
-    let least = |of: &dyn Fn(&(f64, f64)) -> f64| criteria.iter().map(of).fold(f64::INFINITY, f64::min);
-    let (aic, bic) = (least(&|c| c.0), least(&|c| c.1));
-    let least_left_out = tried.iter().filter_map(|t| t.3).fold(f64::INFINITY, f64::min);
-    let judged = tried.iter().any(|t| t.3.is_some());
-    let not_worse = |index: usize| match tried[index].3 {
-        Some(error) => error <= MARGIN * least_left_out,
-        None => !judged && criteria[index].1 <= bic + MARGIN_BIC,
-    };
-    let chosen = (0..tried.len())
-        .filter(|&index| not_worse(index))
-        .min_by(|&a, &b| {
-            let size = |i: usize| tried[i].2.variables.len();
-            size(a).cmp(&size(b)).then(criteria[a].1.total_cmp(&criteria[b].1))
-        })
-        .unwrap_or(0);
-
-    let rows = tried
-        .iter()
-        .zip(&criteria)
-        .enumerate()
-        .map(|(index, ((topology, branches, found, left_out), criterion))| {
-            let agreements = agreements(context.fine, &found.candidate);
-            let n = agreements.len() as f64;
-            Row {
-                topology: *topology,
-                branches: *branches,
-                variables: found.variables.len(),
-                r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
-                nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
-                delta_aic: criterion.0 - aic,
-                delta_bic: criterion.1 - bic,
-                left_out_nrmse_pct: *left_out,
-                chosen: index == chosen,
-            }
-        })
-        .collect();
-    Ok((tried.swap_remove(chosen).2, rows))
+    Ok(fits)
 }
 
-/// Agreement of a candidate with every recording; empty where it has no response.
+/// Information criteria of all structures, in their order.
+struct Criteria {
+    /// Akaike's and the Bayesian criterion.
+    aic_bic: Vec<(f64, f64)>,
+    least_aic: f64,
+    least_bic: f64,
+}
+
+impl Criteria {
+    /// The criteria of `fits`, with the number of independent samples from the residuals of the best of them.
+    fn of(context: &Context<'_>, fits: &[StructureFit]) -> Result<Self> {
+        let cost = |fit: &&StructureFit| fit.found.minimum.cost;
+        let best = fits.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
+        let evaluation = best
+            .and_then(|best| context.fine.evaluate(&best.found.candidate))
+            .ok_or_else(|| Error::Computation("the best fit has no response".into()))?;
+        let samples = Whiteness::of(context.fine, &context.fine.residuals(&evaluation)).effective_samples;
+        let aic_bic: Vec<(f64, f64)> = fits
+            .iter()
+            .map(|fit| {
+                let variance = (2.0 * cost(&fit) / context.fine.samples() as f64).max(f64::MIN_POSITIVE);
+                let misfit = samples * variance.ln();
+                let k = fit.variables() as f64;
+                (misfit + 2.0 * k, misfit + k * samples.ln())
+            })
+            .collect();
+        let least = |of: fn(&(f64, f64)) -> f64| aic_bic.iter().map(of).fold(f64::INFINITY, f64::min);
+        let (least_aic, least_bic) = (least(|c| c.0), least(|c| c.1));
+        Ok(Self { aic_bic, least_aic, least_bic })
+    }
+
+    /// The structure with the fewest variables of those that are not worse than the best.
+    fn smallest_that_is_not_worse(&self, fits: &[StructureFit]) -> usize {
+        let cross_validated = fits.iter().any(|fit| fit.left_out_nrmse_pct.is_some());
+        let least_left_out = fits.iter().filter_map(|fit| fit.left_out_nrmse_pct).fold(f64::INFINITY, f64::min);
+        let not_worse = |k: usize| match fits[k].left_out_nrmse_pct {
+            Some(error) => error <= MARGIN * least_left_out,
+            None => !cross_validated && self.aic_bic[k].1 <= self.least_bic + MARGIN_BIC,
+        };
+        (0..fits.len())
+            .filter(|&k| not_worse(k))
+            .min_by(|&a, &b| {
+                let by_size = fits[a].variables().cmp(&fits[b].variables());
+                by_size.then(self.aic_bic[a].1.total_cmp(&self.aic_bic[b].1))
+            })
+            .unwrap_or(0)
+    }
+
+    /// The row of `fit`, which is number `k`.
+    fn row(&self, context: &Context<'_>, fit: &StructureFit, k: usize, chosen: bool) -> StructureRow {
+        let agreements = agreements(context.fine, &fit.found.candidate);
+        let n = agreements.len() as f64;
+        StructureRow {
+            topology: fit.topology,
+            branches: fit.branches,
+            variables: fit.variables(),
+            r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
+            nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
+            delta_aic: self.aic_bic[k].0 - self.least_aic,
+            delta_bic: self.aic_bic[k].1 - self.least_bic,
+            left_out_nrmse_pct: fit.left_out_nrmse_pct,
+            chosen,
+        }
+    }
+}
+
+/// Agreement of a candidate with every recording; empty if it has no response.
 pub fn agreements(objective: &Objective, candidate: &Candidate) -> Vec<Agreement> {
     let evaluation = objective.evaluate(candidate);
     let modelled = evaluation.map(|evaluation| evaluation.modelled).unwrap_or_default();
     objective.measured().zip(&modelled).map(|(measured, modelled)| Agreement::of(measured, modelled)).collect()
 }
 
-/// NRMSE (%) of a candidate as the loss counts: with Huber's, from the spread of the residuals, whatever the drop-outs.
+/// NRMSE (%) of a candidate; for Huber's loss from robust estimates, which drop-outs do not change.
 fn nrmse_pct(objective: &Objective, candidate: &Candidate, loss: Loss) -> Option<f64> {
     let agreement = *agreements(objective, candidate).first()?;
     if loss == Loss::Square {
         return Some(agreement.nrmse_pct);
     }
     let residuals = objective.residuals(&objective.evaluate(candidate)?);
-    let range = loss::range(objective.measured().flatten().copied());
-    Some(100.0 * loss::spread(&residuals) / range.max(f64::MIN_POSITIVE))
+    let range = loss::percentile_range(objective.measured().flatten().copied());
+    Some(100.0 * loss::robust_deviation(&residuals) / range.max(f64::MIN_POSITIVE))
 }
 
-/// The candidate with one more branch, small, at three relaxation times.
+/// The candidate with one more branch of little effect, at three relaxation times.
 fn grown(candidate: &Candidate, topology: Topology, context: &Context<'_>) -> Vec<Candidate> {
     let (short, long) = context.scales.times_s;
     [0.2, 0.5, 0.8]
@@ -178,7 +214,7 @@ fn grown(candidate: &Candidate, topology: Topology, context: &Context<'_>) -> Ve
             let time = short * f64::powf(long / short, share);
             let stiffness = match topology {
                 Topology::Parallel => 0.1 * context.scales.stiffness,
-                // In series with all others: stiff is what does little.
+                // In series with all others: a stiff branch has little effect.
                 Topology::Eq11 => 10.0 * context.scales.stiffness,
             };
             let mut grown = candidate.clone();
@@ -192,7 +228,7 @@ fn grown(candidate: &Candidate, topology: Topology, context: &Context<'_>) -> Ve
 
 /// Fits to all recordings but one, and their error on that one.
 pub struct LeftOut {
-    /// The others, and the one.
+    /// The other recordings, and the one that is left out.
     folds: Vec<(Objective, Objective)>,
 }
 
@@ -220,15 +256,15 @@ impl LeftOut {
         Ok(Some(Self { folds }))
     }
 
-    /// Mean NRMSE (%) of the recordings that were left out; nothing if the search was interrupted.
+    /// Mean NRMSE (%) of the recordings that were left out; none if the search was interrupted.
     pub fn error(&self, context: &Context<'_>, found: &Found) -> Option<f64> {
-        // From the fit to all of them it is not far.
-        let limits = Limits { iterations: 40, decrease: 1e-6 };
+        // The fit to all of them is a close start.
+        let stopping = StoppingCriteria { iterations: 40, decrease: 1e-6 };
         let errors: Vec<f64> = self
             .folds
             .par_iter()
             .map(|(others, one)| {
-                let fitted = context.descend_over(others, &found.candidate, found.variables.clone(), limits)?;
+                let fitted = context.descend_over(others, &found.candidate, found.variables.clone(), stopping)?;
                 nrmse_pct(one, &fitted.candidate, context.loss)
             })
             .collect::<Option<_>>()?;

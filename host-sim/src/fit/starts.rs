@@ -1,26 +1,72 @@
-//! Where searches begin.
+//! Start values of searches.
 
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use springpot::{Actuator, Springpot, Topology};
 
 use super::candidate::Candidate;
+use super::observation::{Observation, median, range};
+use crate::files::recording::Input;
 
-/// What a recording tells about its film before anything is fitted.
+/// Orders of magnitude of the film's parameters, estimated from recordings before the fit.
 #[derive(Clone, Copy, Debug)]
 pub struct Scales {
     /// Peak-to-peak force over peak-to-peak displacement, N/m.
     pub stiffness: f64,
     /// Shortest and longest time that the recordings resolve, s.
     pub times_s: (f64, f64),
-    /// A coupling that matters, 1/m.
+    /// Coupling at which the force changes by 15 % over the stroke, 1/m.
     pub coupling: f64,
+}
+
+impl Scales {
+    /// The scales of `observations`; `force_per_square_volt` (N/V²) converts voltage to force.
+    pub fn of(observations: &[Observation], force_per_square_volt: f64) -> Self {
+        let stiffness: Vec<f64> = observations.iter().map(|o| stiffness(o, force_per_square_volt)).collect();
+        let (mut longest, mut shortest, mut stroke) = (0f64, f64::INFINITY, 0f64);
+        for observation in observations {
+            if !matches!(observation.input, Input::Displacement(_)) {
+                let (low, high) = range(&observation.measured.value);
+                stroke = stroke.max(high - low);
+            }
+            longest = longest.max(observation.input.samples().time_s.last().copied().unwrap_or(0.0));
+            shortest = shortest.min(10.0 / observation.rate_hz);
+        }
+        Self {
+            stiffness: median(&stiffness).max(1e-3),
+            times_s: (shortest.min(0.1 * longest), 2.0 * longest),
+            coupling: if stroke > 0.0 { (0.15 / stroke).min(1e3) } else { 0.0 },
+        }
+    }
+}
+
+/// Peak-to-peak force over peak-to-peak displacement of one observation, N/m; for a constant load its size.
+fn stiffness(observation: &Observation, force_per_square_volt: f64) -> f64 {
+    let (low, high) = range(&observation.measured.value);
+    let measured = high - low;
+    let values = &observation.input.samples().value;
+    match observation.input {
+        Input::Voltage(_) => {
+            let squared: Vec<f64> = values.iter().map(|v| v * v).collect();
+            let (low, high) = range(&squared);
+            let change = if high > low { high - low } else { high };
+            force_per_square_volt * change / measured
+        }
+        Input::Force(_) => {
+            let (low, high) = range(values);
+            (if high > low { high - low } else { high.abs() }) / measured
+        }
+        Input::Displacement(_) => {
+            let (low, high) = range(values);
+            measured / (high - low).max(f64::MIN_POSITIVE)
+        }
+    }
 }
 
 /// The `index`-th start of a search for `branches` branches; the same seed gives the same starts.
 ///
-/// The main springpot takes about the film's stiffness. Every branch pairs a nearly elastic with a nearly viscous
-/// springpot whose crossing lies among the times that the recordings resolve.
+/// The main springpot has about the film's stiffness. Every branch pairs a nearly elastic with a nearly viscous springpot
+/// whose relaxation time is within those that the recordings resolve.
 pub fn start(
     actuator: Actuator,
     topology: Topology,

@@ -1,19 +1,32 @@
-//! What the user of a fit should know, plainly.
+//! Warnings to the user of a fit.
 
 use springpot::Actuator;
 
 use super::loss::{self, Loss};
-use super::objective::Observation;
-use super::observation;
-use super::uncertainty::Trust;
+use super::observation::{Excitation, Observation, median};
+use super::uncertainty::Uncertainty;
 use crate::files::recording::Input;
 
-/// What the data leave open; `residuals` in the unit of the measurement.
-pub fn of_trust(trust: &Trust, residuals: &[f64], warnings: &mut Vec<String>) {
-    for set in &trust.undetermined {
+/// Inputs that do not vary.
+pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<String>) {
+    if !excitation.varies {
+        warnings.push("the input is constant: the recordings show creep under one load only".into());
+    }
+}
+
+/// A search that did not converge.
+pub fn of_convergence(converged: bool, warnings: &mut Vec<String>) {
+    if !converged {
+        warnings.push("the search ran out of iterations; continue it with --start and this result".into());
+    }
+}
+
+/// What the data do not determine; `residuals` in the unit of the measurement.
+pub fn of_uncertainty(uncertainty: &Uncertainty, residuals: &[f64], warnings: &mut Vec<String>) {
+    for set in &uncertainty.undetermined {
         warnings.push(format!("the recordings leave {set} free: other values fit as well"));
     }
-    let at_bound: Vec<String> = trust
+    let at_bound: Vec<String> = uncertainty
         .estimates
         .iter()
         .filter(|estimate| estimate.at_bound)
@@ -21,38 +34,38 @@ pub fn of_trust(trust: &Trust, residuals: &[f64], warnings: &mut Vec<String>) {
         .collect();
     if !at_bound.is_empty() {
         let idle = at_bound.iter().any(|name| name.contains(".c = "));
-        let mend = if idle { "; a branch whose c is on its bound does nothing: fewer branches will do" } else { "" };
+        let mend = if idle { "; a branch whose c is on its bound has no effect: fewer branches will do" } else { "" };
         warnings.push(format!("on their bounds: {}{mend}", at_bound.join(", ")));
     }
-    if !trust.white {
+    if !uncertainty.white {
         let rms = (residuals.iter().map(|r| r * r).sum::<f64>() / residuals.len() as f64).sqrt();
         warnings.push(format!(
-            "the residuals (RMS {rms:.2e}) are not white (autocorrelation {:.2} at lag one): the model leaves something out, \
-             and the intervals count {:.0} independent samples instead of {}",
-            trust.lag_one,
-            trust.effective_samples,
+            "the residuals (RMS {rms:.2e}) are not white (autocorrelation {:.2} at lag one): the model is incomplete, and the \
+             intervals count {:.0} independent samples instead of {}",
+            uncertainty.lag_one,
+            uncertainty.effective_samples,
             residuals.len()
         ));
     }
 }
 
-/// Values that lie far off.
+/// Outliers.
 pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<String>) {
-    // A fit that outliers have pulled leaves the others beside nought.
-    let middle = observation::median(residuals);
+    // Outliers shift the fit, so that the mean of the other residuals is not zero.
+    let middle = median(residuals);
     let centred: Vec<f64> = residuals.iter().map(|r| r - middle).collect();
-    let limit = 6.0 * loss::spread(&centred);
+    let limit = 6.0 * loss::robust_deviation(&centred);
     let outliers = centred.iter().filter(|r| r.abs() > limit).count();
     if outliers > 0 && limit > 0.0 {
-        let mend = if loss == Loss::Square { "; --loss huber keeps them from pulling" } else { "" };
-        warnings.push(format!("{outliers} values lie far off (more than 6 standard deviations){mend}"));
+        let mend = if loss == Loss::Square { "; --loss huber reduces their effect" } else { "" };
+        warnings.push(format!("{outliers} outliers (more than 6 standard deviations){mend}"));
     }
 }
 
-/// No film stands such a field, V/m.
+/// Above the breakdown field of any film, V/m.
 const HIGHEST_FIELD: f64 = 1e9;
 
-/// Units that cannot be meant.
+/// Values that suggest wrong units.
 pub fn of_units(
     observations: &[Observation],
     actuator: &Actuator,
@@ -73,7 +86,7 @@ pub fn of_units(
             }
         }
         if !matches!(observation.input, Input::Displacement(_)) {
-            let stroke = loss::range(observation.measured.value.iter().copied());
+            let stroke = loss::percentile_range(observation.measured.value.iter().copied());
             let size = actuator.length_m.max(actuator.width_m);
             if stroke > 2.0 * size {
                 warnings.push(format!("{name}: a stroke of {stroke:.3} m of a film of {size} m; check the units"));

@@ -16,6 +16,8 @@ pub struct FullMemory {
     samples: usize,
     /// ln((1 − ζ)/h) at the points of the upper half circle.
     ln_s: Vec<Complex<f64>>,
+    /// Largest error that wrapping and rounding leave, relative to the largest response.
+    rounding: f64,
     /// radius^k for every sample k.
     damping: Vec<f64>,
     forward: Arc<dyn RealToComplex<f64>>,
@@ -31,7 +33,7 @@ impl FullMemory {
         Self::with_oversampling(samples, step, 4)
     }
 
-    /// The same with `oversampling` times as many points as samples, 2 at the least.
+    /// The same with `oversampling` times as many points as samples, at least 2.
     pub fn with_oversampling(samples: usize, step: f64, oversampling: usize) -> Self {
         let oversampling = oversampling.max(2);
         let points = smooth_length(samples.max(1) * oversampling);
@@ -54,6 +56,7 @@ impl FullMemory {
         Self {
             samples,
             ln_s,
+            rounding: (ln_radius * points as f64).exp(),
             damping: (0..samples).map(|k| (ln_radius * k as f64).exp()).collect(),
             forward: planner.plan_fft_forward(points),
             backward: planner.plan_fft_inverse(points),
@@ -87,6 +90,11 @@ impl FullMemory {
     /// ln s at the points of the upper half circle, s = (1 − ζ)/h in 1/s.
     pub fn ln_s(&self) -> &[Complex<f64>] {
         &self.ln_s
+    }
+
+    /// Largest error that wrapping and rounding leave, relative to the largest response.
+    pub fn rounding(&self) -> f64 {
+        self.rounding
     }
 
     /// Samples the circle is for.

@@ -1,6 +1,10 @@
 //! Recordings and references through a model: the controller's own code, or its full-memory reference.
 
+pub mod comparison;
+pub mod coupling;
+pub mod feasibility;
 pub mod feedforward;
 pub mod full_memory;
+pub mod memory;
 pub mod observer;
 pub mod simulate;

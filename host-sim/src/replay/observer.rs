@@ -1,21 +1,20 @@
-//! The observer over a recording: what the controller would have known.
+//! The observer over a recording: what a controller would have estimated.
 
 use indicatif::ProgressBar;
 use serde::Serialize;
-use springpot::{Observer, ObserverOptions, Real, Sample};
+use springpot::{ControlError, Law, Memory, Observer, ObserverOptions, Real, Sample, State};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
-use crate::files::recording::Samples;
-use crate::grid::Grid;
-use crate::replay::simulate::{Precision, compressed_law};
+use crate::grid::{Grid, Samples};
+use crate::replay::memory::{OnLaw, Precision, on_compressed};
 
 /// Estimates, one value per sample of the grid.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Estimates {
     /// The estimated displacement, m.
     pub displacement_m: Vec<f64>,
-    /// The sample that arrived, m; NaN where none did.
+    /// The sensor's reading that arrived, offset included, m; NaN where none did.
     pub sample_m: Vec<f64>,
     /// Estimated disturbance force, N.
     pub disturbance_n: Vec<f64>,
@@ -23,16 +22,16 @@ pub struct Estimates {
     pub force_scale: Vec<f64>,
     /// The last innovation, m.
     pub innovation_m: Vec<f64>,
-    /// Its running mean and standard deviation, m.
+    /// Running mean of the innovation, m.
     pub innovation_mean_m: Vec<f64>,
-    /// See `innovation_mean_m`.
+    /// Running standard deviation of the innovation, m.
     pub innovation_std_m: Vec<f64>,
 }
 
-/// What an observer made of a recording.
+/// An observer's run over a recording in a few numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Observed {
-    /// Sensor samples that were taken in.
+pub struct ObserverSummary {
+    /// Sensor samples that were used.
     pub samples: usize,
     /// RMS of the innovation over all of them, m.
     pub innovation_rms_m: f64,
@@ -43,12 +42,12 @@ pub struct Observed {
 }
 
 impl Estimates {
-    /// What is worth telling.
-    pub fn observed(&self) -> Observed {
+    /// The run in a few numbers.
+    pub fn summary(&self) -> ObserverSummary {
         let taken = self.sample_m.iter().zip(&self.innovation_m).filter(|(sample, _)| !sample.is_nan());
         let (samples, square) = taken.fold((0, 0.0), |(n, sum), (_, e)| (n + 1, sum + e * e));
         let last = |values: &[f64]| values.last().copied().unwrap_or(f64::NAN);
-        Observed {
+        ObserverSummary {
             samples,
             innovation_rms_m: (square / samples as f64).sqrt(),
             disturbance_n: last(&self.disturbance_n),
@@ -57,13 +56,35 @@ impl Estimates {
     }
 }
 
-/// Runs the observer of `parameters` under `voltage_v` (on `grid`) with the `measured` displacements, whose times are those
-/// at which they were measured.
+/// The options of an observer of `bandwidth_hz` and `adaptation_s` for the sample times of `measured`, on `grid`: the sensor
+/// counts as lost after five median intervals.
+///
+/// # Errors
+///
+/// [`Error::Computation`] for fewer than two samples.
+pub fn options(bandwidth_hz: f64, adaptation_s: f64, measured: &Samples, grid: Grid) -> Result<ObserverOptions> {
+    let mut intervals: Vec<f64> = measured.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if intervals.is_empty() {
+        return Err(Error::Computation("one measured displacement; the observer needs at least 2".into()));
+    }
+    intervals.sort_by(f64::total_cmp);
+    let interval_s = intervals[intervals.len() / 2].max(grid.step_s());
+    Ok(ObserverOptions {
+        sample_interval_s: interval_s,
+        delay_s: 0.0,
+        lost_after_s: 5.0 * interval_s,
+        adaptation_s,
+        ..ObserverOptions::at_bandwidth(bandwidth_hz)
+    })
+}
+
+/// Runs the observer of `parameters` under `voltage_v` (on `grid`) with the sensor's readings `measured` at the times at
+/// which they were measured.
 ///
 /// # Errors
 ///
 /// [`Error`] where a law or the observer's options are refused.
-pub fn observe(
+pub fn estimate(
     parameters: &Parameters,
     voltage_v: &[f64],
     measured: &Samples,
@@ -72,52 +93,8 @@ pub fn observe(
     precision: Precision,
     progress: &ProgressBar,
 ) -> Result<Estimates> {
-    match precision {
-        Precision::F32 => run::<f32>(parameters, voltage_v, measured, grid, options, progress),
-        Precision::F64 => run::<f64>(parameters, voltage_v, measured, grid, options, progress),
-    }
-}
-
-fn run<T: Real>(
-    parameters: &Parameters,
-    voltage_v: &[f64],
-    measured: &Samples,
-    grid: Grid,
-    options: ObserverOptions,
-    progress: &ProgressBar,
-) -> Result<Estimates> {
-    let law = compressed_law::<T>(&parameters.model, grid.rate_hz)?;
-    let rest = law.state();
-    let largest = voltage_v.iter().fold(1.0, |largest: f64, v| largest.max(v.abs()));
-    let observer: Observer<T> =
-        Observer::new(law, &parameters.actuator, largest, options).map_err(|error| match error {
-            springpot::ControlError::Actuator(error) => error.into(),
-            error => Error::option("--bandwidth", error.to_string()),
-        })?;
-    let mut state = observer.state(rest);
-    let mut estimates = Estimates::default();
-    let mut next = 0;
-    for (k, &volts) in voltage_v.iter().enumerate() {
-        // The newest of the samples that were measured since the last tick.
-        let mut reading = f64::NAN;
-        while next < measured.time_s.len() && measured.time_s[next] <= grid.time_s(k) + 1e-9 {
-            reading = measured.value[next];
-            next += 1;
-        }
-        let sample = (!reading.is_nan())
-            .then(|| Sample { displacement: T::from_f64(reading - parameters.sensor_offset_m), age_ticks: 0 });
-        let estimate = observer.observe(&mut state, T::from_f64(volts), sample);
-        estimates.displacement_m.push(estimate.to_f64());
-        estimates.sample_m.push(reading);
-        estimates.disturbance_n.push(state.disturbance().to_f64());
-        estimates.force_scale.push(state.force_scale().to_f64());
-        estimates.innovation_m.push(state.innovation().to_f64());
-        estimates.innovation_mean_m.push(state.statistics().mean().to_f64());
-        estimates.innovation_std_m.push(state.statistics().variance().to_f64().max(0.0).sqrt());
-        if k % 4096 == 4095 {
-            progress.inc(4096);
-        }
-    }
+    let run = ObserverRun { parameters, voltage_v, measured, grid, options, progress };
+    let estimates = on_compressed(&parameters.model, grid.rate_hz, precision, run)?;
     if !estimates.displacement_m.iter().chain(&estimates.disturbance_n).all(|value| value.is_finite()) {
         return Err(Error::Computation(
             "the estimate leaves the range of the number type; check the units of the recording and the parameters"
@@ -125,4 +102,57 @@ fn run<T: Real>(
         ));
     }
     Ok(estimates)
+}
+
+/// An observer's refusal, as an error about its bandwidth or about the actuator.
+pub(crate) fn refused(error: ControlError) -> Error {
+    match error {
+        ControlError::Actuator(error) => error.into(),
+        error => Error::option("--bandwidth", error.to_string()),
+    }
+}
+
+struct ObserverRun<'a> {
+    parameters: &'a Parameters,
+    voltage_v: &'a [f64],
+    measured: &'a Samples,
+    grid: Grid,
+    options: ObserverOptions,
+    progress: &'a ProgressBar,
+}
+
+impl OnLaw for ObserverRun<'_> {
+    type Output = Estimates;
+
+    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: State<T, M>) -> Result<Estimates> {
+        let sensor = self.parameters.sensor();
+        let largest = self.voltage_v.iter().fold(1.0, |largest: f64, v| largest.max(v.abs()));
+        let observer: Observer<T, M> =
+            Observer::new(law, &self.parameters.actuator, largest, self.options).map_err(refused)?;
+        let mut state = observer.state(rest);
+        let mut estimates = Estimates::default();
+        let mut next = 0;
+        for (k, &volts) in self.voltage_v.iter().enumerate() {
+            // The newest of the samples that were measured since the last tick.
+            let mut reading = f64::NAN;
+            while next < self.measured.time_s.len() && self.measured.time_s[next] <= self.grid.time_s(k) + 1e-9 {
+                reading = self.measured.value[next];
+                next += 1;
+            }
+            let sample = (!reading.is_nan())
+                .then(|| Sample { displacement: T::from_f64(sensor.film_displacement_m(reading)), age_ticks: 0 });
+            let estimate = observer.observe(&mut state, T::from_f64(volts), sample);
+            estimates.displacement_m.push(estimate.to_f64());
+            estimates.sample_m.push(reading);
+            estimates.disturbance_n.push(state.disturbance().to_f64());
+            estimates.force_scale.push(state.force_scale().to_f64());
+            estimates.innovation_m.push(state.innovation().to_f64());
+            estimates.innovation_mean_m.push(state.statistics().mean().to_f64());
+            estimates.innovation_std_m.push(state.statistics().variance().to_f64().max(0.0).sqrt());
+            if k % 4096 == 4095 {
+                self.progress.inc(4096);
+            }
+        }
+        Ok(estimates)
+    }
 }

@@ -1,8 +1,8 @@
-//! Pages (HTML) that stand alone: no script, no link, figures inside.
+//! HTML pages without scripts or links, with their figures inside.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-use crate::report::plot::{self, Panel};
+use super::plot::{self, Panel};
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}\
     table{border-collapse:collapse;margin:1rem 0}th,td{padding:.2rem .7rem;text-align:right;border-bottom:1px solid #ddd}\
@@ -28,7 +28,7 @@ pub fn page(title: &str, body: &Markup) -> String {
     .into_string()
 }
 
-/// A table; rows that are marked stand out.
+/// A table; marked rows are highlighted.
 pub fn table(header: &[&str], rows: &[(bool, Vec<String>)]) -> Markup {
     html! {
         table {
@@ -45,7 +45,7 @@ pub fn table(header: &[&str], rows: &[(bool, Vec<String>)]) -> Markup {
 /// A figure inside the page.
 pub fn figure(panels: &[Panel]) -> Markup {
     let svg = plot::svg(panels);
-    // What stands before the picture belongs to a file of its own.
+    // Without the XML declaration of a file.
     let start = svg.find("<svg").unwrap_or(0);
     PreEscaped(svg[start..].to_owned())
 }

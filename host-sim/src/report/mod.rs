@@ -1,4 +1,7 @@
-//! Reports for people: pages and figures.
+//! Reports: pages, tables and figures.
 
+pub mod fit_page;
+pub mod fit_report;
 pub mod html;
 pub mod plot;
+pub mod study_page;

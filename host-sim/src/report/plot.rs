@@ -11,14 +11,14 @@ use kuva::render::render::Scene;
 use crate::error::{Error, Result};
 use crate::files::output;
 
-/// Colours that stay apart for the colour-blind (Okabe and Ito), in the order in which lines take them.
+/// Colours that colour-blind people can tell apart (Okabe and Ito), in the order of the lines.
 pub const COLOURS: [&str; 6] = ["#7f7f7f", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00"];
 
 /// Width and height of a panel in pixels.
 const PANEL: (f64, f64) = (900.0, 330.0);
-/// All panels leave as much for their legends, so that their axes are aligned.
+/// The same width for the legends of all panels, so that their axes are aligned.
 const LEGEND_WIDTH: f64 = 220.0;
-/// More points than these are thinned: no screen shows them.
+/// More points than these are thinned: a screen does not show them.
 const MOST_POINTS: usize = 2000;
 
 /// A line of a panel.
@@ -163,24 +163,20 @@ fn scene(panels: &[Panel]) -> Scene {
     Figure::new(panels.len(), 1).with_plots(plots).with_layouts(layouts).with_cell_size(PANEL.0, PANEL.1).render()
 }
 
-/// Every stretch of points becomes its first, lowest, highest and last one, so that no peak is lost.
+/// Every chunk of points becomes its first, lowest, highest and last one, so that no peak is lost.
 fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
-    let stretch = points.len().div_ceil(MOST_POINTS / 4);
-    if stretch <= 4 {
+    let length = points.len().div_ceil(MOST_POINTS / 4);
+    if length <= 4 {
         return points;
     }
     points
-        .chunks(stretch)
-        .flat_map(|stretch| {
-            let by_value = |i: &usize, j: &usize| stretch[*i].1.total_cmp(&stretch[*j].1);
-            let mut keep = [
-                Some(0),
-                (0..stretch.len()).min_by(by_value),
-                (0..stretch.len()).max_by(by_value),
-                Some(stretch.len() - 1),
-            ];
+        .chunks(length)
+        .flat_map(|chunk| {
+            let by_value = |i: &usize, j: &usize| chunk[*i].1.total_cmp(&chunk[*j].1);
+            let mut keep =
+                [Some(0), (0..chunk.len()).min_by(by_value), (0..chunk.len()).max_by(by_value), Some(chunk.len() - 1)];
             keep.sort_unstable();
-            keep.into_iter().flatten().map(|i| stretch[i]).collect::<Vec<_>>()
+            keep.into_iter().flatten().map(|i| chunk[i]).collect::<Vec<_>>()
         })
         .collect()
 }

@@ -1,24 +1,26 @@
-//! The fractional model beside what else is used for creep, on the same recordings.
+//! The fractional model and other models of creep, fitted to the same recordings.
 
 use std::hint::black_box;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use serde::Serialize;
 use springpot::{Actuator, Compressed, Law, Memory, Options, Springpot, Topology, VoltageDrive};
 
 use crate::error::{Error, Result};
+use crate::fit::Settings;
 use crate::fit::candidate::{Candidate, Variable};
-use crate::fit::objective::Observation;
-use crate::fit::search::{Context, Found};
+use crate::fit::observation::Observation;
+use crate::fit::search::{Context, Found, PreparedObservations};
 use crate::fit::selection::{self, LeftOut};
 use crate::studies::prandtl_ishlinskii::PrandtlIshlinskii;
 
-/// A model of the comparison.
+/// A model of the comparison, as `compare --json` prints it.
 #[derive(Clone, Debug, Serialize)]
-pub struct Row {
-    /// What it is.
+pub struct ModelRow {
+    /// Name of the model.
     pub model: String,
-    /// Fitted quantities.
+    /// Number of fitted quantities.
     pub parameters: usize,
     /// Mean of the recordings' R².
     pub r2_mean: f64,
@@ -30,52 +32,56 @@ pub struct Row {
     pub step_ns: f64,
 }
 
-/// Kinds of models that the recursion can run.
+/// Models that the recursion can run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum CreepModel {
     /// Springs and dashpots: a generalised Maxwell model, or Prony series.
     Prony(usize),
     /// Springpots.
     Fractional(Topology, usize),
 }
 
-const KINDS: [(&str, Kind); 10] = [
-    ("single springpot", Kind::Fractional(Topology::Parallel, 0)),
-    ("standard linear solid", Kind::Prony(1)),
-    ("Prony series, 2 branches", Kind::Prony(2)),
-    ("Prony series, 3 branches", Kind::Prony(3)),
-    ("Prony series, 4 branches", Kind::Prony(4)),
-    ("Prony series, 5 branches", Kind::Prony(5)),
-    ("fractional Maxwell, n = 1", Kind::Fractional(Topology::Parallel, 1)),
-    ("Eq. 11, n = 2", Kind::Fractional(Topology::Eq11, 2)),
-    ("fractional Maxwell, n = 2", Kind::Fractional(Topology::Parallel, 2)),
-    ("fractional Maxwell, n = 3", Kind::Fractional(Topology::Parallel, 3)),
+const MODELS: [(&str, CreepModel); 10] = [
+    ("single springpot", CreepModel::Fractional(Topology::Parallel, 0)),
+    ("standard linear solid", CreepModel::Prony(1)),
+    ("Prony series, 2 branches", CreepModel::Prony(2)),
+    ("Prony series, 3 branches", CreepModel::Prony(3)),
+    ("Prony series, 4 branches", CreepModel::Prony(4)),
+    ("Prony series, 5 branches", CreepModel::Prony(5)),
+    ("fractional Maxwell, n = 1", CreepModel::Fractional(Topology::Parallel, 1)),
+    ("Eq. 11, n = 2", CreepModel::Fractional(Topology::Eq11, 2)),
+    ("fractional Maxwell, n = 2", CreepModel::Fractional(Topology::Parallel, 2)),
+    ("fractional Maxwell, n = 3", CreepModel::Fractional(Topology::Parallel, 3)),
 ];
 
-/// Fits every model to `observations` and to all of them but one; `progress` hears what is being done.
+/// Fits every model to `observations` and to all of them but one; `progress` is called with the name of each model.
 ///
 /// # Errors
 ///
 /// [`Error`] where a model cannot be fitted.
-pub fn compare(context: &Context<'_>, observations: &[Observation], progress: &dyn Fn(&str)) -> Result<Vec<Row>> {
+pub fn compare(observations: &[Observation], settings: &Settings, progress: &dyn Fn(&str)) -> Result<Vec<ModelRow>> {
+    let prepared = PreparedObservations::new(observations, &settings.actuator)?;
+    // A part of a comparison is of no use: there is no early end.
+    let never = AtomicBool::new(false);
+    let context = &prepared.context(settings, &never);
     let left_out = LeftOut::new(observations)?;
     let mut rows = Vec::new();
     let mut smaller: Option<Candidate> = None;
-    for (name, kind) in KINDS {
+    for (name, model) in MODELS {
         progress(name);
-        let found = kind
+        let found = model
             .best(context, smaller.as_ref())
             .ok_or_else(|| Error::Computation(format!("{name}: no fit was found")))?;
         smaller = Some(found.candidate.clone());
         let agreements = selection::agreements(context.fine, &found.candidate);
         let n = agreements.len() as f64;
-        rows.push(Row {
+        rows.push(ModelRow {
             model: name.into(),
             parameters: found.variables.len(),
             r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
             nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
             left_out_nrmse_pct: left_out.as_ref().and_then(|left_out| left_out.error(context, &found)),
-            step_ns: kind.step_ns(&found.candidate)?,
+            step_ns: model.step_ns(&found.candidate)?,
         });
     }
     progress("Prandtl–Ishlinskii");
@@ -83,8 +89,8 @@ pub fn compare(context: &Context<'_>, observations: &[Observation], progress: &d
     Ok(rows)
 }
 
-impl Kind {
-    /// The best of its kind; `smaller` is the fit before, from which a Prony series goes on.
+impl CreepModel {
+    /// The best candidate of this model; `smaller` is the fit before, from which a Prony series starts as well.
     fn best(self, context: &Context<'_>, smaller: Option<&Candidate>) -> Option<Found> {
         match self {
             Self::Fractional(topology, branches) => context.best(topology, branches, &[]),
@@ -94,17 +100,17 @@ impl Kind {
                     smaller.filter(|c| c.branches() + 1 == branches).into_iter().flat_map(|c| grown(context, c)),
                 );
                 let mut variables: Vec<Variable> = (0..=2 * branches).map(Variable::Coefficient).collect();
-                variables.extend(&context.surroundings);
+                variables.extend(&context.freed);
                 context.best_from(&starts, &variables)
             }
         }
     }
 
-    /// Time of a step of the law that a controller would run.
+    /// Time of a step of the law on a controller, run on this machine.
     fn step_ns(self, candidate: &Candidate) -> Result<f64> {
         let model = candidate.model()?;
         match self {
-            // Plain relaxation times need neither head nor compensation.
+            // For plain relaxation times a head of one sample and six poles are enough.
             Self::Prony(_) => {
                 let law: Law<f32, Compressed<f32, 1, 6, 0>> = Law::compressed(&model, Options::at_step(1e-3))?;
                 law_step_ns(&law, &candidate.actuator, || law.state())
@@ -117,7 +123,7 @@ impl Kind {
     }
 }
 
-/// Springs and dashpots whose relaxation times lie among those that the recordings resolve.
+/// Springs and dashpots whose relaxation times are within those that the recordings resolve.
 fn prony(context: &Context<'_>, branches: usize, share: f64) -> Candidate {
     let (short, long) = context.scales.times_s;
     let stiffness = context.scales.stiffness;
@@ -128,7 +134,7 @@ fn prony(context: &Context<'_>, branches: usize, share: f64) -> Candidate {
         elements.push(Springpot::new(share * stiffness * time, 1.0));
     }
     let mut actuator = context.actuator;
-    if context.surroundings.contains(&Variable::StretchCoupling) && actuator.stretch_coupling == 0.0 {
+    if context.freed.contains(&Variable::StretchCoupling) && actuator.stretch_coupling == 0.0 {
         actuator.stretch_coupling = context.scales.coupling;
     }
     Candidate { actuator, elements, topology: Topology::Parallel, offset_m: 0.0 }
@@ -178,7 +184,7 @@ fn law_step_ns<M: Memory<f32>>(
     }))
 }
 
-fn prandtl_ishlinskii(observations: &[Observation]) -> Result<Row> {
+fn prandtl_ishlinskii(observations: &[Observation]) -> Result<ModelRow> {
     let model = PrandtlIshlinskii::fit(observations)?;
     let agreements = observations.iter().map(|o| model.agreement(o)).collect::<Result<Vec<_>>>()?;
     let left_out = (0..observations.len())
@@ -190,7 +196,7 @@ fn prandtl_ishlinskii(observations: &[Observation]) -> Result<Row> {
         .collect::<Result<Vec<f64>>>();
     let n = agreements.len() as f64;
     let loads: Vec<f32> = (0..STEPS).map(|k| (6000.0 * (k % 5000) as f32 / 5000.0).powi(2)).collect();
-    Ok(Row {
+    Ok(ModelRow {
         model: "Prandtl–Ishlinskii, rate-dependent".into(),
         parameters: PrandtlIshlinskii::PARAMETERS,
         r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,

@@ -1,4 +1,4 @@
-//! Comparisons over many fits: the paper's study, and other models of creep beside this one.
+//! Comparisons over many fits: the paper's study, and other models of creep.
 
 pub mod compare;
 pub mod paper;

@@ -11,45 +11,45 @@ use springpot::{Actuator, Springpot, Topology};
 use crate::agreement::Agreement;
 use crate::error::Result;
 use crate::fit::candidate::Candidate;
-use crate::fit::objective::{Objective, Observation};
-use crate::fit::search::Workbench;
-use crate::fit::selection::name_of;
+use crate::fit::observation::Observation;
+use crate::fit::search::{Context, PreparedObservations};
+use crate::fit::settings::topology_name;
 use crate::fit::{Method, Settings, pattern_search};
 
 /// Branches of the joint fits.
-pub const BRANCHES: [usize; 5] = [1, 2, 3, 4, 5];
+const BRANCHES: [usize; 5] = [1, 2, 3, 4, 5];
 /// Branches of the fits to one recording.
 pub const BRANCHES_ALONE: usize = 2;
 /// Both topologies.
-pub const TOPOLOGIES: [Topology; 2] = [Topology::Eq11, Topology::Parallel];
+const TOPOLOGIES: [Topology; 2] = [Topology::Eq11, Topology::Parallel];
 /// Both methods.
-pub const METHODS: [Method; 2] = [Method::PatternSearch, Method::Lm];
+const METHODS: [Method; 2] = [Method::PatternSearch, Method::Lm];
 
 /// A fit of the study.
 #[derive(Clone, Debug)]
-pub struct Entry {
-    /// How it was found.
+pub struct StudyFit {
+    /// Method of the search.
     pub method: Method,
-    /// Its topology.
+    /// Topology.
     pub topology: Topology,
-    /// Its number of branches.
+    /// Number of branches.
     pub branches: usize,
-    /// The recording it is of, or all of them.
+    /// The recording that is fitted; none for all of them.
     pub recording: Option<usize>,
-    /// The fit.
+    /// The best candidate.
     pub candidate: Candidate,
-    /// Agreement with the recordings it is of.
+    /// Agreement with the fitted recordings.
     pub agreements: Vec<Agreement>,
-    /// Modelled values at the measured times of those.
+    /// Modelled values at their measured times.
     pub modelled: Vec<Vec<f64>>,
-    /// Residual evaluations.
+    /// Number of residual evaluations.
     pub evaluations: usize,
 }
 
-/// How a study is made.
+/// Options of a study.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
-    /// Eq. 1 and the weight; its coupling is left out.
+pub struct StudyOptions {
+    /// Eq. 1 and the weight; its coupling is set to 0.
     pub actuator: Actuator,
     /// Seed of the random starts.
     pub seed: u64,
@@ -57,90 +57,88 @@ pub struct Options {
     pub thinned: bool,
 }
 
-/// All fits of the study; `progress` hears of each that is done, with the number of all.
+/// All fits of the study; `progress` is called after each of them with the number of all.
 ///
 /// # Errors
 ///
-/// [`crate::Error`] for observations that allow no fit.
+/// [`crate::Error`] for observations that cannot be fitted.
 pub fn study(
     observations: &[Observation],
-    options: &Options,
-    stop: &AtomicBool,
+    options: &StudyOptions,
     progress: &(dyn Fn(usize) + Sync),
-) -> Result<Vec<Entry>> {
+) -> Result<Vec<StudyFit>> {
     let actuator = Actuator { stretch_coupling: 0.0, ..options.actuator };
-    let together = Workbench::new(observations, &actuator)?;
-    let alone =
-        observations.iter().map(|o| Workbench::new(std::slice::from_ref(o), &actuator)).collect::<Result<Vec<_>>>()?;
+    let together = PreparedObservations::new(observations, &actuator)?;
+    let alone = observations
+        .iter()
+        .map(|o| PreparedObservations::new(std::slice::from_ref(o), &actuator))
+        .collect::<Result<Vec<_>>>()?;
+    // A part of a study is of no use: there is no early end.
+    let never = AtomicBool::new(false);
     let mut jobs = Vec::new();
     for method in METHODS {
         for topology in TOPOLOGIES {
+            let job = |branches, recording| Job { method, topology, branches, recording };
             // The longest first.
-            jobs.extend(BRANCHES.iter().rev().map(|&branches| (method, topology, branches, None)));
-            jobs.extend((0..observations.len()).map(|index| (method, topology, BRANCHES_ALONE, Some(index))));
+            jobs.extend(BRANCHES.iter().rev().map(|&branches| job(branches, None)));
+            jobs.extend((0..observations.len()).map(|index| job(BRANCHES_ALONE, Some(index))));
         }
     }
     let all = jobs.len();
-    let mut entries: Vec<Entry> = jobs
+    let options = StudyOptions { actuator, ..*options };
+    let mut fits: Vec<StudyFit> = jobs
         .into_par_iter()
-        .filter_map(|(method, topology, branches, recording)| {
-            let workbench = recording.map_or(&together, |index| &alone[index]);
-            let entry =
-                entry(workbench, method, topology, branches, recording, &Options { actuator, ..*options }, stop);
+        .filter_map(|job| {
+            let prepared = job.recording.map_or(&together, |index| &alone[index]);
+            let fit = job.fit(prepared, &options, &never);
             progress(all);
-            entry
+            fit
         })
         .collect();
-    entries.sort_by_key(|e| (e.recording, e.branches));
-    Ok(entries)
+    fits.sort_by_key(|fit| (fit.recording, fit.branches));
+    Ok(fits)
 }
 
-fn entry(
-    workbench: &Workbench,
+/// A fit of the study before it is done.
+struct Job {
     method: Method,
     topology: Topology,
     branches: usize,
     recording: Option<usize>,
-    options: &Options,
-    stop: &AtomicBool,
-) -> Option<Entry> {
-    let settings = Settings {
-        method,
-        branches: vec![branches],
-        topologies: vec![topology],
-        actuator: options.actuator,
-        surroundings: Vec::new(),
-        seed: options.seed,
-        judge: false,
-        ..Settings::default()
-    };
-    let context = workbench.context(&settings, Vec::new(), stop);
-    let counted = AtomicUsize::new(0);
-    let context = crate::fit::search::Context { evaluations: &counted, ..context };
-    let candidate = match method {
-        Method::Lm => context.best(topology, branches, &[])?.candidate,
-        Method::PatternSearch => {
-            let start = pattern_search::paper_start(options.actuator, topology, branches);
-            let objective: &Objective = if options.thinned { context.coarse } else { context.fine };
-            let count = || {
-                counted.fetch_add(1, Ordering::Relaxed);
-            };
-            pattern_search::search(objective, &start, pattern_search::Limits::default(), stop, &count)?.candidate
-        }
-    };
-    let modelled = context.fine.evaluate(&candidate)?.modelled;
-    let agreements = context.fine.measured().zip(&modelled).map(|(y, x)| Agreement::of(y, x)).collect();
-    let evaluations = counted.load(Ordering::Relaxed);
-    Some(Entry { method, topology, branches, recording, candidate, agreements, modelled, evaluations })
 }
 
-impl Entry {
-    /// Mean of R² over its recordings.
+impl Job {
+    fn fit(self, prepared: &PreparedObservations, options: &StudyOptions, stop: &AtomicBool) -> Option<StudyFit> {
+        let Self { method, topology, branches, recording } = self;
+        let settings =
+            Settings { actuator: options.actuator, freed: Vec::new(), seed: options.seed, ..Settings::default() };
+        let counted = AtomicUsize::new(0);
+        let context = Context { evaluations: &counted, ..prepared.context(&settings, stop) };
+        let candidate = match method {
+            Method::Lm => context.best(topology, branches, &[])?.candidate,
+            Method::PatternSearch => {
+                let start = pattern_search::paper_start(options.actuator, topology, branches);
+                let objective = if options.thinned { context.coarse } else { context.fine };
+                let count = || {
+                    counted.fetch_add(1, Ordering::Relaxed);
+                };
+                pattern_search::search(objective, &start, stop, &count)?.candidate
+            }
+        };
+        let modelled = context.fine.evaluate(&candidate)?.modelled;
+        let agreements = context.fine.measured().zip(&modelled).map(|(y, x)| Agreement::of(y, x)).collect();
+        let evaluations = counted.load(Ordering::Relaxed);
+        Some(StudyFit { method, topology, branches, recording, candidate, agreements, modelled, evaluations })
+    }
+}
+
+impl StudyFit {
+    /// Mean of R² over the fitted recordings.
     pub fn r2_mean(&self) -> f64 {
         self.agreements.iter().map(|a| a.r2).sum::<f64>() / self.agreements.len() as f64
     }
 
-    /// Its elements as the paper prints them, c in N·s^α/mm: main (c, α), then the branches.
+    /// The elements as the paper prints them, c in N·s^α/mm: main (c, α), then the branches.
     pub fn elements(&self) -> (String, String) {
         let element = |e: &Springpot| format!("({}, {})", short(e.c / 1000.0), short(e.alpha));
         let (pairs, _) = self.candidate.elements[1..].as_chunks::<2>();
@@ -149,7 +147,7 @@ impl Entry {
     }
 }
 
-/// Four digits, without trailing noughts.
+/// Four digits, without trailing zeros.
 fn short(value: f64) -> String {
     if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
         return format!("{value:.2e}");
@@ -159,19 +157,11 @@ fn short(value: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
-/// The name of a method as on the command line.
-pub fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Lm => "lm",
-        Method::PatternSearch => "pattern-search",
-    }
-}
-
 /// Why Eq. 9 does not gain from a third branch, with this study's numbers.
-pub fn why_eq9_stops(entries: &[Entry]) -> String {
+pub fn why_eq9_stops(fits: &[StudyFit]) -> String {
     let best = |topology: Topology, branches: usize| {
-        let of = entries.iter().filter(|e| e.recording.is_none() && e.topology == topology && e.branches == branches);
-        of.map(Entry::r2_mean).fold(f64::NEG_INFINITY, f64::max)
+        let of = fits.iter().filter(|e| e.recording.is_none() && e.topology == topology && e.branches == branches);
+        of.map(StudyFit::r2_mean).fold(f64::NEG_INFINITY, f64::max)
     };
     format!(
         "Eq. 9 puts all 2n springpots of the branches in series and scales by n: their harmonic mean is one chain, in which \
@@ -184,9 +174,9 @@ pub fn why_eq9_stops(entries: &[Entry]) -> String {
     )
 }
 
-/// An entry as a row for machines.
+/// A fit of the study, as `study --json` prints it.
 #[derive(Clone, Debug, Serialize)]
-pub struct EntryRow {
+pub struct StudyFitRow {
     method: &'static str,
     topology: &'static str,
     branches: usize,
@@ -199,19 +189,19 @@ pub struct EntryRow {
     evaluations: usize,
 }
 
-impl EntryRow {
-    /// The row of `entry`; `names` are the recordings'.
-    pub fn new(entry: &Entry, names: &[String]) -> Self {
+impl StudyFitRow {
+    /// The row of `fit`; `names` are the recordings'.
+    pub fn new(fit: &StudyFit, names: &[String]) -> Self {
         Self {
-            method: method_name(entry.method),
-            topology: name_of(entry.topology),
-            branches: entry.branches,
-            recording: entry.recording.map(|index| names[index].clone()),
-            r2: entry.agreements.iter().map(|a| a.r2).collect(),
-            r2_mean: entry.r2_mean(),
-            nrmse_pct: entry.agreements.iter().map(|a| a.nrmse_pct).collect(),
-            elements: entry.candidate.elements.iter().map(|e| (e.c, e.alpha)).collect(),
-            evaluations: entry.evaluations,
+            method: fit.method.name(),
+            topology: topology_name(fit.topology),
+            branches: fit.branches,
+            recording: fit.recording.map(|index| names[index].clone()),
+            r2: fit.agreements.iter().map(|a| a.r2).collect(),
+            r2_mean: fit.r2_mean(),
+            nrmse_pct: fit.agreements.iter().map(|a| a.nrmse_pct).collect(),
+            elements: fit.candidate.elements.iter().map(|e| (e.c, e.alpha)).collect(),
+            evaluations: fit.evaluations,
         }
     }
 }

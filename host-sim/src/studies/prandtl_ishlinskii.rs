@@ -2,24 +2,24 @@
 //!
 //! After J. Zou and G. Gu, "Modeling the Viscoelastic Hysteresis of Dielectric Elastomer Actuators with a Modified
 //! Rate-Dependent Prandtl–Ishlinskii Model", Polymers 2018, 10, 525, as used for feedforward control: a cubic polynomial
-//! of the input beside one-sided play operators whose thresholds grow with the input's rate,
+//! of the input plus one-sided play operators whose thresholds grow with the input's rate,
 //!
 //! ```text
 //! x = a₁ u + a₂ u² + a₃ u³ + Σ_i b_i P_i + x₀,     P_i ← max(u − r_i, min(u, P_i)),     r_i = i/(n+1) + β |u̇|,     b_i ≥ 0
 //! ```
 //!
-//! with u the squared voltage (Eq. 1's force) over its largest value. It knows the input's rate, but not how long ago
-//! anything was: it has no creep.
+//! with u the squared voltage (Eq. 1's force) over its largest value. It depends on the input's rate and its turning points,
+//! but not on time: it has no creep.
 
 use crate::agreement::Agreement;
 use crate::error::Result;
 use crate::files::recording::Input;
-use crate::fit::levenberg_marquardt::{self, Limits, Problem};
-use crate::fit::objective::Observation;
+use crate::fit::levenberg_marquardt::{self, Problem, StoppingCriteria};
+use crate::fit::observation::Observation;
 use crate::grid::Grid;
 
-/// Play operators of a model.
-pub const OPERATORS: usize = 10;
+/// Number of play operators.
+const OPERATORS: usize = 10;
 
 /// a₁, a₂, a₃, b_1…b_n, x₀ (m) and ln β (ln s).
 const PARAMETERS: usize = 3 + OPERATORS + 2;
@@ -27,20 +27,21 @@ const PARAMETERS: usize = 3 + OPERATORS + 2;
 /// A fitted model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrandtlIshlinskii {
-    place: [f64; PARAMETERS],
-    /// What u = 1 stands for, in units of the drive squared, or of the force.
+    /// a₁, a₂, a₃, b_1…b_n, x₀ and ln β.
+    values: [f64; PARAMETERS],
+    /// Load at u = 1: V² or N.
     largest: f64,
 }
 
-/// An observation on its grid.
-struct Run<'a> {
+/// An observation with its load on a grid.
+struct LoadedObservation<'a> {
     observation: &'a Observation,
     grid: Grid,
     /// V² or N.
     load: Vec<f64>,
 }
 
-impl<'a> Run<'a> {
+impl<'a> LoadedObservation<'a> {
     fn new(observation: &'a Observation) -> Result<Self> {
         let samples = observation.input.samples();
         let grid = Grid::covering(samples.time_s.last().copied().unwrap_or(0.0), observation.rate_hz)?;
@@ -83,7 +84,7 @@ impl Plays {
 }
 
 impl PrandtlIshlinskii {
-    /// Fitted quantities.
+    /// Number of fitted quantities.
     pub const PARAMETERS: usize = PARAMETERS;
 
     /// The least-squares fit to `observations`.
@@ -92,47 +93,51 @@ impl PrandtlIshlinskii {
     ///
     /// [`crate::Error`] for an observation that is too long for its rate.
     pub fn fit(observations: &[Observation]) -> Result<Self> {
-        let runs = observations.iter().map(Run::new).collect::<Result<Vec<_>>>()?;
-        let largest = runs.iter().flat_map(|run| &run.load).fold(f64::MIN_POSITIVE, |most, load| most.max(load.abs()));
-        let fit = Regression { runs, largest };
+        let loaded = observations.iter().map(LoadedObservation::new).collect::<Result<Vec<_>>>()?;
+        let largest = loaded
+            .iter()
+            .flat_map(|observation| &observation.load)
+            .fold(f64::MIN_POSITIVE, |most, load| most.max(load.abs()));
+        let fit = Regression { loaded, largest };
         let best = [-6.0, -3.0, -1.0, 1.0]
             .into_iter()
             .filter_map(|ln_beta| {
                 let mut start = [0.0; PARAMETERS];
                 start[PARAMETERS - 1] = ln_beta;
-                levenberg_marquardt::minimise(&fit, &start, Limits { iterations: 60, decrease: 1e-8 })
+                levenberg_marquardt::minimise(&fit, &start, StoppingCriteria { iterations: 60, decrease: 1e-8 })
             })
             .min_by(|a, b| a.cost.total_cmp(&b.cost));
-        let mut place = [0.0; PARAMETERS];
+        let mut values = [0.0; PARAMETERS];
         if let Some(best) = best {
-            place.copy_from_slice(&best.place);
+            values.copy_from_slice(&best.values);
         }
-        Ok(Self { place, largest })
+        Ok(Self { values, largest })
     }
 
-    /// How well it agrees with an observation.
+    /// Agreement with an observation.
     ///
     /// # Errors
     ///
     /// As [`fit`](Self::fit).
     pub fn agreement(&self, observation: &Observation) -> Result<Agreement> {
-        let run = Run::new(observation)?;
-        let modelled = modelled(&run.basis(self.largest, self.place[PARAMETERS - 1].exp()), &self.place);
+        let run = LoadedObservation::new(observation)?;
+        let modelled = modelled(&run.basis(self.largest, self.values[PARAMETERS - 1].exp()), &self.values);
         Ok(Agreement::of(&observation.measured.value, &modelled))
     }
 
-    /// Displacements (m) under `loads`, one per step at `rate_hz`, in f32 as a controller would.
+    /// Calls `take` with the displacement (m) under each of `loads` (V² or N), one per step at `rate_hz`, in f32 as on a
+    /// controller.
     pub fn steps_f32(&self, loads: &[f32], rate_hz: f32, mut take: impl FnMut(f32)) {
-        let place = self.place.map(|value| value as f32);
-        let (beta, largest) = (place[PARAMETERS - 1].exp() * rate_hz, self.largest as f32);
+        let values = self.values.map(|value| value as f32);
+        let (beta, largest) = (values[PARAMETERS - 1].exp() * rate_hz, self.largest as f32);
         let mut plays = [0f32; OPERATORS];
         let mut before = 0.0;
         for load in loads {
             let u = load / largest;
             let widening = beta * (u - before).abs();
             before = u;
-            let mut x = place[PARAMETERS - 2] + u * (place[0] + u * (place[1] + u * place[2]));
-            for (i, (play, weight)) in plays.iter_mut().zip(&place[3..]).enumerate() {
+            let mut x = values[PARAMETERS - 2] + u * (values[0] + u * (values[1] + u * values[2]));
+            for (i, (play, weight)) in plays.iter_mut().zip(&values[3..]).enumerate() {
                 let threshold = (i + 1) as f32 / (OPERATORS + 1) as f32 + widening;
                 *play = (u - threshold).max(play.min(u));
                 x += weight * *play;
@@ -142,47 +147,47 @@ impl PrandtlIshlinskii {
     }
 }
 
-fn modelled(basis: &[Vec<f64>], place: &[f64]) -> Vec<f64> {
-    let mut sum = vec![place[PARAMETERS - 2]; basis[0].len()];
-    for (column, weight) in basis.iter().zip(place) {
+fn modelled(basis: &[Vec<f64>], values: &[f64]) -> Vec<f64> {
+    let mut sum = vec![values[PARAMETERS - 2]; basis[0].len()];
+    for (column, weight) in basis.iter().zip(values) {
         sum.iter_mut().zip(column).for_each(|(sum, value)| *sum += weight * value);
     }
     sum
 }
 
 struct Regression<'a> {
-    runs: Vec<Run<'a>>,
+    loaded: Vec<LoadedObservation<'a>>,
     largest: f64,
 }
 
 impl Regression<'_> {
     fn bases(&self, ln_beta: f64) -> Vec<Vec<Vec<f64>>> {
-        self.runs.iter().map(|run| run.basis(self.largest, ln_beta.exp())).collect()
+        self.loaded.iter().map(|run| run.basis(self.largest, ln_beta.exp())).collect()
     }
 }
 
 impl Problem for Regression<'_> {
     type Evaluation = Vec<Vec<Vec<f64>>>;
 
-    fn residuals(&self, place: &[f64]) -> Option<(Vec<f64>, Self::Evaluation)> {
-        let bases = self.bases(place[PARAMETERS - 1]);
+    fn residuals(&self, values: &[f64]) -> Option<(Vec<f64>, Self::Evaluation)> {
+        let bases = self.bases(values[PARAMETERS - 1]);
         let residuals = self
-            .runs
+            .loaded
             .iter()
             .zip(&bases)
             .flat_map(|(run, basis)| {
-                let pairs = modelled(basis, place).into_iter().zip(&run.observation.measured.value);
+                let pairs = modelled(basis, values).into_iter().zip(&run.observation.measured.value);
                 pairs.map(|(model, y)| run.observation.weight * (model - y)).collect::<Vec<_>>()
             })
             .collect();
         Some((residuals, bases))
     }
 
-    fn jacobian(&self, place: &[f64], bases: &Self::Evaluation) -> Vec<Vec<f64>> {
+    fn jacobian(&self, values: &[f64], bases: &Self::Evaluation) -> Vec<Vec<f64>> {
         let weighted = |values: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> {
-            (0..self.runs.len())
+            (0..self.loaded.len())
                 .flat_map(|run| {
-                    let weight = self.runs[run].observation.weight;
+                    let weight = self.loaded[run].observation.weight;
                     values(run).into_iter().map(move |value| weight * value)
                 })
                 .collect()
@@ -191,9 +196,9 @@ impl Problem for Regression<'_> {
         columns.push(weighted(&|run| vec![1.0; bases[run][0].len()]));
         // The thresholds' slope by differences: the operators have kinks.
         let step = 1e-3;
-        let moved = self.bases(place[PARAMETERS - 1] + step);
+        let moved = self.bases(values[PARAMETERS - 1] + step);
         columns.push(weighted(&|run| {
-            let pairs = modelled(&moved[run], place).into_iter().zip(modelled(&bases[run], place));
+            let pairs = modelled(&moved[run], values).into_iter().zip(modelled(&bases[run], values));
             pairs.map(|(after, before)| (after - before) / step).collect()
         }));
         columns

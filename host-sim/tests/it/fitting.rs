@@ -5,11 +5,12 @@ use std::sync::atomic::AtomicBool;
 
 use host_sim::agreement::Agreement;
 use host_sim::bench::film::{Film, Instruments, Plant, Readings, Waveform};
-use host_sim::files::recording::{Input, Recording, Samples};
+use host_sim::files::recording::{Direction, Input, Recording};
 use host_sim::fit::candidate::{Candidate, Variable};
-use host_sim::fit::objective::{Objective, Observation};
-use host_sim::fit::observation::{self, Direction};
+use host_sim::fit::objective::Objective;
+use host_sim::fit::observation::{self, Observation};
 use host_sim::fit::{self, Fit, Method, Settings};
+use host_sim::grid::Samples;
 use springpot::{Actuator, Preload, Springpot, Topology};
 use tests::recordings;
 
@@ -76,13 +77,13 @@ fn leaves_white_noise_and_gives_intervals() {
     for branches in [2, 1] {
         truth.elements.truncate(1 + 2 * branches);
         let fit = fitted(&synthetic(&truth, 5e-6), &structure(Topology::Parallel, branches));
-        let trust = fit.trust.as_ref().expect("judged");
-        assert!(trust.white, "autocorrelation {} at lag one", trust.lag_one);
+        let uncertainty = fit.uncertainty.as_ref().expect("computed");
+        assert!(uncertainty.white, "autocorrelation {} at lag one", uncertainty.lag_one);
         assert!(fit.agreements.iter().all(|a| (4.9e-6..5.1e-6).contains(&a.rmse)));
     }
     // The recordings determine all parameters of a model with one branch.
     let fit = fitted(&synthetic(&truth, 5e-6), &structure(Topology::Parallel, 1));
-    let trust = fit.trust.expect("judged");
+    let uncertainty = fit.uncertainty.expect("computed");
     let truths = [
         ("main.c", 4e4),
         ("main.alpha", 0.08),
@@ -94,7 +95,7 @@ fn leaves_white_noise_and_gives_intervals() {
         ("offset_m", 1e-4),
     ];
     for (name, truth) in truths {
-        let estimate = trust.estimates.iter().find(|e| e.name == name).expect("estimated");
+        let estimate = uncertainty.estimates.iter().find(|e| e.name == name).expect("estimated");
         let (low, high) = (estimate.low.unwrap_or(f64::NEG_INFINITY), estimate.high.unwrap_or(f64::INFINITY));
         println!("{name}: {truth} in {low:.4e} … {high:.4e}");
         // Twice as wide as an interval that misses one truth in twenty.
@@ -102,7 +103,7 @@ fn leaves_white_noise_and_gives_intervals() {
         assert!(low - slack <= truth && truth <= high + slack, "{name}: {truth} is not in {low} … {high}");
         assert!(high - low < 0.5 * truth.abs(), "{name} is known: {low} … {high}");
     }
-    assert!(trust.undetermined.is_empty());
+    assert!(uncertainty.undetermined.is_empty());
 }
 
 /// A branch that the data do not determine gives a warning.
@@ -177,15 +178,19 @@ fn exact_derivatives() {
 #[test]
 fn left_out_is_left_out() {
     let all = observations("hossain");
-    let settings =
-        Settings { judge: false, branches: vec![1, 2], topologies: vec![Topology::Parallel], ..Settings::default() };
+    let settings = Settings {
+        uncertainty: false,
+        branches: vec![1, 2],
+        topologies: vec![Topology::Parallel],
+        ..Settings::default()
+    };
     let fit = fitted(&all, &settings);
-    let row = fit.table.iter().find(|row| row.branches == 2).expect("tried");
+    let row = fit.structures.iter().find(|row| row.branches == 2).expect("tried");
     let mut sum = 0.0;
     for out in 0..all.len() {
         let others: Vec<Observation> = (0..all.len()).filter(|k| *k != out).map(|k| all[k].clone()).collect();
-        let start = Some(fitted(&all, &Settings { judge: false, ..structure(Topology::Parallel, 2) }).candidate);
-        let refit = fitted(&others, &Settings { start, judge: false, ..structure(Topology::Parallel, 2) });
+        let start = Some(fitted(&all, &Settings { uncertainty: false, ..structure(Topology::Parallel, 2) }).candidate);
+        let refit = fitted(&others, &Settings { start, uncertainty: false, ..structure(Topology::Parallel, 2) });
         sum += nrmse_of(&refit.candidate, &all[out..=out])[0];
     }
     let (reported, refitted) = (row.left_out_nrmse_pct.expect("three recordings"), sum / all.len() as f64);
@@ -216,8 +221,7 @@ fn follows_both_films_and_recordings_it_has_not_seen() {
     for (name, plant) in [("hossain", Plant::Hossain), ("wang", Plant::Wang)] {
         let observations = observations(name);
         let coupled = fitted(&observations, &structure(Topology::Parallel, 2));
-        let uncoupled =
-            fitted(&observations, &Settings { surroundings: Vec::new(), ..structure(Topology::Parallel, 2) });
+        let uncoupled = fitted(&observations, &Settings { freed: Vec::new(), ..structure(Topology::Parallel, 2) });
         for (fit, what, bar) in [(&coupled, "with", 0.5), (&uncoupled, "without", 1.1)] {
             let worst = fit.agreements.iter().map(|a| a.nrmse_pct).fold(0.0, f64::max);
             println!("{name} {what} coupling: R² mean {:.6}, largest NRMSE {worst:.3} %", fit.r2_mean);
@@ -240,7 +244,7 @@ fn follows_both_films_and_recordings_it_has_not_seen() {
 #[test]
 fn pattern_search_is_there_and_worse() {
     let thinned: Vec<Observation> = observations("wang").iter().map(observation::thinned).collect();
-    let settings = Settings { surroundings: Vec::new(), judge: false, ..structure(Topology::Eq11, 1) };
+    let settings = Settings { freed: Vec::new(), uncertainty: false, ..structure(Topology::Eq11, 1) };
     let paper = fitted(&thinned, &Settings { method: Method::PatternSearch, ..settings.clone() });
     let lm = fitted(&thinned, &settings);
     println!(
@@ -255,7 +259,7 @@ fn pattern_search_is_there_and_worse() {
 #[test]
 fn is_reproducible() {
     let thinned: Vec<Observation> = observations("hossain").iter().map(observation::thinned).collect();
-    let settings = Settings { branches: vec![0, 1, 2], judge: false, ..Settings::default() };
+    let settings = Settings { branches: vec![0, 1, 2], uncertainty: false, ..Settings::default() };
     assert_eq!(fitted(&thinned, &settings).candidate, fitted(&thinned, &settings).candidate);
 }
 

@@ -2,10 +2,11 @@
 
 use host_sim::agreement::relative_rms;
 use host_sim::files::parameters::Parameters;
-use host_sim::files::recording::{Input, Samples};
-use host_sim::grid::Grid;
+use host_sim::files::recording::Input;
+use host_sim::grid::{Grid, Samples};
 use host_sim::replay::full_memory::FullMemory;
-use host_sim::replay::simulate::{self, MemoryChoice, Precision, RunOptions};
+use host_sim::replay::memory::{MemoryChoice, Precision, RunOptions};
+use host_sim::replay::simulate;
 use indicatif::ProgressBar;
 use tests::defining_sum::{displacement_by_the_sum, modulus_series};
 use tests::{hard_models, paper_force, presets, random_models};
@@ -39,7 +40,7 @@ fn coupled_full_memory_agrees_with_the_recursion() {
     let input = Input::Voltage(Samples { time_s: (0..grid.samples).map(|k| grid.time_s(k)).collect(), value: voltage });
     let respond = |memory| {
         let options = RunOptions { memory, precision: Precision::F64, ..RunOptions::default() };
-        simulate::run(&parameters, &input, grid, &options, &ProgressBar::hidden()).expect("valid")
+        simulate::response(&parameters, &input, grid, &options, &ProgressBar::hidden()).expect("valid")
     };
     let (full, compressed) = (respond(MemoryChoice::Full), respond(MemoryChoice::Compressed));
     let error = relative_rms(&compressed.displacement_m, &full.displacement_m);

@@ -1,7 +1,7 @@
 //! Reduced models, against the response of the whole model.
 
 use host_sim::agreement::relative_rms;
-use host_sim::reduce::{self, Limits};
+use host_sim::reduce::{self, Criterion};
 use host_sim::replay::full_memory::FullMemory;
 use springpot::{Maxwell, Springpot, Topology};
 use tests::{paper_force, presets, random_models};
@@ -26,7 +26,7 @@ fn reduced_models_answer_as_before() {
     let full = FullMemory::new(force.len(), 0.01);
     let mut fewer = 0;
     for (name, model) in models {
-        let reduction = reduce::reduced(&model, Limits::default()).expect("valid");
+        let reduction = reduce::reduced(&model, Criterion::default()).expect("valid");
         assert!(reduction.change <= 1e-9, "{name}: the modulus changes by {:.1e}", reduction.change);
         let error = relative_rms(&full.displacement(&reduction.model, &force), &full.displacement(&model, &force));
         assert!(error <= 1e-9, "{name}: the response changes by {error:.1e}");

@@ -6,16 +6,17 @@
 use std::sync::atomic::AtomicBool;
 
 use documents::{Documents, Tolerance};
-use host_sim::bench::closed_loop::{self, Bench, Run};
-use host_sim::bench::controllers::{self, Kind, Settings};
+use host_sim::bench::closed_loop::{self, BenchModel, LoopRun};
+use host_sim::bench::controllers::{self, ControllerKind, ControllerSettings};
 use host_sim::bench::film::{Film, Plant};
 use host_sim::files::parameters::Parameters;
-use host_sim::files::recording::Recording;
-use host_sim::fit::observation::{Direction, observe};
-use host_sim::fit::{self, Settings as FitSettings};
+use host_sim::files::recording::{Direction, Recording};
+use host_sim::fit::observation::observe;
+use host_sim::fit::{self, Settings};
 use host_sim::grid::Grid;
 use host_sim::references::{Reference, Shape};
-use host_sim::replay::feedforward;
+use host_sim::replay::feasibility;
+use host_sim::replay::memory::Precision;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{CommandLimits, ObserverOptions, Topology};
@@ -39,7 +40,7 @@ fn fitted(plant: &str) -> Parameters {
         .map(|path| observe(&Recording::read(path).expect("readable"), Direction::Force, 1.0).expect("fit for it").0)
         .collect();
     let settings =
-        FitSettings { topologies: vec![Topology::Parallel], branches: vec![4], judge: false, ..FitSettings::default() };
+        Settings { topologies: vec![Topology::Parallel], branches: vec![4], uncertainty: false, ..Settings::default() };
     let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ()).expect("a fit").candidate;
     Parameters {
         name: plant.into(),
@@ -77,26 +78,26 @@ struct Trial<'a> {
     film: Film,
     reference: &'a [f64],
     limits: CommandLimits,
-    bench: Bench,
+    bench: BenchModel,
     bandwidth_hz: f64,
 }
 
 impl Trial<'_> {
-    fn run(&self, kind: Kind) -> Run {
+    fn run(&self, kind: ControllerKind) -> LoopRun {
         let grid = grid();
-        let settings = Settings {
+        let settings = ControllerSettings {
             rate_hz: grid.rate_hz,
             limits: self.limits,
             observer: ObserverOptions::at_bandwidth(self.bandwidth_hz),
             peak_m: self.reference.iter().copied().fold(0.0, f64::max),
         };
-        let mut controller = controllers::build::<f32>(kind, self.parameters, &settings).expect("valid");
-        closed_loop::run(&self.film, &self.bench, controller.as_mut(), self.reference, grid, &ProgressBar::hidden())
+        let mut controller = controllers::build(kind, self.parameters, &settings, Precision::F32).expect("valid");
+        closed_loop::track(&self.film, &self.bench, controller.as_mut(), self.reference, grid, &ProgressBar::hidden())
             .expect("the film holds")
     }
 
-    fn rms(&self, kind: Kind) -> f64 {
-        self.run(kind).tracked().tracking_rms_pct.expect("it moves")
+    fn rms(&self, kind: ControllerKind) -> f64 {
+        self.run(kind).quality().tracking_rms_pct.expect("it moves")
     }
 }
 
@@ -105,7 +106,7 @@ fn grid() -> Grid {
 }
 
 /// RMS error (% of the reference's peak to peak) from `from` to `to` (s).
-fn rms_within(run: &Run, from: f64, to: f64) -> f64 {
+fn rms_within(run: &LoopRun, from: f64, to: f64) -> f64 {
     let range = (from * RATE_HZ) as usize..(to * RATE_HZ) as usize;
     let error = &run.error_m()[range.clone()];
     let (low, high) =
@@ -114,7 +115,7 @@ fn rms_within(run: &Run, from: f64, to: f64) -> f64 {
 }
 
 /// Largest change of voltage in a tick from `from` to `to` (s), V.
-fn largest_step_v(run: &Run, from: f64, to: f64) -> f64 {
+fn largest_step_v(run: &LoopRun, from: f64, to: f64) -> f64 {
     run.voltage_v[(from * RATE_HZ) as usize..(to * RATE_HZ) as usize]
         .windows(2)
         .map(|pair| (pair[1] - pair[0]).abs())
@@ -147,25 +148,25 @@ fn row(plant: Plant, parameters: &Parameters, name: &str, reference: &Reference)
         film: Film::new(plant),
         reference: &values,
         limits,
-        bench: Bench::default(),
+        bench: BenchModel::default(),
         bandwidth_hz: BANDWIDTH_HZ,
     };
-    let feasible = feedforward::check(parameters, &values, grid(), &limits).expect("a check");
-    let (open_run, closed_run) = (trial.run(Kind::Feedforward), trial.run(Kind::Tracking));
+    let feasible = feasibility::check(parameters, &values, grid(), &limits).expect("a check");
+    let (open_run, closed_run) = (trial.run(ControllerKind::Feedforward), trial.run(ControllerKind::Tracking));
     // At rest, noise may ask for less than 0 V.
-    let unlimited = |run: &Run, from: usize| run.limited[from..].iter().all(|limited| limited.is_none());
+    let unlimited = |run: &LoopRun, from: usize| run.limited[from..].iter().all(|limited| limited.is_none());
     let unlimited = unlimited(&open_run, 0) && unlimited(&closed_run, 100);
-    let (open, closed) = (open_run.tracked(), closed_run.tracked());
+    let (open, closed) = (open_run.quality(), closed_run.quality());
     let (open_pct, closed_pct) = (open.tracking_rms_pct.expect("it moves"), closed.tracking_rms_pct.expect("it moves"));
-    let lossy = Bench { sensor_lost_s: vec![LOST_S], ..Bench::default() };
-    let lost = Trial { bench: lossy, film: trial.film, ..trial }.run(Kind::Tracking);
+    let lossy = BenchModel { sensor_lost_s: vec![LOST_S], ..BenchModel::default() };
+    let lost = Trial { bench: lossy, film: trial.film, ..trial }.run(ControllerKind::Tracking);
     let (without, after) = (rms_within(&lost, LOST_S.0, LOST_S.1), rms_within(&lost, LOST_S.1 + 1.0, LOST_S.1 + 11.0));
     // A film that is stiffer by a fifth needs more than 6 kV.
     let higher = CommandLimits { max_voltage_v: 8000.0, max_field_v_per_m: 6e7, ..limits };
     let off = [(0.8, limits), (1.2, higher)].map(|(factor, limits)| {
-        let trial = Trial { film: Film::new(plant).stiffened(factor), limits, bench: Bench::default(), ..trial };
-        let tracked = trial.run(Kind::Tracking).tracked();
-        (trial.rms(Kind::Feedforward), tracked.tracking_rms_pct.expect("it moves"), tracked.largest_voltage_v)
+        let trial = Trial { film: Film::new(plant).stiffened(factor), limits, bench: BenchModel::default(), ..trial };
+        let tracked = trial.run(ControllerKind::Tracking).quality();
+        (trial.rms(ControllerKind::Feedforward), tracked.tracking_rms_pct.expect("it moves"), tracked.largest_voltage_v)
     });
 
     let drift = open.drift_pct.map_or("–".into(), |drift| format!("{drift:.3}"));
@@ -240,12 +241,16 @@ fn the_controllers_to_compare_with() {
         .par_iter()
         .flat_map_iter(|(plant, parameters, name, reference)| {
             let values = reference.on(grid()).expect("valid");
-            let rms = |kind: Kind, bandwidth_hz: f64| {
-                let (film, bench, limits) = (Film::new(*plant), Bench::default(), CommandLimits::BENCH);
+            let rms = |kind: ControllerKind, bandwidth_hz: f64| {
+                let (film, bench, limits) = (Film::new(*plant), BenchModel::default(), CommandLimits::BENCH);
                 Trial { parameters, film, reference: &values, limits, bench, bandwidth_hz }.rms(kind)
             };
-            let pi = PI_HZ.map(|bandwidth_hz| rms(Kind::Pi, bandwidth_hz)).into_iter().fold(f64::INFINITY, f64::min);
-            let [none, spring, window] = [Kind::None, Kind::Static, Kind::Window].map(|kind| rms(kind, BANDWIDTH_HZ));
+            let pi = PI_HZ
+                .map(|bandwidth_hz| rms(ControllerKind::Pi, bandwidth_hz))
+                .into_iter()
+                .fold(f64::INFINITY, f64::min);
+            let [none, spring, window] = [ControllerKind::None, ControllerKind::Static, ControllerKind::Window]
+                .map(|kind| rms(kind, BANDWIDTH_HZ));
             println!("| {plant:?} | {name} | {none:.1} | {spring:.1} | {window:.2} | {pi:.2} |");
             [
                 ("no compensation", none, 0.1),
@@ -267,17 +272,17 @@ fn the_controllers_to_compare_with() {
 fn the_bench_may_be_imperfect() {
     let parameters = fitted("hossain");
     let values = Reference::new(Shape::Sine, 1.5e-3, 4e-3, 10.0).on(grid()).expect("valid");
-    let plain = Bench::default();
+    let plain = BenchModel::default();
     let benches = [
-        ("another seed", Bench { seed: 2, ..plain.clone() }),
-        ("amplifier 5 ms late", Bench { amplifier_lag_s: 5e-3, ..plain.clone() }),
-        ("monitor 2 % too high", Bench { monitor_error: Some(0.02), amplifier_lag_s: 5e-3, ..plain.clone() }),
-        ("monitor 2 % too low", Bench { monitor_error: Some(-0.02), ..plain.clone() }),
-        ("sensor at 1 kHz, at once", Bench { sensor_rate_hz: 1000.0, sensor_delay_s: 0.0, ..plain.clone() }),
-        ("sensor of 20 µm steps", Bench { sensor_quantum_m: 20e-6, ..plain.clone() }),
+        ("another seed", BenchModel { seed: 2, ..plain.clone() }),
+        ("amplifier 5 ms late", BenchModel { amplifier_lag_s: 5e-3, ..plain.clone() }),
+        ("monitor 2 % too high", BenchModel { monitor_error: Some(0.02), amplifier_lag_s: 5e-3, ..plain.clone() }),
+        ("monitor 2 % too low", BenchModel { monitor_error: Some(-0.02), ..plain.clone() }),
+        ("sensor at 1 kHz, at once", BenchModel { sensor_rate_hz: 1000.0, sensor_delay_s: 0.0, ..plain.clone() }),
+        ("sensor of 20 µm steps", BenchModel { sensor_quantum_m: 20e-6, ..plain.clone() }),
         (
             "sensor lost every other second",
-            Bench { sensor_lost_s: (0..75).map(|k| (f64::from(2 * k), f64::from(2 * k + 1))).collect(), ..plain },
+            BenchModel { sensor_lost_s: (0..75).map(|k| (f64::from(2 * k), f64::from(2 * k + 1))).collect(), ..plain },
         ),
     ];
     let errors: Vec<(&str, f64)> = benches
@@ -291,7 +296,7 @@ fn the_bench_may_be_imperfect() {
                 bench,
                 bandwidth_hz: BANDWIDTH_HZ,
             };
-            (name, trial.rms(Kind::Tracking))
+            (name, trial.rms(ControllerKind::Tracking))
         })
         .collect();
     for (name, error) in &errors {

@@ -44,8 +44,8 @@ pub(super) fn text(report: &Report) -> String {
         text.push_str("followed on the simulated film, error from t = 0:\n");
         let _ = writeln!(text, "{:12}  {:>22}  {:>10}", "controller", "RMS, % of peak to peak", "largest µm");
         for row in &report.closed_loop {
-            let rms = row.tracked.tracking_rms_pct.unwrap_or(f64::NAN);
-            let _ = writeln!(text, "{:12}  {rms:>22.3}  {:>10.1}", row.controller, 1e6 * row.tracked.largest_error_m);
+            let rms = row.quality.tracking_rms_pct.unwrap_or(f64::NAN);
+            let _ = writeln!(text, "{:12}  {rms:>22.3}  {:>10.1}", row.controller, 1e6 * row.quality.largest_error_m);
         }
     }
     let _ = write!(text, "\nwritten: {}", report.files.join(", "));

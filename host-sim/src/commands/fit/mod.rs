@@ -1,6 +1,6 @@
+//! `fit`: parameters of the model from recordings.
+
 mod options;
-pub(super) mod page;
-pub(super) mod result;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -9,13 +9,15 @@ use std::time::Instant;
 use clap::Args;
 
 use crate::error::{Error, Result};
-use crate::files::output::{self, Folders};
-use crate::files::recording::Recording;
-use crate::fit;
-use crate::fit::objective::Observation;
+use crate::files::output::{self, Folders, Staged};
+use crate::files::recording::{Direction, Recording};
+use crate::fit::observation::Observation;
+use crate::fit::{self, Settings};
 use crate::interrupt;
+use crate::report::fit_page;
+use crate::report::fit_report::FitReport;
 use crate::terminal;
-pub(super) use options::FitOptions;
+use options::FitOptions;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -37,75 +39,92 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let settings = arguments.options.settings()?;
+    let direction = arguments.options.direction();
     let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
-    let (observations, warnings) = arguments.options.observations(&recordings)?;
-    let stop = interrupt::stop_flag();
-    let jobs: Vec<Job> = if arguments.each {
-        let outputs = recordings.iter().map(|recording| beside(&arguments.out, recording.path())).collect::<Vec<_>>();
-        if let Some(twice) = outputs.iter().enumerate().find(|(k, path)| outputs[..*k].contains(path)) {
-            return Err(Error::option("--each", format!("two recordings would be written to {}", twice.1.display())));
-        }
-        outputs
-            .into_iter()
-            .enumerate()
-            .map(|(index, out)| {
-                let page = arguments.report.as_deref().map(|page| beside(page, recordings[index].path()));
-                Job { out, page, indices: vec![index] }
-            })
-            .collect()
-    } else {
-        vec![Job {
-            out: arguments.out.clone(),
-            page: arguments.report.clone(),
-            indices: (0..recordings.len()).collect(),
-        }]
-    };
-    let inputs: Vec<&Path> =
-        recordings.iter().map(Recording::path).chain(arguments.options.parameter_files()).collect();
-    for path in jobs.iter().flat_map(|job| [Some(&job.out), job.page.as_ref()]).flatten() {
-        output::check(path, &inputs, Folders::Exist)?;
-    }
-    if arguments.report.as_ref() == Some(&arguments.out) {
-        return Err(Error::option("--report", "is the file of the parameters; name another"));
-    }
-
-    let mut reports = Vec::new();
+    let observed = arguments.options.observations(&recordings)?;
+    let jobs = arguments.jobs(&recordings, &observed)?;
     let all = jobs.len();
-    for Job { out, page, indices } in jobs {
-        // What was not begun is not written.
+    let stop = interrupt::stop_flag();
+    let mut reports = Vec::new();
+    for job in jobs {
+        // A fit that was not begun is not written.
         if stop.load(Ordering::Relaxed) && !reports.is_empty() {
             eprintln!("host-sim: interrupted: {} of {all} recordings are fitted", reports.len());
             break;
         }
-        let chosen: Vec<Observation> = indices.iter().map(|&index| observations[index].clone()).collect();
-        let files: Vec<&Path> = indices.iter().map(|&index| recordings[index].path()).collect();
-        let started = Instant::now();
-        let bar = terminal::spinner();
-        let mut fit = fit::fit(&chosen, &settings, stop, &|message| bar.set_message(message.to_owned()))?;
-        bar.finish_and_clear();
-        fit.warnings.splice(0..0, indices.iter().flat_map(|&index| warnings[index].clone()));
-        let seconds = started.elapsed().as_secs_f64();
-        let parameters = result::parameters_of(&fit, &settings, arguments.options.direction(), &files)?;
-        let report = result::report_of(&fit, arguments.options.direction(), &files, &out, seconds);
-        let mut written = vec![output::Staged::new(&out, |file| file.write_all(parameters.to_toml().as_bytes()))?];
-        if let Some(path) = &page {
-            let page = page::page(&report, &fit, &chosen, arguments.options.direction());
-            written.push(output::Staged::new(path, |file| file.write_all(page.as_bytes()))?);
-        }
-        written.into_iter().try_for_each(output::Staged::commit)?;
-        reports.push(report);
+        reports.push(job.run(&settings, direction)?);
     }
     match reports.as_slice() {
-        [report] if !arguments.each => terminal::report(json, report, || result::text(report)),
-        _ => terminal::report(json, &reports, || reports.iter().map(result::text).collect::<Vec<_>>().join("\n\n")),
+        [report] if !arguments.each => terminal::report(json, report, || report.text()),
+        _ => terminal::report(json, &reports, || reports.iter().map(FitReport::text).collect::<Vec<_>>().join("\n\n")),
     }
 }
 
-/// What one fit reads and writes.
-struct Job {
-    out: PathBuf,
-    page: Option<PathBuf>,
-    indices: Vec<usize>,
+/// One fit: its input and its output files.
+pub(super) struct Job<'a> {
+    pub(super) out: PathBuf,
+    pub(super) page: Option<PathBuf>,
+    pub(super) files: Vec<&'a Path>,
+    pub(super) observations: Vec<Observation>,
+    /// Warnings about the recordings.
+    pub(super) warnings: Vec<String>,
+}
+
+impl Arguments {
+    /// The fits that are asked for: one, or with `--each` one per recording. Their outputs are checked.
+    fn jobs<'a>(&self, recordings: &'a [Recording], observed: &[(Observation, Vec<String>)]) -> Result<Vec<Job<'a>>> {
+        let job = |out: PathBuf, page: Option<PathBuf>, recordings: &'a [Recording], observed: &[_]| Job {
+            out,
+            page,
+            files: recordings.iter().map(Recording::path).collect(),
+            observations: observed.iter().map(|(observation, _): &(Observation, _)| observation.clone()).collect(),
+            warnings: observed.iter().flat_map(|(_, warnings): &(_, Vec<String>)| warnings.clone()).collect(),
+        };
+        let mut jobs = Vec::new();
+        if self.each {
+            for (recording, observed) in recordings.iter().zip(observed) {
+                let out = beside(&self.out, recording.path());
+                if jobs.iter().any(|job: &Job<'_>| job.out == out) {
+                    let cause = format!("two recordings would be written to {}", out.display());
+                    return Err(Error::option("--each", cause));
+                }
+                let page = self.report.as_deref().map(|page| beside(page, recording.path()));
+                jobs.push(job(out, page, std::slice::from_ref(recording), std::slice::from_ref(observed)));
+            }
+        } else {
+            jobs.push(job(self.out.clone(), self.report.clone(), recordings, observed));
+        }
+        let inputs: Vec<&Path> = recordings.iter().map(Recording::path).chain(self.options.parameter_files()).collect();
+        for path in jobs.iter().flat_map(|job| [Some(&job.out), job.page.as_ref()]).flatten() {
+            output::check(path, &inputs, Folders::Exist)?;
+        }
+        if self.report.as_ref() == Some(&self.out) {
+            return Err(Error::option("--report", "is the file of the parameters; name another"));
+        }
+        Ok(jobs)
+    }
+}
+
+impl Job<'_> {
+    /// Fits, and writes the parameters and the page.
+    pub(super) fn run(self, settings: &Settings, direction: Direction) -> Result<FitReport> {
+        let started = Instant::now();
+        let bar = terminal::spinner();
+        let progress = |message: &str| bar.set_message(message.to_owned());
+        let mut fit = fit::fit(&self.observations, settings, interrupt::stop_flag(), &progress)?;
+        bar.finish_and_clear();
+        fit.warnings.splice(0..0, self.warnings);
+        let seconds = started.elapsed().as_secs_f64();
+        let parameters = fit.parameters(settings, direction, &self.files)?.to_toml();
+        let report = FitReport::new(&fit, direction, &self.files, &self.out, seconds);
+        let mut written = vec![Staged::new(&self.out, |file| file.write_all(parameters.as_bytes()))?];
+        if let Some(path) = &self.page {
+            let page = fit_page::page(&report, &fit, &self.observations, direction);
+            written.push(Staged::new(path, |file| file.write_all(page.as_bytes()))?);
+        }
+        written.into_iter().try_for_each(Staged::commit)?;
+        Ok(report)
+    }
 }
 
 /// The file beside `out` that belongs to `recording`.

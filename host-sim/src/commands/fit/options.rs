@@ -1,3 +1,5 @@
+//! Options of `fit`.
+
 use std::path::Path;
 
 use clap::{Args, ValueEnum};
@@ -5,16 +7,14 @@ use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
-use crate::files::recording::Recording;
+use crate::files::recording::{Direction, Recording};
 use crate::fit::candidate::{Candidate, Variable};
-use crate::fit::loss::Loss;
-use crate::fit::objective::Observation;
-use crate::fit::observation::{self, Direction};
-use crate::fit::{Method, Settings};
+use crate::fit::observation::{self, Observation};
+use crate::fit::{Loss, Method, Settings};
 
-/// Options of every command that fits.
+/// Options of a fit.
 #[derive(Clone, Debug, Args)]
-pub(in crate::commands) struct FitOptions {
+pub(super) struct FitOptions {
     /// Branches of two springpots, 0 to 5, or auto.
     #[arg(long, value_name = "N|auto", default_value = "auto", value_parser = branches)]
     branches: Branches,
@@ -24,7 +24,7 @@ pub(in crate::commands) struct FitOptions {
     /// How parameters are searched for.
     #[arg(long, value_enum, default_value_t = Method::Lm)]
     method: Method,
-    /// What drives the model.
+    /// Input of the model.
     #[arg(long, value_enum, default_value_t = Direction::Force)]
     drive: Direction,
     /// Fit this too: stretch_coupling and offset_m (freed by default), mass_kg, or one of relative_permittivity,
@@ -34,23 +34,23 @@ pub(in crate::commands) struct FitOptions {
     /// Do not fit this: stretch_coupling, offset_m, or with --start an element as warnings name it, such as main.alpha.
     #[arg(long, value_name = "NAME")]
     hold: Vec<String>,
-    /// File whose actuator table is taken: geometry, permittivity, mass, preload, coupling. If left out it is the
-    /// paper's, without mass where displacement drives.
+    /// File with the actuator table: geometry, permittivity, mass, preload, coupling. The default is the paper's, without
+    /// mass if displacement drives.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
-    /// Parameters to begin from, instead of random starts; they also give branches and topology.
+    /// Start parameters, instead of random starts; they also give branches and topology.
     #[arg(long, value_name = "P", conflicts_with_all = ["actuator", "branches"])]
     start: Option<String>,
-    /// How residuals count.
+    /// Loss function of the residuals.
     #[arg(long, value_enum, default_value_t = Loss::Square)]
     loss: Loss,
-    /// How much each recording counts, in their order.
+    /// Weight of each recording, in their order.
     #[arg(long, value_name = "W,W,…", value_delimiter = ',')]
     weights: Vec<f64>,
     /// Seed of the random starts.
     #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
     seed: u64,
-    /// Random starts of every structure.
+    /// Random starts per structure.
     #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
     starts: usize,
 }
@@ -80,67 +80,23 @@ enum TopologyChoice {
 }
 
 impl FitOptions {
-    pub(in crate::commands) fn settings(&self) -> Result<Settings> {
+    /// The settings that the options give.
+    pub(super) fn settings(&self) -> Result<Settings> {
         let start = self.start.as_deref().map(Parameters::load).transpose()?;
-        let actuator = match (&self.actuator, &start) {
-            (Some(name), _) => Parameters::load_actuator(name)?,
-            (None, Some(start)) => start.actuator,
-            // A test machine carries the weight.
-            (None, None) if self.drive == Direction::Displacement => Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 },
-            (None, None) => Actuator::KARNER_2022,
-        };
+        let actuator = self.actuator(start.as_ref())?;
         let start = start.map(|parameters| Candidate {
             actuator,
-            elements: std::iter::once(parameters.model.main())
-                .chain(parameters.model.branches().as_flattened().iter().copied())
-                .collect(),
+            elements: Candidate::elements_of(&parameters.model),
             topology: parameters.model.topology(),
             offset_m: parameters.sensor_offset_m,
         });
         if self.starts == 0 && start.is_none() {
             return Err(Error::option("--starts", "at least 1 is needed"));
         }
-
-        let mut surroundings = Settings::default().surroundings;
-        for name in &self.free {
-            let variable = surrounding(name).ok_or_else(|| unknown("--free", name))?;
-            if variable == Variable::Mass && actuator.mass_kg == 0.0 {
-                return Err(Error::option("--free", "mass_kg needs a mass to begin from; give it with --actuator"));
-            }
-            if !surroundings.contains(&variable) {
-                surroundings.push(variable);
-            }
-        }
-        if let Some(name) = self.free.iter().find(|name| self.hold.contains(name)) {
-            return Err(Error::option("--hold", format!("{name} is also to be freed")));
-        }
-        let mut held = Vec::new();
-        for name in &self.hold {
-            if let Some(variable) = surrounding(name) {
-                surroundings.retain(|v| *v != variable);
-            } else {
-                let all = Variable::of_model(start.as_ref().map_or(0, Candidate::branches));
-                let variable =
-                    all.into_iter().find(|v| v.to_string() == *name).ok_or_else(|| unknown("--hold", name))?;
-                if start.is_none() {
-                    return Err(Error::option("--hold", format!("{name} needs --start, which gives its value")));
-                }
-                held.push(variable);
-            }
-        }
+        let (freed, held) = self.freed_and_held(&actuator, start.as_ref())?;
         if self.method == Method::PatternSearch {
-            surroundings.clear();
-            if let Some(name) = self.free.first().or(self.hold.first()) {
-                let cause = format!(
-                    "pattern search is the paper's procedure, over all elements and nothing else; leave out {name}"
-                );
-                return Err(Error::option("--method", cause));
-            }
+            self.check_pattern_search()?;
         }
-        if self.method == Method::PatternSearch && self.loss != Loss::Square {
-            return Err(Error::option("--loss", "pattern search is the paper's procedure, with squares"));
-        }
-
         let branches = match (self.branches, &start) {
             (_, Some(start)) => vec![start.branches()],
             (Branches::Number(n), None) => vec![n],
@@ -157,7 +113,7 @@ impl FitOptions {
             branches,
             topologies,
             actuator,
-            surroundings,
+            freed,
             held,
             start,
             loss: self.loss,
@@ -167,11 +123,68 @@ impl FitOptions {
         })
     }
 
-    /// The observations, and warnings about each of them.
-    pub(in crate::commands) fn observations(
-        &self,
-        recordings: &[Recording],
-    ) -> Result<(Vec<Observation>, Vec<Vec<String>>)> {
+    fn actuator(&self, start: Option<&Parameters>) -> Result<Actuator> {
+        match (&self.actuator, start) {
+            (Some(name), _) => Parameters::load_actuator(name),
+            (None, Some(start)) => Ok(start.actuator),
+            // A test machine carries the weight.
+            (None, None) if self.drive == Direction::Displacement => {
+                Ok(Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 })
+            }
+            (None, None) => Ok(Actuator::KARNER_2022),
+        }
+    }
+
+    /// Quantities of the actuator and the sensor that are fitted, and variables of the elements that are not.
+    fn freed_and_held(&self, actuator: &Actuator, start: Option<&Candidate>) -> Result<(Vec<Variable>, Vec<Variable>)> {
+        let mut freed = Settings::default().freed;
+        for name in &self.free {
+            let variable = bench_quantity(name).ok_or_else(|| unknown("--free", name))?;
+            if variable == Variable::Mass && actuator.mass_kg == 0.0 {
+                return Err(Error::option("--free", "mass_kg needs a mass to begin from; give it with --actuator"));
+            }
+            if !freed.contains(&variable) {
+                freed.push(variable);
+            }
+        }
+        if let Some(name) = self.free.iter().find(|name| self.hold.contains(name)) {
+            return Err(Error::option("--hold", format!("{name} is also to be freed")));
+        }
+        let mut held = Vec::new();
+        for name in &self.hold {
+            if let Some(variable) = bench_quantity(name) {
+                freed.retain(|v| *v != variable);
+                continue;
+            }
+            let all = Variable::of_model(start.map_or(0, Candidate::branches));
+            let variable = all.into_iter().find(|v| v.to_string() == *name).ok_or_else(|| unknown("--hold", name))?;
+            if start.is_none() {
+                return Err(Error::option("--hold", format!("{name} needs --start, which gives its value")));
+            }
+            held.push(variable);
+        }
+        if self.method == Method::PatternSearch {
+            freed.clear();
+        }
+        Ok((freed, held))
+    }
+
+    /// Refuses what the paper's procedure does not have.
+    fn check_pattern_search(&self) -> Result<()> {
+        if let Some(name) = self.free.first().or(self.hold.first()) {
+            let cause = format!(
+                "pattern search is the paper's procedure, over all elements and nothing else; leave out {name}"
+            );
+            return Err(Error::option("--method", cause));
+        }
+        if self.loss != Loss::Square {
+            return Err(Error::option("--loss", "pattern search is the paper's procedure, with squares"));
+        }
+        Ok(())
+    }
+
+    /// The observations, each with warnings about it.
+    pub(super) fn observations(&self, recordings: &[Recording]) -> Result<Vec<(Observation, Vec<String>)>> {
         if !(self.weights.is_empty() || self.weights.len() == recordings.len()) {
             let cause = format!("{} weights for {} recordings", self.weights.len(), recordings.len());
             return Err(Error::option("--weights", cause));
@@ -179,29 +192,30 @@ impl FitOptions {
         if let Some(weight) = self.weights.iter().find(|w| !(1e-6..=1e6).contains(*w)) {
             return Err(Error::option("--weights", format!("{weight:?} must be from 1e-6 to 1e6")));
         }
-        // Of mean 1, so that residuals keep their unit.
+        // The mean is 1, so that residuals keep their unit.
         let mean = self.weights.iter().sum::<f64>() / self.weights.len().max(1) as f64;
         let weight = |index: usize| self.weights.get(index).map_or(1.0, |weight| weight / mean);
         recordings
             .iter()
             .enumerate()
-            // Squared residuals are weighted.
+            // The weight is of squared residuals.
             .map(|(index, recording)| observation::observe(recording, self.drive, weight(index).sqrt()))
             .collect()
     }
 
-    /// What drives the model.
-    pub(in crate::commands) fn direction(&self) -> Direction {
+    /// Input and output of the model.
+    pub(super) fn direction(&self) -> Direction {
         self.drive
     }
 
     /// Parameter files that are read.
-    pub(in crate::commands) fn parameter_files(&self) -> impl Iterator<Item = &Path> {
+    pub(super) fn parameter_files(&self) -> impl Iterator<Item = &Path> {
         self.actuator.iter().chain(&self.start).map(Path::new)
     }
 }
 
-fn surrounding(name: &str) -> Option<Variable> {
+/// A quantity of the actuator or the sensor by its name.
+fn bench_quantity(name: &str) -> Option<Variable> {
     [
         Variable::StretchCoupling,
         Variable::Offset,

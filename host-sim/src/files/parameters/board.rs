@@ -1,14 +1,14 @@
-//! What a board needs to know besides actuator and model: its converters, and what film and bench allow.
+//! The `[board]` table: converters, limits and control, and the blob that a controller reads.
 
 use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::wire::boards;
 use dea_driver::{
-    BLOB_LEN, BlobError, Control, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters,
+    BLOB_LEN, Blob, BlobError, Control, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters,
     PlausibilityLimits,
 };
 use heapless::String;
 use serde::{Deserialize, Serialize};
-use springpot::{Actuator, Law, Options};
+use springpot::{Actuator, CommandLimits, Law, Options};
 
 use super::Parameters;
 use crate::error::{Error, Result};
@@ -27,9 +27,9 @@ pub struct Board {
     pub monitor: Calibration,
     /// Displacement sensor (V) → displacement (m).
     pub sensor: Calibration,
-    /// What film and bench allow.
+    /// Limits of film and bench.
     pub limits: Limits,
-    /// How references are followed and the film is observed.
+    /// Settings of reference, feedforward and observer.
     #[serde(default = "Board::control")]
     pub control: Control,
 }
@@ -65,6 +65,19 @@ impl Board {
         Control::BENCH
     }
 
+    /// Its limits for the laws of control, in f64.
+    pub fn command_limits(&self) -> CommandLimits {
+        let Self { limits, control, .. } = self;
+        CommandLimits {
+            max_voltage_v: as_written(limits.max_voltage_v),
+            max_field_v_per_m: as_written(limits.max_field_v_per_m),
+            max_slew_v_per_s: as_written(limits.max_slew_v_per_s),
+            max_velocity_m_per_s: as_written(control.max_velocity_m_per_s),
+            max_acceleration_m_per_s2: as_written(control.max_acceleration_m_per_s2),
+            return_hz: as_written(control.return_hz),
+        }
+    }
+
     /// The table as TOML, numbers as short as they were written.
     pub(super) fn to_toml(&self) -> toml::Table {
         let mut table = toml::Table::try_from(self).unwrap_or_default();
@@ -73,16 +86,39 @@ impl Board {
     }
 }
 
-/// Single-precision numbers as they print, instead of with the digits of their double.
+/// A single-precision number of a controller in f64 as it was written in decimal, without the digits of its binary fraction:
+/// 0.1 instead of 0.10000000149011612.
+pub fn as_written(number: f32) -> f64 {
+    number.to_string().parse().unwrap_or(f64::from(number))
+}
+
 fn shorten(value: &mut toml::Value) {
     match value {
-        toml::Value::Float(number) => *number = (*number as f32).to_string().parse().unwrap_or(*number),
+        toml::Value::Float(number) => *number = as_written(*number as f32),
         toml::Value::Table(table) => table.iter_mut().for_each(|(_, value)| shorten(value)),
         _ => {}
     }
 }
 
 impl Parameters {
+    /// The board of these parameters, or else that of the paper's bench.
+    pub fn board_or_bench(&self) -> Board {
+        self.board.clone().unwrap_or_else(|| Board::bench(&self.actuator))
+    }
+
+    /// The blob of these parameters for a controller that ticks at `rate_hz`, on [`board_or_bench`](Self::board_or_bench),
+    /// decoded once as the controller will: what it would refuse is refused here.
+    ///
+    /// # Errors
+    ///
+    /// As [`to_blob`](Self::to_blob).
+    pub fn checked_blob(&self, rate_hz: f64) -> Result<(Vec<u8>, Board)> {
+        let board = self.board_or_bench();
+        let blob = self.to_blob(&board, rate_hz)?;
+        Blob::decode(&blob, board.id).map_err(|e| Error::Computation(e.to_string()))?;
+        Ok((blob, board))
+    }
+
     /// The blob of these parameters for a controller that ticks at `rate_hz`, on `board`.
     ///
     /// # Errors
@@ -112,7 +148,7 @@ impl Parameters {
     }
 }
 
-/// As much of a name as a blob holds.
+/// The first letters of a name, as many as a blob has room for.
 fn shortened(name: &str) -> String<32> {
     let mut short = String::new();
     for letter in name.chars() {

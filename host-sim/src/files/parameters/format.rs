@@ -24,7 +24,7 @@ pub(super) struct FileTable {
     pub(super) sensor: Option<SensorTable>,
     #[serde(default)]
     pub(super) board: Option<Spanned<Board>>,
-    /// Where the numbers come from, for people.
+    /// Origin of the numbers, free text.
     #[serde(default)]
     pub(super) provenance: Option<toml::Table>,
 }

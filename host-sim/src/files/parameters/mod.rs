@@ -13,27 +13,46 @@ use springpot::{Actuator, Maxwell, Preset};
 use toml::Spanned;
 
 use crate::error::{Error, Result};
-pub use board::Board;
+pub use board::{Board, as_written};
 use format::{ActuatorFileTable, ActuatorTable, FileTable, SCHEMA};
 
 /// An actuator and the model of its film.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
-    /// What the set is called.
+    /// Name of the set.
     pub name: String,
     /// The actuator.
     pub actuator: Actuator,
     /// The model of the film.
     pub model: Maxwell,
-    /// What the displacement sensor reads of a film at x = 0, m.
+    /// Reading of the displacement sensor at x = 0, m; see [`sensor`](Self::sensor).
     pub sensor_offset_m: f64,
-    /// The board that is to run them, if the file tells.
+    /// The board that runs them, if the file names one.
     pub board: Option<Board>,
-    /// Where the numbers come from, for people.
+    /// Origin of the numbers, free text.
     pub provenance: Option<toml::Table>,
 }
 
-/// No parameter file is longer.
+/// A displacement sensor as it is mounted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DisplacementSensor {
+    /// Reading of a film at x = 0, m.
+    pub offset_m: f64,
+}
+
+impl DisplacementSensor {
+    /// The reading (m) of a film at `displacement_m`.
+    pub fn reading_m(&self, displacement_m: f64) -> f64 {
+        displacement_m + self.offset_m
+    }
+
+    /// The displacement (m) of the film at a `reading_m`.
+    pub fn film_displacement_m(&self, reading_m: f64) -> f64 {
+        reading_m - self.offset_m
+    }
+}
+
+/// Largest size of a parameter file, bytes.
 const LONGEST: u64 = 1 << 20;
 
 impl Parameters {
@@ -49,7 +68,7 @@ impl Parameters {
         }
     }
 
-    /// A published set.
+    /// A published set of parameters.
     ///
     /// # Errors
     ///
@@ -122,11 +141,16 @@ impl Parameters {
         let board = file.board.as_ref().map(|board| board.get_ref().clone());
         let parameters = Self { name: file.name, actuator, model, sensor_offset_m, board, provenance: file.provenance };
         if let Some(board) = &file.board {
-            // At any rate: what a controller would refuse of the board is refused here, where its line is known.
+            // What a controller would refuse of the board is refused here, where its line is known. The rate does not matter.
             let checked = parameters.to_blob(board.get_ref(), 1000.0);
             checked.map_err(|e| place.error(board.span(), e.to_string()))?;
         }
         Ok(parameters)
+    }
+
+    /// The displacement sensor: the one conversion between its readings and the displacement of the film.
+    pub fn sensor(&self) -> DisplacementSensor {
+        DisplacementSensor { offset_m: self.sensor_offset_m }
     }
 
     /// The parameters as TOML text.

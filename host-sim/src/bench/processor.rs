@@ -1,0 +1,332 @@
+//! The processor in the loop: the firmware's laws, step by step beside the same code on this host.
+//!
+//! The firmware runs in QEMU or on a board and takes its input through the link. Results are compared bit by bit.
+
+use std::path::Path;
+
+use clap::ValueEnum;
+use dea_driver::wire::{Answer, BATCH, Command, Followed, Identity, Mode, Step, Target};
+use dea_driver::{Blob, Controller as HostController};
+use indicatif::ProgressBar;
+use rayon::prelude::*;
+use springpot::{Applied, Sample};
+
+use crate::bench::closed_loop::{self, BenchModel};
+use crate::bench::controllers::{Controller, ControllerOutput};
+use crate::bench::film::{Film, Plant};
+use crate::error::{Error, Result};
+use crate::files::parameters::DisplacementSensor;
+use crate::files::recording::{Input, Recording};
+use crate::grid::Grid;
+use crate::link::{Client, Emulator, Port};
+use crate::references;
+
+/// The code of the firmware that is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum FirmwareLaw {
+    /// The model and Eq. 1, both ways, under a recorded voltage.
+    Step,
+    /// The observer, along a recorded voltage and displacement.
+    Observer,
+    /// Feedforward, its loop closed around a simulated film.
+    Feedforward,
+    /// Tracking, likewise, with a sensor of 5 µm noise at 100 Hz that is 10 ms late.
+    Tracking,
+}
+
+/// A task for the firmware and for the host.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Task {
+    /// Step the model under these voltages (V).
+    Step(Vec<f32>),
+    /// Observe under these voltages (V) with, where there are any, displacements of the film (m).
+    Observe(Vec<Target>),
+    /// Close the loop around a film along a reference.
+    Follow {
+        /// Mode of the controller.
+        mode: Mode,
+        /// The film.
+        plant: Plant,
+        /// Displacement, m.
+        reference: Vec<f64>,
+        /// Its grid.
+        grid: Grid,
+    },
+}
+
+/// What tasks are made of files.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TaskOptions {
+    /// The code that is compared.
+    pub law: FirmwareLaw,
+    /// The film of a closed loop.
+    pub plant: Option<Plant>,
+    /// Steps per second.
+    pub rate_hz: f64,
+    /// Length of a task, s; the whole file if not given.
+    pub duration_s: Option<f64>,
+}
+
+impl Task {
+    /// The task for the file at `path`: a recording to step or observe, or a reference to follow. `sensor` is the displacement
+    /// sensor that made the recording.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming the file or the option that cannot be used.
+    pub fn read(path: &Path, options: &TaskOptions, sensor: DisplacementSensor) -> Result<Self> {
+        match options.law {
+            FirmwareLaw::Step | FirmwareLaw::Observer => Self::of_recording(&Recording::read(path)?, options, sensor),
+            FirmwareLaw::Feedforward => Self::along(path, options, Mode::Feedforward),
+            FirmwareLaw::Tracking => Self::along(path, options, Mode::Tracking),
+        }
+    }
+
+    /// The task to step or observe `recording`.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn of_recording(recording: &Recording, options: &TaskOptions, sensor: DisplacementSensor) -> Result<Self> {
+        if options.plant.is_some() {
+            let cause = "a recording is its own film; use --law feedforward or tracking";
+            return Err(Error::option("--plant", cause));
+        }
+        let Input::Voltage(voltage) = recording.drive()? else {
+            let cause = "a controller plays voltages: a column voltage_v or voltage_kv is needed";
+            return Err(Error::file(recording.path(), cause));
+        };
+        let grid = Grid::covering(options.shortened(recording.duration_s()), options.rate_hz)?;
+        let volts: Vec<f32> = grid.resample(&voltage).into_iter().map(|volts| volts as f32).collect();
+        Ok(match options.law {
+            FirmwareLaw::Step => Self::Step(volts),
+            _ => Self::Observe(with_samples(recording, grid, &volts, sensor)?),
+        })
+    }
+
+    fn along(path: &Path, options: &TaskOptions, mode: Mode) -> Result<Self> {
+        let plant = options.plant.ok_or_else(|| Error::option("--plant", "a film is needed: hossain or wang"))?;
+        let (mut reference, grid) = references::read(path, options.rate_hz)?;
+        let duration_s = options.shortened((grid.samples - 1) as f64 / options.rate_hz);
+        let samples = Grid::covering(duration_s, options.rate_hz)?.samples;
+        reference.truncate(samples);
+        Ok(Self::Follow { mode, plant, reference, grid: Grid { samples, ..grid } })
+    }
+
+    /// Number of steps.
+    pub fn steps(&self) -> usize {
+        match self {
+            Self::Step(volts) => volts.len(),
+            Self::Observe(targets) => targets.len(),
+            Self::Follow { reference, .. } => reference.len(),
+        }
+    }
+
+    /// Runs the task from rest in the firmware at `client` and in the `host`'s controller, and compares them.
+    fn compare(&self, client: &mut Client, host: &mut HostController, progress: &ProgressBar) -> Result<BitComparison> {
+        client.order(Command::Rest)?;
+        host.rest();
+        let mut comparison = BitComparison::default();
+        match self {
+            Self::Step(volts) => {
+                for batch in volts.chunks(BATCH) {
+                    let (steps, cycles) = client.step(batch)?;
+                    comparison.add_cycles(cycles, batch.len());
+                    for (chip, &volts) in steps.iter().zip(batch) {
+                        comparison.add_step(chip, &host.step(volts), step_bits);
+                    }
+                    progress.inc(batch.len() as u64);
+                }
+            }
+            Self::Observe(targets) => {
+                for batch in targets.chunks(BATCH) {
+                    let ticks = follow(client, Mode::Voltage, batch, &mut comparison)?;
+                    for (chip, &target) in ticks.iter().zip(batch) {
+                        comparison.add_step(chip, &host.follow(Mode::Voltage, target), followed_bits);
+                    }
+                    progress.inc(batch.len() as u64);
+                }
+            }
+            Self::Follow { mode, plant, reference, grid } => {
+                let mut chip = ChipController { client, host, mode: *mode, comparison, fault: None };
+                let (film, bench) = (Film::new(*plant), BenchModel::default());
+                let run = closed_loop::track(&film, &bench, &mut chip, reference, *grid, progress);
+                if let Some(fault) = chip.fault {
+                    return Err(fault);
+                }
+                comparison = chip.comparison;
+                comparison.tracking_rms_pct = run?.quality().tracking_rms_pct;
+            }
+        }
+        Ok(comparison)
+    }
+}
+
+impl TaskOptions {
+    fn shortened(&self, seconds: f64) -> f64 {
+        self.duration_s.map_or(seconds, |most| seconds.min(most))
+    }
+}
+
+/// Voltages with the displacements that the `sensor` measured, each at the step that follows it.
+fn with_samples(recording: &Recording, grid: Grid, volts: &[f32], sensor: DisplacementSensor) -> Result<Vec<Target>> {
+    let measured = recording.displacement()?;
+    let mut targets: Vec<Target> = volts.iter().map(|&value| Target { value, sample_m: None }).collect();
+    for (time_s, &reading) in measured.time_s.iter().zip(&measured.value) {
+        let step = (time_s * grid.rate_hz - 1e-6).ceil().max(0.0) as usize;
+        if let Some(target) = targets.get_mut(step) {
+            target.sample_m = Some(sensor.film_displacement_m(reading) as f32);
+        }
+    }
+    Ok(targets)
+}
+
+/// The controller of a blob, on this host and in the firmware.
+pub struct ProcessorTest {
+    host: HostController,
+    blob: Vec<u8>,
+    /// Counts steps.
+    pub progress: ProgressBar,
+}
+
+impl ProcessorTest {
+    /// The test of `blob`, made for the board `id`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Computation`] for a blob that a controller refuses.
+    pub fn new(blob: Vec<u8>, id: u16, progress: ProgressBar) -> Result<Self> {
+        let decoded = Blob::decode(&blob, id).map_err(|e| Error::Computation(e.to_string()))?;
+        Ok(Self { host: HostController::new(decoded), blob, progress })
+    }
+
+    /// Runs `tasks` one after the other on the board at `port`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Link`] for a board that does not answer or refuses.
+    pub fn on_board(&self, port: &str, tasks: &[Task]) -> Result<Vec<BitComparison>> {
+        let mut board = self.connect(Port::open(port)?)?;
+        let comparisons = tasks.iter().map(|task| self.run(task, &mut board)).collect();
+        // The test's parameters are not the bench's: the board returns to its stored ones. One that stores none refuses,
+        // which is no fault of the test.
+        let _ = board.0.ask(Command::Reload);
+        comparisons
+    }
+
+    /// Runs `tasks` in QEMU, each in an emulator of its own, with the firmware `image` or else this project's.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for an emulator that does not start, and as [`on_board`](Self::on_board).
+    pub fn in_emulator(&self, image: Option<&Path>, tasks: &[Task]) -> Result<Vec<BitComparison>> {
+        let image = match image {
+            Some(image) => image.into(),
+            None => {
+                Emulator::build_image()?;
+                Emulator::default_image()
+            }
+        };
+        let emulated = |task| {
+            let (_emulator, port) = Emulator::start(&image)?;
+            self.run(task, &mut self.connect(port)?)
+        };
+        // No more emulators at once than there are cores. Nothing that is compared depends on time, and the emulator's port
+        // waits long enough for one that is starved.
+        tasks.par_iter().map(emulated).collect()
+    }
+
+    fn connect(&self, port: Port) -> Result<(Client, Identity)> {
+        let (mut client, identity) = Client::new(port)?;
+        client.upload(&self.blob, false)?;
+        Ok((client, identity))
+    }
+
+    fn run(&self, task: &Task, (client, identity): &mut (Client, Identity)) -> Result<BitComparison> {
+        let comparison = task.compare(client, &mut self.host.clone(), &self.progress)?;
+        Ok(BitComparison { firmware: identity.firmware.to_string(), ..comparison })
+    }
+}
+
+fn follow(
+    client: &mut Client,
+    mode: Mode,
+    batch: &[Target],
+    comparison: &mut BitComparison,
+) -> Result<heapless::Vec<Followed, BATCH>> {
+    match client.ask(Command::Follow { mode, targets: batch.iter().copied().collect() })? {
+        Answer::Followed { ticks, cycles } if ticks.len() == batch.len() => {
+            comparison.add_cycles(cycles, batch.len());
+            Ok(ticks)
+        }
+        other => Err(client.unexpected(&other)),
+    }
+}
+
+/// The firmware as the controller of a closed loop, compared with the host's controller.
+struct ChipController<'a> {
+    client: &'a mut Client,
+    host: &'a mut HostController,
+    mode: Mode,
+    comparison: BitComparison,
+    fault: Option<Error>,
+}
+
+impl Controller for ChipController<'_> {
+    fn tick(&mut self, _: Applied<f64>, sample: Option<Sample<f64>>, reference_m: f64) -> ControllerOutput {
+        let target = Target { value: reference_m as f32, sample_m: sample.map(|sample| sample.displacement as f32) };
+        let host = self.host.follow(self.mode, target);
+        let mut voltage_v = 0.0;
+        // After a fault the chip is asked nothing more, and the film is left at 0 V.
+        if self.fault.is_none() {
+            match follow(self.client, self.mode, &[target], &mut self.comparison) {
+                Ok(ticks) => {
+                    voltage_v = f64::from(ticks[0].voltage_v);
+                    self.comparison.add_step(&ticks[0], &host, followed_bits);
+                }
+                Err(error) => self.fault = Some(error),
+            }
+        }
+        ControllerOutput { voltage_v, ..ControllerOutput::default() }
+    }
+}
+
+/// Chip and host compared over a task.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BitComparison {
+    /// Name and version of the firmware.
+    pub firmware: String,
+    /// Steps that were compared.
+    pub steps: usize,
+    /// Steps with other bits.
+    pub mismatches: usize,
+    /// The first step that differs.
+    pub first: Option<String>,
+    /// Cycles per step, batch by batch.
+    pub cycles: Vec<f64>,
+    /// Tracking error of a closed loop, in % of the reference's peak to peak.
+    pub tracking_rms_pct: Option<f64>,
+}
+
+impl BitComparison {
+    fn add_cycles(&mut self, cycles: u32, steps: usize) {
+        self.cycles.push(f64::from(cycles) / steps as f64);
+    }
+
+    fn add_step<A: std::fmt::Debug>(&mut self, chip: &A, host: &A, bits: fn(&A) -> [u32; 3]) {
+        if bits(chip) != bits(host) {
+            self.mismatches += 1;
+            let place = self.steps;
+            self.first.get_or_insert_with(|| format!("step {place}: {chip:?} on the chip, {host:?} here"));
+        }
+        self.steps += 1;
+    }
+}
+
+fn step_bits(step: &Step) -> [u32; 3] {
+    [step.displacement_m, step.force_n, step.voltage_v].map(f32::to_bits)
+}
+
+fn followed_bits(tick: &Followed) -> [u32; 3] {
+    [tick.voltage_v, tick.displacement_m, tick.disturbance_n].map(f32::to_bits)
+}

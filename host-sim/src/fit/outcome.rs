@@ -1,0 +1,81 @@
+//! Result of a fit.
+
+use std::sync::atomic::Ordering;
+
+use super::candidate::Candidate;
+use super::observation::Observation;
+use super::search::{Context, Found};
+use super::selection::StructureRow;
+use super::settings::Settings;
+use super::uncertainty::Uncertainty;
+use super::warnings;
+use crate::agreement::Agreement;
+use crate::error::{Error, Result};
+
+/// A fit.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The best candidate.
+    pub candidate: Candidate,
+    /// Modelled values at the measured times of every observation.
+    pub modelled: Vec<Vec<f64>>,
+    /// Agreement with every observation.
+    pub agreements: Vec<Agreement>,
+    /// Mean of the observations' R².
+    pub r2_mean: f64,
+    /// Structures that were compared; empty for a single structure.
+    pub structures: Vec<StructureRow>,
+    /// Uncertainty of the parameters, if it was computed.
+    pub uncertainty: Option<Uncertainty>,
+    /// Warnings to the user.
+    pub warnings: Vec<String>,
+    /// Number of residual evaluations.
+    pub evaluations: usize,
+    /// Whether the search was ended early.
+    pub interrupted: bool,
+}
+
+impl Fit {
+    /// The fit that ends with `found`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Computation`] if `found` has no response.
+    pub(super) fn of(
+        context: &Context<'_>,
+        observations: &[Observation],
+        settings: &Settings,
+        found: Found,
+        structures: Vec<StructureRow>,
+        uncertainty: Option<Uncertainty>,
+        interrupted: bool,
+    ) -> Result<Self> {
+        let objective = context.fine;
+        let no_response = || Error::Computation("the fit has no response; check the units of the recordings".into());
+        let modelled = objective.evaluate(&found.candidate).ok_or_else(no_response)?.modelled;
+        let pairs = || objective.measured().zip(&modelled);
+        let agreements: Vec<Agreement> = pairs().map(|(y, x)| Agreement::of(y, x)).collect();
+        let r2_mean = agreements.iter().map(|a| a.r2).sum::<f64>() / agreements.len() as f64;
+        let residuals: Vec<f64> = pairs().flat_map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y)).collect();
+
+        let mut warnings = Vec::new();
+        warnings::of_excitation(context.excitation, &mut warnings);
+        if let Some(uncertainty) = &uncertainty {
+            warnings::of_uncertainty(uncertainty, &residuals, &mut warnings);
+        }
+        warnings::of_convergence(found.minimum.converged || interrupted, &mut warnings);
+        warnings::of_outliers(&residuals, settings.loss, &mut warnings);
+        warnings::of_units(observations, &settings.actuator, r2_mean, settings.loss, &mut warnings);
+        Ok(Self {
+            candidate: found.candidate,
+            modelled,
+            agreements,
+            r2_mean,
+            structures,
+            uncertainty,
+            warnings,
+            evaluations: context.evaluations.load(Ordering::Relaxed),
+            interrupted,
+        })
+    }
+}

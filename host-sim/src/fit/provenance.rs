@@ -1,0 +1,104 @@
+//! The parameter file of a fit: the model, and where it comes from.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+use toml::{Table, Value};
+
+use super::loss::Loss;
+use super::outcome::Fit;
+use super::settings::Settings;
+use super::uncertainty::Uncertainty;
+use crate::agreement::Agreement;
+use crate::error::{Error, Result};
+use crate::files::parameters::Parameters;
+use crate::files::recording::Direction;
+
+impl Fit {
+    /// The parameters of this fit to the recordings in `files`, with their provenance.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a file that cannot be read again, or elements out of range.
+    pub fn parameters(&self, settings: &Settings, direction: Direction, files: &[&Path]) -> Result<Parameters> {
+        let name = |file: &&Path| file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let names: Vec<String> = files.iter().map(name).collect();
+        Ok(Parameters {
+            name: format!("fit to {}", names.join(", ")),
+            actuator: self.candidate.actuator,
+            model: self.candidate.model()?,
+            sensor_offset_m: self.candidate.offset_m,
+            board: None,
+            provenance: Some(self.provenance(settings, direction, files)?),
+        })
+    }
+
+    fn provenance(&self, settings: &Settings, direction: Direction, files: &[&Path]) -> Result<Table> {
+        let drive = match direction {
+            Direction::Force => "force",
+            Direction::Displacement => "displacement",
+        };
+        let loss = match settings.loss {
+            Loss::Square => "square",
+            Loss::Huber => "huber",
+        };
+        let recordings = files.iter().zip(&self.agreements).map(|(file, agreement)| recording(file, agreement));
+        let warnings = self.warnings.iter().map(|warning| Value::from(warning.as_str()));
+        let mut table = Table::new();
+        let mut put = |key: &str, value: Value| {
+            table.insert(key.into(), value);
+        };
+        put("tool", format!("host-sim {} fit", env!("CARGO_PKG_VERSION")).into());
+        put("method", format!("{}, seed {}", settings.method.name(), settings.seed).into());
+        put("drive", drive.into());
+        put("loss", loss.into());
+        put("evaluations", integer(self.evaluations));
+        put("r2_mean", self.r2_mean.into());
+        if self.interrupted {
+            put("interrupted", true.into());
+        }
+        put("recordings", recordings.collect::<Result<Vec<Value>>>()?.into());
+        if let Some(uncertainty) = &self.uncertainty {
+            put("intervals_95_pct", intervals(uncertainty).into());
+        }
+        put("warnings", warnings.collect::<Vec<Value>>().into());
+        Ok(table)
+    }
+}
+
+/// A recording with its digest and the agreement with it.
+fn recording(file: &Path, agreement: &Agreement) -> Result<Value> {
+    let mut table = Table::new();
+    table.insert("file".into(), file.display().to_string().into());
+    table.insert("sha256".into(), sha256(file)?.into());
+    table.insert("r2".into(), agreement.r2.into());
+    table.insert("nrmse_pct".into(), agreement.nrmse_pct.into());
+    table.insert("samples".into(), integer(agreement.samples));
+    Ok(table.into())
+}
+
+/// The 95 % intervals; an end that the data do not set is infinite.
+fn intervals(uncertainty: &Uncertainty) -> Table {
+    uncertainty
+        .estimates
+        .iter()
+        .map(|estimate| {
+            let ends = [estimate.low.unwrap_or(f64::NEG_INFINITY), estimate.high.unwrap_or(f64::INFINITY)];
+            (estimate.name.clone(), Value::from(ends.map(Value::from).to_vec()))
+        })
+        .collect()
+}
+
+fn integer(count: usize) -> Value {
+    i64::try_from(count).unwrap_or(i64::MAX).into()
+}
+
+fn sha256(path: &Path) -> Result<String> {
+    let bytes = fs::read(path).map_err(|e| Error::file(path, e))?;
+    Ok(Sha256::digest(&bytes).iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    }))
+}

@@ -1,0 +1,83 @@
+//! A model beside a recording: what is compared, and how well it agrees.
+
+use indicatif::ProgressBar;
+
+use crate::agreement::Agreement;
+use crate::error::{Error, Result};
+use crate::files::parameters::Parameters;
+use crate::files::recording::{Direction, Input, Recording};
+use crate::grid::{Grid, Samples};
+use crate::replay::memory::RunOptions;
+use crate::replay::simulate::{self, Response};
+
+/// The input of a recording on the grid of a run, and the output that was measured.
+pub struct Comparison<'a> {
+    recording: &'a Recording,
+    direction: Direction,
+    /// Grid of the run.
+    pub grid: Grid,
+    input: Input,
+    /// Readings of the displacement sensor in m, or forces in N where displacement is the input.
+    pub measured: Samples,
+}
+
+impl<'a> Comparison<'a> {
+    /// Takes input and output of `recording` in `direction` for a run of `parameters` at `rate_hz`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming the recording where a column is missing or too short.
+    pub fn new(recording: &'a Recording, direction: Direction, parameters: &Parameters, rate_hz: f64) -> Result<Self> {
+        let (input, measured) = match direction {
+            Direction::Force => (recording.drive()?, recording.displacement()?),
+            Direction::Displacement => (recording.displacement_drive()?, total_force(parameters, recording)?),
+        };
+        if measured.value.len() < 2 {
+            return Err(Error::file(recording.path(), "one measured value; a comparison needs at least 2"));
+        }
+        Ok(Self { recording, direction, grid: recording.grid(rate_hz)?, input, measured })
+    }
+
+    /// The recording.
+    pub fn recording(&self) -> &Recording {
+        self.recording
+    }
+
+    /// Runs `parameters` and compares the output, as its sensor reads it, at the measured times.
+    ///
+    /// # Errors
+    ///
+    /// As [`simulate::response`].
+    pub fn run(
+        &self,
+        parameters: &Parameters,
+        options: &RunOptions,
+        progress: &ProgressBar,
+    ) -> Result<(Response, Agreement)> {
+        let response = simulate::response(parameters, &self.input, self.grid, options, progress)?;
+        let modelled = match self.direction {
+            Direction::Force => self.grid.at(&response.displacement_m, &self.measured.time_s),
+            Direction::Displacement => self.grid.at(&response.force_n, &self.measured.time_s),
+        };
+        let sensor = parameters.sensor();
+        let read: Vec<f64> = match self.direction {
+            Direction::Force => modelled.into_iter().map(|x| sensor.reading_m(x)).collect(),
+            Direction::Displacement => modelled,
+        };
+        Ok((response, Agreement::of(&self.measured.value, &read)))
+    }
+}
+
+/// The force on the film as it was measured, or as Eq. 1 gives it from voltage and displacement.
+fn total_force(parameters: &Parameters, recording: &Recording) -> Result<Samples> {
+    if let Some(force) = recording.force() {
+        return Ok(force);
+    }
+    let Input::Voltage(voltage) = recording.drive()? else {
+        return Err(Error::file(recording.path(), "neither force_n nor voltage_v has a value"));
+    };
+    let displacement = recording.displacement_drive()?;
+    let pairs = voltage.value.iter().zip(&displacement.samples().value);
+    let value = pairs.map(|(&v, &x)| parameters.actuator.force(v, x)).collect();
+    Ok(Samples { time_s: voltage.time_s, value })
+}

@@ -1,0 +1,162 @@
+//! Whether a film can follow a reference at all, before any voltage is applied.
+
+use serde::Serialize;
+use springpot::{Actuator, CommandLimits};
+
+use crate::error::Result;
+use crate::files::parameters::Parameters;
+use crate::grid::Grid;
+use crate::references::minimum_jerk;
+use crate::replay::memory::compressed_law;
+
+/// Whether a reference can be followed, and which offset makes it so.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Feasibility {
+    /// Whether it needs no voltage below 0 or above the largest.
+    pub feasible: bool,
+    /// Share of the time that needs a force below what 0 V gives, %.
+    pub below_zero_pct: f64,
+    /// Share of the time that needs more than the largest voltage or field, %.
+    pub above_largest_pct: f64,
+    /// First time at which either is needed, s.
+    pub first_s: Option<f64>,
+    /// Lowest electrostatic force that is needed, N.
+    pub lowest_force_n: f64,
+    /// Largest voltage that is needed, V.
+    pub largest_voltage_v: f64,
+    /// Lowest displacement of the reference after its first 2 s, m.
+    pub low_m: f64,
+    /// Highest displacement after the first 2 s, m.
+    pub high_m: f64,
+    /// The smallest offset with which the reference needs no voltage below 0, m: a rise of 2 s, then a constant. Negative
+    /// where the reference lies higher than necessary; `None` where no offset within reach is enough.
+    pub least_offset_m: Option<f64>,
+    /// The largest offset that needs no more than the largest voltage, m; negative for a reference that is too high.
+    pub most_offset_m: Option<f64>,
+}
+
+/// Largest offset that is tried, m: beyond any film.
+const MOST_OFFSET_M: f64 = 10.0;
+/// Time in which an offset is added, s.
+const RISE_S: f64 = 2.0;
+
+/// Whether the model of `parameters` can follow `reference` (m, on `grid`) within `limits`.
+///
+/// # Errors
+///
+/// [`Error`](crate::Error) where a law is refused.
+pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &CommandLimits) -> Result<Feasibility> {
+    let demand = Demand::new(parameters, reference, grid, limits)?;
+    let preload = demand.actuator.preload_n();
+    let below: Vec<bool> = demand.force.iter().map(|f| f - preload < -demand.slack).collect();
+    let above: Vec<bool> = (0..reference.len()).map(|k| demand.exceeds(k, 0.0)).collect();
+    let share = |flags: &[bool]| 100.0 * flags.iter().filter(|flag| **flag).count() as f64 / flags.len() as f64;
+    let first = (0..reference.len()).find(|&k| below[k] || above[k]);
+    let settled = ((RISE_S * grid.rate_hz) as usize).min(reference.len() - 1);
+    let (low_m, high_m) = reference[settled..]
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)));
+    let least = demand.least_offset(&below);
+    let most_offset_m = demand.most_offset(low_m, high_m);
+    let square = (0..reference.len()).map(|k| demand.squared_voltage(k, 0.0)).fold(0.0, f64::max);
+    Ok(Feasibility {
+        feasible: first.is_none(),
+        below_zero_pct: share(&below),
+        above_largest_pct: share(&above),
+        first_s: first.map(|k| grid.time_s(k)),
+        lowest_force_n: demand.force.iter().map(|f| f - preload).fold(f64::INFINITY, f64::min),
+        largest_voltage_v: square.sqrt(),
+        low_m,
+        high_m,
+        least_offset_m: (least.is_finite() && most_offset_m.is_none_or(|most| least <= most)).then_some(least),
+        most_offset_m,
+    })
+}
+
+/// What a reference with an offset asks of the actuator.
+///
+/// The force is linear in the path: that of an offset is the offset times the force of a rise to 1 m.
+struct Demand<'a> {
+    actuator: Actuator,
+    limits: &'a CommandLimits,
+    reference: &'a [f64],
+    /// The rise of an offset, 0 to 1.
+    rise: Vec<f64>,
+    /// Force along the reference, N, weight included.
+    force: Vec<f64>,
+    /// Force per metre of offset, N/m.
+    per_offset: Vec<f64>,
+    /// Force below which a difference is rounding, N.
+    slack: f64,
+}
+
+impl<'a> Demand<'a> {
+    fn new(parameters: &Parameters, reference: &'a [f64], grid: Grid, limits: &'a CommandLimits) -> Result<Self> {
+        let law = compressed_law::<f64>(&parameters.model, grid.rate_hz)?;
+        let actuator = parameters.actuator;
+        actuator.check()?;
+        let force_along = |path: &[f64]| -> Vec<f64> {
+            let mut film = law.state();
+            path.iter().map(|&x| law.force(&mut film, x)).collect()
+        };
+        let rise: Vec<f64> = (0..grid.samples).map(|k| minimum_jerk(grid.time_s(k) / RISE_S)).collect();
+        let (force, per_offset) = (force_along(reference), force_along(&rise));
+        let largest = force.iter().fold(0.0, |largest: f64, f| largest.max((f - actuator.preload_n()).abs()));
+        Ok(Self { actuator, limits, reference, rise, force, per_offset, slack: 1e-9 * largest })
+    }
+
+    fn displacement(&self, k: usize, offset: f64) -> f64 {
+        self.reference[k] + offset * self.rise[k]
+    }
+
+    /// Squared voltage that sample `k` of the reference with `offset` (m) needs, V².
+    fn squared_voltage(&self, k: usize, offset: f64) -> f64 {
+        self.actuator.squared_voltage(self.force[k] + offset * self.per_offset[k], self.displacement(k, offset))
+    }
+
+    /// Whether sample `k` of the reference with `offset` (m) needs more than the largest voltage or field.
+    fn exceeds(&self, k: usize, offset: f64) -> bool {
+        let field = self.actuator.field_voltage(self.limits.max_field_v_per_m, self.displacement(k, offset));
+        let largest = field.min(self.limits.max_voltage_v);
+        self.squared_voltage(k, offset) / (largest * largest) - 1.0 > 0.0
+    }
+
+    /// The smallest offset (m) with which no sample needs a force below that at 0 V, given the samples that are below it without an offset.
+    fn least_offset(&self, below: &[bool]) -> f64 {
+        // Before the rise has an effect, the force must be positive by itself.
+        let effective = 1e-9 * self.per_offset.iter().copied().fold(0.0, f64::max);
+        let preload = self.actuator.preload_n();
+        (0..self.force.len())
+            .filter(|&k| self.per_offset[k] > effective || below[k])
+            .map(|k| {
+                if self.per_offset[k] > effective {
+                    -(self.force[k] - preload + self.slack) / self.per_offset[k]
+                } else {
+                    f64::INFINITY
+                }
+            })
+            .fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// The largest offset (m) that stays within the largest voltage and field, for a reference between `low` and `high` (m).
+    fn most_offset(&self, low: f64, high: f64) -> Option<f64> {
+        let fits = |offset: f64| (0..self.force.len()).all(|k| !self.exceeds(k, offset));
+        // The voltage grows with the offset: bisection.
+        let reach = 10.0 * high.abs().max(high - low).max(1e-6);
+        fits(-reach).then(|| {
+            let (mut enough, mut too_much) = (-reach, reach);
+            while fits(too_much) && too_much < MOST_OFFSET_M {
+                too_much *= 2.0;
+            }
+            for _ in 0..60 {
+                let middle = 0.5 * (enough + too_much);
+                if fits(middle) {
+                    enough = middle;
+                } else {
+                    too_much = middle;
+                }
+            }
+            enough
+        })
+    }
+}

@@ -1,0 +1,147 @@
+//! The report of a fit: JSON for machines, text for people.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::agreement::Agreement;
+use crate::error::shown;
+use crate::files::recording::Direction;
+use crate::fit::Fit;
+use crate::fit::selection::StructureRow;
+use crate::fit::settings::topology_name;
+use crate::fit::uncertainty::Uncertainty;
+
+/// The report of a fit, as `fit --json` prints it.
+#[derive(Serialize)]
+pub struct FitReport {
+    /// One row per recording.
+    pub recordings: Vec<RecordingRow>,
+    /// Mean of the recordings' R².
+    pub r2_mean: f64,
+    /// The file of the parameters.
+    pub parameters_file: String,
+    /// Duration, s.
+    pub seconds: f64,
+    /// Number of residual evaluations.
+    pub evaluations: usize,
+    /// Topology of the model.
+    pub topology: &'static str,
+    /// Number of branches.
+    pub branches: usize,
+    /// Whether the search was ended early.
+    pub interrupted: bool,
+    /// Structures that were compared; empty for a single structure.
+    pub structures: Vec<StructureRow>,
+    /// Uncertainty of the parameters, if it was computed.
+    #[serde(rename = "trust")]
+    pub uncertainty: Option<Uncertainty>,
+    /// Warnings to the user.
+    pub warnings: Vec<String>,
+}
+
+/// Agreement of a fit with a recording.
+#[derive(Serialize)]
+pub struct RecordingRow {
+    /// The recording's file.
+    pub file: String,
+    /// R² (Eq. 14).
+    pub r2: f64,
+    /// NRMSE, % of peak to peak.
+    pub nrmse_pct: f64,
+    /// RMS of the difference where displacement is fitted, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rmse_m: Option<f64>,
+    /// RMS of the difference where force is fitted, N.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rmse_n: Option<f64>,
+    /// Number of measured values.
+    pub samples: usize,
+}
+
+impl FitReport {
+    /// The report of `fit` to the recordings in `files`, which took `seconds` and is written to `out`.
+    pub fn new(fit: &Fit, direction: Direction, files: &[&Path], out: &Path, seconds: f64) -> Self {
+        let row = |(file, agreement): (&&Path, &Agreement)| RecordingRow {
+            file: shown(file),
+            r2: agreement.r2,
+            nrmse_pct: agreement.nrmse_pct,
+            rmse_m: (direction == Direction::Force).then_some(agreement.rmse),
+            rmse_n: (direction == Direction::Displacement).then_some(agreement.rmse),
+            samples: agreement.samples,
+        };
+        Self {
+            recordings: files.iter().zip(&fit.agreements).map(row).collect(),
+            r2_mean: fit.r2_mean,
+            parameters_file: shown(out),
+            seconds,
+            evaluations: fit.evaluations,
+            topology: topology_name(fit.candidate.topology),
+            branches: fit.candidate.branches(),
+            interrupted: fit.interrupted,
+            structures: fit.structures.clone(),
+            uncertainty: fit.uncertainty.clone(),
+            warnings: fit.warnings.clone(),
+        }
+    }
+
+    /// The report as text.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        if !self.structures.is_empty() {
+            structures(&self.structures, &mut text);
+            text.push('\n');
+        }
+        if let Some(uncertainty) = &self.uncertainty {
+            estimates(uncertainty, &mut text);
+            text.push('\n');
+        }
+        for row in &self.recordings {
+            let _ = writeln!(text, "{}: R² {:.6}, NRMSE {:.3} %", row.file, row.r2, row.nrmse_pct);
+        }
+        for warning in &self.warnings {
+            let _ = writeln!(text, "warning: {warning}");
+        }
+        let _ = write!(
+            text,
+            "{}: {} with n = {}, R² mean {:.6}, {} evaluations in {:.1} s{}",
+            self.parameters_file,
+            self.topology,
+            self.branches,
+            self.r2_mean,
+            self.evaluations,
+            self.seconds,
+            if self.interrupted { ", interrupted: the best so far" } else { "" }
+        );
+        text
+    }
+}
+
+fn structures(rows: &[StructureRow], text: &mut String) {
+    let _ = writeln!(text, "structure     variables        R²   NRMSE %      ΔAIC      ΔBIC  left out, NRMSE %");
+    for row in rows {
+        let left_out = row.left_out_nrmse_pct.map_or_else(|| "–".into(), |value| format!("{value:.3}"));
+        let _ = writeln!(
+            text,
+            "{:8} n = {} {:>9} {:>9.6} {:>9.3} {:>9.0} {:>9.0} {left_out:>12}{}",
+            topology_name(row.topology),
+            row.branches,
+            row.variables,
+            row.r2_mean,
+            row.nrmse_pct,
+            row.delta_aic,
+            row.delta_bic,
+            if row.chosen { "  chosen" } else { "" }
+        );
+    }
+}
+
+fn estimates(uncertainty: &Uncertainty, text: &mut String) {
+    let end = |end: Option<f64>| end.map_or_else(|| "open".into(), |value| format!("{value:.4e}"));
+    let _ = writeln!(text, "{:22} {:>12}  95 % interval", "parameter", "value");
+    for estimate in &uncertainty.estimates {
+        let (low, high) = (end(estimate.low), end(estimate.high));
+        let _ = writeln!(text, "{:22} {:>12.5e}  {low} … {high}", estimate.name, estimate.value);
+    }
+}

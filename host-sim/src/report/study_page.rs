@@ -1,0 +1,193 @@
+//! The tables, figures and page of the paper's study.
+
+use std::fmt::Write;
+
+use maud::html;
+use springpot::Topology;
+
+use super::html;
+use super::plot::{COLOURS, Line, Panel};
+use crate::fit::Method;
+use crate::fit::observation::Observation;
+use crate::fit::settings::topology_name;
+use crate::studies::paper::{self, StudyFit};
+
+/// Tables and figures of a study.
+pub struct StudyPage {
+    tables: [Table; 3],
+    /// The figures.
+    pub figures: [StudyFigure; 2],
+    why_eq9_stops: String,
+    thinned: bool,
+}
+
+/// A figure of the study.
+pub struct StudyFigure {
+    /// Name of its files, without the ending.
+    pub name: &'static str,
+    title: &'static str,
+    /// Its panels, one per recording.
+    pub panels: Vec<Panel>,
+}
+
+/// A table: title, header, rows.
+struct Table {
+    title: String,
+    header: Vec<String>,
+    rows: Vec<Vec<String>>,
+}
+
+impl StudyPage {
+    /// The page of `fits` to `observations`; `thinned` if pattern search saw thinned recordings.
+    pub fn new(fits: &[StudyFit], observations: &[Observation], thinned: bool) -> Self {
+        let names: Vec<String> = observations.iter().map(|o| o.name.clone()).collect();
+        let figure = |name, title, alone| StudyFigure { name, title, panels: panels(fits, observations, alone) };
+        Self {
+            tables: [table_2(fits, &names), table_3(fits), table_4(fits, &names)],
+            figures: [
+                figure("figure-6", "Measured and calculated, joint fit (Fig. 6)", false),
+                figure("figure-7", "Measured and calculated, one fit per recording (Fig. 7)", true),
+            ],
+            why_eq9_stops: paper::why_eq9_stops(fits),
+            thinned,
+        }
+    }
+
+    /// The page as HTML.
+    pub fn html(&self) -> String {
+        let body = html! {
+            p {
+                "Forces by Eq. 1 without coupling, displacements without offset, as in Karner et al. 2022. "
+                @if self.thinned { "Pattern search saw thinned recordings; R² is of all samples." }
+            }
+            @for table in &self.tables {
+                h2 { (table.title) }
+                @let header: Vec<&str> = table.header.iter().map(String::as_str).collect();
+                @let rows: Vec<(bool, Vec<String>)> = table.rows.iter().map(|row| (false, row.clone())).collect();
+                (html::table(&header, &rows))
+            }
+            p { (self.why_eq9_stops) }
+            @for figure in &self.figures {
+                h2 { (figure.title) }
+                (html::figure(&figure.panels))
+            }
+        };
+        html::page("The study of Karner et al. 2022 on these recordings", &body)
+    }
+
+    /// The tables as Markdown.
+    pub fn markdown(&self) -> String {
+        let mut text = String::new();
+        for table in &self.tables {
+            let _ = writeln!(text, "## {}\n", table.title);
+            let _ = writeln!(text, "| {} |", table.header.join(" | "));
+            let _ = writeln!(text, "|{}", " --- |".repeat(table.header.len()));
+            for row in &table.rows {
+                let _ = writeln!(text, "| {} |", row.join(" | "));
+            }
+            text.push('\n');
+        }
+        text.push_str(&self.why_eq9_stops);
+        text.push('\n');
+        if self.thinned {
+            text.push_str("Pattern search saw thinned recordings; R² is of all samples.\n");
+        }
+        text
+    }
+}
+
+fn kind(fit: &StudyFit) -> [String; 2] {
+    [topology_name(fit.topology).into(), fit.method.name().into()]
+}
+
+/// R² of the joint fits.
+fn table_2(fits: &[StudyFit], names: &[String]) -> Table {
+    let header = ["n", "topology", "method"].map(str::to_owned);
+    let rows = fits
+        .iter()
+        .filter(|e| e.recording.is_none())
+        .map(|e| {
+            let mut row = vec![e.branches.to_string()];
+            row.extend(kind(e));
+            row.extend(e.agreements.iter().map(|a| format!("{:.6}", a.r2)));
+            row.extend([format!("{:.6}", e.r2_mean()), e.evaluations.to_string()]);
+            row
+        })
+        .collect();
+    let tail = ["R² mean", "evaluations"].map(str::to_owned);
+    let header = header.into_iter().chain(names.iter().map(|name| format!("R² {name}"))).chain(tail).collect();
+    Table { title: "Table 2: R² of the joint fits".into(), header, rows }
+}
+
+/// Parameters of the joint fits.
+fn table_3(fits: &[StudyFit]) -> Table {
+    let rows = fits
+        .iter()
+        .filter(|e| e.recording.is_none())
+        .map(|e| {
+            let (main, branches) = e.elements();
+            let mut row = vec![e.branches.to_string()];
+            row.extend(kind(e));
+            row.extend([main, branches]);
+            row
+        })
+        .collect();
+    Table {
+        title: "Table 3: parameters of the joint fits, c in N·s^α/mm".into(),
+        header: ["n", "topology", "method", "main (c, α)", "branches (c, α)–(c, α)"].map(str::to_owned).into(),
+        rows,
+    }
+}
+
+/// Fits to one recording.
+fn table_4(fits: &[StudyFit], names: &[String]) -> Table {
+    let rows = fits
+        .iter()
+        .filter_map(|e| e.recording.map(|index| (e, index)))
+        .map(|(e, index)| {
+            let (main, branches) = e.elements();
+            let mut row = vec![names[index].clone()];
+            row.extend(kind(e));
+            row.extend([main, branches, format!("{:.6}", e.r2_mean())]);
+            row
+        })
+        .collect();
+    Table {
+        title: format!("Table 4: each recording alone, n = {}, c in N·s^α/mm", paper::BRANCHES_ALONE),
+        header: ["recording", "topology", "method", "main (c, α)", "branches (c, α)–(c, α)", "R²"]
+            .map(str::to_owned)
+            .into(),
+        rows,
+    }
+}
+
+/// Measured and calculated with two branches: by the paper's procedure, and by the best of this tool.
+fn panels(fits: &[StudyFit], observations: &[Observation], alone: bool) -> Vec<Panel> {
+    let millimetres = |values: &[f64]| values.iter().map(|x| 1e3 * x).collect::<Vec<f64>>();
+    observations
+        .iter()
+        .enumerate()
+        .map(|(index, observation)| {
+            let time = &observation.measured.time_s;
+            let measured = Line::new("measured", time, &millimetres(&observation.measured.value));
+            let mut panel = Panel::new(&observation.name, "time (s)", "displacement (mm)")
+                .with(measured.wide(4.0).coloured("#bdbdbd"));
+            for (method, topology, colour) in
+                [(Method::PatternSearch, Topology::Eq11, COLOURS[2]), (Method::Lm, Topology::Parallel, COLOURS[1])]
+            {
+                let wanted = |e: &&StudyFit| {
+                    e.method == method
+                        && e.topology == topology
+                        && e.branches == paper::BRANCHES_ALONE
+                        && e.recording == alone.then_some(index)
+                };
+                if let Some(fit) = fits.iter().find(wanted) {
+                    let values = &fit.modelled[if alone { 0 } else { index }];
+                    let label = format!("{}, {}", topology_name(topology), method.name());
+                    panel = panel.with(Line::new(label, time, &millimetres(values)).coloured(colour));
+                }
+            }
+            panel
+        })
+        .collect()
+}
