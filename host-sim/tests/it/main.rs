@@ -4,4 +4,5 @@ mod film;
 mod fitting;
 mod full_memory;
 mod reduce;
+mod sensor_offset;
 mod tracking;
