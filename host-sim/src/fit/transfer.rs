@@ -13,6 +13,10 @@ type Recursion = Compressed<f64, 8, 16, 0>;
 /// Values at the points of a circle.
 pub(super) type Spectrum = Vec<Complex<f64>>;
 
+/// Tolerance of coupled motion in a fit. Each pass gains about a digit, so that its error is below 1e-9 of the displacement:
+/// far below the residuals of any recording.
+const TOLERANCE: f64 = 1e-8;
+
 /// Points that one task computes.
 const CHUNK: usize = 1024;
 
@@ -60,7 +64,7 @@ impl Transfer {
         if steepest >= 0.99 * law.stiffness() {
             return Err(PullIn);
         }
-        coupled_displacement(circle, &self.stiffness, loads, recursion(law, loads))
+        coupled_displacement(circle, &self.stiffness, loads, recursion(law, loads), TOLERANCE)
     }
 }
 

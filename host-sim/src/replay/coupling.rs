@@ -18,7 +18,8 @@ pub struct PullIn;
 /// The displacement (m) under `loads`, one per step, by passes through the full-memory response of `stiffness` (m s² + K(s)
 /// on the circle, N/m), from the estimate `start` (m).
 ///
-/// It has converged when a pass changes it by less than the circle's own rounding, relative RMS.
+/// It has converged when a pass changes it by at most `tolerance` (RMS, relative), which cannot be below
+/// [`FullMemory::rounding`].
 ///
 /// # Errors
 ///
@@ -28,6 +29,7 @@ pub fn coupled_displacement(
     stiffness: &[Complex<f64>],
     loads: &[Load<f64>],
     start: Vec<f64>,
+    tolerance: f64,
 ) -> Result<Vec<f64>, PullIn> {
     let implicit = loads.iter().any(|load| load.slope != 0.0);
     let mut displacement = start;
@@ -46,7 +48,7 @@ pub fn coupled_displacement(
         if !size.is_finite() {
             return Err(PullIn);
         }
-        if change <= circle.rounding().powi(2) * size {
+        if change <= tolerance * tolerance * size {
             return Ok(displacement);
         }
     }
