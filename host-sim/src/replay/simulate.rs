@@ -170,7 +170,8 @@ fn coupled(memory: &FullMemory, model: &Maxwell, actuator: &Actuator, voltage: &
     };
     let loads: Vec<Load<f64>> = voltage.iter().map(load).collect();
     let stiffness = memory.dynamic_stiffness(model);
-    let displacement = coupled_displacement(memory, &stiffness, &loads, vec![0.0; voltage.len()], memory.rounding())
+    let start = vec![0.0; voltage.len()];
+    let displacement = coupled_displacement(memory, &stiffness, &loads, start, memory.rounding())
         .map_err(|PullIn| pulled_in(actuator.stretch_coupling))?;
     let force = loads.iter().zip(&displacement).map(|(load, x)| load.force + load.slope * x).collect();
     Ok((force, displacement))
