@@ -298,10 +298,4 @@ impl<T: Real> VoltageDrive<T> {
     pub(crate) fn preload(&self) -> T {
         self.preload
     }
-
-    /// The largest voltage, V.
-    #[must_use]
-    pub fn max_voltage(&self) -> T {
-        self.max_voltage
-    }
 }

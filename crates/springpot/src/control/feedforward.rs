@@ -1,7 +1,7 @@
 //! Feedforward: the voltage for a reference displacement, without a sensor.
 
 use crate::actuator::{Actuator, VoltageDrive};
-use crate::control::inverse::{Applied, Command, Correction, Course, Steering};
+use crate::control::inverse::{Applied, Command, Correction, Steering, SteeringState};
 use crate::control::limits::CommandLimits;
 use crate::error::ControlError;
 use crate::law::{Law, Memory, State, state_traits};
@@ -49,10 +49,10 @@ pub struct Feedforward<T, M = crate::Compressed<T>> {
 /// What changes with every tick of a [`Feedforward`].
 pub struct FeedforwardState<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
     film: State<T, M>,
-    course: Course<T>,
+    steering: SteeringState<T>,
 }
 
-state_traits!(FeedforwardState<T, M> { film, course });
+state_traits!(FeedforwardState<T, M> { film, steering });
 
 impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     /// Feedforward for `actuator` along `law` within `limits`.
@@ -70,14 +70,14 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     /// A state that begins with `film`, at 0 V; the reference begins where the film is.
     #[must_use]
     pub fn state(&self, film: State<T, M>) -> FeedforwardState<T, M> {
-        let course = Course::at(film.position());
-        FeedforwardState { film, course }
+        let steering = SteeringState::at(film.position());
+        FeedforwardState { film, steering }
     }
 
     /// Steps the film under the voltage that was really applied since the last tick; returns its displacement (m).
     #[inline]
     pub fn apply(&self, state: &mut FeedforwardState<T, M>, applied: Applied<T>) -> T {
-        let voltage = self.steering.record(&mut state.course, applied);
+        let voltage = self.steering.record(&mut state.steering, applied);
         self.law.displacement_under(&mut state.film, self.drive.load(voltage))
     }
 
@@ -86,7 +86,7 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     #[inline]
     pub fn command(&self, state: &mut FeedforwardState<T, M>, reference: T) -> Command<T> {
         let exact = Correction { disturbance: T::ZERO, force_scale: T::from_f64(1.0) };
-        self.steering.command(&self.law, &self.drive, &state.film, &mut state.course, reference, exact)
+        self.steering.command(&self.law, &self.drive, &state.film, &mut state.steering, reference, exact)
     }
 
     /// The law.
@@ -112,7 +112,7 @@ impl<T: Real, M: Memory<T>> FeedforwardState<T, M> {
     /// The shaped reference, m.
     #[must_use]
     pub fn reference(&self) -> T {
-        self.course.path.position
+        self.steering.path.position
     }
 
     /// The film.

@@ -43,7 +43,7 @@ impl<T: Real> Applied<T> {
 
 /// What [`Steering`] remembers from tick to tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Course<T> {
+pub(crate) struct SteeringState<T> {
     pub(crate) path: Path<T>,
     /// Size of the voltage that was commanded last, V.
     commanded: T,
@@ -53,7 +53,7 @@ pub(crate) struct Course<T> {
     gain: T,
 }
 
-impl<T: Real> Course<T> {
+impl<T: Real> SteeringState<T> {
     /// At rest at `position` (m), at 0 V.
     pub(crate) fn at(position: T) -> Self {
         Self {
@@ -98,8 +98,8 @@ pub(crate) struct Steering<T> {
     /// (1 − p) / (1 + p): share of ε by which to approach the path, per tick.
     approach: T,
     /// Largest increment of the approach and largest change of it, m.
-    closing: T,
-    back: T,
+    max_approach: T,
+    max_return: T,
     max_voltage: T,
     /// Voltage of the largest field at x = 0.
     field_voltage: T,
@@ -137,14 +137,14 @@ impl<T: Real> Steering<T> {
         let pole = 1.0 - share_per_step(core::f64::consts::TAU * limits.return_hz, step_s);
         let approach = (1.0 - pole) / (1.0 + pole);
         let largest_force = actuator.force_per_square_volt() * limits.max_voltage_v * limits.max_voltage_v;
-        let back = RETURN_SHARE * largest_force / stiffness.to_f64();
+        let max_return = RETURN_SHARE * largest_force / stiffness.to_f64();
         let slew = limits.max_slew_v_per_s * step_s;
         let steering = Self {
             shaper,
             damping: T::from_f64(1.0 - pole * pole),
             approach: T::from_f64(approach),
-            closing: T::from_f64(back / approach),
-            back: T::from_f64(back),
+            max_approach: T::from_f64(max_return / approach),
+            max_return: T::from_f64(max_return),
             max_voltage: T::from_f64(limits.max_voltage_v),
             field_voltage: T::from_f64(limits.field_voltage(actuator)),
             coupling: T::from_f64(actuator.stretch_coupling),
@@ -168,38 +168,38 @@ impl<T: Real> Steering<T> {
     /// A command is relative to the force of the last tick. A monitor that is 1 % off would therefore accumulate tick by tick,
     /// and its noise would return as commands. So the monitor only estimates the amplifier's gain, slowly.
     #[inline]
-    pub(crate) fn record(&self, course: &mut Course<T>, applied: Applied<T>) -> T {
+    pub(crate) fn record(&self, state: &mut SteeringState<T>, applied: Applied<T>) -> T {
         let size = |voltage: T| if voltage < T::ZERO { -voltage } else { voltage };
-        course.commanded = size(applied.commanded);
+        state.commanded = size(applied.commanded);
         if let Some(reading) = applied.reading.filter(|reading| is_finite(*reading)) {
-            course.commanded_mean = course.commanded_mean + self.averaging * (course.commanded - course.commanded_mean);
-            course.reading_mean = course.reading_mean + self.averaging * (size(reading) - course.reading_mean);
-            if course.commanded_mean > self.gain_threshold {
+            state.commanded_mean = state.commanded_mean + self.averaging * (state.commanded - state.commanded_mean);
+            state.reading_mean = state.reading_mean + self.averaging * (size(reading) - state.reading_mean);
+            if state.commanded_mean > self.gain_threshold {
                 let [low, high] = GAINS.map(T::from_f64);
-                course.gain = clamp(course.reading_mean / course.commanded_mean, low, high);
+                state.gain = clamp(state.reading_mean / state.commanded_mean, low, high);
             }
         }
-        course.gain * course.commanded
+        state.gain * state.commanded
     }
 
-    /// The command that takes `film` along its `course` towards `reference` (m).
+    /// The command that takes `film` towards `reference` (m).
     #[inline]
     pub(crate) fn command<M: Memory<T>>(
         &self,
         law: &Law<T, M>,
         drive: &VoltageDrive<T>,
         film: &State<T, M>,
-        course: &mut Course<T>,
+        state: &mut SteeringState<T>,
         reference: T,
         correction: Correction<T>,
     ) -> Command<T> {
-        let Course { path, commanded, gain, .. } = course;
-        let away = film.position() - path.position;
+        let SteeringState { path, commanded, gain, .. } = state;
+        let offset = film.position() - path.position;
         let drift = film.increment() - path.increment;
         let mut limited = self.shaper.advance(path, reference);
-        let closing = clamp(-(self.approach * away), -self.closing, self.closing);
-        let back = clamp(self.damping * (closing - drift), -self.back, self.back);
-        let change = path.change + back;
+        let approach = clamp(-(self.approach * offset), -self.max_approach, self.max_approach);
+        let correction_m = clamp(self.damping * (approach - drift), -self.max_return, self.max_return);
+        let change = path.change + correction_m;
 
         let one = T::from_f64(1.0);
         let ahead = film.position() + (film.increment() + change);

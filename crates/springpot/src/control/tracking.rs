@@ -1,7 +1,7 @@
 //! Tracking: feedforward with a sensor. The observer's disturbance is subtracted from the command.
 
 use crate::actuator::Actuator;
-use crate::control::inverse::{Applied, Command, Course, Steering};
+use crate::control::inverse::{Applied, Command, Steering, SteeringState};
 use crate::control::limits::CommandLimits;
 use crate::control::observer::{Observer, ObserverOptions, ObserverState, Sample};
 use crate::error::ControlError;
@@ -59,10 +59,10 @@ pub struct Tracking<T, M = crate::Compressed<T>, const PAST: usize = 64> {
 /// What changes with every tick of a [`Tracking`].
 pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const PAST: usize = 64> {
     observer: ObserverState<T, M, PAST>,
-    course: Course<T>,
+    steering: SteeringState<T>,
 }
 
-state_traits!(TrackingState<T, M, PAST> { observer, course });
+state_traits!(TrackingState<T, M, PAST> { observer, steering });
 
 impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// Tracking for `actuator` along `law` within `limits`, with an observer of these `options`.
@@ -84,15 +84,15 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// A state that begins with `film`, at 0 V; the reference begins where the film is.
     #[must_use]
     pub fn state(&self, film: State<T, M>) -> TrackingState<T, M, PAST> {
-        let course = Course::at(film.position());
-        TrackingState { observer: self.observer.state(film), course }
+        let steering = SteeringState::at(film.position());
+        TrackingState { observer: self.observer.state(film), steering }
     }
 
     /// Steps the film under the voltage that was really applied since the last tick and corrects it with a `sample`, if one
     /// has arrived. Returns the estimated displacement (m).
     #[inline]
     pub fn observe(&self, state: &mut TrackingState<T, M, PAST>, applied: Applied<T>, sample: Option<Sample<T>>) -> T {
-        let voltage = self.steering.record(&mut state.course, applied);
+        let voltage = self.steering.record(&mut state.steering, applied);
         self.observer.observe(&mut state.observer, voltage, sample)
     }
 
@@ -101,9 +101,9 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     #[inline]
     pub fn command(&self, state: &mut TrackingState<T, M, PAST>, reference: T) -> Command<T> {
         let correction = state.observer.correction();
-        let TrackingState { observer, course } = state;
+        let TrackingState { observer, steering } = state;
         let (law, drive) = (self.observer.law(), self.observer.drive());
-        self.steering.command(law, drive, &observer.film, course, reference, correction)
+        self.steering.command(law, drive, &observer.film, steering, reference, correction)
     }
 
     /// The observer.
@@ -128,6 +128,6 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
     /// The shaped reference, m.
     #[must_use]
     pub fn reference(&self) -> T {
-        self.course.path.position
+        self.steering.path.position
     }
 }

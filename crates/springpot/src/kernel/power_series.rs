@@ -1,6 +1,6 @@
 //! The first values of the discrete relaxation modulus, by power series.
 //!
-//! In the Grünwald–Letnikov discretisation s becomes (1 − ζ)/h, with ζ the delay of one step h, so that every springpot
+//! In the Grünwald–Letnikov discretisation (Eq. 2 of Karner et al. 2022) s becomes (1 − ζ)/h, with ζ the delay of one step h, so that every springpot
 //! is a binomial series in ζ. Sums, products and reciprocals of such series give K(ζ), and its running sum
 //! g(ζ) = K(ζ)/(1 − ζ) is the relaxation modulus: the force that is left j steps after a unit step of displacement.
 

@@ -1,4 +1,4 @@
-//! A law steps a model forwards and backwards on one line of arithmetic.
+//! A law steps a model forwards and backwards with one equation.
 
 mod coefficients;
 mod compressed;
@@ -19,11 +19,10 @@ use crate::scalar::Scalar;
 
 pub(crate) use state_traits::state_traits;
 
-/// How a law remembers the past: [`Compressed`](crate::Compressed) (the default) or [`Window`](crate::Window).
+/// How a law remembers the past: [`Compressed`] (the default) or [`Window`].
 ///
-/// The trait is sealed. A memory is more than its two methods: the law's exactness, its [`State`] and its frequency
-/// response rest on them to agree, which the tests of this crate show for the two memories here. Name it as a bound to write
-/// code for both.
+/// The trait is sealed: the law is only right if both methods describe the same recursion with constants of one model, which
+/// the tests of this crate show for the two memories here. Use it as a bound to write code for both.
 pub trait Memory<T: Scalar>: sealed::Sealed {
     /// What changes with every step. A [`State`] holds it.
     type History;
@@ -51,10 +50,11 @@ mod sealed {
 /// A law holds what does not change, so one law serves many [`State`]s and can stay in flash. It is built fallibly by
 /// [`Law::compressed`] or [`Law::window`] and then steps infallibly, with the same number of operations every time.
 ///
-/// # The line
+/// # The equation
 ///
 /// With Δx_k the increment of displacement in step k, g the relaxation modulus of the model in the Grünwald–Letnikov
-/// discretisation and m the mass, Eq. 11 of Karner et al. 2022 reads *exactly*
+/// discretisation (Eq. 2 of Karner et al. 2022, s = (1 − ζ)/h with ζ the delay of one step h) and m the mass, Eq. 11 becomes
+/// *exactly*
 ///
 /// ```text
 /// F_k = Σ_{j≥0} g_j Δx_{k−j} + (m/h²)(Δx_k − Δx_{k−1})
@@ -67,9 +67,9 @@ mod sealed {
 /// F_k − base_k = (g_0 + m/h²) (Δx_k − Δx_{k−1})
 /// ```
 ///
-/// Solved for the displacement it gives displacement from force ([`displacement`](Law::displacement): creep, observer),
-/// solved for the force it gives force from displacement ([`force`](Law::force): relaxation, feedforward). Solving for the change
-/// of the increment keeps the digits of a small stiffness beside a large m/h².
+/// [`displacement`](Law::displacement) solves it for Δx_k (creep, observer), [`force`](Law::force) for F_k (relaxation,
+/// feedforward). Solving for the change of the increment keeps the digits of a small stiffness beside a large m/h².
+/// [`Compressed`] says how the sum over all the past takes constant time.
 ///
 /// ```
 /// use springpot::{Law, Options, Preset};

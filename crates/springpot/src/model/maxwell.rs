@@ -1,4 +1,4 @@
-//! The fully fractional generalised Maxwell model, Eq. 11.
+//! The fully fractional generalised Maxwell model, Eqs. 9 and 11.
 
 use heapless::Vec;
 use num_complex::Complex;
