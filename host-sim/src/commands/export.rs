@@ -52,7 +52,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());
     let blob = parameters.to_blob(&board, arguments.rate).map_err(refused)?;
     // What a controller would say to it is said here.
-    Blob::decode(&blob, board.id).map_err(|e| refused(Error::Computation(e.to_string())))?;
+    <Blob>::decode(&blob, board.id).map_err(|e| refused(Error::Computation(e.to_string())))?;
 
     let content = match arguments.emit {
         Emit::Blob => blob.clone(),

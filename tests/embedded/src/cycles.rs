@@ -107,7 +107,7 @@ fn main() -> ! {
     let controller = tick::running(&DEFAULT);
     kernel!(
         tick,
-        |command: DacCode, controller: Controller| controller.tick(black_box(tick::inputs(*command))),
+        |command: DacCode, controller: Controller| tick::tick(controller, *command),
         (DacCode::ZERO, controller)
     );
     loop {
