@@ -46,9 +46,8 @@ const SLOT: usize = HEADER + BLOB_LEN;
 /// #         Ok(())
 /// #     }
 /// # }
-/// # let flash = Flash([0xff; 2048]);
-///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// # let flash = Flash([0xff; 2048]);
 /// # let law: Law<f32> = Law::compressed(&Preset::named("table3-n2").unwrap().model()?, Options::at_step(1e-3))?;
 /// # let parameters = Parameters::bench(&law, Actuator::KARNER_2022);
 /// # let mut bytes = [0; BLOB_LEN];

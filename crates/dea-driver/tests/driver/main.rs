@@ -9,7 +9,7 @@ mod bench;
 mod blob_bytes;
 mod chips;
 mod control;
-//mod documents;
+mod documents;
 mod flash;
 mod lean;
 mod link;
