@@ -20,8 +20,8 @@ pub fn run() -> Result<()> {
     doc.env("RUSTDOCFLAGS", "-D warnings");
     run_command(doc)?;
     workspace(&["test", "--quiet", "--workspace"])?;
-    // The same electrostatics on the fast square root.
-    workspace(&["test", "--quiet", "--package", "tests", "--features", "micromath", "--test", "electrostatics"])?;
+    // The same on the fast square root.
+    workspace(&["test", "--quiet", "--package", "springpot", "--features", "micromath", "--test", "it"])?;
     embedded::run(&toolchain)?;
     firmware::run(&toolchain)?;
     println!("all tests passed in {} s", start.elapsed().as_secs());

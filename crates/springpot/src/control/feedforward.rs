@@ -1,4 +1,4 @@
-//! Reference displacement in, voltage out, without a sensor.
+//! Feedforward: the voltage for a reference displacement, without a sensor.
 
 use crate::actuator::{Actuator, VoltageDrive};
 use crate::control::inverse::{Applied, Command, Correction, Course, Steering};
@@ -59,15 +59,15 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     ///
     /// # Errors
     ///
-    /// [`ControlError::NotPositive`] for a limit that makes no sense, [`ControlError::Actuator`] for an actuator that is
-    /// refused at the largest voltage.
+    /// [`ControlError::NotPositive`] for a limit that is not finite and positive, [`ControlError::Actuator`] for an actuator
+    /// that is refused at the largest voltage.
     pub fn new(law: Law<T, M>, actuator: &Actuator, limits: CommandLimits) -> Result<Self, ControlError> {
         let steering = Steering::new(actuator, &limits, law.step_s(), law.stiffness())?;
         let drive = VoltageDrive::new(actuator, limits.max_voltage_v, law.stiffness())?;
         Ok(Self { law, drive, steering })
     }
 
-    /// A state whose film is `film`, with its reference where the film is, at 0 V.
+    /// A state that begins with `film`, at 0 V; the reference begins where the film is.
     #[must_use]
     pub fn state(&self, film: State<T, M>) -> FeedforwardState<T, M> {
         let course = Course::at(film.position());
@@ -77,12 +77,12 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     /// Steps the film under the voltage that was really applied since the last tick; returns its displacement (m).
     #[inline]
     pub fn apply(&self, state: &mut FeedforwardState<T, M>, applied: Applied<T>) -> T {
-        let voltage = self.steering.note(&mut state.course, applied);
+        let voltage = self.steering.record(&mut state.course, applied);
         self.law.displacement_under(&mut state.film, self.drive.load(voltage))
     }
 
-    /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A reference
-    /// that is not finite leaves the one before.
+    /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A non-finite
+    /// reference is ignored: the last one stays.
     #[inline]
     pub fn command(&self, state: &mut FeedforwardState<T, M>, reference: T) -> Command<T> {
         let exact = Correction { disturbance: T::ZERO, force_scale: T::from_f64(1.0) };
@@ -103,7 +103,7 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
 }
 
 impl<T: Real, M: Memory<T>> FeedforwardState<T, M> {
-    /// Where the film is, m.
+    /// The displacement of the film, m.
     #[must_use]
     pub fn displacement(&self) -> T {
         self.film.position()

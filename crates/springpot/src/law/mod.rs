@@ -48,7 +48,7 @@ mod sealed {
 
 /// The configuration: a model at a step, built once.
 ///
-/// A law holds what does not change, so one law serves many [`State`]s and can live in flash. It is built fallibly by
+/// A law holds what does not change, so one law serves many [`State`]s and can stay in flash. It is built fallibly by
 /// [`Law::compressed`] or [`Law::window`] and then steps infallibly, with the same number of operations every time.
 ///
 /// # The line
@@ -60,16 +60,38 @@ mod sealed {
 /// F_k = Σ_{j≥0} g_j Δx_{k−j} + (m/h²)(Δx_k − Δx_{k−1})
 /// ```
 ///
-/// All that is known before step k is gathered in the force `base_k` that the film would show if it went on with the
-/// increment it had, which leaves
+/// Let `base_k` be the force that the film would show if it went on with its last increment. It is known before step k, and
+/// what remains is
 ///
 /// ```text
 /// F_k − base_k = (g_0 + m/h²) (Δx_k − Δx_{k−1})
 /// ```
 ///
-/// Read from left to right it gives displacement from force ([`displacement`](Law::displacement): creep, observer),
-/// from right to left force from displacement ([`force`](Law::force): relaxation, feedforward). Solving for the change
+/// Solved for the displacement it gives displacement from force ([`displacement`](Law::displacement): creep, observer),
+/// solved for the force it gives force from displacement ([`force`](Law::force): relaxation, feedforward). Solving for the change
 /// of the increment keeps the digits of a small stiffness beside a large m/h².
+///
+/// ```
+/// use springpot::{Law, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+///
+/// // Creep: 20 N for 10 s. Another state of the same law follows that path and gives the force back.
+/// let (mut creep, mut relaxation) = (law.state(), law.state());
+/// for _ in 0..10_000 {
+///     let displacement = law.displacement(&mut creep, 20.0);
+///     law.force(&mut relaxation, displacement);
+/// }
+/// assert!((law.force_to(&relaxation, creep.position() + creep.increment()) - 20.0).abs() < 0.1);
+///
+/// // A film that has already hung under 3 N for ten minutes.
+/// let hung = law.settled(3.0, 600.0);
+/// assert!(hung.position() > 0.0);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Law<T, M = crate::Compressed<T>> {
     step_s: f64,
@@ -179,8 +201,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// Force (N) that would change the film's increment by `change` (m) in the next step. The state stays as it is.
     ///
-    /// The same as [`force_to`](Self::force_to) for who knows the path by its changes: no digits are lost in the
-    /// difference of two positions.
+    /// As [`force_to`](Self::force_to), for a path that is known by its changes: no digits are lost in the difference of two
+    /// positions.
     #[inline]
     pub fn force_for(&self, state: &State<T, M>, change: T) -> T {
         state.base + self.stiffness * change

@@ -33,6 +33,28 @@ pub enum Topology {
 /// ```
 ///
 /// The two topologies agree for one branch and differ for more: the published one is the harmonic mean of the branches.
+///
+/// ```
+/// use springpot::{Maxwell, ModelError, Springpot, Topology};
+///
+/// # fn main() -> Result<(), ModelError> {
+/// let main = Springpot::new(62_740.0, 0.2);
+/// let branch = [Springpot::new(47_958.0, 0.0), Springpot::new(173_210.0, 1.0)];
+/// let model = Maxwell::new(main, &[branch], Topology::Parallel, 0.316)?;
+///
+/// // The film lengthens for hours under a steady force: displacement per newton after 1 s and after 1 h.
+/// let (soon, late) = (model.creep_compliance(1.0), model.creep_compliance(3600.0));
+/// assert!(late > 5.0 * soon);
+///
+/// // The amplitude per newton at 0.1 Hz, and how far it lags behind the force.
+/// let response = model.frequency_response(0.1);
+/// assert!(response.re > 0.0 && response.im < 0.0);
+///
+/// // What no film has is refused.
+/// assert_eq!(Maxwell::new(main, &[], Topology::Parallel, -1.0), Err(ModelError::Mass(-1.0)));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(try_from = "Unchecked"))]
