@@ -13,8 +13,9 @@ use host_sim::files::parameters::{Board, Parameters};
 use host_sim::link::{Client, Emulator, Port};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use tests::bench::bench_limits;
+use tests::recordings;
 use tests::tool::{Tool, text};
-use tests::{bench_limits, recordings};
 
 const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
 
@@ -350,7 +351,7 @@ fn a_truncated_upload_changes_nothing() {
         assert_eq!(name, "karner-2022-table3-n2");
     }
     // NaN in the parameters, with a checksum that holds, is refused by the board as well.
-    let mut parameters = dea_driver::Blob::decode(&blob, boards::STM32F405).expect("valid").parameters;
+    let mut parameters = <dea_driver::Blob>::decode(&blob, boards::STM32F405).expect("valid").into_parameters();
     parameters.law.head[2] = f32::NAN;
     let spoiled = unchecked(&parameters);
     assert!(client.upload(&spoiled, false).is_err());

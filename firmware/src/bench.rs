@@ -1,6 +1,6 @@
 //! The bench on the board's pins: amplifier, sensors, interlock, light. `docs/wiring.md` shows it.
 
-use dea_driver::chips::{AdcCode, CommandRange};
+use dea_driver::chips::{AdcRange, CommandRange};
 use dea_driver::{Ads868x, Amplifier, AmplifierError, Drive, Inputs};
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice, NoDelay};
 use embedded_hal_bus::util::AtomicCell;
@@ -55,8 +55,8 @@ impl Bench {
         let displacement = AtomicDevice::new_no_delay(bus, gpiob.pb1.into_push_pull_output()).ok();
         Self {
             amplifier,
-            monitor: monitor.map(Ads868x::new),
-            displacement: displacement.map(Ads868x::new),
+            monitor: monitor.map(|bus| Ads868x::new(bus, AdcRange::UpTo10V24)),
+            displacement: displacement.map(|bus| Ads868x::new(bus, AdcRange::UpTo10V24)),
             interlock: interlock.into_pull_down_input(),
             ticks: 0,
         }
@@ -68,12 +68,12 @@ impl Bench {
         let retry = idle && self.ticks.is_multiple_of(RETRY_TICKS);
         Inputs {
             interlock_closed: self.interlock.is_high(),
-            monitor: self.monitor.as_mut().and_then(|adc| read(adc, retry)),
-            displacement: self.displacement.as_mut().and_then(|adc| read(adc, retry)),
+            monitor_adc_v: self.monitor.as_mut().and_then(|adc| volts(adc, retry)),
+            sensor_adc_v: self.displacement.as_mut().and_then(|adc| volts(adc, retry)),
         }
     }
 
-    /// Gives the amplifier what a tick puts out.
+    /// Applies the drive of a tick to the amplifier.
     pub fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError> {
         match &mut self.amplifier {
             Some(amplifier) => {
@@ -91,10 +91,10 @@ impl Bench {
     }
 }
 
-fn read<CS: OutputPin>(adc: &mut Adc<CS>, retry: bool) -> Option<AdcCode> {
+fn volts<CS: OutputPin>(adc: &mut Adc<CS>, retry: bool) -> Option<f32> {
     if !adc.is_configured() && retry {
         // It says so by not reading.
         let _ = adc.configure();
     }
-    adc.read().ok()
+    adc.volts().ok()
 }

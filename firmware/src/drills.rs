@@ -3,7 +3,7 @@
 
 use core::sync::atomic::{AtomicU8, Ordering};
 
-use dea_driver::chips::{AdcCode, DacCode};
+use dea_driver::chips::{AdcCode, AdcRange, DacCode};
 use dea_driver::wire::Drill;
 use dea_driver::{AmplifierError, Drive, Inputs};
 
@@ -12,6 +12,9 @@ static ASKED: AtomicU8 = AtomicU8::new(0);
 
 const DRILLS: [Drill; 7] =
     [Drill::Interlock, Drill::Monitor, Drill::Sensor, Drill::Bus, Drill::Overrun, Drill::Panic, Drill::Hang];
+
+/// The range of both simulated ADCs.
+const ADC: AdcRange = AdcRange::UpTo10V24;
 
 /// Lets the next tick go wrong.
 pub fn ask(drill: Drill) {
@@ -41,8 +44,8 @@ impl Bench {
         let displacement = 6400 + (self.ticks % 4) as u16;
         let mut inputs = Inputs {
             interlock_closed: true,
-            monitor: Some(AdcCode(self.monitor)),
-            displacement: Some(AdcCode(displacement)),
+            monitor_adc_v: Some(AdcCode(self.monitor).volts(ADC)),
+            sensor_adc_v: Some(AdcCode(displacement).volts(ADC)),
         };
         if idle {
             // What went wrong is mended once the amplifier is off.
@@ -53,8 +56,8 @@ impl Bench {
         match DRILLS.get(usize::from(asked).wrapping_sub(1)) {
             Some(Drill::Interlock) => inputs.interlock_closed = false,
             Some(Drill::Monitor) => self.stuck = true,
-            Some(Drill::Sensor) => inputs.displacement = Some(AdcCode(u16::MAX)),
-            Some(Drill::Bus) => inputs.monitor = None,
+            Some(Drill::Sensor) => inputs.sensor_adc_v = Some(ADC.largest_v()),
+            Some(Drill::Bus) => inputs.monitor_adc_v = None,
             // Some 18 ms at 168 MHz, and 3 ms where QEMU counts a nanosecond per instruction: longer than a tick, shorter
             // than the watchdog waits.
             Some(Drill::Overrun) => cortex_m::asm::delay(3_000_000),
@@ -68,10 +71,10 @@ impl Bench {
     }
 
     pub fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError> {
-        let code = if drive.enable { drive.command } else { DacCode::ZERO };
+        let code = if drive.enable { DacCode::from_volts(drive.dac_v, drive.range) } else { DacCode::ZERO };
         if !self.stuck {
             // From the DAC's volts to the monitor's code of 10.24 V: both instruments stand for the same.
-            self.monitor = (code.volts(drive.range) / AdcCode::FULL_SCALE_V * 65_536.0) as u16;
+            self.monitor = (code.volts(drive.range) / ADC.full_scale_v() * 65_536.0) as u16;
         }
         Ok(())
     }

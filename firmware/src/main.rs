@@ -238,10 +238,10 @@ mod app {
             }
             // A sample waits where it is until there is room, so that what is dropped is counted.
             while sending.capacity() - sending.len() > FRAME_LEN
-                && let Some(sample) = board.device.lock(Device::sample)
+                && let Some(record) = board.device.lock(Device::telemetry)
             {
                 quiet = false;
-                send(&Message::Telemetry(sample), sending);
+                send(&Message::Telemetry(record), sending);
             }
             if quiet {
                 // An interrupt that comes after the question still ends the wait.

@@ -3,7 +3,7 @@
 use std::fs;
 
 use dea_driver::chips::CommandRange;
-use dea_driver::wire::{Answer, Command, boards};
+use dea_driver::wire::boards;
 use dea_driver::{Blob, Controller, OnSensorFault};
 use host_sim::files::parameters::Parameters;
 use springpot::{Law, Options, VoltageDrive};
@@ -50,7 +50,7 @@ fn the_controller_runs_what_the_host_runs() {
     for preset in springpot::Preset::ALL {
         for rate in [200.0, 1000.0, 5000.0] {
             let blob = exported(&format!("preset:{}", preset.name()), &rate.to_string());
-            let blob = Blob::decode(&blob, boards::STM32F405).expect("valid");
+            let blob = <Blob>::decode(&blob, boards::STM32F405).expect("valid");
             let mut controller = Controller::new(blob);
             let parameters = Parameters::preset(preset.name()).expect("there");
             let law: Law<f32> = Law::compressed(&parameters.model, Options::at_step(1.0 / rate)).expect("valid");
@@ -59,12 +59,9 @@ fn the_controller_runs_what_the_host_runs() {
             for k in 0..2000u16 {
                 let volts = 6.0 * f32::from(k % 1000);
                 let x = law.displacement_under(&mut film, drive.load(volts));
-                let Some(Answer::Steps { steps, .. }) = controller.obey(&Command::Step([volts].into_iter().collect()))
-                else {
-                    panic!("no step");
-                };
-                assert_eq!(steps[0].displacement_m.to_bits(), x.to_bits(), "{} at {rate} Hz, step {k}", preset.name());
-                assert_eq!(steps[0].force_n.to_bits(), film.base_force().to_bits());
+                let step = controller.step(volts);
+                assert_eq!(step.displacement_m.to_bits(), x.to_bits(), "{} at {rate} Hz, step {k}", preset.name());
+                assert_eq!(step.force_n.to_bits(), film.base_force().to_bits());
             }
         }
     }
@@ -77,7 +74,7 @@ fn a_board_of_its_own_goes_into_the_blob() {
     let mut parameters = Parameters::preset("table3-n2").expect("there");
     parameters.sensor_offset_m = 12e-6;
     fs::write(&file, parameters.to_toml() + &board_table()).expect("written");
-    let blob = Blob::decode(&exported(text(&file), "2000"), 7).expect("for board 7").parameters;
+    let blob = <Blob>::decode(&exported(text(&file), "2000"), 7).expect("for board 7").into_parameters();
     assert_eq!((blob.rate_hz, blob.command_range), (2000.0, CommandRange::FiveVolts));
     assert_eq!((blob.amplifier.gain, blob.amplifier.quadratic, blob.monitor.offset), (1200.0, -3.5, 1.5));
     assert_eq!((blob.limits.max_voltage_v, blob.limits.on_sensor_fault), (5500.0, OnSensorFault::OpenLoop));

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use dea_driver::chips::{AdcCode, DacCode};
+use dea_driver::chips::{AdcCode, AdcRange, DacCode};
 use dea_driver::server::{Board, Session};
 use dea_driver::wire::{FRAME_LEN, Message, boards, encode};
 use dea_driver::{Device, Drive, Inputs, Store};
@@ -178,8 +178,8 @@ fn run(
             thread::sleep(Duration::from_millis(1));
             continue;
         };
-        while let Some(sample) = bench.device.sample() {
-            send(line.as_mut(), &Message::Telemetry(sample));
+        while let Some(record) = bench.device.telemetry() {
+            send(line.as_mut(), &Message::Telemetry(record));
         }
         let mut bytes = [0; 512];
         match line.read(&mut bytes) {
@@ -205,12 +205,13 @@ fn send(line: &mut dyn Line, message: &Message) {
 
 /// A monitor that follows at once, a sensor at 1 V with some noise.
 fn inputs(scene: &Scene, drive: Drive, tick: u32) -> Inputs {
-    let code = if drive.enable { drive.command } else { DacCode::ZERO };
+    let code = if drive.enable { DacCode::from_volts(drive.dac_v, drive.range) } else { DacCode::ZERO };
     let volts = code.volts(drive.range);
+    let range = AdcRange::UpTo10V24;
     let opened = scene.opens_above_v.is_some_and(|limit| 1000.0 * volts > limit);
     Inputs {
         interlock_closed: scene.interlock_closed && !opened,
-        monitor: Some(AdcCode((volts / AdcCode::FULL_SCALE_V * 65_536.0) as u16)),
-        displacement: Some(AdcCode(6400 + (tick % 4) as u16)),
+        monitor_adc_v: Some(AdcCode((volts / range.full_scale_v() * 65_536.0) as u16).volts(range)),
+        sensor_adc_v: Some(AdcCode(6400 + (tick % 4) as u16).volts(range)),
     }
 }

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use dea_driver::wire::{
-    Answer, BATCH, CHUNK, Command, FRAME_LEN, Identity, Message, Receiver, Reject, Request, Sample, Status, Step,
+    Answer, BATCH, CHUNK, Command, FRAME_LEN, Identity, Message, Receiver, Reject, Request, Status, Step, Telemetry,
     VERSION, encode,
 };
 use dea_driver::{Refusal, SCHEMA, State};
@@ -26,7 +26,7 @@ pub struct Client {
     port: Port,
     receiver: Receiver,
     sequence: u16,
-    samples: VecDeque<Sample>,
+    samples: VecDeque<Telemetry>,
 }
 
 impl Client {
@@ -164,7 +164,7 @@ impl Client {
     /// # Errors
     ///
     /// [`Error::Link`] for a port that fails.
-    pub fn sample(&mut self, deadline: Instant) -> Result<Option<Sample>> {
+    pub fn sample(&mut self, deadline: Instant) -> Result<Option<Telemetry>> {
         if let Some(sample) = self.samples.pop_front() {
             return Ok(Some(sample));
         }

@@ -2,10 +2,10 @@
 
 use core::hint::black_box;
 
-use dea_driver::chips::{AdcCode, Calibration, CommandRange, DacCode};
-use dea_driver::wire::{Command, Mode};
+use dea_driver::chips::{AdcCode, AdcRange, Calibration, CommandRange, DacCode};
 use dea_driver::{
-    Blob, Control, Controller, Inputs, Limits, MonitorLimits, OnSensorFault, Outputs, Parameters, PlausibilityLimits,
+    Blob, Control, Controller, Inputs, Limits, Mode, MonitorLimits, OnSensorFault, Outputs, Parameters,
+    PlausibilityLimits,
 };
 use springpot::{Actuator, Coefficients, Law, Maxwell, Options};
 
@@ -22,10 +22,10 @@ pub fn run(report: &mut impl Report, name: Name, model: &Maxwell) {
 fn bits(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
     let mut controller = running(law);
     let mut checksum = Checksum::default();
-    ticks(&mut controller, |outputs| {
-        checksum.add(outputs.sample.command_v);
-        checksum.add(outputs.sample.predicted_m);
-        checksum.add(f32::from(outputs.command.0));
+    ticks(&mut controller, |code, outputs| {
+        checksum.add(outputs.telemetry.command_v);
+        checksum.add(outputs.telemetry.predicted_m);
+        checksum.add(f32::from(code.0));
     });
     report.bits(name, checksum);
 }
@@ -33,8 +33,8 @@ fn bits(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
 #[inline(never)]
 fn cost(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
     let mut controller = running(law);
-    let keep = |outputs: Outputs| {
-        black_box(outputs.command);
+    let keep = |code: DacCode, _: Outputs| {
+        black_box(code);
     };
     report.cost_of_step(name, STEPS, || ticks(&mut controller, keep), || ());
     // A tick that tripped would have cost another thing.
@@ -64,32 +64,31 @@ fn law(model: &Maxwell) -> Coefficients<f32> {
 /// Arms and starts it, after what the sensors say at rest.
 #[inline(never)]
 fn start(controller: &mut Controller) {
-    controller.tick(inputs(DacCode::ZERO));
-    for command in [Command::Arm, Command::Start(Mode::Tracking), Command::SetReference(0.8e-3)] {
-        controller.obey(&command);
-    }
+    tick(controller, DacCode::ZERO);
+    let started = controller.arm().and_then(|()| controller.start(Mode::Tracking));
+    assert!(started.is_ok() && controller.set_reference(0.8e-3).is_ok(), "the bench is refused");
 }
 
-fn ticks(controller: &mut Controller, mut take: impl FnMut(Outputs)) {
+fn ticks(controller: &mut Controller, mut take: impl FnMut(DacCode, Outputs)) {
     let mut command = DacCode::ZERO;
     for _ in 0..STEPS {
-        let outputs = tick(controller, black_box(inputs(command)));
-        command = outputs.command;
-        take(outputs);
+        let (code, outputs) = tick(controller, black_box(command));
+        command = code;
+        take(code, outputs);
     }
 }
 
+/// A tick from codes to a code, as the firmware has it: a monitor that follows the `command` of the last tick at once, and a
+/// sensor that stands still.
 #[inline(never)]
-fn tick(controller: &mut Controller, inputs: Inputs) -> Outputs {
-    controller.tick(inputs)
-}
-
-/// A monitor that follows the command at once, and a sensor that stands still.
-pub fn inputs(command: DacCode) -> Inputs {
+pub fn tick(controller: &mut Controller, command: DacCode) -> (DacCode, Outputs) {
     // Both are volts: of 10 V at 65536, and of 10.24 V.
     #[allow(clippy::cast_possible_truncation)] // below the DAC's code
     let monitor = (u32::from(command.0) * 1000 / 1024) as u16;
-    Inputs { interlock_closed: true, monitor: Some(AdcCode(monitor)), displacement: Some(AdcCode(5120)) }
+    let adc_v = |code| Some(AdcCode(black_box(code)).volts(AdcRange::UpTo10V24));
+    let inputs = Inputs { interlock_closed: true, monitor_adc_v: adc_v(monitor), sensor_adc_v: adc_v(5120) };
+    let outputs = controller.tick(inputs);
+    (DacCode::from_volts(outputs.dac_v, controller.parameters().command_range), outputs)
 }
 
 fn parameters(law: Coefficients<f32>) -> Parameters {

@@ -9,12 +9,12 @@ use core::hint::black_box;
 use chip_program::tick;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::debug::{self, EXIT_SUCCESS};
-use dea_driver::chips::DacCode;
 use dea_driver::Controller;
+use dea_driver::chips::DacCode;
 use panic_semihosting as _;
 use springpot::{
-    Actuator, Applied, Coefficients, CommandLimits, Compressed, Feedforward, FeedforwardState, Law,
-    Observer, ObserverOptions, ObserverState, Sample, State, Tracking, TrackingState, VoltageDrive,
+    Actuator, Applied, Coefficients, CommandLimits, Compressed, Feedforward, FeedforwardState, Law, Observer,
+    ObserverOptions, ObserverState, Sample, State, Tracking, TrackingState, VoltageDrive,
 };
 
 include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
@@ -107,7 +107,7 @@ fn main() -> ! {
     let controller = tick::running(&DEFAULT);
     kernel!(
         tick,
-        |command: DacCode, controller: Controller| controller.tick(black_box(tick::inputs(*command))),
+        |command: DacCode, controller: Controller| tick::tick(controller, *command),
         (DacCode::ZERO, controller)
     );
     loop {

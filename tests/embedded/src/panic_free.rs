@@ -9,7 +9,7 @@ use core::hint::black_box;
 use core::panic::PanicInfo;
 
 use cortex_m_rt::entry;
-use dea_driver::chips::AdcCode;
+use dea_driver::chips::{AdcCode, AdcRange};
 use dea_driver::{Device, Inputs};
 use springpot::{Compressed, Law, Memory, State, VoltageDrive};
 
@@ -44,10 +44,10 @@ fn main() -> ! {
     loop {
         step::<Compressed<f32>>();
         step::<Compressed<f32, 8, 14, 4>>();
-        let code = |value: u16| black_box(Some(AdcCode(value)));
-        let inputs = Inputs { interlock_closed: black_box(true), monitor: code(1), displacement: code(2) };
+        let adc_v = |code: u16| black_box(Some(AdcCode(code).volts(AdcRange::UpTo10V24)));
+        let inputs = Inputs { interlock_closed: black_box(true), monitor_adc_v: adc_v(1), sensor_adc_v: adc_v(2) };
         black_box(built::<Device>().tick(inputs));
-        black_box(built::<Device>().sample());
+        black_box(built::<Device>().telemetry());
         if cfg!(feature = "can-panic") {
             black_box([1, 2, 3][black_box(3)]);
         }

@@ -6,12 +6,32 @@ use ad57xx::{Ad57xx, Ad57xxShared, OutputRange};
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::SpiDevice;
 
-use crate::chips::Drive;
-use crate::chips::{CommandRange, DacCode};
+use crate::chips::{CommandRange, DacCode, Drive};
 
 /// An amplifier that follows channel A of an AD5754 while its enable input is high.
 ///
 /// The DAC drives 0…5 V or 0…10 V, straight binary (its BIN/2sCOMP pin high), LDAC tied low. SPI mode 1 or 2, up to 30 MHz.
+///
+/// ```
+/// use dea_driver::chips::{Amplifier, CommandRange, Drive};
+/// # use embedded_hal_mock::eh1::digital::{Mock as Pin, State, Transaction as OnPin};
+/// # use embedded_hal_mock::eh1::spi::{Mock as Spi, Transaction as OnSpi};
+/// # let sent = |bytes: [u8; 3]| [OnSpi::transaction_start(), OnSpi::write_vec(bytes.to_vec()), OnSpi::transaction_end()];
+/// # let start = [sent([0x08, 0, 1]), sent([0, 0, 0]), sent([0x10, 0, 1])].concat();
+/// # let on = [start.clone(), start, sent([0, 0x4c, 0xcd]).to_vec(), sent([0, 0, 0]).to_vec()].concat();
+/// # let spi = Spi::new(&on);
+/// # let enable = Pin::new(&[State::Low, State::High, State::Low].map(OnPin::set));
+///
+/// // `spi` is an SpiDevice, `enable` an OutputPin.
+/// let mut amplifier = Amplifier::new(spi, enable, CommandRange::TenVolts)?;
+/// // What a tick returns, in every tick: enabled at 0 V first, then 3 V of 10 V.
+/// amplifier.apply(Drive { enable: true, dac_v: 3.0, range: CommandRange::TenVolts })?;
+/// amplifier.apply(Drive { range: CommandRange::TenVolts, ..Drive::OFF })?;
+/// # let (mut spi, mut enable) = amplifier.destroy();
+/// # spi.done();
+/// # enable.done();
+/// # Ok::<(), dea_driver::chips::AmplifierError>(())
+/// ```
 pub struct Amplifier<SPI, EN> {
     dac: Ad57xxShared<SPI, Ad57x4>,
     enable: EN,
@@ -19,12 +39,12 @@ pub struct Amplifier<SPI, EN> {
     enabled: bool,
 }
 
-/// Why the amplifier did not do as told. It is disabled then.
+/// Why the amplifier did not follow. It is disabled then.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum AmplifierError {
-    /// The bus did not carry the command.
+    /// The transfer on the bus failed.
     Bus,
     /// The enable output did not switch.
     Enable,
@@ -43,7 +63,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
         Ok(amplifier)
     }
 
-    /// Does what a tick puts out: disables before anything else, enables at 0 V.
+    /// Applies the `drive` of a tick: disables before anything else, enables at 0 V.
     ///
     /// # Errors
     ///
@@ -56,7 +76,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
         if !self.enabled {
             self.enable()?;
         }
-        self.command(drive.command)
+        self.command(DacCode::from_volts(drive.dac_v, drive.range))
     }
 
     /// The register keeps its code when the range changes, so it is brought to 0 V after.
@@ -70,7 +90,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
         self.command(DacCode::ZERO)
     }
 
-    /// Gives the amplifier's command.
+    /// Writes the amplifier's command.
     ///
     /// # Errors
     ///
@@ -110,7 +130,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
         enable.and(command)
     }
 
-    /// Gives the bus and the enable output back.
+    /// Returns the bus and the enable output.
     pub fn destroy(self) -> (SPI, EN) {
         (self.dac.destroy(), self.enable)
     }

@@ -1,19 +1,19 @@
-//! The command of a tick to the amplifier.
+//! The amplifier's input at the end of a tick.
 
-use crate::chips::{CommandRange, DacCode};
+use crate::chips::CommandRange;
 
-/// What the amplifier is to be told at the end of a tick.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The amplifier's input at the end of a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drive {
     /// Whether the amplifier is enabled. If not, disable it before anything else.
     pub enable: bool,
-    /// The amplifier's command.
-    pub command: DacCode,
-    /// The range of that command.
+    /// The amplifier's command, V at the DAC's output.
+    pub dac_v: f32,
+    /// The range of an AD5754. A board with another DAC ignores it.
     pub range: CommandRange,
 }
 
 impl Drive {
     /// 0 V, disabled.
-    pub const OFF: Self = Self { enable: false, command: DacCode::ZERO, range: CommandRange::FiveVolts };
+    pub const OFF: Self = Self { enable: false, dac_v: 0.0, range: CommandRange::FiveVolts };
 }

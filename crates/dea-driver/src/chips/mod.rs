@@ -1,11 +1,15 @@
-//! The converters: bytes on a bus, codes, and the volts that they stand for.
+//! The converters: ranges and codes, calibrations, and the chips on their bus (feature `chips`).
 
+#[cfg(feature = "chips")]
 mod ad5754;
+#[cfg(feature = "chips")]
 mod ads868x;
 mod codes;
 mod drive;
 
+#[cfg(feature = "chips")]
 pub use ad5754::{Amplifier, AmplifierError};
+#[cfg(feature = "chips")]
 pub use ads868x::{AdcError, Ads868x};
-pub use codes::{AdcCode, Calibration, CommandRange, DacCode};
+pub use codes::{AdcCode, AdcRange, Calibration, CommandRange, Converters, DacCode};
 pub use drive::Drive;

@@ -1,70 +1,107 @@
-//! The control tick, and what a host can ask of it.
+//! The control tick.
 
-use springpot::{Applied, Limited, Sample as SensorSample, State, Tracking, TrackingState};
+use springpot::{Applied, Compressed, Limited, Sample, Tracking, TrackingState};
 
-use crate::chips::{AdcCode, DacCode};
+#[cfg(feature = "loop-test")]
+use crate::control::loop_test::{Followed, LoopTest, Step, Target};
+use crate::control::setpoint::{OutOfRange, Ramp};
+use crate::control::{Mode, Telemetry};
 use crate::parameters::{Blob, Parameters};
 use crate::safety::{Cause, Readings, Refusal, Supervisor};
-use crate::wire::{Answer, Command, Followed, Mode, Reject, Sample, Step, Target};
 
-/// Time in which a new target is reached at the most, s.
+/// Longest time in which a new target is approached, s.
 const RAMP_S: f32 = 0.05;
 
 /// What was sampled at the beginning of a tick.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Inputs {
     /// Whether the interlock is closed.
     pub interlock_closed: bool,
-    /// The voltage monitor, if its converter answered.
-    pub monitor: Option<AdcCode>,
-    /// The displacement sensor, if its converter answered.
-    pub displacement: Option<AdcCode>,
+    /// Output of the voltage monitor at its ADC, V; `None` if the converter did not answer.
+    pub monitor_adc_v: Option<f32>,
+    /// Output of the displacement sensor at its ADC, V; `None` if the converter did not answer.
+    pub sensor_adc_v: Option<f32>,
 }
 
-/// What is put out at the end of a tick.
+/// The result of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outputs {
     /// Whether the amplifier is enabled. If not, disable it before anything else.
     pub enable: bool,
-    /// The amplifier's command.
-    pub command: DacCode,
-    /// The tick, for the host's log.
-    pub sample: Sample,
+    /// The amplifier's command, V at the DAC's output.
+    pub dac_v: f32,
+    /// The record of the tick.
+    pub telemetry: Telemetry,
 }
 
 /// A film's law, its control and its supervisor, ticked at a fixed rate.
 ///
-/// A tick cannot fail, and takes the same number of operations every time but for the sensor's samples, which may come more
-/// slowly.
+/// `HEAD`, `FAST` and `SLOW` are the sizes of the law's memory ([`Compressed`]), as of the [`Blob`].
+///
+/// A tick cannot fail, and takes the same number of operations every time, apart from samples of the sensor, which may arrive
+/// more slowly. It converts between volts at the converters and quantities; converters and their codes are the caller's.
+///
+/// Requests between two ticks go through the methods here. There is no access to the [`Supervisor`] but to read it:
+/// [`start`](Self::start) always takes a mode, and whatever ends a run clears its targets.
+///
+/// ```
+/// use dea_driver::{Blob, Controller, Inputs, Mode, Parameters, State};
+/// use springpot::{Actuator, Law, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let parameters = Parameters::bench(&law, Actuator::KARNER_2022);
+/// let mut controller = Controller::new(Blob::new(parameters)?);
+///
+/// // In every tick: sample, tick, put out. Here a monitor that follows at once, and a sensor on a film at rest.
+/// let mut dac_v = 0.0;
+/// let mut tick = |controller: &mut Controller, k: u16| {
+///     let noise_v = 1e-3 * f32::from(k % 3);
+///     let inputs =
+///         Inputs { interlock_closed: true, monitor_adc_v: Some(dac_v), sensor_adc_v: Some(1.0 + noise_v) };
+///     dac_v = controller.tick(inputs).dac_v;
+/// };
+/// tick(&mut controller, 0);
+/// controller.arm().expect("the readings are healthy");
+/// controller.start(Mode::Voltage).expect("it is armed");
+/// controller.set_voltage(2000.0)?;
+/// (1..100).for_each(|k| tick(&mut controller, k));
+/// assert_eq!(controller.supervisor().state(), State::Running);
+/// assert_eq!(dac_v, 2.0); // of 1000 V per volt
+/// # Ok(())
+/// # }
+/// ```
+///
+/// The supervisor cannot be started past its controller:
+///
+/// ```compile_fail,E0596
+/// # use dea_driver::Controller;
+/// fn start_without_a_mode(controller: &mut Controller) {
+///     let _ = controller.supervisor().start();
+/// }
+/// ```
 #[derive(Clone, Debug)]
-pub struct Controller {
-    parameters: Parameters,
+pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+    parameters: Parameters<HEAD, FAST, SLOW>,
     supervisor: Supervisor,
-    tracking: Tracking<f32>,
-    /// The film as the ticks know it, and where it is led.
-    course: TrackingState<f32>,
+    tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    /// The film as the ticks estimate it, and its reference.
+    course: TrackingState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
     sampler: Sampler,
     mode: Mode,
     /// Whether the law commanded the voltage in the last tick, or has been started since.
     ran: bool,
-    /// What was set, V; nothing until it is set again after a run.
+    /// The voltage that was set, V; none until it is set again after a run.
     voltage: Ramp,
     /// The same for the reference, m.
     reference: Ramp,
-    test: LoopTest,
+    #[cfg(feature = "loop-test")]
+    test: LoopTest<HEAD, FAST, SLOW>,
 }
 
-/// Films of their own that a host steps, without hardware.
-#[derive(Clone, Debug)]
-struct LoopTest {
-    film: State<f32>,
-    course: TrackingState<f32>,
-    /// The voltage that was commanded last, V.
-    voltage_v: f32,
-}
-
-/// Takes a sample of the sensor from time to time.
+/// Uses a sample of the sensor from time to time.
 #[derive(Clone, Copy, Debug)]
 struct Sampler {
     every: u32,
@@ -72,16 +109,17 @@ struct Sampler {
     age_ticks: usize,
 }
 
-impl Controller {
+impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, FAST, SLOW> {
     /// The controller of `blob`, disarmed, its film at rest.
     #[must_use]
-    pub fn new(blob: Blob) -> Self {
-        let Blob { parameters, tracking, supervisor } = blob;
-        let rest = tracking.observer().law().state();
-        let course = tracking.state(rest.clone());
-        let test = LoopTest { film: rest, course: course.clone(), voltage_v: 0.0 };
-        let sampler = Sampler::new(&parameters);
+    pub fn new(blob: Blob<HEAD, FAST, SLOW>) -> Self {
+        let (parameters, tracking, supervisor) = blob.into_parts();
+        let course = tracking.state(tracking.observer().law().state());
+        let sampler =
+            Sampler::new(parameters.rate_hz, parameters.control.sample_interval_s, parameters.control.delay_s);
         Self {
+            #[cfg(feature = "loop-test")]
+            test: LoopTest::at_rest(&tracking),
             parameters,
             supervisor,
             tracking,
@@ -91,60 +129,53 @@ impl Controller {
             ran: false,
             voltage: Ramp::NONE,
             reference: Ramp::NONE,
-            test,
         }
     }
 
-    /// The supervisor.
+    /// The supervisor, to read its state.
     #[must_use]
     pub fn supervisor(&self) -> &Supervisor {
         &self.supervisor
     }
 
-    /// The supervisor, to trip it or to let it know that the host is alive.
-    pub fn supervisor_mut(&mut self) -> &mut Supervisor {
-        &mut self.supervisor
-    }
-
     /// The parameters.
     #[must_use]
-    pub fn parameters(&self) -> &Parameters {
+    pub fn parameters(&self) -> &Parameters<HEAD, FAST, SLOW> {
         &self.parameters
     }
 
     /// One tick: sample, check, estimate, command, log.
     pub fn tick(&mut self, inputs: Inputs) -> Outputs {
-        // Sample: codes become volts and metres. A converter that did not answer reads as no number.
-        let monitor_v = inputs.monitor.map_or(f32::NAN, |code| self.parameters.monitor.apply(code.volts()));
-        let sensor_m = inputs.displacement.map_or(f32::NAN, |code| self.parameters.sensor.apply(code.volts()));
+        // Sample: volts at the converters become quantities. A converter that did not answer reads as NaN.
+        let monitor_v = inputs.monitor_adc_v.map_or(f32::NAN, |volts| self.parameters.monitor.apply(volts));
+        let sensor_m = inputs.sensor_adc_v.map_or(f32::NAN, |volts| self.parameters.sensor.apply(volts));
         let displacement_m = sensor_m - self.parameters.sensor_offset_m;
 
-        // Check: sensors, limits, heartbeat. Without the monitor nobody knows what is on the film; without the displacement
-        // sensor the parameters say what to do.
+        // Check: sensors, limits, heartbeat. Without the monitor the voltage at the film is unknown: trip at once. Without
+        // the displacement sensor the parameters decide.
         let stood_v = self.supervisor.command_v();
-        if inputs.monitor.is_none() && self.supervisor.enables() {
+        if inputs.monitor_adc_v.is_none() && self.supervisor.enables() {
             self.supervisor.trip(Cause::Bus);
         }
         let predicted_m = self.course.observer().displacement();
         let interlock_closed = inputs.interlock_closed;
         let checked = self.supervisor.check(Readings { interlock_closed, monitor_v, displacement_m, predicted_m });
 
-        // Estimate: where the film is under the voltage that stood since the last tick, and what a sample says to that.
-        // Nothing is learned from a film that is not driven.
+        // Estimate: step the film under the voltage that stood since the last tick, and correct it with a sample if one is
+        // due. Nothing is learned from a film that is not driven.
         let listens = self.supervisor.runs() && self.mode != Mode::Feedforward;
-        let sample = self.sampler.take(checked.displacement_m.filter(|_| listens));
+        let sample = self.sampler.next(checked.displacement_m.filter(|_| listens));
         let applied = Applied::as_commanded(stood_v);
         let predicted_m = self.tracking.observe(&mut self.course, applied, sample);
         if !predicted_m.is_finite() {
             self.supervisor.trip(Cause::Law);
         }
 
-        // Command: what the mode asks for, within the limits. A reference that is not followed yet stays with the film, so
-        // that following begins without a jump. What was set does not outlive the run.
-        // It may have been tripped since the last tick as well.
+        // Command: what the mode asks for, within the limits. Until there is a reference it stays with the film, so that
+        // following begins without a jump. Targets end with the run, which may have been tripped since the last tick.
         let runs = self.supervisor.runs();
         if self.ran && !runs {
-            self.forget_targets();
+            self.clear_targets();
         }
         self.ran = runs;
         let follows = self.supervisor.runs() && self.mode != Mode::Voltage;
@@ -154,16 +185,12 @@ impl Controller {
         let wanted_v = if self.mode == Mode::Voltage { set_v } else { wanted.voltage };
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > predicted_m).unwrap_or(predicted_m);
         let command_v = self.supervisor.command(wanted_v, 1.0 + self.coupling() * furthest_m);
-        let range = self.parameters.command_range;
-        let command = if self.supervisor.enables() {
-            DacCode::from_volts(self.parameters.amplifier.invert(command_v), range)
-        } else {
-            DacCode::ZERO
-        };
+        let enable = self.supervisor.enables();
+        let dac_v = if enable { self.parameters.amplifier.invert(command_v) } else { 0.0 };
 
         // Log.
         let observer = self.course.observer();
-        let sample = Sample {
+        let telemetry = Telemetry {
             tick: self.supervisor.ticks(),
             dropped: 0,
             command_v,
@@ -176,70 +203,72 @@ impl Controller {
             innovation_m: observer.innovation(),
             limited: if follows { wanted.limited.bits() } else { Limited::NONE.bits() },
         };
-        Outputs { enable: self.supervisor.enables(), command, sample }
+        Outputs { enable, dac_v, telemetry }
     }
 
-    /// Does as a host asks, and answers; nothing for what is not the controller's (identity, upload, stream).
-    pub fn obey(&mut self, command: &Command) -> Option<Answer> {
+    /// A request of the host has arrived: its timeout starts again.
+    pub fn heartbeat(&mut self) {
         self.supervisor.heartbeat();
-        let supervisor = &mut self.supervisor;
-        let done = match command {
-            Command::Heartbeat => Ok(()),
-            Command::Arm => supervisor.arm(),
-            Command::Start(mode) => supervisor.start().map(|()| self.begin(*mode)),
-            Command::Stop => supervisor.stop().map(|()| self.forget_targets()),
-            Command::Disarm => supervisor.disarm().map(|()| self.forget_targets()),
-            Command::Acknowledge => self.acknowledge(),
-            Command::SetVoltage(volts) => {
-                // A recording shows the limit with its monitor's noise. What is beyond the limit is not commanded.
-                if !(0.0..=self.parameters.limits.monitored_v()).contains(volts) {
-                    return Some(Answer::Rejected(Reject::Value));
-                }
-                self.voltage.set(*volts, self.ramp_ticks());
-                Ok(())
-            }
-            Command::SetReference(metres) => {
-                if metres.is_nan() || metres.abs() > self.parameters.limits.max_displacement_m {
-                    return Some(Answer::Rejected(Reject::Value));
-                }
-                self.reference.set(*metres, self.ramp_ticks());
-                Ok(())
-            }
-            Command::Rest => self.disarmed().map(|()| self.rest()),
-            Command::Step(voltages) => match self.disarmed() {
-                Ok(()) => {
-                    let steps = voltages.iter().map(|&volts| self.step(volts)).collect();
-                    return Some(Answer::Steps { steps, cycles: 0 });
-                }
-                Err(refusal) => Err(refusal),
-            },
-            Command::Follow { mode, targets } => match self.disarmed() {
-                Ok(()) => {
-                    let ticks = targets.iter().map(|&target| self.follow(*mode, target)).collect();
-                    return Some(Answer::Followed { ticks, cycles: 0 });
-                }
-                Err(refusal) => Err(refusal),
-            },
-            Command::Query => return Some(Answer::Name(self.parameters.name.clone())),
-            _ => return None,
-        };
-        Some(match done {
-            Ok(()) => Answer::Done,
-            Err(refusal) => Answer::Refused(refusal),
-        })
     }
 
-    /// A run begins. Feedforward goes by the model as it was fitted, not by what was learned in other runs.
-    fn begin(&mut self, mode: Mode) {
+    /// Trips, whatever the state: 0 V, amplifier disabled from the next tick on. The first cause stays.
+    pub fn trip(&mut self, cause: Cause) {
+        self.supervisor.trip(cause);
+    }
+
+    /// Enables the amplifier at 0 V.
+    ///
+    /// # Errors
+    ///
+    /// As [`Supervisor::arm`].
+    pub fn arm(&mut self) -> Result<(), Refusal> {
+        self.supervisor.arm()
+    }
+
+    /// Begins a run in `mode`, at 0 V or where the film is, until a target is set. Feedforward uses the model as it was
+    /// fitted, without what was learned in other runs.
+    ///
+    /// # Errors
+    ///
+    /// As [`Supervisor::start`].
+    pub fn start(&mut self, mode: Mode) -> Result<(), Refusal> {
+        self.supervisor.start()?;
         self.mode = mode;
         self.ran = true;
         if mode == Mode::Feedforward {
             self.course.forget();
         }
+        Ok(())
     }
 
-    /// A trip is taken note of. A film that has become no number begins anew.
-    fn acknowledge(&mut self) -> Result<(), Refusal> {
+    /// Ends the run: 0 V, amplifier enabled, targets cleared.
+    ///
+    /// # Errors
+    ///
+    /// As [`Supervisor::stop`].
+    pub fn stop(&mut self) -> Result<(), Refusal> {
+        self.supervisor.stop()?;
+        self.clear_targets();
+        Ok(())
+    }
+
+    /// 0 V, amplifier disabled, targets cleared.
+    ///
+    /// # Errors
+    ///
+    /// As [`Supervisor::disarm`].
+    pub fn disarm(&mut self) -> Result<(), Refusal> {
+        self.supervisor.disarm()?;
+        self.clear_targets();
+        Ok(())
+    }
+
+    /// Acknowledges a trip: disarmed from now on. A film whose state is not finite starts again at rest.
+    ///
+    /// # Errors
+    ///
+    /// As [`Supervisor::acknowledge`].
+    pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         self.supervisor.acknowledge()?;
         if !self.course.observer().displacement().is_finite() {
             self.course = self.tracking.state(self.tracking.observer().law().state());
@@ -247,12 +276,41 @@ impl Controller {
         Ok(())
     }
 
-    fn forget_targets(&mut self) {
+    /// Sets the voltage of [`Mode::Voltage`] (V at the film): approached in a straight line in the time since the value
+    /// before, 50 ms at most.
+    ///
+    /// # Errors
+    ///
+    /// [`OutOfRange`] for NaN and beyond what the monitor may show. Between the largest voltage and that, which recordings
+    /// show with their monitor's noise, the largest voltage is commanded.
+    pub fn set_voltage(&mut self, volts: f32) -> Result<(), OutOfRange> {
+        if !(0.0..=self.parameters.limits.monitored_v()).contains(&volts) {
+            return Err(OutOfRange);
+        }
+        self.voltage.set(volts, self.ramp_ticks());
+        Ok(())
+    }
+
+    /// Sets the reference of [`Mode::Feedforward`] and [`Mode::Tracking`] (m), approached as a
+    /// [voltage](Self::set_voltage) is.
+    ///
+    /// # Errors
+    ///
+    /// [`OutOfRange`] for NaN and beyond the largest displacement.
+    pub fn set_reference(&mut self, metres: f32) -> Result<(), OutOfRange> {
+        if metres.is_nan() || metres.abs() > self.parameters.limits.max_displacement_m {
+            return Err(OutOfRange);
+        }
+        self.reference.set(metres, self.ramp_ticks());
+        Ok(())
+    }
+
+    fn clear_targets(&mut self) {
         self.voltage = Ramp::NONE;
         self.reference = Ramp::NONE;
     }
 
-    /// Ticks over which a new target is approached at the most.
+    /// Most ticks over which a new target is approached.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
     fn ramp_ticks(&self) -> u16 {
         (RAMP_S * self.parameters.rate_hz) as u16
@@ -263,100 +321,42 @@ impl Controller {
     fn coupling(&self) -> f32 {
         self.parameters.actuator.stretch_coupling as f32
     }
+}
 
-    /// Whether the model may be stepped by hand: 0 V, amplifier disabled.
-    fn disarmed(&self) -> Result<(), Refusal> {
-        if self.supervisor.enables() { Err(Refusal::State(self.supervisor.state())) } else { Ok(()) }
-    }
-
-    /// Brings the loop tests to rest at x = 0.
+/// The loop test: a film apart from the one of the ticks, which a host steps and compares bit by bit.
+#[cfg(feature = "loop-test")]
+impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, FAST, SLOW> {
+    /// Resets the loop test to rest at x = 0.
     pub fn rest(&mut self) {
-        let rest = self.tracking.observer().law().state();
-        self.test = LoopTest { film: rest.clone(), course: self.tracking.state(rest), voltage_v: 0.0 };
+        self.test = LoopTest::at_rest(&self.tracking);
     }
 
-    /// A model of its own under `volts` for a step, and back: what a loop test compares bit by bit.
+    /// Steps the model under `volts` (V), and Eq. 1 back from its force to the voltage.
     pub fn step(&mut self, volts: f32) -> Step {
-        let (law, drive) = (self.tracking.observer().law(), self.tracking.observer().drive());
-        let load = drive.load(volts);
-        let displacement_m = law.displacement_under(&mut self.test.film, load);
-        let force_n = load.force + load.slope * displacement_m;
-        let voltage_v = drive.voltage(force_n, displacement_m);
-        Step { displacement_m, force_n: self.test.film.base_force(), voltage_v }
+        self.test.step(&self.tracking, volts)
     }
 
-    /// A tick of the control on a film of its own: what a loop test compares bit by bit.
+    /// Ticks the control of `mode`.
     pub fn follow(&mut self, mode: Mode, target: Target) -> Followed {
-        let LoopTest { course, voltage_v, .. } = &mut self.test;
-        if mode == Mode::Voltage {
-            *voltage_v = target.value;
-        }
-        let age_ticks = self.sampler.age_ticks;
-        let displacement = target.sample_m.filter(|_| mode != Mode::Feedforward);
-        let sample = displacement.map(|displacement| SensorSample { displacement, age_ticks });
-        let displacement_m = self.tracking.observe(course, Applied::as_commanded(*voltage_v), sample);
-        let command = self.tracking.command(course, if mode == Mode::Voltage { displacement_m } else { target.value });
-        if mode != Mode::Voltage {
-            *voltage_v = command.voltage;
-        }
-        Followed { voltage_v: *voltage_v, displacement_m, disturbance_n: course.observer().disturbance() }
-    }
-}
-
-/// A value that a host sets from time to time: reached in a straight line, in the time that has passed since the one before.
-#[derive(Clone, Copy, Debug)]
-struct Ramp {
-    value: Option<f32>,
-    increment: f32,
-    target: f32,
-    ticks: u16,
-    since_set: u16,
-}
-
-impl Ramp {
-    /// Nothing was set.
-    const NONE: Self = Self { value: None, increment: 0.0, target: 0.0, ticks: 0, since_set: u16::MAX };
-
-    /// Sets a new target, to be reached within `most` ticks.
-    fn set(&mut self, target: f32, most: u16) {
-        let ticks = self.since_set.clamp(1, most.max(1));
-        self.since_set = 0;
-        self.target = target;
-        let from = self.value.unwrap_or(target);
-        self.value = Some(from);
-        self.ticks = ticks;
-        self.increment = (target - from) / f32::from(ticks);
-    }
-
-    /// The value of this tick.
-    fn next(&mut self) -> Option<f32> {
-        self.since_set = self.since_set.saturating_add(1);
-        if self.ticks > 1 {
-            self.ticks -= 1;
-            self.value = self.value.map(|value| value + self.increment);
-        } else {
-            // The last step ends exactly there.
-            self.value = self.value.map(|_| self.target);
-        }
-        self.value
+        self.test.follow(&self.tracking, mode, target, self.sampler.age_ticks)
     }
 }
 
 impl Sampler {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-    fn new(parameters: &Parameters) -> Self {
-        let ticks = |seconds: f32| (seconds * parameters.rate_hz + 0.5) as u32;
-        let every = ticks(parameters.control.sample_interval_s).max(1);
-        Self { every, since: every, age_ticks: ticks(parameters.control.delay_s) as usize }
+    fn new(rate_hz: f32, interval_s: f32, delay_s: f32) -> Self {
+        let ticks = |seconds: f32| (seconds * rate_hz + 0.5) as u32;
+        let every = ticks(interval_s).max(1);
+        Self { every, since: every, age_ticks: ticks(delay_s) as usize }
     }
 
-    /// The sample of this tick, if one is due and the sensor can be believed.
-    fn take(&mut self, displacement_m: Option<f32>) -> Option<SensorSample<f32>> {
+    /// The sample of this tick, if one is due and the sensor is plausible.
+    fn next(&mut self, displacement_m: Option<f32>) -> Option<Sample<f32>> {
         self.since = self.since.saturating_add(1);
         if self.since < self.every {
             return None;
         }
         self.since = 0;
-        displacement_m.map(|displacement| SensorSample { displacement, age_ticks: self.age_ticks })
+        displacement_m.map(|displacement| Sample { displacement, age_ticks: self.age_ticks })
     }
 }

@@ -1,5 +1,13 @@
 //! The control tick.
 
 mod controller;
+#[cfg(any(feature = "loop-test", feature = "link"))]
+mod loop_test;
+mod setpoint;
+mod telemetry;
 
 pub use controller::{Controller, Inputs, Outputs};
+#[cfg(any(feature = "loop-test", feature = "link"))]
+pub use loop_test::{Followed, Step, Target};
+pub use setpoint::OutOfRange;
+pub use telemetry::{Mode, Telemetry};

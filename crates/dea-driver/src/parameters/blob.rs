@@ -1,126 +1,50 @@
-//! The parameters of a board as bytes: what `host-sim export` writes and the [`Store`](crate::Store) keeps.
-//!
-//! `docs/blob.md` describes the format.
+//! The parameters of a board as bytes: what `host-sim export` writes and the `Store` keeps. The crate's `docs/blob.md`
+//! describes the format. No other file reads or writes a blob's header.
 
 use core::fmt;
 
-use heapless::String;
-use serde::{Deserialize, Serialize};
-use springpot::{
-    Actuator, ActuatorError, Coefficients, CommandLimits, ControlError, Law, LawError, ObserverOptions, Tracking,
-};
+use springpot::{ActuatorError, Compressed, ControlError, Law, LawError, Tracking};
 
-use crate::chips::{AdcCode, Calibration, CommandRange};
-use crate::safety::{Limits, LimitsError, Supervisor};
+use crate::chips::Converters;
+use crate::parameters::Parameters;
+use crate::safety::{LimitsError, Supervisor};
 
 /// The version of the format.
 pub const SCHEMA: u16 = 1;
 
-/// No blob is longer, in bytes.
+/// Largest length of a blob, bytes.
 pub const BLOB_LEN: usize = 768;
 
-const MAGIC: [u8; 4] = *b"DEA\x01";
-/// Magic, schema, board, length.
-const HEADER: usize = 10;
-const CHECKSUM: usize = 4;
-
-const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
-
-/// All that a controller needs to know about its board and film. SI units.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Parameters {
-    /// What the set is called.
-    pub name: String<32>,
-    /// Ticks per second.
-    pub rate_hz: f32,
-    /// The film's law at that rate, as a host computed it.
-    pub law: Coefficients<f32>,
-    /// The actuator, whose mass is the law's.
-    pub actuator: Actuator,
-    /// What the displacement sensor reads of a film at rest, m.
-    pub sensor_offset_m: f32,
-    /// Range of the amplifier's command.
-    pub command_range: CommandRange,
-    /// Command (V) → high voltage (V).
-    pub amplifier: Calibration,
-    /// Monitor (V) → high voltage (V).
-    pub monitor: Calibration,
-    /// Displacement sensor (V) → displacement (m).
-    pub sensor: Calibration,
-    /// What film and bench allow.
-    pub limits: Limits,
-    /// How references are followed and the film is observed.
-    pub control: Control,
-}
-
-/// How references are followed and the film is observed: [`CommandLimits`] and [`ObserverOptions`], as far as they do not
-/// follow from the [`Limits`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Control {
-    /// Largest speed of a reference, m/s.
-    pub max_velocity_m_per_s: f32,
-    /// Largest acceleration of a reference, m/s².
-    pub max_acceleration_m_per_s2: f32,
-    /// Two poles that lead the film back after a limit, Hz.
-    pub return_hz: f32,
-    /// Up to here the film follows the sensor, beyond it the model, Hz.
-    pub bandwidth_hz: f32,
-    /// Time from one sample that is used to the next, s: a tick, or longer for a sensor that is slower.
-    pub sample_interval_s: f32,
-    /// Age of a sample when it is read, s.
-    pub delay_s: f32,
-    /// After so long without a sample the sensor counts as lost, s.
-    pub lost_after_s: f32,
-    /// Time over which the force scale adapts, s; 0: never.
-    pub adaptation_s: f32,
-}
-
-impl Control {
-    /// For a sensor of 100 Hz whose samples come 10 ms late, on a film whose resonance is at 3 Hz or above.
-    pub const BENCH: Self = Self {
-        max_velocity_m_per_s: 0.05,
-        max_acceleration_m_per_s2: 0.5,
-        return_hz: 5.0,
-        bandwidth_hz: 0.6,
-        sample_interval_s: 0.01,
-        delay_s: 0.01,
-        lost_after_s: 0.05,
-        adaptation_s: 30.0,
-    };
-
-    fn command_limits(&self, limits: &Limits) -> CommandLimits {
-        CommandLimits {
-            max_voltage_v: f64::from(limits.max_voltage_v),
-            max_field_v_per_m: f64::from(limits.max_field_v_per_m),
-            max_slew_v_per_s: f64::from(limits.max_slew_v_per_s),
-            max_velocity_m_per_s: f64::from(self.max_velocity_m_per_s),
-            max_acceleration_m_per_s2: f64::from(self.max_acceleration_m_per_s2),
-            return_hz: f64::from(self.return_hz),
-        }
-    }
-
-    fn observer_options(&self) -> ObserverOptions {
-        ObserverOptions {
-            bandwidth_hz: f64::from(self.bandwidth_hz),
-            sample_interval_s: f64::from(self.sample_interval_s),
-            delay_s: f64::from(self.delay_s),
-            lost_after_s: f64::from(self.lost_after_s),
-            adaptation_s: f64::from(self.adaptation_s),
-        }
-    }
-}
-
-/// A set of parameters that was found good, with what is built from it.
+/// Parameters that were checked, with what is built from them: law, control and a disarmed supervisor.
+///
+/// ```
+/// use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters};
+/// use springpot::{Actuator, Law, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// const BOARD: u16 = 7;
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let parameters = Parameters::bench(&law, Actuator::KARNER_2022);
+///
+/// // A host writes the bytes, a controller reads them.
+/// let mut bytes = [0; BLOB_LEN];
+/// let length = parameters.encode(BOARD, &mut bytes)?;
+/// let blob = Blob::decode(&bytes[..length], BOARD)?;
+/// assert_eq!(blob.parameters(), &parameters);
+///
+/// // Damage and blobs for other boards are refused.
+/// assert_eq!(<Blob>::decode(&bytes[..length], 8).err(), Some(BlobError::Board { found: 7 }));
+/// bytes[100] ^= 1;
+/// assert_eq!(<Blob>::decode(&bytes[..length], BOARD).err(), Some(BlobError::Checksum));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug)]
-pub struct Blob {
-    /// The parameters.
-    pub parameters: Parameters,
-    /// The law of the film, with what follows references along it.
-    pub tracking: Tracking<f32>,
-    /// The supervisor of its limits, disarmed.
-    pub supervisor: Supervisor,
+pub struct Blob<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+    parameters: Parameters<HEAD, FAST, SLOW>,
+    tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    supervisor: Supervisor,
 }
 
 /// Why a blob was refused.
@@ -128,7 +52,7 @@ pub struct Blob {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum BlobError {
-    /// Fewer bytes than it says, or than a header has.
+    /// Fewer bytes than its header states, or than a header has.
     Truncated,
     /// Not a blob.
     Magic,
@@ -144,10 +68,17 @@ pub enum BlobError {
     },
     /// Longer than a blob can be.
     TooLong,
-    /// Damaged: the checksum is another one.
+    /// Damaged: the checksum does not match.
     Checksum,
-    /// The checksum holds, but the contents are no parameters.
+    /// The checksum holds, but the contents are not parameters.
     Contents,
+    /// For a law of another memory.
+    LawSizes {
+        /// Head, fast and slow weights of the law in the blob.
+        found: [u8; 3],
+        /// Those of the controller.
+        expected: [u8; 3],
+    },
     /// A rate that is not within 1 Hz…100 kHz.
     Rate,
     /// An offset of the sensor that is not finite.
@@ -162,7 +93,7 @@ pub enum BlobError {
     Limits(LimitsError),
     /// Settings of the control that were refused.
     Control(ControlError),
-    /// An instrument that does not reach from 0 V to the largest voltage of the limits.
+    /// An instrument that does not cover 0 V to the largest voltage of the limits.
     Reach(&'static str),
     /// Limits for a film of another thickness than the actuator's.
     Thickness,
@@ -172,12 +103,16 @@ impl fmt::Display for BlobError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Truncated => f.write_str("the parameter blob is truncated"),
-            Self::Magic => f.write_str("this is no parameter blob"),
+            Self::Magic => f.write_str("not a parameter blob"),
             Self::Schema { found } => write!(f, "the blob has schema {found}; this firmware reads {SCHEMA}"),
             Self::Board { found } => write!(f, "the blob is for board {found}"),
             Self::TooLong => write!(f, "longer than {BLOB_LEN} bytes"),
             Self::Checksum => f.write_str("the blob is damaged: its checksum does not hold"),
-            Self::Contents => f.write_str("the blob holds no parameters"),
+            Self::Contents => f.write_str("the blob does not hold parameters"),
+            Self::LawSizes { found: [head, fast, slow], expected } => {
+                write!(f, "the law in the blob has {head} + {fast} + {slow} weights, the controller's ")?;
+                write!(f, "{} + {} + {}", expected[0], expected[1], expected[2])
+            }
             Self::Rate => f.write_str("rate_hz must be from 1 to 100000"),
             Self::Offset => f.write_str("sensor_offset_m must be finite"),
             Self::Calibration(which) => write!(f, "the calibration of the {which} must rise over its full scale"),
@@ -195,111 +130,255 @@ impl fmt::Display for BlobError {
 
 impl core::error::Error for BlobError {}
 
-impl Parameters {
-    /// Writes the blob for `board` to `bytes` and returns its length.
-    ///
-    /// # Errors
-    ///
-    /// [`BlobError`] for parameters that a controller would refuse, or less room than [`BLOB_LEN`].
-    pub fn encode(&self, board: u16, bytes: &mut [u8]) -> Result<usize, BlobError> {
-        Blob::new(self.clone())?;
-        let room = bytes.len().min(BLOB_LEN);
-        let body = bytes.get_mut(HEADER..room).ok_or(BlobError::TooLong)?;
-        let length = postcard::to_slice(self, body).map_err(|_| BlobError::TooLong)?.len();
-        let end = HEADER + length;
-        let header = MAGIC.iter().copied().chain(SCHEMA.to_le_bytes()).chain(board.to_le_bytes());
-        #[allow(clippy::cast_possible_truncation)] // below BLOB_LEN
-        let header = header.chain((length as u16).to_le_bytes());
-        bytes.iter_mut().zip(header).for_each(|(byte, value)| *byte = value);
-        let checksum = CRC.checksum(&bytes[..end]).to_le_bytes();
-        bytes.get_mut(end..end + CHECKSUM).ok_or(BlobError::TooLong)?.copy_from_slice(&checksum);
-        Ok(end + CHECKSUM)
-    }
-}
-
-impl Blob {
-    /// Reads and checks the blob at the start of `bytes`, which must be for `board`.
-    ///
-    /// # Errors
-    ///
-    /// [`BlobError`] for the first thing that is wrong.
-    pub fn decode(bytes: &[u8], board: u16) -> Result<Self, BlobError> {
-        let header = bytes.get(..HEADER).ok_or(BlobError::Truncated)?;
-        let word = |at: usize| u16::from_le_bytes([header[at], header[at + 1]]);
-        if header[..4] != MAGIC {
-            return Err(BlobError::Magic);
-        }
-        let end = HEADER + usize::from(word(8));
-        if end + CHECKSUM > BLOB_LEN {
-            return Err(BlobError::TooLong);
-        }
-        let found = bytes.get(end..end + CHECKSUM).ok_or(BlobError::Truncated)?;
-        if CRC.checksum(&bytes[..end]).to_le_bytes() != found {
-            return Err(BlobError::Checksum);
-        }
-        // What follows is as it was written.
-        if word(4) != SCHEMA {
-            return Err(BlobError::Schema { found: word(4) });
-        }
-        if word(6) != board {
-            return Err(BlobError::Board { found: word(6) });
-        }
-        let (parameters, rest) = postcard::take_from_bytes(&bytes[HEADER..end]).map_err(|_| BlobError::Contents)?;
-        if !rest.is_empty() {
-            return Err(BlobError::Contents);
-        }
-        Self::new(parameters)
-    }
-
-    /// Checks `parameters` and builds what a controller needs from them.
+impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, SLOW> {
+    /// Checks `parameters` of a board with [`Converters::AD5754_ADS868X`] and builds what a controller needs.
     ///
     /// # Errors
     ///
     /// [`BlobError`] for the first value that is wrong.
-    pub fn new(parameters: Parameters) -> Result<Self, BlobError> {
+    pub fn new(parameters: Parameters<HEAD, FAST, SLOW>) -> Result<Self, BlobError> {
+        Self::with_converters(parameters, &Converters::AD5754_ADS868X)
+    }
+
+    /// The same for a board with other `converters`.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new).
+    pub fn with_converters(
+        parameters: Parameters<HEAD, FAST, SLOW>,
+        converters: &Converters,
+    ) -> Result<Self, BlobError> {
         if !(1.0..=100_000.0).contains(&parameters.rate_hz) {
             return Err(BlobError::Rate);
         }
         if !parameters.sensor_offset_m.is_finite() {
             return Err(BlobError::Offset);
         }
-        for (name, calibration, full_scale_v) in [
-            ("amplifier", &parameters.amplifier, parameters.command_range.full_scale_v()),
-            ("monitor", &parameters.monitor, AdcCode::FULL_SCALE_V),
-            ("sensor", &parameters.sensor, AdcCode::FULL_SCALE_V),
+        let command_v = converters.command_v.unwrap_or(parameters.command_range.full_scale_v());
+        for (name, calibration, largest_v) in [
+            ("amplifier", &parameters.amplifier, command_v),
+            ("monitor", &parameters.monitor, converters.monitor_v),
+            ("sensor", &parameters.sensor, converters.sensor_v),
         ] {
-            if !calibration.rises_up_to(full_scale_v) {
+            if !calibration.rises_up_to(largest_v) {
                 return Err(BlobError::Calibration(name));
             }
         }
-        let actuator = parameters.actuator;
-        actuator.check().map_err(BlobError::Actuator)?;
+        parameters.actuator.check().map_err(BlobError::Actuator)?;
         let step_s = 1.0 / f64::from(parameters.rate_hz);
-        let law = Law::from_coefficients(&parameters.law, step_s, actuator.mass_kg).map_err(BlobError::Law)?;
+        let law = Law::from_coefficients(&parameters.law, step_s, parameters.actuator.mass_kg);
+        let law = law.map_err(BlobError::Law)?;
         let supervisor = Supervisor::new(&parameters.limits, parameters.rate_hz).map_err(BlobError::Limits)?;
-        // A monitor that ends below the limit could never show that it is exceeded.
-        let limits = &parameters.limits;
-        if parameters.monitor.apply(AdcCode(u16::MAX).volts()) < limits.monitored_v() {
-            return Err(BlobError::Reach("monitor"));
-        }
-        // The last code is one step short of full scale.
-        if parameters.amplifier.apply(parameters.command_range.full_scale_v()) < limits.max_voltage_v {
-            return Err(BlobError::Reach("amplifier"));
-        }
-        // Disabled or not, a command of 0 V must be one.
-        let at_rest = parameters.amplifier.offset;
-        if at_rest > limits.monitor.band_v || at_rest < -limits.monitor.band_v {
-            return Err(BlobError::Reach("amplifier"));
-        }
-        if !(0.99..=1.01).contains(&(f64::from(limits.thickness_m) / actuator.thickness_m)) {
-            return Err(BlobError::Thickness);
-        }
+        parameters.check_reach(command_v, converters.monitor_v)?;
         let limits = parameters.control.command_limits(&parameters.limits);
-        let tracking = Tracking::new(law, &actuator, limits, parameters.control.observer_options());
+        let tracking = Tracking::new(law, &parameters.actuator, limits, parameters.control.observer_options());
         let tracking = tracking.map_err(|error| match error {
             ControlError::Actuator(error) => BlobError::Actuator(error),
             error => BlobError::Control(error),
         })?;
         Ok(Self { parameters, tracking, supervisor })
+    }
+
+    /// The parameters.
+    #[must_use]
+    pub fn parameters(&self) -> &Parameters<HEAD, FAST, SLOW> {
+        &self.parameters
+    }
+
+    /// The parameters, to alter and check again.
+    #[must_use]
+    pub fn into_parameters(self) -> Parameters<HEAD, FAST, SLOW> {
+        self.parameters
+    }
+
+    /// The law of the film, with what follows references along it.
+    #[must_use]
+    pub fn tracking(&self) -> &Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>> {
+        &self.tracking
+    }
+
+    #[allow(clippy::type_complexity)] // its three fields
+    pub(crate) fn into_parts(
+        self,
+    ) -> (Parameters<HEAD, FAST, SLOW>, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>, Supervisor) {
+        (self.parameters, self.tracking, self.supervisor)
+    }
+}
+
+impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, FAST, SLOW> {
+    /// Whether the instruments cover what the limits allow, and the limits are for this film.
+    fn check_reach(&self, command_v: f32, monitor_v: f32) -> Result<(), BlobError> {
+        let limits = &self.limits;
+        // A monitor that ends below the limit could never show that it is exceeded.
+        if self.monitor.apply(monitor_v) < limits.monitored_v() {
+            return Err(BlobError::Reach("monitor"));
+        }
+        // The last code is one step short of full scale.
+        if self.amplifier.apply(command_v) < limits.max_voltage_v {
+            return Err(BlobError::Reach("amplifier"));
+        }
+        // At a command of 0 V the amplifier must be within the monitor's band around 0 V.
+        if self.amplifier.offset > limits.monitor.band_v || self.amplifier.offset < -limits.monitor.band_v {
+            return Err(BlobError::Reach("amplifier"));
+        }
+        if !(0.99..=1.01).contains(&(f64::from(limits.thickness_m) / self.actuator.thickness_m)) {
+            return Err(BlobError::Thickness);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(feature = "store")]
+pub use bytes::BlobHeader;
+
+/// The bytes.
+#[cfg(feature = "store")]
+mod bytes {
+    use super::{BLOB_LEN, Blob, BlobError, SCHEMA};
+    use crate::chips::Converters;
+    use crate::parameters::Parameters;
+
+    const MAGIC: [u8; 4] = *b"DEA\x01";
+    const CHECKSUM_LEN: usize = 4;
+    const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
+    /// The sizes of a law that a blob does not state.
+    const USUAL_SIZES: [u8; 3] = [12, 12, 24];
+    /// Set in the schema's high byte where the contents begin with the sizes of the law.
+    const STATES_SIZES: u8 = 1;
+
+    /// The header of a blob: the bytes before its contents.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub struct BlobHeader {
+        /// The version of the format.
+        pub schema: u16,
+        /// The board that it is for.
+        pub board: u16,
+        /// Length of the contents, bytes.
+        pub length: u16,
+    }
+
+    impl BlobHeader {
+        /// Bytes of a header.
+        pub const LEN: usize = 10;
+
+        /// Reads the header at the start of `bytes`. Nothing but the magic is checked.
+        ///
+        /// # Errors
+        ///
+        /// [`BlobError::Truncated`], [`BlobError::Magic`].
+        pub fn read(bytes: &[u8]) -> Result<Self, BlobError> {
+            let &[m0, m1, m2, m3, s0, s1, b0, b1, l0, l1] = bytes.first_chunk().ok_or(BlobError::Truncated)?;
+            if [m0, m1, m2, m3] != MAGIC {
+                return Err(BlobError::Magic);
+            }
+            let [schema, board, length] = [[s0, s1], [b0, b1], [l0, l1]].map(u16::from_le_bytes);
+            Ok(Self { schema, board, length })
+        }
+
+        fn bytes(self) -> [u8; Self::LEN] {
+            let [m0, m1, m2, m3] = MAGIC;
+            let [[s0, s1], [b0, b1], [l0, l1]] = [self.schema, self.board, self.length].map(u16::to_le_bytes);
+            [m0, m1, m2, m3, s0, s1, b0, b1, l0, l1]
+        }
+
+        fn contents_end(self) -> usize {
+            Self::LEN + usize::from(self.length)
+        }
+    }
+
+    impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, FAST, SLOW> {
+        /// The sizes of the law, and whether a blob has to state them.
+        fn sizes() -> Result<([u8; 3], bool), BlobError> {
+            let [head, fast, slow] = [HEAD, FAST, SLOW].map(u8::try_from);
+            // More than 255 weights do not fit in a blob.
+            let (Ok(head), Ok(fast), Ok(slow)) = (head, fast, slow) else { return Err(BlobError::TooLong) };
+            let sizes = [head, fast, slow];
+            Ok((sizes, sizes != USUAL_SIZES))
+        }
+
+        /// Writes the blob for `board`, with [`Converters::AD5754_ADS868X`], to `bytes` and returns its length.
+        ///
+        /// # Errors
+        ///
+        /// [`BlobError`] for parameters that a controller would refuse, and for less room than the blob takes.
+        pub fn encode(&self, board: u16, bytes: &mut [u8]) -> Result<usize, BlobError> {
+            self.encode_for(board, &Converters::AD5754_ADS868X, bytes)
+        }
+
+        /// The same for a board with other `converters`.
+        ///
+        /// # Errors
+        ///
+        /// As [`encode`](Self::encode).
+        pub fn encode_for(&self, board: u16, converters: &Converters, bytes: &mut [u8]) -> Result<usize, BlobError> {
+            Blob::with_converters(self.clone(), converters)?;
+            let (sizes, stated) = Self::sizes()?;
+            let room = bytes.len().min(BLOB_LEN);
+            let body = bytes.get_mut(BlobHeader::LEN..room).ok_or(BlobError::TooLong)?;
+            let written =
+                if stated { postcard::to_slice(&(sizes, self), body) } else { postcard::to_slice(self, body) };
+            let written = written.map_err(|_| BlobError::TooLong)?.len();
+            let length = u16::try_from(written).map_err(|_| BlobError::TooLong)?;
+            let schema = SCHEMA | if stated { u16::from(STATES_SIZES) << 8 } else { 0 };
+            let header = BlobHeader { schema, board, length };
+            let end = header.contents_end();
+            bytes[..BlobHeader::LEN].copy_from_slice(&header.bytes());
+            let checksum = CRC.checksum(&bytes[..end]).to_le_bytes();
+            bytes.get_mut(end..end + CHECKSUM_LEN).ok_or(BlobError::TooLong)?.copy_from_slice(&checksum);
+            Ok(end + CHECKSUM_LEN)
+        }
+    }
+
+    impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, SLOW> {
+        /// Reads and checks the blob at the start of `bytes`, which must be for `board`, with
+        /// [`Converters::AD5754_ADS868X`].
+        ///
+        /// # Errors
+        ///
+        /// [`BlobError`] for the first thing that is wrong.
+        pub fn decode(bytes: &[u8], board: u16) -> Result<Self, BlobError> {
+            Self::decode_for(bytes, board, &Converters::AD5754_ADS868X)
+        }
+
+        /// The same for a board with other `converters`.
+        ///
+        /// # Errors
+        ///
+        /// As [`decode`](Self::decode).
+        pub fn decode_for(bytes: &[u8], board: u16, converters: &Converters) -> Result<Self, BlobError> {
+            let header = BlobHeader::read(bytes)?;
+            let end = header.contents_end();
+            if end + CHECKSUM_LEN > BLOB_LEN {
+                return Err(BlobError::TooLong);
+            }
+            let found = bytes.get(end..end + CHECKSUM_LEN).ok_or(BlobError::Truncated)?;
+            if CRC.checksum(&bytes[..end]).to_le_bytes() != found {
+                return Err(BlobError::Checksum);
+            }
+            // The bytes are as they were written.
+            let [schema, flags] = header.schema.to_le_bytes();
+            if u16::from(schema) != SCHEMA || flags & !STATES_SIZES != 0 {
+                return Err(BlobError::Schema { found: header.schema });
+            }
+            if header.board != board {
+                return Err(BlobError::Board { found: header.board });
+            }
+            let contents = &bytes[BlobHeader::LEN..end];
+            let (found, contents) = if flags & STATES_SIZES == 0 {
+                (USUAL_SIZES, contents)
+            } else {
+                contents.split_first_chunk().map(|(&sizes, rest)| (sizes, rest)).ok_or(BlobError::Contents)?
+            };
+            let (expected, _) = Parameters::<HEAD, FAST, SLOW>::sizes()?;
+            if found != expected {
+                return Err(BlobError::LawSizes { found, expected });
+            }
+            match postcard::take_from_bytes(contents) {
+                Ok((parameters, [])) => Self::with_converters(parameters, converters),
+                _ => Err(BlobError::Contents),
+            }
+        }
     }
 }

@@ -1,7 +1,13 @@
-//! The parameters of a board, as bytes and over power loss.
+//! The parameters of a board: values, bytes, and two slots of flash (feature `store`).
 
 mod blob;
+mod settings;
+#[cfg(feature = "store")]
 mod store;
 
-pub use blob::{BLOB_LEN, Blob, BlobError, Control, Parameters, SCHEMA};
+#[cfg(feature = "store")]
+pub use blob::BlobHeader;
+pub use blob::{BLOB_LEN, Blob, BlobError, SCHEMA};
+pub use settings::{Control, Parameters};
+#[cfg(feature = "store")]
 pub use store::{Store, StoreError};

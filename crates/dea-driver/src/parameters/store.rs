@@ -1,11 +1,12 @@
-//! Parameters that outlive a power loss: two slots of flash, the newest valid one wins.
+//! Parameters that survive a power loss: two slots of flash, the newest valid one wins.
 //!
-//! A slot is written from its second word on, and its first words, a sequence number and its complement, last. Power may go
-//! at any byte: until the last word stands, the slot does not count, and the other one is untouched. What a slot holds is
+//! The blob is written first, the slot's header, a sequence number and its complement, last. The power may fail at any byte:
+//! until the header is complete, the slot does not count, and the other one is untouched. The contents of a slot are
 //! checked by the blob's own checksum.
 
 use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind};
 
+use crate::chips::Converters;
 use crate::parameters::{BLOB_LEN, Blob, BlobError};
 
 /// Bytes before the blob: sequence number and its complement.
@@ -13,35 +14,91 @@ const HEADER: usize = 8;
 /// Bytes of a slot.
 const SLOT: usize = HEADER + BLOB_LEN;
 
-/// Two slots in a flash of two erasable parts.
-pub struct Store<F> {
+/// Two slots in a flash of two erasable parts, for parameters of a law of these sizes.
+///
+/// ```
+/// use dea_driver::{BLOB_LEN, Parameters, Store, StoreError};
+/// # use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+/// # use springpot::{Actuator, Law, Options, Preset};
+/// # struct Flash([u8; 2048]);
+/// # impl ErrorType for Flash {
+/// #     type Error = NorFlashErrorKind;
+/// # }
+/// # impl ReadNorFlash for Flash {
+/// #     const READ_SIZE: usize = 1;
+/// #     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+/// #         bytes.copy_from_slice(&self.0[offset as usize..][..bytes.len()]);
+/// #         Ok(())
+/// #     }
+/// #     fn capacity(&self) -> usize {
+/// #         self.0.len()
+/// #     }
+/// # }
+/// # impl NorFlash for Flash {
+/// #     const WRITE_SIZE: usize = 4;
+/// #     const ERASE_SIZE: usize = 1024;
+/// #     fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+/// #         self.0[from as usize..to as usize].fill(0xff);
+/// #         Ok(())
+/// #     }
+/// #     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+/// #         self.0[offset as usize..][..bytes.len()].copy_from_slice(bytes);
+/// #         Ok(())
+/// #     }
+/// # }
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// # let flash = Flash([0xff; 2048]);
+/// # let law: Law<f32> = Law::compressed(&Preset::named("table3-n2").unwrap().model()?, Options::at_step(1e-3))?;
+/// # let parameters = Parameters::bench(&law, Actuator::KARNER_2022);
+/// # let mut bytes = [0; BLOB_LEN];
+/// # let length = parameters.encode(7, &mut bytes)?;
+/// // `flash` is a NorFlash, `bytes` a blob for board 7.
+/// let mut store = Store::new(flash, 7).expect("room for two slots");
+/// assert!(matches!(store.load(), Err(StoreError::Empty(None))));
+/// store.save(&bytes[..length]).expect("valid");
+/// assert_eq!(store.load().expect("saved").parameters(), &parameters);
+/// # Ok(())
+/// # }
+/// ```
+pub struct Store<F, const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
     flash: F,
     board: u16,
+    converters: Converters,
     slot_bytes: u32,
 }
 
-/// Why the store could not do as asked.
+/// Why the store failed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum StoreError {
-    /// The flash has no two erasable parts that hold a slot, or writes in words of more than eight bytes.
+    /// The flash does not have two erasable parts that hold a slot, or writes in words of more than eight bytes.
     Geometry,
     /// The flash failed.
     Flash(NorFlashErrorKind),
-    /// There are no valid parameters; the newest slot's fault, if one was ever written.
+    /// No slot holds valid parameters; the fault of the newest slot, if one was ever written.
     Empty(Option<BlobError>),
     /// The blob to be written was refused.
     Refused(BlobError),
 }
 
-impl<F: NorFlash> Store<F> {
-    /// A store in the first two equal parts of `flash`, each a whole number of its erasable parts.
+impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store<F, HEAD, FAST, SLOW> {
+    /// A store in the first two equal parts of `flash`, each a whole number of its erasable parts, for a board with
+    /// [`Converters::AD5754_ADS868X`].
     ///
     /// # Errors
     ///
     /// [`StoreError::Geometry`] for a flash that cannot hold two slots.
     pub fn new(flash: F, board: u16) -> Result<Self, StoreError> {
+        Self::with_converters(flash, board, Converters::AD5754_ADS868X)
+    }
+
+    /// The same for a board with other `converters`.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new).
+    pub fn with_converters(flash: F, board: u16, converters: Converters) -> Result<Self, StoreError> {
         let half = flash.capacity() / 2;
         let slot = half - half % F::ERASE_SIZE.max(1);
         let words = |size: usize| size > 0 && HEADER.is_multiple_of(size) && BLOB_LEN.is_multiple_of(size);
@@ -49,7 +106,16 @@ impl<F: NorFlash> Store<F> {
         if slot < SLOT || !words(F::WRITE_SIZE) || !words(F::READ_SIZE) {
             return Err(StoreError::Geometry);
         }
-        Ok(Self { flash, board, slot_bytes })
+        Ok(Self { flash, board, converters, slot_bytes })
+    }
+
+    /// Checks a blob for this board.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Refused`].
+    pub fn decode(&self, bytes: &[u8]) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {
+        Blob::decode_for(bytes, self.board, &self.converters).map_err(StoreError::Refused)
     }
 
     /// The newest valid parameters.
@@ -57,7 +123,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     ///
     /// [`StoreError::Empty`] where no slot holds any, [`StoreError::Flash`].
-    pub fn load(&mut self) -> Result<Blob, StoreError> {
+    pub fn load(&mut self) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {
         let mut fault = None;
         for slot in self.newest_first()?.into_iter().flatten() {
             match self.read(slot.index) {
@@ -74,8 +140,8 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     ///
     /// [`StoreError::Refused`] for a blob that a controller would refuse; nothing is written then.
-    pub fn save(&mut self, bytes: &[u8]) -> Result<Blob, StoreError> {
-        Blob::decode(bytes, self.board).map_err(StoreError::Refused)?;
+    pub fn save(&mut self, bytes: &[u8]) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {
+        self.decode(bytes)?;
         let slots = self.newest_first()?;
         let valid = slots.into_iter().flatten().find(|slot| self.read(slot.index).is_ok());
         let (index, sequence) = valid.map_or((0, 1), |slot| (1 - slot.index, slot.sequence.wrapping_add(1).max(1)));
@@ -91,11 +157,11 @@ impl<F: NorFlash> Store<F> {
         #[allow(clippy::cast_possible_truncation)] // eight
         self.flash.write(start + HEADER as u32, &body).map_err(failed)?;
         self.flash.write(start, &header).map_err(failed)?;
-        // It was valid when it was written: if it is not now, the flash did not take it.
+        // It was valid before it was written, so the flash failed.
         self.read(index).map_err(|_| StoreError::Flash(NorFlashErrorKind::Other))
     }
 
-    /// Gives the flash back.
+    /// Returns the flash.
     pub fn destroy(self) -> F {
         self.flash
     }
@@ -104,7 +170,7 @@ impl<F: NorFlash> Store<F> {
         index * self.slot_bytes
     }
 
-    /// Slots whose header stands, newest first.
+    /// Slots with a complete header, newest first.
     fn newest_first(&mut self) -> Result<[Option<Slot>; 2], StoreError> {
         let slots = [self.header(0)?, self.header(1)?];
         Ok(match slots {
@@ -124,12 +190,12 @@ impl<F: NorFlash> Store<F> {
         Ok((sequence == !complement).then_some(Slot { index, sequence }))
     }
 
-    fn read(&mut self, index: u32) -> Result<Blob, StoreError> {
+    fn read(&mut self, index: u32) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {
         let mut body = [0; BLOB_LEN];
         #[allow(clippy::cast_possible_truncation)] // eight
         let start = self.start_of(index) + HEADER as u32;
         self.flash.read(start, &mut body).map_err(|error| StoreError::Flash(error.kind()))?;
-        Blob::decode(&body, self.board).map_err(StoreError::Refused)
+        self.decode(&body)
     }
 }
 

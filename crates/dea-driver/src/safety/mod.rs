@@ -1,9 +1,11 @@
 //! What keeps the film and its user safe: limits, the checks of the sensors, and the supervisor.
 
+mod limits;
 mod monitor;
 mod plausibility;
 mod supervisor;
 
-pub use monitor::{Monitor, MonitorLimits};
-pub use plausibility::{Plausibility, PlausibilityLimits, SensorFault};
-pub use supervisor::{Cause, Limits, LimitsError, OnSensorFault, Readings, Refusal, State, Supervisor, Tick};
+pub use limits::{Limits, LimitsError, MonitorLimits, OnSensorFault, PlausibilityLimits};
+pub use monitor::Monitor;
+pub use plausibility::{Plausibility, SensorFault};
+pub use supervisor::{Cause, Readings, Refusal, State, Supervisor, Tick};

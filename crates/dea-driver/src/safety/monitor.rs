@@ -1,35 +1,6 @@
 //! The voltage monitor against the command.
 
-use serde::{Deserialize, Serialize};
-
-/// How far the monitor may be from what the amplifier was told.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct MonitorLimits {
-    /// Slew of the amplifier under load, V/s.
-    pub slew_v_per_s: f32,
-    /// Allowed difference at 0 V, V.
-    pub band_v: f32,
-    /// Allowed difference as a share of the voltage.
-    pub band_share: f32,
-    /// Time for which the difference may be larger, s.
-    pub settle_s: f32,
-}
-
-impl MonitorLimits {
-    /// Whether they can be kept at all.
-    #[must_use]
-    pub fn are_valid(&self) -> bool {
-        let positive = |value: f32| value.is_finite() && value > 0.0;
-        positive(self.slew_v_per_s)
-            && positive(self.band_v)
-            && self.band_share.is_finite()
-            && self.band_share >= 0.0
-            && self.settle_s.is_finite()
-            && self.settle_s >= 0.0
-    }
-}
+use crate::safety::MonitorLimits;
 
 /// Follows the command at the amplifier's own slew and compares the monitor with it.
 #[derive(Clone, Copy, Debug)]
@@ -57,9 +28,9 @@ impl Monitor {
         }
     }
 
-    /// Takes in the command (V) of the last tick and what the monitor shows (V); false once they have differed for longer
-    /// than the settle time. An amplifier may be faster than its slew: it is expected anywhere between where that takes it
-    /// and the command. What is not a number differs.
+    /// Compares the command of the last tick (V) with the monitor (V); false once they have differed for longer than the settle
+    /// time. An amplifier may be faster than its slew: any voltage between the one at that slew and the command agrees. NaN
+    /// differs.
     #[must_use]
     pub fn agrees(&mut self, command_v: f32, monitor_v: f32) -> bool {
         let ahead = command_v - self.expected_v;
@@ -72,7 +43,7 @@ impl Monitor {
     }
 }
 
-/// `value`, no larger than `bound` in size: without the panic of [`f32::clamp`] for bounds that make no sense.
+/// `value`, no larger than `bound` in size: without the panic of [`f32::clamp`] for a NaN bound.
 pub(crate) fn bounded(value: f32, bound: f32) -> f32 {
     if value > bound {
         bound

@@ -1,12 +1,12 @@
-//! What keeps the film and its user safe: states, limits and trips.
+//! The states of the driver, their transitions, and what trips it.
 
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::safety::limits::positive;
 use crate::safety::monitor::bounded;
-use crate::safety::{Monitor, MonitorLimits};
-use crate::safety::{Plausibility, PlausibilityLimits, SensorFault};
+use crate::safety::{Limits, LimitsError, Monitor, MonitorLimits, OnSensorFault, Plausibility, SensorFault};
 
 /// Where the driver stands.
 ///
@@ -47,97 +47,23 @@ pub enum Cause {
     Monitor,
     /// The voltage monitor shows more than the limit.
     Voltage,
-    /// The displacement sensor cannot be believed.
+    /// The displacement sensor is implausible.
     Sensor(SensorFault),
     /// The film moved beyond its limit.
     Displacement,
-    /// The host was silent.
+    /// No request of the host for too long.
     Heartbeat,
     /// A tick did not end in time.
     Overrun,
     /// A converter did not answer.
     Bus,
-    /// The law's answer is not a number.
+    /// The law's prediction is not finite.
     Law,
     /// The watchdog reset the controller.
     Watchdog,
     /// The firmware panicked.
     Panic,
 }
-
-/// What is done when the displacement sensor cannot be believed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum OnSensorFault {
-    /// Trip.
-    Trip,
-    /// Go on without it: the law predicts the displacement.
-    OpenLoop,
-}
-
-/// What the film and the bench allow.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Limits {
-    /// Largest voltage, V.
-    pub max_voltage_v: f32,
-    /// Largest field across the film, V/m; VHB 4910 breaks down near 1e8 V/m, sooner where it is thin.
-    pub max_field_v_per_m: f32,
-    /// Thickness of the film, m.
-    pub thickness_m: f32,
-    /// Largest change of the command, V/s.
-    pub max_slew_v_per_s: f32,
-    /// Largest displacement to either side, m.
-    pub max_displacement_m: f32,
-    /// How far the voltage monitor may be from the command.
-    pub monitor: MonitorLimits,
-    /// What the displacement sensor may read, m.
-    pub sensor: PlausibilityLimits,
-    /// What is done when it reads something else.
-    pub on_sensor_fault: OnSensorFault,
-    /// For so long the host may be silent, s.
-    pub heartbeat_s: f32,
-}
-
-impl Limits {
-    /// What the voltage monitor may show at the most, V.
-    #[must_use]
-    pub fn monitored_v(&self) -> f32 {
-        self.max_voltage_v * (1.0 + self.monitor.band_share) + self.monitor.band_v
-    }
-}
-
-/// Why limits were refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum LimitsError {
-    /// A quantity that is not finite or not greater than nought; the name carries its unit.
-    NotPositive(&'static str),
-    /// Monitor limits that cannot be kept.
-    Monitor,
-    /// Sensor limits that cannot be kept.
-    Sensor,
-    /// More than makes sense of a limit: it would protect nothing.
-    TooLarge(&'static str),
-}
-
-impl fmt::Display for LimitsError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotPositive(quantity) => write!(f, "{quantity} must be finite and greater than 0"),
-            Self::Monitor => {
-                f.write_str("monitor: slew and band must be greater than 0, share and settle time not negative")
-            }
-            Self::TooLarge(quantity) => write!(f, "{quantity} is so large that it protects nothing"),
-            Self::Sensor => f.write_str("sensor: low must be below high, and the jump greater than 0"),
-        }
-    }
-}
-
-impl core::error::Error for LimitsError {}
 
 /// Why a request was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -148,13 +74,26 @@ pub enum Refusal {
     State(State),
     /// The interlock is open.
     InterlockOpen,
-    /// There is voltage on the film while there should be none.
+    /// There is voltage on the film while it should be at 0 V.
     LiveVoltage,
-    /// The displacement sensor cannot be believed.
+    /// The displacement sensor is implausible.
     Sensor(SensorFault),
 }
 
-/// What the sensors say in a tick.
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::State(state) => write!(f, "not in the state {state:?}"),
+            Self::InterlockOpen => f.write_str("the interlock is open"),
+            Self::LiveVoltage => f.write_str("there is voltage on the film, or the monitor does not answer"),
+            Self::Sensor(fault) => write!(f, "the displacement sensor is implausible: {fault:?}"),
+        }
+    }
+}
+
+impl core::error::Error for Refusal {}
+
+/// The sensors' values in a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Readings {
     /// Whether the interlock is closed.
@@ -163,20 +102,46 @@ pub struct Readings {
     pub monitor_v: f32,
     /// The displacement sensor, m.
     pub displacement_m: f32,
-    /// Where the model takes the film to be, m.
+    /// The displacement that the model predicts, m.
     pub predicted_m: f32,
 }
 
-/// What a tick may do.
+/// The result of the checks of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick {
     /// The state from now on.
     pub state: State,
-    /// The displacement, m, where the sensor can be believed.
+    /// The displacement, m, if the sensor is plausible.
     pub displacement_m: Option<f32>,
 }
 
-/// Watches every tick and limits every command.
+/// Checks every tick and limits every command.
+///
+/// The [`Controller`](crate::Controller) owns one and leaves no way to start it without a mode. On its own it serves a control
+/// loop that is written without the controller:
+///
+/// ```
+/// use dea_driver::{Cause, Limits, Readings, State, Supervisor};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let mut supervisor = Supervisor::new(&Limits::bench(160e-6), 1000.0)?;
+/// let healthy = Readings { interlock_closed: true, monitor_v: 0.0, displacement_m: 1e-6, predicted_m: 0.0 };
+///
+/// // In every tick: check the readings, then ask for a voltage.
+/// supervisor.check(healthy);
+/// assert_eq!(supervisor.command(3000.0, 1.0), 0.0); // disarmed
+/// supervisor.arm().expect("the readings are healthy");
+/// supervisor.start().expect("it is armed");
+/// supervisor.check(Readings { displacement_m: 2e-6, ..healthy });
+/// assert_eq!(supervisor.command(3000.0, 1.0), 50.0); // 50 kV/s at 1 kHz
+///
+/// // A fault ends at 0 V within the tick.
+/// supervisor.check(Readings { interlock_closed: false, ..healthy });
+/// assert_eq!(supervisor.state(), State::Tripped(Cause::Interlock));
+/// assert_eq!(supervisor.command(3000.0, 1.0), 0.0);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Supervisor {
     state: State,
@@ -191,7 +156,7 @@ pub struct Supervisor {
     live_v: f32,
     on_sensor_fault: OnSensorFault,
     heartbeat_ticks: u32,
-    silent_ticks: u32,
+    ticks_since_heartbeat: u32,
     command_v: f32,
     monitor_limits: MonitorLimits,
     monitor: Monitor,
@@ -206,37 +171,13 @@ impl Supervisor {
     ///
     /// # Errors
     ///
-    /// [`LimitsError`] for limits that make no sense.
+    /// [`LimitsError`] for a rate or limits that are refused.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
     pub fn new(limits: &Limits, rate_hz: f32) -> Result<Self, LimitsError> {
-        for (name, value) in [
-            ("rate_hz", rate_hz),
-            ("max_voltage_v", limits.max_voltage_v),
-            ("max_field_v_per_m", limits.max_field_v_per_m),
-            ("thickness_m", limits.thickness_m),
-            ("max_slew_v_per_s", limits.max_slew_v_per_s),
-            ("max_displacement_m", limits.max_displacement_m),
-            ("heartbeat_s", limits.heartbeat_s),
-        ] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(LimitsError::NotPositive(name));
-            }
+        if !positive(rate_hz) {
+            return Err(LimitsError::NotPositive("rate_hz"));
         }
-        for (name, value, most) in [
-            ("heartbeat_s", limits.heartbeat_s, 60.0),
-            ("monitor.band_share", limits.monitor.band_share, 0.5),
-            ("monitor.settle_s", limits.monitor.settle_s, 1.0),
-        ] {
-            if value > most {
-                return Err(LimitsError::TooLarge(name));
-            }
-        }
-        if !limits.monitor.are_valid() {
-            return Err(LimitsError::Monitor);
-        }
-        if !limits.sensor.are_valid() {
-            return Err(LimitsError::Sensor);
-        }
+        limits.check()?;
         Ok(Self {
             state: State::Disarmed,
             ticks: 0,
@@ -249,13 +190,13 @@ impl Supervisor {
             live_v: limits.monitor.band_v,
             on_sensor_fault: limits.on_sensor_fault,
             heartbeat_ticks: (limits.heartbeat_s * rate_hz + 0.5) as u32,
-            silent_ticks: 0,
+            ticks_since_heartbeat: 0,
             command_v: 0.0,
             monitor_limits: limits.monitor,
             monitor: Monitor::new(limits.monitor, rate_hz),
             sensor: Plausibility::new(limits.sensor),
             rate_hz,
-            // Nothing is known yet, so nothing can be armed.
+            // There are no readings yet, so arming is refused.
             last: Readings { interlock_closed: false, monitor_v: f32::NAN, displacement_m: f32::NAN, predicted_m: 0.0 },
             last_fault: None,
         })
@@ -316,7 +257,7 @@ impl Supervisor {
             return Err(Refusal::Sensor(fault));
         }
         self.state = State::Armed;
-        self.silent_ticks = 0;
+        self.ticks_since_heartbeat = 0;
         self.monitor = Monitor::new(self.monitor_limits, self.rate_hz);
         Ok(())
     }
@@ -353,11 +294,11 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Takes note of a trip.
+    /// Acknowledges a trip: disarmed from now on.
     ///
     /// # Errors
     ///
-    /// [`Refusal`] where there is none.
+    /// [`Refusal`] if it is not tripped.
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         match self.state {
             State::Tripped(_) => {
@@ -378,9 +319,9 @@ impl Supervisor {
         }
     }
 
-    /// The host is alive.
+    /// A request of the host has arrived: its timeout starts again.
     pub fn heartbeat(&mut self) {
-        self.silent_ticks = 0;
+        self.ticks_since_heartbeat = 0;
     }
 
     /// Trips, whatever the state: 0 V, amplifier disabled. The first cause stays.
@@ -392,14 +333,13 @@ impl Supervisor {
         }
     }
 
-    /// Takes in the readings of a tick and tells what it may do. Sensors are watched in every state, and trip what is armed
-    /// or running.
+    /// Checks the readings of a tick. Sensors are checked in every state; a fault trips what is armed or running.
     pub fn check(&mut self, readings: Readings) -> Tick {
         self.ticks = self.ticks.wrapping_add(1);
-        self.silent_ticks = self.silent_ticks.saturating_add(1);
+        self.ticks_since_heartbeat = self.ticks_since_heartbeat.saturating_add(1);
         self.last = readings;
         self.last_fault = self.sensor.check(readings.displacement_m, readings.predicted_m);
-        // Without a sensor to believe, the model says where the film is.
+        // Without a plausible sensor the model's displacement is checked against the limit.
         let displacement_m = if self.last_fault.is_none() { readings.displacement_m } else { readings.predicted_m };
         let agrees = self.monitor.agrees(self.command_v, readings.monitor_v);
         let trips = matches!(self.on_sensor_fault, OnSensorFault::Trip);
@@ -409,7 +349,7 @@ impl Supervisor {
             _ if !agrees => Some(Cause::Monitor),
             Some(fault) if trips => Some(Cause::Sensor(fault)),
             _ if displacement_m.abs() > self.max_displacement_m => Some(Cause::Displacement),
-            _ if self.silent_ticks > self.heartbeat_ticks => Some(Cause::Heartbeat),
+            _ if self.ticks_since_heartbeat > self.heartbeat_ticks => Some(Cause::Heartbeat),
             _ => None,
         };
         if let (true, Some(cause)) = (self.enables(), cause) {
@@ -419,9 +359,12 @@ impl Supervisor {
         Tick { state: self.state, displacement_m }
     }
 
-    /// The command (V) that may follow the last one when `wanted_v` is asked for: 0 V unless running, and for what is not a
-    /// number; between 0 and the largest voltage that bench and field allow; no faster than the slew, but for the field, which
-    /// outranks it. `thinning` is how many times thinner than at rest the film is.
+    /// The command (V) of this tick when `wanted_v` is asked for: 0 V unless running, towards 0 V for NaN; between 0 V and the
+    /// largest voltage that bench and field allow; no faster than the slew, except that the field limit outranks it.
+    /// `thinning` is how many times thinner than at rest the film is.
+    ///
+    /// The field limit of a thinned film is computed here on purpose, independently of the control law's own copy of that rule
+    /// (`springpot`): an error there must not raise the limit here.
     pub fn command(&mut self, wanted_v: f32, thinning: f32) -> f32 {
         self.command_v = if matches!(self.state, State::Running) {
             let by_field = if thinning > 1.0 { self.field_v / thinning } else { self.field_v };

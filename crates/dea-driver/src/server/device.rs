@@ -1,28 +1,81 @@
-//! What a board ticks: a controller once there are parameters, and nothing before.
+//! A controller once there are parameters, with what outlives it.
 
-use heapless::Deque;
+use heapless::{Deque, String};
 
 use crate::chips::Drive;
-use crate::control::{Controller, Inputs};
+use crate::control::{Controller, Inputs, Mode, OutOfRange, Telemetry};
+#[cfg(feature = "loop-test")]
+use crate::control::{Followed, Step, Target};
 use crate::safety::{Cause, Refusal, State, Supervisor};
-use crate::wire::{Answer, Command, Reject, Sample, Status};
+use crate::wire::{Answer, Reject, Status};
 
-/// Samples that wait for the link.
+/// Records that wait for the link.
 const WAITING: usize = 16;
 
-/// A controller, if there are parameters for one, with what outlives it: why the last run ended, and the stream to the host.
+/// A controller, once there are parameters for one, with what outlives it: the cause that ended the last run, and the stream
+/// of records to the host.
 ///
 /// Shared by the tick, which must not wait, and the [`Session`](crate::server::Session) with the host.
+///
+/// ```
+/// use dea_driver::{Blob, Cause, Controller, Device, Drive, Inputs, Parameters, State};
+/// use springpot::{Actuator, Law, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// // The watchdog has reset the board: the cause stays until a host acknowledges it.
+/// let mut device: Device = Device::new(Some(Cause::Watchdog));
+/// let inputs = Inputs { interlock_closed: true, monitor_adc_v: Some(0.0), sensor_adc_v: Some(1.0) };
+/// assert_eq!(device.tick(inputs), Drive::OFF);
+///
+/// let law: Law<f32> = Law::compressed(&Preset::named("table3-n2").unwrap().model()?, Options::at_step(1e-3))?;
+/// let blob = Blob::new(Parameters::bench(&law, Actuator::KARNER_2022))?;
+/// device.install(Controller::new(blob)).expect("the amplifier is disabled");
+/// assert_eq!(device.state(), State::Tripped(Cause::Watchdog));
+/// assert!(!device.tick(inputs).enable);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Debug, Default)]
-pub struct Device {
-    controller: Option<Controller>,
+pub struct Device<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+    controller: Option<Controller<HEAD, FAST, SLOW>>,
     /// Why the last run ended, until it is acknowledged.
     latched: Option<Cause>,
     stream: Stream,
 }
 
-impl Device {
-    /// A device without parameters. `latched` is why the run before ended, if it was not switched off.
+/// Why a device did not do as asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Denial {
+    /// Not in this state.
+    Refused(Refusal),
+    /// Not with this value, or not on this board.
+    Rejected(Reject),
+}
+
+impl From<Refusal> for Denial {
+    fn from(refusal: Refusal) -> Self {
+        Self::Refused(refusal)
+    }
+}
+
+impl From<OutOfRange> for Denial {
+    fn from(_: OutOfRange) -> Self {
+        Self::Rejected(Reject::Value)
+    }
+}
+
+impl From<Denial> for Answer {
+    fn from(denial: Denial) -> Self {
+        match denial {
+            Denial::Refused(refusal) => Self::Refused(refusal),
+            Denial::Rejected(reject) => Self::Rejected(reject),
+        }
+    }
+}
+
+impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST, SLOW> {
+    /// A device without parameters. `latched` is why the run before ended, unless it was switched off.
     #[must_use]
     pub const fn new(latched: Option<Cause>) -> Self {
         Self { controller: None, latched, stream: Stream::new() }
@@ -30,7 +83,7 @@ impl Device {
 
     /// The controller, once there are parameters.
     #[must_use]
-    pub fn controller(&self) -> Option<&Controller> {
+    pub fn controller(&self) -> Option<&Controller<HEAD, FAST, SLOW>> {
         self.controller.as_ref()
     }
 
@@ -51,16 +104,16 @@ impl Device {
     /// # Errors
     ///
     /// [`Refusal::State`] while the amplifier is enabled; the old controller stays.
-    pub fn install(&mut self, mut controller: Controller) -> Result<(), Refusal> {
+    pub fn install(&mut self, mut controller: Controller<HEAD, FAST, SLOW>) -> Result<(), Refusal> {
         self.is_off()?;
         if let State::Tripped(cause) = self.state() {
-            controller.supervisor_mut().trip(cause);
+            controller.trip(cause);
         }
         self.controller = Some(controller);
         Ok(())
     }
 
-    /// The state; without a controller, disarmed or tripped by what ended the last run.
+    /// The state; without a controller, disarmed, or tripped by the cause that ended the last run.
     #[must_use]
     pub fn state(&self) -> State {
         let before = self.latched.map_or(State::Disarmed, State::Tripped);
@@ -70,7 +123,7 @@ impl Device {
     /// Trips what is armed or running.
     pub fn trip(&mut self, cause: Cause) {
         if let Some(controller) = self.controller.as_mut().filter(|controller| controller.supervisor().enables()) {
-            controller.supervisor_mut().trip(cause);
+            controller.trip(cause);
         }
     }
 
@@ -80,47 +133,16 @@ impl Device {
             return Drive::OFF;
         };
         let outputs = controller.tick(inputs);
-        self.stream.take(outputs.sample);
-        Drive { enable: outputs.enable, command: outputs.command, range: controller.parameters().command_range }
+        self.stream.push(outputs.telemetry);
+        Drive { enable: outputs.enable, dac_v: outputs.dac_v, range: controller.parameters().command_range }
     }
 
-    /// The next sample that the host asked for.
-    pub fn sample(&mut self) -> Option<Sample> {
+    /// The next record that the host asked for.
+    pub fn telemetry(&mut self) -> Option<Telemetry> {
         self.stream.waiting.pop_front()
     }
 
-    /// Does as a host asks, and answers.
-    pub fn obey(&mut self, command: &Command) -> Answer {
-        match (command, &mut self.controller) {
-            (Command::Stream { every }, _) => {
-                self.stream = Stream { every: *every, ..Stream::new() };
-                self.heartbeat();
-                Answer::Done
-            }
-            (Command::Acknowledge, None) if self.latched.is_some() => {
-                self.latched = None;
-                Answer::Done
-            }
-            (Command::Heartbeat | Command::Disarm, None) => Answer::Done,
-            (_, None) => Answer::Rejected(Reject::NoParameters),
-            (_, Some(controller)) => {
-                let answer = controller.obey(command).unwrap_or(Answer::Rejected(Reject::Unknown));
-                if (command, &answer) == (&Command::Acknowledge, &Answer::Done) {
-                    self.latched = None;
-                }
-                answer
-            }
-        }
-    }
-
-    /// The host is alive.
-    pub fn heartbeat(&mut self) {
-        if let Some(controller) = &mut self.controller {
-            controller.supervisor_mut().heartbeat();
-        }
-    }
-
-    /// How things are; the link adds its own counts.
+    /// The state for the host; the link adds its own counts.
     #[must_use]
     pub fn status(&self) -> Status {
         let supervisor = self.controller.as_ref().map(Controller::supervisor);
@@ -135,15 +157,151 @@ impl Device {
             stack_peak: 0,
         }
     }
+
+    /// A request of the host has arrived.
+    pub fn heartbeat(&mut self) {
+        if let Some(controller) = &mut self.controller {
+            controller.heartbeat();
+        }
+    }
+
+    /// Records every `every`-th tick from now on; 0 ends it.
+    pub fn stream(&mut self, every: u16) {
+        self.stream = Stream { every, ..Stream::new() };
+    }
+
+    /// The name of the parameters.
+    ///
+    /// # Errors
+    ///
+    /// [`Reject::NoParameters`].
+    pub fn name(&self) -> Result<String<32>, Denial> {
+        let controller = self.controller.as_ref().ok_or(Denial::Rejected(Reject::NoParameters))?;
+        Ok(controller.parameters().name.clone())
+    }
+
+    /// [`Controller::arm`].
+    ///
+    /// # Errors
+    ///
+    /// As there, and [`Reject::NoParameters`].
+    pub fn arm(&mut self) -> Result<(), Denial> {
+        Ok(self.installed()?.arm()?)
+    }
+
+    /// [`Controller::start`].
+    ///
+    /// # Errors
+    ///
+    /// As there, and [`Reject::NoParameters`].
+    pub fn start(&mut self, mode: Mode) -> Result<(), Denial> {
+        Ok(self.installed()?.start(mode)?)
+    }
+
+    /// [`Controller::stop`].
+    ///
+    /// # Errors
+    ///
+    /// As there, and [`Reject::NoParameters`].
+    pub fn stop(&mut self) -> Result<(), Denial> {
+        Ok(self.installed()?.stop()?)
+    }
+
+    /// [`Controller::disarm`]; without parameters there is nothing to disarm.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn disarm(&mut self) -> Result<(), Denial> {
+        self.controller.as_mut().map_or(Ok(()), |controller| Ok(controller.disarm()?))
+    }
+
+    /// [`Controller::acknowledge`]; without parameters, clears the cause that ended the last run.
+    ///
+    /// # Errors
+    ///
+    /// As there, and [`Reject::NoParameters`] without either.
+    pub fn acknowledge(&mut self) -> Result<(), Denial> {
+        match &mut self.controller {
+            Some(controller) => controller.acknowledge()?,
+            None if self.latched.is_some() => {}
+            None => return Err(Denial::Rejected(Reject::NoParameters)),
+        }
+        self.latched = None;
+        Ok(())
+    }
+
+    /// [`Controller::set_voltage`].
+    ///
+    /// # Errors
+    ///
+    /// [`Reject::Value`] as there, and [`Reject::NoParameters`].
+    pub fn set_voltage(&mut self, volts: f32) -> Result<(), Denial> {
+        Ok(self.installed()?.set_voltage(volts)?)
+    }
+
+    /// [`Controller::set_reference`].
+    ///
+    /// # Errors
+    ///
+    /// [`Reject::Value`] as there, and [`Reject::NoParameters`].
+    pub fn set_reference(&mut self, metres: f32) -> Result<(), Denial> {
+        Ok(self.installed()?.set_reference(metres)?)
+    }
+
+    fn installed(&mut self) -> Result<&mut Controller<HEAD, FAST, SLOW>, Denial> {
+        self.controller.as_mut().ok_or(Denial::Rejected(Reject::NoParameters))
+    }
 }
 
-/// Every so-many-th sample, for as long as there is room.
+/// The loop test, which takes time that the tick of an enabled amplifier may need.
+#[cfg(feature = "loop-test")]
+impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST, SLOW> {
+    /// [`Controller::rest`].
+    ///
+    /// # Errors
+    ///
+    /// [`Refusal::State`] while the amplifier is enabled, and [`Reject::NoParameters`].
+    pub fn rest(&mut self) -> Result<(), Denial> {
+        self.disabled()?.rest();
+        Ok(())
+    }
+
+    /// [`Controller::step`] under each of `volts`.
+    ///
+    /// # Errors
+    ///
+    /// As [`rest`](Self::rest).
+    pub fn step<C: FromIterator<Step>>(&mut self, volts: &[f32]) -> Result<C, Denial> {
+        let controller = self.disabled()?;
+        Ok(volts.iter().map(|&volts| controller.step(volts)).collect())
+    }
+
+    /// [`Controller::follow`] to each of `targets`.
+    ///
+    /// # Errors
+    ///
+    /// As [`rest`](Self::rest).
+    pub fn follow<C: FromIterator<Followed>>(&mut self, mode: Mode, targets: &[Target]) -> Result<C, Denial> {
+        let controller = self.disabled()?;
+        Ok(targets.iter().map(|&target| controller.follow(mode, target)).collect())
+    }
+
+    fn disabled(&mut self) -> Result<&mut Controller<HEAD, FAST, SLOW>, Denial> {
+        let off = self.is_off();
+        let controller = self.installed()?;
+        off?;
+        Ok(controller)
+    }
+}
+
+/// The record of every n-th tick, as long as there is room.
 #[derive(Debug, Default)]
 struct Stream {
     every: u16,
     since: u16,
     dropped: u32,
-    waiting: Deque<Sample, WAITING>,
+    waiting: Deque<Telemetry, WAITING>,
 }
 
 impl Stream {
@@ -151,7 +309,7 @@ impl Stream {
         Self { every: 0, since: 0, dropped: 0, waiting: Deque::new() }
     }
 
-    fn take(&mut self, sample: Sample) {
+    fn push(&mut self, record: Telemetry) {
         if self.every == 0 {
             return;
         }
@@ -160,8 +318,8 @@ impl Stream {
             return;
         }
         self.since = 0;
-        let sample = Sample { dropped: self.dropped, ..sample };
-        if self.waiting.push_back(sample).is_ok() {
+        let record = Telemetry { dropped: self.dropped, ..record };
+        if self.waiting.push_back(record).is_ok() {
             self.dropped = 0;
         } else {
             self.dropped = self.dropped.saturating_add(1);

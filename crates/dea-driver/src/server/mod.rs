@@ -1,9 +1,9 @@
-//! Who answers a host: the board that ticks, the session of its link, and uploads.
+//! The board's side of the link: the device that ticks, the session that answers a host, and uploads.
 
 mod device;
 mod session;
 mod upload;
 
-pub use device::Device;
+pub use device::{Denial, Device};
 pub use session::{Board, Session, StartError};
 pub use upload::{Upload, UploadError};

@@ -1,35 +1,32 @@
-//! A conversation with a host: what comes in byte by byte, and what is answered.
+//! A conversation with a host: bytes in, answers out.
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::String;
 
 use crate::control::Controller;
-use crate::parameters::{Blob, SCHEMA};
-use crate::parameters::{Store, StoreError};
+use crate::parameters::{Blob, SCHEMA, Store, StoreError};
 use crate::safety::Refusal;
-use crate::server::{Device, Upload};
-use crate::wire::{Answer, Command, Drill, Identity, Message, Reject, Request, Status};
-use crate::wire::{Receiver, VERSION};
+use crate::server::{Denial, Device, Upload};
+use crate::wire::{Answer, Command, Drill, Identity, Message, Receiver, Reject, Request, Status, VERSION};
 
-/// What a board lends to a [`Session`].
-pub trait Board {
+/// What a board lends to a [`Session`]. The sizes are those of its controller's law.
+pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
     /// The flash of its parameters.
     type Flash: NorFlash;
 
     /// Its number; blobs for another one are refused.
     const ID: u16;
 
-    /// Does `work` while no tick can come between, and tells how many cycles of the processor it took.
-    fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32);
+    /// Runs `work` while no tick can interrupt it, and returns how many cycles of the processor it took.
+    fn with<R>(&mut self, work: impl FnOnce(&mut Device<HEAD, FAST, SLOW>) -> R) -> (R, u32);
 
-    /// The slowest and the fastest it can tick, Hz.
+    /// Slowest and fastest tick rate that it supports, Hz.
     fn rates_hz(&self) -> (f32, f32);
 
     /// The store of its parameters.
-    fn store(&mut self) -> &mut Store<Self::Flash>;
+    fn store(&mut self) -> &mut Store<Self::Flash, HEAD, FAST, SLOW>;
 
-    /// Saves a blob. Ticks may be held up for as long as the flash takes to erase and write, a second or two; the amplifier
-    /// is disabled.
+    /// Saves a blob. Ticks may be held up while the flash erases and writes, a second or two; the amplifier is disabled.
     ///
     /// # Errors
     ///
@@ -44,10 +41,10 @@ pub trait Board {
     /// Largest depth of the stack so far, bytes.
     fn stack_peak(&self) -> u32;
 
-    /// What the firmware said when it panicked last; empty if it never did.
+    /// The message of the firmware's last panic; empty if there was none.
     fn panic_message(&self) -> &str;
 
-    /// Goes wrong on purpose, in an image that was built to show how that ends; false in any other.
+    /// Causes a fault on purpose, in an image for drills; false in any other.
     fn drill(&mut self, drill: Drill) -> bool {
         let _ = drill;
         false
@@ -55,146 +52,229 @@ pub trait Board {
 }
 
 /// The board's side of the link.
+///
+/// ```
+/// use dea_driver::server::{Board, Session};
+/// use dea_driver::wire::{Answer, Command, FRAME_LEN, Message, Request, encode};
+/// use dea_driver::{Device, Store};
+/// # use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+/// # struct Flash;
+/// # impl ErrorType for Flash {
+/// #     type Error = NorFlashErrorKind;
+/// # }
+/// # impl ReadNorFlash for Flash {
+/// #     const READ_SIZE: usize = 1;
+/// #     fn read(&mut self, _: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+/// #         bytes.fill(0xff);
+/// #         Ok(())
+/// #     }
+/// #     fn capacity(&self) -> usize {
+/// #         2048
+/// #     }
+/// # }
+/// # impl NorFlash for Flash {
+/// #     const WRITE_SIZE: usize = 4;
+/// #     const ERASE_SIZE: usize = 1024;
+/// #     fn erase(&mut self, _: u32, _: u32) -> Result<(), NorFlashErrorKind> {
+/// #         Err(NorFlashErrorKind::Other)
+/// #     }
+/// #     fn write(&mut self, _: u32, _: &[u8]) -> Result<(), NorFlashErrorKind> {
+/// #         Err(NorFlashErrorKind::Other)
+/// #     }
+/// # }
+///
+/// struct MyBoard {
+///     device: Device,
+///     store: Store<Flash>,
+/// }
+///
+/// impl Board for MyBoard {
+///     type Flash = Flash;
+///     const ID: u16 = 7;
+///     // On a chip: in a critical section, or under the lock that the tick takes.
+///     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
+///         (work(&mut self.device), 0)
+///     }
+///     fn rates_hz(&self) -> (f32, f32) {
+///         (100.0, 2000.0)
+///     }
+///     fn store(&mut self) -> &mut Store<Flash> {
+///         &mut self.store
+///     }
+///     fn set_rate(&mut self, _rate_hz: f32) {}
+///     fn stack_peak(&self) -> u32 {
+///         0
+///     }
+///     fn panic_message(&self) -> &str {
+///         ""
+///     }
+/// }
+///
+/// let store = Store::new(Flash, MyBoard::ID).expect("room for two slots");
+/// let mut board = MyBoard { device: Device::new(None), store };
+/// let mut session = Session::new("0.1.0");
+/// assert!(session.begin(&mut board).is_err()); // no parameters yet; the link works all the same
+///
+/// // Bytes of the line, one by one:
+/// let mut frame = [0; FRAME_LEN + 1];
+/// let length = encode(&Request { sequence: 5, command: Command::Identify }, &mut frame).expect("fits");
+/// let answer = frame[..length].iter().find_map(|&byte| session.serve(byte, &mut board));
+/// assert!(matches!(answer, Some(Message::Answer { sequence: 5, answer: Answer::Identity(_) })));
+/// ```
 #[derive(Debug)]
-pub struct Session {
+pub struct Session<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
     firmware: &'static str,
     receiver: Receiver,
     upload: Upload,
 }
 
-impl Session {
-    /// A session that has heard nothing, of a `firmware` of that version.
+impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST, SLOW> {
+    /// A session that has received nothing, of a `firmware` of that version.
     #[must_use]
     pub const fn new(firmware: &'static str) -> Self {
         Self { firmware, receiver: Receiver::new(), upload: Upload::new() }
     }
 
-    /// Ticks with the parameters that the board keeps, if it keeps any.
+    /// Ticks with the stored parameters, if there are any.
     ///
     /// # Errors
     ///
-    /// Why it keeps none, or why they were refused; the link works nonetheless.
-    pub fn begin<B: Board>(&mut self, board: &mut B) -> Result<(), StartError> {
+    /// Why there are none, or why they were refused; the link works all the same.
+    pub fn begin<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Result<(), StartError> {
         let blob = board.store().load().map_err(StartError::Store)?;
-        let controller = Self::controller(blob, board).map_err(StartError::Rejected)?;
-        // Nothing is enabled yet that could refuse it.
-        Self::install(controller, board).map_err(StartError::Refused)
+        let controller = controller(blob, board).map_err(StartError::Rejected)?;
+        install(controller, board).map_err(StartError::Refused)
     }
 
-    /// Takes in a byte from the host; at the end of a request, does as it says and returns the answer.
-    pub fn serve<B: Board>(&mut self, byte: u8, board: &mut B) -> Option<Message> {
+    /// Adds a byte from the host; at the end of a request, executes it and returns the answer.
+    pub fn serve<B: Board<HEAD, FAST, SLOW>>(&mut self, byte: u8, board: &mut B) -> Option<Message> {
         Some(match self.receiver.push(byte)? {
             Ok(Request { sequence, command }) => Message::Answer { sequence, answer: self.answer(&command, board) },
             Err(error) => Message::Answer { sequence: 0, answer: Answer::Rejected(error.into()) },
         })
     }
 
-    fn answer<B: Board>(&mut self, command: &Command, board: &mut B) -> Answer {
+    /// Executes a command: the one place where commands are told apart.
+    fn answer<B: Board<HEAD, FAST, SLOW>>(&mut self, command: &Command, board: &mut B) -> Answer {
         board.with(Device::heartbeat);
-        match command {
-            Command::Identify => Answer::Identity(Identity {
-                protocol: VERSION,
-                schema: SCHEMA,
-                board: B::ID,
-                firmware: shortened(self.firmware),
-            }),
-            Command::Status => {
-                let status = board.with(|device| device.status()).0;
-                Answer::Status(Status {
-                    damaged_frames: self.receiver.damaged(),
-                    unknown_frames: self.receiver.unknown(),
-                    stack_peak: board.stack_peak(),
-                    ..status
-                })
+        let done = match *command {
+            Command::Identify => return self.identity(B::ID),
+            Command::Heartbeat => Ok(()),
+            Command::Status => return self.status(board),
+            Command::Arm => board.with(Device::arm).0,
+            Command::Start(mode) => board.with(|device| device.start(mode)).0,
+            Command::Stop => board.with(Device::stop).0,
+            Command::Disarm => board.with(Device::disarm).0,
+            Command::Acknowledge => board.with(Device::acknowledge).0,
+            Command::SetVoltage(volts) => board.with(|device| device.set_voltage(volts)).0,
+            Command::SetReference(metres) => board.with(|device| device.set_reference(metres)).0,
+            Command::Upload { offset, ref bytes } => {
+                self.upload.push(usize::from(offset), bytes).map_err(|_| Denial::Rejected(Reject::Upload))
             }
-            Command::Reload => match self.begin(board) {
-                Ok(()) => Answer::Done,
-                Err(StartError::Refused(refusal)) => Answer::Refused(refusal),
-                Err(StartError::Rejected(reject)) => Answer::Rejected(reject),
-                Err(StartError::Store(_)) => Answer::Rejected(Reject::NoParameters),
-            },
-            Command::PanicMessage => Answer::PanicMessage(shortened(board.panic_message())),
-            Command::Upload { offset, bytes } => match self.upload.take(usize::from(*offset), bytes) {
-                Ok(()) => Answer::Done,
-                Err(_) => Answer::Rejected(Reject::Upload),
-            },
-            Command::Commit { length } => self.take_over(usize::from(*length), true, board),
-            Command::Try { length } => self.take_over(usize::from(*length), false, board),
-            Command::Drill(drill) if board.drill(*drill) => Answer::Done,
-            Command::Drill(_) => Answer::Rejected(Reject::Unknown),
-            Command::Step(_) | Command::Follow { .. } => match board.with(|device| device.obey(command)) {
-                (Answer::Steps { steps, .. }, cycles) => Answer::Steps { steps, cycles },
-                (Answer::Followed { ticks, .. }, cycles) => Answer::Followed { ticks, cycles },
-                (other, _) => other,
-            },
-            _ => board.with(|device| device.obey(command)).0,
-        }
+            Command::Commit { length } => self.take_over(usize::from(length), true, board),
+            Command::Try { length } => self.take_over(usize::from(length), false, board),
+            Command::Query => return board.with(|device| device.name()).0.map_or_else(Answer::from, Answer::Name),
+            Command::Stream { every } => {
+                board.with(|device| device.stream(every));
+                Ok(())
+            }
+            Command::PanicMessage => return Answer::PanicMessage(shortened(board.panic_message())),
+            Command::Drill(drill) if board.drill(drill) => Ok(()),
+            Command::Drill(_) => Err(Denial::Rejected(Reject::Unknown)),
+            Command::Reload => self.begin(board).map_err(|error| match error {
+                StartError::Refused(refusal) => Denial::Refused(refusal),
+                StartError::Rejected(reject) => Denial::Rejected(reject),
+                StartError::Store(_) => Denial::Rejected(Reject::NoParameters),
+            }),
+            #[cfg(feature = "loop-test")]
+            Command::Rest => board.with(Device::rest).0,
+            #[cfg(feature = "loop-test")]
+            Command::Step(ref volts) => {
+                let (steps, cycles) = board.with(|device| device.step(volts));
+                return steps.map_or_else(Answer::from, |steps| Answer::Steps { steps, cycles });
+            }
+            #[cfg(feature = "loop-test")]
+            Command::Follow { mode, ref targets } => {
+                let (ticks, cycles) = board.with(|device| device.follow(mode, targets));
+                return ticks.map_or_else(Answer::from, |ticks| Answer::Followed { ticks, cycles });
+            }
+            #[cfg(not(feature = "loop-test"))]
+            Command::Rest | Command::Step(_) | Command::Follow { .. } => Err(Denial::Rejected(Reject::Unknown)),
+        };
+        done.map_or_else(Answer::from, |()| Answer::Done)
     }
 
-    /// Runs what was uploaded from now on, and keeps it if that is wanted. Whatever fails, the old parameters stay.
-    fn take_over<B: Board>(&mut self, length: usize, keep: bool, board: &mut B) -> Answer {
-        self.try_take_over(length, keep, board).map_or_else(Answer::from, |()| Answer::Done)
+    fn identity(&self, board: u16) -> Answer {
+        let firmware = shortened(self.firmware);
+        Answer::Identity(Identity { protocol: VERSION, schema: SCHEMA, board, firmware })
     }
 
-    fn try_take_over<B: Board>(&mut self, length: usize, keep: bool, board: &mut B) -> Result<(), Fault> {
-        let bytes = self.upload.finish(length).map_err(|_| Fault::Rejected(Reject::Upload))?;
-        board.with(|device| device.is_off()).0.map_err(Fault::Refused)?;
-        let blob = Blob::decode(bytes, B::ID).map_err(|_| Fault::Rejected(Reject::Blob))?;
-        // What this board cannot run is not kept either.
-        let controller = Self::controller(blob, board).map_err(Fault::Rejected)?;
+    fn status<B: Board<HEAD, FAST, SLOW>>(&self, board: &mut B) -> Answer {
+        let status = board.with(|device| device.status()).0;
+        Answer::Status(Status {
+            damaged_frames: self.receiver.damaged(),
+            unknown_frames: self.receiver.unknown(),
+            stack_peak: board.stack_peak(),
+            ..status
+        })
+    }
+
+    /// Runs the uploaded blob from now on, and stores it if `keep`. Whatever fails, the old parameters stay.
+    fn take_over<B: Board<HEAD, FAST, SLOW>>(
+        &mut self,
+        length: usize,
+        keep: bool,
+        board: &mut B,
+    ) -> Result<(), Denial> {
+        let bytes = self.upload.finish(length).map_err(|_| Denial::Rejected(Reject::Upload))?;
+        board.with(|device| device.is_off()).0?;
+        let blob = board.store().decode(bytes).map_err(|_| Denial::Rejected(Reject::Blob))?;
+        // What this board cannot run is not stored either.
+        let controller = controller(blob, board).map_err(Denial::Rejected)?;
         if keep {
-            board.save(bytes).map_err(|_| Fault::Rejected(Reject::Flash))?;
+            board.save(bytes).map_err(|_| Denial::Rejected(Reject::Flash))?;
         }
-        Self::install(controller, board).map_err(Fault::Refused)
+        Ok(install(controller, board)?)
     }
+}
 
-    fn controller<B: Board>(blob: Blob, board: &B) -> Result<Controller, Reject> {
-        let (slowest, fastest) = board.rates_hz();
-        if !(slowest..=fastest).contains(&blob.parameters.rate_hz) {
-            return Err(Reject::Rate);
-        }
-        Ok(Controller::new(blob))
+fn controller<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    blob: Blob<HEAD, FAST, SLOW>,
+    board: &impl Board<HEAD, FAST, SLOW>,
+) -> Result<Controller<HEAD, FAST, SLOW>, Reject> {
+    let (slowest, fastest) = board.rates_hz();
+    if !(slowest..=fastest).contains(&blob.parameters().rate_hz) {
+        return Err(Reject::Rate);
     }
+    Ok(Controller::new(blob))
+}
 
-    fn install<B: Board>(controller: Controller, board: &mut B) -> Result<(), Refusal> {
-        let rate_hz = controller.parameters().rate_hz;
-        board.with(|device| device.install(controller)).0?;
-        board.set_rate(rate_hz);
-        Ok(())
-    }
+fn install<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    controller: Controller<HEAD, FAST, SLOW>,
+    board: &mut impl Board<HEAD, FAST, SLOW>,
+) -> Result<(), Refusal> {
+    let rate_hz = controller.parameters().rate_hz;
+    board.with(|device| device.install(controller)).0?;
+    board.set_rate(rate_hz);
+    Ok(())
 }
 
 /// Why a board starts without parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum StartError {
-    /// It keeps none that can be read.
+    /// None are stored that can be read.
     Store(StoreError),
-    /// It keeps some that it cannot run.
+    /// The stored ones cannot run on this board.
     Rejected(Reject),
-    /// Somebody has enabled the amplifier.
+    /// The amplifier is enabled.
     Refused(Refusal),
 }
 
-/// Why a request was not met.
-enum Fault {
-    Refused(Refusal),
-    Rejected(Reject),
-}
-
-impl From<Fault> for Answer {
-    fn from(fault: Fault) -> Self {
-        match fault {
-            Fault::Refused(refusal) => Self::Refused(refusal),
-            Fault::Rejected(reject) => Self::Rejected(reject),
-        }
-    }
-}
-
-/// As much of `text` as there is room for.
+/// As many characters of `text` as there is room for.
 fn shortened<const N: usize>(text: &str) -> String<N> {
     let mut short = String::new();
-    // The first letter that finds no room ends it.
+    // The first character that does not fit ends it.
     let _ = text.chars().try_for_each(|letter| short.push(letter));
     short
 }

@@ -9,7 +9,7 @@ pub struct Upload {
     length: usize,
 }
 
-/// Why a piece or an upload was not taken. The upload begins again with offset 0.
+/// Why a piece or an upload was refused. Offset 0 begins a new upload.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum UploadError {
@@ -17,7 +17,7 @@ pub enum UploadError {
     Gap,
     /// The upload is longer than a blob can be.
     TooLong,
-    /// The upload has another length than was said.
+    /// The upload has another length than stated.
     Length,
 }
 
@@ -28,18 +28,18 @@ impl Default for Upload {
 }
 
 impl Upload {
-    /// Nothing yet.
+    /// Empty.
     #[must_use]
     pub const fn new() -> Self {
         Self { bytes: [0; BLOB_LEN], length: 0 }
     }
 
-    /// Takes in the piece that belongs at `offset`; offset 0 begins anew.
+    /// Adds the piece at `offset`; offset 0 begins a new upload.
     ///
     /// # Errors
     ///
     /// [`UploadError`] where it does not follow the last piece or exceeds a blob.
-    pub fn take(&mut self, offset: usize, piece: &[u8]) -> Result<(), UploadError> {
+    pub fn push(&mut self, offset: usize, piece: &[u8]) -> Result<(), UploadError> {
         if offset == 0 {
             self.length = 0;
         }
@@ -52,7 +52,7 @@ impl Upload {
         Ok(())
     }
 
-    /// The whole upload, which should be `length` bytes; the next one begins anew.
+    /// The complete upload, which must be `length` bytes; the next piece begins a new one.
     ///
     /// # Errors
     ///

@@ -6,19 +6,19 @@ use serde::de::DeserializeOwned;
 
 use crate::wire::VERSION;
 
-/// No frame is longer, in bytes, its closing zero left out.
+/// Largest length of a frame without its closing zero, bytes.
 pub const FRAME_LEN: usize = 360;
 
 const CHECKSUM: usize = 4;
-/// What COBS adds at the most: a byte in front, and one for every 254.
+/// Most bytes that COBS adds: one in front, and one for every 254.
 const STUFFING: usize = 1 + FRAME_LEN / 254;
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
-/// Why a frame was not taken.
+/// Why a frame was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FrameError {
-    /// Its checksum does not hold, or its zeros stand where none can be.
+    /// Its checksum does not match, or its stuffing is broken.
     Damaged,
     /// Longer than [`FRAME_LEN`].
     TooLong,
@@ -32,7 +32,7 @@ pub enum FrameError {
 ///
 /// # Errors
 ///
-/// [`FrameError::TooLong`] for a message that makes no frame, or too little room.
+/// [`FrameError::TooLong`] for a message that does not fit in a frame, or too little room.
 pub fn encode<T: Serialize>(message: &T, bytes: &mut [u8]) -> Result<usize, FrameError> {
     let mut plain = [0; FRAME_LEN];
     plain[0] = VERSION;
@@ -50,31 +50,31 @@ pub fn encode<T: Serialize>(message: &T, bytes: &mut [u8]) -> Result<usize, Fram
 #[derive(Clone, Debug, Default)]
 pub struct Receiver {
     bytes: Vec<u8, FRAME_LEN>,
-    overflown: bool,
+    overflowed: bool,
     damaged: u32,
     unknown: u32,
 }
 
 impl Receiver {
-    /// A receiver that has seen nothing.
+    /// A receiver that has received nothing.
     #[must_use]
     pub const fn new() -> Self {
-        Self { bytes: Vec::new(), overflown: false, damaged: 0, unknown: 0 }
+        Self { bytes: Vec::new(), overflowed: false, damaged: 0, unknown: 0 }
     }
 
-    /// Takes in a byte; at the end of a frame, its message or what was wrong with it.
+    /// Adds a byte; at the end of a frame, returns its message or why it was refused.
     pub fn push<T: DeserializeOwned>(&mut self, byte: u8) -> Option<Result<T, FrameError>> {
         if byte != 0 {
-            self.overflown |= self.bytes.push(byte).is_err();
+            self.overflowed |= self.bytes.push(byte).is_err();
             return None;
         }
-        // Zeros between frames are no frames.
+        // Zeros between frames are not frames.
         if self.bytes.is_empty() {
             return None;
         }
-        let frame = if self.overflown { Err(FrameError::TooLong) } else { decode(&mut self.bytes) };
+        let frame = if self.overflowed { Err(FrameError::TooLong) } else { decode(&mut self.bytes) };
         self.bytes.clear();
-        self.overflown = false;
+        self.overflowed = false;
         match frame {
             Err(FrameError::Damaged | FrameError::TooLong) => self.damaged = self.damaged.saturating_add(1),
             Err(FrameError::Version(_) | FrameError::Unknown) => self.unknown = self.unknown.saturating_add(1),
@@ -89,7 +89,7 @@ impl Receiver {
         self.damaged
     }
 
-    /// Frames that were whole, but not understood.
+    /// Frames that were intact but unknown.
     #[must_use]
     pub fn unknown(&self) -> u32 {
         self.unknown

@@ -1,8 +1,9 @@
-//! What controller and host say to each other.
+//! The messages between controller and host.
 
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
+use crate::control::{Followed, Mode, Step, Target, Telemetry};
 use crate::safety::{Refusal, State};
 use crate::wire::FrameError;
 
@@ -17,17 +18,17 @@ pub const CHUNK: usize = 128;
 pub struct Request {
     /// Chosen by the host; comes back with the answer.
     pub sequence: u16,
-    /// What is asked for.
+    /// The command.
     pub command: Command,
 }
 
-/// What a host can ask for. New commands are added at the end.
+/// The commands of a host. New commands are added at the end.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Command {
-    /// Who is there? Answered by [`Answer::Identity`].
+    /// Identify the board. Answered by [`Answer::Identity`].
     Identify,
-    /// The host is alive.
+    /// Restart the timeout of the host, as every request does.
     Heartbeat,
     /// Answered by [`Answer::Status`].
     Status,
@@ -39,7 +40,7 @@ pub enum Command {
     Stop,
     /// Back to 0 V, amplifier disabled.
     Disarm,
-    /// Take note of a trip.
+    /// Acknowledge a trip.
     Acknowledge,
     /// The voltage of [`Mode::Voltage`], V at the film.
     SetVoltage(f32),
@@ -52,7 +53,7 @@ pub enum Command {
         /// The bytes.
         bytes: Vec<u8, CHUNK>,
     },
-    /// Check the blob that was uploaded, keep it, and run it from now on. Only while the amplifier is
+    /// Check the uploaded blob, store it, and run it from now on. Only while the amplifier is
     /// disabled.
     Commit {
         /// Length of the blob.
@@ -60,17 +61,17 @@ pub enum Command {
     },
     /// Answered by [`Answer::Name`].
     Query,
-    /// Send every so-many-th tick as [`Message::Telemetry`]; 0 ends it.
+    /// Send the record of every n-th tick as [`Message::Telemetry`]; 0 ends it.
     Stream {
-        /// Ticks per sample.
+        /// Ticks per record, n.
         every: u16,
     },
     /// Bring the model of the loop test to rest at x = 0. Only while the amplifier is disabled.
     Rest,
-    /// Step a model of its own under these voltages (V), without hardware: the loop test. Only while the amplifier is
-    /// disabled. Answered by [`Answer::Steps`].
+    /// Step the model of the loop test under these voltages (V), without hardware. Only while the amplifier is disabled.
+    /// Answered by [`Answer::Steps`]; rejected as unknown by an image without the feature `loop-test`.
     Step(Vec<f32, BATCH>),
-    /// Check the blob that was uploaded and run it until the next reset, without keeping it. Only while the amplifier is
+    /// Check the uploaded blob and run it until the next reset, without storing it. Only while the amplifier is
     /// disabled.
     Try {
         /// Length of the blob.
@@ -78,30 +79,21 @@ pub enum Command {
     },
     /// Answered by [`Answer::PanicMessage`].
     PanicMessage,
-    /// Go wrong on purpose. Images for use reject it.
+    /// Cause a fault on purpose. Only an image for drills does; others reject it.
     Drill(Drill),
-    /// Tick the control on a film of its own, without hardware: the loop test of the laws of control. Only while the
-    /// amplifier is disabled. Answered by [`Answer::Followed`].
+    /// Tick the control on the film of the loop test, without hardware. Only while the amplifier is disabled.
+    /// Answered by [`Answer::Followed`]; rejected as unknown by an image without the feature `loop-test`.
     Follow {
-        /// The law.
+        /// What the law does.
         mode: Mode,
         /// Tick by tick.
         targets: Vec<Target, BATCH>,
     },
-    /// Run the parameters that are kept, as after a reset. Only while the amplifier is disabled.
+    /// Run the stored parameters, as after a reset. Only while the amplifier is disabled.
     Reload,
 }
 
-/// What a tick of a loop test gets.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Target {
-    /// The voltage (V) of [`Mode::Voltage`], the reference (m) of the others.
-    pub value: f32,
-    /// A sample of the displacement sensor, m, if one has come.
-    pub sample_m: Option<f32>,
-}
-
-/// Ways to go wrong, of an image that was built to show how each ends.
+/// Faults that an image for drills causes on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Drill {
@@ -121,18 +113,6 @@ pub enum Drill {
     Hang,
 }
 
-/// What the law does while running.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Mode {
-    /// The film gets the voltage that was set; the observer follows it.
-    Voltage,
-    /// The film gets the voltage that brings the model to the reference; the sensor is only watched.
-    Feedforward,
-    /// The same, less the disturbance that the observer sees.
-    Tracking,
-}
-
 /// From controller to host.
 #[allow(clippy::large_enum_variant)] // there is no heap to box it on
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -144,11 +124,11 @@ pub enum Message {
         /// The answer.
         answer: Answer,
     },
-    /// A sample that was asked for by [`Command::Stream`].
-    Telemetry(Sample),
+    /// The record of a tick, as [`Command::Stream`] asked for.
+    Telemetry(Telemetry),
 }
 
-/// What a controller can answer. New answers are added at the end.
+/// The answers of a controller. New answers are added at the end.
 #[allow(clippy::large_enum_variant)] // there is no heap to box it on
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
@@ -157,11 +137,11 @@ pub enum Answer {
     Done,
     /// Not in this state.
     Refused(Refusal),
-    /// Not as it was sent.
+    /// Not accepted.
     Rejected(Reject),
-    /// Who is here.
+    /// The identity of a board.
     Identity(Identity),
-    /// How things are.
+    /// The state of a board.
     Status(Status),
     /// What the parameters are called.
     Name(String<32>),
@@ -190,11 +170,11 @@ pub enum Answer {
 pub enum Reject {
     /// The frame was damaged.
     Damaged,
-    /// The frame was whole, but this firmware does not know what it says.
+    /// The frame was intact, but this firmware does not know the message.
     Unknown,
-    /// A value that is not a number, or out of range.
+    /// A value that is NaN or out of range.
     Value,
-    /// The upload has a gap, or another length than it should.
+    /// The upload has a gap, or another length than stated.
     Upload,
     /// The blob was refused; the old parameters stay.
     Blob,
@@ -202,7 +182,7 @@ pub enum Reject {
     NoParameters,
     /// The flash failed; the old parameters stay.
     Flash,
-    /// Ticks slower or faster than this board can; the old parameters stay.
+    /// A tick rate that this board does not support; the old parameters stay.
     Rate,
 }
 
@@ -215,7 +195,7 @@ impl From<FrameError> for Reject {
     }
 }
 
-/// Who is here.
+/// The identity of a board.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Identity {
     /// Version of the protocol.
@@ -228,7 +208,7 @@ pub struct Identity {
     pub firmware: String<16>,
 }
 
-/// How things are.
+/// The state of a board.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Status {
@@ -244,60 +224,8 @@ pub struct Status {
     pub command_v: f32,
     /// Frames that were damaged.
     pub damaged_frames: u32,
-    /// Frames that were not understood.
+    /// Frames that were intact but unknown.
     pub unknown_frames: u32,
     /// Largest depth of the stack so far, bytes.
     pub stack_peak: u32,
-}
-
-/// A tick, for the host's log.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Sample {
-    /// The tick.
-    pub tick: u32,
-    /// Samples that were dropped before this one, because the link was busy.
-    pub dropped: u32,
-    /// Voltage commanded, V.
-    pub command_v: f32,
-    /// Voltage monitor, V.
-    pub monitor_v: f32,
-    /// Displacement sensor, m.
-    pub displacement_m: f32,
-    /// Displacement that the model predicts, corrected by the sensor, m.
-    pub predicted_m: f32,
-    /// The shaped reference; of [`Mode::Voltage`] the prediction, m.
-    pub reference_m: f32,
-    /// Force that the model does not know, N.
-    pub disturbance_n: f32,
-    /// Electrostatic force in units of what the model takes it for.
-    pub force_scale: f32,
-    /// The last sample minus what was predicted for its time, m.
-    pub innovation_m: f32,
-    /// Limits that the command met, as bits ([`springpot::Limited`]).
-    pub limited: u8,
-}
-
-/// A step of the model in a loop test.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Step {
-    /// Displacement under the voltage, m.
-    pub displacement_m: f32,
-    /// The force that holds the film there at the next step, N: it sums up the model's whole state.
-    pub force_n: f32,
-    /// The voltage that the inverse of Eq. 1 finds for the force of this step, V.
-    pub voltage_v: f32,
-}
-
-/// A tick of the control in a loop test.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Followed {
-    /// The voltage that is commanded, V.
-    pub voltage_v: f32,
-    /// The estimated displacement, m.
-    pub displacement_m: f32,
-    /// The estimated disturbance, N.
-    pub disturbance_n: f32,
 }

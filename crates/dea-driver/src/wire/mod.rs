@@ -1,16 +1,31 @@
-//! The link between controller and host: frames and messages.
+//! The link between controller and host: frames and messages, pure data.
 //!
 //! A frame is the protocol's version, a message in postcard, and a CRC-32, stuffed by COBS and ended by a zero byte; see
-//! `docs/link.md`. A frame that is damaged or not understood is counted and answered, never obeyed.
+//! the repository's `docs/link.md`. A frame that is damaged or unknown is counted and answered, never executed.
+//!
+//! ```
+//! use dea_driver::Mode;
+//! use dea_driver::wire::{Command, FRAME_LEN, Receiver, Request, encode};
+//!
+//! let request = Request { sequence: 1, command: Command::Start(Mode::Tracking) };
+//! let mut frame = [0; FRAME_LEN + 1];
+//! let length = encode(&request, &mut frame).expect("every request fits");
+//!
+//! let mut receiver = Receiver::new();
+//! let mut received = None;
+//! for &byte in &frame[..length] {
+//!     received = received.or(receiver.push::<Request>(byte));
+//! }
+//! assert_eq!(received, Some(Ok(request)));
+//! ```
 
 mod frame;
 mod message;
 
 pub use frame::{FRAME_LEN, FrameError, Receiver, encode};
-pub use message::{
-    Answer, BATCH, CHUNK, Command, Drill, Followed, Identity, Message, Mode, Reject, Request, Sample, Status, Step,
-    Target,
-};
+pub use message::{Answer, BATCH, CHUNK, Command, Drill, Identity, Message, Reject, Request, Status};
+
+pub use crate::control::{Followed, Mode, Step, Target, Telemetry};
 
 /// The version of the protocol.
 pub const VERSION: u8 = 1;

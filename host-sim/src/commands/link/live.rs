@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use dea_driver::wire::{Answer, Command, Sample};
+use dea_driver::wire::{Answer, Command, Telemetry};
 use dea_driver::{Refusal, State};
 use serde::Serialize;
 
@@ -107,7 +107,7 @@ impl Stream {
             // What has come, until the next value is due.
             while let Some(sample) = client.sample(start + next)? {
                 log.samples.push(sample);
-                let Sample { command_v, monitor_v, displacement_m, predicted_m, .. } = sample;
+                let Telemetry { command_v, monitor_v, displacement_m, predicted_m, .. } = sample;
                 bar.set_message(format!(
                     "{command_v:.0} V, monitor {monitor_v:.0} V; {:.4} mm, model {:.4} mm",
                     1e3 * displacement_m,
@@ -228,7 +228,7 @@ fn disarm(client: &mut Client) -> Result<()> {
 struct Log {
     /// Ticks per second.
     rate_hz: f64,
-    samples: Vec<Sample>,
+    samples: Vec<Telemetry>,
 }
 
 impl Log {
@@ -239,7 +239,7 @@ impl Log {
     }
 
     fn write(&self, path: &Path) -> Result<()> {
-        let column = |value: fn(&Sample) -> f64| self.samples.iter().map(value).collect::<Vec<f64>>();
+        let column = |value: fn(&Telemetry) -> f64| self.samples.iter().map(value).collect::<Vec<f64>>();
         let first = self.samples.first().map_or(0, |sample| sample.tick);
         let time_s =
             self.samples.iter().map(|sample| f64::from(sample.tick.wrapping_sub(first)) / self.rate_hz).collect();

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
 use dea_driver::wire::{Answer, Command, Identity, Mode, Status};
+use dea_driver::{Blob, BlobHeader};
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
@@ -208,9 +209,10 @@ impl Upload {
             (None, blob) => {
                 let path = blob.as_deref().unwrap_or("".as_ref());
                 let bytes = std::fs::read(path).map_err(|e| Error::file(path, e))?;
-                // The board says no to another board's; whatever else is wrong shows here.
-                let board = bytes.get(6..8).map_or(0, |id| u16::from_le_bytes([id[0], id[1]]));
-                dea_driver::Blob::decode(&bytes, board).map_err(|e| Error::file(path, e))?;
+                // A blob for another board is refused there; whatever else is wrong is found here.
+                let refused = |error| Error::file(path, error);
+                let board = BlobHeader::read(&bytes).map_err(refused)?.board;
+                <Blob>::decode(&bytes, board).map_err(refused)?;
                 Ok(bytes)
             }
         }

@@ -2,10 +2,7 @@
 
 use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::wire::boards;
-use dea_driver::{
-    BLOB_LEN, Blob, BlobError, Control, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters,
-    PlausibilityLimits,
-};
+use dea_driver::{BLOB_LEN, Blob, BlobError, Control, Limits, Parameters as BoardParameters};
 use heapless::String;
 use serde::{Deserialize, Serialize};
 use springpot::{Actuator, CommandLimits, Law, Options};
@@ -38,7 +35,6 @@ impl Board {
     /// A bench like the paper's around `actuator`: 6 kV from an amplifier and a monitor of 1000:1 on 0…10 V, a sensor of
     /// 1 mm/V, and limits on the safe side of them.
     pub fn bench(actuator: &Actuator) -> Self {
-        let thickness_m = actuator.thickness_m as f32;
         Self {
             id: boards::STM32F405,
             command_range: CommandRange::TenVolts,
@@ -46,17 +42,7 @@ impl Board {
             monitor: Calibration::linear(1000.0),
             // 1 V at rest: an unplugged one reads −1 mm, which is out of its range.
             sensor: Calibration { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
-            limits: Limits {
-                max_voltage_v: 6000.0,
-                max_field_v_per_m: 4.2e7,
-                thickness_m,
-                max_slew_v_per_s: 50e3,
-                max_displacement_m: 8e-3,
-                monitor: MonitorLimits { slew_v_per_s: 100e3, band_v: 60.0, band_share: 0.03, settle_s: 0.02 },
-                sensor: PlausibilityLimits { low: -0.5e-3, high: 9e-3, jump: 0.5e-3, stuck_ticks: 1000 },
-                on_sensor_fault: OnSensorFault::Trip,
-                heartbeat_s: 0.5,
-            },
+            limits: Limits::bench(actuator.thickness_m as f32),
             control: Self::control(),
         }
     }
@@ -115,7 +101,7 @@ impl Parameters {
     pub fn checked_blob(&self, rate_hz: f64) -> Result<(Vec<u8>, Board)> {
         let board = self.board_or_bench();
         let blob = self.to_blob(&board, rate_hz)?;
-        Blob::decode(&blob, board.id).map_err(|e| Error::Computation(e.to_string()))?;
+        <Blob>::decode(&blob, board.id).map_err(|e| Error::Computation(e.to_string()))?;
         Ok((blob, board))
     }
 

@@ -1,9 +1,9 @@
-//! The link: every message comes through, nothing that is damaged is obeyed.
+//! The link: every message comes through, nothing damaged is executed.
 
 use dea_driver::server::{Upload, UploadError};
 use dea_driver::wire::{
     Answer, BATCH, CHUNK, Command, Drill, FRAME_LEN, Followed, FrameError, Identity, Message, Mode, Receiver, Reject,
-    Request, Sample, Status, Step, Target, VERSION, encode,
+    Request, Status, Step, Target, Telemetry, VERSION, encode,
 };
 use dea_driver::{BLOB_LEN, Cause, Refusal, SensorFault, State};
 use rand::{RngExt, SeedableRng};
@@ -62,7 +62,7 @@ fn messages() -> Vec<Message> {
     };
     let step = Step { displacement_m: -f32::MAX, force_n: f32::MAX, voltage_v: f32::MIN_POSITIVE };
     let followed = Followed { voltage_v: 1.0, displacement_m: 2.0, disturbance_n: 3.0 };
-    let sample = Sample {
+    let record = Telemetry {
         tick: u32::MAX,
         dropped: u32::MAX,
         command_v: 1.0,
@@ -95,7 +95,7 @@ fn messages() -> Vec<Message> {
     answers
         .into_iter()
         .map(|answer| Message::Answer { sequence: u16::MAX, answer })
-        .chain([Message::Telemetry(sample)])
+        .chain([Message::Telemetry(record)])
         .collect()
 }
 
@@ -121,7 +121,7 @@ fn every_message_comes_through() {
 
 /// Flip any bit of a frame: whatever comes out, it is not a message. The receiver is ready for the next frame.
 #[test]
-fn no_damaged_frame_is_obeyed() {
+fn no_damaged_frame_is_executed() {
     for command in commands() {
         let request = Request { sequence: 7, command };
         let bytes = frame(&request);
@@ -141,13 +141,13 @@ fn no_damaged_frame_is_obeyed() {
 
 /// A flood of random bytes at line rate never makes a message and never stops the receiver.
 #[test]
-fn garbage_is_counted_and_not_obeyed() {
+fn garbage_is_counted_and_not_executed() {
     let mut random = Pcg64::seed_from_u64(3);
     let mut receiver = Receiver::new();
     let mut errors = 0u32;
     for _ in 0..2_000_000 {
         match receiver.push::<Request>(random.random()) {
-            Some(Ok(request)) => panic!("obeyed {request:?}"),
+            Some(Ok(request)) => panic!("executed {request:?}"),
             Some(Err(_)) => errors += 1,
             None => {}
         }
@@ -168,7 +168,7 @@ fn unknown_and_overlong_frames_are_told_apart() {
     assert_eq!(receive::<Request>(&mut receiver, &[b'x'; 5000]), []);
     assert_eq!(receive::<Request>(&mut receiver, &[0]), [Err(FrameError::TooLong)]);
     assert_eq!((receiver.damaged(), receiver.unknown()), (1, 2));
-    // Zeros alone are silence.
+    // Zeros alone are not frames.
     assert_eq!(receive::<Request>(&mut receiver, &[0; 100]), []);
     let mut small = [0; 10];
     let request = Request { sequence: 1, command: Command::Step([0.0; BATCH].into()) };
@@ -180,16 +180,16 @@ fn uploads_are_whole_or_refused() {
     let blob: Vec<u8> = (0..BLOB_LEN).map(|k| (k * 7) as u8).collect();
     let mut upload = Upload::new();
     for (index, piece) in blob.chunks(CHUNK).enumerate() {
-        upload.take(index * CHUNK, piece).expect("in order");
+        upload.push(index * CHUNK, piece).expect("in order");
     }
     assert_eq!(upload.finish(BLOB_LEN), Ok(blob.as_slice()));
     // Finished is finished.
     assert_eq!(upload.finish(BLOB_LEN), Err(UploadError::Length));
-    upload.take(0, &blob[..100]).expect("begins anew");
-    assert_eq!(upload.take(101, &blob[..10]), Err(UploadError::Gap));
+    upload.push(0, &blob[..100]).expect("begins again");
+    assert_eq!(upload.push(101, &blob[..10]), Err(UploadError::Gap));
     assert_eq!(upload.finish(200), Err(UploadError::Length), "truncated");
-    upload.take(0, &blob[..100]).expect("begins anew");
-    upload.take(100, &blob[100..]).expect("follows");
-    assert_eq!(upload.take(BLOB_LEN, &[1]), Err(UploadError::TooLong));
+    upload.push(0, &blob[..100]).expect("begins again");
+    upload.push(100, &blob[100..]).expect("follows");
+    assert_eq!(upload.push(BLOB_LEN, &[1]), Err(UploadError::TooLong));
     assert_eq!(Upload::new().finish(0), Err(UploadError::Length));
 }

@@ -1,4 +1,4 @@
-//! Flash whose power can go.
+//! Flash whose power can fail.
 
 use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
@@ -7,16 +7,16 @@ use embedded_storage::nor_flash::{
 /// Bytes of a sector.
 pub const SECTOR: usize = 1024;
 
-/// Flash of two sectors, whose power goes after so many written or erased bytes.
+/// Flash of two sectors, whose power fails after a number of written or erased bytes.
 #[derive(Clone, Debug)]
 pub struct Flash {
-    /// What it holds.
+    /// Its contents.
     pub bytes: Vec<u8>,
-    /// So many bytes are still erased or written.
+    /// Bytes that can still be erased or written.
     pub power: usize,
 }
 
-/// The power is gone, or the flash was used in a way that it cannot be.
+/// The power has failed, or the flash was used in a way that it does not support.
 #[derive(Debug)]
 pub struct Failed(NorFlashErrorKind);
 

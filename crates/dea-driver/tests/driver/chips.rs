@@ -1,6 +1,6 @@
 //! The converters, transaction by transaction, against what their data sheets ask for.
 
-use dea_driver::chips::{AdcCode, Calibration, CommandRange, DacCode};
+use dea_driver::chips::{AdcCode, AdcRange, Calibration, CommandRange, DacCode};
 use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError, Drive};
 use embedded_hal_mock::eh1::MockError;
 use embedded_hal_mock::eh1::digital::{Mock as Pin, State, Transaction as OnPin};
@@ -37,9 +37,9 @@ fn amplifier_starts_at_0_v_and_ends_there() {
     pin.done();
 }
 
-/// What ticks put out, one after the other: a range for the board's parameters, on at 0 V, a command, off.
+/// The outputs of ticks, one after the other: a range for the board's parameters, on at 0 V, a command, off.
 #[test]
-fn amplifier_does_what_a_tick_puts_out() {
+fn amplifier_applies_the_drive_of_a_tick() {
     let mut expected = start_up();
     expected.extend(written([0x00, 0, 0])); // off, as it was
     expected.extend([written([0x08, 0, 0]), written([0x00, 0, 0])].concat()); // 0…5 V, 0 V again
@@ -49,7 +49,8 @@ fn amplifier_does_what_a_tick_puts_out() {
     expected.extend(written([0x00, 0, 0])); // off
     let pin = [State::Low, State::Low, State::High, State::Low].map(OnPin::set);
     let mut amplifier = Amplifier::new(Spi::new(&expected), Pin::new(&pin), CommandRange::TenVolts).expect("answers");
-    let on = |code| Drive { enable: true, command: DacCode(code), range: CommandRange::FiveVolts };
+    let range = CommandRange::FiveVolts;
+    let on = |code| Drive { enable: true, dac_v: DacCode(code).volts(range), range };
     for drive in [Drive::OFF, on(0x1234), on(0x5678), Drive::OFF] {
         amplifier.apply(drive).expect("answers");
     }
@@ -102,13 +103,31 @@ fn adc_sets_its_range_checks_it_and_reads() {
     expected.extend(exchanged([0xc8, 0x14, 0, 0], [0x12, 0x34, 0, 0]));
     expected.extend(exchanged([0; 4], [0x00, 0x09, 0, 0]));
     expected.extend(exchanged([0; 4], [0x80, 0x00, 0, 0]));
-    let mut adc = Ads868x::new(Spi::new(&expected));
-    assert_eq!(adc.read(), Err(AdcError::Unconfigured), "before anything is said to it");
+    let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
+    assert_eq!(adc.read(), Err(AdcError::Unconfigured), "before it is configured");
     adc.configure().expect("answers");
     let code = adc.read().expect("answers");
     assert_eq!(code, AdcCode(0x8000));
-    assert_eq!(code.volts(), 5.12);
+    assert_eq!(code.volts(AdcRange::UpTo10V24), 5.12);
     adc.destroy().done();
+}
+
+/// The other unipolar ranges of the data sheet: RANGE_SEL and full scale.
+#[test]
+fn adc_ranges_are_those_of_the_data_sheet() {
+    for (range, register, half_v) in
+        [(AdcRange::UpTo12V288, 8, 6.144), (AdcRange::UpTo6V144, 10, 3.072), (AdcRange::UpTo5V12, 11, 2.56)]
+    {
+        let mut expected = Vec::new();
+        expected.extend(exchanged([0xd0, 0x14, 0x00, register], [0; 4]));
+        expected.extend(exchanged([0xc8, 0x14, 0, 0], [0; 4]));
+        expected.extend(exchanged([0; 4], [0x00, register, 0, 0]));
+        expected.extend(exchanged([0; 4], [0x80, 0x00, 0, 0]));
+        let mut adc = Ads868x::new(Spi::new(&expected), range);
+        adc.configure().expect("answers");
+        assert_eq!(adc.volts(), Ok(half_v));
+        adc.destroy().done();
+    }
 }
 
 /// A bus without a chip reads all ones or zeros.
@@ -119,7 +138,7 @@ fn an_adc_that_is_not_there_is_refused() {
         for sent in [[0xd0, 0x14, 0x00, 0x09], [0xc8, 0x14, 0, 0], [0; 4]] {
             expected.extend(exchanged(sent, [byte; 4]));
         }
-        let mut adc = Ads868x::new(Spi::new(&expected));
+        let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
         assert_eq!(adc.configure(), Err(AdcError::Range { found }));
         assert_eq!(adc.read(), Err(AdcError::Unconfigured));
         adc.destroy().done();
@@ -139,8 +158,12 @@ fn codes_are_the_nearest_to_their_volts() {
             assert_eq!(DacCode::from_volts(volts, range), DacCode(code), "{volts} V");
         }
     }
-    assert_eq!(AdcCode(0).volts(), 0.0);
-    assert!((AdcCode(u16::MAX).volts() - 10.24).abs() < 2e-4);
+    for range in [AdcRange::UpTo12V288, AdcRange::UpTo10V24, AdcRange::UpTo6V144, AdcRange::UpTo5V12] {
+        assert_eq!(AdcCode(0).volts(range), 0.0);
+        assert_eq!(AdcCode(0x8000).volts(range), range.full_scale_v() / 2.0);
+        assert_eq!(AdcCode(u16::MAX).volts(range), range.largest_v());
+        assert!((range.largest_v() / range.full_scale_v() - 1.0).abs() < 2e-5);
+    }
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! Every state and every fault: each ends at 0 V with the amplifier disabled and its first cause latched.
 
 use dea_driver::{Cause, Limits, LimitsError, OnSensorFault, Readings, Refusal, SensorFault, State, Supervisor};
-use tests::bench_limits;
+
+use crate::bench::bench_limits;
 
 const RATE_HZ: f32 = 1000.0;
 
@@ -19,7 +20,7 @@ impl Bench {
     }
 
     fn healthy(&mut self) -> Readings {
-        // A living sensor: a few micrometres of noise.
+        // A working sensor: a few micrometres of noise.
         self.noise = self.noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let noise = (self.noise >> 16) as f32 / 65_536.0 * 5e-6;
         let volts = self.supervisor.command_v();
@@ -120,13 +121,13 @@ fn a_film_that_moves_too_far_trips() {
 }
 
 #[test]
-fn a_silent_host_trips() {
+fn a_host_timeout_trips() {
     let mut bench = Bench::run(&bench_limits());
     assert_eq!(bench.spoil_until_tripped(|_| (), false), 500);
     bench.is_safe(Cause::Heartbeat);
 }
 
-/// Faults that others find: overrun, bus, law, watchdog, panic.
+/// Faults found elsewhere: overrun, bus, law, watchdog, panic.
 #[test]
 fn trips_from_elsewhere_latch_the_first_cause() {
     for cause in [Cause::Overrun, Cause::Bus, Cause::Law, Cause::Watchdog, Cause::Panic] {
@@ -205,7 +206,7 @@ fn nothing_is_armed_while_it_is_not_safe() {
     assert_eq!(after(|r| r.monitor_v = f32::NAN), Err(Refusal::LiveVoltage));
     assert_eq!(after(|r| r.displacement_m = 1.0), Err(Refusal::Sensor(SensorFault::Range)));
     assert_eq!(after(|_| ()), Ok(()));
-    // Before the first tick nothing is known.
+    // Before the first tick there are no readings.
     assert_eq!(Supervisor::new(&limits, RATE_HZ).expect("valid").arm(), Err(Refusal::InterlockOpen));
 }
 
@@ -222,20 +223,20 @@ fn open_loop_goes_on_without_the_sensor() {
         assert_eq!((tick.state, tick.displacement_m), (State::Running, None));
         bench.supervisor.command(4000.0, 1.0);
     }
-    // It is believed again after ten good values behind the first one.
+    // It is plausible again after ten good values behind the first one.
     for tick in 1..=12 {
         let back = bench.healthy();
-        let believed = bench.supervisor.check(back).displacement_m;
-        assert_eq!(believed, (tick >= 11).then_some(back.displacement_m), "tick {tick}");
+        let plausible = bench.supervisor.check(back).displacement_m;
+        assert_eq!(plausible, (tick >= 11).then_some(back.displacement_m), "tick {tick}");
     }
-    // One that has slipped is a jump once, and not believed however steady it is from then on.
+    // One that has slipped is a jump once, and stays implausible however steady it is from then on.
     for _ in 0..1000 {
         bench.supervisor.heartbeat();
         let mut readings = bench.healthy();
         readings.displacement_m += 2e-3;
         assert_eq!(bench.supervisor.check(readings).displacement_m, None);
     }
-    // The model's film keeps the limit of the stroke.
+    // The model's displacement keeps the limit of the stroke.
     let mut readings = bench.healthy();
     readings.displacement_m = f32::NAN;
     readings.predicted_m = 8.1e-3;
@@ -326,7 +327,7 @@ fn the_monitor_s_band_knows_the_amplifier_s_slew() {
 }
 
 #[test]
-fn limits_that_make_no_sense_are_refused() {
+fn limits_that_cannot_be_kept_are_refused() {
     let good = bench_limits();
     let refused = |limits: Limits| Supervisor::new(&limits, RATE_HZ).err();
     for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {

@@ -2,8 +2,9 @@
 
 use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, Store, StoreError};
 use springpot::{Actuator, ActuatorError, Law, LawError, Options, VoltageDrive};
-use tests::board_parameters;
-use tests::flash::{Flash, SECTOR};
+
+use crate::bench::board_parameters;
+use crate::flash::{Flash, SECTOR};
 
 const BOARD: u16 = 0x0405;
 
@@ -24,12 +25,12 @@ fn store(flash: Flash) -> Store<Flash> {
 #[test]
 fn a_blob_comes_back_as_it_was() {
     let mut parameters = board_parameters();
-    let blob = Blob::decode(&bytes_of(&parameters), BOARD).expect("valid");
-    assert_eq!(blob.parameters, parameters);
+    let blob = <Blob>::decode(&bytes_of(&parameters), BOARD).expect("valid");
+    assert_eq!(*blob.parameters(), parameters);
     // The law is the one that a host steps, to the bit.
     let model = springpot::Preset::named("table3-n2").expect("a preset").model().expect("valid");
     let law = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
-    let observer = blob.tracking.observer();
+    let observer = blob.tracking().observer();
     assert_eq!(observer.law(), &law);
     let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
     assert_eq!(observer.drive(), &drive);
@@ -37,7 +38,7 @@ fn a_blob_comes_back_as_it_was() {
     parameters.name = "a name of thirty-two characters.".try_into().expect("short");
     let bytes = bytes_of(&parameters);
     println!("blob: at most {} bytes", bytes.len());
-    assert_eq!(Blob::decode(&bytes, BOARD).expect("valid").parameters, parameters);
+    assert_eq!(<Blob>::decode(&bytes, BOARD).expect("valid").into_parameters(), parameters);
 }
 
 /// Every single bit flip, every truncation, and any other bytes are refused.
@@ -47,14 +48,14 @@ fn damage_is_refused() {
     for bit in 0..8 * bytes.len() {
         let mut damaged = bytes.clone();
         damaged[bit / 8] ^= 1 << (bit % 8);
-        assert!(Blob::decode(&damaged, BOARD).is_err(), "bit {bit}");
+        assert!(<Blob>::decode(&damaged, BOARD).is_err(), "bit {bit}");
     }
     for length in 0..bytes.len() {
-        assert_eq!(Blob::decode(&bytes[..length], BOARD).err(), Some(BlobError::Truncated), "{length} bytes");
+        assert_eq!(<Blob>::decode(&bytes[..length], BOARD).err(), Some(BlobError::Truncated), "{length} bytes");
     }
-    assert_eq!(Blob::decode(&[0xff; BLOB_LEN], BOARD).err(), Some(BlobError::Magic));
-    assert_eq!(Blob::decode(&[0; BLOB_LEN], BOARD).err(), Some(BlobError::Magic));
-    assert_eq!(Blob::decode(&bytes, BOARD + 1).err(), Some(BlobError::Board { found: BOARD }));
+    assert_eq!(<Blob>::decode(&[0xff; BLOB_LEN], BOARD).err(), Some(BlobError::Magic));
+    assert_eq!(<Blob>::decode(&[0; BLOB_LEN], BOARD).err(), Some(BlobError::Magic));
+    assert_eq!(<Blob>::decode(&bytes, BOARD + 1).err(), Some(BlobError::Board { found: BOARD }));
 }
 
 /// Values that are whole but wrong are refused, by name, before anything is written.
@@ -113,18 +114,18 @@ fn the_newest_valid_set_wins() {
     let mut store = store(Flash::new());
     assert!(matches!(store.load(), Err(StoreError::Empty(_))));
     for name in ["one", "two", "three", "four", "five"] {
-        assert_eq!(store.save(&bytes_of(&named(name))).expect("saved").parameters.name, name);
-        assert_eq!(store.load().expect("there").parameters.name, name);
+        assert_eq!(store.save(&bytes_of(&named(name))).expect("saved").parameters().name, name);
+        assert_eq!(store.load().expect("there").parameters().name, name);
     }
     // The newest gets damaged: the one before is still there.
     let mut flash = store.destroy();
     let newest = (0..2).find(|slot| flash.bytes[slot * SECTOR] == 5).expect("the fifth");
     flash.bytes[newest * SECTOR + 100] ^= 0x10;
     let mut store = self::store(flash);
-    assert_eq!(store.load().expect("there").parameters.name, "four");
+    assert_eq!(store.load().expect("there").parameters().name, "four");
     // And the next one replaces the damaged one.
     store.save(&bytes_of(&named("six"))).expect("saved");
-    assert_eq!(store.load().expect("there").parameters.name, "six");
+    assert_eq!(store.load().expect("there").parameters().name, "six");
     // What would be refused is not written.
     let before = store.destroy();
     let mut store = self::store(before.clone());
@@ -160,14 +161,14 @@ fn power_may_go_at_any_byte() {
             flash.power = usize::MAX;
             let mut store = self::store(flash);
             let found = store.load().unwrap_or_else(|e| panic!("nothing is left after {power} bytes: {e:?}"));
-            match found.parameters.name.as_str() {
+            match found.parameters().name.as_str() {
                 "old" => old_kept += 1,
                 "new" => new_there += 1,
                 other => panic!("{other} after {power} bytes"),
             }
             // The store goes on working.
             store.save(&bytes_of(&named("next"))).expect("saved");
-            assert_eq!(store.load().expect("there").parameters.name, "next");
+            assert_eq!(store.load().expect("there").parameters().name, "next");
             if saved {
                 break;
             }
@@ -180,5 +181,5 @@ fn power_may_go_at_any_byte() {
 #[test]
 fn a_flash_that_is_too_small_is_refused() {
     let flash = Flash { bytes: vec![0xff; SECTOR], power: usize::MAX };
-    assert!(matches!(Store::new(flash, BOARD), Err(StoreError::Geometry)));
+    assert!(matches!(<Store<Flash>>::new(flash, BOARD), Err(StoreError::Geometry)));
 }

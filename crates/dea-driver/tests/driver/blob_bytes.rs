@@ -11,7 +11,7 @@ const COUPLED: &[u8] = include_bytes!("blobs/coupled-from-start.bin");
 
 /// What `bytes` hold, after a check that they would be written the same today.
 fn parameters(bytes: &[u8]) -> Parameters {
-    let parameters = Blob::decode(bytes, BOARD).expect("valid").parameters;
+    let parameters = <Blob>::decode(bytes, BOARD).expect("valid").into_parameters();
     let mut again = [0; BLOB_LEN];
     let length = parameters.encode(BOARD, &mut again).expect("valid");
     assert_eq!(again[..length], *bytes);

@@ -1,0 +1,84 @@
+//! The driver against mocks: an amplifier on an AD5754 and two ADS868x, every transaction stated. No hardware is needed.
+
+use dea_driver::chips::{AdcRange, CommandRange, DacCode};
+use dea_driver::{Ads868x, Amplifier, Blob, Cause, Controller, Device, Inputs, Mode, Parameters, State};
+use embedded_hal_mock::eh1::digital::{Mock as Pin, State as Level, Transaction as OnPin};
+use embedded_hal_mock::eh1::spi::{Mock as Spi, Transaction as OnSpi};
+use springpot::{Actuator, Law, Options, Preset};
+
+/// 24 bits to the AD5754: register and channel, then 16 bits of data.
+fn written(register: u8, data: u16) -> [OnSpi<u8>; 3] {
+    let [high, low] = data.to_be_bytes();
+    [OnSpi::transaction_start(), OnSpi::write_vec(vec![register, high, low]), OnSpi::transaction_end()]
+}
+
+/// 32 bits to and from an ADS868x.
+fn exchanged(sent: [u8; 4], answer: u16) -> [OnSpi<u8>; 3] {
+    let [high, low] = answer.to_be_bytes();
+    let answer = vec![high, low, 0, 0];
+    [OnSpi::transaction_start(), OnSpi::transfer_in_place(sent.to_vec(), answer), OnSpi::transaction_end()]
+}
+
+/// An ADC that is configured and then answers one code in each tick.
+fn adc(codes: [u16; 5]) -> Ads868x<Spi<u8>> {
+    let mut expected = Vec::new();
+    expected.extend(exchanged([0xd0, 0x14, 0, 9], 0)); // range 0 to 10.24 V
+    expected.extend(exchanged([0xc8, 0x14, 0, 0], 0)); // read it back
+    expected.extend(exchanged([0; 4], 9));
+    expected.extend(codes.into_iter().flat_map(|code| exchanged([0; 4], code)));
+    let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
+    adc.configure().expect("answers");
+    adc
+}
+
+pub fn main() {
+    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+    let blob = Blob::new(Parameters::bench(&law, Actuator::KARNER_2022)).expect("valid");
+    let mut device = Device::new(None);
+    device.install(Controller::new(blob)).expect("the amplifier is disabled");
+
+    // Range 0 to 10 V, register at 0 V, power.
+    let start = [written(0x08, 1), written(0x00, 0), written(0x10, 1)].concat();
+    let commands = [50.0, 100.0].map(|volts| DacCode::from_volts(volts / 1000.0, CommandRange::TenVolts).0);
+    let mut on_dac = start.clone();
+    on_dac.extend(written(0x00, 0)); // tick 0, disarmed
+    on_dac.extend(start); // tick 1, armed: enabled at 0 V
+    on_dac.extend(written(0x00, 0));
+    on_dac.extend(written(0x00, commands[0])); // ticks 2 and 3, running: 50 kV/s
+    on_dac.extend(written(0x00, commands[1]));
+    on_dac.extend(written(0x00, 0)); // tick 4, tripped
+    let on_pin = [Level::Low, Level::Low, Level::High, Level::Low].map(OnPin::set);
+    let amplifier = Amplifier::new(Spi::new(&on_dac), Pin::new(&on_pin), CommandRange::TenVolts);
+    let mut amplifier = amplifier.expect("answers");
+    // The monitor follows within a tick; the sensor reads 1 V of a film at rest, with its noise.
+    let mut monitor = adc([0, 0, 0, 320, 640]);
+    let mut sensor = adc([6400, 6401, 6400, 6402, 6400]);
+
+    for tick in 0..5 {
+        match tick {
+            1 => device.arm().expect("the readings are healthy"),
+            2 => {
+                device.start(Mode::Voltage).expect("armed");
+                device.set_voltage(2000.0).expect("within the limits");
+            }
+            _ => {}
+        }
+        let inputs = Inputs {
+            interlock_closed: tick < 4,
+            monitor_adc_v: monitor.volts().ok(),
+            sensor_adc_v: sensor.volts().ok(),
+        };
+        let drive = device.tick(inputs);
+        amplifier.apply(drive).expect("answers");
+    }
+    assert_eq!(device.state(), State::Tripped(Cause::Interlock));
+
+    // Every transaction took place, and no other.
+    let (mut dac, mut enable) = amplifier.destroy();
+    dac.done();
+    enable.done();
+    monitor.destroy().done();
+    sensor.destroy().done();
+    println!("the interlock opened: 0 V, amplifier disabled");
+}

@@ -1,0 +1,55 @@
+//! Values that a host sets from time to time.
+
+use core::fmt;
+
+/// A value that a host sets from time to time: approached in a straight line, in the time since the one before.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ramp {
+    value: Option<f32>,
+    increment: f32,
+    target: f32,
+    ticks: u16,
+    since_set: u16,
+}
+
+impl Ramp {
+    /// Nothing was set.
+    pub(crate) const NONE: Self = Self { value: None, increment: 0.0, target: 0.0, ticks: 0, since_set: u16::MAX };
+
+    /// Sets a new target, to be reached within `most` ticks.
+    pub(crate) fn set(&mut self, target: f32, most: u16) {
+        let ticks = self.since_set.clamp(1, most.max(1));
+        self.since_set = 0;
+        self.target = target;
+        let from = self.value.unwrap_or(target);
+        self.value = Some(from);
+        self.ticks = ticks;
+        self.increment = (target - from) / f32::from(ticks);
+    }
+
+    /// The value of this tick.
+    pub(crate) fn next(&mut self) -> Option<f32> {
+        self.since_set = self.since_set.saturating_add(1);
+        if self.ticks > 1 {
+            self.ticks -= 1;
+            self.value = self.value.map(|value| value + self.increment);
+        } else {
+            // The last step ends exactly at the target.
+            self.value = self.value.map(|_| self.target);
+        }
+        self.value
+    }
+}
+
+/// A voltage or reference is NaN or beyond the limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct OutOfRange;
+
+impl fmt::Display for OutOfRange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the value is NaN or beyond the limits")
+    }
+}
+
+impl core::error::Error for OutOfRange {}

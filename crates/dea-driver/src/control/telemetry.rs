@@ -1,0 +1,43 @@
+//! What a run does, and the record of a tick.
+
+use serde::{Deserialize, Serialize};
+
+/// What the law does while running.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Mode {
+    /// The film gets the voltage that was set; the observer follows it.
+    Voltage,
+    /// The film gets the voltage that brings the model to the reference; the sensor is only checked.
+    Feedforward,
+    /// The same, less the disturbance that the observer estimates.
+    Tracking,
+}
+
+/// The record of a tick, for a host's log.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Telemetry {
+    /// The tick.
+    pub tick: u32,
+    /// Records that were dropped before this one, because the link was busy.
+    pub dropped: u32,
+    /// Voltage commanded, V at the film.
+    pub command_v: f32,
+    /// Voltage monitor, V at the film.
+    pub monitor_v: f32,
+    /// Displacement sensor, m.
+    pub displacement_m: f32,
+    /// Displacement that the model predicts, corrected by the sensor, m.
+    pub predicted_m: f32,
+    /// The shaped reference; of [`Mode::Voltage`] the prediction, m.
+    pub reference_m: f32,
+    /// Force that the model does not explain, N.
+    pub disturbance_n: f32,
+    /// Electrostatic force in units of the model's.
+    pub force_scale: f32,
+    /// The last sample minus the prediction for its time, m.
+    pub innovation_m: f32,
+    /// Limits that the command met, as bits ([`springpot::Limited`]).
+    pub limited: u8,
+}

@@ -1,0 +1,145 @@
+//! The parameters of a board as values.
+
+use heapless::String;
+use serde::{Deserialize, Serialize};
+use springpot::{Actuator, Coefficients, CommandLimits, Compressed, Law, ObserverOptions};
+
+use crate::chips::{Calibration, CommandRange};
+use crate::safety::Limits;
+
+/// All that a controller needs to know about its board and film. SI units.
+///
+/// `HEAD`, `FAST` and `SLOW` are the sizes of the law's memory ([`Compressed`]); a lean memory makes a cheaper tick.
+///
+/// [`bench`](Self::bench) gives a set to start from; replace what differs. Nothing is checked until a [`Blob`](crate::Blob)
+/// is made of it.
+///
+/// ```
+/// use dea_driver::chips::Calibration;
+/// use dea_driver::{Blob, BlobError, Limits, Parameters};
+/// use springpot::{Actuator, Law, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let parameters = Parameters {
+///     amplifier: Calibration::linear(1200.0),
+///     monitor: Calibration::linear(1200.0),
+///     ..Parameters::bench(&law, Actuator::KARNER_2022)
+/// };
+/// let blob = Blob::new(parameters.clone())?;
+///
+/// // What a controller could not keep is refused.
+/// let limits = Limits { max_voltage_v: 50e3, ..parameters.limits };
+/// let refused = Blob::new(Parameters { limits, ..parameters });
+/// assert_eq!(refused.err(), Some(BlobError::Reach("monitor")));
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Parameters<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+    /// Name of the set.
+    pub name: String<32>,
+    /// Ticks per second.
+    pub rate_hz: f32,
+    /// The film's law at that rate, as a host computed it.
+    pub law: Coefficients<f32, HEAD, FAST, SLOW>,
+    /// The actuator, whose mass is the law's.
+    pub actuator: Actuator,
+    /// Value of the displacement sensor for a film at rest, m.
+    pub sensor_offset_m: f32,
+    /// Range of an AD5754 that makes the amplifier's command. A board with another DAC ignores it.
+    pub command_range: CommandRange,
+    /// Command (V) → high voltage (V).
+    pub amplifier: Calibration,
+    /// Monitor (V) → high voltage (V).
+    pub monitor: Calibration,
+    /// Displacement sensor (V) → displacement (m).
+    pub sensor: Calibration,
+    /// What film and bench allow.
+    pub limits: Limits,
+    /// How references are followed and the film is observed.
+    pub control: Control,
+}
+
+impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, FAST, SLOW> {
+    /// A bench like the paper's around `actuator`, whose film steps `law`: an amplifier and a monitor of 1000:1 on 0 to 10 V,
+    /// a sensor of 1 mm/V that reads 1 V at rest, [`Limits::bench`], [`Control::BENCH`], no name.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation)] // the parameters are in single precision
+    pub fn bench(law: &Law<f32, Compressed<f32, HEAD, FAST, SLOW>>, actuator: Actuator) -> Self {
+        Self {
+            name: String::new(),
+            rate_hz: (1.0 / law.step_s()) as f32,
+            law: law.coefficients(),
+            actuator,
+            sensor_offset_m: 0.0,
+            command_range: CommandRange::TenVolts,
+            amplifier: Calibration::linear(1000.0),
+            monitor: Calibration::linear(1000.0),
+            // An unplugged sensor reads −1 mm, which is out of its range.
+            sensor: Calibration { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
+            limits: Limits::bench(actuator.thickness_m as f32),
+            control: Control::BENCH,
+        }
+    }
+}
+
+/// How references are followed and the film is observed: [`CommandLimits`] and [`ObserverOptions`], apart from
+/// what the [`Limits`] state.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Control {
+    /// Largest speed of a reference, m/s.
+    pub max_velocity_m_per_s: f32,
+    /// Largest acceleration of a reference, m/s².
+    pub max_acceleration_m_per_s2: f32,
+    /// Two poles of the return to the reference after a limit, Hz.
+    pub return_hz: f32,
+    /// Below it the estimate follows the sensor, above it the model, Hz.
+    pub bandwidth_hz: f32,
+    /// Time from one used sample to the next, s: a tick, or longer for a slower sensor.
+    pub sample_interval_s: f32,
+    /// Age of a sample when it is read, s.
+    pub delay_s: f32,
+    /// Time without a sample after which the sensor counts as lost, s.
+    pub lost_after_s: f32,
+    /// Time over which the force scale adapts, s; 0: never.
+    pub adaptation_s: f32,
+}
+
+impl Control {
+    /// For a sensor of 100 Hz whose samples come 10 ms late, on a film whose resonance is at 3 Hz or above.
+    pub const BENCH: Self = Self {
+        max_velocity_m_per_s: 0.05,
+        max_acceleration_m_per_s2: 0.5,
+        return_hz: 5.0,
+        bandwidth_hz: 0.6,
+        sample_interval_s: 0.01,
+        delay_s: 0.01,
+        lost_after_s: 0.05,
+        adaptation_s: 30.0,
+    };
+
+    pub(crate) fn command_limits(&self, limits: &Limits) -> CommandLimits {
+        CommandLimits {
+            max_voltage_v: f64::from(limits.max_voltage_v),
+            max_field_v_per_m: f64::from(limits.max_field_v_per_m),
+            max_slew_v_per_s: f64::from(limits.max_slew_v_per_s),
+            max_velocity_m_per_s: f64::from(self.max_velocity_m_per_s),
+            max_acceleration_m_per_s2: f64::from(self.max_acceleration_m_per_s2),
+            return_hz: f64::from(self.return_hz),
+        }
+    }
+
+    pub(crate) fn observer_options(&self) -> ObserverOptions {
+        ObserverOptions {
+            bandwidth_hz: f64::from(self.bandwidth_hz),
+            sample_interval_s: f64::from(self.sample_interval_s),
+            delay_s: f64::from(self.delay_s),
+            lost_after_s: f64::from(self.lost_after_s),
+            adaptation_s: f64::from(self.adaptation_s),
+        }
+    }
+}

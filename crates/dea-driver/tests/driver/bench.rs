@@ -1,0 +1,32 @@
+//! The bench of these tests: limits and parameters of a film like the paper's.
+
+use dea_driver::{Limits, Parameters, PlausibilityLimits};
+use springpot::{Actuator, Compressed, Law, Options, Preset};
+
+/// Limits of a bench with a film like the paper's.
+pub fn bench_limits() -> Limits {
+    Limits {
+        max_voltage_v: 6500.0,
+        sensor: PlausibilityLimits { low: -1e-3, high: 9e-3, jump: 0.4e-3, stuck_ticks: 500 },
+        ..Limits::bench(160e-6)
+    }
+}
+
+/// The law of the paper's model with two branches at 1 kHz.
+pub fn law() -> Law<f32> {
+    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+    Law::compressed(&model, Options::at_step(1e-3)).expect("valid")
+}
+
+/// Parameters of a board with that bench.
+pub fn board_parameters() -> Parameters {
+    of_law(&law())
+}
+
+/// The same with a law of any size.
+pub fn of_law<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    law: &Law<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+) -> Parameters<HEAD, FAST, SLOW> {
+    let name = "table3-n2".try_into().expect("short");
+    Parameters { name, limits: bench_limits(), ..Parameters::bench(law, Actuator::KARNER_2022) }
+}

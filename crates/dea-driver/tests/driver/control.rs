@@ -1,0 +1,397 @@
+//! The control tick around a simulated film.
+
+use dea_driver::chips::{AdcCode, AdcRange, DacCode};
+use dea_driver::{
+    Blob, Cause, Controller, Inputs, Mode, OnSensorFault, OutOfRange, Outputs, Parameters, Refusal, SensorFault, State,
+};
+use springpot::{Actuator, Law, Limited, Options, Preset, VoltageDrive};
+
+use crate::bench::board_parameters;
+
+/// A bench around a controller: an amplifier of 1000:1, a sensor of 1 mm/V at 1 V, and the model itself as film, or one
+/// with less force.
+struct Bench {
+    controller: Controller,
+    parameters: Parameters,
+    film: springpot::State<f64>,
+    law: Law<f64>,
+    drive: VoltageDrive<f64>,
+    high_voltage_v: f64,
+    displacement_m: f64,
+    noise: u32,
+    /// Electrostatic force in units of the model's.
+    force_scale: f64,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self::with(board_parameters())
+    }
+
+    fn with(parameters: Parameters) -> Self {
+        let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+        let law: Law<f64> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
+        let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
+        let film = law.state();
+        Self {
+            controller,
+            parameters,
+            film,
+            law,
+            drive,
+            high_voltage_v: 0.0,
+            displacement_m: 0.0,
+            noise: 1,
+            force_scale: 1.0,
+        }
+    }
+
+    fn inputs(&mut self) -> Inputs {
+        self.noise = self.noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let noise = f64::from(self.noise >> 16) / 65_536.0 * 5e-6;
+        let adc_v = |volts: f64| Some(adc_v((volts / 10.24 * 65_536.0) as u16));
+        Inputs {
+            interlock_closed: true,
+            monitor_adc_v: adc_v(self.high_voltage_v / 1000.0),
+            sensor_adc_v: adc_v(1.0 + (self.displacement_m + noise) / 1e-3),
+        }
+    }
+
+    fn tick(&mut self, spoil: impl FnOnce(&mut Inputs)) -> Outputs {
+        let mut inputs = self.inputs();
+        spoil(&mut inputs);
+        let outputs = self.controller.tick(inputs);
+        let volts = f64::from(self.code(&outputs).volts(self.parameters.command_range)) * 1000.0;
+        self.high_voltage_v = if outputs.enable { volts } else { 0.0 };
+        let load = self.drive.load(self.high_voltage_v * self.force_scale.sqrt());
+        self.displacement_m = self.law.displacement_under(&mut self.film, load);
+        outputs
+    }
+
+    fn code(&self, outputs: &Outputs) -> DacCode {
+        DacCode::from_volts(outputs.dac_v, self.parameters.command_range)
+    }
+
+    /// A request of a host.
+    fn ask<R>(&mut self, request: impl FnOnce(&mut Controller) -> R) -> R {
+        self.controller.heartbeat();
+        request(&mut self.controller)
+    }
+
+    fn set_voltage(&mut self, volts: f32) {
+        self.ask(|controller| controller.set_voltage(volts)).expect("within the limits");
+    }
+
+    fn set_reference(&mut self, metres: f32) {
+        self.ask(|controller| controller.set_reference(metres)).expect("within the limits");
+    }
+
+    fn start(&mut self, mode: Mode) {
+        self.tick(|_| ());
+        self.ask(Controller::arm).expect("healthy");
+        self.ask(|controller| controller.start(mode)).expect("armed");
+    }
+}
+
+/// Volts of a code.
+fn adc_v(code: u16) -> f32 {
+    AdcCode(code).volts(AdcRange::UpTo10V24)
+}
+
+#[test]
+fn follows_the_voltage_that_was_set_and_observes() {
+    let mut bench = Bench::new();
+    bench.start(Mode::Voltage);
+    bench.set_voltage(4000.0);
+    let mut outputs = bench.tick(|_| ());
+    for tick in 0..3000 {
+        if tick % 100 == 0 {
+            bench.controller.heartbeat();
+        }
+        outputs = bench.tick(|_| ());
+    }
+    assert_eq!(bench.controller.supervisor().state(), State::Running);
+    assert_eq!(bench.code(&outputs), DacCode(26_214), "4 V of 10 V");
+    // The estimate is where the film is, to the sensor's noise of 0…5 µm.
+    let predicted = f64::from(outputs.telemetry.predicted_m);
+    assert!((predicted - bench.displacement_m).abs() < 5e-6, "{predicted} m for {} m", bench.displacement_m);
+    assert!((f64::from(outputs.telemetry.displacement_m) - bench.displacement_m).abs() < 10e-6);
+    assert_eq!(outputs.telemetry.tick, 3002);
+}
+
+/// Feedforward brings a film that the model knows to its reference, and holds it there while it creeps.
+#[test]
+fn feedforward_holds_a_creeping_film() {
+    let mut bench = Bench::new();
+    bench.start(Mode::Feedforward);
+    bench.set_reference(0.8e-3);
+    let mut voltages = Vec::new();
+    for tick in 0..20_000 {
+        if tick % 100 == 0 {
+            bench.controller.heartbeat();
+        }
+        let outputs = bench.tick(|_| ());
+        if tick > 1000 {
+            voltages.push(outputs.telemetry.command_v);
+            assert!((bench.displacement_m - 0.8e-3).abs() < 2e-6, "tick {tick}: {} m", bench.displacement_m);
+        }
+    }
+    // What holds it sinks, because the film creeps.
+    assert!(voltages[voltages.len() - 1] < 0.9 * voltages[0]);
+}
+
+/// A film with a tenth less force than the model's: feedforward is off by as much, tracking corrects it.
+#[test]
+fn tracking_follows_a_film_that_the_model_does_not_know() {
+    let off = |mode| {
+        let mut bench = Bench { force_scale: 0.9, ..Bench::new() };
+        bench.start(mode);
+        let mut largest = 0.0f64;
+        for tick in 0..20_000 {
+            // Up within two seconds, then swinging, slowly enough for the bandwidth.
+            let time_s = f64::from(tick) / 1000.0;
+            let reference = 0.8e-3 * (time_s / 2.0).min(1.0) - 0.1e-3 * (0.6 * time_s).sin();
+            bench.set_reference(reference as f32);
+            bench.tick(|_| ());
+            if tick > 10_000 {
+                largest = largest.max((bench.displacement_m - reference).abs());
+            }
+        }
+        assert_eq!(bench.controller.supervisor().state(), State::Running);
+        (largest, bench.tick(|_| ()).telemetry)
+    };
+    let (feedforward, _) = off(Mode::Feedforward);
+    let (tracking, sample) = off(Mode::Tracking);
+    println!("off by {:.1} µm, with the sensor {:.1} µm; {sample:?}", 1e6 * feedforward, 1e6 * tracking);
+    assert!(feedforward > 60e-6 && tracking < 8e-6);
+    // Where the film is swinging, the log tells by how much it is pulled less.
+    assert!((sample.force_scale - 0.9).abs() < 0.05 && sample.limited == 0);
+}
+
+/// With a sensor that may fail, tracking goes on without it, and comes back to it, without a jump.
+#[test]
+fn tracking_goes_on_without_its_sensor() {
+    let mut parameters = board_parameters();
+    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
+    let mut bench = Bench { force_scale: 0.95, ..Bench::with(parameters) };
+    bench.start(Mode::Tracking);
+    bench.set_reference(0.8e-3);
+    let mut before = None;
+    for tick in 0..20_000 {
+        bench.controller.heartbeat();
+        let unplugged = (10_000..15_000).contains(&tick);
+        let outputs = bench.tick(|inputs| {
+            if unplugged {
+                inputs.sensor_adc_v = Some(adc_v(u16::MAX));
+            }
+        });
+        assert_eq!(bench.controller.supervisor().state(), State::Running, "tick {tick}");
+        if tick > 5000 {
+            assert!((bench.displacement_m - 0.8e-3).abs() < 15e-6, "tick {tick}: {} m", bench.displacement_m);
+            let step = before.map_or(0.0, |before: f32| (outputs.telemetry.command_v - before).abs());
+            assert!(step < 5.0, "tick {tick}: {step} V in a tick, of 50 allowed");
+        }
+        before = Some(outputs.telemetry.command_v);
+    }
+}
+
+/// An implausible value of the sensor does not move the voltage.
+#[test]
+fn an_implausible_sensor_does_not_limit_the_field() {
+    let mut parameters = board_parameters();
+    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
+    parameters.limits.max_field_v_per_m = 3e7;
+    parameters.actuator.stretch_coupling = 29.0;
+    let mut bench = Bench::with(parameters);
+    bench.start(Mode::Voltage);
+    bench.set_voltage(4500.0);
+    for _ in 0..300 {
+        bench.controller.heartbeat();
+        bench.tick(|_| ());
+    }
+    let before = bench.tick(|_| ()).telemetry.command_v;
+    // 4.8 kV at rest; at the 9 mm that it reads it would be 3.8 kV.
+    let after = bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(u16::MAX))).telemetry.command_v;
+    assert!(before > 4300.0 && (after - before).abs() < 5.0, "{before} V, then {after} V");
+}
+
+/// The model feels the voltage that stood until the trip, in the tick that trips.
+#[test]
+fn the_model_feels_the_last_tick_before_a_trip() {
+    let predicted = |trips: bool| {
+        let mut bench = Bench::new();
+        bench.start(Mode::Feedforward);
+        bench.set_reference(0.8e-3);
+        for _ in 0..300 {
+            bench.tick(|_| ());
+        }
+        bench.tick(|inputs| inputs.interlock_closed = !trips).telemetry.predicted_m
+    };
+    assert_eq!(predicted(true).to_bits(), predicted(false).to_bits());
+}
+
+/// With parameters for it, the driver needs no displacement sensor at all.
+#[test]
+fn feedforward_needs_no_sensor() {
+    let mut parameters = board_parameters();
+    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
+    let mut bench = Bench::with(parameters);
+    bench.tick(|inputs| inputs.sensor_adc_v = None);
+    bench.ask(Controller::arm).expect("no sensor is needed");
+    bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
+    bench.set_reference(0.8e-3);
+    for tick in 0..5000 {
+        bench.controller.heartbeat();
+        bench.tick(|inputs| inputs.sensor_adc_v = None);
+        assert!(tick < 1000 || (bench.displacement_m - 0.8e-3).abs() < 2e-6, "tick {tick}: {} m", bench.displacement_m);
+    }
+    assert_eq!(bench.controller.supervisor().state(), State::Running);
+}
+
+/// What was set for one run is gone when it ends, however it ends: the next one begins at 0 V.
+#[test]
+fn targets_do_not_outlive_a_run() {
+    let ends: [fn(&mut Bench); 4] = [
+        // A trip from elsewhere, between two ticks: an overrun.
+        |bench| {
+            bench.controller.trip(Cause::Overrun);
+            bench.tick(|_| ());
+            bench.ask(Controller::acknowledge).expect("tripped");
+            bench.tick(|_| ());
+            bench.ask(Controller::arm).expect("healthy");
+        },
+        |bench| bench.ask(Controller::stop).expect("running"),
+        |bench| {
+            bench.ask(Controller::disarm).expect("not tripped");
+            // The monitor must have seen 0 V.
+            bench.tick(|_| ());
+            bench.tick(|_| ());
+            bench.ask(Controller::arm).expect("healthy");
+        },
+        |bench| {
+            bench.tick(|inputs| inputs.interlock_closed = false);
+            bench.ask(Controller::acknowledge).expect("tripped");
+            bench.tick(|_| ());
+            bench.ask(Controller::arm).expect("healthy");
+        },
+    ];
+    for mode in [Mode::Voltage, Mode::Feedforward] {
+        for end in ends {
+            let mut bench = Bench::new();
+            bench.start(mode);
+            bench.set_voltage(4000.0);
+            bench.set_reference(0.8e-3);
+            for _ in 0..300 {
+                bench.tick(|_| ());
+            }
+            assert!(bench.high_voltage_v > 2000.0, "{mode:?}");
+            end(&mut bench);
+            for _ in 0..100 {
+                bench.controller.heartbeat();
+                bench.tick(|_| ());
+            }
+            bench.ask(|controller| controller.start(mode)).expect("armed");
+            let largest = (0..300).fold(0.0f32, |largest, _| largest.max(bench.tick(|_| ()).telemetry.command_v));
+            // A film that still creeps back is held where it is, which takes little.
+            assert!(largest < if mode == Mode::Voltage { 1.0 } else { 1500.0 }, "{mode:?}: {largest} V");
+        }
+    }
+}
+
+/// Values that come a hundred times a second are joined by straight lines, not by stairs.
+#[test]
+fn references_are_joined_by_lines() {
+    let mut bench = Bench::new();
+    bench.start(Mode::Feedforward);
+    let mut last = 0.0f32;
+    for tick in 0..2000 {
+        if tick % 10 == 0 {
+            // 0.4 mm/s: 4 µm from one value to the next.
+            bench.set_reference(0.4e-6 * tick as f32);
+        }
+        let reference_m = bench.tick(|_| ()).telemetry.reference_m;
+        let step = reference_m - last;
+        assert!(tick < 100 || (0.35e-6..0.45e-6).contains(&step), "tick {tick}: {step} m");
+        last = reference_m;
+    }
+}
+
+/// Following begins where the film is, whatever was asked for before.
+#[test]
+fn following_begins_without_a_jump() {
+    let mut bench = Bench::new();
+    bench.start(Mode::Voltage);
+    bench.set_voltage(4000.0);
+    for _ in 0..1000 {
+        bench.controller.heartbeat();
+        bench.tick(|_| ());
+    }
+    // It was stretched, and is still creeping back when it is asked to go on.
+    bench.ask(Controller::stop).expect("running");
+    for _ in 0..200 {
+        bench.controller.heartbeat();
+        bench.tick(|_| ());
+    }
+    let (from, increment) = (bench.displacement_m, 0.05 / 1000.0);
+    bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
+    bench.set_reference(2e-3);
+    let first = bench.tick(|_| ()).telemetry;
+    assert!((f64::from(first.reference_m) - from).abs() <= 1.01 * increment, "{} m after {from} m", first.reference_m);
+    assert!(Limited::ALL.iter().any(|(limit, _)| u32::from(limit.bits()) & u32::from(first.limited) != 0));
+}
+
+#[test]
+fn faults_end_at_0_v_within_the_tick() {
+    type Spoil = fn(&mut Inputs);
+    let faults: [(Cause, Spoil); 5] = [
+        (Cause::Interlock, |inputs| inputs.interlock_closed = false),
+        (Cause::Bus, |inputs| inputs.monitor_adc_v = None),
+        (Cause::Sensor(SensorFault::Range), |inputs| inputs.sensor_adc_v = None),
+        (Cause::Sensor(SensorFault::Range), |inputs| inputs.sensor_adc_v = Some(adc_v(u16::MAX))),
+        (Cause::Voltage, |inputs| inputs.monitor_adc_v = Some(adc_v(u16::MAX))),
+    ];
+    for (cause, spoil) in faults {
+        let mut bench = Bench::new();
+        bench.start(Mode::Voltage);
+        bench.set_voltage(5000.0);
+        for _ in 0..200 {
+            bench.tick(|_| ());
+        }
+        assert!(bench.high_voltage_v > 4900.0);
+        let outputs = bench.tick(spoil);
+        assert_eq!((outputs.enable, outputs.dac_v, outputs.telemetry.command_v), (false, 0.0, 0.0), "{cause:?}");
+        assert_eq!(bench.controller.supervisor().state(), State::Tripped(cause));
+        assert_eq!(bench.ask(Controller::arm), Err(Refusal::State(State::Tripped(cause))));
+    }
+}
+
+#[test]
+fn targets_beyond_the_limits_are_rejected() {
+    let mut controller = Bench::new().controller;
+    // 6500 V, and the monitor's band of 60 V and 3 %.
+    for volts in [-1.0, f32::NAN, f32::INFINITY, 6756.0] {
+        assert_eq!(controller.set_voltage(volts), Err(OutOfRange), "{volts} V");
+    }
+    for metres in [f32::NAN, f32::INFINITY, 8.1e-3, -8.1e-3] {
+        assert_eq!(controller.set_reference(metres), Err(OutOfRange), "{metres} m");
+    }
+}
+
+/// A run has a mode, and its target is what comes out, whatever ran before. When the supervisor could be started past its
+/// controller, the voltage after a tracking run stayed elsewhere.
+#[test]
+fn a_voltage_after_a_tracking_run_is_the_one_that_was_set() {
+    let mut bench = Bench::new();
+    bench.start(Mode::Tracking);
+    bench.set_reference(0.3e-3);
+    for _ in 0..300 {
+        bench.tick(|_| ());
+    }
+    bench.ask(Controller::stop).expect("running");
+    bench.tick(|_| ());
+    bench.ask(|controller| controller.start(Mode::Voltage)).expect("armed");
+    bench.set_voltage(2000.0);
+    let command_v = (0..300).fold(0.0, |_, _| bench.tick(|_| ()).telemetry.command_v);
+    assert_eq!(command_v, 2000.0);
+}

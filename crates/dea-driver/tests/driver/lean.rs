@@ -1,0 +1,92 @@
+//! A controller with a lean memory: its tick, its blob, its store.
+
+use dea_driver::{BLOB_LEN, Blob, BlobError, BlobHeader, Controller, Inputs, Mode, Parameters, SCHEMA, State, Store};
+use springpot::{Compressed, Law, Options, Preset};
+
+use crate::bench::{board_parameters, of_law};
+use crate::flash::Flash;
+
+const BOARD: u16 = 0x0405;
+
+/// 8 + 18 weights instead of 12 + 36, true to 1e-4 over an hour.
+type LeanBlob = Blob<8, 14, 4>;
+
+fn lean_parameters() -> Parameters<8, 14, 4> {
+    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+    let options = Options::at_step(1e-3).with_horizon(3600.0).with_tolerance(1e-3);
+    let law: Law<f32, Compressed<f32, 8, 14, 4>> = Law::compressed(&model, options).expect("valid");
+    of_law(&law)
+}
+
+fn bytes_of<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    parameters: &Parameters<HEAD, FAST, SLOW>,
+) -> Vec<u8> {
+    let mut bytes = [0; BLOB_LEN];
+    let length = parameters.encode(BOARD, &mut bytes).expect("valid");
+    bytes[..length].to_vec()
+}
+
+/// Voltages of a feedforward run to 0.5 mm and back: amplifier and monitor follow at once.
+fn run<const HEAD: usize, const FAST: usize, const SLOW: usize>(blob: Blob<HEAD, FAST, SLOW>) -> Vec<f32> {
+    let mut controller = Controller::new(blob);
+    let mut dac_v = 0.0;
+    let mut tick = |controller: &mut Controller<HEAD, FAST, SLOW>, k: u16| {
+        controller.heartbeat();
+        // A film that stands still, and the sensor's noise: feedforward only checks it.
+        let sensor_adc_v = Some(1.0 + 1e-3 * f32::from(k % 3));
+        let outputs = controller.tick(Inputs { interlock_closed: true, monitor_adc_v: Some(dac_v), sensor_adc_v });
+        dac_v = outputs.dac_v;
+        outputs.telemetry.command_v
+    };
+    tick(&mut controller, 0);
+    controller.arm().expect("healthy");
+    controller.start(Mode::Feedforward).expect("armed");
+    let voltages = (0..4000u16)
+        .map(|k| {
+            controller.set_reference(if k < 2000 { 0.5e-3 } else { 0.1e-3 }).expect("within the limits");
+            tick(&mut controller, k)
+        })
+        .collect();
+    assert_eq!(controller.supervisor().state(), State::Running);
+    voltages
+}
+
+/// The voltages are those of the default memory within its accuracy.
+#[test]
+fn a_lean_controller_ticks() {
+    let lean = run(Blob::new(lean_parameters()).expect("valid"));
+    let default = run(Blob::new(board_parameters()).expect("valid"));
+    let furthest = lean.iter().zip(&default).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    let largest = default.iter().copied().fold(0.0, f32::max);
+    println!("lean and default differ by at most {furthest} V of {largest} V");
+    assert!(largest > 2000.0 && furthest < 1e-3 * largest);
+    assert!(size_of::<Controller<8, 14, 4>>() < size_of::<Controller>());
+}
+
+#[test]
+fn a_blob_of_a_law_of_other_sizes_is_refused() {
+    let (lean, default) = (bytes_of(&lean_parameters()), bytes_of(&board_parameters()));
+    let (lean_sizes, default_sizes) = ([8, 14, 4], [12, 12, 24]);
+    assert_eq!(LeanBlob::decode(&lean, BOARD).expect("its own").into_parameters(), lean_parameters());
+    let error = <Blob>::decode(&lean, BOARD).expect_err("lean");
+    assert_eq!(error, BlobError::LawSizes { found: lean_sizes, expected: default_sizes });
+    let error = LeanBlob::decode(&default, BOARD).expect_err("of the default sizes");
+    assert_eq!(error, BlobError::LawSizes { found: default_sizes, expected: lean_sizes });
+    assert_eq!(error.to_string(), "the law in the blob has 12 + 12 + 24 weights, the controller's 8 + 14 + 4");
+
+    // The default blob states no sizes: its bytes are those of the first version.
+    assert_eq!(BlobHeader::read(&default).expect("a blob").schema, SCHEMA);
+    assert_eq!(BlobHeader::read(&lean).expect("a blob").schema, SCHEMA | 0x100);
+    for length in 0..lean.len() {
+        assert_eq!(LeanBlob::decode(&lean[..length], BOARD).err(), Some(BlobError::Truncated), "{length} bytes");
+    }
+}
+
+#[test]
+fn a_lean_blob_is_kept() {
+    let mut store: Store<Flash, 8, 14, 4> = Store::new(Flash::new(), BOARD).expect("two sectors");
+    store.save(&bytes_of(&lean_parameters())).expect("valid");
+    assert_eq!(*store.load().expect("saved").parameters(), lean_parameters());
+    assert!(store.save(&bytes_of(&board_parameters())).is_err());
+    assert_eq!(*store.load().expect("still there").parameters(), lean_parameters());
+}

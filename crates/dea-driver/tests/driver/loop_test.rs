@@ -1,0 +1,105 @@
+//! The loop test: what a chip is compared with, bit by bit.
+
+use std::f64::consts::TAU;
+
+use dea_driver::server::Denial;
+use dea_driver::wire::Reject;
+use dea_driver::{Blob, Controller, Device, Followed, Inputs, Mode, Refusal, State, Step, Target};
+use springpot::{Actuator, Applied, CommandLimits, ObserverOptions, Sample, Tracking, VoltageDrive};
+
+use crate::bench::{board_parameters, law};
+
+fn device() -> Device {
+    let mut device = Device::new(None);
+    let controller = Controller::new(Blob::new(board_parameters()).expect("valid"));
+    device.install(controller).expect("disabled");
+    device
+}
+
+/// A tick of a film at rest, with the sensor's noise.
+fn tick(device: &mut Device, k: usize) {
+    let noise_v = if k.is_multiple_of(2) { 0.0 } else { 1e-3 };
+    device.tick(Inputs { interlock_closed: true, monitor_adc_v: Some(0.0), sensor_adc_v: Some(1.0 + noise_v) });
+}
+
+/// The loop test steps a model of its own, bit for bit the law that a host steps.
+#[test]
+fn the_loop_test_is_the_law_itself() {
+    let mut device = device();
+    let law = law();
+    let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
+    // The paper's voltage, 3 kV (1 − cos), at 0.2 Hz.
+    let voltages: Vec<f32> = (0..10_001).map(|k| (3000.0 * (1.0 - (TAU * 2e-4 * f64::from(k)).cos())) as f32).collect();
+    for _ in 0..2 {
+        device.rest().expect("disabled");
+        let mut film = law.state();
+        for (k, batch) in voltages.chunks(24).enumerate() {
+            let steps: Vec<Step> = device.step(batch).expect("disabled");
+            // Ticks in between do not disturb it.
+            tick(&mut device, k);
+            for (step, &volts) in steps.iter().zip(batch) {
+                let load = drive.load(volts);
+                let x = law.displacement_under(&mut film, load);
+                assert_eq!(step.displacement_m.to_bits(), x.to_bits());
+                assert_eq!(step.force_n.to_bits(), film.base_force().to_bits());
+                assert!((step.voltage_v - volts).abs() < 0.01);
+            }
+        }
+    }
+    // Not while the amplifier is enabled.
+    device.arm().expect("healthy");
+    device.start(Mode::Voltage).expect("armed");
+    let running = Denial::Refused(Refusal::State(State::Running));
+    assert_eq!(device.rest(), Err(running));
+    assert_eq!(device.step::<Vec<Step>>(&[0.0]), Err(running));
+    assert_eq!(device.follow::<Vec<Followed>>(Mode::Voltage, &[]), Err(running));
+    // Nor before there are parameters.
+    assert_eq!(<Device>::new(None).rest(), Err(Denial::Rejected(Reject::NoParameters)));
+}
+
+/// The loop test of the control is `springpot::Tracking` itself, bit for bit, in all three modes.
+#[test]
+fn the_loop_test_of_the_control_is_the_control_itself() {
+    let mut device = device();
+    let law = law();
+    let rest = law.state();
+    let limits = CommandLimits {
+        max_voltage_v: 6500.0,
+        max_velocity_m_per_s: f64::from(0.05f32),
+        max_field_v_per_m: f64::from(4.2e7f32),
+        ..CommandLimits::BENCH
+    };
+    let options = ObserverOptions {
+        bandwidth_hz: f64::from(0.6f32),
+        sample_interval_s: f64::from(0.01f32),
+        delay_s: f64::from(0.01f32),
+        lost_after_s: f64::from(0.05f32),
+        adaptation_s: 30.0,
+    };
+    let tracking: Tracking<f32> = Tracking::new(law, &Actuator::KARNER_2022, limits, options).expect("valid");
+    for mode in [Mode::Voltage, Mode::Feedforward, Mode::Tracking] {
+        device.rest().expect("disabled");
+        let mut state = tracking.state(rest.clone());
+        let mut voltage = 0.0f32;
+        for k in 0..2000u16 {
+            let swing = (0.01 * f64::from(k)).sin() as f32;
+            let value = if mode == Mode::Voltage { 3000.0 + 2000.0 * swing } else { 0.5e-3 + 0.2e-3 * swing };
+            let sample_m = (k % 10 == 0).then_some(0.4e-3 + 0.2e-3 * swing);
+            let ticks: Vec<Followed> = device.follow(mode, &[Target { value, sample_m }]).expect("disabled");
+
+            if mode == Mode::Voltage {
+                voltage = value;
+            }
+            let sample = sample_m.filter(|_| mode != Mode::Feedforward);
+            let sample = sample.map(|displacement| Sample { displacement, age_ticks: 10 });
+            let x = tracking.observe(&mut state, Applied::as_commanded(voltage), sample);
+            let command = tracking.command(&mut state, if mode == Mode::Voltage { x } else { value });
+            if mode != Mode::Voltage {
+                voltage = command.voltage;
+            }
+            assert_eq!(ticks[0].voltage_v.to_bits(), voltage.to_bits(), "{mode:?}, tick {k}");
+            assert_eq!(ticks[0].displacement_m.to_bits(), x.to_bits());
+            assert_eq!(ticks[0].disturbance_n.to_bits(), state.observer().disturbance().to_bits());
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! Tests of the driver, without the host tool.
+
+#[path = "../../examples/mock_bench.rs"]
+mod mock_bench;
+#[path = "../../examples/own_converters.rs"]
+mod own_converters;
+
+mod bench;
+mod blob_bytes;
+mod chips;
+mod control;
+mod documents;
+mod flash;
+mod lean;
+mod link;
+mod loop_test;
+mod safety;
+mod session;
+mod store;
+
+#[test]
+fn examples_run() {
+    mock_bench::main();
+    own_converters::main().expect("it tracks");
+}

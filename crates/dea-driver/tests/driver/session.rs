@@ -1,0 +1,234 @@
+//! A host's conversation with a board: every command in the states of the link's table.
+
+use dea_driver::server::{Board, Session};
+use dea_driver::wire::{Answer, CHUNK, Command, Drill, FRAME_LEN, Message, Mode, Reject, Request, VERSION, encode};
+use dea_driver::{BLOB_LEN, Cause, Device, Drive, Inputs, Refusal, SCHEMA, State, Store};
+
+use crate::bench::board_parameters;
+use crate::flash::Flash;
+
+/// A board whose amplifier and monitor follow at once, and whose film stands still.
+struct Bench {
+    device: Device,
+    store: Store<Flash>,
+    rate_hz: f32,
+    drive: Drive,
+    ticks: u16,
+}
+
+impl Board for Bench {
+    type Flash = Flash;
+    const ID: u16 = 7;
+
+    fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
+        (work(&mut self.device), 42)
+    }
+
+    fn rates_hz(&self) -> (f32, f32) {
+        (100.0, 2000.0)
+    }
+
+    fn store(&mut self) -> &mut Store<Flash> {
+        &mut self.store
+    }
+
+    fn set_rate(&mut self, rate_hz: f32) {
+        self.rate_hz = rate_hz;
+    }
+
+    fn stack_peak(&self) -> u32 {
+        99
+    }
+
+    fn panic_message(&self) -> &str {
+        "a panic"
+    }
+}
+
+struct Host {
+    session: Session,
+    bench: Bench,
+}
+
+impl Host {
+    fn new(latched: Option<Cause>) -> Self {
+        let store = Store::new(Flash::new(), Bench::ID).expect("two sectors");
+        let bench = Bench { device: Device::new(latched), store, rate_hz: 0.0, drive: Drive::OFF, ticks: 0 };
+        Self { session: Session::new("1.2.3"), bench }
+    }
+
+    /// Sends a command and returns its answer.
+    fn ask(&mut self, command: Command) -> Answer {
+        let mut frame = [0; FRAME_LEN + 1];
+        let length = encode(&Request { sequence: 5, command }, &mut frame).expect("fits");
+        let mut answers: Vec<Message> =
+            frame[..length].iter().filter_map(|&byte| self.session.serve(byte, &mut self.bench)).collect();
+        match (answers.pop(), answers.as_slice()) {
+            (Some(Message::Answer { sequence: 5, answer }), []) => answer,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn upload(&mut self, bytes: &[u8]) {
+        for (index, piece) in bytes.chunks(CHUNK).enumerate() {
+            let bytes = piece.iter().copied().collect();
+            assert_eq!(self.ask(Command::Upload { offset: (index * CHUNK) as u16, bytes }), Answer::Done);
+        }
+    }
+
+    fn with_parameters() -> Self {
+        let mut host = Self::new(None);
+        let bytes = blob();
+        host.upload(&bytes);
+        assert_eq!(host.ask(Command::Try { length: bytes.len() as u16 }), Answer::Done);
+        host.tick();
+        host
+    }
+
+    fn tick(&mut self) {
+        let bench = &mut self.bench;
+        bench.ticks += 1;
+        let monitor_adc_v = Some(bench.drive.dac_v);
+        let sensor_adc_v = Some(1.0 + 1e-3 * f32::from(bench.ticks % 3));
+        bench.drive = bench.device.tick(Inputs { interlock_closed: true, monitor_adc_v, sensor_adc_v });
+    }
+
+    fn state(&mut self) -> State {
+        match self.ask(Command::Status) {
+            Answer::Status(status) => status.state,
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+fn blob() -> Vec<u8> {
+    let mut bytes = [0; BLOB_LEN];
+    let length = board_parameters().encode(Bench::ID, &mut bytes).expect("valid");
+    bytes[..length].to_vec()
+}
+
+/// Every command but those that end in a new state, as often as wanted in any state.
+fn harmless() -> [Command; 7] {
+    [
+        Command::Heartbeat,
+        Command::Query,
+        Command::Stream { every: 0 },
+        Command::Identify,
+        Command::Status,
+        Command::PanicMessage,
+        Command::Drill(Drill::Hang),
+    ]
+}
+
+#[test]
+fn before_there_are_parameters_most_commands_are_rejected() {
+    let mut host = Host::new(None);
+    for command in [
+        Command::Arm,
+        Command::Start(Mode::Voltage),
+        Command::Stop,
+        Command::Acknowledge,
+        Command::SetVoltage(1.0),
+        Command::SetReference(f32::NAN),
+        Command::Query,
+        Command::Rest,
+        Command::Step([0.0].into_iter().collect()),
+        Command::Follow { mode: Mode::Voltage, targets: heapless_empty() },
+        Command::Reload,
+    ] {
+        assert_eq!(host.ask(command.clone()), Answer::Rejected(Reject::NoParameters), "{command:?}");
+    }
+    for command in [Command::Heartbeat, Command::Disarm, Command::Stream { every: 3 }] {
+        assert_eq!(host.ask(command.clone()), Answer::Done, "{command:?}");
+    }
+    assert_eq!(host.ask(Command::Drill(Drill::Panic)), Answer::Rejected(Reject::Unknown));
+    assert_eq!(host.ask(Command::Commit { length: 0 }), Answer::Rejected(Reject::Upload));
+    let Answer::Identity(identity) = host.ask(Command::Identify) else { panic!("no identity") };
+    let who = (identity.protocol, identity.schema, identity.board, identity.firmware.as_str());
+    assert_eq!(who, (VERSION, SCHEMA, 7, "1.2.3"));
+    let Answer::PanicMessage(message) = host.ask(Command::PanicMessage) else { panic!("no message") };
+    assert_eq!(message, "a panic");
+    // A cause that is latched over a reset is acknowledged once.
+    let mut host = Host::new(Some(Cause::Watchdog));
+    assert_eq!(host.state(), State::Tripped(Cause::Watchdog));
+    assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
+    assert_eq!(host.ask(Command::Acknowledge), Answer::Rejected(Reject::NoParameters));
+}
+
+fn heapless_empty<T, const N: usize>() -> dea_driver::heapless::Vec<T, N> {
+    dea_driver::heapless::Vec::new()
+}
+
+#[test]
+fn a_run_from_upload_to_disarm() {
+    let mut host = Host::with_parameters();
+    assert_eq!(host.bench.rate_hz, 1000.0);
+    assert_eq!(host.ask(Command::Query), Answer::Name("table3-n2".try_into().expect("short")));
+    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Refused(Refusal::State(State::Disarmed)));
+    assert_eq!(host.ask(Command::Stop), Answer::Refused(Refusal::State(State::Disarmed)));
+    assert_eq!(host.ask(Command::Acknowledge), Answer::Refused(Refusal::State(State::Disarmed)));
+    assert_eq!(host.ask(Command::Arm), Answer::Done);
+    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+    assert_eq!(host.ask(Command::SetVoltage(7000.0)), Answer::Rejected(Reject::Value));
+    assert_eq!(host.ask(Command::SetReference(f32::NAN)), Answer::Rejected(Reject::Value));
+    assert_eq!(host.ask(Command::SetVoltage(1000.0)), Answer::Done);
+    assert_eq!(host.ask(Command::Stream { every: 10 }), Answer::Done);
+    (0..100).for_each(|_| host.tick());
+    assert_eq!(host.bench.drive.dac_v, 1.0);
+    let records: Vec<u32> = std::iter::from_fn(|| host.bench.device.telemetry()).map(|record| record.tick).collect();
+    assert_eq!(records.len(), 10);
+    assert!(records.windows(2).all(|pair| pair[1] - pair[0] == 10));
+    // Parameters and loop tests are for a disabled amplifier.
+    let running = Answer::Refused(Refusal::State(State::Running));
+    host.upload(&blob());
+    assert_eq!(host.ask(Command::Commit { length: blob().len() as u16 }), running);
+    assert_eq!(host.ask(Command::Rest), running);
+    assert_eq!(host.ask(Command::Step([0.0].into_iter().collect())), running);
+    assert_eq!(host.ask(Command::Stop), Answer::Done);
+    assert_eq!(host.ask(Command::Disarm), Answer::Done);
+    // The cycles are those of the steps alone.
+    assert_eq!(host.ask(Command::Rest), Answer::Done);
+    let Answer::Steps { steps, cycles: 42 } = host.ask(Command::Step([500.0; 3].into_iter().collect())) else {
+        panic!("no steps")
+    };
+    assert_eq!(steps.len(), 3);
+}
+
+/// Each request counts as a heartbeat, whatever it asks for; nothing else does.
+#[test]
+fn every_request_is_a_heartbeat() {
+    for command in harmless() {
+        let mut host = Host::with_parameters();
+        assert_eq!(host.ask(Command::Arm), Answer::Done);
+        for _ in 0..4 {
+            (0..300).for_each(|_| host.tick());
+            host.ask(command.clone());
+        }
+        assert_eq!(host.state(), State::Armed, "{command:?}");
+        // 0.5 s at 1 kHz, from the last request on.
+        (0..500).for_each(|_| host.tick());
+        assert_eq!(host.bench.device.state(), State::Armed, "{command:?}");
+        // Damaged frames do not count.
+        for byte in [1, 2, 3, 0] {
+            host.session.serve(byte, &mut host.bench);
+        }
+        host.tick();
+        assert_eq!(host.bench.device.state(), State::Tripped(Cause::Heartbeat), "{command:?}");
+    }
+}
+
+#[test]
+fn parameters_are_kept_by_commit_and_run_by_try() {
+    let mut host = Host::with_parameters();
+    assert_eq!(host.ask(Command::Reload), Answer::Rejected(Reject::NoParameters), "try does not store");
+    host.upload(&blob());
+    assert_eq!(host.ask(Command::Commit { length: blob().len() as u16 }), Answer::Done);
+    assert_eq!(host.ask(Command::Reload), Answer::Done);
+    let mut damaged = blob();
+    damaged[50] ^= 1;
+    host.upload(&damaged);
+    assert_eq!(host.ask(Command::Try { length: damaged.len() as u16 }), Answer::Rejected(Reject::Blob));
+    host.upload(&damaged);
+    assert_eq!(host.ask(Command::Try { length: 12 }), Answer::Rejected(Reject::Upload));
+    assert_eq!(host.ask(Command::Reload), Answer::Done, "the stored ones stay");
+}
