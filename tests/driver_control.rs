@@ -13,7 +13,7 @@ use tests::{board_parameters, paper_force};
 struct Bench {
     controller: Controller,
     parameters: Parameters,
-    film: springpot::State<f64, <springpot::Compressed<f64> as springpot::Memory<f64>>::History>,
+    film: springpot::State<f64>,
     law: Law<f64>,
     drive: VoltageDrive<f64>,
     high_voltage_v: f64,
@@ -188,7 +188,7 @@ fn a_sensor_that_is_not_believed_does_not_limit_the_field() {
     let mut parameters = parameters();
     parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
     parameters.limits.max_field_v_per_m = 3e7;
-    parameters.actuator[5] = 29.0;
+    parameters.actuator.stretch_coupling = 29.0;
     let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
     let mut bench = Bench { parameters, controller, ..Bench::new() };
     bench.start(Mode::Voltage);

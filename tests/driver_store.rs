@@ -78,9 +78,15 @@ fn wrong_values_are_refused() {
         wrong_law("tail_error", &|p| p.law.tail_error = nan);
         wrong_law("fast", &|p| p.law.fast[11].1 = nan as f32);
         wrong_law("slow", &|p| p.law.slow[0].0 = nan as f32);
-        assert!(matches!(refused(&|p| p.actuator[3] = nan), BlobError::Actuator(ActuatorError::NotPositive { .. })));
-        assert!(matches!(refused(&|p| p.actuator[4] = nan), BlobError::Actuator(ActuatorError::Mass(_))));
-        assert!(matches!(refused(&|p| p.actuator[5] = nan), BlobError::Actuator(ActuatorError::Coupling(_))));
+        assert!(matches!(
+            refused(&|p| p.actuator.thickness_m = nan),
+            BlobError::Actuator(ActuatorError::NotPositive { .. })
+        ));
+        assert!(matches!(refused(&|p| p.actuator.mass_kg = nan), BlobError::Actuator(ActuatorError::Mass(_))));
+        assert!(matches!(
+            refused(&|p| p.actuator.stretch_coupling = nan),
+            BlobError::Actuator(ActuatorError::Coupling(_))
+        ));
         assert_eq!(refused(&|p| p.rate_hz = nan as f32), BlobError::Rate);
         assert!(matches!(refused(&|p| p.limits.max_voltage_v = nan as f32), BlobError::Limits(_)));
         assert!(matches!(refused(&|p| p.monitor.gain = nan as f32), BlobError::Calibration("monitor")));
@@ -96,7 +102,10 @@ fn wrong_values_are_refused() {
     // A sensor that is lost between two samples.
     assert!(matches!(refused(&|p| p.control.lost_after_s = 0.009), BlobError::Control(_)));
     // A coupling that pulls the film in within a step.
-    assert!(matches!(refused(&|p| p.actuator[5] = 1e9), BlobError::Actuator(ActuatorError::PullIn { .. })));
+    assert!(matches!(
+        refused(&|p| p.actuator.stretch_coupling = 1e9),
+        BlobError::Actuator(ActuatorError::PullIn { .. })
+    ));
 }
 
 #[test]

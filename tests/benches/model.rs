@@ -8,7 +8,7 @@ use divan::Bencher;
 use host_sim::agreement::relative_rms;
 use host_sim::replay::full_memory::FullMemory;
 use oxictl::pid::fractional::GrunwaldLeibniz;
-use springpot::{Compressed, Law, Maxwell, Memory, Options, Preset, Scalar, Springpot, State, Topology, Window};
+use springpot::{Law, Maxwell, Options, Preset, Scalar, Springpot, State, Topology, Window};
 use tests::paper_force;
 
 const RATE_HZ: f64 = 1000.0;
@@ -32,9 +32,7 @@ fn model(name: &str) -> Maxwell {
     Preset::named(preset).expect("a preset").model().expect("valid").with_topology(topology)
 }
 
-type History<T> = <Compressed<T> as Memory<T>>::History;
-
-fn step<T: Scalar>(bencher: Bencher<'_, '_>, name: &str, run: impl Fn(&Law<T>, &mut State<T, History<T>>, T) -> T) {
+fn step<T: Scalar>(bencher: Bencher<'_, '_>, name: &str, run: impl Fn(&Law<T>, &mut State<T>, T) -> T) {
     let law: Law<T> = Law::compressed(&model(name), Options::at_step(1.0 / RATE_HZ)).expect("valid");
     let force: Vec<T> = paper_force(1.0 / 7.0, 7.0, RATE_HZ).into_iter().map(T::from_f64).collect();
     let mut state = law.state();

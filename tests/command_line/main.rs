@@ -3,6 +3,7 @@
 mod bad_input;
 mod control_commands;
 mod degenerate_input;
+mod demo;
 mod export;
 mod fit_commands;
 mod replay_and_record;

@@ -205,13 +205,14 @@ fn documents_show_what_replay_prints() {
     assert_eq!(printed.lines().count(), 8);
     let texts: Vec<String> =
         documents::files().expect("readable").iter().map(|path| fs::read_to_string(path).expect("readable")).collect();
-    let lines: Vec<&str> = texts.iter().flat_map(|text| text.lines()).collect();
+    let shown = |name: &str| -> Vec<&str> {
+        texts.iter().flat_map(|text| text.lines()).filter(|line| line.starts_with(name)).collect()
+    };
     let numbers = |line: &str| line.split_whitespace().skip(1).map(number).collect::<Vec<f64>>();
     for line in printed.lines().filter(|line| line.starts_with("tests/recordings/")) {
         let name = line.split_whitespace().next().expect("a file");
-        let shown: Vec<&str> = lines.iter().copied().filter(|line| line.starts_with(name)).collect();
-        assert!(!shown.is_empty(), "no document shows what replay prints: {line}");
-        for other in shown {
+        assert!(!shown(name).is_empty(), "no document shows what replay prints: {line}");
+        for other in shown(name) {
             let (here, there) = (numbers(line), numbers(other));
             let close = here.iter().zip(&there).all(|(a, b)| (a - b).abs() <= 1e-3 * a.abs());
             assert!(here.len() == there.len() && close, "printed: {line}\nshown:   {other}");

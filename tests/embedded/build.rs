@@ -27,9 +27,9 @@ fn coefficients() -> Result<String, Box<dyn Error>> {
         Law::compressed(&model, options.with_horizon(3600.0).with_tolerance(1e-3))?;
     let leanest: Law<f32, Compressed<f32, 8, 16, 0>> =
         Law::compressed(&model, options.with_horizon(155.0).with_tolerance(1e-3))?;
-    let default = constant("DEFAULT", "12, 12, 24", &default.coefficients(model.mass_kg()));
-    let lean = constant("LEAN", "8, 14, 4", &lean.coefficients(model.mass_kg()));
-    Ok(default + &lean + &constant("LEANEST", "8, 16, 0", &leanest.coefficients(model.mass_kg())))
+    let default = constant("DEFAULT", "12, 12, 24", &default.coefficients());
+    let lean = constant("LEAN", "8, 14, 4", &lean.coefficients());
+    Ok(default + &lean + &constant("LEANEST", "8, 16, 0", &leanest.coefficients()))
 }
 
 fn constant<const H: usize, const F: usize, const S: usize>(

@@ -35,7 +35,7 @@ pub mod wire;
 
 pub use chips::{AdcError, Ads868x, Amplifier, AmplifierError, Drive};
 pub use control::{Controller, Inputs, Outputs};
-pub use parameters::{BLOB_LEN, Blob, BlobError, Control, LawNumbers, Parameters, SCHEMA, Store, StoreError};
+pub use parameters::{BLOB_LEN, Blob, BlobError, Control, Parameters, SCHEMA, Store, StoreError};
 pub use safety::{
     Cause, Limits, LimitsError, Monitor, MonitorLimits, OnSensorFault, Plausibility, PlausibilityLimits, Readings,
     Refusal, SensorFault, State, Supervisor, Tick,

@@ -12,6 +12,8 @@ pub const GRAVITY: f64 = 9.806_65;
 /// When the weight that stretches the film begins to act.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "kebab-case"))]
 pub enum Preload {
     /// The weight has hung for long and displacement is measured from there: it does not appear in the force.
     #[default]
@@ -21,8 +23,27 @@ pub enum Preload {
 }
 
 /// A dielectric elastomer actuator around its film: electrodes, weight, coupling. SI units.
+///
+/// ```
+/// use springpot::{Actuator, ActuatorError, Preload};
+///
+/// // Another film in the paper's frame: twice as thick, and thinning as it lengthens.
+/// let actuator = Actuator { thickness_m: 320e-6, stretch_coupling: 20.0, ..Actuator::KARNER_2022 };
+/// actuator.check()?;
+///
+/// // Eq. 1 at 6 kV: a quarter of the force of the thin film.
+/// let force_n = actuator.force_per_square_volt() * 6000.0 * 6000.0;
+/// assert!((force_n - 35.1).abs() < 0.1);
+///
+/// // The weight acts on the film only if it was hung on it at the start.
+/// assert_eq!(actuator.preload_n(), 0.0);
+/// assert!(Actuator { preload: Preload::FromStart, ..actuator }.preload_n() > 3.0);
+/// # Ok::<(), ActuatorError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Actuator {
     /// Relative permittivity ε_r of the film.
     pub relative_permittivity: f64,
@@ -32,13 +53,13 @@ pub struct Actuator {
     pub width_m: f64,
     /// Thickness l₃ of the film, m.
     pub thickness_m: f64,
-    /// The weight that hangs on the film, and its inertia, kg; nought in a test machine, which carries it.
+    /// The weight that hangs on the film, and its inertia, kg; zero in a test machine, which carries it.
     pub mass_kg: f64,
-    /// When the weight begins to act.
-    pub preload: Preload,
-    /// κ in 1/m: a film of constant volume and width thins as it lengthens, so that the force grows with 1 + κ x. Nought
+    /// κ in 1/m: a film of constant volume and width thins as it lengthens, so that the force grows with 1 + κ x. Zero
     /// is Eq. 1.
     pub stretch_coupling: f64,
+    /// When the weight begins to act.
+    pub preload: Preload,
 }
 
 impl Actuator {
@@ -49,8 +70,8 @@ impl Actuator {
         width_m: 0.06,
         thickness_m: 160e-6,
         mass_kg: 0.316,
-        preload: Preload::Settled,
         stretch_coupling: 0.0,
+        preload: Preload::Settled,
     };
 
     /// Electrostatic force per voltage squared at x = 0, `ε₀ ε_r l₁ l₂ / l₃²` (Eq. 1), in N/V².
@@ -59,7 +80,7 @@ impl Actuator {
         EPSILON_0 * self.relative_permittivity * self.length_m * self.width_m / (self.thickness_m * self.thickness_m)
     }
 
-    /// The weight's share of the force on the film, N: m g from the start, or nought if it has settled.
+    /// The weight's share of the force on the film, N: m g from the start, or zero if it has settled.
     #[must_use]
     pub fn preload_n(&self) -> f64 {
         match self.preload {
@@ -68,7 +89,7 @@ impl Actuator {
         }
     }
 
-    /// Refuses what makes no actuator.
+    /// Checks the values.
     ///
     /// # Errors
     ///
@@ -96,7 +117,7 @@ impl Actuator {
 
 /// A force that depends on where the film is: `force + slope · x`.
 ///
-/// A slope above nought pulls harder the further the film is stretched, as the electrostatic force does.
+/// With a positive slope the force grows as the film lengthens, as the electrostatic force does.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load<T> {
     /// Force at x = 0, N.
@@ -106,6 +127,24 @@ pub struct Load<T> {
 }
 
 /// Eq. 1 both ways, as it runs in a step: voltage → force, force → voltage.
+///
+/// ```
+/// use springpot::{Actuator, Law, Options, Preset, VoltageDrive};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let law: Law<f32> = Law::compressed(&Preset::named("table3-n2").unwrap().model()?, Options::at_step(1e-3))?;
+/// let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.stiffness())?;
+///
+/// let load = drive.load(3000.0);
+/// assert!((drive.voltage(load.force, 0.0) - 3000.0).abs() < 1e-2);
+///
+/// // Either sign lengthens the film, voltages are clamped to the largest, and no voltage shortens the film.
+/// assert_eq!(drive.load(-3000.0), load);
+/// assert_eq!(drive.load(9000.0), drive.load(6000.0));
+/// assert_eq!(drive.voltage(-1.0, 0.0), 0.0);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoltageDrive<T> {
     force_per_square_volt: T,
@@ -120,9 +159,9 @@ impl<T: Real> VoltageDrive<T> {
     ///
     /// # Errors
     ///
-    /// [`ActuatorError`] for an actuator or a voltage that makes no sense, and where the coupling's pull at that voltage
-    /// comes near the stiffness of one step, so that a step has no answer. A film creeps towards far less stiffness than
-    /// that of one step: a weaker coupling can still pull it in over many steps, and the run shows it.
+    /// [`ActuatorError`] for values that are not finite and positive, and for pull-in: the coupling's pull at that voltage
+    /// reaches 99 % of the stiffness of one step, so that a step has no solution. A film creeps towards far less stiffness
+    /// than that of one step; a weaker coupling can still pull it in over many steps, which the run shows.
     pub fn new(actuator: &Actuator, max_voltage_v: f64, stiffness: T) -> Result<Self, ActuatorError> {
         actuator.check()?;
         if !(max_voltage_v.is_finite() && max_voltage_v > 0.0) {
@@ -133,7 +172,7 @@ impl<T: Real> VoltageDrive<T> {
             return Err(ActuatorError::NotPositive { quantity: "force at max_voltage_v", value: largest });
         }
         let (pull, stiffness) = (largest * actuator.stretch_coupling, stiffness.to_f64());
-        // A hundredth is left for rounding: the solve divides by what remains.
+        // One percent is left for rounding: the solve divides by the difference.
         if pull > 0.99 * stiffness {
             return Err(ActuatorError::PullIn { pull, stiffness });
         }
@@ -145,7 +184,7 @@ impl<T: Real> VoltageDrive<T> {
         })
     }
 
-    /// The load of `voltage` (V, either sign; limited to the largest), weight included.
+    /// The load of `voltage` (V, either sign; clamped to the largest), weight included.
     #[inline]
     #[must_use]
     pub fn load(&self, voltage: T) -> Load<T> {
@@ -161,7 +200,7 @@ impl<T: Real> VoltageDrive<T> {
     }
 
     /// The voltage (V, ≥ 0) that exerts `force` (N, weight included) on the film at `displacement` (m); 0 V for forces
-    /// that electrostatics cannot give. Not limited to the largest voltage.
+    /// below that of 0 V. Not clamped to the largest voltage.
     #[inline]
     #[must_use]
     pub fn voltage(&self, force: T, displacement: T) -> T {

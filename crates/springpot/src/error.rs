@@ -1,4 +1,4 @@
-//! What can be wrong with a model, a law or an actuator. Nothing can be wrong with a step.
+//! Why a model, a law, an actuator or a control was refused. A step has no errors.
 
 use core::fmt;
 
@@ -9,7 +9,7 @@ use core::fmt;
 pub enum Element {
     /// The springpot beside the branches.
     Main,
-    /// Element `element` (0 or 1) of branch `branch`, both counted from nought.
+    /// Element `element` (0 or 1) of branch `branch`, both counted from 0.
     Branch {
         /// Which branch.
         branch: usize,
@@ -34,7 +34,7 @@ impl fmt::Display for Element {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ModelError {
-    /// A coefficient c that is not finite or not greater than nought (N·s^α/m).
+    /// A coefficient c that is not finite or not greater than 0 (N·s^α/m).
     Coefficient {
         /// Whose.
         element: Element,
@@ -78,7 +78,7 @@ impl core::error::Error for ModelError {}
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum LawError {
-    /// A step that is not finite or not greater than nought (s).
+    /// A step that is not finite or not greater than 0 (s).
     Step(f64),
     /// A memory horizon that is not finite or not longer than twice the head.
     Horizon {
@@ -87,25 +87,25 @@ pub enum LawError {
         /// Length of the head, s.
         head_s: f64,
     },
-    /// A tolerance that is not greater than nought.
+    /// A tolerance that is not greater than 0.
     Tolerance(f64),
-    /// The tail cannot follow the model as closely as asked: give more modes, a shorter horizon or a larger tolerance.
+    /// The tail misses the tolerance: use more modes, a shorter horizon or a larger tolerance.
     ToleranceMissed {
         /// Largest error of the relaxation modulus that was reached, relative to the modulus at that time scale.
         reached: f64,
         /// What was asked for.
         asked: f64,
     },
-    /// Fewer modes than the model has springs and plain relaxation times, which must be exact.
+    /// Fewer modes than the model has springs and discrete relaxation times, which must be exact.
     TooFewModes {
         /// Modes of the law.
         modes: usize,
         /// Modes needed at the least.
         needed: usize,
     },
-    /// Nothing to solve: within the number type the force per step of displacement is nought or infinite.
+    /// Nothing to solve: the force per step of displacement is 0 or infinite in the number type.
     NothingToSolve,
-    /// A number of a law that no film has: not finite, negative, or a mode that grows.
+    /// A coefficient that no film has: non-finite, negative, or of a mode that grows.
     Coefficient(&'static str),
     /// No samples were given for a window.
     EmptyWindow,
@@ -153,7 +153,7 @@ impl core::error::Error for LawError {}
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ActuatorError {
-    /// A quantity that is not finite or not greater than nought; the name carries its unit.
+    /// A quantity that is not finite or not greater than 0; the name carries its unit.
     NotPositive {
         /// Name of the quantity.
         quantity: &'static str,
@@ -164,7 +164,7 @@ pub enum ActuatorError {
     Mass(f64),
     /// A stretch coupling that is not finite or is negative (1/m).
     Coupling(f64),
-    /// The pull of the coupling would overcome the film's stiffness of one step: pull-in at once.
+    /// Pull-in within one step: the electrostatic pull exceeds the film's stiffness of one step.
     PullIn {
         /// Stiffness of the electrostatic pull at the largest voltage, N/m.
         pull: f64,
@@ -194,43 +194,42 @@ impl fmt::Display for ActuatorError {
 
 impl core::error::Error for ActuatorError {}
 
-/// Why a law of control was refused.
+/// Why a [`Feedforward`](crate::Feedforward), [`Observer`](crate::Observer) or [`Tracking`](crate::Tracking) was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum ControlError {
     /// The actuator was refused at the largest voltage.
     Actuator(ActuatorError),
-    /// A quantity that is not finite or not greater than nought; the name carries its unit.
+    /// A quantity that is not finite or not greater than 0; the name carries its unit.
     NotPositive {
         /// Name of the quantity.
         quantity: &'static str,
         /// The value.
         value: f64,
     },
-    /// A bandwidth that the sensor is too slow for: in the time from one sample to the next and until it arrives, the
-    /// correction would turn too far.
+    /// A bandwidth that is too high for the sensor: interval and delay of its samples would cost too much phase margin.
     SensorTooSlow {
         /// The bandwidth, Hz.
         bandwidth_hz: f64,
         /// The largest one for this sensor, Hz.
         largest_hz: f64,
     },
-    /// A sensor whose samples come later than the observer remembers its predictions.
+    /// A delay of the sensor that is longer than the observer's memory of predictions.
     SensorTooLate {
         /// Delay in ticks.
         ticks: usize,
-        /// Most ticks that are remembered.
+        /// Largest delay that is remembered, ticks.
         most: usize,
     },
-    /// A sensor that would count as lost between two of its samples.
+    /// A sensor that would count as lost between two samples.
     LostBetweenSamples {
-        /// After so long without a sample it would count as lost, s.
+        /// Time without a sample after which it counts as lost, s.
         lost_after_s: f64,
         /// Time between samples, s.
         sample_interval_s: f64,
     },
-    /// A bandwidth at which the model no longer resists like a spring: inertia has taken over.
+    /// A bandwidth above the model's resonance, where inertia dominates its stiffness.
     AboveResonance {
         /// The bandwidth, Hz.
         bandwidth_hz: f64,

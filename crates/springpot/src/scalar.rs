@@ -11,10 +11,10 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 pub trait Scalar:
     Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// Nought.
+    /// Zero.
     const ZERO: Self;
 
-    /// The nearest number of this type; derivatives, where the type has them, are nought.
+    /// The nearest number of this type; derivatives, where the type has them, are zero.
     fn from_f64(value: f64) -> Self;
 
     /// The value as `f64`, without derivatives: what is checked when a law is built.
@@ -49,14 +49,15 @@ impl Scalar for f32 {
         f64::from(self)
     }
 }
-/// A [`Scalar`] that can be compared and has a square root: what forces become voltages in.
+
+/// A [`Scalar`] with comparison and a square root, which the conversion from force to voltage needs.
 pub trait Real: Scalar + PartialOrd {
     /// The square root, for values ≥ 0.
     ///
-    /// Correctly rounded, unless the feature `micromath` is on: then for `f32` micromath's estimate with two of Heron's
-    /// steps, off by 2e-6 at the most (1.6e-6 measured over all mantissas). From force to voltage that takes 34 instructions
-    /// instead of 68 on a Cortex-M4F, but 1 260 instead of 859 on a Cortex-M0, which has no divider: leave it off there.
-    /// It never enters a law.
+    /// Correctly rounded, unless the feature `micromath` is on: then for `f32` micromath's estimate with two Heron
+    /// steps, with a relative error of at most 2e-6 (1.6e-6 measured over all mantissas). Force to voltage then takes 34
+    /// instructions instead of 68 on a Cortex-M4F, but 1 260 instead of 859 on a Cortex-M0, which has no divider: leave it
+    /// off there. No law uses it.
     #[must_use]
     fn sqrt(self) -> Self;
 }

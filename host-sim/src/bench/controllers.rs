@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use clap::ValueEnum;
 use springpot::{
     Actuator, Applied, CommandLimits, Feedforward, FeedforwardState, Law, Limited, Memory, ObserverOptions, Real,
-    Sample, Tracking, TrackingState, Window, WindowHistory,
+    Sample, Tracking, TrackingState, Window,
 };
 
 use crate::error::{Error, Result};
@@ -124,7 +124,7 @@ pub fn build<T: Real + Send + 'static>(
             let rest = law.state(vec![T::ZERO; length])?;
             let feedforward = Feedforward::new(law, &actuator, limits)?;
             let state = feedforward.state(rest);
-            Box::new(Inverse::<T, Window<T, Vec<T>>, WindowHistory<T, Vec<T>>> { feedforward, state })
+            Box::new(Inverse { feedforward, state })
         }
         Kind::Pi => {
             let gains = springpot::Observer::<T>::new(law, &actuator, limits.max_voltage_v, settings.observer)
@@ -262,12 +262,12 @@ fn of_type<T: Real>(applied: Applied<f64>) -> Applied<T> {
     Applied { commanded: T::from_f64(applied.commanded), reading: applied.reading.map(T::from_f64) }
 }
 
-struct Inverse<T: Real, M: Memory<T, History = H>, H> {
+struct Inverse<T: Real, M: Memory<T>> {
     feedforward: Feedforward<T, M>,
-    state: FeedforwardState<T, H>,
+    state: FeedforwardState<T, M>,
 }
 
-impl<T: Real, M: Memory<T, History = H>, H> Controller for Inverse<T, M, H> {
+impl<T: Real, M: Memory<T>> Controller for Inverse<T, M> {
     fn tick(&mut self, applied: Applied<f64>, _: Option<Sample<f64>>, reference_m: f64) -> Output {
         let estimate = self.feedforward.apply(&mut self.state, of_type(applied));
         let command = self.feedforward.command(&mut self.state, T::from_f64(reference_m));
@@ -283,7 +283,7 @@ impl<T: Real, M: Memory<T, History = H>, H> Controller for Inverse<T, M, H> {
 
 struct Tracked<T: Real> {
     tracking: Tracking<T>,
-    state: TrackingState<T, <springpot::Compressed<T> as Memory<T>>::History>,
+    state: TrackingState<T>,
 }
 
 impl<T: Real> Controller for Tracked<T> {

@@ -3,6 +3,7 @@
 mod closed_loop;
 mod compare;
 mod convert;
+mod demo;
 mod export;
 mod feedforward;
 mod fit;
@@ -44,6 +45,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Do everything once: fit recordings, replay them, follow a sine; three simulated recordings if none are given.
+    Demo(demo::Arguments),
     /// Compute the response to a recorded input.
     Simulate(simulate::Arguments),
     /// Compute the response to recorded inputs and compare it with what was measured.
@@ -116,6 +119,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
     };
     interrupt::install();
     match cli.command {
+        Command::Demo(arguments) => demo::run(&arguments, cli.json),
         Command::Simulate(arguments) => simulate::run(&arguments, cli.json),
         Command::Replay(arguments) => replay::run(&arguments, cli.json),
         Command::Fit(arguments) => fit::run(&arguments, cli.json),

@@ -38,7 +38,7 @@ enum Drive {
 
 /// One recording's agreement. RMSE is in m, or in N where displacement drives.
 #[derive(Serialize)]
-struct Row {
+pub(super) struct Row {
     file: String,
     r2: f64,
     nrmse_pct: f64,
@@ -50,9 +50,32 @@ struct Row {
 }
 
 #[derive(Serialize)]
-struct Report {
-    recordings: Vec<Row>,
-    r2_mean: f64,
+pub(super) struct Report {
+    pub(super) recordings: Vec<Row>,
+    pub(super) r2_mean: f64,
+}
+
+impl Row {
+    /// The agreement of a run that was driven by voltage or force, as the displacement sensor reads it.
+    pub(super) fn of_displacement(
+        recording: &Recording,
+        parameters: &Parameters,
+        response: &Response,
+        grid: Grid,
+    ) -> Result<Self> {
+        let measured = recording.displacement()?;
+        let modelled = grid.at(&response.displacement_m, &measured.time_s);
+        let read: Vec<f64> = modelled.iter().map(|x| x + parameters.sensor_offset_m).collect();
+        let Agreement { r2, nrmse_pct, rmse, samples } = Agreement::of(&measured.value, &read);
+        Ok(Self { file: shown(recording.path()), r2, nrmse_pct, rmse_m: Some(rmse), rmse_n: None, samples })
+    }
+}
+
+impl Report {
+    pub(super) fn of(recordings: Vec<Row>) -> Self {
+        let r2_mean = recordings.iter().map(|row| row.r2).sum::<f64>() / recordings.len() as f64;
+        Self { recordings, r2_mean }
+    }
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -104,8 +127,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     }
     bar.finish_and_clear();
     written.into_iter().try_for_each(Staged::commit)?;
-    let r2_mean = rows.iter().map(|row| row.r2).sum::<f64>() / rows.len() as f64;
-    let report = Report { recordings: rows, r2_mean };
+    let report = Report::of(rows);
     terminal::report(json, &report, || table(&report))
 }
 
@@ -170,7 +192,7 @@ fn stage(path: &Path, drive: Drive, response: &Response, grid: Grid, measured: &
     response.stage(path, grid, &[(name, Some(&measured))])
 }
 
-fn table(report: &Report) -> String {
+pub(super) fn table(report: &Report) -> String {
     let rows = &report.recordings;
     let width = rows.iter().map(|row| row.file.chars().count()).max().unwrap_or(0).max(9);
     let unit = if rows.iter().any(|row| row.rmse_n.is_some()) { "mN" } else { "µm" };

@@ -88,6 +88,11 @@ impl Staged {
         Ok(Self { file, path, half_written })
     }
 
+    /// Where the file will be.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Puts the file at its place.
     ///
     /// # Errors

@@ -80,7 +80,7 @@ fn windowed<T: Real>(
 /// The calls of a controller, tick by tick.
 fn follow<T: Real, M: Memory<T>>(
     feedforward: &Feedforward<T, M>,
-    rest: State<T, M::History>,
+    rest: State<T, M>,
     reference: &[f64],
     progress: &ProgressBar,
 ) -> Commands {

@@ -218,7 +218,7 @@ pub fn compressed_law<T: Real>(model: &Maxwell, rate_hz: f64) -> Result<Law<T, C
 /// Steps `law` along `drive`: the same calls as on the controller.
 fn step_through<T: Real, M: Memory<T>>(
     law: &Law<T, M>,
-    mut state: State<T, M::History>,
+    mut state: State<T, M>,
     actuator: &Actuator,
     drive: &Drive,
     progress: &ProgressBar,

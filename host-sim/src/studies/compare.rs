@@ -166,7 +166,7 @@ fn nanoseconds(mut run: impl FnMut()) -> f64 {
 fn law_step_ns<M: Memory<f32>>(
     law: &Law<f32, M>,
     actuator: &Actuator,
-    state: impl Fn() -> springpot::State<f32, M::History>,
+    state: impl Fn() -> springpot::State<f32, M>,
 ) -> Result<f64> {
     let drive = VoltageDrive::new(actuator, 6000.0, law.stiffness())?;
     Ok(nanoseconds(|| {

@@ -7,70 +7,8 @@ use host_sim::grid::Grid;
 use host_sim::replay::full_memory::FullMemory;
 use host_sim::replay::simulate::{self, MemoryChoice, Precision, RunOptions};
 use indicatif::ProgressBar;
-use springpot::Maxwell;
+use tests::defining_sum::{displacement_by_the_sum, modulus_series};
 use tests::{hard_models, paper_force, presets, random_models};
-
-/// K(ζ) by power series, in the plainest way: every springpot is a binomial series, chains are divided out term by term.
-fn modulus_series(model: &Maxwell, step: f64, terms: usize) -> Vec<f64> {
-    let binomial = |order: f64| -> Vec<f64> {
-        let mut weight = 1.0;
-        (1..=terms)
-            .map(|j| {
-                let this = weight;
-                weight *= (j as f64 - 1.0 - order) / j as f64;
-                this
-            })
-            .collect()
-    };
-    let scaled = |factor: f64, order: f64| -> Vec<f64> { binomial(order).iter().map(|w| factor * w).collect() };
-    let add = |sum: &mut [f64], terms: Vec<f64>| sum.iter_mut().zip(terms).for_each(|(s, t)| *s += t);
-    let reciprocal = |series: &[f64]| -> Vec<f64> {
-        let mut out = vec![1.0 / series[0]];
-        for k in 1..terms {
-            let convolution: f64 = (1..=k).map(|i| series[i] * out[k - i]).sum();
-            out.push(-convolution / series[0]);
-        }
-        out
-    };
-
-    let mut modulus = scaled(model.main().c * step.powf(-model.main().alpha), model.main().alpha);
-    let compliance_of = |pairs: &[[springpot::Springpot; 2]]| {
-        let mut compliance = vec![0.0; terms];
-        for element in pairs.as_flattened() {
-            add(&mut compliance, scaled(step.powf(element.alpha) / element.c, -element.alpha));
-        }
-        compliance
-    };
-    if !model.branches().is_empty() {
-        match model.topology() {
-            springpot::Topology::Eq11 => {
-                let harmonic = reciprocal(&compliance_of(model.branches()));
-                let n = model.branches().len() as f64;
-                add(&mut modulus, harmonic.iter().map(|k| n * k).collect());
-            }
-            springpot::Topology::Parallel => {
-                for pair in model.branches() {
-                    add(&mut modulus, reciprocal(&compliance_of(std::slice::from_ref(pair))));
-                }
-            }
-        }
-    }
-    // Inertia: m ((1 − ζ)/h)².
-    for (j, factor) in [1.0, -2.0, 1.0].into_iter().enumerate() {
-        modulus[j] += model.mass_kg() * factor / (step * step);
-    }
-    modulus
-}
-
-/// x from F = Σ κ_j x_{k−j}, and F from x: N² operations each.
-fn by_the_sum(modulus: &[f64], force: &[f64]) -> Vec<f64> {
-    let mut x: Vec<f64> = Vec::new();
-    for (k, f) in force.iter().enumerate() {
-        let past: f64 = (1..=k).map(|j| modulus[j] * x[k - j]).sum();
-        x.push((f - past) / modulus[0]);
-    }
-    x
-}
 
 #[test]
 fn fft_agrees_with_the_defining_sum() {
@@ -80,7 +18,7 @@ fn fft_agrees_with_the_defining_sum() {
     let fast = FullMemory::with_oversampling(force.len(), 1.0 / rate_hz, 2);
     for (name, model) in presets().into_iter().chain(random_models(11, 30)).chain(hard_models()) {
         let modulus = modulus_series(&model, 1.0 / rate_hz, force.len());
-        let exact = by_the_sum(&modulus, &force);
+        let exact = displacement_by_the_sum(&modulus, &force);
         let error = relative_rms(&full.displacement(&model, &force), &exact);
         // The reciprocal series of weak branches lose digits themselves, hence not 1e-12.
         assert!(error < 2e-11, "{name}: {error:.1e}");

@@ -129,14 +129,9 @@ fn modes(modes: impl Iterator<Item = (f32, f32)>) -> Checksum {
 }
 
 /// Steps both directions, on data as they occur: a force of up to 100 N, a displacement of up to 1 mm.
-fn step<M>(
-    report: &mut impl Report,
-    name: impl Fn(&'static str) -> Name,
-    law: &Law<f32, M>,
-    rest: &State<f32, M::History>,
-) where
-    M: Memory<f32>,
-    M::History: Clone,
+fn step<M>(report: &mut impl Report, name: impl Fn(&'static str) -> Name, law: &Law<f32, M>, rest: &State<f32, M>)
+where
+    M: Memory<f32, History: Clone>,
 {
     let square = |k: u16| f32::from(k) * f32::from(k);
     let mut run = |what, step: &mut dyn FnMut(u16) -> f32| {
@@ -186,11 +181,11 @@ fn repeat(mut step: impl FnMut(f32) -> f32) {
 }
 
 #[inline(never)]
-fn creep<M: Memory<f32>>(law: &Law<f32, M>, state: &mut State<f32, M::History>, force: f32) -> f32 {
+fn creep<M: Memory<f32>>(law: &Law<f32, M>, state: &mut State<f32, M>, force: f32) -> f32 {
     law.displacement(state, force)
 }
 
 #[inline(never)]
-fn relaxation<M: Memory<f32>>(law: &Law<f32, M>, state: &mut State<f32, M::History>, displacement: f32) -> f32 {
+fn relaxation<M: Memory<f32>>(law: &Law<f32, M>, state: &mut State<f32, M>, displacement: f32) -> f32 {
     law.force(state, displacement)
 }

@@ -5,10 +5,9 @@ use core::hint::black_box;
 use dea_driver::chips::{AdcCode, Calibration, CommandRange, DacCode};
 use dea_driver::wire::{Command, Mode};
 use dea_driver::{
-    Blob, Control, Controller, Inputs, LawNumbers, Limits, MonitorLimits, OnSensorFault, Outputs, Parameters,
-    PlausibilityLimits,
+    Blob, Control, Controller, Inputs, Limits, MonitorLimits, OnSensorFault, Outputs, Parameters, PlausibilityLimits,
 };
-use springpot::{Actuator, Law, Maxwell, Options};
+use springpot::{Actuator, Coefficients, Law, Maxwell, Options};
 
 use crate::{Checksum, Name, Report, STEPS};
 
@@ -20,7 +19,7 @@ pub fn run(report: &mut impl Report, name: Name, model: &Maxwell) {
 }
 
 #[inline(never)]
-fn bits(report: &mut impl Report, name: Name, law: &LawNumbers) {
+fn bits(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
     let mut controller = running(law);
     let mut checksum = Checksum::default();
     ticks(&mut controller, |outputs| {
@@ -32,7 +31,7 @@ fn bits(report: &mut impl Report, name: Name, law: &LawNumbers) {
 }
 
 #[inline(never)]
-fn cost(report: &mut impl Report, name: Name, law: &LawNumbers) {
+fn cost(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
     let mut controller = running(law);
     let keep = |outputs: Outputs| {
         black_box(outputs.command);
@@ -44,22 +43,22 @@ fn cost(report: &mut impl Report, name: Name, law: &LawNumbers) {
 
 /// A controller on the bench, tracking.
 #[inline(never)]
-pub fn running(law: &LawNumbers) -> Controller {
+pub fn running(law: &Coefficients<f32>) -> Controller {
     let mut controller = Controller::new(blob(law));
     start(&mut controller);
     controller
 }
 
 #[inline(never)]
-fn blob(law: &LawNumbers) -> Blob {
+fn blob(law: &Coefficients<f32>) -> Blob {
     let Ok(blob) = Blob::new(parameters(law.clone())) else { panic!("the bench is refused") };
     blob
 }
 
 #[inline(never)]
-fn law(model: &Maxwell) -> LawNumbers {
+fn law(model: &Maxwell) -> Coefficients<f32> {
     let Ok(law) = Law::compressed(model, Options::at_step(1e-3)) else { panic!("the law is refused") };
-    LawNumbers::of(&law)
+    law.coefficients()
 }
 
 /// Arms and starts it, after what the sensors say at rest.
@@ -93,21 +92,12 @@ pub fn inputs(command: DacCode) -> Inputs {
     Inputs { interlock_closed: true, monitor: Some(AdcCode(monitor)), displacement: Some(AdcCode(5120)) }
 }
 
-fn parameters(law: LawNumbers) -> Parameters {
-    let actuator = Actuator::KARNER_2022;
+fn parameters(law: Coefficients<f32>) -> Parameters {
     Parameters {
         name: heapless::String::new(),
         rate_hz: 1000.0,
         law,
-        actuator: [
-            actuator.relative_permittivity,
-            actuator.length_m,
-            actuator.width_m,
-            actuator.thickness_m,
-            actuator.mass_kg,
-            actuator.stretch_coupling,
-        ],
-        from_start: false,
+        actuator: Actuator::KARNER_2022,
         sensor_offset_m: 0.0,
         command_range: CommandRange::TenVolts,
         amplifier: Calibration { offset: 0.0, gain: 1000.0, quadratic: -1.0 },

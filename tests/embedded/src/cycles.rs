@@ -10,20 +10,22 @@ use chip_program::tick;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::debug::{self, EXIT_SUCCESS};
 use dea_driver::chips::DacCode;
-use dea_driver::{Controller, LawNumbers};
+use dea_driver::Controller;
 use panic_semihosting as _;
 use springpot::{
-    Actuator, Applied, Coefficients, CommandLimits, Compressed, CompressedHistory, Feedforward, FeedforwardState, Law,
+    Actuator, Applied, Coefficients, CommandLimits, Compressed, Feedforward, FeedforwardState, Law,
     Observer, ObserverOptions, ObserverState, Sample, State, Tracking, TrackingState, VoltageDrive,
 };
 
 include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
 
-type History = CompressedHistory<f32, 12, 12, 24>;
+const STEP_S: f64 = 1e-3;
+const MASS_KG: f64 = Actuator::KARNER_2022.mass_kg;
+
 type LeanLaw = Law<f32, Compressed<f32, 8, 14, 4>>;
 type LeanestLaw = Law<f32, Compressed<f32, 8, 16, 0>>;
-type LeanestState = State<f32, CompressedHistory<f32, 8, 16, 0>>;
-type LeanState = State<f32, CompressedHistory<f32, 8, 14, 4>>;
+type LeanestState = State<f32, Compressed<f32, 8, 16, 0>>;
+type LeanState = State<f32, Compressed<f32, 8, 14, 4>>;
 
 /// Calls a function of this name, whose instructions the trace tells by it; the last call counts.
 macro_rules! kernel {
@@ -57,15 +59,15 @@ fn applied() -> Applied<f32> {
 
 #[entry]
 fn main() -> ! {
-    let law: Law<f32> = built(Law::from_coefficients(&DEFAULT));
-    let lean: LeanLaw = built(Law::from_coefficients(&LEAN));
+    let law: Law<f32> = built(Law::from_coefficients(&DEFAULT, STEP_S, MASS_KG));
+    let lean: LeanLaw = built(Law::from_coefficients(&LEAN, STEP_S, MASS_KG));
     let film = || (law.clone(), law.state());
-    kernel!(creep_12_36, |law: Law<f32>, film: State<f32, History>| law.displacement(film, black_box(10.0)), film());
-    kernel!(relaxation_12_36, |law: Law<f32>, film: State<f32, History>| law.force(film, black_box(1e-4)), film());
+    kernel!(creep_12_36, |law: Law<f32>, film: State<f32>| law.displacement(film, black_box(10.0)), film());
+    kernel!(relaxation_12_36, |law: Law<f32>, film: State<f32>| law.force(film, black_box(1e-4)), film());
     let film = || (lean.clone(), lean.state());
     kernel!(creep_8_18, |law: LeanLaw, film: LeanState| law.displacement(film, black_box(10.0)), film());
     kernel!(relaxation_8_18, |law: LeanLaw, film: LeanState| law.force(film, black_box(1e-4)), film());
-    let leanest: LeanestLaw = built(Law::from_coefficients(&LEANEST));
+    let leanest: LeanestLaw = built(Law::from_coefficients(&LEANEST, STEP_S, MASS_KG));
     let film = || (leanest.clone(), leanest.state());
     kernel!(creep_8_16, |law: LeanestLaw, film: LeanestState| law.displacement(film, black_box(10.0)), film());
     kernel!(relaxation_8_16, |law: LeanestLaw, film: LeanestState| law.force(film, black_box(1e-4)), film());
@@ -79,7 +81,7 @@ fn main() -> ! {
     let state = config.state(law.state());
     kernel!(
         feedforward,
-        |config: Feedforward<f32>, state: FeedforwardState<f32, History>| {
+        |config: Feedforward<f32>, state: FeedforwardState<f32>| {
             config.apply(state, applied());
             config.command(state, black_box(1e-4))
         },
@@ -89,20 +91,20 @@ fn main() -> ! {
     let state = config.state(law.state());
     kernel!(
         observer,
-        |config: Observer<f32>, state: ObserverState<f32, History>| config.observe(state, black_box(1000.0), sample()),
+        |config: Observer<f32>, state: ObserverState<f32>| config.observe(state, black_box(1000.0), sample()),
         (config, state)
     );
     let config: Tracking<f32> = built(Tracking::new(law.clone(), actuator, limits, options));
     let state = config.state(law.state());
     kernel!(
         tracking,
-        |config: Tracking<f32>, state: TrackingState<f32, History>| {
+        |config: Tracking<f32>, state: TrackingState<f32>| {
             config.observe(state, applied(), sample());
             config.command(state, black_box(1e-4))
         },
         (config, state)
     );
-    let controller = tick::running(&LawNumbers::of(&law));
+    let controller = tick::running(&DEFAULT);
     kernel!(
         tick,
         |command: DacCode, controller: Controller| controller.tick(black_box(tick::inputs(*command))),

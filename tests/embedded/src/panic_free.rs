@@ -29,11 +29,8 @@ fn built<T>() -> &'static mut T {
     unsafe { &mut *black_box(0x2000_0000 as *mut T) }
 }
 
-fn step<M: Memory<f32> + 'static>()
-where
-    M::History: 'static,
-{
-    let (law, state) = (built::<Law<f32, M>>(), built::<State<f32, M::History>>());
+fn step<M: Memory<f32, History: 'static> + 'static>() {
+    let (law, state) = (built::<Law<f32, M>>(), built::<State<f32, M>>());
     let drive = built::<VoltageDrive<f32>>();
     let load = drive.load(black_box(1.0));
     let x = law.displacement_under(state, load);

@@ -1,13 +1,11 @@
 //! The control tick, and what a host can ask of it.
 
-use springpot::{Applied, Compressed, Limited, Memory, Sample as SensorSample, State, Tracking, TrackingState};
+use springpot::{Applied, Limited, Sample as SensorSample, State, Tracking, TrackingState};
 
 use crate::chips::{AdcCode, DacCode};
 use crate::parameters::{Blob, Parameters};
 use crate::safety::{Cause, Readings, Refusal, Supervisor};
 use crate::wire::{Answer, Command, Followed, Mode, Reject, Sample, Step, Target};
-
-type History = <Compressed<f32> as Memory<f32>>::History;
 
 /// Time in which a new target is reached at the most, s.
 const RAMP_S: f32 = 0.05;
@@ -45,7 +43,7 @@ pub struct Controller {
     supervisor: Supervisor,
     tracking: Tracking<f32>,
     /// The film as the ticks know it, and where it is led.
-    course: TrackingState<f32, History>,
+    course: TrackingState<f32>,
     sampler: Sampler,
     mode: Mode,
     /// Whether the law commanded the voltage in the last tick, or has been started since.
@@ -60,8 +58,8 @@ pub struct Controller {
 /// Films of their own that a host steps, without hardware.
 #[derive(Clone, Debug)]
 struct LoopTest {
-    film: State<f32, History>,
-    course: TrackingState<f32, History>,
+    film: State<f32>,
+    course: TrackingState<f32>,
     /// The voltage that was commanded last, V.
     voltage_v: f32,
 }
@@ -263,7 +261,7 @@ impl Controller {
     /// How the force grows with the stroke, 1/m.
     #[allow(clippy::cast_possible_truncation)] // as the laws have it
     fn coupling(&self) -> f32 {
-        self.parameters.actuator[5] as f32
+        self.parameters.actuator.stretch_coupling as f32
     }
 
     /// Whether the model may be stepped by hand: 0 V, amplifier disabled.

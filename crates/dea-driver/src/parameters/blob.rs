@@ -7,8 +7,7 @@ use core::fmt;
 use heapless::String;
 use serde::{Deserialize, Serialize};
 use springpot::{
-    Actuator, ActuatorError, Coefficients, CommandLimits, ControlError, Law, LawError, ObserverOptions, Preload,
-    Tracking,
+    Actuator, ActuatorError, Coefficients, CommandLimits, ControlError, Law, LawError, ObserverOptions, Tracking,
 };
 
 use crate::chips::{AdcCode, Calibration, CommandRange};
@@ -34,12 +33,10 @@ pub struct Parameters {
     pub name: String<32>,
     /// Ticks per second.
     pub rate_hz: f32,
-    /// The film at that rate.
-    pub law: LawNumbers,
-    /// Relative permittivity, length, width and thickness (m), mass (kg), stretch coupling (1/m).
-    pub actuator: [f64; 6],
-    /// Whether the weight acts from the start.
-    pub from_start: bool,
+    /// The film's law at that rate, as a host computed it.
+    pub law: Coefficients<f32>,
+    /// The actuator, whose mass is the law's.
+    pub actuator: Actuator,
     /// What the displacement sensor reads of a film at rest, m.
     pub sensor_offset_m: f32,
     /// Range of the amplifier's command.
@@ -112,36 +109,6 @@ impl Control {
             lost_after_s: f64::from(self.lost_after_s),
             adaptation_s: f64::from(self.adaptation_s),
         }
-    }
-}
-
-/// A law as a host computed it: [`Coefficients`] without step and mass, which stand in the [`Parameters`] already.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LawNumbers {
-    /// g_0, N/m.
-    pub instant: f64,
-    /// Largest relative error of the relaxation modulus beyond the head.
-    pub tail_error: f64,
-    /// Weights of the head, N/m.
-    pub head: [f32; 12],
-    /// Fast modes as (1 − ρ, weight in N/m).
-    pub fast: [(f32, f32); 12],
-    /// Slow modes, likewise.
-    pub slow: [(f32, f32); 24],
-}
-
-impl LawNumbers {
-    /// The numbers of `law`.
-    #[must_use]
-    pub fn of(law: &Law<f32>) -> Self {
-        // The mass stands beside them.
-        let Coefficients { instant, tail_error, head, fast, slow, .. } = law.coefficients(0.0);
-        Self { instant, tail_error, head, fast, slow }
-    }
-
-    fn law(&self, step_s: f64, mass_kg: f64) -> Result<Law<f32>, LawError> {
-        let &Self { instant, tail_error, head, fast, slow } = self;
-        Law::from_coefficients(&Coefficients { step_s, instant, mass_kg, head, fast, slow, tail_error })
     }
 }
 
@@ -305,13 +272,10 @@ impl Blob {
                 return Err(BlobError::Calibration(name));
             }
         }
-        let [relative_permittivity, length_m, width_m, thickness_m, mass_kg, stretch_coupling] = parameters.actuator;
-        let preload = if parameters.from_start { Preload::FromStart } else { Preload::Settled };
-        let actuator =
-            Actuator { relative_permittivity, length_m, width_m, thickness_m, mass_kg, preload, stretch_coupling };
+        let actuator = parameters.actuator;
         actuator.check().map_err(BlobError::Actuator)?;
         let step_s = 1.0 / f64::from(parameters.rate_hz);
-        let law = parameters.law.law(step_s, mass_kg).map_err(BlobError::Law)?;
+        let law = Law::from_coefficients(&parameters.law, step_s, actuator.mass_kg).map_err(BlobError::Law)?;
         let supervisor = Supervisor::new(&parameters.limits, parameters.rate_hz).map_err(BlobError::Limits)?;
         // A monitor that ends below the limit could never show that it is exceeded.
         let limits = &parameters.limits;

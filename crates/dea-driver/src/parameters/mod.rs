@@ -3,5 +3,5 @@
 mod blob;
 mod store;
 
-pub use blob::{BLOB_LEN, Blob, BlobError, Control, LawNumbers, Parameters, SCHEMA};
+pub use blob::{BLOB_LEN, Blob, BlobError, Control, Parameters, SCHEMA};
 pub use store::{Store, StoreError};

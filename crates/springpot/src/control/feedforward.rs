@@ -1,20 +1,22 @@
-//! Reference displacement in, voltage out, without a sensor.
+//! Feedforward: the voltage for a reference displacement, without a sensor.
 
 use crate::actuator::{Actuator, VoltageDrive};
 use crate::control::inverse::{Applied, Command, Correction, Course, Steering};
 use crate::control::limits::CommandLimits;
 use crate::error::ControlError;
-use crate::law::{Law, Memory, State};
-use crate::scalar::Real;
+use crate::law::{Law, Memory, State, state_traits};
+use crate::scalar::{Real, Scalar};
 
 /// Compensation without a sensor: the inverse of the law, shaped and limited.
 ///
 /// In every tick, in this order:
 ///
-/// 1. [`apply`](Self::apply) the voltage that was really applied since the last tick. The film's state then is what the
-///    model makes of it, so nothing winds up when a limit is met, here or behind: the next command starts from where the
-///    film is.
+/// 1. [`apply`](Self::apply) the voltage that was really applied since the last tick, 0 V before the first. The film's
+///    state then is what the model makes of that voltage.
 /// 2. [`command`](Self::command) with where the film is to be at the end of this tick.
+///
+/// Apply comes first because only then is it known what became of the last command: a limit, here or in a supervisor behind,
+/// may have changed it. Each command starts from where the film really is, so nothing winds up.
 ///
 /// ```
 /// use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, Options, Preset};
@@ -26,9 +28,11 @@ use crate::scalar::Real;
 /// let feedforward = Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH)?;
 ///
 /// let mut state = feedforward.state(rest);
+/// let mut voltage = 0.0;
 /// for _ in 0..5000 {
-///     let command = feedforward.command(&mut state, 0.3e-3);
-///     feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
+///     feedforward.apply(&mut state, Applied::as_commanded(voltage));
+///     voltage = feedforward.command(&mut state, 0.3e-3).voltage;
+///     // Here a program writes the voltage to its converter and waits for the next tick.
 /// }
 /// // It neither creeps nor drifts: the voltage falls while the film would creep.
 /// assert!((state.displacement() - 0.3e-3).abs() < 1e-8);
@@ -43,43 +47,44 @@ pub struct Feedforward<T, M = crate::Compressed<T>> {
 }
 
 /// What changes with every tick of a [`Feedforward`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct FeedforwardState<T, H> {
-    film: State<T, H>,
+pub struct FeedforwardState<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
+    film: State<T, M>,
     course: Course<T>,
 }
+
+state_traits!(FeedforwardState<T, M> { film, course });
 
 impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     /// Feedforward for `actuator` along `law` within `limits`.
     ///
     /// # Errors
     ///
-    /// [`ControlError::NotPositive`] for a limit that makes no sense, [`ControlError::Actuator`] for an actuator that is
-    /// refused at the largest voltage.
+    /// [`ControlError::NotPositive`] for a limit that is not finite and positive, [`ControlError::Actuator`] for an actuator
+    /// that is refused at the largest voltage.
     pub fn new(law: Law<T, M>, actuator: &Actuator, limits: CommandLimits) -> Result<Self, ControlError> {
         let steering = Steering::new(actuator, &limits, law.step_s(), law.stiffness())?;
         let drive = VoltageDrive::new(actuator, limits.max_voltage_v, law.stiffness())?;
         Ok(Self { law, drive, steering })
     }
 
-    /// A state whose film is `film`, with its reference where the film is, at 0 V.
+    /// A state that begins with `film`, at 0 V; the reference begins where the film is.
     #[must_use]
-    pub fn state(&self, film: State<T, M::History>) -> FeedforwardState<T, M::History> {
+    pub fn state(&self, film: State<T, M>) -> FeedforwardState<T, M> {
         let course = Course::at(film.position());
         FeedforwardState { film, course }
     }
 
     /// Steps the film under the voltage that was really applied since the last tick; returns its displacement (m).
     #[inline]
-    pub fn apply(&self, state: &mut FeedforwardState<T, M::History>, applied: Applied<T>) -> T {
-        let voltage = self.steering.note(&mut state.course, applied);
+    pub fn apply(&self, state: &mut FeedforwardState<T, M>, applied: Applied<T>) -> T {
+        let voltage = self.steering.record(&mut state.course, applied);
         self.law.displacement_under(&mut state.film, self.drive.load(voltage))
     }
 
-    /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A reference
-    /// that is not finite leaves the one before.
+    /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A non-finite
+    /// reference is ignored: the last one stays.
     #[inline]
-    pub fn command(&self, state: &mut FeedforwardState<T, M::History>, reference: T) -> Command<T> {
+    pub fn command(&self, state: &mut FeedforwardState<T, M>, reference: T) -> Command<T> {
         let exact = Correction { disturbance: T::ZERO, force_scale: T::from_f64(1.0) };
         self.steering.command(&self.law, &self.drive, &state.film, &mut state.course, reference, exact)
     }
@@ -97,8 +102,8 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     }
 }
 
-impl<T: Real, H> FeedforwardState<T, H> {
-    /// Where the film is, m.
+impl<T: Real, M: Memory<T>> FeedforwardState<T, M> {
+    /// The displacement of the film, m.
     #[must_use]
     pub fn displacement(&self) -> T {
         self.film.position()
@@ -112,7 +117,7 @@ impl<T: Real, H> FeedforwardState<T, H> {
 
     /// The film.
     #[must_use]
-    pub fn film(&self) -> &State<T, H> {
+    pub fn film(&self) -> &State<T, M> {
         &self.film
     }
 }

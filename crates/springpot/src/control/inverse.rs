@@ -1,4 +1,4 @@
-//! From a reference to a voltage: the step that all laws of control share.
+//! From a reference to a voltage: the step that feedforward and tracking share.
 
 use crate::actuator::{Actuator, VoltageDrive};
 use crate::control::limits::{CommandLimits, Limited};
@@ -7,14 +7,14 @@ use crate::error::ControlError;
 use crate::law::{Law, Memory, State};
 use crate::scalar::Real;
 
-/// What a tick commands.
+/// The command of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command<T> {
     /// The voltage, V.
     pub voltage: T,
     /// The shaped reference at the end of this tick, m.
     pub reference: T,
-    /// The electrostatic force that the reference asks for, N; negative where no voltage can follow it.
+    /// The electrostatic force that the reference needs, N; negative where no voltage can give it.
     pub force: T,
     /// The limits that were met.
     pub limited: Limited,
@@ -23,25 +23,25 @@ pub struct Command<T> {
 /// The voltage since the last tick, V, either sign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Applied<T> {
-    /// What was commanded in the end, by whoever had the last word.
+    /// The voltage that was commanded in the end, after all limits and supervisors.
     pub commanded: T,
-    /// What a monitor read of it, if there is one; what is no number is passed over.
+    /// The voltage that a monitor measured, if there is one. Non-finite readings are ignored.
     pub reading: Option<T>,
 }
 
 impl<T: Real> Applied<T> {
-    /// A commanded voltage, which is taken to have acted.
+    /// A commanded voltage, without a monitor: it is assumed to have acted.
     pub const fn as_commanded(voltage: T) -> Self {
         Self { commanded: voltage, reading: None }
     }
 
-    /// A commanded voltage beside what a monitor read of it.
+    /// A commanded voltage and the voltage that a monitor measured.
     pub const fn as_monitored(commanded: T, reading: T) -> Self {
         Self { commanded, reading: Some(reading) }
     }
 }
 
-/// What steering remembers from tick to tick.
+/// What [`Steering`] remembers from tick to tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Course<T> {
     pub(crate) path: Path<T>,
@@ -66,12 +66,12 @@ impl<T: Real> Course<T> {
     }
 }
 
-/// How the model differs from the film, as far as it is known.
+/// The known difference between model and film.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Correction<T> {
     /// A force on the film that the model does not know, N.
     pub(crate) disturbance: T,
-    /// What electrostatic force moves the film in units of what the model takes it for.
+    /// Effect of the electrostatic force on the film over its effect on the model.
     pub(crate) force_scale: T,
 }
 
@@ -84,19 +84,20 @@ pub(crate) struct Correction<T> {
 /// Δx_k − Δx_{k−1} = (Δq_k − Δq_{k−1}) + (1 − p²) (w − δ),      w = −(1 − p) / (1 + p) ε
 /// ```
 ///
-/// which puts both poles of ε to p. While no limit is met ε and δ are nought and the law's inverse is exact. After a limit
-/// a film that is asked back onto its path within one tick would need a force of m ε / h² this way and that: it would
-/// chatter between 0 V and the largest voltage. For the same reason the term that leads back is bounded to a share of what
-/// the largest force can do to the film's inertia, and w to what that can brake. Working on changes of increments also keeps
-/// the digits of a slow reference in f32.
+/// which places both poles of ε at p. While no limit is met ε and δ are 0 and the law's inverse is exact.
+///
+/// After a limit the film must return to its path. A return within one tick would need forces of ± m ε / h² and chatter
+/// between 0 V and the largest voltage. The poles prevent that for light films. For heavy ones the returning term is also
+/// bounded to a share of what the largest force can do to the film's inertia, and w to what that share can brake. Working on
+/// changes of increments keeps the digits of a slow reference in f32.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Steering<T> {
     shaper: Shaper<T>,
     /// 1 − p².
     damping: T,
-    /// (1 − p)² / (1 − p²): share of ε by which to close in, per tick.
+    /// (1 − p) / (1 + p): share of ε by which to approach the path, per tick.
     approach: T,
-    /// Largest increment of closing in and largest change of it, m.
+    /// Largest increment of the approach and largest change of it, m.
     closing: T,
     back: T,
     max_voltage: T,
@@ -105,20 +106,20 @@ pub(crate) struct Steering<T> {
     coupling: T,
     /// Largest change of voltage in a tick, V.
     slew: T,
-    /// Share of a tick in the means of the voltage.
+    /// Weight of a tick in the means of the voltage.
     averaging: T,
-    /// Mean voltage from which on the amplifier's gain shows, V.
-    telling_voltage: T,
+    /// Mean voltage above which the amplifier's gain is estimated, V.
+    gain_threshold: T,
 }
 
-/// Share of the largest force that leading the film back may take for its inertia.
+/// Share of the largest force that may accelerate the film back to its path.
 const RETURN_SHARE: f64 = 0.1;
-/// Time over which the amplifier's gain is measured, s.
+/// Time over which the amplifier's gain is estimated, s.
 const GAIN_S: f64 = 10.0;
-/// It stays within these.
+/// Bounds of that gain.
 const GAINS: [f64; 2] = [0.8, 1.25];
 
-/// What a first-order lag of `rate` (1/s) takes in of its input in a step: backward Euler, stable at any rate.
+/// Weight of the input in one step of a first-order lag of `rate` (1/s): backward Euler, stable at any rate.
 pub(crate) fn share_per_step(rate: f64, step_s: f64) -> f64 {
     let steps = rate * step_s;
     steps / (1.0 + steps)
@@ -149,7 +150,7 @@ impl<T: Real> Steering<T> {
             coupling: T::from_f64(actuator.stretch_coupling),
             slew: T::from_f64(slew),
             averaging: T::from_f64(share_per_step(1.0 / GAIN_S, step_s)),
-            telling_voltage: T::from_f64(0.02 * limits.max_voltage_v),
+            gain_threshold: T::from_f64(0.02 * limits.max_voltage_v),
         };
         for (quantity, value, usable) in [
             ("max_velocity_m_per_s or max_acceleration_m_per_s2", limits.max_acceleration_m_per_s2, shaper.is_usable()),
@@ -162,18 +163,18 @@ impl<T: Real> Steering<T> {
         Ok(steering)
     }
 
-    /// Takes note of what was applied, and returns the voltage that acted on the film (V).
+    /// Records what was applied, and returns the voltage that acted on the film (V).
     ///
-    /// The inverse asks for the force that goes on from the film's last one, so a reading that is 1 % off would add up tick
-    /// by tick, and its noise would come back as commands. A monitor therefore tells the amplifier's gain, slowly.
+    /// A command is relative to the force of the last tick. A monitor that is 1 % off would therefore accumulate tick by tick,
+    /// and its noise would return as commands. So the monitor only estimates the amplifier's gain, slowly.
     #[inline]
-    pub(crate) fn note(&self, course: &mut Course<T>, applied: Applied<T>) -> T {
+    pub(crate) fn record(&self, course: &mut Course<T>, applied: Applied<T>) -> T {
         let size = |voltage: T| if voltage < T::ZERO { -voltage } else { voltage };
         course.commanded = size(applied.commanded);
         if let Some(reading) = applied.reading.filter(|reading| is_finite(*reading)) {
             course.commanded_mean = course.commanded_mean + self.averaging * (course.commanded - course.commanded_mean);
             course.reading_mean = course.reading_mean + self.averaging * (size(reading) - course.reading_mean);
-            if course.commanded_mean > self.telling_voltage {
+            if course.commanded_mean > self.gain_threshold {
                 let [low, high] = GAINS.map(T::from_f64);
                 course.gain = clamp(course.reading_mean / course.commanded_mean, low, high);
             }
@@ -187,7 +188,7 @@ impl<T: Real> Steering<T> {
         &self,
         law: &Law<T, M>,
         drive: &VoltageDrive<T>,
-        film: &State<T, M::History>,
+        film: &State<T, M>,
         course: &mut Course<T>,
         reference: T,
         correction: Correction<T>,
@@ -209,7 +210,7 @@ impl<T: Real> Steering<T> {
         }
         let wanted = drive.voltage(force + drive.preload(), ahead) / *gain;
 
-        // The film thins as it lengthens, by as much as its force grows.
+        // The film thins as it lengthens, by the factor by which its force grows.
         let thinning = one + self.coupling * ahead;
         let field_voltage = if thinning > one { self.field_voltage / thinning } else { self.field_voltage };
         if wanted > field_voltage {
@@ -224,7 +225,7 @@ impl<T: Real> Steering<T> {
         if slewed < allowed || allowed < slewed {
             limited |= Limited::SLEW;
         }
-        // The largest voltage outranks the slew.
+        // The largest voltage has priority over the slew limit.
         let voltage = clamp(slewed, T::ZERO, largest);
         Command { voltage, reference: path.position, force, limited }
     }

@@ -1,4 +1,4 @@
-//! What a command may not exceed, and what tells that it would have.
+//! Limits of a command, and the set of limits that a command met.
 
 use core::fmt;
 use core::ops::{BitOr, BitOrAssign};
@@ -11,6 +11,8 @@ use crate::error::ControlError;
 /// These limits shape commands. A supervisor that protects people and film stands behind them, with limits of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct CommandLimits {
     /// Largest voltage, V.
     pub max_voltage_v: f64,
@@ -22,16 +24,16 @@ pub struct CommandLimits {
     pub max_velocity_m_per_s: f64,
     /// Largest acceleration of the shaped reference, m/s².
     pub max_acceleration_m_per_s2: f64,
-    /// How fast the film is led back to the reference after a limit was met: two poles at this frequency, Hz. Heavy films are
-    /// led back more slowly, as the largest force allows.
+    /// Speed of the return to the reference after a limit was met: two poles at this frequency, Hz. Heavy films return more
+    /// slowly, as the largest force allows.
     pub return_hz: f64,
 }
 
 impl CommandLimits {
-    /// Limits of the bench of Karner et al. 2022: 6 kV at the most and 50 kV/s; 50 mm/s and 0.5 m/s², which no reference
-    /// below 1 Hz comes near; back within some tenths of a second.
+    /// Limits of the bench of Karner et al. 2022: 6 kV and 50 kV/s; 50 mm/s and 0.5 m/s², far above any reference below
+    /// 1 Hz; return within some tenths of a second.
     ///
-    /// The field is that of 6 kV on 160 µm with a tenth to spare for thinning.
+    /// The field is that of 6 kV on 160 µm plus a margin of 12 % for thinning.
     pub const BENCH: Self = Self {
         max_voltage_v: 6000.0,
         max_field_v_per_m: 4.2e7,
@@ -69,9 +71,9 @@ impl CommandLimits {
 pub struct Limited(u8);
 
 impl Limited {
-    /// None: the command does what the reference asks for.
+    /// No limit: the command follows the reference.
     pub const NONE: Self = Self(0);
-    /// A force below what 0 V gives: voltage can only lengthen the film.
+    /// A force below that of 0 V: voltage can only lengthen the film.
     pub const BELOW_ZERO: Self = Self(1);
     /// The largest voltage.
     pub const MAX_VOLTAGE: Self = Self(1 << 1);

@@ -1,4 +1,4 @@
-//! Control laws that step one law once a tick: feedforward, observer, and tracking, which is both.
+//! Control that steps one law once per tick: feedforward, observer, and tracking, which combines both.
 
 mod feedforward;
 mod inverse;

@@ -1,4 +1,4 @@
-//! Voltage and displacement samples in, an estimate of the film out.
+//! The observer: an estimate of the film from voltage and displacement samples.
 
 use core::f64::consts::TAU;
 
@@ -8,23 +8,25 @@ use crate::control::inverse::{Correction, share_per_step};
 use crate::control::path::{clamp, is_finite};
 use crate::control::statistics::Statistics;
 use crate::error::ControlError;
-use crate::law::{Law, Memory, State};
-use crate::scalar::Real;
+use crate::law::{Law, Memory, State, state_traits};
+use crate::scalar::{Real, Scalar};
 
 /// How an [`Observer`] corrects. Times in s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct ObserverOptions {
-    /// Up to here the estimate follows the sensor, beyond it the model, Hz.
+    /// Bandwidth of the correction, Hz: below it the estimate follows the sensor, above it the model.
     pub bandwidth_hz: f64,
     /// Time from one sensor sample to the next.
     pub sample_interval_s: f64,
     /// Time from a measurement until its sample arrives; may be 0.
     pub delay_s: f64,
-    /// After so long without a sample the sensor counts as lost.
+    /// Time without a sample after which the sensor counts as lost.
     pub lost_after_s: f64,
-    /// Time over which a disturbance that swings with the load becomes a change of the force scale. Infinite: by all that was
-    /// ever seen; 0: never.
+    /// Time over which a disturbance that varies with the load becomes a change of the force scale. Infinite: nothing is
+    /// forgotten; 0: the force scale stays 1.
     pub adaptation_s: f64,
 }
 
@@ -39,16 +41,16 @@ impl ObserverOptions {
 /// A sample of the displacement sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample<T> {
-    /// Measured displacement, m. One that is not finite counts as no sample.
+    /// Measured displacement, m. A non-finite one is ignored.
     pub displacement: T,
-    /// How many ticks ago it was measured; nought is now. Samples older than the observer remembers count as none.
+    /// How many ticks ago it was measured; 0 is now. Samples older than the observer remembers are ignored.
     pub age_ticks: usize,
 }
 
-/// Estimates the film from the voltage and, where there are any, samples of its displacement.
+/// Estimates the film from the voltage and samples of its displacement.
 ///
-/// The law predicts under the applied voltage. The innovation e, a sample minus what was predicted for its time, feeds a
-/// force d that the model does not know, and with it the prediction meets the film:
+/// The law predicts the displacement under the applied voltage. The innovation e, a sample minus the prediction for its
+/// time, drives a disturbance d: a force that the model does not know. With it the prediction meets the film:
 ///
 /// ```text
 /// x̂ = G (F + d),    d = C e    ⟹    d = Q (x / G − F),    Q = C G / (1 + C G)
@@ -56,98 +58,125 @@ pub struct Sample<T> {
 ///
 /// # One bandwidth
 ///
-/// C is proportional–integral. If the film had no other dynamics than k′ + i k″ = 1 / G(iω), the law's dynamic stiffness at
-/// the bandwidth ω, then K_P = k″ and K_I = ω k′ would make C = −i / G at ω: a loop C G = ω / s and so a low-pass Q of
-/// first order. A further integral lets d keep a slope, which halves what is left of slow disturbances (it costs 27° of the
-/// loop's 90°), and a first-order lag at 4 ω keeps noise and resonances above the bandwidth small (14°):
+/// C has proportional and integral action. Let k′ + i k″ = 1 / G(iω) be the law's dynamic stiffness at the bandwidth ω. With
+/// K_P = k″ and K_I = ω k′, C = −i / G at ω: the loop is C G = ω / s there and Q a first-order low-pass. A double integral
+/// gives d a slope, which halves the error under slow disturbances and costs 27° of the loop's 90° of phase margin. A
+/// first-order lag at 4 ω attenuates noise and resonances above the bandwidth and costs 14°:
 ///
 /// ```text
 /// C = (k″ + ω k′ / s + ω² k′ / 2 s²) / (1 + s / 4 ω)
 /// ```
 ///
-/// Samples slower than the tick weigh by their distance. Late ones are compared with what was predicted for their time,
-/// which the state remembers for `PAST` ticks.
+/// A sample that is slower than the tick weighs as many ticks as have passed since the last one. A late sample is compared
+/// with the prediction for its time; the state remembers the predictions of the last `PAST` ticks.
 ///
 /// # Without samples
 ///
-/// When the sensor is lost the observer predicts, and the disturbance goes over into its usual value within 1 / ω. When
-/// samples come again they correct as before; the lag of C keeps both changes smooth.
+/// When the sensor is lost the observer predicts, and the disturbance returns to its mean with the time constant 1 / ω. New
+/// samples correct as before. The lag of C keeps both changes smooth.
 ///
 /// # Drift
 ///
-/// Stiffness that changes with temperature or age shows as a disturbance that swings with the load. Such a share is moved
-/// into [`force_scale`](ObserverState::force_scale), by least squares over the adaptation time; at the moment when it is
-/// moved it changes nothing, but it stays true when the load changes.
+/// A stiffness that changes with temperature or age appears as a disturbance that varies with the load. Recursive least
+/// squares over the adaptation time move that part into [`force_scale`](ObserverState::force_scale). The total force stays
+/// the same at that moment and remains right when the load changes.
+///
+/// ```
+/// use springpot::{Actuator, Law, Observer, ObserverOptions, Options, Preset, Sample};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let rest = law.state();
+/// // A sensor of 100 Hz, 10 ms late; the estimate follows it up to 0.5 Hz.
+/// let observer: Observer<f32> =
+///     Observer::new(law, &Actuator::KARNER_2022, 6000.0, ObserverOptions::at_bandwidth(0.5))?;
+///
+/// let mut state = observer.state(rest);
+/// for tick in 0..20_000 {
+///     // The sensor reads 0.1 mm on a film without voltage: a force that the model does not know.
+///     let sample = (tick % 10 == 0).then_some(Sample { displacement: 0.1e-3, age_ticks: 10 });
+///     observer.observe(&mut state, 0.0, sample);
+/// }
+/// assert!((state.displacement() - 0.1e-3).abs() < 1e-6);
+/// assert!(state.disturbance() > 0.5);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observer<T, M = crate::Compressed<T>, const PAST: usize = 64> {
     law: Law<T, M>,
     drive: VoltageDrive<T>,
     /// K_P, N/m.
-    proportional: T,
+    proportional_gain: T,
     /// K_I times the step, N/m.
-    integral: T,
-    /// Gain of the slope times the step squared, N/m.
-    slope: T,
-    /// Ticks that a sample weighs for at the most, and after which the sensor is lost.
+    integral_gain: T,
+    /// Gain of the double integral times the step squared, N/m.
+    slope_gain: T,
+    /// Ticks without a sample after which the sensor is lost; also the largest weight of a sample.
     lost_after: u32,
-    /// Shares per tick: of the correction that acts, of the disturbance that goes over to its usual value, of the present
-    /// in what is usual, and of what adaptation forgets.
+    /// Coefficients of first-order lags, per tick: of the disturbance (corner at 4 ω), of its return to the mean without a
+    /// sensor (ω), of the means, and of the forgetting in the least squares.
     smoothing: T,
     recovery: T,
     averaging: T,
     forgetting: T,
-    /// One where the force scale adapts, or nought.
+    /// 1 where the force scale adapts, otherwise 0.
     adapting: T,
-    /// Σ swing² that adaptation wants to have seen before it moves freely, N².
-    least_swing: T,
+    /// Added to the excitation in the least squares, N²: bounds the first steps of the force scale.
+    regularisation: T,
     /// Largest disturbance, N, slope of it, N per tick, and innovation, m.
-    most_force: T,
-    most_slope: T,
-    most_innovation: T,
+    max_disturbance: T,
+    max_slope: T,
+    max_innovation: T,
 }
 
 /// What changes with every tick of an [`Observer`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct ObserverState<T, H, const PAST: usize = 64> {
-    pub(crate) film: State<T, H>,
-    /// Predictions of the last ticks, `newest` first and round.
+pub struct ObserverState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const PAST: usize = 64> {
+    pub(crate) film: State<T, M>,
+    /// Predictions of the last ticks: a ring that begins at `newest`.
     past: [T; PAST],
     newest: usize,
-    /// What the integrals hold, N, and its slope, N per tick.
-    held: T,
+    /// Integral action, N, and its slope from the double integral, N per tick.
+    integral: T,
     slope: T,
-    /// K_P e, N.
-    swift: T,
-    /// The disturbance that acts: both together, smoothed, N.
+    /// Proportional action K_P e, N.
+    proportional: T,
+    /// The disturbance that acts: the sum of both after the lag, N.
     disturbance: T,
     force_scale: T,
-    /// Slow means of `held` and of the load, N.
-    usual: T,
-    usual_load: T,
-    /// Σ (load − usual load)² over the ticks that adaptation remembers, N².
-    swing: T,
+    /// Slow means of the integral action and of the load, N.
+    integral_mean: T,
+    load_mean: T,
+    /// Σ (load − its mean)² with exponential forgetting, N².
+    excitation: T,
     since_sample: u32,
     innovation: T,
     statistics: Statistics<T>,
 }
 
-/// Share of a tick that times may be off because they are not whole in binary, or come in single precision.
-const ROUNDING: f64 = 1e-4;
-/// One over the time in which something becomes usual, 1/s.
-const AVERAGING: f64 = 1.0 / 20.0;
-/// Samples that statistics remember.
-const REMEMBERED: f64 = 200.0;
-/// Largest ω (interval + delay): the phase that samples may lose at the bandwidth, rad.
-const MOST_PHASE: f64 = 0.35;
-/// The force scale stays within these.
-const SCALES: [f64; 2] = [0.25, 4.0];
+state_traits!(ObserverState<T, M, PAST> {
+    film, past, newest, integral, slope, proportional, disturbance, force_scale, integral_mean, load_mean, excitation,
+    since_sample, innovation, statistics,
+});
+
+/// Tolerance of times in ticks: they may have been rounded to single precision.
+const TIME_ROUNDING: f64 = 1e-4;
+/// Rate of the slow means, 1/s.
+const AVERAGING_RATE: f64 = 1.0 / 20.0;
+/// Samples over which the statistics average.
+const STATISTICS_SAMPLES: f64 = 200.0;
+/// Largest ω (interval + delay): phase lag of the samples at the bandwidth, rad.
+const MAX_PHASE: f64 = 0.35;
+/// Bounds of the force scale.
+const FORCE_SCALE_RANGE: [f64; 2] = [0.25, 4.0];
 
 impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
     /// An observer of `actuator` along `law`, up to `max_voltage_v` (V).
     ///
     /// # Errors
     ///
-    /// [`ControlError`] for options that make no sense, a bandwidth that the sensor is too slow for or that lies above the
+    /// [`ControlError`] for options that are not positive, a bandwidth that is too high for the sensor or lies above the
     /// model's resonance, and an actuator that is refused at the largest voltage.
     pub fn new(
         law: Law<T, M>,
@@ -171,13 +200,13 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         if lost_after_s < sample_interval_s {
             return Err(ControlError::LostBetweenSamples { lost_after_s, sample_interval_s });
         }
-        let largest_hz = MOST_PHASE / (TAU * (sample_interval_s + delay_s));
+        let largest_hz = MAX_PHASE / (TAU * (sample_interval_s + delay_s));
         if bandwidth_hz > largest_hz {
             return Err(ControlError::SensorTooSlow { bandwidth_hz, largest_hz });
         }
         let step_s = law.step_s();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-        let late = libm::ceil(delay_s / step_s - ROUNDING) as usize;
+        let late = libm::ceil(delay_s / step_s - TIME_ROUNDING) as usize;
         if late >= PAST {
             return Err(ControlError::SensorTooLate { ticks: late, most: PAST.saturating_sub(1) });
         }
@@ -190,43 +219,43 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         let share = |rate: f64| T::from_f64(share_per_step(rate, step_s));
         let largest_force = actuator.force_per_square_volt() * max_voltage_v * max_voltage_v;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-        let lost_after = libm::ceil(lost_after_s / step_s - ROUNDING) as u32;
+        let lost_after = libm::ceil(lost_after_s / step_s - TIME_ROUNDING) as u32;
         Ok(Self {
             law,
             drive,
-            proportional: T::from_f64(stiffness.im.max(0.0)),
-            integral: T::from_f64(omega * stiffness.re * step_s),
-            slope: T::from_f64(0.5 * omega * omega * stiffness.re * step_s * step_s),
+            proportional_gain: T::from_f64(stiffness.im.max(0.0)),
+            integral_gain: T::from_f64(omega * stiffness.re * step_s),
+            slope_gain: T::from_f64(0.5 * omega * omega * stiffness.re * step_s * step_s),
             lost_after,
             smoothing: share(4.0 * omega),
             recovery: share(omega),
-            averaging: share(AVERAGING),
+            averaging: share(AVERAGING_RATE),
             forgetting: share(if adapts { 1.0 / adaptation_s } else { 0.0 }),
             adapting: T::from_f64(if adapts { 1.0 } else { 0.0 }),
-            // A tenth of the largest force for a tenth of a second.
-            least_swing: T::from_f64(1e-3 * largest_force * largest_force / step_s),
-            most_force: T::from_f64(largest_force),
-            most_slope: T::from_f64(largest_force * omega * step_s),
-            most_innovation: T::from_f64(largest_force / stiffness.re),
+            // As much as a swing of a tenth of the largest force over a tenth of a second.
+            regularisation: T::from_f64(1e-3 * largest_force * largest_force / step_s),
+            max_disturbance: T::from_f64(largest_force),
+            max_slope: T::from_f64(largest_force * omega * step_s),
+            max_innovation: T::from_f64(largest_force / stiffness.re),
         })
     }
 
     /// A state whose film is `film`, with no disturbance.
     #[must_use]
-    pub fn state(&self, film: State<T, M::History>) -> ObserverState<T, M::History, PAST> {
+    pub fn state(&self, film: State<T, M>) -> ObserverState<T, M, PAST> {
         let position = film.position();
         ObserverState {
             film,
             past: [position; PAST],
             newest: 0,
-            held: T::ZERO,
+            integral: T::ZERO,
             slope: T::ZERO,
-            swift: T::ZERO,
+            proportional: T::ZERO,
             disturbance: T::ZERO,
             force_scale: T::from_f64(1.0),
-            usual: T::ZERO,
-            usual_load: T::ZERO,
-            swing: T::ZERO,
+            integral_mean: T::ZERO,
+            load_mean: T::ZERO,
+            excitation: T::ZERO,
             since_sample: 0,
             innovation: T::ZERO,
             statistics: Statistics::new(),
@@ -236,7 +265,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
     /// Steps the film under the `voltage` (V) that was applied since the last tick, or that a monitor read, and corrects
     /// it with a `sample`, if one has arrived. Returns the estimated displacement (m).
     #[inline]
-    pub fn observe(&self, state: &mut ObserverState<T, M::History, PAST>, voltage: T, sample: Option<Sample<T>>) -> T {
+    pub fn observe(&self, state: &mut ObserverState<T, M, PAST>, voltage: T, sample: Option<Sample<T>>) -> T {
         let load = self.drive.load(voltage);
         let electrostatic = (load.force - self.drive.preload()) * state.force_scale;
         let forced = Load {
@@ -250,52 +279,54 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         position
     }
 
-    /// Takes in a sample, if there is one, and moves the disturbance on by a tick. The same work in every tick: a sample that
-    /// is missing weighs nothing.
+    /// Reads a sample, if there is one, and moves the disturbance on by a tick. Every tick does the same work: a missing
+    /// sample has the weight 0.
     #[inline]
-    fn correct(&self, state: &mut ObserverState<T, M::History, PAST>, sample: Option<Sample<T>>) {
+    fn correct(&self, state: &mut ObserverState<T, M, PAST>, sample: Option<Sample<T>>) {
         let since = state.since_sample.saturating_add(1);
         let found = sample.and_then(|sample| state.innovation_of(sample)).filter(|e| is_finite(*e));
-        let come = found.is_some();
-        let innovation = clamp(found.unwrap_or(T::ZERO), -self.most_innovation, self.most_innovation);
-        // A sample stands for the time since the last one, but not for a loss.
-        let ticks = if come { T::from_f64(f64::from(since.min(self.lost_after))) } else { T::ZERO };
-        state.statistics.take(innovation, if come { T::from_f64(1.0 / REMEMBERED) } else { T::ZERO });
-        state.since_sample = if come { 0 } else { since };
-        state.innovation = if come { innovation } else { state.innovation };
-        let swift = if come { self.proportional * innovation } else { state.swift };
-        let slope = clamp(state.slope + self.slope * ticks * innovation, -self.most_slope, self.most_slope);
-        let held = state.held + self.integral * ticks * innovation;
+        let arrived = found.is_some();
+        let innovation = clamp(found.unwrap_or(T::ZERO), -self.max_innovation, self.max_innovation);
+        // A sample weighs as much as the time since the last one, but no more after a loss.
+        let ticks = if arrived { T::from_f64(f64::from(since.min(self.lost_after))) } else { T::ZERO };
+        state.statistics.update(innovation, if arrived { T::from_f64(1.0 / STATISTICS_SAMPLES) } else { T::ZERO });
+        state.since_sample = if arrived { 0 } else { since };
+        state.innovation = if arrived { innovation } else { state.innovation };
+        let proportional = if arrived { self.proportional_gain * innovation } else { state.proportional };
+        let slope = clamp(state.slope + self.slope_gain * ticks * innovation, -self.max_slope, self.max_slope);
+        let integral = state.integral + self.integral_gain * ticks * innovation;
 
         let lost = state.since_sample > self.lost_after;
-        let corrected = clamp(held + slope, -self.most_force, self.most_force);
-        let recovered = held + self.recovery * (state.usual - held);
-        let usual = state.usual + self.averaging * (corrected - state.usual);
+        let corrected = clamp(integral + slope, -self.max_disturbance, self.max_disturbance);
+        let recovered = integral + self.recovery * (state.integral_mean - integral);
+        let mean = state.integral_mean + self.averaging * (corrected - state.integral_mean);
         state.slope = if lost { T::ZERO } else { slope };
-        state.swift = if lost { T::ZERO } else { swift };
-        state.held = if lost { recovered } else { corrected };
-        state.usual = if lost { state.usual } else { usual };
-        state.disturbance = state.disturbance + self.smoothing * (state.held + state.swift - state.disturbance);
+        state.proportional = if lost { T::ZERO } else { proportional };
+        state.integral = if lost { recovered } else { corrected };
+        state.integral_mean = if lost { state.integral_mean } else { mean };
+        let disturbance = state.integral + state.proportional;
+        state.disturbance = state.disturbance + self.smoothing * (disturbance - state.disturbance);
     }
 
-    /// Moves what swings with the `load` (N) from the disturbance to the force scale.
+    /// Moves the part of the disturbance that varies with the `load` (N) to the force scale.
     ///
-    /// Least squares, one tick at a time: a tick's say is its swing over the sum of all swings. At first every tick says
-    /// much, so that the first rise already tells a film that is stiffer than the model.
+    /// Recursive least squares with one parameter: the gain is the deviation of the load over the sum of its squares. At
+    /// first that sum is small and the gain large, so that the first rise already shows a film that is stiffer than the model.
     #[inline]
-    fn adapt(&self, state: &mut ObserverState<T, M::History, PAST>, load: T) {
-        state.usual_load = state.usual_load + self.averaging * (load - state.usual_load);
-        let swing = load - state.usual_load;
-        state.swing = state.swing + (swing * swing - self.forgetting * state.swing);
-        let [low, high] = SCALES.map(T::from_f64);
-        // While the sensor is lost nothing is learned.
+    fn adapt(&self, state: &mut ObserverState<T, M, PAST>, load: T) {
+        state.load_mean = state.load_mean + self.averaging * (load - state.load_mean);
+        let deviation = load - state.load_mean;
+        state.excitation = state.excitation + (deviation * deviation - self.forgetting * state.excitation);
+        let [low, high] = FORCE_SCALE_RANGE.map(T::from_f64);
+        // Without the sensor nothing is learned.
         let adapting = if state.since_sample > self.lost_after { T::ZERO } else { self.adapting };
-        let share = adapting * (state.held - state.usual) * swing / (state.swing + self.least_swing);
-        let scale = clamp(state.force_scale + share * state.force_scale, low, high);
+        let unexplained = state.integral - state.integral_mean;
+        let change = adapting * unexplained * deviation / (state.excitation + self.regularisation);
+        let scale = clamp(state.force_scale + change * state.force_scale, low, high);
         let growth = (scale - state.force_scale) / state.force_scale;
-        state.held = state.held - growth * load;
+        state.integral = state.integral - growth * load;
         state.disturbance = state.disturbance - growth * load;
-        state.usual = state.usual - growth * state.usual_load;
+        state.integral_mean = state.integral_mean - growth * state.load_mean;
         state.force_scale = scale;
     }
 
@@ -311,14 +342,14 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         &self.drive
     }
 
-    /// K_P (N/m) and K_I (N/(m·s)), which a plain feedback of the same bandwidth has as well.
+    /// K_P (N/m) and K_I (N/(m·s)): also the gains of a plain PI feedback with this bandwidth.
     #[must_use]
     pub fn gains(&self) -> [f64; 2] {
-        [self.proportional.to_f64(), self.integral.to_f64() / self.law.step_s()]
+        [self.proportional_gain.to_f64(), self.integral_gain.to_f64() / self.law.step_s()]
     }
 }
 
-impl<T: Real, H, const PAST: usize> ObserverState<T, H, PAST> {
+impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
     #[inline]
     fn remember(&mut self, position: T) {
         self.newest = if self.newest == 0 { PAST.saturating_sub(1) } else { self.newest - 1 };
@@ -327,7 +358,7 @@ impl<T: Real, H, const PAST: usize> ObserverState<T, H, PAST> {
         }
     }
 
-    /// A sample minus what was predicted for its time; none for one that is too old.
+    /// A sample minus the prediction for its time; `None` for a sample that is too old.
     #[inline]
     fn innovation_of(&self, sample: Sample<T>) -> Option<T> {
         if sample.age_ticks >= PAST {
@@ -338,16 +369,16 @@ impl<T: Real, H, const PAST: usize> ObserverState<T, H, PAST> {
         self.past.get(index).map(|&predicted| sample.displacement - predicted)
     }
 
-    /// Forgets what was learned about disturbance and force scale; film, innovation and statistics stay.
+    /// Resets disturbance and force scale to 0 and 1; film, innovation and statistics stay.
     pub(crate) fn forget(&mut self) {
-        self.held = T::ZERO;
+        self.integral = T::ZERO;
         self.slope = T::ZERO;
-        self.swift = T::ZERO;
+        self.proportional = T::ZERO;
         self.disturbance = T::ZERO;
         self.force_scale = T::from_f64(1.0);
-        self.usual = T::ZERO;
-        self.usual_load = T::ZERO;
-        self.swing = T::ZERO;
+        self.integral_mean = T::ZERO;
+        self.load_mean = T::ZERO;
+        self.excitation = T::ZERO;
     }
 
     /// The estimated displacement, m.
@@ -356,14 +387,14 @@ impl<T: Real, H, const PAST: usize> ObserverState<T, H, PAST> {
         self.film.position()
     }
 
-    /// The force on the film that the model does not know, N, besides the force scale.
+    /// The force on the film that the model does not know, N, apart from the force scale.
     #[must_use]
     #[inline]
     pub fn disturbance(&self) -> T {
         self.disturbance
     }
 
-    /// Electrostatic force in units of what the model takes it for: below 1 for a film that has become stiffer.
+    /// Effect of the electrostatic force over the model's: below 1 for a film that has become stiffer.
     #[must_use]
     pub fn force_scale(&self) -> T {
         self.force_scale
@@ -389,7 +420,7 @@ impl<T: Real, H, const PAST: usize> ObserverState<T, H, PAST> {
 
     /// The film.
     #[must_use]
-    pub fn film(&self) -> &State<T, H> {
+    pub fn film(&self) -> &State<T, M> {
         &self.film
     }
 

@@ -12,7 +12,7 @@ use crate::scalar::Real;
 /// a + 2 a + … + n a = n (n + 1) a / 2 = |e|
 /// ```
 ///
-/// because then it can still brake by a in every tick and come to rest on the target.
+/// because then it can still brake by a in every tick and stop at the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Shaper<T> {
     /// Largest increment, m.
@@ -21,7 +21,7 @@ pub(crate) struct Shaper<T> {
     change: T,
 }
 
-/// A path on its way: where it is and how it moves.
+/// The state of a path: position and motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Path<T> {
     /// The target at the last tick, m.
@@ -46,14 +46,14 @@ impl<T: Real> Shaper<T> {
         Self { increment: T::from_f64(max_velocity * step_s), change: T::from_f64(max_acceleration * step_s * step_s) }
     }
 
-    /// Whether both bounds are numbers of type T that a division stands.
+    /// Whether both bounds are positive in type T and can be divided by.
     pub(crate) fn is_usable(&self) -> bool {
         self.increment > T::ZERO
             && self.change > T::ZERO
             && T::from_f64(1.0 / self.change.to_f64()).to_f64().is_finite()
     }
 
-    /// Takes `path` one tick towards `target` (m); a target that is not finite leaves the old one.
+    /// Moves `path` by one tick towards `target` (m). After a non-finite target the last one stays.
     #[inline]
     pub(crate) fn advance(&self, path: &mut Path<T>, target: T) -> Limited {
         let target = if is_finite(target) { target } else { path.target };
@@ -98,10 +98,10 @@ pub(crate) fn clamp<T: Real>(value: T, low: T, high: T) -> T {
     }
 }
 
-/// Neither infinite nor not a number.
+/// Neither infinite nor NaN.
 #[inline]
 pub(crate) fn is_finite<T: Real>(value: T) -> bool {
-    #[allow(clippy::eq_op)] // infinity less infinity is no number, which equals nothing
+    #[allow(clippy::eq_op)] // ∞ − ∞ is NaN, which equals nothing
     let difference = value - value;
     difference == T::ZERO
 }

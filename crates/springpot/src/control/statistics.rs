@@ -2,7 +2,7 @@
 
 use crate::scalar::Scalar;
 
-/// Mean and variance that forget exponentially.
+/// Mean and variance with exponential forgetting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Statistics<T> {
     mean: T,
@@ -14,9 +14,9 @@ impl<T: Scalar> Statistics<T> {
         Self { mean: T::ZERO, variance: T::ZERO }
     }
 
-    /// Takes in `value` with the weight `share` (0…1) of the new against the old.
+    /// Adds `value` with the weight `share` (0…1) against the past.
     #[inline]
-    pub(crate) fn take(&mut self, value: T, share: T) {
+    pub(crate) fn update(&mut self, value: T, share: T) {
         let difference = value - self.mean;
         let step = share * difference;
         self.mean = self.mean + step;

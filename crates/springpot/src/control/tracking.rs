@@ -1,22 +1,55 @@
-//! Feedforward with a sensor: the observer's disturbance is taken off the command.
+//! Tracking: feedforward with a sensor. The observer's disturbance is subtracted from the command.
 
 use crate::actuator::Actuator;
 use crate::control::inverse::{Applied, Command, Course, Steering};
 use crate::control::limits::CommandLimits;
 use crate::control::observer::{Observer, ObserverOptions, ObserverState, Sample};
 use crate::error::ControlError;
-use crate::law::{Law, Memory, State};
-use crate::scalar::Real;
+use crate::law::{Law, Memory, State, state_traits};
+use crate::scalar::{Real, Scalar};
 
-/// Compensation with a sensor: [`Feedforward`](crate::Feedforward) from where an [`Observer`] sees the film, less the
-/// disturbance that it sees.
+/// Compensation with a sensor: [`Feedforward`](crate::Feedforward) from the [`Observer`]'s estimate of the film, with its
+/// disturbance subtracted.
 ///
 /// In every tick: [`observe`](Self::observe) the applied voltage and the sample that has arrived, if one has; then
 /// [`command`](Self::command). One law is stepped once a tick.
 ///
 /// With Q the low-pass of the observer, a film whose response is 1 + Δ times the model's follows its reference with the
-/// error (1 − Q) Δ / (1 + Q Δ): below the bandwidth what the model misses is taken out, above it the feedforward stands.
-/// While the sensor is lost it stands alone, with what was learned about the film.
+/// error (1 − Q) Δ / (1 + Q Δ): below the bandwidth the model's error is compensated, above it the feedforward acts alone.
+/// While the sensor is lost the feedforward acts alone as well, with the disturbance and force scale learned so far.
+///
+/// ```
+/// use springpot::{Actuator, Applied, CommandLimits, Law, ObserverOptions, Options, Preset, Sample, Tracking, TrackingState};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let rest = law.state();
+/// let options = ObserverOptions::at_bandwidth(0.5);
+/// let tracking: Tracking<f32> = Tracking::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH, options)?;
+///
+/// // One tick: the applied voltage and a sample in, the next voltage out.
+/// fn tick(
+///     tracking: &Tracking<f32>,
+///     state: &mut TrackingState<f32>,
+///     applied: f32,
+///     sample: Option<Sample<f32>>,
+///     reference_m: f32,
+/// ) -> f32 {
+///     tracking.observe(state, Applied::as_commanded(applied), sample);
+///     tracking.command(state, reference_m).voltage
+/// }
+///
+/// let mut state = tracking.state(rest);
+/// let mut voltage = 0.0;
+/// for _ in 0..2000 {
+///     // No sample has arrived: the observer predicts.
+///     voltage = tick(&tracking, &mut state, voltage, None, 0.5e-3);
+/// }
+/// assert!((state.observer().displacement() - 0.5e-3).abs() < 1e-6);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tracking<T, M = crate::Compressed<T>, const PAST: usize = 64> {
     observer: Observer<T, M, PAST>,
@@ -24,14 +57,15 @@ pub struct Tracking<T, M = crate::Compressed<T>, const PAST: usize = 64> {
 }
 
 /// What changes with every tick of a [`Tracking`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct TrackingState<T, H, const PAST: usize = 64> {
-    observer: ObserverState<T, H, PAST>,
+pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const PAST: usize = 64> {
+    observer: ObserverState<T, M, PAST>,
     course: Course<T>,
 }
 
+state_traits!(TrackingState<T, M, PAST> { observer, course });
+
 impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
-    /// Tracking for `actuator` along `law` within `limits`, corrected as `options` tell.
+    /// Tracking for `actuator` along `law` within `limits`, with an observer of these `options`.
     ///
     /// # Errors
     ///
@@ -47,9 +81,9 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         Ok(Self { observer, steering })
     }
 
-    /// A state whose film is `film`, with its reference where the film is, at 0 V.
+    /// A state that begins with `film`, at 0 V; the reference begins where the film is.
     #[must_use]
-    pub fn state(&self, film: State<T, M::History>) -> TrackingState<T, M::History, PAST> {
+    pub fn state(&self, film: State<T, M>) -> TrackingState<T, M, PAST> {
         let course = Course::at(film.position());
         TrackingState { observer: self.observer.state(film), course }
     }
@@ -57,20 +91,15 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// Steps the film under the voltage that was really applied since the last tick and corrects it with a `sample`, if one
     /// has arrived. Returns the estimated displacement (m).
     #[inline]
-    pub fn observe(
-        &self,
-        state: &mut TrackingState<T, M::History, PAST>,
-        applied: Applied<T>,
-        sample: Option<Sample<T>>,
-    ) -> T {
-        let voltage = self.steering.note(&mut state.course, applied);
+    pub fn observe(&self, state: &mut TrackingState<T, M, PAST>, applied: Applied<T>, sample: Option<Sample<T>>) -> T {
+        let voltage = self.steering.record(&mut state.course, applied);
         self.observer.observe(&mut state.observer, voltage, sample)
     }
 
-    /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A reference
-    /// that is not finite leaves the one before.
+    /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A non-finite
+    /// reference is ignored: the last one stays.
     #[inline]
-    pub fn command(&self, state: &mut TrackingState<T, M::History, PAST>, reference: T) -> Command<T> {
+    pub fn command(&self, state: &mut TrackingState<T, M, PAST>, reference: T) -> Command<T> {
         let correction = state.observer.correction();
         let TrackingState { observer, course } = state;
         let (law, drive) = (self.observer.law(), self.observer.drive());
@@ -84,14 +113,14 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     }
 }
 
-impl<T: Real, H, const PAST: usize> TrackingState<T, H, PAST> {
-    /// What the observer knows.
+impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
+    /// The observer's state.
     #[must_use]
-    pub fn observer(&self) -> &ObserverState<T, H, PAST> {
+    pub fn observer(&self) -> &ObserverState<T, M, PAST> {
         &self.observer
     }
 
-    /// Forgets what was learned about disturbance and force scale: the model as it was fitted from now on.
+    /// Resets disturbance and force scale to 0 and 1: the model as it was fitted.
     pub fn forget(&mut self) {
         self.observer.forget();
     }

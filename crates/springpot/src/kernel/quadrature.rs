@@ -1,7 +1,7 @@
-//! Gauss quadrature of a measure that is given as many positive point masses, without storing them.
+//! Gauss quadrature of a measure of many positive point masses, without storing them.
 //!
-//! Point masses are taken in one at a time; what is kept is the start of the Jacobi matrix of the measure (Gragg and
-//! Harwood's rotations, "RKPW": W. B. Gragg, W. J. Harrod, "The numerically stable reconstruction of Jacobi matrices
+//! Point masses are added one at a time; only the first rows of the measure's Jacobi matrix are kept (the rotations of
+//! Gragg and Harrod, "RKPW": W. B. Gragg, W. J. Harrod, "The numerically stable reconstruction of Jacobi matrices
 //! from spectral data", Numer. Math. 44 (1984) 317). Its eigenvalues are the nodes of the Gauss rule and the squared
 //! first components of its eigenvectors the weights, which are therefore positive whatever the measure.
 
@@ -16,12 +16,12 @@ pub(crate) struct JacobiMatrix {
     /// Total mass, then the squared off-diagonal.
     squared: [f64; MAX_NODES],
     rows: usize,
-    /// Distinct point masses so far, up to `rows`.
+    /// Rows in use: point masses so far, at most `rows`.
     filled: usize,
 }
 
 impl JacobiMatrix {
-    /// The matrix of the nought measure, of which the first `rows` rows will be kept.
+    /// The matrix of the zero measure, of which the first `rows` rows will be kept.
     pub(crate) fn new(rows: usize) -> Self {
         Self { diagonal: [0.0; MAX_NODES], squared: [0.0; MAX_NODES], rows: rows.min(MAX_NODES), filled: 0 }
     }

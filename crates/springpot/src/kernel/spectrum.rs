@@ -2,7 +2,7 @@
 //!
 //! A network of springpots has a completely monotone relaxation modulus,
 //! `G(t) = g∞ + Σ lines k e^{−rt} + ∫ χ(r) e^{−rt} dr/r` with `χ(r) = Im K(r e^{iπ}) / π ≥ 0`, the jump of K across its
-//! cut. Orders 0 and 1 give springs and plain relaxation times (lines), all else a density. The same density serves
+//! cut. Orders 0 and 1 give springs and discrete relaxation times (lines), all others a density. The same density serves
 //! the Grünwald–Letnikov law, where s = (1 − ζ)/h turns every `e^{−rt}` into `(1 + rh)^{−(j+1)}`.
 //!
 //! Chains of a nearly elastic and a nearly viscous springpot have a density with a peak that may be 1e-9 of a decade
@@ -53,7 +53,7 @@ impl<'a> Spectrum<'a> {
             .sum()
     }
 
-    /// The plain relaxation times: chains of springs and dashpots alone.
+    /// The discrete relaxation times: chains of springs and dashpots alone.
     pub(crate) fn lines(&self) -> Vec<Line, MAX_BRANCHES> {
         self.model
             .chains()
@@ -156,7 +156,7 @@ struct Peak<'a> {
     ln_rate: f64,
     /// Its half-width in ln r.
     width: f64,
-    /// Real part there: nought at a peak.
+    /// Real part there: zero at a peak.
     real: f64,
     /// ln of the largest term there, taken out of all others.
     ln_size: f64,

@@ -32,7 +32,7 @@ impl Mode {
 /// A variable in which the modes of a power law stand nearly evenly, from −1 (slow) to 1 (fast).
 ///
 /// First `p = ln((r + a)/(r + b))`, logarithmic between the horizon's rate a and the head's rate b and flat outside, where
-/// nothing is to be resolved. Then the sine map of D. Kosloff and H. Tal-Ezer (J. Comput. Phys. 104 (1993) 457), which
+/// no resolution is needed. Then the sine map of D. Kosloff and H. Tal-Ezer (J. Comput. Phys. 104 (1993) 457), which
 /// evens out the crowding of Gauss nodes at the ends.
 ///
 /// The three constants were chosen by a search for the smallest tail error of single springpots of order 0.05…0.98 and
@@ -45,9 +45,9 @@ struct Warp {
 
 impl Warp {
     const STRENGTH: f64 = 1.3;
-    /// Rate below which modes are not told apart, in 1/horizon.
+    /// Rate below which modes are not resolved, in 1/horizon.
     const SLOWEST: f64 = 2.0;
-    /// Rate above which modes are not told apart, in 1/head.
+    /// Rate above which modes are not resolved, in 1/head.
     const FASTEST: f64 = 6.0;
 
     fn new(horizon_s: f64, head_s: f64) -> Self {
@@ -70,10 +70,9 @@ impl Warp {
 
 /// At most `count` modes that follow `model` beyond `head` increments of `step_s`, fastest first.
 ///
-/// Springs and plain relaxation times are taken over exactly. The rest of the relaxation spectrum is summed up densely
-/// and replaced by its Gauss quadrature rule in the [`Warp`]ed rate: positive weights without a fit. The measure is
-/// taken relative to the model's modulus at each rate, since what matters at every time scale is the share, however
-/// far the modulus has fallen.
+/// Springs and discrete relaxation times become modes exactly. The rest of the relaxation spectrum is summed densely and
+/// replaced by its Gauss quadrature rule in the [`Warp`]ed rate: positive weights without a fit. The measure is relative to
+/// the model's modulus at each rate, so that every time scale has the same relative accuracy.
 pub(crate) fn modes(
     model: &Maxwell,
     step_s: f64,
@@ -89,7 +88,7 @@ pub(crate) fn modes(
         let weight = weight * libm::exp(-(head + 2.0) * libm::log1p(scaled_rate));
         Mode { scaled_rate, weight }
     };
-    // Of what is faster less than 1e-17 outlasts the head.
+    // Less than 1e-17 of faster modes is left after the head.
     let fastest = libm::expm1(40.0 / (head + 2.0)) / step_s;
     let spectrum = Spectrum::new(model, 1e-4 / horizon_s, fastest);
 
@@ -117,7 +116,7 @@ pub(crate) fn modes(
 }
 
 /// Largest error of `modes` from the end of the head to the horizon, at three places an octave, relative to the model's
-/// modulus K(1/t) at that time t. The exact values come from another integral than the modes do.
+/// modulus K(1/t) at that time t. The exact values come from another integral than the modes.
 pub(crate) fn error(model: &Maxwell, kernel: &Kernel<'_>, modes: &[Mode], horizon_s: f64, head: usize) -> f64 {
     let (mut worst, mut j) = (0.0, head);
     #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]

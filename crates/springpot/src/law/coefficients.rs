@@ -5,52 +5,81 @@ use crate::law::Law;
 use crate::law::compressed::{Compressed, Decay};
 use crate::scalar::Scalar;
 
-/// The numbers of a [`Law`] with a [`Compressed`] memory.
+/// The numbers of a [`Law`] with a [`Compressed`] memory, apart from its step and the mass.
 ///
 /// Building a law evaluates its model a few thousand times in f64, which takes a controller about a second and 30 KiB of
-/// program. A host can do it instead and send these numbers; the law that comes of them is the same, bit for bit.
+/// program. A host can do it instead and send these numbers; the law built from them is the same, bit for bit.
+///
+/// With the feature `serde` they can be sent by any format of serde; arrays are tuples there, without a length.
+///
+/// ```
+/// use springpot::{Coefficients, Law, LawError, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// // On the host:
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let coefficients: Coefficients<f32> = law.coefficients();
+///
+/// // On the controller, which knows its step and the film's mass:
+/// let received = Law::from_coefficients(&coefficients, 1e-3, model.mass_kg())?;
+/// assert_eq!(received, law);
+///
+/// // Values that no film has are refused.
+/// let damaged = Coefficients { instant: f64::NAN, ..coefficients };
+/// assert_eq!(Law::from_coefficients(&damaged, 1e-3, 0.0), Err(LawError::Coefficient("instant")));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(deny_unknown_fields, bound(serialize = "T: serde::Serialize", deserialize = "T: serde::Deserialize<'de>"))
+)]
 pub struct Coefficients<T, const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
-    /// Step h, s.
-    pub step_s: f64,
     /// g_0, N/m.
     pub instant: f64,
-    /// Mass, kg.
-    pub mass_kg: f64,
-    /// g_0 + g_1, g_2, …, g_HEAD, N/m.
-    pub head: [T; HEAD],
-    /// Fast modes as (1 − ρ, weight in N/m), fastest first.
-    pub fast: [(T, T); FAST],
-    /// Slow modes, likewise.
-    pub slow: [(T, T); SLOW],
     /// Largest error of the relaxation modulus beyond the head, relative to the modulus at that time.
     pub tail_error: f64,
+    /// g_0 + g_1, g_2, …, g_HEAD, N/m.
+    #[cfg_attr(feature = "serde", serde(with = "arrays"))]
+    pub head: [T; HEAD],
+    /// Fast modes as (1 − ρ, weight in N/m), fastest first.
+    #[cfg_attr(feature = "serde", serde(with = "arrays"))]
+    pub fast: [(T, T); FAST],
+    /// Slow modes, likewise.
+    #[cfg_attr(feature = "serde", serde(with = "arrays"))]
+    pub slow: [(T, T); SLOW],
 }
 
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
-    /// The numbers of this law, whose model has the mass `mass_kg` (kg).
+    /// The numbers of this law.
     #[must_use]
-    pub fn coefficients(&self, mass_kg: f64) -> Coefficients<T, HEAD, FAST, SLOW> {
+    pub fn coefficients(&self) -> Coefficients<T, HEAD, FAST, SLOW> {
         let memory = self.memory();
         Coefficients {
-            step_s: self.step_s(),
             instant: self.instant(),
-            mass_kg,
+            tail_error: memory.tail_error(),
             head: memory.head,
             fast: memory.fast.map(|decay| (decay.loss, decay.weight)),
             slow: memory.slow.map(|decay| (decay.loss, decay.weight)),
-            tail_error: memory.tail_error(),
         }
     }
 
-    /// The law of these numbers.
+    /// The law of `coefficients` at step `step_s` (s) for a film that carries `mass_kg` (kg). The step must be the one that
+    /// the coefficients were computed for.
     ///
     /// # Errors
     ///
-    /// [`LawError::Step`], [`LawError::Coefficient`] for numbers that no film has: what is not finite, modes that grow or
-    /// push, and [`LawError::NothingToSolve`].
-    pub fn from_coefficients(coefficients: &Coefficients<T, HEAD, FAST, SLOW>) -> Result<Self, LawError> {
-        let &Coefficients { step_s, instant, mass_kg, head, fast, slow, tail_error } = coefficients;
+    /// [`LawError::Step`], [`LawError::Coefficient`] for values that no film has (non-finite, modes that grow or have a
+    /// negative weight), and [`LawError::NothingToSolve`].
+    pub fn from_coefficients(
+        coefficients: &Coefficients<T, HEAD, FAST, SLOW>,
+        step_s: f64,
+        mass_kg: f64,
+    ) -> Result<Self, LawError> {
+        let &Coefficients { instant, tail_error, head, fast, slow } = coefficients;
         if !(step_s.is_finite() && step_s > 0.0) {
             return Err(LawError::Step(step_s));
         }
@@ -72,5 +101,56 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let decay = |(loss, weight)| Decay { loss, weight };
         let memory = Compressed { head, fast: fast.map(decay), slow: slow.map(decay), tail_error };
         Self::from_memory(step_s, instant, mass_kg, memory)
+    }
+}
+
+/// Arrays of any length as tuples: serde itself has them up to 32 only, and not of a generic length.
+#[cfg(feature = "serde")]
+mod arrays {
+    use core::fmt;
+    use core::marker::PhantomData;
+
+    use heapless::Vec;
+    use serde::de::{Deserialize, Deserializer, Error, SeqAccess, Visitor};
+    use serde::ser::{Serialize, SerializeTuple, Serializer};
+
+    pub(super) fn serialize<E: Serialize, S: Serializer, const N: usize>(
+        array: &[E; N],
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let mut tuple = serializer.serialize_tuple(N)?;
+        for element in array {
+            tuple.serialize_element(element)?;
+        }
+        tuple.end()
+    }
+
+    pub(super) fn deserialize<'de, E, D, const N: usize>(deserializer: D) -> Result<[E; N], D::Error>
+    where
+        E: Deserialize<'de>,
+        D: Deserializer<'de>,
+    {
+        deserializer.deserialize_tuple(N, Elements(PhantomData))
+    }
+
+    struct Elements<E, const N: usize>(PhantomData<E>);
+
+    impl<'de, E: Deserialize<'de>, const N: usize> Visitor<'de> for Elements<E, N> {
+        type Value = [E; N];
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "an array of {N}")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<Self::Value, A::Error> {
+            let mut elements = Vec::<E, N>::new();
+            while elements.len() < N {
+                let length = elements.len();
+                let element = sequence.next_element()?.ok_or_else(|| Error::invalid_length(length, &self))?;
+                // There is room for N.
+                let _ = elements.push(element);
+            }
+            elements.into_array().map_err(|elements| Error::invalid_length(elements.len(), &self))
+        }
     }
 }

@@ -11,17 +11,19 @@ use crate::law::{Law, Memory, State};
 use crate::model::Maxwell;
 use crate::scalar::Scalar;
 
-/// What a compressed memory is asked to follow.
+/// Step, horizon and tolerance of a compressed memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct Options {
     /// Step h in seconds.
     pub step_s: f64,
-    /// Time over which the memory is to be true, in seconds. Slower relaxation is kept, but only up to here is it
-    /// resolved. The run may be longer.
+    /// Time over which the memory is accurate, in seconds. Slower relaxation is kept, but not resolved. The run may be
+    /// longer.
     pub horizon_s: f64,
-    /// Largest error of the relaxation modulus beyond the head that is accepted, relative to the modulus K(1/t) of the
-    /// model at that time t.
+    /// Largest accepted error of the relaxation modulus beyond the head, relative to the modulus K(1/t) of the model at that
+    /// time t.
     pub tolerance: f64,
 }
 
@@ -50,7 +52,7 @@ impl Options {
 /// The memory of a film in a few dozen numbers.
 ///
 /// `HEAD` increments are kept and weighted exactly. What is older flows into `FAST + SLOW` decaying modes with positive
-/// weights, a chain of small Maxwell elements that stands for the springpots' long memory:
+/// weights: small Maxwell elements in parallel that approximate the springpots' long memory:
 ///
 /// ```text
 /// Σ_{j≥0} g_j Δx_{k−j} ≈ Σ_{j=0..HEAD} g_j Δx_{k−j} + Σ_i A_i y_i,      y_i ← y_i + (Δx_{k−HEAD−1} − (1 − ρ_i) y_i)
@@ -58,15 +60,15 @@ impl Options {
 ///
 /// Cutting the sum instead (the short-memory principle, [`Window`](crate::Window)) loses the creep, because what is cut
 /// *is* the creep. The rates ρ_i and weights A_i are the Gauss quadrature rule of the model's relaxation spectrum, so the
-/// weights are positive whatever the model, springs and plain relaxation times are exact, and a narrow line in the
+/// weights are positive for every model, springs and discrete relaxation times are exact, and a narrow line in the
 /// spectrum gets the nodes it needs.
 ///
 /// # Rounding
 ///
 /// A Maxwell element is a spring of extension y behind a dashpot of displacement z, and y + z is the displacement S that
-/// has left the head. `FAST` elements, whose springs are slack most of the time, store y; they forget rounding errors
-/// sooner than they gather. `SLOW` elements, whose dashpots hardly move, store z with compensation (Kahan) and share one
-/// compensated S: neither a decay of 1e-10 a step nor an increment of 1e-9 m is lost in f32. 1 − ρ is stored, since f32
+/// has left the head. `FAST` elements, whose extension decays quickly, store y; rounding errors decay as well. `SLOW`
+/// elements, whose dashpots hardly move, store z with compensated summation (Kahan) and share one compensated S: neither a
+/// decay of 1e-10 per step nor an increment of 1e-9 m is lost in f32. 1 − ρ is stored, since f32
 /// cannot hold ρ near 1.
 ///
 /// The defaults hold 1e-7 in f64 from 100 Hz to 5 kHz and 2.5e-7 more in f32 over 24 h; `Compressed<T, 8, 14, 4>`, with a
@@ -115,13 +117,13 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// The law of `model` with a compressed memory.
     ///
     /// Evaluates the model a few thousand times in f64, with about 6 KiB of stack and no allocation: below a
-    /// millisecond on a host; 0.7 to 1.5 s on a Cortex-M4F at 168 MHz, which has f64 in software only and may rather get
-    /// the [`Coefficients`](crate::Coefficients) from a host.
+    /// millisecond on a host; 0.7 to 1.5 s on a Cortex-M4F at 168 MHz, which has f64 in software only. Such a controller can
+    /// get the [`Coefficients`](crate::Coefficients) from a host instead.
     ///
     /// # Errors
     ///
-    /// [`LawError`] for a step, horizon or tolerance that makes no sense, for fewer modes than the model has plain
-    /// relaxation times, for a tail that misses the tolerance, and where the number type cannot hold the stiffness.
+    /// [`LawError`] for an invalid step, horizon or tolerance, for fewer modes than the model has discrete relaxation times,
+    /// for a tail that misses the tolerance, and where the number type cannot hold the stiffness.
     pub fn compressed(model: &Maxwell, options: Options) -> Result<Self, LawError> {
         let (memory, instant) = Compressed::new(model, options)?;
         Self::from_memory(options.step_s, instant, model.mass_kg(), memory)
@@ -129,7 +131,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
 
     /// A state at rest at x = 0.
     #[must_use]
-    pub fn state(&self) -> State<T, CompressedHistory<T, HEAD, FAST, SLOW>> {
+    pub fn state(&self) -> State<T, Compressed<T, HEAD, FAST, SLOW>> {
         State::with_history(CompressedHistory {
             increments: [[T::ZERO; HEAD]; 2],
             newest: 0,
@@ -191,7 +193,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
         for (weight, &g) in head[1..].iter_mut().zip(&g[2..]) {
             *weight = T::from_f64(g);
         }
-        // The slowest go where they are compensated; slots that are left over stay nought.
+        // The slowest modes go to the compensated slots; unused slots stay zero.
         let (fast, slow) = modes.split_at(modes.len() - modes.len().min(SLOW));
         Ok((Self { head, fast: Decay::table(fast), slow: Decay::table(slow), tail_error }, g[0]))
     }

@@ -3,12 +3,13 @@
 mod coefficients;
 mod compressed;
 mod response;
+mod state_traits;
 mod warm_start;
 mod window;
 
 pub use coefficients::Coefficients;
-pub use compressed::{Compressed, CompressedHistory, Options};
-pub use window::{Window, WindowHistory};
+pub use compressed::{Compressed, Options};
+pub use window::Window;
 
 use num_complex::Complex;
 
@@ -16,12 +17,18 @@ use crate::actuator::Load;
 use crate::error::LawError;
 use crate::scalar::Scalar;
 
+pub(crate) use state_traits::state_traits;
+
 /// How a law remembers the past: [`Compressed`](crate::Compressed) (the default) or [`Window`](crate::Window).
-pub trait Memory<T: Scalar> {
-    /// What changes with every step.
+///
+/// The trait is sealed. A memory is more than its two methods: the law's exactness, its [`State`] and its frequency
+/// response rest on them to agree, which the tests of this crate show for the two memories here. Name it as a bound to write
+/// code for both.
+pub trait Memory<T: Scalar>: sealed::Sealed {
+    /// What changes with every step. A [`State`] holds it.
     type History;
 
-    /// Takes in the newest increment of displacement (m) and returns the force (N) that the film would show at the
+    /// Stores the newest increment of displacement (m) and returns the force (N) that the film would show at the
     /// next step if it went on with that increment.
     ///
     /// The same number of operations every time; cannot fail.
@@ -31,9 +38,17 @@ pub trait Memory<T: Scalar> {
     fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64>;
 }
 
+mod sealed {
+    /// Implemented by the memories of this crate alone.
+    pub trait Sealed {}
+
+    impl<T, const HEAD: usize, const FAST: usize, const SLOW: usize> Sealed for super::Compressed<T, HEAD, FAST, SLOW> {}
+    impl<T, B> Sealed for super::Window<T, B> {}
+}
+
 /// The configuration: a model at a step, built once.
 ///
-/// A law holds what does not change, so one law serves many [`State`]s and can live in flash. It is built fallibly by
+/// A law holds what does not change, so one law serves many [`State`]s and can stay in flash. It is built fallibly by
 /// [`Law::compressed`] or [`Law::window`] and then steps infallibly, with the same number of operations every time.
 ///
 /// # The line
@@ -45,16 +60,38 @@ pub trait Memory<T: Scalar> {
 /// F_k = Σ_{j≥0} g_j Δx_{k−j} + (m/h²)(Δx_k − Δx_{k−1})
 /// ```
 ///
-/// All that is known before step k is gathered in the force `base_k` that the film would show if it went on with the
-/// increment it had, which leaves
+/// Let `base_k` be the force that the film would show if it went on with its last increment. It is known before step k, and
+/// what remains is
 ///
 /// ```text
 /// F_k − base_k = (g_0 + m/h²) (Δx_k − Δx_{k−1})
 /// ```
 ///
-/// Read from left to right it gives displacement from force ([`displacement`](Law::displacement): creep, observer),
-/// from right to left force from displacement ([`force`](Law::force): relaxation, feedforward). Solving for the change
+/// Solved for the displacement it gives displacement from force ([`displacement`](Law::displacement): creep, observer),
+/// solved for the force it gives force from displacement ([`force`](Law::force): relaxation, feedforward). Solving for the change
 /// of the increment keeps the digits of a small stiffness beside a large m/h².
+///
+/// ```
+/// use springpot::{Law, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+///
+/// // Creep: 20 N for 10 s. Another state of the same law follows that path and gives the force back.
+/// let (mut creep, mut relaxation) = (law.state(), law.state());
+/// for _ in 0..10_000 {
+///     let displacement = law.displacement(&mut creep, 20.0);
+///     law.force(&mut relaxation, displacement);
+/// }
+/// assert!((law.force_to(&relaxation, creep.position() + creep.increment()) - 20.0).abs() < 0.1);
+///
+/// // A film that has already hung under 3 N for ten minutes.
+/// let hung = law.settled(3.0, 600.0);
+/// assert!(hung.position() > 0.0);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Law<T, M = crate::Compressed<T>> {
     step_s: f64,
@@ -65,17 +102,36 @@ pub struct Law<T, M = crate::Compressed<T>> {
     memory: M,
 }
 
-/// What changes with every step of a [`Law`]: displacement, increment and the history.
-#[derive(Clone, Debug, PartialEq)]
-pub struct State<T, H> {
+/// What changes with every step of a [`Law`]: displacement, increment and the history of its memory `M`.
+///
+/// ```
+/// use springpot::{Compressed, Law, State};
+///
+/// /// A film on a controller: its law in flash, its state in RAM.
+/// struct Film {
+///     law: &'static Law<f32>,
+///     state: State<f32>,
+/// }
+///
+/// /// The same with a lean memory.
+/// type Lean = Compressed<f32, 8, 14, 4>;
+/// struct LeanFilm {
+///     law: &'static Law<f32, Lean>,
+///     state: State<f32, Lean>,
+/// }
+/// # assert!(size_of::<LeanFilm>() < size_of::<Film>());
+/// ```
+pub struct State<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
     pub(crate) position: T,
     /// What rounding added to `position` (Kahan).
     pub(crate) position_surplus: T,
     pub(crate) increment: T,
     /// The force at the next step if the increment stays, N.
     pub(crate) base: T,
-    pub(crate) history: H,
+    pub(crate) history: M::History,
 }
+
+state_traits!(State<T, M> { position, position_surplus, increment, base, history });
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
     pub(crate) fn from_memory(step_s: f64, instant: f64, mass_kg: f64, memory: M) -> Result<Self, LawError> {
@@ -112,7 +168,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// Displacement (m) at the next step from the `force` (N) that acts in it.
     #[inline]
-    pub fn displacement(&self, state: &mut State<T, M::History>, force: T) -> T {
+    pub fn displacement(&self, state: &mut State<T, M>, force: T) -> T {
         self.change_increment(state, (force - state.base) / self.stiffness)
     }
 
@@ -120,14 +176,14 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     ///
     /// The dependence is linear, so this is one solve as well: `base + S δ = f + f' (x + Δx + δ)`.
     #[inline]
-    pub fn displacement_under(&self, state: &mut State<T, M::History>, load: Load<T>) -> T {
+    pub fn displacement_under(&self, state: &mut State<T, M>, load: Load<T>) -> T {
         let force_ahead = load.force + load.slope * (state.position + state.increment);
         self.change_increment(state, (force_ahead - state.base) / (self.stiffness - load.slope))
     }
 
     /// Force (N) that the film shows when it is at `displacement` (m) at the next step.
     #[inline]
-    pub fn force(&self, state: &mut State<T, M::History>, displacement: T) -> T {
+    pub fn force(&self, state: &mut State<T, M>, displacement: T) -> T {
         let increment = state.increment_to(displacement);
         let force = self.force_of(state, increment);
         state.position = displacement;
@@ -139,26 +195,26 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Force (N) that would bring the film to `displacement` (m) at the next step. The state stays as it is: step it with
     /// the force that the actuator then really gives.
     #[inline]
-    pub fn force_to(&self, state: &State<T, M::History>, displacement: T) -> T {
+    pub fn force_to(&self, state: &State<T, M>, displacement: T) -> T {
         self.force_of(state, state.increment_to(displacement))
     }
 
     /// Force (N) that would change the film's increment by `change` (m) in the next step. The state stays as it is.
     ///
-    /// The same as [`force_to`](Self::force_to) for who knows the path by its changes: no digits are lost in the
-    /// difference of two positions.
+    /// As [`force_to`](Self::force_to), for a path that is known by its changes: no digits are lost in the difference of two
+    /// positions.
     #[inline]
-    pub fn force_for(&self, state: &State<T, M::History>, change: T) -> T {
+    pub fn force_for(&self, state: &State<T, M>, change: T) -> T {
         state.base + self.stiffness * change
     }
 
     #[inline]
-    fn force_of(&self, state: &State<T, M::History>, increment: T) -> T {
+    fn force_of(&self, state: &State<T, M>, increment: T) -> T {
         state.base + self.stiffness * (increment - state.increment)
     }
 
     #[inline]
-    fn change_increment(&self, state: &mut State<T, M::History>, change: T) -> T {
+    fn change_increment(&self, state: &mut State<T, M>, change: T) -> T {
         let increment = state.increment + change;
         // Kahan's sum: what was rounded away comes back with the next increment.
         let addend = increment - state.position_surplus;
@@ -170,14 +226,14 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     }
 
     #[inline]
-    fn advance(&self, state: &mut State<T, M::History>, increment: T) {
+    fn advance(&self, state: &mut State<T, M>, increment: T) {
         state.increment = increment;
         state.base = self.memory.advance(&mut state.history, increment);
     }
 }
 
-impl<T: Scalar, H> State<T, H> {
-    pub(crate) fn with_history(history: H) -> Self {
+impl<T: Scalar, M: Memory<T>> State<T, M> {
+    pub(crate) fn with_history(history: M::History) -> Self {
         Self { position: T::ZERO, position_surplus: T::ZERO, increment: T::ZERO, base: T::ZERO, history }
     }
 

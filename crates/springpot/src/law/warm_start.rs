@@ -1,21 +1,21 @@
-//! Warm starts: a film that has a past when the run begins.
+//! Warm starts: states of films that were loaded before the run.
 
 use crate::kernel::power_series::TERMS;
 use crate::kernel::quadrature::MAX_NODES;
-use crate::law::compressed::{Compressed, CompressedHistory, Dashpot};
+use crate::law::compressed::{Compressed, Dashpot};
 use crate::law::{Law, Memory, State};
 use crate::scalar::Scalar;
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
-    /// Takes `state` through a recorded history of `forces` (N), one per step.
-    pub fn warm_up(&self, state: &mut State<T, M::History>, forces: impl IntoIterator<Item = T>) {
+    /// Steps `state` through a recorded history of `forces` (N), one per step.
+    pub fn warm_up(&self, state: &mut State<T, M>, forces: impl IntoIterator<Item = T>) {
         for force in forces {
             self.displacement(state, force);
         }
     }
 
-    /// Takes `state` through a recorded history of `displacements` (m), one per step.
-    pub fn warm_up_along(&self, state: &mut State<T, M::History>, displacements: impl IntoIterator<Item = T>) {
+    /// Steps `state` through a recorded history of `displacements` (m), one per step.
+    pub fn warm_up_along(&self, state: &mut State<T, M>, displacements: impl IntoIterator<Item = T>) {
         for displacement in displacements {
             self.force(state, displacement);
         }
@@ -26,11 +26,10 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// The state of a film that has crept under a constant `force` (N) for `duration_s` from rest, without inertia.
     ///
     /// Equal to that many steps of [`displacement`](Law::displacement) of a law without mass to about 1e-6, and of one
-    /// with mass once its oscillation has died away. Costs some thousand steps even for days: creep slows down, so blocks
-    /// of equal increments are solved at once that grow with the time passed. A duration that is negative or not a number
-    /// counts as nought.
+    /// with mass once its oscillation has decayed. Costs some thousand steps even for days: creep slows down, so steps are
+    /// solved in blocks whose length grows with the time passed. A negative or NaN duration counts as 0.
     #[must_use]
-    pub fn settled(&self, force: T, duration_s: f64) -> State<T, CompressedHistory<T, HEAD, FAST, SLOW>> {
+    pub fn settled(&self, force: T, duration_s: f64) -> State<T, Compressed<T, HEAD, FAST, SLOW>> {
         let mut creep = Creep::new(self, force.to_f64());
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
         let steps = libm::round(duration_s / self.step_s()) as u64;
@@ -48,7 +47,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         self.state_after(&creep)
     }
 
-    fn state_after(&self, creep: &Creep<HEAD>) -> State<T, CompressedHistory<T, HEAD, FAST, SLOW>> {
+    fn state_after(&self, creep: &Creep<HEAD>) -> State<T, Compressed<T, HEAD, FAST, SLOW>> {
         let mut state = self.state();
         let head = creep.increments.map(T::from_f64);
         let left = creep.position - creep.increments.iter().sum::<f64>();
@@ -88,9 +87,9 @@ struct Creep<const HEAD: usize> {
 }
 
 impl<const HEAD: usize> Creep<HEAD> {
-    /// Steps of the shortest block that is more than one step.
+    /// Length of the shortest block, in steps.
     const SHORTEST: u64 = HEAD as u64 + 2;
-    /// One over the share of the time passed by which blocks grow.
+    /// Time passed over the length of a block.
     const FINENESS: u64 = 200;
 
     fn new<T: Scalar, const FAST: usize, const SLOW: usize>(

@@ -11,15 +11,35 @@ use crate::scalar::Scalar;
 /// The plain short-memory window: the Grünwald–Letnikov sum over the last `N` increments, in storage `B` of the caller
 /// (an array, a `&mut [T]`, or on a host a `Vec<T>`).
 ///
-/// This is the short-memory principle of the textbooks, for comparison and for who wants it. What happened before the
-/// window acts as a spring, so the film cannot creep for longer than the window lasts: for orders near 0.2 a window of
+/// This is the short-memory principle of the textbooks, for comparison. What happened before the window acts as a spring,
+/// so the film stops creeping after the length of the window: for orders near 0.2 a window of
 /// 10 s is wrong by three quarters of the response after 155 s. [`Compressed`](crate::Compressed) completes it with a
 /// tail.
+///
+/// ```
+/// use springpot::{Law, Options, Preset, Window};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// // One second at 100 Hz, with storage on the stack.
+/// let law: Law<f32, Window<f32, [f32; 100]>> = Law::window(&model, 0.01, [0.0; 100])?;
+/// let whole: Law<f32> = Law::compressed(&model, Options::at_step(0.01))?;
+///
+/// let (mut state, mut exact) = (law.state([0.0; 100])?, whole.state());
+/// for _ in 0..15_500 {
+///     law.displacement(&mut state, 10.0);
+///     whole.displacement(&mut exact, 10.0);
+/// }
+/// // The window misses most of the creep of these 155 s.
+/// assert!(state.position() < 0.5 * exact.position());
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window<T, B> {
     /// g_0 + g_1, g_2, …, g_N in N/m.
     weights: B,
-    /// g_{N+1}: the spring that stands for all before the window.
+    /// g_{N+1}: stiffness of the spring that replaces all that was before the window.
     before: T,
 }
 
@@ -60,7 +80,7 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Law<T, Window<T, B>> {
     /// # Errors
     ///
     /// [`LawError::Storage`] for storage of another length.
-    pub fn state(&self, storage: B) -> Result<State<T, WindowHistory<T, B>>, LawError> {
+    pub fn state(&self, storage: B) -> Result<State<T, Window<T, B>>, LawError> {
         let mut increments = storage;
         let (given, needed) = (increments.as_ref().len(), self.memory().weights.as_ref().len());
         if given != needed {

@@ -13,6 +13,8 @@ pub const MAX_BRANCHES: usize = 5;
 /// How the branches are connected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
 pub enum Topology {
     /// As published: `n / Σ 1/(c s^α)` over all 2n springpots of the branches, their harmonic mean (Eq. 9).
     Eq11,
@@ -31,7 +33,31 @@ pub enum Topology {
 /// ```
 ///
 /// The two topologies agree for one branch and differ for more: the published one is the harmonic mean of the branches.
+///
+/// ```
+/// use springpot::{Maxwell, ModelError, Springpot, Topology};
+///
+/// # fn main() -> Result<(), ModelError> {
+/// let main = Springpot::new(62_740.0, 0.2);
+/// let branch = [Springpot::new(47_958.0, 0.0), Springpot::new(173_210.0, 1.0)];
+/// let model = Maxwell::new(main, &[branch], Topology::Parallel, 0.316)?;
+///
+/// // The film lengthens for hours under a steady force: displacement per newton after 1 s and after 1 h.
+/// let (soon, late) = (model.creep_compliance(1.0), model.creep_compliance(3600.0));
+/// assert!(late > 5.0 * soon);
+///
+/// // The amplitude per newton at 0.1 Hz, and how far it lags behind the force.
+/// let response = model.frequency_response(0.1);
+/// assert!(response.re > 0.0 && response.im < 0.0);
+///
+/// // What no film has is refused.
+/// assert_eq!(Maxwell::new(main, &[], Topology::Parallel, -1.0), Err(ModelError::Mass(-1.0)));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(try_from = "Unchecked"))]
 pub struct Maxwell {
     main: Springpot,
     branches: Vec<[Springpot; 2], MAX_BRANCHES>,
@@ -110,8 +136,32 @@ impl Maxwell {
         Self::new(self.main, &self.branches, self.topology, self.mass_kg)
     }
 
-    /// The springpots as chains in series whose forces add: first the main springpot, then the branches (Eq. 9: all of them
-    /// in one chain; [`Topology::Parallel`]: one chain per branch). K(s) is the sum over these chains.
+    /// The springpots as chains in series whose forces add. This is the one place that knows what a [`Topology`] means.
+    ///
+    /// The main springpot comes first, as a chain of one. The branches follow: in [`Topology::Eq11`] all of them in one
+    /// chain of 2n springpots with the factor n (Eq. 9), in [`Topology::Parallel`] one chain of two springpots per branch.
+    /// K(s) is the sum of `scale / Σ 1/(c s^α)` over these chains.
+    ///
+    /// ```
+    /// use springpot::{Complex, Preset, Topology};
+    ///
+    /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+    /// let model = Preset::named("table3-n3").unwrap().model()?;
+    /// let shape = |topology| {
+    ///     let model = model.clone().with_topology(topology);
+    ///     model.chains().map(|chain| (chain.scale, chain.elements.len())).collect::<Vec<_>>()
+    /// };
+    /// assert_eq!(shape(Topology::Eq11), [(1.0, 1), (3.0, 6)]);
+    /// assert_eq!(shape(Topology::Parallel), [(1.0, 1), (1.0, 2), (1.0, 2), (1.0, 2)]);
+    ///
+    /// // The sum over the chains is K(s). At s = 1/s every s^α is 1.
+    /// let sum: f64 =
+    ///     model.chains().map(|chain| chain.scale / chain.elements.iter().map(|e| 1.0 / e.c).sum::<f64>()).sum();
+    /// let modulus = model.modulus(Complex::new(1.0, 0.0));
+    /// assert!((sum / modulus.re - 1.0).abs() < 1e-12);
+    /// # Ok(())
+    /// # }
+    /// ```
     pub fn chains(&self) -> impl Iterator<Item = Chain<'_>> {
         let elements = self.branches.as_flattened();
         #[allow(clippy::cast_precision_loss)] // at most five
@@ -153,7 +203,29 @@ impl Maxwell {
     }
 }
 
-/// Springpots in series, whose force is `scale / Σ 1/(c s^α)` times their displacement.
+/// A model as it is read, before [`Maxwell::new`] has checked it.
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+#[serde(rename = "Maxwell", deny_unknown_fields)]
+struct Unchecked {
+    main: Springpot,
+    branches: Vec<[Springpot; 2], MAX_BRANCHES>,
+    topology: Topology,
+    mass_kg: f64,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Unchecked> for Maxwell {
+    type Error = ModelError;
+
+    fn try_from(Unchecked { main, branches, topology, mass_kg }: Unchecked) -> Result<Self, ModelError> {
+        Self::new(main, &branches, topology, mass_kg)
+    }
+}
+
+/// Springpots in series, one summand of K(s): force is `scale / Σ 1/(c s^α)` times displacement, in N/m.
+///
+/// [`Maxwell::chains`] gives them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chain<'a> {
     /// Factor of the chain: n for the branches of [`Topology::Eq11`], 1 otherwise.

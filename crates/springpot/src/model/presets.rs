@@ -8,10 +8,22 @@ use crate::model::{Maxwell, Topology};
 /// A published parameter set: Tables 3 and 4 of Karner, Belšak and Gotlih, Fractal Fract. 2022, 6, 720.
 ///
 /// The paper's coefficients are in newtons per *millimetre*: with c₁₁ ≈ 63 N/mm its 140 N at 6 kV make the millimetres
-/// of its figures, although its Table 1 says metres. Here they stand × 1000, in N·s^α/m.
+/// of its figures, although its Table 1 says metres. Here they are multiplied by 1000, in N·s^α/m.
 ///
-/// Two values could not be read in the copy they were taken from: α₆₂ of Table 3, n = 5, stands as 1 (it changes the
+/// Two values are not legible in the copy used here: α₆₂ of Table 3, n = 5, is taken as 1 (it changes the
 /// displacement by about 1e-5), and α₁₁ of n = 2 as 0.2 (from the text).
+///
+/// ```
+/// use springpot::{Preset, Topology};
+///
+/// let preset = Preset::named("table3-n2").unwrap();
+/// let model = preset.model()?;
+/// assert_eq!((model.branches().len(), model.topology()), (2, Topology::Eq11));
+///
+/// let names: Vec<&str> = Preset::ALL.iter().map(Preset::name).collect();
+/// assert_eq!(names[5..], ["table4-f13", "table4-f7", "table4-f5"]);
+/// # Ok::<(), springpot::ModelError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Preset {
     name: &'static str,

@@ -1,6 +1,6 @@
 mod options;
-mod page;
-mod result;
+pub(super) mod page;
+pub(super) mod result;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -85,7 +85,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         bar.finish_and_clear();
         fit.warnings.splice(0..0, indices.iter().flat_map(|&index| warnings[index].clone()));
         let seconds = started.elapsed().as_secs_f64();
-        let parameters = result::parameters_of(&fit, &settings, &arguments.options, &files)?;
+        let parameters = result::parameters_of(&fit, &settings, arguments.options.direction(), &files)?;
         let report = result::report_of(&fit, arguments.options.direction(), &files, &out, seconds);
         let mut written = vec![output::Staged::new(&out, |file| file.write_all(parameters.to_toml().as_bytes()))?];
         if let Some(path) = &page {

@@ -9,7 +9,7 @@ use crate::report::html;
 use crate::report::plot::{COLOURS, Line, Panel};
 
 /// The page of a fit: what was found, how well it agrees, and how far it can be trusted.
-pub(super) fn page(report: &Report, fit: &Fit, observations: &[Observation], drive: Direction) -> String {
+pub(in crate::commands) fn page(report: &Report, fit: &Fit, observations: &[Observation], drive: Direction) -> String {
     let recordings: Vec<(bool, Vec<String>)> = report
         .recordings
         .iter()

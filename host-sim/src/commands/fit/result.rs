@@ -5,7 +5,6 @@ use std::path::Path;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::FitOptions;
 use crate::agreement::Agreement;
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
@@ -17,36 +16,36 @@ use crate::fit::{Fit, Method, Settings};
 
 /// What a fit found, for people and machines.
 #[derive(Serialize)]
-pub(super) struct Report {
-    pub(super) recordings: Vec<RecordingRow>,
-    pub(super) r2_mean: f64,
-    pub(super) parameters_file: String,
-    pub(super) seconds: f64,
-    pub(super) evaluations: usize,
-    pub(super) topology: &'static str,
-    pub(super) branches: usize,
-    pub(super) interrupted: bool,
-    pub(super) structures: Vec<Row>,
-    pub(super) trust: Option<Trust>,
-    pub(super) warnings: Vec<String>,
+pub(in crate::commands) struct Report {
+    pub(in crate::commands) recordings: Vec<RecordingRow>,
+    pub(in crate::commands) r2_mean: f64,
+    pub(in crate::commands) parameters_file: String,
+    pub(in crate::commands) seconds: f64,
+    pub(in crate::commands) evaluations: usize,
+    pub(in crate::commands) topology: &'static str,
+    pub(in crate::commands) branches: usize,
+    pub(in crate::commands) interrupted: bool,
+    pub(in crate::commands) structures: Vec<Row>,
+    pub(in crate::commands) trust: Option<Trust>,
+    pub(in crate::commands) warnings: Vec<String>,
 }
 
 #[derive(Serialize)]
-pub(super) struct RecordingRow {
-    pub(super) file: String,
-    pub(super) r2: f64,
-    pub(super) nrmse_pct: f64,
+pub(in crate::commands) struct RecordingRow {
+    pub(in crate::commands) file: String,
+    pub(in crate::commands) r2: f64,
+    pub(in crate::commands) nrmse_pct: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) rmse_m: Option<f64>,
+    pub(in crate::commands) rmse_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) rmse_n: Option<f64>,
-    pub(super) samples: usize,
+    pub(in crate::commands) rmse_n: Option<f64>,
+    pub(in crate::commands) samples: usize,
 }
 
-pub(super) fn parameters_of(
+pub(in crate::commands) fn parameters_of(
     fit: &Fit,
     settings: &Settings,
-    options: &FitOptions,
+    drive: Direction,
     files: &[&Path],
 ) -> Result<Parameters> {
     let mut provenance = toml::Table::new();
@@ -59,7 +58,7 @@ pub(super) fn parameters_of(
         format!("{}, seed {}", if settings.method == Method::Lm { "lm" } else { "pattern-search" }, settings.seed)
             .into(),
     );
-    put("drive", if options.direction() == Direction::Force { "force" } else { "displacement" }.into());
+    put("drive", if drive == Direction::Force { "force" } else { "displacement" }.into());
     put("loss", if settings.loss == Loss::Square { "square" } else { "huber" }.into());
     put("evaluations", i64::try_from(fit.evaluations).unwrap_or(i64::MAX).into());
     put("r2_mean", fit.r2_mean.into());
@@ -114,7 +113,7 @@ fn hash(path: &Path) -> Result<String> {
     }))
 }
 
-pub(super) fn report_of(fit: &Fit, drive: Direction, files: &[&Path], out: &Path, seconds: f64) -> Report {
+pub(in crate::commands) fn report_of(fit: &Fit, drive: Direction, files: &[&Path], out: &Path, seconds: f64) -> Report {
     let row = |(file, agreement): (&&Path, &Agreement)| RecordingRow {
         file: shown(file),
         r2: agreement.r2,
@@ -138,7 +137,7 @@ pub(super) fn report_of(fit: &Fit, drive: Direction, files: &[&Path], out: &Path
     }
 }
 
-pub(super) fn text(report: &Report) -> String {
+pub(in crate::commands) fn text(report: &Report) -> String {
     let mut text = String::new();
     if !report.structures.is_empty() {
         let _ = writeln!(text, "structure     variables        R²   NRMSE %      ΔAIC      ΔBIC  left out, NRMSE %");

@@ -2,12 +2,12 @@
 
 use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::{
-    BLOB_LEN, BlobError, Control, LawNumbers, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters,
+    BLOB_LEN, BlobError, Control, Limits, MonitorLimits, OnSensorFault, Parameters as BoardParameters,
     PlausibilityLimits,
 };
 use heapless::String;
 use serde::{Deserialize, Serialize};
-use springpot::{Actuator, Law, Options, Preload};
+use springpot::{Actuator, Law, Options};
 
 use super::Parameters;
 use crate::error::{Error, Result};
@@ -91,16 +91,13 @@ impl Parameters {
     ///
     /// [`Error::Law`] for a model that has no law at this rate, [`Error::Computation`] for what a controller would refuse.
     pub fn to_blob(&self, board: &Board, rate_hz: f64) -> Result<Vec<u8>> {
-        let Actuator { relative_permittivity, length_m, width_m, thickness_m, mass_kg, preload, stretch_coupling } =
-            self.actuator;
         let rate_hz = rate_hz as f32;
         let law: Law<f32> = Law::compressed(&self.model, Options::at_step(1.0 / f64::from(rate_hz)))?;
         let parameters = BoardParameters {
             name: shortened(&self.name),
             rate_hz,
-            law: LawNumbers::of(&law),
-            actuator: [relative_permittivity, length_m, width_m, thickness_m, mass_kg, stretch_coupling],
-            from_start: preload == Preload::FromStart,
+            law: law.coefficients(),
+            actuator: self.actuator,
             sensor_offset_m: self.sensor_offset_m as f32,
             command_range: board.command_range,
             amplifier: board.amplifier,

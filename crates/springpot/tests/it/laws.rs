@@ -1,28 +1,26 @@
 //! What a law promises beyond its accuracy: size, both directions, exactness, warm starts, responses, errors.
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
-
 use num_complex::Complex;
 use springpot::{
-    Compressed, Element, Law, LawError, Load, Maxwell, Memory, ModelError, Options, Preset, Scalar, Springpot, State,
-    Topology, Window,
+    Compressed, Element, Law, LawError, Load, Maxwell, ModelError, Options, Preset, Scalar, Springpot, State, Topology,
+    Window,
 };
-use tests::{TOPOLOGIES, hard_models, paper_force, presets, random_models};
 
-const STEP: f64 = 1e-3;
+use crate::support::models::{TOPOLOGIES, hard_models, paper_force, presets, random_models};
 
-fn law<T: Scalar>(model: &Maxwell) -> Law<T> {
+pub const STEP: f64 = 1e-3;
+
+pub fn law<T: Scalar>(model: &Maxwell) -> Law<T> {
     Law::compressed(model, Options::at_step(STEP)).expect("valid")
 }
 
-fn single(c: f64, alpha: f64, mass_kg: f64) -> Maxwell {
+pub fn single(c: f64, alpha: f64, mass_kg: f64) -> Maxwell {
     Maxwell::new(Springpot::new(c, alpha), &[], Topology::Eq11, mass_kg).expect("valid")
 }
 
 #[test]
 fn law_and_state_are_small() {
-    type History = <Compressed<f32> as Memory<f32>>::History;
-    let (law, state) = (size_of::<Law<f32>>(), size_of::<State<f32, History>>());
+    let (law, state) = (size_of::<Law<f32>>(), size_of::<State<f32>>());
     println!("f32, 12 + 36: law {law} bytes, state {state} bytes, any n, either topology");
     assert!(law <= 640 && state <= 640);
 }
@@ -104,91 +102,6 @@ fn a_plain_relaxation_time_is_exact() {
         let exact = spring + branch * (1.0 + rate * STEP).powi(-(k + 1));
         assert!((force / exact - 1.0).abs() < 1e-12, "step {k}: {force} for {exact}");
     }
-}
-
-/// The continuous springpot relaxes as c t^−α/Γ(1 − α) and creeps as t^α/(c Γ(1 + α)).
-#[test]
-fn responses_in_time_have_their_closed_forms() {
-    let c = 6e4;
-    // Γ(1 − α) and Γ(1 + α)
-    for (alpha, below, above) in [
-        (0.2, 1.164_229_713_725_303_4, 0.918_168_742_399_760_6),
-        (0.5, 1.772_453_850_905_516, 0.886_226_925_452_758),
-        (0.9, 9.513_507_698_668_732, 0.961_765_831_907_388_3),
-    ] {
-        let model = single(c, alpha, 0.316);
-        for time in [1e-4, 1.0, 155.0, 86_400.0] {
-            let relaxed = c * f64::powf(time, -alpha) / below;
-            let crept = f64::powf(time, alpha) / (c * above);
-            assert!((model.relaxation_modulus(time) / relaxed - 1.0).abs() < 1e-10);
-            assert!((model.creep_compliance(time) / crept - 1.0).abs() < 1e-10);
-        }
-    }
-    // A standard linear solid: both are exponentials.
-    let (spring, branch, dashpot) = (5e3, 2e4, 7e3);
-    let model = Maxwell::new(
-        Springpot::new(spring, 0.0),
-        &[[Springpot::new(branch, 0.0), Springpot::new(dashpot, 1.0)]],
-        Topology::Eq11,
-        0.0,
-    )
-    .expect("valid");
-    for time in [1e-3, 0.3, 2.0, 100.0] {
-        let relaxed = spring + branch * (-time * branch / dashpot).exp();
-        let rate = branch / dashpot * spring / (spring + branch);
-        let crept = 1.0 / spring - branch / (spring * (spring + branch)) * (-time * rate).exp();
-        assert!((model.relaxation_modulus(time) / relaxed - 1.0).abs() < 1e-10);
-        assert!((model.creep_compliance(time) / crept - 1.0).abs() < 1e-10);
-    }
-    assert!(model.creep_compliance(0.0).is_nan() && model.relaxation_modulus(-1.0).is_nan());
-}
-
-/// The law's frequency response is what it does to a sine, and the model's is where it tends to.
-#[test]
-fn frequency_responses_agree_with_runs_and_with_each_other() {
-    for (name, model) in presets().into_iter().take(6).chain(random_models(9, 20)) {
-        let law = law::<f64>(&model);
-        for (frequency, near) in [(0.01, 1e-3), (0.1, 1e-3), (1.0, 2e-2)] {
-            let (discrete, continuous) = (law.frequency_response(frequency), model.frequency_response(frequency));
-            let difference = (discrete - continuous).norm() / continuous.norm();
-            assert!(difference < near, "{name} at {frequency} Hz: {difference:.1e}");
-        }
-        // Along a sine of displacement the force settles to 1/response within periods.
-        let frequency = 2.0;
-        let turn = |k: usize| Complex::from_polar(1.0, std::f64::consts::TAU * frequency * k as f64 * STEP);
-        let mut state = law.state();
-        let mut sum = Complex::<f64>::ZERO;
-        for k in 0..60_000 {
-            let force = law.force(&mut state, turn(k).im);
-            // The last ten seconds against the sine.
-            if k >= 50_000 {
-                sum += turn(k).conj() * force * 2.0 / 10_000.0;
-            }
-        }
-        let measured = sum * Complex::<f64>::i();
-        let stated = law.frequency_response(frequency).inv();
-        let difference = (measured - stated).norm() / stated.norm();
-        assert!(difference < 3e-3, "{name}: {measured} for {stated}");
-    }
-}
-
-/// Windows state their own response.
-#[test]
-fn a_window_answers_at_frequencies_as_it_steps() {
-    let model = single(6e4, 0.4, 0.1);
-    let law: Law<f64, Window<f64, [f64; 200]>> = Law::window(&model, STEP, [0.0; 200]).expect("valid");
-    let mut state = law.state([0.0; 200]).expect("same length");
-    let frequency = 5.0;
-    let turn = |k: usize| Complex::from_polar(1.0, std::f64::consts::TAU * frequency * k as f64 * STEP);
-    let mut sum = Complex::<f64>::ZERO;
-    for k in 0..2000 {
-        let force = law.force(&mut state, turn(k).im);
-        if k >= 1000 {
-            sum += turn(k).conj() * force * 2.0 / 1000.0;
-        }
-    }
-    let stated = law.frequency_response(frequency).inv();
-    assert!((sum * Complex::<f64>::i() - stated).norm() < 1e-9 * stated.norm());
 }
 
 /// Settling under a constant force is the same as stepping there, and goes on the same way.
@@ -348,78 +261,4 @@ fn everything_wrong_is_refused_with_its_type() {
     for error in [LawError::NothingToSolve, LawError::ToleranceMissed { reached: 1e-3, asked: 1e-5 }] {
         assert!(!error.to_string().contains('\n'));
     }
-}
-
-/// A value with its derivative: the recursion is open to other scalars.
-#[derive(Clone, Copy, Debug)]
-struct Dual {
-    value: f64,
-    slope: f64,
-}
-
-impl Add for Dual {
-    type Output = Self;
-    fn add(self, o: Self) -> Self {
-        Self { value: self.value + o.value, slope: self.slope + o.slope }
-    }
-}
-impl Sub for Dual {
-    type Output = Self;
-    fn sub(self, o: Self) -> Self {
-        Self { value: self.value - o.value, slope: self.slope - o.slope }
-    }
-}
-impl Mul for Dual {
-    type Output = Self;
-    fn mul(self, o: Self) -> Self {
-        Self { value: self.value * o.value, slope: self.value * o.slope + self.slope * o.value }
-    }
-}
-impl Div for Dual {
-    type Output = Self;
-    fn div(self, o: Self) -> Self {
-        let value = self.value / o.value;
-        Self { value, slope: (self.slope - value * o.slope) / o.value }
-    }
-}
-impl Neg for Dual {
-    type Output = Self;
-    fn neg(self) -> Self {
-        Self { value: -self.value, slope: -self.slope }
-    }
-}
-impl Scalar for Dual {
-    const ZERO: Self = Self { value: 0.0, slope: 0.0 };
-    fn from_f64(value: f64) -> Self {
-        Self { value, slope: 0.0 }
-    }
-    fn to_f64(self) -> f64 {
-        self.value
-    }
-}
-
-#[test]
-fn dual_numbers_carry_derivatives_through_the_recursion() {
-    let model = Preset::ALL[6].model().expect("valid");
-    let (dual, plain) = (law::<Dual>(&model), law::<f64>(&model));
-    let (mut state, mut plain_state) = (dual.state(), plain.state());
-    // Derivative with respect to the coupling: the load is f (1 + κ x).
-    let kappa = Dual { value: 30.0, slope: 1.0 };
-    let displaced = |kappa: f64| {
-        let mut state = plain.state();
-        let mut x = 0.0;
-        for f in paper_force(0.2, 5.0, 1000.0) {
-            x = plain.displacement_under(&mut state, Load { force: f, slope: kappa * f });
-        }
-        x
-    };
-    let mut x = Dual::ZERO;
-    for f in paper_force(0.2, 5.0, 1000.0) {
-        let force = Dual::from_f64(f);
-        x = dual.displacement_under(&mut state, Load { force, slope: kappa * force });
-        let same = plain.displacement_under(&mut plain_state, Load { force: f, slope: 30.0 * f });
-        assert_eq!(x.value, same);
-    }
-    let numeric = (displaced(30.0 + 1e-3) - displaced(30.0 - 1e-3)) / 2e-3;
-    assert!((x.slope / numeric - 1.0).abs() < 1e-6, "{} for {numeric}", x.slope);
 }

@@ -1,9 +1,10 @@
 //! The law against exact responses of the continuous Eq. 11.
 //!
-//! `oracle/continuous.csv` holds them from two independent inverse Laplace transforms at 40 digits.
+//! `tests/oracle/continuous.csv` holds them from two independent inverse Laplace transforms at 40 digits.
 
 use springpot::{Law, Maxwell, Options, Preset, Springpot, Topology};
-use tests::paper_force;
+
+use crate::support::models::paper_force;
 
 struct Row {
     model: String,
@@ -13,7 +14,7 @@ struct Row {
 }
 
 fn oracle() -> Vec<Row> {
-    include_str!("oracle/continuous.csv")
+    include_str!("../oracle/continuous.csv")
         .lines()
         .filter(|line| !line.starts_with('#') && !line.starts_with("model,"))
         .map(|line| {

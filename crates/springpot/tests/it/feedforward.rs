@@ -2,11 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use host_sim::agreement::relative_rms;
 use springpot::{
     Actuator, ActuatorError, Applied, Command, CommandLimits, ControlError, Feedforward, Law, Limited, Maxwell,
     Options, Preset, Real, Springpot, Topology, VoltageDrive,
 };
+
+use crate::support::relative_rms;
 
 const RATE_HZ: f64 = 1000.0;
 
@@ -14,7 +15,7 @@ const RATE_HZ: f64 = 1000.0;
 /// force, always to the same side, which adds up until the film is led back.
 const SINGLE: f64 = if cfg!(feature = "micromath") { 5e-4 } else { 1e-5 };
 
-/// A film like the twins': springs, dashpots and a springpot, with coupling.
+/// A film of springs, dashpots and nearly elastic springpots, with coupling.
 fn film() -> (Maxwell, Actuator) {
     film_of(Actuator::KARNER_2022.mass_kg)
 }
@@ -108,7 +109,7 @@ fn its_voltages_drive_the_model_along_the_reference() {
 
 #[test]
 fn a_voltage_below_zero_is_flagged_and_led_back() {
-    // Up for a while, then almost back to nought: the film has crept.
+    // Up for a while, then almost back to 0: the film has crept.
     let reference: Vec<f64> = (0..30_000)
         .map(|k| match k {
             0..10_000 => 3e-3,
@@ -224,7 +225,7 @@ fn comes_back_smoothly_after_a_limit_behind_it() {
 }
 
 #[test]
-fn a_reference_that_is_no_number_is_passed_over() {
+fn a_non_finite_reference_is_ignored() {
     let feedforward = feedforward::<f32>(CommandLimits::BENCH);
     let mut state = feedforward.state(feedforward.law().state());
     for k in 0..3000 {

@@ -6,13 +6,12 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, Applied, CommandLimits, Compressed, ControlError, Feedforward, FeedforwardState, Law, Load, Maxwell,
-    Memory, Observer, ObserverOptions, ObserverState, Options, Sample, Springpot, State, Topology, Tracking,
-    TrackingState, VoltageDrive,
+    Actuator, Applied, CommandLimits, ControlError, Feedforward, FeedforwardState, Law, Load, Maxwell, Observer,
+    ObserverOptions, ObserverState, Options, Sample, Springpot, State, Topology, Tracking, TrackingState, VoltageDrive,
 };
 
-type Estimate = ObserverState<f32, <Compressed<f32> as Memory<f32>>::History>;
-type Film = State<f64, <Compressed<f64> as Memory<f64>>::History>;
+type Estimate = ObserverState<f32>;
+type Film = State<f64>;
 
 fn model(factor: f64) -> Maxwell {
     let sp = |c: f64, alpha| Springpot::new(factor * c, alpha);
@@ -20,7 +19,7 @@ fn model(factor: f64) -> Maxwell {
     Maxwell::new(sp(2.4e4, 0.03), &branches, Topology::Parallel, 0.316).expect("valid")
 }
 
-/// The film itself: the model in f64, stiffer by a factor and under a force that nobody told of.
+/// The film itself: the model in f64, stiffer by a factor and under a force that the model does not know.
 struct Plant {
     law: Law<f64>,
     drive: VoltageDrive<f64>,
@@ -103,7 +102,7 @@ fn predicts_exactly_what_the_model_knows() {
     }
 }
 
-/// A force that nobody told of is found, whether samples come every tick, every tenth, or late.
+/// An unknown force is found, whether samples arrive every tick, every tenth tick, or late.
 #[test]
 fn finds_an_unknown_force_within_the_bandwidth() {
     for (interval, delay) in [(1, 0), (1, 10), (10, 0), (10, 10), (33, 20)] {
@@ -131,7 +130,7 @@ fn finds_an_unknown_force_within_the_bandwidth() {
 
 /// A film that has become stiffer shows in the force scale, and in nothing else after a while.
 #[test]
-fn tells_drift_of_stiffness() {
+fn finds_drift_of_stiffness() {
     for factor in [0.8, 1.25] {
         let observer = observer(ObserverOptions::at_bandwidth(0.6));
         let mut sensor = Sensor { interval: 10, delay: 10, past: Vec::new() };
@@ -143,7 +142,7 @@ fn tells_drift_of_stiffness() {
     }
 }
 
-/// White noise on the sensor: the estimate is far better than the sensor, and the statistics of the innovation tell the
+/// White noise on the sensor: the estimate is far better than the sensor, and the statistics of the innovation show the
 /// noise.
 #[test]
 fn smooths_noise_and_measures_it() {
@@ -162,14 +161,14 @@ fn smooths_noise_and_measures_it() {
             n += 1.0;
         }
     }
-    let (rms, told) = ((square / n).sqrt(), f64::from(state.statistics().variance()).sqrt());
-    println!("5 µm of noise at 100 Hz: estimate {:.2} µm, innovation {:.2} µm", 1e6 * rms, 1e6 * told);
+    let (rms, shown) = ((square / n).sqrt(), f64::from(state.statistics().variance()).sqrt());
+    println!("5 µm of noise at 100 Hz: estimate {:.2} µm, innovation {:.2} µm", 1e6 * rms, 1e6 * shown);
     // A low-pass of 0.6 Hz leaves sqrt(π · 0.6 Hz / 100 Hz) = 14 % of the noise, the added slope half as much again.
-    assert!(rms < 1.3e-6 && (4e-6..6e-6).contains(&told));
+    assert!(rms < 1.3e-6 && (4e-6..6e-6).contains(&shown));
 }
 
 #[test]
-fn samples_that_are_no_use_are_passed_over() {
+fn samples_without_use_are_ignored() {
     let observer = observer(ObserverOptions::at_bandwidth(0.6));
     let mut plant = Plant::new(1.0);
     let mut state = observer.state(observer.law().state());
@@ -197,7 +196,7 @@ fn samples_that_are_no_use_are_passed_over() {
 /// A lost sensor: the voltage neither jumps when it goes nor when it comes back, and the film is back on its reference
 /// within a second.
 #[test]
-fn a_lost_sensor_bumps_nothing() {
+fn a_lost_sensor_causes_no_jump() {
     let law: Law<f32> = Law::compressed(&model(1.0), Options::at_step(1e-3)).expect("a law");
     let rest = law.state();
     let options = ObserverOptions::at_bandwidth(0.6);
@@ -215,7 +214,7 @@ fn a_lost_sensor_bumps_nothing() {
         let s = (t / 4.0).min(1.0);
         let wave = if t < 4.0 { 0.0 } else { 0.5e-3 * (1.0 - (TAU * 0.1 * (t - 4.0)).cos()) };
         let reference = 1.5e-3 * s * s * s * (10.0 + s * (6.0 * s - 15.0)) + wave;
-        // A step in the disturbance while nobody looks.
+        // A step in the disturbance while the sensor is lost.
         let command = tracking.command(&mut state, reference as f32);
         steps.push((command.voltage - voltage).abs());
         voltage = command.voltage;
@@ -243,11 +242,10 @@ fn a_lost_sensor_bumps_nothing() {
 
 #[test]
 fn laws_of_control_are_small() {
-    type History = <Compressed<f32> as Memory<f32>>::History;
-    let (law, state) = (size_of::<Feedforward<f32>>(), size_of::<FeedforwardState<f32, History>>());
+    let (law, state) = (size_of::<Feedforward<f32>>(), size_of::<FeedforwardState<f32>>());
     println!("feedforward {law} bytes, state {state} bytes");
     assert!(law <= 512 && state <= 512);
-    let (law, state) = (size_of::<Tracking<f32>>(), size_of::<TrackingState<f32, History>>());
+    let (law, state) = (size_of::<Tracking<f32>>(), size_of::<TrackingState<f32>>());
     println!("tracking {law} bytes, state {state} bytes, 64 predictions remembered");
     assert!(law <= 512 && state <= 768);
 }
@@ -278,7 +276,7 @@ fn refuses_what_cannot_work() {
     // 63 ticks, as single precision has them.
     let rounded = ObserverOptions { delay_s: f64::from(0.063f32), bandwidth_hz: 0.5, ..good };
     assert_eq!(new(rounded), Ok(()));
-    // Heavy: 1 kg-scaled mass of the twins puts the resonance at 3 Hz, 10 Hz lies above.
+    // An effective mass of 118 kg puts the resonance near 3 Hz, below 5 Hz.
     let heavy = Maxwell::new(Springpot::new(4e4, 0.1), &[], Topology::Eq11, 118.0).expect("valid");
     let law: Law<f32> = Law::compressed(&heavy, Options::at_step(1e-3)).expect("a law");
     let fast = ObserverOptions { bandwidth_hz: 5.0, sample_interval_s: 1e-3, delay_s: 0.0, ..good };

@@ -1,0 +1,44 @@
+//! The bytes of a blob stay what they were: controllers hold blobs of earlier hosts.
+//!
+//! Both files under `blobs/` were written by `host-sim export` of version 0.1.0 before the blob held springpot's own types.
+
+use dea_driver::{BLOB_LEN, Blob, Parameters};
+use springpot::{Actuator, Law, Maxwell, Options, Preload, Preset, Springpot, Topology};
+
+const BOARD: u16 = 0x0405;
+const PRESET: &[u8] = include_bytes!("blobs/table3-n2.bin");
+const COUPLED: &[u8] = include_bytes!("blobs/coupled-from-start.bin");
+
+/// What `bytes` hold, after a check that they would be written the same today.
+fn parameters(bytes: &[u8]) -> Parameters {
+    let parameters = Blob::decode(bytes, BOARD).expect("valid").parameters;
+    let mut again = [0; BLOB_LEN];
+    let length = parameters.encode(BOARD, &mut again).expect("valid");
+    assert_eq!(again[..length], *bytes);
+    parameters
+}
+
+#[test]
+fn a_blob_of_the_first_version_is_read_and_written_byte_for_byte() {
+    let preset = parameters(PRESET);
+    assert_eq!(preset.actuator, Actuator::KARNER_2022);
+    let model = Preset::named("table3-n2").expect("there").model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+    assert_eq!(preset.law, law.coefficients());
+    assert_eq!(preset.rate_hz, 1000.0);
+}
+
+/// With another actuator, the weight acting from the start, and what stands behind them.
+#[test]
+fn every_field_of_the_actuator_stands_where_it_stood() {
+    let coupled = parameters(COUPLED);
+    let actuator = Actuator { stretch_coupling: 12.5, preload: Preload::FromStart, ..Actuator::KARNER_2022 };
+    assert_eq!(coupled.actuator, actuator);
+    let branch = [Springpot::new(47_958.0, 1.0), Springpot::new(173_210.0, 1.0)];
+    let main = Springpot::new(62_740.0, 0.2);
+    let model = Maxwell::new(main, &[branch], Topology::Parallel, actuator.mass_kg).expect("valid");
+    let law: Law<f32> = Law::compressed(&model, Options::at_step(1.0 / 500.0)).expect("valid");
+    assert_eq!(coupled.law, law.coefficients());
+    assert_eq!(coupled.name, "coupled, from the start");
+    assert_eq!(coupled.sensor_offset_m, 0.0);
+}

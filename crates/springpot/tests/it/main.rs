@@ -1,0 +1,19 @@
+//! What this library promises, against independent answers: closed forms, sums over all that was, exact responses.
+//!
+//! Sweeps over many models run on a sample of them by default and on all with `SPRINGPOT_SWEEP=full`.
+
+mod compressed_memory;
+mod continuous_oracle;
+mod dual_numbers;
+mod electrostatics;
+mod feedforward;
+mod full_memory;
+mod laws;
+mod observer;
+mod passivity;
+mod responses;
+#[cfg(feature = "serde")]
+mod serde_formats;
+mod single_precision;
+mod state_names;
+mod support;

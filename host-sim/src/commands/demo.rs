@@ -1,0 +1,366 @@
+//! Everything once: recordings fitted together, replayed through the controller's code, and a reference followed.
+
+mod table;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use clap::Args;
+use serde::Serialize;
+use springpot::{Actuator, CommandLimits, ObserverOptions, Topology};
+
+use super::fit::{page, result};
+use super::replay;
+use crate::bench::closed_loop::{self, Bench, Tracked};
+use crate::bench::controllers::{self, Kind};
+use crate::bench::film::{Film, Instruments, Plant, Readings, Waveform};
+use crate::error::{Error, Result, shown};
+use crate::files::output::{self, Folders, Staged};
+use crate::files::parameters::Parameters;
+use crate::files::recording::{Input, Recording};
+use crate::fit::observation::{self, Direction};
+use crate::fit::{self, Settings};
+use crate::grid::Grid;
+use crate::references::{Reference, Shape};
+use crate::replay::feedforward::{self, Feasibility};
+use crate::replay::simulate::{self, RunOptions};
+use crate::{interrupt, terminal};
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// Folder for film.toml, report.html, reference.csv, voltage.csv and, without --recordings, the simulated recordings.
+    #[arg(long, value_name = "DIR", default_value = "demo")]
+    out: PathBuf,
+    /// Recordings of your own film; three simulated ones if left out.
+    #[arg(long, value_name = "REC.csv", num_args = 1..)]
+    recordings: Vec<PathBuf>,
+    /// File with the [actuator] table of that film; the paper's if left out.
+    #[arg(long, value_name = "F.toml", requires = "recordings")]
+    actuator: Option<String>,
+}
+
+/// The film of the simulated recordings, and of the closed loops after their fit.
+const PLANT: Plant = Plant::Hossain;
+/// Periods (s) of the simulated recordings, and the seeds of their noise.
+const SIMULATED: [(f64, u64); 3] = [(5.0, 3), (7.0, 2), (13.0, 1)];
+/// Length of the simulated recordings, s, and their samples per second: as in the paper.
+const SIMULATED_S: f64 = 155.0;
+const SIMULATED_HZ: f64 = 100.0;
+const SIMULATED_PEAK_V: f64 = 6000.0;
+/// The controllers that are compared.
+const CONTROLLERS: [Kind; 3] = [Kind::None, Kind::Feedforward, Kind::Tracking];
+/// Bandwidth of tracking, Hz: a fifth of the simulated film's resonance.
+const BANDWIDTH_HZ: f64 = 0.6;
+
+/// The results of a demo, for people and machines.
+#[derive(Serialize)]
+struct Report {
+    simulated: bool,
+    fit: FitRow,
+    #[serde(flatten)]
+    replay: replay::Report,
+    /// The sine; none where no voltage was recorded or the film can follow none.
+    reference: Option<ReferenceRow>,
+    closed_loop: Vec<LoopRow>,
+    files: Vec<String>,
+    interrupted: bool,
+}
+
+#[derive(Serialize)]
+struct FitRow {
+    topology: &'static str,
+    branches: usize,
+    seconds: f64,
+    evaluations: usize,
+    warnings: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct ReferenceRow {
+    low_m: f64,
+    high_m: f64,
+    period_s: f64,
+    duration_s: f64,
+    check: Feasibility,
+}
+
+#[derive(Serialize)]
+struct LoopRow {
+    controller: &'static str,
+    #[serde(flatten)]
+    tracked: Tracked,
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    let stop = interrupt::stop_flag();
+    let actuator = arguments.actuator.as_deref().map_or(Ok(Actuator::KARNER_2022), Parameters::load_actuator)?;
+    let given = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
+    let files = OutputFiles::in_folder(&arguments.out);
+    let inputs: Vec<&Path> =
+        arguments.recordings.iter().map(PathBuf::as_path).chain(arguments.actuator.as_deref().map(Path::new)).collect();
+    files.check(&arguments.out, &inputs)?;
+    let simulated = given.is_empty();
+    let recordings = if simulated { simulated_recordings(&arguments.out)? } else { given };
+
+    let mut staged = Vec::new();
+    let (parameters, fit) = fitted(&recordings, actuator, stop, &files, &mut staged)?;
+    let (replay, peak_m) = replayed(&recordings, &parameters)?;
+    let mut report = Report {
+        simulated,
+        fit,
+        replay,
+        reference: None,
+        closed_loop: Vec::new(),
+        files: Vec::new(),
+        interrupted: false,
+    };
+    if let Some(limits) = limits_of(&recordings, &parameters.actuator, peak_m)? {
+        let duration_s = recordings.iter().map(Recording::duration_s).fold(0.0, f64::max);
+        if let Some(sine) = Sine::followable(&parameters, peak_m, duration_s, &limits)? {
+            staged.extend(files.stage_reference(&parameters, &sine, &limits)?);
+            if simulated {
+                report.closed_loop = closed_loops(&parameters, &sine, limits, stop)?;
+            }
+            report.reference = Some(sine.row());
+        }
+    }
+    report.interrupted = stop.load(Ordering::Relaxed);
+    report.files = staged.iter().map(|file| shown(file.path())).collect();
+    staged.into_iter().try_for_each(Staged::commit)?;
+    terminal::report(json, &report, || table::text(&report))
+}
+
+/// The files of a demo.
+struct OutputFiles {
+    parameters: PathBuf,
+    page: PathBuf,
+    reference: PathBuf,
+    voltage: PathBuf,
+}
+
+impl OutputFiles {
+    fn in_folder(folder: &Path) -> Self {
+        let file = |name| folder.join(name);
+        Self {
+            parameters: file("film.toml"),
+            page: file("report.html"),
+            reference: file("reference.csv"),
+            voltage: file("voltage.csv"),
+        }
+    }
+
+    /// Refuses a folder in which they cannot be written, or `inputs` among them; makes the folder.
+    fn check(&self, folder: &Path, inputs: &[&Path]) -> Result<()> {
+        if folder.is_file() {
+            return Err(Error::file(folder, "is a file; name a folder"));
+        }
+        let all = [&self.parameters, &self.page, &self.reference, &self.voltage];
+        all.into_iter().try_for_each(|path| output::check(path, inputs, Folders::AreMade))?;
+        output::make_folder(folder)
+    }
+
+    /// The reference, and the voltage that makes the model follow it.
+    fn stage_reference(&self, parameters: &Parameters, sine: &Sine, limits: &CommandLimits) -> Result<[Staged; 2]> {
+        let Sine { grid, values, .. } = sine;
+        let options = RunOptions::default();
+        let bar = terminal::progress(grid.samples as u64, "feedforward");
+        let commands = feedforward::along(parameters, values, *grid, &options, *limits, &bar)?;
+        bar.finish_and_clear();
+        let time: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
+        let columns: [(&str, Option<&[f64]>); 2] = [("time_s", Some(&time)), ("displacement_m", Some(values))];
+        let voltage: [(&str, Option<&[f64]>); 3] = [
+            ("time_s", Some(&time)),
+            ("voltage_v", Some(&commands.voltage_v)),
+            ("displacement_m", Some(&commands.displacement_m)),
+        ];
+        Ok([
+            output::stage_columns(&self.reference, &[], &columns)?,
+            output::stage_columns(&self.voltage, &[], &voltage)?,
+        ])
+    }
+}
+
+/// Records the simulated film under sines of three frequencies, and reads the recordings as any others.
+fn simulated_recordings(folder: &Path) -> Result<Vec<Recording>> {
+    let film = Film::new(PLANT);
+    let grid = Grid::covering(SIMULATED_S, SIMULATED_HZ)?;
+    let times: Vec<f64> = (0..grid.samples).map(|k| grid.time_s(k)).collect();
+    let mut recordings = Vec::new();
+    for (period_s, seed) in SIMULATED {
+        let waveform = Waveform { peak_v: SIMULATED_PEAK_V, frequencies_hz: vec![1.0 / period_s] };
+        let states = film.states(film.rest(), &times, |t| waveform.voltage_v(t))?;
+        let mut readings = Readings::new(Instruments::default(), seed);
+        let (voltage, displacement): (Vec<f64>, Vec<f64>) = times
+            .iter()
+            .zip(&states)
+            .map(|(&t, state)| {
+                let (v, x) =
+                    (readings.voltage_v(waveform.voltage_v(t)), readings.displacement_m(film.displacement_m(state)));
+                // Recorders write so many digits.
+                ((v * 1e2).round() / 1e2, (x * 1e8).round() / 1e8)
+            })
+            .unzip();
+        let path = folder.join(format!("recording-{period_s}s.csv"));
+        let comment = "a nonlinear film, simulated; not a measurement".to_owned();
+        output::write_columns(
+            &path,
+            &[comment],
+            &[("time_s", Some(&times)), ("voltage_v", Some(&voltage)), ("displacement_m", Some(&displacement))],
+        )?;
+        recordings.push(Recording::read(&path)?);
+    }
+    Ok(recordings)
+}
+
+/// Fits `recordings` together; stages the parameters and the page.
+fn fitted(
+    recordings: &[Recording],
+    actuator: Actuator,
+    stop: &AtomicBool,
+    files: &OutputFiles,
+    staged: &mut Vec<Staged>,
+) -> Result<(Parameters, FitRow)> {
+    // One structure. The search over all of them takes twenty times as long and finds little more on these recordings.
+    let settings =
+        Settings { branches: vec![2], topologies: vec![Topology::Parallel], actuator, ..Settings::default() };
+    let observed =
+        recordings.iter().map(|r| observation::observe(r, Direction::Force, 1.0)).collect::<Result<Vec<_>>>()?;
+    let (observations, warnings): (Vec<_>, Vec<_>) = observed.into_iter().unzip();
+    let paths: Vec<&Path> = recordings.iter().map(Recording::path).collect();
+    let started = Instant::now();
+    let bar = terminal::spinner();
+    let mut fit = fit::fit(&observations, &settings, stop, &|message| bar.set_message(message.to_owned()))?;
+    bar.finish_and_clear();
+    fit.warnings.splice(0..0, warnings.into_iter().flatten());
+    let parameters = result::parameters_of(&fit, &settings, Direction::Force, &paths)?;
+    let seconds = started.elapsed().as_secs_f64();
+    let report = result::report_of(&fit, Direction::Force, &paths, &files.parameters, seconds);
+    let page = page::page(&report, &fit, &observations, Direction::Force);
+    staged.push(Staged::new(&files.parameters, |file| file.write_all(parameters.to_toml().as_bytes()))?);
+    staged.push(Staged::new(&files.page, |file| file.write_all(page.as_bytes()))?);
+    let row = FitRow {
+        topology: report.topology,
+        branches: report.branches,
+        seconds,
+        evaluations: report.evaluations,
+        warnings: fit.warnings,
+    };
+    Ok((parameters, row))
+}
+
+/// The recordings through the controller's code, and the largest displacement there, m.
+fn replayed(recordings: &[Recording], parameters: &Parameters) -> Result<(replay::Report, f64)> {
+    let options = RunOptions::default();
+    let mut rows = Vec::new();
+    let mut peak_m = 0.0_f64;
+    for recording in recordings {
+        let grid = recording.grid(options.rate_hz)?;
+        let bar = terminal::progress(grid.samples as u64, "replay");
+        let about = |error: Error| error.about(&parameters.name, recording.path());
+        let response = simulate::run(parameters, &recording.drive()?, grid, &options, &bar).map_err(about)?;
+        bar.finish_and_clear();
+        peak_m = response.displacement_m.iter().copied().fold(peak_m, f64::max);
+        rows.push(replay::Row::of_displacement(recording, parameters, &response, grid)?);
+    }
+    Ok((replay::Report::of(rows), peak_m))
+}
+
+/// Limits that ask no more of the film than the recordings did; none where no voltage was recorded.
+fn limits_of(recordings: &[Recording], actuator: &Actuator, peak_m: f64) -> Result<Option<CommandLimits>> {
+    let mut largest_v = 0.0_f64;
+    for recording in recordings {
+        match recording.drive()? {
+            Input::Voltage(samples) => {
+                largest_v = samples.value.iter().fold(largest_v, |largest, v| largest.max(v.abs()))
+            }
+            Input::Force(_) | Input::Displacement(_) => return Ok(None),
+        }
+    }
+    let stretch = 1.0 + actuator.stretch_coupling * peak_m;
+    Ok(Some(CommandLimits {
+        max_voltage_v: largest_v,
+        max_field_v_per_m: largest_v * stretch / actuator.thickness_m,
+        ..CommandLimits::BENCH
+    }))
+}
+
+/// A sine that the film can follow.
+struct Sine {
+    reference: Reference,
+    grid: Grid,
+    values: Vec<f64>,
+    check: Feasibility,
+}
+
+impl Sine {
+    /// A sine of a third of the stroke `peak_m` (m), or less, about its upper middle, or where the check says that it fits.
+    fn followable(
+        parameters: &Parameters,
+        peak_m: f64,
+        duration_s: f64,
+        limits: &CommandLimits,
+    ) -> Result<Option<Self>> {
+        // As long as the model was fitted for, with a rise of half a period and fifteen periods.
+        let period_s = duration_s / 15.5;
+        let grid = Grid::covering(duration_s, RunOptions::default().rate_hz)?;
+        if !(peak_m > 0.0 && grid.samples > 100) {
+            return Ok(None);
+        }
+        let on = |low_m: f64, high_m: f64| -> Result<Self> {
+            let reference =
+                Reference { rise_s: 0.5 * period_s, ..Reference::new(Shape::Sine, low_m, high_m, period_s) };
+            let values = reference.on(grid)?;
+            let check = feedforward::check(parameters, &values, grid, limits)?;
+            Ok(Self { reference, grid, values, check })
+        };
+        for share in [0.45, 0.25, 0.1] {
+            let (low_m, high_m) = (0.5 - 0.5 * share, 0.5 + 0.5 * share);
+            let mut sine = on(low_m * peak_m, high_m * peak_m)?;
+            if let (false, Some(least), Some(most)) =
+                (sine.check.feasible, sine.check.least_offset_m, sine.check.most_offset_m)
+            {
+                let offset_m = 0.5 * (least + most);
+                sine = on(low_m * peak_m + offset_m, high_m * peak_m + offset_m)?;
+            }
+            if sine.check.feasible {
+                return Ok(Some(sine));
+            }
+        }
+        Ok(None)
+    }
+
+    fn row(&self) -> ReferenceRow {
+        let Reference { low_m, high_m, period_s, .. } = self.reference;
+        ReferenceRow { low_m, high_m, period_s, duration_s: self.grid.time_s(self.grid.samples - 1), check: self.check }
+    }
+}
+
+/// The controllers on the simulated film, until `stop`.
+fn closed_loops(
+    parameters: &Parameters,
+    sine: &Sine,
+    limits: CommandLimits,
+    stop: &AtomicBool,
+) -> Result<Vec<LoopRow>> {
+    let film = Film::new(PLANT);
+    let settings = controllers::Settings {
+        rate_hz: sine.grid.rate_hz,
+        limits,
+        observer: ObserverOptions::at_bandwidth(BANDWIDTH_HZ),
+        peak_m: sine.reference.high_m,
+    };
+    let mut rows = Vec::new();
+    for kind in CONTROLLERS {
+        if stop.load(Ordering::Relaxed) {
+            break;
+        }
+        let mut controller = controllers::build::<f32>(kind, parameters, &settings)?;
+        let bar = terminal::progress(sine.grid.samples as u64, kind.name());
+        let bench = Bench::default();
+        let run = closed_loop::run(&film, &bench, controller.as_mut(), &sine.values, sine.grid, &bar)?;
+        bar.finish_and_clear();
+        rows.push(LoopRow { controller: kind.name(), tracked: run.tracked() });
+    }
+    Ok(rows)
+}

@@ -1,0 +1,56 @@
+//! What a demo prints.
+
+use std::fmt::Write;
+
+use super::Report;
+use crate::commands::replay;
+
+/// The results of a demo in some twenty lines.
+pub(super) fn text(report: &Report) -> String {
+    let mut text = String::new();
+    let what = if report.simulated { "simulated recordings of a nonlinear film" } else { "recordings" };
+    let fit = &report.fit;
+    let _ = writeln!(
+        text,
+        "{} {what}, fitted together in {:.1} s: {} with n = {}",
+        report.replay.recordings.len(),
+        fit.seconds,
+        fit.topology,
+        fit.branches
+    );
+    // The page shows them all. Of a user's own film they matter at once.
+    for warning in fit.warnings.iter().filter(|_| !report.simulated) {
+        let _ = writeln!(text, "warning: {warning}");
+    }
+    let _ =
+        writeln!(text, "\nreplayed through the controller's code, f32 at 1 kHz:\n{}", replay::table(&report.replay));
+    match &report.reference {
+        None => {
+            text.push_str("\nno sine is shown: it needs recorded voltages and a stroke that voltage can lead back\n")
+        }
+        Some(sine) => {
+            let _ = writeln!(
+                text,
+                "\na sine of {:.2} … {:.2} mm, period {:.1} s, {:.0} s: feasible, largest voltage {:.0} V",
+                1e3 * sine.low_m,
+                1e3 * sine.high_m,
+                sine.period_s,
+                sine.duration_s,
+                sine.check.largest_voltage_v
+            );
+        }
+    }
+    if !report.closed_loop.is_empty() {
+        text.push_str("followed on the simulated film, error from t = 0:\n");
+        let _ = writeln!(text, "{:12}  {:>22}  {:>10}", "controller", "RMS, % of peak to peak", "largest µm");
+        for row in &report.closed_loop {
+            let rms = row.tracked.tracking_rms_pct.unwrap_or(f64::NAN);
+            let _ = writeln!(text, "{:12}  {rms:>22.3}  {:>10.1}", row.controller, 1e6 * row.tracked.largest_error_m);
+        }
+    }
+    let _ = write!(text, "\nwritten: {}", report.files.join(", "));
+    if report.interrupted {
+        text.push_str("\ninterrupted: the best so far");
+    }
+    text
+}

@@ -1,0 +1,143 @@
+//! The demo: the README's first command, with simulated recordings and with those of a user.
+
+use std::fs;
+use std::path::Path;
+
+use tempfile::TempDir;
+use tests::recordings;
+use tests::tool::{names, text};
+
+use crate::TOOL;
+
+/// The rows of a CSV, without comments.
+fn rows(path: &Path) -> Vec<String> {
+    let content = fs::read_to_string(path).expect("written");
+    content.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
+}
+
+/// The README shows what its first command prints. Numbers may differ by 3 % and one in the third decimal: the fit's last digits depend on
+/// the processor's rounding. The time of the fit may be any.
+#[test]
+fn the_readme_shows_what_the_demo_prints() {
+    let folder = TempDir::new().expect("a folder");
+    let printed = TOOL.with(&["demo"]).current_dir(folder.path()).assert().success().get_output().stdout.clone();
+    let printed = String::from_utf8(printed).expect("UTF-8");
+    println!("{printed}");
+    let readme = include_str!("../../README.md");
+    let (_, shown) = readme.split_once("The first prints\n\n```text\n").expect("the README shows it");
+    let (shown, _) = shown.split_once("```").expect("the block ends");
+    assert_eq!(printed.lines().count(), shown.lines().count());
+    for (printed, shown) in printed.lines().zip(shown.lines()) {
+        let (here, there): (Vec<&str>, Vec<&str>) =
+            (printed.split_whitespace().collect(), shown.split_whitespace().collect());
+        assert_eq!(here.len(), there.len(), "{printed}\n{shown}");
+        let seconds = here.iter().position(|word| *word == "together").map(|word| word + 2);
+        for (index, (here, there)) in here.iter().zip(&there).enumerate() {
+            let same = match (here.parse::<f64>(), there.parse::<f64>()) {
+                _ if Some(index) == seconds => true,
+                (Ok(here), Ok(there)) => (here - there).abs() <= 0.03 * there.abs() + 0.001,
+                _ => here == there,
+            };
+            assert!(same, "{printed}\n{shown}");
+        }
+    }
+}
+
+#[test]
+fn simulated_recordings_are_fitted_replayed_and_followed() {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("new").join("demo");
+    let report = TOOL.json(&["demo", "--out", text(&out)]);
+    assert!(report["r2_mean"].as_f64().expect("a number") > 0.999, "{report}");
+    assert_eq!((report["simulated"].as_bool(), report["interrupted"].as_bool()), (Some(true), Some(false)));
+
+    // The recordings are those that other tests use.
+    for (ours, path) in ["recording-5s.csv", "recording-7s.csv", "recording-13s.csv"].iter().zip(recordings("hossain"))
+    {
+        assert!(rows(&out.join(ours)) == rows(&path), "{ours}");
+    }
+    assert!(fs::read_to_string(out.join("report.html")).expect("written").contains("<svg"));
+
+    // `replay` prints the same with the parameters that were written.
+    let files: Vec<String> = report["recordings"]
+        .as_array()
+        .expect("rows")
+        .iter()
+        .map(|row| row["file"].as_str().expect("a name").into())
+        .collect();
+    let film = out.join("film.toml");
+    let mut replay = vec!["replay", "--params", text(&film)];
+    replay.extend(files.iter().map(String::as_str));
+    let replayed = TOOL.json(&replay);
+    assert_eq!((&replayed["recordings"], &replayed["r2_mean"]), (&report["recordings"], &report["r2_mean"]));
+
+    // The film follows better with every step.
+    let errors: Vec<f64> = report["closed_loop"]
+        .as_array()
+        .expect("loops")
+        .iter()
+        .map(|row| row["tracking_rms_pct"].as_f64().expect("it moves"))
+        .collect();
+    let [none, feedforward, tracking] = errors[..] else { panic!("{report}") };
+    assert!(none > 10.0 && feedforward < 1.0 && tracking < 0.25, "{errors:?}");
+
+    // The voltage leads the model along the reference.
+    let column = |file: &str, index: usize| -> Vec<f64> {
+        let rows = rows(&out.join(file));
+        rows[1..].iter().map(|row| row.split(',').nth(index).expect("a cell").parse().expect("a number")).collect()
+    };
+    let (reference, reached) = (column("reference.csv", 1), column("voltage.csv", 2));
+    assert_eq!(reference.len(), reached.len());
+    assert!(reference.iter().zip(&reached).all(|(r, x)| (r - x).abs() < 1e-7));
+}
+
+#[test]
+fn recordings_of_a_user_are_fitted_and_get_a_voltage() {
+    let folder = TempDir::new().expect("a folder");
+    let size = folder.path().join("size.toml");
+    let table = "schema = 1\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.04\nwidth_m = 0.06\nthickness_m = 160e-6\nmass_kg = 0.316\n";
+    fs::write(&size, table).expect("written");
+    let out = folder.path().join("demo");
+    let given = recordings("wang");
+    let mut arguments = vec!["demo", "--out", text(&out), "--actuator", text(&size), "--recordings"];
+    arguments.extend(given.iter().map(|path| text(path)));
+    let report = TOOL.json(&arguments);
+    assert!(report["r2_mean"].as_f64().expect("a number") > 0.999, "{report}");
+    assert_eq!(report["reference"]["check"]["feasible"].as_bool(), Some(true));
+    // The film behind these recordings is not known to the demo.
+    assert_eq!(report["closed_loop"].as_array().map(Vec::len), Some(0));
+    let mut written: Vec<_> =
+        fs::read_dir(&out).expect("a folder").map(|entry| entry.expect("a file").file_name()).collect();
+    written.sort();
+    assert_eq!(written, ["film.toml", "reference.csv", "report.html", "voltage.csv"]);
+}
+
+#[test]
+fn bad_input_is_one_line_and_leaves_nothing() {
+    let folder = TempDir::new().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("file"), "").expect("written");
+    fs::write(path("bad.csv"), "time_s,voltage_v,displacement_m\n0,1,2\n0.01,x,2\n").expect("written");
+    fs::write(path("bad.toml"), "schema = 7\n").expect("written");
+    let [recording, ..] = recordings("wang");
+    let out = path("demo");
+    names(&TOOL.fails(&["demo", "--out", text(&path("file"))]), &["file"]);
+    names(&TOOL.fails(&["demo", "--out", text(&out), "--actuator", "x.toml"]), &["--recordings"]);
+    names(&TOOL.fails(&["demo", "--out", text(&out), "--recordings", text(&path("none.csv"))]), &["none.csv"]);
+    names(&TOOL.fails(&["demo", "--out", text(&out), "--recordings", text(&path("bad.csv"))]), &["bad.csv:3"]);
+    let actuator = ["--actuator", text(&path("bad.toml")), "--recordings", text(&recording)].map(str::to_owned);
+    let [a, b, c, d] = actuator.each_ref().map(String::as_str);
+    names(&TOOL.fails(&["demo", "--out", text(&out), a, b, c, d]), &["bad.toml", "schema"]);
+    assert!(!out.exists());
+
+    // What is read is not overwritten.
+    fs::create_dir(&out).expect("made");
+    fs::copy(&recording, out.join("voltage.csv")).expect("copied");
+    let before = fs::read(out.join("voltage.csv")).expect("there");
+    names(
+        &TOOL.fails(&["demo", "--out", text(&out), "--recordings", text(&out.join("voltage.csv"))]),
+        &["voltage.csv", "overwrite"],
+    );
+    assert_eq!(fs::read(out.join("voltage.csv")).expect("there"), before);
+    assert_eq!(fs::read_dir(&out).expect("a folder").count(), 1);
+}
