@@ -1,6 +1,6 @@
 //! The libraries as packages: what a registry would get, and what their tests build.
 
-use crate::process::{Result, cargo, output};
+use crate::process::{Result, cargo, output, run as run_command};
 use crate::test::LIBRARIES;
 
 /// Files in the root of a package: its own, and those that cargo adds.
@@ -16,9 +16,10 @@ const FILES: [&str; 7] = [
 
 /// Folders of a package, and what files in them end in.
 const FOLDERS: [(&str, &[&str]); 4] =
-    [("src/", &[".rs"]), ("examples/", &[".rs"]), ("tests/", &[".rs", ".csv"]), ("benches/", &[".rs"])];
+    [("src/", &[".rs"]), ("examples/", &[".rs"]), ("tests/", &[".rs", ".csv", ".bin"]), ("benches/", &[".rs"])];
 
-/// Nothing beside a library's own files goes into its package, and neither the library nor its tests need the host tool.
+/// Each package holds the library's own files, nothing else, and is complete. Neither the library nor its tests need the host
+/// tool.
 pub fn run() -> Result<()> {
     for library in LIBRARIES {
         let list = output(cargo(&["package", "--quiet", "--list", "--allow-dirty", "--package", library]))?;
@@ -35,7 +36,9 @@ pub fn run() -> Result<()> {
         }
         println!("the tests of {library} do not build the host tool");
     }
-    Ok(())
+    // Builds them from their packages: a file that they include from outside would be missing.
+    let [springpot, driver] = LIBRARIES;
+    run_command(cargo(&["package", "--quiet", "--allow-dirty", "--package", springpot, "--package", driver]))
 }
 
 fn belongs(file: &str) -> bool {
