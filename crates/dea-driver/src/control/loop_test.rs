@@ -10,7 +10,7 @@ use crate::control::Mode;
 /// The input of a tick of a loop test.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Target {
-    /// The voltage (V) of [`Mode::Voltage`](crate::Mode::Voltage), the reference (m) of the others.
+    /// The voltage (V) of `Mode::Voltage`, the reference (m) of the others.
     pub value: f32,
     /// A sample of the displacement sensor, m, if one has arrived.
     pub sample_m: Option<f32>,

@@ -130,7 +130,7 @@ fn finds_an_unknown_force_within_the_bandwidth() {
 
 /// A film that has become stiffer shows in the force scale, and in nothing else after a while.
 #[test]
-fn finds_drift_of_stiffness() {
+fn tells_drift_of_stiffness() {
     for factor in [0.8, 1.25] {
         let observer = observer(ObserverOptions::at_bandwidth(0.6));
         let mut sensor = Sensor { interval: 10, delay: 10, past: Vec::new() };
@@ -196,7 +196,7 @@ fn samples_without_use_are_ignored() {
 /// A lost sensor: the voltage neither jumps when it goes nor when it comes back, and the film is back on its reference
 /// within a second.
 #[test]
-fn a_lost_sensor_causes_no_jump() {
+fn a_lost_sensor_bumps_nothing() {
     let law: Law<f32> = Law::compressed(&model(1.0), Options::at_step(1e-3)).expect("a law");
     let rest = law.state();
     let options = ObserverOptions::at_bandwidth(0.6);
