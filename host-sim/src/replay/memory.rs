@@ -152,11 +152,7 @@ pub fn window_length(seconds: f64, rate_hz: f64) -> usize {
 /// # Errors
 ///
 /// [`Error`] for a rate or a model that is refused.
-pub fn window_law<T: Real>(
-    model: &Maxwell,
-    step_s: f64,
-    length: usize,
-) -> Result<(WindowLaw<T>, State<T, VecWindow<T>>)> {
+pub fn window_law<T: Real>(model: &Maxwell, step_s: f64, length: usize) -> Result<(WindowLaw<T>, WindowState<T>)> {
     let law = WindowLaw::<T>::window(model, step_s, vec![T::ZERO; length])?;
     let rest = law.state(vec![T::ZERO; length])?;
     Ok((law, rest))
@@ -167,6 +163,9 @@ pub type VecWindow<T> = Window<T, Vec<T>>;
 
 /// A law with a window on the heap.
 pub type WindowLaw<T> = Law<T, VecWindow<T>>;
+
+/// Its state.
+pub type WindowState<T> = State<T, VecWindow<T>>;
 
 /// The law that the controller steps at `rate_hz`.
 ///
