@@ -7,7 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use dea_driver::wire::{Answer, BAUD, Command, Drill, Mode, Reject, Status, boards};
-use dea_driver::{Cause, SensorFault, State};
+use dea_driver::{Cause, DriverState, SensorFault};
 use documents::{Documents, Tolerance};
 use host_sim::files::parameters::{Board, Parameters};
 use host_sim::link::{Client, Emulator, Port};
@@ -187,7 +187,7 @@ fn live(heartbeat_s: f32) -> (Emulator, Client) {
     let (mut client, _) = Client::new(port).expect("answers");
     client.upload(&blob(heartbeat_s), false).expect("taken");
     let status = start(&mut client);
-    assert_eq!(status.state, State::Running);
+    assert_eq!(status.state, DriverState::Running);
     (emulator, client)
 }
 
@@ -249,13 +249,13 @@ fn every_fault_ends_at_0_v_with_its_cause() {
         } else {
             client.order(Command::Drill(drill)).expect("done");
         }
-        let status = wait(&mut client, |status| matches!(status.state, State::Tripped(_)));
+        let status = wait(&mut client, |status| matches!(status.state, DriverState::Tripped(_)));
         println!("{drill:?}: {:?} at tick {}, {} V", status.state, status.tripped_at, status.command_v);
-        assert_eq!((status.state, status.command_v), (State::Tripped(cause), 0.0));
+        assert_eq!((status.state, status.command_v), (DriverState::Tripped(cause), 0.0));
         // The cause stays although the fault is gone, until it is acknowledged.
         assert!(client.order(Command::Arm).is_err());
         client.order(Command::Acknowledge).expect("done");
-        wait(&mut client, |status| status.state == State::Disarmed);
+        wait(&mut client, |status| status.state == DriverState::Disarmed);
     }
 }
 
@@ -264,8 +264,8 @@ fn every_fault_ends_at_0_v_with_its_cause() {
 fn a_panic_resets_and_is_remembered() {
     let (_emulator, mut client) = live(ANY_SILENCE_S);
     client.order(Command::Drill(Drill::Panic)).expect("done");
-    let status = wait(&mut client, |status| matches!(status.state, State::Tripped(_)));
-    assert_eq!((status.state, status.command_v), (State::Tripped(Cause::Panic), 0.0));
+    let status = wait(&mut client, |status| matches!(status.state, DriverState::Tripped(_)));
+    assert_eq!((status.state, status.command_v), (DriverState::Tripped(Cause::Panic), 0.0));
     assert_eq!(status.rate_hz, 0.0, "it has started again: parameters that were only tried are gone");
     let Answer::PanicMessage(message) = client.ask(Command::PanicMessage).expect("answers") else {
         panic!("no message")
@@ -286,7 +286,7 @@ fn a_silent_host_ends_at_0_v() {
     let ticks = wait_for_0_v(&mut client, |_, _| {});
     is_silence(ticks);
     let status = client.status().expect("answers");
-    assert_eq!((status.state, status.command_v), (State::Tripped(Cause::Heartbeat), 0.0));
+    assert_eq!((status.state, status.command_v), (DriverState::Tripped(Cause::Heartbeat), 0.0));
 }
 
 /// `ticks` from the first sample of a stream to the first one at 0 V are those of a host that was silent since it asked for the
@@ -320,7 +320,7 @@ fn garbage_is_not_obeyed() {
     let status = client.status().expect("answers");
     println!("{status:?}");
     is_silence(ticks);
-    assert_eq!((status.state, status.command_v), (State::Tripped(Cause::Heartbeat), 0.0));
+    assert_eq!((status.state, status.command_v), (DriverState::Tripped(Cause::Heartbeat), 0.0));
     // A frame every 30 bytes, so more than one a tick.
     assert!(status.damaged_frames - running.damaged_frames > ticks, "{status:?}");
 }

@@ -41,7 +41,7 @@ mod app {
     use cortex_m::peripheral::SCB;
     use dea_driver::server::{Session, StartError};
     use dea_driver::wire::{BAUD, FRAME_LEN, Message, boards, encode};
-    use dea_driver::{Cause, Device, Drive, State, Store, StoreError};
+    use dea_driver::{Cause, Device, Drive, DriverState, Store, StoreError};
     use heapless::spsc::{Consumer, Producer, Queue};
     use stm32f4xx_hal::gpio::{Output, PC12, PinState};
     #[cfg(not(feature = "semihosting"))]
@@ -183,9 +183,9 @@ mod app {
         // Lit while the amplifier is enabled; slow when disarmed, fast when tripped. The light hangs between supply and pin.
         *ticks = ticks.wrapping_add(1);
         let dark = match state {
-            State::Armed | State::Running => false,
-            State::Disarmed => *ticks & 0x200 == 0,
-            State::Tripped(_) => *ticks & 0x40 == 0,
+            DriverState::Armed | DriverState::Running => false,
+            DriverState::Disarmed => *ticks & 0x200 == 0,
+            DriverState::Tripped(_) => *ticks & 0x40 == 0,
         };
         led.set_state(PinState::from(dark));
     }

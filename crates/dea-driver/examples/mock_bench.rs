@@ -1,7 +1,7 @@
 //! The driver against mocks: an amplifier on an AD5754 and two ADS868x, every transaction stated. No hardware is needed.
 
 use dea_driver::chips::{AdcRange, CommandRange, DacCode};
-use dea_driver::{Ads868x, Amplifier, Blob, Cause, Controller, Device, Inputs, Mode, Parameters, State};
+use dea_driver::{Ads868x, Amplifier, Blob, Cause, Controller, Device, DriverState, Inputs, Mode, Parameters};
 use embedded_hal_mock::eh1::digital::{Mock as Pin, State as Level, Transaction as OnPin};
 use embedded_hal_mock::eh1::spi::{Mock as Spi, Transaction as OnSpi};
 use springpot::{Actuator, Law, Options, Preset};
@@ -72,7 +72,7 @@ pub fn main() {
         let drive = device.tick(inputs);
         amplifier.apply(drive).expect("answers");
     }
-    assert_eq!(device.state(), State::Tripped(Cause::Interlock));
+    assert_eq!(device.state(), DriverState::Tripped(Cause::Interlock));
 
     // Every transaction took place, and no other.
     let (mut dac, mut enable) = amplifier.destroy();

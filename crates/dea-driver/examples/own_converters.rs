@@ -4,7 +4,9 @@
 use std::error::Error;
 
 use dea_driver::chips::{Calibration, Converters};
-use dea_driver::{Blob, Control, Controller, Inputs, Limits, Mode, Outputs, Parameters, PlausibilityLimits, State};
+use dea_driver::{
+    Blob, Control, Controller, DriverState, Inputs, Limits, Mode, Outputs, Parameters, PlausibilityLimits,
+};
 use springpot::{Actuator, Law, Options, Preset, VoltageDrive};
 
 /// Ticks per second.
@@ -115,7 +117,7 @@ pub fn main() -> Result<(), Box<dyn Error>> {
     }
     let state = controller.supervisor().state();
     println!("{state:?}; from 10 s to 30 s no further than {:.1} µm from 0.8 mm", 1e6 * furthest_m);
-    assert_eq!(state, State::Running);
+    assert_eq!(state, DriverState::Running);
     assert!(furthest_m < 10e-6);
     Ok(())
 }

@@ -28,8 +28,8 @@ pub use parameters::{BLOB_LEN, Blob, BlobError, Control, Parameters, SCHEMA};
 #[cfg(feature = "store")]
 pub use parameters::{BlobHeader, Store, StoreError};
 pub use safety::{
-    Cause, Limits, LimitsError, Monitor, MonitorLimits, OnSensorFault, Plausibility, PlausibilityLimits, Readings,
-    Refusal, SensorFault, State, Supervisor, Tick,
+    Cause, DriverState, Limits, LimitsError, Monitor, MonitorLimits, OnSensorFault, Plausibility, PlausibilityLimits,
+    Readings, Refusal, SensorFault, Supervisor, Tick,
 };
 #[cfg(feature = "link")]
 pub use server::Device;

@@ -5,7 +5,7 @@
 use std::error::Error;
 use std::f64::consts::TAU;
 
-use springpot::{Actuator, Law, Maxwell, Observer, ObserverOptions, Options, Preset, Sample, VoltageDrive};
+use springpot::{Actuator, Law, Maxwell, Observer, ObserverOptions, Options, Preset, SensorSample, VoltageDrive};
 
 const STEP_S: f64 = 1e-3;
 /// Ticks from one sample to the next.
@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("time_s,estimate_m,true_m,disturbance_n,force_scale");
     let mut largest = 0.0;
     for (tick, row) in recording(&model)?.into_iter().enumerate() {
-        let sample = row.sample_m.map(|displacement| Sample { displacement, age_ticks: 0 });
+        let sample = row.sample_m.map(|displacement| SensorSample { displacement, age_ticks: 0 });
         let estimate = observer.observe(&mut state, row.voltage_v, sample);
         if tick % 5000 == 0 {
             let (disturbance, scale) = (state.disturbance(), state.force_scale());

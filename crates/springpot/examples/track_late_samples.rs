@@ -7,8 +7,8 @@ use std::error::Error;
 use std::f64::consts::TAU;
 
 use springpot::{
-    Actuator, Applied, CommandLimits, Feedforward, Law, Maxwell, ObserverOptions, Options, Sample, Springpot, State,
-    Topology, Tracking, VoltageDrive,
+    Actuator, Applied, CommandLimits, Feedforward, Law, Maxwell, ObserverOptions, Options, SensorSample, Springpot,
+    State, Topology, Tracking, VoltageDrive,
 };
 
 const STEP_S: f64 = 1e-3;
@@ -41,14 +41,14 @@ struct Line {
 }
 
 impl Line {
-    fn read(&mut self, tick: usize, displacement_m: f64) -> Option<Sample<f32>> {
+    fn read(&mut self, tick: usize, displacement_m: f64) -> Option<SensorSample<f32>> {
         if tick.is_multiple_of(INTERVAL) {
             self.measured.push_back((tick, displacement_m as f32));
         }
         let due = self.measured.front().is_some_and(|(at, _)| at + DELAY <= tick);
         let (at, displacement) = if due { self.measured.pop_front()? } else { return None };
         // The age says which prediction the sample is compared with.
-        Some(Sample { displacement, age_ticks: tick - at })
+        Some(SensorSample { displacement, age_ticks: tick - at })
     }
 }
 

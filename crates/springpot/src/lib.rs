@@ -17,8 +17,8 @@ mod scalar;
 
 pub use actuator::{Actuator, EPSILON_0, GRAVITY, Load, Preload, VoltageDrive};
 pub use control::{
-    Applied, Command, CommandLimits, Feedforward, FeedforwardState, Limited, Observer, ObserverOptions, ObserverState,
-    Sample, Statistics, Tracking, TrackingState,
+    Applied, CommandLimits, Feedforward, FeedforwardState, Limited, Observer, ObserverOptions, ObserverState,
+    SensorSample, Statistics, Tracking, TrackingState, VoltageCommand,
 };
 pub use error::{ActuatorError, ControlError, Element, LawError, ModelError};
 pub use law::{Coefficients, Compressed, Law, Memory, Options, State, Window};

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 
 use indicatif::ProgressBar;
 use serde::Serialize;
-use springpot::{Applied, Limited, Sample};
+use springpot::{Applied, Limited, SensorSample};
 
 use crate::bench::controllers::{Controller, ControllerOutput};
 use crate::bench::film::{Film, FilmState, Instruments, Readings};
@@ -184,7 +184,7 @@ impl<'a> RunningBench<'a> {
     }
 
     /// Measures `displacement` (m) at tick `k`, `now` (s), if a sample is due, and gives the sample that arrives.
-    fn sample(&mut self, k: usize, now: f64, displacement: f64) -> Option<Sample<f64>> {
+    fn sample(&mut self, k: usize, now: f64, displacement: f64) -> Option<SensorSample<f64>> {
         if now >= self.samples_taken / self.model.sensor_rate_hz - 1e-9 {
             self.samples_taken += 1.0;
             let lost = self.model.sensor_lost_s.iter().any(|&(from, to)| (from..to).contains(&now));
@@ -196,7 +196,7 @@ impl<'a> RunningBench<'a> {
         }
         let &(taken, displacement) = self.in_transit.front().filter(|(taken, _)| k - taken >= self.delay_ticks)?;
         self.in_transit.pop_front();
-        Some(Sample { displacement, age_ticks: k - taken })
+        Some(SensorSample { displacement, age_ticks: k - taken })
     }
 
     /// What the controller knows of the voltage that it `commanded` (V).

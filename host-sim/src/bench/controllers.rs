@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use clap::ValueEnum;
 use springpot::{
     Actuator, Applied, CommandLimits, Compressed, Feedforward, FeedforwardState, Limited, Memory, Observer,
-    ObserverOptions, Real, Sample, Tracking, TrackingState,
+    ObserverOptions, Real, SensorSample, Tracking, TrackingState,
 };
 
 use crate::error::Result;
@@ -65,7 +65,7 @@ pub struct ControllerOutput {
 pub trait Controller {
     /// From the voltage since the last tick, a sample of the sensor if one has arrived, and the
     /// reference for the end of this tick (m).
-    fn tick(&mut self, applied: Applied<f64>, sample: Option<Sample<f64>>, reference_m: f64) -> ControllerOutput;
+    fn tick(&mut self, applied: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput;
 }
 
 /// Settings of every controller.
@@ -157,7 +157,7 @@ struct Proportional {
 }
 
 impl Controller for Proportional {
-    fn tick(&mut self, _: Applied<f64>, _: Option<Sample<f64>>, reference_m: f64) -> ControllerOutput {
+    fn tick(&mut self, _: Applied<f64>, _: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
         let share = if self.peak_m > 0.0 { reference_m / self.peak_m } else { 0.0 };
         let limited = if share < 0.0 { Limited::BELOW_ZERO } else { Limited::NONE };
         ControllerOutput {
@@ -197,7 +197,7 @@ impl StaticInverse {
 }
 
 impl Controller for StaticInverse {
-    fn tick(&mut self, _: Applied<f64>, _: Option<Sample<f64>>, reference_m: f64) -> ControllerOutput {
+    fn tick(&mut self, _: Applied<f64>, _: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
         let (voltage_v, limited) = self.voltage(reference_m);
         ControllerOutput { voltage_v, limited, ..ControllerOutput::default() }
     }
@@ -232,7 +232,7 @@ impl ProportionalIntegral {
 }
 
 impl Controller for ProportionalIntegral {
-    fn tick(&mut self, _: Applied<f64>, sample: Option<Sample<f64>>, reference_m: f64) -> ControllerOutput {
+    fn tick(&mut self, _: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
         self.since_s += self.step_s;
         if let Some(sample) = sample {
             // A late sample is compared with the reference of its time.
@@ -262,7 +262,7 @@ struct FeedforwardController<T: Real, M: Memory<T>> {
 }
 
 impl<T: Real, M: Memory<T>> Controller for FeedforwardController<T, M> {
-    fn tick(&mut self, applied: Applied<f64>, _: Option<Sample<f64>>, reference_m: f64) -> ControllerOutput {
+    fn tick(&mut self, applied: Applied<f64>, _: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
         let estimate = self.feedforward.apply(&mut self.state, of_type(applied));
         let command = self.feedforward.command(&mut self.state, T::from_f64(reference_m));
         ControllerOutput {
@@ -282,8 +282,8 @@ struct TrackingController<T: Real> {
 }
 
 impl<T: Real> Controller for TrackingController<T> {
-    fn tick(&mut self, applied: Applied<f64>, sample: Option<Sample<f64>>, reference_m: f64) -> ControllerOutput {
-        let sample = sample.map(|s| Sample { displacement: T::from_f64(s.displacement), age_ticks: s.age_ticks });
+    fn tick(&mut self, applied: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
+        let sample = sample.map(|s| SensorSample { displacement: T::from_f64(s.displacement), age_ticks: s.age_ticks });
         let estimate = self.tracking.observe(&mut self.state, of_type(applied), sample);
         let command = self.tracking.command(&mut self.state, T::from_f64(reference_m));
         ControllerOutput {

@@ -9,7 +9,7 @@ use dea_driver::wire::{Answer, BATCH, Command, Followed, Identity, Mode, Step, T
 use dea_driver::{Blob, Controller as HostController};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
-use springpot::{Applied, Sample};
+use springpot::{Applied, SensorSample};
 
 use crate::bench::closed_loop::{self, BenchModel};
 use crate::bench::controllers::{Controller, ControllerOutput};
@@ -273,7 +273,7 @@ struct ChipController<'a> {
 }
 
 impl Controller for ChipController<'_> {
-    fn tick(&mut self, _: Applied<f64>, sample: Option<Sample<f64>>, reference_m: f64) -> ControllerOutput {
+    fn tick(&mut self, _: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
         let target = Target { value: reference_m as f32, sample_m: sample.map(|sample| sample.displacement as f32) };
         let host = self.host.follow(self.mode, target);
         let mut voltage_v = 0.0;

@@ -10,7 +10,7 @@ use dea_driver::wire::{
     Answer, BATCH, CHUNK, Command, FRAME_LEN, Identity, Message, Receiver, Reject, Request, Status, Step, Telemetry,
     VERSION, encode,
 };
-use dea_driver::{Refusal, SCHEMA, State};
+use dea_driver::{DriverState, Refusal, SCHEMA};
 
 pub use emulator::Emulator;
 pub use port::Port;
@@ -195,7 +195,7 @@ impl Client {
     /// What an answer other than the one hoped for means.
     pub fn unexpected(&self, answer: &Answer) -> Error {
         self.fault(match answer {
-            Answer::Refused(Refusal::State(State::Tripped(cause))) => {
+            Answer::Refused(Refusal::State(DriverState::Tripped(cause))) => {
                 format!("tripped ({cause:?}); find out why, then acknowledge")
             }
             Answer::Refused(Refusal::State(state)) => format!("not while it is {}", named(*state)),
@@ -223,11 +223,11 @@ fn changes_nothing(command: &Command) -> bool {
 }
 
 /// A state in words.
-pub fn named(state: State) -> String {
+pub fn named(state: DriverState) -> String {
     match state {
-        State::Disarmed => "disarmed".into(),
-        State::Armed => "armed".into(),
-        State::Running => "running".into(),
-        State::Tripped(cause) => format!("tripped: {cause:?}"),
+        DriverState::Disarmed => "disarmed".into(),
+        DriverState::Armed => "armed".into(),
+        DriverState::Running => "running".into(),
+        DriverState::Tripped(cause) => format!("tripped: {cause:?}"),
     }
 }

@@ -2,7 +2,7 @@
 
 use indicatif::ProgressBar;
 use serde::Serialize;
-use springpot::{ControlError, Law, Memory, Observer, ObserverOptions, Real, Sample, State};
+use springpot::{ControlError, Law, Memory, Observer, ObserverOptions, Real, SensorSample, State};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
@@ -140,7 +140,7 @@ impl OnLaw for ObserverRun<'_> {
                 next += 1;
             }
             let sample = (!reading.is_nan())
-                .then(|| Sample { displacement: T::from_f64(sensor.film_displacement_m(reading)), age_ticks: 0 });
+                .then(|| SensorSample { displacement: T::from_f64(sensor.film_displacement_m(reading)), age_ticks: 0 });
             let estimate = observer.observe(&mut state, T::from_f64(volts), sample);
             estimates.displacement_m.push(estimate.to_f64());
             estimates.sample_m.push(reading);

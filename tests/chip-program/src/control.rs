@@ -4,7 +4,7 @@ use core::hint::black_box;
 
 use springpot::{
     Actuator, Applied, CommandLimits, Compressed, Feedforward, Law, Maxwell, Observer, ObserverOptions, Options,
-    Sample, Tracking,
+    SensorSample, Tracking,
 };
 
 use crate::{Checksum, Name, Report, STEPS, repeat};
@@ -29,8 +29,8 @@ fn reference(k: f32) -> f32 {
     1e-9 * k * k
 }
 
-fn sample(k: f32) -> Option<Sample<f32>> {
-    Some(Sample { displacement: 0.98 * reference(k), age_ticks: 10 })
+fn sample(k: f32) -> Option<SensorSample<f32>> {
+    Some(SensorSample { displacement: 0.98 * reference(k), age_ticks: 10 })
 }
 
 /// Ticks on the way: bits of what `tick` gives, then what it costs, a sample coming in every tick.

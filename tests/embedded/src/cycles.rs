@@ -14,7 +14,7 @@ use dea_driver::chips::DacCode;
 use panic_semihosting as _;
 use springpot::{
     Actuator, Applied, Coefficients, CommandLimits, Compressed, Feedforward, FeedforwardState, Law, Observer,
-    ObserverOptions, ObserverState, Sample, State, Tracking, TrackingState, VoltageDrive,
+    ObserverOptions, ObserverState, SensorSample, State, Tracking, TrackingState, VoltageDrive,
 };
 
 include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
@@ -49,8 +49,8 @@ fn built<T, E>(result: Result<T, E>) -> T {
     }
 }
 
-fn sample() -> Option<Sample<f32>> {
-    black_box(Some(Sample { displacement: 1e-4, age_ticks: 10 }))
+fn sample() -> Option<SensorSample<f32>> {
+    black_box(Some(SensorSample { displacement: 1e-4, age_ticks: 10 }))
 }
 
 fn applied() -> Applied<f32> {

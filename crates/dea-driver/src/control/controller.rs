@@ -1,6 +1,6 @@
 //! The control tick.
 
-use springpot::{Applied, Compressed, Limited, Sample, Tracking, TrackingState};
+use springpot::{Applied, Compressed, Limited, SensorSample, Tracking, TrackingState};
 
 #[cfg(feature = "loop-test")]
 use crate::control::loop_test::{Followed, LoopTest, Step, Target};
@@ -46,7 +46,7 @@ pub struct Outputs {
 /// [`start`](Self::start) always takes a mode, and whatever ends a run clears its targets.
 ///
 /// ```
-/// use dea_driver::{Blob, Controller, Inputs, Mode, Parameters, State};
+/// use dea_driver::{Blob, Controller, Inputs, Mode, Parameters, DriverState};
 /// use springpot::{Actuator, Law, Options, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
@@ -68,7 +68,7 @@ pub struct Outputs {
 /// controller.start(Mode::Voltage).expect("it is armed");
 /// controller.set_voltage(2000.0)?;
 /// (1..100).for_each(|k| tick(&mut controller, k));
-/// assert_eq!(controller.supervisor().state(), State::Running);
+/// assert_eq!(controller.supervisor().state(), DriverState::Running);
 /// assert_eq!(dac_v, 2.0); // of 1000 V per volt
 /// # Ok(())
 /// # }
@@ -146,7 +146,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
 
     /// One tick: sample, check, estimate, command, log.
     pub fn tick(&mut self, inputs: Inputs) -> Outputs {
-        // Sample: volts at the converters become quantities. A converter that did not answer reads as NaN.
+        // SensorSample: volts at the converters become quantities. A converter that did not answer reads as NaN.
         let monitor_v = inputs.monitor_adc_v.map_or(f32::NAN, |volts| self.parameters.monitor.apply(volts));
         let sensor_m = inputs.sensor_adc_v.map_or(f32::NAN, |volts| self.parameters.sensor.apply(volts));
         let displacement_m = sensor_m - self.parameters.sensor_offset_m;
@@ -351,12 +351,12 @@ impl Sampler {
     }
 
     /// The sample of this tick, if one is due and the sensor is plausible.
-    fn next(&mut self, displacement_m: Option<f32>) -> Option<Sample<f32>> {
+    fn next(&mut self, displacement_m: Option<f32>) -> Option<SensorSample<f32>> {
         self.since = self.since.saturating_add(1);
         if self.since < self.every {
             return None;
         }
         self.since = 0;
-        displacement_m.map(|displacement| Sample { displacement, age_ticks: self.age_ticks })
+        displacement_m.map(|displacement| SensorSample { displacement, age_ticks: self.age_ticks })
     }
 }

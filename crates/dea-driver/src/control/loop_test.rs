@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 #[cfg(feature = "loop-test")]
-use springpot::{Applied, Compressed, Sample, State, Tracking, TrackingState};
+use springpot::{Applied, Compressed, SensorSample, State, Tracking, TrackingState};
 
 #[cfg(feature = "loop-test")]
 use crate::control::Mode;
@@ -81,7 +81,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> LoopTest<HEAD, FAS
             *voltage_v = target.value;
         }
         let displacement = target.sample_m.filter(|_| mode != Mode::Feedforward);
-        let sample = displacement.map(|displacement| Sample { displacement, age_ticks });
+        let sample = displacement.map(|displacement| SensorSample { displacement, age_ticks });
         let displacement_m = tracking.observe(course, Applied::as_commanded(*voltage_v), sample);
         let command = tracking.command(course, if mode == Mode::Voltage { displacement_m } else { target.value });
         if mode != Mode::Voltage {

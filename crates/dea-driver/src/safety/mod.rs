@@ -8,4 +8,4 @@ mod supervisor;
 pub use limits::{Limits, LimitsError, MonitorLimits, OnSensorFault, PlausibilityLimits};
 pub use monitor::Monitor;
 pub use plausibility::{Plausibility, SensorFault};
-pub use supervisor::{Cause, Readings, Refusal, State, Supervisor, Tick};
+pub use supervisor::{Cause, DriverState, Readings, Refusal, Supervisor, Tick};

@@ -17,7 +17,7 @@ use crate::safety::{Limits, LimitsError, Monitor, MonitorLimits, OnSensorFault, 
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum State {
+pub enum DriverState {
     /// 0 V, amplifier disabled.
     Disarmed,
     /// 0 V, amplifier enabled.
@@ -28,7 +28,7 @@ pub enum State {
     Tripped(Cause),
 }
 
-impl State {
+impl DriverState {
     /// Whether the amplifier is enabled.
     #[must_use]
     pub fn is_live(self) -> bool {
@@ -71,7 +71,7 @@ pub enum Cause {
 #[non_exhaustive]
 pub enum Refusal {
     /// Not from this state.
-    State(State),
+    State(DriverState),
     /// The interlock is open.
     InterlockOpen,
     /// There is voltage on the film while it should be at 0 V.
@@ -110,7 +110,7 @@ pub struct Readings {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tick {
     /// The state from now on.
-    pub state: State,
+    pub state: DriverState,
     /// The displacement, m, if the sensor is plausible.
     pub displacement_m: Option<f32>,
 }
@@ -121,7 +121,7 @@ pub struct Tick {
 /// loop that is written without the controller:
 ///
 /// ```
-/// use dea_driver::{Cause, Limits, Readings, State, Supervisor};
+/// use dea_driver::{Cause, Limits, Readings, DriverState, Supervisor};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// let mut supervisor = Supervisor::new(&Limits::bench(160e-6), 1000.0)?;
@@ -137,14 +137,14 @@ pub struct Tick {
 ///
 /// // A fault ends at 0 V within the tick.
 /// supervisor.check(Readings { interlock_closed: false, ..healthy });
-/// assert_eq!(supervisor.state(), State::Tripped(Cause::Interlock));
+/// assert_eq!(supervisor.state(), DriverState::Tripped(Cause::Interlock));
 /// assert_eq!(supervisor.command(3000.0, 1.0), 0.0);
 /// # Ok(())
 /// # }
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Supervisor {
-    state: State,
+    state: DriverState,
     ticks: u32,
     tripped_at: u32,
     max_voltage_v: f32,
@@ -179,7 +179,7 @@ impl Supervisor {
         }
         limits.check()?;
         Ok(Self {
-            state: State::Disarmed,
+            state: DriverState::Disarmed,
             ticks: 0,
             tripped_at: 0,
             max_voltage_v: limits.max_voltage_v,
@@ -204,7 +204,7 @@ impl Supervisor {
 
     /// The state.
     #[must_use]
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> DriverState {
         self.state
     }
 
@@ -235,7 +235,7 @@ impl Supervisor {
     /// Whether the law commands the voltage.
     #[must_use]
     pub fn runs(&self) -> bool {
-        self.state == State::Running
+        self.state == DriverState::Running
     }
 
     /// Enables the amplifier at 0 V.
@@ -244,7 +244,7 @@ impl Supervisor {
     ///
     /// [`Refusal`] from another state than disarmed, and while the readings of the last tick are not safe.
     pub fn arm(&mut self) -> Result<(), Refusal> {
-        if self.state != State::Disarmed {
+        if self.state != DriverState::Disarmed {
             return Err(Refusal::State(self.state));
         }
         if !self.last.interlock_closed {
@@ -256,7 +256,7 @@ impl Supervisor {
         if let (Some(fault), OnSensorFault::Trip) = (self.last_fault, self.on_sensor_fault) {
             return Err(Refusal::Sensor(fault));
         }
-        self.state = State::Armed;
+        self.state = DriverState::Armed;
         self.ticks_since_heartbeat = 0;
         self.monitor = Monitor::new(self.monitor_limits, self.rate_hz);
         Ok(())
@@ -268,7 +268,7 @@ impl Supervisor {
     ///
     /// [`Refusal`] from another state than armed.
     pub fn start(&mut self) -> Result<(), Refusal> {
-        self.change(State::Armed, State::Running)
+        self.change(DriverState::Armed, DriverState::Running)
     }
 
     /// Back to 0 V, amplifier enabled.
@@ -277,7 +277,7 @@ impl Supervisor {
     ///
     /// [`Refusal`] from another state than running.
     pub fn stop(&mut self) -> Result<(), Refusal> {
-        self.change(State::Running, State::Armed)
+        self.change(DriverState::Running, DriverState::Armed)
     }
 
     /// Back to 0 V, amplifier disabled. Disarming what is disarmed is no error; a trip stays.
@@ -286,10 +286,10 @@ impl Supervisor {
     ///
     /// [`Refusal`] when tripped: acknowledge first.
     pub fn disarm(&mut self) -> Result<(), Refusal> {
-        if let State::Tripped(_) = self.state {
+        if let DriverState::Tripped(_) = self.state {
             return Err(Refusal::State(self.state));
         }
-        self.state = State::Disarmed;
+        self.state = DriverState::Disarmed;
         self.command_v = 0.0;
         Ok(())
     }
@@ -301,8 +301,8 @@ impl Supervisor {
     /// [`Refusal`] if it is not tripped.
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         match self.state {
-            State::Tripped(_) => {
-                self.state = State::Disarmed;
+            DriverState::Tripped(_) => {
+                self.state = DriverState::Disarmed;
                 self.sensor.reset();
                 Ok(())
             }
@@ -310,7 +310,7 @@ impl Supervisor {
         }
     }
 
-    fn change(&mut self, from: State, to: State) -> Result<(), Refusal> {
+    fn change(&mut self, from: DriverState, to: DriverState) -> Result<(), Refusal> {
         if self.state == from {
             self.state = to;
             Ok(())
@@ -327,8 +327,8 @@ impl Supervisor {
     /// Trips, whatever the state: 0 V, amplifier disabled. The first cause stays.
     pub fn trip(&mut self, cause: Cause) {
         self.command_v = 0.0;
-        if !matches!(self.state, State::Tripped(_)) {
-            self.state = State::Tripped(cause);
+        if !matches!(self.state, DriverState::Tripped(_)) {
+            self.state = DriverState::Tripped(cause);
             self.tripped_at = self.ticks;
         }
     }
@@ -366,7 +366,7 @@ impl Supervisor {
     /// The field limit of a thinned film is computed here on purpose, independently of the control law's own copy of that rule
     /// (`springpot`): an error there must not raise the limit here.
     pub fn command(&mut self, wanted_v: f32, thinning: f32) -> f32 {
-        self.command_v = if matches!(self.state, State::Running) {
+        self.command_v = if matches!(self.state, DriverState::Running) {
             let by_field = if thinning > 1.0 { self.field_v / thinning } else { self.field_v };
             let most = if by_field < self.max_voltage_v { by_field } else { self.max_voltage_v };
             let wanted = if wanted_v > 0.0 { wanted_v } else { 0.0 };

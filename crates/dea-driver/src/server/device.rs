@@ -6,7 +6,7 @@ use crate::chips::Drive;
 use crate::control::{Controller, Inputs, Mode, OutOfRange, Telemetry};
 #[cfg(feature = "loop-test")]
 use crate::control::{Followed, Step, Target};
-use crate::safety::{Cause, Refusal, State, Supervisor};
+use crate::safety::{Cause, DriverState, Refusal, Supervisor};
 use crate::wire::{Answer, Reject, Status};
 
 /// Records that wait for the link.
@@ -18,7 +18,7 @@ const WAITING: usize = 16;
 /// Shared by the tick, which must not wait, and the [`Session`](crate::server::Session) with the host.
 ///
 /// ```
-/// use dea_driver::{Blob, Cause, Controller, Device, Drive, Inputs, Parameters, State};
+/// use dea_driver::{Blob, Cause, Controller, Device, Drive, Inputs, Parameters, DriverState};
 /// use springpot::{Actuator, Law, Options, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
@@ -30,7 +30,7 @@ const WAITING: usize = 16;
 /// let law: Law<f32> = Law::compressed(&Preset::named("table3-n2").unwrap().model()?, Options::at_step(1e-3))?;
 /// let blob = Blob::new(Parameters::bench(&law, Actuator::KARNER_2022))?;
 /// device.install(Controller::new(blob)).expect("the amplifier is disabled");
-/// assert_eq!(device.state(), State::Tripped(Cause::Watchdog));
+/// assert_eq!(device.state(), DriverState::Tripped(Cause::Watchdog));
 /// assert!(!device.tick(inputs).enable);
 /// # Ok(())
 /// # }
@@ -106,7 +106,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
     /// [`Refusal::State`] while the amplifier is enabled; the old controller stays.
     pub fn install(&mut self, mut controller: Controller<HEAD, FAST, SLOW>) -> Result<(), Refusal> {
         self.is_off()?;
-        if let State::Tripped(cause) = self.state() {
+        if let DriverState::Tripped(cause) = self.state() {
             controller.trip(cause);
         }
         self.controller = Some(controller);
@@ -115,8 +115,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
 
     /// The state; without a controller, disarmed, or tripped by the cause that ended the last run.
     #[must_use]
-    pub fn state(&self) -> State {
-        let before = self.latched.map_or(State::Disarmed, State::Tripped);
+    pub fn state(&self) -> DriverState {
+        let before = self.latched.map_or(DriverState::Disarmed, DriverState::Tripped);
         self.controller.as_ref().map_or(before, |controller| controller.supervisor().state())
     }
 

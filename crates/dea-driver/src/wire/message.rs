@@ -4,7 +4,7 @@ use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
 use crate::control::{Followed, Mode, Step, Target, Telemetry};
-use crate::safety::{Refusal, State};
+use crate::safety::{DriverState, Refusal};
 use crate::wire::FrameError;
 
 /// Steps of a loop test in one frame.
@@ -213,7 +213,7 @@ pub struct Identity {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Status {
     /// The supervisor's state, with the cause of a trip.
-    pub state: State,
+    pub state: DriverState,
     /// Ticks per second; 0 while there are no parameters, so that it cannot be armed.
     pub rate_hz: f32,
     /// Ticks since the start, wrapping.

@@ -2,7 +2,8 @@
 
 use dea_driver::chips::{AdcCode, AdcRange, DacCode};
 use dea_driver::{
-    Blob, Cause, Controller, Inputs, Mode, OnSensorFault, OutOfRange, Outputs, Parameters, Refusal, SensorFault, State,
+    Blob, Cause, Controller, DriverState, Inputs, Mode, OnSensorFault, OutOfRange, Outputs, Parameters, Refusal,
+    SensorFault,
 };
 use springpot::{Actuator, Law, Limited, Options, Preset, VoltageDrive};
 
@@ -111,7 +112,7 @@ fn follows_the_voltage_that_was_set_and_observes() {
         }
         outputs = bench.tick(|_| ());
     }
-    assert_eq!(bench.controller.supervisor().state(), State::Running);
+    assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
     assert_eq!(bench.code(&outputs), DacCode(26_214), "4 V of 10 V");
     // The estimate is where the film is, to the sensor's noise of 0…5 µm.
     let predicted = f64::from(outputs.telemetry.predicted_m);
@@ -158,7 +159,7 @@ fn tracking_follows_a_film_that_the_model_does_not_know() {
                 largest = largest.max((bench.displacement_m - reference).abs());
             }
         }
-        assert_eq!(bench.controller.supervisor().state(), State::Running);
+        assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
         (largest, bench.tick(|_| ()).telemetry)
     };
     let (feedforward, _) = off(Mode::Feedforward);
@@ -186,7 +187,7 @@ fn tracking_goes_on_without_its_sensor() {
                 inputs.sensor_adc_v = Some(adc_v(u16::MAX));
             }
         });
-        assert_eq!(bench.controller.supervisor().state(), State::Running, "tick {tick}");
+        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
         if tick > 5000 {
             assert!((bench.displacement_m - 0.8e-3).abs() < 15e-6, "tick {tick}: {} m", bench.displacement_m);
             let step = before.map_or(0.0, |before: f32| (outputs.telemetry.command_v - before).abs());
@@ -246,7 +247,7 @@ fn feedforward_needs_no_sensor() {
         bench.tick(|inputs| inputs.sensor_adc_v = None);
         assert!(tick < 1000 || (bench.displacement_m - 0.8e-3).abs() < 2e-6, "tick {tick}: {} m", bench.displacement_m);
     }
-    assert_eq!(bench.controller.supervisor().state(), State::Running);
+    assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
 }
 
 /// What was set for one run is gone when it ends, however it ends: the next one begins at 0 V.
@@ -361,8 +362,8 @@ fn faults_end_at_0_v_within_the_tick() {
         assert!(bench.high_voltage_v > 4900.0);
         let outputs = bench.tick(spoil);
         assert_eq!((outputs.enable, outputs.dac_v, outputs.telemetry.command_v), (false, 0.0, 0.0), "{cause:?}");
-        assert_eq!(bench.controller.supervisor().state(), State::Tripped(cause));
-        assert_eq!(bench.ask(Controller::arm), Err(Refusal::State(State::Tripped(cause))));
+        assert_eq!(bench.controller.supervisor().state(), DriverState::Tripped(cause));
+        assert_eq!(bench.ask(Controller::arm), Err(Refusal::State(DriverState::Tripped(cause))));
     }
 }
 

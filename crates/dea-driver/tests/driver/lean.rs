@@ -1,6 +1,8 @@
 //! A controller with a lean memory: its tick, its blob, its store.
 
-use dea_driver::{BLOB_LEN, Blob, BlobError, BlobHeader, Controller, Inputs, Mode, Parameters, SCHEMA, State, Store};
+use dea_driver::{
+    BLOB_LEN, Blob, BlobError, BlobHeader, Controller, DriverState, Inputs, Mode, Parameters, SCHEMA, Store,
+};
 use springpot::{Compressed, Law, Options, Preset};
 
 use crate::bench::{board_parameters, of_law};
@@ -47,7 +49,7 @@ fn run<const HEAD: usize, const FAST: usize, const SLOW: usize>(blob: Blob<HEAD,
             tick(&mut controller, k)
         })
         .collect();
-    assert_eq!(controller.supervisor().state(), State::Running);
+    assert_eq!(controller.supervisor().state(), DriverState::Running);
     voltages
 }
 

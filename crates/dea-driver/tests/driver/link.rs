@@ -5,7 +5,7 @@ use dea_driver::wire::{
     Answer, BATCH, CHUNK, Command, Drill, FRAME_LEN, Followed, FrameError, Identity, Message, Mode, Receiver, Reject,
     Request, Status, Step, Target, Telemetry, VERSION, encode,
 };
-use dea_driver::{BLOB_LEN, Cause, Refusal, SensorFault, State};
+use dea_driver::{BLOB_LEN, Cause, DriverState, Refusal, SensorFault};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Serialize;
@@ -51,7 +51,7 @@ fn commands() -> Vec<Command> {
 
 fn messages() -> Vec<Message> {
     let status = Status {
-        state: State::Tripped(Cause::Sensor(SensorFault::Stuck)),
+        state: DriverState::Tripped(Cause::Sensor(SensorFault::Stuck)),
         ticks: u32::MAX,
         tripped_at: u32::MAX,
         command_v: f32::MAX,
@@ -83,7 +83,7 @@ fn messages() -> Vec<Message> {
     };
     let answers = [
         Answer::Done,
-        Answer::Refused(Refusal::State(State::Running)),
+        Answer::Refused(Refusal::State(DriverState::Running)),
         Answer::Rejected(Reject::Damaged),
         Answer::Identity(identity),
         Answer::Status(status),

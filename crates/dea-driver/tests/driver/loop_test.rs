@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use dea_driver::server::Denial;
 use dea_driver::wire::Reject;
-use dea_driver::{Blob, Controller, Device, Followed, Inputs, Mode, Refusal, State, Step, Target};
-use springpot::{Actuator, Applied, CommandLimits, ObserverOptions, Sample, Tracking, VoltageDrive};
+use dea_driver::{Blob, Controller, Device, DriverState, Followed, Inputs, Mode, Refusal, Step, Target};
+use springpot::{Actuator, Applied, CommandLimits, ObserverOptions, SensorSample, Tracking, VoltageDrive};
 
 use crate::bench::{board_parameters, law};
 
@@ -49,7 +49,7 @@ fn the_loop_test_is_the_law_itself() {
     // Not while the amplifier is enabled.
     device.arm().expect("healthy");
     device.start(Mode::Voltage).expect("armed");
-    let running = Denial::Refused(Refusal::State(State::Running));
+    let running = Denial::Refused(Refusal::State(DriverState::Running));
     assert_eq!(device.rest(), Err(running));
     assert_eq!(device.step::<Vec<Step>>(&[0.0]), Err(running));
     assert_eq!(device.follow::<Vec<Followed>>(Mode::Voltage, &[]), Err(running));
@@ -91,7 +91,7 @@ fn the_loop_test_of_the_control_is_the_control_itself() {
                 voltage = value;
             }
             let sample = sample_m.filter(|_| mode != Mode::Feedforward);
-            let sample = sample.map(|displacement| Sample { displacement, age_ticks: 10 });
+            let sample = sample.map(|displacement| SensorSample { displacement, age_ticks: 10 });
             let x = tracking.observe(&mut state, Applied::as_commanded(voltage), sample);
             let command = tracking.command(&mut state, if mode == Mode::Voltage { x } else { value });
             if mode != Mode::Voltage {

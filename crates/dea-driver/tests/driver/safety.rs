@@ -1,6 +1,6 @@
 //! Every state and every fault: each ends at 0 V with the amplifier disabled and its first cause latched.
 
-use dea_driver::{Cause, Limits, LimitsError, OnSensorFault, Readings, Refusal, SensorFault, State, Supervisor};
+use dea_driver::{Cause, DriverState, Limits, LimitsError, OnSensorFault, Readings, Refusal, SensorFault, Supervisor};
 
 use crate::bench::bench_limits;
 
@@ -29,7 +29,7 @@ impl Bench {
     }
 
     /// A tick whose readings `spoil` may alter.
-    fn tick(&mut self, spoil: impl FnOnce(&mut Readings)) -> State {
+    fn tick(&mut self, spoil: impl FnOnce(&mut Readings)) -> DriverState {
         let mut readings = self.healthy();
         spoil(&mut readings);
         let state = self.supervisor.check(readings).state;
@@ -46,7 +46,7 @@ impl Bench {
             bench.supervisor.heartbeat();
             bench.tick(|_| ());
         }
-        assert_eq!(bench.supervisor.state(), State::Running);
+        assert_eq!(bench.supervisor.state(), DriverState::Running);
         assert_eq!(bench.supervisor.command_v(), 4000.0);
         bench
     }
@@ -57,7 +57,7 @@ impl Bench {
             if heartbeat {
                 self.supervisor.heartbeat();
             }
-            if let State::Tripped(_) = self.tick(&spoil) {
+            if let DriverState::Tripped(_) = self.tick(&spoil) {
                 return ticks;
             }
         }
@@ -65,19 +65,19 @@ impl Bench {
     }
 
     fn is_safe(&mut self, cause: Cause) {
-        assert_eq!(self.supervisor.state(), State::Tripped(cause));
+        assert_eq!(self.supervisor.state(), DriverState::Tripped(cause));
         assert!(!self.supervisor.enables());
         assert_eq!(self.supervisor.command_v(), 0.0);
         // It stays so, whatever is asked for, and whatever happens next.
         self.wanted_v = 6000.0;
         self.tick(|readings| readings.interlock_closed = false);
-        assert_eq!((self.supervisor.state(), self.supervisor.command_v()), (State::Tripped(cause), 0.0));
-        assert_eq!(self.supervisor.arm(), Err(Refusal::State(State::Tripped(cause))));
-        assert_eq!(self.supervisor.start(), Err(Refusal::State(State::Tripped(cause))));
-        assert_eq!(self.supervisor.disarm(), Err(Refusal::State(State::Tripped(cause))));
+        assert_eq!((self.supervisor.state(), self.supervisor.command_v()), (DriverState::Tripped(cause), 0.0));
+        assert_eq!(self.supervisor.arm(), Err(Refusal::State(DriverState::Tripped(cause))));
+        assert_eq!(self.supervisor.start(), Err(Refusal::State(DriverState::Tripped(cause))));
+        assert_eq!(self.supervisor.disarm(), Err(Refusal::State(DriverState::Tripped(cause))));
         // Until it is acknowledged, and even then it has to be armed again.
         self.supervisor.acknowledge().expect("tripped");
-        assert_eq!(self.supervisor.state(), State::Disarmed);
+        assert_eq!(self.supervisor.state(), DriverState::Disarmed);
         assert_eq!(self.supervisor.command(6000.0, 1.0), 0.0);
     }
 }
@@ -159,34 +159,36 @@ fn transitions_are_the_documented_ones() {
         ("disarm", Supervisor::disarm),
         ("acknowledge", Supervisor::acknowledge),
     ];
-    let tripped = State::Tripped(Cause::Bus);
-    let reach = |state: State| {
+    let tripped = DriverState::Tripped(Cause::Bus);
+    let reach = |state: DriverState| {
         let mut supervisor = fresh();
-        if state != State::Disarmed {
+        if state != DriverState::Disarmed {
             supervisor.arm().expect("healthy");
         }
         match state {
-            State::Running => supervisor.start().expect("armed"),
-            State::Tripped(cause) => supervisor.trip(cause),
+            DriverState::Running => supervisor.start().expect("armed"),
+            DriverState::Tripped(cause) => supervisor.trip(cause),
             _ => {}
         }
         assert_eq!(supervisor.state(), state);
         supervisor
     };
-    for from in [State::Disarmed, State::Armed, State::Running, tripped] {
+    for from in [DriverState::Disarmed, DriverState::Armed, DriverState::Running, tripped] {
         for (name, ask) in asks {
             let mut supervisor = reach(from);
             let to = match (from, name) {
-                (State::Disarmed, "arm") | (State::Running, "stop") => Some(State::Armed),
-                (State::Armed, "start") => Some(State::Running),
-                (State::Disarmed | State::Armed | State::Running, "disarm") => Some(State::Disarmed),
-                (State::Tripped(_), "acknowledge") => Some(State::Disarmed),
+                (DriverState::Disarmed, "arm") | (DriverState::Running, "stop") => Some(DriverState::Armed),
+                (DriverState::Armed, "start") => Some(DriverState::Running),
+                (DriverState::Disarmed | DriverState::Armed | DriverState::Running, "disarm") => {
+                    Some(DriverState::Disarmed)
+                }
+                (DriverState::Tripped(_), "acknowledge") => Some(DriverState::Disarmed),
                 _ => None,
             };
             let answer = ask(&mut supervisor);
             assert_eq!(answer.is_ok(), to.is_some(), "{name} from {from:?}");
             assert_eq!(supervisor.state(), to.unwrap_or(from), "{name} from {from:?}");
-            if supervisor.state() != State::Running {
+            if supervisor.state() != DriverState::Running {
                 assert_eq!(supervisor.command(5000.0, 1.0), 0.0, "{name} from {from:?}");
             }
         }
@@ -220,7 +222,7 @@ fn open_loop_goes_on_without_the_sensor() {
         let mut readings = bench.healthy();
         readings.displacement_m = f32::NAN;
         let tick = bench.supervisor.check(readings);
-        assert_eq!((tick.state, tick.displacement_m), (State::Running, None));
+        assert_eq!((tick.state, tick.displacement_m), (DriverState::Running, None));
         bench.supervisor.command(4000.0, 1.0);
     }
     // It is plausible again after ten good values behind the first one.
@@ -240,7 +242,7 @@ fn open_loop_goes_on_without_the_sensor() {
     let mut readings = bench.healthy();
     readings.displacement_m = f32::NAN;
     readings.predicted_m = 8.1e-3;
-    assert_eq!(bench.supervisor.check(readings).state, State::Tripped(Cause::Displacement));
+    assert_eq!(bench.supervisor.check(readings).state, DriverState::Tripped(Cause::Displacement));
 }
 
 #[test]
@@ -314,7 +316,7 @@ fn the_monitor_s_band_knows_the_amplifier_s_slew() {
                 .supervisor
                 .check(Readings { interlock_closed: true, monitor_v, displacement_m, predicted_m: displacement_m })
                 .state;
-            if let State::Tripped(cause) = state {
+            if let DriverState::Tripped(cause) = state {
                 return Some(cause);
             }
             bench.supervisor.command(6000.0, 1.0);

@@ -2,7 +2,7 @@
 
 use dea_driver::server::{Board, Session};
 use dea_driver::wire::{Answer, CHUNK, Command, Drill, FRAME_LEN, Message, Mode, Reject, Request, VERSION, encode};
-use dea_driver::{BLOB_LEN, Cause, Device, Drive, Inputs, Refusal, SCHEMA, State, Store};
+use dea_driver::{BLOB_LEN, Cause, Device, Drive, DriverState, Inputs, Refusal, SCHEMA, Store};
 
 use crate::bench::board_parameters;
 use crate::flash::Flash;
@@ -93,7 +93,7 @@ impl Host {
         bench.drive = bench.device.tick(Inputs { interlock_closed: true, monitor_adc_v, sensor_adc_v });
     }
 
-    fn state(&mut self) -> State {
+    fn state(&mut self) -> DriverState {
         match self.ask(Command::Status) {
             Answer::Status(status) => status.state,
             other => panic!("{other:?}"),
@@ -150,7 +150,7 @@ fn before_there_are_parameters_most_commands_are_rejected() {
     assert_eq!(message, "a panic");
     // A cause that is latched over a reset is acknowledged once.
     let mut host = Host::new(Some(Cause::Watchdog));
-    assert_eq!(host.state(), State::Tripped(Cause::Watchdog));
+    assert_eq!(host.state(), DriverState::Tripped(Cause::Watchdog));
     assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
     assert_eq!(host.ask(Command::Acknowledge), Answer::Rejected(Reject::NoParameters));
 }
@@ -164,9 +164,9 @@ fn a_run_from_upload_to_disarm() {
     let mut host = Host::with_parameters();
     assert_eq!(host.bench.rate_hz, 1000.0);
     assert_eq!(host.ask(Command::Query), Answer::Name("table3-n2".try_into().expect("short")));
-    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Refused(Refusal::State(State::Disarmed)));
-    assert_eq!(host.ask(Command::Stop), Answer::Refused(Refusal::State(State::Disarmed)));
-    assert_eq!(host.ask(Command::Acknowledge), Answer::Refused(Refusal::State(State::Disarmed)));
+    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Refused(Refusal::State(DriverState::Disarmed)));
+    assert_eq!(host.ask(Command::Stop), Answer::Refused(Refusal::State(DriverState::Disarmed)));
+    assert_eq!(host.ask(Command::Acknowledge), Answer::Refused(Refusal::State(DriverState::Disarmed)));
     assert_eq!(host.ask(Command::Arm), Answer::Done);
     assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
     assert_eq!(host.ask(Command::SetVoltage(7000.0)), Answer::Rejected(Reject::Value));
@@ -179,7 +179,7 @@ fn a_run_from_upload_to_disarm() {
     assert_eq!(records.len(), 10);
     assert!(records.windows(2).all(|pair| pair[1] - pair[0] == 10));
     // Parameters and loop tests are for a disabled amplifier.
-    let running = Answer::Refused(Refusal::State(State::Running));
+    let running = Answer::Refused(Refusal::State(DriverState::Running));
     host.upload(&blob());
     assert_eq!(host.ask(Command::Commit { length: blob().len() as u16 }), running);
     assert_eq!(host.ask(Command::Rest), running);
@@ -204,16 +204,16 @@ fn every_request_is_a_heartbeat() {
             (0..300).for_each(|_| host.tick());
             host.ask(command.clone());
         }
-        assert_eq!(host.state(), State::Armed, "{command:?}");
+        assert_eq!(host.state(), DriverState::Armed, "{command:?}");
         // 0.5 s at 1 kHz, from the last request on.
         (0..500).for_each(|_| host.tick());
-        assert_eq!(host.bench.device.state(), State::Armed, "{command:?}");
+        assert_eq!(host.bench.device.state(), DriverState::Armed, "{command:?}");
         // Damaged frames do not count.
         for byte in [1, 2, 3, 0] {
             host.session.serve(byte, &mut host.bench);
         }
         host.tick();
-        assert_eq!(host.bench.device.state(), State::Tripped(Cause::Heartbeat), "{command:?}");
+        assert_eq!(host.bench.device.state(), DriverState::Tripped(Cause::Heartbeat), "{command:?}");
     }
 }
 

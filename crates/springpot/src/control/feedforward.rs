@@ -1,7 +1,7 @@
 //! Feedforward: the voltage for a reference displacement, without a sensor.
 
 use crate::actuator::{Actuator, VoltageDrive};
-use crate::control::inverse::{Applied, Command, Correction, Steering, SteeringState};
+use crate::control::inverse::{Applied, Correction, Steering, SteeringState, VoltageCommand};
 use crate::control::limits::CommandLimits;
 use crate::error::ControlError;
 use crate::law::{Law, Memory, State, state_traits};
@@ -84,7 +84,7 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A non-finite
     /// reference is ignored: the last one stays.
     #[inline]
-    pub fn command(&self, state: &mut FeedforwardState<T, M>, reference: T) -> Command<T> {
+    pub fn command(&self, state: &mut FeedforwardState<T, M>, reference: T) -> VoltageCommand<T> {
         let exact = Correction { disturbance: T::ZERO, force_scale: T::from_f64(1.0) };
         self.steering.command(&self.law, &self.drive, &state.film, &mut state.steering, reference, exact)
     }

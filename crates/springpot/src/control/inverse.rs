@@ -9,7 +9,7 @@ use crate::scalar::Real;
 
 /// The command of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Command<T> {
+pub struct VoltageCommand<T> {
     /// The voltage, V.
     pub voltage: T,
     /// The shaped reference at the end of this tick, m.
@@ -192,7 +192,7 @@ impl<T: Real> Steering<T> {
         state: &mut SteeringState<T>,
         reference: T,
         correction: Correction<T>,
-    ) -> Command<T> {
+    ) -> VoltageCommand<T> {
         let SteeringState { path, commanded, gain, .. } = state;
         let offset = film.position() - path.position;
         let drift = film.increment() - path.increment;
@@ -227,6 +227,6 @@ impl<T: Real> Steering<T> {
         }
         // The largest voltage has priority over the slew limit.
         let voltage = clamp(slewed, T::ZERO, largest);
-        Command { voltage, reference: path.position, force, limited }
+        VoltageCommand { voltage, reference: path.position, force, limited }
     }
 }

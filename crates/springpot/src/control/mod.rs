@@ -9,8 +9,8 @@ mod statistics;
 mod tracking;
 
 pub use feedforward::{Feedforward, FeedforwardState};
-pub use inverse::{Applied, Command};
+pub use inverse::{Applied, VoltageCommand};
 pub use limits::{CommandLimits, Limited};
-pub use observer::{Observer, ObserverOptions, ObserverState, Sample};
+pub use observer::{Observer, ObserverOptions, ObserverState, SensorSample};
 pub use statistics::Statistics;
 pub use tracking::{Tracking, TrackingState};

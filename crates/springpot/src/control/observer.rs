@@ -40,7 +40,7 @@ impl ObserverOptions {
 
 /// A sample of the displacement sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample<T> {
+pub struct SensorSample<T> {
     /// Measured displacement, m. A non-finite one is ignored.
     pub displacement: T,
     /// How many ticks ago it was measured; 0 is now. Samples older than the observer remembers are ignored.
@@ -82,7 +82,7 @@ pub struct Sample<T> {
 /// the same at that moment and remains right when the load changes.
 ///
 /// ```
-/// use springpot::{Actuator, Law, Observer, ObserverOptions, Options, Preset, Sample};
+/// use springpot::{Actuator, Law, Observer, ObserverOptions, Options, Preset, SensorSample};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// let model = Preset::named("table3-n2").unwrap().model()?;
@@ -95,7 +95,7 @@ pub struct Sample<T> {
 /// let mut state = observer.state(rest);
 /// for tick in 0..20_000 {
 ///     // The sensor reads 0.1 mm on a film without voltage: a force that the model does not know.
-///     let sample = (tick % 10 == 0).then_some(Sample { displacement: 0.1e-3, age_ticks: 10 });
+///     let sample = (tick % 10 == 0).then_some(SensorSample { displacement: 0.1e-3, age_ticks: 10 });
 ///     observer.observe(&mut state, 0.0, sample);
 /// }
 /// assert!((state.displacement() - 0.1e-3).abs() < 1e-6);
@@ -265,7 +265,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
     /// Steps the film under the `voltage` (V) that was applied since the last tick, or that a monitor read, and corrects
     /// it with a `sample`, if one has arrived. Returns the estimated displacement (m).
     #[inline]
-    pub fn observe(&self, state: &mut ObserverState<T, M, PAST>, voltage: T, sample: Option<Sample<T>>) -> T {
+    pub fn observe(&self, state: &mut ObserverState<T, M, PAST>, voltage: T, sample: Option<SensorSample<T>>) -> T {
         let load = self.drive.load(voltage);
         let electrostatic = (load.force - self.drive.preload()) * state.force_scale;
         let forced = Load {
@@ -282,7 +282,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
     /// Reads a sample, if there is one, and moves the disturbance on by a tick. Every tick does the same work: a missing
     /// sample has the weight 0.
     #[inline]
-    fn correct(&self, state: &mut ObserverState<T, M, PAST>, sample: Option<Sample<T>>) {
+    fn correct(&self, state: &mut ObserverState<T, M, PAST>, sample: Option<SensorSample<T>>) {
         let since = state.since_sample.saturating_add(1);
         let found = sample.and_then(|sample| state.innovation_of(sample)).filter(|e| is_finite(*e));
         let arrived = found.is_some();
@@ -360,7 +360,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
 
     /// A sample minus the prediction for its time; `None` for a sample that is too old.
     #[inline]
-    fn innovation_of(&self, sample: Sample<T>) -> Option<T> {
+    fn innovation_of(&self, sample: SensorSample<T>) -> Option<T> {
         if sample.age_ticks >= PAST {
             return None;
         }

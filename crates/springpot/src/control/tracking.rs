@@ -1,9 +1,9 @@
 //! Tracking: feedforward with a sensor. The observer's disturbance is subtracted from the command.
 
 use crate::actuator::Actuator;
-use crate::control::inverse::{Applied, Command, Steering, SteeringState};
+use crate::control::inverse::{Applied, Steering, SteeringState, VoltageCommand};
 use crate::control::limits::CommandLimits;
-use crate::control::observer::{Observer, ObserverOptions, ObserverState, Sample};
+use crate::control::observer::{Observer, ObserverOptions, ObserverState, SensorSample};
 use crate::error::ControlError;
 use crate::law::{Law, Memory, State, state_traits};
 use crate::scalar::{Real, Scalar};
@@ -19,7 +19,7 @@ use crate::scalar::{Real, Scalar};
 /// While the sensor is lost the feedforward acts alone as well, with the disturbance and force scale learned so far.
 ///
 /// ```
-/// use springpot::{Actuator, Applied, CommandLimits, Law, ObserverOptions, Options, Preset, Sample, Tracking, TrackingState};
+/// use springpot::{Actuator, Applied, CommandLimits, Law, ObserverOptions, Options, Preset, SensorSample, Tracking, TrackingState};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// let model = Preset::named("table3-n2").unwrap().model()?;
@@ -33,7 +33,7 @@ use crate::scalar::{Real, Scalar};
 ///     tracking: &Tracking<f32>,
 ///     state: &mut TrackingState<f32>,
 ///     applied: f32,
-///     sample: Option<Sample<f32>>,
+///     sample: Option<SensorSample<f32>>,
 ///     reference_m: f32,
 /// ) -> f32 {
 ///     tracking.observe(state, Applied::as_commanded(applied), sample);
@@ -91,7 +91,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// Steps the film under the voltage that was really applied since the last tick and corrects it with a `sample`, if one
     /// has arrived. Returns the estimated displacement (m).
     #[inline]
-    pub fn observe(&self, state: &mut TrackingState<T, M, PAST>, applied: Applied<T>, sample: Option<Sample<T>>) -> T {
+    pub fn observe(
+        &self,
+        state: &mut TrackingState<T, M, PAST>,
+        applied: Applied<T>,
+        sample: Option<SensorSample<T>>,
+    ) -> T {
         let voltage = self.steering.record(&mut state.steering, applied);
         self.observer.observe(&mut state.observer, voltage, sample)
     }
@@ -99,7 +104,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A non-finite
     /// reference is ignored: the last one stays.
     #[inline]
-    pub fn command(&self, state: &mut TrackingState<T, M, PAST>, reference: T) -> Command<T> {
+    pub fn command(&self, state: &mut TrackingState<T, M, PAST>, reference: T) -> VoltageCommand<T> {
         let correction = state.observer.correction();
         let TrackingState { observer, steering } = state;
         let (law, drive) = (self.observer.law(), self.observer.drive());

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use springpot::{
-    Actuator, ActuatorError, Applied, Command, CommandLimits, ControlError, Feedforward, Law, Limited, Maxwell,
-    Options, Preset, Real, Springpot, Topology, VoltageDrive,
+    Actuator, ActuatorError, Applied, CommandLimits, ControlError, Feedforward, Law, Limited, Maxwell, Options, Preset,
+    Real, Springpot, Topology, VoltageCommand, VoltageDrive,
 };
 
 use crate::support::relative_rms;
@@ -49,7 +49,7 @@ fn sine(low: f64, high: f64, frequency_hz: f64, seconds: f64) -> Vec<f64> {
 }
 
 /// Commands and displacements along `reference`, each command applied as it is.
-fn follow<T: Real>(feedforward: &Feedforward<T>, reference: &[f64]) -> (Vec<Command<T>>, Vec<f64>) {
+fn follow<T: Real>(feedforward: &Feedforward<T>, reference: &[f64]) -> (Vec<VoltageCommand<T>>, Vec<f64>) {
     let mut state = feedforward.state(feedforward.law().state());
     reference
         .iter()
@@ -61,11 +61,11 @@ fn follow<T: Real>(feedforward: &Feedforward<T>, reference: &[f64]) -> (Vec<Comm
         .unzip()
 }
 
-fn met(commands: &[Command<f32>]) -> Limited {
+fn met(commands: &[VoltageCommand<f32>]) -> Limited {
     commands.iter().fold(Limited::NONE, |all, command| all | command.limited)
 }
 
-fn largest_step<T: Real>(commands: &[Command<T>]) -> f64 {
+fn largest_step<T: Real>(commands: &[VoltageCommand<T>]) -> f64 {
     let first = commands[0].voltage.to_f64();
     commands.windows(2).map(|pair| (pair[1].voltage.to_f64() - pair[0].voltage.to_f64()).abs()).fold(first, f64::max)
 }

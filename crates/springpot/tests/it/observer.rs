@@ -7,7 +7,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
     Actuator, Applied, CommandLimits, ControlError, Feedforward, FeedforwardState, Law, Load, Maxwell, Observer,
-    ObserverOptions, ObserverState, Options, Sample, Springpot, State, Topology, Tracking, TrackingState, VoltageDrive,
+    ObserverOptions, ObserverState, Options, SensorSample, Springpot, State, Topology, Tracking, TrackingState,
+    VoltageDrive,
 };
 
 type Estimate = ObserverState<f32>;
@@ -56,12 +57,12 @@ struct Sensor {
 }
 
 impl Sensor {
-    fn read(&mut self, x: f64) -> Option<Sample<f32>> {
+    fn read(&mut self, x: f64) -> Option<SensorSample<f32>> {
         self.past.push(x);
         let k = self.past.len() - 1;
         let taken = k.checked_sub(self.delay)?;
         let due = taken % self.interval == 0;
-        due.then(|| Sample { displacement: self.past[taken] as f32, age_ticks: self.delay })
+        due.then(|| SensorSample { displacement: self.past[taken] as f32, age_ticks: self.delay })
     }
 }
 
@@ -154,7 +155,7 @@ fn smooths_noise_and_measures_it() {
     let (mut square, mut n) = (0.0, 0.0);
     for k in 0..60_000 {
         let x = plant.step(volts(k), 0.0);
-        let sample = (k % 10 == 0).then(|| Sample { displacement: (x + noise()) as f32, age_ticks: 0 });
+        let sample = (k % 10 == 0).then(|| SensorSample { displacement: (x + noise()) as f32, age_ticks: 0 });
         let estimate = observer.observe(&mut state, volts(k) as f32, sample);
         if k > 5_000 {
             square += (f64::from(estimate) - x).powi(2);
@@ -175,10 +176,10 @@ fn samples_without_use_are_ignored() {
     for k in 0..2000 {
         let x = plant.step(volts(k), 0.0) as f32;
         let sample = match k % 4 {
-            0 => Sample { displacement: f32::NAN, age_ticks: 0 },
-            1 => Sample { displacement: f32::INFINITY, age_ticks: 3 },
-            2 => Sample { displacement: 1.0, age_ticks: 64 },
-            _ => Sample { displacement: 1.0, age_ticks: usize::MAX },
+            0 => SensorSample { displacement: f32::NAN, age_ticks: 0 },
+            1 => SensorSample { displacement: f32::INFINITY, age_ticks: 3 },
+            2 => SensorSample { displacement: 1.0, age_ticks: 64 },
+            _ => SensorSample { displacement: 1.0, age_ticks: usize::MAX },
         };
         let estimate = observer.observe(&mut state, volts(k) as f32, Some(sample));
         assert!((estimate - x).abs() < 5e-9);
@@ -187,7 +188,7 @@ fn samples_without_use_are_ignored() {
     // And nonsense within its range does not make the film run away for good.
     for k in 0..20_000 {
         let wild = if k % 2 == 0 { 1e30 } else { -1e30 };
-        observer.observe(&mut state, 6000.0, Some(Sample { displacement: wild, age_ticks: 0 }));
+        observer.observe(&mut state, 6000.0, Some(SensorSample { displacement: wild, age_ticks: 0 }));
     }
     assert!(state.displacement().is_finite() && state.disturbance().is_finite() && state.force_scale().is_finite());
     assert!(state.statistics().variance().is_finite());

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use dea_driver::wire::{Answer, Command, Telemetry};
-use dea_driver::{Refusal, State};
+use dea_driver::{DriverState, Refusal};
 use serde::Serialize;
 
 use super::What;
@@ -198,7 +198,7 @@ impl Play {
             rounds += 1;
             if rounds % STATUS_EVERY == 0
                 && let Ok(status) = client.status()
-                && status.state != State::Running
+                && status.state != DriverState::Running
             {
                 return Err(client.unexpected(&Answer::Refused(Refusal::State(status.state))));
             }
@@ -206,7 +206,7 @@ impl Play {
         })?;
         // It may have tripped since it was asked last.
         match client.status()?.state {
-            State::Running => Ok(()),
+            DriverState::Running => Ok(()),
             state => Err(client.unexpected(&Answer::Refused(Refusal::State(state)))),
         }
     }
