@@ -20,7 +20,7 @@ use crate::chips::{CommandRange, DacCode, Drive};
 /// # let start = [sent([0x08, 0, 1]), sent([0, 0, 0]), sent([0x10, 0, 1])].concat();
 /// # let on = [start.clone(), start, sent([0, 0x4c, 0xcd]).to_vec(), sent([0, 0, 0]).to_vec()].concat();
 /// # let spi = Spi::new(&on);
-/// # let enable = Pin::new(&[DriverState::Low, DriverState::High, DriverState::Low].map(OnPin::set));
+/// # let enable = Pin::new(&[State::Low, State::High, State::Low].map(OnPin::set));
 ///
 /// // `spi` is an SpiDevice, `enable` an OutputPin.
 /// let mut amplifier = Amplifier::new(spi, enable, CommandRange::TenVolts)?;

@@ -46,7 +46,7 @@ pub struct Outputs {
 /// [`start`](Self::start) always takes a mode, and whatever ends a run clears its targets.
 ///
 /// ```
-/// use dea_driver::{Blob, Controller, Inputs, Mode, Parameters, DriverState};
+/// use dea_driver::{Blob, Controller, DriverState, Inputs, Mode, Parameters};
 /// use springpot::{Actuator, Law, Options, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
@@ -146,7 +146,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
 
     /// One tick: sample, check, estimate, command, log.
     pub fn tick(&mut self, inputs: Inputs) -> Outputs {
-        // SensorSample: volts at the converters become quantities. A converter that did not answer reads as NaN.
+        // Sample: volts at the converters become quantities. A converter that did not answer reads as NaN.
         let monitor_v = inputs.monitor_adc_v.map_or(f32::NAN, |volts| self.parameters.monitor.apply(volts));
         let sensor_m = inputs.sensor_adc_v.map_or(f32::NAN, |volts| self.parameters.sensor.apply(volts));
         let displacement_m = sensor_m - self.parameters.sensor_offset_m;

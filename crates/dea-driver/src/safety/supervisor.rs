@@ -121,7 +121,7 @@ pub struct Tick {
 /// loop that is written without the controller:
 ///
 /// ```
-/// use dea_driver::{Cause, Limits, Readings, DriverState, Supervisor};
+/// use dea_driver::{Cause, DriverState, Limits, Readings, Supervisor};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// let mut supervisor = Supervisor::new(&Limits::bench(160e-6), 1000.0)?;

@@ -18,7 +18,7 @@ const WAITING: usize = 16;
 /// Shared by the tick, which must not wait, and the [`Session`](crate::server::Session) with the host.
 ///
 /// ```
-/// use dea_driver::{Blob, Cause, Controller, Device, Drive, Inputs, Parameters, DriverState};
+/// use dea_driver::{Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Parameters};
 /// use springpot::{Actuator, Law, Options, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
