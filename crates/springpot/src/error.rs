@@ -2,6 +2,9 @@
 
 use core::fmt;
 
+/// Branches a model can have. It stands beside the error that states it, so that errors import nothing.
+pub const MAX_BRANCHES: usize = 5;
+
 /// The element of a model that an error is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -50,7 +53,7 @@ pub enum ModelError {
     },
     /// A mass that is not finite or is negative (kg).
     Mass(f64),
-    /// More branches than [`MAX_BRANCHES`](crate::MAX_BRANCHES).
+    /// More branches than [`MAX_BRANCHES`].
     Branches(usize),
 }
 
@@ -65,7 +68,7 @@ impl fmt::Display for ModelError {
             }
             Self::Mass(mass) => write!(f, "mass {mass} kg must be finite and not negative"),
             Self::Branches(n) => {
-                write!(f, "{n} branches, at most {} are possible", crate::MAX_BRANCHES)
+                write!(f, "{n} branches, at most {} are possible", MAX_BRANCHES)
             }
         }
     }

@@ -20,9 +20,9 @@ pub use control::{
     Applied, CommandLimits, Feedforward, FeedforwardState, Limited, Observer, ObserverOptions, ObserverState,
     SensorSample, Statistics, Tracking, TrackingState, VoltageCommand,
 };
-pub use error::{ActuatorError, ControlError, Element, LawError, ModelError};
+pub use error::{ActuatorError, ControlError, Element, LawError, MAX_BRANCHES, ModelError};
 pub use law::{Coefficients, Compressed, Law, Memory, Options, State, Window};
-pub use model::{Chain, MAX_BRANCHES, Maxwell, Preset, Springpot, Topology};
+pub use model::{Chain, Maxwell, Preset, Springpot, Topology};
 /// The complex number of [`Maxwell::modulus`] and of the frequency responses, from the crate `num-complex`.
 pub use num_complex::Complex;
 pub use scalar::{Real, Scalar};

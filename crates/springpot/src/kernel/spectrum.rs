@@ -14,8 +14,9 @@ use core::f64::consts::PI;
 use heapless::Vec;
 
 use crate::complex::{cos_pi, sin_pi};
+use crate::error::MAX_BRANCHES;
 use crate::model::Springpot;
-use crate::model::{Chain, MAX_BRANCHES, Maxwell};
+use crate::model::{Chain, Maxwell};
 
 /// Orders this close to 0 or 1 are springs and dashpots: over nine decades of rates the difference is 2e-8, within what
 /// the compressed memory promises.

@@ -4,11 +4,8 @@ use heapless::Vec;
 use num_complex::Complex;
 
 use crate::complex;
-use crate::error::{Element, ModelError};
+use crate::error::{Element, MAX_BRANCHES, ModelError};
 use crate::model::Springpot;
-
-/// Branches a model can have.
-pub const MAX_BRANCHES: usize = 5;
 
 /// How the branches are connected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

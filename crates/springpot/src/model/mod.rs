@@ -5,5 +5,5 @@ mod maxwell;
 mod presets;
 
 pub use element::Springpot;
-pub use maxwell::{Chain, MAX_BRANCHES, Maxwell, Topology};
+pub use maxwell::{Chain, Maxwell, Topology};
 pub use presets::Preset;
