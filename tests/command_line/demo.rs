@@ -118,7 +118,7 @@ fn bad_input_is_one_line_and_leaves_nothing() {
     let path = |name: &str| folder.path().join(name);
     fs::write(path("file"), "").expect("written");
     fs::write(path("bad.csv"), "time_s,voltage_v,displacement_m\n0,1,2\n0.01,x,2\n").expect("written");
-    fs::write(path("bad.toml"), "schema = 7\n").expect("written");
+    fs::write(path("bad.toml"), "schema = 1\n").expect("written");
     let [recording, ..] = recordings("wang");
     let out = path("demo");
     names(&TOOL.fails(&["demo", "--out", text(&path("file"))]), &["file"]);
@@ -127,7 +127,7 @@ fn bad_input_is_one_line_and_leaves_nothing() {
     names(&TOOL.fails(&["demo", "--out", text(&out), "--recordings", text(&path("bad.csv"))]), &["bad.csv:3"]);
     let actuator = ["--actuator", text(&path("bad.toml")), "--recordings", text(&recording)].map(str::to_owned);
     let [a, b, c, d] = actuator.each_ref().map(String::as_str);
-    names(&TOOL.fails(&["demo", "--out", text(&out), a, b, c, d]), &["bad.toml", "schema"]);
+    names(&TOOL.fails(&["demo", "--out", text(&out), a, b, c, d]), &["bad.toml:1", "actuator"]);
     assert!(!out.exists());
 
     // What is read is not overwritten.
