@@ -68,7 +68,7 @@ impl fmt::Display for ModelError {
             }
             Self::Mass(mass) => write!(f, "mass {mass} kg must be finite and not negative"),
             Self::Branches(n) => {
-                write!(f, "{n} branches, at most {} are possible", MAX_BRANCHES)
+                write!(f, "{n} branches, at most {MAX_BRANCHES} are possible")
             }
         }
     }
