@@ -177,8 +177,12 @@ fn exact_derivatives() {
 #[test]
 fn left_out_is_left_out() {
     let all = observations("hossain");
-    let settings =
-        Settings { uncertainty: false, branches: vec![1, 2], topologies: vec![Topology::Parallel], ..Settings::default() };
+    let settings = Settings {
+        uncertainty: false,
+        branches: vec![1, 2],
+        topologies: vec![Topology::Parallel],
+        ..Settings::default()
+    };
     let fit = fitted(&all, &settings);
     let row = fit.structures.iter().find(|row| row.branches == 2).expect("tried");
     let mut sum = 0.0;
@@ -216,8 +220,7 @@ fn follows_both_films_and_recordings_it_has_not_seen() {
     for (name, plant) in [("hossain", Plant::Hossain), ("wang", Plant::Wang)] {
         let observations = observations(name);
         let coupled = fitted(&observations, &structure(Topology::Parallel, 2));
-        let uncoupled =
-            fitted(&observations, &Settings { freed: Vec::new(), ..structure(Topology::Parallel, 2) });
+        let uncoupled = fitted(&observations, &Settings { freed: Vec::new(), ..structure(Topology::Parallel, 2) });
         for (fit, what, bar) in [(&coupled, "with", 0.5), (&uncoupled, "without", 1.1)] {
             let worst = fit.agreements.iter().map(|a| a.nrmse_pct).fold(0.0, f64::max);
             println!("{name} {what} coupling: R² mean {:.6}, largest NRMSE {worst:.3} %", fit.r2_mean);

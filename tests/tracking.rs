@@ -36,8 +36,12 @@ fn fitted(plant: &str) -> Parameters {
         .iter()
         .map(|path| observe(&Recording::read(path).expect("readable"), Direction::Force, 1.0).expect("fit for it").0)
         .collect();
-    let settings =
-        FitSettings { topologies: vec![Topology::Parallel], branches: vec![4], uncertainty: false, ..FitSettings::default() };
+    let settings = FitSettings {
+        topologies: vec![Topology::Parallel],
+        branches: vec![4],
+        uncertainty: false,
+        ..FitSettings::default()
+    };
     let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ()).expect("a fit").candidate;
     Parameters {
         name: plant.into(),

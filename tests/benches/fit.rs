@@ -53,7 +53,8 @@ fn main() {
             }),
         );
     }
-    let two = Settings { branches: vec![2], topologies: vec![Topology::Parallel], uncertainty: false, ..Settings::default() };
+    let two =
+        Settings { branches: vec![2], topologies: vec![Topology::Parallel], uncertainty: false, ..Settings::default() };
     fitted("fit, n = 2, parallel, one start", &observations, &Settings { starts: 1, ..two.clone() });
     fitted("fit, n = 2, parallel, 8 starts, intervals", &observations, &Settings { uncertainty: true, ..two.clone() });
     fitted("fit, auto: both topologies, n = 0…5, intervals", &observations, &Settings::default());
