@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use clap::ValueEnum;
 use springpot::{
     Actuator, Applied, CommandLimits, Compressed, Feedforward, FeedforwardState, Limited, Memory, Observer,
-    ObserverOptions, Real, SensorSample, Tracking, TrackingState,
+    ObserverOptions, Preload, Real, SensorSample, Tracking, TrackingState,
 };
 
 use crate::error::Result;
@@ -116,7 +116,7 @@ fn build_in<T: Real + Send + 'static>(
     let law = compressed_law::<T>(&parameters.model, settings.rate_hz)?;
     let (actuator, limits) = (parameters.actuator, settings.limits);
     let spring = law.frequency_response(STATIC_HZ).inv().re;
-    let one_spring = StaticInverse { actuator, limits, spring };
+    let one_spring = StaticInverse::new(&actuator, limits, spring);
     Ok(match kind {
         ControllerKind::None => {
             let peak_v = one_spring.voltage(settings.peak_m).0;
@@ -171,6 +171,7 @@ impl Controller for Proportional {
 /// `Static`: Eq. 1 with one spring.
 #[derive(Clone, Copy)]
 struct StaticInverse {
+    /// Without the weight: the spring gives the electrostatic force.
     actuator: Actuator,
     limits: CommandLimits,
     /// N/m.
@@ -178,10 +179,13 @@ struct StaticInverse {
 }
 
 impl StaticInverse {
+    fn new(actuator: &Actuator, limits: CommandLimits, spring: f64) -> Self {
+        Self { actuator: Actuator { preload: Preload::Settled, ..*actuator }, limits, spring }
+    }
+
     /// The voltage (V) that exerts the electrostatic force `force_n` (N) at `displacement_m` (m), within the largest voltage.
     fn of_force(&self, force_n: f64, displacement_m: f64) -> (f64, Limited) {
-        let total = force_n + self.actuator.preload_n();
-        let square = self.actuator.squared_voltage(total, displacement_m);
+        let square = self.actuator.squared_voltage(force_n, displacement_m);
         let largest = self.limits.max_voltage_v;
         let limited = match square {
             _ if square < 0.0 => Limited::BELOW_ZERO,

@@ -37,7 +37,7 @@ pub(super) struct Arguments {
     /// Recordings of your own film; three simulated ones if left out.
     #[arg(long, value_name = "REC.csv", num_args = 1..)]
     recordings: Vec<PathBuf>,
-    /// File with the [actuator] table of that film; the paper's if left out.
+    /// File with the table `[actuator]` of that film; the paper's if left out.
     #[arg(long, value_name = "F.toml", requires = "recordings")]
     actuator: Option<String>,
 }

@@ -81,6 +81,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 
 /// Writes figures and pages into `folder`.
 fn write(page: &StudyPage, folder: &Path) -> Result<Vec<PathBuf>> {
+    let texts = [("study.html", page.html()), ("study.md", page.markdown())];
     let mut files = Vec::new();
     for figure in &page.figures {
         for ending in ["svg", "png"] {
@@ -89,7 +90,7 @@ fn write(page: &StudyPage, folder: &Path) -> Result<Vec<PathBuf>> {
             files.push(path);
         }
     }
-    for (name, text) in [("study.html", page.html()), ("study.md", page.markdown())] {
+    for (name, text) in texts {
         let path = folder.join(name);
         output::write_whole(&path, |file| file.write_all(text.as_bytes()))?;
         files.push(path);

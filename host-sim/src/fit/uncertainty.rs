@@ -20,11 +20,11 @@ pub struct Uncertainty {
     pub rank: usize,
     /// Sets of variables that the data do not determine, by their names.
     pub undetermined: Vec<String>,
-    /// See [`Whiteness::white`].
+    /// Whether the residuals are white: no autocorrelation beyond chance at the first 20 lags.
     pub white: bool,
-    /// See [`Whiteness::lag_one`].
+    /// Autocorrelation of the residuals at lag one.
     pub lag_one: f64,
-    /// See [`Whiteness::effective_samples`].
+    /// Number of independent samples among the residuals.
     pub effective_samples: f64,
 }
 

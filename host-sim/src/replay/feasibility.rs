@@ -1,7 +1,7 @@
 //! Whether a film can follow a reference at all, before any voltage is applied.
 
 use serde::Serialize;
-use springpot::{Actuator, CommandLimits};
+use springpot::{Actuator, CommandLimits, Preload};
 
 use crate::error::Result;
 use crate::files::parameters::Parameters;
@@ -47,8 +47,7 @@ const RISE_S: f64 = 2.0;
 /// [`Error`](crate::Error) where a law is refused.
 pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &CommandLimits) -> Result<Feasibility> {
     let demand = Demand::new(parameters, reference, grid, limits)?;
-    let preload = demand.actuator.preload_n();
-    let below: Vec<bool> = demand.force.iter().map(|f| f - preload < -demand.slack).collect();
+    let below: Vec<bool> = demand.force.iter().map(|f| *f < -demand.slack).collect();
     let above: Vec<bool> = (0..reference.len()).map(|k| demand.exceeds(k, 0.0)).collect();
     let share = |flags: &[bool]| 100.0 * flags.iter().filter(|flag| **flag).count() as f64 / flags.len() as f64;
     let first = (0..reference.len()).find(|&k| below[k] || above[k]);
@@ -64,7 +63,7 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         below_zero_pct: share(&below),
         above_largest_pct: share(&above),
         first_s: first.map(|k| grid.time_s(k)),
-        lowest_force_n: demand.force.iter().map(|f| f - preload).fold(f64::INFINITY, f64::min),
+        lowest_force_n: demand.force.iter().copied().fold(f64::INFINITY, f64::min),
         largest_voltage_v: square.sqrt(),
         low_m,
         high_m,
@@ -77,12 +76,13 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
 ///
 /// The force is linear in the path: that of an offset is the offset times the force of a rise to 1 m.
 struct Demand<'a> {
+    /// Without the weight, whose share is taken from `force`.
     actuator: Actuator,
     limits: &'a CommandLimits,
     reference: &'a [f64],
     /// The rise of an offset, 0 to 1.
     rise: Vec<f64>,
-    /// Force along the reference, N, weight included.
+    /// Electrostatic force along the reference, N.
     force: Vec<f64>,
     /// Force per metre of offset, N/m.
     per_offset: Vec<f64>,
@@ -93,15 +93,17 @@ struct Demand<'a> {
 impl<'a> Demand<'a> {
     fn new(parameters: &Parameters, reference: &'a [f64], grid: Grid, limits: &'a CommandLimits) -> Result<Self> {
         let law = compressed_law::<f64>(&parameters.model, grid.rate_hz)?;
-        let actuator = parameters.actuator;
-        actuator.check()?;
+        parameters.actuator.check()?;
+        let actuator = Actuator { preload: Preload::Settled, ..parameters.actuator };
+        let preload = parameters.actuator.preload_n();
         let force_along = |path: &[f64]| -> Vec<f64> {
             let mut film = law.state();
             path.iter().map(|&x| law.force(&mut film, x)).collect()
         };
         let rise: Vec<f64> = (0..grid.samples).map(|k| minimum_jerk(grid.time_s(k) / RISE_S)).collect();
-        let (force, per_offset) = (force_along(reference), force_along(&rise));
-        let largest = force.iter().fold(0.0, |largest: f64, f| largest.max((f - actuator.preload_n()).abs()));
+        let force: Vec<f64> = force_along(reference).iter().map(|f| f - preload).collect();
+        let per_offset = force_along(&rise);
+        let largest = force.iter().fold(0.0, |largest: f64, f| largest.max(f.abs()));
         Ok(Self { actuator, limits, reference, rise, force, per_offset, slack: 1e-9 * largest })
     }
 
@@ -125,12 +127,11 @@ impl<'a> Demand<'a> {
     fn least_offset(&self, below: &[bool]) -> f64 {
         // Before the rise has an effect, the force must be positive by itself.
         let effective = 1e-9 * self.per_offset.iter().copied().fold(0.0, f64::max);
-        let preload = self.actuator.preload_n();
         (0..self.force.len())
             .filter(|&k| self.per_offset[k] > effective || below[k])
             .map(|k| {
                 if self.per_offset[k] > effective {
-                    -(self.force[k] - preload + self.slack) / self.per_offset[k]
+                    -(self.force[k] + self.slack) / self.per_offset[k]
                 } else {
                     f64::INFINITY
                 }

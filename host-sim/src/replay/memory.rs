@@ -152,8 +152,8 @@ pub fn window_length(seconds: f64, rate_hz: f64) -> usize {
 /// # Errors
 ///
 /// [`Error`] for a rate or a model that is refused.
-pub fn window_law<T: Real>(model: &Maxwell, step_s: f64, length: usize) -> Result<(WindowLaw<T>, WindowState<T>)> {
-    let law = WindowLaw::<T>::window(model, step_s, vec![T::ZERO; length])?;
+pub fn window_law<T: Real>(model: &Maxwell, step_s: f64, length: usize) -> Result<AtRest<T, VecWindow<T>>> {
+    let law = Law::<T, VecWindow<T>>::window(model, step_s, vec![T::ZERO; length])?;
     let rest = law.state(vec![T::ZERO; length])?;
     Ok((law, rest))
 }
@@ -161,11 +161,8 @@ pub fn window_law<T: Real>(model: &Maxwell, step_s: f64, length: usize) -> Resul
 /// A window on the heap.
 pub type VecWindow<T> = Window<T, Vec<T>>;
 
-/// A law with a window on the heap.
-pub type WindowLaw<T> = Law<T, VecWindow<T>>;
-
-/// Its state.
-pub type WindowState<T> = State<T, VecWindow<T>>;
+/// A law with its state at rest.
+pub type AtRest<T, M> = (Law<T, M>, State<T, M>);
 
 /// The law that the controller steps at `rate_hz`.
 ///

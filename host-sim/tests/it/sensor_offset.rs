@@ -1,4 +1,4 @@
-//! A sensor that reads 1 mm of a film at rest: everyone who meets its readings takes that off, or adds it, once.
+//! A sensor that reads 1 mm of a film at rest: every user of its readings applies that offset once.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -63,10 +63,10 @@ fn processor_in_the_loop_takes_the_offset_off() {
     }
 }
 
-/// Replay and fit add the offset, observer, processor in the loop and closed loop work on the film itself: the model agrees
-/// with its own recording everywhere, and nowhere if the offset is not known.
+/// Replay and fit add the offset, observer and processor in the loop subtract it: with the offset the model agrees with its own
+/// recording in all four, without it in none.
 #[test]
-fn everyone_agrees() {
+fn replay_fit_observer_and_processor_agree() {
     let (voltage, film, recording) = recorded();
     let errors = |offset_m: f64| -> [f64; 4] {
         let parameters = parameters(offset_m);
@@ -99,11 +99,12 @@ fn everyone_agrees() {
             largest(&mut followed.zip(&film).map(|(estimate, x)| f64::from(estimate) - x)),
         ]
     };
-    // Compressed memory, full memory, f64 and f32 differ by less than a micrometre; the offset is a thousand.
+    // Compressed memory, full memory and f64 differ by less than a micrometre; the offset is a thousand. The firmware takes
+    // every sample as 10 ms late, in which the film moves by up to 28 µm.
     let [replay, fit, observe, pil] = errors(OFFSET_M);
-    assert!(replay < 1e-6 && fit < 1e-6 && observe < 1e-6 && pil < 1e-6, "{replay} {fit} {observe} {pil}");
+    assert!(replay < 1e-6 && fit < 1e-6 && observe < 1e-6 && pil < 35e-6, "{replay} {fit} {observe} {pil}");
     let [replay, fit, observe, pil] = errors(0.0);
-    assert!(replay > 5e-4 && fit > 5e-4 && observe > 1e-5 && pil > 1e-5, "{replay} {fit} {observe} {pil}");
+    assert!(replay > 5e-4 && fit > 5e-4 && observe > 5e-5 && pil > 5e-4, "{replay} {fit} {observe} {pil}");
 }
 
 /// The simulated bench's sensor has no offset, so that of the parameters changes nothing in a closed loop.
@@ -125,6 +126,6 @@ fn closed_loop_works_on_the_film_itself() {
     };
     let (plain, offset) = (run(0.0), run(OFFSET_M));
     assert_eq!(plain.displacement_m, offset.displacement_m);
-    // The sensor is heard at all.
+    // The sensor has an effect.
     assert!(plain.disturbance_n.iter().any(|disturbance| disturbance.abs() > 1e-3));
 }

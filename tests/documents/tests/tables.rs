@@ -86,3 +86,35 @@ fn what_measurements_are_compared_with_is_there() {
         }
     }
 }
+
+/// Documents cite tests as `module::name`: those tests are there.
+#[test]
+fn tests_that_are_cited_exist() {
+    let mut functions = String::new();
+    let sources = ["crates/springpot/tests", "crates/dea-driver/tests", "host-sim/tests", "tests"];
+    let mut folders: Vec<_> = sources.map(|folder| root().join(folder)).into();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).expect("readable").map(|entry| entry.expect("readable").path()) {
+            if entry.is_dir() && !entry.ends_with("target") {
+                folders.push(entry);
+            } else if entry.extension().is_some_and(|extension| extension == "rs") {
+                functions += &fs::read_to_string(&entry).expect("readable");
+            }
+        }
+    }
+    let mut count = 0;
+    for path in files().expect("readable") {
+        let text = fs::read_to_string(&path).expect("readable");
+        for code in text.split('`').skip(1).step_by(2) {
+            let Some((module, name)) = code.split_once("::") else { continue };
+            let is_word =
+                |word: &str| word.chars().all(|letter| letter.is_ascii_lowercase() || "_0123456789".contains(letter));
+            // Names of tests are sentences; items of the crates are shorter, or no snake case.
+            if is_word(module) && is_word(name) && name.matches('_').count() >= 3 {
+                count += 1;
+                assert!(functions.contains(&format!("fn {name}(")), "{}: no test {code}", path.display());
+            }
+        }
+    }
+    assert!(count > 10, "{count} tests are cited");
+}
