@@ -12,8 +12,8 @@
 //! | [`report`] | figures and HTML pages |
 //! | [`commands`] | the command line, one file per command |
 //!
-//! Imports point downwards: commands → studies, report → fit → replay, bench → files → grid → error, interrupt. [`bench`](mod@bench)
-//! uses [`link`] for the firmware in the loop.
+//! Imports point downwards, without a circle: commands, report, studies, fit, replay, references, files, grid, and at the bottom
+//! [`error`](mod@error), [`interrupt`] and [`terminal`]. [`bench`](mod@bench) stands on replay, and on [`link`] for the firmware in the loop.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 

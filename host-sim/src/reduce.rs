@@ -36,7 +36,7 @@ pub struct Reduction {
 }
 
 /// Springpots in series; the forces of several series add.
-type Series = Vec<Springpot>;
+type Springpots = Vec<Springpot>;
 
 /// The smallest model found whose dynamic modulus agrees with that of `model` within `criterion`.
 ///
@@ -47,10 +47,10 @@ pub fn reduced(model: &Maxwell, criterion: Criterion) -> Result<Reduction, Model
     let mut main = model.main();
     let mut steps = Vec::new();
     // The first chain is the main springpot; a factor multiplies every coefficient of its chain.
-    let scaled = |chain: Chain<'_>| -> Series {
+    let scaled = |chain: Chain<'_>| -> Springpots {
         chain.elements.iter().map(|e| Springpot::new(chain.scale * e.c, e.alpha)).collect()
     };
-    let mut chains: Vec<Series> = model.chains().skip(1).map(scaled).collect();
+    let mut chains: Vec<Springpots> = model.chains().skip(1).map(scaled).collect();
     for chain in &mut chains {
         merge(chain, |a, b| a * b / (a + b), "in series", &mut steps);
     }
@@ -61,7 +61,7 @@ pub fn reduced(model: &Maxwell, criterion: Criterion) -> Result<Reduction, Model
         drop_stiff(chain, share, &places, &mut steps);
     }
     // Chains of one springpot are in parallel to the main one.
-    let mut parallel: Series = vec![main];
+    let mut parallel: Springpots = vec![main];
     chains.retain(|chain| {
         if let [single] = chain.as_slice() {
             parallel.push(*single);
@@ -93,7 +93,7 @@ impl Criterion {
 }
 
 /// The model of `main` in parallel to `chains`.
-fn assembled(main: Springpot, chains: &[Series], topology: Topology, mass_kg: f64) -> Result<Maxwell, ModelError> {
+fn assembled(main: Springpot, chains: &[Springpots], topology: Topology, mass_kg: f64) -> Result<Maxwell, ModelError> {
     let mut branches = Vec::new();
     for chain in chains {
         let mut elements = chain.clone();
@@ -114,8 +114,8 @@ fn assembled(main: Springpot, chains: &[Series], topology: Topology, mass_kg: f6
 }
 
 /// Merges springpots of the same order.
-fn merge(chain: &mut Series, both: impl Fn(f64, f64) -> f64, how: &str, steps: &mut Vec<String>) {
-    let mut merged: Series = Vec::new();
+fn merge(chain: &mut Springpots, both: impl Fn(f64, f64) -> f64, how: &str, steps: &mut Vec<String>) {
+    let mut merged: Springpots = Vec::new();
     for element in chain.drain(..) {
         match merged.iter_mut().find(|other| other.alpha == element.alpha) {
             Some(other) => {
@@ -145,7 +145,7 @@ fn modulus(chain: &[Springpot], s: Complex<f64>) -> Complex<f64> {
 }
 
 /// Drops springpots so stiff that they have no effect on their chain.
-fn drop_stiff(chain: &mut Series, share: f64, places: &[Complex<f64>], steps: &mut Vec<String>) {
+fn drop_stiff(chain: &mut Springpots, share: f64, places: &[Complex<f64>], steps: &mut Vec<String>) {
     while chain.len() > 1 {
         let part = |element: Springpot| {
             let shares = places.iter().map(|&s| (compliance(element, s) * modulus(chain, s)).norm());
@@ -162,7 +162,13 @@ fn drop_stiff(chain: &mut Series, share: f64, places: &[Complex<f64>], steps: &m
 }
 
 /// Drops chains so soft that they have no effect on the model.
-fn drop_soft(main: Springpot, chains: &mut Vec<Series>, share: f64, places: &[Complex<f64>], steps: &mut Vec<String>) {
+fn drop_soft(
+    main: Springpot,
+    chains: &mut Vec<Springpots>,
+    share: f64,
+    places: &[Complex<f64>],
+    steps: &mut Vec<String>,
+) {
     let whole: Vec<Complex<f64>> = places
         .iter()
         .map(|&s| compliance(main, s).inv() + chains.iter().map(|chain| modulus(chain, s)).sum::<Complex<f64>>())

@@ -232,6 +232,7 @@ fn an_interrupted_run_leaves_nothing_behind() {
     let files = || fs::read_dir(folder.path()).expect("a folder").count();
     while files() < 2 {
         assert!(running.try_wait().expect("waits").is_none(), "it is done before it wrote anything");
+        std::thread::sleep(std::time::Duration::from_millis(2));
     }
     let kill = std::process::Command::new("kill").args(["-INT", &running.id().to_string()]).status().expect("kills");
     assert!(kill.success());

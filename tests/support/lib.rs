@@ -9,19 +9,14 @@ pub mod defining_sum;
 pub mod flash;
 #[path = "../../crates/springpot/tests/it/support/models.rs"]
 mod models;
+mod recordings;
 #[path = "../../crates/springpot/tests/it/support/sweep.rs"]
 pub mod sweep;
 pub mod tool;
 pub mod virtual_board;
 
 pub use models::{hard_models, paper_force, presets, random_models};
-
-/// The committed recordings of one plant, fast to slow.
-pub fn recordings(plant: &str) -> [std::path::PathBuf; 3] {
-    ["5", "7", "13"].map(|period| {
-        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("recordings/{plant}-{period}s.csv"))
-    })
-}
+pub use recordings::recordings;
 
 /// CRC-32 (ISO-HDLC), bit by bit.
 pub fn crc32(bytes: &[u8]) -> u32 {

@@ -75,7 +75,6 @@ impl Board {
             self.enable = false;
             self.dac = 0;
         }
-        self.film.step(if self.enable { self.dac } else { 0 });
     }
 }
 
@@ -85,6 +84,11 @@ fn tick(controller: &mut Controller, board: &mut Board) -> Outputs {
     let outputs = controller.tick(inputs);
     board.put_out(&outputs);
     outputs
+}
+
+/// Until the next tick, the simulated film moves under what stands.
+fn wait(board: &mut Board) {
+    board.film.step(if board.enable { board.dac } else { 0 });
 }
 
 pub fn main() -> Result<(), Box<dyn Error>> {
@@ -100,17 +104,19 @@ pub fn main() -> Result<(), Box<dyn Error>> {
 
     // Nothing can be armed before the first tick has seen the sensors.
     tick(&mut controller, &mut board);
+    wait(&mut board);
     controller.arm()?;
     controller.start(Mode::Tracking)?;
     let mut furthest_m = 0.0f64;
     for k in 0..30 * u32::from(RATE_HZ) {
-        // A reference every 20 ms, up to 0.8 mm within two seconds. Whoever sets it is alive.
+        // A reference every 20 ms, up to 0.8 mm within two seconds. To set one is the heartbeat.
         if k % 10 == 0 {
             let time_s = k as f32 / f32::from(RATE_HZ);
             controller.set_reference(0.8e-3 * (time_s / 2.0).min(1.0))?;
             controller.heartbeat();
         }
         tick(&mut controller, &mut board);
+        wait(&mut board);
         if k > 10 * u32::from(RATE_HZ) {
             furthest_m = furthest_m.max((board.film.displacement_m - 0.8e-3).abs());
         }

@@ -165,8 +165,17 @@ impl Actuator {
         field_v_per_m * self.thickness_m / self.thinning(displacement_m).max(1.0)
     }
 
+    /// The load of `voltage_v` (V, either sign) in f64, the weight included: [`force`](Self::force) as a function of the
+    /// displacement.
+    #[must_use]
+    pub fn load(&self, voltage_v: f64) -> Load<f64> {
+        let electrostatic = self.force_per_square_volt() * voltage_v * voltage_v;
+        Load { force: electrostatic + self.preload_n(), slope: electrostatic * self.stretch_coupling }
+    }
+
     /// 1 + κ x: how many times thinner the film is at `displacement_m` (m) than at x = 0.
-    fn thinning(&self, displacement_m: f64) -> f64 {
+    #[must_use]
+    pub fn thinning(&self, displacement_m: f64) -> f64 {
         1.0 + self.stretch_coupling * displacement_m
     }
 

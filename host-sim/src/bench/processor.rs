@@ -232,7 +232,7 @@ impl ProcessorTest {
             self.run(task, &mut self.connect(port)?)
         };
         // No more emulators at once than there are cores. Nothing that is compared depends on time, and the emulator's port
-        // waits long enough for one that is starved.
+        // waits long enough for one that gets little time.
         tasks.par_iter().map(emulated).collect()
     }
 

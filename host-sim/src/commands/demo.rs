@@ -234,10 +234,9 @@ fn limits_of(recordings: &[Recording], actuator: &Actuator, peak_m: f64) -> Resu
             Input::Force(_) | Input::Displacement(_) => return Ok(None),
         }
     }
-    let stretch = 1.0 + actuator.stretch_coupling * peak_m;
     Ok(Some(CommandLimits {
         max_voltage_v: largest_v,
-        max_field_v_per_m: largest_v * stretch / actuator.thickness_m,
+        max_field_v_per_m: largest_v * actuator.thinning(peak_m) / actuator.thickness_m,
         ..CommandLimits::BENCH
     }))
 }

@@ -331,10 +331,7 @@ impl Linearised<'_> {
                 };
                 match (variable, variable.force_exponent()) {
                     (Variable::StretchCoupling, _) => Some(electrostatic(scale, &|x| x)),
-                    (_, Some(exponent)) => {
-                        let coupling = self.actuator.stretch_coupling;
-                        Some(electrostatic(exponent * scale, &|x| 1.0 + coupling * x))
-                    }
+                    (_, Some(exponent)) => Some(electrostatic(exponent * scale, &|x| self.actuator.thinning(x))),
                     _ => {
                         let change = self.stiffness_derivative(variable)?;
                         let x = self.circle.spectrum(self.response);

@@ -164,11 +164,7 @@ impl OnMemory for ModelRun<'_> {
 /// The response to `voltage` with full memory; with coupling the force depends on the displacement.
 fn coupled(memory: &FullMemory, model: &Maxwell, actuator: &Actuator, voltage: &[f64]) -> Result<Columns> {
     actuator.check()?;
-    let load = |v: &f64| {
-        let electrostatic = actuator.force_per_square_volt() * v * v;
-        Load { force: electrostatic + actuator.preload_n(), slope: electrostatic * actuator.stretch_coupling }
-    };
-    let loads: Vec<Load<f64>> = voltage.iter().map(load).collect();
+    let loads: Vec<Load<f64>> = voltage.iter().map(|&volts| actuator.load(volts)).collect();
     let stiffness = memory.dynamic_stiffness(model);
     let start = vec![0.0; voltage.len()];
     let displacement = coupled_displacement(memory, &stiffness, &loads, start, memory.rounding())

@@ -1,10 +1,10 @@
 //! The nonlinear film: its published peaks, and the committed recordings.
 
+use crate::recordings::recordings;
 use host_sim::bench::film::{Film, Plant, Waveform};
 use host_sim::files::recording::{Input, Recording};
 use host_sim::grid::Samples;
 use tempfile::TempDir;
-use tests::recordings;
 
 /// Largest displacement (m) in the first and the last full period over 155 s of 0…6 kV.
 fn peaks(plant: Plant, period_s: usize) -> [f64; 2] {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
+use crate::recordings::recordings;
 use host_sim::agreement::Agreement;
 use host_sim::bench::film::{Film, Instruments, Plant, Readings, Waveform};
 use host_sim::files::recording::{Direction, Input, Recording};
@@ -12,7 +13,6 @@ use host_sim::fit::observation::{self, Observation};
 use host_sim::fit::{self, Fit, Method, Settings};
 use host_sim::grid::Samples;
 use springpot::{Actuator, Preload, Springpot, Topology};
-use tests::recordings;
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 

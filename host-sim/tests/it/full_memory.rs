@@ -1,5 +1,7 @@
 //! The full-memory answer by FFT against the defining sum, and the coupled one against the recursion.
 
+use crate::defining_sum::{displacement_by_the_sum, modulus_series};
+use crate::models::{hard_models, paper_force, presets, random_models};
 use host_sim::agreement::relative_rms;
 use host_sim::files::parameters::Parameters;
 use host_sim::files::recording::Input;
@@ -8,8 +10,6 @@ use host_sim::replay::full_memory::FullMemory;
 use host_sim::replay::memory::{MemoryChoice, Precision, RunOptions};
 use host_sim::replay::simulate;
 use indicatif::ProgressBar;
-use tests::defining_sum::{displacement_by_the_sum, modulus_series};
-use tests::{hard_models, paper_force, presets, random_models};
 
 #[test]
 fn fft_agrees_with_the_defining_sum() {

@@ -1,8 +1,17 @@
 //! The library behind the commands, against independent answers.
 
+#[path = "../../../crates/springpot/tests/it/support/defining_sum.rs"]
+mod defining_sum;
 mod film;
 mod fitting;
 mod full_memory;
+#[path = "../../../crates/springpot/tests/it/support/models.rs"]
+mod models;
+#[path = "../../../tests/support/recordings.rs"]
+mod recordings;
 mod reduce;
 mod sensor_offset;
+#[allow(dead_code)] // samples of cases are for springpot's own sweeps
+#[path = "../../../crates/springpot/tests/it/support/sweep.rs"]
+mod sweep;
 mod tracking;

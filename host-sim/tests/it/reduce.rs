@@ -1,10 +1,10 @@
 //! Reduced models, against the response of the whole model.
 
+use crate::models::{paper_force, presets, random_models};
 use host_sim::agreement::relative_rms;
 use host_sim::reduce::{self, Criterion};
 use host_sim::replay::full_memory::FullMemory;
 use springpot::{Maxwell, Springpot, Topology};
-use tests::{paper_force, presets, random_models};
 
 /// Reduced models answer as before, to 1e-9: the published ones, random ones, and ones with springs and dashpots to merge.
 #[test]

@@ -5,6 +5,8 @@
 
 use std::sync::atomic::AtomicBool;
 
+use crate::recordings::recordings;
+use crate::sweep::full_sweep;
 use documents::{Documents, Tolerance};
 use host_sim::bench::closed_loop::{self, BenchModel, LoopRun};
 use host_sim::bench::controllers::{self, ControllerKind, ControllerSettings};
@@ -20,8 +22,6 @@ use host_sim::replay::memory::Precision;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{CommandLimits, ObserverOptions, Topology};
-use tests::recordings;
-use tests::sweep::full_sweep;
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 

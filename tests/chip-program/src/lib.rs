@@ -58,7 +58,7 @@ impl Default for Checksum {
 }
 
 impl Checksum {
-    /// Takes in the bits of `value`.
+    /// Adds the bits of `value` to the checksum.
     pub fn add(&mut self, value: f32) {
         for byte in value.to_bits().to_le_bytes() {
             self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);

@@ -211,9 +211,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         self.supervisor.heartbeat();
     }
 
-    /// Trips, whatever the state: 0 V, amplifier disabled from the next tick on. The first cause stays.
+    /// Trips, whatever the state: 0 V, amplifier disabled from the next tick on, targets cleared. The first cause stays.
     pub fn trip(&mut self, cause: Cause) {
         self.supervisor.trip(cause);
+        self.clear_targets();
     }
 
     /// Enables the amplifier at 0 V.
@@ -225,7 +226,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         self.supervisor.arm()
     }
 
-    /// Begins a run in `mode`, at 0 V or where the film is, until a target is set. Feedforward uses the model as it was
+    /// Begins a run in `mode`, at 0 V or where the film is, or towards a target that was set since the last run. Feedforward uses the model as it was
     /// fitted, without what was learned in other runs.
     ///
     /// # Errors
@@ -270,6 +271,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     /// As [`Supervisor::acknowledge`].
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         self.supervisor.acknowledge()?;
+        self.clear_targets();
         if !self.course.observer().displacement().is_finite() {
             self.course = self.tracking.state(self.tracking.observer().law().state());
         }

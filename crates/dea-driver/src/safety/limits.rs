@@ -90,7 +90,7 @@ impl fmt::Display for LimitsError {
         match self {
             Self::NotPositive(quantity) => write!(f, "{quantity} must be finite and greater than 0"),
             Self::Monitor => {
-                f.write_str("monitor: slew and band must be greater than 0, share and settle time not negative")
+                f.write_str("monitor: slew and band must be greater than 0, share and settling time not negative")
             }
             Self::TooLarge(quantity) => write!(f, "{quantity} is so large that it protects nothing"),
             Self::Sensor => f.write_str("sensor: low must be below high, and the jump greater than 0"),

@@ -121,6 +121,22 @@ fn follows_the_voltage_that_was_set_and_observes() {
     assert_eq!(outputs.telemetry.tick, 3002);
 }
 
+/// A target does not outlive its run, although no tick passes between the trip and the next start.
+#[test]
+fn a_trip_clears_the_target_before_the_next_tick() {
+    let mut bench = Bench::new();
+    bench.start(Mode::Voltage);
+    bench.set_voltage(2000.0);
+    bench.controller.trip(Cause::Bus);
+    bench.ask(Controller::acknowledge).expect("tripped");
+    bench.ask(Controller::arm).expect("the last readings were healthy");
+    bench.ask(|controller| controller.start(Mode::Voltage)).expect("armed");
+    for tick in 0..100 {
+        let outputs = bench.tick(|_| ());
+        assert_eq!((outputs.enable, outputs.telemetry.command_v), (true, 0.0), "tick {tick}");
+    }
+}
+
 /// Feedforward brings a film that the model knows to its reference, and holds it there while it creeps.
 #[test]
 fn feedforward_holds_a_creeping_film() {

@@ -89,7 +89,7 @@ fn every_fault_ends_at_0_v_with_its_cause() {
     let faults: [(Cause, u32, Spoil); 10] = [
         (Cause::Interlock, 1, |r| r.interlock_closed = false),
         (Cause::Voltage, 1, |r| r.monitor_v = 7000.0),
-        // A stuck or dead monitor: after the settle time of 20 ticks.
+        // A stuck or dead monitor: after the settling time of 20 ticks.
         (Cause::Monitor, 21, |r| r.monitor_v = 1000.0),
         (Cause::Monitor, 21, |r| r.monitor_v = f32::NAN),
         (Cause::Sensor(SensorFault::Range), 1, |r| r.displacement_m = 0.5),
@@ -294,7 +294,7 @@ fn limits_without_an_end_are_refused() {
     }
 }
 
-/// An amplifier slower than the command is not a fault; one that lags for longer than the settle time is.
+/// An amplifier slower than the command is not a fault; one that lags for longer than the settling time is.
 #[test]
 fn the_monitor_s_band_knows_the_amplifier_s_slew() {
     let mut limits = bench_limits();

@@ -1,7 +1,7 @@
 //! Feedforward: the voltage for a reference displacement, without a sensor.
 
 use crate::actuator::{Actuator, VoltageDrive};
-use crate::control::inverse::{Applied, Correction, Steering, SteeringState, VoltageCommand};
+use crate::control::inverse::{Applied, Correction, Inverse, InverseState, VoltageCommand};
 use crate::control::limits::CommandLimits;
 use crate::error::ControlError;
 use crate::law::{Law, Memory, State, state_traits};
@@ -43,16 +43,16 @@ use crate::scalar::{Real, Scalar};
 pub struct Feedforward<T, M = crate::Compressed<T>> {
     law: Law<T, M>,
     drive: VoltageDrive<T>,
-    steering: Steering<T>,
+    inverse: Inverse<T>,
 }
 
 /// What changes with every tick of a [`Feedforward`].
 pub struct FeedforwardState<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
     film: State<T, M>,
-    steering: SteeringState<T>,
+    inverse: InverseState<T>,
 }
 
-state_traits!(FeedforwardState<T, M> { film, steering });
+state_traits!(FeedforwardState<T, M> { film, inverse });
 
 impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     /// Feedforward for `actuator` along `law` within `limits`.
@@ -62,22 +62,22 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     /// [`ControlError::NotPositive`] for a limit that is not finite and positive, [`ControlError::Actuator`] for an actuator
     /// that is refused at the largest voltage.
     pub fn new(law: Law<T, M>, actuator: &Actuator, limits: CommandLimits) -> Result<Self, ControlError> {
-        let steering = Steering::new(actuator, &limits, law.step_s(), law.stiffness())?;
+        let inverse = Inverse::new(actuator, &limits, law.step_s(), law.stiffness())?;
         let drive = VoltageDrive::new(actuator, limits.max_voltage_v, law.stiffness())?;
-        Ok(Self { law, drive, steering })
+        Ok(Self { law, drive, inverse })
     }
 
     /// A state that begins with `film`, at 0 V; the reference begins where the film is.
     #[must_use]
     pub fn state(&self, film: State<T, M>) -> FeedforwardState<T, M> {
-        let steering = SteeringState::at(film.position());
-        FeedforwardState { film, steering }
+        let inverse = InverseState::at(film.position());
+        FeedforwardState { film, inverse }
     }
 
     /// Steps the film under the voltage that was really applied since the last tick; returns its displacement (m).
     #[inline]
     pub fn apply(&self, state: &mut FeedforwardState<T, M>, applied: Applied<T>) -> T {
-        let voltage = self.steering.record(&mut state.steering, applied);
+        let voltage = self.inverse.record(&mut state.inverse, applied);
         self.law.displacement_under(&mut state.film, self.drive.load(voltage))
     }
 
@@ -86,7 +86,7 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     #[inline]
     pub fn command(&self, state: &mut FeedforwardState<T, M>, reference: T) -> VoltageCommand<T> {
         let exact = Correction { disturbance: T::ZERO, force_scale: T::from_f64(1.0) };
-        self.steering.command(&self.law, &self.drive, &state.film, &mut state.steering, reference, exact)
+        self.inverse.command(&self.law, &self.drive, &state.film, &mut state.inverse, reference, exact)
     }
 
     /// The law.
@@ -112,7 +112,7 @@ impl<T: Real, M: Memory<T>> FeedforwardState<T, M> {
     /// The shaped reference, m.
     #[must_use]
     pub fn reference(&self) -> T {
-        self.steering.path.position
+        self.inverse.path.position
     }
 
     /// The film.

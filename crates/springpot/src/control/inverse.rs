@@ -41,9 +41,9 @@ impl<T: Real> Applied<T> {
     }
 }
 
-/// What [`Steering`] remembers from tick to tick.
+/// What [`Inverse`] remembers from tick to tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SteeringState<T> {
+pub(crate) struct InverseState<T> {
     pub(crate) path: Path<T>,
     /// Size of the voltage that was commanded last, V.
     commanded: T,
@@ -53,7 +53,7 @@ pub(crate) struct SteeringState<T> {
     gain: T,
 }
 
-impl<T: Real> SteeringState<T> {
+impl<T: Real> InverseState<T> {
     /// At rest at `position` (m), at 0 V.
     pub(crate) fn at(position: T) -> Self {
         Self {
@@ -91,7 +91,7 @@ pub(crate) struct Correction<T> {
 /// bounded to a share of what the largest force can do to the film's inertia, and w to what that share can brake. Working on
 /// changes of increments keeps the digits of a slow reference in f32.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Steering<T> {
+pub(crate) struct Inverse<T> {
     shaper: Shaper<T>,
     /// 1 − p².
     damping: T,
@@ -125,7 +125,7 @@ pub(crate) fn share_per_step(rate: f64, step_s: f64) -> f64 {
     steps / (1.0 + steps)
 }
 
-impl<T: Real> Steering<T> {
+impl<T: Real> Inverse<T> {
     pub(crate) fn new(
         actuator: &Actuator,
         limits: &CommandLimits,
@@ -139,7 +139,7 @@ impl<T: Real> Steering<T> {
         let largest_force = actuator.force_per_square_volt() * limits.max_voltage_v * limits.max_voltage_v;
         let max_return = RETURN_SHARE * largest_force / stiffness.to_f64();
         let slew = limits.max_slew_v_per_s * step_s;
-        let steering = Self {
+        let inverse = Self {
             shaper,
             damping: T::from_f64(1.0 - pole * pole),
             approach: T::from_f64(approach),
@@ -154,13 +154,13 @@ impl<T: Real> Steering<T> {
         };
         for (quantity, value, usable) in [
             ("max_velocity_m_per_s or max_acceleration_m_per_s2", limits.max_acceleration_m_per_s2, shaper.is_usable()),
-            ("max_slew_v_per_s", limits.max_slew_v_per_s, steering.slew > T::ZERO),
+            ("max_slew_v_per_s", limits.max_slew_v_per_s, inverse.slew > T::ZERO),
         ] {
             if !usable {
                 return Err(ControlError::NotPositive { quantity, value });
             }
         }
-        Ok(steering)
+        Ok(inverse)
     }
 
     /// Records what was applied, and returns the voltage that acted on the film (V).
@@ -168,7 +168,7 @@ impl<T: Real> Steering<T> {
     /// A command is relative to the force of the last tick. A monitor that is 1 % off would therefore accumulate tick by tick,
     /// and its noise would return as commands. So the monitor only estimates the amplifier's gain, slowly.
     #[inline]
-    pub(crate) fn record(&self, state: &mut SteeringState<T>, applied: Applied<T>) -> T {
+    pub(crate) fn record(&self, state: &mut InverseState<T>, applied: Applied<T>) -> T {
         let size = |voltage: T| if voltage < T::ZERO { -voltage } else { voltage };
         state.commanded = size(applied.commanded);
         if let Some(reading) = applied.reading.filter(|reading| is_finite(*reading)) {
@@ -189,11 +189,11 @@ impl<T: Real> Steering<T> {
         law: &Law<T, M>,
         drive: &VoltageDrive<T>,
         film: &State<T, M>,
-        state: &mut SteeringState<T>,
+        state: &mut InverseState<T>,
         reference: T,
         correction: Correction<T>,
     ) -> VoltageCommand<T> {
-        let SteeringState { path, commanded, gain, .. } = state;
+        let InverseState { path, commanded, gain, .. } = state;
         let offset = film.position() - path.position;
         let drift = film.increment() - path.increment;
         let mut limited = self.shaper.advance(path, reference);

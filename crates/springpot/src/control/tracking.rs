@@ -1,7 +1,7 @@
 //! Tracking: feedforward with a sensor. The observer's disturbance is subtracted from the command.
 
 use crate::actuator::Actuator;
-use crate::control::inverse::{Applied, Steering, SteeringState, VoltageCommand};
+use crate::control::inverse::{Applied, Inverse, InverseState, VoltageCommand};
 use crate::control::limits::CommandLimits;
 use crate::control::observer::{Observer, ObserverOptions, ObserverState, SensorSample};
 use crate::error::ControlError;
@@ -53,16 +53,16 @@ use crate::scalar::{Real, Scalar};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tracking<T, M = crate::Compressed<T>, const PAST: usize = 64> {
     observer: Observer<T, M, PAST>,
-    steering: Steering<T>,
+    inverse: Inverse<T>,
 }
 
 /// What changes with every tick of a [`Tracking`].
 pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const PAST: usize = 64> {
     observer: ObserverState<T, M, PAST>,
-    steering: SteeringState<T>,
+    inverse: InverseState<T>,
 }
 
-state_traits!(TrackingState<T, M, PAST> { observer, steering });
+state_traits!(TrackingState<T, M, PAST> { observer, inverse });
 
 impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// Tracking for `actuator` along `law` within `limits`, with an observer of these `options`.
@@ -76,16 +76,16 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         limits: CommandLimits,
         options: ObserverOptions,
     ) -> Result<Self, ControlError> {
-        let steering = Steering::new(actuator, &limits, law.step_s(), law.stiffness())?;
+        let inverse = Inverse::new(actuator, &limits, law.step_s(), law.stiffness())?;
         let observer = Observer::new(law, actuator, limits.max_voltage_v, options)?;
-        Ok(Self { observer, steering })
+        Ok(Self { observer, inverse })
     }
 
     /// A state that begins with `film`, at 0 V; the reference begins where the film is.
     #[must_use]
     pub fn state(&self, film: State<T, M>) -> TrackingState<T, M, PAST> {
-        let steering = SteeringState::at(film.position());
-        TrackingState { observer: self.observer.state(film), steering }
+        let inverse = InverseState::at(film.position());
+        TrackingState { observer: self.observer.state(film), inverse }
     }
 
     /// Steps the film under the voltage that was really applied since the last tick and corrects it with a `sample`, if one
@@ -97,7 +97,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         applied: Applied<T>,
         sample: Option<SensorSample<T>>,
     ) -> T {
-        let voltage = self.steering.record(&mut state.steering, applied);
+        let voltage = self.inverse.record(&mut state.inverse, applied);
         self.observer.observe(&mut state.observer, voltage, sample)
     }
 
@@ -106,9 +106,9 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     #[inline]
     pub fn command(&self, state: &mut TrackingState<T, M, PAST>, reference: T) -> VoltageCommand<T> {
         let correction = state.observer.correction();
-        let TrackingState { observer, steering } = state;
+        let TrackingState { observer, inverse } = state;
         let (law, drive) = (self.observer.law(), self.observer.drive());
-        self.steering.command(law, drive, &observer.film, steering, reference, correction)
+        self.inverse.command(law, drive, &observer.film, inverse, reference, correction)
     }
 
     /// The observer.
@@ -133,6 +133,6 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
     /// The shaped reference, m.
     #[must_use]
     pub fn reference(&self) -> T {
-        self.steering.path.position
+        self.inverse.path.position
     }
 }

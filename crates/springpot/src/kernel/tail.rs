@@ -10,14 +10,14 @@ use crate::model::Maxwell;
 
 /// A mode of the tail: a Maxwell element as the head's end sees it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Mode {
+pub(crate) struct DecayMode {
     /// Relaxation rate times step.
     scaled_rate: f64,
     /// Force on the first step after the head, N/m.
     pub(crate) weight: f64,
 }
 
-impl Mode {
+impl DecayMode {
     /// 1 − ρ with ρ = 1/(1 + rh).
     pub(crate) fn loss(&self) -> f64 {
         self.scaled_rate / (1.0 + self.scaled_rate)
@@ -79,14 +79,14 @@ pub(crate) fn modes(
     horizon_s: f64,
     head: usize,
     count: usize,
-) -> Result<Vec<Mode, MAX_NODES>, LawError> {
+) -> Result<Vec<DecayMode, MAX_NODES>, LawError> {
     #[allow(clippy::cast_precision_loss)] // a head is short
     let head = head as f64;
     // A Maxwell element of the spectrum at the first step after the head.
     let mode = |Line { rate, weight }: Line| {
         let scaled_rate = rate * step_s;
         let weight = weight * libm::exp(-(head + 2.0) * libm::log1p(scaled_rate));
-        Mode { scaled_rate, weight }
+        DecayMode { scaled_rate, weight }
     };
     // Less than 1e-17 of faster modes is left after the head.
     let fastest = libm::expm1(40.0 / (head + 2.0)) / step_s;
@@ -98,8 +98,8 @@ pub(crate) fn modes(
     if exact > count {
         return Err(LawError::TooFewModes { modes: count, needed: exact });
     }
-    let mut modes: Vec<Mode, MAX_NODES> = Vec::new();
-    modes.extend(equilibrium.map(|weight| Mode { scaled_rate: 0.0, weight }));
+    let mut modes: Vec<DecayMode, MAX_NODES> = Vec::new();
+    modes.extend(equilibrium.map(|weight| DecayMode { scaled_rate: 0.0, weight }));
     modes.extend(lines.into_iter().map(mode));
 
     let warp = Warp::new(horizon_s, head * step_s);
@@ -108,7 +108,7 @@ pub(crate) fn modes(
     spectrum.density(|line| measure.add(warp.place(line.rate), mode(line).weight / scale(line.rate)));
     modes.extend(measure.rule().into_iter().map(|(place, share)| {
         let rate = warp.rate(place);
-        Mode { scaled_rate: rate * step_s, weight: share * scale(rate) }
+        DecayMode { scaled_rate: rate * step_s, weight: share * scale(rate) }
     }));
 
     modes.sort_unstable_by(|x, y| y.scaled_rate.total_cmp(&x.scaled_rate));
@@ -117,7 +117,7 @@ pub(crate) fn modes(
 
 /// Largest error of `modes` from the end of the head to the horizon, at three places an octave, relative to the model's
 /// modulus K(1/t) at that time t. The exact values come from another integral than the modes.
-pub(crate) fn error(model: &Maxwell, kernel: &Kernel<'_>, modes: &[Mode], horizon_s: f64, head: usize) -> f64 {
+pub(crate) fn error(model: &Maxwell, kernel: &Kernel<'_>, modes: &[DecayMode], horizon_s: f64, head: usize) -> f64 {
     let (mut worst, mut j) = (0.0, head);
     #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     loop {

@@ -6,7 +6,7 @@ use crate::error::LawError;
 use crate::kernel::laplace::Kernel;
 use crate::kernel::power_series::TERMS;
 use crate::kernel::quadrature::MAX_NODES;
-use crate::kernel::tail::{self, Mode};
+use crate::kernel::tail::{self, DecayMode};
 use crate::law::{Law, Memory, State};
 use crate::model::Maxwell;
 use crate::scalar::Scalar;
@@ -200,7 +200,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
 }
 
 impl<T: Scalar> Decay<T> {
-    fn table<const N: usize>(modes: &[Mode]) -> [Self; N] {
+    fn table<const N: usize>(modes: &[DecayMode]) -> [Self; N] {
         let mut table = [Self { loss: T::ZERO, weight: T::ZERO }; N];
         for (entry, mode) in table.iter_mut().zip(modes) {
             *entry = Self { loss: T::from_f64(mode.loss()), weight: T::from_f64(mode.weight) };

@@ -79,7 +79,7 @@ struct Creep<const HEAD: usize> {
     force: f64,
     /// g_0 … g_HEAD.
     head: [f64; TERMS],
-    modes: [Mode; MAX_NODES],
+    modes: [CreepMode; MAX_NODES],
     extensions: [f64; MAX_NODES],
     /// Newest first.
     increments: [f64; HEAD],
@@ -102,10 +102,10 @@ impl<const HEAD: usize> Creep<HEAD> {
             *slot = weight.to_f64();
         }
         head[1] -= head[0];
-        let mut modes = [Mode { loss: 0.0, ln_left: 0.0, weight: 0.0 }; MAX_NODES];
+        let mut modes = [CreepMode { loss: 0.0, ln_left: 0.0, weight: 0.0 }; MAX_NODES];
         for (slot, (loss, weight)) in modes.iter_mut().zip(law.memory().modes()) {
             let loss = loss.to_f64();
-            *slot = Mode { loss, ln_left: libm::log1p(-loss), weight: weight.to_f64() };
+            *slot = CreepMode { loss, ln_left: libm::log1p(-loss), weight: weight.to_f64() };
         }
         Self { force, head, modes, extensions: [0.0; MAX_NODES], increments: [0.0; HEAD], position: 0.0 }
     }
@@ -176,7 +176,7 @@ impl<const HEAD: usize> Creep<HEAD> {
 
 /// A mode in f64.
 #[derive(Clone, Copy)]
-struct Mode {
+struct CreepMode {
     /// 1 − ρ.
     loss: f64,
     ln_left: f64,
@@ -191,7 +191,7 @@ struct Sums {
     ramp: f64,
 }
 
-impl Mode {
+impl CreepMode {
     fn sums(&self, n: f64) -> Sums {
         let loss = self.loss;
         if loss * n < 1e-4 {
