@@ -94,7 +94,7 @@ impl Documents {
     }
 
     /// The number in the column whose title begins with `column`, of the first row whose first cells are `row`. A name in
-    /// code font or bold counts as the bare name. None if there is no such row, no such column or no number in it.
+    /// code font or bold counts as the bare name. `None` where the row, the column or a number in that cell is missing.
     #[must_use]
     pub fn number(&self, row: &[&str], column: &str) -> Option<f64> {
         self.tables.iter().find_map(|table| {

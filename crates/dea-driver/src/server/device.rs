@@ -307,7 +307,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
 /// The controller of the default law, compiled with this crate and its own level of optimisation.
 ///
 /// Generic code is compiled with the crate that names its parameters: a firmware, which is optimised for size. Without this a
-/// tick there takes a sixth more instructions.
+/// step of the loop test took 931 instructions there instead of 808.
 mod compiled {
     use core::any::Any;
 
