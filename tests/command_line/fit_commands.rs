@@ -6,8 +6,9 @@ use std::path::Path;
 use host_sim::files::parameters::Parameters;
 use serde_json::Value;
 use tempfile::TempDir;
-use tests::recordings;
+use tests::sweep::full_sweep;
 use tests::tool::{names, text};
+use tests::{recordings, thinned_recordings};
 
 use crate::TOOL;
 
@@ -56,7 +57,7 @@ fn replay_on_the_controller_agrees_with_the_fit() {
 fn auto_compares_structures_and_marks_its_choice() {
     let folder = TempDir::new().expect("a folder");
     let out = folder.path().join("p.toml");
-    let [a, b, c] = recordings("wang");
+    let [a, b, c] = if full_sweep() { recordings("wang") } else { thinned_recordings("wang", folder.path(), 10) };
     let fit = json(&["fit", "--out", text(&out), text(&a), text(&b), text(&c)]);
     let structures = fit["structures"].as_array().expect("a list");
     // n = 0 and 1 are the same model in both topologies.
@@ -186,18 +187,8 @@ fn compare_prints_every_baseline() {
 fn study_repeats_the_paper() {
     let folder = TempDir::new().expect("a folder");
     let out = folder.path().join("study");
-    // Every tenth sample keeps pattern search short.
-    let files: Vec<_> = recordings("hossain")
-        .iter()
-        .map(|path| {
-            let short = folder.path().join(path.file_name().expect("a name"));
-            let text = fs::read_to_string(path).expect("committed");
-            let rows: Vec<&str> = text.lines().filter(|line| !line.starts_with('#')).collect();
-            let kept: Vec<&str> = rows[..1].iter().chain(rows[1..].iter().step_by(10)).copied().collect();
-            fs::write(&short, kept.join("\n")).expect("written");
-            short
-        })
-        .collect();
+    // Pattern search takes tens of thousands of steps: few samples keep it short.
+    let files = thinned_recordings("hossain", folder.path(), if full_sweep() { 10 } else { 40 });
     let arguments: Vec<&str> =
         ["study", "--out", text(&out)].into_iter().chain(files.iter().map(|f| text(f))).collect();
     let report = json(&arguments);

@@ -16,7 +16,7 @@ pub mod tool;
 pub mod virtual_board;
 
 pub use models::{hard_models, paper_force, presets, random_models};
-pub use recordings::recordings;
+pub use recordings::{recordings, thinned_recordings};
 
 /// CRC-32 (ISO-HDLC), bit by bit.
 pub fn crc32(bytes: &[u8]) -> u32 {

@@ -66,11 +66,13 @@ pub fn run() -> Result<()> {
     Ok(())
 }
 
-/// The tests of the host with all cases of their sweeps, of which `cargo xtask test` runs a sample.
+/// The tests with all cases of their sweeps, of which `cargo xtask test` runs a sample.
 pub fn sweep() -> Result<()> {
     let mut stages = Stages::default();
+    let toolchain = stages.run("tools", setup::run)?;
+    stages.run("firmware images", || firmware::images(&toolchain))?;
     stages.run("tests, all cases", || {
-        let mut tests = tests(&[]);
+        let mut tests = tests(&QEMU);
         tests.env(SWEEP, "full");
         run_command(tests)
     })?;
