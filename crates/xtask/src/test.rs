@@ -158,7 +158,6 @@ fn micromath() -> Result<()> {
         "--features",
         "micromath",
         "--test",
-        "it",
         "electrostatics",
     ]))
 }

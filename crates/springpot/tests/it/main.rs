@@ -5,7 +5,6 @@
 mod compressed_memory;
 mod continuous_oracle;
 mod dual_numbers;
-mod electrostatics;
 mod feedforward;
 mod full_memory;
 mod laws;
