@@ -3,15 +3,29 @@
 use crate::safety::MonitorLimits;
 
 /// Follows the command at the amplifier's own slew and compares the monitor with it.
+///
+/// ```
+/// use dea_driver::{Limits, Monitor};
+///
+/// // 20 ticks of disagreement are allowed.
+/// let mut monitor = Monitor::new(Limits::bench(160e-6).monitor, 1000.0);
+/// assert!((0..1000).all(|_| monitor.agrees(3000.0, 3000.0)));
+/// assert!((0..20).all(|_| monitor.agrees(3000.0, 0.0)));
+/// assert!(!monitor.agrees(3000.0, 0.0));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Monitor {
     slew_v_per_tick: f32,
     band_v: f32,
     band_share: f32,
-    settle_ticks: u32,
+    largest_excess: u32,
     expected_v: f32,
-    outside_ticks: u32,
+    /// [`OUTSIDE`] more for every tick outside the band, one less for every tick inside.
+    excess: u32,
 }
+
+/// Ticks inside the band that make up for one outside. A film that arcs again and again is outside more often than that.
+const OUTSIDE: u32 = 16;
 
 impl Monitor {
     /// A monitor at 0 V, checked `rate_hz` times a second.
@@ -22,14 +36,14 @@ impl Monitor {
             slew_v_per_tick: limits.slew_v_per_s / rate_hz,
             band_v: limits.band_v,
             band_share: limits.band_share,
-            settle_ticks: (limits.settle_s * rate_hz + 0.5) as u32,
+            largest_excess: ((limits.settle_s * rate_hz + 0.5) as u32).saturating_mul(OUTSIDE),
             expected_v: 0.0,
-            outside_ticks: 0,
+            excess: 0,
         }
     }
 
     /// Compares the command of the last tick (V) with the monitor (V); false once they have differed for longer than the settle
-    /// time. An amplifier may be faster than its slew: any voltage between the one at that slew and the command agrees. NaN
+    /// time, in one piece or in many: sixteen ticks of agreement make up for one without. An amplifier may be faster than its slew: any voltage between the one at that slew and the command agrees. NaN
     /// differs.
     #[must_use]
     pub fn agrees(&mut self, command_v: f32, monitor_v: f32) -> bool {
@@ -38,8 +52,8 @@ impl Monitor {
         let (low, high) = if ahead < 0.0 { (command_v, self.expected_v) } else { (self.expected_v, command_v) };
         let band = self.band_v + self.band_share * high;
         let inside = low - band <= monitor_v && monitor_v <= high + band;
-        self.outside_ticks = if inside { 0 } else { self.outside_ticks.saturating_add(1) };
-        self.outside_ticks <= self.settle_ticks
+        self.excess = if inside { self.excess.saturating_sub(1) } else { self.excess.saturating_add(OUTSIDE) };
+        self.excess <= self.largest_excess
     }
 }
 

@@ -9,6 +9,24 @@ use crate::error::ControlError;
 /// Limits of the path and of the voltage that a law commands. SI units; all must be finite and greater than 0.
 ///
 /// These limits shape commands. A supervisor that protects people and film stands behind them, with limits of its own.
+///
+/// ```
+/// use springpot::{Actuator, CommandLimits, Feedforward, FeedforwardState, Law, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let rest = law.state();
+/// let limits = CommandLimits { max_voltage_v: 2000.0, ..CommandLimits::BENCH };
+/// let feedforward: Feedforward<f32> = Feedforward::new(law, &Actuator::KARNER_2022, limits)?;
+/// let mut state: FeedforwardState<f32> = feedforward.state(rest);
+///
+/// // 4 mm would take more than 2 kV: the command stays at the limit and says so.
+/// let last = (0..2000).map(|_| feedforward.command(&mut state, 4e-3)).last().unwrap();
+/// assert!(last.voltage <= 2000.0 && last.limited.bits() != 0);
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

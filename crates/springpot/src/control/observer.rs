@@ -12,6 +12,24 @@ use crate::law::{Law, Memory, State, state_traits};
 use crate::scalar::{Real, Scalar};
 
 /// How an [`Observer`] corrects. Times in s.
+///
+/// ```
+/// use springpot::{Actuator, ControlError, Law, Observer, ObserverOptions, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// // A camera of 50 Hz, 15 ms late.
+/// let camera = ObserverOptions { sample_interval_s: 0.02, delay_s: 0.015, ..ObserverOptions::at_bandwidth(0.5) };
+/// let observer: Observer<f32> = Observer::new(law.clone(), &Actuator::KARNER_2022, 6000.0, camera)?;
+///
+/// // It is too slow for more bandwidth.
+/// let fast = ObserverOptions { bandwidth_hz: 2.0, ..camera };
+/// let refused = Observer::<f32>::new(law, &Actuator::KARNER_2022, 6000.0, fast).err();
+/// assert!(matches!(refused, Some(ControlError::SensorTooSlow { .. })));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -12,6 +12,21 @@ use crate::model::Maxwell;
 use crate::scalar::Scalar;
 
 /// Step, horizon and tolerance of a compressed memory.
+///
+/// ```
+/// use springpot::{Law, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// // 500 Hz, a memory of one hour, and the default tolerance.
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(2e-3).with_horizon(3600.0))?;
+/// assert_eq!(law.step_s(), 2e-3);
+///
+/// // A step that no recursion has is refused.
+/// assert!(Law::<f32>::compressed(&model, Options::at_step(0.0)).is_err());
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
