@@ -185,7 +185,7 @@ const ANY_SILENCE_S: f32 = 60.0;
 /// The silence that ends in a trip where a test is about it, s. The board has been armed and started by then, in four exchanges
 /// which may take so long each.
 const SHORT_SILENCE_S: f32 = 3.0;
-/// Ticks between two samples while a test waits for that trip without asking, since a question is a heartbeat.
+/// Ticks between two samples while a test waits for that trip.
 const EVERY: u16 = 20;
 
 /// Parameters of the drills' bench, with the silence of the host that ends in a trip.
@@ -210,9 +210,9 @@ fn live(heartbeat_s: f32) -> (Emulator, Client) {
 /// 3 kV, once the sensors have been looked at.
 fn start(client: &mut Client) -> Status {
     wait(client, |status| status.ticks > 1);
-    for command in [Command::SetVoltage(3000.0), Command::Arm, Command::Start(Mode::Voltage)] {
-        client.order(command).expect("done");
-    }
+    client.arm().expect("done");
+    client.order(Command::Start(Mode::Voltage)).expect("done");
+    client.order(Command::SetVoltage(3000.0)).expect("done");
     wait(client, |status| status.command_v == 3000.0)
 }
 
@@ -231,16 +231,36 @@ fn wait(client: &mut Client, until: impl Fn(&Status) -> bool) -> Status {
     }
 }
 
-/// Watches the stream until the board is at 0 V, and gives how many ticks that took. Nothing is asked, since that would be a
-/// heartbeat; `meanwhile` is done at every sample, with the ticks since the one before.
+/// Ticks between which the board has received the last heartbeat of the host.
+struct LastHeartbeat {
+    earliest: u32,
+    latest: u32,
+}
+
+impl LastHeartbeat {
+    fn send(client: &mut Client) -> Self {
+        let earliest = client.status().expect("answers").ticks;
+        client.order(Command::Heartbeat).expect("done");
+        Self { earliest, latest: client.status().expect("answers").ticks }
+    }
+
+    /// The silence since then ended in `tick`, or up to `EVERY` ticks before.
+    fn is_followed_by_silence_until(&self, tick: u32) {
+        let allowed = (SHORT_SILENCE_S * 1000.0) as u32;
+        let (longest, shortest) = (tick - self.earliest, tick - self.latest);
+        assert!(longest >= allowed && shortest <= allowed + u32::from(EVERY) + 1, "{shortest} to {longest} ticks");
+    }
+}
+
+/// Watches the stream until the board is at 0 V, and gives that tick. `meanwhile` is done at every sample, with the ticks since
+/// the one before.
 fn wait_for_0_v(client: &mut Client, mut meanwhile: impl FnMut(&mut Client, u32)) -> u32 {
     client.order(Command::Stream { every: EVERY }).expect("done");
     let deadline = Instant::now() + DEADLINE;
-    let (mut first, mut last) = (None, None);
+    let mut last = None;
     while let Some(sample) = client.sample(deadline).expect("read") {
-        let ticks = sample.tick - *first.get_or_insert(sample.tick);
         if sample.command_v == 0.0 {
-            return ticks;
+            return sample.tick;
         }
         meanwhile(client, sample.tick - last.replace(sample.tick).unwrap_or(sample.tick));
     }
@@ -269,7 +289,7 @@ fn every_fault_ends_at_0_v_with_its_cause() {
         println!("{drill:?}: {:?} at tick {}, {} V", status.state, status.tripped_at, status.command_v);
         assert_eq!((status.state, status.command_v), (DriverState::Tripped(cause), 0.0));
         // The cause stays although the fault is gone, until it is acknowledged.
-        assert!(client.order(Command::Arm).is_err());
+        assert!(client.arm().is_err());
         client.order(Command::Acknowledge).expect("done");
         wait(&mut client, |status| status.state == DriverState::Disarmed);
     }
@@ -289,28 +309,23 @@ fn a_panic_resets_and_is_remembered() {
     println!("{message}");
     assert!(message.starts_with("a drill at src/drills.rs:"), "{message}");
     client.upload(&blob(ANY_SILENCE_S), false).expect("taken");
-    assert!(client.order(Command::Arm).is_err(), "not before it is acknowledged");
+    assert!(client.arm().is_err(), "not before it is acknowledged");
     client.order(Command::Acknowledge).expect("done");
     wait(&mut client, |status| status.ticks > 1);
-    client.order(Command::Arm).expect("done");
+    client.arm().expect("done");
 }
 
-/// The board goes on for as long as the parameters say, then it is at 0 V.
+/// The board goes on for as long as the parameters say, then it is at 0 V, although it is asked all the time how it is.
 #[test]
 fn a_silent_host_ends_at_0_v() {
     let (_emulator, mut client) = live(SHORT_SILENCE_S);
-    let ticks = wait_for_0_v(&mut client, |_, _| {});
-    is_silence(ticks);
+    let heartbeat = LastHeartbeat::send(&mut client);
+    let tick = wait_for_0_v(&mut client, |client, _| {
+        client.status().expect("answers");
+    });
+    heartbeat.is_followed_by_silence_until(tick);
     let status = client.status().expect("answers");
     assert_eq!((status.state, status.command_v), (DriverState::Tripped(Cause::Heartbeat), 0.0));
-}
-
-/// `ticks` from the first sample of a stream to the first one at 0 V are those of a host that was silent since it asked for the
-/// stream. Each of both samples is up to `EVERY` ticks late; the first ones may have been dropped.
-fn is_silence(ticks: u32) {
-    let allowed = (SHORT_SILENCE_S * 1000.0) as u32;
-    let slack = 2 * u32::from(EVERY);
-    assert!((allowed - slack..=allowed + slack).contains(&ticks), "{ticks} ticks");
 }
 
 /// Garbage as fast as the line takes it: nothing of it is obeyed, the ticks go on, and with nothing but garbage the host counts
@@ -332,13 +347,14 @@ fn garbage_is_not_obeyed() {
     let keep_it_busy = |client: &mut Client, ticks| {
         flood(client.port_mut(), &mut random, ticks as usize * (BYTES_PER_TICK + 1));
     };
-    let ticks = wait_for_0_v(&mut client, keep_it_busy);
+    let heartbeat = LastHeartbeat::send(&mut client);
+    let tick = wait_for_0_v(&mut client, keep_it_busy);
     let status = client.status().expect("answers");
     println!("{status:?}");
-    is_silence(ticks);
+    heartbeat.is_followed_by_silence_until(tick);
     assert_eq!((status.state, status.command_v), (DriverState::Tripped(Cause::Heartbeat), 0.0));
     // A frame every 30 bytes, so more than one a tick.
-    assert!(status.damaged_frames - running.damaged_frames > ticks, "{status:?}");
+    assert!(status.damaged_frames - running.damaged_frames > tick - heartbeat.latest, "{status:?}");
 }
 
 /// What the line brings in a tick of a millisecond, ten bits to a byte.
@@ -372,7 +388,7 @@ fn a_truncated_upload_changes_nothing() {
     let spoiled = unchecked(&parameters);
     assert!(client.upload(&spoiled, false).is_err());
     wait(&mut client, |status| status.ticks > 1);
-    client.order(Command::Arm).expect("the old parameters are in force");
+    client.arm().expect("the old parameters are in force");
 }
 
 /// A blob whose contents nobody has checked.

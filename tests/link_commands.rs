@@ -55,9 +55,15 @@ fn each_verb_has_its_effect() {
     names(&TOOL.fails(&link(&board, &["set", "--voltage", "NaN"])), &["beyond the limits"]);
     names(&TOOL.fails(&link(&board, &["set"])), &["--voltage", "--reference"]);
     names(&TOOL.fails(&link(&board, &["set", "--voltage", "1", "--reference", "1"])), &["cannot be used with"]);
-    TOOL.json(&link(&board, &["set", "--voltage", "1500"]));
-    TOOL.json(&link(&board, &["arm"]));
-    TOOL.json(&link(&board, &["start", "voltage"]));
+    // What would act in a later run is not taken.
+    names(&TOOL.fails(&link(&board, &["set", "--voltage", "1500"])), &["not while it is disarmed"]);
+    let armed = TOOL.json(&link(&board, &["arm"]));
+    let token = armed["token"].as_u64().expect("a number").to_string();
+    // Who did not arm it can neither start nor move it.
+    names(&TOOL.fails(&link(&board, &["start", "voltage"])), &["another host armed it", "--token"]);
+    TOOL.json(&link(&board, &["start", "voltage", "--token", &token]));
+    names(&TOOL.fails(&link(&board, &["set", "--voltage", "1500"])), &["another host armed it", "--token"]);
+    TOOL.json(&link(&board, &["set", "--voltage", "1500", "--token", &token]));
     // Nobody talks to it any more: 0 V after 500 of its ticks. Each look takes 50 of them.
     let mut looks = 0;
     while board.voltage() != (1500.0, 0.0) {
@@ -145,6 +151,25 @@ fn a_trip_ends_the_playback() {
     let line = TOOL.fails(&link(&board, &["play", text(&played), "--out", text(&out)]));
     names(&line, &["the interlock is open"]);
     assert_eq!(board.voltage(), (0.0, 0.0));
+}
+
+/// Disabled, and still at 3 kV: what no command can mend is told in every way there is.
+#[test]
+fn a_film_that_stays_live_is_told() {
+    let folder = TempDir::new().expect("a folder");
+    let (high, out) = (folder.path().join("high.csv"), folder.path().join("out.csv"));
+    fs::write(&high, "time_s,voltage_v\n0,0\n0.5,3000\n1,3000\n").expect("written");
+    let board = VirtualBoard::start(Scene { enable_welded: true, ..Scene::CALM });
+    upload(&board);
+    let line = TOOL.fails(&link(&board, &["play", text(&high), "--out", text(&out)]));
+    names(&line, &["the film is live", "monitor: 3000 V", "Do not touch it"]);
+    assert!(fs::read_to_string(&out).expect("kept").lines().count() > 20);
+    let how = TOOL.json(&link(&board, &["status"]));
+    assert_eq!((&how["state"], &how["live"]), (&"tripped: LiveFilm, the film is live".into(), &true.into()));
+    assert_eq!((&how["command_v"], how["monitor_v"].as_f64().map(f64::round)), (&0.0.into(), Some(3000.0)));
+    names(&TOOL.fails(&link(&board, &["disarm"])), &["the film is live"]);
+    names(&TOOL.fails(&link(&board, &["acknowledge"])), &["does not read 0 V"]);
+    names(&TOOL.fails(&link(&board, &["arm"])), &["the film is live"]);
 }
 
 #[test]
@@ -235,7 +260,7 @@ fn a_late_answer_counts_and_a_closed_connection_does_not_wait() {
         let mut orders = 0;
         for byte in std::io::Read::bytes(&line) {
             let Some(request) = receiver.push::<Request>(byte.expect("read")) else { continue };
-            let Request { sequence, command } = request.expect("whole");
+            let Request { sequence, command, .. } = request.expect("whole");
             let answer = match command {
                 Command::Identify => Answer::Identity(Identity {
                     protocol: dea_driver::wire::VERSION,

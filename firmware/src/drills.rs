@@ -40,8 +40,8 @@ impl Bench {
 
     pub fn sample(&mut self, idle: bool) -> Inputs {
         self.ticks = self.ticks.wrapping_add(1);
-        // 1 V, and the noise of a living sensor.
-        let displacement = 6400 + (self.ticks % 4) as u16;
+        // 1 V, and the noise of a living sensor: 4 µm peak to peak.
+        let displacement = 6400 + 8 * (self.ticks % 4) as u16;
         let mut inputs = Inputs {
             interlock_closed: true,
             monitor_adc_v: Some(AdcCode(self.monitor).volts(ADC)),

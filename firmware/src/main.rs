@@ -180,11 +180,13 @@ mod app {
             device.state()
         });
 
-        // Lit while the amplifier is enabled; slow when disarmed, fast when tripped. The light hangs between supply and pin.
+        // Lit while the amplifier is enabled; lit with short gaps while the film is live although it is not; slow when disarmed,
+        // fast when tripped. The light hangs between supply and pin.
         *ticks = ticks.wrapping_add(1);
         let dark = match state {
             DriverState::Armed | DriverState::Running => false,
             DriverState::Disarmed => *ticks & 0x200 == 0,
+            DriverState::Tripped(Cause::LiveFilm) => *ticks & 0x1e0 == 0,
             DriverState::Tripped(_) => *ticks & 0x40 == 0,
         };
         led.set_state(PinState::from(dark));

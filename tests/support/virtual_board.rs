@@ -15,6 +15,7 @@ use dea_driver::wire::{FRAME_LEN, Message, boards, encode};
 use dea_driver::{Device, Drive, Inputs, Store};
 #[cfg(target_os = "linux")]
 use serial2::SerialPort;
+use springpot::{Actuator, Law, Options, Preset, State, VoltageDrive};
 
 use crate::flash::Flash;
 
@@ -28,6 +29,8 @@ pub struct Scene {
     pub interlock_closed: bool,
     /// Opens it once the film is above this voltage (V).
     pub opens_above_v: Option<f32>,
+    /// Whether the amplifier goes on with its last voltage when it is disabled: its enable input is welded.
+    pub enable_welded: bool,
     /// What the panic before this start said.
     pub panic_message: &'static str,
     /// Stack that was used, bytes.
@@ -36,7 +39,8 @@ pub struct Scene {
 
 impl Scene {
     /// All is well.
-    pub const CALM: Self = Self { interlock_closed: true, opens_above_v: None, panic_message: "", stack_peak: 1234 };
+    pub const CALM: Self =
+        Self { interlock_closed: true, opens_above_v: None, enable_welded: false, panic_message: "", stack_peak: 1234 };
 }
 
 /// A running board; ends with this value.
@@ -156,6 +160,7 @@ fn run(
     let mut session = Session::new("virtual");
     let mut stream: Option<Box<dyn Line>> = None;
     let mut drive = Drive::OFF;
+    let mut film = Film::new();
     let mut due = Instant::now();
     let mut ticks: u32 = 0;
     while !ended.load(Ordering::Relaxed) {
@@ -166,7 +171,7 @@ fn run(
         while due <= now {
             due += Duration::from_millis(1);
             ticks += 1;
-            drive = bench.device.tick(inputs(&scene, drive, ticks));
+            drive = bench.device.tick(film.inputs(&scene, drive, ticks));
             let command_v = bench.device.status().command_v;
             let mut voltage = voltage.lock().expect("not poisoned");
             *voltage = (voltage.0.max(command_v), command_v);
@@ -203,15 +208,38 @@ fn send(line: &mut dyn Line, message: &Message) {
     let _ = line.write_all(&frame[..length]);
 }
 
-/// A monitor that follows at once, a sensor at 1 V with some noise.
-fn inputs(scene: &Scene, drive: Drive, tick: u32) -> Inputs {
-    let code = if drive.enable { DacCode::from_volts(drive.dac_v, drive.range) } else { DacCode::ZERO };
-    let volts = code.volts(drive.range);
-    let range = AdcRange::UpTo10V24;
-    let opened = scene.opens_above_v.is_some_and(|limit| 1000.0 * volts > limit);
-    Inputs {
-        interlock_closed: scene.interlock_closed && !opened,
-        monitor_adc_v: Some(AdcCode((volts / range.full_scale_v() * 65_536.0) as u16).volts(range)),
-        sensor_adc_v: Some(AdcCode(6400 + (tick % 4) as u16).volts(range)),
+/// The film of the preset `table3-n2`.
+struct Film {
+    law: Law<f32>,
+    drive: VoltageDrive<f32>,
+    state: State<f32>,
+    /// The amplifier's command, V at the DAC.
+    volts: f32,
+}
+
+impl Film {
+    fn new() -> Self {
+        let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+        let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let drive = VoltageDrive::new(&Actuator::KARNER_2022, 10e3, law.stiffness()).expect("valid");
+        Self { state: law.state(), law, drive, volts: 0.0 }
+    }
+
+    /// A monitor that follows at once, a sensor of 1 mm/V at 1 V with some noise.
+    fn inputs(&mut self, scene: &Scene, drive: Drive, tick: u32) -> Inputs {
+        let code = if drive.enable { DacCode::from_volts(drive.dac_v, drive.range) } else { DacCode::ZERO };
+        if drive.enable || !scene.enable_welded {
+            self.volts = code.volts(drive.range);
+        }
+        let volts = self.volts;
+        let displacement_m = self.law.displacement_under(&mut self.state, self.drive.load(1000.0 * volts));
+        let range = AdcRange::UpTo10V24;
+        let opened = scene.opens_above_v.is_some_and(|limit| 1000.0 * volts > limit);
+        let code_of = |volts: f32| (volts / range.full_scale_v() * 65_536.0) as u16;
+        Inputs {
+            interlock_closed: scene.interlock_closed && !opened,
+            monitor_adc_v: Some(AdcCode(code_of(volts)).volts(range)),
+            sensor_adc_v: Some(AdcCode(code_of(1.0 + displacement_m / 1e-3) + 16 * (tick % 4) as u16).volts(range)),
+        }
     }
 }

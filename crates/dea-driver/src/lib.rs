@@ -21,7 +21,7 @@ pub use heapless;
 pub use chips::Drive;
 #[cfg(feature = "chips")]
 pub use chips::{AdcError, Ads868x, Amplifier, AmplifierError};
-pub use control::{Controller, Inputs, Mode, OutOfRange, Outputs, Telemetry};
+pub use control::{Controller, Inputs, Mode, Outputs, SetpointError, Telemetry};
 #[cfg(feature = "loop-test")]
 pub use control::{Followed, Step, Target};
 pub use parameters::{BLOB_LEN, Blob, BlobError, Control, Parameters, SCHEMA};

@@ -10,15 +10,20 @@ use dea_driver::wire::{
     Answer, BATCH, CHUNK, Command, FRAME_LEN, Identity, Message, Receiver, Reject, Request, Status, Step, Telemetry,
     VERSION, encode,
 };
-use dea_driver::{DriverState, Refusal, SCHEMA};
+use dea_driver::{Cause, DriverState, Refusal, SCHEMA};
 
 pub use emulator::Emulator;
 pub use port::Port;
 
 use crate::error::{Error, Result};
 
-/// A request that changes nothing is sent again after this time without an answer, then after twice as long, and so on.
+/// A request that may be repeated is sent again after this time without an answer, then after twice as long, and so on.
 const CALL: Duration = Duration::from_millis(250);
+/// The same for one that keeps the amplifier enabled, which the board waits for: a fifth of the default heartbeat.
+const HEARTBEAT: Duration = Duration::from_millis(100);
+
+const LIVE: &str = "the film is live: its monitor shows voltage although the amplifier is disabled. Do not touch it; switch the \
+                    supply off, wait, measure, and only then acknowledge";
 
 /// A conversation with a controller.
 #[derive(Debug)]
@@ -26,6 +31,8 @@ pub struct Client {
     port: Port,
     receiver: Receiver,
     sequence: u16,
+    /// Of the arming that this conversation goes on; 0 if none.
+    token: u16,
     samples: VecDeque<Telemetry>,
 }
 
@@ -36,7 +43,7 @@ impl Client {
     ///
     /// [`Error::Link`] where nobody answers, or somebody of another version.
     pub fn new(port: Port) -> Result<(Self, Identity)> {
-        let mut client = Self { port, receiver: Receiver::new(), sequence: 0, samples: VecDeque::new() };
+        let mut client = Self { port, receiver: Receiver::new(), sequence: 0, token: 0, samples: VecDeque::new() };
         // What an earlier conversation left half said ends here.
         client.port.write(&[0])?;
         let identity = match client.ask(Command::Identify)? {
@@ -60,19 +67,20 @@ impl Client {
 
     /// Sends a command and waits for its answer, for as long as the port's [`patience`](Port::patience).
     ///
-    /// A request that changes nothing is sent again if no answer comes: a board that is just starting does not receive the
-    /// first ones. Any other is sent once, since an answer that is late or lost does not tell whether it was obeyed.
+    /// A request that may be obeyed twice is sent again if no answer comes: a board that is just starting does not receive the
+    /// first ones, and a bit may flip on the way. Any other is sent once, since an answer that is late or lost does not tell
+    /// whether it was obeyed.
     ///
     /// # Errors
     ///
     /// [`Error::Link`] where no answer comes, or the request was damaged on its way.
     pub fn ask(&mut self, command: Command) -> Result<Answer> {
         let deadline = Instant::now() + self.port.patience();
-        let repeats = changes_nothing(&command);
-        let mut request = Request { sequence: self.sequence, command };
+        let repeats = may_be_repeated(&command);
+        let mut request = Request { sequence: self.sequence, token: self.token, command };
         let mut sent = Vec::new();
         let mut rejected = None;
-        let mut call = CALL;
+        let mut call = if keeps_alive(&request.command) { HEARTBEAT } else { CALL };
         loop {
             request.sequence = request.sequence.wrapping_add(1).max(1);
             self.sequence = request.sequence;
@@ -119,6 +127,27 @@ impl Client {
             Answer::Done => Ok(()),
             other => Err(self.unexpected(&other)),
         }
+    }
+
+    /// Enables the amplifier at 0 V. From here on this conversation may start a run and set its targets. Returns the token with
+    /// which another one may [go on](Self::go_on).
+    ///
+    /// # Errors
+    ///
+    /// As [`order`](Self::order).
+    pub fn arm(&mut self) -> Result<u16> {
+        match self.ask(Command::Arm)? {
+            Answer::Armed { token } => {
+                self.token = token;
+                Ok(token)
+            }
+            other => Err(self.unexpected(&other)),
+        }
+    }
+
+    /// Goes on where the conversation left off that armed and got this token.
+    pub fn go_on(&mut self, token: u16) {
+        self.token = token;
     }
 
     /// How things are.
@@ -192,9 +221,15 @@ impl Client {
         Error::Link { port: self.port.name().into(), cause: cause.into() }
     }
 
+    /// There is voltage on a film whose amplifier is disabled.
+    pub fn film_is_live(&self, monitor_v: f32) -> Error {
+        self.fault(format!("{LIVE} (monitor: {monitor_v:.0} V)"))
+    }
+
     /// What an answer other than the one hoped for means.
     pub fn unexpected(&self, answer: &Answer) -> Error {
         self.fault(match answer {
+            Answer::Refused(Refusal::State(DriverState::Tripped(Cause::LiveFilm))) => LIVE.into(),
             Answer::Refused(Refusal::State(DriverState::Tripped(cause))) => {
                 format!("tripped ({cause:?}); find out why, then acknowledge")
             }
@@ -212,14 +247,23 @@ impl Client {
             Answer::Rejected(Reject::NoParameters) => "there are no parameters yet; upload some".into(),
             Answer::Rejected(Reject::Flash) => "the flash did not take the parameters; the old ones stay".into(),
             Answer::Rejected(Reject::Unknown) => "the firmware does not know that command".into(),
+            Answer::Rejected(Reject::Token) => {
+                "another host armed it; disarm and arm here, or give the --token that `arm` printed".into()
+            }
             other => format!("unexpected answer {other:?}"),
         })
     }
 }
 
 /// Whether a request may be obeyed twice without anybody noticing.
-fn changes_nothing(command: &Command) -> bool {
-    matches!(command, Command::Identify | Command::Status | Command::Query | Command::PanicMessage)
+fn may_be_repeated(command: &Command) -> bool {
+    let asks = matches!(command, Command::Identify | Command::Status | Command::Query | Command::PanicMessage);
+    asks || keeps_alive(command) || matches!(command, Command::Disarm)
+}
+
+/// Whether the board waits for such requests while the amplifier is enabled.
+fn keeps_alive(command: &Command) -> bool {
+    matches!(command, Command::Heartbeat | Command::SetVoltage(_) | Command::SetReference(_))
 }
 
 /// A state in words.
@@ -228,6 +272,7 @@ pub fn named(state: DriverState) -> String {
         DriverState::Disarmed => "disarmed".into(),
         DriverState::Armed => "armed".into(),
         DriverState::Running => "running".into(),
+        DriverState::Tripped(Cause::LiveFilm) => "tripped: LiveFilm, the film is live".into(),
         DriverState::Tripped(cause) => format!("tripped: {cause:?}"),
     }
 }

@@ -79,14 +79,16 @@ fn ticks(controller: &mut Controller, mut take: impl FnMut(DacCode, Outputs)) {
 }
 
 /// A tick from codes to a code, as the firmware has it: a monitor that follows the `command` of the last tick at once, and a
-/// sensor that stands still.
+/// sensor that shows a film standing still, and its own noise.
 #[inline(never)]
 pub fn tick(controller: &mut Controller, command: DacCode) -> (DacCode, Outputs) {
     // Both are volts: of 10 V at 65536, and of 10.24 V.
     #[allow(clippy::cast_possible_truncation)] // below the DAC's code
     let monitor = (u32::from(command.0) * 1000 / 1024) as u16;
     let adc_v = |code| Some(AdcCode(black_box(code)).volts(AdcRange::UpTo10V24));
-    let inputs = Inputs { interlock_closed: true, monitor_adc_v: adc_v(monitor), sensor_adc_v: adc_v(5120) };
+    // 0.8 mm, and 2.5 µm in every other tick.
+    let sensor = if controller.supervisor().ticks() & 1 == 0 { 5120 } else { 5136 };
+    let inputs = Inputs { interlock_closed: true, monitor_adc_v: adc_v(monitor), sensor_adc_v: adc_v(sensor) };
     let outputs = controller.tick(inputs);
     (DacCode::from_volts(outputs.dac_v, controller.parameters().command_range), outputs)
 }
@@ -108,10 +110,12 @@ fn parameters(law: Coefficients<f32>) -> Parameters {
             thickness_m: 160e-6,
             max_slew_v_per_s: 50e3,
             max_displacement_m: 8e-3,
+            max_disturbance_share: 1.0,
             monitor: MonitorLimits { slew_v_per_s: 100e3, band_v: 60.0, band_share: 0.03, settle_s: 0.02 },
-            sensor: PlausibilityLimits { low: -1e-3, high: 9e-3, jump: 0.5e-3, stuck_ticks: 0 },
+            sensor: PlausibilityLimits { low: -1e-3, high: 9e-3, jump: 0.5e-3, stuck_ticks: 500, stuck_band: 2e-6 },
             on_sensor_fault: OnSensorFault::Trip,
             heartbeat_s: 60.0,
+            discharge_s: 1.0,
         },
         control: Control::BENCH,
     }

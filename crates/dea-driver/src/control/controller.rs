@@ -1,10 +1,10 @@
 //! The control tick.
 
-use springpot::{Applied, Compressed, Limited, SensorSample, Tracking, TrackingState};
+use springpot::{Applied, Compressed, Limited, SensorSample, State, Tracking, TrackingState};
 
 #[cfg(feature = "loop-test")]
 use crate::control::loop_test::{Followed, LoopTest, Step, Target};
-use crate::control::setpoint::{OutOfRange, Ramp};
+use crate::control::setpoint::{Ramp, SetpointError};
 use crate::control::{Mode, Telemetry};
 use crate::parameters::{Blob, Parameters};
 use crate::safety::{Cause, Readings, Refusal, Supervisor};
@@ -43,7 +43,7 @@ pub struct Outputs {
 /// more slowly. It converts between volts at the converters and quantities; converters and their codes are the caller's.
 ///
 /// Requests between two ticks go through the methods here. There is no access to the [`Supervisor`] but to read it:
-/// [`start`](Self::start) always takes a mode, and whatever ends a run clears its targets.
+/// [`start`](Self::start) always takes a mode, every run begins at 0 V, and targets end with the state that they were set in.
 ///
 /// ```
 /// use dea_driver::{Blob, Controller, DriverState, Inputs, Mode, Parameters};
@@ -89,13 +89,17 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
     /// The film as the ticks estimate it, and its reference.
     course: TrackingState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    /// The film as the commanded voltage alone moves it: no sensor corrects it.
+    open_loop: State<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    /// Shares of the force at the largest voltage per newton.
+    shares_per_n: f32,
     sampler: Sampler,
     mode: Mode,
     /// Whether the law commanded the voltage in the last tick, or has been started since.
     ran: bool,
-    /// The voltage that was set, V; none until it is set again after a run.
+    /// The voltage of this run, V; none until one is set.
     voltage: Ramp,
-    /// The same for the reference, m.
+    /// The reference of this run, m; none until one is set.
     reference: Ramp,
     #[cfg(feature = "loop-test")]
     test: LoopTest<HEAD, FAST, SLOW>,
@@ -114,7 +118,9 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     #[must_use]
     pub fn new(blob: Blob<HEAD, FAST, SLOW>) -> Self {
         let (parameters, tracking, supervisor) = blob.into_parts();
-        let course = tracking.state(tracking.observer().law().state());
+        let rest = tracking.observer().law().state();
+        let course = tracking.state(rest.clone());
+        let shares_per_n = shares_per_n(&parameters);
         let sampler =
             Sampler::new(parameters.rate_hz, parameters.control.sample_interval_s, parameters.control.delay_s);
         Self {
@@ -124,6 +130,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             supervisor,
             tracking,
             course,
+            open_loop: rest,
+            shares_per_n,
             sampler,
             mode: Mode::Voltage,
             ran: false,
@@ -157,9 +165,16 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         if inputs.monitor_adc_v.is_none() && self.supervisor.enables() {
             self.supervisor.trip(Cause::Bus);
         }
-        let predicted_m = self.course.observer().displacement();
-        let interlock_closed = inputs.interlock_closed;
-        let checked = self.supervisor.check(Readings { interlock_closed, monitor_v, displacement_m, predicted_m });
+        let corrects = self.supervisor.runs() && self.mode == Mode::Tracking;
+        let observer = self.course.observer();
+        let checked = self.supervisor.check(Readings {
+            interlock_closed: inputs.interlock_closed,
+            monitor_v,
+            displacement_m,
+            predicted_m: observer.displacement(),
+            open_loop_m: self.open_loop.position(),
+            disturbance_share: if corrects { observer.disturbance() * self.shares_per_n } else { 0.0 },
+        });
 
         // Estimate: step the film under the voltage that stood since the last tick, and correct it with a sample if one is
         // due. Nothing is learned from a film that is not driven.
@@ -167,22 +182,26 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let sample = self.sampler.next(checked.displacement_m.filter(|_| listens));
         let applied = Applied::as_commanded(stood_v);
         let predicted_m = self.tracking.observe(&mut self.course, applied, sample);
-        if !predicted_m.is_finite() {
+        let observer = self.tracking.observer();
+        let open_loop_m = observer.law().displacement_under(&mut self.open_loop, observer.drive().load(stood_v));
+        if !(predicted_m.is_finite() && open_loop_m.is_finite()) {
             self.supervisor.trip(Cause::Law);
         }
 
-        // Command: what the mode asks for, within the limits. Until there is a reference it stays with the film, so that
-        // following begins without a jump. Targets end with the run, which may have been tripped since the last tick.
+        // Command: what the mode asks for, within the limits. Until there is a reference it is 0 V, and the reference stays with
+        // the film, so that following begins without a jump. Targets end with the run, which may have been tripped since the
+        // last tick.
         let runs = self.supervisor.runs();
         if self.ran && !runs {
             self.clear_targets();
         }
         self.ran = runs;
         let follows = self.supervisor.runs() && self.mode != Mode::Voltage;
-        let reference_m = self.reference.next().filter(|_| follows).unwrap_or(predicted_m);
-        let wanted = self.tracking.command(&mut self.course, reference_m);
+        let reference_m = self.reference.next().filter(|_| follows);
+        let wanted = self.tracking.command(&mut self.course, reference_m.unwrap_or(predicted_m));
         let set_v = self.voltage.next().unwrap_or(0.0);
-        let wanted_v = if self.mode == Mode::Voltage { set_v } else { wanted.voltage };
+        let followed_v = if reference_m.is_some() { wanted.voltage } else { 0.0 };
+        let wanted_v = if self.mode == Mode::Voltage { set_v } else { followed_v };
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > predicted_m).unwrap_or(predicted_m);
         let command_v = self.supervisor.command(wanted_v, 1.0 + self.coupling() * furthest_m);
         let enable = self.supervisor.enables();
@@ -206,7 +225,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         Outputs { enable, dac_v, telemetry }
     }
 
-    /// A request of the host has arrived: its timeout starts again.
+    /// The host that armed is alive: its timeout starts again.
     pub fn heartbeat(&mut self) {
         self.supervisor.heartbeat();
     }
@@ -223,17 +242,20 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     ///
     /// As [`Supervisor::arm`].
     pub fn arm(&mut self) -> Result<(), Refusal> {
-        self.supervisor.arm()
+        self.supervisor.arm()?;
+        self.clear_targets();
+        Ok(())
     }
 
-    /// Begins a run in `mode`, at 0 V or where the film is, or towards a target that was set since the last run. Feedforward uses the model as it was
-    /// fitted, without what was learned in other runs.
+    /// Begins a run in `mode` at 0 V, where it stays until a target is set. Feedforward uses the model as it was fitted, without
+    /// what was learned in other runs.
     ///
     /// # Errors
     ///
     /// As [`Supervisor::start`].
     pub fn start(&mut self, mode: Mode) -> Result<(), Refusal> {
         self.supervisor.start()?;
+        self.clear_targets();
         self.mode = mode;
         self.ran = true;
         if mode == Mode::Feedforward {
@@ -264,7 +286,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         Ok(())
     }
 
-    /// Acknowledges a trip: disarmed from now on. A film whose state is not finite starts again at rest.
+    /// Acknowledges a trip: disarmed from now on. What was learned from the sensor is forgotten, since the fault may have taught
+    /// it; a film whose state is not finite starts again at rest.
     ///
     /// # Errors
     ///
@@ -272,23 +295,29 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         self.supervisor.acknowledge()?;
         self.clear_targets();
+        self.course.forget();
+        let rest = self.tracking.observer().law().state();
         if !self.course.observer().displacement().is_finite() {
-            self.course = self.tracking.state(self.tracking.observer().law().state());
+            self.course = self.tracking.state(rest.clone());
+        }
+        if !self.open_loop.position().is_finite() {
+            self.open_loop = rest;
         }
         Ok(())
     }
 
     /// Sets the voltage of [`Mode::Voltage`] (V at the film): approached in a straight line in the time since the value
-    /// before, 50 ms at most.
+    /// before, 50 ms at most. One that is set while armed tells whether it is within the limits; [`start`](Self::start) clears it.
     ///
     /// # Errors
     ///
-    /// [`OutOfRange`] for NaN and beyond what the monitor may show. Between the largest voltage and that, which recordings
-    /// show with their monitor's noise, the largest voltage is commanded.
-    pub fn set_voltage(&mut self, volts: f32) -> Result<(), OutOfRange> {
+    /// [`SetpointError`] for NaN and beyond what the monitor may show, and unless the amplifier is enabled. Between the largest
+    /// voltage and what the monitor may show, as recordings have it with their monitor's noise, the largest voltage is commanded.
+    pub fn set_voltage(&mut self, volts: f32) -> Result<(), SetpointError> {
         if !(0.0..=self.parameters.limits.monitored_v()).contains(&volts) {
-            return Err(OutOfRange);
+            return Err(SetpointError::OutOfRange);
         }
+        self.is_live()?;
         self.voltage.set(volts, self.ramp_ticks());
         Ok(())
     }
@@ -298,13 +327,22 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     ///
     /// # Errors
     ///
-    /// [`OutOfRange`] for NaN and beyond the largest displacement.
-    pub fn set_reference(&mut self, metres: f32) -> Result<(), OutOfRange> {
+    /// [`SetpointError`] for NaN and beyond the largest displacement, and unless the amplifier is enabled.
+    pub fn set_reference(&mut self, metres: f32) -> Result<(), SetpointError> {
         if metres.is_nan() || metres.abs() > self.parameters.limits.max_displacement_m {
-            return Err(OutOfRange);
+            return Err(SetpointError::OutOfRange);
         }
+        self.is_live()?;
         self.reference.set(metres, self.ramp_ticks());
         Ok(())
+    }
+
+    /// A set-point that is taken while nothing can follow it would act in a later run.
+    fn is_live(&self) -> Result<(), SetpointError> {
+        match self.supervisor.state() {
+            state if state.is_live() => Ok(()),
+            state => Err(SetpointError::NotLive(state)),
+        }
     }
 
     fn clear_targets(&mut self) {
@@ -342,6 +380,15 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     pub fn follow(&mut self, mode: Mode, target: Target) -> Followed {
         self.test.follow(&self.tracking, mode, target, self.sampler.age_ticks)
     }
+}
+
+/// Shares of the force at the largest voltage, with the film at rest, per newton.
+#[allow(clippy::cast_possible_truncation)] // as the laws have it
+fn shares_per_n<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    parameters: &Parameters<HEAD, FAST, SLOW>,
+) -> f32 {
+    let largest_v = f64::from(parameters.limits.max_voltage_v);
+    (1.0 / (parameters.actuator.force_per_square_volt() * largest_v * largest_v)) as f32
 }
 
 impl Sampler {

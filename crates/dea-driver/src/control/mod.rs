@@ -9,5 +9,5 @@ mod telemetry;
 pub use controller::{Controller, Inputs, Outputs};
 #[cfg(any(feature = "loop-test", feature = "link"))]
 pub use loop_test::{Followed, Step, Target};
-pub use setpoint::OutOfRange;
+pub use setpoint::SetpointError;
 pub use telemetry::{Mode, Telemetry};

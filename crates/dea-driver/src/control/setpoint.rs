@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::safety::DriverState;
+
 /// A value that a host sets from time to time: approached in a straight line, in the time since the one before.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ramp {
@@ -41,15 +43,23 @@ impl Ramp {
     }
 }
 
-/// A voltage or reference is NaN or beyond the limits.
+/// Why a voltage or a reference was not set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct OutOfRange;
+pub enum SetpointError {
+    /// NaN, or beyond the limits.
+    OutOfRange,
+    /// The amplifier is disabled: a set-point would wait for the next run.
+    NotLive(DriverState),
+}
 
-impl fmt::Display for OutOfRange {
+impl fmt::Display for SetpointError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("the value is NaN or beyond the limits")
+        match self {
+            Self::OutOfRange => f.write_str("the value is NaN or beyond the limits"),
+            Self::NotLive(state) => write!(f, "no set-point in the state {state:?}"),
+        }
     }
 }
 
-impl core::error::Error for OutOfRange {}
+impl core::error::Error for SetpointError {}

@@ -10,7 +10,7 @@ use crate::parameters::Parameters;
 use crate::safety::{LimitsError, Supervisor};
 
 /// The version of the format.
-pub const SCHEMA: u16 = 1;
+pub const SCHEMA: u16 = 2;
 
 /// Largest length of a blob, bytes.
 pub const BLOB_LEN: usize = 768;
@@ -97,6 +97,8 @@ pub enum BlobError {
     Reach(&'static str),
     /// Limits for a film of another thickness than the actuator's.
     Thickness,
+    /// A sensor that would count as stuck before its samples can show that the film moves.
+    Stuck,
 }
 
 impl fmt::Display for BlobError {
@@ -124,6 +126,7 @@ impl fmt::Display for BlobError {
                 write!(f, "the {which} does not reach from 0 V to limits.max_voltage_v, within the monitor's band")
             }
             Self::Thickness => f.write_str("limits.thickness_m is not the actuator's thickness_m"),
+            Self::Stuck => f.write_str("limits.sensor.stuck_ticks must be at least five times control.delay_s"),
         }
     }
 }
@@ -224,6 +227,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, F
         }
         if !(0.99..=1.01).contains(&(f64::from(limits.thickness_m) / self.actuator.thickness_m)) {
             return Err(BlobError::Thickness);
+        }
+        #[allow(clippy::cast_precision_loss)] // compared, not counted
+        if (limits.sensor.stuck_ticks as f32) < 5.0 * self.control.delay_s * self.rate_hz {
+            return Err(BlobError::Stuck);
         }
         Ok(())
     }

@@ -4,7 +4,21 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::safety::stillness::LEAST_TICKS;
+
 /// What film and bench allow.
+///
+/// ```
+/// use dea_driver::{Limits, LimitsError};
+///
+/// // A bench like the paper's with a thinner film, at 4 kV and 2 mm at the most.
+/// let limits = Limits { max_voltage_v: 4000.0, max_displacement_m: 2e-3, ..Limits::bench(100e-6) };
+/// assert_eq!(limits.check(), Ok(()));
+///
+/// // Limits that protect nothing are refused.
+/// let deaf = Limits { heartbeat_s: 1e6, ..limits };
+/// assert_eq!(deaf.check(), Err(LimitsError::TooLarge("heartbeat_s")));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -17,16 +31,22 @@ pub struct Limits {
     pub thickness_m: f32,
     /// Largest change of the command, V/s.
     pub max_slew_v_per_s: f32,
-    /// Largest displacement to either side, m.
+    /// Largest displacement to either side, m: of the sensor, and of the model under the commanded voltage.
     pub max_displacement_m: f32,
+    /// Largest force that the model may leave unexplained while tracking, as a share of the force at the largest voltage.
+    #[serde(default = "max_disturbance_share")]
+    pub max_disturbance_share: f32,
     /// Largest difference between voltage monitor and command.
     pub monitor: MonitorLimits,
     /// Plausible values of the displacement sensor, m.
     pub sensor: PlausibilityLimits,
     /// Reaction to an implausible value of the displacement sensor.
     pub on_sensor_fault: OnSensorFault,
-    /// Longest time without a request of the host, s.
+    /// Longest time without a heartbeat or a set-point of the host that armed, s.
     pub heartbeat_s: f32,
+    /// Time from disabling the amplifier until the film is at 0 V, s: through the amplifier's bleeder, or a film's own leakage.
+    #[serde(default = "discharge_s")]
+    pub discharge_s: f32,
 }
 
 /// Largest difference between the voltage monitor and the command.
@@ -55,8 +75,28 @@ pub struct PlausibilityLimits {
     pub high: f32,
     /// Largest plausible change from one tick to the next.
     pub jump: f32,
-    /// Number of ticks for which the value may stay exactly the same: a working sensor has noise. 0: no such limit.
+    /// Number of ticks after which a sensor that shows exactly the same value counts as stuck. One that stays within its
+    /// `stuck_band` while the model moves five times as far within these ticks is stuck a fifth of them later, which must be
+    /// longer than the sensor's delay.
     pub stuck_ticks: u32,
+    /// What a sensor may move, in its unit, without having followed the film: more than the noise of its converter.
+    #[serde(default = "stuck_band")]
+    pub stuck_band: f32,
+}
+
+/// The share of files that do not state it.
+fn max_disturbance_share() -> f32 {
+    0.1
+}
+
+/// The time of files that do not state it, s.
+fn discharge_s() -> f32 {
+    1.0
+}
+
+/// The band of files that do not state it, m.
+fn stuck_band() -> f32 {
+    2e-6
 }
 
 /// Reaction to an implausible value of the displacement sensor.
@@ -93,7 +133,10 @@ impl fmt::Display for LimitsError {
                 f.write_str("monitor: slew and band must be greater than 0, share and settling time not negative")
             }
             Self::TooLarge(quantity) => write!(f, "{quantity} is so large that it protects nothing"),
-            Self::Sensor => f.write_str("sensor: low must be below high, and the jump greater than 0"),
+            Self::Sensor => write!(
+                f,
+                "sensor: low must be below high, jump and stuck_band greater than 0, stuck_ticks at least {LEAST_TICKS}"
+            ),
         }
     }
 }
@@ -111,10 +154,12 @@ impl Limits {
             thickness_m,
             max_slew_v_per_s: 50e3,
             max_displacement_m: 8e-3,
+            max_disturbance_share: 0.1,
             monitor: MonitorLimits { slew_v_per_s: 100e3, band_v: 60.0, band_share: 0.03, settle_s: 0.02 },
-            sensor: PlausibilityLimits { low: -0.5e-3, high: 9e-3, jump: 0.5e-3, stuck_ticks: 1000 },
+            sensor: PlausibilityLimits { low: -0.5e-3, high: 9e-3, jump: 0.5e-3, stuck_ticks: 500, stuck_band: 2e-6 },
             on_sensor_fault: OnSensorFault::Trip,
             heartbeat_s: 0.5,
+            discharge_s: 1.0,
         }
     }
 
@@ -136,7 +181,9 @@ impl Limits {
             ("thickness_m", self.thickness_m),
             ("max_slew_v_per_s", self.max_slew_v_per_s),
             ("max_displacement_m", self.max_displacement_m),
+            ("max_disturbance_share", self.max_disturbance_share),
             ("heartbeat_s", self.heartbeat_s),
+            ("discharge_s", self.discharge_s),
         ] {
             if !positive(value) {
                 return Err(LimitsError::NotPositive(name));
@@ -144,6 +191,8 @@ impl Limits {
         }
         for (name, value, most) in [
             ("heartbeat_s", self.heartbeat_s, 60.0),
+            ("discharge_s", self.discharge_s, 60.0),
+            ("max_disturbance_share", self.max_disturbance_share, 1.0),
             ("monitor.band_share", self.monitor.band_share, 0.5),
             ("monitor.settle_s", self.monitor.settle_s, 1.0),
         ] {
@@ -173,7 +222,12 @@ impl MonitorLimits {
 
 impl PlausibilityLimits {
     fn are_valid(&self) -> bool {
-        self.low.is_finite() && self.high.is_finite() && self.low < self.high && self.jump > 0.0 && !self.jump.is_nan()
+        self.low.is_finite()
+            && self.high.is_finite()
+            && self.low < self.high
+            && self.jump > 0.0
+            && positive(self.stuck_band)
+            && self.stuck_ticks >= LEAST_TICKS
     }
 }
 

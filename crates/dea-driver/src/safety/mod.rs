@@ -3,6 +3,7 @@
 mod limits;
 mod monitor;
 mod plausibility;
+mod stillness;
 mod supervisor;
 
 pub use limits::{Limits, LimitsError, MonitorLimits, OnSensorFault, PlausibilityLimits};

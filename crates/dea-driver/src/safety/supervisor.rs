@@ -49,7 +49,7 @@ pub enum Cause {
     Voltage,
     /// The displacement sensor is implausible.
     Sensor(SensorFault),
-    /// The film moved beyond its limit.
+    /// The film moved beyond its limit, by the sensor, or by the estimate without one.
     Displacement,
     /// No request of the host for too long.
     Heartbeat,
@@ -63,6 +63,13 @@ pub enum Cause {
     Watchdog,
     /// The firmware panicked.
     Panic,
+    /// By the model, the commanded voltage moves the film beyond its limit, whatever the sensor shows.
+    ModelDisplacement,
+    /// While tracking, the model leaves more force unexplained than allowed: the sensor drifts, has slipped or lost gain, or
+    /// the film has changed.
+    Disturbance,
+    /// The monitor shows voltage although the amplifier is disabled: do not touch the film. It replaces any other cause.
+    LiveFilm,
 }
 
 /// Why a request was refused.
@@ -102,8 +109,13 @@ pub struct Readings {
     pub monitor_v: f32,
     /// The displacement sensor, m.
     pub displacement_m: f32,
-    /// The displacement that the model predicts, m.
+    /// The estimate, which the sensor may have corrected, m.
     pub predicted_m: f32,
+    /// The model's displacement under the commanded voltage alone, which no sensor corrects, m.
+    pub open_loop_m: f32,
+    /// The force that the model leaves unexplained, as a share of the force at the largest voltage; 0 where no sensor acts on
+    /// the voltage.
+    pub disturbance_share: f32,
 }
 
 /// The result of the checks of a tick.
@@ -125,7 +137,14 @@ pub struct Tick {
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// let mut supervisor = Supervisor::new(&Limits::bench(160e-6), 1000.0)?;
-/// let healthy = Readings { interlock_closed: true, monitor_v: 0.0, displacement_m: 1e-6, predicted_m: 0.0 };
+/// let healthy = Readings {
+///     interlock_closed: true,
+///     monitor_v: 0.0,
+///     displacement_m: 1e-6,
+///     predicted_m: 0.0,
+///     open_loop_m: 0.0,
+///     disturbance_share: 0.0,
+/// };
 ///
 /// // In every tick: check the readings, then ask for a voltage.
 /// supervisor.check(healthy);
@@ -153,16 +172,22 @@ pub struct Supervisor {
     field_v: f32,
     slew_v_per_tick: f32,
     max_displacement_m: f32,
+    max_disturbance_share: f32,
     live_v: f32,
     on_sensor_fault: OnSensorFault,
     heartbeat_ticks: u32,
     ticks_since_heartbeat: u32,
+    discharge_ticks: u32,
+    /// Ticks with the amplifier disabled, and voltage at the monitor in all of the last ones.
+    live_ticks: u32,
     command_v: f32,
     monitor_limits: MonitorLimits,
     monitor: Monitor,
     sensor: Plausibility,
     rate_hz: f32,
-    last: Readings,
+    /// Of the last tick.
+    interlock_closed: bool,
+    monitor_v: f32,
     last_fault: Option<SensorFault>,
 }
 
@@ -187,17 +212,21 @@ impl Supervisor {
             field_v: limits.max_field_v_per_m * limits.thickness_m,
             slew_v_per_tick: limits.max_slew_v_per_s / rate_hz,
             max_displacement_m: limits.max_displacement_m,
+            max_disturbance_share: limits.max_disturbance_share,
             live_v: limits.monitor.band_v,
             on_sensor_fault: limits.on_sensor_fault,
             heartbeat_ticks: (limits.heartbeat_s * rate_hz + 0.5) as u32,
             ticks_since_heartbeat: 0,
+            discharge_ticks: (limits.discharge_s * rate_hz + 0.5) as u32,
+            live_ticks: 0,
             command_v: 0.0,
             monitor_limits: limits.monitor,
             monitor: Monitor::new(limits.monitor, rate_hz),
             sensor: Plausibility::new(limits.sensor),
             rate_hz,
             // There are no readings yet, so arming is refused.
-            last: Readings { interlock_closed: false, monitor_v: f32::NAN, displacement_m: f32::NAN, predicted_m: 0.0 },
+            interlock_closed: false,
+            monitor_v: f32::NAN,
             last_fault: None,
         })
     }
@@ -226,6 +255,18 @@ impl Supervisor {
         self.command_v
     }
 
+    /// Voltage at the film by the monitor, V; NaN before the first tick and from a monitor that does not answer.
+    #[must_use]
+    pub fn monitor_v(&self) -> f32 {
+        self.monitor_v
+    }
+
+    /// Whether the monitor shows more voltage than its band around 0 V.
+    #[must_use]
+    pub fn is_film_live(&self) -> bool {
+        self.monitor_v.abs() > self.live_v
+    }
+
     /// Whether the amplifier is to be enabled.
     #[must_use]
     pub fn enables(&self) -> bool {
@@ -247,10 +288,10 @@ impl Supervisor {
         if self.state != DriverState::Disarmed {
             return Err(Refusal::State(self.state));
         }
-        if !self.last.interlock_closed {
+        if !self.interlock_closed {
             return Err(Refusal::InterlockOpen);
         }
-        if !(-self.live_v..=self.live_v).contains(&self.last.monitor_v) {
+        if !(-self.live_v..=self.live_v).contains(&self.monitor_v) {
             return Err(Refusal::LiveVoltage);
         }
         if let (Some(fault), OnSensorFault::Trip) = (self.last_fault, self.on_sensor_fault) {
@@ -298,9 +339,10 @@ impl Supervisor {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] if it is not tripped.
+    /// [`Refusal`] if it is not tripped, and for [`Cause::LiveFilm`] as long as the film is live.
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         match self.state {
+            DriverState::Tripped(Cause::LiveFilm) if self.is_film_live() => Err(Refusal::LiveVoltage),
             DriverState::Tripped(_) => {
                 self.state = DriverState::Disarmed;
                 self.sensor.reset();
@@ -337,9 +379,11 @@ impl Supervisor {
     pub fn check(&mut self, readings: Readings) -> Tick {
         self.ticks = self.ticks.wrapping_add(1);
         self.ticks_since_heartbeat = self.ticks_since_heartbeat.saturating_add(1);
-        self.last = readings;
-        self.last_fault = self.sensor.check(readings.displacement_m, readings.predicted_m);
-        // Without a plausible sensor the model's displacement is checked against the limit.
+        self.interlock_closed = readings.interlock_closed;
+        self.monitor_v = readings.monitor_v;
+        self.last_fault = self.sensor.check(readings.displacement_m, readings.predicted_m, readings.open_loop_m);
+        // Without a plausible sensor the estimate is checked against the limit. A sensor that seems plausible may still be
+        // wrong, and tracking would follow it: the model alone keeps the limit as well.
         let displacement_m = if self.last_fault.is_none() { readings.displacement_m } else { readings.predicted_m };
         let agrees = self.monitor.agrees(self.command_v, readings.monitor_v);
         let trips = matches!(self.on_sensor_fault, OnSensorFault::Trip);
@@ -348,15 +392,29 @@ impl Supervisor {
             _ if readings.monitor_v > self.monitored_v => Some(Cause::Voltage),
             _ if !agrees => Some(Cause::Monitor),
             Some(fault) if trips => Some(Cause::Sensor(fault)),
-            _ if displacement_m.abs() > self.max_displacement_m => Some(Cause::Displacement),
+            _ if beyond(displacement_m, self.max_displacement_m) => Some(Cause::Displacement),
+            _ if beyond(readings.open_loop_m, self.max_displacement_m) => Some(Cause::ModelDisplacement),
+            _ if beyond(readings.disturbance_share, self.max_disturbance_share) => Some(Cause::Disturbance),
             _ if self.ticks_since_heartbeat > self.heartbeat_ticks => Some(Cause::Heartbeat),
             _ => None,
         };
         if let (true, Some(cause)) = (self.enables(), cause) {
             self.trip(cause);
         }
+        self.check_film_at_0_v();
         let displacement_m = if self.last_fault.is_none() { Some(readings.displacement_m) } else { None };
         Tick { state: self.state, displacement_m }
+    }
+
+    /// Nothing but the monitor tells that a disabled amplifier is really off: an enable input that is welded, or wired to
+    /// nothing, shows here alone. This outranks the cause that disabled it.
+    fn check_film_at_0_v(&mut self) {
+        let live = !self.enables() && self.is_film_live();
+        self.live_ticks = if live { self.live_ticks.saturating_add(1) } else { 0 };
+        if self.live_ticks > self.discharge_ticks && self.state != DriverState::Tripped(Cause::LiveFilm) {
+            self.state = DriverState::Disarmed;
+            self.trip(Cause::LiveFilm);
+        }
     }
 
     /// The command (V) of this tick when `wanted_v` is asked for: 0 V unless running, towards 0 V for NaN; between 0 V and the
@@ -377,4 +435,10 @@ impl Supervisor {
         };
         self.command_v
     }
+}
+
+/// Whether `value` is beyond `limit` to either side, or NaN.
+fn beyond(value: f32, limit: f32) -> bool {
+    let within = value.abs() <= limit;
+    !within
 }

@@ -3,7 +3,7 @@
 use heapless::{Deque, String};
 
 use crate::chips::Drive;
-use crate::control::{Controller, Inputs, Mode, OutOfRange, Telemetry};
+use crate::control::{Controller, Inputs, Mode, SetpointError, Telemetry};
 #[cfg(feature = "loop-test")]
 use crate::control::{Followed, Step, Target};
 use crate::safety::{Cause, DriverState, Refusal, Supervisor};
@@ -59,9 +59,12 @@ impl From<Refusal> for Denial {
     }
 }
 
-impl From<OutOfRange> for Denial {
-    fn from(_: OutOfRange) -> Self {
-        Self::Rejected(Reject::Value)
+impl From<SetpointError> for Denial {
+    fn from(error: SetpointError) -> Self {
+        match error {
+            SetpointError::OutOfRange => Self::Rejected(Reject::Value),
+            SetpointError::NotLive(state) => Self::Refused(Refusal::State(state)),
+        }
     }
 }
 
@@ -155,13 +158,15 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
             ticks: supervisor.map_or(0, Supervisor::ticks),
             tripped_at: supervisor.map_or(0, Supervisor::tripped_at),
             command_v: supervisor.map_or(0.0, Supervisor::command_v),
+            monitor_v: supervisor.map_or(f32::NAN, Supervisor::monitor_v),
+            live: supervisor.is_some_and(Supervisor::is_film_live),
             damaged_frames: 0,
             unknown_frames: 0,
             stack_peak: 0,
         }
     }
 
-    /// A request of the host has arrived.
+    /// The host that armed is alive.
     pub fn heartbeat(&mut self) {
         if let Some(controller) = &mut self.controller {
             controller.heartbeat();

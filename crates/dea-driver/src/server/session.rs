@@ -3,7 +3,7 @@
 use embedded_storage::nor_flash::NorFlash;
 use heapless::String;
 
-use crate::control::Controller;
+use crate::control::{Controller, Mode};
 use crate::parameters::{Blob, SCHEMA, Store, StoreError};
 use crate::safety::Refusal;
 use crate::server::{Denial, Device, Upload};
@@ -117,7 +117,7 @@ pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usiz
 ///
 /// // Bytes of the line, one by one:
 /// let mut frame = [0; FRAME_LEN + 1];
-/// let length = encode(&Request { sequence: 5, command: Command::Identify }, &mut frame).expect("fits");
+/// let length = encode(&Request { sequence: 5, token: 0, command: Command::Identify }, &mut frame).expect("fits");
 /// let answer = frame[..length].iter().find_map(|&byte| session.serve(byte, &mut board));
 /// assert!(matches!(answer, Some(Message::Answer { sequence: 5, answer: Answer::Identity(_) })));
 /// ```
@@ -126,13 +126,15 @@ pub struct Session<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: u
     firmware: &'static str,
     receiver: Receiver,
     upload: Upload,
+    /// Of the host that armed last; 0 if none has.
+    token: u16,
 }
 
 impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST, SLOW> {
     /// A session that has received nothing, of a `firmware` of that version.
     #[must_use]
     pub const fn new(firmware: &'static str) -> Self {
-        Self { firmware, receiver: Receiver::new(), upload: Upload::new() }
+        Self { firmware, receiver: Receiver::new(), upload: Upload::new(), token: 0 }
     }
 
     /// Ticks with the stored parameters, if there are any.
@@ -149,25 +151,26 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
     /// Adds a byte from the host; at the end of a request, executes it and returns the answer.
     pub fn serve<B: Board<HEAD, FAST, SLOW>>(&mut self, byte: u8, board: &mut B) -> Option<Message> {
         Some(match self.receiver.push(byte)? {
-            Ok(Request { sequence, command }) => Message::Answer { sequence, answer: self.answer(&command, board) },
+            Ok(Request { sequence, token, command }) => {
+                Message::Answer { sequence, answer: self.answer(token, &command, board) }
+            }
             Err(error) => Message::Answer { sequence: 0, answer: Answer::Rejected(error.into()) },
         })
     }
 
     /// Executes a command: the one place where commands are told apart.
-    fn answer<B: Board<HEAD, FAST, SLOW>>(&mut self, command: &Command, board: &mut B) -> Answer {
-        board.with(Device::heartbeat);
+    fn answer<B: Board<HEAD, FAST, SLOW>>(&mut self, token: u16, command: &Command, board: &mut B) -> Answer {
         let done = match *command {
             Command::Identify => return self.identity(B::ID),
-            Command::Heartbeat => Ok(()),
+            Command::Heartbeat => self.drive(token, Act::StayAlive, board),
             Command::Status => return self.status(board),
-            Command::Arm => board.with(Device::arm).0,
-            Command::Start(mode) => board.with(|device| device.start(mode)).0,
+            Command::Arm => return self.arm(board),
+            Command::Start(mode) => self.drive(token, Act::Start(mode), board),
             Command::Stop => board.with(Device::stop).0,
             Command::Disarm => board.with(Device::disarm).0,
             Command::Acknowledge => board.with(Device::acknowledge).0,
-            Command::SetVoltage(volts) => board.with(|device| device.set_voltage(volts)).0,
-            Command::SetReference(metres) => board.with(|device| device.set_reference(metres)).0,
+            Command::SetVoltage(volts) => self.drive(token, Act::SetVoltage(volts), board),
+            Command::SetReference(metres) => self.drive(token, Act::SetReference(metres), board),
             Command::Upload { offset, ref bytes } => {
                 self.upload.push(usize::from(offset), bytes).map_err(|_| Denial::Rejected(Reject::Upload))
             }
@@ -202,6 +205,37 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
             Command::Rest | Command::Step(_) | Command::Follow { .. } => Err(Denial::Rejected(Reject::Unknown)),
         };
         done.map_or_else(Answer::from, |()| Answer::Done)
+    }
+
+    fn arm<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Answer {
+        let (armed, _) = board.with(|device| device.arm().map(|()| device.status().ticks));
+        match armed {
+            Ok(ticks) => {
+                self.token = another_token(self.token, ticks);
+                Answer::Armed { token: self.token }
+            }
+            Err(denial) => denial.into(),
+        }
+    }
+
+    /// Acts for the host that armed, and restarts its timeout. While the amplifier is enabled, no other host's request keeps it
+    /// so, or moves it.
+    fn drive<B: Board<HEAD, FAST, SLOW>>(&self, token: u16, act: Act, board: &mut B) -> Result<(), Denial> {
+        let armed_it = token != 0 && token == self.token;
+        let work = |device: &mut Device<HEAD, FAST, SLOW>| {
+            if device.state().is_live() && !armed_it {
+                return Err(Denial::Rejected(Reject::Token));
+            }
+            match act {
+                Act::StayAlive => {}
+                Act::Start(mode) => device.start(mode)?,
+                Act::SetVoltage(volts) => device.set_voltage(volts)?,
+                Act::SetReference(metres) => device.set_reference(metres)?,
+            }
+            device.heartbeat();
+            Ok(())
+        };
+        board.with(work).0
     }
 
     fn identity(&self, board: u16) -> Answer {
@@ -257,6 +291,24 @@ fn install<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     board.with(|device| device.install(controller)).0?;
     board.set_rate(rate_hz);
     Ok(())
+}
+
+/// What the host that armed alone may do.
+#[derive(Clone, Copy)]
+enum Act {
+    StayAlive,
+    Start(Mode),
+    SetVoltage(f32),
+    SetReference(f32),
+}
+
+/// A token other than `last`, and not 0: which one depends on when it is drawn, so that a host that armed before a reset does
+/// not know it.
+#[allow(clippy::cast_possible_truncation)] // mixed
+fn another_token(last: u16, ticks: u32) -> u16 {
+    let drawn = (ticks ^ ticks >> 16) as u16;
+    let token = drawn.wrapping_mul(0x9e37).wrapping_add(last).wrapping_add(1);
+    if token == 0 || token == last { last.wrapping_add(1).max(1) } else { token }
 }
 
 /// Why a board starts without parameters.

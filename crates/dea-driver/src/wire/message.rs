@@ -18,6 +18,8 @@ pub const CHUNK: usize = 128;
 pub struct Request {
     /// Chosen by the host; comes back with the answer.
     pub sequence: u16,
+    /// What [`Answer::Armed`] gave to the host that armed; 0 from any other.
+    pub token: u16,
     /// The command.
     pub command: Command,
 }
@@ -28,13 +30,13 @@ pub struct Request {
 pub enum Command {
     /// Identify the board. Answered by [`Answer::Identity`].
     Identify,
-    /// Restart the timeout of the host, as every request does.
+    /// Restart the timeout of the host. Only from the host that armed.
     Heartbeat,
     /// Answered by [`Answer::Status`].
     Status,
-    /// Enable the amplifier at 0 V.
+    /// Enable the amplifier at 0 V. Answered by [`Answer::Armed`].
     Arm,
-    /// Let the law command the voltage.
+    /// Let the law command the voltage. Only from the host that armed.
     Start(Mode),
     /// Back to 0 V, amplifier enabled.
     Stop,
@@ -42,9 +44,9 @@ pub enum Command {
     Disarm,
     /// Acknowledge a trip.
     Acknowledge,
-    /// The voltage of [`Mode::Voltage`], V at the film.
+    /// The voltage of [`Mode::Voltage`], V at the film. Only from the host that armed, whose timeout it restarts.
     SetVoltage(f32),
-    /// The displacement of [`Mode::Feedforward`] and [`Mode::Tracking`], m.
+    /// The displacement of [`Mode::Feedforward`] and [`Mode::Tracking`], m. Likewise.
     SetReference(f32),
     /// Part of a parameter blob, in order.
     Upload {
@@ -161,6 +163,11 @@ pub enum Answer {
         /// Cycles of the processor that all of them took.
         cycles: u32,
     },
+    /// The amplifier is enabled, for the host that sends this token with its requests.
+    Armed {
+        /// Another one every time; never 0.
+        token: u16,
+    },
 }
 
 /// Why a frame was not obeyed.
@@ -184,6 +191,8 @@ pub enum Reject {
     Flash,
     /// A tick rate that this board does not support; the old parameters stay.
     Rate,
+    /// From another host than the one that armed.
+    Token,
 }
 
 impl From<FrameError> for Reject {
@@ -222,6 +231,10 @@ pub struct Status {
     pub tripped_at: u32,
     /// Voltage commanded, V.
     pub command_v: f32,
+    /// Voltage at the film by the monitor, V; NaN if the monitor did not answer, and without parameters.
+    pub monitor_v: f32,
+    /// Whether the monitor shows more voltage than its band around 0 V.
+    pub live: bool,
     /// Frames that were damaged.
     pub damaged_frames: u32,
     /// Frames that were intact but unknown.

@@ -7,7 +7,7 @@
 //! use dea_driver::Mode;
 //! use dea_driver::wire::{Command, FRAME_LEN, Receiver, Request, encode};
 //!
-//! let request = Request { sequence: 1, command: Command::Start(Mode::Tracking) };
+//! let request = Request { sequence: 1, token: 0, command: Command::Start(Mode::Tracking) };
 //! let mut frame = [0; FRAME_LEN + 1];
 //! let length = encode(&request, &mut frame).expect("every request fits");
 //!
@@ -28,7 +28,7 @@ pub use message::{Answer, BATCH, CHUNK, Command, Drill, Identity, Message, Rejec
 pub use crate::control::{Followed, Mode, Step, Target, Telemetry};
 
 /// The version of the protocol.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 
 /// Baud rate of the serial line, 8N1. 42 MHz, the clock of the STM32F405's USART, divides to it within 0.2 %, and common USB
 /// adapters support it.

@@ -1,6 +1,6 @@
-//! The bytes of a blob stay what they were: controllers hold blobs of earlier hosts.
+//! The bytes of a blob stay what they were: controllers hold blobs of earlier hosts with the same schema.
 //!
-//! Both files under `blobs/` were written by `host-sim export` of version 0.1.0 before the blob held springpot's own types.
+//! Both files under `blobs/` were written by `host-sim export` when the blob got schema 2.
 
 use dea_driver::{BLOB_LEN, Blob, Parameters};
 use springpot::{Actuator, Law, Maxwell, Options, Preload, Preset, Springpot, Topology};
@@ -19,7 +19,7 @@ fn parameters(bytes: &[u8]) -> Parameters {
 }
 
 #[test]
-fn a_blob_of_the_first_version_is_read_and_written_byte_for_byte() {
+fn a_blob_is_read_and_written_byte_for_byte() {
     let preset = parameters(PRESET);
     assert_eq!(preset.actuator, Actuator::KARNER_2022);
     let model = Preset::named("table3-n2").expect("there").model().expect("valid");

@@ -59,6 +59,8 @@ fn messages() -> Vec<Message> {
         unknown_frames: u32::MAX,
         rate_hz: 5000.0,
         stack_peak: u32::MAX,
+        monitor_v: f32::MAX,
+        live: true,
     };
     let step = Step { displacement_m: -f32::MAX, force_n: f32::MAX, voltage_v: f32::MIN_POSITIVE };
     let followed = Followed { voltage_v: 1.0, displacement_m: 2.0, disturbance_n: 3.0 };
@@ -83,6 +85,7 @@ fn messages() -> Vec<Message> {
     };
     let answers = [
         Answer::Done,
+        Answer::Armed { token: u16::MAX },
         Answer::Refused(Refusal::State(DriverState::Running)),
         Answer::Rejected(Reject::Damaged),
         Answer::Identity(identity),
@@ -103,7 +106,7 @@ fn messages() -> Vec<Message> {
 fn every_message_comes_through() {
     let mut receiver = Receiver::new();
     for command in commands() {
-        let request = Request { sequence: 0x1234, command };
+        let request = Request { sequence: 0x1234, token: 0x5678, command };
         let bytes = frame(&request);
         assert!(bytes.len() <= FRAME_LEN && !bytes[..bytes.len() - 1].contains(&0));
         assert_eq!(receive(&mut receiver, &bytes), [Ok(request)]);
@@ -123,7 +126,7 @@ fn every_message_comes_through() {
 #[test]
 fn no_damaged_frame_is_executed() {
     for command in commands() {
-        let request = Request { sequence: 7, command };
+        let request = Request { sequence: 7, token: 8, command };
         let bytes = frame(&request);
         let mut receiver = Receiver::new();
         for bit in 0..8 * bytes.len() {
@@ -155,7 +158,7 @@ fn garbage_is_counted_and_not_executed() {
     assert!(errors > 1000);
     assert_eq!(receiver.damaged() + receiver.unknown(), errors);
     receiver.push::<Request>(0);
-    let request = Request { sequence: 1, command: Command::Arm };
+    let request = Request { sequence: 1, token: 0, command: Command::Arm };
     assert_eq!(receive(&mut receiver, &frame(&request)), [Ok(request)]);
 }
 
@@ -163,15 +166,15 @@ fn garbage_is_counted_and_not_executed() {
 fn unknown_and_overlong_frames_are_told_apart() {
     let mut receiver = Receiver::new();
     // A command that this version does not know, and one with more behind it than it should have.
-    assert_eq!(receive::<Request>(&mut receiver, &frame(&(1u16, 200u8))), [Err(FrameError::Unknown)]);
-    assert_eq!(receive::<Request>(&mut receiver, &frame(&(1u16, 0u8, 0u8))), [Err(FrameError::Unknown)]);
+    assert_eq!(receive::<Request>(&mut receiver, &frame(&(1u16, 0u16, 200u8))), [Err(FrameError::Unknown)]);
+    assert_eq!(receive::<Request>(&mut receiver, &frame(&(1u16, 0u16, 0u8, 0u8))), [Err(FrameError::Unknown)]);
     assert_eq!(receive::<Request>(&mut receiver, &[b'x'; 5000]), []);
     assert_eq!(receive::<Request>(&mut receiver, &[0]), [Err(FrameError::TooLong)]);
     assert_eq!((receiver.damaged(), receiver.unknown()), (1, 2));
     // Zeros alone are not frames.
     assert_eq!(receive::<Request>(&mut receiver, &[0; 100]), []);
     let mut small = [0; 10];
-    let request = Request { sequence: 1, command: Command::Step([0.0; BATCH].into()) };
+    let request = Request { sequence: 1, token: 0, command: Command::Step([0.0; BATCH].into()) };
     assert_eq!(encode(&request, &mut small), Err(FrameError::TooLong));
 }
 

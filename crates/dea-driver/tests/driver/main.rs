@@ -10,12 +10,15 @@ mod blob_bytes;
 mod chips;
 mod control;
 mod documents;
+mod film_bench;
 mod flash;
 mod lean;
 mod link;
 mod loop_test;
 mod safety;
+mod sensor_faults;
 mod session;
+mod setpoints;
 mod store;
 
 #[test]

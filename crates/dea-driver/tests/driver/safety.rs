@@ -1,10 +1,28 @@
 //! Every state and every fault: each ends at 0 V with the amplifier disabled and its first cause latched.
 
-use dea_driver::{Cause, DriverState, Limits, LimitsError, OnSensorFault, Readings, Refusal, SensorFault, Supervisor};
+use dea_driver::{
+    Cause, DriverState, Limits, LimitsError, OnSensorFault, PlausibilityLimits, Readings, Refusal, SensorFault,
+    Supervisor,
+};
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
 
 use crate::bench::bench_limits;
 
 const RATE_HZ: f32 = 1000.0;
+
+/// A closed interlock, and a model that explains the film.
+fn readings(monitor_v: f32, displacement_m: f32, predicted_m: f32) -> Readings {
+    Readings {
+        interlock_closed: true,
+        monitor_v,
+        displacement_m,
+        predicted_m,
+        open_loop_m: predicted_m,
+        disturbance_share: 0.0,
+    }
+}
 
 /// A film on a bench: the amplifier follows its command within a tick, the film stretches with V².
 struct Bench {
@@ -25,7 +43,7 @@ impl Bench {
         let noise = (self.noise >> 16) as f32 / 65_536.0 * 5e-6;
         let volts = self.supervisor.command_v();
         let predicted_m = 2e-3 * (volts / 6000.0).powi(2);
-        Readings { interlock_closed: true, monitor_v: volts, displacement_m: predicted_m + noise, predicted_m }
+        readings(volts, predicted_m + noise, predicted_m)
     }
 
     /// A tick whose readings `spoil` may alter.
@@ -96,7 +114,7 @@ fn every_fault_ends_at_0_v_with_its_cause() {
         (Cause::Sensor(SensorFault::Range), 1, |r| r.displacement_m = f32::NAN),
         (Cause::Sensor(SensorFault::Range), 1, |r| r.displacement_m = f32::NEG_INFINITY),
         (Cause::Sensor(SensorFault::Jump), 1, |r| r.displacement_m += 0.5e-3),
-        // 500 equal values, the first of which is one.
+        // 500 equal values, the first of which is one. The model stands still.
         (Cause::Sensor(SensorFault::Stuck), 501, |r| r.displacement_m = 0.9e-3),
         (Cause::Interlock, 1, |r| {
             *r = Readings { interlock_closed: false, monitor_v: f32::NAN, displacement_m: f32::NAN, ..*r }
@@ -107,6 +125,120 @@ fn every_fault_ends_at_0_v_with_its_cause() {
         assert_eq!(bench.spoil_until_tripped(spoil, true), ticks, "{cause:?}");
         bench.is_safe(cause);
     }
+}
+
+/// What seems plausible and is not: the model alone, and what it cannot explain.
+#[test]
+fn the_model_watches_the_sensor() {
+    let faults: [(Cause, Spoil); 4] = [
+        (Cause::ModelDisplacement, |r| r.open_loop_m = 8.1e-3),
+        (Cause::Disturbance, |r| r.disturbance_share = 0.11),
+        (Cause::Disturbance, |r| r.disturbance_share = -0.11),
+        (Cause::Disturbance, |r| r.disturbance_share = f32::NAN),
+    ];
+    for (cause, spoil) in faults {
+        let mut bench = Bench::run(&bench_limits());
+        assert_eq!(bench.spoil_until_tripped(spoil, true), 1, "{cause:?}");
+        bench.is_safe(cause);
+    }
+}
+
+/// A film that breaks down again and again: 600 pF on 1 mA take 2.4 ms to 4 kV, and arc at random from there on. A single good
+/// tick made up for all bad ones before it, so that no such film ever tripped.
+#[test]
+fn a_film_that_arcs_again_and_again_trips() {
+    for dwell_ms in [2.0, 5.0, 20.0] {
+        let mut ticks: Vec<u32> = (1..=20u64).map(|seed| ticks_of_arcing(dwell_ms, seed)).collect();
+        ticks.sort_unstable();
+        println!(
+            "mean dwell {dwell_ms} ms: trips after {} ms in the median, {} ms at the latest",
+            ticks[10], ticks[19]
+        );
+        assert!(ticks[10] <= 500, "{dwell_ms} ms: {ticks:?}");
+    }
+}
+
+/// Ticks until it trips, of a film whose arcs are `dwell_ms` apart in the mean, for 10 min at the most.
+fn ticks_of_arcing(dwell_ms: f64, seed: u64) -> u32 {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut bench = Bench::run(&bench_limits());
+    let mut film_v = 4000.0f64;
+    for tick in 0..600_000 {
+        for _ in 0..100 {
+            film_v = (film_v + 1e-3 / 600e-12 * 1e-5).min(4000.0);
+            if film_v >= 4000.0 && random.random_bool(0.01 / dwell_ms) {
+                film_v = 0.0;
+            }
+        }
+        bench.supervisor.heartbeat();
+        if let DriverState::Tripped(cause) = bench.tick(|readings| readings.monitor_v = film_v as f32) {
+            assert_eq!(cause, Cause::Monitor);
+            return tick;
+        }
+    }
+    panic!("10 min of arcs, {dwell_ms} ms apart, and no trip");
+}
+
+/// Glitches of the monitor that are shorter than the settling time, or rarer than one tick in seventeen, do not trip.
+#[test]
+fn rare_glitches_of_the_monitor_do_not_trip() {
+    let patterns: [fn(u32) -> bool; 2] = [|tick| tick % 340 < 20, |tick| tick % 17 == 0];
+    for glitch in patterns {
+        let mut bench = Bench::run(&bench_limits());
+        for tick in 0..500_000 {
+            bench.supervisor.heartbeat();
+            bench.tick(|readings| {
+                if glitch(tick) {
+                    readings.monitor_v = 0.0;
+                }
+            });
+            assert_eq!(bench.supervisor.state(), DriverState::Running, "tick {tick}");
+        }
+    }
+}
+
+/// A disabled amplifier that goes on: told after the time that a film has to discharge, in every state and after every cause, and
+/// not acknowledged as long as it lasts.
+#[test]
+fn a_film_that_stays_live_is_noticed() {
+    let live = |r: &mut Readings| r.monitor_v = 4211.0;
+    type End = fn(&mut Supervisor);
+    let ends: [(&str, End); 4] = [
+        ("switched on", |_| ()),
+        ("disarmed", |s| s.disarm().expect("running")),
+        ("tripped", |s| s.trip(Cause::Heartbeat)),
+        ("acknowledged", |s| {
+            s.trip(Cause::Heartbeat);
+            s.acknowledge().expect("tripped");
+        }),
+    ];
+    for (name, end) in ends {
+        let mut bench = if name == "switched on" { Bench::new(&bench_limits()) } else { Bench::run(&bench_limits()) };
+        end(&mut bench.supervisor);
+        // A second at 1 kHz.
+        for _ in 0..1000 {
+            bench.tick(live);
+        }
+        assert_ne!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm), "{name}");
+        bench.tick(live);
+        assert_eq!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm), "{name}");
+        assert_eq!((bench.supervisor.monitor_v(), bench.supervisor.is_film_live()), (4211.0, true));
+        assert_eq!(bench.supervisor.acknowledge(), Err(Refusal::LiveVoltage), "{name}");
+        bench.tick(|_| ());
+        bench.is_safe(Cause::LiveFilm);
+    }
+    // A film that discharges in time is none; nor is one that is driven.
+    let mut bench = Bench::run(&bench_limits());
+    (0..5000).for_each(|_| {
+        bench.supervisor.heartbeat();
+        bench.tick(|_| ());
+    });
+    assert_eq!(bench.supervisor.state(), DriverState::Running);
+    bench.supervisor.disarm().expect("running");
+    for tick in 0..3000u16 {
+        bench.tick(|r| r.monitor_v = 4000.0 * (-f32::from(tick) / 200.0).exp());
+    }
+    assert_eq!(bench.supervisor.state(), DriverState::Disarmed);
 }
 
 #[test]
@@ -284,6 +416,7 @@ fn commands_stay_within_voltage_field_and_slew() {
 fn limits_without_an_end_are_refused() {
     for change in [
         |l: &mut Limits| l.heartbeat_s = 61.0,
+        |l: &mut Limits| l.max_disturbance_share = 1.1,
         |l: &mut Limits| l.monitor.band_share = 0.6,
         |l: &mut Limits| l.monitor.settle_s = 1.5,
     ] {
@@ -312,10 +445,7 @@ fn the_monitor_s_band_knows_the_amplifier_s_slew() {
             let command_v = bench.supervisor.command_v();
             monitor_v += (command_v - monitor_v).clamp(-slew_v_per_tick, slew_v_per_tick);
             let displacement_m = 2e-3 * (monitor_v / 6000.0).powi(2) + 1e-6 * (tick % 7) as f32;
-            let state = bench
-                .supervisor
-                .check(Readings { interlock_closed: true, monitor_v, displacement_m, predicted_m: displacement_m })
-                .state;
+            let state = bench.supervisor.check(readings(monitor_v, displacement_m, displacement_m)).state;
             if let DriverState::Tripped(cause) = state {
                 return Some(cause);
             }
@@ -339,7 +469,9 @@ fn limits_that_cannot_be_kept_are_refused() {
             (Limits { thickness_m: bad, ..good }, "thickness_m"),
             (Limits { max_slew_v_per_s: bad, ..good }, "max_slew_v_per_s"),
             (Limits { max_displacement_m: bad, ..good }, "max_displacement_m"),
+            (Limits { max_disturbance_share: bad, ..good }, "max_disturbance_share"),
             (Limits { heartbeat_s: bad, ..good }, "heartbeat_s"),
+            (Limits { discharge_s: bad, ..good }, "discharge_s"),
         ];
         for (limits, name) in cases {
             assert_eq!(refused(limits), Some(LimitsError::NotPositive(name)));
@@ -349,7 +481,15 @@ fn limits_that_cannot_be_kept_are_refused() {
         monitor.monitor.slew_v_per_s = bad;
         assert_eq!(refused(monitor), Some(LimitsError::Monitor));
     }
-    let mut sensor = good;
-    sensor.sensor.low = sensor.sensor.high;
-    assert_eq!(refused(sensor), Some(LimitsError::Sensor));
+    for spoil in [
+        |sensor: &mut PlausibilityLimits| sensor.low = sensor.high,
+        |sensor: &mut PlausibilityLimits| sensor.jump = f32::NAN,
+        |sensor: &mut PlausibilityLimits| sensor.stuck_ticks = 0,
+        |sensor: &mut PlausibilityLimits| sensor.stuck_band = 0.0,
+        |sensor: &mut PlausibilityLimits| sensor.stuck_band = f32::NAN,
+    ] {
+        let mut limits = good;
+        spoil(&mut limits.sensor);
+        assert_eq!(refused(limits), Some(LimitsError::Sensor));
+    }
 }

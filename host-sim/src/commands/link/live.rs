@@ -5,8 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use dea_driver::wire::{Answer, Command, Telemetry};
-use dea_driver::{DriverState, Refusal};
+use dea_driver::wire::{Answer, Command, Reject, Telemetry};
+use dea_driver::{Cause, DriverState, Refusal};
 use serde::Serialize;
 
 use super::What;
@@ -23,6 +23,8 @@ use crate::terminal;
 const SENT_HZ: f64 = 100.0;
 /// Every so many of them the state is asked for.
 const STATUS_EVERY: u32 = 10;
+/// No board gives a film more time to discharge.
+const DISCHARGE: Duration = Duration::from_secs(70);
 /// So many frames in a row may be lost.
 const MOST_DAMAGED: u32 = 2;
 
@@ -74,10 +76,8 @@ impl Stream {
     pub(super) fn run(&self, mut client: Client, json: bool) -> Result<()> {
         let stop = interrupt::stop_flag();
         let mut log = Log::of(&mut client)?;
-        let ended = self.talk(&mut client, &mut log, stop, |_, client| {
-            client.order(Command::Heartbeat)?;
-            Ok(true)
-        });
+        // It listens: whoever armed keeps the amplifier enabled, not this.
+        let ended = self.talk(&mut client, &mut log, stop, |_, _| Ok(true));
         self.finish(client, &log, ended, json)
     }
 
@@ -174,16 +174,20 @@ impl Play {
         let played = self.play(&mut client, &mut log, &values, stop);
         // 0 V before anything else, whatever has happened. After a trip it is there already.
         let disarmed = disarm(&mut client);
-        self.stream.finish(client, &log, played.and(disarmed), json)
+        // A live film is told before what led to it.
+        self.stream.finish(client, &log, disarmed.and(played), json)
     }
 
     fn play(&self, client: &mut Client, log: &mut Log, values: &[f32], stop: &AtomicBool) -> Result<()> {
-        // What is beyond the limits shows before anything is enabled.
+        // What is beyond the limits shows before anything is enabled: a set-point within them is refused for the state alone.
         let by_size = |a: &&f32, b: &&f32| a.abs().total_cmp(&b.abs());
-        for &value in values.iter().max_by(by_size).into_iter().chain(values.first()) {
-            client.order(self.set(value)).map_err(|e| e.about_value(&self.recording, f64::from(value)))?;
+        if let Some(&value) = values.iter().max_by(by_size) {
+            let answer = client.ask(self.set(value))?;
+            if answer == Answer::Rejected(Reject::Value) {
+                return Err(client.unexpected(&answer).about_value(&self.recording, f64::from(value)));
+            }
         }
-        client.order(Command::Arm)?;
+        client.arm()?;
         client.order(Command::Start(self.mode.into()))?;
         let mut damaged = 0;
         let mut rounds = 0;
@@ -212,16 +216,21 @@ impl Play {
     }
 }
 
-/// Disarms, and does not give up at the first frame that is lost.
-fn disarm(client: &mut Client) -> Result<()> {
-    let mut done = client.order(Command::Disarm);
-    for _ in 0..2 {
-        if done.is_ok() {
-            break;
+/// Disarms, and waits until the monitor shows that the film is at 0 V. It fails where the film is live although the amplifier is
+/// disabled; the board knows how long the film may take.
+pub(super) fn disarm(client: &mut Client) -> Result<()> {
+    let done = client.order(Command::Disarm);
+    let deadline = Instant::now() + DISCHARGE;
+    loop {
+        let status = client.status()?;
+        if status.state == DriverState::Tripped(Cause::LiveFilm) || (status.live && Instant::now() >= deadline) {
+            return Err(client.film_is_live(status.monitor_v));
         }
-        done = client.order(Command::Disarm);
+        if !status.live {
+            return done;
+        }
+        std::thread::sleep(Duration::from_millis(20));
     }
-    done
 }
 
 /// What came.

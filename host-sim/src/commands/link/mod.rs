@@ -29,14 +29,16 @@ enum Verb {
     Identify,
     /// State, last trip, voltage, damaged frames.
     Status,
-    /// Enable the amplifier at 0 V. It trips again if the host is silent for longer than the parameters allow: `play` keeps
-    /// talking.
+    /// Enable the amplifier at 0 V, and print the token of who armed. It trips again if that host is silent for longer than the
+    /// parameters allow: `play` keeps talking.
     Arm,
-    /// Let the voltage or the reference that was set act.
+    /// Begin a run, at 0 V.
     Start {
         /// What is followed.
         #[arg(value_enum)]
         mode: What,
+        #[command(flatten)]
+        token: Token,
     },
     /// Back to 0 V, amplifier enabled.
     Stop,
@@ -46,7 +48,7 @@ enum Verb {
     Acknowledge,
     /// Run the parameters that are kept, as after a reset.
     Reload,
-    /// Set the voltage or the displacement to be followed.
+    /// Set the voltage or the displacement of the run.
     Set(Set),
     /// Send parameters; they are kept over a reset.
     Upload(Upload),
@@ -80,14 +82,36 @@ impl From<What> for Mode {
 }
 
 #[derive(Debug, Args)]
-#[group(required = true, multiple = false)]
 struct Set {
+    #[command(flatten)]
+    target: Target,
+    #[command(flatten)]
+    token: Token,
+}
+
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+struct Target {
     /// Voltage at the film, V.
     #[arg(long, value_name = "V", allow_hyphen_values = true)]
     voltage: Option<f32>,
     /// Displacement, m.
     #[arg(long, value_name = "M", allow_hyphen_values = true)]
     reference: Option<f32>,
+}
+
+#[derive(Clone, Copy, Debug, Args)]
+struct Token {
+    /// What `arm` printed: only who armed may go on.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    token: u16,
+}
+
+#[derive(Serialize)]
+struct Armed {
+    port: String,
+    done: &'static str,
+    token: u16,
 }
 
 #[derive(Debug, Args)]
@@ -136,6 +160,10 @@ struct How {
     ticks: u32,
     tripped_at: u32,
     command_v: f32,
+    /// By the voltage monitor; none if it does not answer.
+    monitor_v: Option<f32>,
+    /// Whether the monitor shows voltage.
+    live: bool,
     damaged_frames: u32,
     unknown_frames: u32,
     stack_peak_bytes: u32,
@@ -163,13 +191,22 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Verb::Panic => return panicked(client, port, json),
         Verb::Stream(stream) => return stream.run(client, json),
         Verb::Play(play) => return play.run(client, json),
-        Verb::Arm => client.order(Command::Arm).map(|()| "armed"),
-        Verb::Start { mode } => client.order(Command::Start((*mode).into())).map(|()| "running"),
+        Verb::Arm => {
+            let armed = Armed { port, done: "armed", token: client.arm()? };
+            return terminal::report(json, &armed, || format!("{}: armed; --token {}", armed.port, armed.token));
+        }
+        Verb::Start { mode, token } => {
+            client.go_on(token.token);
+            client.order(Command::Start((*mode).into())).map(|()| "running")
+        }
         Verb::Stop => client.order(Command::Stop).map(|()| "stopped: 0 V, still armed"),
-        Verb::Disarm => client.order(Command::Disarm).map(|()| "disarmed"),
+        Verb::Disarm => live::disarm(&mut client).map(|()| "disarmed"),
         Verb::Acknowledge => client.order(Command::Acknowledge).map(|()| "acknowledged"),
         Verb::Reload => client.order(Command::Reload).map(|()| "runs the parameters that it keeps"),
-        Verb::Set(set) => client.order(set.command()).map(|()| "set"),
+        Verb::Set(set) => {
+            client.go_on(set.token.token);
+            client.order(set.target.command()).map(|()| "set")
+        }
         Verb::Upload(upload) => {
             client.upload(&blob.unwrap_or_default(), !upload.only_try)?;
             Ok(if upload.only_try {
@@ -182,7 +219,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     terminal::report(json, &Done { port: port.clone(), done }, || format!("{port}: {done}"))
 }
 
-impl Set {
+impl Target {
     fn command(&self) -> Command {
         match (self.voltage, self.reference) {
             (Some(volts), _) => Command::SetVoltage(volts),
@@ -240,8 +277,8 @@ fn identify(mut client: Client, identity: &Identity, port: String, json: bool) -
 }
 
 fn status(mut client: Client, port: String, json: bool) -> Result<()> {
-    let Status { state, rate_hz, ticks, tripped_at, command_v, damaged_frames, unknown_frames, stack_peak } =
-        client.status()?;
+    let status = client.status()?;
+    let Status { state, rate_hz, ticks, tripped_at, command_v, damaged_frames, unknown_frames, .. } = status;
     let how = How {
         port,
         state: named(state),
@@ -249,17 +286,21 @@ fn status(mut client: Client, port: String, json: bool) -> Result<()> {
         ticks,
         tripped_at,
         command_v,
+        monitor_v: Some(status.monitor_v).filter(|volts| volts.is_finite()),
+        live: status.live,
         damaged_frames,
         unknown_frames,
-        stack_peak_bytes: stack_peak,
+        stack_peak_bytes: status.stack_peak,
     };
     terminal::report(json, &how, || {
         let parameters = how.rate_hz.map_or("no parameters yet".into(), |rate_hz| format!("{rate_hz} Hz"));
         let trip = if tripped_at > 0 { format!(", last trip at tick {tripped_at}") } else { String::new() };
+        let monitor = how.monitor_v.map_or("unknown".into(), |volts| format!("{volts:.0} V"));
+        let live = if how.live { ", the film is live" } else { "" };
         format!(
-            "{}: {}, {parameters}, {command_v:.0} V, tick {ticks}{trip}; frames: {damaged_frames} damaged, \
-             {unknown_frames} not understood; stack: {stack_peak} bytes at the most",
-            how.port, how.state
+            "{}: {}, {parameters}, {command_v:.0} V commanded, monitor {monitor}{live}, tick {ticks}{trip}; frames: \
+             {damaged_frames} damaged, {unknown_frames} not understood; stack: {} bytes at the most",
+            how.port, how.state, how.stack_peak_bytes
         )
     })
 }

@@ -1,0 +1,98 @@
+//! A controller around a simulated film.
+
+use dea_driver::chips::{AdcCode, AdcRange, DacCode};
+use dea_driver::{Blob, Controller, Inputs, Mode, Outputs, Parameters};
+use springpot::{Actuator, Law, Options, Preset, VoltageDrive};
+
+use crate::bench::board_parameters;
+
+/// A bench around a controller: an amplifier of 1000:1, a sensor of 1 mm/V at 1 V, and the model itself as film, or one
+/// with less force.
+pub struct FilmBench {
+    pub controller: Controller,
+    pub parameters: Parameters,
+    pub film: springpot::State<f64>,
+    pub law: Law<f64>,
+    pub drive: VoltageDrive<f64>,
+    pub high_voltage_v: f64,
+    pub displacement_m: f64,
+    pub noise: u32,
+    /// Electrostatic force in units of the model's.
+    pub force_scale: f64,
+}
+
+impl FilmBench {
+    pub fn new() -> Self {
+        Self::with(board_parameters())
+    }
+
+    pub fn with(parameters: Parameters) -> Self {
+        let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+        let law: Law<f64> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
+        let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
+        let film = law.state();
+        Self {
+            controller,
+            parameters,
+            film,
+            law,
+            drive,
+            high_voltage_v: 0.0,
+            displacement_m: 0.0,
+            noise: 1,
+            force_scale: 1.0,
+        }
+    }
+
+    pub fn inputs(&mut self) -> Inputs {
+        self.noise = self.noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let noise = f64::from(self.noise >> 16) / 65_536.0 * 5e-6;
+        let adc_v = |volts: f64| Some(adc_v((volts / 10.24 * 65_536.0) as u16));
+        Inputs {
+            interlock_closed: true,
+            monitor_adc_v: adc_v(self.high_voltage_v / 1000.0),
+            sensor_adc_v: adc_v(1.0 + (self.displacement_m + noise) / 1e-3),
+        }
+    }
+
+    pub fn tick(&mut self, spoil: impl FnOnce(&mut Inputs)) -> Outputs {
+        let mut inputs = self.inputs();
+        spoil(&mut inputs);
+        let outputs = self.controller.tick(inputs);
+        let volts = f64::from(self.code(&outputs).volts(self.parameters.command_range)) * 1000.0;
+        self.high_voltage_v = if outputs.enable { volts } else { 0.0 };
+        let load = self.drive.load(self.high_voltage_v * self.force_scale.sqrt());
+        self.displacement_m = self.law.displacement_under(&mut self.film, load);
+        outputs
+    }
+
+    pub fn code(&self, outputs: &Outputs) -> DacCode {
+        DacCode::from_volts(outputs.dac_v, self.parameters.command_range)
+    }
+
+    /// A request of a host.
+    pub fn ask<R>(&mut self, request: impl FnOnce(&mut Controller) -> R) -> R {
+        self.controller.heartbeat();
+        request(&mut self.controller)
+    }
+
+    pub fn set_voltage(&mut self, volts: f32) {
+        self.ask(|controller| controller.set_voltage(volts)).expect("within the limits");
+    }
+
+    pub fn set_reference(&mut self, metres: f32) {
+        self.ask(|controller| controller.set_reference(metres)).expect("within the limits");
+    }
+
+    pub fn start(&mut self, mode: Mode) {
+        self.tick(|_| ());
+        self.ask(Controller::arm).expect("healthy");
+        self.ask(|controller| controller.start(mode)).expect("armed");
+    }
+}
+
+/// Volts of a code.
+pub fn adc_v(code: u16) -> f32 {
+    AdcCode(code).volts(AdcRange::UpTo10V24)
+}

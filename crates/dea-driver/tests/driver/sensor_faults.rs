@@ -1,0 +1,138 @@
+//! Sensors that fail in ways that look plausible, while tracking: it must not drive the film beyond its stroke.
+
+use dea_driver::{Cause, DriverState, Limits, Mode, Parameters, SensorFault};
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64;
+
+use crate::bench::board_parameters;
+use crate::film_bench::FilmBench;
+
+/// Tick of the fault.
+const FAULT: u32 = 20_000;
+
+/// What the sensor shows (m) of a film at `displacement_m`, `ticks` after the fault, when it stood at `held_m`.
+struct Fault<'a> {
+    reads_m: &'a dyn Fn(u32, f64, f64) -> f64,
+    /// Of the whole sensor before the fault, m rms.
+    noise_m: f64,
+    /// Of the converter, of 0.156 µm each.
+    noise_lsb: f64,
+}
+
+/// How a run ended.
+#[derive(Debug)]
+struct End {
+    state: DriverState,
+    /// After the fault.
+    ticks: u32,
+    /// Largest displacement of the film, m.
+    furthest_m: f64,
+}
+
+fn limited_to(max_displacement_m: f32) -> Parameters {
+    let parameters = board_parameters();
+    Parameters { limits: Limits { max_displacement_m, ..parameters.limits }, ..parameters }
+}
+
+/// A swing between 0.2 and 0.6 mm of 0.1 Hz, for as long as it takes.
+fn reference_m(tick: u32) -> f64 {
+    let time_s = f64::from(tick) / 1000.0;
+    (time_s / 2.0).min(1.0) * (0.4e-3 - 0.2e-3 * (0.628 * time_s).sin())
+}
+
+/// Runs until it trips, for `ticks` after the fault at the most.
+fn run(parameters: Parameters, fault: &Fault, ticks: u32) -> End {
+    let normal = Normal::new(0.0, 1.0).expect("valid");
+    let mut random = Pcg64::seed_from_u64(7);
+    let mut bench = FilmBench::with(parameters);
+    bench.start(Mode::Tracking);
+    let (mut held_m, mut furthest_m) = (0.0, 0.0f64);
+    for tick in 0..FAULT + ticks {
+        if tick.is_multiple_of(10) {
+            bench.set_reference(reference_m(tick) as f32);
+        }
+        let film_m = bench.displacement_m;
+        let shown_m = if tick < FAULT {
+            held_m = film_m;
+            film_m + fault.noise_m * normal.sample(&mut random)
+        } else {
+            (fault.reads_m)(tick - FAULT, film_m, held_m)
+        };
+        let lsb = fault.noise_lsb * normal.sample(&mut random);
+        let code = ((1.0 + shown_m / 1e-3) / 10.24 * 65_536.0 + lsb).round().clamp(0.0, 65_535.0);
+        bench.tick(|inputs| inputs.sensor_adc_v = Some(crate::film_bench::adc_v(code as u16)));
+        furthest_m = furthest_m.max(bench.displacement_m);
+        let state = bench.controller.supervisor().state();
+        if state != DriverState::Running {
+            assert!(tick >= FAULT, "it trips while it is healthy, in tick {tick}: {state:?}");
+            return End { state, ticks: tick - FAULT, furthest_m };
+        }
+    }
+    End { state: DriverState::Running, ticks, furthest_m }
+}
+
+/// A frozen sensor still shows the noise of its converter. Without the comparison with the model it was never noticed, and the
+/// film was driven to 6 kV within 7 s.
+#[test]
+fn a_frozen_sensor_trips_within_a_second() {
+    for noise_lsb in [0.0, 0.1, 0.3, 0.6, 1.0, 2.0] {
+        let frozen = Fault { reads_m: &|_, _, held_m| held_m, noise_m: 3e-6, noise_lsb };
+        let end = run(limited_to(1e-3), &frozen, 10_000);
+        println!("frozen with {noise_lsb} LSB: {end:?}");
+        assert_eq!(end.state, DriverState::Tripped(Cause::Sensor(SensorFault::Stuck)), "{noise_lsb} LSB");
+        assert!(end.ticks <= 1000 && end.furthest_m < 0.65e-3, "{noise_lsb} LSB: {end:?}");
+    }
+}
+
+/// Drift, a slip below the plausible jump, and a gain that falls: the film stays within its stroke and a tenth, for 100 s.
+#[test]
+fn a_sensor_that_reads_too_little_does_not_lead_the_film_away() {
+    type Reads = fn(u32, f64, f64) -> f64;
+    let faults: [(&str, f32, Reads); 5] = [
+        ("drift of -20 um/s", 1e-3, |ticks, film_m, _| film_m - 20e-9 * f64::from(ticks)),
+        ("drift of -1 mm/s", 1e-3, |ticks, film_m, _| film_m - 1e-6 * f64::from(ticks)),
+        ("slip of 0.3 mm", 0.8e-3, |_, film_m, _| film_m - 0.3e-3),
+        ("gain of 0.5 within 10 s", 1e-3, |ticks, film_m, _| {
+            film_m * (1.0 - 0.5 * (f64::from(ticks) / 10_000.0).min(1.0))
+        }),
+        ("gain of 3", 1e-3, |_, film_m, _| film_m * 3.0),
+    ];
+    for (name, limit_m, reads_m) in faults {
+        let fault = Fault { reads_m: &reads_m, noise_m: 3e-6, noise_lsb: 0.6 };
+        let end = run(limited_to(limit_m), &fault, 100_000);
+        println!("{name}: {end:?}");
+        assert!(end.furthest_m < 1.1 * f64::from(limit_m), "{name}: {end:?}");
+    }
+}
+
+/// A sensor that leads away from the model trips, however wide the stroke is.
+#[test]
+fn more_force_than_the_model_explains_trips() {
+    let drifting =
+        Fault { reads_m: &|ticks, film_m, _| film_m - 0.2e-6 * f64::from(ticks), noise_m: 3e-6, noise_lsb: 0.6 };
+    let end = run(limited_to(8e-3), &drifting, 100_000);
+    println!("{end:?}");
+    assert_eq!(end.state, DriverState::Tripped(Cause::Disturbance));
+}
+
+/// Healthy sensors of any noise do not trip: while the film swings, and while it is held and only creeps.
+#[test]
+fn a_healthy_sensor_is_not_suspected() {
+    for (noise_m, noise_lsb) in [(0.0, 0.0), (0.0, 0.3), (0.1e-6, 0.6), (3e-6, 0.6), (20e-6, 2.0)] {
+        let healthy = Fault { reads_m: &|_, film_m, _| film_m, noise_m, noise_lsb };
+        let end = run(limited_to(1e-3), &healthy, 60_000);
+        assert_eq!(end.state, DriverState::Running, "{noise_m} m: {end:?}");
+    }
+    let mut bench = FilmBench::with(limited_to(1e-3));
+    bench.start(Mode::Tracking);
+    for tick in 0..120_000 {
+        if tick % 100 == 0 {
+            bench.set_reference(0.5e-3);
+        }
+        // A converter whose noise is less than its step: what it shows is the film alone.
+        let code = ((1.0 + bench.displacement_m / 1e-3) / 10.24 * 65_536.0) as u16;
+        bench.tick(|inputs| inputs.sensor_adc_v = Some(crate::film_bench::adc_v(code ^ (tick & 1) as u16)));
+        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
+    }
+}

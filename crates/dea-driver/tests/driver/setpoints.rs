@@ -1,0 +1,114 @@
+//! Set-points are taken while the amplifier is enabled alone, end with the state that they were set in, and runs begin at 0 V.
+
+use dea_driver::{Cause, Controller, DriverState, Mode, SetpointError};
+
+use crate::film_bench::FilmBench;
+
+/// A change of state.
+type Change = (&'static str, fn(&mut Controller) -> bool);
+
+const CHANGES: [Change; 7] = [
+    ("arm", |controller| controller.arm().is_ok()),
+    ("start voltage", |controller| controller.start(Mode::Voltage).is_ok()),
+    ("start tracking", |controller| controller.start(Mode::Tracking).is_ok()),
+    ("stop", |controller| controller.stop().is_ok()),
+    ("disarm", |controller| controller.disarm().is_ok()),
+    ("trip", |controller| {
+        controller.trip(Cause::Overrun);
+        true
+    }),
+    ("acknowledge", |controller| controller.acknowledge().is_ok()),
+];
+
+fn reach(state: DriverState) -> FilmBench {
+    let mut bench = FilmBench::new();
+    bench.tick(|_| ());
+    if state.is_live() {
+        bench.ask(Controller::arm).expect("healthy");
+    }
+    match state {
+        DriverState::Running => bench.ask(|controller| controller.start(Mode::Voltage)).expect("armed"),
+        DriverState::Tripped(cause) => bench.controller.trip(cause),
+        _ => {}
+    }
+    assert_eq!(bench.controller.supervisor().state(), state);
+    bench
+}
+
+/// Goes on to a run from any state, setting nothing.
+fn to_a_run(bench: &mut FilmBench, mode: Mode) {
+    for _ in 0..3 {
+        bench.ask(|controller| match controller.supervisor().state() {
+            DriverState::Tripped(_) => controller.acknowledge().expect("tripped"),
+            DriverState::Disarmed => controller.arm().expect("healthy"),
+            DriverState::Armed => controller.start(mode).expect("armed"),
+            _ => {}
+        });
+        bench.tick(|_| ());
+    }
+    assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
+}
+
+/// Every set-point in every state, then every change of state, with and without ticks between: the next run stays at 0 V until
+/// something is set in it.
+#[test]
+fn no_set_point_outlives_its_state() {
+    let states =
+        [DriverState::Disarmed, DriverState::Armed, DriverState::Running, DriverState::Tripped(Cause::Interlock)];
+    let mut changed = 0;
+    for state in states {
+        for (name, change) in CHANGES {
+            for ticks in [0, 1, 100] {
+                for mode in [Mode::Voltage, Mode::Feedforward, Mode::Tracking] {
+                    let mut bench = reach(state);
+                    let taken = if state.is_live() { Ok(()) } else { Err(SetpointError::NotLive(state)) };
+                    assert_eq!(bench.ask(|controller| controller.set_voltage(3000.0)), taken, "{state:?}");
+                    assert_eq!(bench.ask(|controller| controller.set_reference(0.5e-3)), taken, "{state:?}");
+                    for _ in 0..ticks {
+                        bench.tick(|_| ());
+                    }
+                    // Refused changes leave the run, and its target, as they are.
+                    if !bench.ask(change) {
+                        continue;
+                    }
+                    changed += 1;
+                    // The film discharges before it is armed again.
+                    for _ in 0..50 {
+                        bench.tick(|_| ());
+                    }
+                    to_a_run(&mut bench, mode);
+                    let largest_v = (0..200).fold(0.0f32, |largest, _| {
+                        bench.controller.heartbeat();
+                        largest.max(bench.tick(|_| ()).telemetry.command_v)
+                    });
+                    assert_eq!(largest_v, 0.0, "set while {state:?}, {ticks} ticks, {name}, a run in {mode:?}");
+                }
+            }
+        }
+    }
+    println!("{changed} pairs of a set-point and a change of state");
+    // Disarmed: arm, disarm, trip. Armed: 2 × start, disarm, trip. Running: stop, disarm, trip. Tripped: trip, acknowledge.
+    assert_eq!(changed, (3 + 4 + 3 + 2) * 3 * 3);
+}
+
+/// A film that still creeps is not pulled back to where it was when following begins: a run begins at 0 V in every mode.
+#[test]
+fn a_film_that_still_creeps_gets_no_voltage() {
+    for mode in [Mode::Feedforward, Mode::Tracking] {
+        let mut bench = reach(DriverState::Running);
+        bench.set_voltage(5000.0);
+        for _ in 0..5000 {
+            bench.controller.heartbeat();
+            bench.tick(|_| ());
+        }
+        bench.ask(Controller::stop).expect("running");
+        for _ in 0..100 {
+            bench.tick(|_| ());
+        }
+        assert!(bench.displacement_m > 0.05e-3, "{} m", bench.displacement_m);
+        bench.ask(|controller| controller.start(mode)).expect("armed");
+        for _ in 0..300 {
+            assert_eq!(bench.tick(|_| ()).telemetry.command_v, 0.0, "{mode:?}");
+        }
+    }
+}
