@@ -379,7 +379,7 @@ fn a_truncated_upload_changes_nothing() {
         let answer = client.ask(Command::Try { length }).expect("answers");
         let expected = if length == 100 { Reject::Blob } else { Reject::Upload };
         assert_eq!(answer, Answer::Rejected(expected), "{length} bytes");
-        let Answer::Name(name) = client.ask(Command::Query).expect("answers") else { panic!("no name") };
+        let Answer::Parameters { name, .. } = client.ask(Command::Query).expect("answers") else { panic!("no name") };
         assert_eq!(name, "karner-2022-table3-n2");
     }
     // NaN in the parameters, with a checksum that holds, is refused by the board as well.

@@ -116,6 +116,59 @@ fn play_takes_recordings_as_they_are() {
     assert_eq!(board.voltage(), (0.0, 0.0));
 }
 
+/// A player that is killed leaves what it has seen, but for the last second; the next one says where it is. The board ends at 0 V.
+#[test]
+fn a_killed_player_leaves_its_samples() {
+    let folder = TempDir::new().expect("a folder");
+    let (long, out) = (folder.path().join("long.csv"), folder.path().join("out.csv"));
+    let rows = (0..=60).map(|second| format!("{second},{}\n", if second < 2 { 1000 * second } else { 2000 }));
+    fs::write(&long, "time_s,voltage_v\n".to_owned() + &rows.collect::<String>()).expect("written");
+    let board = VirtualBoard::start(Scene::CALM);
+    upload(&board);
+    let play = link(&board, &["play", text(&long), "--out", text(&out)]);
+    let mut player = std::process::Command::new(TOOL.0).args(&play).spawn().expect("runs");
+    let part = folder.path().join("out.csv.part");
+    let seen = || fs::read_to_string(&part).map_or(0, |text| text.lines().count());
+    while seen() < 150 {
+        assert!(player.try_wait().expect("waits").is_none(), "it ends by itself");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    player.kill().expect("runs");
+    player.wait().expect("killed");
+    assert!(!out.exists());
+    let mut looks = 0;
+    while board.voltage().1 > 0.0 {
+        looks += 1;
+        assert!(looks < 1000, "{:?}", board.voltage());
+    }
+    TOOL.json(&link(&board, &["acknowledge"]));
+    let short = [play.as_slice(), &["--duration", "0.3"]].concat();
+    let output = TOOL.with(&short).assert().success().get_output().clone();
+    let told = String::from_utf8(output.stderr).expect("UTF-8");
+    names(&told, &["out.csv", "was killed", "samples are kept", "out.recovered-1.csv"]);
+    let recovered = folder.path().join("out.recovered-1.csv");
+    let replayed = TOOL.json(&["replay", "--params", "preset:table3-n2", text(&recovered)]);
+    assert!(replayed["recordings"][0]["samples"].as_u64().expect("a number") > 145);
+    assert!(out.exists() && !part.exists());
+}
+
+/// After a reset a board may run other parameters than were uploaded last: `play` tells which, and compares them if it is given any.
+#[test]
+fn play_compares_the_parameters() {
+    let folder = TempDir::new().expect("a folder");
+    let (played, out) = (profile(&folder), folder.path().join("out.csv"));
+    let board = VirtualBoard::start(Scene::CALM);
+    upload(&board);
+    let who = TOOL.json(&link(&board, &["identify"]));
+    let checksum = who["checksum"].as_str().expect("known");
+    let options = ["play", text(&played), "--out", text(&out), "--duration", "0.2", "--bench", "--params"];
+    let play = |preset| link(&board, &[options.as_slice(), &[preset]].concat());
+    names(&TOOL.fails(&play("preset:table3-n3")), &["karner-2022-table3-n2", checksum, "upload"]);
+    assert_eq!(board.voltage(), (0.0, 0.0));
+    let report = TOOL.json(&play("preset:table3-n2"));
+    assert_eq!((&report["parameters"], &report["checksum"]), (&who["parameters"], &who["checksum"]));
+}
+
 /// References are followed with and without the sensor.
 #[test]
 fn play_follows_references() {

@@ -26,7 +26,7 @@ pub use control::{Controller, Inputs, Mode, Outputs, SetpointError, Telemetry};
 pub use control::{Followed, Step, Target};
 pub use parameters::{BLOB_LEN, Blob, BlobError, Control, Parameters, SCHEMA};
 #[cfg(feature = "store")]
-pub use parameters::{BlobHeader, Store, StoreError};
+pub use parameters::{BlobHeader, Store, StoreError, Stored};
 pub use safety::{
     Cause, DriverState, Limits, LimitsError, Monitor, MonitorLimits, OnSensorFault, Plausibility, PlausibilityLimits,
     Readings, Refusal, SensorFault, Supervisor, Tick,

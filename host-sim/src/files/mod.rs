@@ -1,6 +1,7 @@
 //! Files that are read and written: recordings, material tests, parameters, results.
 
 pub mod csv;
+pub mod journal;
 pub mod material_test;
 pub mod output;
 pub mod parameters;

@@ -221,6 +221,26 @@ impl Client {
         Error::Link { port: self.port.name().into(), cause: cause.into() }
     }
 
+    /// Makes sure that the controller runs the parameters with this checksum: after a reset, or with a damaged flash, it may run
+    /// others than were uploaded last.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Link`], naming those that it runs.
+    pub fn expect_parameters(&mut self, expected: u32) -> Result<()> {
+        match self.ask(Command::Query)? {
+            Answer::Parameters { checksum: Some(checksum), .. } if checksum == expected => Ok(()),
+            Answer::Parameters { name, checksum } => {
+                let found = checksum.map_or("unknown".into(), |checksum| format!("{checksum:08x}"));
+                Err(self.fault(format!(
+                    "it runs the parameters {name} with the checksum {found}, not {expected:08x} as given; upload these, or leave \
+                     them out"
+                )))
+            }
+            other => Err(self.unexpected(&other)),
+        }
+    }
+
     /// There is voltage on a film whose amplifier is disabled.
     pub fn film_is_live(&self, monitor_v: f32) -> Error {
         self.fault(format!("{LIVE} (monitor: {monitor_v:.0} V)"))

@@ -85,6 +85,7 @@ pub struct Outputs {
 #[derive(Clone, Debug)]
 pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
     parameters: Parameters<HEAD, FAST, SLOW>,
+    checksum: Option<u32>,
     supervisor: Supervisor,
     tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
     /// The film as the ticks estimate it, and its reference.
@@ -117,6 +118,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     /// The controller of `blob`, disarmed, its film at rest.
     #[must_use]
     pub fn new(blob: Blob<HEAD, FAST, SLOW>) -> Self {
+        let checksum = blob.checksum();
         let (parameters, tracking, supervisor) = blob.into_parts();
         let rest = tracking.observer().law().state();
         let course = tracking.state(rest.clone());
@@ -127,6 +129,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             #[cfg(feature = "loop-test")]
             test: LoopTest::at_rest(&tracking),
             parameters,
+            checksum,
             supervisor,
             tracking,
             course,
@@ -150,6 +153,12 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     #[must_use]
     pub fn parameters(&self) -> &Parameters<HEAD, FAST, SLOW> {
         &self.parameters
+    }
+
+    /// The checksum of the blob that the parameters were read from; none if they were made of values.
+    #[must_use]
+    pub fn checksum(&self) -> Option<u32> {
+        self.checksum
     }
 
     /// One tick: sample, check, estimate, command, log.

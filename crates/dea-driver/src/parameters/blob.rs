@@ -45,6 +45,7 @@ pub struct Blob<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usiz
     parameters: Parameters<HEAD, FAST, SLOW>,
     tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
     supervisor: Supervisor,
+    checksum: Option<u32>,
 }
 
 /// Why a blob was refused.
@@ -180,13 +181,19 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
             ControlError::Actuator(error) => BlobError::Actuator(error),
             error => BlobError::Control(error),
         })?;
-        Ok(Self { parameters, tracking, supervisor })
+        Ok(Self { parameters, tracking, supervisor, checksum: None })
     }
 
     /// The parameters.
     #[must_use]
     pub fn parameters(&self) -> &Parameters<HEAD, FAST, SLOW> {
         &self.parameters
+    }
+
+    /// The checksum of the bytes that it was read from; none if it was made of values.
+    #[must_use]
+    pub fn checksum(&self) -> Option<u32> {
+        self.checksum
     }
 
     /// The parameters, to alter and check again.
@@ -361,7 +368,8 @@ mod bytes {
                 return Err(BlobError::TooLong);
             }
             let found = bytes.get(end..end + CHECKSUM_LEN).ok_or(BlobError::Truncated)?;
-            if CRC.checksum(&bytes[..end]).to_le_bytes() != found {
+            let checksum = CRC.checksum(&bytes[..end]);
+            if checksum.to_le_bytes() != found {
                 return Err(BlobError::Checksum);
             }
             // The bytes are as they were written.
@@ -383,7 +391,9 @@ mod bytes {
                 return Err(BlobError::LawSizes { found, expected });
             }
             match postcard::take_from_bytes(contents) {
-                Ok((parameters, [])) => Self::with_converters(parameters, converters),
+                Ok((parameters, [])) => {
+                    Ok(Self { checksum: Some(checksum), ..Self::with_converters(parameters, converters)? })
+                }
                 _ => Err(BlobError::Contents),
             }
         }

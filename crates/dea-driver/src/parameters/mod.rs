@@ -10,4 +10,4 @@ pub use blob::BlobHeader;
 pub use blob::{BLOB_LEN, Blob, BlobError, SCHEMA};
 pub use settings::{Control, Parameters};
 #[cfg(feature = "store")]
-pub use store::{Store, StoreError};
+pub use store::{Store, StoreError, Stored};

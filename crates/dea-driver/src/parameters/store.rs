@@ -56,7 +56,8 @@ const SLOT: usize = HEADER + BLOB_LEN;
 /// let mut store = Store::new(flash, 7).expect("room for two slots");
 /// assert!(matches!(store.load(), Err(StoreError::Empty(None))));
 /// store.save(&bytes[..length]).expect("valid");
-/// assert_eq!(store.load().expect("saved").parameters(), &parameters);
+/// let stored = store.load().expect("saved");
+/// assert_eq!((stored.blob.parameters(), stored.newer_lost), (&parameters, false));
 /// # Ok(())
 /// # }
 /// ```
@@ -65,6 +66,15 @@ pub struct Store<F, const HEAD: usize = 12, const FAST: usize = 12, const SLOW: 
     board: u16,
     converters: Converters,
     slot_bytes: u32,
+}
+
+/// Parameters as they were found.
+#[derive(Clone, Debug)]
+pub struct Stored<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+    /// The newest that hold.
+    pub blob: Blob<HEAD, FAST, SLOW>,
+    /// Whether newer ones were damaged, or cut off while they were saved: these may allow more than those did.
+    pub newer_lost: bool,
 }
 
 /// Why the store failed.
@@ -118,16 +128,22 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
         Blob::decode_for(bytes, self.board, &self.converters).map_err(StoreError::Refused)
     }
 
-    /// The newest valid parameters.
+    /// The newest valid parameters, and whether there were newer ones.
     ///
     /// # Errors
     ///
     /// [`StoreError::Empty`] where no slot holds any, [`StoreError::Flash`].
-    pub fn load(&mut self) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {
+    pub fn load(&mut self) -> Result<Stored<HEAD, FAST, SLOW>, StoreError> {
         let mut fault = None;
-        for slot in self.newest_first()?.into_iter().flatten() {
+        let slots = self.newest_first()?;
+        for slot in slots.into_iter().flatten() {
             match self.read(slot.index) {
-                Ok(blob) => return Ok(blob),
+                Ok(blob) => {
+                    // Slots take turns: beside the first set nothing was ever written, beside any other there is the one before.
+                    let alone = slots.iter().flatten().count() == 1;
+                    let cut_off = alone && (slot.sequence != 1 || !self.is_erased(1 - slot.index)?);
+                    return Ok(Stored { blob, newer_lost: fault.is_some() || cut_off });
+                }
                 Err(StoreError::Refused(error)) => fault = fault.or(Some(error)),
                 Err(error) => return Err(error),
             }
@@ -188,6 +204,12 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
         let (words, _) = bytes.as_chunks::<4>();
         let [sequence, complement] = [words[0], words[1]].map(u32::from_le_bytes);
         Ok((sequence == !complement).then_some(Slot { index, sequence }))
+    }
+
+    fn is_erased(&mut self, index: u32) -> Result<bool, StoreError> {
+        let mut bytes = [0; SLOT];
+        self.flash.read(self.start_of(index), &mut bytes).map_err(|error| StoreError::Flash(error.kind()))?;
+        Ok(bytes.iter().all(|&byte| byte == 0xff))
     }
 
     fn read(&mut self, index: u32) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {

@@ -70,6 +70,8 @@ pub enum Cause {
     Disturbance,
     /// The monitor shows voltage although the amplifier is disabled: do not touch the film. It replaces any other cause.
     LiveFilm,
+    /// The newest parameters are damaged, or were cut off while they were saved: older ones are in force.
+    Parameters,
 }
 
 /// Why a request was refused.

@@ -178,14 +178,22 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         self.stream = Stream { every, ..Stream::new() };
     }
 
-    /// The name of the parameters.
+    /// Trips, whatever the state, until it is acknowledged; without parameters as well.
+    pub fn latch(&mut self, cause: Cause) {
+        match &mut self.controller {
+            Some(controller) => controller.trip(cause),
+            None => self.latched = Some(cause),
+        }
+    }
+
+    /// Name and checksum of the parameters.
     ///
     /// # Errors
     ///
     /// [`Reject::NoParameters`].
-    pub fn name(&self) -> Result<String<32>, Denial> {
+    pub fn parameters(&self) -> Result<(String<32>, Option<u32>), Denial> {
         let controller = self.controller.as_ref().ok_or(Denial::Rejected(Reject::NoParameters))?;
-        Ok(controller.parameters().name.clone())
+        Ok((controller.parameters().name.clone(), controller.checksum()))
     }
 
     /// [`Controller::arm`].

@@ -5,7 +5,7 @@ use heapless::String;
 
 use crate::control::{Controller, Mode};
 use crate::parameters::{Blob, SCHEMA, Store, StoreError};
-use crate::safety::Refusal;
+use crate::safety::{Cause, Refusal};
 use crate::server::{Denial, Device, Upload};
 use crate::wire::{Answer, Command, Drill, Identity, Message, Receiver, Reject, Request, Status, VERSION};
 
@@ -143,8 +143,13 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
     ///
     /// Why there are none, or why they were refused; the link works all the same.
     pub fn begin<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Result<(), StartError> {
-        let blob = board.store().load().map_err(StartError::Store)?;
-        let controller = controller(blob, board).map_err(StartError::Rejected)?;
+        let stored = board.store().load().map_err(StartError::Store)?;
+        let controller = controller(stored.blob, board).map_err(StartError::Rejected)?;
+        board.with(|device| device.is_off()).0.map_err(StartError::Refused)?;
+        if stored.newer_lost {
+            // Whoever uploaded the newer ones must know that these may allow more.
+            board.with(|device| device.latch(Cause::Parameters));
+        }
         install(controller, board).map_err(StartError::Refused)
     }
 
@@ -176,7 +181,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
             }
             Command::Commit { length } => self.take_over(usize::from(length), true, board),
             Command::Try { length } => self.take_over(usize::from(length), false, board),
-            Command::Query => return board.with(|device| device.name()).0.map_or_else(Answer::from, Answer::Name),
+            Command::Query => {
+                let found = board.with(|device| device.parameters()).0;
+                return found.map_or_else(Answer::from, |(name, checksum)| Answer::Parameters { name, checksum });
+            }
             Command::Stream { every } => {
                 board.with(|device| device.stream(every));
                 Ok(())

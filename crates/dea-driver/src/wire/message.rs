@@ -61,7 +61,7 @@ pub enum Command {
         /// Length of the blob.
         length: u16,
     },
-    /// Answered by [`Answer::Name`].
+    /// Answered by [`Answer::Parameters`].
     Query,
     /// Send the record of every n-th tick as [`Message::Telemetry`]; 0 ends it.
     Stream {
@@ -145,8 +145,13 @@ pub enum Answer {
     Identity(Identity),
     /// The state of a board.
     Status(Status),
-    /// What the parameters are called.
-    Name(String<32>),
+    /// Which parameters are in force.
+    Parameters {
+        /// What they are called.
+        name: String<32>,
+        /// Checksum of their blob, its last four bytes.
+        checksum: Option<u32>,
+    },
     /// What the model did.
     Steps {
         /// Step by step.

@@ -88,7 +88,7 @@ fn a_blob_of_a_law_of_other_sizes_is_refused() {
 fn a_lean_blob_is_kept() {
     let mut store: Store<Flash, 8, 14, 4> = Store::new(Flash::new(), BOARD).expect("two sectors");
     store.save(&bytes_of(&lean_parameters())).expect("valid");
-    assert_eq!(*store.load().expect("saved").parameters(), lean_parameters());
+    assert_eq!(*store.load().expect("saved").blob.parameters(), lean_parameters());
     assert!(store.save(&bytes_of(&board_parameters())).is_err());
-    assert_eq!(*store.load().expect("still there").parameters(), lean_parameters());
+    assert_eq!(*store.load().expect("still there").blob.parameters(), lean_parameters());
 }

@@ -90,7 +90,10 @@ fn messages() -> Vec<Message> {
         Answer::Rejected(Reject::Damaged),
         Answer::Identity(identity),
         Answer::Status(status),
-        Answer::Name("a name of thirty-two characters.".try_into().expect("short")),
+        Answer::Parameters {
+            name: "a name of thirty-two characters.".try_into().expect("short"),
+            checksum: Some(u32::MAX),
+        },
         Answer::Steps { steps: [step; BATCH].into(), cycles: u32::MAX },
         Answer::Followed { ticks: [followed; BATCH].into(), cycles: u32::MAX },
         Answer::PanicMessage(["0123456789"; 20].concat().as_str().try_into().expect("short")),

@@ -5,7 +5,7 @@ use dea_driver::wire::{Answer, CHUNK, Command, Drill, FRAME_LEN, Message, Mode, 
 use dea_driver::{BLOB_LEN, Cause, Device, Drive, DriverState, Inputs, Refusal, SCHEMA, Store};
 
 use crate::bench::board_parameters;
-use crate::flash::Flash;
+use crate::flash::{Flash, SECTOR};
 
 /// A board whose amplifier and monitor follow at once, and whose film stands still.
 struct Bench {
@@ -175,7 +175,9 @@ fn heapless_empty<T, const N: usize>() -> dea_driver::heapless::Vec<T, N> {
 fn a_run_from_upload_to_disarm() {
     let mut host = Host::with_parameters();
     assert_eq!(host.bench.rate_hz, 1000.0);
-    assert_eq!(host.ask(Command::Query), Answer::Name("table3-n2".try_into().expect("short")));
+    let checksum = blob().last_chunk().copied().map(u32::from_le_bytes);
+    let parameters = Answer::Parameters { name: "table3-n2".try_into().expect("short"), checksum };
+    assert_eq!(host.ask(Command::Query), parameters);
     assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Refused(Refusal::State(DriverState::Disarmed)));
     assert_eq!(host.ask(Command::Stop), Answer::Refused(Refusal::State(DriverState::Disarmed)));
     assert_eq!(host.ask(Command::Acknowledge), Answer::Refused(Refusal::State(DriverState::Disarmed)));
@@ -302,4 +304,45 @@ fn parameters_are_kept_by_commit_and_run_by_try() {
     host.upload(&damaged);
     assert_eq!(host.ask(Command::Try { length: 12 }), Answer::Rejected(Reject::Upload));
     assert_eq!(host.ask(Command::Reload), Answer::Done, "the stored ones stay");
+}
+
+/// A board whose newest parameters are damaged runs the older ones, which may allow more, and says so until it is acknowledged.
+#[test]
+fn damaged_parameters_are_not_replaced_silently() {
+    let (stricter, permissive) = {
+        let mut parameters = board_parameters();
+        parameters.limits.max_voltage_v = 800.0;
+        let mut bytes = [0; BLOB_LEN];
+        let length = parameters.encode(Bench::ID, &mut bytes).expect("valid");
+        (bytes[..length].to_vec(), blob())
+    };
+    let mut host = Host::new(None);
+    for blob in [&permissive, &stricter] {
+        host.upload(blob);
+        assert_eq!(host.ask(Command::Commit { length: blob.len() as u16 }), Answer::Done);
+    }
+    let reset = |flash: Flash, latched| {
+        let mut host = Host::new(latched);
+        host.bench.store = Store::new(flash, Bench::ID).expect("two sectors");
+        host.session.begin(&mut host.bench).expect("older parameters");
+        host.tick();
+        host
+    };
+    let flash = host.bench.store.destroy();
+    let sound = reset(flash.clone(), None);
+    assert_eq!(sound.bench.device.state(), DriverState::Disarmed);
+    let mut damaged = flash;
+    damaged.bytes[SECTOR + 60] ^= 4;
+    for latched in [None, Some(Cause::Watchdog)] {
+        let mut host = reset(damaged.clone(), latched);
+        let tripped = DriverState::Tripped(Cause::Parameters);
+        assert_eq!(host.state(), tripped);
+        assert_eq!(host.ask(Command::Arm), Answer::Refused(Refusal::State(tripped)));
+        assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
+        host.arm();
+        // Which ones they are can be compared.
+        let checksum = permissive.last_chunk().copied().map(u32::from_le_bytes);
+        let Answer::Parameters { checksum: found, .. } = host.ask(Command::Query) else { panic!("no parameters") };
+        assert_eq!(found, checksum);
+    }
 }

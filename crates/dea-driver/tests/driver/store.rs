@@ -22,6 +22,12 @@ fn store(flash: Flash) -> Store<Flash> {
     Store::new(flash, BOARD).expect("two sectors")
 }
 
+/// The name of what is loaded, and whether newer ones were lost.
+fn found(store: &mut Store<Flash>) -> (String, bool) {
+    let stored = store.load().expect("there");
+    (stored.blob.parameters().name.to_string(), stored.newer_lost)
+}
+
 #[test]
 fn a_blob_comes_back_as_it_was() {
     let mut parameters = board_parameters();
@@ -115,17 +121,17 @@ fn the_newest_valid_set_wins() {
     assert!(matches!(store.load(), Err(StoreError::Empty(_))));
     for name in ["one", "two", "three", "four", "five"] {
         assert_eq!(store.save(&bytes_of(&named(name))).expect("saved").parameters().name, name);
-        assert_eq!(store.load().expect("there").parameters().name, name);
+        assert_eq!(found(&mut store), (name.to_owned(), false));
     }
     // The newest gets damaged: the one before is still there.
     let mut flash = store.destroy();
     let newest = (0..2).find(|slot| flash.bytes[slot * SECTOR] == 5).expect("the fifth");
     flash.bytes[newest * SECTOR + 100] ^= 0x10;
     let mut store = self::store(flash);
-    assert_eq!(store.load().expect("there").parameters().name, "four");
+    assert_eq!(found(&mut store), ("four".to_owned(), true));
     // And the next one replaces the damaged one.
     store.save(&bytes_of(&named("six"))).expect("saved");
-    assert_eq!(store.load().expect("there").parameters().name, "six");
+    assert_eq!(found(&mut store), ("six".to_owned(), false));
     // What would be refused is not written.
     let before = store.destroy();
     let mut store = self::store(before.clone());
@@ -159,16 +165,23 @@ fn power_may_go_at_any_byte() {
             let saved = store.save(&new).is_ok();
             let mut flash = store.destroy();
             flash.power = usize::MAX;
+            let untouched = flash.bytes == start.bytes;
             let mut store = self::store(flash);
-            let found = store.load().unwrap_or_else(|e| panic!("nothing is left after {power} bytes: {e:?}"));
-            match found.parameters().name.as_str() {
-                "old" => old_kept += 1,
-                "new" => new_there += 1,
-                other => panic!("{other} after {power} bytes"),
+            match self::found(&mut store) {
+                // Never silently: the new set was cut off, unless nothing of it has reached the flash.
+                (name, lost) if name == "old" => {
+                    assert_eq!(lost, !untouched, "after {power} bytes");
+                    old_kept += 1;
+                }
+                (name, lost) if name == "new" => {
+                    assert!(!lost, "after {power} bytes");
+                    new_there += 1;
+                }
+                (other, _) => panic!("{other} after {power} bytes"),
             }
             // The store goes on working.
             store.save(&bytes_of(&named("next"))).expect("saved");
-            assert_eq!(store.load().expect("there").parameters().name, "next");
+            assert_eq!(self::found(&mut store), ("next".to_owned(), false));
             if saved {
                 break;
             }

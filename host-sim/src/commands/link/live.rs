@@ -9,8 +9,9 @@ use dea_driver::wire::{Answer, Command, Reject, Telemetry};
 use dea_driver::{Cause, DriverState, Refusal};
 use serde::Serialize;
 
-use super::What;
+use super::{Source, What, digits, parameters_of};
 use crate::error::{Error, Result, shown};
+use crate::files::journal::{Journal, Recovered};
 use crate::files::output::{self, Folders};
 use crate::files::recording::{Input, Recording};
 use crate::grid::Grid;
@@ -49,6 +50,9 @@ pub(super) struct Play {
     /// What the controller follows.
     #[arg(long, value_enum, default_value_t = What::Voltage)]
     mode: What,
+    /// With --params or --blob: plays only if the board runs these parameters.
+    #[command(flatten)]
+    parameters: Source,
     #[command(flatten)]
     stream: Stream,
 }
@@ -60,6 +64,9 @@ struct Report {
     /// Lost because the link was busy.
     dropped: u64,
     state: String,
+    /// Which parameters the board ran.
+    parameters: Option<String>,
+    checksum: Option<String>,
 }
 
 impl Stream {
@@ -75,10 +82,10 @@ impl Stream {
 
     pub(super) fn run(&self, mut client: Client, json: bool) -> Result<()> {
         let stop = interrupt::stop_flag();
-        let mut log = Log::of(&mut client)?;
+        let mut log = Log::begin(&mut client, &self.out)?;
         // It listens: whoever armed keeps the amplifier enabled, not this.
         let ended = self.talk(&mut client, &mut log, stop, |_, _| Ok(true));
-        self.finish(client, &log, ended, json)
+        self.finish(client, log, ended, json)
     }
 
     /// Streams, letting `say` talk for the time (s) a hundred times a second, until it is done, time is up or Ctrl-C comes.
@@ -104,9 +111,10 @@ impl Stream {
                     break;
                 }
             }
+            log.journal.flush_if_due()?;
             // What has come, until the next value is due.
             while let Some(sample) = client.sample(start + next)? {
-                log.samples.push(sample);
+                log.push(&sample)?;
                 let Telemetry { command_v, monitor_v, displacement_m, predicted_m, .. } = sample;
                 bar.set_message(format!(
                     "{command_v:.0} V, monitor {monitor_v:.0} V; {:.4} mm, model {:.4} mm",
@@ -119,29 +127,41 @@ impl Stream {
         Ok(())
     }
 
-    /// Ends the stream and writes what came, whatever ended it: that is told before anything else.
-    fn finish(&self, mut client: Client, log: &Log, ended: Result<()>, json: bool) -> Result<()> {
+    /// Ends the stream and keeps what came, whatever ended it: that is told before anything else.
+    fn finish(&self, mut client: Client, log: Log, ended: Result<()>, json: bool) -> Result<()> {
         let state = client.order(Command::Stream { every: 0 }).and_then(|()| client.status());
-        let written = log.write(&self.out);
+        let parameters = parameters_of(&mut client);
+        let Log { samples, dropped, journal, .. } = log;
+        let written = journal.finish();
         ended?;
         written?;
+        let (parameters, checksum) = parameters?.unzip();
         let report = Report {
+            parameters,
+            checksum: digits(checksum.flatten()),
             out: shown(&self.out),
-            samples: log.samples.len(),
-            dropped: log.samples.iter().map(|sample| u64::from(sample.dropped)).sum(),
+            samples,
+            dropped,
             state: named(state?.state),
         };
         terminal::report(json, &report, || {
-            format!("{}: {} samples, {} dropped; {}", report.out, report.samples, report.dropped, report.state)
+            let parameters = report.parameters.as_deref().unwrap_or("none");
+            let checksum = report.checksum.as_deref().unwrap_or("unknown");
+            format!(
+                "{}: {} samples, {} dropped; {}; parameters {parameters}, checksum {checksum}",
+                report.out, report.samples, report.dropped, report.state
+            )
         })
     }
 }
 
 impl Play {
-    pub(super) fn check(&self) -> Result<()> {
+    /// Checks what is wrong without a board, and returns the parameters that it should run.
+    pub(super) fn check(&self) -> Result<Option<Vec<u8>>> {
         self.values()?;
         self.stream.check()?;
-        output::check(&self.stream.out, &[&self.recording], Folders::Exist)
+        output::check(&self.stream.out, &[&self.recording], Folders::Exist)?;
+        self.parameters.blob()
     }
 
     /// What is played, `SENT_HZ` times a second.
@@ -166,16 +186,19 @@ impl Play {
         }
     }
 
-    pub(super) fn run(&self, mut client: Client, json: bool) -> Result<()> {
+    pub(super) fn run(&self, mut client: Client, expected: Option<&[u8]>, json: bool) -> Result<()> {
+        if let Some(expected) = expected.and_then(<[u8]>::last_chunk) {
+            client.expect_parameters(u32::from_le_bytes(*expected))?;
+        }
         // Before anything is enabled: from here on Ctrl-C comes to an end at 0 V.
         let stop = interrupt::stop_flag();
         let values = self.values()?;
-        let mut log = Log::of(&mut client)?;
+        let mut log = Log::begin(&mut client, &self.stream.out)?;
         let played = self.play(&mut client, &mut log, &values, stop);
         // 0 V before anything else, whatever has happened. After a trip it is there already.
         let disarmed = disarm(&mut client);
         // A live film is told before what led to it.
-        self.stream.finish(client, &log, disarmed.and(played), json)
+        self.stream.finish(client, log, disarmed.and(played), json)
     }
 
     fn play(&self, client: &mut Client, log: &mut Log, values: &[f32], stop: &AtomicBool) -> Result<()> {
@@ -233,40 +256,54 @@ pub(super) fn disarm(client: &mut Client) -> Result<()> {
     }
 }
 
-/// What came.
+/// What comes, written as it comes.
 struct Log {
     /// Ticks per second.
     rate_hz: f64,
-    samples: Vec<Telemetry>,
+    first: Option<u32>,
+    samples: usize,
+    dropped: u64,
+    journal: Journal,
 }
 
 impl Log {
     /// An empty log of the controller as it ticks now.
-    fn of(client: &mut Client) -> Result<Self> {
+    fn begin(client: &mut Client, out: &Path) -> Result<Self> {
+        let names: Vec<&str> = COLUMNS.iter().map(|(name, _)| *name).collect();
+        let columns = [&["time_s"], names.as_slice()].concat();
+        let (journal, recovered) = Journal::begin(out, &columns)?;
+        if let Some(Recovered { path, rows }) = recovered {
+            let (out, path) = (shown(out), shown(&path));
+            eprintln!("host-sim: an earlier run for {out} was killed: its {rows} samples are kept in {path}");
+        }
         // Without parameters there are no ticks, so no samples either.
-        Ok(Self { rate_hz: f64::from(client.status()?.rate_hz.max(1.0)), samples: Vec::new() })
+        let rate_hz = f64::from(client.status()?.rate_hz.max(1.0));
+        Ok(Self { rate_hz, first: None, samples: 0, dropped: 0, journal })
     }
 
-    fn write(&self, path: &Path) -> Result<()> {
-        let column = |value: fn(&Telemetry) -> f64| self.samples.iter().map(value).collect::<Vec<f64>>();
-        let first = self.samples.first().map_or(0, |sample| sample.tick);
-        let time_s =
-            self.samples.iter().map(|sample| f64::from(sample.tick.wrapping_sub(first)) / self.rate_hz).collect();
-        let columns = [
-            ("time_s", time_s),
-            ("tick", column(|sample| f64::from(sample.tick))),
-            ("command_v", column(|sample| f64::from(sample.command_v))),
-            ("voltage_v", column(|sample| f64::from(sample.monitor_v))),
-            ("displacement_m", column(|sample| f64::from(sample.displacement_m))),
-            ("predicted_m", column(|sample| f64::from(sample.predicted_m))),
-            ("reference_m", column(|sample| f64::from(sample.reference_m))),
-            ("disturbance_n", column(|sample| f64::from(sample.disturbance_n))),
-            ("force_scale", column(|sample| f64::from(sample.force_scale))),
-            ("innovation_m", column(|sample| f64::from(sample.innovation_m))),
-            ("limited", column(|sample| f64::from(sample.limited))),
-        ];
-        let columns: Vec<(&str, Option<&[f64]>)> =
-            columns.iter().map(|(name, values)| (*name, Some(values.as_slice()))).collect();
-        output::write_columns(path, &[], &columns)
+    fn push(&mut self, sample: &Telemetry) -> Result<()> {
+        let first = *self.first.get_or_insert(sample.tick);
+        let time_s = f64::from(sample.tick.wrapping_sub(first)) / self.rate_hz;
+        let row: Vec<f64> = [time_s].into_iter().chain(COLUMNS.iter().map(|(_, value)| value(sample))).collect();
+        self.samples += 1;
+        self.dropped += u64::from(sample.dropped);
+        self.journal.push(&row)
     }
 }
+
+/// A column's name, and what a sample has in it.
+type Column = (&'static str, fn(&Telemetry) -> f64);
+
+/// Behind the time.
+const COLUMNS: [Column; 10] = [
+    ("tick", |sample| f64::from(sample.tick)),
+    ("command_v", |sample| f64::from(sample.command_v)),
+    ("voltage_v", |sample| f64::from(sample.monitor_v)),
+    ("displacement_m", |sample| f64::from(sample.displacement_m)),
+    ("predicted_m", |sample| f64::from(sample.predicted_m)),
+    ("reference_m", |sample| f64::from(sample.reference_m)),
+    ("disturbance_n", |sample| f64::from(sample.disturbance_n)),
+    ("force_scale", |sample| f64::from(sample.force_scale)),
+    ("innovation_m", |sample| f64::from(sample.innovation_m)),
+    ("limited", |sample| f64::from(sample.limited)),
+];

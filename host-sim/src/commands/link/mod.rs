@@ -116,8 +116,18 @@ struct Armed {
 
 #[derive(Debug, Args)]
 struct Upload {
+    #[command(flatten)]
+    source: Source,
+    /// Only run them until the next reset.
+    #[arg(long = "try")]
+    only_try: bool,
+}
+
+/// Where a blob comes from.
+#[derive(Debug, Args)]
+struct Source {
     /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
-    #[arg(long, value_name = "P", required_unless_present = "blob", conflicts_with = "blob")]
+    #[arg(long, value_name = "P", conflicts_with = "blob")]
     params: Option<String>,
     /// A blob that `export` wrote.
     #[arg(long, value_name = "P.bin")]
@@ -125,9 +135,6 @@ struct Upload {
     /// Ticks per second.
     #[arg(long, value_name = "HZ", default_value_t = 1000.0, conflicts_with = "blob")]
     rate: f64,
-    /// Only run them until the next reset.
-    #[arg(long = "try")]
-    only_try: bool,
     /// Take calibrations and limits of the paper's bench (10 V for 10 kV, 6 kV at the most) where the file tells none.
     #[arg(long)]
     bench: bool,
@@ -149,6 +156,8 @@ struct Who {
     schema: u16,
     /// What the parameters are called; none if there are none.
     parameters: Option<String>,
+    /// Checksum of their blob, as hexadecimal digits.
+    checksum: Option<String>,
 }
 
 #[derive(Serialize)]
@@ -172,11 +181,11 @@ struct How {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     // What is wrong with files shows before anybody is talked to.
     let blob = match &arguments.verb {
-        Verb::Upload(upload) => Some(upload.blob()?),
-        Verb::Play(play) => {
-            play.check()?;
-            None
-        }
+        Verb::Upload(upload) => match upload.source.blob()? {
+            Some(blob) => Some(blob),
+            None => return Err(Error::option("--params", "parameters are needed: --params P, or --blob P.bin")),
+        },
+        Verb::Play(play) => play.check()?,
         Verb::Stream(stream) => {
             stream.check()?;
             None
@@ -190,7 +199,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Verb::Status => return status(client, port, json),
         Verb::Panic => return panicked(client, port, json),
         Verb::Stream(stream) => return stream.run(client, json),
-        Verb::Play(play) => return play.run(client, json),
+        Verb::Play(play) => return play.run(client, blob.as_deref(), json),
         Verb::Arm => {
             let armed = Armed { port, done: "armed", token: client.arm()? };
             return terminal::report(json, &armed, || format!("{}: armed; --token {}", armed.port, armed.token));
@@ -228,9 +237,11 @@ impl Target {
     }
 }
 
-impl Upload {
-    fn blob(&self) -> Result<Vec<u8>> {
-        match (&self.params, &self.blob) {
+impl Source {
+    /// The blob, if there is to be one.
+    fn blob(&self) -> Result<Option<Vec<u8>>> {
+        Ok(Some(match (&self.params, &self.blob) {
+            (None, None) => return Ok(None),
             (Some(params), _) => {
                 let parameters = Parameters::load(params)?;
                 let board = match parameters.board.clone() {
@@ -241,26 +252,36 @@ impl Upload {
                         return Err(Error::file(params.as_ref(), cause));
                     }
                 };
-                parameters.to_blob(&board, super::board_rate(self.rate)?).map_err(|e| e.about(params, params.as_ref()))
+                let rate_hz = super::board_rate(self.rate)?;
+                parameters.to_blob(&board, rate_hz).map_err(|e| e.about(params, params.as_ref()))?
             }
-            (None, blob) => {
-                let path = blob.as_deref().unwrap_or("".as_ref());
+            (None, Some(path)) => {
                 let bytes = std::fs::read(path).map_err(|e| Error::file(path, e))?;
                 // A blob for another board is refused there; whatever else is wrong is found here.
                 let refused = |error| Error::file(path, error);
                 let board = BlobHeader::read(&bytes).map_err(refused)?.board;
                 <Blob>::decode(&bytes, board).map_err(refused)?;
-                Ok(bytes)
+                bytes
             }
-        }
+        }))
     }
 }
 
-fn identify(mut client: Client, identity: &Identity, port: String, json: bool) -> Result<()> {
-    let parameters = match client.ask(Command::Query)? {
-        Answer::Name(name) => Some(name.to_string()),
+/// Name and checksum of the parameters of a board, if it has any.
+fn parameters_of(client: &mut Client) -> Result<Option<(String, Option<u32>)>> {
+    Ok(match client.ask(Command::Query)? {
+        Answer::Parameters { name, checksum } => Some((name.to_string(), checksum)),
         _ => None,
-    };
+    })
+}
+
+/// A checksum as people compare it.
+fn digits(checksum: Option<u32>) -> Option<String> {
+    checksum.map(|checksum| format!("{checksum:08x}"))
+}
+
+fn identify(mut client: Client, identity: &Identity, port: String, json: bool) -> Result<()> {
+    let (parameters, checksum) = parameters_of(&mut client)?.unzip();
     let who = Who {
         port,
         firmware: identity.firmware.to_string(),
@@ -268,10 +289,14 @@ fn identify(mut client: Client, identity: &Identity, port: String, json: bool) -
         protocol: identity.protocol,
         schema: identity.schema,
         parameters,
+        checksum: digits(checksum.flatten()),
     };
     terminal::report(json, &who, || {
-        let parameters =
-            who.parameters.as_deref().map_or("no parameters yet".into(), |name| format!("parameters {name}"));
+        let checksum = who.checksum.as_deref().unwrap_or("unknown");
+        let parameters = who
+            .parameters
+            .as_deref()
+            .map_or("no parameters yet".into(), |name| format!("parameters {name}, checksum {checksum}"));
         format!("{}: firmware {} on board {:#06x}, {parameters}", who.port, who.firmware, who.board)
     })
 }
