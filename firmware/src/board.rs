@@ -8,7 +8,7 @@ use dea_driver::wire::Drill;
 use dea_driver::wire::boards;
 use dea_driver::{Device, Store, StoreError};
 use rtic::Mutex;
-use stm32f4xx_hal::pac::IWDG;
+use stm32f4xx_hal::pac::{DBGMCU, FLASH, IWDG};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
@@ -20,7 +20,7 @@ pub const MIN_RATE_HZ: f32 = 100.0;
 /// The fastest, Hz.
 const MAX_RATE_HZ: f32 = 5000.0;
 /// Cycles from tick to tick at the least, three times what one takes: on the internal oscillator the fastest is slower.
-const CYCLES_PER_TICK: f32 = 8000.0;
+const CYCLES_PER_TICK: f32 = 9600.0;
 /// For so long the tick may not come, ms, give or take what the watchdog's own oscillator is off: 35 to 95 ms.
 const WATCHDOG_MS: u32 = 50;
 /// For so long the flash may hold up everything, ms: erasing 16 KiB takes 0.8 s at the most.
@@ -49,6 +49,17 @@ impl Ticker {
         self.timer.set_reload((self.core_hz as f32 / rate_hz + 0.5) as u32 - 1);
         self.timer.clear_current();
     }
+}
+
+/// Lets the watchdog go on while a debugger halts the core: the film would stay at high voltage otherwise. Debuggers set this bit
+/// when they attach, so it is cleared in every tick.
+pub fn outlive_debugger(debug: &DBGMCU) {
+    debug.apb1_fz().modify(|_, w| w.dbg_iwdg_stop().clear_bit());
+}
+
+/// Whether the watchdog is started by the chip itself, by its option byte, before any firmware runs.
+pub fn is_watched_from_reset(flash: &FLASH) -> bool {
+    flash.optcr().read().wdg_sw().bit_is_clear()
 }
 
 /// Starts the watchdog.

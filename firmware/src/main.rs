@@ -48,7 +48,7 @@ mod app {
     use stm32f4xx_hal::hal_02::serial::Read;
     use stm32f4xx_hal::hal_02::serial::Write;
     use stm32f4xx_hal::nb;
-    use stm32f4xx_hal::pac::{Interrupt, USART2};
+    use stm32f4xx_hal::pac::{DBGMCU, Interrupt, USART2};
     use stm32f4xx_hal::prelude::*;
     use stm32f4xx_hal::serial::{Config, Serial};
     use stm32f4xx_hal::watchdog::IndependentWatchdog;
@@ -80,6 +80,7 @@ mod app {
     #[local]
     struct Local {
         bench: Bench,
+        debug: DBGMCU,
         led: PC12<Output>,
         serial: Serial<USART2>,
         heard: Producer<'static, u8>,
@@ -146,25 +147,28 @@ mod app {
         let (heard, received) = cx.local.incoming.split();
         let (sending, said) = cx.local.outgoing.split();
 
+        if !board::is_watched_from_reset(&chip.FLASH) {
+            defmt::warn!("the watchdog starts with the firmware, not with the chip: see WDG_SW in docs/wiring.md");
+        }
         let Ok(store) = Store::new(ParameterFlash::new(chip.FLASH), boards::STM32F405) else {
             panic!("two sectors hold two slots")
         };
         let mut watchdog = IndependentWatchdog::new(chip.IWDG);
-        // A debugger that halts the core would halt the tick with the film at high voltage: the chip is reset instead.
-        watchdog.stop_on_debug(&chip.DBGMCU, false);
+        board::outlive_debugger(&chip.DBGMCU);
         board::watch(&mut watchdog);
         let ticker = Ticker::start(cx.core.SYST, core_hz, RATE_HZ);
         let shared = Shared { device: Device::new(latched), watchdog };
-        (shared, Local { bench, led, serial, heard, received, sending, said, store, ticker, panic_message })
+        (shared, Local { bench, debug: chip.DBGMCU, led, serial, heard, received, sending, said, store, ticker, panic_message })
     }
 
     /// The control tick.
-    #[task(binds = SysTick, priority = 2, local = [bench, led, ticks: u32 = 0], shared = [device, watchdog])]
+    #[task(binds = SysTick, priority = 2, local = [bench, debug, led, ticks: u32 = 0], shared = [device, watchdog])]
     fn tick(mut cx: tick::Context) {
-        let tick::LocalResources { bench, led, ticks, .. } = cx.local;
+        let tick::LocalResources { bench, debug, led, ticks, .. } = cx.local;
         #[cfg(feature = "semihosting")]
         emulated::begin_tick();
         cx.shared.watchdog.lock(IndependentWatchdog::feed);
+        board::outlive_debugger(debug);
         let state = cx.shared.device.lock(|device| {
             let inputs = bench.sample(!device.state().is_live());
             let drive = device.tick(inputs);

@@ -20,7 +20,7 @@ fn board_table() -> String {
      [board.limits]\nmax_voltage_v = 5500.0\nmax_field_v_per_m = 4e7\nthickness_m = 160e-6\nmax_slew_v_per_s = 2e4\n\
      max_displacement_m = 6e-3\non_sensor_fault = \"open-loop\"\nheartbeat_s = 0.25\n\
      monitor = { slew_v_per_s = 5e4, band_v = 50.0, band_share = 0.02, settle_s = 0.01 }\n\
-     sensor = { low = -1e-3, high = 8e-3, jump = 2e-4, stuck_ticks = 300 }\n"
+     sensor = { low = -0.9e-3, high = 8e-3, jump = 2e-4, stuck_ticks = 300 }\n"
         .into()
 }
 

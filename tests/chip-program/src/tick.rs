@@ -87,7 +87,7 @@ pub fn tick(controller: &mut Controller, command: DacCode) -> (DacCode, Outputs)
     let monitor = (u32::from(command.0) * 1000 / 1024) as u16;
     let adc_v = |code| Some(AdcCode(black_box(code)).volts(AdcRange::UpTo10V24));
     // 0.8 mm, and 2.5 µm in every other tick.
-    let sensor = if controller.supervisor().ticks() & 1 == 0 { 5120 } else { 5136 };
+    let sensor = if controller.supervisor().ticks() & 1 == 0 { 11_520 } else { 11_536 };
     let inputs = Inputs { interlock_closed: true, monitor_adc_v: adc_v(monitor), sensor_adc_v: adc_v(sensor) };
     let outputs = controller.tick(inputs);
     (DacCode::from_volts(outputs.dac_v, controller.parameters().command_range), outputs)
@@ -103,7 +103,7 @@ fn parameters(law: Coefficients<f32>) -> Parameters {
         command_range: CommandRange::TenVolts,
         amplifier: Calibration { offset: 0.0, gain: 1000.0, quadratic: -1.0 },
         monitor: Calibration { offset: 0.0, gain: 1000.0, quadratic: -1.0 },
-        sensor: Calibration::linear(1e-3),
+        sensor: Calibration { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
         limits: Limits {
             max_voltage_v: 6000.0,
             max_field_v_per_m: 4e7,
@@ -112,7 +112,7 @@ fn parameters(law: Coefficients<f32>) -> Parameters {
             max_displacement_m: 8e-3,
             max_disturbance_share: 1.0,
             monitor: MonitorLimits { slew_v_per_s: 100e3, band_v: 60.0, band_share: 0.03, settle_s: 0.02 },
-            sensor: PlausibilityLimits { low: -1e-3, high: 9e-3, jump: 0.5e-3, stuck_ticks: 500, stuck_band: 2e-6 },
+            sensor: PlausibilityLimits { low: -0.9e-3, high: 9e-3, jump: 0.5e-3, stuck_ticks: 500, stuck_band: 2e-6 },
             on_sensor_fault: OnSensorFault::Trip,
             heartbeat_s: 60.0,
             discharge_s: 1.0,

@@ -92,6 +92,8 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     course: TrackingState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
     /// The film as the commanded voltage alone moves it: no sensor corrects it.
     open_loop: State<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    /// How the film thins with the stroke, 1/m.
+    thinning_per_m: f32,
     /// Shares of the force at the largest voltage per newton.
     shares_per_n: f32,
     sampler: Sampler,
@@ -123,6 +125,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let rest = tracking.observer().law().state();
         let course = tracking.state(rest.clone());
         let shares_per_n = shares_per_n(&parameters);
+        let thinning_per_m = thinning_per_m(&parameters);
         let sampler =
             Sampler::new(parameters.rate_hz, parameters.control.sample_interval_s, parameters.control.delay_s);
         Self {
@@ -134,6 +137,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             tracking,
             course,
             open_loop: rest,
+            thinning_per_m,
             shares_per_n,
             sampler,
             mode: Mode::Voltage,
@@ -212,7 +216,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let followed_v = if reference_m.is_some() { wanted.voltage } else { 0.0 };
         let wanted_v = if self.mode == Mode::Voltage { set_v } else { followed_v };
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > predicted_m).unwrap_or(predicted_m);
-        let command_v = self.supervisor.command(wanted_v, 1.0 + self.coupling() * furthest_m);
+        let command_v = self.supervisor.command(wanted_v, 1.0 + self.thinning_per_m * furthest_m);
         let enable = self.supervisor.enables();
         let dac_v = if enable { self.parameters.amplifier.invert(command_v) } else { 0.0 };
 
@@ -364,12 +368,6 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     fn ramp_ticks(&self) -> u16 {
         (RAMP_S * self.parameters.rate_hz) as u16
     }
-
-    /// How the force grows with the stroke, 1/m.
-    #[allow(clippy::cast_possible_truncation)] // as the laws have it
-    fn coupling(&self) -> f32 {
-        self.parameters.actuator.stretch_coupling as f32
-    }
 }
 
 /// The loop test: a film apart from the one of the ticks, which a host steps and compares bit by bit.
@@ -389,6 +387,16 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     pub fn follow(&mut self, mode: Mode, target: Target) -> Followed {
         self.test.follow(&self.tracking, mode, target, self.sampler.age_ticks)
     }
+}
+
+/// A film of constant volume is thinner by as much as it is longer, whether or not the model's force knows it; a coupling that was
+/// fitted may be larger, since the film gets wider as well.
+#[allow(clippy::cast_possible_truncation)] // as the laws have it
+fn thinning_per_m<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    parameters: &Parameters<HEAD, FAST, SLOW>,
+) -> f32 {
+    let actuator = &parameters.actuator;
+    actuator.stretch_coupling.max(1.0 / actuator.length_m) as f32
 }
 
 /// Shares of the force at the largest voltage, with the film at rest, per newton.

@@ -98,6 +98,8 @@ pub enum BlobError {
     Reach(&'static str),
     /// Limits for a film of another thickness than the actuator's.
     Thickness,
+    /// A sensor whose plausible range holds what it reads when it is unplugged, 0 V, or saturated.
+    Unplugged,
     /// A sensor that would count as stuck before its samples can show that the film moves.
     Stuck,
 }
@@ -127,6 +129,9 @@ impl fmt::Display for BlobError {
                 write!(f, "the {which} does not reach from 0 V to limits.max_voltage_v, within the monitor's band")
             }
             Self::Thickness => f.write_str("limits.thickness_m is not the actuator's thickness_m"),
+            Self::Unplugged => f.write_str(
+                "limits.sensor: low to high must not hold the readings of an unplugged sensor (0 V) and of a saturated one",
+            ),
             Self::Stuck => f.write_str("limits.sensor.stuck_ticks must be at least five times control.delay_s"),
         }
     }
@@ -175,6 +180,11 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
         let law = law.map_err(BlobError::Law)?;
         let supervisor = Supervisor::new(&parameters.limits, parameters.rate_hz).map_err(BlobError::Limits)?;
         parameters.check_reach(command_v, converters.monitor_v)?;
+        let sensor_m = |volts| parameters.sensor.apply(volts) - parameters.sensor_offset_m;
+        let plausible = parameters.limits.sensor.low..=parameters.limits.sensor.high;
+        if plausible.contains(&sensor_m(0.0)) || plausible.contains(&sensor_m(converters.sensor_v)) {
+            return Err(BlobError::Unplugged);
+        }
         let limits = parameters.control.command_limits(&parameters.limits);
         let tracking = Tracking::new(law, &parameters.actuator, limits, parameters.control.observer_options());
         let tracking = tracking.map_err(|error| match error {

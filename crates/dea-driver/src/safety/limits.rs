@@ -121,8 +121,10 @@ pub enum LimitsError {
     Monitor,
     /// Sensor limits that cannot be kept.
     Sensor,
-    /// A limit so large that it protects nothing.
+    /// A limit so large that it protects nothing, on its own or beside the others.
     TooLarge(&'static str),
+    /// A limit so small that it protects nothing.
+    TooSmall(&'static str),
 }
 
 impl fmt::Display for LimitsError {
@@ -133,6 +135,7 @@ impl fmt::Display for LimitsError {
                 f.write_str("monitor: slew and band must be greater than 0, share and settling time not negative")
             }
             Self::TooLarge(quantity) => write!(f, "{quantity} is so large that it protects nothing"),
+            Self::TooSmall(quantity) => write!(f, "{quantity} is so small that it protects nothing"),
             Self::Sensor => write!(
                 f,
                 "sensor: low must be below high, jump and stuck_band greater than 0, stuck_ticks at least {LEAST_TICKS}"
@@ -189,22 +192,59 @@ impl Limits {
                 return Err(LimitsError::NotPositive(name));
             }
         }
-        for (name, value, most) in [
-            ("heartbeat_s", self.heartbeat_s, 60.0),
-            ("discharge_s", self.discharge_s, 60.0),
-            ("max_disturbance_share", self.max_disturbance_share, 1.0),
-            ("monitor.band_share", self.monitor.band_share, 0.5),
-            ("monitor.settle_s", self.monitor.settle_s, 1.0),
-        ] {
-            if value > most {
-                return Err(LimitsError::TooLarge(name));
-            }
-        }
         if !self.monitor.are_valid() {
             return Err(LimitsError::Monitor);
         }
         if !self.sensor.are_valid() {
             return Err(LimitsError::Sensor);
+        }
+        self.check_that_they_protect()
+    }
+
+    /// What is beyond these bounds was meant in another unit, or to switch a limit off.
+    fn check_that_they_protect(&self) -> Result<(), LimitsError> {
+        let sensor = &self.sensor;
+        let farthest_m = sensor.low.abs().max(sensor.high.abs());
+        for (name, value, most) in [
+            // No amplifier for a film gives more, no elastomer holds as much, no film is as thick.
+            ("max_voltage_v", self.max_voltage_v, 50e3),
+            ("max_field_v_per_m", self.max_field_v_per_m, 5e8),
+            ("thickness_m", self.thickness_m, 0.01),
+            // From 0 V to the largest voltage within a tick of a millisecond.
+            ("max_slew_v_per_s", self.max_slew_v_per_s, 1000.0 * self.max_voltage_v),
+            // The sensor shows no more.
+            ("max_displacement_m", self.max_displacement_m, farthest_m),
+            ("max_disturbance_share", self.max_disturbance_share, 1.0),
+            ("heartbeat_s", self.heartbeat_s, 60.0),
+            ("discharge_s", self.discharge_s, 60.0),
+            // It is also what counts as 0 V.
+            ("monitor.band_v", self.monitor.band_v, 0.1 * self.max_voltage_v),
+            ("monitor.band_share", self.monitor.band_share, 0.5),
+            ("monitor.settle_s", self.monitor.settle_s, 1.0),
+            ("sensor.jump", sensor.jump, 0.25 * (sensor.high - sensor.low)),
+            ("sensor.stuck_band", sensor.stuck_band, 0.01 * self.max_displacement_m),
+        ] {
+            if value > most {
+                return Err(LimitsError::TooLarge(name));
+            }
+        }
+        // A dead monitor shows once the expected voltage has left the band: within a second.
+        if self.monitor.slew_v_per_s < self.max_voltage_v {
+            return Err(LimitsError::TooSmall("monitor.slew_v_per_s"));
+        }
+        Ok(())
+    }
+}
+
+/// A sensor that shows nothing for longer than this is not watched, s.
+const LONGEST_STUCK_S: f32 = 10.0;
+
+impl PlausibilityLimits {
+    /// Whether a stuck sensor is noticed in time, at `rate_hz` ticks a second.
+    #[allow(clippy::cast_precision_loss)] // compared, not counted
+    pub(crate) fn check_rate(&self, rate_hz: f32) -> Result<(), LimitsError> {
+        if self.stuck_ticks as f32 > LONGEST_STUCK_S * rate_hz {
+            return Err(LimitsError::TooLarge("sensor.stuck_ticks"));
         }
         Ok(())
     }
@@ -225,7 +265,7 @@ impl PlausibilityLimits {
         self.low.is_finite()
             && self.high.is_finite()
             && self.low < self.high
-            && self.jump > 0.0
+            && positive(self.jump)
             && positive(self.stuck_band)
             && self.stuck_ticks >= LEAST_TICKS
     }

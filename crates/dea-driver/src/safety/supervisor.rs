@@ -205,6 +205,7 @@ impl Supervisor {
             return Err(LimitsError::NotPositive("rate_hz"));
         }
         limits.check()?;
+        limits.sensor.check_rate(rate_hz)?;
         Ok(Self {
             state: DriverState::Disarmed,
             ticks: 0,

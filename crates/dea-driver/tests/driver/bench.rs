@@ -7,7 +7,7 @@ use springpot::{Actuator, Compressed, Law, Options, Preset};
 pub fn bench_limits() -> Limits {
     Limits {
         max_voltage_v: 6500.0,
-        sensor: PlausibilityLimits { low: -1e-3, high: 9e-3, jump: 0.4e-3, stuck_ticks: 500, stuck_band: 2e-6 },
+        sensor: PlausibilityLimits { low: -0.9e-3, high: 9e-3, jump: 0.4e-3, stuck_ticks: 500, stuck_band: 2e-6 },
         ..Limits::bench(160e-6)
     }
 }

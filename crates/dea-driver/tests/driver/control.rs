@@ -120,6 +120,25 @@ fn tracking_goes_on_without_its_sensor() {
     }
 }
 
+/// A film that is longer is thinner, although its model's force does not know it: at 8 mm on 40 mm, 6 kV would be 45 V/µm.
+#[test]
+fn the_field_limit_knows_the_geometry() {
+    let mut parameters = board_parameters();
+    assert_eq!(parameters.actuator.stretch_coupling, 0.0);
+    parameters.limits.max_field_v_per_m = 3e7;
+    let mut bench = Bench::with(parameters);
+    bench.start(Mode::Voltage);
+    bench.set_voltage(6500.0);
+    for tick in 0..20_000 {
+        bench.controller.heartbeat();
+        let command_v = f64::from(bench.tick(|_| ()).telemetry.command_v);
+        let thickness_m = 160e-6 / (1.0 + bench.displacement_m / 0.04);
+        // The film moves, and the sensor's noise with it, while the command acts.
+        assert!(command_v / thickness_m < 1.002 * 3e7, "tick {tick}: {command_v} V at {} m", bench.displacement_m);
+    }
+    assert!(bench.displacement_m > 1e-3, "{} m", bench.displacement_m);
+}
+
 /// An implausible value of the sensor does not move the voltage.
 #[test]
 fn an_implausible_sensor_does_not_limit_the_field() {

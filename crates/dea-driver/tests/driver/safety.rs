@@ -419,12 +419,27 @@ fn limits_without_an_end_are_refused() {
         |l: &mut Limits| l.max_disturbance_share = 1.1,
         |l: &mut Limits| l.monitor.band_share = 0.6,
         |l: &mut Limits| l.monitor.settle_s = 1.5,
+        |l: &mut Limits| l.monitor.band_v = 4000.0,
+        |l: &mut Limits| l.max_voltage_v = 1e6,
+        |l: &mut Limits| l.max_slew_v_per_s = 1e38,
+        |l: &mut Limits| l.max_displacement_m = 1e30,
+        |l: &mut Limits| l.max_displacement_m = 9.1e-3,
+        |l: &mut Limits| l.max_field_v_per_m = 1e30,
+        |l: &mut Limits| l.thickness_m = 0.1,
+        |l: &mut Limits| l.discharge_s = 61.0,
+        |l: &mut Limits| l.sensor.jump = 5e-3,
+        |l: &mut Limits| l.sensor.stuck_band = 0.1e-3,
+        |l: &mut Limits| l.sensor.stuck_ticks = 10_001,
     ] {
         let mut limits = bench_limits();
         change(&mut limits);
         let error = Supervisor::new(&limits, RATE_HZ).expect_err("refused");
         assert!(matches!(error, LimitsError::TooLarge(_)), "{error}");
     }
+    // A monitor that may be as slow as this would be dead for 239 s before it shows.
+    let mut limits = bench_limits();
+    limits.monitor.slew_v_per_s = 1.0;
+    assert_eq!(Supervisor::new(&limits, RATE_HZ).err(), Some(LimitsError::TooSmall("monitor.slew_v_per_s")));
 }
 
 /// An amplifier slower than the command is not a fault; one that lags for longer than the settling time is.
@@ -484,6 +499,7 @@ fn limits_that_cannot_be_kept_are_refused() {
     for spoil in [
         |sensor: &mut PlausibilityLimits| sensor.low = sensor.high,
         |sensor: &mut PlausibilityLimits| sensor.jump = f32::NAN,
+        |sensor: &mut PlausibilityLimits| sensor.jump = f32::INFINITY,
         |sensor: &mut PlausibilityLimits| sensor.stuck_ticks = 0,
         |sensor: &mut PlausibilityLimits| sensor.stuck_band = 0.0,
         |sensor: &mut PlausibilityLimits| sensor.stuck_band = f32::NAN,

@@ -106,6 +106,11 @@ fn wrong_values_are_refused() {
     assert_eq!(refused(&|p| p.amplifier.gain = 600.0), BlobError::Reach("amplifier"));
     assert_eq!(refused(&|p| p.amplifier.offset = 7000.0), BlobError::Reach("amplifier"));
     assert_eq!(refused(&|p| p.limits.thickness_m = 170e-6), BlobError::Thickness);
+    // A sensor that seems plausible when it is unplugged, and when it is saturated; one that is stuck before it could show it.
+    assert_eq!(refused(&|p| p.limits.sensor.low = -1.1e-3), BlobError::Unplugged);
+    assert_eq!(refused(&|p| p.limits.sensor.high = 9.3e-3), BlobError::Unplugged);
+    assert_eq!(refused(&|p| p.sensor_offset_m = -0.2e-3), BlobError::Unplugged);
+    assert_eq!(refused(&|p| p.limits.sensor.stuck_ticks = 49), BlobError::Stuck);
     // A sensor that is lost between two samples.
     assert!(matches!(refused(&|p| p.control.lost_after_s = 0.009), BlobError::Control(_)));
     // A coupling that pulls the film in within a step.
