@@ -266,8 +266,8 @@ fn command_lines() {
     names(&response("nan", "2", "3"), &["--from"]);
     names(&response("1e-300", "1e300", "3"), &["--from"]);
     names(&response("1", "2", "1"), &["--points"]);
-    let twin = |option: &str, value: &str| {
-        let mut arguments = vec!["twin", "--out", &out];
+    let plant = |option: &str, value: &str| {
+        let mut arguments = vec!["plant", "--out", &out];
         let usual = [("--plant", "wang"), ("--frequency", "0.2"), ("--duration", "5"), ("--rate", "100")];
         for (name, usual) in usual {
             if name != option {
@@ -278,14 +278,14 @@ fn command_lines() {
         arguments.push(&given);
         fails(&arguments)
     };
-    names(&twin("--frequency", "0"), &["--frequency"]);
-    names(&twin("--duration", "-1"), &["--duration"]);
-    names(&twin("--rate", "0"), &["--rate"]);
-    names(&twin("--peak-voltage", "nan"), &["--peak-voltage"]);
-    names(&twin("--peak-voltage", "200000"), &["pull-in"]);
-    names(&twin("--noise", "-1"), &["--noise"]);
-    names(&twin("--quantum", "1e9"), &["--quantum"]);
-    names(&twin("--frequency", "1e300"), &["--frequency"]);
-    names(&twin("--duration", "1e-9"), &["--duration"]);
-    names(&twin("--plant", "rubber"), &["rubber", "hossain"]);
+    names(&plant("--frequency", "0"), &["--frequency"]);
+    names(&plant("--duration", "-1"), &["--duration"]);
+    names(&plant("--rate", "0"), &["--rate"]);
+    names(&plant("--peak-voltage", "nan"), &["--peak-voltage"]);
+    names(&plant("--peak-voltage", "200000"), &["pull-in"]);
+    names(&plant("--noise", "-1"), &["--noise"]);
+    names(&plant("--quantum", "1e9"), &["--quantum"]);
+    names(&plant("--frequency", "1e300"), &["--frequency"]);
+    names(&plant("--duration", "1e-9"), &["--duration"]);
+    names(&plant("--plant", "rubber"), &["rubber", "hossain"]);
 }

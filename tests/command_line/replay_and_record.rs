@@ -1,4 +1,4 @@
-//! `simulate`, `replay`, `frequency-response` and `twin` as scripts call them.
+//! `simulate`, `replay`, `frequency-response` and `plant` as scripts call them.
 
 use std::fs;
 use std::path::Path;
@@ -167,7 +167,7 @@ fn frequency_responses_are_tabulated() {
 }
 
 #[test]
-fn twin_records_with_seeded_noise() {
+fn plant_records_with_seeded_noise() {
     let folder = TempDir::new().expect("a folder");
     let file = |name: &str| folder.path().join(name);
     let record = |name: &str, more: &[&str]| {

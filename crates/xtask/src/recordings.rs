@@ -11,10 +11,10 @@ pub fn run() -> Result<()> {
             let frequency = (1.0 / f64::from(period)).to_string();
             let out = format!("tests/recordings/{plant}-{period}s.csv");
             let seed = seed.to_string();
-            let twin = ["twin", "--plant", plant, "--frequency", &frequency, "--duration", "155", "--rate", "100"];
+            let record = ["plant", "--plant", plant, "--frequency", &frequency, "--duration", "155", "--rate", "100"];
             let rest = ["--seed", &seed, "--out", &out];
             let tool = ["run", "--quiet", "--release", "--package", "host-sim", "--"];
-            run_command(cargo(&[tool.as_slice(), &twin, &rest].concat()))?;
+            run_command(cargo(&[tool.as_slice(), &record, &rest].concat()))?;
         }
     }
     Ok(())
