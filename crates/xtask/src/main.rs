@@ -26,7 +26,7 @@ struct Cli {
 enum Chore {
     /// Install what is missing, then run every check and every test, on the host and in QEMU.
     Test,
-    /// Run the tests with all cases of their sweeps, of which `test` runs a sample.
+    /// Run the tests with all cases of their sweeps, of which `test` runs a sample: some 20 minutes on two cores.
     Sweep,
     /// Install what is missing: compiler targets, QEMU, and what decodes the firmware's log.
     Setup,
