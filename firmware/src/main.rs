@@ -158,7 +158,22 @@ mod app {
         board::watch(&mut watchdog);
         let ticker = Ticker::start(cx.core.SYST, core_hz, RATE_HZ);
         let shared = Shared { device: Device::new(latched), watchdog };
-        (shared, Local { bench, debug: chip.DBGMCU, led, serial, heard, received, sending, said, store, ticker, panic_message })
+        (
+            shared,
+            Local {
+                bench,
+                debug: chip.DBGMCU,
+                led,
+                serial,
+                heard,
+                received,
+                sending,
+                said,
+                store,
+                ticker,
+                panic_message,
+            },
+        )
     }
 
     /// The control tick.
