@@ -1,7 +1,7 @@
 //! Rows that reach the disk while they are measured: what a program that is killed has seen is not lost.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -43,11 +43,14 @@ impl Journal {
         let mut name = target.file_name().unwrap_or_default().to_owned();
         name.push(".part");
         let part = target.with_file_name(name);
-        let recovered = recover(&part, &target)?;
-        let file = File::create(&part).map_err(|e| Error::file(&part, e))?;
+        let header = columns.join(",");
+        let recovered = recover(&part, &target, &header)?;
+        let file = File::create_new(&part).map_err(|e| Error::file(&part, e))?;
+        // Until this program ends, however it ends.
+        file.lock().map_err(|e| Error::file(&part, e))?;
         let mut journal = Self { target, part, rows: BufWriter::new(file), flushed: Instant::now() };
         let fault = |e| Error::file(&journal.part, e);
-        writeln!(journal.rows, "{}", columns.join(",")).and_then(|()| journal.rows.flush()).map_err(fault)?;
+        writeln!(journal.rows, "{header}").and_then(|()| journal.rows.flush()).map_err(fault)?;
         Ok((journal, recovered))
     }
 
@@ -84,20 +87,40 @@ impl Journal {
         self.rows.flush().map_err(|e| Error::file(&self.part, e))?;
         fs::rename(&self.part, &self.target).map_err(|e| Error::file(&self.part, e))
     }
+
+    /// Leaves the target as it is.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] where that fails.
+    pub fn discard(self) -> Result<()> {
+        fs::remove_file(&self.part).map_err(|e| Error::file(&self.part, e))
+    }
 }
 
+const FOREIGN: &str = "is not what this tool has left half written; move it away, or name another --out";
+
 /// Keeps the complete rows of `part`, if there are any, in a file of their own.
-fn recover(part: &Path, target: &Path) -> Result<Option<Recovered>> {
+fn recover(part: &Path, target: &Path, header: &str) -> Result<Option<Recovered>> {
     let fault = |e| Error::file(part, e);
-    let bytes = match fs::read(part) {
-        Ok(bytes) => bytes,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(fault(error)),
-    };
+    match fs::symlink_metadata(part) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Ok(found) if found.is_file() => {}
+        _ => return Err(Error::file(part, FOREIGN)),
+    }
+    let file = File::open(part).map_err(fault)?;
+    if file.try_lock().is_err() {
+        return Err(Error::file(part, "another host-sim writes it; name another --out"));
+    }
+    let bytes = fs::read(part).map_err(fault)?;
+    if !header.as_bytes().starts_with(bytes.get(..header.len()).unwrap_or(&bytes)) {
+        return Err(Error::file(part, FOREIGN));
+    }
     // The last row may have been cut in two.
     let end = bytes.iter().rposition(|&byte| byte == b'\n').map_or(0, |last| last + 1);
     let rows = bytes[..end].iter().filter(|&&byte| byte == b'\n').count().saturating_sub(1);
     if rows == 0 {
+        fs::remove_file(part).map_err(fault)?;
         return Ok(None);
     }
     let stem = target.file_stem().unwrap_or_default().to_string_lossy().into_owned();

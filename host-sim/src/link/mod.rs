@@ -19,10 +19,10 @@ use crate::error::{Error, Result};
 
 /// A request that may be repeated is sent again after this time without an answer, then after twice as long, and so on.
 const CALL: Duration = Duration::from_millis(250);
-/// The same for one that keeps the amplifier enabled, which the board waits for: a fifth of the default heartbeat.
+/// The same from who has armed, whom the board waits for: a fifth of the default heartbeat.
 const HEARTBEAT: Duration = Duration::from_millis(100);
 
-const LIVE: &str = "the film is live: its monitor shows voltage although the amplifier is disabled. Do not touch it; switch the \
+const LIVE: &str = "the film is live: its monitor showed voltage although the amplifier is disabled. Do not touch it; switch the \
                     supply off, wait, measure, and only then acknowledge";
 
 /// A conversation with a controller.
@@ -80,7 +80,8 @@ impl Client {
         let mut request = Request { sequence: self.sequence, token: self.token, command };
         let mut sent = Vec::new();
         let mut rejected = None;
-        let mut call = if keeps_alive(&request.command) { HEARTBEAT } else { CALL };
+        // Who has armed is waited for.
+        let mut call = if self.token == 0 { CALL } else { HEARTBEAT };
         loop {
             request.sequence = request.sequence.wrapping_add(1).max(1);
             self.sequence = request.sequence;
@@ -188,6 +189,11 @@ impl Client {
         }
     }
 
+    /// Samples of a stream that have come while something else was waited for.
+    pub fn waiting_samples(&mut self) -> VecDeque<Telemetry> {
+        std::mem::take(&mut self.samples)
+    }
+
     /// The next sample of a stream; nothing if none comes before `deadline`.
     ///
     /// # Errors
@@ -241,9 +247,19 @@ impl Client {
         }
     }
 
-    /// There is voltage on a film whose amplifier is disabled.
-    pub fn film_is_live(&self, monitor_v: f32) -> Error {
-        self.fault(format!("{LIVE} (monitor: {monitor_v:.0} V)"))
+    /// There is voltage on a film whose amplifier is disabled, or there was.
+    pub fn film_is_live(&self, status: &Status) -> Error {
+        let now = if status.monitor_v.is_nan() {
+            "the monitor does not answer".to_owned()
+        } else {
+            format!("monitor: {:.0} V", status.monitor_v)
+        };
+        self.fault(format!("{LIVE} ({now})"))
+    }
+
+    /// Nobody knows whether there is voltage on the film.
+    pub fn film_is_unknown(&self) -> Error {
+        self.fault("the voltage monitor does not answer: take the film for live, and measure before you touch it")
     }
 
     /// What an answer other than the one hoped for means.
@@ -278,12 +294,8 @@ impl Client {
 /// Whether a request may be obeyed twice without anybody noticing.
 fn may_be_repeated(command: &Command) -> bool {
     let asks = matches!(command, Command::Identify | Command::Status | Command::Query | Command::PanicMessage);
-    asks || keeps_alive(command) || matches!(command, Command::Disarm)
-}
-
-/// Whether the board waits for such requests while the amplifier is enabled.
-fn keeps_alive(command: &Command) -> bool {
-    matches!(command, Command::Heartbeat | Command::SetVoltage(_) | Command::SetReference(_))
+    let keeps_alive = matches!(command, Command::Heartbeat | Command::SetVoltage(_) | Command::SetReference(_));
+    asks || keeps_alive || matches!(command, Command::Disarm | Command::Stream { .. })
 }
 
 /// A state in words.
@@ -292,7 +304,6 @@ pub fn named(state: DriverState) -> String {
         DriverState::Disarmed => "disarmed".into(),
         DriverState::Armed => "armed".into(),
         DriverState::Running => "running".into(),
-        DriverState::Tripped(Cause::LiveFilm) => "tripped: LiveFilm, the film is live".into(),
         DriverState::Tripped(cause) => format!("tripped: {cause:?}"),
     }
 }

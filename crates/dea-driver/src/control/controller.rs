@@ -186,6 +186,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             displacement_m,
             predicted_m: observer.displacement(),
             open_loop_m: self.open_loop.position(),
+            follows: self.supervisor.runs() && self.mode != Mode::Voltage && self.reference.is_set(),
             disturbance_share: if corrects { observer.disturbance() * self.shares_per_n } else { 0.0 },
         });
 
@@ -215,7 +216,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let set_v = self.voltage.next().unwrap_or(0.0);
         let followed_v = if reference_m.is_some() { wanted.voltage } else { 0.0 };
         let wanted_v = if self.mode == Mode::Voltage { set_v } else { followed_v };
-        let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > predicted_m).unwrap_or(predicted_m);
+        let estimated_m = if open_loop_m > predicted_m { open_loop_m } else { predicted_m };
+        let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > estimated_m).unwrap_or(estimated_m);
         let command_v = self.supervisor.command(wanted_v, 1.0 + self.thinning_per_m * furthest_m);
         let enable = self.supervisor.enables();
         let dac_v = if enable { self.parameters.amplifier.invert(command_v) } else { 0.0 };

@@ -18,6 +18,10 @@ impl Ramp {
     /// Nothing was set.
     pub(crate) const NONE: Self = Self { value: None, increment: 0.0, target: 0.0, ticks: 0, since_set: u16::MAX };
 
+    pub(crate) fn is_set(&self) -> bool {
+        self.value.is_some()
+    }
+
     /// Sets a new target, to be reached within `most` ticks.
     pub(crate) fn set(&mut self, target: f32, most: u16) {
         let ticks = self.since_set.clamp(1, most.max(1));

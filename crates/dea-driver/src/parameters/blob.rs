@@ -132,7 +132,7 @@ impl fmt::Display for BlobError {
             Self::Unplugged => f.write_str(
                 "limits.sensor: low to high must not hold the readings of an unplugged sensor (0 V) and of a saturated one",
             ),
-            Self::Stuck => f.write_str("limits.sensor.stuck_ticks must be at least five times control.delay_s"),
+            Self::Stuck => f.write_str("limits.sensor.stuck_ticks must last at least five times control.delay_s + sample_interval_s"),
         }
     }
 }
@@ -246,7 +246,9 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, F
             return Err(BlobError::Thickness);
         }
         #[allow(clippy::cast_precision_loss)] // compared, not counted
-        if (limits.sensor.stuck_ticks as f32) < 5.0 * self.control.delay_s * self.rate_hz {
+        if (limits.sensor.stuck_ticks as f32)
+            < 5.0 * (self.control.delay_s + self.control.sample_interval_s) * self.rate_hz
+        {
             return Err(BlobError::Stuck);
         }
         Ok(())

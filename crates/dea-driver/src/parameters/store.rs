@@ -160,7 +160,18 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
         self.decode(bytes)?;
         let slots = self.newest_first()?;
         let valid = slots.into_iter().flatten().find(|slot| self.read(slot.index).is_ok());
-        let (index, sequence) = valid.map_or((0, 1), |slot| (1 - slot.index, slot.sequence.wrapping_add(1).max(1)));
+        // What was refused, such as sets of an earlier schema, is older than what is saved now.
+        let newest = slots.into_iter().flatten().next();
+        let next = |slot: Slot| slot.sequence.wrapping_add(1).max(1);
+        let (index, sequence) = match (valid, newest) {
+            (Some(valid), Some(newest)) => (1 - valid.index, next(newest)),
+            (_, Some(newest)) => (1 - newest.index, next(newest)),
+            (_, None) => {
+                // Nothing was ever saved here, whatever the other part holds.
+                self.erase(1)?;
+                (0, 1)
+            }
+        };
 
         let start = self.start_of(index);
         let mut body = [0xff; BLOB_LEN];
@@ -169,7 +180,7 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
         header[..4].copy_from_slice(&sequence.to_le_bytes());
         header[4..].copy_from_slice(&(!sequence).to_le_bytes());
         let failed = |error: F::Error| StoreError::Flash(error.kind());
-        self.flash.erase(start, start + self.slot_bytes).map_err(failed)?;
+        self.erase(index)?;
         #[allow(clippy::cast_possible_truncation)] // eight
         self.flash.write(start + HEADER as u32, &body).map_err(failed)?;
         self.flash.write(start, &header).map_err(failed)?;
@@ -204,6 +215,11 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
         let (words, _) = bytes.as_chunks::<4>();
         let [sequence, complement] = [words[0], words[1]].map(u32::from_le_bytes);
         Ok((sequence == !complement).then_some(Slot { index, sequence }))
+    }
+
+    fn erase(&mut self, index: u32) -> Result<(), StoreError> {
+        let start = self.start_of(index);
+        self.flash.erase(start, start + self.slot_bytes).map_err(|error| StoreError::Flash(error.kind()))
     }
 
     fn is_erased(&mut self, index: u32) -> Result<bool, StoreError> {

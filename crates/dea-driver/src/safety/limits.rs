@@ -60,7 +60,8 @@ pub struct MonitorLimits {
     pub band_v: f32,
     /// Allowed difference as a share of the voltage.
     pub band_share: f32,
-    /// Time for which the difference may be larger, s.
+    /// Time for which the difference may be larger, s, in one piece or in many: a tick outside the band is made up for by
+    /// sixteen inside, so an amplifier that lags behind edges may do so for a seventeenth of the time.
     pub settle_s: f32,
 }
 
@@ -77,7 +78,7 @@ pub struct PlausibilityLimits {
     pub jump: f32,
     /// Number of ticks after which a sensor that shows exactly the same value counts as stuck. One that stays within its
     /// `stuck_band` while the model moves five times as far within these ticks is stuck a fifth of them later, which must be
-    /// longer than the sensor's delay.
+    /// longer than the sensor's delay and the interval of its samples.
     pub stuck_ticks: u32,
     /// What a sensor may move, in its unit, without having followed the film: more than the noise of its converter.
     #[serde(default = "stuck_band")]

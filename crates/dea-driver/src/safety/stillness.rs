@@ -45,13 +45,14 @@ impl Stillness {
     pub(crate) fn is_still(&mut self, value: f32, modelled: f32) -> bool {
         // NaN is not still.
         let stays = (value - self.value).abs() <= self.band;
-        let was_still = self.away_ticks > self.late_ticks;
-        if !stays || (self.ticks >= self.most_ticks && !was_still) {
+        if !stays || (self.ticks >= self.most_ticks && self.away_ticks == 0) {
             *self = Self { value, modelled, ticks: 0, away_ticks: 0, ..*self };
         }
         self.ticks = self.ticks.saturating_add(1);
+        let was_still = self.away_ticks > self.late_ticks;
         let away = (modelled - self.modelled).abs() > MOVES * self.band;
-        self.away_ticks = if away { self.away_ticks.saturating_add(1) } else { 0 };
+        // Once still it stays so until it moves: a swing brings the model back to where it was.
+        self.away_ticks = if away || was_still { self.away_ticks.saturating_add(1) } else { 0 };
         self.away_ticks > self.late_ticks
     }
 }

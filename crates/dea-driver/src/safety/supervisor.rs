@@ -51,7 +51,7 @@ pub enum Cause {
     Sensor(SensorFault),
     /// The film moved beyond its limit, by the sensor, or by the estimate without one.
     Displacement,
-    /// No request of the host for too long.
+    /// No set-point or heartbeat of the host that armed for too long.
     Heartbeat,
     /// A tick did not end in time.
     Overrun,
@@ -115,6 +115,9 @@ pub struct Readings {
     pub predicted_m: f32,
     /// The model's displacement under the commanded voltage alone, which no sensor corrects, m.
     pub open_loop_m: f32,
+    /// Whether a reference is followed, so that a sensor that does not move with the model is stuck. Voltages may be played
+    /// without a film.
+    pub follows: bool,
     /// The force that the model leaves unexplained, as a share of the force at the largest voltage; 0 where no sensor acts on
     /// the voltage.
     pub disturbance_share: f32,
@@ -145,6 +148,7 @@ pub struct Tick {
 ///     displacement_m: 1e-6,
 ///     predicted_m: 0.0,
 ///     open_loop_m: 0.0,
+///     follows: false,
 ///     disturbance_share: 0.0,
 /// };
 ///
@@ -180,7 +184,7 @@ pub struct Supervisor {
     heartbeat_ticks: u32,
     ticks_since_heartbeat: u32,
     discharge_ticks: u32,
-    /// Ticks with the amplifier disabled, and voltage at the monitor in all of the last ones.
+    /// Ticks with the amplifier disabled and voltage at the monitor, less those at 0 V: a film that arcs is at 0 V now and then.
     live_ticks: u32,
     command_v: f32,
     monitor_limits: MonitorLimits,
@@ -270,6 +274,11 @@ impl Supervisor {
         self.monitor_v.abs() > self.live_v
     }
 
+    /// Whether the monitor answers, and shows no more than its band around 0 V.
+    fn is_at_0_v(&self) -> bool {
+        self.monitor_v.abs() <= self.live_v
+    }
+
     /// Whether the amplifier is to be enabled.
     #[must_use]
     pub fn enables(&self) -> bool {
@@ -294,7 +303,7 @@ impl Supervisor {
         if !self.interlock_closed {
             return Err(Refusal::InterlockOpen);
         }
-        if !(-self.live_v..=self.live_v).contains(&self.monitor_v) {
+        if !self.is_at_0_v() {
             return Err(Refusal::LiveVoltage);
         }
         if let (Some(fault), OnSensorFault::Trip) = (self.last_fault, self.on_sensor_fault) {
@@ -342,10 +351,10 @@ impl Supervisor {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] if it is not tripped, and for [`Cause::LiveFilm`] as long as the film is live.
+    /// [`Refusal`] if it is not tripped, and for [`Cause::LiveFilm`] until the monitor shows 0 V.
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         match self.state {
-            DriverState::Tripped(Cause::LiveFilm) if self.is_film_live() => Err(Refusal::LiveVoltage),
+            DriverState::Tripped(Cause::LiveFilm) if !self.is_at_0_v() => Err(Refusal::LiveVoltage),
             DriverState::Tripped(_) => {
                 self.state = DriverState::Disarmed;
                 self.sensor.reset();
@@ -364,7 +373,7 @@ impl Supervisor {
         }
     }
 
-    /// A request of the host has arrived: its timeout starts again.
+    /// The host that armed is alive: its timeout starts again.
     pub fn heartbeat(&mut self) {
         self.ticks_since_heartbeat = 0;
     }
@@ -384,7 +393,8 @@ impl Supervisor {
         self.ticks_since_heartbeat = self.ticks_since_heartbeat.saturating_add(1);
         self.interlock_closed = readings.interlock_closed;
         self.monitor_v = readings.monitor_v;
-        self.last_fault = self.sensor.check(readings.displacement_m, readings.predicted_m, readings.open_loop_m);
+        let open_loop_m = if readings.follows { readings.open_loop_m } else { f32::NAN };
+        self.last_fault = self.sensor.check(readings.displacement_m, readings.predicted_m, open_loop_m);
         // Without a plausible sensor the estimate is checked against the limit. A sensor that seems plausible may still be
         // wrong, and tracking would follow it: the model alone keeps the limit as well.
         let displacement_m = if self.last_fault.is_none() { readings.displacement_m } else { readings.predicted_m };
@@ -412,8 +422,16 @@ impl Supervisor {
     /// Nothing but the monitor tells that a disabled amplifier is really off: an enable input that is welded, or wired to
     /// nothing, shows here alone. This outranks the cause that disabled it.
     fn check_film_at_0_v(&mut self) {
-        let live = !self.enables() && self.is_film_live();
-        self.live_ticks = if live { self.live_ticks.saturating_add(1) } else { 0 };
+        self.live_ticks = if self.enables() {
+            0
+        } else if self.is_film_live() {
+            self.live_ticks.saturating_add(1)
+        } else if self.is_at_0_v() {
+            self.live_ticks.saturating_sub(1)
+        } else {
+            // Unknown: a monitor that does not answer acquits nobody.
+            self.live_ticks
+        };
         if self.live_ticks > self.discharge_ticks && self.state != DriverState::Tripped(Cause::LiveFilm) {
             self.state = DriverState::Disarmed;
             self.trip(Cause::LiveFilm);

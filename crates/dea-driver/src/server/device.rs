@@ -40,6 +40,8 @@ pub struct Device<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: us
     controller: Option<Controller<HEAD, FAST, SLOW>>,
     /// Why the last run ended, until it is acknowledged.
     latched: Option<Cause>,
+    /// Whether older parameters are in force than were saved last, and nobody has acknowledged that.
+    parameters_lost: bool,
     stream: Stream,
 }
 
@@ -81,7 +83,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
     /// A device without parameters. `latched` is why the run before ended, unless it was switched off.
     #[must_use]
     pub const fn new(latched: Option<Cause>) -> Self {
-        Self { controller: None, latched, stream: Stream::new() }
+        Self { controller: None, latched, parameters_lost: false, stream: Stream::new() }
     }
 
     /// The controller, once there are parameters.
@@ -178,11 +180,11 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         self.stream = Stream { every, ..Stream::new() };
     }
 
-    /// Trips, whatever the state, until it is acknowledged; without parameters as well.
-    pub fn latch(&mut self, cause: Cause) {
-        match &mut self.controller {
-            Some(controller) => controller.trip(cause),
-            None => self.latched = Some(cause),
+    /// Older parameters are in force than were saved last. Trips what is disarmed; another cause is acknowledged first.
+    pub(crate) fn lose_parameters(&mut self) {
+        self.parameters_lost = true;
+        if let Some(controller) = &mut self.controller {
+            controller.trip(Cause::Parameters);
         }
     }
 
@@ -232,14 +234,22 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         self.controller.as_mut().map_or(Ok(()), |controller| Ok(controller.disarm()?))
     }
 
-    /// [`Controller::acknowledge`]; without parameters, clears the cause that ended the last run.
+    /// [`Controller::acknowledge`]; without parameters, clears the cause that ended the last run. That older parameters are in force
+    /// than were saved last has to be acknowledged by itself.
     ///
     /// # Errors
     ///
     /// As there, and [`Reject::NoParameters`] without either.
     pub fn acknowledge(&mut self) -> Result<(), Denial> {
+        let acknowledged = self.state();
         match &mut self.controller {
-            Some(controller) => controller.acknowledge()?,
+            Some(controller) => {
+                controller.acknowledge()?;
+                self.parameters_lost &= acknowledged != DriverState::Tripped(Cause::Parameters);
+                if self.parameters_lost {
+                    controller.trip(Cause::Parameters);
+                }
+            }
             None if self.latched.is_some() => {}
             None => return Err(Denial::Rejected(Reject::NoParameters)),
         }

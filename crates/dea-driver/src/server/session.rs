@@ -5,7 +5,7 @@ use heapless::String;
 
 use crate::control::{Controller, Mode};
 use crate::parameters::{Blob, SCHEMA, Store, StoreError};
-use crate::safety::{Cause, Refusal};
+use crate::safety::Refusal;
 use crate::server::{Denial, Device, Upload};
 use crate::wire::{Answer, Command, Drill, Identity, Message, Receiver, Reject, Request, Status, VERSION};
 
@@ -145,12 +145,12 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
     pub fn begin<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Result<(), StartError> {
         let stored = board.store().load().map_err(StartError::Store)?;
         let controller = controller(stored.blob, board).map_err(StartError::Rejected)?;
-        board.with(|device| device.is_off()).0.map_err(StartError::Refused)?;
+        install(controller, board).map_err(StartError::Refused)?;
         if stored.newer_lost {
             // Whoever uploaded the newer ones must know that these may allow more.
-            board.with(|device| device.latch(Cause::Parameters));
+            board.with(Device::lose_parameters);
         }
-        install(controller, board).map_err(StartError::Refused)
+        Ok(())
     }
 
     /// Adds a byte from the host; at the end of a request, executes it and returns the answer.

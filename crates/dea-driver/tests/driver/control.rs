@@ -120,6 +120,21 @@ fn tracking_goes_on_without_its_sensor() {
     }
 }
 
+/// A staircase without a film, as an amplifier is calibrated: the sensor stands still, and nothing trips.
+#[test]
+fn voltages_may_be_played_without_a_film() {
+    let mut bench = Bench::new();
+    bench.start(Mode::Voltage);
+    for step in 0..20u16 {
+        bench.set_voltage(300.0 * f32::from(step));
+        for tick in 0..1000u16 {
+            bench.controller.heartbeat();
+            bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(6400 + tick % 3)));
+            assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "step {step}, tick {tick}");
+        }
+    }
+}
+
 /// A film that is longer is thinner, although its model's force does not know it: at 8 mm on 40 mm, 6 kV would be 45 V/µm.
 #[test]
 fn the_field_limit_knows_the_geometry() {

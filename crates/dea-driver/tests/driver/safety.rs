@@ -20,6 +20,7 @@ fn readings(monitor_v: f32, displacement_m: f32, predicted_m: f32) -> Readings {
         displacement_m,
         predicted_m,
         open_loop_m: predicted_m,
+        follows: true,
         disturbance_share: 0.0,
     }
 }
@@ -227,6 +228,24 @@ fn a_film_that_stays_live_is_noticed() {
         bench.tick(|_| ());
         bench.is_safe(Cause::LiveFilm);
     }
+    // One that arcs, and a monitor that does not answer now and then, hide nothing; nor does one that never answers again.
+    let mut bench = Bench::run(&bench_limits());
+    bench.supervisor.disarm().expect("running");
+    let mut tick = 0;
+    while bench.supervisor.state() == DriverState::Disarmed {
+        tick += 1;
+        assert!(tick < 3000, "never noticed");
+        bench.tick(|r| {
+            r.monitor_v = match tick % 20 {
+                0 => 0.0,
+                1 => f32::NAN,
+                _ => 4211.0,
+            };
+        });
+    }
+    assert_eq!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm));
+    bench.tick(|r| r.monitor_v = f32::NAN);
+    assert_eq!(bench.supervisor.acknowledge(), Err(Refusal::LiveVoltage));
     // A film that discharges in time is none; nor is one that is driven.
     let mut bench = Bench::run(&bench_limits());
     (0..5000).for_each(|_| {

@@ -336,6 +336,11 @@ fn damaged_parameters_are_not_replaced_silently() {
     for latched in [None, Some(Cause::Watchdog)] {
         let mut host = reset(damaged.clone(), latched);
         let tripped = DriverState::Tripped(Cause::Parameters);
+        if let Some(cause) = latched {
+            // Each is told by itself.
+            assert_eq!(host.state(), DriverState::Tripped(cause));
+            assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
+        }
         assert_eq!(host.state(), tripped);
         assert_eq!(host.ask(Command::Arm), Answer::Refused(Refusal::State(tripped)));
         assert_eq!(host.ask(Command::Acknowledge), Answer::Done);

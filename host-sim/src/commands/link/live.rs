@@ -1,6 +1,6 @@
 //! What keeps talking to a controller: streams and playback.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -26,6 +26,10 @@ const SENT_HZ: f64 = 100.0;
 const STATUS_EVERY: u32 = 10;
 /// No board gives a film more time to discharge.
 const DISCHARGE: Duration = Duration::from_secs(70);
+/// A monitor that has not answered for so long will not.
+const SILENT_MONITOR: Duration = Duration::from_secs(2);
+/// So many looks in a row find the film at 0 V.
+const LOOKS: u32 = 3;
 /// So many frames in a row may be lost.
 const MOST_DAMAGED: u32 = 2;
 
@@ -61,7 +65,7 @@ pub(super) struct Play {
 struct Report {
     out: String,
     samples: usize,
-    /// Lost because the link was busy.
+    /// Lost because the link was busy, or damaged.
     dropped: u64,
     state: String,
     /// Which parameters the board ran.
@@ -82,13 +86,18 @@ impl Stream {
 
     pub(super) fn run(&self, mut client: Client, json: bool) -> Result<()> {
         let stop = interrupt::stop_flag();
-        let mut log = Log::begin(&mut client, &self.out)?;
+        let mut log = Log::begin(&mut client, self)?;
         // It listens: whoever armed keeps the amplifier enabled, not this.
-        let ended = self.talk(&mut client, &mut log, stop, |_, _| Ok(true));
+        let ended = self.begin(&mut client).and_then(|()| self.talk(&mut client, &mut log, stop, |_, _| Ok(true)));
         self.finish(client, log, ended, json)
     }
 
-    /// Streams, letting `say` talk for the time (s) a hundred times a second, until it is done, time is up or Ctrl-C comes.
+    /// Lets the board stream.
+    fn begin(&self, client: &mut Client) -> Result<()> {
+        client.order(Command::Stream { every: self.every })
+    }
+
+    /// Listens, letting `say` talk for the time (s) a hundred times a second, until it is done, time is up or Ctrl-C comes.
     fn talk(
         &self,
         client: &mut Client,
@@ -96,7 +105,6 @@ impl Stream {
         stop: &AtomicBool,
         mut say: impl FnMut(f64, &mut Client) -> Result<bool>,
     ) -> Result<()> {
-        client.order(Command::Stream { every: self.every })?;
         let bar = terminal::spinner();
         let start = Instant::now();
         let mut next = Duration::ZERO;
@@ -128,11 +136,13 @@ impl Stream {
     }
 
     /// Ends the stream and keeps what came, whatever ended it: that is told before anything else.
-    fn finish(&self, mut client: Client, log: Log, ended: Result<()>, json: bool) -> Result<()> {
+    fn finish(&self, mut client: Client, mut log: Log, ended: Result<()>, json: bool) -> Result<()> {
         let state = client.order(Command::Stream { every: 0 }).and_then(|()| client.status());
         let parameters = parameters_of(&mut client);
+        // What came while something else was waited for.
+        let rest = client.waiting_samples().iter().try_for_each(|sample| log.push(sample));
         let Log { samples, dropped, journal, .. } = log;
-        let written = journal.finish();
+        let written = rest.and(if samples > 0 { journal.finish() } else { journal.discard() });
         ended?;
         written?;
         let (parameters, checksum) = parameters?.unzip();
@@ -193,15 +203,23 @@ impl Play {
         // Before anything is enabled: from here on Ctrl-C comes to an end at 0 V.
         let stop = interrupt::stop_flag();
         let values = self.values()?;
-        let mut log = Log::begin(&mut client, &self.stream.out)?;
+        let mut log = Log::begin(&mut client, &self.stream)?;
+        let armed = self.arm(&mut client, &values);
+        if armed.is_err() {
+            // What another host has armed is its own.
+            return self.stream.finish(client, log, armed, json);
+        }
         let played = self.play(&mut client, &mut log, &values, stop);
         // 0 V before anything else, whatever has happened. After a trip it is there already.
         let disarmed = disarm(&mut client);
+        let live = client.status().is_ok_and(|status| status.state == DriverState::Tripped(Cause::LiveFilm));
         // A live film is told before what led to it.
-        self.stream.finish(client, log, disarmed.and(played), json)
+        let ended = if live { disarmed.and(played) } else { played.and(disarmed) };
+        self.stream.finish(client, log, ended, json)
     }
 
-    fn play(&self, client: &mut Client, log: &mut Log, values: &[f32], stop: &AtomicBool) -> Result<()> {
+    /// Arms, with values that the board accepts.
+    fn arm(&self, client: &mut Client, values: &[f32]) -> Result<()> {
         // What is beyond the limits shows before anything is enabled: a set-point within them is refused for the state alone.
         let by_size = |a: &&f32, b: &&f32| a.abs().total_cmp(&b.abs());
         if let Some(&value) = values.iter().max_by(by_size) {
@@ -210,7 +228,11 @@ impl Play {
                 return Err(client.unexpected(&answer).about_value(&self.recording, f64::from(value)));
             }
         }
-        client.arm()?;
+        self.stream.begin(client)?;
+        client.arm().map(drop)
+    }
+
+    fn play(&self, client: &mut Client, log: &mut Log, values: &[f32], stop: &AtomicBool) -> Result<()> {
         client.order(Command::Start(self.mode.into()))?;
         let mut damaged = 0;
         let mut rounds = 0;
@@ -240,19 +262,33 @@ impl Play {
 }
 
 /// Disarms, and waits until the monitor shows that the film is at 0 V. It fails where the film is live although the amplifier is
-/// disabled; the board knows how long the film may take.
+/// disabled, which the board knows how to tell, and where the monitor does not answer.
 pub(super) fn disarm(client: &mut Client) -> Result<()> {
-    let done = client.order(Command::Disarm);
-    let deadline = Instant::now() + DISCHARGE;
+    let mut done = client.order(Command::Disarm);
+    let start = Instant::now();
+    let bar = terminal::spinner();
+    bar.set_message("waits until the film is at 0 V");
+    let mut at_0_v = 0;
     loop {
         let status = client.status()?;
-        if status.state == DriverState::Tripped(Cause::LiveFilm) || (status.live && Instant::now() >= deadline) {
-            return Err(client.film_is_live(status.monitor_v));
+        // Without parameters nothing ticks, and nothing was ever enabled.
+        let unknown = status.monitor_v.is_nan() && status.rate_hz > 0.0;
+        if status.state.is_live() {
+            done = client.order(Command::Disarm);
         }
-        if !status.live {
+        at_0_v = if status.live || unknown || status.state.is_live() { 0 } else { at_0_v + 1 };
+        if status.state == DriverState::Tripped(Cause::LiveFilm) || (status.live && start.elapsed() >= DISCHARGE) {
+            return Err(client.film_is_live(&status));
+        }
+        if unknown && start.elapsed() >= SILENT_MONITOR {
+            return Err(client.film_is_unknown());
+        }
+        // A film that arcs is at 0 V now and then.
+        if at_0_v == LOOKS {
+            bar.finish_and_clear();
             return done;
         }
-        std::thread::sleep(Duration::from_millis(20));
+        std::thread::sleep(Duration::from_millis(10));
     }
 }
 
@@ -260,15 +296,20 @@ pub(super) fn disarm(client: &mut Client) -> Result<()> {
 struct Log {
     /// Ticks per second.
     rate_hz: f64,
+    /// Ticks from one sample to the next.
+    every: u32,
     first: Option<u32>,
+    last: Option<u32>,
     samples: usize,
+    /// Samples that the board had no room for, or that were damaged on the line.
     dropped: u64,
     journal: Journal,
 }
 
 impl Log {
     /// An empty log of the controller as it ticks now.
-    fn begin(client: &mut Client, out: &Path) -> Result<Self> {
+    fn begin(client: &mut Client, stream: &Stream) -> Result<Self> {
+        let out = &stream.out;
         let names: Vec<&str> = COLUMNS.iter().map(|(name, _)| *name).collect();
         let columns = [&["time_s"], names.as_slice()].concat();
         let (journal, recovered) = Journal::begin(out, &columns)?;
@@ -278,7 +319,7 @@ impl Log {
         }
         // Without parameters there are no ticks, so no samples either.
         let rate_hz = f64::from(client.status()?.rate_hz.max(1.0));
-        Ok(Self { rate_hz, first: None, samples: 0, dropped: 0, journal })
+        Ok(Self { rate_hz, every: u32::from(stream.every), first: None, last: None, samples: 0, dropped: 0, journal })
     }
 
     fn push(&mut self, sample: &Telemetry) -> Result<()> {
@@ -286,7 +327,9 @@ impl Log {
         let time_s = f64::from(sample.tick.wrapping_sub(first)) / self.rate_hz;
         let row: Vec<f64> = [time_s].into_iter().chain(COLUMNS.iter().map(|(_, value)| value(sample))).collect();
         self.samples += 1;
-        self.dropped += u64::from(sample.dropped);
+        if let Some(last) = self.last.replace(sample.tick) {
+            self.dropped += u64::from((sample.tick.wrapping_sub(last) / self.every).saturating_sub(1));
+        }
         self.journal.push(&row)
     }
 }

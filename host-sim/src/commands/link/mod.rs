@@ -246,7 +246,7 @@ impl Source {
                 let parameters = Parameters::load(params)?;
                 let board = match parameters.board.clone() {
                     Some(board) => board,
-                    None if self.bench => Board::bench(&parameters.actuator),
+                    None if self.bench => Board::bench(&parameters.actuator).at_rate(self.rate),
                     None => {
                         let cause = "no [board] table: calibrations and limits of your bench are needed (docs/formats.md), or --bench";
                         return Err(Error::file(params.as_ref(), cause));

@@ -47,6 +47,15 @@ impl Board {
         }
     }
 
+    /// The same at `rate_hz`: a sensor is stuck after as many seconds as at 1 kHz.
+    #[must_use]
+    pub fn at_rate(mut self, rate_hz: f64) -> Self {
+        let ticks_at_1_khz = f64::from(self.limits.sensor.stuck_ticks);
+        // Fewer cannot be told apart from a sensor that is late.
+        self.limits.sensor.stuck_ticks = (ticks_at_1_khz * rate_hz / 1000.0).ceil().max(5.0) as u32;
+        self
+    }
+
     fn control() -> Control {
         Control::BENCH
     }
@@ -87,9 +96,9 @@ fn shorten(value: &mut toml::Value) {
 }
 
 impl Parameters {
-    /// The board of these parameters, or else that of the paper's bench.
-    pub fn board_or_bench(&self) -> Board {
-        self.board.clone().unwrap_or_else(|| Board::bench(&self.actuator))
+    /// The board of these parameters, or else that of the paper's bench at `rate_hz`.
+    pub fn board_or_bench(&self, rate_hz: f64) -> Board {
+        self.board.clone().unwrap_or_else(|| Board::bench(&self.actuator).at_rate(rate_hz))
     }
 
     /// The blob of these parameters for a controller that ticks at `rate_hz`, on [`board_or_bench`](Self::board_or_bench),
@@ -99,7 +108,7 @@ impl Parameters {
     ///
     /// As [`to_blob`](Self::to_blob).
     pub fn checked_blob(&self, rate_hz: f64) -> Result<(Vec<u8>, Board)> {
-        let board = self.board_or_bench();
+        let board = self.board_or_bench(rate_hz);
         let blob = self.to_blob(&board, rate_hz)?;
         <Blob>::decode(&blob, board.id).map_err(|e| Error::Computation(e.to_string()))?;
         Ok((blob, board))
