@@ -117,14 +117,7 @@ mod app {
         if let Some(fault) = fault {
             defmt::error!("clock: {}; the internal oscillator serves", fault);
         }
-        let latched = match panic_message.as_str() {
-            "" if by_watchdog => Some(Cause::Watchdog),
-            "" => None,
-            text => {
-                defmt::error!("the last run panicked: {}", text);
-                Some(Cause::Panic)
-            }
-        };
+        let latched = panic_message.cause_of_reset(by_watchdog);
 
         #[cfg(not(feature = "drills"))]
         let bench = {
@@ -154,26 +147,12 @@ mod app {
             panic!("two sectors hold two slots")
         };
         let mut watchdog = IndependentWatchdog::new(chip.IWDG);
-        board::outlive_debugger(&chip.DBGMCU);
+        let debug = chip.DBGMCU;
+        board::outlive_debugger(&debug);
         board::watch(&mut watchdog);
         let ticker = Ticker::start(cx.core.SYST, core_hz, RATE_HZ);
         let shared = Shared { device: Device::new(latched), watchdog };
-        (
-            shared,
-            Local {
-                bench,
-                debug: chip.DBGMCU,
-                led,
-                serial,
-                heard,
-                received,
-                sending,
-                said,
-                store,
-                ticker,
-                panic_message,
-            },
-        )
+        (shared, Local { bench, debug, led, serial, heard, received, sending, said, store, ticker, panic_message })
     }
 
     /// The control tick.

@@ -10,6 +10,7 @@ use core::ptr::addr_of_mut;
 use cortex_m::interrupt;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
+use dea_driver::Cause;
 use stm32f4xx_hal::pac::GPIOC;
 
 /// Tells a record from what the memory holds after power-up.
@@ -47,6 +48,18 @@ impl Message {
         let length = found.length as usize;
         let holds = found.magic == MAGIC && found.length == !found.complement && length <= found.text.len();
         Self { text: found.text, length: if holds { length } else { 0 } }
+    }
+
+    /// Why the chip was reset, unless it was switched on.
+    pub fn cause_of_reset(&self, by_watchdog: bool) -> Option<Cause> {
+        match self.as_str() {
+            "" if by_watchdog => Some(Cause::Watchdog),
+            "" => None,
+            text => {
+                defmt::error!("the last run panicked: {}", text);
+                Some(Cause::Panic)
+            }
+        }
     }
 
     pub fn as_str(&self) -> &str {

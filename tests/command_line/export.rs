@@ -103,7 +103,7 @@ fn what_no_controller_takes_is_not_exported() {
     fails("max_voltage_v = 5500.0", "max_volts = 5500.0", &["p.toml:", "max_volts"]);
     fails("gain = 1200.0", "gain = 0.0", &["p.toml:", "amplifier"]);
     fails("quadratic = -3.5", "quadratic = -350.0", &["p.toml:", "amplifier"]);
-    fails("low = -1e-3", "low = 1.0", &["p.toml:", "sensor"]);
+    fails("low = -0.9e-3", "low = 1.0", &["p.toml:", "sensor"]);
     fails("\"open-loop\"", "\"pray\"", &["p.toml:", "pray"]);
     fails("command_range = \"five-volts\"", "command_range = \"kilovolts\"", &["p.toml:", "kilovolts"]);
     fails(&board_table(), BOARD, &["p.toml:", "command-range"]);

@@ -54,6 +54,29 @@ impl ObserverOptions {
     pub const fn at_bandwidth(bandwidth_hz: f64) -> Self {
         Self { bandwidth_hz, sample_interval_s: 0.01, delay_s: 0.01, lost_after_s: 0.05, adaptation_s: 30.0 }
     }
+
+    fn check(&self) -> Result<(), ControlError> {
+        let Self { bandwidth_hz, sample_interval_s, delay_s, lost_after_s, adaptation_s } = *self;
+        for (quantity, value, valid) in [
+            ("bandwidth_hz", bandwidth_hz, bandwidth_hz.is_finite() && bandwidth_hz > 0.0),
+            ("sample_interval_s", sample_interval_s, sample_interval_s.is_finite() && sample_interval_s > 0.0),
+            ("delay_s", delay_s, delay_s.is_finite() && delay_s >= 0.0),
+            ("lost_after_s", lost_after_s, lost_after_s.is_finite() && lost_after_s > 0.0),
+            ("adaptation_s", adaptation_s, adaptation_s >= 0.0),
+        ] {
+            if !valid {
+                return Err(ControlError::NotPositive { quantity, value });
+            }
+        }
+        if lost_after_s < sample_interval_s {
+            return Err(ControlError::LostBetweenSamples { lost_after_s, sample_interval_s });
+        }
+        let largest_hz = MAX_PHASE / (TAU * (sample_interval_s + delay_s));
+        if bandwidth_hz > largest_hz {
+            return Err(ControlError::SensorTooSlow { bandwidth_hz, largest_hz });
+        }
+        Ok(())
+    }
 }
 
 /// A sample of the displacement sensor.
@@ -203,25 +226,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         options: ObserverOptions,
     ) -> Result<Self, ControlError> {
         let drive = VoltageDrive::new(actuator, max_voltage_v, law.stiffness())?;
-        let ObserverOptions { bandwidth_hz, sample_interval_s, delay_s, lost_after_s, adaptation_s } = options;
-        for (quantity, value, valid) in [
-            ("bandwidth_hz", bandwidth_hz, bandwidth_hz.is_finite() && bandwidth_hz > 0.0),
-            ("sample_interval_s", sample_interval_s, sample_interval_s.is_finite() && sample_interval_s > 0.0),
-            ("delay_s", delay_s, delay_s.is_finite() && delay_s >= 0.0),
-            ("lost_after_s", lost_after_s, lost_after_s.is_finite() && lost_after_s > 0.0),
-            ("adaptation_s", adaptation_s, adaptation_s >= 0.0),
-        ] {
-            if !valid {
-                return Err(ControlError::NotPositive { quantity, value });
-            }
-        }
-        if lost_after_s < sample_interval_s {
-            return Err(ControlError::LostBetweenSamples { lost_after_s, sample_interval_s });
-        }
-        let largest_hz = MAX_PHASE / (TAU * (sample_interval_s + delay_s));
-        if bandwidth_hz > largest_hz {
-            return Err(ControlError::SensorTooSlow { bandwidth_hz, largest_hz });
-        }
+        options.check()?;
+        let ObserverOptions { bandwidth_hz, delay_s, lost_after_s, adaptation_s, .. } = options;
         let step_s = law.step_s();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
         let late = libm::ceil(delay_s / step_s - TIME_ROUNDING) as usize;

@@ -10,7 +10,7 @@ use dea_driver::{Blob, BlobHeader};
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
-use crate::files::parameters::{Board, Parameters};
+use crate::files::parameters::Parameters;
 use crate::link::{Client, Port, named};
 use crate::terminal;
 
@@ -246,7 +246,7 @@ impl Source {
                 let parameters = Parameters::load(params)?;
                 let board = match parameters.board.clone() {
                     Some(board) => board,
-                    None if self.bench => Board::bench(&parameters.actuator).at_rate(self.rate),
+                    None if self.bench => parameters.bench(self.rate),
                     None => {
                         let cause = "no [board] table: calibrations and limits of your bench are needed (docs/formats.md), or --bench";
                         return Err(Error::file(params.as_ref(), cause));

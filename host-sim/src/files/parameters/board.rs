@@ -98,7 +98,15 @@ fn shorten(value: &mut toml::Value) {
 impl Parameters {
     /// The board of these parameters, or else that of the paper's bench at `rate_hz`.
     pub fn board_or_bench(&self, rate_hz: f64) -> Board {
-        self.board.clone().unwrap_or_else(|| Board::bench(&self.actuator).at_rate(rate_hz))
+        self.board.clone().unwrap_or_else(|| self.bench(rate_hz))
+    }
+
+    /// The paper's bench around these parameters' actuator, at `rate_hz`: at rest its sensor gives 1 V, which it reads as
+    /// `sensor_offset_m`.
+    pub fn bench(&self, rate_hz: f64) -> Board {
+        let mut board = Board::bench(&self.actuator).at_rate(rate_hz);
+        board.sensor.offset += self.sensor_offset_m as f32;
+        board
     }
 
     /// The blob of these parameters for a controller that ticks at `rate_hz`, on [`board_or_bench`](Self::board_or_bench),
