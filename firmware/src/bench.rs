@@ -62,14 +62,15 @@ impl Bench {
         }
     }
 
-    /// What interlock and sensors say. An ADC that does not answer is tried again from time to time, while `idle`.
+    /// What interlock and sensors say. While `idle` the ADCs are asked for their range in every tick; one that does not answer, or has
+    /// lost its range, is configured again from time to time.
     pub fn sample(&mut self, idle: bool) -> Inputs {
         self.ticks = self.ticks.wrapping_add(1);
         let retry = idle && self.ticks.is_multiple_of(RETRY_TICKS);
         Inputs {
             interlock_closed: self.interlock.is_high(),
-            monitor_adc_v: self.monitor.as_mut().and_then(|adc| volts(adc, retry)),
-            sensor_adc_v: self.displacement.as_mut().and_then(|adc| volts(adc, retry)),
+            monitor_adc_v: self.monitor.as_mut().and_then(|adc| volts(adc, idle, retry)),
+            sensor_adc_v: self.displacement.as_mut().and_then(|adc| volts(adc, idle, retry)),
         }
     }
 
@@ -91,10 +92,10 @@ impl Bench {
     }
 }
 
-fn volts<CS: OutputPin>(adc: &mut Adc<CS>, retry: bool) -> Option<f32> {
+fn volts<CS: OutputPin>(adc: &mut Adc<CS>, idle: bool, retry: bool) -> Option<f32> {
     if !adc.is_configured() && retry {
         // It says so by not reading.
         let _ = adc.configure();
     }
-    adc.volts().ok()
+    if idle { adc.volts_checked().ok() } else { adc.volts().ok() }
 }

@@ -12,6 +12,23 @@ fn written(register: u8, data: u16) -> [OnSpi<u8>; 3] {
     [OnSpi::transaction_start(), OnSpi::write_vec(vec![register, high, low]), OnSpi::transaction_end()]
 }
 
+/// The same, while the AD5754 answers what the frame before asked for.
+fn answered(register: u8, data: u16, answer: u16) -> [OnSpi<u8>; 3] {
+    let [[high, low], [first, second]] = [data, answer].map(u16::to_be_bytes);
+    let frame = OnSpi::transfer_in_place(vec![register, high, low], vec![0, first, second]);
+    [OnSpi::transaction_start(), frame, OnSpi::transaction_end()]
+}
+
+/// A register that is read back.
+fn read(register: u8, answer: u16) -> Vec<OnSpi<u8>> {
+    [written(0x80 | register, 0), answered(0x18, 0, answer)].concat()
+}
+
+/// A code, while the DAC says which one stood.
+fn commanded(code: u16, stood: u16) -> Vec<OnSpi<u8>> {
+    [written(0x80, 0), answered(0x00, code, stood)].concat()
+}
+
 /// 32 bits to and from an ADS868x.
 fn exchanged(sent: [u8; 4], answer: u16) -> [OnSpi<u8>; 3] {
     let [high, low] = answer.to_be_bytes();
@@ -43,10 +60,11 @@ pub fn main() {
     let commands = [50.0, 100.0].map(|volts| DacCode::from_volts(volts / 1000.0, CommandRange::TenVolts).0);
     let mut on_dac = start.clone();
     on_dac.extend(written(0x00, 0)); // tick 0, disarmed
-    on_dac.extend(start); // tick 1, armed: enabled at 0 V
-    on_dac.extend(written(0x00, 0));
-    on_dac.extend(written(0x00, commands[0])); // ticks 2 and 3, running: 50 kV/s
-    on_dac.extend(written(0x00, commands[1]));
+    on_dac.extend(start); // tick 1, armed: enabled at 0 V once range, power and code read as they should
+    on_dac.extend([read(0x08, 1), read(0x10, 1), read(0x00, 0)].concat());
+    on_dac.extend(commanded(0, 0));
+    on_dac.extend(commanded(commands[0], 0)); // ticks 2 and 3, running: 50 kV/s
+    on_dac.extend(commanded(commands[1], commands[0]));
     on_dac.extend(written(0x00, 0)); // tick 4, tripped
     let on_pin = [Level::Low, Level::Low, Level::High, Level::Low].map(OnPin::set);
     let amplifier = Amplifier::new(Spi::new(&on_dac), Pin::new(&on_pin), CommandRange::TenVolts);

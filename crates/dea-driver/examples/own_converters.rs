@@ -36,7 +36,7 @@ fn parameters(law: &Law<f32>, actuator: Actuator) -> Parameters {
     Parameters {
         amplifier: Calibration::linear(2500.0),
         monitor: Calibration::linear(2000.0),
-        sensor: Calibration { offset: -1.5e-3, gain: 3e-3, quadratic: 0.0 },
+        sensor: Calibration::Parabola { offset: -1.5e-3, gain: 3e-3, quadratic: 0.0 },
         limits: Limits {
             max_displacement_m: 6e-3,
             sensor: PlausibilityLimits { low: -1e-3, high: 8e-3, ..limits.sensor },

@@ -232,8 +232,8 @@ pub enum ControlError {
         /// Time between samples, s.
         sample_interval_s: f64,
     },
-    /// A bandwidth above the model's resonance, where inertia dominates its stiffness.
-    AboveResonance {
+    /// A bandwidth above a third of the model's resonance, the frequency from which inertia outweighs its stiffness.
+    NearResonance {
         /// The bandwidth, Hz.
         bandwidth_hz: f64,
     },
@@ -263,8 +263,8 @@ impl fmt::Display for ControlError {
                 f,
                 "lost_after_s = {lost_after_s} is less than the {sample_interval_s} s from one sample to the next"
             ),
-            Self::AboveResonance { bandwidth_hz } => {
-                write!(f, "bandwidth {bandwidth_hz} Hz lies above the resonance of the model; lower it")
+            Self::NearResonance { bandwidth_hz } => {
+                write!(f, "bandwidth {bandwidth_hz} Hz lies above a third of the model's resonance; lower it")
             }
         }
     }

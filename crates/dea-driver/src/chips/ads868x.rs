@@ -82,15 +82,10 @@ impl<SPI: SpiDevice> Ads868x<SPI> {
     /// [`AdcError`] where the chip does not answer as it should; try again once it has power.
     pub fn configure(&mut self) -> Result<(), AdcError> {
         self.configured = false;
-        let wanted = range_sel(self.range);
-        let [high, low] = wanted.to_be_bytes();
+        let [high, low] = range_sel(self.range).to_be_bytes();
         self.frame([WRITE, RANGE_SEL, high, low])?;
         self.frame([READ, RANGE_SEL, 0, 0])?;
-        let [high, low, ..] = self.frame([0; 4])?;
-        let found = u16::from_be_bytes([high, low]);
-        // The upper bits hold alarms.
-        self.configured = found & 0x000f == wanted;
-        if self.configured { Ok(()) } else { Err(AdcError::Range { found }) }
+        self.check_range()
     }
 
     /// The sample that was taken at the end of the last frame.
@@ -106,7 +101,40 @@ impl<SPI: SpiDevice> Ads868x<SPI> {
         Ok(AdcCode(u16::from_be_bytes([high, low])))
     }
 
-    /// The same in volts.
+    /// The same, after a check that the chip still has its range. It needs a second frame. A chip whose supply has dipped is back on
+    /// another range, on which 0 V reads as half of full scale: it counts as unconfigured from then on.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read), and [`AdcError::Range`].
+    pub fn read_checked(&mut self) -> Result<AdcCode, AdcError> {
+        if !self.configured {
+            return Err(AdcError::Unconfigured);
+        }
+        let [high, low, ..] = self.frame([READ, RANGE_SEL, 0, 0])?;
+        self.check_range()?;
+        Ok(AdcCode(u16::from_be_bytes([high, low])))
+    }
+
+    /// [`read_checked`](Self::read_checked) in volts.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn volts_checked(&mut self) -> Result<f32, AdcError> {
+        self.read_checked().map(|code| code.volts(self.range))
+    }
+
+    /// Takes the answer to a question for the range.
+    fn check_range(&mut self) -> Result<(), AdcError> {
+        let [high, low, ..] = self.frame([0; 4])?;
+        let found = u16::from_be_bytes([high, low]);
+        // The upper bits hold alarms.
+        self.configured = found & 0x000f == range_sel(self.range);
+        if self.configured { Ok(()) } else { Err(AdcError::Range { found }) }
+    }
+
+    /// [`read`](Self::read) in volts.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! Codes of the converters, their ranges in volts, and calibrations.
+//! Codes of the converters, and their ranges in volts.
 
 use serde::{Deserialize, Serialize};
 
@@ -122,64 +122,4 @@ impl Converters {
     /// An AD5754 on the range of the parameters and two ADS868x on 0 to 10.24 V.
     pub const AD5754_ADS868X: Self =
         Self { command_v: None, monitor_v: AdcRange::UpTo10V24.largest_v(), sensor_v: AdcRange::UpTo10V24.largest_v() };
-}
-
-/// From an instrument's volts to a quantity and back: `y = offset + gain u + quadratic u²`.
-///
-/// Amplifier: u is the command (V), y the high voltage (V). Voltage monitor: u is its output (V), y the high voltage (V).
-/// Displacement sensor: u is its output (V), y the stroke (m).
-///
-/// ```
-/// use dea_driver::chips::Calibration;
-///
-/// // An amplifier of 1000 V per volt that loses 1 V per volt² and has an offset of −20 V.
-/// let amplifier = Calibration { offset: -20.0, gain: 1000.0, quadratic: -1.0 };
-/// assert!(amplifier.rises_up_to(10.0));
-/// let command_v = amplifier.invert(3000.0);
-/// assert!((amplifier.apply(command_v) - 3000.0).abs() < 1e-2);
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Calibration {
-    /// y at u = 0.
-    pub offset: f32,
-    /// Change of y per volt at u = 0.
-    pub gain: f32,
-    /// Curvature, per volt².
-    pub quadratic: f32,
-}
-
-impl Calibration {
-    /// A straight line through zero.
-    #[must_use]
-    pub const fn linear(gain: f32) -> Self {
-        Self { offset: 0.0, gain, quadratic: 0.0 }
-    }
-
-    /// Whether y rises with u from 0 V to `full_scale_v`, so that it can be inverted there.
-    #[must_use]
-    pub fn rises_up_to(&self, full_scale_v: f32) -> bool {
-        let finite = self.offset.is_finite() && self.gain.is_finite() && self.quadratic.is_finite();
-        finite && self.gain > 0.0 && self.gain + 2.0 * self.quadratic * full_scale_v > 0.0
-    }
-
-    /// The quantity at `volts`.
-    #[must_use]
-    pub fn apply(&self, volts: f32) -> f32 {
-        self.offset + volts * (self.gain + volts * self.quadratic)
-    }
-
-    /// The volts at which the quantity is `value`, for a calibration that [rises](Self::rises_up_to). Three steps of Newton
-    /// from the straight line: 1e-6 of full scale for curvatures of up to a fifth of the gain.
-    #[must_use]
-    pub fn invert(&self, value: f32) -> f32 {
-        let wanted = value - self.offset;
-        let mut volts = wanted / self.gain;
-        for _ in 0..3 {
-            let error = volts * (self.gain + volts * self.quadratic) - wanted;
-            volts -= error / (self.gain + 2.0 * self.quadratic * volts);
-        }
-        volts
-    }
 }

@@ -4,6 +4,7 @@
 mod ad5754;
 #[cfg(feature = "chips")]
 mod ads868x;
+mod calibration;
 mod codes;
 mod drive;
 
@@ -11,5 +12,6 @@ mod drive;
 pub use ad5754::{Amplifier, AmplifierError};
 #[cfg(feature = "chips")]
 pub use ads868x::{AdcError, Ads868x};
-pub use codes::{AdcCode, AdcRange, Calibration, CommandRange, Converters, DacCode};
+pub use calibration::{Calibration, CalibrationError, MAX_POINTS};
+pub use codes::{AdcCode, AdcRange, CommandRange, Converters, DacCode};
 pub use drive::Drive;

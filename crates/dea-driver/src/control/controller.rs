@@ -211,10 +211,12 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         }
         self.ran = runs;
         let follows = self.supervisor.runs() && self.mode != Mode::Voltage;
-        let reference_m = self.reference.next().filter(|_| follows);
-        let wanted = self.tracking.command(&mut self.course, reference_m.unwrap_or(predicted_m));
-        let set_v = self.voltage.next().unwrap_or(0.0);
-        let followed_v = if reference_m.is_some() { wanted.voltage } else { 0.0 };
+        let set_v = self.voltage.next();
+        let reference_m = self.reference.next();
+        let leads = follows && !reference_m.is_nan();
+        let wanted = self.tracking.command(&mut self.course, if leads { reference_m } else { predicted_m });
+        let followed_v = if leads { wanted.voltage } else { 0.0 };
+        // NaN, until a voltage is set, is 0 V.
         let wanted_v = if self.mode == Mode::Voltage { set_v } else { followed_v };
         let estimated_m = if open_loop_m > predicted_m { open_loop_m } else { predicted_m };
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > estimated_m).unwrap_or(estimated_m);

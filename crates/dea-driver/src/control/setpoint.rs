@@ -7,7 +7,8 @@ use crate::safety::DriverState;
 /// A value that a host sets from time to time: approached in a straight line, in the time since the one before.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ramp {
-    value: Option<f32>,
+    /// NaN until one is set.
+    value: f32,
     increment: f32,
     target: f32,
     ticks: u16,
@@ -16,10 +17,11 @@ pub(crate) struct Ramp {
 
 impl Ramp {
     /// Nothing was set.
-    pub(crate) const NONE: Self = Self { value: None, increment: 0.0, target: 0.0, ticks: 0, since_set: u16::MAX };
+    pub(crate) const NONE: Self =
+        Self { value: f32::NAN, increment: 0.0, target: f32::NAN, ticks: 0, since_set: u16::MAX };
 
     pub(crate) fn is_set(&self) -> bool {
-        self.value.is_some()
+        !self.target.is_nan()
     }
 
     /// Sets a new target, to be reached within `most` ticks.
@@ -27,21 +29,21 @@ impl Ramp {
         let ticks = self.since_set.clamp(1, most.max(1));
         self.since_set = 0;
         self.target = target;
-        let from = self.value.unwrap_or(target);
-        self.value = Some(from);
+        let from = if self.value.is_nan() { target } else { self.value };
+        self.value = from;
         self.ticks = ticks;
         self.increment = (target - from) / f32::from(ticks);
     }
 
-    /// The value of this tick.
-    pub(crate) fn next(&mut self) -> Option<f32> {
+    /// The value of this tick; NaN if none is set.
+    pub(crate) fn next(&mut self) -> f32 {
         self.since_set = self.since_set.saturating_add(1);
         if self.ticks > 1 {
             self.ticks -= 1;
-            self.value = self.value.map(|value| value + self.increment);
+            self.value += self.increment;
         } else {
             // The last step ends exactly at the target.
-            self.value = self.value.map(|_| self.target);
+            self.value = self.target;
         }
         self.value
     }

@@ -5,7 +5,7 @@ use core::fmt;
 
 use springpot::{ActuatorError, Compressed, ControlError, Law, LawError, Tracking};
 
-use crate::chips::Converters;
+use crate::chips::{CalibrationError, Converters};
 use crate::parameters::Parameters;
 use crate::safety::{LimitsError, Supervisor};
 
@@ -84,8 +84,8 @@ pub enum BlobError {
     Rate,
     /// An offset of the sensor that is not finite.
     Offset,
-    /// A calibration that cannot be inverted.
-    Calibration(&'static str),
+    /// A calibration that was refused, of this instrument.
+    Calibration(&'static str, CalibrationError),
     /// A law that was refused.
     Law(LawError),
     /// An actuator that was refused, on its own or at the largest voltage.
@@ -120,7 +120,7 @@ impl fmt::Display for BlobError {
             }
             Self::Rate => f.write_str("rate_hz must be from 1 to 100000"),
             Self::Offset => f.write_str("sensor_offset_m must be finite"),
-            Self::Calibration(which) => write!(f, "the calibration of the {which} must rise over its full scale"),
+            Self::Calibration(which, error) => write!(f, "the calibration of the {which}: {error}"),
             Self::Law(error) => write!(f, "law: {error}"),
             Self::Actuator(error) => write!(f, "actuator: {error}"),
             Self::Limits(error) => write!(f, "limits: {error}"),
@@ -170,9 +170,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
             ("monitor", &parameters.monitor, converters.monitor_v),
             ("sensor", &parameters.sensor, converters.sensor_v),
         ] {
-            if !calibration.rises_up_to(largest_v) {
-                return Err(BlobError::Calibration(name));
-            }
+            calibration.check(largest_v).map_err(|error| BlobError::Calibration(name, error))?;
         }
         parameters.actuator.check().map_err(BlobError::Actuator)?;
         let step_s = 1.0 / f64::from(parameters.rate_hz);
@@ -239,7 +237,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, F
             return Err(BlobError::Reach("amplifier"));
         }
         // At a command of 0 V the amplifier must be within the monitor's band around 0 V.
-        if self.amplifier.offset > limits.monitor.band_v || self.amplifier.offset < -limits.monitor.band_v {
+        if self.amplifier.apply(0.0).abs() > limits.monitor.band_v {
             return Err(BlobError::Reach("amplifier"));
         }
         if !(0.99..=1.01).contains(&(f64::from(limits.thickness_m) / self.actuator.thickness_m)) {

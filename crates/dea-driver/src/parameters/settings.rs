@@ -78,7 +78,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, F
             amplifier: Calibration::linear(1000.0),
             monitor: Calibration::linear(1000.0),
             // An unplugged sensor reads −1 mm, which is out of its range.
-            sensor: Calibration { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
+            sensor: Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
             limits: Limits::bench(actuator.thickness_m as f32),
             control: Control::BENCH,
         }

@@ -215,7 +215,8 @@ impl Limits {
             ("max_slew_v_per_s", self.max_slew_v_per_s, 1000.0 * self.max_voltage_v),
             // The sensor shows no more.
             ("max_displacement_m", self.max_displacement_m, farthest_m),
-            ("max_disturbance_share", self.max_disturbance_share, 1.0),
+            // A loop that swings from 0 V to the largest voltage on its own needs more than half of the force.
+            ("max_disturbance_share", self.max_disturbance_share, 0.4),
             ("heartbeat_s", self.heartbeat_s, 60.0),
             ("discharge_s", self.discharge_s, 60.0),
             // It is also what counts as 0 V.

@@ -72,6 +72,10 @@ pub enum Cause {
     LiveFilm,
     /// The newest parameters are damaged, or were cut off while they were saved: older ones are in force.
     Parameters,
+    /// The supply of the controller broke down, and came back.
+    BrownOut,
+    /// The controller was reset by its pin, by a debugger or by its firmware.
+    Reset,
 }
 
 /// Why a request was refused.

@@ -1,6 +1,6 @@
 //! The converters, transaction by transaction, against what their data sheets ask for.
 
-use dea_driver::chips::{AdcCode, AdcRange, Calibration, CommandRange, DacCode};
+use dea_driver::chips::{AdcCode, AdcRange, Calibration, CalibrationError, CommandRange, DacCode};
 use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError, Drive};
 use embedded_hal_mock::eh1::MockError;
 use embedded_hal_mock::eh1::digital::{Mock as Pin, State, Transaction as OnPin};
@@ -21,11 +21,27 @@ fn start_up() -> Vec<OnSpi<u8>> {
     [written([0x08, 0, 1]), written([0x00, 0, 0]), written([0x10, 0, 1])].concat()
 }
 
+/// A register is asked for, and answers in the next frame.
+fn asked(register: u8, [high, low]: [u8; 2]) -> Vec<OnSpi<u8>> {
+    [written([0x80 | register, 0, 0]), exchanged([0x18, 0, 0], [0x80 | register, high, low])].concat()
+}
+
+/// Started, and range, power and code are read back. Alarms and the power of other channels do not matter.
+fn enabling(range: u8) -> Vec<OnSpi<u8>> {
+    let start = [written([0x08, 0, range]), written([0x00, 0, 0]), written([0x10, 0, 1])].concat();
+    [start, asked(0x08, [0, range]), asked(0x10, [0x02, 0x23]), asked(0x00, [0, 0])].concat()
+}
+
+/// A code is written while the DAC answers with the one that stood.
+fn commanded(code: [u8; 2], stood: [u8; 2]) -> Vec<OnSpi<u8>> {
+    [written([0x80, 0, 0]), exchanged([0x00, code[0], code[1]], [0x80, stood[0], stood[1]])].concat()
+}
+
 #[test]
 fn amplifier_starts_at_0_v_and_ends_there() {
     let mut expected = start_up();
-    expected.extend(start_up()); // enable
-    expected.extend(written([0x00, 0x99, 0x9a])); // 6 V of 10 V
+    expected.extend(enabling(1));
+    expected.extend(commanded([0x99, 0x9a], [0, 0])); // 6 V of 10 V
     expected.extend(written([0x00, 0, 0])); // disable
     let pin = Pin::new(&[OnPin::set(State::Low), OnPin::set(State::High), OnPin::set(State::Low)]);
     let mut amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::TenVolts).expect("answers");
@@ -43,9 +59,8 @@ fn amplifier_applies_the_drive_of_a_tick() {
     let mut expected = start_up();
     expected.extend(written([0x00, 0, 0])); // off, as it was
     expected.extend([written([0x08, 0, 0]), written([0x00, 0, 0])].concat()); // 0…5 V, 0 V again
-    let again = [written([0x08, 0, 0]), written([0x00, 0, 0]), written([0x10, 0, 1])];
-    expected.extend(again.concat()); // on at 0 V
-    expected.extend([written([0x00, 0x12, 0x34]), written([0x00, 0x56, 0x78])].concat());
+    expected.extend(enabling(0)); // on at 0 V
+    expected.extend([commanded([0x12, 0x34], [0, 0]), commanded([0x56, 0x78], [0x12, 0x34])].concat());
     expected.extend(written([0x00, 0, 0])); // off
     let pin = [State::Low, State::Low, State::High, State::Low].map(OnPin::set);
     let mut amplifier = Amplifier::new(Spi::new(&expected), Pin::new(&pin), CommandRange::TenVolts).expect("answers");
@@ -74,7 +89,7 @@ fn the_range_of_five_volts_is_another_code() {
 fn pins_are_low_whatever_the_bus_does() {
     // The output that refuses to rise.
     let mut expected = start_up();
-    expected.extend(start_up()); // enable
+    expected.extend(enabling(1));
     expected.extend(written([0x00, 0, 0])); // disable
     let stuck = OnPin::set(State::High).with_error(MockError::Io(ErrorKind::Other));
     let pin = Pin::new(&[OnPin::set(State::Low), stuck, OnPin::set(State::Low)]);
@@ -96,6 +111,49 @@ fn pins_are_low_whatever_the_bus_does() {
     pin.done();
 }
 
+/// A DAC that is not there, without supply, or on another range is not enabled.
+#[test]
+fn a_dac_that_does_not_hold_what_it_was_sent_is_not_enabled() {
+    let range = asked(0x08, [0, 1]);
+    let power = asked(0x10, [0, 1]);
+    for (answers, wanted, found) in [
+        (asked(0x08, [0xff, 0xff]), 1, 0xffff),
+        (asked(0x08, [0, 0]), 1, 0),
+        ([range.clone(), asked(0x10, [0xff, 0xfe])].concat(), 1, 0),
+        ([range, power, asked(0x00, [0x80, 0])].concat(), 0, 0x8000),
+    ] {
+        let expected = [start_up(), start_up(), answers].concat();
+        let pin = Pin::new(&[OnPin::set(State::Low)]);
+        let mut amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::TenVolts).expect("written");
+        let drive = Drive { enable: true, dac_v: 0.0, range: CommandRange::TenVolts };
+        assert_eq!(amplifier.apply(drive), Err(AmplifierError::Readback { wanted, found }));
+        let (mut spi, mut pin) = amplifier.destroy();
+        spi.done();
+        pin.done();
+    }
+}
+
+/// One that loses its supply while it is enabled has the code 0, or answers nothing, one tick later.
+#[test]
+fn a_dac_that_dies_is_noticed_with_the_next_command() {
+    for found in [0, 0xffff] {
+        let [high, low] = u16::to_be_bytes(found);
+        let mut expected = [start_up(), enabling(1)].concat();
+        expected.extend(commanded([0x40, 0], [0, 0]));
+        expected.extend(commanded([0x40, 1], [high, low]));
+        expected.extend(written([0x00, 0, 0])); // disable
+        let pin = Pin::new(&[State::Low, State::High, State::Low].map(OnPin::set));
+        let mut amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::TenVolts).expect("written");
+        amplifier.enable().expect("answers");
+        amplifier.command(DacCode(0x4000)).expect("answers");
+        assert_eq!(amplifier.command(DacCode(0x4001)), Err(AmplifierError::Readback { wanted: 0x4000, found }));
+        amplifier.disable().expect("both are tried");
+        let (mut spi, mut pin) = amplifier.destroy();
+        spi.done();
+        pin.done();
+    }
+}
+
 #[test]
 fn adc_sets_its_range_checks_it_and_reads() {
     let mut expected = Vec::new();
@@ -109,6 +167,33 @@ fn adc_sets_its_range_checks_it_and_reads() {
     let code = adc.read().expect("answers");
     assert_eq!(code, AdcCode(0x8000));
     assert_eq!(code.volts(AdcRange::UpTo10V24), 5.12);
+    adc.destroy().done();
+}
+
+/// After a dip of its supply the chip is back on ±12.288 V, where 0 V is half of its codes.
+#[test]
+fn an_adc_that_lost_its_range_is_noticed_and_configured_again() {
+    let configured = |found| {
+        let asked = [exchanged([0xd0, 0x14, 0x00, 0x09], [0; 4]), exchanged([0xc8, 0x14, 0, 0], [0; 4])].concat();
+        [asked, exchanged([0; 4], found).to_vec()].concat()
+    };
+    let mut expected = configured([0, 9, 0, 0]);
+    // Asked for its range: the sample that was taken before, then the register, with an alarm.
+    expected.extend(exchanged([0xc8, 0x14, 0, 0], [0x01, 0x00, 0, 0]));
+    expected.extend(exchanged([0; 4], [0xf0, 0xf9, 0, 0]));
+    // The supply dips.
+    expected.extend(exchanged([0xc8, 0x14, 0, 0], [0x80, 0x00, 0, 0]));
+    expected.extend(exchanged([0; 4], [0x00, 0x00, 0, 0]));
+    expected.extend(configured([0, 9, 0, 0]));
+    expected.extend(exchanged([0; 4], [0x00, 0x80, 0, 0]));
+    let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
+    assert_eq!(adc.read_checked(), Err(AdcError::Unconfigured), "before it is configured");
+    adc.configure().expect("answers");
+    assert_eq!(adc.volts_checked(), Ok(0.04));
+    assert_eq!(adc.volts_checked(), Err(AdcError::Range { found: 0 }));
+    assert_eq!(adc.volts(), Err(AdcError::Unconfigured));
+    adc.configure().expect("answers");
+    assert_eq!(adc.volts(), Ok(0.02));
     adc.destroy().done();
 }
 
@@ -166,24 +251,93 @@ fn codes_are_the_nearest_to_their_volts() {
     }
 }
 
+/// Largest error of the inverse of `calibration` up to `full_scale_v`, as a share of the largest y.
+fn inverse_error(calibration: &Calibration, full_scale_v: f32) -> f32 {
+    let largest = calibration.apply(full_scale_v);
+    let errors = (0..=1000).map(|step| {
+        let wanted = calibration.apply(step as f32 / 1000.0 * full_scale_v);
+        (calibration.apply(calibration.invert(wanted)) - wanted).abs() / largest
+    });
+    errors.fold(0.0, f32::max)
+}
+
 #[test]
 fn calibrations_are_inverted() {
     for quadratic in [-9.0f32, 0.0, 9.0] {
-        let calibration = Calibration { offset: -20.0, gain: 1000.0, quadratic };
-        assert!(calibration.rises_up_to(10.0));
-        for step in 0..=100 {
-            let volts = step as f32 / 10.0;
-            let back = calibration.invert(calibration.apply(volts));
-            assert!((back - volts).abs() < 1e-5, "{quadratic}: {volts} V comes back as {back} V");
-        }
+        let calibration = Calibration::Parabola { offset: -20.0, gain: 1000.0, quadratic };
+        calibration.check(10.0).expect("it rises");
+        assert!(inverse_error(&calibration, 10.0) < 1e-6, "{quadratic}");
+    }
+    // Nearly flat at one end of its range: steps of Newton from the straight line commanded 2.9 times as much.
+    for (gain, quadratic) in [(1.0, 100.0), (1e-3, 60.0), (1200.0, -59.99), (2000.0, -99.0), (1e6, 1e-6), (1e-6, 1.0)] {
+        let calibration = Calibration::Parabola { offset: 0.0, gain, quadratic };
+        calibration.check(10.0).expect("it rises");
+        assert!(inverse_error(&calibration, 10.0) < 1e-6, "{calibration:?}");
+        // Below its offset, where nothing is to be commanded.
+        assert!(calibration.invert(-1e6) <= 0.0 || calibration.invert(-1e6).is_nan());
     }
     for bad in [
         Calibration::linear(0.0),
         Calibration::linear(-1.0),
         Calibration::linear(f32::NAN),
-        Calibration { offset: f32::INFINITY, gain: 1.0, quadratic: 0.0 },
-        Calibration { offset: 0.0, gain: 1.0, quadratic: -0.06 },
+        Calibration::Parabola { offset: f32::INFINITY, gain: 1.0, quadratic: 0.0 },
+        Calibration::Parabola { offset: 0.0, gain: 1.0, quadratic: -0.06 },
     ] {
-        assert!(!bad.rises_up_to(10.0), "{bad:?}");
+        assert_eq!(bad.check(10.0), Err(CalibrationError::Falls), "{bad:?}");
     }
+}
+
+/// A converter that needs 0.6 V before it starts and bends up to 0.8 V: no parabola is within 400 V of it and 0 V at rest.
+fn bent_converter_v(command_v: f32) -> f32 {
+    let above = command_v - 0.7;
+    // From flat to straight within a tenth of a volt, 1400 V per volt.
+    700.0 * (above + (above * above + 0.01f32).sqrt()) - 700.0 * (-0.7 + (0.49 + 0.01f32).sqrt())
+}
+
+#[test]
+fn points_follow_an_amplifier_that_starts_late() {
+    let measured = [0.0, 0.4, 0.6, 0.7, 0.8, 1.0, 2.0, 5.0].map(|u| [u, bent_converter_v(u)]);
+    let points = Calibration::points(&measured).expect("rising");
+    assert!(inverse_error(&points, 5.0) < 1e-6);
+    for step in 0..=500 {
+        let wanted = step as f32 / 500.0 * bent_converter_v(5.0);
+        let got = bent_converter_v(points.invert(wanted));
+        assert!((got - wanted).abs() < 15.0, "{got} V for {wanted} V");
+    }
+    // Beyond the ends nothing is extrapolated.
+    assert_eq!(points.invert(-100.0), 0.0);
+    assert_eq!(points.invert(1e9), 5.0);
+    assert_eq!(points.apply(7.0), bent_converter_v(5.0));
+    assert!(points.invert(f32::NAN).is_nan() && points.apply(f32::NAN).is_nan());
+    // The best parabola through 0 V at rest.
+    let (mut uu, mut uv, mut vv, mut uy, mut vy) = (0.0f64, 0.0f64, 0.0f64, 0.0f64, 0.0f64);
+    for step in 0..=500 {
+        let (u, y) = (f64::from(step) / 100.0, f64::from(bent_converter_v(step as f32 / 100.0)));
+        (uu, uv, vv) = (uu + u * u, uv + u * u * u, vv + u * u * u * u);
+        (uy, vy) = (uy + u * y, vy + u * u * y);
+    }
+    let determinant = uu * vv - uv * uv;
+    let (gain, quadratic) = ((uy * vv - vy * uv) / determinant, (uu * vy - uv * uy) / determinant);
+    let worst = (0..=500)
+        .map(|step| f64::from(step) / 100.0)
+        .map(|u| (u * (gain + u * quadratic) - f64::from(bent_converter_v(u as f32))).abs());
+    assert!(worst.fold(0.0, f64::max) > 400.0);
+}
+
+#[test]
+fn points_that_are_no_calibration_are_refused() {
+    let refused = |points: &[[f32; 2]]| Calibration::points(points).expect_err("refused");
+    assert_eq!(refused(&[]), CalibrationError::Number);
+    assert_eq!(refused(&[[0.0, 0.0]]), CalibrationError::Number);
+    let many: Vec<_> = (0u8..9).map(|k| [f32::from(k), f32::from(k)]).collect();
+    assert_eq!(refused(&many), CalibrationError::Number);
+    assert_eq!(refused(&[[0.1, 0.0], [1.0, 1.0]]), CalibrationError::Start);
+    for (second, third) in [([1.0, 0.0], [2.0, 1.0]), ([0.0, 1.0], [2.0, 2.0]), ([f32::NAN, 1.0], [2.0, 2.0])] {
+        assert_eq!(refused(&[[0.0, 0.0], second, third]), CalibrationError::Point(1));
+    }
+    for third in [[2.0, 0.5], [0.5, 2.0], [2.0, f32::NAN], [f32::INFINITY, 3.0], [2.0, f32::INFINITY]] {
+        assert_eq!(refused(&[[0.0, 0.0], [1.0, 1.0], third]), CalibrationError::Point(2));
+    }
+    assert_eq!(refused(&[[0.0, f32::NEG_INFINITY], [1.0, 1.0]]), CalibrationError::Point(1));
+    assert_eq!(refused(&[[f32::NAN, 0.0], [1.0, 1.0]]), CalibrationError::Start);
 }

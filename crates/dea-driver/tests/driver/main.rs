@@ -20,6 +20,7 @@ mod sensor_faults;
 mod session;
 mod setpoints;
 mod store;
+mod swing;
 
 #[test]
 fn examples_run() {

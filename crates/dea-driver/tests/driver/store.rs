@@ -1,5 +1,6 @@
 //! Parameters survive whatever happens to them: damage is refused, power may go at any byte.
 
+use dea_driver::chips::{Calibration, CalibrationError, MAX_POINTS};
 use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, Store, StoreError};
 use springpot::{Actuator, ActuatorError, Law, LawError, Options, VoltageDrive};
 
@@ -96,15 +97,30 @@ fn wrong_values_are_refused() {
         ));
         assert_eq!(refused(&|p| p.rate_hz = nan as f32), BlobError::Rate);
         assert!(matches!(refused(&|p| p.limits.max_voltage_v = nan as f32), BlobError::Limits(_)));
-        assert!(matches!(refused(&|p| p.monitor.gain = nan as f32), BlobError::Calibration("monitor")));
+        assert_eq!(
+            refused(&|p| p.monitor = Calibration::linear(nan as f32)),
+            BlobError::Calibration("monitor", CalibrationError::Falls)
+        );
     }
     assert_eq!(refused(&|p| p.sensor_offset_m = f32::NAN), BlobError::Offset);
     assert_eq!(refused(&|p| p.law.head[3] = f32::NAN), BlobError::Law(LawError::Coefficient("head")));
     assert_eq!(refused(&|p| p.law.slow[5].0 = 1.01), BlobError::Law(LawError::Coefficient("slow")));
     // Instruments that cannot show or reach what the limits allow, and limits for another film.
-    assert_eq!(refused(&|p| p.monitor.gain = 650.0), BlobError::Reach("monitor"));
-    assert_eq!(refused(&|p| p.amplifier.gain = 600.0), BlobError::Reach("amplifier"));
-    assert_eq!(refused(&|p| p.amplifier.offset = 7000.0), BlobError::Reach("amplifier"));
+    assert_eq!(refused(&|p| p.monitor = Calibration::linear(650.0)), BlobError::Reach("monitor"));
+    assert_eq!(refused(&|p| p.amplifier = Calibration::linear(600.0)), BlobError::Reach("amplifier"));
+    let offset = Calibration::Parabola { offset: 7000.0, gain: 1000.0, quadratic: 0.0 };
+    assert_eq!(refused(&|p| p.amplifier = offset.clone()), BlobError::Reach("amplifier"));
+    // Points that end below the limit, or that stand above 0 V at rest; ones that fall.
+    let points = |points: &[[f32; 2]]| Calibration::points(points).expect("rising");
+    assert_eq!(refused(&|p| p.amplifier = points(&[[0.0, 0.0], [5.0, 6000.0]])), BlobError::Reach("amplifier"));
+    assert_eq!(refused(&|p| p.monitor = points(&[[0.0, 0.0], [5.0, 6000.0]])), BlobError::Reach("monitor"));
+    assert_eq!(refused(&|p| p.amplifier = points(&[[0.0, 100.0], [5.0, 8000.0]])), BlobError::Reach("amplifier"));
+    let falling: dea_driver::heapless::Vec<_, MAX_POINTS> =
+        [[0.0, 0.0], [2.0, 3000.0], [1.0, 7000.0]].as_slice().try_into().expect("room");
+    assert_eq!(
+        refused(&|p| p.amplifier = Calibration::Points(falling.clone())),
+        BlobError::Calibration("amplifier", CalibrationError::Point(2))
+    );
     assert_eq!(refused(&|p| p.limits.thickness_m = 170e-6), BlobError::Thickness);
     // A sensor that seems plausible when it is unplugged, and when it is saturated; one that is stuck before it could show it.
     assert_eq!(refused(&|p| p.limits.sensor.low = -1.1e-3), BlobError::Unplugged);

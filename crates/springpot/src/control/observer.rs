@@ -209,6 +209,9 @@ const AVERAGING_RATE: f64 = 1.0 / 20.0;
 const STATISTICS_SAMPLES: f64 = 200.0;
 /// Largest ω (interval + delay): phase lag of the samples at the bandwidth, rad.
 const MAX_PHASE: f64 = 0.35;
+/// Smallest resonance of the model in bandwidths. On the films of Hossain and Wang, with a resonance near 3 Hz, the loop begins to
+/// ring at 0.9 to 1 Hz and is unstable from 1.2 Hz.
+const RESONANCE_MARGIN: f64 = 3.0;
 /// Bounds of the force scale.
 const FORCE_SCALE_RANGE: [f64; 2] = [0.25, 4.0];
 
@@ -217,7 +220,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
     ///
     /// # Errors
     ///
-    /// [`ControlError`] for options that are not positive, a bandwidth that is too high for the sensor or lies above the
+    /// [`ControlError`] for options that are not positive, a bandwidth that is too high for the sensor or lies above a third of the
     /// model's resonance, and an actuator that is refused at the largest voltage.
     pub fn new(
         law: Law<T, M>,
@@ -235,8 +238,10 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
             return Err(ControlError::SensorTooLate { ticks: late, most: PAST.saturating_sub(1) });
         }
         let stiffness = law.dynamic_stiffness(bandwidth_hz);
-        if !(stiffness.re > 0.0 && stiffness.im.is_finite()) {
-            return Err(ControlError::AboveResonance { bandwidth_hz });
+        // At the resonance the inertia outweighs the stiffness.
+        let above = law.dynamic_stiffness(RESONANCE_MARGIN * bandwidth_hz);
+        if !(stiffness.re > 0.0 && stiffness.im.is_finite() && above.re > 0.0) {
+            return Err(ControlError::NearResonance { bandwidth_hz });
         }
         let adapts = adaptation_s > 0.0;
         let omega = TAU * bandwidth_hz;

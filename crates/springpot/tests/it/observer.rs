@@ -277,10 +277,24 @@ fn refuses_what_cannot_work() {
     // 63 ticks, as single precision has them.
     let rounded = ObserverOptions { delay_s: f64::from(0.063f32), bandwidth_hz: 0.5, ..good };
     assert_eq!(new(rounded), Ok(()));
-    // An effective mass of 118 kg puts the resonance near 3 Hz, below 5 Hz.
+}
+
+/// A bandwidth above a third of the resonance is refused. The resonance is read from the continuous model: where the force is no
+/// longer in phase with the displacement.
+#[test]
+fn refuses_a_bandwidth_near_the_resonance() {
     let heavy = Maxwell::new(Springpot::new(4e4, 0.1), &[], Topology::Eq11, 118.0).expect("valid");
-    let law: Law<f32> = Law::compressed(&heavy, Options::at_step(1e-3)).expect("a law");
-    let fast = ObserverOptions { bandwidth_hz: 5.0, sample_interval_s: 1e-3, delay_s: 0.0, ..good };
-    let error = Observer::<f32>::new(law, &Actuator::KARNER_2022, 6000.0, fast).map(drop);
-    assert_eq!(error, Err(ControlError::AboveResonance { bandwidth_hz: 5.0 }));
+    let inertia_outweighs = |frequency_hz: f64| heavy.frequency_response(frequency_hz).re < 0.0;
+    let resonance_hz = (1..1000).map(|k| f64::from(k) / 100.0).find(|&hz| inertia_outweighs(hz)).expect("below 10 Hz");
+    assert!((2.5..3.5).contains(&resonance_hz), "{resonance_hz} Hz");
+    let observer_at = |bandwidth_hz| {
+        let law: Law<f32> = Law::compressed(&heavy, Options::at_step(1e-3)).expect("a law");
+        let options =
+            ObserverOptions { sample_interval_s: 1e-3, delay_s: 0.0, ..ObserverOptions::at_bandwidth(bandwidth_hz) };
+        Observer::<f32>::new(law, &Actuator::KARNER_2022, 6000.0, options).map(drop)
+    };
+    assert_eq!(observer_at(0.97 * resonance_hz / 3.0), Ok(()));
+    for bandwidth_hz in [1.03 * resonance_hz / 3.0, 0.9 * resonance_hz, 5.0] {
+        assert_eq!(observer_at(bandwidth_hz), Err(ControlError::NearResonance { bandwidth_hz }));
+    }
 }

@@ -7,7 +7,7 @@ use heapless::String;
 use serde::{Deserialize, Serialize};
 use springpot::{Actuator, CommandLimits, Law, Options};
 
-use super::Parameters;
+use super::{Parameters, calibration};
 use crate::error::{Error, Result};
 
 /// The `[board]` table of a parameter file.
@@ -19,10 +19,13 @@ pub struct Board {
     /// Range of the amplifier's command, at the DAC.
     pub command_range: CommandRange,
     /// Command (V) → high voltage (V).
+    #[serde(with = "calibration")]
     pub amplifier: Calibration,
     /// Monitor (V) → high voltage (V).
+    #[serde(with = "calibration")]
     pub monitor: Calibration,
     /// Displacement sensor (V) → displacement (m).
+    #[serde(with = "calibration")]
     pub sensor: Calibration,
     /// Limits of film and bench.
     pub limits: Limits,
@@ -41,7 +44,7 @@ impl Board {
             amplifier: Calibration::linear(1000.0),
             monitor: Calibration::linear(1000.0),
             // 1 V at rest: an unplugged one reads −1 mm, which is out of its range.
-            sensor: Calibration { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
+            sensor: Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
             limits: Limits::bench(actuator.thickness_m as f32),
             control: Self::control(),
         }
@@ -91,6 +94,7 @@ fn shorten(value: &mut toml::Value) {
     match value {
         toml::Value::Float(number) => *number = as_written(*number as f32),
         toml::Value::Table(table) => table.iter_mut().for_each(|(_, value)| shorten(value)),
+        toml::Value::Array(values) => values.iter_mut().for_each(shorten),
         _ => {}
     }
 }
@@ -104,9 +108,9 @@ impl Parameters {
     /// The paper's bench around these parameters' actuator, at `rate_hz`: at rest its sensor gives 1 V, which it reads as
     /// `sensor_offset_m`.
     pub fn bench(&self, rate_hz: f64) -> Board {
-        let mut board = Board::bench(&self.actuator).at_rate(rate_hz);
-        board.sensor.offset += self.sensor_offset_m as f32;
-        board
+        // 1 V at rest, as Board::bench has it.
+        let sensor = Calibration::Parabola { offset: -1e-3 + self.sensor_offset_m as f32, gain: 1e-3, quadratic: 0.0 };
+        Board { sensor, ..Board::bench(&self.actuator).at_rate(rate_hz) }
     }
 
     /// The blob of these parameters for a controller that ticks at `rate_hz`, on [`board_or_bench`](Self::board_or_bench),
@@ -137,9 +141,9 @@ impl Parameters {
             actuator: self.actuator,
             sensor_offset_m: self.sensor_offset_m as f32,
             command_range: board.command_range,
-            amplifier: board.amplifier,
-            monitor: board.monitor,
-            sensor: board.sensor,
+            amplifier: board.amplifier.clone(),
+            monitor: board.monitor.clone(),
+            sensor: board.sensor.clone(),
             limits: board.limits,
             control: board.control,
         };

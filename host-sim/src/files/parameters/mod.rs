@@ -1,6 +1,7 @@
 //! Parameter files: an actuator and its model, as TOML in SI units.
 
 mod board;
+mod calibration;
 mod format;
 
 use std::fs::File;
