@@ -192,7 +192,7 @@ const EVERY: u16 = 20;
 fn blob(heartbeat_s: f32) -> Vec<u8> {
     let parameters = Parameters::preset("table3-n2").expect("a preset");
     let limits = dea_driver::Limits { heartbeat_s, ..bench_limits() };
-    let sensor = dea_driver::chips::Calibration { offset: -1e-3, gain: 1e-3, quadratic: 0.0 };
+    let sensor = dea_driver::chips::Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 };
     let board = Board { limits, sensor, ..Board::bench(&parameters.actuator) };
     parameters.to_blob(&board, 1000.0).expect("valid")
 }

@@ -8,12 +8,12 @@ use dea_driver::wire::Drill;
 use dea_driver::wire::boards;
 use dea_driver::{Device, Store, StoreError};
 use rtic::Mutex;
-use stm32f4xx_hal::pac::{DBGMCU, FLASH, IWDG};
+use stm32f4xx_hal::pac::{DBGMCU, IWDG};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
 use crate::flash::ParameterFlash;
-use crate::panic::Message;
+use crate::panic::{self, Message};
 
 /// The slowest tick, Hz: the counter has 24 bits, and the watchdog waits for 50 ms.
 pub const MIN_RATE_HZ: f32 = 100.0;
@@ -55,11 +55,6 @@ impl Ticker {
 /// when they attach, so it is cleared in every tick.
 pub fn outlive_debugger(debug: &DBGMCU) {
     debug.apb1_fz().modify(|_, w| w.dbg_iwdg_stop().clear_bit());
-}
-
-/// Whether the watchdog is started by the chip itself, by its option byte, before any firmware runs.
-pub fn is_watched_from_reset(flash: &FLASH) -> bool {
-    flash.optcr().read().wdg_sw().bit_is_clear()
 }
 
 /// Starts the watchdog.
@@ -131,6 +126,14 @@ impl<D: Mutex<T = Device>, W: Mutex<T = IndependentWatchdog>> Board for Backgrou
 
     fn panic_message(&self) -> &str {
         self.panic_message.as_str()
+    }
+
+    fn remember_trial(&mut self, on_trial: bool) {
+        panic::remember_trial(on_trial);
+    }
+
+    fn remembers_trial(&self) -> bool {
+        panic::remembers_trial()
     }
 
     #[cfg(feature = "drills")]

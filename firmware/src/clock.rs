@@ -1,15 +1,22 @@
-//! The clocks: 168 MHz from the crystal, or 16 MHz from the internal oscillator where that does not start.
+//! The clocks: 168 MHz from the crystal, or 16 MHz from the internal oscillator where the crystal does not start, stops, or is
+//! another one.
 
-use stm32f4xx_hal::pac::{RCC, rcc};
+use stm32f4xx_hal::pac::{RCC, TIM5, rcc};
 use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::rcc::{Config, Rcc};
+use stm32f4xx_hal::rcc::{BusTimerClock, Config, Rcc};
 
 /// The crystal, Hz.
 const CRYSTAL_HZ: u32 = 8_000_000;
 /// The core, Hz.
 pub const CORE_HZ: u32 = 168_000_000;
+/// The internal oscillator, Hz.
+const INTERNAL_HZ: f32 = 16e6;
 /// How often a ready bit is asked for: some 20 ms on the internal oscillator, ten times what a crystal takes.
 const PATIENCE: u32 = 50_000;
+/// How a panic over the clock begins. The run after it is on the internal oscillator.
+pub const PANIC: &str = "clock";
+/// Largest difference of the two clocks: the internal oscillator is off by 8 % at the most.
+const TOLERANCE: f32 = 0.12;
 
 /// Why the core runs on its internal oscillator.
 #[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
@@ -18,15 +25,29 @@ pub enum ClockFault {
     Crystal,
     /// The phase-locked loop does not lock.
     Loop,
+    /// The last run ended because of the clock.
+    LastRun,
 }
 
-/// Sets the clocks, and says if they are not what they should be.
-pub fn start(rcc: RCC) -> (Rcc, Option<ClockFault>) {
+/// Sets the clocks, and says if they are not what they should be. `avoid`: the crystal was at fault in the last run.
+pub fn start(rcc: RCC, timer: &TIM5, avoid: bool) -> (Rcc, Option<ClockFault>) {
     // The waits of the library have no end, so what it will wait for is seen to come first.
-    match rehearse(&rcc) {
-        Ok(()) => (rcc.freeze(Config::hse(CRYSTAL_HZ.Hz()).sysclk(CORE_HZ.Hz())), None),
-        Err(fault) => (rcc.freeze(Config::hsi()), Some(fault)),
+    let rehearsed = if avoid { Err(ClockFault::LastRun) } else { rehearse(&rcc) };
+    if let Err(fault) = rehearsed {
+        return (rcc.freeze(Config::hsi()), Some(fault));
     }
+    let before = slow_period(&rcc, timer);
+    let rcc = rcc.freeze(Config::hse(CRYSTAL_HZ.Hz()).sysclk(CORE_HZ.Hz()));
+    let after = slow_period(&rcc, timer);
+    // A crystal of another frequency, or a loop that is off, would stretch every time that the limits state.
+    if let (Some(before), Some(after)) = (before, after) {
+        let expected = before as f32 * (TIM5::timer_clock(&rcc.clocks).raw() as f32 / INTERNAL_HZ);
+        let off = (after as f32 / expected - 1.0).abs();
+        assert!(off <= TOLERANCE, "{PANIC}: another crystal than 8 MHz");
+    }
+    // From now on a crystal that stops ends in a non-maskable interrupt.
+    rcc.cr().modify(|_, w| w.csson().set_bit());
+    (rcc, None)
 }
 
 fn rehearse(rcc: &RCC) -> Result<(), ClockFault> {
@@ -46,4 +67,42 @@ fn rehearse(rcc: &RCC) -> Result<(), ClockFault> {
 
 fn comes(rcc: &RCC, ready: impl Fn(&rcc::cr::R) -> bool) -> bool {
     (0..PATIENCE).any(|_| ready(&rcc.cr().read()))
+}
+
+/// Counts of `timer` over 128 periods of the watchdog's own oscillator, 4 ms; none if it does not run. Its frequency is known to
+/// half of it only, but it does not change within a few milliseconds.
+fn slow_period(rcc: &RCC, timer: &TIM5) -> Option<u32> {
+    rcc.csr().modify(|_, w| w.lsion().set_bit());
+    if !(0..PATIENCE).any(|_| rcc.csr().read().lsirdy().bit_is_set()) {
+        return None;
+    }
+    rcc.apb1enr().modify(|_, w| w.tim5en().set_bit());
+    let captures = capture(timer);
+    rcc.apb1enr().modify(|_, w| w.tim5en().clear_bit());
+    captures
+}
+
+/// Channel 4 of the timer captures every eighth edge of the slow oscillator.
+fn capture(timer: &TIM5) -> Option<u32> {
+    // SAFETY: 1 is the slow oscillator, one of the four inputs that the channel has.
+    timer.or().write(|w| unsafe { w.it4_rmp().bits(1) });
+    timer.arr().write(|w| w.arr().set(u32::MAX));
+    timer.ccmr2_input().write(|w| w.cc4s().ti4().ic4psc().set(0b11));
+    timer.ccer().write(|w| w.cc4e().set_bit());
+    timer.egr().write(|w| w.ug().set_bit());
+    timer.cr1().write(|w| w.cen().set_bit());
+    let next = || {
+        (0..PATIENCE).find(|_| timer.sr().read().cc4if().bit_is_set())?;
+        // Reading it clears the flag.
+        Some(timer.ccr4().read().bits())
+    };
+    // The first one may have been on its way.
+    next()?;
+    let first = next()?;
+    let mut last = first;
+    for _ in 0..16 {
+        last = next()?;
+    }
+    timer.cr1().write(|w| w.cen().clear_bit());
+    Some(last.wrapping_sub(first))
 }

@@ -11,7 +11,7 @@
 //! 2 to 5 are [`dea_driver::Controller::tick`]. Bytes of the link (USART2, 460 800 baud) come and go by interrupt, above the
 //! tick, since the chip keeps only one; requests are answered in the background, below it. Whatever goes wrong ends with PC6
 //! low, which disables the amplifier: a trip at once, a panic before it resets the chip, a hanging tick by the watchdog after
-//! 50 ms, a reset by the resistor at the pin.
+//! 50 ms, a hanging background by the same half a second later, a reset by the resistor at the pin.
 #![no_std]
 #![no_main]
 
@@ -35,6 +35,7 @@ mod drills;
 mod emulated;
 mod flash;
 mod panic;
+mod reset;
 
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
@@ -63,6 +64,7 @@ mod app {
     use crate::emulated;
     use crate::flash::ParameterFlash;
     use crate::panic::Message as PanicMessage;
+    use crate::reset;
 
     /// Until there are parameters.
     const RATE_HZ: f32 = 1000.0;
@@ -102,9 +104,8 @@ mod app {
         board::stop_on_a_chip();
         let chip = cx.device;
         let panic_message = PanicMessage::take();
-        let by_watchdog = chip.RCC.csr().read().wdgrstf().bit_is_set();
-        chip.RCC.csr().modify(|_, w| w.rmvf().set_bit());
-        let (mut rcc, fault) = clock::start(chip.RCC);
+        let latched = reset::cause(&chip.RCC, &panic_message);
+        let (mut rcc, fault) = clock::start(chip.RCC, &chip.TIM5, panic_message.as_str().starts_with(clock::PANIC));
 
         // The amplifier's enable output is low before anything else is set up.
         let gpioc = chip.GPIOC.split(&mut rcc);
@@ -117,7 +118,6 @@ mod app {
         if let Some(fault) = fault {
             defmt::error!("clock: {}; the internal oscillator serves", fault);
         }
-        let latched = panic_message.cause_of_reset(by_watchdog);
 
         #[cfg(not(feature = "drills"))]
         let bench = {
@@ -140,9 +140,7 @@ mod app {
         let (heard, received) = cx.local.incoming.split();
         let (sending, said) = cx.local.outgoing.split();
 
-        if !board::is_watched_from_reset(&chip.FLASH) {
-            defmt::warn!("the watchdog starts with the firmware, not with the chip: see WDG_SW in docs/wiring.md");
-        }
+        reset::warn_of_option_bytes(&chip.FLASH);
         let Ok(store) = Store::new(ParameterFlash::new(chip.FLASH), boards::STM32F405) else {
             panic!("two sectors hold two slots")
         };
@@ -156,14 +154,13 @@ mod app {
     }
 
     /// The control tick.
-    #[task(binds = SysTick, priority = 2, local = [bench, debug, led, ticks: u32 = 0], shared = [device, watchdog])]
+    #[task(binds = SysTick, priority = 2, local = [bench, debug, led, micros: u32 = 0], shared = [device, watchdog])]
     fn tick(mut cx: tick::Context) {
-        let tick::LocalResources { bench, debug, led, ticks, .. } = cx.local;
+        let tick::LocalResources { bench, debug, led, micros, .. } = cx.local;
         #[cfg(feature = "semihosting")]
         emulated::begin_tick();
-        cx.shared.watchdog.lock(IndependentWatchdog::feed);
         board::outlive_debugger(debug);
-        let state = cx.shared.device.lock(|device| {
+        let (state, is_served, rate_hz) = cx.shared.device.lock(|device| {
             let inputs = bench.sample(!device.state().is_live());
             let drive = device.tick(inputs);
             if bench.apply(drive).is_err() {
@@ -175,19 +172,23 @@ mod app {
                 // Whatever comes of it, the cause is latched.
                 let _ = bench.apply(Drive::OFF);
             }
-            device.state()
+            (device.state(), device.background_is_alive(), device.rate_hz())
         });
 
         // Lit while the amplifier is enabled; lit with short gaps while the film is live although it is not; slow when disarmed,
-        // fast when tripped. The light hangs between supply and pin.
-        *ticks = ticks.wrapping_add(1);
+        // fast when tripped, in the same time at every rate. The light hangs between supply and pin.
+        *micros = micros.wrapping_add((1e6 / rate_hz) as u32);
         let dark = match state {
             DriverState::Armed | DriverState::Running => false,
-            DriverState::Disarmed => *ticks & 0x200 == 0,
-            DriverState::Tripped(Cause::LiveFilm) => *ticks & 0x1e0 == 0,
-            DriverState::Tripped(_) => *ticks & 0x40 == 0,
+            DriverState::Disarmed => *micros & 1 << 19 == 0,
+            DriverState::Tripped(Cause::LiveFilm) => *micros & 0xf << 15 == 0,
+            DriverState::Tripped(_) => *micros & 1 << 16 == 0,
         };
         led.set_state(PinState::from(dark));
+        // Last, and only if the host is still heard.
+        if is_served {
+            cx.shared.watchdog.lock(IndependentWatchdog::feed);
+        }
     }
 
     /// Bytes of the link, in and out.
@@ -229,6 +230,7 @@ mod app {
             Err(error) => defmt::error!("waits for parameters; those it keeps: {}", error),
         }
         loop {
+            board.device.lock(Device::background_came_round);
             let mut quiet = true;
             while let Some(byte) = received.dequeue() {
                 quiet = false;

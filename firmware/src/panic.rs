@@ -10,11 +10,31 @@ use core::ptr::addr_of_mut;
 use cortex_m::interrupt;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use dea_driver::Cause;
 use stm32f4xx_hal::pac::GPIOC;
+
+use crate::clock;
 
 /// Tells a record from what the memory holds after power-up.
 const MAGIC: u32 = 0x7061_6e69;
+
+/// Says that the parameters in force are only tried.
+const ON_TRIAL: u32 = 0x7472_6961;
+
+/// Whether they are, over a reset.
+#[unsafe(link_section = ".panic_record")]
+static mut TRIAL: MaybeUninit<u32> = MaybeUninit::uninit();
+
+/// Remembers over a reset whether the parameters in force are only tried.
+pub fn remember_trial(on_trial: bool) {
+    // SAFETY: any bits make a number; the background alone reads and writes it.
+    unsafe { addr_of_mut!(TRIAL).cast::<u32>().write_volatile(if on_trial { ON_TRIAL } else { 0 }) };
+}
+
+/// What was remembered last. After power-up the memory holds anything else.
+pub fn remembers_trial() -> bool {
+    // SAFETY: as above.
+    unsafe { addr_of_mut!(TRIAL).cast::<u32>().read_volatile() == ON_TRIAL }
+}
 
 /// The last panic. Nothing clears it but the next start.
 #[unsafe(link_section = ".panic_record")]
@@ -48,18 +68,6 @@ impl Message {
         let length = found.length as usize;
         let holds = found.magic == MAGIC && found.length == !found.complement && length <= found.text.len();
         Self { text: found.text, length: if holds { length } else { 0 } }
-    }
-
-    /// Why the chip was reset, unless it was switched on.
-    pub fn cause_of_reset(&self, by_watchdog: bool) -> Option<Cause> {
-        match self.as_str() {
-            "" if by_watchdog => Some(Cause::Watchdog),
-            "" => None,
-            text => {
-                defmt::error!("the last run panicked: {}", text);
-                Some(Cause::Panic)
-            }
-        }
     }
 
     pub fn as_str(&self) -> &str {
@@ -97,6 +105,12 @@ fn panic(info: &PanicInfo) -> ! {
     // SAFETY: as above.
     unsafe { addr_of_mut!(RECORD).cast::<Record>().write_volatile(record) };
     SCB::sys_reset()
+}
+
+/// The clock security system: the crystal has stopped, and the core runs on its internal oscillator, ten times slower.
+#[exception]
+unsafe fn NonMaskableInt() -> ! {
+    panic!("{}: the crystal has stopped", clock::PANIC);
 }
 
 #[exception]

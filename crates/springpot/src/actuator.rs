@@ -1,6 +1,6 @@
 //! From voltage to force and back: Eq. 1.
 
-use crate::error::ActuatorError;
+use crate::error::{ActuatorError, first_not_positive};
 use crate::scalar::Real;
 
 /// Permittivity of free space in F/m.
@@ -185,15 +185,14 @@ impl Actuator {
     ///
     /// [`ActuatorError::NotPositive`], [`ActuatorError::Mass`] or [`ActuatorError::Coupling`].
     pub fn check(&self) -> Result<(), ActuatorError> {
-        for (quantity, value) in [
+        let values = [
             ("relative_permittivity", self.relative_permittivity),
             ("length_m", self.length_m),
             ("width_m", self.width_m),
             ("thickness_m", self.thickness_m),
-        ] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(ActuatorError::NotPositive { quantity, value });
-            }
+        ];
+        if let Some((quantity, value)) = first_not_positive(&values) {
+            return Err(ActuatorError::NotPositive { quantity, value });
         }
         if !(self.mass_kg.is_finite() && self.mass_kg >= 0.0) {
             return Err(ActuatorError::Mass(self.mass_kg));

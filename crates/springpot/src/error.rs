@@ -239,6 +239,13 @@ pub enum ControlError {
     },
 }
 
+/// The first of `values` that is not finite and greater than 0. Not inlined: unrolled, the checks of a table take twice its space in
+/// flash.
+#[inline(never)]
+pub(crate) fn first_not_positive(values: &[(&'static str, f64)]) -> Option<(&'static str, f64)> {
+    values.iter().copied().find(|&(_, value)| !(value.is_finite() && value > 0.0))
+}
+
 impl From<ActuatorError> for ControlError {
     fn from(error: ActuatorError) -> Self {
         Self::Actuator(error)

@@ -179,7 +179,7 @@ impl Limits {
     ///
     /// [`LimitsError`] for the first that does not.
     pub fn check(&self) -> Result<(), LimitsError> {
-        for (name, value) in [
+        let values = [
             ("max_voltage_v", self.max_voltage_v),
             ("max_field_v_per_m", self.max_field_v_per_m),
             ("thickness_m", self.thickness_m),
@@ -188,11 +188,9 @@ impl Limits {
             ("max_disturbance_share", self.max_disturbance_share),
             ("heartbeat_s", self.heartbeat_s),
             ("discharge_s", self.discharge_s),
-        ] {
-            if !positive(value) {
-                return Err(LimitsError::NotPositive(name));
-            }
-        }
+        ];
+        first(&values, |&(_, value)| !positive(value))
+            .map_or(Ok(()), |&(name, _)| Err(LimitsError::NotPositive(name)))?;
         if !self.monitor.are_valid() {
             return Err(LimitsError::Monitor);
         }
@@ -206,7 +204,7 @@ impl Limits {
     fn check_that_they_protect(&self) -> Result<(), LimitsError> {
         let sensor = &self.sensor;
         let farthest_m = sensor.low.abs().max(sensor.high.abs());
-        for (name, value, most) in [
+        let bounds = [
             // No amplifier for a film gives more, no elastomer holds as much, no film is as thick.
             ("max_voltage_v", self.max_voltage_v, 50e3),
             ("max_field_v_per_m", self.max_field_v_per_m, 5e8),
@@ -225,17 +223,21 @@ impl Limits {
             ("monitor.settle_s", self.monitor.settle_s, 1.0),
             ("sensor.jump", sensor.jump, 0.25 * (sensor.high - sensor.low)),
             ("sensor.stuck_band", sensor.stuck_band, 0.01 * self.max_displacement_m),
-        ] {
-            if value > most {
-                return Err(LimitsError::TooLarge(name));
-            }
-        }
+        ];
+        let beyond = first(&bounds, |&(_, value, most)| value > most);
+        beyond.map_or(Ok(()), |&(name, ..)| Err(LimitsError::TooLarge(name)))?;
         // A dead monitor shows once the expected voltage has left the band: within a second.
         if self.monitor.slew_v_per_s < self.max_voltage_v {
             return Err(LimitsError::TooSmall("monitor.slew_v_per_s"));
         }
         Ok(())
     }
+}
+
+/// The first item that is `wrong`. Not inlined: unrolled, the checks of a table take twice its space in flash.
+#[inline(never)]
+fn first<T>(items: &[T], wrong: impl Fn(&T) -> bool) -> Option<&T> {
+    items.iter().find(|item| wrong(item))
 }
 
 /// A sensor that shows nothing for longer than this is not watched, s.

@@ -11,6 +11,10 @@ use crate::wire::{Answer, Reject, Status};
 
 /// Records that wait for the link.
 const WAITING: usize = 16;
+/// Longest time in which the background does not come round, s: it waits for the line, and steps the loop test.
+const BACKGROUND_S: f32 = 0.5;
+/// Ticks per second until there are parameters.
+const RATE_HZ: f32 = 1000.0;
 
 /// A controller, once there are parameters for one, with what outlives it: the cause that ended the last run, and the stream
 /// of records to the host.
@@ -42,6 +46,8 @@ pub struct Device<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: us
     latched: Option<Cause>,
     /// Whether older parameters are in force than were saved last, and nobody has acknowledged that.
     parameters_lost: bool,
+    /// Ticks since the background came round.
+    ticks_alone: u32,
     stream: Stream,
 }
 
@@ -83,7 +89,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
     /// A device without parameters. `latched` is why the run before ended, unless it was switched off.
     #[must_use]
     pub const fn new(latched: Option<Cause>) -> Self {
-        Self { controller: None, latched, parameters_lost: false, stream: Stream::new() }
+        Self { controller: None, latched, parameters_lost: false, ticks_alone: 0, stream: Stream::new() }
     }
 
     /// The controller, once there are parameters.
@@ -132,8 +138,29 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         }
     }
 
+    /// The background, which serves the host, has come round: to be called once in every turn of its loop.
+    pub fn background_came_round(&mut self) {
+        self.ticks_alone = 0;
+    }
+
+    /// Whether the background has come round within half a second. A tick whose background hangs must not go on feeding the
+    /// watchdog: nobody would hear a host that wants to stop.
+    #[must_use]
+    pub fn background_is_alive(&self) -> bool {
+        #[allow(clippy::cast_precision_loss)] // compared, not counted
+        let alone = self.ticks_alone as f32;
+        alone <= BACKGROUND_S * self.rate_hz()
+    }
+
+    /// Ticks per second; 1000 until there are parameters.
+    #[must_use]
+    pub fn rate_hz(&self) -> f32 {
+        self.controller.as_ref().map_or(RATE_HZ, |controller| controller.parameters().rate_hz)
+    }
+
     /// One tick.
     pub fn tick(&mut self, inputs: Inputs) -> Drive {
+        self.ticks_alone = self.ticks_alone.saturating_add(1);
         let Some(controller) = &mut self.controller else {
             return Drive::OFF;
         };

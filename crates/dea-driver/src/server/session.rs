@@ -5,7 +5,7 @@ use heapless::String;
 
 use crate::control::{Controller, Mode};
 use crate::parameters::{Blob, SCHEMA, Store, StoreError};
-use crate::safety::Refusal;
+use crate::safety::{Cause, DriverState, Refusal};
 use crate::server::{Denial, Device, Upload};
 use crate::wire::{Answer, Command, Drill, Identity, Message, Receiver, Reject, Request, Status, VERSION};
 
@@ -43,6 +43,17 @@ pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usiz
 
     /// The message of the firmware's last panic; empty if there was none.
     fn panic_message(&self) -> &str;
+
+    /// Remembers over a reset whether the parameters in force were only tried: they are gone then, and what the flash keeps may allow
+    /// more. A board without memory that survives a reset leaves both out.
+    fn remember_trial(&mut self, on_trial: bool) {
+        let _ = on_trial;
+    }
+
+    /// What was remembered last, before a reset or since.
+    fn remembers_trial(&self) -> bool {
+        false
+    }
 
     /// Causes a fault on purpose, in an image for drills; false in any other.
     fn drill(&mut self, drill: Drill) -> bool {
@@ -128,26 +139,26 @@ pub struct Session<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: u
     upload: Upload,
     /// Of the host that armed last; 0 if none has.
     token: u16,
+    /// Whether the parameters in force are only tried.
+    on_trial: bool,
 }
 
 impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST, SLOW> {
     /// A session that has received nothing, of a `firmware` of that version.
     #[must_use]
     pub const fn new(firmware: &'static str) -> Self {
-        Self { firmware, receiver: Receiver::new(), upload: Upload::new(), token: 0 }
+        Self { firmware, receiver: Receiver::new(), upload: Upload::new(), token: 0, on_trial: false }
     }
 
-    /// Ticks with the stored parameters, if there are any.
+    /// Ticks with the stored parameters, if there are any: to be called once after a reset. If they are not those that ran before it,
+    /// whoever uploaded those must know: [`Cause::Parameters`](crate::Cause) is latched.
     ///
     /// # Errors
     ///
     /// Why there are none, or why they were refused; the link works all the same.
     pub fn begin<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Result<(), StartError> {
-        let stored = board.store().load().map_err(StartError::Store)?;
-        let controller = controller(stored.blob, board).map_err(StartError::Rejected)?;
-        install(controller, board).map_err(StartError::Refused)?;
-        if stored.newer_lost {
-            // Whoever uploaded the newer ones must know that these may allow more.
+        install_stored(board)?;
+        if board.remembers_trial() {
             board.with(Device::lose_parameters);
         }
         Ok(())
@@ -173,7 +184,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
             Command::Start(mode) => self.drive(token, Act::Start(mode), board),
             Command::Stop => board.with(Device::stop).0,
             Command::Disarm => board.with(Device::disarm).0,
-            Command::Acknowledge => board.with(Device::acknowledge).0,
+            Command::Acknowledge => self.acknowledge(board),
             Command::SetVoltage(volts) => self.drive(token, Act::SetVoltage(volts), board),
             Command::SetReference(metres) => self.drive(token, Act::SetReference(metres), board),
             Command::Upload { offset, ref bytes } => {
@@ -192,11 +203,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
             Command::PanicMessage => return Answer::PanicMessage(shortened(board.panic_message())),
             Command::Drill(drill) if board.drill(drill) => Ok(()),
             Command::Drill(_) => Err(Denial::Rejected(Reject::Unknown)),
-            Command::Reload => self.begin(board).map_err(|error| match error {
-                StartError::Refused(refusal) => Denial::Refused(refusal),
-                StartError::Rejected(reject) => Denial::Rejected(reject),
-                StartError::Store(_) => Denial::Rejected(Reject::NoParameters),
-            }),
+            Command::Reload => self.reload(board),
             #[cfg(feature = "loop-test")]
             Command::Rest => board.with(Device::rest).0,
             #[cfg(feature = "loop-test")]
@@ -213,6 +220,31 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
             Command::Rest | Command::Step(_) | Command::Follow { .. } => Err(Denial::Rejected(Reject::Unknown)),
         };
         done.map_or_else(Answer::from, |()| Answer::Done)
+    }
+
+    fn reload<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Result<(), Denial> {
+        install_stored(board).map_err(|error| match error {
+            StartError::Refused(refusal) => Denial::Refused(refusal),
+            StartError::Rejected(reject) => Denial::Rejected(reject),
+            StartError::Store(_) => Denial::Rejected(Reject::NoParameters),
+        })?;
+        self.try_out(false, board);
+        Ok(())
+    }
+
+    fn acknowledge<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Result<(), Denial> {
+        let before = board.with(|device| device.state()).0;
+        board.with(Device::acknowledge).0?;
+        if before == DriverState::Tripped(Cause::Parameters) {
+            // It is known now; what is tried since then is another trial.
+            self.try_out(self.on_trial, board);
+        }
+        Ok(())
+    }
+
+    fn try_out<B: Board<HEAD, FAST, SLOW>>(&mut self, on_trial: bool, board: &mut B) {
+        self.on_trial = on_trial;
+        board.remember_trial(on_trial);
     }
 
     fn arm<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Answer {
@@ -276,7 +308,9 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
         if keep {
             board.save(bytes).map_err(|_| Denial::Rejected(Reject::Flash))?;
         }
-        Ok(install(controller, board)?)
+        install(controller, board)?;
+        self.try_out(!keep, board);
+        Ok(())
     }
 }
 
@@ -289,6 +323,18 @@ fn controller<const HEAD: usize, const FAST: usize, const SLOW: usize>(
         return Err(Reject::Rate);
     }
     Ok(Controller::new(blob))
+}
+
+fn install_stored<B: Board<HEAD, FAST, SLOW>, const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    board: &mut B,
+) -> Result<(), StartError> {
+    let stored = board.store().load().map_err(StartError::Store)?;
+    let controller = controller(stored.blob, board).map_err(StartError::Rejected)?;
+    install(controller, board).map_err(StartError::Refused)?;
+    if stored.newer_lost {
+        board.with(Device::lose_parameters);
+    }
+    Ok(())
 }
 
 fn install<const HEAD: usize, const FAST: usize, const SLOW: usize>(

@@ -14,6 +14,8 @@ struct Bench {
     rate_hz: f32,
     drive: Drive,
     ticks: u16,
+    /// Survives a reset.
+    trial: bool,
 }
 
 impl Board for Bench {
@@ -43,6 +45,14 @@ impl Board for Bench {
     fn panic_message(&self) -> &str {
         "a panic"
     }
+
+    fn remember_trial(&mut self, on_trial: bool) {
+        self.trial = on_trial;
+    }
+
+    fn remembers_trial(&self) -> bool {
+        self.trial
+    }
 }
 
 struct Host {
@@ -54,7 +64,8 @@ struct Host {
 impl Host {
     fn new(latched: Option<Cause>) -> Self {
         let store = Store::new(Flash::new(), Bench::ID).expect("two sectors");
-        let bench = Bench { device: Device::new(latched), store, rate_hz: 0.0, drive: Drive::OFF, ticks: 0 };
+        let bench =
+            Bench { device: Device::new(latched), store, rate_hz: 0.0, drive: Drive::OFF, ticks: 0, trial: false };
         Self { session: Session::new("1.2.3"), bench, token: 0 }
     }
 
@@ -349,5 +360,71 @@ fn damaged_parameters_are_not_replaced_silently() {
         let checksum = permissive.last_chunk().copied().map(u32::from_le_bytes);
         let Answer::Parameters { checksum: found, .. } = host.ask(Command::Query) else { panic!("no parameters") };
         assert_eq!(found, checksum);
+    }
+}
+
+/// Parameters that are only tried are gone after a reset, and the stored ones may allow more.
+#[test]
+fn a_reset_during_a_trial_is_told() {
+    let reset = |host: Host| {
+        let mut next = Host::new(None);
+        next.bench.store = host.bench.store;
+        next.bench.trial = host.bench.trial;
+        next.session.begin(&mut next.bench).expect("stored");
+        next.tick();
+        next
+    };
+    let upload = |host: &mut Host, command: fn(u16) -> Command| {
+        host.upload(&blob());
+        assert_eq!(host.ask(command(blob().len() as u16)), Answer::Done);
+    };
+    let told = DriverState::Tripped(Cause::Parameters);
+    let mut host = Host::new(None);
+    upload(&mut host, |length| Command::Commit { length });
+    host = reset(host);
+    assert_eq!(host.state(), DriverState::Disarmed, "nothing was tried");
+    upload(&mut host, |length| Command::Try { length });
+    assert_eq!(host.state(), DriverState::Disarmed);
+    host = reset(host);
+    assert_eq!(host.state(), told);
+    // A reset does not acknowledge it, nor does another trial.
+    host = reset(host);
+    assert_eq!(host.state(), told);
+    upload(&mut host, |length| Command::Try { length });
+    assert_eq!(host.state(), told);
+    assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
+    host = reset(host);
+    assert_eq!(host.state(), told, "the second trial");
+    assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
+    host = reset(host);
+    assert_eq!(host.state(), DriverState::Disarmed);
+    // A trial that ends by itself: kept, or taken back.
+    upload(&mut host, |length| Command::Try { length });
+    assert_eq!(host.ask(Command::Reload), Answer::Done);
+    host = reset(host);
+    assert_eq!(host.state(), DriverState::Disarmed);
+    upload(&mut host, |length| Command::Try { length });
+    upload(&mut host, |length| Command::Commit { length });
+    assert_eq!(reset(host).state(), DriverState::Disarmed);
+}
+
+/// The watchdog is fed as long as the background comes round within half a second, whatever the rate, parameters or not.
+#[test]
+fn a_background_that_hangs_is_noticed_by_the_tick() {
+    let inputs = Inputs { interlock_closed: true, monitor_adc_v: Some(0.0), sensor_adc_v: Some(1.0) };
+    let mut without = Device::new(None);
+    let mut with = Host::with_parameters().bench.device;
+    let rate_hz = with.controller().expect("installed").parameters().rate_hz;
+    for (device, rate_hz) in [(&mut without, 1000.0), (&mut with, rate_hz)] {
+        device.background_came_round();
+        let bound = (0.5 * rate_hz) as u32;
+        for _ in 0..bound {
+            device.tick(inputs);
+            assert!(device.background_is_alive());
+        }
+        device.tick(inputs);
+        assert!(!device.background_is_alive());
+        device.background_came_round();
+        assert!(device.background_is_alive());
     }
 }

@@ -4,7 +4,7 @@ use core::fmt;
 use core::ops::{BitOr, BitOrAssign};
 
 use crate::actuator::Actuator;
-use crate::error::ControlError;
+use crate::error::{ControlError, first_not_positive};
 
 /// Limits of the path and of the voltage that a law commands. SI units; all must be finite and greater than 0.
 ///
@@ -62,19 +62,16 @@ impl CommandLimits {
     };
 
     pub(crate) fn check(&self) -> Result<(), ControlError> {
-        for (quantity, value) in [
+        let values = [
             ("max_voltage_v", self.max_voltage_v),
             ("max_field_v_per_m", self.max_field_v_per_m),
             ("max_slew_v_per_s", self.max_slew_v_per_s),
             ("max_velocity_m_per_s", self.max_velocity_m_per_s),
             ("max_acceleration_m_per_s2", self.max_acceleration_m_per_s2),
             ("return_hz", self.return_hz),
-        ] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(ControlError::NotPositive { quantity, value });
-            }
-        }
-        Ok(())
+        ];
+        let wrong = first_not_positive(&values);
+        wrong.map_or(Ok(()), |(quantity, value)| Err(ControlError::NotPositive { quantity, value }))
     }
 
     /// The voltage that makes the largest field in the film at x = 0, V.

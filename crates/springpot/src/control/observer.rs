@@ -7,7 +7,7 @@ use crate::actuator::{Actuator, VoltageDrive};
 use crate::control::inverse::{Correction, share_per_step};
 use crate::control::path::{clamp, is_finite};
 use crate::control::statistics::Statistics;
-use crate::error::ControlError;
+use crate::error::{ControlError, first_not_positive};
 use crate::law::{Law, Memory, State, state_traits};
 use crate::scalar::{Real, Scalar};
 
@@ -57,16 +57,17 @@ impl ObserverOptions {
 
     fn check(&self) -> Result<(), ControlError> {
         let Self { bandwidth_hz, sample_interval_s, delay_s, lost_after_s, adaptation_s } = *self;
-        for (quantity, value, valid) in [
-            ("bandwidth_hz", bandwidth_hz, bandwidth_hz.is_finite() && bandwidth_hz > 0.0),
-            ("sample_interval_s", sample_interval_s, sample_interval_s.is_finite() && sample_interval_s > 0.0),
-            ("delay_s", delay_s, delay_s.is_finite() && delay_s >= 0.0),
-            ("lost_after_s", lost_after_s, lost_after_s.is_finite() && lost_after_s > 0.0),
-            ("adaptation_s", adaptation_s, adaptation_s >= 0.0),
-        ] {
-            if !valid {
-                return Err(ControlError::NotPositive { quantity, value });
-            }
+        let values =
+            [("bandwidth_hz", bandwidth_hz), ("sample_interval_s", sample_interval_s), ("lost_after_s", lost_after_s)];
+        if let Some((quantity, value)) = first_not_positive(&values) {
+            return Err(ControlError::NotPositive { quantity, value });
+        }
+        if !(delay_s.is_finite() && delay_s >= 0.0) {
+            return Err(ControlError::NotPositive { quantity: "delay_s", value: delay_s });
+        }
+        // Infinite is as long as one likes.
+        if !(adaptation_s >= 0.0) {
+            return Err(ControlError::NotPositive { quantity: "adaptation_s", value: adaptation_s });
         }
         if lost_after_s < sample_interval_s {
             return Err(ControlError::LostBetweenSamples { lost_after_s, sample_interval_s });
