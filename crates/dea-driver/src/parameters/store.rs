@@ -186,8 +186,9 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
             None => 0,
         };
         let blob = self.write(Slot { index, sequence }, bytes)?;
-        let other = self.header(1 - index)?;
-        if other.is_none_or(|slot| slot.sequence == ALONE) {
+        // As it was read above, not as it reads now: where no header was found there may be one whose bits are unstable, of any number.
+        let beside = slots.into_iter().flatten().find(|slot| slot.index != index);
+        if beside.is_none_or(|slot| slot.sequence == ALONE) {
             let copy = Slot { index, sequence }.next();
             self.write(Slot { index: 1 - index, sequence: copy }, bytes)?;
         }

@@ -39,8 +39,8 @@ struct Counts {
     unreported: u64,
     older_told: u64,
     none_told: u64,
-    /// None, without any bit that flipped: the power alone did it.
-    none_by_power: u64,
+    /// None, without any bit that flipped, so by the power alone: in flash of this version, and of earlier ones with number 1.
+    none_by_power: [u64; 2],
 }
 
 fn sets() -> Vec<Vec<u8>> {
@@ -92,6 +92,8 @@ struct History<'a> {
     flipped: bool,
     /// Whether anything but factory flash was ever there.
     touched: bool,
+    /// Whether the first slot held number 1 alone at first.
+    number_1: bool,
 }
 
 impl History<'_> {
@@ -157,7 +159,7 @@ impl History<'_> {
                 assert!(fault.is_some() || self.newest.is_none(), "set {:?} is lost, silently", self.newest);
                 assert!(fault.is_none() || self.touched, "{fault:?} in factory flash");
                 counts.none_told += u64::from(self.newest.is_some());
-                counts.none_by_power += u64::from(self.newest.is_some() && !self.flipped);
+                counts.none_by_power[usize::from(self.number_1)] += u64::from(self.newest.is_some() && !self.flipped);
             }
             Err(error) => panic!("{error:?}"),
         }
@@ -176,9 +178,10 @@ impl History<'_> {
 fn run(seed: u64, sets: &[Vec<u8>], counts: &mut Counts) {
     let mut random = Pcg64::seed_from_u64(seed);
     let (bytes, newest) = contents(sets, &mut random);
+    let number_1 = bytes[..4] == [1, 0, 0, 0];
     let touched = bytes.iter().any(|&byte| byte != 0xff);
     let store = Store::new(TornFlash::new(&bytes, random.random()), BOARD).expect("two parts");
-    let mut history = History { sets, store, newest, next: 2, flipped: false, touched };
+    let mut history = History { sets, store, newest, next: 2, flipped: false, touched, number_1 };
     history.start(counts);
     let flips = random.random_bool(0.5);
     for _ in 0..random.random_range(2..=10) {
@@ -220,14 +223,15 @@ fn never_silently_older() {
     );
     println!(
         "power_loss: started {} times with the newest set ({} with a needless warning, {} without a word of a later save that was \
-         cut off), {} with one whose save was cut off, {} with an older one and told, {} with none and told ({} by power alone)",
+         cut off), {} with one whose save was cut off, {} with an older one and told, {} with none and told ({} by power alone, and {} in flash of earlier versions)",
         shown(counts.newest),
         shown(counts.warned),
         shown(counts.cut_untold),
         shown(counts.unreported),
         shown(counts.older_told),
         shown(counts.none_told),
-        shown(counts.none_by_power)
+        shown(counts.none_by_power[0]),
+        shown(counts.none_by_power[1])
     );
     let Counts { cuts, older_told, unreported, .. } = counts;
     assert!(cuts > seeds && older_told > seeds / 10 && unreported > seeds / 100);
