@@ -6,6 +6,9 @@
 #[path = "../driver/bench.rs"]
 #[allow(dead_code)] // shared with the other tests
 mod bench;
+mod commands;
 mod nor_flash;
 mod power_loss;
+mod reference;
 mod scale;
+mod states;
