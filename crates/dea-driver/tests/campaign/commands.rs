@@ -1,6 +1,6 @@
 //! Random requests and readings against a reference machine that was written from the documentation ([`Reference`]).
 //!
-//! Explored: the [`Supervisor`] alone, and a [`Device`] with its [`Controller`], under every request of a host with values inside and
+//! Explored: the [`Supervisor`] alone, and a `Device` with its `Controller`, under every request of a host with values inside and
 //! outside the limits, NaN and infinite, and under readings that are healthy for a while, faulty for a while, or at random. Sensor
 //! faults trip or are ridden through. In full, the supervisor is first ticked to 5·10⁷ ticks before the wrap of its tick counter, so that
 //! the counter wraps in the middle of the random ticks.
@@ -11,16 +11,14 @@
 //!
 //! Cases: 1 000 000 ticks of the supervisor and 100 000 of the device in the sample, 10⁸ and 2·10⁶ in full, and 4.2·10⁹ before the wrap.
 
-use dea_driver::server::Denial;
-use dea_driver::wire::Reject;
+mod device;
+
 use dea_driver::{
-    Blob, Cause, Controller, Device, DriverState, Inputs, Limits, Mode, MonitorLimits, OnSensorFault, Parameters,
-    PlausibilityLimits, Readings, Refusal, Supervisor,
+    Cause, DriverState, Limits, MonitorLimits, OnSensorFault, PlausibilityLimits, Readings, Refusal, Supervisor,
 };
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::bench::board_parameters;
 use crate::reference::Reference;
 use crate::scale::{cases, grouped, is_full};
 
@@ -253,7 +251,10 @@ fn run_supervisor(mut supervisor: Supervisor, mut reference: Reference, seed: u6
         let before = reference.state;
         let checked = supervisor.check(readings);
         if let Err(possible) = reference.check(readings, checked.state) {
-            panic!("tick {}: {before:?} leads to {:?} instead of {possible:?}: {readings:?}", reference.ticks, checked.state);
+            panic!(
+                "tick {}: {before:?} leads to {:?} instead of {possible:?}: {readings:?}",
+                reference.ticks, checked.state
+            );
         }
         let plausible = reference.sensor_faults.is_empty().then_some(readings.displacement_m);
         assert_eq!(checked.displacement_m, plausible, "tick {}", reference.ticks);
