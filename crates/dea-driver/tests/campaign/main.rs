@@ -6,6 +6,7 @@
 #[path = "../driver/bench.rs"]
 #[allow(dead_code)] // shared with the other tests
 mod bench;
+mod blobs;
 mod commands;
 mod nor_flash;
 mod power_loss;

@@ -301,8 +301,8 @@ impl SensorReference {
         let model = if readings.follows { readings.open_loop_m } else { f32::NAN };
         let late = sensor.stuck_ticks / 5;
         let was_still = self.away > late;
-        let moved =
-            self.origin.is_none_or(|(value, _)| !((readings.displacement_m - value).abs() <= sensor.stuck_band));
+        let stays = |(value, _): (f32, f32)| (readings.displacement_m - value).abs() <= sensor.stuck_band;
+        let moved = !self.origin.is_some_and(stays);
         if moved || (self.watched >= sensor.stuck_ticks && self.away == 0) {
             self.origin = Some((readings.displacement_m, model));
             self.watched = 0;

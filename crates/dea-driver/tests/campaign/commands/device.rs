@@ -47,7 +47,7 @@ impl Bench {
         let parameters = parameters(on_sensor_fault);
         let blob = Blob::new(parameters.clone()).expect("valid");
         let observer = blob.tracking().observer();
-        let (law, drive) = (observer.law().clone(), observer.drive().clone());
+        let (law, drive) = (observer.law().clone(), *observer.drive());
         let mut device: Device = Device::new(Some(Cause::Watchdog));
         device.stream(1);
         Self {
