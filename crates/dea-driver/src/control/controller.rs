@@ -29,7 +29,7 @@ pub struct Inputs {
 pub struct Outputs {
     /// Whether the amplifier is enabled. If not, disable it before anything else.
     pub enable: bool,
-    /// The amplifier's command, V at the DAC's output.
+    /// The amplifier's command, V at the DAC's output: 0 V to full scale.
     pub dac_v: f32,
     /// The record of the tick.
     pub telemetry: Telemetry,
@@ -222,7 +222,9 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > estimated_m).unwrap_or(estimated_m);
         let command_v = self.supervisor.command(wanted_v, 1.0 + self.thinning_per_m * furthest_m);
         let enable = self.supervisor.enables();
-        let dac_v = if enable { self.parameters.amplifier.invert(command_v) } else { 0.0 };
+        // An amplifier that stands above 0 V at a command of 0 V would need less than that, which a DAC of both signs would give.
+        let inverse_v = self.parameters.amplifier.invert(command_v);
+        let dac_v = if enable && inverse_v > 0.0 { inverse_v } else { 0.0 };
 
         // Log.
         let observer = self.course.observer();

@@ -3,6 +3,9 @@
 //! The blob is written first, the slot's header, a sequence number and its complement, last. The power may fail at any byte:
 //! until the header is complete, the slot does not count, and the other one is untouched. The contents of a slot are
 //! checked by the blob's own checksum.
+//!
+//! Nothing in an erased slot tells that it held a newer set. So both slots are in use from the first save on, and one that stands
+//! alone tells it.
 
 use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind};
 
@@ -13,6 +16,8 @@ use crate::parameters::{BLOB_LEN, Blob, BlobError};
 const HEADER: usize = 8;
 /// Bytes of a slot.
 const SLOT: usize = HEADER + BLOB_LEN;
+/// The sequence number of the first set of earlier versions, which wrote it to the first slot alone. No other set gets it.
+const ALONE: u32 = 1;
 
 /// Two slots in a flash of two erasable parts, for parameters of a law of these sizes.
 ///
@@ -86,7 +91,8 @@ pub enum StoreError {
     Geometry,
     /// The flash failed.
     Flash(NorFlashErrorKind),
-    /// No slot holds valid parameters; the fault of the newest slot, if one was ever written.
+    /// No slot holds valid parameters; the fault of the newest slot, if one was ever written, [`BlobError::Truncated`] where a save
+    /// that was cut off has left no more than a part of one.
     Empty(Option<BlobError>),
     /// The blob to be written was refused.
     Refused(BlobError),
@@ -139,19 +145,28 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
         for slot in slots.into_iter().flatten() {
             match self.read(slot.index) {
                 Ok(blob) => {
-                    // Slots take turns: beside the first set nothing was ever written, beside any other there is the one before.
                     let alone = slots.iter().flatten().count() == 1;
-                    let cut_off = alone && (slot.sequence != 1 || !self.is_erased(1 - slot.index)?);
+                    let cut_off = alone && !self.is_first_of_earlier_versions(slot)?;
                     return Ok(Stored { blob, newer_lost: fault.is_some() || cut_off });
                 }
                 Err(StoreError::Refused(error)) => fault = fault.or(Some(error)),
                 Err(error) => return Err(error),
             }
         }
+        // A save that was cut off may have left no header, which is not the same as flash that was never written.
+        if fault.is_none() && !(self.is_erased(0)? && self.is_erased(1)?) {
+            fault = Some(BlobError::Truncated);
+        }
         Err(StoreError::Empty(fault))
     }
 
-    /// Writes the blob `bytes` to the slot that does not hold the newest valid parameters, and reads it back.
+    /// Whether `slot` was written by an earlier version as the first set ever, so that nothing is missing beside it.
+    fn is_first_of_earlier_versions(&mut self, slot: Slot) -> Result<bool, StoreError> {
+        Ok(slot.sequence == ALONE && slot.index == 0 && self.is_erased(1)?)
+    }
+
+    /// Writes the blob `bytes` to the slot that does not hold the newest valid parameters, and reads it back; to the other one as
+    /// well if that holds no set, or the first one of an earlier version.
     ///
     /// # Errors
     ///
@@ -162,30 +177,39 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
         let valid = slots.into_iter().flatten().find(|slot| self.read(slot.index).is_ok());
         // What was refused, such as sets of an earlier schema, is older than what is saved now.
         let newest = slots.into_iter().flatten().next();
-        let next = |slot: Slot| slot.sequence.wrapping_add(1).max(1);
-        let (index, sequence) = match (valid, newest) {
-            (Some(valid), Some(newest)) => (1 - valid.index, next(newest)),
-            (_, Some(newest)) => (1 - newest.index, next(newest)),
-            (_, None) => {
-                // Nothing was ever saved here, whatever the other part holds.
-                self.erase(1)?;
-                (0, 1)
-            }
+        let sequence = newest.map_or(ALONE + 1, Slot::next);
+        let index = match valid.or(newest) {
+            // Its number does not tell that a newer set stood beside it. What is left of that one does, and stays until this save is
+            // complete.
+            Some(slot) if slot.sequence == ALONE && !self.is_first_of_earlier_versions(slot)? => slot.index,
+            Some(slot) => 1 - slot.index,
+            None => 0,
         };
+        let blob = self.write(Slot { index, sequence }, bytes)?;
+        // As it was read above, not as it reads now: where no header was found there may be one whose bits are unstable, of any number.
+        let beside = slots.into_iter().flatten().find(|slot| slot.index != index);
+        if beside.is_none_or(|slot| slot.sequence == ALONE) {
+            let copy = Slot { index, sequence }.next();
+            self.write(Slot { index: 1 - index, sequence: copy }, bytes)?;
+        }
+        Ok(blob)
+    }
 
-        let start = self.start_of(index);
+    /// Writes a slot and reads it back.
+    fn write(&mut self, slot: Slot, bytes: &[u8]) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {
+        let start = self.start_of(slot.index);
         let mut body = [0xff; BLOB_LEN];
         body.iter_mut().zip(bytes).for_each(|(slot, byte)| *slot = *byte);
         let mut header = [0; HEADER];
-        header[..4].copy_from_slice(&sequence.to_le_bytes());
-        header[4..].copy_from_slice(&(!sequence).to_le_bytes());
+        header[..4].copy_from_slice(&slot.sequence.to_le_bytes());
+        header[4..].copy_from_slice(&(!slot.sequence).to_le_bytes());
         let failed = |error: F::Error| StoreError::Flash(error.kind());
-        self.erase(index)?;
+        self.erase(slot.index)?;
         #[allow(clippy::cast_possible_truncation)] // eight
         self.flash.write(start + HEADER as u32, &body).map_err(failed)?;
         self.flash.write(start, &header).map_err(failed)?;
         // It was valid before it was written, so the flash failed.
-        self.read(index).map_err(|_| StoreError::Flash(NorFlashErrorKind::Other))
+        self.read(slot.index).map_err(|_| StoreError::Flash(NorFlashErrorKind::Other))
     }
 
     /// Returns the flash.
@@ -241,4 +265,11 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
 struct Slot {
     index: u32,
     sequence: u32,
+}
+
+impl Slot {
+    /// The sequence number of the set after this one.
+    fn next(self) -> u32 {
+        self.sequence.wrapping_add(1).max(ALONE + 1)
+    }
 }

@@ -351,7 +351,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// Acknowledges a trip: disarmed from now on.
+    /// Acknowledges a trip: disarmed from now on. The check of the sensor starts again, as if no value had been seen.
     ///
     /// # Errors
     ///
@@ -429,7 +429,9 @@ impl Supervisor {
         self.live_ticks = if self.enables() {
             0
         } else if self.is_film_live() {
-            self.live_ticks.saturating_add(1)
+            // No more than it takes to trip: a film that was live for a minute does not need another one at 0 V until an
+            // acknowledgement holds.
+            if self.live_ticks > self.discharge_ticks { self.live_ticks } else { self.live_ticks.saturating_add(1) }
         } else if self.is_at_0_v() {
             self.live_ticks.saturating_sub(1)
         } else {

@@ -1,6 +1,6 @@
 //! The control tick around a simulated film.
 
-use dea_driver::chips::DacCode;
+use dea_driver::chips::{Calibration, DacCode};
 use dea_driver::{Cause, Controller, DriverState, Inputs, Mode, OnSensorFault, Refusal, SensorFault, SetpointError};
 use springpot::Limited;
 
@@ -26,6 +26,19 @@ fn follows_the_voltage_that_was_set_and_observes() {
     assert!((predicted - bench.displacement_m).abs() < 5e-6, "{predicted} m for {} m", bench.displacement_m);
     assert!((f64::from(outputs.telemetry.displacement_m) - bench.displacement_m).abs() < 10e-6);
     assert_eq!(outputs.telemetry.tick, 3002);
+}
+
+/// An amplifier that stands above 0 V at a command of 0 V cannot be brought below: a DAC of both signs must not be asked to.
+#[test]
+fn the_dac_is_never_asked_for_less_than_0_v() {
+    let mut parameters = board_parameters();
+    parameters.amplifier = Calibration::Parabola { offset: 20.0, gain: 1000.0, quadratic: 0.0 };
+    let mut bench = Bench::with(parameters);
+    bench.start(Mode::Voltage);
+    assert_eq!(bench.tick(|_| ()).dac_v, 0.0);
+    bench.set_voltage(1000.0);
+    let highest_v = (0..50).map(|_| bench.tick(|_| ()).dac_v).fold(0.0, f32::max);
+    assert!((highest_v - 0.98).abs() < 1e-5, "{highest_v} V");
 }
 
 /// A target does not outlive its run, although no tick passes between the trip and the next start.

@@ -198,6 +198,23 @@ fn rare_glitches_of_the_monitor_do_not_trip() {
     }
 }
 
+/// A film that was live for a minute and is at 0 V now: acknowledged once, it stays so, and trips again as soon as it is live again.
+#[test]
+fn a_film_that_was_live_for_long_is_acknowledged_once() {
+    let live = |r: &mut Readings| r.monitor_v = 4211.0;
+    let mut bench = Bench::new(&bench_limits());
+    for _ in 0..60_000 {
+        bench.tick(live);
+    }
+    assert_eq!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm));
+    bench.tick(|_| ());
+    bench.supervisor.acknowledge().expect("at 0 V");
+    assert_eq!(bench.tick(|_| ()), DriverState::Disarmed);
+    bench.tick(live);
+    bench.tick(live);
+    assert_eq!(bench.tick(live), DriverState::Tripped(Cause::LiveFilm));
+}
+
 /// A disabled amplifier that goes on: told after the time that a film has to discharge, in every state and after every cause, and
 /// not acknowledged as long as it lasts.
 #[test]

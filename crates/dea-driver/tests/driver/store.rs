@@ -146,7 +146,7 @@ fn the_newest_valid_set_wins() {
     }
     // The newest gets damaged: the one before is still there.
     let mut flash = store.destroy();
-    let newest = (0..2).find(|slot| flash.bytes[slot * SECTOR] == 5).expect("the fifth");
+    let newest = usize::from(flash.bytes[SECTOR] > flash.bytes[0]);
     flash.bytes[newest * SECTOR + 100] ^= 0x10;
     let mut store = self::store(flash);
     assert_eq!(found(&mut store), ("four".to_owned(), true));
@@ -180,6 +180,63 @@ fn what_is_saved_over_refused_sets_is_the_newest() {
     }
     let used = Flash { bytes: [vec![0xff; SECTOR], vec![0x5a; SECTOR]].concat(), power: usize::MAX };
     let mut store = store(used);
+    store.save(&bytes_of(&named("new"))).expect("saved");
+    assert_eq!(found(&mut store), ("new".to_owned(), false));
+}
+
+/// A slot as docs/blob.md describes it.
+fn slot(sequence: u32, blob: &[u8]) -> Vec<u8> {
+    let mut bytes = [sequence.to_le_bytes(), (!sequence).to_le_bytes()].concat();
+    bytes.extend(blob);
+    bytes.resize(SECTOR, 0xff);
+    bytes
+}
+
+/// The second set is damaged, and the save that would replace it is cut off, at every thirteenth byte: the first one never runs
+/// silently. With flash of this version, and of earlier ones, which wrote the first set to one slot alone.
+#[test]
+fn a_save_over_a_damaged_set_that_is_cut_off_is_told() {
+    let [first, second, third] = ["first", "second", "third"].map(|name| bytes_of(&named(name)));
+    let written = {
+        let mut store = store(Flash::new());
+        store.save(&first).expect("saved");
+        store.save(&second).expect("saved");
+        store.destroy().bytes
+    };
+    let earlier = [slot(1, &first), slot(2, &second)].concat();
+    for (which, bytes) in [("this", written), ("earlier", earlier)] {
+        let damaged = if bytes[SECTOR..].windows(6).any(|window| window == b"second") { SECTOR } else { 0 };
+        // In its header, and in its blob.
+        for at in [0, 5, 100, 300] {
+            let mut bytes = bytes.clone();
+            bytes[damaged + at] ^= 0x10;
+            for power in (0..=4 * SECTOR).step_by(13) {
+                let mut store = store(Flash { bytes: bytes.clone(), power });
+                let saved = store.save(&third).is_ok();
+                let mut flash = store.destroy();
+                flash.power = usize::MAX;
+                match self::store(flash).load() {
+                    Ok(stored) => {
+                        let is_newest = stored.blob.parameters().name == "third";
+                        assert!(is_newest || stored.newer_lost, "{which} version, byte {at}, cut after {power} bytes");
+                        assert!(is_newest && !stored.newer_lost || !saved);
+                    }
+                    Err(error) => {
+                        assert!(matches!(error, StoreError::Empty(Some(_))), "{which}, {at}, {power}: {error:?}");
+                        assert!(!saved);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A board of an earlier version with its first set: that is no loss, before and after another one is saved.
+#[test]
+fn the_first_set_of_earlier_versions_is_no_loss() {
+    let bytes = [slot(1, &bytes_of(&named("old"))), vec![0xff; SECTOR]].concat();
+    let mut store = store(Flash { bytes, power: usize::MAX });
+    assert_eq!(found(&mut store), ("old".to_owned(), false));
     store.save(&bytes_of(&named("new"))).expect("saved");
     assert_eq!(found(&mut store), ("new".to_owned(), false));
 }

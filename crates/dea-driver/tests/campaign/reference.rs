@@ -1,0 +1,316 @@
+//! A reference machine of the driver's states, written from the documentation: the diagram at `DriverState`, the comments of `Cause`,
+//! `Refusal`, `Limits`, `Monitor` and `Plausibility`, docs/link.md. It knows nothing of the supervisor's fields.
+//!
+//! The documentation does not say which of several faults in one tick becomes the cause. The reference names all of them; the driver
+//! must take one.
+
+use std::collections::VecDeque;
+
+use dea_driver::{Cause, DriverState, Limits, OnSensorFault, Readings, Refusal, SensorFault};
+
+/// Good values in a row after which an implausible sensor counts as plausible again.
+const RETURN_TICKS: u32 = 10;
+/// A tick of the monitor outside its band is made up for by this many inside.
+const MADE_UP_BY: f64 = 16.0;
+
+/// The machine.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    limits: Limits,
+    rate_hz: f64,
+    heartbeat_ticks: u64,
+    discharge_ticks: i64,
+    pub state: DriverState,
+    pub ticks: u64,
+    pub tripped_at: u64,
+    pub command_v: f64,
+    /// Ticks since the host that armed was heard.
+    pub silent_ticks: u64,
+    /// Of the last tick.
+    pub readings: Option<Readings>,
+    pub sensor_faults: Vec<SensorFault>,
+    /// Ticks with the amplifier disabled and voltage at the monitor, less those at 0 V.
+    live_ticks: i64,
+    monitor: MonitorReference,
+    sensor: SensorReference,
+}
+
+#[derive(Clone, Debug, Default)]
+struct MonitorReference {
+    /// Where an amplifier at its slew is, V.
+    slowest_v: f64,
+    /// Ticks outside the band that have not been made up for.
+    outside: f64,
+}
+
+#[derive(Clone, Debug, Default)]
+struct SensorReference {
+    shown: Option<f32>,
+    repeats: u32,
+    /// Good values in a row since the last fault; none without a fault.
+    returning: Option<(SensorFault, u32)>,
+    /// Where sensor and model were when the comparison began, and the ticks since.
+    origin: Option<(f32, f32)>,
+    watched: u32,
+    /// Ticks in a row for which the model has been away while the sensor stayed.
+    away: u32,
+}
+
+fn ticks(seconds: f32, rate_hz: f64) -> u64 {
+    (f64::from(seconds) * rate_hz).round() as u64
+}
+
+impl Reference {
+    pub fn new(limits: &Limits, rate_hz: f32) -> Self {
+        let rate_hz = f64::from(rate_hz);
+        Self {
+            limits: *limits,
+            rate_hz,
+            heartbeat_ticks: ticks(limits.heartbeat_s, rate_hz),
+            discharge_ticks: ticks(limits.discharge_s, rate_hz) as i64,
+            state: DriverState::Disarmed,
+            ticks: 0,
+            tripped_at: 0,
+            command_v: 0.0,
+            silent_ticks: 0,
+            readings: None,
+            sensor_faults: Vec::new(),
+            live_ticks: 0,
+            monitor: MonitorReference::default(),
+            sensor: SensorReference::default(),
+        }
+    }
+
+    fn at_0_v(&self) -> bool {
+        self.readings.is_some_and(|readings| readings.monitor_v.abs() <= self.limits.monitor.band_v)
+    }
+
+    pub fn arm(&mut self) -> Result<(), Refusal> {
+        if self.state != DriverState::Disarmed {
+            return Err(Refusal::State(self.state));
+        }
+        if !self.readings.is_some_and(|readings| readings.interlock_closed) {
+            return Err(Refusal::InterlockOpen);
+        }
+        if !self.at_0_v() {
+            return Err(Refusal::LiveVoltage);
+        }
+        if self.limits.on_sensor_fault == OnSensorFault::Trip
+            && let Some(&fault) = self.sensor_faults.first()
+        {
+            return Err(Refusal::Sensor(fault));
+        }
+        self.state = DriverState::Armed;
+        self.silent_ticks = 0;
+        self.monitor = MonitorReference::default();
+        Ok(())
+    }
+
+    pub fn start(&mut self) -> Result<(), Refusal> {
+        self.leave(DriverState::Armed, DriverState::Running)
+    }
+
+    pub fn stop(&mut self) -> Result<(), Refusal> {
+        self.leave(DriverState::Running, DriverState::Armed)
+    }
+
+    fn leave(&mut self, from: DriverState, to: DriverState) -> Result<(), Refusal> {
+        if self.state != from {
+            return Err(Refusal::State(self.state));
+        }
+        self.state = to;
+        Ok(())
+    }
+
+    pub fn disarm(&mut self) -> Result<(), Refusal> {
+        if let DriverState::Tripped(_) = self.state {
+            return Err(Refusal::State(self.state));
+        }
+        self.state = DriverState::Disarmed;
+        self.command_v = 0.0;
+        Ok(())
+    }
+
+    pub fn acknowledge(&mut self) -> Result<(), Refusal> {
+        match self.state {
+            DriverState::Tripped(Cause::LiveFilm) if !self.at_0_v() => Err(Refusal::LiveVoltage),
+            DriverState::Tripped(_) => {
+                self.state = DriverState::Disarmed;
+                self.sensor = SensorReference::default();
+                Ok(())
+            }
+            other => Err(Refusal::State(other)),
+        }
+    }
+
+    pub fn heartbeat(&mut self) {
+        self.silent_ticks = 0;
+    }
+
+    pub fn trip(&mut self, cause: Cause) {
+        self.command_v = 0.0;
+        if !matches!(self.state, DriverState::Tripped(_)) {
+            self.state = DriverState::Tripped(cause);
+            self.tripped_at = self.ticks;
+        }
+    }
+
+    /// A tick. `taken` is the driver's state after it, to which the machine goes if that is one of those it can go to.
+    ///
+    /// # Errors
+    ///
+    /// The states to which it can go, none of which is `taken`.
+    pub fn check(&mut self, readings: Readings, taken: DriverState) -> Result<(), Vec<DriverState>> {
+        self.ticks += 1;
+        self.silent_ticks += 1;
+        self.readings = Some(readings);
+        self.sensor_faults = self.sensor.check(&self.limits, &readings);
+        let agrees = self.monitor.agrees(&self.limits, self.rate_hz, self.command_v, readings.monitor_v);
+        let mut possible = vec![self.state];
+        if self.state.is_live() {
+            let causes = self.causes(&readings, agrees);
+            if !causes.is_empty() {
+                possible = causes.into_iter().map(DriverState::Tripped).collect();
+            }
+        }
+        if possible[0].is_live() {
+            self.live_ticks = 0;
+        } else if readings.monitor_v.abs() > self.limits.monitor.band_v {
+            // What counts is whether the film has been live for longer than it may be, not for how much longer.
+            self.live_ticks = (self.live_ticks + 1).min(self.discharge_ticks + 1);
+        } else if readings.monitor_v.abs() <= self.limits.monitor.band_v {
+            self.live_ticks = (self.live_ticks - 1).max(0);
+        }
+        if self.live_ticks > self.discharge_ticks {
+            possible = vec![DriverState::Tripped(Cause::LiveFilm)];
+        }
+        if !possible.contains(&taken) {
+            return Err(possible);
+        }
+        if taken != self.state {
+            self.tripped_at = self.ticks;
+            self.command_v = 0.0;
+        }
+        self.state = taken;
+        Ok(())
+    }
+
+    fn causes(&self, readings: &Readings, agrees: bool) -> Vec<Cause> {
+        let limits = &self.limits;
+        let mut causes = Vec::new();
+        let mut fault = |is: bool, cause| {
+            if is {
+                causes.push(cause);
+            }
+        };
+        let beyond = |value: f32, limit: f32| value.is_nan() || value.abs() > limit;
+        fault(!readings.interlock_closed, Cause::Interlock);
+        fault(readings.monitor_v > limits.monitored_v(), Cause::Voltage);
+        fault(!agrees, Cause::Monitor);
+        fault(self.silent_ticks > self.heartbeat_ticks, Cause::Heartbeat);
+        fault(beyond(readings.open_loop_m, limits.max_displacement_m), Cause::ModelDisplacement);
+        fault(beyond(readings.disturbance_share, limits.max_disturbance_share), Cause::Disturbance);
+        let plausible = self.sensor_faults.is_empty();
+        let displacement_m = if plausible { readings.displacement_m } else { readings.predicted_m };
+        fault(beyond(displacement_m, limits.max_displacement_m), Cause::Displacement);
+        if limits.on_sensor_fault == OnSensorFault::Trip {
+            self.sensor_faults.iter().for_each(|&kind| fault(true, Cause::Sensor(kind)));
+        }
+        causes
+    }
+
+    /// The command of a tick, V.
+    pub fn command(&mut self, wanted_v: f32, thinning: f32) -> f64 {
+        self.command_v = if self.state == DriverState::Running {
+            let limits = &self.limits;
+            let field_v = f64::from(limits.max_field_v_per_m) * f64::from(limits.thickness_m);
+            let most = f64::from(limits.max_voltage_v).min(field_v / f64::from(thinning).max(1.0));
+            let slew = f64::from(limits.max_slew_v_per_s) / self.rate_hz;
+            let wanted = f64::from(wanted_v).max(0.0);
+            wanted.clamp(self.command_v - slew, self.command_v + slew).min(most)
+        } else {
+            0.0
+        };
+        self.command_v
+    }
+}
+
+impl MonitorReference {
+    fn agrees(&mut self, limits: &Limits, rate_hz: f64, command_v: f64, monitor_v: f32) -> bool {
+        let (low, high) = self.band(limits, rate_hz, command_v);
+        let slew = f64::from(limits.monitor.slew_v_per_s) / rate_hz;
+        self.slowest_v += (command_v - self.slowest_v).clamp(-slew, slew);
+        let inside = (low..=high).contains(&f64::from(monitor_v));
+        self.outside = if inside { (self.outside - 1.0 / MADE_UP_BY).max(0.0) } else { self.outside + 1.0 };
+        self.outside <= ticks(limits.monitor.settle_s, rate_hz) as f64
+    }
+
+    /// What agrees in the next tick: from an amplifier at its slew to one that follows at once, and the band around it, V.
+    fn band(&self, limits: &Limits, rate_hz: f64, command_v: f64) -> (f64, f64) {
+        let slew = f64::from(limits.monitor.slew_v_per_s) / rate_hz;
+        let slowest = self.slowest_v + (command_v - self.slowest_v).clamp(-slew, slew);
+        let (low, high) = (slowest.min(command_v), slowest.max(command_v));
+        let band = f64::from(limits.monitor.band_v) + f64::from(limits.monitor.band_share) * high;
+        (low - band, high + band)
+    }
+}
+
+impl Reference {
+    /// Whether single precision may decide otherwise about this voltage of the monitor.
+    pub fn is_on_the_edge(&self, monitor_v: f32) -> bool {
+        let (low, high) = self.monitor.band(&self.limits, self.rate_hz, self.command_v);
+        [low, high].iter().any(|edge| (f64::from(monitor_v) - edge).abs() < 0.1)
+    }
+}
+
+impl SensorReference {
+    /// Every reason why the sensor is implausible in this tick.
+    fn check(&mut self, limits: &Limits, readings: &Readings) -> Vec<SensorFault> {
+        let sensor = &limits.sensor;
+        let value = readings.displacement_m;
+        let before = self.shown.replace(value);
+        let near = |other: f32| (value - other).abs() <= sensor.jump;
+        let mut faults = VecDeque::new();
+        if !(sensor.low..=sensor.high).contains(&value) {
+            faults.push_back(SensorFault::Range);
+        }
+        if before.is_some_and(|before| !near(before)) {
+            faults.push_back(SensorFault::Jump);
+        }
+        self.repeats =
+            if before.is_some_and(|before| before.to_bits() == value.to_bits()) { self.repeats + 1 } else { 0 };
+        let still = self.is_still(limits, readings);
+        if self.repeats >= sensor.stuck_ticks || still {
+            faults.push_back(SensorFault::Stuck);
+        }
+        if let Some(&fault) = faults.front() {
+            self.returning = Some((fault, 0));
+            return faults.into();
+        }
+        if let Some((fault, good)) = self.returning {
+            let good = if near(readings.predicted_m) { good + 1 } else { 0 };
+            self.returning = (good < RETURN_TICKS).then_some((fault, good));
+        }
+        self.returning.iter().map(|&(fault, _)| fault).collect()
+    }
+
+    /// Whether the sensor has stayed in its band for a fifth of its time while the model of a followed reference was five bands away
+    /// from where both were.
+    fn is_still(&mut self, limits: &Limits, readings: &Readings) -> bool {
+        let sensor = &limits.sensor;
+        let model = if readings.follows { readings.open_loop_m } else { f32::NAN };
+        let late = sensor.stuck_ticks / 5;
+        let was_still = self.away > late;
+        let stays = |(value, _): (f32, f32)| (readings.displacement_m - value).abs() <= sensor.stuck_band;
+        let moved = !self.origin.is_some_and(stays);
+        if moved || (self.watched >= sensor.stuck_ticks && self.away == 0) {
+            self.origin = Some((readings.displacement_m, model));
+            self.watched = 0;
+            self.away = 0;
+        }
+        self.watched += 1;
+        let away = self.origin.is_some_and(|(_, from)| (model - from).abs() > 5.0 * sensor.stuck_band);
+        self.away = if away || (was_still && !moved) { self.away + 1 } else { 0 };
+        self.away > late
+    }
+}
