@@ -5,5 +5,6 @@
 mod bench;
 
 mod film;
+mod monitor;
 mod scale;
 mod sensor;
