@@ -4,6 +4,7 @@
 #[path = "../driver/bench.rs"]
 mod bench;
 
+mod actuator;
 mod film;
 mod monitor;
 mod scale;
