@@ -3,9 +3,14 @@
 
 #[path = "../driver/bench.rs"]
 mod bench;
+#[path = "../driver/flash.rs"]
+mod flash;
 
 mod actuator;
 mod film;
+mod line;
+mod link;
 mod monitor;
+mod player;
 mod scale;
 mod sensor;
