@@ -10,6 +10,7 @@ pub const STEP_S: f64 = 1e-3;
 const LARGEST_V: f64 = 11e3;
 
 /// A film under a voltage.
+#[allow(clippy::large_enum_variant)] // there is one of them at a time
 #[derive(Clone)]
 pub enum Film {
     /// The paper's model of `table3-n2`, stiffer or softer, or with another force.

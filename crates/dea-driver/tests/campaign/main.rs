@@ -11,6 +11,7 @@ mod film;
 mod line;
 mod link;
 mod monitor;
+mod month;
 mod player;
 mod scale;
 mod sensor;
