@@ -100,10 +100,8 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     mode: Mode,
     /// Whether the law commanded the voltage in the last tick, or has been started since.
     ran: bool,
-    /// The voltage of this run, V; none until one is set.
-    voltage: Ramp,
-    /// The reference of this run, m; none until one is set.
-    reference: Ramp,
+    /// What this run follows: a voltage (V) or a reference (m), as its mode has it; none until one is set.
+    target: Ramp,
     #[cfg(feature = "loop-test")]
     test: LoopTest<HEAD, FAST, SLOW>,
 }
@@ -142,8 +140,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             sampler,
             mode: Mode::Voltage,
             ran: false,
-            voltage: Ramp::NONE,
-            reference: Ramp::NONE,
+            target: Ramp::NONE,
         }
     }
 
@@ -186,7 +183,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             displacement_m,
             predicted_m: observer.displacement(),
             open_loop_m: self.open_loop.position(),
-            follows: self.supervisor.runs() && self.mode != Mode::Voltage && self.reference.is_set(),
+            follows: self.supervisor.runs() && self.mode != Mode::Voltage && self.target.is_set(),
             disturbance_share: if corrects { observer.disturbance() * self.shares_per_n } else { 0.0 },
         });
 
@@ -207,17 +204,15 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         // last tick.
         let runs = self.supervisor.runs();
         if self.ran && !runs {
-            self.clear_targets();
+            self.clear_target();
         }
         self.ran = runs;
         let follows = self.supervisor.runs() && self.mode != Mode::Voltage;
-        let set_v = self.voltage.next();
-        let reference_m = self.reference.next();
-        let leads = follows && !reference_m.is_nan();
-        let wanted = self.tracking.command(&mut self.course, if leads { reference_m } else { predicted_m });
-        let followed_v = if leads { wanted.voltage } else { 0.0 };
-        // NaN, until a voltage is set, is 0 V.
-        let wanted_v = if self.mode == Mode::Voltage { set_v } else { followed_v };
+        // NaN until one is set, which is 0 V.
+        let target = self.target.next();
+        let leads = follows && !target.is_nan();
+        let wanted = self.tracking.command(&mut self.course, if leads { target } else { predicted_m });
+        let wanted_v = if leads { wanted.voltage } else { target };
         let estimated_m = if open_loop_m > predicted_m { open_loop_m } else { predicted_m };
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > estimated_m).unwrap_or(estimated_m);
         let command_v = self.supervisor.command(wanted_v, 1.0 + self.thinning_per_m * furthest_m);
@@ -252,7 +247,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     /// Trips, whatever the state: 0 V, amplifier disabled from the next tick on, targets cleared. The first cause stays.
     pub fn trip(&mut self, cause: Cause) {
         self.supervisor.trip(cause);
-        self.clear_targets();
+        self.clear_target();
     }
 
     /// Enables the amplifier at 0 V.
@@ -262,7 +257,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     /// As [`Supervisor::arm`].
     pub fn arm(&mut self) -> Result<(), Refusal> {
         self.supervisor.arm()?;
-        self.clear_targets();
+        self.clear_target();
         Ok(())
     }
 
@@ -274,7 +269,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     /// As [`Supervisor::start`].
     pub fn start(&mut self, mode: Mode) -> Result<(), Refusal> {
         self.supervisor.start()?;
-        self.clear_targets();
+        self.clear_target();
         self.mode = mode;
         self.ran = true;
         if mode == Mode::Feedforward {
@@ -290,7 +285,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     /// As [`Supervisor::stop`].
     pub fn stop(&mut self) -> Result<(), Refusal> {
         self.supervisor.stop()?;
-        self.clear_targets();
+        self.clear_target();
         Ok(())
     }
 
@@ -301,7 +296,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     /// As [`Supervisor::disarm`].
     pub fn disarm(&mut self) -> Result<(), Refusal> {
         self.supervisor.disarm()?;
-        self.clear_targets();
+        self.clear_target();
         Ok(())
     }
 
@@ -313,7 +308,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     /// As [`Supervisor::acknowledge`].
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         self.supervisor.acknowledge()?;
-        self.clear_targets();
+        self.clear_target();
         self.course.forget();
         let rest = self.tracking.observer().law().state();
         if !self.course.observer().displacement().is_finite() {
@@ -337,7 +332,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             return Err(SetpointError::OutOfRange);
         }
         self.is_live()?;
-        self.voltage.set(volts, self.ramp_ticks());
+        self.aim_at(volts, self.mode == Mode::Voltage);
         Ok(())
     }
 
@@ -352,7 +347,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             return Err(SetpointError::OutOfRange);
         }
         self.is_live()?;
-        self.reference.set(metres, self.ramp_ticks());
+        self.aim_at(metres, self.mode != Mode::Voltage);
         Ok(())
     }
 
@@ -364,9 +359,15 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         }
     }
 
-    fn clear_targets(&mut self) {
-        self.voltage = Ramp::NONE;
-        self.reference = Ramp::NONE;
+    /// Takes a target over if a run follows it: any other would be forgotten before it could act.
+    fn aim_at(&mut self, target: f32, is_followed: bool) {
+        if is_followed && self.supervisor.runs() {
+            self.target.set(target, self.ramp_ticks());
+        }
+    }
+
+    fn clear_target(&mut self) {
+        self.target = Ramp::NONE;
     }
 
     /// Most ticks over which a new target is approached.

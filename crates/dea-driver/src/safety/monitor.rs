@@ -19,7 +19,9 @@ pub struct Monitor {
     band_v: f32,
     band_share: f32,
     largest_excess: u32,
-    expected_v: f32,
+    /// Where an amplifier may be that follows the command at its slew or faster, V.
+    lowest_v: f32,
+    highest_v: f32,
     /// [`OUTSIDE`] more for every tick outside the band, one less for every tick inside.
     excess: u32,
 }
@@ -37,21 +39,24 @@ impl Monitor {
             band_v: limits.band_v,
             band_share: limits.band_share,
             largest_excess: ((limits.settle_s * rate_hz + 0.5) as u32).saturating_mul(OUTSIDE),
-            expected_v: 0.0,
+            lowest_v: 0.0,
+            highest_v: 0.0,
             excess: 0,
         }
     }
 
     /// Compares the command of the last tick (V) with the monitor (V); false once they have differed for longer than the settle
-    /// time, in one piece or in many: sixteen ticks of agreement make up for one without. An amplifier may be faster than its slew: any voltage between the one at that slew and the command agrees. NaN
-    /// differs.
+    /// time, in one piece or in many: sixteen ticks of agreement make up for one without. An amplifier may be faster than its slew: any voltage agrees
+    /// that one of that slew or more can have, also where the command has turned back meanwhile. NaN differs.
     #[must_use]
     pub fn agrees(&mut self, command_v: f32, monitor_v: f32) -> bool {
-        let ahead = command_v - self.expected_v;
-        self.expected_v += bounded(ahead, self.slew_v_per_tick);
-        let (low, high) = if ahead < 0.0 { (command_v, self.expected_v) } else { (self.expected_v, command_v) };
-        let band = self.band_v + self.band_share * high;
-        let inside = low - band <= monitor_v && monitor_v <= high + band;
+        // The slowest from below and from above.
+        let risen_v = self.lowest_v + self.slew_v_per_tick;
+        let fallen_v = self.highest_v - self.slew_v_per_tick;
+        self.lowest_v = if risen_v < command_v { risen_v } else { command_v };
+        self.highest_v = if fallen_v > command_v { fallen_v } else { command_v };
+        let band = self.band_v + self.band_share * self.highest_v;
+        let inside = self.lowest_v - band <= monitor_v && monitor_v <= self.highest_v + band;
         self.excess = if inside { self.excess.saturating_sub(1) } else { self.excess.saturating_add(OUTSIDE) };
         self.excess <= self.largest_excess
     }

@@ -15,9 +15,7 @@
 use std::collections::BTreeMap;
 
 use dea_driver::chips::{Calibration, CommandRange, DacCode};
-use dea_driver::{
-    BLOB_LEN, Blob, Cause, Controller, DriverState, Inputs, Mode, OnSensorFault, Outputs, Parameters,
-};
+use dea_driver::{BLOB_LEN, Blob, Cause, Controller, DriverState, Inputs, Mode, OnSensorFault, Outputs, Parameters};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{Actuator, Law, Options, Preset};
@@ -277,8 +275,10 @@ impl Loop {
         let count = ADC_V / 65_536.0;
         let monitor_v = invert(&self.parameters.monitor, self.film_v);
         let noise_v = self.random.random_range(0.0..2.0) * count;
-        let sensor_v = invert(&self.parameters.sensor, self.film_m + f64::from(self.parameters.sensor_offset_m)) + noise_v;
-        let mut shown = |volts: f64| (!self.random.random_bool(2e-4)).then_some(((volts / count).round() * count) as f32);
+        let sensor_v =
+            invert(&self.parameters.sensor, self.film_m + f64::from(self.parameters.sensor_offset_m)) + noise_v;
+        let mut shown =
+            |volts: f64| (!self.random.random_bool(2e-4)).then_some(((volts / count).round() * count) as f32);
         Inputs { interlock_closed: true, monitor_adc_v: shown(monitor_v), sensor_adc_v: shown(sensor_v) }
     }
 
@@ -328,7 +328,10 @@ impl Loop {
         let most_v = by_field.min(f64::from(limits.max_voltage_v));
         // At code 0 the amplifier shows its offset, which no command lowers.
         if code.0 > 0 {
-            assert!(film_v <= most_v * (1.0 + 1e-5) + step_v, "{film_v} V, at most {most_v} V and a step of {step_v} V");
+            assert!(
+                film_v <= most_v * (1.0 + 1e-5) + step_v,
+                "{film_v} V, at most {most_v} V and a step of {step_v} V"
+            );
         }
         counts.highest_share = counts.highest_share.max((film_v - step_v) / most_v);
         self.film_moves(film_v);

@@ -4,12 +4,22 @@
 //! `SPRINGPOT_CAMPAIGN=full cargo test --release -p dea-driver --test campaign -- --nocapture`.
 
 #[path = "../driver/bench.rs"]
-#[allow(dead_code)] // shared with the other tests
 mod bench;
+#[path = "../driver/flash.rs"]
+mod flash;
+
+mod actuator;
 mod blobs;
 mod commands;
+mod film;
+mod line;
+mod link;
+mod monitor;
+mod month;
 mod nor_flash;
+mod player;
 mod power_loss;
 mod reference;
 mod scale;
+mod sensor;
 mod states;
