@@ -1,6 +1,7 @@
 //! Chores of the project: `cargo xtask help`.
 #![forbid(unsafe_code)]
 
+mod campaign;
 mod cycles;
 mod embedded;
 mod firmware;
@@ -38,6 +39,12 @@ enum Chore {
     Firmware,
     /// Make the recordings under tests/recordings again.
     Recordings,
+    /// Run what takes too long for every change: all simulated faults, the fuzzers, and mutants of the driver. Installs
+    /// what is missing. Fuzzing takes 40 minutes and its build; mutants take hours.
+    Campaign {
+        /// Only this part.
+        part: Option<campaign::Part>,
+    },
     /// Check the licences of all dependencies with cargo-deny.
     Deny,
 }
@@ -51,6 +58,7 @@ fn main() -> ExitCode {
         Chore::Image => setup::toolchain().and_then(|toolchain| firmware::image(&toolchain)),
         Chore::Firmware => setup::run().and_then(|toolchain| firmware::run(&toolchain)),
         Chore::Recordings => recordings::run(),
+        Chore::Campaign { part } => campaign::run(part),
         Chore::Deny => test::deny(),
     };
     match done {

@@ -121,6 +121,14 @@ fn qemu() -> Result<()> {
     }
 }
 
+/// What compiles libFuzzer.
+pub fn cpp_compiler() -> Result<()> {
+    if !(has("c++") || apt_install(&["g++"], None).is_ok() && has("c++")) {
+        return Err("a C++ compiler is needed: install g++ and run again".into());
+    }
+    Ok(())
+}
+
 fn has(program: &str) -> bool {
     output(command(program, &["--version"])).is_ok()
 }

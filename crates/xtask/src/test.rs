@@ -89,7 +89,8 @@ fn tests(options: &[&str]) -> Command {
 }
 
 /// Sources of libraries whose manifest says `test = false`: a test in them would never run.
-const WITHOUT_TESTS: [&str; 4] = ["host-sim/src", "tests/support", "tests/chip-program/src", "tests/documents/src"];
+const WITHOUT_TESTS: [&str; 5] =
+    ["host-sim/src", "tests/support", "tests/chip-program/src", "tests/documents/src", "tests/fuzz/targets/src"];
 
 /// All targets, the tests in QEMU included.
 fn lint() -> Result<()> {
@@ -170,7 +171,7 @@ pub fn deny() -> Result<()> {
     let checks = ["check", "licenses", "bans", "sources"];
     run_command(cargo(&[["deny", "--workspace", "--all-features"].as_slice(), &checks].concat()))?;
     // The images are workspaces of their own.
-    for manifest in ["firmware/Cargo.toml", "tests/embedded/Cargo.toml"] {
+    for manifest in ["firmware/Cargo.toml", "tests/embedded/Cargo.toml", "tests/fuzz/Cargo.toml"] {
         let of_images = ["deny", "--manifest-path", manifest, "--config", "deny.toml", "--log-level", "error"];
         run_command(cargo(&[of_images.as_slice(), &checks].concat()))?;
     }

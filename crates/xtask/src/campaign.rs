@@ -1,0 +1,89 @@
+//! The campaign: what takes too long for every change. Simulated faults, fuzzing, and mutants of the driver's own source.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+
+use clap::ValueEnum;
+
+use crate::process::{Result, cargo, output, root, run as run_command};
+use crate::setup;
+
+/// A part of the campaign.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Part {
+    /// The driver's campaign of simulated faults, all cases.
+    Driver,
+    /// Each fuzzer for ten minutes: no panic, nothing obeyed that must not be.
+    Fuzz,
+    /// Mutants of the driver's source, each of which its tests should notice.
+    Mutants,
+}
+
+/// The fuzzers, with the largest input of each, bytes.
+const FUZZERS: [(&str, &str); 4] =
+    [("frames", "2048"), ("blobs", "2048"), ("recordings", "4096"), ("parameter-files", "4096")];
+
+/// Time of each fuzzer, s.
+const SECONDS: &str = "600";
+
+/// Runs a part, or all of them; a part that fails does not keep the others from running.
+pub fn run(part: Option<Part>) -> Result<()> {
+    let parts: [(Part, fn() -> Result<()>); 3] = [(Part::Driver, driver), (Part::Fuzz, fuzz), (Part::Mutants, mutants)];
+    let wanted = parts.into_iter().filter(|(name, _)| part.is_none_or(|part| part == *name));
+    let failed: Vec<String> = wanted.filter_map(|(_, run)| run().err()).collect();
+    if failed.is_empty() { Ok(()) } else { Err(failed.join("\n")) }
+}
+
+/// All faults in the test `campaign`, of which `cargo xtask test` runs a sample.
+fn driver() -> Result<()> {
+    let test = ["test", "--release", "--package", "dea-driver", "--test", "campaign", "--", "--nocapture"];
+    let mut test = cargo(&test);
+    test.env("SPRINGPOT_CAMPAIGN", "full");
+    run_command(test)
+}
+
+/// Builds the fuzzers and runs one after another, from the committed corpora on. What they find new stays below `target`.
+fn fuzz() -> Result<()> {
+    setup::cpp_compiler()?;
+    run_command(fuzzers(&["build", "--release"]))?;
+    let failed: Vec<String> =
+        FUZZERS.into_iter().filter_map(|(fuzzer, longest)| fuzz_one(fuzzer, longest).err()).collect();
+    if failed.is_empty() { Ok(()) } else { Err(failed.join("\n")) }
+}
+
+fn fuzz_one(fuzzer: &str, longest: &str) -> Result<()> {
+    let target = root().join("tests/fuzz/target");
+    let found = made(target.join("corpus").join(fuzzer))?;
+    let crashes = made(target.join("crashes").join(fuzzer))?;
+    let corpus = root().join("tests/fuzz/corpus").join(fuzzer).display().to_string();
+    let limits = [format!("-max_total_time={SECONDS}"), format!("-max_len={longest}")];
+    let [time, length] = &limits;
+    let prefix = format!("-artifact_prefix={crashes}/");
+    // An input of a few kilobytes that takes 10 s or 1 GB is a fault as well.
+    let options = [time, length, &prefix, "-timeout=10", "-rss_limit_mb=1024", "-print_final_stats=1"];
+    let words = format!("-dict={}", root().join("tests/fuzz/words").join(fuzzer).display());
+    let run = ["run", "--release", "--bin", fuzzer, "--"];
+    run_command(fuzzers(&[run.as_slice(), &options, &[&words, &found, &corpus]].concat()))
+}
+
+fn made(folder: PathBuf) -> Result<String> {
+    fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    Ok(folder.display().to_string())
+}
+
+/// A cargo command on the fuzzers, which are a workspace of their own with flags of their own.
+fn fuzzers(arguments: &[&str]) -> Command {
+    let mut command = cargo(arguments);
+    command.current_dir(root().join("tests/fuzz"));
+    command.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
+    command
+}
+
+/// Mutants as `.cargo/mutants.toml` states, with cargo-mutants, which is installed if it is missing.
+fn mutants() -> Result<()> {
+    if output(cargo(&["mutants", "--version"])).is_err() {
+        run_command(cargo(&["install", "--locked", "cargo-mutants"]))?;
+    }
+    run_command(cargo(&["mutants", "--output", "target"]))
+}

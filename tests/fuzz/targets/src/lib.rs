@@ -1,0 +1,42 @@
+//! What fuzzing runs on bytes from outside, and what must hold whatever they are.
+//!
+//! Each function takes any bytes and panics where a promise of the documents does not hold: [`frames`] docs/link.md, [`blobs`]
+//! docs/blob.md, [`recordings`] and [`parameter_files`] docs/formats.md. What is expected is written here again from those pages,
+//! not taken from the code under test. The fuzzers in the folder above call these functions; this package's tests run them on the
+//! committed corpora.
+#![forbid(unsafe_code)]
+#![deny(missing_docs)]
+
+mod blob;
+mod flash;
+mod frame;
+mod line;
+mod parameter_file;
+mod place;
+mod recording;
+
+pub use blob::run as blobs;
+pub use frame::run as frames;
+pub use line::seal;
+pub use parameter_file::run as parameter_files;
+pub use recording::run as recordings;
+
+use dea_driver::{BLOB_LEN, Parameters};
+use springpot::{Actuator, Law, Options, Preset};
+use std::sync::LazyLock;
+
+/// The board that the blobs of these tests are for.
+pub const BOARD: u16 = 7;
+
+/// A valid blob: the paper's film on the paper's bench, at 1 kHz.
+pub static GOOD_BLOB: LazyLock<Vec<u8>> = LazyLock::new(|| {
+    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+    let mut parameters = Parameters::bench(&law, Actuator::KARNER_2022);
+    // The film of these benches stands still, which no model explains.
+    parameters.limits.max_disturbance_share = 0.4;
+    let mut bytes = vec![0; BLOB_LEN];
+    let length = parameters.encode(BOARD, &mut bytes).expect("valid");
+    bytes.truncate(length);
+    bytes
+});

@@ -1,0 +1,34 @@
+//! Parameter files: TOML text.
+
+use std::path::Path;
+
+use host_sim::files::parameters::Parameters;
+
+use crate::place::{PATH, line_of};
+
+/// Reads `data` as a parameter file. What is read can be written and read again; what is refused names its line.
+pub fn run(data: &[u8]) {
+    // Files that are not UTF-8 are refused before.
+    let Ok(text) = std::str::from_utf8(data) else { return };
+    match Parameters::from_toml(Path::new(PATH), text) {
+        Ok(parameters) => comes_back(&parameters),
+        Err(error) => {
+            let line = line_of(&error).unwrap_or_else(|| panic!("no line: {error}"));
+            let lines = text.lines().count().max(1) as u64;
+            // The end of a text that ends with a line is on the next.
+            assert!((1..=lines + 1).contains(&line), "{error}, of {lines} lines");
+        }
+    }
+}
+
+/// Written and read again it is the same, and so is what is written of that.
+fn comes_back(parameters: &Parameters) {
+    let written = parameters.to_toml();
+    let again = Parameters::from_toml(Path::new(PATH), &written).unwrap_or_else(|error| panic!("{error}\n{written}"));
+    assert_eq!(again.to_toml(), written);
+    let Parameters { name, actuator, model, sensor_offset_m, board, provenance: _ } = parameters;
+    // Of the provenance, free text, the words alone: it may hold NaN, which is no number.
+    assert_eq!((&again.name, &again.actuator, &again.model), (name, actuator, model));
+    assert_eq!((again.sensor_offset_m, &again.board), (*sensor_offset_m, board));
+    assert!(model.branches().len() <= 5 && sensor_offset_m.is_finite());
+}
