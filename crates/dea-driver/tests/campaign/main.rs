@@ -8,6 +8,7 @@
 mod bench;
 mod blobs;
 mod commands;
+mod hosts;
 mod nor_flash;
 mod power_loss;
 mod reference;
