@@ -369,8 +369,8 @@ impl Loop {
             telemetry.innovation_m,
         ];
         let finite = of_model.iter().all(|value| value.is_finite());
-        // NaN has grown, too.
-        self.grown |= !(telemetry.predicted_m.abs() < GROWN_M);
+        let far = telemetry.predicted_m.is_nan() || telemetry.predicted_m.abs() > GROWN_M;
+        self.grown |= far;
         assert!(finite || self.faint || self.grown, "{state:?}: {telemetry:?}");
         let trips = telemetry.predicted_m.is_finite() || matches!(state, DriverState::Tripped(_));
         assert!(trips, "{state:?}: {telemetry:?}");
