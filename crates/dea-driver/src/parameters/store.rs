@@ -199,7 +199,7 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
     fn write(&mut self, slot: Slot, bytes: &[u8]) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {
         let start = self.start_of(slot.index);
         let mut body = [0xff; BLOB_LEN];
-        body.iter_mut().zip(bytes).for_each(|(slot, byte)| *slot = *byte);
+        body.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
         let mut header = [0; HEADER];
         header[..4].copy_from_slice(&slot.sequence.to_le_bytes());
         header[4..].copy_from_slice(&(!slot.sequence).to_le_bytes());

@@ -2,7 +2,7 @@
 //!
 //! Explored: the [`Supervisor`] alone, and a `Device` with its `Controller`, under every request of a host with values inside and
 //! outside the limits, NaN and infinite, and under readings that are healthy for a while, faulty for a while, or at random. Sensor
-//! faults trip or are ridden through. In full, the supervisor is first ticked to 5·10⁷ ticks before the wrap of its tick counter, so that
+//! faults trip or are ridden through. In full, the supervisor is first ticked to 2.5·10⁷ ticks before the wrap of its tick counter, so that
 //! the counter wraps in the middle of the random ticks.
 //!
 //! Pass: in every tick the same state, a cause that the reference names, the same answer to every request, the same tick numbers, enabled

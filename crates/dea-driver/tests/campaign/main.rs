@@ -12,6 +12,7 @@ mod actuator;
 mod blobs;
 mod commands;
 mod film;
+mod hosts;
 mod line;
 mod link;
 mod monitor;
