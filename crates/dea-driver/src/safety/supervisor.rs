@@ -117,7 +117,8 @@ pub struct Readings {
     pub displacement_m: f32,
     /// The estimate, which the sensor may have corrected, m.
     pub predicted_m: f32,
-    /// The model's displacement under the commanded voltage alone, which no sensor corrects, m.
+    /// The model's displacement under the commanded voltage alone, which no sensor corrects, m. Of a film that has shown to be softer
+    /// than its model, as much more.
     pub open_loop_m: f32,
     /// Whether a reference is followed, so that a sensor that does not move with the model is stuck. Voltages may be played
     /// without a film.
