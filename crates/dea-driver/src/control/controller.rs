@@ -97,6 +97,8 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     /// Shares of the force at the largest voltage per newton.
     shares_per_n: f32,
     sampler: Sampler,
+    /// Largest force scale that tracking has shown in this run, 1 at least.
+    softest: f32,
     mode: Mode,
     /// Whether the law commanded the voltage in the last tick, or has been started since.
     ran: bool,
@@ -127,6 +129,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let sampler =
             Sampler::new(parameters.rate_hz, parameters.control.sample_interval_s, parameters.control.delay_s);
         Self {
+            softest: 1.0,
             #[cfg(feature = "loop-test")]
             test: LoopTest::at_rest(&tracking),
             parameters,
@@ -177,12 +180,17 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         }
         let corrects = self.supervisor.runs() && self.mode == Mode::Tracking;
         let observer = self.course.observer();
+        // A film that has shown to be softer than its model goes further than the model under the same voltage. A sensor that fails
+        // slowly makes it seem stiffer again, so the softest that it has been in this run counts.
+        if corrects && observer.force_scale() > self.softest {
+            self.softest = observer.force_scale();
+        }
         let checked = self.supervisor.check(Readings {
             interlock_closed: inputs.interlock_closed,
             monitor_v,
             displacement_m,
             predicted_m: observer.displacement(),
-            open_loop_m: self.open_loop.position(),
+            open_loop_m: self.open_loop.position() * self.softest,
             follows: self.supervisor.runs() && self.mode != Mode::Voltage && self.target.is_set(),
             disturbance_share: if corrects { observer.disturbance() * self.shares_per_n } else { 0.0 },
         });
@@ -195,7 +203,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let predicted_m = self.tracking.observe(&mut self.course, applied, sample);
         let observer = self.tracking.observer();
         let open_loop_m = observer.law().displacement_under(&mut self.open_loop, observer.drive().load(stood_v));
-        if !(predicted_m.is_finite() && open_loop_m.is_finite()) {
+        // Finite as long as both are.
+        if !(predicted_m + open_loop_m).is_finite() {
             self.supervisor.trip(Cause::Law);
         }
 
@@ -271,6 +280,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         self.supervisor.start()?;
         self.clear_target();
         self.mode = mode;
+        self.softest = 1.0;
         self.ran = true;
         if mode == Mode::Feedforward {
             self.course.forget();

@@ -45,9 +45,15 @@ impl Monitor {
         }
     }
 
+    /// Starts again at 0 V, with nothing counted.
+    pub fn reset(&mut self) {
+        (self.lowest_v, self.highest_v, self.excess) = (0.0, 0.0, 0);
+    }
+
     /// Compares the command of the last tick (V) with the monitor (V); false once they have differed for longer than the settle
-    /// time, in one piece or in many: sixteen ticks of agreement make up for one without. An amplifier may be faster than its slew: any voltage agrees
-    /// that one of that slew or more can have, also where the command has turned back meanwhile. NaN differs.
+    /// time, in one piece or in many: sixteen ticks of agreement make up for one without. An amplifier may be faster than its
+    /// slew: any voltage agrees that one of that slew or more can have, also where the command has turned back meanwhile. NaN
+    /// differs.
     #[must_use]
     pub fn agrees(&mut self, command_v: f32, monitor_v: f32) -> bool {
         // The slowest from below and from above.

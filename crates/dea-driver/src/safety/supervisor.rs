@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::safety::limits::positive;
 use crate::safety::monitor::bounded;
-use crate::safety::{Limits, LimitsError, Monitor, MonitorLimits, OnSensorFault, Plausibility, SensorFault};
+use crate::safety::{Limits, LimitsError, Monitor, OnSensorFault, Plausibility, SensorFault};
 
 /// Where the driver stands.
 ///
@@ -117,7 +117,8 @@ pub struct Readings {
     pub displacement_m: f32,
     /// The estimate, which the sensor may have corrected, m.
     pub predicted_m: f32,
-    /// The model's displacement under the commanded voltage alone, which no sensor corrects, m.
+    /// The model's displacement under the commanded voltage alone, which no sensor corrects, m. Of a film that has shown to be softer
+    /// than its model, as much more.
     pub open_loop_m: f32,
     /// Whether a reference is followed, so that a sensor that does not move with the model is stuck. Voltages may be played
     /// without a film.
@@ -191,10 +192,8 @@ pub struct Supervisor {
     /// Ticks with the amplifier disabled and voltage at the monitor, less those at 0 V: a film that arcs is at 0 V now and then.
     live_ticks: u32,
     command_v: f32,
-    monitor_limits: MonitorLimits,
     monitor: Monitor,
     sensor: Plausibility,
-    rate_hz: f32,
     /// Of the last tick.
     interlock_closed: bool,
     monitor_v: f32,
@@ -231,10 +230,8 @@ impl Supervisor {
             discharge_ticks: (limits.discharge_s * rate_hz + 0.5) as u32,
             live_ticks: 0,
             command_v: 0.0,
-            monitor_limits: limits.monitor,
             monitor: Monitor::new(limits.monitor, rate_hz),
             sensor: Plausibility::new(limits.sensor),
-            rate_hz,
             // There are no readings yet, so arming is refused.
             interlock_closed: false,
             monitor_v: f32::NAN,
@@ -315,7 +312,7 @@ impl Supervisor {
         }
         self.state = DriverState::Armed;
         self.ticks_since_heartbeat = 0;
-        self.monitor = Monitor::new(self.monitor_limits, self.rate_hz);
+        self.monitor.reset();
         Ok(())
     }
 

@@ -43,9 +43,12 @@ fn reference_m(tick: u32) -> f64 {
 
 /// Runs until it trips, for `ticks` after the fault at the most.
 fn run(parameters: Parameters, fault: &Fault, ticks: u32) -> End {
+    run_on(FilmBench::with(parameters), fault, ticks)
+}
+
+fn run_on(mut bench: FilmBench, fault: &Fault, ticks: u32) -> End {
     let normal = Normal::new(0.0, 1.0).expect("valid");
     let mut random = Pcg64::seed_from_u64(7);
-    let mut bench = FilmBench::with(parameters);
     bench.start(Mode::Tracking);
     let (mut held_m, mut furthest_m) = (0.0, 0.0f64);
     for tick in 0..FAULT + ticks {
@@ -103,6 +106,29 @@ fn a_sensor_that_reads_too_little_does_not_lead_the_film_away() {
         let end = run(limited_to(limit_m), &fault, 100_000);
         println!("{name}: {end:?}");
         assert!(end.furthest_m < 1.1 * f64::from(limit_m), "{name}: {end:?}");
+    }
+}
+
+/// A film that has shown to be softer than its model goes further than the model when the sensor drifts: as far as the model says with the
+/// force scale that was learned. The model alone let it go to 1.25 times its stroke.
+#[test]
+fn a_softer_film_keeps_its_stroke_as_well() {
+    for (force_scale, um_per_s) in [(1.11, 100.0), (1.25, 25.0), (1.25, 60.0)] {
+        let reads_m = |ticks: u32, film_m: f64, _: f64| film_m - 1e-9 * um_per_s * f64::from(ticks);
+        let drifts = Fault { reads_m: &reads_m, noise_m: 3e-6, noise_lsb: 0.6 };
+        let mut bench = FilmBench::with(limited_to(1e-3));
+        bench.force_scale = force_scale;
+        let end = run_on(bench, &drifts, 60_000);
+        println!("{force_scale}, {um_per_s} um/s: {end:?}");
+        assert!(end.furthest_m < 1.05e-3, "{force_scale}, {um_per_s} um/s: {end:?}");
+        assert!(end.state != DriverState::Running, "{force_scale}, {um_per_s} um/s: {end:?}");
+        // As long as the sensor is right it goes to the end of its stroke without a trip.
+        let healthy = Fault { reads_m: &|_, film_m, _| film_m, noise_m: 3e-6, noise_lsb: 0.6 };
+        let mut bench = FilmBench::with(limited_to(0.63e-3));
+        bench.force_scale = force_scale;
+        let end = run_on(bench, &healthy, 60_000);
+        assert_eq!(end.state, DriverState::Running, "{force_scale}: {end:?}");
+        assert!(end.furthest_m > 0.59e-3, "{end:?}");
     }
 }
 
