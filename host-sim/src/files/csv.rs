@@ -242,6 +242,8 @@ fn csv_error<R>(path: &Path, lines: &Lines<R>, error: &csv::Error) -> Error {
     }
 }
 
+const OPEN_QUOTE: &str = "a quote is not closed on this line";
+
 /// A reader that normalises lines for a CSV reader and keeps the line number of every record.
 ///
 /// Line ends of all systems become `\n`. Text that cannot be a recording ends the reading before it fills the memory. A CSV
@@ -253,12 +255,40 @@ struct Lines<R> {
     /// Bytes of it so far.
     length: usize,
     comment: bool,
-    quoted: bool,
+    /// Quotes on it are odd in number.
+    odd_quotes: bool,
+    /// Where its last byte stands for a CSV reader, for which a quote inside a field is a letter.
+    place: Place,
     /// The last byte was `\r`: a `\n` that follows belongs to it.
     carriage_return: bool,
     /// Lines of the records that were read ahead.
     records: VecDeque<u64>,
     fault: Option<&'static str>,
+}
+
+/// A place in a field of a CSV file.
+#[derive(Clone, Copy, PartialEq)]
+enum Place {
+    /// Before its first byte.
+    Start,
+    /// Not between quotes.
+    Plain,
+    /// Between quotes: delimiters and line ends belong to it.
+    Quoted,
+    /// Behind a quote between quotes: the closing one, or the first of two that stand for one.
+    Closing,
+}
+
+impl Place {
+    fn after(self, byte: u8) -> Self {
+        match (self, byte) {
+            (Self::Start | Self::Closing, b'"') => Self::Quoted,
+            (Self::Quoted, b'"') => Self::Closing,
+            (Self::Quoted, _) => Self::Quoted,
+            (_, b',') => Self::Start,
+            _ => Self::Plain,
+        }
+    }
 }
 
 impl<R: Read> Lines<R> {
@@ -268,7 +298,8 @@ impl<R: Read> Lines<R> {
             line: 1,
             length: 0,
             comment: false,
-            quoted: false,
+            odd_quotes: false,
+            place: Place::Start,
             carriage_return: false,
             records: VecDeque::new(),
             fault: None,
@@ -282,6 +313,11 @@ impl<R> Lines<R> {
         self.records.pop_front().unwrap_or(self.line)
     }
 
+    /// Whether a quote of this line is still open.
+    fn is_open(&self) -> bool {
+        self.odd_quotes || self.place == Place::Quoted
+    }
+
     /// Counts `byte` and returns what the CSV reader gets.
     fn take(&mut self, byte: u8) -> std::result::Result<u8, &'static str> {
         const LONGEST: usize = 1 << 16;
@@ -291,11 +327,11 @@ impl<R> Lines<R> {
             return Ok(b'\n');
         }
         if matches!(byte, b'\n' | b'\r') {
-            if self.quoted {
-                return Err("a quote is not closed on this line");
+            if self.is_open() {
+                return Err(OPEN_QUOTE);
             }
             self.line += 1;
-            (self.length, self.comment) = (0, false);
+            (self.length, self.comment, self.place) = (0, false, Place::Start);
             return Ok(b'\n');
         }
         if self.length == 0 {
@@ -305,7 +341,10 @@ impl<R> Lines<R> {
             }
         }
         self.length += 1;
-        self.quoted ^= byte == b'"' && !self.comment;
+        if !self.comment {
+            self.odd_quotes ^= byte == b'"';
+            self.place = self.place.after(byte);
+        }
         if self.length > LONGEST {
             return Err("a line of more than 65536 characters; this is not a CSV recording");
         }
@@ -314,17 +353,29 @@ impl<R> Lines<R> {
 }
 
 impl<R: Read> Read for Lines<R> {
+    /// Ends before a line that cannot be used: what stands on the lines before it is checked first.
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let n = self.inner.read(buffer)?;
-        if n == 0 && self.quoted {
-            self.fault = Some("a quote is not closed on this line");
-            return Err(io::ErrorKind::InvalidData.into());
+        let failed = || io::Error::from(io::ErrorKind::InvalidData);
+        if self.fault.is_some() {
+            return Err(failed());
         }
-        for byte in &mut buffer[..n] {
-            *byte = self.take(*byte).map_err(|fault| {
-                self.fault = Some(fault);
-                io::Error::from(io::ErrorKind::InvalidData)
-            })?;
+        let n = self.inner.read(buffer)?;
+        if n == 0 && self.is_open() {
+            self.fault = Some(OPEN_QUOTE);
+            return Err(failed());
+        }
+        let mut whole = 0;
+        for (index, byte) in buffer[..n].iter_mut().enumerate() {
+            match self.take(*byte) {
+                Ok(taken) => *byte = taken,
+                Err(fault) => {
+                    self.fault = Some(fault);
+                    return if whole > 0 { Ok(whole) } else { Err(failed()) };
+                }
+            }
+            if *byte == b'\n' {
+                whole = index + 1;
+            }
         }
         Ok(n)
     }

@@ -10,6 +10,7 @@ mod models;
 #[path = "../../../tests/support/recordings.rs"]
 mod recordings;
 mod reduce;
+mod refused_recordings;
 mod sensor_offset;
 #[allow(dead_code)] // samples of cases are for springpot's own sweeps
 #[path = "../../../crates/springpot/tests/it/support/sweep.rs"]

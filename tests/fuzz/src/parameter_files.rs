@@ -1,4 +1,6 @@
 //! Parameter files: TOML text.
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|data: &[u8]| fuzz_targets::parameter_files(data));
+libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    fuzz_targets::parameter_files(data);
+});

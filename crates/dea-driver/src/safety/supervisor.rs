@@ -331,7 +331,10 @@ impl Supervisor {
     ///
     /// [`Refusal`] from another state than running.
     pub fn stop(&mut self) -> Result<(), Refusal> {
-        self.change(DriverState::Running, DriverState::Armed)
+        self.change(DriverState::Running, DriverState::Armed)?;
+        // Not only with the next tick: a run may be started before it, and begins at 0 V.
+        self.command_v = 0.0;
+        Ok(())
     }
 
     /// Back to 0 V, amplifier disabled. Disarming what is disarmed is no error; a trip stays.

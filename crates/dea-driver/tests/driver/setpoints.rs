@@ -112,3 +112,23 @@ fn a_film_that_still_creeps_gets_no_voltage() {
         }
     }
 }
+
+/// Requests that arrive within one tick are as good as those between ticks: a run that is stopped and started again begins at 0 V.
+#[test]
+fn a_run_begins_at_0_v_without_a_tick_before_it() {
+    for mode in [Mode::Voltage, Mode::Feedforward, Mode::Tracking] {
+        let mut bench = reach(DriverState::Running);
+        bench.set_voltage(2000.0);
+        for _ in 0..100 {
+            bench.tick(|_| ());
+        }
+        assert_eq!(bench.controller.supervisor().command_v(), 2000.0);
+        bench.ask(Controller::stop).expect("running");
+        bench.ask(|controller| controller.start(mode)).expect("armed");
+        assert_eq!(bench.controller.supervisor().command_v(), 0.0, "{mode:?}");
+        for _ in 0..100 {
+            assert_eq!(bench.tick(|_| ()).telemetry.command_v, 0.0, "{mode:?}");
+        }
+        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "{mode:?}");
+    }
+}

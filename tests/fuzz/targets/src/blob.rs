@@ -21,8 +21,10 @@ const SLOT_HEADER: usize = 8;
 /// | 1 | the contents of a blob, which get a header and a checksum |
 /// | 2 | the flash: the first half in one slot, the second in the other |
 /// | 3 | two slots: sequence numbers, what each holds, and the contents of a blob |
-pub fn run(data: &[u8]) {
-    let Some((&kind, rest)) = data.split_first() else { return };
+///
+/// Returns whether a blob was accepted.
+pub fn run(data: &[u8]) -> bool {
+    let Some((&kind, rest)) = data.split_first() else { return false };
     match kind % 4 {
         0 => decode(rest),
         1 => decode(&sealed(rest)),
@@ -32,7 +34,7 @@ pub fn run(data: &[u8]) {
             for (sector, bytes) in flash.0.chunks_mut(SECTOR).zip([first, second]) {
                 sector.iter_mut().zip(bytes).for_each(|(at, &byte)| *at = byte);
             }
-            load(&flash);
+            load(&flash)
         }
         _ => slots(rest),
     }
@@ -48,10 +50,10 @@ fn sealed(contents: &[u8]) -> Vec<u8> {
     blob
 }
 
-fn decode(bytes: &[u8]) {
+fn decode(bytes: &[u8]) -> bool {
     let header = BlobHeader::read(bytes);
     assert_eq!(header.is_ok(), bytes.len() >= HEADER && bytes.starts_with(b"DEA\x01"));
-    let Ok(blob) = <Blob>::decode(bytes, BOARD) else { return };
+    let Ok(blob) = <Blob>::decode(bytes, BOARD) else { return false };
     let header = header.expect("a blob has one");
     let end = HEADER + usize::from(header.length) + 4;
     assert!(end <= BLOB_LEN && header.board == BOARD);
@@ -63,6 +65,7 @@ fn decode(bytes: &[u8]) {
     assert_eq!(again[..length], bytes[..end], "encoded again");
     holds(blob.parameters());
     drives(blob);
+    true
 }
 
 /// What docs/blob.md and docs/wiring.md say of parameters that were not refused.
@@ -99,8 +102,12 @@ fn drives(blob: Blob) {
         assert!(telemetry.command_v <= 1.0001 * limits.max_field_v_per_m * limits.thickness_m);
         let (slew_v, rounding_v) = (limits.max_slew_v_per_s / parameters.rate_hz, 1e-6 * limits.max_voltage_v);
         assert!(!enable || step_v <= slew_v + rounding_v, "{step_v} V in a tick, instead of {slew_v} V");
-        let code = DacCode::from_volts(dac_v, parameters.command_range);
-        assert!(dac_v.is_finite() && (enable || dac_v == 0.0) && (enable || code == DacCode::ZERO));
+        // NaN, of a gain whose square is not finite, is a code of 0 V. What the amplifier makes of the code: within the monitor's band of the command.
+        let code_v = DacCode::from_volts(dac_v, parameters.command_range).volts(parameters.command_range);
+        let film_v = parameters.amplifier.apply(code_v);
+        assert!(enable || dac_v == 0.0, "disabled, with {dac_v} V");
+        let band_v = limits.monitor.band_v + 1e-3 * limits.max_voltage_v;
+        assert!(film_v <= telemetry.command_v + band_v, "{film_v} V for a command of {} V", telemetry.command_v);
         command_v = telemetry.command_v;
         outputs
     };
@@ -141,7 +148,7 @@ fn slot(sector: &[u8]) -> Slot {
 }
 
 /// The newest slot whose blob is valid wins, and newer ones that are damaged or cut off are told.
-fn load(flash: &Flash) {
+fn load(flash: &Flash) -> bool {
     let slots: Vec<Slot> = flash.0.chunks(SECTOR).map(slot).collect();
     let mut store: Store<Flash> = Store::new(flash.clone(), BOARD).expect("two sectors");
     let loaded = store.load();
@@ -174,7 +181,9 @@ fn load(flash: &Flash) {
     if found.is_none() {
         assert!(matches!(loaded, Err(StoreError::Empty(_))), "{loaded:?}");
     }
+    let accepted = found.is_some();
     save(store, &slots, found.map(|(bytes, _)| bytes));
+    accepted
 }
 
 /// What is saved is found, and what ran before is still there if the power fails meanwhile.
@@ -193,8 +202,8 @@ fn save(mut store: Store<Flash>, slots: &[Slot], old: Option<Vec<u8>>) {
 }
 
 /// Two slots of sequence numbers (4 bytes each), what they hold (a byte, four bits each), and the contents of a blob.
-fn slots(data: &[u8]) {
-    let Some((&[a0, a1, a2, a3, b0, b1, b2, b3, held], contents)) = data.split_first_chunk() else { return };
+fn slots(data: &[u8]) -> bool {
+    let Some((&[a0, a1, a2, a3, b0, b1, b2, b3, held], contents)) = data.split_first_chunk() else { return false };
     let given = sealed(contents);
     let mut flash = Flash::erased();
     let numbers = [[a0, a1, a2, a3], [b0, b1, b2, b3]].map(u32::from_le_bytes);
@@ -212,5 +221,5 @@ fn slots(data: &[u8]) {
             sector[..slot.len()].copy_from_slice(&slot);
         }
     }
-    load(&flash);
+    load(&flash)
 }

@@ -17,7 +17,7 @@ mod recording;
 
 pub use blob::run as blobs;
 pub use frame::run as frames;
-pub use line::seal;
+pub use line::{crc32, seal};
 pub use parameter_file::run as parameter_files;
 pub use recording::run as recordings;
 

@@ -7,16 +7,21 @@ use host_sim::files::parameters::Parameters;
 use crate::place::{PATH, line_of};
 
 /// Reads `data` as a parameter file. What is read can be written and read again; what is refused names its line.
-pub fn run(data: &[u8]) {
+/// Returns whether it was read.
+pub fn run(data: &[u8]) -> bool {
     // Files that are not UTF-8 are refused before.
-    let Ok(text) = std::str::from_utf8(data) else { return };
+    let Ok(text) = std::str::from_utf8(data) else { return false };
     match Parameters::from_toml(Path::new(PATH), text) {
-        Ok(parameters) => comes_back(&parameters),
+        Ok(parameters) => {
+            comes_back(&parameters);
+            true
+        }
         Err(error) => {
             let line = line_of(&error).unwrap_or_else(|| panic!("no line: {error}"));
             let lines = text.lines().count().max(1) as u64;
             // The end of a text that ends with a line is on the next.
             assert!((1..=lines + 1).contains(&line), "{error}, of {lines} lines");
+            false
         }
     }
 }

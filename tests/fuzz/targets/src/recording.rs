@@ -9,14 +9,16 @@ use host_sim::files::recording::{Input, Recording};
 use crate::place::{PATH, line_of};
 
 /// Reads `data` as a recording. What is read has a row for every line of the text; what is refused names the first line that
-/// cannot be used, and the lines before it can.
-pub fn run(data: &[u8]) {
+/// cannot be used, and the lines before it can. Returns whether
+/// it was read.
+pub fn run(data: &[u8]) -> bool {
     let lines = lines(data);
     match read(data) {
         Ok(recording) => {
             let rows = lines.iter().filter(|line| is_record(line)).count() - 1;
             has_every_row(data, rows);
             is_in_order(&recording);
+            true
         }
         Err(error) => {
             if let Some(line) = line_of(&error) {
@@ -24,6 +26,7 @@ pub fn run(data: &[u8]) {
                 assert!((1..=lines.len().max(1)).contains(&line), "{error}, of {} lines", lines.len());
                 is_the_first_fault(&lines, line, &error);
             }
+            false
         }
     }
 }
