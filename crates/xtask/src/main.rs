@@ -54,7 +54,9 @@ fn main() -> ExitCode {
         Chore::Test => test::run(),
         Chore::Sweep => test::sweep(),
         Chore::Setup => setup::run().map(drop),
-        Chore::Embedded => setup::run().and_then(|toolchain| embedded::run(&toolchain)),
+        Chore::Embedded => {
+            setup::run().and_then(|toolchain| embedded::libraries(&toolchain).and_then(|()| embedded::run(&toolchain)))
+        }
         Chore::Image => setup::toolchain().and_then(|toolchain| firmware::image(&toolchain)),
         Chore::Firmware => setup::run().and_then(|toolchain| firmware::run(&toolchain)),
         Chore::Recordings => recordings::run(),

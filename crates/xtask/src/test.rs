@@ -14,11 +14,14 @@ pub const LIBRARIES: [&str; 2] = ["springpot", "dea-driver"];
 /// What the tests read: with `full` they run all cases of their sweeps, otherwise a sample.
 const SWEEP: &str = "SPRINGPOT_SWEEP";
 
-/// Stages that have passed, with their seconds.
-#[derive(Default)]
-struct Stages(Vec<(&'static str, f64)>);
+/// Stages that have passed, with their seconds, and when they began.
+struct Stages(Vec<(&'static str, f64)>, Instant);
 
 impl Stages {
+    fn begin() -> Self {
+        Self(Vec::new(), Instant::now())
+    }
+
     /// Runs a stage: prints its name, what it runs, and the time that it took.
     fn run<R>(&mut self, name: &'static str, stage: impl FnOnce() -> Result<R>) -> Result<R> {
         println!("\n== {name}");
@@ -36,29 +39,48 @@ impl Stages {
         done
     }
 
+    /// Runs two stages beside each other: neither keeps two cores busy alone.
+    fn run_both(
+        &mut self,
+        (name, stage): (&'static str, impl FnOnce() -> Result<()>),
+        (beside_name, beside): (&'static str, impl FnOnce() -> Result<()> + Send),
+    ) -> Result<()> {
+        std::thread::scope(|scope| {
+            let thread = scope.spawn(|| {
+                let mut stages = Self::begin();
+                stages.run(beside_name, beside).map(|()| stages)
+            });
+            let done = self.run(name, stage);
+            let beside = thread.join().map_err(|_| format!("{beside_name}: panicked"))?;
+            self.0.extend(beside?.0);
+            done
+        })
+    }
+
     fn print(&self) {
         println!("\nseconds  stage");
         for (name, seconds) in &self.0 {
             println!("{seconds:7.0}  {name}");
         }
-        let all: f64 = self.0.iter().map(|(_, seconds)| seconds).sum();
-        println!("{all:7.0}  all");
+        println!("{:7.0}  all", self.1.elapsed().as_secs_f64());
         println!("stages: {} passed, 0 failed", self.0.len());
     }
 }
 
 /// Installs what is missing and runs every check and test.
 pub fn run() -> Result<()> {
-    let mut stages = Stages::default();
+    let mut stages = Stages::begin();
     let toolchain = stages.run("tools", setup::run)?;
     stages.run("format", || run_command(cargo(&["fmt", "--all", "--check"])))?;
     stages.run("lint", lint)?;
     stages.run("features", features)?;
     stages.run("documentation", documentation)?;
     stages.run("packages", packages::run)?;
-    stages.run("chips", || embedded::run(&toolchain))?;
-    stages.run("firmware images", || firmware::images(&toolchain))?;
-    stages.run("test builds", || run_command(tests(&[QEMU.as_slice(), &["--no-run"]].concat())))?;
+    stages.run("libraries on chips", || embedded::libraries(&toolchain))?;
+    stages.run_both(
+        ("test builds", || run_command(tests(&[QEMU.as_slice(), &["--no-run"]].concat()))),
+        ("images, and steps on chips", || firmware::images(&toolchain).and_then(|()| embedded::run(&toolchain))),
+    )?;
     // One program after another, so that neither emulators nor boards that tick in real time share the machine with fits.
     stages.run("tests, firmware in QEMU included", || run_command(tests(&QEMU)))?;
     stages.run("tests with micromath", micromath)?;
@@ -68,7 +90,7 @@ pub fn run() -> Result<()> {
 
 /// The tests with all cases of their sweeps, of which `cargo xtask test` runs a sample.
 pub fn sweep() -> Result<()> {
-    let mut stages = Stages::default();
+    let mut stages = Stages::begin();
     let toolchain = stages.run("tools", setup::run)?;
     stages.run("firmware images", || firmware::images(&toolchain))?;
     stages.run("tests, all cases", || {

@@ -66,7 +66,7 @@ impl ObserverOptions {
             return Err(ControlError::NotPositive { quantity: "delay_s", value: delay_s });
         }
         // Infinite is as long as one likes.
-        if !(adaptation_s >= 0.0) {
+        if adaptation_s.is_nan() || adaptation_s < 0.0 {
             return Err(ControlError::NotPositive { quantity: "adaptation_s", value: adaptation_s });
         }
         if lost_after_s < sample_interval_s {
