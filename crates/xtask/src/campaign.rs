@@ -29,9 +29,13 @@ const SECONDS: &str = "600";
 
 /// Runs a part, or all of them; a part that fails does not keep the others from running.
 pub fn run(part: Option<Part>) -> Result<()> {
-    let parts: [(Part, fn() -> Result<()>); 3] = [(Part::Driver, driver), (Part::Fuzz, fuzz), (Part::Mutants, mutants)];
-    let wanted = parts.into_iter().filter(|(name, _)| part.is_none_or(|part| part == *name));
-    let failed: Vec<String> = wanted.filter_map(|(_, run)| run().err()).collect();
+    let wanted = Part::value_variants().iter().filter(|other| part.is_none_or(|part| part == **other));
+    let run = |part: &Part| match part {
+        Part::Driver => driver(),
+        Part::Fuzz => fuzz(),
+        Part::Mutants => mutants(),
+    };
+    let failed: Vec<String> = wanted.filter_map(|part| run(part).err()).collect();
     if failed.is_empty() { Ok(()) } else { Err(failed.join("\n")) }
 }
 
