@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use dea_driver::chips::CommandRange;
+use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::wire::boards;
 use dea_driver::{Blob, Controller, OnSensorFault};
 use host_sim::files::parameters::Parameters;
@@ -76,7 +76,8 @@ fn a_board_of_its_own_goes_into_the_blob() {
     fs::write(&file, parameters.to_toml() + &board_table()).expect("written");
     let blob = <Blob>::decode(&exported(text(&file), "2000"), 7).expect("for board 7").into_parameters();
     assert_eq!((blob.rate_hz, blob.command_range), (2000.0, CommandRange::FiveVolts));
-    assert_eq!((blob.amplifier.gain, blob.amplifier.quadratic, blob.monitor.offset), (1200.0, -3.5, 1.5));
+    assert_eq!(blob.amplifier, Calibration::Parabola { offset: 0.0, gain: 1200.0, quadratic: -3.5 });
+    assert_eq!(blob.monitor, Calibration::Parabola { offset: 1.5, gain: 1000.0, quadratic: 0.0 });
     assert_eq!((blob.limits.max_voltage_v, blob.limits.on_sensor_fault), (5500.0, OnSensorFault::OpenLoop));
     assert_eq!((blob.limits.sensor.stuck_ticks, blob.sensor_offset_m), (300, 12e-6));
     // And through other commands, unchanged.
@@ -85,6 +86,42 @@ fn a_board_of_its_own_goes_into_the_blob() {
     let (before, after) = (Parameters::read(&file).expect("readable"), Parameters::read(&reduced).expect("readable"));
     assert_eq!(before.board, after.board);
     assert!(fs::read_to_string(&reduced).expect("written").contains("settle_s = 0.01\n"), "short numbers");
+}
+
+#[test]
+fn an_amplifier_is_described_by_points_as_well() {
+    let folder = TempDir::new().expect("a folder");
+    let file = folder.path().join("p.toml");
+    let parabola = "amplifier = { offset = 0.0, gain = 1200.0, quadratic = -3.5 }";
+    let points = "amplifier = { points = [[0.0, 0.0], [0.6, 15.0], [0.8, 160.0], [5.0, 6000.0]] }";
+    let good = Parameters::preset("table3-n2").expect("there").to_toml() + &board_table();
+    assert!(good.contains(parabola));
+    fs::write(&file, good.replace(parabola, points)).expect("written");
+    let blob = <Blob>::decode(&exported(text(&file), "1000"), 7).expect("for board 7").into_parameters();
+    let expected = Calibration::points(&[[0.0, 0.0], [0.6, 15.0], [0.8, 160.0], [5.0, 6000.0]]).expect("rising");
+    assert_eq!(blob.amplifier, expected);
+    // Through other commands, with short numbers.
+    let reduced = folder.path().join("r.toml");
+    TOOL.json(&["reduce", "--params", text(&file), "--out", text(&reduced)]);
+    let (before, after) = (Parameters::read(&file).expect("readable"), Parameters::read(&reduced).expect("readable"));
+    assert_eq!(before.board, after.board);
+    assert!(fs::read_to_string(&reduced).expect("written").contains("0.6"), "short numbers");
+    // What is no calibration names its place.
+    for (wrong, words) in [
+        (
+            "{ points = [[0.0, 0.0], [0.6, 15.0], [0.5, 160.0], [5.0, 6000.0]] }",
+            ["amplifier", "from point 2 to point 3"],
+        ),
+        ("{ points = [[0.0, 0.0], [4.0, 5000.0]] }", ["amplifier", "max_voltage_v"]),
+        ("{ points = [[0.0, 0.0]] }", ["amplifier", "points"]),
+        ("{ offset = 0.0, gain = 1200.0, points = [[0.0, 0.0], [5.0, 6000.0]] }", ["p.toml:", "quadratic"]),
+        ("{ offset = 0.0, gain = 1200.0 }", ["p.toml:", "quadratic"]),
+    ] {
+        fs::write(&file, good.replace(parabola, &format!("amplifier = {wrong}"))).expect("written");
+        let out = folder.path().join("p.bin");
+        names(&TOOL.fails(&["export", "--params", text(&file), "--out", text(&out)]), &words);
+        assert!(!out.exists());
+    }
 }
 
 #[test]
