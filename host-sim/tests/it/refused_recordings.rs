@@ -27,7 +27,7 @@ fn the_first_fault_is_named() {
 /// below it, and no fault was found.
 #[test]
 fn no_open_field_takes_the_rows_below() {
-    let (line, cause) = line_of_the_fault("time_s,voltage_v,note\n0,1,5\" film\" a,\n1,2,5\" x,\"y\n2,3,z\"\n3,4,\n");
+    let (line, cause) = line_of_the_fault("time_s,voltage_v,note\n0,1,5\" film\" a,\n1,2,5\" x,\"y\n2,3,\"z\"\n3,4,\n");
     assert!(line == 3 && cause.contains("quote"), "{line}: {cause}");
     let whole = "time_s,voltage_v,note,of\n0,1,\"a, \"\"b\"\"\",\n1,2,c\"d\"e,\"\"\n2,3,\"\"\"\",x\n";
     let recording = Recording::from_csv(Path::new("film.csv"), whole.as_bytes()).expect("every quote is closed");

@@ -10,6 +10,7 @@ mod blob_bytes;
 mod chips;
 mod control;
 mod documents;
+mod edges;
 mod film_bench;
 mod flash;
 mod lean;

@@ -16,6 +16,9 @@ struct Bench {
     ticks: u16,
     /// Survives a reset.
     trial: bool,
+    /// Whether it is an image for drills, and the one that was asked for.
+    drills: bool,
+    drilled: Option<Drill>,
 }
 
 impl Board for Bench {
@@ -53,6 +56,11 @@ impl Board for Bench {
     fn remembers_trial(&self) -> bool {
         self.trial
     }
+
+    fn drill(&mut self, drill: Drill) -> bool {
+        self.drilled = self.drills.then_some(drill);
+        self.drills
+    }
 }
 
 struct Host {
@@ -64,8 +72,16 @@ struct Host {
 impl Host {
     fn new(latched: Option<Cause>) -> Self {
         let store = Store::new(Flash::new(), Bench::ID).expect("two sectors");
-        let bench =
-            Bench { device: Device::new(latched), store, rate_hz: 0.0, drive: Drive::OFF, ticks: 0, trial: false };
+        let bench = Bench {
+            device: Device::new(latched),
+            store,
+            rate_hz: 0.0,
+            drive: Drive::OFF,
+            ticks: 0,
+            trial: false,
+            drills: false,
+            drilled: None,
+        };
         Self { session: Session::new("1.2.3"), bench, token: 0 }
     }
 
@@ -106,7 +122,7 @@ impl Host {
 
     fn tick(&mut self) {
         let bench = &mut self.bench;
-        bench.ticks += 1;
+        bench.ticks = bench.ticks.wrapping_add(1);
         let monitor_adc_v = Some(bench.drive.dac_v);
         let sensor_adc_v = Some(1.0 + 2e-3 * f32::from(bench.ticks % 3));
         bench.drive = bench.device.tick(Inputs { interlock_closed: true, monitor_adc_v, sensor_adc_v });
@@ -428,4 +444,78 @@ fn a_background_that_hangs_is_noticed_by_the_tick() {
         device.background_came_round();
         assert!(device.background_is_alive());
     }
+}
+
+/// An image for drills causes the fault that was asked for, and says so.
+#[test]
+fn an_image_for_drills_drills() {
+    let mut host = Host::new(None);
+    host.bench.drills = true;
+    assert_eq!(host.ask(Command::Drill(Drill::Bus)), Answer::Done);
+    assert_eq!(host.bench.drilled, Some(Drill::Bus));
+}
+
+/// Frames that were damaged or unknown and the depth of the stack are told with the state.
+#[test]
+fn the_status_counts_what_was_refused() {
+    let mut host = Host::with_parameters();
+    let mut send = |bytes: &[u8]| {
+        for &byte in bytes {
+            host.session.serve(byte, &mut host.bench);
+        }
+    };
+    // Broken stuffing three times, and twice a command that does not exist.
+    (0..3).for_each(|_| send(&[9, 9, 0]));
+    let mut frame = [0; FRAME_LEN + 1];
+    let length = encode(&(1u16, 0u16, 200u8), &mut frame).expect("fits");
+    (0..2).for_each(|_| send(&frame[..length]));
+    let Answer::Status(status) = host.ask(Command::Status) else { panic!("no status") };
+    assert_eq!((status.damaged_frames, status.unknown_frames, status.stack_peak), (3, 2, 99));
+}
+
+/// A token is never 0 and never the one before, whenever it is drawn; which one it is depends on when.
+#[test]
+fn no_token_is_0_or_the_one_before() {
+    let mut host = Host::with_parameters();
+    let mut first = Vec::new();
+    for _ in 0..=u16::MAX {
+        host.session = Session::new("1.2.3");
+        host.arm();
+        let token = host.token;
+        assert_eq!(host.ask(Command::Disarm), Answer::Done);
+        host.arm();
+        assert!(token != 0 && host.token != 0 && host.token != token, "{token}, then {}", host.token);
+        assert_eq!(host.ask(Command::Disarm), Answer::Done);
+        first.push(token);
+        host.tick();
+    }
+    first.sort_unstable();
+    first.dedup();
+    // A host that armed before a reset guesses it once in a thousand times at most.
+    assert!(first.len() > 1000, "{} tokens", first.len());
+}
+
+/// Records that nobody takes are counted, and the next one tells how many. The queue holds 16.
+#[test]
+fn dropped_records_are_told() {
+    let mut host = Host::with_parameters();
+    assert!(host.bench.device.controller().is_some_and(|controller| controller.parameters().rate_hz == 1000.0));
+    assert_eq!(host.ask(Command::Stream { every: 1 }), Answer::Done);
+    (0..30).for_each(|_| host.tick());
+    let waiting: Vec<u32> = std::iter::from_fn(|| host.bench.device.telemetry()).map(|record| record.dropped).collect();
+    assert_eq!(waiting, [0; 16]);
+    (0..2).for_each(|_| host.tick());
+    let next: Vec<u32> = std::iter::from_fn(|| host.bench.device.telemetry()).map(|record| record.dropped).collect();
+    assert_eq!(next, [14, 0]);
+}
+
+/// A fault that the board finds trips what is enabled, and nothing else.
+#[test]
+fn a_device_trips_what_is_enabled() {
+    let mut host = Host::with_parameters();
+    host.bench.device.trip(Cause::Overrun);
+    assert_eq!(host.state(), DriverState::Disarmed);
+    host.arm();
+    host.bench.device.trip(Cause::Overrun);
+    assert_eq!(host.state(), DriverState::Tripped(Cause::Overrun));
 }

@@ -2,6 +2,7 @@
 
 use dea_driver::chips::{Calibration, CalibrationError, MAX_POINTS};
 use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, Store, StoreError};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use springpot::{Actuator, ActuatorError, Law, LawError, Options, VoltageDrive};
 
 use crate::bench::board_parameters;
@@ -290,6 +291,78 @@ fn power_may_go_at_any_byte() {
         println!("power lost after each byte: the old set {old_kept} times, the new one {new_there} times");
         assert!(old_kept > SECTOR + BLOB_LEN && new_there >= 1);
     }
+}
+
+/// A set that stands in one slot alone, as its number and the other slot tell it: the first of all, or one beside which another was
+/// cut off.
+#[test]
+fn a_set_that_stands_alone_is_the_first_or_lost_another() {
+    let slot = |sequence: u32| {
+        let mut slot = [sequence.to_le_bytes(), (!sequence).to_le_bytes()].concat();
+        slot.extend(bytes_of(&named("alone")));
+        slot.resize(SECTOR, 0xff);
+        slot
+    };
+    let erased = vec![0xff; SECTOR];
+    let mut begun = erased.clone();
+    begun[100] = 0;
+    for (sequence, other, lost) in [(1, &erased, false), (1, &begun, true), (2, &erased, true), (2, &begun, true)] {
+        for bytes in [[slot(sequence), other.clone()].concat(), [other.clone(), slot(sequence)].concat()] {
+            let mut store = store(Flash { bytes, power: usize::MAX });
+            assert_eq!(found(&mut store), ("alone".to_owned(), lost), "number {sequence}");
+        }
+    }
+}
+
+/// Flash of two parts of `PART` bytes, read and written in words of these sizes.
+struct Words<const READ: usize, const WRITE: usize, const PART: usize>;
+
+impl<const READ: usize, const WRITE: usize, const PART: usize> ErrorType for Words<READ, WRITE, PART> {
+    type Error = NorFlashErrorKind;
+}
+
+impl<const READ: usize, const WRITE: usize, const PART: usize> ReadNorFlash for Words<READ, WRITE, PART> {
+    const READ_SIZE: usize = READ;
+
+    fn read(&mut self, _: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        bytes.fill(0xff);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        2 * PART
+    }
+}
+
+impl<const READ: usize, const WRITE: usize, const PART: usize> NorFlash for Words<READ, WRITE, PART> {
+    const WRITE_SIZE: usize = WRITE;
+    const ERASE_SIZE: usize = PART;
+
+    fn erase(&mut self, _: u32, _: u32) -> Result<(), NorFlashErrorKind> {
+        Ok(())
+    }
+
+    fn write(&mut self, _: u32, _: &[u8]) -> Result<(), NorFlashErrorKind> {
+        Ok(())
+    }
+}
+
+/// A slot is 8 bytes and a blob of 768. It is read and written in whole words, each of at most 8 bytes.
+#[test]
+fn flash_of_any_fitting_geometry_is_taken() {
+    fn takes<const READ: usize, const WRITE: usize, const PART: usize>() -> bool {
+        match <Store<_>>::new(Words::<READ, WRITE, PART>, BOARD) {
+            Ok(_) => true,
+            Err(error) => {
+                assert_eq!(error, StoreError::Geometry);
+                false
+            }
+        }
+    }
+    assert!(takes::<1, 4, 776>() && takes::<8, 8, 776>() && takes::<1, 1, 2048>() && takes::<4, 2, 1024>());
+    assert!(!takes::<1, 4, 775>() && !takes::<1, 4, 768>());
+    assert!(!takes::<16, 4, 1024>() && !takes::<1, 16, 1024>() && !takes::<1, 256, 1024>());
+    assert!(!takes::<3, 4, 1024>() && !takes::<1, 3, 1024>() && !takes::<0, 4, 1024>() && !takes::<1, 0, 1024>());
 }
 
 #[test]
