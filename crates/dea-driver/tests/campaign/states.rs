@@ -12,7 +12,7 @@
 //! ends by `acknowledge` only, and only [`Cause::LiveFilm`] replaces another cause. The search finds each of four faults that are put
 //! into it on purpose.
 //!
-//! Cases: all states; about 10⁴ in the sample, 10⁶ in full (the test prints both numbers).
+//! Cases: all states: 13 276 where sensor faults trip and 5 521 where they are ridden through in the sample, 169 204 and 128 475 in full.
 
 use std::collections::{HashSet, VecDeque};
 use std::fmt::Write;
