@@ -116,6 +116,20 @@ impl Calibration {
         }
     }
 
+    /// Largest change of the quantity per volt, from 0 V to `full_scale_v`.
+    pub(crate) fn steepest(&self, full_scale_v: f32) -> f32 {
+        match self {
+            &Self::Parabola { gain, quadratic, .. } => gain.max(gain + 2.0 * quadratic * full_scale_v),
+            Self::Points(points) => {
+                let slopes = points.windows(2).map(|pair| match *pair {
+                    [[u0, y0], [u1, y1]] => (y1 - y0) / (u1 - u0),
+                    _ => 0.0,
+                });
+                slopes.fold(0.0, f32::max)
+            }
+        }
+    }
+
     /// The quantity at `volts`.
     #[must_use]
     pub fn apply(&self, volts: f32) -> f32 {

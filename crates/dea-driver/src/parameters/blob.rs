@@ -96,6 +96,8 @@ pub enum BlobError {
     Control(ControlError),
     /// An instrument that does not cover 0 V to the largest voltage of the limits.
     Reach(&'static str),
+    /// An amplifier so steep that a step of a DAC of 16 bits is more than the monitor's band.
+    Coarse,
     /// Limits for a film of another thickness than the actuator's.
     Thickness,
     /// A sensor whose plausible range holds what it reads when it is unplugged, 0 V, or saturated.
@@ -128,6 +130,7 @@ impl fmt::Display for BlobError {
             Self::Reach(which) => {
                 write!(f, "the {which} does not reach from 0 V to limits.max_voltage_v, within the monitor's band")
             }
+            Self::Coarse => f.write_str("the amplifier: a step of the DAC is more than limits.monitor.band_v at the film"),
             Self::Thickness => f.write_str("limits.thickness_m is not the actuator's thickness_m"),
             Self::Unplugged => f.write_str(
                 "limits.sensor: low to high must not hold the readings of an unplugged sensor (0 V) and of a saturated one",
@@ -239,6 +242,9 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, F
         // At a command of 0 V the amplifier must be within the monitor's band around 0 V.
         if self.amplifier.apply(0.0).abs() > limits.monitor.band_v {
             return Err(BlobError::Reach("amplifier"));
+        }
+        if self.amplifier.steepest(command_v) * command_v > 65_536.0 * limits.monitor.band_v {
+            return Err(BlobError::Coarse);
         }
         if !(0.99..=1.01).contains(&(f64::from(limits.thickness_m) / self.actuator.thickness_m)) {
             return Err(BlobError::Thickness);

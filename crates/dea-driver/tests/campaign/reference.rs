@@ -37,8 +37,8 @@ pub struct Reference {
 
 #[derive(Clone, Debug, Default)]
 struct MonitorReference {
-    /// Where an amplifier at its slew is, V.
-    slowest_v: f64,
+    /// The voltages where an amplifier may be that has its slew or more, V.
+    possible_v: [f64; 2],
     /// Ticks outside the band that have not been made up for.
     outside: f64,
 }
@@ -111,7 +111,10 @@ impl Reference {
     }
 
     pub fn stop(&mut self) -> Result<(), Refusal> {
-        self.leave(DriverState::Running, DriverState::Armed)
+        self.leave(DriverState::Running, DriverState::Armed)?;
+        // A run that is started before the next tick begins at 0 V as well.
+        self.command_v = 0.0;
+        Ok(())
     }
 
     fn leave(&mut self, from: DriverState, to: DriverState) -> Result<(), Refusal> {
@@ -238,18 +241,22 @@ impl Reference {
 impl MonitorReference {
     fn agrees(&mut self, limits: &Limits, rate_hz: f64, command_v: f64, monitor_v: f32) -> bool {
         let (low, high) = self.band(limits, rate_hz, command_v);
-        let slew = f64::from(limits.monitor.slew_v_per_s) / rate_hz;
-        self.slowest_v += (command_v - self.slowest_v).clamp(-slew, slew);
+        self.possible_v = self.next_possible_v(limits, rate_hz, command_v);
         let inside = (low..=high).contains(&f64::from(monitor_v));
         self.outside = if inside { (self.outside - 1.0 / MADE_UP_BY).max(0.0) } else { self.outside + 1.0 };
         self.outside <= ticks(limits.monitor.settle_s, rate_hz) as f64
     }
 
-    /// What agrees in the next tick: from an amplifier at its slew to one that follows at once, and the band around it, V.
-    fn band(&self, limits: &Limits, rate_hz: f64, command_v: f64) -> (f64, f64) {
+    /// Each voltage has moved towards the command, by the slew or by more.
+    fn next_possible_v(&self, limits: &Limits, rate_hz: f64, command_v: f64) -> [f64; 2] {
         let slew = f64::from(limits.monitor.slew_v_per_s) / rate_hz;
-        let slowest = self.slowest_v + (command_v - self.slowest_v).clamp(-slew, slew);
-        let (low, high) = (slowest.min(command_v), slowest.max(command_v));
+        let slowest = self.possible_v.map(|volts| volts + (command_v - volts).clamp(-slew, slew));
+        [slowest[0].min(command_v), slowest[1].max(command_v)]
+    }
+
+    /// What agrees in the next tick: the possible voltages, and the band around them, V.
+    fn band(&self, limits: &Limits, rate_hz: f64, command_v: f64) -> (f64, f64) {
+        let [low, high] = self.next_possible_v(limits, rate_hz, command_v);
         let band = f64::from(limits.monitor.band_v) + f64::from(limits.monitor.band_share) * high;
         (low - band, high + band)
     }

@@ -109,6 +109,10 @@ fn wrong_values_are_refused() {
     // Instruments that cannot show or reach what the limits allow, and limits for another film.
     assert_eq!(refused(&|p| p.monitor = Calibration::linear(650.0)), BlobError::Reach("monitor"));
     assert_eq!(refused(&|p| p.amplifier = Calibration::linear(600.0)), BlobError::Reach("amplifier"));
+    // A step of 16 bits of 10 V is 153 V at the film, and 76 V where the points are steepest.
+    assert_eq!(refused(&|p| p.amplifier = Calibration::linear(1e6)), BlobError::Coarse);
+    let steep = Calibration::points(&[[0.0, 0.0], [1.0, 10.0], [1.01, 5010.0], [10.0, 7000.0]]).expect("rising");
+    assert_eq!(refused(&|p| p.amplifier = steep.clone()), BlobError::Coarse);
     let offset = Calibration::Parabola { offset: 7000.0, gain: 1000.0, quadratic: 0.0 };
     assert_eq!(refused(&|p| p.amplifier = offset.clone()), BlobError::Reach("amplifier"));
     // Points that end below the limit, or that stand above 0 V at rest; ones that fall.

@@ -37,6 +37,8 @@ struct Bench {
     source: Source,
     mode: Mode,
     reference_is_set: bool,
+    /// Largest force scale that was estimated while this run tracked, 1 at least.
+    softest: f32,
     last: Option<Telemetry>,
     disturbance_n: f32,
     output: Drive,
@@ -60,6 +62,7 @@ impl Bench {
             source: Source::new(seed),
             mode: Mode::Voltage,
             reference_is_set: false,
+            softest: 1.0,
             last: None,
             disturbance_n: 0.0,
             output: Drive::OFF,
@@ -128,6 +131,7 @@ impl Bench {
                 let refused = same(self.device.start(mode), expected, &self.reference);
                 if expected.is_ok() {
                     self.reference_is_set = false;
+                    self.softest = 1.0;
                     self.mode = mode;
                     if mode == Mode::Feedforward {
                         // The model as it was fitted.
@@ -221,6 +225,9 @@ impl Bench {
             self.reference.trip(Cause::Bus);
         }
         let runs_on = self.reference.state == DriverState::Running;
+        if runs_on && self.mode == Mode::Tracking {
+            self.softest = self.last.map_or(1.0, |last| last.force_scale).max(self.softest);
+        }
         self.output = self.device.tick(inputs);
         let telemetry = self.device.telemetry().expect("every tick");
         let readings = Readings {
@@ -228,7 +235,7 @@ impl Bench {
             monitor_v: telemetry.monitor_v,
             displacement_m: telemetry.displacement_m,
             predicted_m: self.last.map_or(0.0, |last| last.predicted_m),
-            open_loop_m: self.film.position(),
+            open_loop_m: self.film.position() * self.softest,
             follows: runs_on && self.mode != Mode::Voltage && self.reference_is_set,
             disturbance_share: if runs_on && self.mode == Mode::Tracking { self.share() } else { 0.0 },
         };
