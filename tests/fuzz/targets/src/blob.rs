@@ -116,12 +116,15 @@ fn drives(blob: Blob) {
         assert!(telemetry.command_v <= 1.0001 * limits.max_field_v_per_m * limits.thickness_m);
         let (slew_v, rounding_v) = (limits.max_slew_v_per_s / parameters.rate_hz, 1e-6 * limits.max_voltage_v);
         assert!(!enable || step_v <= slew_v + rounding_v, "{step_v} V in a tick, instead of {slew_v} V");
-        // NaN, of a gain whose square is not finite, is a code of 0 V. What the amplifier makes of the code: within the monitor's band of the command.
-        let code_v = DacCode::from_volts(dac_v, parameters.command_range).volts(parameters.command_range);
-        let film_v = parameters.amplifier.apply(code_v);
         assert!(enable || dac_v == 0.0, "disabled, with {dac_v} V");
-        let band_v = limits.monitor.band_v + 1e-3 * limits.max_voltage_v;
-        assert!(film_v <= telemetry.command_v + band_v, "{film_v} V for a command of {} V", telemetry.command_v);
+        // NaN, of a gain whose square is not finite, is a code of 0 V. What the amplifier makes of the code is within the monitor's band
+        // of the command, and a step of the DAC, which of an amplifier of an absurd gain is more than that.
+        let range = parameters.command_range;
+        let DacCode(code) = DacCode::from_volts(dac_v, range);
+        let film_v = |code: u16| parameters.amplifier.apply(DacCode(code).volts(range));
+        let step_v = film_v(code.saturating_add(1)) - film_v(code.saturating_sub(1));
+        let most_v = telemetry.command_v + step_v + limits.monitor.band_v + 1e-3 * limits.max_voltage_v;
+        assert!(film_v(code) <= most_v, "{} V for a command of {} V", film_v(code), telemetry.command_v);
         command_v = telemetry.command_v;
         outputs
     };
