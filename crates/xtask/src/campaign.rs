@@ -10,7 +10,7 @@ use crate::process::{Result, cargo, output, root, run as run_command};
 use crate::setup;
 
 /// A part of the campaign.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, ValueEnum)]
 pub enum Part {
     /// The driver's campaign of simulated faults, all cases.
     Driver,
@@ -29,13 +29,18 @@ const SECONDS: &str = "600";
 
 /// Runs a part, or all of them; a part that fails does not keep the others from running.
 pub fn run(part: Option<Part>) -> Result<()> {
-    let wanted = Part::value_variants().iter().filter(|other| part.is_none_or(|part| part == **other));
-    let run = |part: &Part| match part {
-        Part::Driver => driver(),
-        Part::Fuzz => fuzz(),
-        Part::Mutants => mutants(),
-    };
-    let failed: Vec<String> = wanted.filter_map(|part| run(part).err()).collect();
+    let parts = part.map_or_else(|| Part::value_variants().to_vec(), |part| vec![part]);
+    let failed = parts.into_iter().filter_map(|part| match part {
+        Part::Driver => driver().err(),
+        Part::Fuzz => fuzz().err(),
+        Part::Mutants => mutants().err(),
+    });
+    none(failed)
+}
+
+/// Nothing failed, or all that did.
+fn none(failed: impl Iterator<Item = String>) -> Result<()> {
+    let failed: Vec<String> = failed.collect();
     if failed.is_empty() { Ok(()) } else { Err(failed.join("\n")) }
 }
 
@@ -51,9 +56,7 @@ fn driver() -> Result<()> {
 fn fuzz() -> Result<()> {
     setup::cpp_compiler()?;
     run_command(fuzzers(&["build", "--release"]))?;
-    let failed: Vec<String> =
-        FUZZERS.into_iter().filter_map(|(fuzzer, longest)| fuzz_one(fuzzer, longest).err()).collect();
-    if failed.is_empty() { Ok(()) } else { Err(failed.join("\n")) }
+    none(FUZZERS.into_iter().filter_map(|(fuzzer, longest)| fuzz_one(fuzzer, longest).err()))
 }
 
 fn fuzz_one(fuzzer: &str, longest: &str) -> Result<()> {

@@ -1,9 +1,12 @@
 //! Edges that mutants of the driver's source found untested: counts to the tick, values at a limit, what is told beside the state.
 
+use dea_driver::chips::AdcRange;
 use dea_driver::{
-    Cause, Controller, DriverState, Limits, LimitsError, Mode, Monitor, Plausibility, PlausibilityLimits, Readings,
-    SensorFault, Supervisor,
+    AdcError, Ads868x, Cause, Controller, DriverState, Limits, LimitsError, Mode, Monitor, Plausibility,
+    PlausibilityLimits, Readings, SensorFault, Supervisor,
 };
+
+use embedded_hal_mock::eh1::spi::{Mock as Spi, Transaction as OnSpi};
 
 use crate::bench::{bench_limits, board_parameters};
 use crate::film_bench::{FilmBench, adc_v};
@@ -279,7 +282,8 @@ fn a_reference_does_not_act_on_a_run_of_voltages() {
 }
 
 /// The field limit knows the film at its longest, whichever of sensor and model says so: at 30 V/µm a film with a third more force
-/// than the model's is thinner than the model, and one with less may be what the sensor shows wrongly.
+/// than the model's is thinner than the model, and one with less may be what the sensor shows wrongly. It knows what is left of one
+/// run in the next, after a trip between them.
 #[test]
 fn the_field_limit_knows_the_longer_of_sensor_and_model() {
     for force_scale in [1.3, 0.7] {
@@ -288,31 +292,47 @@ fn the_field_limit_knows_the_longer_of_sensor_and_model() {
         parameters.limits.max_disturbance_share = 0.4;
         let mut bench = FilmBench { force_scale, ..FilmBench::with(parameters) };
         let (mut model, mut longest_m) = (bench.law.state(), 0.0f64);
-        bench.start(Mode::Voltage);
-        bench.set_voltage(6500.0);
-        for tick in 0..20_000 {
-            bench.controller.heartbeat();
-            let command_v = f64::from(bench.tick(|_| ()).telemetry.command_v);
+        let mut tick = |bench: &mut FilmBench, closed: bool| {
+            let command_v = f64::from(bench.tick(|inputs| inputs.interlock_closed = closed).telemetry.command_v);
             // What both were when the tick began: 0.1 % for a tick of motion and the sensor's noise.
             let thickness_m = 160e-6 / (1.0 + longest_m / 0.04);
-            assert!(command_v / thickness_m < 1.001 * 3e7, "{force_scale}, tick {tick}: {command_v} V");
+            assert!(command_v / thickness_m < 1.001 * 3e7, "{force_scale}: {command_v} V at {longest_m} m");
             let modelled_m = bench.law.displacement_under(&mut model, bench.drive.load(bench.high_voltage_v));
             longest_m = bench.displacement_m.max(modelled_m);
+            longest_m
+        };
+        for run in 0..2 {
+            tick(&mut bench, true);
+            bench.ask(Controller::arm).expect("healthy");
+            bench.ask(|controller| controller.start(Mode::Voltage)).expect("armed");
+            bench.set_voltage(6500.0);
+            let reached_m = (0..10_000).fold(0.0, |_, _| {
+                bench.controller.heartbeat();
+                tick(&mut bench, true)
+            });
+            assert!(reached_m > 1e-3, "run {run}: {reached_m} m");
+            tick(&mut bench, false);
+            for _ in 0..20 {
+                tick(&mut bench, true);
+            }
+            bench.ask(Controller::acknowledge).expect("tripped");
         }
-        assert!(longest_m > 1e-3, "{longest_m} m");
     }
 }
 
-/// Without a reference nothing has to move: a model that creeps back after a run without a film does not make a sensor stuck.
+/// Without a reference that is followed nothing has to move: neither in a run of voltages without a film, whatever reference was set,
+/// nor when its model creeps back.
 #[test]
 fn a_sensor_is_not_stuck_before_there_is_a_reference() {
     let mut bench = FilmBench::new();
     bench.start(Mode::Voltage);
     bench.set_voltage(5000.0);
+    bench.set_reference(0.5e-3);
     let still = |tick: u16| Some(adc_v(6400 + tick % 3));
     for tick in 0..1000 {
         bench.controller.heartbeat();
         bench.tick(|inputs| inputs.sensor_adc_v = still(tick));
+        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
     }
     bench.ask(Controller::stop).expect("running");
     bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
@@ -321,6 +341,24 @@ fn a_sensor_is_not_stuck_before_there_is_a_reference() {
         bench.tick(|inputs| inputs.sensor_adc_v = still(tick));
         assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
     }
+}
+
+/// An ADC has no range before it was configured, and loses it when it does not answer with it.
+#[test]
+fn an_adc_is_configured_once_its_range_is_read_back() {
+    let frame = |sent: [u8; 4], answer: [u8; 4]| {
+        [OnSpi::transaction_start(), OnSpi::transfer_in_place(sent.to_vec(), answer.to_vec()), OnSpi::transaction_end()]
+    };
+    let asked = [frame([0xd0, 0x14, 0, 9], [0; 4]), frame([0xc8, 0x14, 0, 0], [0; 4])].concat();
+    let good = frame([0; 4], [0, 9, 0, 0]).to_vec();
+    let bad = frame([0; 4], [0, 8, 0, 0]).to_vec();
+    let mut adc = Ads868x::new(Spi::new(&[asked.clone(), good, asked, bad].concat()), AdcRange::UpTo10V24);
+    assert!(!adc.is_configured());
+    adc.configure().expect("answers");
+    assert!(adc.is_configured());
+    assert_eq!(adc.configure(), Err(AdcError::Range { found: 8 }));
+    assert!(!adc.is_configured());
+    adc.destroy().done();
 }
 
 /// What a file need not state: a tenth of the force, a second, and 2 µm.
