@@ -381,7 +381,7 @@ impl<R: Read> Read for Lines<R> {
     }
 }
 
-/// A reader that removes a byte order mark at the start.
+/// A reader that removes byte order marks at the start.
 struct WithoutMark<R> {
     inner: R,
     start: Option<io::Cursor<Vec<u8>>>,
@@ -395,8 +395,10 @@ impl<R: Read> Read for WithoutMark<R> {
             none => {
                 let mut first = Vec::new();
                 self.inner.by_ref().take(MARK.len() as u64).read_to_end(&mut first)?;
-                if first == MARK {
+                // A CSV reader would take a second one for nothing, and the lines would not be counted as it does.
+                while first == MARK {
                     first.clear();
+                    self.inner.by_ref().take(MARK.len() as u64).read_to_end(&mut first)?;
                 }
                 none.insert(io::Cursor::new(first))
             }

@@ -34,3 +34,15 @@ fn no_open_field_takes_the_rows_below() {
     assert_eq!(recording.duration_s(), 2.0);
     assert_eq!(recording.drive().expect("a voltage").samples().value, [1.0, 2.0, 3.0]);
 }
+
+/// Programs that join files leave a byte order mark in front of another: the second one was counted as a row.
+#[test]
+fn byte_order_marks_are_no_line() {
+    let (line, cause) = line_of_the_fault("\u{feff}\u{feff}\ntime_s,voltage_v\n0,1\n1,x\n");
+    assert!(line == 4 && cause.contains("not a number"), "{line}: {cause}");
+    // An open quote at the end of a line, and at the end of the file.
+    for csv in ["time_s,voltage_v,note\n0,0,\n1,1,\"5 mm\n2,1,\n", "time_s,voltage_v,note\n0,0,\n1,1,\"5 mm"] {
+        let (line, cause) = line_of_the_fault(csv);
+        assert!(line == 3 && cause.contains("quote"), "{line}: {cause}");
+    }
+}

@@ -39,7 +39,10 @@ fn read(csv: &[u8]) -> Result<Recording, Error> {
 /// Lines with their ends: `\n`, `\r` or both.
 fn lines(text: &[u8]) -> Vec<&[u8]> {
     let mut lines = Vec::new();
-    let mut rest = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+    let mut rest = text;
+    while let Some(behind) = rest.strip_prefix(b"\xef\xbb\xbf") {
+        rest = behind;
+    }
     while !rest.is_empty() {
         let end = rest.iter().position(|byte| b"\r\n".contains(byte)).map_or(rest.len(), |at| at + 1);
         let end = if rest[..end].ends_with(b"\r") && rest.get(end) == Some(&b'\n') { end + 1 } else { end };
