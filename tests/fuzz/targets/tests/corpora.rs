@@ -24,7 +24,7 @@ fn replay(target: &str, run: fn(&[u8]) -> bool) {
         accepted += usize::from(run(data));
     }
     println!("{accepted} accepted");
-    assert!(accepted > 0 && files.len() > accepted, "{target}: {accepted} of {} accepted", files.len());
+    assert!(accepted >= 5 && files.len() - accepted >= 5, "{target}: {accepted} of {} accepted", files.len());
 }
 
 #[test]
