@@ -252,13 +252,17 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         Ok(self.installed()?.stop()?)
     }
 
-    /// [`Controller::disarm`]; without parameters there is nothing to disarm.
+    /// [`Controller::disarm`]; without parameters there is nothing to disarm, and a latched cause refuses it as a trip does.
     ///
     /// # Errors
     ///
     /// As there.
     pub fn disarm(&mut self) -> Result<(), Denial> {
-        self.controller.as_mut().map_or(Ok(()), |controller| Ok(controller.disarm()?))
+        match (&mut self.controller, self.latched) {
+            (Some(controller), _) => Ok(controller.disarm()?),
+            (None, Some(cause)) => Err(Refusal::State(DriverState::Tripped(cause)).into()),
+            (None, None) => Ok(()),
+        }
     }
 
     /// [`Controller::acknowledge`]; without parameters, clears the cause that ended the last run. That older parameters are in force

@@ -189,8 +189,11 @@ fn before_there_are_parameters_most_commands_are_rejected() {
     assert_eq!(message, "a panic");
     // A cause that is latched over a reset is acknowledged once.
     let mut host = Host::new(Some(Cause::Watchdog));
-    assert_eq!(host.state(), DriverState::Tripped(Cause::Watchdog));
+    let tripped = DriverState::Tripped(Cause::Watchdog);
+    assert_eq!(host.state(), tripped);
+    assert_eq!(host.ask(Command::Disarm), Answer::Refused(Refusal::State(tripped)));
     assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
+    assert_eq!(host.ask(Command::Disarm), Answer::Done);
     assert_eq!(host.ask(Command::Acknowledge), Answer::Rejected(Reject::NoParameters));
 }
 
