@@ -40,10 +40,15 @@ pub fn start(rcc: RCC, timer: &TIM5, avoid: bool) -> (Rcc, Option<ClockFault>) {
     let rcc = rcc.freeze(Config::hse(CRYSTAL_HZ.Hz()).sysclk(CORE_HZ.Hz()));
     let after = slow_period(&rcc, timer);
     // A crystal of another frequency, or a loop that is off, would stretch every time that the limits state.
-    if let (Some(before), Some(after)) = (before, after) {
-        let expected = before as f32 * (TIM5::timer_clock(&rcc.clocks).raw() as f32 / INTERNAL_HZ);
-        let off = (after as f32 / expected - 1.0).abs();
-        assert!(off <= TOLERANCE, "{PANIC}: another crystal than 8 MHz");
+    match (before, after) {
+        (Some(before), Some(after)) => {
+            let expected = before as f32 * (TIM5::timer_clock(&rcc.clocks).raw() as f32 / INTERNAL_HZ);
+            let off = (after as f32 / expected - 1.0).abs();
+            assert!(off <= TOLERANCE, "{PANIC}: another crystal than 8 MHz");
+        }
+        _ => defmt::error!(
+            "clock: the watchdog's oscillator does not run, so the crystal was not compared with anything"
+        ),
     }
     // From now on a crystal that stops ends in a non-maskable interrupt.
     rcc.cr().modify(|_, w| w.csson().set_bit());
@@ -78,6 +83,7 @@ fn slow_period(rcc: &RCC, timer: &TIM5) -> Option<u32> {
     }
     rcc.apb1enr().modify(|_, w| w.tim5en().set_bit());
     let captures = capture(timer);
+    timer.cr1().write(|w| w.cen().clear_bit());
     rcc.apb1enr().modify(|_, w| w.tim5en().clear_bit());
     captures
 }
@@ -103,6 +109,5 @@ fn capture(timer: &TIM5) -> Option<u32> {
     for _ in 0..16 {
         last = next()?;
     }
-    timer.cr1().write(|w| w.cen().clear_bit());
     Some(last.wrapping_sub(first))
 }
