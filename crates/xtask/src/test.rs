@@ -14,12 +14,16 @@ pub const LIBRARIES: [&str; 2] = ["springpot", "dea-driver"];
 /// What the tests read: with `full` they run all cases of their sweeps, otherwise a sample.
 const SWEEP: &str = "SPRINGPOT_SWEEP";
 
-/// Stages that have passed, with their seconds, and when they began.
-struct Stages(Vec<(&'static str, f64)>, Instant);
+/// What has passed of a run.
+struct Stages {
+    begun: Instant,
+    /// Stages with their seconds.
+    passed: Vec<(&'static str, f64)>,
+}
 
 impl Stages {
     fn begin() -> Self {
-        Self(Vec::new(), Instant::now())
+        Self { begun: Instant::now(), passed: Vec::new() }
     }
 
     /// Runs a stage: prints its name, what it runs, and the time that it took.
@@ -28,11 +32,11 @@ impl Stages {
         let start = Instant::now();
         let done = stage();
         let seconds = start.elapsed().as_secs_f64();
-        let passed = self.0.len();
+        let passed = self.passed.len();
         match &done {
             Ok(_) => {
                 println!("== {name}: passed in {seconds:.0} s");
-                self.0.push((name, seconds));
+                self.passed.push((name, seconds));
             }
             Err(_) => println!("== {name}: failed after {seconds:.0} s; stages: {passed} passed, 1 failed"),
         }
@@ -52,18 +56,18 @@ impl Stages {
             });
             let done = self.run(name, stage);
             let beside = thread.join().map_err(|_| format!("{beside_name}: panicked"))?;
-            self.0.extend(beside?.0);
+            self.passed.extend(beside?.passed);
             done
         })
     }
 
     fn print(&self) {
         println!("\nseconds  stage");
-        for (name, seconds) in &self.0 {
+        for (name, seconds) in &self.passed {
             println!("{seconds:7.0}  {name}");
         }
-        println!("{:7.0}  all", self.1.elapsed().as_secs_f64());
-        println!("stages: {} passed, 0 failed", self.0.len());
+        println!("{:7.0}  all", self.begun.elapsed().as_secs_f64());
+        println!("stages: {} passed, 0 failed", self.passed.len());
     }
 }
 

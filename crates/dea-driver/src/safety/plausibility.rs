@@ -52,9 +52,9 @@ impl Plausibility {
     }
 
     /// Checks the `value` of this tick. `predicted` is the estimate, which this sensor may have corrected; `open_loop` is the
-    /// model's displacement under the commanded voltage alone; NaN where the film need not follow it. After a fault the sensor counts as plausible again once ten
-    /// values in a row are in range, steady, and no further from the estimate than a plausible jump: a sensor that has slipped
-    /// stays implausible.
+    /// model's displacement under the commanded voltage alone, NaN where the film need not follow it. After a fault the sensor
+    /// counts as plausible again once ten values in a row are in range, steady, and no further from the estimate than a plausible
+    /// jump: a sensor that has slipped stays implausible.
     pub fn check(&mut self, value: f32, predicted: f32, open_loop: f32) -> Option<SensorFault> {
         let PlausibilityLimits { low, high, jump, stuck_ticks, .. } = self.limits;
         let before = self.last.replace(value);

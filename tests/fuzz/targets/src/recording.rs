@@ -79,7 +79,7 @@ fn is_in_order(recording: &Recording) {
     let displacement = recording.displacement();
     for samples in drive.into_iter().chain(displacement.as_ref().ok()).chain(recording.force().as_ref()) {
         assert_eq!(samples.time_s.len(), samples.value.len());
-        // No unit of a column is larger than 1000, no number larger than 1e15.
+        // No unit of a column is larger than 1000, no value larger than 1e15.
         assert!(samples.value.iter().all(|value| value.abs() <= 1e18), "numbers that no instrument reads");
     }
 }
