@@ -1,12 +1,9 @@
 //! Edges that mutants of the driver's source found untested: counts to the tick, values at a limit, what is told beside the state.
 
-use dea_driver::chips::AdcRange;
 use dea_driver::{
-    AdcError, Ads868x, Cause, Controller, DriverState, Limits, LimitsError, Mode, Monitor, Plausibility,
-    PlausibilityLimits, Readings, SensorFault, Supervisor,
+    Cause, Controller, DriverState, Limits, LimitsError, Mode, Monitor, Plausibility, PlausibilityLimits, Readings,
+    SensorFault, Supervisor,
 };
-
-use embedded_hal_mock::eh1::spi::{Mock as Spi, Transaction as OnSpi};
 
 use crate::bench::{bench_limits, board_parameters};
 use crate::film_bench::{FilmBench, adc_v};
@@ -341,24 +338,6 @@ fn a_sensor_is_not_stuck_before_there_is_a_reference() {
         bench.tick(|inputs| inputs.sensor_adc_v = still(tick));
         assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
     }
-}
-
-/// An ADC has no range before it was configured, and loses it when it does not answer with it.
-#[test]
-fn an_adc_is_configured_once_its_range_is_read_back() {
-    let frame = |sent: [u8; 4], answer: [u8; 4]| {
-        [OnSpi::transaction_start(), OnSpi::transfer_in_place(sent.to_vec(), answer.to_vec()), OnSpi::transaction_end()]
-    };
-    let asked = [frame([0xd0, 0x14, 0, 9], [0; 4]), frame([0xc8, 0x14, 0, 0], [0; 4])].concat();
-    let good = frame([0; 4], [0, 9, 0, 0]).to_vec();
-    let bad = frame([0; 4], [0, 8, 0, 0]).to_vec();
-    let mut adc = Ads868x::new(Spi::new(&[asked.clone(), good, asked, bad].concat()), AdcRange::UpTo10V24);
-    assert!(!adc.is_configured());
-    adc.configure().expect("answers");
-    assert!(adc.is_configured());
-    assert_eq!(adc.configure(), Err(AdcError::Range { found: 8 }));
-    assert!(!adc.is_configured());
-    adc.destroy().done();
 }
 
 /// What a file need not state: a tenth of the force, a second, and 2 µm.
