@@ -22,9 +22,6 @@ pub struct Monitor {
     /// Where an amplifier may be that follows the command at its slew or faster, V.
     lowest_v: f32,
     highest_v: f32,
-    /// The same in the tick before.
-    lowest_before_v: f32,
-    highest_before_v: f32,
     /// [`OUTSIDE`] more for every tick outside the band, one less for every tick inside.
     excess: u32,
 }
@@ -44,8 +41,6 @@ impl Monitor {
             largest_excess: ((limits.settle_s * rate_hz + 0.5) as u32).saturating_mul(OUTSIDE),
             lowest_v: 0.0,
             highest_v: 0.0,
-            lowest_before_v: 0.0,
-            highest_before_v: 0.0,
             excess: 0,
         }
     }
@@ -53,7 +48,6 @@ impl Monitor {
     /// Starts again at 0 V, with nothing counted.
     pub fn reset(&mut self) {
         (self.lowest_v, self.highest_v, self.excess) = (0.0, 0.0, 0);
-        (self.lowest_before_v, self.highest_before_v) = (0.0, 0.0);
     }
 
     /// Compares the command of the last tick (V) with the monitor (V); false once they have differed for longer than the settle
@@ -63,8 +57,7 @@ impl Monitor {
     /// so what agreed in the tick before agrees as well. NaN differs.
     #[must_use]
     pub fn agrees(&mut self, command_v: f32, monitor_v: f32) -> bool {
-        let (lowest_before_v, highest_before_v) = (self.lowest_before_v, self.highest_before_v);
-        (self.lowest_before_v, self.highest_before_v) = (self.lowest_v, self.highest_v);
+        let (lowest_before_v, highest_before_v) = (self.lowest_v, self.highest_v);
         // The slowest from below and from above.
         let risen_v = self.lowest_v + self.slew_v_per_tick;
         let fallen_v = self.highest_v - self.slew_v_per_tick;
