@@ -23,7 +23,7 @@ pub use chips::Drive;
 pub use chips::{AdcError, Ads868x, Amplifier, AmplifierError};
 pub use control::{Controller, Inputs, Mode, Outputs, SetpointError, Telemetry};
 #[cfg(feature = "loop-test")]
-pub use control::{Followed, Step, Target};
+pub use control::{Followed, Step, Target, TickCodes, Ticked};
 pub use parameters::{BLOB_LEN, Blob, BlobError, Control, Parameters, SCHEMA};
 #[cfg(feature = "store")]
 pub use parameters::{BlobHeader, Store, StoreError, Stored};

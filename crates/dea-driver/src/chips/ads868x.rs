@@ -80,7 +80,9 @@ pub enum AdcError {
     Bus,
     /// The chip does not have the range that it was set to: no chip, another one, or one that has been without supply.
     Range {
-        /// What came instead: the register, or what a frame carries beside its sample.
+        /// What should have come: the register, or what a frame carries beside its sample.
+        wanted: u16,
+        /// What came.
         found: u16,
     },
     /// It is being set up.
@@ -110,13 +112,13 @@ impl<SPI: SpiDevice> Ads868x<SPI> {
         let is_for = core::mem::replace(&mut self.next, Frame::SetRange);
         let [first, second, third, fourth] = self.frame(command)?;
         let (upper, lower) = (u16::from_be_bytes([first, second]), u16::from_be_bytes([third, fourth]));
-        let (found, expected) = match is_for {
+        let (found, wanted) = match is_for {
             Frame::TakeRange => (upper, range_sel(self.range)),
             Frame::Sample => (lower, range_sel(self.range) << 8),
             _ => (0, 0),
         };
-        if found != expected {
-            return Err(AdcError::Range { found });
+        if found != wanted {
+            return Err(AdcError::Range { wanted, found });
         }
         self.next = then;
         if let Frame::Sample = is_for { Ok(AdcCode(upper)) } else { Err(AdcError::Starting) }

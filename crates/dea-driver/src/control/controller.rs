@@ -122,6 +122,15 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     pub fn new(blob: Blob<HEAD, FAST, SLOW>) -> Self {
         let checksum = blob.checksum();
         let (parameters, tracking, supervisor) = blob.into_parts();
+        Self::of(parameters, checksum, tracking, supervisor)
+    }
+
+    fn of(
+        parameters: Parameters<HEAD, FAST, SLOW>,
+        checksum: Option<u32>,
+        tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+        supervisor: Supervisor,
+    ) -> Self {
         let rest = tracking.observer().law().state();
         let course = tracking.state(rest.clone());
         let shares_per_n = shares_per_n(&parameters);
@@ -393,6 +402,14 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     /// Resets the loop test to rest at x = 0.
     pub fn rest(&mut self) {
         self.test = LoopTest::at_rest(&self.tracking);
+    }
+
+    /// Another controller of the same parameters, disarmed, its film at rest.
+    #[must_use]
+    pub fn at_rest(&self) -> Self {
+        // The limits were accepted when this controller was made.
+        let supervisor = Supervisor::new(&self.parameters.limits, self.parameters.rate_hz).unwrap_or(self.supervisor);
+        Self::of(self.parameters.clone(), self.checksum, self.tracking.clone(), supervisor)
     }
 
     /// Steps the model under `volts` (V), and Eq. 1 back from its force to the voltage.

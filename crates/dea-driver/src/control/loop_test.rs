@@ -6,6 +6,7 @@ use springpot::{Applied, Compressed, SensorSample, State, Tracking, TrackingStat
 
 #[cfg(feature = "loop-test")]
 use crate::control::Mode;
+use crate::safety::DriverState;
 
 /// The input of a tick of a loop test.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,6 +39,33 @@ pub struct Followed {
     pub displacement_m: f32,
     /// The estimated disturbance, N.
     pub disturbance_n: f32,
+}
+
+/// The input of a whole tick of a loop test: codes of a board's converters on their full scales of 10.24 V.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TickCodes {
+    /// Whether the interlock is closed.
+    pub interlock_closed: bool,
+    /// The voltage monitor.
+    pub monitor: u16,
+    /// The displacement sensor.
+    pub sensor: u16,
+    /// The voltage (V) of `Mode::Voltage`, the reference (m) of the others.
+    pub target: f32,
+}
+
+/// A whole tick of a loop test.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Ticked {
+    /// Whether the amplifier would be enabled.
+    pub enable: bool,
+    /// The code of its command.
+    pub command: u16,
+    /// The state.
+    pub state: DriverState,
+    /// The estimated displacement, m.
+    pub predicted_m: f32,
 }
 
 /// A film and a course apart from those of the tick.

@@ -8,6 +8,6 @@ mod telemetry;
 
 pub use controller::{Controller, Inputs, Outputs};
 #[cfg(any(feature = "loop-test", feature = "link"))]
-pub use loop_test::{Followed, Step, Target};
+pub use loop_test::{Followed, Step, Target, TickCodes, Ticked};
 pub use setpoint::SetpointError;
 pub use telemetry::{Mode, Telemetry};

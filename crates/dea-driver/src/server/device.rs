@@ -3,11 +3,13 @@
 use heapless::{Deque, String};
 
 use crate::chips::Drive;
-use crate::control::{Controller, Inputs, Mode, SetpointError, Telemetry};
 #[cfg(feature = "loop-test")]
-use crate::control::{Followed, Step, Target};
+use crate::chips::{AdcCode, AdcRange, DacCode};
+use crate::control::{Controller, Inputs, Mode, Outputs, SetpointError, Telemetry};
+#[cfg(feature = "loop-test")]
+use crate::control::{Followed, Step, Target, TickCodes, Ticked};
 use crate::safety::{Cause, DriverState, Refusal, Supervisor};
-use crate::wire::{Answer, Reject, Status};
+use crate::wire::{Answer, Inspection, Reject, Status};
 
 /// Records that wait for the link.
 const WAITING: usize = 16;
@@ -48,7 +50,12 @@ pub struct Device<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: us
     parameters_lost: bool,
     /// Ticks since the background came round.
     ticks_alone: u32,
+    /// What the board has found of its parts.
+    inspection: Option<Inspection>,
     stream: Stream,
+    /// The controller of whole ticks of the loop test.
+    #[cfg(feature = "loop-test")]
+    test: Option<Controller<HEAD, FAST, SLOW>>,
 }
 
 /// Why a device did not do as asked.
@@ -89,7 +96,16 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
     /// A device without parameters. `latched` is why the run before ended, unless it was switched off.
     #[must_use]
     pub const fn new(latched: Option<Cause>) -> Self {
-        Self { controller: None, latched, parameters_lost: false, ticks_alone: 0, stream: Stream::new() }
+        Self {
+            controller: None,
+            latched,
+            parameters_lost: false,
+            ticks_alone: 0,
+            inspection: None,
+            stream: Stream::new(),
+            #[cfg(feature = "loop-test")]
+            test: None,
+        }
     }
 
     /// The controller, once there are parameters.
@@ -121,6 +137,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
             controller.trip(cause);
         }
         self.controller = Some(controller);
+        #[cfg(feature = "loop-test")]
+        {
+            self.test = None;
+        }
         Ok(())
     }
 
@@ -164,12 +184,20 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         let Some(controller) = &mut self.controller else {
             return Drive::OFF;
         };
-        let outputs = match compiled::of_default_law(controller) {
-            Some(controller) => compiled::tick(controller, inputs),
-            None => controller.tick(inputs),
-        };
+        let outputs = tick_compiled(controller, inputs);
         self.stream.push(outputs.telemetry);
         Drive { enable: outputs.enable, dac_v: outputs.dac_v, range: controller.parameters().command_range }
+    }
+
+    /// Tells what the board finds of its parts, for a host that asks: in every tick, or as often as they are looked at.
+    pub fn report(&mut self, inspection: Inspection) {
+        self.inspection = Some(inspection);
+    }
+
+    /// What the board has told of its parts last.
+    #[must_use]
+    pub fn inspection(&self) -> Option<Inspection> {
+        self.inspection
     }
 
     /// The next record that the host asked for.
@@ -314,14 +342,28 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
 /// The loop test, which takes time that the tick of an enabled amplifier may need.
 #[cfg(feature = "loop-test")]
 impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST, SLOW> {
-    /// [`Controller::rest`].
+    /// [`Controller::rest`], and a controller at rest for [`tick_test`](Self::tick_test).
     ///
     /// # Errors
     ///
     /// [`Refusal::State`] while the amplifier is enabled, and [`Reject::NoParameters`].
     pub fn rest(&mut self) -> Result<(), Denial> {
-        self.disabled()?.rest();
+        let controller = self.disabled()?;
+        controller.rest();
+        self.test = Some(controller.at_rest());
         Ok(())
+    }
+
+    /// Whole ticks on `inputs`, of a controller of its own that has been at rest since [`rest`](Self::rest): it is armed and started
+    /// in `mode` as soon as its readings are healthy, and given a target in every tick.
+    ///
+    /// # Errors
+    ///
+    /// As [`rest`](Self::rest); [`Reject::NoParameters`] as well if that was not called since they changed.
+    pub fn tick_test<C: FromIterator<Ticked>>(&mut self, mode: Mode, inputs: &[TickCodes]) -> Result<C, Denial> {
+        self.disabled()?;
+        let controller = self.test.as_mut().ok_or(Denial::Rejected(Reject::NoParameters))?;
+        Ok(inputs.iter().map(|&codes| tick_on_codes(controller, mode, codes)).collect())
     }
 
     /// [`Controller::step`] under each of `volts`.
@@ -356,6 +398,43 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         off?;
         Ok(controller)
     }
+}
+
+/// A tick of the code that was compiled with this crate, if that is the law's.
+fn tick_compiled<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    controller: &mut Controller<HEAD, FAST, SLOW>,
+    inputs: Inputs,
+) -> Outputs {
+    match compiled::of_default_law(controller) {
+        Some(controller) => compiled::tick(controller, inputs),
+        None => controller.tick(inputs),
+    }
+}
+
+/// A tick of the loop test: codes in, codes out. What a host would ask for is asked for here, and may be refused.
+#[cfg(feature = "loop-test")]
+fn tick_on_codes<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    controller: &mut Controller<HEAD, FAST, SLOW>,
+    mode: Mode,
+    codes: TickCodes,
+) -> Ticked {
+    let volts = |code| Some(AdcCode(code).volts(AdcRange::default()));
+    let _ = match controller.supervisor().state() {
+        DriverState::Disarmed => controller.arm(),
+        DriverState::Armed => controller.start(mode),
+        DriverState::Running | DriverState::Tripped(_) => Ok(()),
+    };
+    let _ = match mode {
+        Mode::Voltage => controller.set_voltage(codes.target),
+        Mode::Feedforward | Mode::Tracking => controller.set_reference(codes.target),
+    };
+    controller.heartbeat();
+    let TickCodes { interlock_closed, monitor, sensor, .. } = codes;
+    let inputs = Inputs { interlock_closed, monitor_adc_v: volts(monitor), sensor_adc_v: volts(sensor) };
+    let Outputs { enable, dac_v, telemetry } = tick_compiled(controller, inputs);
+    let command =
+        if enable { DacCode::from_volts(dac_v, controller.parameters().command_range) } else { DacCode::ZERO };
+    Ticked { enable, command: command.0, state: controller.supervisor().state(), predicted_m: telemetry.predicted_m }
 }
 
 /// The controller of the default law, compiled with this crate and its own level of optimisation.

@@ -55,6 +55,12 @@ pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usiz
         false
     }
 
+    /// Feeds the watchdog no more, so that it resets the chip: shows that there is one. The amplifier is disabled. False where there is
+    /// none to be tried.
+    fn starve_watchdog(&mut self) -> bool {
+        false
+    }
+
     /// Causes a fault on purpose, in an image for drills; false in any other.
     fn drill(&mut self, drill: Drill) -> bool {
         let _ = drill;
@@ -204,6 +210,15 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
             Command::Drill(drill) if board.drill(drill) => Ok(()),
             Command::Drill(_) => Err(Denial::Rejected(Reject::Unknown)),
             Command::Reload => self.reload(board),
+            Command::Inspect => {
+                let found = board.with(|device| device.inspection()).0;
+                return found.map_or(Answer::Rejected(Reject::Unknown), Answer::Inspection);
+            }
+            Command::StarveWatchdog => {
+                board.with(|device| device.is_off()).0.map_err(Denial::Refused).and_then(|()| {
+                    if board.starve_watchdog() { Ok(()) } else { Err(Denial::Rejected(Reject::Unknown)) }
+                })
+            }
             #[cfg(feature = "loop-test")]
             Command::Rest => board.with(Device::rest).0,
             #[cfg(feature = "loop-test")]
@@ -216,8 +231,15 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
                 let (ticks, cycles) = board.with(|device| device.follow(mode, targets));
                 return ticks.map_or_else(Answer::from, |ticks| Answer::Followed { ticks, cycles });
             }
+            #[cfg(feature = "loop-test")]
+            Command::Tick { mode, ref inputs } => {
+                let (ticks, cycles) = board.with(|device| device.tick_test(mode, inputs));
+                return ticks.map_or_else(Answer::from, |ticks| Answer::Ticked { ticks, cycles });
+            }
             #[cfg(not(feature = "loop-test"))]
-            Command::Rest | Command::Step(_) | Command::Follow { .. } => Err(Denial::Rejected(Reject::Unknown)),
+            Command::Rest | Command::Step(_) | Command::Follow { .. } | Command::Tick { .. } => {
+                Err(Denial::Rejected(Reject::Unknown))
+            }
         };
         done.map_or_else(Answer::from, |()| Answer::Done)
     }

@@ -3,9 +3,9 @@
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Followed, Mode, Step, Target, Telemetry};
+use crate::control::{Followed, Mode, Step, Target, Telemetry, TickCodes, Ticked};
 use crate::safety::{DriverState, Refusal};
-use crate::wire::FrameError;
+use crate::wire::{FrameError, Inspection};
 
 /// Steps of a loop test in one frame.
 pub const BATCH: usize = 24;
@@ -93,6 +93,19 @@ pub enum Command {
     },
     /// Run the stored parameters, as after a reset. Only while the amplifier is disabled.
     Reload,
+    /// What the board finds of its parts. Answered by [`Answer::Inspection`]; rejected as unknown by a board that does not tell.
+    Inspect,
+    /// Feed the watchdog no more, so that it resets the chip. Only while the amplifier is disabled; rejected as unknown by a board that
+    /// does not.
+    StarveWatchdog,
+    /// Tick the whole controller of the loop test, armed and running, on these codes, without hardware. Only while the amplifier is
+    /// disabled. Answered by [`Answer::Ticked`]; rejected as unknown by an image without the feature `loop-test`.
+    Tick {
+        /// What the controller follows.
+        mode: Mode,
+        /// Tick by tick.
+        inputs: Vec<TickCodes, BATCH>,
+    },
 }
 
 /// Faults that an image for drills causes on purpose.
@@ -172,6 +185,15 @@ pub enum Answer {
     Armed {
         /// Another one every time; never 0.
         token: u16,
+    },
+    /// What a board finds of its parts.
+    Inspection(Inspection),
+    /// What the controller did.
+    Ticked {
+        /// Tick by tick.
+        ticks: Vec<Ticked, BATCH>,
+        /// Cycles of the processor that all of them took.
+        cycles: u32,
     },
 }
 

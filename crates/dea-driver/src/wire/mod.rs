@@ -20,12 +20,14 @@
 //! ```
 
 mod frame;
+mod inspection;
 mod message;
 
 pub use frame::{FRAME_LEN, FrameError, Receiver, encode};
+pub use inspection::{Inspection, Part};
 pub use message::{Answer, BATCH, CHUNK, Command, Drill, Identity, Message, Reject, Request, Status};
 
-pub use crate::control::{Followed, Mode, Step, Target, Telemetry};
+pub use crate::control::{Followed, Mode, Step, Target, Telemetry, TickCodes, Ticked};
 
 /// The version of the protocol.
 pub const VERSION: u8 = 2;

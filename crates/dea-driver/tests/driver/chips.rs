@@ -231,7 +231,7 @@ fn an_adc_that_lost_its_range_is_noticed_and_set_up_again() {
         let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
         starting(&mut adc);
         assert_eq!(adc.volts(), Ok(0.01));
-        assert_eq!(adc.volts(), Err(AdcError::Range { found }));
+        assert_eq!(adc.volts(), Err(AdcError::Range { wanted: 0x0900, found }));
         starting(&mut adc);
         assert_eq!(adc.volts(), Ok(0.02));
         adc.destroy().done();
@@ -250,7 +250,7 @@ fn an_adc_with_another_register_is_refused() {
         for _ in 0..3 {
             assert_eq!(adc.read(), Err(AdcError::Starting));
         }
-        assert_eq!(adc.read(), Err(AdcError::Range { found }));
+        assert_eq!(adc.read(), Err(AdcError::Range { wanted: 9, found }));
         adc.destroy().done();
     }
 }
@@ -282,7 +282,7 @@ fn an_adc_that_is_not_there_is_refused() {
         for _ in 0..3 {
             assert_eq!(adc.read(), Err(AdcError::Starting));
         }
-        assert_eq!(adc.read(), Err(AdcError::Range { found }));
+        assert_eq!(adc.read(), Err(AdcError::Range { wanted: 9, found }));
         adc.destroy().done();
     }
 }

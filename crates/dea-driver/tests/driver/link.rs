@@ -2,8 +2,8 @@
 
 use dea_driver::server::{Upload, UploadError};
 use dea_driver::wire::{
-    Answer, BATCH, CHUNK, Command, Drill, FRAME_LEN, Followed, FrameError, Identity, Message, Mode, Receiver, Reject,
-    Request, Status, Step, Target, Telemetry, VERSION, encode,
+    Answer, BATCH, CHUNK, Command, Drill, FRAME_LEN, Followed, FrameError, Identity, Inspection, Message, Mode, Part,
+    Receiver, Reject, Request, Status, Step, Target, Telemetry, TickCodes, Ticked, VERSION, encode,
 };
 use dea_driver::{BLOB_LEN, Cause, DriverState, Refusal, SensorFault};
 use rand::{RngExt, SeedableRng};
@@ -21,6 +21,7 @@ fn receive<T: serde::de::DeserializeOwned>(receiver: &mut Receiver, bytes: &[u8]
 }
 
 fn commands() -> Vec<Command> {
+    let codes = TickCodes { interlock_closed: true, monitor: u16::MAX, sensor: u16::MAX, target: 1.0 };
     vec![
         Command::Identify,
         Command::Heartbeat,
@@ -46,6 +47,9 @@ fn commands() -> Vec<Command> {
         Command::Drill(Drill::Hang),
         Command::Reload,
         Command::Follow { mode: Mode::Tracking, targets: [Target { value: 1.0, sample_m: Some(2.0) }; BATCH].into() },
+        Command::Inspect,
+        Command::StarveWatchdog,
+        Command::Tick { mode: Mode::Tracking, inputs: [codes; BATCH].into() },
     ]
 }
 
@@ -83,6 +87,22 @@ fn messages() -> Vec<Message> {
         board: u16::MAX,
         firmware: "0123456789abcdef".try_into().expect("short"),
     };
+    let part = Part::Wrong { wanted: u16::MAX, found: u16::MAX };
+    let inspection = Inspection {
+        interlock_closed: true,
+        enable_high: true,
+        dac: part,
+        monitor: part,
+        sensor: part,
+        monitor_adc_v: 9.0,
+        sensor_adc_v: 10.0,
+    };
+    let ticked = Ticked {
+        enable: true,
+        command: u16::MAX,
+        state: DriverState::Tripped(Cause::Sensor(SensorFault::Stuck)),
+        predicted_m: 11.0,
+    };
     let answers = [
         Answer::Done,
         Answer::Armed { token: u16::MAX },
@@ -96,6 +116,8 @@ fn messages() -> Vec<Message> {
         },
         Answer::Steps { steps: [step; BATCH].into(), cycles: u32::MAX },
         Answer::Followed { ticks: [followed; BATCH].into(), cycles: u32::MAX },
+        Answer::Inspection(inspection),
+        Answer::Ticked { ticks: [ticked; BATCH].into(), cycles: u32::MAX },
         Answer::PanicMessage(["0123456789"; 20].concat().as_str().try_into().expect("short")),
     ];
     answers

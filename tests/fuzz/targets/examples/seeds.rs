@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-use dea_driver::wire::{Command, Drill, Mode, Target};
+use dea_driver::wire::{Command, Drill, Mode, Target, TickCodes};
 use fuzz_targets::{GOOD_BLOB, seal};
 use host_sim::files::parameters::{Board, Parameters};
 use springpot::Preset;
@@ -61,6 +61,15 @@ fn commands() -> Vec<Command> {
                 .collect(),
         },
         Command::Reload,
+        Command::Inspect,
+        Command::StarveWatchdog,
+        Command::Tick {
+            mode: Mode::Voltage,
+            inputs: [(0, 400.0), (1, 500.0)]
+                .map(|(monitor, target)| TickCodes { interlock_closed: true, monitor, sensor: 6400, target })
+                .into_iter()
+                .collect(),
+        },
     ]
 }
 

@@ -180,7 +180,7 @@ impl Trial {
             // One that was lost beneath another is told next.
             7 => matches!(before, Tripped(_)) && matches!(after, Disarmed | Tripped(Cause::Parameters)),
             8 | 9 => before == after && before.is_live(),
-            11 | 14 | 15 | 16 | 19 => before == after && !before.is_live(),
+            11 | 14 | 15 | 16 | 19 | 22 | 23 => before == after && !before.is_live(),
             20 => !before.is_live() && (after == before || after == Tripped(Cause::Parameters)),
             _ => before == after,
         };

@@ -112,7 +112,7 @@ fn request(message: &[u8]) -> Option<Heading> {
     let command = u32::try_from(varint(take, 5)?).ok()?;
     let first = take.first().copied().unwrap_or(0);
     match command {
-        0..=3 | 5..=7 | 12 | 14 | 17 | 20 => {}
+        0..=3 | 5..=7 | 12 | 14 | 17 | 20..=22 => {}
         4 => mode(take)?,
         8 | 9 => skip(take, 4)?,
         10 => {
@@ -132,6 +132,15 @@ fn request(message: &[u8]) -> Option<Heading> {
                 skip(take, 4)?;
                 let sample = *take.split_off_first()?;
                 skip(take, [0, 4].get(usize::from(sample)).copied()?)?;
+            }
+        }
+        23 => {
+            mode(take)?;
+            for _ in 0..at_most(take, 24)? {
+                take.split_off_first().filter(|&&closed| closed < 2)?;
+                u16::try_from(varint(take, 3)?).ok()?;
+                u16::try_from(varint(take, 3)?).ok()?;
+                skip(take, 4)?;
             }
         }
         _ => return None,

@@ -1,0 +1,72 @@
+//! What a board finds of its parts.
+
+use serde::{Deserialize, Serialize};
+
+#[cfg(feature = "chips")]
+use crate::chips::{AdcError, AmplifierError};
+
+/// What a board finds of its parts in a tick, whether or not there are parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Inspection {
+    /// Whether the interlock is closed.
+    pub interlock_closed: bool,
+    /// Whether the pin of the enable output is high, as the pin shows it: a line that is held up or down is seen.
+    pub enable_high: bool,
+    /// The DAC of the amplifier's command.
+    pub dac: Part,
+    /// The ADC of the voltage monitor.
+    pub monitor: Part,
+    /// The ADC of the displacement sensor.
+    pub sensor: Part,
+    /// At the monitor's ADC, V; NaN if it does not answer.
+    pub monitor_adc_v: f32,
+    /// At the sensor's ADC, V; NaN if it does not answer.
+    pub sensor_adc_v: f32,
+}
+
+/// How a part answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum Part {
+    /// As it should: what was read back is what it was sent.
+    Answers,
+    /// The transfer failed.
+    Bus,
+    /// What was read back is not what it was sent: not there, without supply, not wired, or another chip.
+    Wrong {
+        /// What it was sent.
+        wanted: u16,
+        /// What was read.
+        found: u16,
+    },
+    /// It is being set up.
+    Starting,
+    /// A pin does not switch.
+    Pin,
+}
+
+#[cfg(feature = "chips")]
+impl<T> From<Result<T, AdcError>> for Part {
+    fn from(read: Result<T, AdcError>) -> Self {
+        match read {
+            Ok(_) => Self::Answers,
+            Err(AdcError::Bus) => Self::Bus,
+            Err(AdcError::Range { wanted, found }) => Self::Wrong { wanted, found },
+            Err(AdcError::Starting) => Self::Starting,
+        }
+    }
+}
+
+#[cfg(feature = "chips")]
+impl From<Result<(), AmplifierError>> for Part {
+    fn from(applied: Result<(), AmplifierError>) -> Self {
+        match applied {
+            Ok(()) => Self::Answers,
+            Err(AmplifierError::Bus) => Self::Bus,
+            Err(AmplifierError::Enable) => Self::Pin,
+            Err(AmplifierError::Readback { wanted, found }) => Self::Wrong { wanted, found },
+        }
+    }
+}
