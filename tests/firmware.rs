@@ -61,6 +61,23 @@ fn every_step_of_three_recordings_has_the_hosts_bits() {
     assert!(Tolerance::COUNT.holds(counted, stated), "{stated} instructions are stated, counted {counted}");
 }
 
+/// Whole ticks, codes of the converters in and out, along three recordings: command, state and estimate are the host's, bit for bit, and
+/// the run is still on at its end. The first 20 s of each, and in a full sweep all 155 s.
+#[test]
+fn whole_ticks_of_three_recordings_have_the_hosts_bits() {
+    let image = image("firmware/target");
+    let recordings = recordings("hossain");
+    let [fast, middle, slow] = recordings.each_ref().map(|path| text(path));
+    let (seconds, steps) = if full_sweep() { ("155", 465_003) } else { ("20", 60_003) };
+    let options = ["--params", "preset:table3-n2", "--law", "tick", "--image", text(&image), "--duration", seconds];
+    let report = TOOL.json(&[["pil"].as_slice(), &options, &[fast, middle, slow]].concat());
+    println!("{report}");
+    assert_eq!((report["steps"].as_u64(), report["mismatches"].as_u64()), (Some(steps), Some(0)));
+    for recording in report["recordings"].as_array().expect("three") {
+        assert_eq!(recording["state"], "running", "{recording}");
+    }
+}
+
 /// The three laws of control: feedforward and tracking with their loop closed around the firmware, the simulated film as
 /// plant, and the observer along a recording. Every voltage, estimate and disturbance has the host's bits, and the film
 /// follows.
@@ -293,6 +310,52 @@ fn every_fault_ends_at_0_v_with_its_cause() {
         client.order(Command::Acknowledge).expect("done");
         wait(&mut client, |status| status.state == DriverState::Disarmed);
     }
+}
+
+/// The self-test of a board, on the image with a simulated bench; QEMU has no watchdog, so that is found missing.
+#[test]
+fn the_self_test_ends_in_a_table() {
+    let folder = tempfile::TempDir::new().expect("a folder");
+    let parameters = folder.path().join("bench.bin");
+    std::fs::write(&parameters, blob(ANY_SILENCE_S)).expect("written");
+    let (_emulator, port) = emulator_at_a_port(&image("firmware/target/drills"));
+    let link = |more: &[&str]| TOOL.with(&[["link", "--port", &port, "--json"].as_slice(), more].concat());
+    let start = Instant::now();
+    while !link(&["identify"]).output().expect("runs").status.success() {
+        assert!(start.elapsed() < DEADLINE, "QEMU does not listen");
+        thread::sleep(Duration::from_millis(20));
+    }
+    link(&["upload", "--try", "--blob", text(&parameters)]).assert().success();
+    let sound = link(&["self-test"]).assert().success().get_output().stdout.clone();
+    println!("{}", String::from_utf8_lossy(&sound));
+    let starved = link(&["self-test", "--watchdog"]).assert().code(2).get_output().clone();
+    assert!(String::from_utf8_lossy(&starved.stderr).contains("the self-test failed: watchdog"), "{starved:?}");
+}
+
+/// QEMU, ended with this value.
+struct Qemu(std::process::Child);
+
+impl Drop for Qemu {
+    fn drop(&mut self) {
+        self.0.kill().expect("runs");
+        self.0.wait().expect("ends");
+    }
+}
+
+/// An image in QEMU as `firmware/emulate.sh` runs it, at a port of its own.
+fn emulator_at_a_port(image: &Path) -> (Qemu, String) {
+    // Free now; whoever takes it before QEMU does makes that end.
+    let free =
+        std::net::TcpListener::bind(("127.0.0.1", 0)).and_then(|listener| listener.local_addr()).expect("a port");
+    let arguments = std::fs::read_to_string(root().join("firmware/qemu.args")).expect("readable");
+    let qemu = std::process::Command::new("qemu-system-arm")
+        .args(arguments.split_whitespace())
+        .args(["-serial", &format!("tcp:{free},server=on,wait=off,nodelay=on"), "-kernel"])
+        .arg(image)
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .expect("installed by cargo xtask setup");
+    (Qemu(qemu), format!("tcp:{free}"))
 }
 
 /// A panic resets the chip; the next start keeps its message, and the trip until it is acknowledged.

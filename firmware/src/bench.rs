@@ -1,12 +1,13 @@
 //! The bench on the board's pins: amplifier, sensors, interlock, light. `docs/wiring.md` shows it.
 
 use dea_driver::chips::{AdcRange, CommandRange};
-use dea_driver::{Ads868x, Amplifier, AmplifierError, Drive, Inputs};
+use dea_driver::wire::{Inspection, Part};
+use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError, Drive, Inputs};
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice, NoDelay};
 use embedded_hal_bus::util::AtomicCell;
 use stm32f4xx_hal::gpio::{Input, Output, PB0, PB1, PB12, PC6, PC7, PinState, Speed, gpioa, gpiob, gpioc};
 use stm32f4xx_hal::hal::spi::{MODE_0, MODE_1};
-use stm32f4xx_hal::pac::{SPI1, SPI2};
+use stm32f4xx_hal::pac::{GPIOC, SPI1, SPI2};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::spi::Spi;
@@ -26,6 +27,7 @@ pub struct Bench {
     monitor: Option<Adc<PB0<Output>>>,
     displacement: Option<Adc<PB1<Output>>>,
     interlock: PC7<Input>,
+    found: Inspection,
 }
 
 /// The pins, as they are after a reset; the enable output is set low first of all.
@@ -70,21 +72,44 @@ impl Bench {
             monitor: monitor.map(|bus| Ads868x::new(bus, AdcRange::UpTo10V24)),
             displacement: displacement.map(|bus| Ads868x::new(bus, AdcRange::UpTo10V24)),
             interlock: interlock.into_pull_down_input(),
+            found: Inspection {
+                interlock_closed: false,
+                enable_high: false,
+                dac: Part::Starting,
+                monitor: Part::Starting,
+                sensor: Part::Starting,
+                monitor_adc_v: f32::NAN,
+                sensor_adc_v: f32::NAN,
+            },
         }
+    }
+
+    /// What the last tick has found.
+    pub fn inspection(&self) -> Inspection {
+        self.found
     }
 
     /// What interlock and sensors say: a frame for each converter. One that does not answer, or has lost its range, is set up again.
     pub fn sample(&mut self) -> Inputs {
-        Inputs {
-            interlock_closed: self.interlock.is_high(),
-            monitor_adc_v: self.monitor.as_mut().and_then(|adc| adc.volts().ok()),
-            sensor_adc_v: self.displacement.as_mut().and_then(|adc| adc.volts().ok()),
-        }
+        let monitor = self.monitor.as_mut().map_or(Err(AdcError::Bus), Adc::volts);
+        let sensor = self.displacement.as_mut().map_or(Err(AdcError::Bus), Adc::volts);
+        let interlock_closed = self.interlock.is_high();
+        self.found = Inspection {
+            interlock_closed,
+            // SAFETY: the pin's level is only read.
+            enable_high: unsafe { &*GPIOC::PTR }.idr().read().idr6().bit_is_set(),
+            dac: self.found.dac,
+            monitor: monitor.into(),
+            sensor: sensor.into(),
+            monitor_adc_v: monitor.unwrap_or(f32::NAN),
+            sensor_adc_v: sensor.unwrap_or(f32::NAN),
+        };
+        Inputs { interlock_closed, monitor_adc_v: monitor.ok(), sensor_adc_v: sensor.ok() }
     }
 
     /// Applies the drive of a tick to the amplifier.
     pub fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError> {
-        match &mut self.amplifier {
+        let applied = match &mut self.amplifier {
             Some(amplifier) => {
                 let applied = amplifier.apply(drive);
                 if applied.is_err() {
@@ -94,8 +119,9 @@ impl Bench {
                 applied
             }
             // There is nothing that could be enabled.
-            None if drive.enable => Err(AmplifierError::Bus),
-            None => Ok(()),
-        }
+            None => Err(AmplifierError::Bus),
+        };
+        self.found.dac = applied.into();
+        applied
     }
 }

@@ -5,7 +5,7 @@ use core::mem::replace;
 use core::sync::atomic::{AtomicU8, Ordering};
 
 use dea_driver::chips::{AdcCode, AdcRange, DacCode};
-use dea_driver::wire::Drill;
+use dea_driver::wire::{Drill, Inspection, Part};
 use dea_driver::{AmplifierError, Drive, Inputs};
 
 /// The drill that is asked for: its place in the list, from 1; 0 is none.
@@ -36,12 +36,22 @@ pub struct Bench {
     ticks: u32,
     stuck: bool,
     disabled: bool,
+    found: Inspection,
 }
 
 impl Bench {
     pub fn new() -> Self {
         defmt::error!("a simulated bench: this image is for drills alone");
-        Self { monitor: 0, sampled: 0, ticks: 0, stuck: false, disabled: true }
+        let found = Inspection {
+            interlock_closed: true,
+            enable_high: false,
+            dac: Part::Answers,
+            monitor: Part::Answers,
+            sensor: Part::Answers,
+            monitor_adc_v: 0.0,
+            sensor_adc_v: 0.0,
+        };
+        Self { monitor: 0, sampled: 0, ticks: 0, stuck: false, disabled: true, found }
     }
 
     pub fn sample(&mut self) -> Inputs {
@@ -73,7 +83,20 @@ impl Bench {
             },
             None => {}
         }
+        self.found = Inspection {
+            interlock_closed: inputs.interlock_closed,
+            enable_high: !self.disabled,
+            monitor: if inputs.monitor_adc_v.is_some() { Part::Answers } else { Part::Bus },
+            monitor_adc_v: inputs.monitor_adc_v.unwrap_or(f32::NAN),
+            sensor_adc_v: inputs.sensor_adc_v.unwrap_or(f32::NAN),
+            ..self.found
+        };
         inputs
+    }
+
+    /// What the last tick has found.
+    pub fn inspection(&self) -> Inspection {
+        self.found
     }
 
     pub fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError> {

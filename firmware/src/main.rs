@@ -172,7 +172,8 @@ mod app {
                 // Whatever comes of it, the cause is latched.
                 let _ = bench.apply(Drive::OFF);
             }
-            (device.state(), device.background_is_alive(), device.rate_hz())
+            device.report(bench.inspection());
+            (device.state(), device.background_is_alive() && !board::is_starved(), device.rate_hz())
         });
 
         // Lit while the amplifier is enabled; lit with short gaps while the film is live although it is not; slow when disarmed,

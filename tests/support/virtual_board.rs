@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 
 use dea_driver::chips::{AdcCode, AdcRange, DacCode};
 use dea_driver::server::{Board, Session};
-use dea_driver::wire::{FRAME_LEN, Message, boards, encode};
-use dea_driver::{Device, Drive, Inputs, Store};
+use dea_driver::wire::{FRAME_LEN, Inspection, Message, Part, boards, encode};
+use dea_driver::{Cause, Device, Drive, Inputs, Store};
 #[cfg(target_os = "linux")]
 use serial2::SerialPort;
 use springpot::{Actuator, Law, Options, Preset, State, VoltageDrive};
@@ -31,6 +31,14 @@ pub struct Scene {
     pub opens_above_v: Option<f32>,
     /// Whether the amplifier goes on with its last voltage when it is disabled: its enable input is welded.
     pub enable_welded: bool,
+    /// Whether the enable output is held down, so that the amplifier gives nothing.
+    pub enable_held_down: bool,
+    /// Codes of the monitor's ADC per code that it should show.
+    pub monitor_gain: f32,
+    /// What the parts of the board answer.
+    pub parts: [Part; 3],
+    /// Whether there is a watchdog.
+    pub watchdog: bool,
     /// What the panic before this start said.
     pub panic_message: &'static str,
     /// Stack that was used, bytes.
@@ -39,8 +47,17 @@ pub struct Scene {
 
 impl Scene {
     /// All is well.
-    pub const CALM: Self =
-        Self { interlock_closed: true, opens_above_v: None, enable_welded: false, panic_message: "", stack_peak: 1234 };
+    pub const CALM: Self = Self {
+        interlock_closed: true,
+        opens_above_v: None,
+        enable_welded: false,
+        enable_held_down: false,
+        monitor_gain: 1.0,
+        parts: [Part::Answers; 3],
+        watchdog: true,
+        panic_message: "",
+        stack_peak: 1234,
+    };
 }
 
 /// A running board; ends with this value.
@@ -119,6 +136,8 @@ struct Bench {
     device: Device,
     store: Store<Flash>,
     scene: Scene,
+    /// Whether the watchdog is fed no more.
+    starved: bool,
 }
 
 impl Board for Bench {
@@ -146,6 +165,11 @@ impl Board for Bench {
     fn panic_message(&self) -> &str {
         self.scene.panic_message
     }
+
+    fn starve_watchdog(&mut self) -> bool {
+        self.starved = self.scene.watchdog;
+        true
+    }
 }
 
 fn run(
@@ -154,9 +178,9 @@ fn run(
     ended: &AtomicBool,
     voltage: &Mutex<(f32, f32)>,
 ) {
-    let latched = if scene.panic_message.is_empty() { None } else { Some(dea_driver::Cause::Panic) };
+    let latched = if scene.panic_message.is_empty() { None } else { Some(Cause::Panic) };
     let store = Store::new(Flash::new(), boards::STM32F405).expect("two sectors");
-    let mut bench = Bench { device: Device::new(latched), store, scene };
+    let mut bench = Bench { device: Device::new(latched), store, scene, starved: false };
     let mut session = Session::new("virtual");
     let mut stream: Option<Box<dyn Line>> = None;
     let mut drive = Drive::OFF;
@@ -171,10 +195,18 @@ fn run(
         while due <= now {
             due += Duration::from_millis(1);
             ticks += 1;
-            drive = bench.device.tick(film.inputs(&scene, drive, ticks));
+            let (inputs, found) = film.inputs(&scene, drive, ticks);
+            drive = bench.device.tick(inputs);
+            bench.device.report(found);
             let command_v = bench.device.status().command_v;
             let mut voltage = voltage.lock().expect("not poisoned");
             *voltage = (voltage.0.max(command_v), command_v);
+        }
+        if bench.starved {
+            // The chip starts again, with what its flash keeps.
+            bench = Bench { device: Device::new(Some(Cause::Watchdog)), starved: false, ..bench };
+            session = Session::new("virtual");
+            let _ = session.begin(&mut bench);
         }
         if let Some(connected) = accept() {
             stream = Some(connected);
@@ -215,6 +247,8 @@ struct Film {
     state: State<f32>,
     /// The amplifier's command, V at the DAC.
     volts: f32,
+    /// The same a tick ago, when the ADCs sampled.
+    sampled: f32,
 }
 
 impl Film {
@@ -222,24 +256,35 @@ impl Film {
         let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
         let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 10e3, law.stiffness()).expect("valid");
-        Self { state: law.state(), law, drive, volts: 0.0 }
+        Self { state: law.state(), law, drive, volts: 0.0, sampled: 0.0 }
     }
 
-    /// A monitor that follows at once, a sensor of 1 mm/V at 1 V with some noise.
-    fn inputs(&mut self, scene: &Scene, drive: Drive, tick: u32) -> Inputs {
+    /// A monitor that shows what stood a tick ago, a sensor of 1 mm/V at 1 V with some noise.
+    fn inputs(&mut self, scene: &Scene, drive: Drive, tick: u32) -> (Inputs, Inspection) {
+        self.sampled = self.volts;
         let code = if drive.enable { DacCode::from_volts(drive.dac_v, drive.range) } else { DacCode::ZERO };
         if drive.enable || !scene.enable_welded {
-            self.volts = code.volts(drive.range);
+            self.volts = if scene.enable_held_down { 0.0 } else { code.volts(drive.range) };
         }
         let volts = self.volts;
         let displacement_m = self.law.displacement_under(&mut self.state, self.drive.load(1000.0 * volts));
         let range = AdcRange::UpTo10V24;
         let opened = scene.opens_above_v.is_some_and(|limit| 1000.0 * volts > limit);
         let code_of = |volts: f32| (volts / range.full_scale_v() * 65_536.0) as u16;
-        Inputs {
-            interlock_closed: scene.interlock_closed && !opened,
-            monitor_adc_v: Some(AdcCode(code_of(volts)).volts(range)),
-            sensor_adc_v: Some(AdcCode(code_of(1.0 + displacement_m / 1e-3) + 16 * (tick % 4) as u16).volts(range)),
-        }
+        let [dac, monitor, sensor] = scene.parts;
+        let interlock_closed = scene.interlock_closed && !opened;
+        let shown = |part, code| Some(AdcCode(code).volts(range)).filter(|_| part == Part::Answers);
+        let monitor_adc_v = shown(monitor, code_of(scene.monitor_gain * self.sampled));
+        let sensor_adc_v = shown(sensor, code_of(1.0 + displacement_m / 1e-3) + 16 * (tick % 4) as u16);
+        let found = Inspection {
+            interlock_closed,
+            enable_high: (drive.enable && !scene.enable_held_down) || scene.enable_welded,
+            dac,
+            monitor,
+            sensor,
+            monitor_adc_v: monitor_adc_v.unwrap_or(f32::NAN),
+            sensor_adc_v: sensor_adc_v.unwrap_or(f32::NAN),
+        };
+        (Inputs { interlock_closed, monitor_adc_v, sensor_adc_v }, found)
     }
 }

@@ -5,8 +5,10 @@
 use std::path::Path;
 
 use clap::ValueEnum;
-use dea_driver::wire::{Answer, BATCH, Command, Followed, Identity, Mode, Step, Target};
-use dea_driver::{Blob, Controller as HostController};
+use dea_driver::chips::{AdcRange, DacCode};
+use dea_driver::server::Denial;
+use dea_driver::wire::{Answer, BATCH, Command, Followed, Identity, Mode, Step, Target, TickCodes, Ticked};
+use dea_driver::{Blob, Controller as HostController, Device, DriverState, Parameters};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{Applied, SensorSample};
@@ -18,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::files::parameters::DisplacementSensor;
 use crate::files::recording::{Input, Recording};
 use crate::grid::Grid;
-use crate::link::{Client, Emulator, Port};
+use crate::link::{Client, Emulator, Port, named};
 use crate::references;
 
 /// The code of the firmware that is compared.
@@ -32,6 +34,8 @@ pub enum FirmwareLaw {
     Feedforward,
     /// Tracking, likewise, with a sensor of 5 µm noise at 100 Hz that is 10 ms late.
     Tracking,
+    /// The whole tick, codes of the converters in and out, along a recorded voltage and displacement.
+    Tick,
 }
 
 /// A task for the firmware and for the host.
@@ -41,6 +45,9 @@ pub enum Task {
     Step(Vec<f32>),
     /// Observe under these voltages (V) with, where there are any, displacements of the film (m).
     Observe(Vec<Target>),
+    /// Tick the whole controller, with these voltages (V) as set-points and these displacements of the film (m) at its sensor. The monitor
+    /// shows what it has commanded two ticks ago, as a converter does that answers with the sample of the frame before.
+    Tick(Vec<(f32, f32)>),
     /// Close the loop around a film along a reference.
     Follow {
         /// Mode of the controller.
@@ -76,7 +83,9 @@ impl Task {
     /// [`Error`] naming the file or the option that cannot be used.
     pub fn read(path: &Path, options: &TaskOptions, sensor: DisplacementSensor) -> Result<Self> {
         match options.law {
-            FirmwareLaw::Step | FirmwareLaw::Observer => Self::of_recording(&Recording::read(path)?, options, sensor),
+            FirmwareLaw::Step | FirmwareLaw::Observer | FirmwareLaw::Tick => {
+                Self::of_recording(&Recording::read(path)?, options, sensor)
+            }
             FirmwareLaw::Feedforward => Self::along(path, options, Mode::Feedforward),
             FirmwareLaw::Tracking => Self::along(path, options, Mode::Tracking),
         }
@@ -100,6 +109,11 @@ impl Task {
         let volts: Vec<f32> = grid.resample(&voltage).into_iter().map(|volts| volts as f32).collect();
         Ok(match options.law {
             FirmwareLaw::Step => Self::Step(volts),
+            FirmwareLaw::Tick => {
+                let readings = grid.resample(&recording.displacement()?);
+                let displacements = readings.into_iter().map(|reading| sensor.film_displacement_m(reading) as f32);
+                Self::Tick(volts.into_iter().zip(displacements).collect())
+            }
             _ => Self::Observe(with_samples(recording, grid, &volts, sensor)?),
         })
     }
@@ -118,6 +132,7 @@ impl Task {
         match self {
             Self::Step(volts) => volts.len(),
             Self::Observe(targets) => targets.len(),
+            Self::Tick(inputs) => inputs.len(),
             Self::Follow { reference, .. } => reference.len(),
         }
     }
@@ -144,6 +159,20 @@ impl Task {
                     for (chip, &target) in ticks.iter().zip(batch) {
                         comparison.add_step(chip, &host.follow(Mode::Voltage, target), followed_bits);
                     }
+                    progress.inc(batch.len() as u64);
+                }
+            }
+            Self::Tick(inputs) => {
+                let mut bench = CodeBench::new(host)?;
+                for batch in inputs.chunks(BATCH) {
+                    let (codes, here): (Vec<TickCodes>, Vec<Ticked>) =
+                        batch.iter().map(|&(volts, metres)| bench.tick(volts, metres)).collect::<Result<_>>()?;
+                    let (there, cycles) = client.tick(Mode::Voltage, &codes)?;
+                    comparison.add_cycles(cycles, batch.len());
+                    for (chip, host) in there.iter().zip(&here) {
+                        comparison.add_step(chip, host, ticked_bits);
+                    }
+                    comparison.state = here.last().map(|tick| named(tick.state));
                     progress.inc(batch.len() as u64);
                 }
             }
@@ -263,6 +292,54 @@ fn follow(
     }
 }
 
+/// The host's controller, ticked through codes of converters, with the bench that gives them.
+struct CodeBench {
+    device: Device,
+    parameters: Parameters,
+    /// At the film in this tick and in the one before, V.
+    stood_v: [f32; 2],
+}
+
+impl CodeBench {
+    fn new(host: &HostController) -> Result<Self> {
+        let mut device = Device::new(None);
+        device.install(host.clone()).map_err(|refusal| Error::Computation(refusal.to_string()))?;
+        device.rest().map_err(denied)?;
+        Ok(Self { device, parameters: host.parameters().clone(), stood_v: [0.0; 2] })
+    }
+
+    /// A tick towards `volts`, with the film at `metres`: what goes in, and what comes out.
+    fn tick(&mut self, volts: f32, metres: f32) -> Result<(TickCodes, Ticked)> {
+        let Parameters { monitor, sensor, sensor_offset_m, amplifier, command_range, .. } = &self.parameters;
+        let [now_v, before_v] = self.stood_v;
+        let codes = TickCodes {
+            interlock_closed: true,
+            monitor: adc_code(monitor.invert(before_v)),
+            sensor: adc_code(sensor.invert(metres + sensor_offset_m)),
+            target: volts.abs(),
+        };
+        let ticked: Vec<Ticked> = self.device.tick_test(Mode::Voltage, &[codes]).map_err(denied)?;
+        let ticked = ticked[0];
+        let command_v =
+            if ticked.enable { amplifier.apply(DacCode(ticked.command).volts(*command_range)) } else { 0.0 };
+        self.stood_v = [command_v, now_v];
+        Ok((codes, ticked))
+    }
+}
+
+fn denied(denial: Denial) -> Error {
+    Error::Computation(format!("whole ticks: {denial:?}"))
+}
+
+/// The nearest code of the board's converters.
+fn adc_code(volts: f32) -> u16 {
+    (volts / AdcRange::default().full_scale_v() * 65_536.0 + 0.5) as u16
+}
+
+fn ticked_bits(tick: &Ticked) -> (bool, u16, DriverState, u32) {
+    (tick.enable, tick.command, tick.state, tick.predicted_m.to_bits())
+}
+
 /// The firmware as the controller of a closed loop, compared with the host's controller.
 struct ChipController<'a> {
     client: &'a mut Client,
@@ -306,6 +383,8 @@ pub struct BitComparison {
     pub cycles: Vec<f64>,
     /// Tracking error of a closed loop, in % of the reference's peak to peak.
     pub tracking_rms_pct: Option<f64>,
+    /// State at the end of whole ticks: a tick that has tripped commands 0 V, and there is little left to compare.
+    pub state: Option<String>,
 }
 
 impl BitComparison {
@@ -313,7 +392,7 @@ impl BitComparison {
         self.cycles.push(f64::from(cycles) / steps as f64);
     }
 
-    fn add_step<A: std::fmt::Debug>(&mut self, chip: &A, host: &A, bits: fn(&A) -> [u32; 3]) {
+    fn add_step<A: std::fmt::Debug, B: PartialEq>(&mut self, chip: &A, host: &A, bits: fn(&A) -> B) {
         if bits(chip) != bits(host) {
             self.mismatches += 1;
             let place = self.steps;

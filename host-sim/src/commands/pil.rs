@@ -47,6 +47,9 @@ struct FileComparison {
     mismatches: usize,
     #[serde(skip_serializing_if = "Option::is_none")]
     tracking_rms_pct: Option<f64>,
+    /// At the end of whole ticks.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    state: Option<String>,
 }
 
 #[derive(Serialize)]
@@ -100,6 +103,7 @@ impl Arguments {
                 steps: comparison.steps,
                 mismatches: comparison.mismatches,
                 tracking_rms_pct: comparison.tracking_rms_pct,
+                state: comparison.state.clone(),
             })
             .collect();
         let mut cycles: Vec<f64> =
@@ -133,9 +137,10 @@ impl Arguments {
 fn table(report: &Report) -> String {
     let width = report.recordings.iter().map(|row| row.file.len()).max().unwrap_or(0).max("recording".len());
     let mut text = format!("{:width$} {:>9} {:>11}\n", "recording", "steps", "mismatches");
-    for FileComparison { file, steps, mismatches, tracking_rms_pct } in &report.recordings {
+    for FileComparison { file, steps, mismatches, tracking_rms_pct, state } in &report.recordings {
         let tracking = tracking_rms_pct.map_or(String::new(), |error| format!("   tracking error {error:.4} % RMS"));
-        text += &format!("{file:width$} {steps:>9} {mismatches:>11}{tracking}\n");
+        let state = state.as_ref().map_or(String::new(), |state| format!("   {state} at the end"));
+        text += &format!("{file:width$} {steps:>9} {mismatches:>11}{tracking}{state}\n");
     }
     text += &format!("{:width$} {:>9} {:>11}\n", "all", report.steps, report.mismatches);
     let cost = match (report.instructions_per_step, report.cycles_per_step) {

@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use dea_driver::wire::{
-    Answer, BATCH, CHUNK, Command, FRAME_LEN, Identity, Message, Receiver, Reject, Request, Status, Step, Telemetry,
-    VERSION, encode,
+    Answer, BATCH, CHUNK, Command, FRAME_LEN, Identity, Message, Mode, Receiver, Reject, Request, Status, Step,
+    Telemetry, TickCodes, Ticked, VERSION, encode,
 };
 use dea_driver::{Cause, DriverState, Refusal, SCHEMA};
 
@@ -189,6 +189,18 @@ impl Client {
         }
     }
 
+    /// Whole ticks of the loop test on `codes`, a batch at the most, and the cycles they took.
+    ///
+    /// # Errors
+    ///
+    /// As [`ask`](Self::ask).
+    pub fn tick(&mut self, mode: Mode, codes: &[TickCodes]) -> Result<(heapless::Vec<Ticked, BATCH>, u32)> {
+        match self.ask(Command::Tick { mode, inputs: codes.iter().copied().collect() })? {
+            Answer::Ticked { ticks, cycles } if ticks.len() == codes.len() => Ok((ticks, cycles)),
+            other => Err(self.unexpected(&other)),
+        }
+    }
+
     /// Samples of a stream that have come while something else was waited for.
     pub fn waiting_samples(&mut self) -> VecDeque<Telemetry> {
         std::mem::take(&mut self.samples)
@@ -293,7 +305,10 @@ impl Client {
 
 /// Whether a request may be obeyed twice without anybody noticing.
 fn may_be_repeated(command: &Command) -> bool {
-    let asks = matches!(command, Command::Identify | Command::Status | Command::Query | Command::PanicMessage);
+    let asks = matches!(
+        command,
+        Command::Identify | Command::Status | Command::Query | Command::PanicMessage | Command::Inspect
+    );
     let keeps_alive = matches!(command, Command::Heartbeat | Command::SetVoltage(_) | Command::SetReference(_));
     asks || keeps_alive || matches!(command, Command::Disarm | Command::Stream { .. })
 }

@@ -1,6 +1,7 @@
 //! The link for people: one verb per request, and two that keep talking.
 
 mod live;
+mod self_test;
 
 use std::path::PathBuf;
 
@@ -58,6 +59,9 @@ enum Verb {
     Play(live::Play),
     /// What the firmware said when it panicked last.
     Panic,
+    /// Check buses, converters, enable output, interlock and monitor, at 50 V at the most: the first thing to run on a new board, and
+    /// before a film is connected.
+    SelfTest(self_test::SelfTest),
 }
 
 /// What a controller follows.
@@ -190,6 +194,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             stream.check()?;
             None
         }
+        Verb::SelfTest(test) => {
+            test.check()?;
+            None
+        }
         _ => None,
     };
     let (mut client, identity) = Client::new(Port::open(&arguments.port)?)?;
@@ -199,6 +207,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Verb::Status => return status(client, port, json),
         Verb::Panic => return panicked(client, port, json),
         Verb::Stream(stream) => return stream.run(client, json),
+        Verb::SelfTest(test) => return test.run(client, &identity, port, json),
         Verb::Play(play) => return play.run(client, blob.as_deref(), json),
         Verb::Arm => {
             let armed = Armed { port, done: "armed", token: client.arm()? };

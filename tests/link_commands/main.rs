@@ -1,5 +1,7 @@
 //! `host-sim link` against a board that runs in this process.
 
+mod self_test;
+
 use std::fs;
 use std::path::PathBuf;
 

@@ -1,0 +1,331 @@
+//! `link self-test`: what a board finds of itself and its bench, step by step, before a film is connected.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use dea_driver::wire::{Answer, Command, Identity, Inspection, Mode, Part, Status};
+use dea_driver::{Cause, DriverState, Refusal};
+use serde::Serialize;
+
+use super::live;
+use crate::error::{Error, Result};
+use crate::interrupt;
+use crate::link::{Client, named};
+use crate::terminal;
+
+/// Time of the board after which a voltage that stands is measured, and for which, s. The board's, since an emulator may be slow.
+const SETTLES_S: f32 = 0.1;
+const MEASURED_S: f32 = 0.3;
+/// So many looks are taken at the least.
+const LOOKS: f64 = 5.0;
+/// A board that is slower than this does not tick.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// How often it is asked.
+const EVERY: Duration = Duration::from_millis(20);
+/// What a board may take to come back from a reset.
+const COMES_BACK: Duration = Duration::from_secs(5);
+/// What a person may take to open an interlock, and to close it.
+const BY_HAND: Duration = Duration::from_secs(60);
+/// The monitor's rise agrees with the command within this share of it: a wrong divider or range is off by a quarter at the least.
+const SHARE: f64 = 0.2;
+/// Readings at an ADC's ends, V: what it shows of a wire that leads nowhere.
+const PLUGGED_V: std::ops::RangeInclusive<f32> = 0.05..=10.2;
+
+#[derive(Debug, Args)]
+pub(super) struct SelfTest {
+    /// The voltage that is commanded and looked for at the monitor, V.
+    #[arg(long, value_name = "V", default_value_t = 50.0)]
+    voltage: f32,
+    /// Ask for the interlock to be opened and closed by hand while the amplifier is enabled at 0 V.
+    #[arg(long)]
+    interlock: bool,
+    /// Let the watchdog reset the board at the end.
+    #[arg(long)]
+    watchdog: bool,
+}
+
+/// A line of the table.
+#[derive(Serialize)]
+struct Check {
+    what: &'static str,
+    found: String,
+    /// What it should be, or what to look at.
+    wanted: String,
+    passed: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    port: String,
+    passed: bool,
+    checks: Vec<Check>,
+}
+
+#[derive(Default)]
+struct Checks(Vec<Check>);
+
+impl Checks {
+    fn add(&mut self, what: &'static str, found: impl Into<String>, wanted: impl Into<String>, passed: bool) -> bool {
+        self.0.push(Check { what, found: found.into(), wanted: wanted.into(), passed });
+        passed
+    }
+
+    fn passed(&self) -> bool {
+        self.0.iter().all(|check| check.passed)
+    }
+
+    fn table(&self) -> String {
+        let width = |column: fn(&Check) -> &str, title: &str| {
+            self.0.iter().map(|check| column(check).chars().count()).max().unwrap_or(0).max(title.len())
+        };
+        let (what, found) = (width(|check| check.what, "check"), width(|check| &check.found, "found"));
+        let mut text = format!("        {:what$}  {:found$}  wanted", "check", "found");
+        for check in &self.0 {
+            let mark = if check.passed { "ok" } else { "FAILED" };
+            text += &format!("\n{mark:6}  {:what$}  {:found$}  {}", check.what, check.found, check.wanted);
+        }
+        text
+    }
+}
+
+impl SelfTest {
+    pub(super) fn check(&self) -> Result<()> {
+        if (10.0..=500.0).contains(&self.voltage) {
+            Ok(())
+        } else {
+            Err(Error::option(
+                "--voltage",
+                "must be from 10 to 500 V: enough to be seen, and too little to move a film",
+            ))
+        }
+    }
+
+    pub(super) fn run(&self, mut client: Client, identity: &Identity, port: String, json: bool) -> Result<()> {
+        let stop = interrupt::stop_flag();
+        let mut checks = Checks::default();
+        let ended = self.all(&mut client, identity, &mut checks, stop);
+        let report = Report { port, passed: ended.is_ok() && checks.passed(), checks: checks.0 };
+        let table = Checks(report.checks);
+        let report = Report { checks: Vec::new(), ..report };
+        let text = table.table();
+        let failed: Vec<&str> = table.0.iter().filter(|check| !check.passed).map(|check| check.what).collect();
+        let failed = failed.join(", ");
+        terminal::report(json, &Report { checks: table.0, ..report }, || text)?;
+        ended?;
+        if failed.is_empty() { Ok(()) } else { Err(Error::Computation(format!("the self-test failed: {failed}"))) }
+    }
+
+    /// All steps, as far as those before allow the next.
+    fn all(&self, client: &mut Client, identity: &Identity, checks: &mut Checks, stop: &AtomicBool) -> Result<()> {
+        let Identity { firmware, board, protocol, .. } = identity;
+        checks.add("link", format!("firmware {firmware}, board {board:#06x}, protocol {protocol}"), "an answer", true);
+        if !at_rest(client, checks)? || stop.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let tried = self.enabled(client, checks, stop);
+        // 0 V before anything else, whatever has happened.
+        let disarmed = live::disarm(client);
+        tried?;
+        disarmed?;
+        off(client, checks, stop)?;
+        if self.watchdog && checks.passed() && !stop.load(Ordering::Relaxed) {
+            starve(client, checks)?;
+        }
+        Ok(())
+    }
+
+    /// With the amplifier enabled: its pin, the DAC, a voltage, and the interlock.
+    fn enabled(&self, client: &mut Client, checks: &mut Checks, stop: &AtomicBool) -> Result<()> {
+        client.arm()?;
+        let rest_v = stand(client, None, stop)?;
+        let parts = inspect(client)?;
+        checks.add(
+            "enable, armed",
+            level(parts.enable_high),
+            "the pin reads high: nothing holds it down",
+            parts.enable_high,
+        );
+        checks.add(
+            "DAC, armed",
+            answer(parts.dac),
+            "range, power and code read back as written",
+            parts.dac == Part::Answers,
+        );
+        client.order(Command::Start(Mode::Voltage))?;
+        let stood_v = stand(client, Some(self.voltage), stop)?;
+        let (rise_v, wanted_v) = (stood_v - rest_v, f64::from(self.voltage));
+        checks.add(
+            "monitor",
+            format!("{rise_v:.1} V above {rest_v:.1} V at rest"),
+            format!("{wanted_v} V, within {:.0} %: amplifier, divider and both calibrations", 100.0 * SHARE),
+            (rise_v - wanted_v).abs() <= SHARE * wanted_v,
+        );
+        client.order(Command::Stop)?;
+        if self.interlock && !stop.load(Ordering::Relaxed) {
+            by_hand(client, checks, stop)?;
+        }
+        Ok(())
+    }
+}
+
+/// With the amplifier disabled. Whether it may be enabled.
+fn at_rest(client: &mut Client, checks: &mut Checks) -> Result<bool> {
+    let status = client.status()?;
+    let state = match status.state {
+        DriverState::Tripped(_) => "no trip: find out why, then `link acknowledge`",
+        _ => "disarmed",
+    };
+    let mut sound = checks.add("state", named(status.state), state, status.state == DriverState::Disarmed);
+    let rate = if status.rate_hz > 0.0 { format!("{} Hz", status.rate_hz) } else { "none".into() };
+    sound &= checks.add("parameters", rate, "some: `link upload`", status.rate_hz > 0.0);
+    let parts = inspect(client)?;
+    let interlock = if parts.interlock_closed { "closed" } else { "open" };
+    sound &= checks.add("interlock", interlock, "closed", parts.interlock_closed);
+    sound &= checks.add("enable, disarmed", level(parts.enable_high), "low", !parts.enable_high);
+    sound &= checks.add("DAC", answer(parts.dac), advice(parts.dac, "power reads back"), parts.dac == Part::Answers);
+    for (what, part) in [("monitor's ADC", parts.monitor), ("sensor's ADC", parts.sensor)] {
+        sound &= checks.add(what, answer(part), advice(part, "every frame carries its range"), part == Part::Answers);
+    }
+    let volts = parts.sensor_adc_v;
+    let plugged = "between 0.05 and 10.2 V: neither unplugged nor saturated";
+    sound &= checks.add("sensor", format!("{volts:.3} V at its ADC"), plugged, PLUGGED_V.contains(&volts));
+    let Status { monitor_v, live, .. } = client.status()?;
+    let dark = !live && monitor_v.is_finite();
+    sound &= checks.add("monitor, disarmed", format!("{monitor_v:.1} V"), "within its band around 0 V", dark);
+    Ok(sound)
+}
+
+/// Once it is disarmed again.
+fn off(client: &mut Client, checks: &mut Checks, stop: &AtomicBool) -> Result<()> {
+    some_ticks(client, stop)?;
+    let (parts, status) = (inspect(client)?, client.status()?);
+    checks.add("enable, at the end", level(parts.enable_high), "low", !parts.enable_high);
+    let dark = !status.live && status.monitor_v.is_finite();
+    checks.add("monitor, at the end", format!("{:.1} V", status.monitor_v), "within its band around 0 V", dark);
+    Ok(())
+}
+
+/// Holds `volts`, or 0 V, and returns what the monitor shows once it stands, V.
+fn stand(client: &mut Client, volts: Option<f32>, stop: &AtomicBool) -> Result<f64> {
+    let (mut sum_v, mut count, mut stands_since) = (0.0, 0.0, None);
+    let wanted_v = volts.unwrap_or(0.0);
+    let measured = wait(client, PATIENCE, stop, |client| {
+        client.order(volts.map_or(Command::Heartbeat, Command::SetVoltage))?;
+        let Status { state, rate_hz, ticks, command_v, monitor_v, .. } = client.status()?;
+        if let DriverState::Tripped(_) = state {
+            return Err(client.unexpected(&Answer::Refused(Refusal::State(state))));
+        }
+        if (command_v - wanted_v).abs() > 0.5 {
+            return Ok(false);
+        }
+        let stood_s = ticks.wrapping_sub(*stands_since.get_or_insert(ticks)) as f32 / rate_hz;
+        if stood_s >= SETTLES_S {
+            sum_v += f64::from(monitor_v);
+            count += 1.0;
+        }
+        Ok(stood_s >= SETTLES_S + MEASURED_S && count >= LOOKS)
+    })?;
+    if measured {
+        Ok(sum_v / count)
+    } else {
+        Err(Error::Computation(format!("{wanted_v} V were not commanded in time")))
+    }
+}
+
+/// Lets the board tick a few times, so that what it found is of now.
+fn some_ticks(client: &mut Client, stop: &AtomicBool) -> Result<()> {
+    let before = client.status()?.ticks;
+    wait(client, PATIENCE, stop, |client| Ok(client.status()?.ticks.wrapping_sub(before) > 5)).map(drop)
+}
+
+/// Somebody opens the interlock, and closes it again.
+fn by_hand(client: &mut Client, checks: &mut Checks, stop: &AtomicBool) -> Result<()> {
+    eprintln!("host-sim: open the interlock now");
+    let trip = DriverState::Tripped(Cause::Interlock);
+    let opened = wait(client, BY_HAND, stop, |client| {
+        // What keeps it armed; once it has tripped it is refused.
+        let _ = client.ask(Command::Heartbeat)?;
+        Ok(client.status()?.state != DriverState::Armed)
+    })?;
+    let state = client.status()?.state;
+    let found = if opened { named(state) } else { "nothing".into() };
+    checks.add("interlock, opened", found, "a trip: the contact opens, and is wired here", state == trip);
+    if state != trip {
+        return Ok(());
+    }
+    eprintln!("host-sim: close it again");
+    let closed = wait(client, BY_HAND, stop, |client| Ok(inspect(client)?.interlock_closed))?;
+    checks.add("interlock, closed again", if closed { "closed" } else { "open" }, "closed", closed);
+    client.order(Command::Acknowledge)
+}
+
+/// The watchdog resets the board, which tells so once it is back.
+fn starve(client: &mut Client, checks: &mut Checks) -> Result<()> {
+    client.order(Command::StarveWatchdog)?;
+    let reset = DriverState::Tripped(Cause::Watchdog);
+    let never = AtomicBool::new(false);
+    // Between a reset and the first tick nobody answers, which is no fault.
+    let came =
+        wait(client, COMES_BACK, &never, |client| Ok(client.status().is_ok_and(|status| status.state == reset)))?;
+    let found = if came { named(reset) } else { "no reset".into() };
+    checks.add("watchdog", found, "a reset, and its cause", came);
+    if came { client.order(Command::Acknowledge) } else { Ok(()) }
+}
+
+/// Asks until it is so, or `most` is over, or Ctrl-C comes.
+fn wait(
+    client: &mut Client,
+    most: Duration,
+    stop: &AtomicBool,
+    mut is_so: impl FnMut(&mut Client) -> Result<bool>,
+) -> Result<bool> {
+    let start = Instant::now();
+    while start.elapsed() < most {
+        if stop.load(Ordering::Relaxed) {
+            return Err(stopped());
+        }
+        if is_so(client)? {
+            return Ok(true);
+        }
+        std::thread::sleep(EVERY);
+    }
+    Ok(false)
+}
+
+fn stopped() -> Error {
+    Error::Computation("stopped by Ctrl-C".into())
+}
+
+fn inspect(client: &mut Client) -> Result<Inspection> {
+    match client.ask(Command::Inspect)? {
+        Answer::Inspection(found) => Ok(found),
+        other => Err(client.unexpected(&other)),
+    }
+}
+
+fn level(high: bool) -> &'static str {
+    if high { "high" } else { "low" }
+}
+
+fn answer(part: Part) -> String {
+    match part {
+        Part::Answers => "answers".into(),
+        Part::Wrong { wanted, found } => format!("{found:#06x} for {wanted:#06x}"),
+        Part::Starting => "is being set up".into(),
+        Part::Pin => "its pin does not switch".into(),
+        _ => "does not answer".into(),
+    }
+}
+
+/// What the answer of a converter hints at.
+fn advice(part: Part, sound: &'static str) -> &'static str {
+    match part {
+        Part::Wrong { found: 0 | 0xffff, .. } => "nobody drives the line: look at supply, select, clock and data out",
+        Part::Wrong { wanted, found } if wanted ^ found == 1 => {
+            "the last bit is wrong: look at the clock's edges on a scope"
+        }
+        Part::Wrong { .. } => "another chip, one without supply, or a line that rings",
+        _ => sound,
+    }
+}

@@ -1,0 +1,86 @@
+//! `host-sim link self-test` on a board that runs in this process: sound, and with what newcomers meet.
+
+use dea_driver::wire::Part;
+use serde_json::Value;
+use tests::virtual_board::{Scene, VirtualBoard};
+
+use crate::TOOL;
+
+/// A self-test of a board with parameters: the checks that failed, with what was found, and the highest voltage commanded.
+fn failed(scene: Scene, more: &[&str]) -> (Vec<(String, String)>, f32) {
+    let board = VirtualBoard::start(scene);
+    TOOL.json(&["link", "--port", &board.port, "upload", "--params", "preset:table3-n2", "--bench"]);
+    let all = [["link", "--port", &board.port, "self-test", "--json"].as_slice(), more].concat();
+    let output = TOOL.with(&all).output().expect("runs");
+    let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
+    let failed: Vec<(String, String)> = report["checks"]
+        .as_array()
+        .expect("checks")
+        .iter()
+        .filter(|check| check["passed"] == false)
+        .map(|check| (text(&check["what"]), text(&check["found"])))
+        .collect();
+    assert_eq!(report["passed"] == true, failed.is_empty(), "{report}");
+    assert_eq!(output.status.success(), failed.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    let (highest_v, now_v) = board.voltage();
+    assert_eq!(now_v, 0.0, "it ends at 0 V");
+    (failed, highest_v)
+}
+
+fn text(value: &Value) -> String {
+    value.as_str().expect("a text").to_owned()
+}
+
+fn whats(failed: &[(String, String)]) -> Vec<&str> {
+    failed.iter().map(|(what, _)| what.as_str()).collect()
+}
+
+#[test]
+fn a_sound_board_passes() {
+    let (failed, highest_v) = failed(Scene::CALM, &["--watchdog"]);
+    assert!(failed.is_empty(), "{failed:?}");
+    assert_eq!(highest_v, 50.0);
+}
+
+/// What is wrong before anything is enabled leaves it at that.
+#[test]
+fn nothing_is_enabled_before_all_answers() {
+    let wrong = |found| Part::Wrong { wanted: 9, found };
+    for (scene, what, found) in [
+        (Scene { interlock_closed: false, ..Scene::CALM }, "interlock", "open"),
+        (Scene { parts: [wrong(0), Part::Answers, Part::Answers], ..Scene::CALM }, "DAC", "0x0000 for 0x0009"),
+        (Scene { parts: [Part::Answers, Part::Answers, wrong(8)], ..Scene::CALM }, "sensor's ADC", "0x0008 for 0x0009"),
+        (Scene { panic_message: "a drill", ..Scene::CALM }, "state", "tripped: Panic"),
+    ] {
+        let (failed, highest_v) = failed(scene, &[]);
+        assert!(failed.contains(&(what.to_owned(), found.to_owned())), "{what}: {failed:?}");
+        assert_eq!(highest_v, 0.0, "{what}");
+    }
+    let (failed, highest_v) =
+        failed(Scene { parts: [Part::Answers, wrong(0xffff), Part::Answers], ..Scene::CALM }, &[]);
+    assert_eq!((whats(&failed), highest_v), (vec!["monitor's ADC", "monitor, disarmed"], 0.0));
+}
+
+#[test]
+fn what_shows_only_while_it_is_enabled_is_found() {
+    let (held, _) = failed(Scene { enable_held_down: true, ..Scene::CALM }, &[]);
+    assert_eq!(whats(&held), ["enable, armed", "monitor"]);
+    let (gain, highest_v) = failed(Scene { monitor_gain: 0.5, ..Scene::CALM }, &[]);
+    assert_eq!((whats(&gain), highest_v), (vec!["monitor"], 50.0));
+    let (watchdog, _) = failed(Scene { watchdog: false, ..Scene::CALM }, &["--watchdog"]);
+    assert_eq!(whats(&watchdog), ["watchdog"]);
+}
+
+/// The table is for people, the error names what failed, and a voltage that moves a film is refused.
+#[test]
+fn it_ends_in_a_table() {
+    let board = VirtualBoard::start(Scene { interlock_closed: false, ..Scene::CALM });
+    TOOL.json(&["link", "--port", &board.port, "upload", "--params", "preset:table3-n2", "--bench"]);
+    let output = TOOL.with(&["link", "--port", &board.port, "self-test"]).assert().code(2).get_output().clone();
+    let (table, line) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(table.lines().any(|line| line.starts_with("FAILED  interlock ")), "{table}");
+    assert!(table.lines().filter(|line| line.starts_with("ok ")).count() >= 7, "{table}");
+    assert!(line.contains("the self-test failed: interlock"), "{line}");
+    let refused = TOOL.fails(&["link", "--port", &board.port, "self-test", "--voltage", "3000"]);
+    assert!(refused.contains("--voltage") && refused.contains("500 V"), "{refused}");
+}
