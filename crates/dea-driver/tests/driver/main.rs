@@ -14,13 +14,16 @@ mod edges;
 mod film_bench;
 mod flash;
 mod lean;
+mod limits;
 mod link;
 mod loop_test;
+mod monitor;
 mod safety;
 mod sensor_faults;
 mod session;
 mod setpoints;
 mod store;
+mod supervisor_bench;
 mod swing;
 
 #[test]
