@@ -1,0 +1,61 @@
+//! Drills: faults that an image for them causes when a host asks, and no other image.
+
+use dea_driver::server::Board;
+use dea_driver::wire::{Answer, Command, Drill, FRAME_LEN, Message, Reject, Request, encode};
+use dea_driver::{Device, Store};
+
+use crate::flash::Flash;
+use crate::host::{Bench, Host};
+
+/// A board that says nothing of drills.
+struct WithoutDrills(Bench);
+
+impl Board for WithoutDrills {
+    type Flash = Flash;
+    const ID: u16 = Bench::ID;
+
+    fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
+        self.0.with(work)
+    }
+
+    fn rates_hz(&self) -> (f32, f32) {
+        self.0.rates_hz()
+    }
+
+    fn store(&mut self) -> &mut Store<Flash> {
+        self.0.store()
+    }
+
+    fn set_rate(&mut self, rate_hz: f32) {
+        self.0.set_rate(rate_hz);
+    }
+
+    fn stack_peak(&self) -> u32 {
+        self.0.stack_peak()
+    }
+
+    fn panic_message(&self) -> &str {
+        self.0.panic_message()
+    }
+}
+
+/// A board does not drill unless it says so.
+#[test]
+fn a_board_without_drills_rejects_them() {
+    let Host { bench, mut session, .. } = Host::new(None);
+    let mut board = WithoutDrills(bench);
+    let mut frame = [0; FRAME_LEN + 1];
+    let request = Request { sequence: 5, token: 0, command: Command::Drill(Drill::Hang) };
+    let length = encode(&request, &mut frame).expect("fits");
+    let answer = frame[..length].iter().find_map(|&byte| session.serve(byte, &mut board));
+    assert_eq!(answer, Some(Message::Answer { sequence: 5, answer: Answer::Rejected(Reject::Unknown) }));
+}
+
+/// An image for drills causes the fault that was asked for, and says so.
+#[test]
+fn an_image_for_drills_drills() {
+    let mut host = Host::new(None);
+    host.bench.drills = true;
+    assert_eq!(host.ask(Command::Drill(Drill::Bus)), Answer::Done);
+    assert_eq!(host.bench.drilled, Some(Drill::Bus));
+}
