@@ -341,3 +341,18 @@ fn points_that_are_no_calibration_are_refused() {
     assert_eq!(refused(&[[0.0, f32::NEG_INFINITY], [1.0, 1.0]]), CalibrationError::Point(1));
     assert_eq!(refused(&[[f32::NAN, 0.0], [1.0, 1.0]]), CalibrationError::Start);
 }
+
+/// An ADC has no range before it was configured, and loses it when it does not answer with it.
+#[test]
+fn an_adc_is_configured_once_its_range_is_read_back() {
+    let asked = [exchanged([0xd0, 0x14, 0, 9], [0; 4]), exchanged([0xc8, 0x14, 0, 0], [0; 4])].concat();
+    let good = exchanged([0; 4], [0, 9, 0, 0]).to_vec();
+    let bad = exchanged([0; 4], [0, 8, 0, 0]).to_vec();
+    let mut adc = Ads868x::new(Spi::new(&[asked.clone(), good, asked, bad].concat()), AdcRange::UpTo10V24);
+    assert!(!adc.is_configured());
+    adc.configure().expect("answers");
+    assert!(adc.is_configured());
+    assert_eq!(adc.configure(), Err(AdcError::Range { found: 8 }));
+    assert!(!adc.is_configured());
+    adc.destroy().done();
+}

@@ -106,3 +106,59 @@ fn limits_that_cannot_be_kept_are_refused() {
         assert_eq!(refused(limits), Some(LimitsError::Sensor));
     }
 }
+
+/// Each bound of the limits belongs to what is allowed, and each limit is checked by itself.
+#[test]
+fn limits_at_their_bounds_are_kept_and_beyond_are_refused() {
+    let checked = |change: fn(&mut Limits)| {
+        let mut limits = bench_limits();
+        change(&mut limits);
+        Supervisor::new(&limits, RATE_HZ).map(drop)
+    };
+    for within in [
+        |l: &mut Limits| l.monitor.slew_v_per_s = 6500.0,
+        // A quarter of the range of 9.9 mm.
+        |l: &mut Limits| l.sensor.jump = 2.4e-3,
+        // Ten seconds.
+        |l: &mut Limits| l.sensor.stuck_ticks = 10_000,
+        |l: &mut Limits| l.sensor.stuck_ticks = 5000,
+        |l: &mut Limits| l.monitor.settle_s = 0.0,
+        |l: &mut Limits| l.monitor.band_share = 0.0,
+    ] {
+        assert_eq!(checked(within), Ok(()));
+    }
+    for monitor in [
+        |l: &mut Limits| l.monitor.band_v = 0.0,
+        |l: &mut Limits| l.monitor.band_v = f32::NAN,
+        |l: &mut Limits| l.monitor.band_share = -0.01,
+        |l: &mut Limits| l.monitor.band_share = f32::NAN,
+        |l: &mut Limits| l.monitor.settle_s = -0.01,
+        |l: &mut Limits| l.monitor.settle_s = f32::INFINITY,
+    ] {
+        assert_eq!(checked(monitor), Err(LimitsError::Monitor));
+    }
+    for sensor in [
+        |l: &mut Limits| l.sensor.low = f32::NEG_INFINITY,
+        |l: &mut Limits| l.sensor.low = f32::NAN,
+        |l: &mut Limits| l.sensor.high = f32::INFINITY,
+        |l: &mut Limits| l.sensor.high = f32::NAN,
+        |l: &mut Limits| l.sensor.jump = 0.0,
+        |l: &mut Limits| l.sensor.stuck_ticks = 4,
+    ] {
+        assert_eq!(checked(sensor), Err(LimitsError::Sensor));
+    }
+    assert_eq!(checked(|l| l.sensor.jump = 2.6e-3), Err(LimitsError::TooLarge("sensor.jump")));
+}
+
+/// What a file need not state: a tenth of the force, a second, and 2 µm.
+#[test]
+fn limits_that_are_not_stated_have_values() {
+    let stated = serde_json::json!({
+        "max_voltage_v": 6000.0, "max_field_v_per_m": 4.2e7, "thickness_m": 160e-6, "max_slew_v_per_s": 50e3,
+        "max_displacement_m": 8e-3, "on_sensor_fault": "trip", "heartbeat_s": 0.5,
+        "monitor": { "slew_v_per_s": 1e5, "band_v": 60.0, "band_share": 0.03, "settle_s": 0.02 },
+        "sensor": { "low": -0.5e-3, "high": 9e-3, "jump": 0.5e-3, "stuck_ticks": 500 },
+    });
+    let limits: Limits = serde_json::from_value(stated).expect("complete");
+    assert_eq!((limits.max_disturbance_share, limits.discharge_s, limits.sensor.stuck_band), (0.1, 1.0, 2e-6));
+}

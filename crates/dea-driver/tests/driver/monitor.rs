@@ -7,6 +7,41 @@ use rand_pcg::Pcg64;
 use crate::bench::bench_limits;
 use crate::supervisor_bench::{Bench, RATE_HZ, readings};
 
+/// The band around 0 V and the largest voltage belong to what is allowed: more than that does not.
+#[test]
+fn a_monitor_at_its_limit_is_within_it() {
+    let limits = bench_limits();
+    let shown = |monitor_v| Readings { follows: false, ..readings(monitor_v, 1e-6, 0.0) };
+    let mut supervisor = Supervisor::new(&limits, RATE_HZ).expect("valid");
+    supervisor.check(shown(limits.monitor.band_v));
+    assert!(!supervisor.is_film_live() && !supervisor.runs());
+    supervisor.arm().expect("at 0 V");
+    assert!(!supervisor.runs() && supervisor.enables());
+    supervisor.start().expect("armed");
+    assert!(supervisor.runs());
+    // 6500 V, 3 % and 60 V.
+    let most_v = limits.monitored_v();
+    assert!((most_v - 6755.0).abs() < 0.01);
+    assert_eq!(supervisor.check(shown(most_v)).state, DriverState::Running);
+    assert_eq!(supervisor.check(shown(most_v.next_up())).state, DriverState::Tripped(Cause::Voltage));
+    assert!(!supervisor.runs());
+    supervisor.check(shown(limits.monitor.band_v.next_up()));
+    assert!(supervisor.is_film_live());
+}
+
+/// More voltage than was commanded is as wrong as less, below the largest voltage as well: 4000 V with a band of 60 V and 3 %.
+#[test]
+fn a_monitor_above_its_band_disagrees() {
+    for (monitor_v, agrees) in [(4170.0, true), (4190.0, false), (3830.0, true), (3810.0, false)] {
+        let mut monitor = Monitor::new(bench_limits().monitor, RATE_HZ);
+        assert!((0..1000).all(|_| monitor.agrees(4000.0, 4000.0)));
+        let all = (0..1000).fold(true, |all, _| monitor.agrees(4000.0, monitor_v) && all);
+        assert_eq!(all, agrees, "{monitor_v} V");
+    }
+    let mut monitor = Monitor::new(bench_limits().monitor, RATE_HZ);
+    assert!((0..1000).all(|_| monitor.agrees(0.0, 50.0)), "within the band around 0 V");
+}
+
 /// A film that breaks down again and again: 600 pF on 1 mA take 2.4 ms to 4 kV, and arc at random from there on. A single good
 /// tick made up for all bad ones before it, so that no such film ever tripped.
 #[test]
