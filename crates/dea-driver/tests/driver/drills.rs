@@ -1,18 +1,19 @@
 //! Drills: faults that an image for them causes when a host asks, and no other image.
 
-use dea_driver::server::Board;
-use dea_driver::wire::{Answer, Command, Drill, FRAME_LEN, Message, Reject, Request, encode};
+use dea_driver::server::{Board, Session};
+use dea_driver::wire::{Answer, Command, Drill, Reject};
 use dea_driver::{Device, Store};
 
+use crate::board::{BOARD, Bench, ask};
 use crate::flash::Flash;
-use crate::host::{Bench, Host};
+use crate::host::Host;
 
 /// A board that says nothing of drills.
-struct WithoutDrills(Bench);
+struct WithoutDrills(Bench<Flash>);
 
 impl Board for WithoutDrills {
     type Flash = Flash;
-    const ID: u16 = Bench::ID;
+    const ID: u16 = BOARD;
 
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
         self.0.with(work)
@@ -42,20 +43,16 @@ impl Board for WithoutDrills {
 /// A board does not drill unless it says so.
 #[test]
 fn a_board_without_drills_rejects_them() {
-    let Host { bench, mut session, .. } = Host::new(None);
-    let mut board = WithoutDrills(bench);
-    let mut frame = [0; FRAME_LEN + 1];
-    let request = Request { sequence: 5, token: 0, command: Command::Drill(Drill::Hang) };
-    let length = encode(&request, &mut frame).expect("fits");
-    let answer = frame[..length].iter().find_map(|&byte| session.serve(byte, &mut board));
-    assert_eq!(answer, Some(Message::Answer { sequence: 5, answer: Answer::Rejected(Reject::Unknown) }));
+    let mut board = WithoutDrills(Bench::new(Flash::new(), None));
+    let answer = ask(&mut Session::new("1.2.3"), &mut board, 0, Command::Drill(Drill::Hang));
+    assert_eq!(answer, Answer::Rejected(Reject::Unknown));
 }
 
 /// An image for drills causes the fault that was asked for, and says so.
 #[test]
 fn an_image_for_drills_drills() {
     let mut host = Host::new(None);
-    host.bench.drills = true;
+    host.bench.drills = Some(vec![]);
     assert_eq!(host.ask(Command::Drill(Drill::Bus)), Answer::Done);
-    assert_eq!(host.bench.drilled, Some(Drill::Bus));
+    assert_eq!(host.bench.drills, Some(vec![Drill::Bus]));
 }

@@ -7,6 +7,7 @@ mod own_converters;
 
 mod bench;
 mod blob_bytes;
+mod board;
 mod chips;
 mod control;
 mod documents;

@@ -1,12 +1,12 @@
 //! Parameters: which ones run after an upload and after a reset, and whether a host is told.
 
-use dea_driver::server::Board;
 use dea_driver::wire::{Answer, Command, Reject};
-use dea_driver::{BLOB_LEN, Cause, DriverState, Refusal, Store};
+use dea_driver::{Cause, DriverState, Refusal, Store};
 
 use crate::bench::board_parameters;
+use crate::board::{BOARD, encoded};
 use crate::flash::{Flash, SECTOR};
-use crate::host::{Bench, Host, blob};
+use crate::host::{Host, blob};
 
 #[test]
 fn parameters_are_kept_by_commit_and_run_by_try() {
@@ -30,9 +30,7 @@ fn damaged_parameters_are_not_replaced_silently() {
     let (stricter, permissive) = {
         let mut parameters = board_parameters();
         parameters.limits.max_voltage_v = 800.0;
-        let mut bytes = [0; BLOB_LEN];
-        let length = parameters.encode(Bench::ID, &mut bytes).expect("valid");
-        (bytes[..length].to_vec(), blob())
+        (encoded(&parameters), blob())
     };
     let mut host = Host::new(None);
     for blob in [&permissive, &stricter] {
@@ -41,7 +39,7 @@ fn damaged_parameters_are_not_replaced_silently() {
     }
     let reset = |flash: Flash, latched| {
         let mut host = Host::new(latched);
-        host.bench.store = Store::new(flash, Bench::ID).expect("two sectors");
+        host.bench.store = Store::new(flash, BOARD).expect("two sectors");
         host.session.begin(&mut host.bench).expect("older parameters");
         host.tick();
         host
