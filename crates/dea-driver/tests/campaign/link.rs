@@ -286,8 +286,8 @@ fn a_bad_line_neither_trips_nor_moves_a_film() {
         let settled = firmware.trips.last().is_none_or(|&trip| trip + 5000 < 1000 * duration_s);
         assert!(!settled || errors > 1e-4 || player.plays(), "run {number} does not play at the end");
         lines.entry((at, every)).or_default().push(format!(
-            "{} frames intact, {} damaged; {} trips in {} stalls of 1 s, {alone} without; records: {} received, {lost} lost on the line, \
-             {dropped} dropped; {} bytes overflowed",
+            "{} frames intact, {} damaged; {} trips in {} stalls of 1 s, {alone} without; records: {} received, \
+             {lost} lost on the line, {dropped} dropped; {} bytes overflowed",
             firmware.obeyed,
             firmware.damaged,
             firmware.trips.len() - alone,

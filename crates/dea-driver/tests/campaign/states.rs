@@ -433,8 +433,8 @@ fn no_state_enables_what_it_must_not() {
             Err((violation, path)) => panic!("{violation}: {path:?}"),
         };
         println!(
-            "states, sensor fault {on_sensor_fault:?}: {} states ({} enabled, {} tripped by {} causes), {} transitions, {} \
-             classes of readings",
+            "states, sensor fault {on_sensor_fault:?}: {} states ({} enabled, {} tripped by {} causes), \
+             {} transitions, {} classes of readings",
             grouped(counts.states),
             grouped(counts.enabled),
             grouped(counts.tripped),
