@@ -61,8 +61,14 @@ fn rehearse(rcc: &RCC) -> Result<(), ClockFault> {
         rcc.cr().modify(|_, w| w.hseon().clear_bit());
         return Err(ClockFault::Crystal);
     }
-    // The loop at its reset values makes 8 MHz / 16 × 192 / 2 = 48 MHz: enough to see it lock.
-    rcc.pllcfgr().modify(|_, w| w.pllsrc().hse());
+    // As it will run: 8 MHz / 4 × 168 / 2 = 168 MHz. At its reset values the loop would have 0.5 MHz where it needs 1 to 2, and
+    // make 96 MHz where it makes 100 at least.
+    rcc.pllcfgr().modify(|_, w| {
+        w.pllsrc().hse();
+        // SAFETY: the crystal by 4 is 2 MHz, which by 168 is 336 MHz: both within what the reference manual allows.
+        unsafe { w.pllm().bits(4).plln().bits(168) };
+        w.pllp().div2()
+    });
     rcc.cr().modify(|_, w| w.pllon().set_bit());
     let locks = comes(rcc, |cr| cr.pllrdy().bit_is_set());
     rcc.cr().modify(|_, w| w.pllon().clear_bit());

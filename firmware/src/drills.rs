@@ -1,6 +1,7 @@
 //! A simulated bench that goes wrong on purpose, instead of pins and converters: an image with the feature `drills` shows in
 //! QEMU how every fault ends.
 
+use core::mem::replace;
 use core::sync::atomic::{AtomicU8, Ordering};
 
 use dea_driver::chips::{AdcCode, AdcRange, DacCode};
@@ -25,29 +26,34 @@ pub fn ask(drill: Drill) {
 /// On this bench, nothing is connected.
 pub type AdcBus = ();
 
-/// An amplifier and a monitor that follow at once, and a sensor on a film that stands still.
+/// An amplifier and a monitor that follow at once, and a sensor on a film that stands still. Like the board's converters they are
+/// sampled at the end of a frame, and answer in that of the next tick.
 pub struct Bench {
     /// What the amplifier gives, as its monitor's code.
     monitor: u16,
+    /// What it gave in the tick before.
+    sampled: u16,
     ticks: u32,
     stuck: bool,
+    disabled: bool,
 }
 
 impl Bench {
-    pub const fn new() -> Self {
-        Self { monitor: 0, ticks: 0, stuck: false }
+    pub fn new() -> Self {
+        defmt::error!("a simulated bench: this image is for drills alone");
+        Self { monitor: 0, sampled: 0, ticks: 0, stuck: false, disabled: true }
     }
 
-    pub fn sample(&mut self, idle: bool) -> Inputs {
+    pub fn sample(&mut self) -> Inputs {
         self.ticks = self.ticks.wrapping_add(1);
         // 1 V, and the noise of a living sensor: 4 µm peak to peak.
         let displacement = 6400 + 8 * (self.ticks % 4) as u16;
         let mut inputs = Inputs {
             interlock_closed: true,
-            monitor_adc_v: Some(AdcCode(self.monitor).volts(ADC)),
+            monitor_adc_v: Some(AdcCode(replace(&mut self.sampled, self.monitor)).volts(ADC)),
             sensor_adc_v: Some(AdcCode(displacement).volts(ADC)),
         };
-        if idle {
+        if self.disabled {
             // What went wrong is mended once the amplifier is off.
             self.stuck = false;
             ASKED.store(0, Ordering::Relaxed);
@@ -71,6 +77,7 @@ impl Bench {
     }
 
     pub fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError> {
+        self.disabled = !drive.enable;
         let code = if drive.enable { DacCode::from_volts(drive.dac_v, drive.range) } else { DacCode::ZERO };
         if !self.stuck {
             // From the DAC's volts to the monitor's code of 10.24 V: both instruments stand for the same.

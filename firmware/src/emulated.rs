@@ -14,13 +14,12 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m::peripheral::{SCB, SYST};
 use dea_driver::wire::BAUD;
-use stm32f4xx_hal::hal_02::serial::Read;
-use stm32f4xx_hal::nb;
 use stm32f4xx_hal::pac::{Interrupt, USART2};
 use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::serial::{Error, Event, Serial};
+use stm32f4xx_hal::serial::{Event, Serial};
 
 use crate::clock::CORE_HZ;
+use crate::serial;
 
 /// Cycles of the core that a byte takes on the line: ten bits.
 const CYCLES_PER_BYTE: u32 = CORE_HZ / (BAUD / 10);
@@ -43,19 +42,19 @@ pub fn begin_tick() {
 }
 
 /// The byte that has come, if the line could have brought it by now.
-pub fn read(serial: &mut Serial<USART2>) -> nb::Result<u8, Error> {
+pub fn received(port: &mut Serial<USART2>) -> Option<u8> {
     let allowed = ALLOWED.load(Ordering::Relaxed);
     if allowed == 0 {
         // It stays where it is until the next tick.
-        serial.unlisten(Event::RxNotEmpty);
+        port.unlisten(Event::RxNotEmpty);
         WAITING.store(true, Ordering::Relaxed);
-        return Err(nb::Error::WouldBlock);
+        return None;
     }
     if WAITING.load(Ordering::Relaxed) {
         WAITING.store(false, Ordering::Relaxed);
-        serial.listen(Event::RxNotEmpty);
+        port.listen(Event::RxNotEmpty);
     }
-    let byte = Read::read(serial)?;
+    let byte = serial::received(port)?;
     ALLOWED.store(allowed - 1, Ordering::Relaxed);
-    Ok(byte)
+    Some(byte)
 }

@@ -25,7 +25,9 @@ use defmt_rtt as _;
 #[cfg(feature = "semihosting")]
 use defmt_semihosting as _;
 
-#[cfg(not(feature = "drills"))]
+#[cfg(all(feature = "semihosting", not(feature = "drills")))]
+mod absent;
+#[cfg(not(feature = "semihosting"))]
 mod bench;
 mod board;
 mod clock;
@@ -36,26 +38,26 @@ mod emulated;
 mod flash;
 mod panic;
 mod reset;
+mod serial;
 
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
     use cortex_m::peripheral::SCB;
     use dea_driver::server::{Session, StartError};
-    use dea_driver::wire::{BAUD, FRAME_LEN, Message, boards, encode};
+    use dea_driver::wire::{FRAME_LEN, Message, boards, encode};
     use dea_driver::{Cause, Device, Drive, DriverState, Store, StoreError};
     use heapless::spsc::{Consumer, Producer, Queue};
     use stm32f4xx_hal::gpio::{Output, PC12, PinState};
-    #[cfg(not(feature = "semihosting"))]
-    use stm32f4xx_hal::hal_02::serial::Read;
     use stm32f4xx_hal::hal_02::serial::Write;
-    use stm32f4xx_hal::nb;
     use stm32f4xx_hal::pac::{DBGMCU, Interrupt, USART2};
     use stm32f4xx_hal::prelude::*;
-    use stm32f4xx_hal::serial::{Config, Serial};
+    use stm32f4xx_hal::serial::{Event, Serial};
     use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
-    #[cfg(not(feature = "drills"))]
-    use crate::bench::{AdcBus, Bench};
+    #[cfg(all(feature = "semihosting", not(feature = "drills")))]
+    use crate::absent::{AdcBus, Bench};
+    #[cfg(not(feature = "semihosting"))]
+    use crate::bench::{AdcBus, Bench, Pins};
     use crate::board::{self, Background, Ticker};
     use crate::clock;
     #[cfg(feature = "drills")]
@@ -65,6 +67,7 @@ mod app {
     use crate::flash::ParameterFlash;
     use crate::panic::Message as PanicMessage;
     use crate::reset;
+    use crate::serial;
 
     /// Until there are parameters.
     const RATE_HZ: f32 = 1000.0;
@@ -119,24 +122,22 @@ mod app {
             defmt::error!("clock: {}; the internal oscillator serves", fault);
         }
 
-        #[cfg(not(feature = "drills"))]
+        let gpioa = chip.GPIOA.split(&mut rcc);
+        #[cfg(not(feature = "semihosting"))]
         let bench = {
-            let gpiob = chip.GPIOB.split(&mut rcc);
-            let pins = (gpioc.pc7, gpioc.pc10, gpioc.pc11);
-            Bench::new(chip.SPI2, chip.SPI3, gpiob, enable, pins, cx.local.adc_bus, &mut rcc)
+            let adc = (gpioa.pa5, gpioa.pa6, gpioa.pa7);
+            let pins = Pins { enable, interlock: gpioc.pc7, adc, port_b: chip.GPIOB.split(&mut rcc) };
+            Bench::new(chip.SPI1, chip.SPI2, pins, cx.local.adc_bus, &mut rcc)
         };
-        #[cfg(feature = "drills")]
+        #[cfg(feature = "semihosting")]
         let bench = {
             let _: (&Option<AdcBus>, _) = (cx.local.adc_bus, enable);
-            defmt::error!("a simulated bench: this image is for drills alone");
             Bench::new()
         };
 
-        let gpioa = chip.GPIOA.split(&mut rcc);
-        let config = Config::default().baudrate(BAUD.bps());
-        let serial = Serial::new(chip.USART2, (gpioa.pa2, gpioa.pa3), config, &mut rcc);
-        let Ok(mut serial) = serial else { panic!("the clock is too slow for the link") };
-        serial.listen(stm32f4xx_hal::serial::Event::RxNotEmpty);
+        let Ok(serial) = serial::open(chip.USART2, gpioa.pa2, gpioa.pa3, &mut rcc) else {
+            panic!("the clock is too slow for the link")
+        };
         let (heard, received) = cx.local.incoming.split();
         let (sending, said) = cx.local.outgoing.split();
 
@@ -161,8 +162,7 @@ mod app {
         emulated::begin_tick();
         board::outlive_debugger(debug);
         let (state, is_served, rate_hz) = cx.shared.device.lock(|device| {
-            let inputs = bench.sample(!device.state().is_live());
-            let drive = device.tick(inputs);
+            let drive = device.tick(bench.sample());
             if bench.apply(drive).is_err() {
                 device.trip(Cause::Bus);
             }
@@ -196,23 +196,21 @@ mod app {
     fn link(cx: link::Context) {
         let link::LocalResources { serial, heard, said, .. } = cx.local;
         #[cfg(not(feature = "semihosting"))]
-        let read = Read::read;
+        let byte = serial::received(serial);
         #[cfg(feature = "semihosting")]
-        let read = emulated::read;
-        match read(serial) {
-            // A byte that finds no room is lost, and its frame with it: that is counted where frames are.
-            Ok(byte) => drop(heard.enqueue(byte)),
-            // Noise or a lost byte: the same.
-            Err(nb::Error::Other(_) | nb::Error::WouldBlock) => {}
+        let byte = emulated::received(serial);
+        if let Some(byte) = byte {
+            // One that finds no room is lost, and its frame with it: that is counted where frames are.
+            let _ = heard.enqueue(byte);
         }
         if serial.is_tx_empty() {
             match said.dequeue() {
                 Some(byte) => {
                     // It is empty, so there is no waiting.
                     let _ = Write::write(serial, byte);
-                    serial.listen(stm32f4xx_hal::serial::Event::TxEmpty);
+                    serial.listen(Event::TxEmpty);
                 }
-                None => serial.unlisten(stm32f4xx_hal::serial::Event::TxEmpty),
+                None => serial.unlisten(Event::TxEmpty),
             }
         }
     }

@@ -30,22 +30,24 @@ fn commanded(code: u16, stood: u16) -> Vec<OnSpi<u8>> {
 }
 
 /// 32 bits to and from an ADS868x.
-fn exchanged(sent: [u8; 4], answer: u16) -> [OnSpi<u8>; 3] {
-    let [high, low] = answer.to_be_bytes();
-    let answer = vec![high, low, 0, 0];
+fn exchanged(sent: [u8; 4], answer: [u16; 2]) -> [OnSpi<u8>; 3] {
+    let [[first, second], [third, fourth]] = answer.map(u16::to_be_bytes);
+    let answer = vec![first, second, third, fourth];
     [OnSpi::transaction_start(), OnSpi::transfer_in_place(sent.to_vec(), answer), OnSpi::transaction_end()]
 }
 
-/// An ADC that is configured and then answers one code in each tick.
-fn adc(codes: [u16; 5]) -> Ads868x<Spi<u8>> {
+/// Ticks before the driver is armed: the ADCs are set up in four, and a sensor counts as plausible after ten good readings.
+const DISARMED: usize = 15;
+
+/// An ADC that is set up in four ticks and then answers one code in each, with its range beside it.
+fn adc(codes: &[u16]) -> Ads868x<Spi<u8>> {
     let mut expected = Vec::new();
-    expected.extend(exchanged([0xd0, 0x14, 0, 9], 0)); // range 0 to 10.24 V
-    expected.extend(exchanged([0xc8, 0x14, 0, 0], 0)); // read it back
-    expected.extend(exchanged([0; 4], 9));
-    expected.extend(codes.into_iter().flat_map(|code| exchanged([0; 4], code)));
-    let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
-    adc.configure().expect("answers");
-    adc
+    expected.extend(exchanged([0xd0, 0x14, 0, 9], [0; 2])); // range 0 to 10.24 V
+    expected.extend(exchanged([0xd0, 0x10, 0x41, 0], [0; 2])); // address and range in every frame
+    expected.extend(exchanged([0xc8, 0x14, 0, 0], [0; 2])); // read the range back
+    expected.extend(exchanged([0; 4], [9, 0]));
+    expected.extend(codes.iter().flat_map(|&code| exchanged([0; 4], [code, 0x0900])));
+    Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24)
 }
 
 pub fn main() {
@@ -55,35 +57,39 @@ pub fn main() {
     let mut device = Device::new(None);
     device.install(Controller::new(blob)).expect("the amplifier is disabled");
 
-    // Range 0 to 10 V, register at 0 V, power.
-    let start = [written(0x08, 1), written(0x00, 0), written(0x10, 1)].concat();
+    // Thermal shutdown, range 0 to 10 V, register at 0 V, power.
+    let start = [written(0x19, 0xc), written(0x08, 1), written(0x00, 0), written(0x10, 1)].concat();
+    let off = [written(0x00, 0).to_vec(), read(0x10, 1)].concat();
     let commands = [50.0, 100.0].map(|volts| DacCode::from_volts(volts / 1000.0, CommandRange::TenVolts).0);
     let mut on_dac = start.clone();
-    on_dac.extend(written(0x00, 0)); // tick 0, disarmed
-    on_dac.extend(start); // tick 1, armed: enabled at 0 V once range, power and code read as they should
-    on_dac.extend([read(0x08, 1), read(0x10, 1), read(0x00, 0)].concat());
+    on_dac.extend(vec![off.clone(); DISARMED].concat());
+    on_dac.extend(start); // armed: enabled at 0 V once protection, range, power and code read as they should
+    on_dac.extend([read(0x19, 0xc), read(0x08, 1), read(0x10, 1), read(0x00, 0)].concat());
     on_dac.extend(commanded(0, 0));
-    on_dac.extend(commanded(commands[0], 0)); // ticks 2 and 3, running: 50 kV/s
+    on_dac.extend(commanded(commands[0], 0)); // running, two ticks: 50 kV/s
     on_dac.extend(commanded(commands[1], commands[0]));
-    on_dac.extend(written(0x00, 0)); // tick 4, tripped
-    let on_pin = [Level::Low, Level::Low, Level::High, Level::Low].map(OnPin::set);
+    on_dac.extend(off); // tripped
+    let on_pin = [&[Level::Low; DISARMED + 1], [Level::High, Level::Low].as_slice()].concat();
+    let on_pin: Vec<_> = on_pin.into_iter().map(OnPin::set).collect();
     let amplifier = Amplifier::new(Spi::new(&on_dac), Pin::new(&on_pin), CommandRange::TenVolts);
     let mut amplifier = amplifier.expect("answers");
-    // The monitor follows within a tick; the sensor reads 1 V of a film at rest, with its noise.
-    let mut monitor = adc([0, 0, 0, 320, 640]);
-    let mut sensor = adc([6400, 6401, 6400, 6402, 6400]);
+    // The monitor shows what stood a tick ago; the sensor reads 1 V of a film at rest, with its noise.
+    let at_rest = [6400, 6401].repeat(DISARMED);
+    let mut monitor = adc(&[[0; DISARMED - 1].as_slice(), &[320]].concat());
+    let mut sensor = adc(&at_rest[..DISARMED]);
 
-    for tick in 0..5 {
+    const RUNS: usize = DISARMED + 1;
+    for tick in 0..DISARMED + 4 {
         match tick {
-            1 => device.arm().expect("the readings are healthy"),
-            2 => {
+            DISARMED => device.arm().expect("the readings are healthy"),
+            RUNS => {
                 device.start(Mode::Voltage).expect("armed");
                 device.set_voltage(2000.0).expect("within the limits");
             }
             _ => {}
         }
         let inputs = Inputs {
-            interlock_closed: tick < 4,
+            interlock_closed: tick < DISARMED + 3,
             monitor_adc_v: monitor.volts().ok(),
             sensor_adc_v: sensor.volts().ok(),
         };

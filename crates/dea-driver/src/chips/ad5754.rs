@@ -10,16 +10,23 @@ const DAC_A: u8 = 0x00;
 const RANGE_A: u8 = 0x08;
 const POWER: u8 = 0x10;
 const NOTHING: u8 = 0x18;
+const CONTROL: u8 = 0x19;
 /// Set where a register is to be read: its content comes with the next frame.
 const READ: u8 = 0x80;
 /// Channel A has power.
 const POWER_A: u16 = 1;
+/// Channel A is at its current limit, and the chip is too hot: read with the power.
+const ALARMS: u16 = 1 << 7 | 1 << 5;
+/// Thermal shutdown, which is off when the chip comes up, and the current limit of 20 mA, which is on: clear means another thing.
+const PROTECTION: u16 = 1 << 3 | 1 << 2;
+/// The four bits that the control register has; what the others read is not stated.
+const CONTROL_BITS: u16 = 0xf;
 
 /// An amplifier that follows channel A of an AD5754 while its enable input is high.
 ///
 /// The DAC drives 0…5 V or 0…10 V, straight binary (its BIN/2sCOMP pin high), LDAC tied low. SPI mode 1, up to 17 MHz. SDO must be
-/// wired: before the amplifier is enabled the DAC's range, power and code are read back, and with every command the code that stood.
-/// A DAC that does not hold what it was sent disables the amplifier.
+/// wired: before the amplifier is enabled the DAC's range, protection, power and code are read back, with every command the code that
+/// stood, and while it is disabled the power. A DAC that does not hold what it was sent, or is at its limits, disables the amplifier.
 ///
 /// ```
 /// use dea_driver::chips::{Amplifier, CommandRange, Drive};
@@ -30,10 +37,10 @@ const POWER_A: u16 = 1;
 /// #     [OnSpi::transaction_start(), OnSpi::transfer_in_place(bytes.to_vec(), answer.to_vec()), OnSpi::transaction_end()]
 /// # };
 /// # let read = |register: u8, low: u8| [sent([0x80 | register, 0, 0]), answered([0x18, 0, 0], [0, 0, low])].concat();
-/// # let start = [sent([0x08, 0, 1]), sent([0, 0, 0]), sent([0x10, 0, 1])].concat();
-/// # let checked = [read(0x08, 1), read(0x10, 1), read(0, 0)].concat();
+/// # let start = [sent([0x19, 0, 0xc]), sent([0x08, 0, 1]), sent([0, 0, 0]), sent([0x10, 0, 1])].concat();
+/// # let checked = [read(0x19, 0xc), read(0x08, 1), read(0x10, 1), read(0, 0)].concat();
 /// # let command = [sent([0x80, 0, 0]), answered([0, 0x4c, 0xcd], [0; 3])].concat();
-/// # let spi = Spi::new(&[start.clone(), start, checked, command, sent([0, 0, 0]).to_vec()].concat());
+/// # let spi = Spi::new(&[start.clone(), start, checked, command, sent([0, 0, 0]).to_vec(), read(0x10, 1)].concat());
 /// # let enable = Pin::new(&[State::Low, State::High, State::Low].map(OnPin::set));
 ///
 /// // `spi` is an SpiDevice, `enable` an OutputPin.
@@ -51,6 +58,8 @@ pub struct Amplifier<SPI, EN> {
     enable: EN,
     range: CommandRange,
     enabled: bool,
+    /// Whether the DAC held what it was sent when it was read last.
+    holds: bool,
     /// The last code that was written.
     code: DacCode,
 }
@@ -81,12 +90,13 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
     /// [`AmplifierError`] where a chip does not answer; the enable output has been set low first.
     pub fn new(spi: SPI, mut enable: EN, range: CommandRange) -> Result<Self, AmplifierError> {
         enable.set_low().map_err(|_| AmplifierError::Enable)?;
-        let mut amplifier = Self { spi, enable, range, enabled: false, code: DacCode::ZERO };
+        let mut amplifier = Self { spi, enable, range, enabled: false, holds: true, code: DacCode::ZERO };
         amplifier.start()?;
         Ok(amplifier)
     }
 
-    /// Applies the `drive` of a tick: disables before anything else, enables at 0 V.
+    /// Applies the `drive` of a tick: disables before anything else, enables at 0 V. While it is disabled the DAC is asked whether it
+    /// still has power, so that one which is not there shows before anybody arms; one that had none is started again.
     ///
     /// # Errors
     ///
@@ -94,19 +104,16 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
     pub fn apply(&mut self, drive: Drive) -> Result<(), AmplifierError> {
         if !drive.enable {
             self.disable()?;
-            return if drive.range == self.range { Ok(()) } else { self.set_range(drive.range) };
+            if !self.holds || drive.range != self.range {
+                self.range = drive.range;
+                self.start()?;
+            }
+            return self.check_power();
         }
         if !self.enabled {
             self.enable()?;
         }
         self.command(DacCode::from_volts(drive.dac_v, drive.range))
-    }
-
-    /// The register keeps its code when the range changes, so it is brought to 0 V after.
-    fn set_range(&mut self, range: CommandRange) -> Result<(), AmplifierError> {
-        self.write(RANGE_A, range_code(range))?;
-        self.range = range;
-        self.zero()
     }
 
     fn zero(&mut self) -> Result<(), AmplifierError> {
@@ -128,9 +135,12 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
         matches(before, found)
     }
 
-    /// Range, 0 V, power: 0 V before power, so that the output never shows what the register held.
+    /// Protection, range, 0 V, power: 0 V before power, so that the output never shows what the register held, and after the range,
+    /// since the register keeps its code when that changes.
     fn start(&mut self) -> Result<(), AmplifierError> {
-        self.set_range(self.range)?;
+        self.write(CONTROL, PROTECTION)?;
+        self.write(RANGE_A, range_code(self.range))?;
+        self.zero()?;
         self.write(POWER, POWER_A)
     }
 
@@ -142,13 +152,20 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
     /// [`AmplifierError`]; it is not enabled then.
     pub fn enable(&mut self) -> Result<(), AmplifierError> {
         self.start()?;
+        matches(PROTECTION, self.read(CONTROL)? & CONTROL_BITS)?;
         matches(range_code(self.range), self.read(RANGE_A)?)?;
-        // The upper bits hold alarms, those between the power of other channels.
-        matches(POWER_A, self.read(POWER)? & POWER_A)?;
+        self.check_power()?;
         matches(DacCode::ZERO.0, self.read(DAC_A)?)?;
         self.enable.set_high().map_err(|_| AmplifierError::Enable)?;
         self.enabled = true;
         Ok(())
+    }
+
+    /// Between the bits of channel A are those of the others.
+    fn check_power(&mut self) -> Result<(), AmplifierError> {
+        let checked = self.read(POWER).and_then(|power| matches(POWER_A, power & (POWER_A | ALARMS)));
+        self.holds = checked.is_ok();
+        checked
     }
 
     /// Disables the amplifier and brings the command to 0 V: both are tried, whatever fails.

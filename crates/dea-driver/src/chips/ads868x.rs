@@ -8,9 +8,15 @@ use crate::chips::{AdcCode, AdcRange};
 const WRITE: u8 = 0xd0;
 /// Read both bytes of a register.
 const READ: u8 = 0xc8;
+/// The register of what a frame carries beside its sample.
+const DATAOUT_CTL: u8 = 0x10;
+/// The chip's address and its input range, in this order and before anything else: so their place does not depend on what is left
+/// out between them.
+const ADDRESS_AND_RANGE: u16 = 1 << 14 | 1 << 8;
 /// The register of the input range.
 const RANGE_SEL: u8 = 0x14;
-/// RANGE_SEL of a range: 3, 2.5, 1.5 or 1.25 × the internal reference of 4.096 V, unipolar.
+/// RANGE_SEL of a range: 3, 2.5, 1.5 or 1.25 × the internal reference of 4.096 V, unipolar. The other bits are reserved, but one
+/// which switches that reference off: all of them are 0.
 const fn range_sel(range: AdcRange) -> u16 {
     match range {
         AdcRange::UpTo12V288 => 0b1000,
@@ -20,118 +26,100 @@ const fn range_sel(range: AdcRange) -> u16 {
     }
 }
 
-/// An ADS868x. SPI mode 0, frames of 32 bits.
+/// An ADS868x. SPI mode 0, frames of 32 bits, one of them in every tick.
 ///
-/// The chip samples when its select line rises at the end of a frame and answers in the next: a reading is as old as the
-/// tick before.
+/// The chip samples when its select line rises at the end of a frame and answers in the next: a reading is as old as the tick
+/// before. It converts after every frame, for 5 µs at the most (ADS8689), and does not see a frame that begins meanwhile. So there
+/// is one frame to a reading, also while the chip is set up: that takes four readings, which fail with [`AdcError::Starting`].
+///
+/// Every frame carries the chip's range beside the sample. One that is not there, or whose supply has dipped and that is back on
+/// ±12.288 V, where 0 V is half of its codes, shows in the same tick and is set up again from the next one on.
 ///
 /// ```
-/// use dea_driver::chips::{AdcRange, Ads868x};
+/// use dea_driver::chips::{AdcError, AdcRange, Ads868x};
 /// # use embedded_hal_mock::eh1::spi::{Mock as Spi, Transaction as OnSpi};
 /// # let frame = |sent: [u8; 4], answer: [u8; 4]| {
 /// #     [OnSpi::transaction_start(), OnSpi::transfer_in_place(sent.to_vec(), answer.to_vec()), OnSpi::transaction_end()]
 /// # };
-/// # let configured = [frame([0xd0, 0x14, 0, 9], [0; 4]), frame([0xc8, 0x14, 0, 0], [0; 4]), frame([0; 4], [0, 9, 0, 0])];
-/// # let spi = Spi::new(&[configured.concat(), frame([0; 4], [0x80, 0, 0, 0]).to_vec()].concat());
+/// # let set = [frame([0xd0, 0x14, 0, 9], [0; 4]), frame([0xd0, 0x10, 0x41, 0], [0; 4])].concat();
+/// # let asked = [frame([0xc8, 0x14, 0, 0], [0; 4]), frame([0; 4], [0, 9, 0, 0]), frame([0; 4], [0x80, 0, 9, 0])].concat();
+/// # let spi = Spi::new(&[set, asked].concat());
 ///
 /// // `spi` is an SpiDevice.
 /// let mut adc = Ads868x::new(spi, AdcRange::UpTo10V24);
-/// adc.configure()?;
 /// // In every tick:
+/// for _ in 0..4 {
+///     assert_eq!(adc.volts(), Err(AdcError::Starting));
+/// }
 /// assert_eq!(adc.volts()?, 5.12);
 /// # adc.destroy().done();
-/// # Ok::<(), dea_driver::chips::AdcError>(())
+/// # Ok::<(), AdcError>(())
 /// ```
 pub struct Ads868x<SPI> {
     spi: SPI,
     range: AdcRange,
-    configured: bool,
+    next: Frame,
 }
 
-/// Why an ADC cannot be used.
+/// What the next frame is for.
+#[derive(Clone, Copy)]
+enum Frame {
+    SetRange,
+    SetFields,
+    AskRange,
+    TakeRange,
+    Sample,
+}
+
+/// Why an ADC has no reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum AdcError {
     /// The transfer on the bus failed.
     Bus,
-    /// The register of the range does not hold what was written: no chip, or another one.
+    /// The chip does not have the range that it was set to: no chip, another one, or one that has been without supply.
     Range {
-        /// Its content.
+        /// What came instead: the register, or what a frame carries beside its sample.
         found: u16,
     },
-    /// Its range was not set yet.
-    Unconfigured,
+    /// It is being set up.
+    Starting,
 }
 
 impl<SPI: SpiDevice> Ads868x<SPI> {
-    /// An ADC on `spi`, not configured yet.
+    /// An ADC on `spi`, not set up yet.
     pub const fn new(spi: SPI, range: AdcRange) -> Self {
-        Self { spi, range, configured: false }
+        Self { spi, range, next: Frame::SetRange }
     }
 
-    /// Whether its range was set.
-    pub const fn is_configured(&self) -> bool {
-        self.configured
-    }
-
-    /// Sets the range and reads it back.
+    /// The sample that was taken at the end of the last frame. One frame; leave 10 µs between two of them.
     ///
     /// # Errors
     ///
-    /// [`AdcError`] where the chip does not answer as it should; try again once it has power.
-    pub fn configure(&mut self) -> Result<(), AdcError> {
-        self.configured = false;
-        let [high, low] = range_sel(self.range).to_be_bytes();
-        self.frame([WRITE, RANGE_SEL, high, low])?;
-        self.frame([READ, RANGE_SEL, 0, 0])?;
-        self.check_range()
-    }
-
-    /// The sample that was taken at the end of the last frame.
-    ///
-    /// # Errors
-    ///
-    /// [`AdcError::Bus`], [`AdcError::Unconfigured`].
+    /// [`AdcError`] where there is none yet, or none that can be trusted: the chip is set up again by the next readings.
     pub fn read(&mut self) -> Result<AdcCode, AdcError> {
-        if !self.configured {
-            return Err(AdcError::Unconfigured);
+        let [range_high, range_low] = range_sel(self.range).to_be_bytes();
+        let [fields_high, fields_low] = ADDRESS_AND_RANGE.to_be_bytes();
+        let (command, then) = match self.next {
+            Frame::SetRange => ([WRITE, RANGE_SEL, range_high, range_low], Frame::SetFields),
+            Frame::SetFields => ([WRITE, DATAOUT_CTL, fields_high, fields_low], Frame::AskRange),
+            Frame::AskRange => ([READ, RANGE_SEL, 0, 0], Frame::TakeRange),
+            Frame::TakeRange | Frame::Sample => ([0; 4], Frame::Sample),
+        };
+        let is_for = core::mem::replace(&mut self.next, Frame::SetRange);
+        let [first, second, third, fourth] = self.frame(command)?;
+        let (upper, lower) = (u16::from_be_bytes([first, second]), u16::from_be_bytes([third, fourth]));
+        let (found, expected) = match is_for {
+            Frame::TakeRange => (upper, range_sel(self.range)),
+            Frame::Sample => (lower, range_sel(self.range) << 8),
+            _ => (0, 0),
+        };
+        if found != expected {
+            return Err(AdcError::Range { found });
         }
-        let [high, low, ..] = self.frame([0; 4])?;
-        Ok(AdcCode(u16::from_be_bytes([high, low])))
-    }
-
-    /// The same, after a check that the chip still has its range. It needs a second frame. A chip whose supply has dipped is back on
-    /// another range, on which 0 V reads as half of full scale: it counts as unconfigured from then on.
-    ///
-    /// # Errors
-    ///
-    /// As [`read`](Self::read), and [`AdcError::Range`].
-    pub fn read_checked(&mut self) -> Result<AdcCode, AdcError> {
-        if !self.configured {
-            return Err(AdcError::Unconfigured);
-        }
-        let [high, low, ..] = self.frame([READ, RANGE_SEL, 0, 0])?;
-        self.check_range()?;
-        Ok(AdcCode(u16::from_be_bytes([high, low])))
-    }
-
-    /// [`read_checked`](Self::read_checked) in volts.
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    pub fn volts_checked(&mut self) -> Result<f32, AdcError> {
-        self.read_checked().map(|code| code.volts(self.range))
-    }
-
-    /// Takes the answer to a question for the range.
-    fn check_range(&mut self) -> Result<(), AdcError> {
-        let [high, low, ..] = self.frame([0; 4])?;
-        let found = u16::from_be_bytes([high, low]);
-        // The upper bits hold alarms.
-        self.configured = found & 0x000f == range_sel(self.range);
-        if self.configured { Ok(()) } else { Err(AdcError::Range { found }) }
+        self.next = then;
+        if let Frame::Sample = is_for { Ok(AdcCode(upper)) } else { Err(AdcError::Starting) }
     }
 
     /// [`read`](Self::read) in volts.

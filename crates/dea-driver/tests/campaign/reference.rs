@@ -254,9 +254,12 @@ impl MonitorReference {
         [slowest[0].min(command_v), slowest[1].max(command_v)]
     }
 
-    /// What agrees in the next tick: the possible voltages, and the band around them, V.
+    /// What agrees in the next tick: the voltages that are possible now or were when a converter sampled a tick ago, and the band
+    /// around them, V.
     fn band(&self, limits: &Limits, rate_hz: f64, command_v: f64) -> (f64, f64) {
-        let [low, high] = self.next_possible_v(limits, rate_hz, command_v);
+        let ([low, high], [low_before, high_before]) =
+            (self.next_possible_v(limits, rate_hz, command_v), self.possible_v);
+        let (low, high) = (low.min(low_before), high.max(high_before));
         let band = f64::from(limits.monitor.band_v) + f64::from(limits.monitor.band_share) * high;
         (low - band, high + band)
     }

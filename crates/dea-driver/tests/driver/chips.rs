@@ -16,9 +16,19 @@ fn exchanged<const N: usize>(sent: [u8; N], answered: [u8; N]) -> [OnSpi<u8>; 3]
     [OnSpi::transaction_start(), OnSpi::transfer_in_place(sent.to_vec(), answered.to_vec()), OnSpi::transaction_end()]
 }
 
-/// Range of channel A to 0…10 V, its register to 0, power.
+/// Thermal shutdown and current limit, range of channel A, its register to 0, power.
+fn started(range: u8) -> Vec<OnSpi<u8>> {
+    [written([0x19, 0, 0xc]), written([0x08, 0, range]), written([0x00, 0, 0]), written([0x10, 0, 1])].concat()
+}
+
+/// On 0…10 V.
 fn start_up() -> Vec<OnSpi<u8>> {
-    [written([0x08, 0, 1]), written([0x00, 0, 0]), written([0x10, 0, 1])].concat()
+    started(1)
+}
+
+/// Disabled, and asked for its power.
+fn idle() -> Vec<OnSpi<u8>> {
+    [written([0x00, 0, 0]).to_vec(), asked(0x10, [0, 1])].concat()
 }
 
 /// A register is asked for, and answers in the next frame.
@@ -26,10 +36,10 @@ fn asked(register: u8, [high, low]: [u8; 2]) -> Vec<OnSpi<u8>> {
     [written([0x80 | register, 0, 0]), exchanged([0x18, 0, 0], [0x80 | register, high, low])].concat()
 }
 
-/// Started, and range, power and code are read back. Alarms and the power of other channels do not matter.
+/// Started, and protection, range, power and code are read back. The alarms and the power of other channels do not matter.
 fn enabling(range: u8) -> Vec<OnSpi<u8>> {
-    let start = [written([0x08, 0, range]), written([0x00, 0, 0]), written([0x10, 0, 1])].concat();
-    [start, asked(0x08, [0, range]), asked(0x10, [0x02, 0x23]), asked(0x00, [0, 0])].concat()
+    let checked = [asked(0x19, [0, 0xc]), asked(0x08, [0, range]), asked(0x10, [0x02, 0x03]), asked(0x00, [0, 0])];
+    [started(range), checked.concat()].concat()
 }
 
 /// A code is written while the DAC answers with the one that stood.
@@ -58,10 +68,10 @@ fn amplifier_starts_at_0_v_and_ends_there() {
 fn amplifier_applies_the_drive_of_a_tick() {
     let mut expected = start_up();
     expected.extend(written([0x00, 0, 0])); // off, as it was
-    expected.extend([written([0x08, 0, 0]), written([0x00, 0, 0])].concat()); // 0…5 V, 0 V again
+    expected.extend([started(0), asked(0x10, [0, 1])].concat()); // 0…5 V, 0 V again
     expected.extend(enabling(0)); // on at 0 V
     expected.extend([commanded([0x12, 0x34], [0, 0]), commanded([0x56, 0x78], [0x12, 0x34])].concat());
-    expected.extend(written([0x00, 0, 0])); // off
+    expected.extend(idle()); // off
     let pin = [State::Low, State::Low, State::High, State::Low].map(OnPin::set);
     let mut amplifier = Amplifier::new(Spi::new(&expected), Pin::new(&pin), CommandRange::TenVolts).expect("answers");
     let range = CommandRange::FiveVolts;
@@ -76,7 +86,7 @@ fn amplifier_applies_the_drive_of_a_tick() {
 
 #[test]
 fn the_range_of_five_volts_is_another_code() {
-    let expected = [written([0x08, 0, 0]), written([0x00, 0, 0]), written([0x10, 0, 1])].concat();
+    let expected = started(0);
     let pin = Pin::new(&[OnPin::set(State::Low)]);
     let amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::FiveVolts).expect("answers");
     let (mut spi, mut pin) = amplifier.destroy();
@@ -114,13 +124,20 @@ fn pins_are_low_whatever_the_bus_does() {
 /// A DAC that is not there, without supply, or on another range is not enabled.
 #[test]
 fn a_dac_that_does_not_hold_what_it_was_sent_is_not_enabled() {
+    let protection = asked(0x19, [0, 0xc]);
     let range = asked(0x08, [0, 1]);
     let power = asked(0x10, [0, 1]);
+    let ranged = [protection.clone(), range.clone()].concat();
     for (answers, wanted, found) in [
-        (asked(0x08, [0xff, 0xff]), 1, 0xffff),
-        (asked(0x08, [0, 0]), 1, 0),
-        ([range.clone(), asked(0x10, [0xff, 0xfe])].concat(), 1, 0),
-        ([range, power, asked(0x00, [0x80, 0])].concat(), 0, 0x8000),
+        (asked(0x19, [0xff, 0xff]), 0xc, 0xf),
+        (asked(0x19, [0, 4]), 0xc, 4),
+        ([protection.clone(), asked(0x08, [0xff, 0xff])].concat(), 1, 0xffff),
+        ([protection, asked(0x08, [0, 0])].concat(), 1, 0),
+        // Without power, at its current limit, too hot.
+        ([ranged.clone(), asked(0x10, [0xff, 0x5e])].concat(), 1, 0),
+        ([ranged.clone(), asked(0x10, [0x00, 0x81])].concat(), 1, 0x81),
+        ([ranged.clone(), asked(0x10, [0x00, 0x21])].concat(), 1, 0x21),
+        ([ranged, power, asked(0x00, [0x80, 0])].concat(), 0, 0x8000),
     ] {
         let expected = [start_up(), start_up(), answers].concat();
         let pin = Pin::new(&[OnPin::set(State::Low)]);
@@ -154,47 +171,88 @@ fn a_dac_that_dies_is_noticed_with_the_next_command() {
     }
 }
 
+/// A DAC that is not there shows while the amplifier is disabled, and is started again once it is back.
+#[test]
+fn a_missing_dac_shows_before_anybody_arms() {
+    let absent = [written([0x00, 0, 0]).to_vec(), asked(0x10, [0, 0])].concat();
+    let still_absent = [written([0x00, 0, 0]).to_vec(), started(1), asked(0x10, [0xff, 0xff])].concat();
+    let back = [written([0x00, 0, 0]).to_vec(), started(1), asked(0x10, [0, 1])].concat();
+    let expected = [start_up(), idle(), absent, still_absent, back, idle()].concat();
+    let pin = Pin::new(&vec![OnPin::set(State::Low); 6]);
+    let mut amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::TenVolts).expect("written");
+    let off = Drive { range: CommandRange::TenVolts, ..Drive::OFF };
+    let missing = |found| Err(AmplifierError::Readback { wanted: 1, found });
+    for answer in [Ok(()), missing(0), missing(0xa1), Ok(()), Ok(())] {
+        assert_eq!(amplifier.apply(off), answer);
+    }
+    let (mut spi, mut pin) = amplifier.destroy();
+    spi.done();
+    pin.done();
+}
+
+/// The four frames that set an ADC up, as a chip answers them: what was sampled before, then the register.
+fn set_up(range: u8) -> Vec<OnSpi<u8>> {
+    let set = [exchanged([0xd0, 0x14, 0x00, range], [0x12, 0x34, 0, 0]), exchanged([0xd0, 0x10, 0x41, 0x00], [0; 4])];
+    let asked = [exchanged([0xc8, 0x14, 0, 0], [0x12, 0x34, range, 0]), exchanged([0; 4], [0x00, range, 0, 0])];
+    [set.concat(), asked.concat()].concat()
+}
+
+fn starting(adc: &mut Ads868x<Spi<u8>>) {
+    for _ in 0..4 {
+        assert_eq!(adc.read(), Err(AdcError::Starting));
+    }
+}
+
+/// One frame to a reading, and every sample comes with its range: 0 to 10.24 V, of a chip with the address 0.
 #[test]
 fn adc_sets_its_range_checks_it_and_reads() {
-    let mut expected = Vec::new();
-    expected.extend(exchanged([0xd0, 0x14, 0x00, 0x09], [0; 4]));
-    expected.extend(exchanged([0xc8, 0x14, 0, 0], [0x12, 0x34, 0, 0]));
-    expected.extend(exchanged([0; 4], [0x00, 0x09, 0, 0]));
-    expected.extend(exchanged([0; 4], [0x80, 0x00, 0, 0]));
+    let mut expected = set_up(9);
+    expected.extend(exchanged([0; 4], [0x80, 0x00, 0x09, 0]));
+    expected.extend(exchanged([0; 4], [0x80, 0x01, 0x09, 0]));
     let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
-    assert_eq!(adc.read(), Err(AdcError::Unconfigured), "before it is configured");
-    adc.configure().expect("answers");
+    starting(&mut adc);
     let code = adc.read().expect("answers");
     assert_eq!(code, AdcCode(0x8000));
     assert_eq!(code.volts(AdcRange::UpTo10V24), 5.12);
+    assert_eq!(adc.read(), Ok(AdcCode(0x8001)));
     adc.destroy().done();
 }
 
-/// After a dip of its supply the chip is back on ±12.288 V, where 0 V is half of its codes.
+/// After a dip of its supply the chip is back on ±12.288 V, where 0 V is half of its codes, and says nothing of its range. Anything
+/// but the range alone beside the sample is no sample.
 #[test]
-fn an_adc_that_lost_its_range_is_noticed_and_configured_again() {
-    let configured = |found| {
-        let asked = [exchanged([0xd0, 0x14, 0x00, 0x09], [0; 4]), exchanged([0xc8, 0x14, 0, 0], [0; 4])].concat();
-        [asked, exchanged([0; 4], found).to_vec()].concat()
-    };
-    let mut expected = configured([0, 9, 0, 0]);
-    // Asked for its range: the sample that was taken before, then the register, with an alarm.
-    expected.extend(exchanged([0xc8, 0x14, 0, 0], [0x01, 0x00, 0, 0]));
-    expected.extend(exchanged([0; 4], [0xf0, 0xf9, 0, 0]));
-    // The supply dips.
-    expected.extend(exchanged([0xc8, 0x14, 0, 0], [0x80, 0x00, 0, 0]));
-    expected.extend(exchanged([0; 4], [0x00, 0x00, 0, 0]));
-    expected.extend(configured([0, 9, 0, 0]));
-    expected.extend(exchanged([0; 4], [0x00, 0x80, 0, 0]));
-    let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
-    assert_eq!(adc.read_checked(), Err(AdcError::Unconfigured), "before it is configured");
-    adc.configure().expect("answers");
-    assert_eq!(adc.volts_checked(), Ok(0.04));
-    assert_eq!(adc.volts_checked(), Err(AdcError::Range { found: 0 }));
-    assert_eq!(adc.volts(), Err(AdcError::Unconfigured));
-    adc.configure().expect("answers");
-    assert_eq!(adc.volts(), Ok(0.02));
-    adc.destroy().done();
+fn an_adc_that_lost_its_range_is_noticed_and_set_up_again() {
+    for (lower, found) in [([0, 0], 0), ([0x09, 0x04], 0x0904), ([0x0b, 0], 0x0b00), ([0xff, 0xff], 0xffff)] {
+        let mut expected = set_up(9);
+        expected.extend(exchanged([0; 4], [0x00, 0x40, 0x09, 0]));
+        expected.extend(exchanged([0; 4], [0x80, 0x00, lower[0], lower[1]]));
+        expected.extend(set_up(9));
+        expected.extend(exchanged([0; 4], [0x00, 0x80, 0x09, 0]));
+        let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
+        starting(&mut adc);
+        assert_eq!(adc.volts(), Ok(0.01));
+        assert_eq!(adc.volts(), Err(AdcError::Range { found }));
+        starting(&mut adc);
+        assert_eq!(adc.volts(), Ok(0.02));
+        adc.destroy().done();
+    }
+}
+
+/// The register holds the range and nothing else: a last bit that is read wrong, reserved bits, a reference that is off.
+#[test]
+fn an_adc_with_another_register_is_refused() {
+    for found in [8u16, 0x0b, 0x49, 0x19, 0x8009] {
+        let mut expected = set_up(9);
+        let [high, low] = found.to_be_bytes();
+        expected.truncate(expected.len() - 3);
+        expected.extend(exchanged([0; 4], [high, low, 0, 0]));
+        let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
+        for _ in 0..3 {
+            assert_eq!(adc.read(), Err(AdcError::Starting));
+        }
+        assert_eq!(adc.read(), Err(AdcError::Range { found }));
+        adc.destroy().done();
+    }
 }
 
 /// The other unipolar ranges of the data sheet: RANGE_SEL and full scale.
@@ -203,13 +261,10 @@ fn adc_ranges_are_those_of_the_data_sheet() {
     for (range, register, half_v) in
         [(AdcRange::UpTo12V288, 8, 6.144), (AdcRange::UpTo6V144, 10, 3.072), (AdcRange::UpTo5V12, 11, 2.56)]
     {
-        let mut expected = Vec::new();
-        expected.extend(exchanged([0xd0, 0x14, 0x00, register], [0; 4]));
-        expected.extend(exchanged([0xc8, 0x14, 0, 0], [0; 4]));
-        expected.extend(exchanged([0; 4], [0x00, register, 0, 0]));
-        expected.extend(exchanged([0; 4], [0x80, 0x00, 0, 0]));
+        let mut expected = set_up(register);
+        expected.extend(exchanged([0; 4], [0x80, 0x00, register, 0]));
         let mut adc = Ads868x::new(Spi::new(&expected), range);
-        adc.configure().expect("answers");
+        starting(&mut adc);
         assert_eq!(adc.volts(), Ok(half_v));
         adc.destroy().done();
     }
@@ -220,12 +275,14 @@ fn adc_ranges_are_those_of_the_data_sheet() {
 fn an_adc_that_is_not_there_is_refused() {
     for (byte, found) in [(0xff, 0xffff), (0x00, 0x0000)] {
         let mut expected = Vec::new();
-        for sent in [[0xd0, 0x14, 0x00, 0x09], [0xc8, 0x14, 0, 0], [0; 4]] {
+        for sent in [[0xd0, 0x14, 0x00, 0x09], [0xd0, 0x10, 0x41, 0x00], [0xc8, 0x14, 0, 0], [0; 4]] {
             expected.extend(exchanged(sent, [byte; 4]));
         }
         let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
-        assert_eq!(adc.configure(), Err(AdcError::Range { found }));
-        assert_eq!(adc.read(), Err(AdcError::Unconfigured));
+        for _ in 0..3 {
+            assert_eq!(adc.read(), Err(AdcError::Starting));
+        }
+        assert_eq!(adc.read(), Err(AdcError::Range { found }));
         adc.destroy().done();
     }
 }
@@ -340,19 +397,4 @@ fn points_that_are_no_calibration_are_refused() {
     }
     assert_eq!(refused(&[[0.0, f32::NEG_INFINITY], [1.0, 1.0]]), CalibrationError::Point(1));
     assert_eq!(refused(&[[f32::NAN, 0.0], [1.0, 1.0]]), CalibrationError::Start);
-}
-
-/// An ADC has no range before it was configured, and loses it when it does not answer with it.
-#[test]
-fn an_adc_is_configured_once_its_range_is_read_back() {
-    let asked = [exchanged([0xd0, 0x14, 0, 9], [0; 4]), exchanged([0xc8, 0x14, 0, 0], [0; 4])].concat();
-    let good = exchanged([0; 4], [0, 9, 0, 0]).to_vec();
-    let bad = exchanged([0; 4], [0, 8, 0, 0]).to_vec();
-    let mut adc = Ads868x::new(Spi::new(&[asked.clone(), good, asked, bad].concat()), AdcRange::UpTo10V24);
-    assert!(!adc.is_configured());
-    adc.configure().expect("answers");
-    assert!(adc.is_configured());
-    assert_eq!(adc.configure(), Err(AdcError::Range { found: 8 }));
-    assert!(!adc.is_configured());
-    adc.destroy().done();
 }

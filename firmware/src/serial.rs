@@ -1,0 +1,32 @@
+//! The serial port of the link.
+
+use dea_driver::wire::BAUD;
+use stm32f4xx_hal::gpio::{PA2, PA3};
+use stm32f4xx_hal::pac::USART2;
+use stm32f4xx_hal::prelude::*;
+use stm32f4xx_hal::rcc::Rcc;
+use stm32f4xx_hal::serial::config::InvalidConfig;
+use stm32f4xx_hal::serial::{Config, Event, Serial};
+
+/// Opens the port, listening. The line is pulled up, so that one which is not connected is quiet.
+pub fn open(usart: USART2, tx: PA2, rx: PA3, rcc: &mut Rcc) -> Result<Serial<USART2>, InvalidConfig> {
+    let rx = rx.into_alternate().internal_pull_up(true);
+    let mut serial = Serial::new(usart, (tx, rx), Config::default().baudrate(BAUD.bps()), rcc)?;
+    serial.listen(Event::RxNotEmpty);
+    Ok(serial)
+}
+
+/// The byte that has come, if one has, whatever the line says of it: noise on one of three samples of a bit need not have changed it,
+/// and the checksum of its frame tells.
+pub fn received(_owner: &mut Serial<USART2>) -> Option<u8> {
+    // SAFETY: the port is the caller's alone. Reading its data register after its status clears what the status said.
+    let usart = unsafe { &*USART2::PTR };
+    let status = usart.sr().read();
+    let came = status.rxne().bit_is_set();
+    let complains = status.ore().bit_is_set() || status.nf().bit_is_set() || status.fe().bit_is_set();
+    if !came && !complains {
+        return None;
+    }
+    let byte = usart.dr().read().dr().bits() as u8;
+    came.then_some(byte)
+}
