@@ -130,12 +130,16 @@ impl fmt::Display for BlobError {
             Self::Reach(which) => {
                 write!(f, "the {which} does not reach from 0 V to limits.max_voltage_v, within the monitor's band")
             }
-            Self::Coarse => f.write_str("the amplifier: a step of the DAC is more than limits.monitor.band_v at the film"),
+            Self::Coarse => {
+                f.write_str("the amplifier: a step of the DAC is more than limits.monitor.band_v at the film")
+            }
             Self::Thickness => f.write_str("limits.thickness_m is not the actuator's thickness_m"),
             Self::Unplugged => f.write_str(
-                "limits.sensor: low to high must not hold the readings of an unplugged sensor (0 V) and of a saturated one",
+                "limits.sensor: low to high must not hold what an unplugged sensor (0 V) or a saturated one reads",
             ),
-            Self::Stuck => f.write_str("limits.sensor.stuck_ticks must last at least five times control.delay_s + sample_interval_s"),
+            Self::Stuck => f.write_str(
+                "limits.sensor.stuck_ticks must last at least five times control.delay_s + sample_interval_s",
+            ),
         }
     }
 }

@@ -410,8 +410,8 @@ fn no_blob_breaks_the_limits() {
     }
     let refused = counts.refused.values().sum();
     println!(
-        "blobs: {} mutated, {} decoded and run for {} ticks ({} running), {} refused {:?}, trips {:?}, {} with a law that grew without end, {} of a film without force, at most {:.6} of the limit \
-         beside a step",
+        "blobs: {} mutated, {} decoded and run for {} ticks ({} running), {} refused {:?}, trips {:?}, \
+         {} with a law that grew without end, {} of a film without force, at most {:.6} of the limit beside a step",
         grouped(counts.blobs),
         grouped(counts.decoded),
         grouped(counts.ticks),

@@ -15,49 +15,16 @@
 
 use std::collections::{HashSet, VecDeque};
 
-use dea_driver::server::{Board, Session};
-use dea_driver::wire::{Answer, Command, FRAME_LEN, Message, Mode, Reject, Request, encode};
-use dea_driver::{BLOB_LEN, Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Store};
+use dea_driver::server::Session;
+use dea_driver::wire::{Answer, Command, Mode, Reject};
+use dea_driver::{Blob, Cause, Controller, Drive, DriverState, Store};
 
 use crate::bench::board_parameters;
+use crate::board::{self, BOARD, Bench, encoded};
 use crate::nor_flash::{SECTOR, TornFlash};
 use crate::scale::{grouped, is_full};
 
 const RATE_HZ: f32 = 1000.0;
-
-struct Bench {
-    device: Device,
-    store: Store<TornFlash>,
-    drive: Drive,
-    ticks: u16,
-}
-
-impl Board for Bench {
-    type Flash = TornFlash;
-    const ID: u16 = 7;
-
-    fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
-        (work(&mut self.device), 0)
-    }
-
-    fn rates_hz(&self) -> (f32, f32) {
-        (100.0, 2000.0)
-    }
-
-    fn store(&mut self) -> &mut Store<TornFlash> {
-        &mut self.store
-    }
-
-    fn set_rate(&mut self, _rate_hz: f32) {}
-
-    fn stack_peak(&self) -> u32 {
-        0
-    }
-
-    fn panic_message(&self) -> &str {
-        ""
-    }
-}
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Class {
@@ -136,11 +103,8 @@ impl Start {
         parameters.limits.discharge_s = timeout_ticks as f32 / RATE_HZ;
         parameters.limits.max_slew_v_per_s = 1e6;
         parameters.limits.monitor.slew_v_per_s = 1e6;
-        let mut bytes = [0; BLOB_LEN];
-        let length = parameters.encode(Bench::ID, &mut bytes).expect("valid");
-        let mut store: Store<TornFlash> =
-            Store::new(TornFlash::new(&[0xff; 2 * SECTOR], 1), Bench::ID).expect("two parts");
-        store.save(&bytes[..length]).expect("valid");
+        let mut store: Store<TornFlash> = Store::new(TornFlash::new(&[0xff; 2 * SECTOR], 1), BOARD).expect("two parts");
+        store.save(&encoded(&parameters)).expect("valid");
         let controller = Controller::new(Blob::new(parameters).expect("valid"));
         Self { timeout_ticks, controller, flash: store.destroy().bytes(), steals }
     }
@@ -149,7 +113,7 @@ impl Start {
 struct World<'a> {
     start: &'a Start,
     session: Session,
-    bench: Bench,
+    bench: Bench<TornFlash>,
     tokens: [u16; 3],
     /// The host that armed last.
     owner: Option<usize>,
@@ -159,23 +123,15 @@ struct World<'a> {
 
 impl<'a> World<'a> {
     fn new(start: &'a Start) -> Self {
-        let mut device: Device = Device::new(None);
-        device.install(start.controller.clone()).expect("off");
-        let store = Store::new(TornFlash::new(&start.flash, 1), Bench::ID).expect("two parts");
-        let bench = Bench { device, store, drive: Drive::OFF, ticks: 0 };
+        let mut bench = Bench::new(TornFlash::new(&start.flash, 1), None);
+        bench.device.install(start.controller.clone()).expect("off");
         let session = Session::new("1.2.3");
         Self { start, session, bench, tokens: [0; 3], owner: None, silent_ticks: 0, interlock_closed: false }
     }
 
     fn ask(&mut self, host: usize, command: Command) -> Answer {
         let token = self.tokens[if self.start.steals && host == 1 { 0 } else { host }];
-        let mut frame = [0; FRAME_LEN + 1];
-        let length = encode(&Request { sequence: 5, token, command }, &mut frame).expect("fits");
-        let mut answers = frame[..length].iter().filter_map(|&byte| self.session.serve(byte, &mut self.bench));
-        match (answers.next(), answers.next()) {
-            (Some(Message::Answer { sequence: 5, answer }), None) => answer,
-            other => panic!("{other:?}"),
-        }
+        board::ask(&mut self.session, &mut self.bench, token, command)
     }
 
     fn step(&mut self, step: Step) -> Result<(), String> {
@@ -252,14 +208,15 @@ impl<'a> World<'a> {
 
     fn tick(&mut self, class: Class) -> Result<(), String> {
         let bench = &mut self.bench;
-        bench.ticks = bench.ticks.wrapping_add(1);
-        let live_v = if class == Class::Live && !bench.drive.enable { 1.5 } else { bench.drive.dac_v };
-        let inputs = Inputs {
-            interlock_closed: class != Class::InterlockOpen,
-            monitor_adc_v: (class != Class::MonitorSilent).then_some(live_v),
-            sensor_adc_v: (class != Class::SensorSilent).then_some(1.0 + 2e-3 * f32::from(bench.ticks % 3)),
-        };
-        bench.drive = bench.device.tick(inputs);
+        let mut inputs = bench.inputs();
+        match class {
+            Class::InterlockOpen => inputs.interlock_closed = false,
+            Class::MonitorSilent => inputs.monitor_adc_v = None,
+            Class::SensorSilent => inputs.sensor_adc_v = None,
+            Class::Live if !bench.drive.enable => inputs.monitor_adc_v = Some(1.5),
+            Class::Healthy | Class::Live => {}
+        }
+        bench.tick(inputs);
         self.interlock_closed = inputs.interlock_closed;
         self.silent_ticks = (self.silent_ticks + 1).min(self.start.timeout_ticks + 1);
         let Drive { enable, dac_v, .. } = self.bench.drive;

@@ -10,13 +10,14 @@
 
 use std::collections::{BTreeMap, HashSet, VecDeque};
 
-use dea_driver::server::{Board, Session};
+use dea_driver::server::Session;
 use dea_driver::wire::{Answer, Command, FRAME_LEN, Message, Receiver, Request, encode};
-use dea_driver::{BLOB_LEN, Cause, Device, Drive, DriverState, Inputs, Store, Telemetry};
+use dea_driver::{Cause, DriverState, Inputs, Telemetry};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use crate::bench::board_parameters;
+use crate::board::{Bench, ask, encoded};
 use crate::flash::Flash;
 use crate::line::{Line, Stall, Way};
 use crate::player::Player;
@@ -30,47 +31,11 @@ const HEARTBEAT: u32 = 501;
 const ERRORS: [f64; 4] = [1e-6, 1e-5, 1e-4, 1e-3];
 const STREAMS: [u16; 3] = [10, 2, 1];
 
-/// The board's memory, and what is lent to its session.
-struct Bench {
-    device: Device,
-    store: Store<Flash>,
-}
-
-impl Board for Bench {
-    type Flash = Flash;
-    const ID: u16 = 7;
-
-    fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
-        (work(&mut self.device), 0)
-    }
-
-    fn rates_hz(&self) -> (f32, f32) {
-        (100.0, 2000.0)
-    }
-
-    fn store(&mut self) -> &mut Store<Flash> {
-        &mut self.store
-    }
-
-    fn set_rate(&mut self, rate_hz: f32) {
-        assert_eq!(rate_hz, 1000.0);
-    }
-
-    fn stack_peak(&self) -> u32 {
-        0
-    }
-
-    fn panic_message(&self) -> &str {
-        ""
-    }
-}
-
 /// The firmware around its session, an amplifier and a film that follow.
 struct Firmware {
-    bench: Bench,
+    bench: Bench<Flash>,
     session: Session,
     received: VecDeque<u8>,
-    drive: Drive,
     film_m: f32,
     random: Pcg64,
     /// Bytes since the last zero, as they were served.
@@ -88,19 +53,16 @@ struct Firmware {
 
 impl Firmware {
     fn new(random: Pcg64, every: u16) -> Self {
-        let mut store = Store::new(Flash::new(), Bench::ID).expect("two sectors");
-        let mut blob = [0; BLOB_LEN];
-        let length = board_parameters().encode(Bench::ID, &mut blob).expect("valid");
-        store.save(&blob[..length]).expect("empty");
-        let mut bench = Bench { device: Device::new(None), store };
+        let mut bench = Bench::new(Flash::new(), None);
+        bench.store.save(&encoded(&board_parameters())).expect("empty");
         let mut session = Session::new("1.2.3");
         session.begin(&mut bench).expect("valid parameters");
+        assert_eq!(bench.rate_hz, 1000.0);
         bench.device.stream(every);
         Self {
             bench,
             session,
             received: VecDeque::new(),
-            drive: Drive::OFF,
             film_m: 0.0,
             random,
             chunk: Vec::new(),
@@ -123,16 +85,18 @@ impl Firmware {
 
     fn tick(&mut self, now: u32) {
         // 1000 V per volt, 0.15 mm at 1 kV.
-        self.film_m += 0.02 * (0.15e-3 * self.drive.dac_v * self.drive.dac_v - self.film_m);
+        let dac_v = self.bench.drive.dac_v;
+        self.film_m += 0.02 * (0.15e-3 * dac_v * dac_v - self.film_m);
         let noise_m = 1e-6 * self.random.random::<f32>();
-        let monitor_adc_v = Some(self.drive.dac_v);
+        let monitor_adc_v = Some(dac_v);
         let sensor_adc_v = Some(1.0 + (self.film_m + noise_m) * 1e3);
         let was_live = self.bench.device.state().is_live();
-        self.drive = self.bench.device.tick(Inputs { interlock_closed: true, monitor_adc_v, sensor_adc_v });
+        self.bench.tick(Inputs { interlock_closed: true, monitor_adc_v, sensor_adc_v });
+        let drive = self.bench.drive;
         match self.bench.device.state() {
             DriverState::Tripped(cause) => {
                 assert_eq!(cause, Cause::Heartbeat, "in {now} ms");
-                assert!(!self.drive.enable && self.drive.dac_v == 0.0);
+                assert!(!drive.enable && drive.dac_v == 0.0);
                 if was_live {
                     assert_eq!(now - self.accepted, HEARTBEAT, "in {now} ms");
                     self.trips.push(now);
@@ -140,7 +104,7 @@ impl Firmware {
             }
             state => assert!(!state.is_live() || now - self.accepted < HEARTBEAT, "in {now} ms"),
         }
-        assert!((0.0..=3.001).contains(&self.drive.dac_v), "{} V were never asked for", self.drive.dac_v);
+        assert!((0.0..=3.001).contains(&drive.dac_v), "{} V were never asked for", drive.dac_v);
     }
 
     /// The background of the firmware: requests as long as there is room for an answer, then records.
@@ -282,16 +246,13 @@ fn gaps(run: &Run, every: u16) -> (u32, u32) {
 
 /// The counts of damaged frames that the board states.
 fn stated(firmware: &mut Firmware) -> u32 {
-    let mut frame = [0; FRAME_LEN + 1];
-    let length = encode(&Request { sequence: 1, token: 0, command: Command::Status }, &mut frame).expect("fits");
     // What is still on its way ends here, with the damage that it adds.
     let open = !firmware.chunk.is_empty();
     let first = firmware.session.serve(0, &mut firmware.bench);
     assert_eq!(first.is_some(), open);
     firmware.damaged += u32::from(matches!(first, Some(Message::Answer { sequence: 0, .. })));
-    let mut answers = frame[..length].iter().filter_map(|&byte| firmware.session.serve(byte, &mut firmware.bench));
-    match answers.next() {
-        Some(Message::Answer { answer: Answer::Status(status), .. }) => status.damaged_frames + status.unknown_frames,
+    match ask(&mut firmware.session, &mut firmware.bench, 0, Command::Status) {
+        Answer::Status(status) => status.damaged_frames + status.unknown_frames,
         other => panic!("{other:?}"),
     }
 }
@@ -325,8 +286,8 @@ fn a_bad_line_neither_trips_nor_moves_a_film() {
         let settled = firmware.trips.last().is_none_or(|&trip| trip + 5000 < 1000 * duration_s);
         assert!(!settled || errors > 1e-4 || player.plays(), "run {number} does not play at the end");
         lines.entry((at, every)).or_default().push(format!(
-            "{} frames intact, {} damaged; {} trips in {} stalls of 1 s, {alone} without; records: {} received, {lost} lost on the line, \
-             {dropped} dropped; {} bytes overflowed",
+            "{} frames intact, {} damaged; {} trips in {} stalls of 1 s, {alone} without; records: {} received, \
+             {lost} lost on the line, {dropped} dropped; {} bytes overflowed",
             firmware.obeyed,
             firmware.damaged,
             firmware.trips.len() - alone,

@@ -5,6 +5,8 @@
 
 #[path = "../driver/bench.rs"]
 mod bench;
+#[path = "../driver/board.rs"]
+mod board;
 #[path = "../driver/flash.rs"]
 mod flash;
 

@@ -228,8 +228,8 @@ fn summary(name: &str, runs: &[&Run]) {
     let unseen = runs.iter().filter(|run| run.end == End::Unseen).count();
     let at = |share: f64| ticks.get(((ticks.len() as f64 - 1.0) * share).round() as usize).copied().unwrap_or(0);
     println!(
-        "  {name}: {} runs, {unseen} never outside the band, {within} within 0.5 s, {} later, {} missed; median {} ms, 99 % {} ms, \
-         latest {} ms",
+        "  {name}: {} runs, {unseen} never outside the band, {within} within 0.5 s, {} later, {} missed; \
+         median {} ms, 99 % {} ms, latest {} ms",
         runs.len(),
         ticks.len() - within,
         runs.len() - ticks.len() - unseen,

@@ -98,8 +98,9 @@ fn single_precision_keeps_the_daily_mean() {
         single.iter().zip(&double).map(|([mean, _], [exact, _])| (mean / exact - 1.0).abs()).collect();
     let worst = errors.iter().fold(0.0, |worst: f64, &error| worst.max(error));
     println!(
-        "month: {days} days of {ticks} ticks, {:.0} ns a tick in f32, {:.0} ns in f64; mean of the first day {:.6} mm, of the last \
-         {:.6} mm, largest {:.3} mm; relative error of a daily mean: first {:.1e}, last {:.1e}, worst {worst:.1e}",
+        "month: {days} days of {ticks} ticks, {:.0} ns a tick in f32, {:.0} ns in f64; mean of the first day {:.6} mm, \
+         of the last {:.6} mm, largest {:.3} mm; relative error of a daily mean: first {:.1e}, last {:.1e}, \
+         worst {worst:.1e}",
         1e9 * single_s,
         1e9 * double_s,
         1e3 * double[0][0],

@@ -222,8 +222,9 @@ fn never_silently_older() {
         shown(counts.starts)
     );
     println!(
-        "power_loss: started {} times with the newest set ({} with a needless warning, {} without a word of a later save that was \
-         cut off), {} with one whose save was cut off, {} with an older one and told, {} with none and told ({} by power alone, and {} in flash of earlier versions)",
+        "power_loss: started {} times with the newest set ({} with a needless warning, {} without a word of a later \
+         save that was cut off), {} with one whose save was cut off, {} with an older one and told, \
+         {} with none and told ({} by power alone, and {} in flash of earlier versions)",
         shown(counts.newest),
         shown(counts.warned),
         shown(counts.cut_untold),

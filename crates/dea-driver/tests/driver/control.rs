@@ -167,6 +167,45 @@ fn the_field_limit_knows_the_geometry() {
     assert!(bench.displacement_m > 1e-3, "{} m", bench.displacement_m);
 }
 
+/// The field limit knows the film at its longest, whichever of sensor and model says so: at 30 V/µm a film with a third more force
+/// than the model's is thinner than the model, and one with less may be what the sensor shows wrongly. It knows what is left of one
+/// run in the next, after a trip between them.
+#[test]
+fn the_field_limit_knows_the_longer_of_sensor_and_model() {
+    for force_scale in [1.3, 0.7] {
+        let mut parameters = board_parameters();
+        parameters.limits.max_field_v_per_m = 3e7;
+        parameters.limits.max_disturbance_share = 0.4;
+        let mut bench = Bench { force_scale, ..Bench::with(parameters) };
+        let (mut model, mut longest_m) = (bench.law.state(), 0.0f64);
+        let mut tick = |bench: &mut Bench, closed: bool| {
+            let command_v = f64::from(bench.tick(|inputs| inputs.interlock_closed = closed).telemetry.command_v);
+            // What both were when the tick began: 0.1 % for a tick of motion and the sensor's noise.
+            let thickness_m = 160e-6 / (1.0 + longest_m / 0.04);
+            assert!(command_v / thickness_m < 1.001 * 3e7, "{force_scale}: {command_v} V at {longest_m} m");
+            let modelled_m = bench.law.displacement_under(&mut model, bench.drive.load(bench.high_voltage_v));
+            longest_m = bench.displacement_m.max(modelled_m);
+            longest_m
+        };
+        for run in 0..2 {
+            tick(&mut bench, true);
+            bench.ask(Controller::arm).expect("healthy");
+            bench.ask(|controller| controller.start(Mode::Voltage)).expect("armed");
+            bench.set_voltage(6500.0);
+            let reached_m = (0..10_000).fold(0.0, |_, _| {
+                bench.controller.heartbeat();
+                tick(&mut bench, true)
+            });
+            assert!(reached_m > 1e-3, "run {run}: {reached_m} m");
+            tick(&mut bench, false);
+            for _ in 0..20 {
+                tick(&mut bench, true);
+            }
+            bench.ask(Controller::acknowledge).expect("tripped");
+        }
+    }
+}
+
 /// An implausible value of the sensor does not move the voltage.
 #[test]
 fn an_implausible_sensor_does_not_limit_the_field() {

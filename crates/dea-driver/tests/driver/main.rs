@@ -7,20 +7,28 @@ mod own_converters;
 
 mod bench;
 mod blob_bytes;
+mod board;
 mod chips;
 mod control;
 mod documents;
-mod edges;
+mod drills;
+mod estimation;
 mod film_bench;
 mod flash;
+mod host;
 mod lean;
+mod limits;
 mod link;
 mod loop_test;
+mod monitor;
+mod parameters;
+mod plausibility;
 mod safety;
 mod sensor_faults;
 mod session;
 mod setpoints;
 mod store;
+mod supervisor_bench;
 mod swing;
 
 #[test]

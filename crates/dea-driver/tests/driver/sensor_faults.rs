@@ -1,12 +1,13 @@
-//! Sensors that fail in ways that look plausible, while tracking: it must not drive the film beyond its stroke.
+//! Sensors that fail in ways that look plausible, while tracking: it must not drive the film beyond its stroke. Healthy ones, and
+//! films that need not move, are not suspected.
 
-use dea_driver::{Cause, DriverState, Limits, Mode, Parameters, SensorFault};
+use dea_driver::{Cause, Controller, DriverState, Limits, Mode, Parameters, SensorFault};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 
 use crate::bench::board_parameters;
-use crate::film_bench::FilmBench;
+use crate::film_bench::{FilmBench, adc_v};
 
 /// Tick of the fault.
 const FAULT: u32 = 20_000;
@@ -64,7 +65,7 @@ fn run_on(mut bench: FilmBench, fault: &Fault, ticks: u32) -> End {
         };
         let lsb = fault.noise_lsb * normal.sample(&mut random);
         let code = ((1.0 + shown_m / 1e-3) / 10.24 * 65_536.0 + lsb).round().clamp(0.0, 65_535.0);
-        bench.tick(|inputs| inputs.sensor_adc_v = Some(crate::film_bench::adc_v(code as u16)));
+        bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(code as u16)));
         furthest_m = furthest_m.max(bench.displacement_m);
         let state = bench.controller.supervisor().state();
         if state != DriverState::Running {
@@ -158,7 +159,30 @@ fn a_healthy_sensor_is_not_suspected() {
         }
         // A converter whose noise is less than its step: what it shows is the film alone.
         let code = ((1.0 + bench.displacement_m / 1e-3) / 10.24 * 65_536.0) as u16;
-        bench.tick(|inputs| inputs.sensor_adc_v = Some(crate::film_bench::adc_v(code ^ (tick & 1) as u16)));
+        bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(code ^ (tick & 1) as u16)));
+        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
+    }
+}
+
+/// Without a reference that is followed nothing has to move: neither in a run of voltages without a film, whatever reference was set,
+/// nor when its model creeps back.
+#[test]
+fn a_sensor_is_not_stuck_before_there_is_a_reference() {
+    let mut bench = FilmBench::new();
+    bench.start(Mode::Voltage);
+    bench.set_voltage(5000.0);
+    bench.set_reference(0.5e-3);
+    let still = |tick: u16| Some(adc_v(6400 + tick % 3));
+    for tick in 0..1000 {
+        bench.controller.heartbeat();
+        bench.tick(|inputs| inputs.sensor_adc_v = still(tick));
+        assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
+    }
+    bench.ask(Controller::stop).expect("running");
+    bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
+    for tick in 0..2000 {
+        bench.controller.heartbeat();
+        bench.tick(|inputs| inputs.sensor_adc_v = still(tick));
         assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
     }
 }

@@ -1,4 +1,5 @@
-//! Set-points are taken while the amplifier is enabled alone, end with the state that they were set in, and runs begin at 0 V.
+//! Set-points are taken within the limits and while the amplifier is enabled alone, are reached in time, and end with the state that
+//! they were set in; runs begin at 0 V.
 
 use dea_driver::{Cause, Controller, DriverState, Mode, SetpointError};
 
@@ -130,5 +131,48 @@ fn a_run_begins_at_0_v_without_a_tick_before_it() {
             assert_eq!(bench.tick(|_| ()).telemetry.command_v, 0.0, "{mode:?}");
         }
         assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "{mode:?}");
+    }
+}
+
+/// Largest stroke: a reference to it is within the limits.
+#[test]
+fn the_largest_stroke_may_be_asked_for() {
+    let mut bench = FilmBench::new();
+    bench.start(Mode::Tracking);
+    assert_eq!(bench.controller.set_reference(8e-3), Ok(()));
+    assert_eq!(bench.controller.set_reference(-8e-3), Ok(()));
+    assert!(bench.controller.set_reference(8e-3f32.next_up()).is_err());
+}
+
+/// A voltage is approached within 50 ms, or the time since the one before if that is less, and it ends exactly there.
+#[test]
+fn a_voltage_is_reached_in_time_and_exactly() {
+    for (wait, most) in [(7, 7), (33, 33), (50, 50), (400, 50)] {
+        let mut bench = FilmBench::new();
+        bench.start(Mode::Voltage);
+        bench.set_voltage(100.0);
+        for _ in 0..wait {
+            bench.tick(|_| ());
+        }
+        bench.set_voltage(133.3);
+        let volts: Vec<f32> = (0..200).map(|_| bench.tick(|_| ()).telemetry.command_v).collect();
+        for (index, &volts) in volts.iter().enumerate() {
+            let expected = 100.0 + 33.3 * ((index + 1) as f32 / most as f32).min(1.0);
+            assert!((volts - expected).abs() < 1e-3, "{wait} ticks: {volts} V instead of {expected} V in tick {index}");
+        }
+        assert!(volts[most - 1..].iter().all(|&volts| volts == 133.3), "{wait} ticks: {:?}", &volts[most - 1..]);
+    }
+}
+
+/// A reference that is set in a run of voltages neither leads the film nor its record.
+#[test]
+fn a_reference_does_not_act_on_a_run_of_voltages() {
+    let mut bench = FilmBench::new();
+    bench.start(Mode::Voltage);
+    bench.set_reference(0.8e-3);
+    for _ in 0..300 {
+        let telemetry = bench.tick(|_| ()).telemetry;
+        assert_eq!((telemetry.command_v, telemetry.limited), (0.0, 0));
+        assert!((telemetry.reference_m - telemetry.predicted_m).abs() < 1e-9, "{} m", telemetry.reference_m);
     }
 }

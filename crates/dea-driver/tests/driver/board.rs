@@ -1,0 +1,104 @@
+//! A board without hardware, with flash of any kind.
+
+use dea_driver::server::{Board, Session};
+use dea_driver::wire::{Answer, Command, Drill, FRAME_LEN, Message, Request, encode};
+use dea_driver::{BLOB_LEN, Cause, Device, Drive, Inputs, Parameters, Store};
+use embedded_storage::nor_flash::NorFlash;
+
+pub const BOARD: u16 = 7;
+
+/// A board whose amplifier and monitor follow at once, and whose film stands still.
+pub struct Bench<F> {
+    pub device: Device,
+    pub store: Store<F>,
+    /// Outputs of the last tick.
+    pub drive: Drive,
+    ticks: u16,
+    /// Rate of the parameters in force, Hz; 0 before there are any.
+    pub rate_hz: f32,
+    /// Survives a reset.
+    pub trial: bool,
+    /// What an image for drills was asked for; `None` in any other image.
+    pub drills: Option<Vec<Drill>>,
+}
+
+impl<F: NorFlash> Bench<F> {
+    /// After a reset with this cause latched, before its session begins.
+    pub fn new(flash: F, latched: Option<Cause>) -> Self {
+        let store = Store::new(flash, BOARD).expect("two sectors");
+        let device = Device::new(latched);
+        Self { device, store, drive: Drive::OFF, ticks: 0, rate_hz: 0.0, trial: false, drills: None }
+    }
+
+    /// Readings of the next tick, without a fault. The sensor has some noise.
+    pub fn inputs(&mut self) -> Inputs {
+        self.ticks = self.ticks.wrapping_add(1);
+        let sensor_adc_v = Some(1.0 + 2e-3 * f32::from(self.ticks % 3));
+        Inputs { interlock_closed: true, monitor_adc_v: Some(self.drive.dac_v), sensor_adc_v }
+    }
+
+    pub fn tick(&mut self, inputs: Inputs) {
+        self.drive = self.device.tick(inputs);
+    }
+}
+
+impl<F: NorFlash> Board for Bench<F> {
+    type Flash = F;
+    const ID: u16 = BOARD;
+
+    fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
+        (work(&mut self.device), 42)
+    }
+
+    fn rates_hz(&self) -> (f32, f32) {
+        (100.0, 2000.0)
+    }
+
+    fn store(&mut self) -> &mut Store<F> {
+        &mut self.store
+    }
+
+    fn set_rate(&mut self, rate_hz: f32) {
+        // All parameters that it is given are for 1 kHz.
+        assert_eq!(rate_hz, 1000.0);
+        self.rate_hz = rate_hz;
+    }
+
+    fn stack_peak(&self) -> u32 {
+        99
+    }
+
+    fn panic_message(&self) -> &str {
+        "a panic"
+    }
+
+    fn remember_trial(&mut self, on_trial: bool) {
+        self.trial = on_trial;
+    }
+
+    fn remembers_trial(&self) -> bool {
+        self.trial
+    }
+
+    fn drill(&mut self, drill: Drill) -> bool {
+        self.drills.as_mut().map(|asked| asked.push(drill)).is_some()
+    }
+}
+
+/// The bytes of these parameters for this board.
+pub fn encoded(parameters: &Parameters) -> Vec<u8> {
+    let mut bytes = [0; BLOB_LEN];
+    let length = parameters.encode(BOARD, &mut bytes).expect("valid");
+    bytes[..length].to_vec()
+}
+
+/// Sends a command with this token and returns its answer, the only one.
+pub fn ask(session: &mut Session, board: &mut impl Board, token: u16, command: Command) -> Answer {
+    let mut frame = [0; FRAME_LEN + 1];
+    let length = encode(&Request { sequence: 5, token, command }, &mut frame).expect("fits");
+    let mut answers = frame[..length].iter().filter_map(|&byte| session.serve(byte, board));
+    match (answers.next(), answers.next()) {
+        (Some(Message::Answer { sequence: 5, answer }), None) => answer,
+        other => panic!("{other:?}"),
+    }
+}

@@ -1,0 +1,58 @@
+//! Drills: faults that an image for them causes when a host asks, and no other image.
+
+use dea_driver::server::{Board, Session};
+use dea_driver::wire::{Answer, Command, Drill, Reject};
+use dea_driver::{Device, Store};
+
+use crate::board::{BOARD, Bench, ask};
+use crate::flash::Flash;
+use crate::host::Host;
+
+/// A board that says nothing of drills.
+struct WithoutDrills(Bench<Flash>);
+
+impl Board for WithoutDrills {
+    type Flash = Flash;
+    const ID: u16 = BOARD;
+
+    fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
+        self.0.with(work)
+    }
+
+    fn rates_hz(&self) -> (f32, f32) {
+        self.0.rates_hz()
+    }
+
+    fn store(&mut self) -> &mut Store<Flash> {
+        self.0.store()
+    }
+
+    fn set_rate(&mut self, rate_hz: f32) {
+        self.0.set_rate(rate_hz);
+    }
+
+    fn stack_peak(&self) -> u32 {
+        self.0.stack_peak()
+    }
+
+    fn panic_message(&self) -> &str {
+        self.0.panic_message()
+    }
+}
+
+/// A board does not drill unless it says so.
+#[test]
+fn a_board_without_drills_rejects_them() {
+    let mut board = WithoutDrills(Bench::new(Flash::new(), None));
+    let answer = ask(&mut Session::new("1.2.3"), &mut board, 0, Command::Drill(Drill::Hang));
+    assert_eq!(answer, Answer::Rejected(Reject::Unknown));
+}
+
+/// An image for drills causes the fault that was asked for, and says so.
+#[test]
+fn an_image_for_drills_drills() {
+    let mut host = Host::new(None);
+    host.bench.drills = Some(vec![]);
+    assert_eq!(host.ask(Command::Drill(Drill::Bus)), Answer::Done);
+    assert_eq!(host.bench.drills, Some(vec![Drill::Bus]));
+}

@@ -1,0 +1,94 @@
+//! What the controller knows of its film: from the sensor, and from the model that is corrected by it.
+
+use dea_driver::{Controller, Mode};
+
+use crate::bench::board_parameters;
+use crate::film_bench::FilmBench;
+
+/// A sensor that reads 0.1 mm at rest: the displacement is what is above that.
+#[test]
+fn the_sensor_s_offset_is_taken_off() {
+    let mut parameters = board_parameters();
+    parameters.sensor_offset_m = 0.1e-3;
+    let mut bench = FilmBench::with(parameters);
+    let telemetry = bench.tick(|inputs| inputs.sensor_adc_v = Some(1.5)).telemetry;
+    assert!((telemetry.displacement_m - 0.4e-3).abs() < 1e-9, "{} m", telemetry.displacement_m);
+}
+
+/// The model is corrected as often as the sensor has samples: here every tenth tick.
+#[test]
+fn a_sample_is_used_every_interval() {
+    let mut bench = FilmBench { force_scale: 0.9, ..FilmBench::new() };
+    bench.start(Mode::Tracking);
+    bench.set_reference(0.5e-3);
+    let mut before = 0.0;
+    let mut used = Vec::new();
+    for tick in 0..400 {
+        let innovation_m = bench.tick(|_| ()).telemetry.innovation_m;
+        if innovation_m != before {
+            used.push(tick);
+        }
+        before = innovation_m;
+    }
+    assert!(used.len() >= 38, "{used:?}");
+    assert!(used.windows(2).all(|pair| pair[1] - pair[0] == 10), "{used:?}");
+}
+
+/// Nothing is learned while the sensor is only checked, or the film is not driven: not in feedforward, not while armed.
+#[test]
+fn nothing_is_learned_in_feedforward_or_at_rest() {
+    let mut bench = FilmBench { force_scale: 0.9, ..FilmBench::new() };
+    bench.start(Mode::Feedforward);
+    bench.set_reference(0.6e-3);
+    for _ in 0..3000 {
+        bench.controller.heartbeat();
+        let telemetry = bench.tick(|_| ()).telemetry;
+        assert_eq!((telemetry.disturbance_n, telemetry.force_scale), (0.0, 1.0));
+    }
+    let mut bench = FilmBench::new();
+    bench.tick(|_| ());
+    bench.ask(Controller::arm).expect("healthy");
+    for tick in 0..3000 {
+        bench.controller.heartbeat();
+        // Someone leans on the film.
+        let telemetry = bench.tick(|inputs| inputs.sensor_adc_v = Some(1.1 + 1e-3 * (tick % 3) as f32)).telemetry;
+        assert_eq!((telemetry.disturbance_n, telemetry.force_scale, telemetry.predicted_m), (0.0, 1.0, 0.0));
+    }
+}
+
+/// Feedforward uses the model as it was fitted, whatever was learned before.
+#[test]
+fn feedforward_forgets_what_tracking_learned() {
+    let mut bench = FilmBench { force_scale: 0.9, ..FilmBench::new() };
+    bench.start(Mode::Tracking);
+    bench.set_reference(0.6e-3);
+    let learned = (0..10_000).fold(0.0, |_, _| {
+        bench.controller.heartbeat();
+        bench.tick(|_| ()).telemetry.disturbance_n
+    });
+    assert!(learned.abs() > 1e-3, "{learned} N");
+    bench.ask(Controller::stop).expect("running");
+    bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
+    let telemetry = bench.tick(|_| ()).telemetry;
+    assert_eq!((telemetry.disturbance_n, telemetry.force_scale), (0.0, 1.0));
+}
+
+/// An estimate is made of a film that was left stretched by a trip, and goes on after it is acknowledged.
+#[test]
+fn the_estimate_goes_on_after_an_acknowledged_trip() {
+    let mut bench = FilmBench::new();
+    bench.start(Mode::Voltage);
+    bench.set_voltage(5000.0);
+    for _ in 0..5000 {
+        bench.controller.heartbeat();
+        bench.tick(|_| ());
+    }
+    bench.tick(|inputs| inputs.interlock_closed = false);
+    for _ in 0..20 {
+        bench.tick(|_| ());
+    }
+    bench.ask(Controller::acknowledge).expect("tripped");
+    let predicted_m = f64::from(bench.tick(|_| ()).telemetry.predicted_m);
+    assert!(bench.displacement_m > 0.2e-3, "still stretched: {} m", bench.displacement_m);
+    assert!((predicted_m - bench.displacement_m).abs() < 10e-6, "{predicted_m} m of {} m", bench.displacement_m);
+}

@@ -1,0 +1,164 @@
+//! Limits: commands stay within them, and those that protect nothing or cannot be kept are refused.
+
+use dea_driver::{Limits, LimitsError, PlausibilityLimits, Supervisor};
+
+use crate::bench::bench_limits;
+use crate::supervisor_bench::{Bench, RATE_HZ};
+
+#[test]
+fn commands_stay_within_voltage_field_and_slew() {
+    let limits = bench_limits();
+    let mut bench = Bench::run(&limits);
+    let mut last = bench.supervisor.command_v();
+    for wanted in [1e9, f32::INFINITY, -1e9, f32::NAN, 3000.0, f32::NEG_INFINITY, 6500.0] {
+        for _ in 0..200 {
+            let command = bench.supervisor.command(wanted, 1.0);
+            assert!((0.0..=6500.0).contains(&command), "{wanted}: {command} V");
+            // 50 kV/s at 1 kHz.
+            assert!((command - last).abs() <= 50.001, "{wanted}: from {last} to {command} V");
+            last = command;
+        }
+        let target = if wanted > 6500.0 {
+            6500.0
+        } else if wanted > 0.0 {
+            wanted
+        } else {
+            0.0
+        };
+        assert_eq!(last, target, "{wanted}");
+    }
+    // 42 V/µm over 160 µm are 6720 V; over 100 µm 4200 V.
+    let thin = Limits { thickness_m: 100e-6, ..limits };
+    let mut bench = Bench::run(&thin);
+    for _ in 0..200 {
+        bench.supervisor.command(6500.0, 1.0);
+    }
+    assert!((bench.supervisor.command_v() - 4200.0).abs() < 0.1);
+    // A film that is stretched is thinner: the field outranks the slew.
+    assert!((bench.supervisor.command(6500.0, 1.05) - 4000.0).abs() < 0.1);
+    assert!((bench.supervisor.command(6500.0, f32::NAN) - 4050.0).abs() < 0.1, "50 kV/s upwards");
+}
+
+/// Limits that would protect nothing are no limits.
+#[test]
+fn limits_without_an_end_are_refused() {
+    for change in [
+        |l: &mut Limits| l.heartbeat_s = 61.0,
+        |l: &mut Limits| l.max_disturbance_share = 1.1,
+        |l: &mut Limits| l.monitor.band_share = 0.6,
+        |l: &mut Limits| l.monitor.settle_s = 1.5,
+        |l: &mut Limits| l.monitor.band_v = 4000.0,
+        |l: &mut Limits| l.max_voltage_v = 1e6,
+        |l: &mut Limits| l.max_slew_v_per_s = 1e38,
+        |l: &mut Limits| l.max_displacement_m = 1e30,
+        |l: &mut Limits| l.max_displacement_m = 9.1e-3,
+        |l: &mut Limits| l.max_field_v_per_m = 1e30,
+        |l: &mut Limits| l.thickness_m = 0.1,
+        |l: &mut Limits| l.discharge_s = 61.0,
+        |l: &mut Limits| l.sensor.jump = 5e-3,
+        |l: &mut Limits| l.sensor.stuck_band = 0.1e-3,
+        |l: &mut Limits| l.sensor.stuck_ticks = 10_001,
+    ] {
+        let mut limits = bench_limits();
+        change(&mut limits);
+        let error = Supervisor::new(&limits, RATE_HZ).expect_err("refused");
+        assert!(matches!(error, LimitsError::TooLarge(_)), "{error}");
+    }
+    // A monitor that may be as slow as this would be dead for 239 s before it shows.
+    let mut limits = bench_limits();
+    limits.monitor.slew_v_per_s = 1.0;
+    assert_eq!(Supervisor::new(&limits, RATE_HZ).err(), Some(LimitsError::TooSmall("monitor.slew_v_per_s")));
+}
+
+#[test]
+fn limits_that_cannot_be_kept_are_refused() {
+    let good = bench_limits();
+    let refused = |limits: Limits| Supervisor::new(&limits, RATE_HZ).err();
+    for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        let cases = [
+            (Limits { max_voltage_v: bad, ..good }, "max_voltage_v"),
+            (Limits { max_field_v_per_m: bad, ..good }, "max_field_v_per_m"),
+            (Limits { thickness_m: bad, ..good }, "thickness_m"),
+            (Limits { max_slew_v_per_s: bad, ..good }, "max_slew_v_per_s"),
+            (Limits { max_displacement_m: bad, ..good }, "max_displacement_m"),
+            (Limits { max_disturbance_share: bad, ..good }, "max_disturbance_share"),
+            (Limits { heartbeat_s: bad, ..good }, "heartbeat_s"),
+            (Limits { discharge_s: bad, ..good }, "discharge_s"),
+        ];
+        for (limits, name) in cases {
+            assert_eq!(refused(limits), Some(LimitsError::NotPositive(name)));
+        }
+        assert_eq!(Supervisor::new(&good, bad).err(), Some(LimitsError::NotPositive("rate_hz")));
+        let mut monitor = good;
+        monitor.monitor.slew_v_per_s = bad;
+        assert_eq!(refused(monitor), Some(LimitsError::Monitor));
+    }
+    for spoil in [
+        |sensor: &mut PlausibilityLimits| sensor.low = sensor.high,
+        |sensor: &mut PlausibilityLimits| sensor.jump = f32::NAN,
+        |sensor: &mut PlausibilityLimits| sensor.jump = f32::INFINITY,
+        |sensor: &mut PlausibilityLimits| sensor.stuck_ticks = 0,
+        |sensor: &mut PlausibilityLimits| sensor.stuck_band = 0.0,
+        |sensor: &mut PlausibilityLimits| sensor.stuck_band = f32::NAN,
+    ] {
+        let mut limits = good;
+        spoil(&mut limits.sensor);
+        assert_eq!(refused(limits), Some(LimitsError::Sensor));
+    }
+}
+
+/// Each bound of the limits belongs to what is allowed, and each limit is checked by itself.
+#[test]
+fn limits_at_their_bounds_are_kept_and_beyond_are_refused() {
+    let checked = |change: fn(&mut Limits)| {
+        let mut limits = bench_limits();
+        change(&mut limits);
+        Supervisor::new(&limits, RATE_HZ).map(drop)
+    };
+    for within in [
+        |l: &mut Limits| l.monitor.slew_v_per_s = 6500.0,
+        // A quarter of the range of 9.9 mm.
+        |l: &mut Limits| l.sensor.jump = 2.4e-3,
+        // Ten seconds.
+        |l: &mut Limits| l.sensor.stuck_ticks = 10_000,
+        |l: &mut Limits| l.sensor.stuck_ticks = 5000,
+        |l: &mut Limits| l.monitor.settle_s = 0.0,
+        |l: &mut Limits| l.monitor.band_share = 0.0,
+    ] {
+        assert_eq!(checked(within), Ok(()));
+    }
+    for monitor in [
+        |l: &mut Limits| l.monitor.band_v = 0.0,
+        |l: &mut Limits| l.monitor.band_v = f32::NAN,
+        |l: &mut Limits| l.monitor.band_share = -0.01,
+        |l: &mut Limits| l.monitor.band_share = f32::NAN,
+        |l: &mut Limits| l.monitor.settle_s = -0.01,
+        |l: &mut Limits| l.monitor.settle_s = f32::INFINITY,
+    ] {
+        assert_eq!(checked(monitor), Err(LimitsError::Monitor));
+    }
+    for sensor in [
+        |l: &mut Limits| l.sensor.low = f32::NEG_INFINITY,
+        |l: &mut Limits| l.sensor.low = f32::NAN,
+        |l: &mut Limits| l.sensor.high = f32::INFINITY,
+        |l: &mut Limits| l.sensor.high = f32::NAN,
+        |l: &mut Limits| l.sensor.jump = 0.0,
+        |l: &mut Limits| l.sensor.stuck_ticks = 4,
+    ] {
+        assert_eq!(checked(sensor), Err(LimitsError::Sensor));
+    }
+    assert_eq!(checked(|l| l.sensor.jump = 2.6e-3), Err(LimitsError::TooLarge("sensor.jump")));
+}
+
+/// What a file need not state: a tenth of the force, a second, and 2 µm.
+#[test]
+fn limits_that_are_not_stated_have_values() {
+    let stated = serde_json::json!({
+        "max_voltage_v": 6000.0, "max_field_v_per_m": 4.2e7, "thickness_m": 160e-6, "max_slew_v_per_s": 50e3,
+        "max_displacement_m": 8e-3, "on_sensor_fault": "trip", "heartbeat_s": 0.5,
+        "monitor": { "slew_v_per_s": 1e5, "band_v": 60.0, "band_share": 0.03, "settle_s": 0.02 },
+        "sensor": { "low": -0.5e-3, "high": 9e-3, "jump": 0.5e-3, "stuck_ticks": 500 },
+    });
+    let limits: Limits = serde_json::from_value(stated).expect("complete");
+    assert_eq!((limits.max_disturbance_share, limits.discharge_s, limits.sensor.stuck_band), (0.1, 1.0, 2e-6));
+}

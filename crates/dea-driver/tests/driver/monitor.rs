@@ -1,0 +1,232 @@
+//! The amplifier's monitor: what it may show beside the command, what it must not, and a film that stays live.
+
+use dea_driver::{Cause, DriverState, Monitor, Readings, Refusal, Supervisor};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+use crate::bench::bench_limits;
+use crate::supervisor_bench::{Bench, RATE_HZ, readings};
+
+/// The band around 0 V and the largest voltage belong to what is allowed: more than that does not.
+#[test]
+fn a_monitor_at_its_limit_is_within_it() {
+    let limits = bench_limits();
+    let shown = |monitor_v| Readings { follows: false, ..readings(monitor_v, 1e-6, 0.0) };
+    let mut supervisor = Supervisor::new(&limits, RATE_HZ).expect("valid");
+    supervisor.check(shown(limits.monitor.band_v));
+    assert!(!supervisor.is_film_live() && !supervisor.runs());
+    supervisor.arm().expect("at 0 V");
+    assert!(!supervisor.runs() && supervisor.enables());
+    supervisor.start().expect("armed");
+    assert!(supervisor.runs());
+    // 6500 V, 3 % and 60 V.
+    let most_v = limits.monitored_v();
+    assert!((most_v - 6755.0).abs() < 0.01);
+    assert_eq!(supervisor.check(shown(most_v)).state, DriverState::Running);
+    assert_eq!(supervisor.check(shown(most_v.next_up())).state, DriverState::Tripped(Cause::Voltage));
+    assert!(!supervisor.runs());
+    supervisor.check(shown(limits.monitor.band_v.next_up()));
+    assert!(supervisor.is_film_live());
+}
+
+/// More voltage than was commanded is as wrong as less, below the largest voltage as well: 4000 V with a band of 60 V and 3 %.
+#[test]
+fn a_monitor_above_its_band_disagrees() {
+    for (monitor_v, agrees) in [(4170.0, true), (4190.0, false), (3830.0, true), (3810.0, false)] {
+        let mut monitor = Monitor::new(bench_limits().monitor, RATE_HZ);
+        assert!((0..1000).all(|_| monitor.agrees(4000.0, 4000.0)));
+        let all = (0..1000).fold(true, |all, _| monitor.agrees(4000.0, monitor_v) && all);
+        assert_eq!(all, agrees, "{monitor_v} V");
+    }
+    let mut monitor = Monitor::new(bench_limits().monitor, RATE_HZ);
+    assert!((0..1000).all(|_| monitor.agrees(0.0, 50.0)), "within the band around 0 V");
+}
+
+/// A film that breaks down again and again: 600 pF on 1 mA take 2.4 ms to 4 kV, and arc at random from there on. A single good
+/// tick made up for all bad ones before it, so that no such film ever tripped.
+#[test]
+fn a_film_that_arcs_again_and_again_trips() {
+    for dwell_ms in [2.0, 5.0, 20.0] {
+        let mut ticks: Vec<u32> = (1..=20u64).map(|seed| ticks_of_arcing(dwell_ms, seed)).collect();
+        ticks.sort_unstable();
+        println!(
+            "mean dwell {dwell_ms} ms: trips after {} ms in the median, {} ms at the latest",
+            ticks[10], ticks[19]
+        );
+        assert!(ticks[10] <= 500, "{dwell_ms} ms: {ticks:?}");
+    }
+}
+
+/// Ticks until it trips, of a film whose arcs are `dwell_ms` apart in the mean, for 10 min at the most.
+fn ticks_of_arcing(dwell_ms: f64, seed: u64) -> u32 {
+    let mut random = Pcg64::seed_from_u64(seed);
+    let mut bench = Bench::run(&bench_limits());
+    let mut film_v = 4000.0f64;
+    for tick in 0..600_000 {
+        for _ in 0..100 {
+            film_v = (film_v + 1e-3 / 600e-12 * 1e-5).min(4000.0);
+            if film_v >= 4000.0 && random.random_bool(0.01 / dwell_ms) {
+                film_v = 0.0;
+            }
+        }
+        bench.supervisor.heartbeat();
+        if let DriverState::Tripped(cause) = bench.tick(|readings| readings.monitor_v = film_v as f32) {
+            assert_eq!(cause, Cause::Monitor);
+            return tick;
+        }
+    }
+    panic!("10 min of arcs, {dwell_ms} ms apart, and no trip");
+}
+
+/// Glitches of the monitor that are shorter than the settling time, or rarer than one tick in seventeen, do not trip.
+#[test]
+fn rare_glitches_of_the_monitor_do_not_trip() {
+    let patterns: [fn(u32) -> bool; 2] = [|tick| tick % 340 < 20, |tick| tick % 17 == 0];
+    for glitch in patterns {
+        let mut bench = Bench::run(&bench_limits());
+        for tick in 0..500_000 {
+            bench.supervisor.heartbeat();
+            bench.tick(|readings| {
+                if glitch(tick) {
+                    readings.monitor_v = 0.0;
+                }
+            });
+            assert_eq!(bench.supervisor.state(), DriverState::Running, "tick {tick}");
+        }
+    }
+}
+
+/// An amplifier slower than the command is not a fault; one that lags for longer than the settling time is.
+#[test]
+fn the_monitor_s_band_knows_the_amplifier_s_slew() {
+    let mut limits = bench_limits();
+    limits.max_slew_v_per_s = 1e6;
+    limits.monitor.slew_v_per_s = 20e3;
+    let trips_at = |slew_v_per_tick: f32| {
+        let mut bench = Bench::new(&limits);
+        bench.wanted_v = 6000.0;
+        bench.tick(|_| ());
+        bench.supervisor.arm().expect("healthy");
+        bench.supervisor.start().expect("armed");
+        let mut monitor_v = 0.0f32;
+        for tick in 0..1000 {
+            bench.supervisor.heartbeat();
+            let command_v = bench.supervisor.command_v();
+            monitor_v += (command_v - monitor_v).clamp(-slew_v_per_tick, slew_v_per_tick);
+            let displacement_m = 2e-3 * (monitor_v / 6000.0).powi(2) + 1e-6 * (tick % 7) as f32;
+            let state = bench.supervisor.check(readings(monitor_v, displacement_m, displacement_m)).state;
+            if let DriverState::Tripped(cause) = state {
+                return Some(cause);
+            }
+            bench.supervisor.command(6000.0, 1.0);
+        }
+        None
+    };
+    assert_eq!(trips_at(20.0), None, "as fast as it should be");
+    assert_eq!(trips_at(19.6), None, "a little slower, within the band");
+    assert_eq!(trips_at(8.0), Some(Cause::Monitor), "much slower");
+}
+
+/// A command that turns back while an amplifier is ahead of its slew: every voltage that an amplifier of that slew or a faster one may be at
+/// agrees. The amplifier was expected where the slowest one stands, so that a faster one on its way back tripped.
+#[test]
+fn an_amplifier_that_is_faster_than_its_slew_may_turn_back() {
+    let mut limits = bench_limits();
+    limits.max_slew_v_per_s = 1e6;
+    limits.monitor.slew_v_per_s = 20e3;
+    for slew_v_per_tick in [20.0f32, 25.0, 40.0, 60.0, 100.0, 400.0, f32::INFINITY] {
+        for half_period in [5, 30, 80, 200, 400] {
+            let mut monitor = Monitor::new(limits.monitor, RATE_HZ);
+            let mut film_v = 0.0f32;
+            for tick in 0..20_000 {
+                let command_v = if tick / half_period % 2 == 0 { 6000.0 } else { 500.0 };
+                film_v += (command_v - film_v).clamp(-slew_v_per_tick, slew_v_per_tick);
+                assert!(monitor.agrees(command_v, film_v), "{slew_v_per_tick} V, {half_period} ticks: tick {tick}");
+            }
+            // One that stays where it is trips once the command has stood for long enough.
+            let stays = film_v;
+            let command_v = if stays > 3000.0 { 0.0 } else { 6000.0 };
+            let trips = (0..400).find(|_| !monitor.agrees(command_v, stays));
+            assert!(trips.is_some_and(|ticks| ticks <= 300 + 21), "{slew_v_per_tick} V: {trips:?}");
+        }
+    }
+}
+
+/// A film that was live for a minute and is at 0 V now: acknowledged once, it stays so, and trips again as soon as it is live again.
+#[test]
+fn a_film_that_was_live_for_long_is_acknowledged_once() {
+    let live = |r: &mut Readings| r.monitor_v = 4211.0;
+    let mut bench = Bench::new(&bench_limits());
+    for _ in 0..60_000 {
+        bench.tick(live);
+    }
+    assert_eq!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm));
+    bench.tick(|_| ());
+    bench.supervisor.acknowledge().expect("at 0 V");
+    assert_eq!(bench.tick(|_| ()), DriverState::Disarmed);
+    bench.tick(live);
+    bench.tick(live);
+    assert_eq!(bench.tick(live), DriverState::Tripped(Cause::LiveFilm));
+}
+
+/// A disabled amplifier that goes on: told after the time that a film has to discharge, in every state and after every cause, and
+/// not acknowledged as long as it lasts.
+#[test]
+fn a_film_that_stays_live_is_noticed() {
+    let live = |r: &mut Readings| r.monitor_v = 4211.0;
+    type End = fn(&mut Supervisor);
+    let ends: [(&str, End); 4] = [
+        ("switched on", |_| ()),
+        ("disarmed", |s| s.disarm().expect("running")),
+        ("tripped", |s| s.trip(Cause::Heartbeat)),
+        ("acknowledged", |s| {
+            s.trip(Cause::Heartbeat);
+            s.acknowledge().expect("tripped");
+        }),
+    ];
+    for (name, end) in ends {
+        let mut bench = if name == "switched on" { Bench::new(&bench_limits()) } else { Bench::run(&bench_limits()) };
+        end(&mut bench.supervisor);
+        // A second at 1 kHz.
+        for _ in 0..1000 {
+            bench.tick(live);
+        }
+        assert_ne!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm), "{name}");
+        bench.tick(live);
+        assert_eq!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm), "{name}");
+        assert_eq!((bench.supervisor.monitor_v(), bench.supervisor.is_film_live()), (4211.0, true));
+        assert_eq!(bench.supervisor.acknowledge(), Err(Refusal::LiveVoltage), "{name}");
+        bench.tick(|_| ());
+        bench.is_safe(Cause::LiveFilm);
+    }
+    // One that arcs, and a monitor that does not answer now and then, hide nothing; nor does one that never answers again.
+    let mut bench = Bench::run(&bench_limits());
+    bench.supervisor.disarm().expect("running");
+    let mut tick = 0;
+    while bench.supervisor.state() == DriverState::Disarmed {
+        tick += 1;
+        assert!(tick < 3000, "never noticed");
+        bench.tick(|r| {
+            r.monitor_v = match tick % 20 {
+                0 => 0.0,
+                1 => f32::NAN,
+                _ => 4211.0,
+            };
+        });
+    }
+    assert_eq!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm));
+    bench.tick(|r| r.monitor_v = f32::NAN);
+    assert_eq!(bench.supervisor.acknowledge(), Err(Refusal::LiveVoltage));
+    // A film that discharges in time is none; nor is one that is driven.
+    let mut bench = Bench::run(&bench_limits());
+    (0..5000).for_each(|_| {
+        bench.supervisor.heartbeat();
+        bench.tick(|_| ());
+    });
+    assert_eq!(bench.supervisor.state(), DriverState::Running);
+    bench.supervisor.disarm().expect("running");
+    for tick in 0..3000u16 {
+        bench.tick(|r| r.monitor_v = 4000.0 * (-f32::from(tick) / 200.0).exp());
+    }
+    assert_eq!(bench.supervisor.state(), DriverState::Disarmed);
+}
