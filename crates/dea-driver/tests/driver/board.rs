@@ -20,6 +20,8 @@ pub struct Bench<F> {
     pub trial: bool,
     /// What an image for drills was asked for; `None` in any other image.
     pub drills: Option<Vec<Drill>>,
+    /// Whether its watchdog is fed no more.
+    pub starved: bool,
 }
 
 impl<F: NorFlash> Bench<F> {
@@ -27,7 +29,7 @@ impl<F: NorFlash> Bench<F> {
     pub fn new(flash: F, latched: Option<Cause>) -> Self {
         let store = Store::new(flash, BOARD).expect("two sectors");
         let device = Device::new(latched);
-        Self { device, store, drive: Drive::OFF, ticks: 0, rate_hz: 0.0, trial: false, drills: None }
+        Self { device, store, drive: Drive::OFF, ticks: 0, rate_hz: 0.0, trial: false, drills: None, starved: false }
     }
 
     /// Readings of the next tick, without a fault. The sensor has some noise.
@@ -78,6 +80,11 @@ impl<F: NorFlash> Board for Bench<F> {
 
     fn remembers_trial(&self) -> bool {
         self.trial
+    }
+
+    fn starve_watchdog(&mut self) -> bool {
+        self.starved = true;
+        true
     }
 
     fn drill(&mut self, drill: Drill) -> bool {

@@ -40,12 +40,13 @@ impl Board for WithoutDrills {
     }
 }
 
-/// A board does not drill unless it says so.
+/// A board neither drills nor starves its watchdog unless it says so.
 #[test]
 fn a_board_without_drills_rejects_them() {
     let mut board = WithoutDrills(Bench::new(Flash::new(), None));
-    let answer = ask(&mut Session::new("1.2.3"), &mut board, 0, Command::Drill(Drill::Hang));
-    assert_eq!(answer, Answer::Rejected(Reject::Unknown));
+    for command in [Command::Drill(Drill::Hang), Command::StarveWatchdog, Command::Inspect] {
+        assert_eq!(ask(&mut Session::new("1.2.3"), &mut board, 0, command), Answer::Rejected(Reject::Unknown));
+    }
 }
 
 /// An image for drills causes the fault that was asked for, and says so.

@@ -16,6 +16,7 @@ mod estimation;
 mod film_bench;
 mod flash;
 mod host;
+mod inspection;
 mod lean;
 mod limits;
 mod link;
