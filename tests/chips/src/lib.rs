@@ -3,6 +3,7 @@
 #![warn(missing_docs)]
 
 mod ad5754;
+mod ads868x;
 mod serial;
 mod violation;
 
@@ -10,5 +11,6 @@ pub use ad5754::{
     Ad5754, AfterShutdown, Channel, Coding, DAC_POWER_UP_NS, DAC_SETTLING_NS, DacRange, DacRegisterReads, FirstOutput,
     Unspecified,
 };
+pub use ads868x::{ADC_POWER_UP_NS, AdcRange, Ads868x, FlagOrder, Variant, address, alarm};
 pub use serial::{Absent, Bit, Sdi, SerialChip, clock_bit};
 pub use violation::{Rule, Violation};

@@ -4,4 +4,9 @@
 mod ad5754_faults;
 mod ad5754_frames;
 mod ad5754_outputs;
+mod ads868x_frames;
+mod ads868x_registers;
+mod ads868x_reset;
+mod ads868x_transfer;
+mod ads868x_word;
 mod master;

@@ -1,7 +1,7 @@
 //! A master that sends any number of bits at any speed.
 
-use converter_chips::{Ad5754, Bit, Coding, SerialChip, Unspecified, clock_bit};
-use embedded_hal::spi::{MODE_1, Mode};
+use converter_chips::{Ad5754, Ads868x, Bit, Coding, SerialChip, Unspecified, Variant, clock_bit};
+use embedded_hal::spi::{MODE_0, MODE_1, Mode};
 
 pub struct Master {
     pub mode: Mode,
@@ -103,5 +103,37 @@ impl Dac {
     pub fn settled(&mut self) -> [f64; 4] {
         self.wait(10_000);
         converter_chips::Channel::ALL.map(|channel| self.chip.volts(channel, self.master.now))
+    }
+}
+
+/// An ADS868x and its master.
+pub struct Adc {
+    pub chip: Ads868x,
+    pub master: Master,
+}
+
+impl Adc {
+    pub fn new(variant: Variant) -> Self {
+        Self { chip: Ads868x::new(variant), master: Master::new(MODE_0) }
+    }
+
+    pub fn frame(&mut self, word: u32) -> u32 {
+        self.master.send(&mut self.chip, u64::from(word), 32) as u32
+    }
+
+    /// What stands in a half-word, from the frame after the command.
+    pub fn half_word(&mut self, address: u32) -> u32 {
+        self.frame(0xc800_0000 | address << 16);
+        self.frame(0)
+    }
+
+    pub fn write(&mut self, address: u32, bits: u32) {
+        self.frame(0xd000_0000 | address << 16 | bits);
+    }
+
+    /// A conversion of the input as it stands, and the word that brings its result.
+    pub fn convert(&mut self) -> u32 {
+        self.frame(0);
+        self.frame(0)
     }
 }
