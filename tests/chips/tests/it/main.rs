@@ -9,4 +9,5 @@ mod ads868x_registers;
 mod ads868x_reset;
 mod ads868x_transfer;
 mod ads868x_word;
+mod bus;
 mod master;
