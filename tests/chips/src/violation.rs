@@ -1,0 +1,73 @@
+//! What a master did that a data sheet does not allow.
+
+/// A rule of a data sheet that was broken. Times are in ns: what was given, where less or more than allowed.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Rule {
+    /// AD5754, t6: SYNC was high for less than 100 ns. The frame that begins is not seen.
+    SyncHigh(u64),
+    /// AD5754, t17: SYNC was high for less than 200 ns after a read command. The answer is not there.
+    SyncHighBeforeAnswer(u64),
+    /// AD5754, t1: the clock was faster than 33 ns a period. The bit is lost.
+    ClockPeriod(u64),
+    /// AD5754, t4; ADS868x, tSU_CSCK: the clock came too soon after the select. The bit is lost.
+    ClockAfterSelect(u64),
+    /// AD5754, t5; ADS868x, tHT_CKCS: the select rose too soon after the last clock. The bit is lost.
+    SelectAfterClock(u64),
+    /// Fewer bits than a command has. It is not carried out.
+    ShortFrame(u32),
+    /// AD5754: more than 24 bits, but no multiple of it. The last 24 are carried out.
+    OddFrame(u32),
+    /// AD5754: bit DB22 is 1, or the register or address does not exist. The frame is ignored.
+    UnknownCommand(u32),
+    /// AD5754: a code was written to a channel that is powered down. The channel (0 is A) did not take it.
+    WriteWhilePoweredDown(u8),
+    /// AD5754: a channel (0 is A) was loaded less than 10 µs after power-up. It did not take the code.
+    LoadDuringPowerUp(u8),
+    /// AD5754: LDAC fell less than 130 ns (t10) after SYNC rose on a new code. It loaded nothing.
+    LdacAfterSync(u64),
+    /// AD5754: LDAC was low for less than 20 ns (t11). It had no effect.
+    LdacLow(u64),
+    /// AD5754: CLR was low for less than 20 ns (t13). It had no effect.
+    ClrLow(u64),
+    /// AD5754: a load or an update came while CLR was low. It had no effect.
+    LoadWhileClear,
+    /// ADS868x: CONVST/CS fell while a conversion ran, so many ns before its end. The frame is not seen.
+    FrameDuringConversion(u64),
+    /// ADS868x: CONVST/CS fell while the chip was in reset or powering up. The frame is not seen.
+    FrameDuringReset,
+    /// ADS868x: less than tACQ from the end of a conversion to the next sample. The sample is not settled.
+    Acquisition(u64),
+    /// ADS868x: woken from NAP less than 20 µs before the sample. The result is the old one.
+    NapWake(u64),
+    /// ADS868x: RST was low for less than 100 ns. It had no effect.
+    RstLow(u64),
+    /// ADS868x: RST_PWRCTL was written without its key. The bits are as before.
+    WithoutKey,
+}
+
+/// When a rule was broken.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub struct Violation {
+    /// Time, ns.
+    pub at_ns: u64,
+    /// Which rule.
+    pub rule: Rule,
+}
+
+/// What was broken so far, in order.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Violations(Vec<Violation>);
+
+impl Violations {
+    pub(crate) fn note(&mut self, at_ns: u64, rule: Rule) {
+        self.0.push(Violation { at_ns, rule });
+    }
+
+    pub(crate) fn all(&self) -> &[Violation] {
+        &self.0
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.0.clear();
+    }
+}

@@ -1,0 +1,139 @@
+//! A master that sends any number of bits at any speed.
+
+use converter_chips::{Ad5754, Ads868x, Bit, Coding, SerialChip, Unspecified, Variant, clock_bit};
+use embedded_hal::spi::{MODE_0, MODE_1, Mode};
+
+pub struct Master {
+    pub mode: Mode,
+    pub now: u64,
+    /// Half a period of the clock, ns.
+    pub half_ns: u64,
+    /// Select high before each frame, ns.
+    pub high_ns: u64,
+    /// Select to the first edge, and last edge to deselect, ns.
+    pub margin_ns: u64,
+    /// Bits of the last frame that no chip drove.
+    pub floating: u32,
+}
+
+impl Master {
+    pub fn new(mode: Mode) -> Self {
+        Self { mode, now: 1_000_000, half_ns: 50, high_ns: 100_000, margin_ns: 50, floating: 0 }
+    }
+
+    /// Sends the lowest `count` bits of `value`, highest first, and returns what was read.
+    pub fn send(&mut self, chip: &mut dyn SerialChip, value: u64, count: u32) -> u64 {
+        self.now += self.high_ns;
+        chip.select(self.now);
+        self.now += self.margin_ns;
+        self.floating = 0;
+        let bit = |k: u32| value >> (count - 1 - k) & 1 == 1;
+        let mut read = 0;
+        for k in 0..count {
+            let leading_ns = self.now + u64::from(2 * k) * self.half_ns;
+            let sampled = clock_bit(
+                chip,
+                self.mode,
+                Bit {
+                    value: bit(k),
+                    previous: k > 0 && bit(k - 1),
+                    next: (k + 1 < count).then(|| bit(k + 1)),
+                    leading_ns,
+                    trailing_ns: leading_ns + self.half_ns,
+                },
+            );
+            self.floating += u32::from(sampled.is_none());
+            read = read << 1 | u64::from(sampled.unwrap_or(false));
+        }
+        if count > 0 {
+            self.now += u64::from(2 * count - 1) * self.half_ns;
+        }
+        self.now += self.margin_ns;
+        chip.deselect(self.now);
+        read
+    }
+}
+
+/// An AD5754 and its master.
+pub struct Dac {
+    pub chip: Ad5754,
+    pub master: Master,
+}
+
+impl Dac {
+    pub fn new(coding: Coding, unspecified: Unspecified) -> Self {
+        Self { chip: Ad5754::with_unspecified(coding, unspecified), master: Master::new(MODE_1) }
+    }
+
+    pub fn plain() -> Self {
+        Self::new(Coding::OffsetBinary, Unspecified::plain())
+    }
+
+    /// All channels powered up in `range`, and ready to be loaded.
+    pub fn powered(coding: Coding, unspecified: Unspecified, range: u64) -> Self {
+        let mut dac = Self::new(coding, unspecified);
+        dac.write(0x0c_0000 | range);
+        dac.write(0x10_000f);
+        dac.wait(10_000);
+        dac
+    }
+
+    pub fn write(&mut self, word: u64) -> u64 {
+        self.master.send(&mut self.chip, word, 24)
+    }
+
+    /// The answer to a read command, all 24 bits.
+    pub fn read(&mut self, word: u64) -> u64 {
+        self.write(word);
+        self.write(0x18_0000)
+    }
+
+    pub fn wait(&mut self, ns: u64) {
+        self.master.now += ns;
+    }
+
+    pub fn ldac_pulse(&mut self) {
+        self.wait(200);
+        self.chip.set_ldac(false, self.master.now);
+        self.wait(50);
+        self.chip.set_ldac(true, self.master.now);
+    }
+
+    /// All outputs after they have settled, V.
+    pub fn settled(&mut self) -> [f64; 4] {
+        self.wait(10_000);
+        converter_chips::Channel::ALL.map(|channel| self.chip.volts(channel, self.master.now))
+    }
+}
+
+/// An ADS868x and its master.
+pub struct Adc {
+    pub chip: Ads868x,
+    pub master: Master,
+}
+
+impl Adc {
+    pub fn new(variant: Variant) -> Self {
+        Self { chip: Ads868x::new(variant), master: Master::new(MODE_0) }
+    }
+
+    pub fn frame(&mut self, word: u32) -> u32 {
+        self.master.send(&mut self.chip, u64::from(word), 32) as u32
+    }
+
+    /// What stands in a half-word, from the frame after the command.
+    pub fn half_word(&mut self, address: u32) -> u32 {
+        self.frame(0xc800_0000 | address << 16);
+        self.frame(0)
+    }
+
+    pub fn write(&mut self, address: u32, bits: u32) {
+        self.frame(0xd000_0000 | address << 16 | bits);
+    }
+
+    /// A conversion of the input as it stands, and the word that brings its result.
+    pub fn convert(&mut self) -> u32 {
+        self.frame(0);
+        self.frame(0)
+    }
+}
