@@ -43,10 +43,10 @@ const DISARMED: usize = 15;
 fn adc(codes: &[u16]) -> Ads868x<Spi<u8>> {
     let mut expected = Vec::new();
     expected.extend(exchanged([0xd0, 0x14, 0, 9], [0; 2])); // range 0 to 10.24 V
-    expected.extend(exchanged([0xd0, 0x10, 0x41, 0], [0; 2])); // address and range in every frame
+    expected.extend(exchanged([0xd0, 0x10, 1, 0], [0; 2])); // the range in every frame
     expected.extend(exchanged([0xc8, 0x14, 0, 0], [0; 2])); // read the range back
     expected.extend(exchanged([0; 4], [9, 0]));
-    expected.extend(codes.iter().flat_map(|&code| exchanged([0; 4], [code, 0x0900])));
+    expected.extend(codes.iter().flat_map(|&code| exchanged([0; 4], [code, 0x9000])));
     Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24)
 }
 

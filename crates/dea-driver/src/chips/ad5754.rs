@@ -19,8 +19,9 @@ const POWER_A: u16 = 1;
 const ALARMS: u16 = 1 << 7 | 1 << 5;
 /// Thermal shutdown, which is off when the chip comes up, and the current limit of 20 mA, which is on: clear means another thing.
 const PROTECTION: u16 = 1 << 3 | 1 << 2;
-/// The four bits that the control register has; what the others read is not stated.
+/// The bits that a register has; what the others read is not stated.
 const CONTROL_BITS: u16 = 0xf;
+const RANGE_BITS: u16 = 0x7;
 
 /// An amplifier that follows channel A of an AD5754 while its enable input is high.
 ///
@@ -153,7 +154,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
     pub fn enable(&mut self) -> Result<(), AmplifierError> {
         self.start()?;
         matches(PROTECTION, self.read(CONTROL)? & CONTROL_BITS)?;
-        matches(range_code(self.range), self.read(RANGE_A)?)?;
+        matches(range_code(self.range), self.read(RANGE_A)? & RANGE_BITS)?;
         self.check_power()?;
         matches(DacCode::ZERO.0, self.read(DAC_A)?)?;
         self.enable.set_high().map_err(|_| AmplifierError::Enable)?;

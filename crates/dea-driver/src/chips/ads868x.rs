@@ -10,9 +10,9 @@ const WRITE: u8 = 0xd0;
 const READ: u8 = 0xc8;
 /// The register of what a frame carries beside its sample.
 const DATAOUT_CTL: u8 = 0x10;
-/// The chip's address and its input range, in this order and before anything else: so their place does not depend on what is left
-/// out between them.
-const ADDRESS_AND_RANGE: u16 = 1 << 14 | 1 << 8;
+/// The input range, in the four bits behind the sample. Alone: where more fields are asked for, their order differs between data
+/// sheets of the family.
+const RANGE_INCL: u16 = 1 << 8;
 /// The register of the input range.
 const RANGE_SEL: u8 = 0x14;
 /// RANGE_SEL of a range: 3, 2.5, 1.5 or 1.25 × the internal reference of 4.096 V, unipolar. The other bits are reserved, but one
@@ -41,8 +41,8 @@ const fn range_sel(range: AdcRange) -> u16 {
 /// # let frame = |sent: [u8; 4], answer: [u8; 4]| {
 /// #     [OnSpi::transaction_start(), OnSpi::transfer_in_place(sent.to_vec(), answer.to_vec()), OnSpi::transaction_end()]
 /// # };
-/// # let set = [frame([0xd0, 0x14, 0, 9], [0; 4]), frame([0xd0, 0x10, 0x41, 0], [0; 4])].concat();
-/// # let asked = [frame([0xc8, 0x14, 0, 0], [0; 4]), frame([0; 4], [0, 9, 0, 0]), frame([0; 4], [0x80, 0, 9, 0])].concat();
+/// # let set = [frame([0xd0, 0x14, 0, 9], [0; 4]), frame([0xd0, 0x10, 1, 0], [0; 4])].concat();
+/// # let asked = [frame([0xc8, 0x14, 0, 0], [0; 4]), frame([0; 4], [0, 9, 0, 0]), frame([0; 4], [0x80, 0, 0x90, 0])].concat();
 /// # let spi = Spi::new(&[set, asked].concat());
 ///
 /// // `spi` is an SpiDevice.
@@ -102,7 +102,7 @@ impl<SPI: SpiDevice> Ads868x<SPI> {
     /// [`AdcError`] where there is none yet, or none that can be trusted: the chip is set up again by the next readings.
     pub fn read(&mut self) -> Result<AdcCode, AdcError> {
         let [range_high, range_low] = range_sel(self.range).to_be_bytes();
-        let [fields_high, fields_low] = ADDRESS_AND_RANGE.to_be_bytes();
+        let [fields_high, fields_low] = RANGE_INCL.to_be_bytes();
         let (command, then) = match self.next {
             Frame::SetRange => ([WRITE, RANGE_SEL, range_high, range_low], Frame::SetFields),
             Frame::SetFields => ([WRITE, DATAOUT_CTL, fields_high, fields_low], Frame::AskRange),
@@ -114,7 +114,7 @@ impl<SPI: SpiDevice> Ads868x<SPI> {
         let (upper, lower) = (u16::from_be_bytes([first, second]), u16::from_be_bytes([third, fourth]));
         let (found, wanted) = match is_for {
             Frame::TakeRange => (upper, range_sel(self.range)),
-            Frame::Sample => (lower, range_sel(self.range) << 8),
+            Frame::Sample => (lower, range_sel(self.range) << 12),
             _ => (0, 0),
         };
         if found != wanted {

@@ -36,9 +36,11 @@ fn asked(register: u8, [high, low]: [u8; 2]) -> Vec<OnSpi<u8>> {
     [written([0x80 | register, 0, 0]), exchanged([0x18, 0, 0], [0x80 | register, high, low])].concat()
 }
 
-/// Started, and protection, range, power and code are read back. The alarms and the power of other channels do not matter.
+/// Started, and protection, range, power and code are read back. The alarms and the power of other
+/// channels, and bits that a register does not have, do not matter.
 fn enabling(range: u8) -> Vec<OnSpi<u8>> {
-    let checked = [asked(0x19, [0, 0xc]), asked(0x08, [0, range]), asked(0x10, [0x02, 0x03]), asked(0x00, [0, 0])];
+    let checked =
+        [asked(0x19, [0xff, 0xfc]), asked(0x08, [0xff, 0xf8 | range]), asked(0x10, [0x02, 0x03]), asked(0x00, [0, 0])];
     [started(range), checked.concat()].concat()
 }
 
@@ -131,7 +133,7 @@ fn a_dac_that_does_not_hold_what_it_was_sent_is_not_enabled() {
     for (answers, wanted, found) in [
         (asked(0x19, [0xff, 0xff]), 0xc, 0xf),
         (asked(0x19, [0, 4]), 0xc, 4),
-        ([protection.clone(), asked(0x08, [0xff, 0xff])].concat(), 1, 0xffff),
+        ([protection.clone(), asked(0x08, [0xff, 0xff])].concat(), 1, 7),
         ([protection, asked(0x08, [0, 0])].concat(), 1, 0),
         // Without power, at its current limit, too hot.
         ([ranged.clone(), asked(0x10, [0xff, 0x5e])].concat(), 1, 0),
@@ -192,8 +194,8 @@ fn a_missing_dac_shows_before_anybody_arms() {
 
 /// The four frames that set an ADC up, as a chip answers them: what was sampled before, then the register.
 fn set_up(range: u8) -> Vec<OnSpi<u8>> {
-    let set = [exchanged([0xd0, 0x14, 0x00, range], [0x12, 0x34, 0, 0]), exchanged([0xd0, 0x10, 0x41, 0x00], [0; 4])];
-    let asked = [exchanged([0xc8, 0x14, 0, 0], [0x12, 0x34, range, 0]), exchanged([0; 4], [0x00, range, 0, 0])];
+    let set = [exchanged([0xd0, 0x14, 0x00, range], [0x12, 0x34, 0, 0]), exchanged([0xd0, 0x10, 0x01, 0x00], [0; 4])];
+    let asked = [exchanged([0xc8, 0x14, 0, 0], [0x12, 0x34, range << 4, 0]), exchanged([0; 4], [0x00, range, 0, 0])];
     [set.concat(), asked.concat()].concat()
 }
 
@@ -203,12 +205,12 @@ fn starting(adc: &mut Ads868x<Spi<u8>>) {
     }
 }
 
-/// One frame to a reading, and every sample comes with its range: 0 to 10.24 V, of a chip with the address 0.
+/// One frame to a reading, and every sample comes with its range: 0 to 10.24 V.
 #[test]
 fn adc_sets_its_range_checks_it_and_reads() {
     let mut expected = set_up(9);
-    expected.extend(exchanged([0; 4], [0x80, 0x00, 0x09, 0]));
-    expected.extend(exchanged([0; 4], [0x80, 0x01, 0x09, 0]));
+    expected.extend(exchanged([0; 4], [0x80, 0x00, 0x90, 0]));
+    expected.extend(exchanged([0; 4], [0x80, 0x01, 0x90, 0]));
     let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
     starting(&mut adc);
     let code = adc.read().expect("answers");
@@ -222,16 +224,16 @@ fn adc_sets_its_range_checks_it_and_reads() {
 /// but the range alone beside the sample is no sample.
 #[test]
 fn an_adc_that_lost_its_range_is_noticed_and_set_up_again() {
-    for (lower, found) in [([0, 0], 0), ([0x09, 0x04], 0x0904), ([0x0b, 0], 0x0b00), ([0xff, 0xff], 0xffff)] {
+    for (lower, found) in [([0, 0], 0), ([0x90, 0x40], 0x9040), ([0xb0, 0], 0xb000), ([0xff, 0xff], 0xffff)] {
         let mut expected = set_up(9);
-        expected.extend(exchanged([0; 4], [0x00, 0x40, 0x09, 0]));
+        expected.extend(exchanged([0; 4], [0x00, 0x40, 0x90, 0]));
         expected.extend(exchanged([0; 4], [0x80, 0x00, lower[0], lower[1]]));
         expected.extend(set_up(9));
-        expected.extend(exchanged([0; 4], [0x00, 0x80, 0x09, 0]));
+        expected.extend(exchanged([0; 4], [0x00, 0x80, 0x90, 0]));
         let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
         starting(&mut adc);
         assert_eq!(adc.volts(), Ok(0.01));
-        assert_eq!(adc.volts(), Err(AdcError::Range { wanted: 0x0900, found }));
+        assert_eq!(adc.volts(), Err(AdcError::Range { wanted: 0x9000, found }));
         starting(&mut adc);
         assert_eq!(adc.volts(), Ok(0.02));
         adc.destroy().done();
@@ -262,7 +264,7 @@ fn adc_ranges_are_those_of_the_data_sheet() {
         [(AdcRange::UpTo12V288, 8, 6.144), (AdcRange::UpTo6V144, 10, 3.072), (AdcRange::UpTo5V12, 11, 2.56)]
     {
         let mut expected = set_up(register);
-        expected.extend(exchanged([0; 4], [0x80, 0x00, register, 0]));
+        expected.extend(exchanged([0; 4], [0x80, 0x00, register << 4, 0]));
         let mut adc = Ads868x::new(Spi::new(&expected), range);
         starting(&mut adc);
         assert_eq!(adc.volts(), Ok(half_v));
@@ -275,7 +277,7 @@ fn adc_ranges_are_those_of_the_data_sheet() {
 fn an_adc_that_is_not_there_is_refused() {
     for (byte, found) in [(0xff, 0xffff), (0x00, 0x0000)] {
         let mut expected = Vec::new();
-        for sent in [[0xd0, 0x14, 0x00, 0x09], [0xd0, 0x10, 0x41, 0x00], [0xc8, 0x14, 0, 0], [0; 4]] {
+        for sent in [[0xd0, 0x14, 0x00, 0x09], [0xd0, 0x10, 0x01, 0x00], [0xc8, 0x14, 0, 0], [0; 4]] {
             expected.extend(exchanged(sent, [byte; 4]));
         }
         let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);

@@ -10,6 +10,7 @@ mod blob_bytes;
 mod board;
 mod chips;
 mod control;
+mod converters;
 mod documents;
 mod drills;
 mod estimation;

@@ -1,0 +1,305 @@
+//! The driver on converters that behave as their data sheets say: models that know nothing of this driver, in virtual time, wired as
+//! docs/wiring.md has it.
+
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
+
+use converter_chips::{Ad5754, Ads868x as AdcChip, Channel, Clock, Coding, Floating, Line, Rule};
+use converter_chips::{SlowPad, SpiBus, SpiTiming, Variant};
+use dea_driver::chips::{AdcRange, CommandRange};
+use dea_driver::{
+    AdcError, Ads868x, Amplifier, AmplifierError, Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Limits,
+    Mode, Parameters,
+};
+use embedded_hal::digital::OutputPin;
+use embedded_hal::spi::{MODE_0, MODE_1, SpiDevice};
+use springpot::{Actuator, Law, Options, Preset};
+
+use crate::bench::bench_limits;
+
+const VARIANTS: [Variant; 3] = [Variant::Ads8681, Variant::Ads8685, Variant::Ads8689];
+
+/// The board's buses: 5.25 MHz, and pull-downs where nobody drives.
+const BOARD: SpiTiming = SpiTiming {
+    sck_hz: 5_250_000,
+    between_bytes_ns: 200,
+    lead_ns: 100,
+    lag_ns: 100,
+    between_transactions_ns: 300,
+    fill: 0,
+    floating: Floating::Low,
+    slow: None,
+};
+
+type Shared<C> = Rc<RefCell<C>>;
+
+/// A perfect amplifier of 1000 V per volt between the converters, and a sensor at 1 V with some noise.
+struct Bench<DAC, EN> {
+    clock: Clock,
+    dac: Shared<Ad5754>,
+    monitor_chip: Shared<AdcChip>,
+    sensor_chip: Shared<AdcChip>,
+    amplifier: Amplifier<DAC, EN>,
+    monitor: Ads868x<converter_chips::SpiWire>,
+    sensor: Ads868x<converter_chips::SpiWire>,
+    device: Device,
+    enable: Rc<Cell<bool>>,
+    period_ns: u64,
+    ticks: u64,
+    /// The largest output of the DAC while the amplifier was disabled, V.
+    while_disabled_v: f64,
+    /// Of the last tick.
+    applied: Result<(), AmplifierError>,
+    read: Result<f32, AdcError>,
+}
+
+fn parameters(rate_hz: f32) -> Parameters {
+    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, Options::at_step(1.0 / f64::from(rate_hz))).expect("valid");
+    let limits: Limits = bench_limits();
+    Parameters { limits, ..Parameters::bench(&law, Actuator::KARNER_2022) }
+}
+
+/// A bench that has just been switched on. `dac` is the wire to the DAC, if there is one.
+fn bench(variant: Variant, rate_hz: f32, timing: SpiTiming) -> Bench<converter_chips::SpiWire, impl OutputPin> {
+    with_dac(variant, rate_hz, timing, |bus, dac| bus.connect(dac, MODE_1))
+}
+
+fn with_dac<D: SpiDevice>(
+    variant: Variant,
+    rate_hz: f32,
+    timing: SpiTiming,
+    wire: impl FnOnce(&SpiBus, &Shared<Ad5754>) -> D,
+) -> Bench<D, impl OutputPin> {
+    let clock = Clock::new();
+    clock.advance(100_000_000);
+    let (dac_bus, adc_bus) = (SpiBus::new(&clock, timing), SpiBus::new(&clock, timing));
+    let dac = Rc::new(RefCell::new(Ad5754::new(Coding::OffsetBinary)));
+    dac.borrow_mut().set_ldac(false, clock.now());
+    dac.borrow_mut().set_clr(false, clock.now());
+    let enable = Rc::new(Cell::new(false));
+    let pin = {
+        // CLR stands at the enable output.
+        let (dac, enable) = (Rc::clone(&dac), Rc::clone(&enable));
+        Line::new(&clock, 50, move |level, now| {
+            enable.set(level);
+            dac.borrow_mut().set_clr(level, now);
+        })
+    };
+    let film = {
+        let (dac, enable) = (Rc::clone(&dac), Rc::clone(&enable));
+        move |now| if enable.get() { dac.borrow().volts(Channel::A, now) } else { 0.0 }
+    };
+    let [monitor_chip, sensor_chip] = [(); 2].map(|()| Rc::new(RefCell::new(AdcChip::new(variant))));
+    monitor_chip.borrow_mut().set_input_fn(film);
+    sensor_chip.borrow_mut().set_input_fn(|now| 1.0 + 4e-4 * ((now / 1000) % 7) as f64);
+    let amplifier =
+        Amplifier::new(wire(&dac_bus, &dac), pin, CommandRange::FiveVolts).unwrap_or_else(|_| panic!("a bus"));
+    let mut device = Device::new(None);
+    device.install(Controller::new(Blob::new(parameters(rate_hz)).expect("valid"))).expect("disarmed");
+    Bench {
+        monitor: Ads868x::new(adc_bus.connect(&monitor_chip, MODE_0), AdcRange::UpTo10V24),
+        sensor: Ads868x::new(adc_bus.connect(&sensor_chip, MODE_0), AdcRange::UpTo10V24),
+        clock,
+        dac,
+        monitor_chip,
+        sensor_chip,
+        amplifier,
+        device,
+        enable,
+        period_ns: (1e9 / rate_hz) as u64,
+        ticks: 0,
+        while_disabled_v: 0.0,
+        applied: Ok(()),
+        read: Err(AdcError::Starting),
+    }
+}
+
+impl<DAC: SpiDevice, EN: OutputPin> Bench<DAC, EN> {
+    /// A tick as the firmware has it.
+    fn tick(&mut self) {
+        self.ticks += 1;
+        self.clock.advance_to(200_000_000 + self.ticks * self.period_ns);
+        self.read = self.monitor.volts();
+        let inputs =
+            Inputs { interlock_closed: true, monitor_adc_v: self.read.ok(), sensor_adc_v: self.sensor.volts().ok() };
+        let drive: Drive = self.device.tick(inputs);
+        self.applied = self.amplifier.apply(drive);
+        if self.applied.is_err() {
+            let _ = self.amplifier.disable();
+            self.device.trip(Cause::Bus);
+        }
+        if !self.enable.get() {
+            let volts = self.dac.borrow().volts(Channel::A, self.clock.now() + 20_000);
+            self.while_disabled_v = self.while_disabled_v.max(volts.abs());
+        }
+        self.device.heartbeat();
+    }
+
+    fn ticks(&mut self, count: u32) {
+        (0..count).for_each(|_| self.tick());
+    }
+
+    fn start(&mut self, mode: Mode) {
+        self.ticks(20);
+        self.device.arm().expect("healthy");
+        self.device.start(mode).expect("armed");
+    }
+
+    fn state(&self) -> DriverState {
+        self.device.state()
+    }
+
+    /// At the film, V.
+    fn film_v(&self) -> f64 {
+        if self.enable.get() { 1000.0 * self.dac.borrow().volts(Channel::A, self.clock.now() + 20_000) } else { 0.0 }
+    }
+
+    /// Rules of the data sheets that were broken, but for codes that are written on purpose where they do nothing: 0 V before
+    /// power, and while CLR is low.
+    fn broken(&self) -> Vec<Rule> {
+        let of_dac = self.dac.borrow();
+        let (monitor, sensor) = (self.monitor_chip.borrow(), self.sensor_chip.borrow());
+        let all = of_dac.violations().iter().chain(monitor.violations()).chain(sensor.violations());
+        all.map(|violation| violation.rule)
+            .filter(|rule| !matches!(rule, Rule::WriteWhilePoweredDown(0) | Rule::LoadWhileClear))
+            .collect()
+    }
+}
+
+/// A run from power-up to 3 kV and back, with every member of the ADC's family: no rule of a data sheet is broken, what is read is what
+/// stands, and the DAC shows 0 V as long as the amplifier is disabled.
+#[test]
+fn a_run_breaks_no_rule_of_the_data_sheets() {
+    for variant in VARIANTS {
+        for rate_hz in [100.0, 1000.0, 5000.0] {
+            let mut bench = bench(variant, rate_hz, BOARD);
+            bench.start(Mode::Voltage);
+            bench.device.set_voltage(3000.0).expect("within the limits");
+            bench.ticks((0.2 * rate_hz) as u32);
+            assert_eq!(bench.state(), DriverState::Running, "{variant:?} at {rate_hz} Hz");
+            assert!((bench.film_v() - 3000.0).abs() < 0.1, "{} V", bench.film_v());
+            assert!((bench.read.expect("a reading") - 3.0).abs() < 2e-4);
+            bench.device.stop().expect("running");
+            bench.ticks(5);
+            assert_eq!((bench.film_v(), bench.applied), (0.0, Ok(())));
+            bench.device.disarm().expect("armed");
+            bench.ticks(5);
+            assert!(!bench.enable.get() && bench.while_disabled_v == 0.0, "{} V", bench.while_disabled_v);
+            assert_eq!(bench.broken(), [], "{variant:?} at {rate_hz} Hz");
+        }
+    }
+}
+
+/// Up and down at the full slew through a perfect amplifier: the samples are a tick old, which is no disagreement, at any rate.
+#[test]
+fn a_ramp_at_full_slew_does_not_trip() {
+    for rate_hz in [100.0, 200.0, 500.0, 1000.0, 5000.0] {
+        let mut bench = bench(Variant::Ads8689, rate_hz, BOARD);
+        bench.start(Mode::Voltage);
+        for target_v in [6000.0, 0.0, 6000.0, 500.0] {
+            bench.device.set_voltage(target_v).expect("within the limits");
+            bench.ticks((0.3 * rate_hz) as u32);
+            assert_eq!(bench.state(), DriverState::Running, "{rate_hz} Hz, towards {target_v} V");
+            assert!((bench.film_v() - f64::from(target_v)).abs() < 0.1);
+        }
+    }
+}
+
+/// The erratum of slow pads: the last bit of a received byte is that of the byte before. Nothing is set up, so nothing is armed.
+#[test]
+fn a_last_bit_that_is_read_wrong_is_no_reading() {
+    let mut bench = bench(Variant::Ads8681, 1000.0, SpiTiming { slow: Some(SlowPad::default()), ..BOARD });
+    for _ in 0..50 {
+        bench.tick();
+        assert!(
+            matches!(bench.read, Err(AdcError::Starting | AdcError::Range { wanted: 9, found: 8 })),
+            "{:?}",
+            bench.read
+        );
+    }
+    assert!(bench.device.arm().is_err());
+}
+
+/// A dip of an ADC's supply puts it back on ±12.288 V, where 0 V reads as half of its codes. It shows in the first reading after it,
+/// and the chip is set up again, in whatever state.
+#[test]
+fn an_adc_whose_supply_dips_shows_and_comes_back() {
+    for runs in [false, true] {
+        let mut bench = bench(Variant::Ads8685, 1000.0, BOARD);
+        if runs {
+            bench.start(Mode::Voltage);
+            bench.device.set_voltage(1000.0).expect("within the limits");
+        }
+        bench.ticks(200);
+        assert!(bench.read.is_ok());
+        let now = bench.clock.now();
+        bench.monitor_chip.borrow_mut().set_avdd(false, now);
+        bench.monitor_chip.borrow_mut().set_dvdd(false, now);
+        bench.monitor_chip.borrow_mut().set_dvdd(true, now + 10_000);
+        bench.monitor_chip.borrow_mut().set_avdd(true, now + 10_000);
+        bench.tick();
+        assert!(bench.read.is_err(), "{:?}", bench.read);
+        assert_eq!(bench.state(), if runs { DriverState::Tripped(Cause::Bus) } else { DriverState::Disarmed });
+        // 20 ms until it takes a frame, then four to set it up.
+        bench.ticks(40);
+        assert!(bench.read.expect("back").abs() < 1e-3, "{:?}", bench.read);
+    }
+}
+
+/// Nobody on the wire: it shows while the amplifier is disabled, and is not enabled by arming.
+#[test]
+fn a_missing_dac_shows_and_is_not_enabled() {
+    for level in [false, true] {
+        let mut bench = with_dac(Variant::Ads8681, 1000.0, BOARD, |bus, _| bus.absent(level));
+        bench.ticks(20);
+        assert!(matches!(bench.applied, Err(AmplifierError::Readback { wanted: 1, .. })), "{:?}", bench.applied);
+        assert!(bench.device.arm().is_err() || bench.state() == DriverState::Armed);
+        bench.ticks(2);
+        assert!(!bench.enable.get());
+        assert!(
+            matches!(bench.state(), DriverState::Tripped(Cause::Bus) | DriverState::Disarmed),
+            "{:?}",
+            bench.state()
+        );
+    }
+}
+
+/// A DAC that loses its digital supply while it runs has forgotten its code: `Bus`, and the amplifier is disabled in the same tick.
+/// Back again, it is started anew before it is enabled.
+#[test]
+fn a_dac_whose_supply_dips_trips_and_comes_back() {
+    let mut bench = bench(Variant::Ads8681, 1000.0, BOARD);
+    bench.start(Mode::Voltage);
+    bench.device.set_voltage(2000.0).expect("within the limits");
+    bench.ticks(100);
+    let now = bench.clock.now();
+    bench.dac.borrow_mut().set_dvcc(false, now);
+    bench.dac.borrow_mut().set_dvcc(true, now + 1000);
+    bench.tick();
+    assert_eq!((bench.state(), bench.enable.get()), (DriverState::Tripped(Cause::Bus), false));
+    bench.ticks(5);
+    bench.device.acknowledge().expect("tripped");
+    bench.start(Mode::Voltage);
+    bench.device.set_voltage(2000.0).expect("within the limits");
+    bench.ticks(100);
+    assert!((bench.film_v() - 2000.0).abs() < 0.1 && bench.state() == DriverState::Running);
+}
+
+/// Thermal shutdown and the current limit are on, and a chip that is too hot or at its limit is not enabled.
+#[test]
+fn a_dac_at_its_limits_is_not_enabled() {
+    for hot in [true, false] {
+        let mut bench = bench(Variant::Ads8681, 1000.0, BOARD);
+        bench.ticks(20);
+        assert_eq!(bench.dac.borrow().control_bits() & 0xc, 0xc);
+        let now = bench.clock.now();
+        if hot {
+            bench.dac.borrow_mut().set_over_temperature(true, now);
+        } else {
+            bench.dac.borrow_mut().set_over_current(Channel::A, true, now);
+        }
+        bench.tick();
+        assert!(matches!(bench.applied, Err(AmplifierError::Readback { .. })), "{:?}", bench.applied);
+    }
+}
