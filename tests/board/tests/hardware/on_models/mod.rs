@@ -1,0 +1,4 @@
+//! Each test has a board of its own; they wait for one another.
+
+mod clock;
+mod reset;
