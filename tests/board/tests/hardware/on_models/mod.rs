@@ -1,7 +1,9 @@
 //! Each test has a board of its own; they wait for one another.
 
+mod bench;
 mod clock;
 mod pads;
 mod reset;
 mod serial;
+mod slaves;
 mod start;
