@@ -2,6 +2,8 @@
 
 mod bench;
 mod clock;
+mod host;
+mod judges;
 mod pads;
 mod reset;
 mod serial;
