@@ -43,6 +43,10 @@ pub struct Machine {
     step: Option<(usize, Action)>,
 }
 
+// SAFETY: the chips on its wires may belong to one thread. One thread at a time reaches them: that of the test, which has the board, or
+// the one that runs the firmware while the first waits for it.
+unsafe impl Send for Machine {}
+
 impl Machine {
     pub fn new(chip: Chip) -> Self {
         Self { chip, left: 0, stops: false, step: None }

@@ -3,7 +3,7 @@
 use crate::chip::Chip;
 use crate::chip::gpio::{Mode, PINS, Pad, Pin, Pull, Speed};
 use crate::chip::pads::{self, Signal};
-use crate::chip::time::{NANOSECOND, Picoseconds, SECOND};
+use crate::chip::time::{self, NANOSECOND, Picoseconds, SECOND};
 use crate::chip::violation::Violation;
 use crate::wires::{SpiByte, SpiSlave, Wired, Wiring};
 
@@ -74,7 +74,7 @@ impl Chip {
 
     fn tell_slaves(&mut self, pin: Pin, driven: Option<bool>) {
         let (now, at_ns, high) = (self.now, self.now_ns(), self.level(pin));
-        let mut violations = Vec::new();
+        let (mut violations, mut frame_ends) = (Vec::new(), false);
         let mut wired = std::mem::take(&mut self.wired);
         for Wired { wiring, slave, selected } in &mut wired {
             if wiring.inputs.contains(&pin) {
@@ -86,12 +86,20 @@ impl Chip {
                 continue;
             }
             *selected = selects;
-            if self.clocked_by(wiring.sck).is_some_and(|number| self.spi(number.into()).is_busy(now)) {
+            if self.clocked_by(wiring.sck).is_some_and(|number| self.spi(number.into()).is_clocking(now)) {
                 violations.push(Violation::SelectWithinByte { pin });
             }
-            if selects { slave.select(at_ns) } else { slave.deselect(at_ns) }
+            if selects {
+                slave.select(at_ns);
+            } else {
+                slave.deselect(at_ns);
+                frame_ends = true;
+            }
         }
         self.wired = wired;
+        if frame_ends {
+            self.now += time::of_cycles(time::CYCLES_BETWEEN_FRAMES, self.clocks().hclk_hz);
+        }
         for violation in violations {
             self.violations.add(now, violation);
         }
@@ -158,10 +166,11 @@ impl Chip {
             }
             let arrives = self.carried(wiring.mosi) == Some(Signal::Mosi(number));
             let byte = SpiByte {
-                sent: if arrives { order(sent) } else { self.idle(wiring.mosi) },
+                sent: if arrives { order(sent) } else { self.idle_byte(wiring.mosi) },
                 start_ns: start / NANOSECOND,
                 sck_hz,
                 mode,
+                idle: self.idle(wiring.miso),
                 sck_speed: self.pad(wiring.sck).speed,
                 mosi_speed: self.pad(wiring.mosi).speed,
             };
@@ -171,11 +180,15 @@ impl Chip {
             }
         }
         self.wired = wired;
-        answer.unwrap_or_else(|| self.carrier(Signal::Miso(number)).map_or(0, |pin| self.idle(pin)))
+        answer.unwrap_or_else(|| self.carrier(Signal::Miso(number)).map_or(0, |pin| self.idle_byte(pin)))
     }
 
-    /// A byte on a line that nothing drives: its pull, otherwise ones.
-    fn idle(&self, pin: Pin) -> u8 {
-        if self.pad(pin).pull == Pull::Down { 0x00 } else { 0xff }
+    /// The level of a line that nothing drives: its pull's, otherwise high.
+    fn idle(&self, pin: Pin) -> bool {
+        self.pad(pin).pull != Pull::Down
+    }
+
+    fn idle_byte(&self, pin: Pin) -> u8 {
+        if self.idle(pin) { 0xff } else { 0x00 }
     }
 }

@@ -25,10 +25,10 @@ const BSY: u32 = 1 << 7;
 /// A frame on the wires.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
-    pub start: Picoseconds,
-    pub end: Picoseconds,
-    /// When its last bit is sampled.
+    /// When its last bit is sampled: by the edge before the last, or by the last.
     sampled: Picoseconds,
+    last_edge: Picoseconds,
+    end: Picoseconds,
     received: u16,
     delivered: bool,
 }
@@ -73,9 +73,9 @@ impl Spi {
         self.cr1 & (MSTR | SPE) == MSTR | SPE
     }
 
-    /// Whether a bit is on the wires.
-    pub fn is_busy(&self, now: Picoseconds) -> bool {
-        self.frame.is_some_and(|frame| now < frame.end)
+    /// Whether its clock has edges to come.
+    pub fn is_clocking(&self, now: Picoseconds) -> bool {
+        self.frame.is_some_and(|frame| now < frame.last_edge)
     }
 
     /// What the frame before has left in the last bit.
@@ -109,9 +109,10 @@ impl Spi {
     pub fn begin(&mut self, start: Picoseconds, sck_hz: u32, received: u16) {
         let bit = SECOND / u64::from(sck_hz.max(1));
         let end = start + u64::from(self.bits()) * bit;
-        // The first edge of a clock samples, or the second.
-        let sampled = if self.cr1 & CPHA == 0 { end - bit / 2 } else { end };
-        self.frame = Some(Frame { start, end, sampled, received, delivered: false });
+        let sampled = end - bit / 2;
+        // The first edge samples, half a bit after its data, or it is there with them and the second one samples.
+        let last_edge = if self.cr1 & CPHA == 0 { end } else { sampled };
+        self.frame = Some(Frame { sampled, last_edge, end, received, delivered: false });
         self.free = end;
     }
 

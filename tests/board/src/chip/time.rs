@@ -12,6 +12,10 @@ const CYCLES: u64 = 8;
 /// Cycles of the bus that an access takes.
 const BUS_CYCLES: u64 = 2;
 
+/// Cycles of the core from the end of a frame, where a select rises, to the next access: the firmware returns from one transaction and
+/// calls another. In its image that takes some 60 instructions from one edge to the other.
+pub const CYCLES_BETWEEN_FRAMES: u64 = 50;
+
 /// Time from one access to the next, on a bus with its own clock.
 pub fn of_access(hclk_hz: u32, bus_hz: u32) -> Picoseconds {
     of_cycles(CYCLES, hclk_hz) + of_cycles(BUS_CYCLES, bus_hz)
