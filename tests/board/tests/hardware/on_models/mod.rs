@@ -2,6 +2,7 @@
 
 mod bench;
 mod clock;
+mod converters;
 mod host;
 mod judges;
 mod pads;
@@ -9,3 +10,4 @@ mod reset;
 mod serial;
 mod slaves;
 mod start;
+mod wired;

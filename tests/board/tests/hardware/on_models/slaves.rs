@@ -1,6 +1,7 @@
-//! Chips that write down what they see, and answer by a rule that says no more than these tests need.
+//! Chips that write down what they see, and the wires of all chips.
 
-use std::sync::{Arc, Mutex};
+use std::cell::RefCell;
+use std::rc::Rc;
 
 use board_on_host::chip::gpio::Pin;
 use board_on_host::wires::{SpiByte, SpiSlave, Wiring};
@@ -20,24 +21,21 @@ impl Frame {
 }
 
 /// The frames of a recorder.
-pub type Frames = Arc<Mutex<Vec<Frame>>>;
+pub type Frames = Rc<RefCell<Vec<Frame>>>;
 
-/// Takes the bytes of a frame and gives what the next one shall bring.
-type Rule = Box<dyn FnMut(&[u8]) -> Vec<u8> + Send>;
-
+/// Writes down what it sees, and answers every frame with the same bytes, then zeros.
+#[derive(Default)]
 pub struct Recorder {
     frame: Frame,
     frames: Frames,
     answer: Vec<u8>,
-    rule: Rule,
 }
 
 impl Recorder {
-    pub fn new(rule: impl FnMut(&[u8]) -> Vec<u8> + Send + 'static) -> (Box<Self>, Frames) {
-        let frames = Frames::default();
-        let recorder =
-            Self { frame: Frame::default(), frames: frames.clone(), answer: Vec::new(), rule: Box::new(rule) };
-        (Box::new(recorder), frames)
+    pub fn new(answer: &[u8]) -> (Box<Self>, Frames) {
+        let recorder = Box::new(Self { answer: answer.to_vec(), ..Self::default() });
+        let frames = Rc::clone(&recorder.frames);
+        (recorder, frames)
     }
 }
 
@@ -54,42 +52,8 @@ impl SpiSlave for Recorder {
 
     fn deselect(&mut self, at_ns: u64) {
         self.frame.deselected_ns = at_ns;
-        self.answer = (self.rule)(&self.frame.sent());
-        if let Ok(mut frames) = self.frames.lock() {
-            frames.push(self.frame.clone());
-        }
+        self.frames.borrow_mut().push(self.frame.clone());
     }
-}
-
-/// Registers of 16 bits: a frame of three bytes writes one, or reads it into the next frame.
-pub fn dac() -> (Box<Recorder>, Frames) {
-    let mut registers = [0u16; 128];
-    Recorder::new(move |frame| {
-        let &[register, high, low] = frame else { return Vec::new() };
-        if register & 0x80 != 0 {
-            let [high, low] = registers[usize::from(register & 0x7f)].to_be_bytes();
-            return vec![0, high, low];
-        }
-        registers[usize::from(register)] = u16::from_be_bytes([high, low]);
-        Vec::new()
-    })
-}
-
-/// Frames of four bytes that write a register, read one into the next frame, or bring a code and the range.
-pub fn adc(code: u16) -> (Box<Recorder>, Frames) {
-    let mut registers = [0u16; 128];
-    Recorder::new(move |frame| {
-        let &[command, register, high, low] = frame else { return Vec::new() };
-        let register = usize::from(register & 0x7f);
-        let [range_high, range_low] = registers[0x14].to_be_bytes();
-        match command {
-            0xd0 => registers[register] = u16::from_be_bytes([high, low]),
-            0xc8 => return vec![range_high, range_low, 0, 0],
-            _ => {}
-        }
-        let [high, low] = code.to_be_bytes();
-        vec![high, low, range_low, 0]
-    })
 }
 
 /// Where the DAC is: `docs/wiring.md`.
