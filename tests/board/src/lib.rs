@@ -1,8 +1,4 @@
-//! The firmware's modules for hardware, unchanged, on a computer: `stm32f4xx-hal` and all. What they write to the chip's registers ends
-//! in models of the chip, which answer, keep time and judge.
-//!
-//! Every access of a register traps ([`trap`]), so none is missed and their order is the program's. Needs Linux on x86-64; elsewhere
-//! the package is empty.
+#![doc = include_str!("../README.md")]
 #![cfg(all(target_arch = "x86_64", target_os = "linux"))]
 
 pub mod board;

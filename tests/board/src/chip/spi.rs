@@ -1,4 +1,4 @@
-//! An SPI, RM0090 section 28: a full-duplex master, polled. What is on the wires is for [`Wires`](crate::wires::Wires).
+//! An SPI, RM0090 section 28: a full-duplex master, polled. What is on the wires is for [`lines`](crate::chip::lines).
 
 use crate::chip::time::{Picoseconds, SECOND};
 
