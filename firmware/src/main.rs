@@ -36,6 +36,7 @@ mod drills;
 #[cfg(feature = "semihosting")]
 mod emulated;
 mod flash;
+mod outputs;
 mod panic;
 mod reset;
 mod serial;
@@ -65,6 +66,7 @@ mod app {
     #[cfg(feature = "semihosting")]
     use crate::emulated;
     use crate::flash::ParameterFlash;
+    use crate::outputs;
     use crate::panic::Message as PanicMessage;
     use crate::reset;
     use crate::serial;
@@ -111,9 +113,7 @@ mod app {
         let (mut rcc, fault) = clock::start(chip.RCC, &chip.TIM5, panic_message.as_str().starts_with(clock::PANIC));
 
         // The amplifier's enable output is low before anything else is set up.
-        let gpioc = chip.GPIOC.split(&mut rcc);
-        let enable = gpioc.pc6.into_push_pull_output_in_state(PinState::Low);
-        let led = gpioc.pc12.into_push_pull_output_in_state(PinState::High);
+        let (enable, led, interlock) = outputs::start(chip.GPIOC, &mut rcc);
 
         // QEMU's core has one clock, whatever the registers say.
         let core_hz = if cfg!(feature = "semihosting") { clock::CORE_HZ } else { rcc.clocks.hclk().raw() };
@@ -126,12 +126,12 @@ mod app {
         #[cfg(not(feature = "semihosting"))]
         let bench = {
             let adc = (gpioa.pa5, gpioa.pa6, gpioa.pa7);
-            let pins = Pins { enable, interlock: gpioc.pc7, adc, port_b: chip.GPIOB.split(&mut rcc) };
+            let pins = Pins { enable, interlock, adc, port_b: chip.GPIOB.split(&mut rcc) };
             Bench::new(chip.SPI1, chip.SPI2, pins, cx.local.adc_bus, &mut rcc)
         };
         #[cfg(feature = "semihosting")]
         let bench = {
-            let _: (&Option<AdcBus>, _) = (cx.local.adc_bus, enable);
+            let _: (&Option<AdcBus>, _, _) = (cx.local.adc_bus, enable, interlock);
             Bench::new()
         };
 

@@ -115,8 +115,9 @@ fn tests(options: &[&str]) -> Command {
 }
 
 /// Sources of libraries whose manifest says `test = false`: a test in them would never run.
-const WITHOUT_TESTS: [&str; 6] = [
+const WITHOUT_TESTS: [&str; 7] = [
     "host-sim/src",
+    "tests/board/src",
     "tests/support",
     "tests/chip-program/src",
     "tests/chips/src",

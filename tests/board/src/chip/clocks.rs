@@ -1,0 +1,100 @@
+//! Frequencies that follow from the registers, RM0090 section 7.2, and their limits.
+
+use crate::chip::violation::Violation;
+
+/// What the core runs on; as SW has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    Internal = 0b00,
+    Crystal = 0b01,
+    Loop = 0b10,
+}
+
+impl Source {
+    pub fn from_bits(cfgr: u32) -> Option<Self> {
+        match cfgr & 0b11 {
+            0b00 => Some(Self::Internal),
+            0b01 => Some(Self::Crystal),
+            0b10 => Some(Self::Loop),
+            _ => None,
+        }
+    }
+}
+
+/// The phase-locked loop, Hz.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pll {
+    pub input_hz: u32,
+    pub vco_hz: u32,
+    pub output_hz: u32,
+}
+
+impl Pll {
+    /// What is outside its limits: RM0090 section 7.3.2, PLLM and PLLN.
+    pub fn violations(&self) -> impl Iterator<Item = Violation> {
+        let input = Violation::LoopInput { hz: self.input_hz };
+        let oscillator = Violation::LoopOscillator { hz: self.vco_hz };
+        let input = (!(1_000_000..=2_000_000).contains(&self.input_hz)).then_some(input);
+        let oscillator = (!(100_000_000..=432_000_000).contains(&self.vco_hz)).then_some(oscillator);
+        input.into_iter().chain(oscillator)
+    }
+}
+
+/// All clocks, Hz.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Clocks {
+    /// While it is on.
+    pub pll: Option<Pll>,
+    pub sysclk_hz: u32,
+    pub hclk_hz: u32,
+    pub pclk1_hz: u32,
+    pub pclk2_hz: u32,
+    /// Timers on APB1.
+    pub timers1_hz: u32,
+}
+
+impl Clocks {
+    pub fn pll(source_hz: u32, m: u32, n: u32, p: u32) -> Pll {
+        let m = u64::from(m.max(1));
+        let vco_hz = (u64::from(source_hz) * u64::from(n) / m).min(u32::MAX.into()) as u32;
+        Pll { input_hz: (u64::from(source_hz) / m) as u32, vco_hz, output_hz: vco_hz / p }
+    }
+
+    pub fn new(pll: Option<Pll>, sysclk_hz: u32, cfgr: u32) -> Self {
+        let hclk_hz = match cfgr >> 4 & 0xf {
+            divides @ 8..12 => sysclk_hz >> (divides - 7),
+            divides @ 12.. => sysclk_hz >> (divides - 6),
+            _ => sysclk_hz,
+        };
+        let shift = |ppre: u32| if ppre & 0b100 == 0 { 0 } else { (ppre & 0b011) + 1 };
+        let (ppre1, ppre2) = (shift(cfgr >> 10 & 0b111), shift(cfgr >> 13 & 0b111));
+        let pclk1_hz = hclk_hz >> ppre1;
+        Self {
+            pll,
+            sysclk_hz,
+            hclk_hz,
+            pclk1_hz,
+            pclk2_hz: hclk_hz >> ppre2,
+            timers1_hz: if ppre1 == 0 { pclk1_hz } else { 2 * pclk1_hz },
+        }
+    }
+
+    /// What is outside its limits with these wait states of the flash, and with the regulator at its upper scale or not: RM0090
+    /// sections 3.5.1 (2.7 to 3.6 V) and 5.1.4, data sheet table of general operating conditions.
+    pub fn violations(&self, wait_states: u32, upper_scale: bool) -> Vec<Violation> {
+        let mut found: Vec<_> = self.pll.iter().flat_map(Pll::violations).collect();
+        let core_limit_hz = if upper_scale { 168_000_000 } else { 144_000_000 };
+        let buses = [
+            ("AHB", self.hclk_hz, core_limit_hz),
+            ("APB1", self.pclk1_hz, 42_000_000),
+            ("APB2", self.pclk2_hz, 84_000_000),
+        ];
+        let fast = buses.into_iter().filter(|&(_, hz, limit_hz)| hz > limit_hz);
+        found.extend(fast.map(|(bus, hz, _)| Violation::BusClock { bus, hz }));
+        let needed = self.hclk_hz.saturating_sub(1) / 30_000_000;
+        if wait_states < needed {
+            found.push(Violation::WaitStates { set: wait_states, needed });
+        }
+        found
+    }
+}

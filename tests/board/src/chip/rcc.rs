@@ -1,0 +1,293 @@
+//! Reset and clock control, RM0090 section 7: oscillators that take their time, the loop, the switch, flags and resets.
+
+use crate::chip::Block;
+use crate::chip::clocks::{Clocks, Source};
+use crate::chip::time::{MICROSECOND, Picoseconds};
+use crate::chip::violation::Violation;
+
+const CR: u32 = 0x00;
+const PLLCFGR: u32 = 0x04;
+const CFGR: u32 = 0x08;
+const AHB1RSTR: u32 = 0x10;
+const APB1RSTR: u32 = 0x20;
+const APB2RSTR: u32 = 0x24;
+const AHB1ENR: u32 = 0x30;
+const APB1ENR: u32 = 0x40;
+const APB2ENR: u32 = 0x44;
+const CSR: u32 = 0x74;
+/// Words of the block.
+const WORDS: usize = 0x8c / 4;
+
+/// Bits of CR.
+pub const HSION: u32 = 1 << 0;
+const HSIRDY: u32 = 1 << 1;
+pub const HSEON: u32 = 1 << 16;
+const HSERDY: u32 = 1 << 17;
+pub const CSSON: u32 = 1 << 19;
+pub const PLLON: u32 = 1 << 24;
+const PLLRDY: u32 = 1 << 25;
+const PLLI2SRDY: u32 = 1 << 27;
+const CR_READ_ONLY: u32 = HSIRDY | HSERDY | PLLRDY | PLLI2SRDY | 0xff00;
+/// PLLSRC in PLLCFGR.
+const FROM_CRYSTAL: u32 = 1 << 22;
+/// SWS in CFGR.
+const SWS: u32 = 0b11 << 2;
+/// Bits of CSR.
+const LSION: u32 = 1 << 0;
+const LSIRDY: u32 = 1 << 1;
+const RMVF: u32 = 1 << 24;
+
+/// Flags of the last reset, in CSR.
+pub mod reset_flag {
+    pub const BROWN_OUT: u32 = 1 << 25;
+    pub const PIN: u32 = 1 << 26;
+    pub const POWER: u32 = 1 << 27;
+    pub const SOFTWARE: u32 = 1 << 28;
+    pub const INDEPENDENT_WATCHDOG: u32 = 1 << 29;
+    pub const WINDOW_WATCHDOG: u32 = 1 << 30;
+    pub const LOW_POWER: u32 = 1 << 31;
+    pub const ALL: u32 = 0x7f << 25;
+}
+
+/// From being switched on to ready, typically: the data sheet's tables of the crystal oscillator, the loop and the slow oscillator.
+const CRYSTAL_STARTS: Picoseconds = 2000 * MICROSECOND;
+const LOOP_LOCKS: Picoseconds = 200 * MICROSECOND;
+const SLOW_STARTS: Picoseconds = 40 * MICROSECOND;
+
+/// Whether the phase-locked loop locks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Loop {
+    /// Whatever it is set to, beyond its limits too.
+    Locks,
+    /// Where its input and its oscillator are within their limits.
+    LocksWithinLimits,
+    Dead,
+}
+
+/// What oscillates on the board, and how.
+#[derive(Clone, Copy, Debug)]
+pub struct Oscillators {
+    /// Crystal, Hz; none: it does not start.
+    pub crystal_hz: Option<u32>,
+    /// High-speed internal oscillator, Hz.
+    pub internal_hz: u32,
+    /// Low-speed internal oscillator, Hz; none: it is dead. The data sheet has 17 to 47 kHz.
+    pub slow_hz: Option<u32>,
+    pub pll: Loop,
+}
+
+impl Default for Oscillators {
+    fn default() -> Self {
+        Self { crystal_hz: Some(8_000_000), internal_hz: 16_000_000, slow_hz: Some(32_000), pll: Loop::Locks }
+    }
+}
+
+pub struct Rcc {
+    registers: [u32; WORDS],
+    pub oscillators: Oscillators,
+    /// When they are ready, if they are on.
+    crystal_at: Picoseconds,
+    loop_at: Picoseconds,
+    slow_at: Picoseconds,
+    source: Source,
+}
+
+impl Rcc {
+    pub fn new(oscillators: Oscillators) -> Self {
+        let mut registers = [0; WORDS];
+        let reset = [
+            (CR, 0x0000_0083),
+            (PLLCFGR, 0x2400_3010),
+            (AHB1ENR, 0x0010_0000),
+            (0x50, 0x7e67_91ff),
+            (0x54, 0x0000_00f1),
+            (0x58, 0x0000_0001),
+            (0x60, 0x36fe_c9ff),
+            (0x64, 0x0007_5f33),
+            (CSR, reset_flag::POWER | reset_flag::PIN | reset_flag::BROWN_OUT),
+            (0x84, 0x2000_3000),
+        ];
+        for (offset, value) in reset {
+            registers[offset as usize / 4] = value;
+        }
+        Self { registers, oscillators, crystal_at: 0, loop_at: 0, slow_at: 0, source: Source::Internal }
+    }
+
+    /// Sets the flags of the last reset.
+    pub fn set_reset_flags(&mut self, flags: u32) {
+        let csr = self.register_mut(CSR);
+        *csr = *csr & !reset_flag::ALL | flags & reset_flag::ALL;
+    }
+
+    pub fn reset_flags(&self) -> u32 {
+        self.register(CSR) & reset_flag::ALL
+    }
+
+    pub fn cr(&self) -> u32 {
+        self.register(CR)
+    }
+
+    /// M, N and P of the loop.
+    pub fn loop_factors(&self) -> (u32, u32, u32) {
+        let pllcfgr = self.register(PLLCFGR);
+        (pllcfgr & 0x3f, pllcfgr >> 6 & 0x1ff, ((pllcfgr >> 16 & 0b11) + 1) * 2)
+    }
+
+    /// What the core runs on.
+    pub fn source(&self) -> Source {
+        self.source
+    }
+
+    /// All frequencies that follow from the registers.
+    pub fn clocks(&self) -> Clocks {
+        let (m, n, p) = self.loop_factors();
+        let on = self.cr() & PLLON != 0;
+        let input = if self.register(PLLCFGR) & FROM_CRYSTAL == 0 {
+            Some(self.oscillators.internal_hz)
+        } else {
+            self.oscillators.crystal_hz.filter(|_| self.cr() & HSEON != 0)
+        };
+        let pll = on.then(|| Clocks::pll(input.unwrap_or(0), m, n, p));
+        let sysclk_hz = match self.source {
+            Source::Internal => self.oscillators.internal_hz,
+            Source::Crystal => self.oscillators.crystal_hz.unwrap_or(0),
+            Source::Loop => pll.map_or(0, |pll| pll.output_hz),
+        };
+        Clocks::new(pll, sysclk_hz, self.register(CFGR))
+    }
+
+    /// The slow oscillator, Hz, and since when it runs.
+    pub fn slow(&self, now: Picoseconds) -> Option<(u32, Picoseconds)> {
+        let runs = self.register(CSR) & LSION != 0 && now >= self.slow_at;
+        self.oscillators.slow_hz.filter(|_| runs).map(|hz| (hz, self.slow_at))
+    }
+
+    /// Whether the block's clock is on.
+    pub fn enables(&self, block: Block) -> bool {
+        block.gate().is_none_or(|gate| self.register(gate.enable) & 1 << gate.bit != 0)
+    }
+
+    /// Whether the block is held in reset.
+    pub fn resets(&self, block: Block) -> bool {
+        block.gate().is_some_and(|gate| self.register(gate.reset) & 1 << gate.bit != 0)
+    }
+
+    /// Sets the ready bits of what is ready, and switches to a source that has become ready.
+    pub fn advance(&mut self, now: Picoseconds) {
+        let Oscillators { crystal_hz, slow_hz, pll, .. } = self.oscillators;
+        let mut cr = self.register(CR) & !(HSIRDY | HSERDY | PLLRDY);
+        if cr & HSION != 0 {
+            cr |= HSIRDY;
+        }
+        if cr & HSEON != 0 && crystal_hz.is_some() && now >= self.crystal_at {
+            cr |= HSERDY;
+        }
+        let locks = match pll {
+            Loop::Locks => true,
+            Loop::LocksWithinLimits => self.clocks().pll.is_some_and(|pll| pll.violations().next().is_none()),
+            Loop::Dead => false,
+        };
+        let has_input = self.register(PLLCFGR) & FROM_CRYSTAL == 0 || cr & HSERDY != 0;
+        if cr & PLLON != 0 && locks && has_input && now >= self.loop_at {
+            cr |= PLLRDY;
+        }
+        *self.register_mut(CR) = cr;
+        let slow = self.register(CSR) & LSION != 0 && slow_hz.is_some() && now >= self.slow_at;
+        let csr = self.register_mut(CSR);
+        *csr = *csr & !LSIRDY | if slow { LSIRDY } else { 0 };
+
+        let wanted = Source::from_bits(self.register(CFGR));
+        let ready = match wanted {
+            Some(Source::Internal) => HSIRDY,
+            Some(Source::Crystal) => HSERDY,
+            Some(Source::Loop) => PLLRDY,
+            None => 0,
+        };
+        if let Some(wanted) = wanted
+            && cr & ready != 0
+        {
+            self.source = wanted;
+        }
+        let sws = (self.source as u32) << 2;
+        let cfgr = self.register_mut(CFGR);
+        *cfgr = *cfgr & !SWS | sws;
+    }
+
+    pub fn read(&self, offset: u32) -> u32 {
+        self.registers.get(offset as usize / 4).copied().unwrap_or(0)
+    }
+
+    pub fn write(&mut self, offset: u32, value: u32, now: Picoseconds) -> Option<Violation> {
+        match offset {
+            CR => return self.write_cr(value, now),
+            PLLCFGR if self.cr() & PLLON != 0 => return Some(Violation::LoopSetWhileOn),
+            CFGR => *self.register_mut(CFGR) = value & !SWS,
+            CSR => {
+                let before = self.register(CSR);
+                if value & LSION != 0 && before & LSION == 0 {
+                    self.slow_at = now + SLOW_STARTS;
+                }
+                let flags = if value & RMVF != 0 { 0 } else { before & reset_flag::ALL };
+                *self.register_mut(CSR) = flags | value & LSION;
+            }
+            _ => {
+                if let Some(register) = self.registers.get_mut(offset as usize / 4) {
+                    *register = value;
+                }
+            }
+        }
+        None
+    }
+
+    fn write_cr(&mut self, value: u32, now: Picoseconds) -> Option<Violation> {
+        let before = self.cr();
+        let mut value = value & !CR_READ_ONLY | before & CR_READ_ONLY;
+        let from_crystal = self.register(PLLCFGR) & FROM_CRYSTAL != 0;
+        // What the core runs on cannot be switched off.
+        value |= match self.source {
+            Source::Internal => HSION,
+            Source::Crystal => HSEON,
+            Source::Loop => PLLON | if from_crystal { HSEON } else { HSION },
+        };
+        // The security system stays on once it is.
+        value |= before & CSSON;
+        let risen = value & !before;
+        if risen & HSEON != 0 {
+            self.crystal_at = now + CRYSTAL_STARTS;
+        }
+        if risen & PLLON != 0 {
+            self.loop_at = now + LOOP_LOCKS;
+        }
+        *self.register_mut(CR) = value;
+        (risen & PLLON != 0 && from_crystal && before & HSERDY == 0).then_some(Violation::LoopWithoutInput)
+    }
+
+    fn register(&self, offset: u32) -> u32 {
+        self.registers[offset as usize / 4]
+    }
+
+    fn register_mut(&mut self, offset: u32) -> &mut u32 {
+        &mut self.registers[offset as usize / 4]
+    }
+}
+
+/// Where a block's clock is switched on, and where it is reset.
+pub struct Gate {
+    enable: u32,
+    reset: u32,
+    bit: u32,
+}
+
+impl Gate {
+    pub const fn ahb1(bit: u32) -> Self {
+        Self { enable: AHB1ENR, reset: AHB1RSTR, bit }
+    }
+
+    pub const fn apb1(bit: u32) -> Self {
+        Self { enable: APB1ENR, reset: APB1RSTR, bit }
+    }
+
+    pub const fn apb2(bit: u32) -> Self {
+        Self { enable: APB2ENR, reset: APB2RSTR, bit }
+    }
+}

@@ -1,0 +1,142 @@
+//! TIM5, RM0090 section 18: the counter, and the capture of the slow oscillator on channel 4.
+
+use crate::chip::time::{Picoseconds, SECOND, periods};
+
+const CR1: u32 = 0x00;
+const SR: u32 = 0x10;
+const EGR: u32 = 0x14;
+const CCMR2: u32 = 0x1c;
+const CCER: u32 = 0x20;
+const CNT: u32 = 0x24;
+const PSC: u32 = 0x28;
+const ARR: u32 = 0x2c;
+const CCR4: u32 = 0x40;
+const OR: u32 = 0x50;
+const WORDS: usize = 0x54 / 4;
+
+const CEN: u32 = 1 << 0;
+const UG: u32 = 1 << 0;
+/// Flags in SR.
+const UIF: u32 = 1 << 0;
+const CC4IF: u32 = 1 << 4;
+const CC4OF: u32 = 1 << 12;
+/// Channel 4 captures, in CCER.
+const CC4E: u32 = 1 << 12;
+/// The fourth input is the slow oscillator, in OR.
+const FROM_SLOW: u32 = 0b01;
+
+pub struct Timer {
+    registers: [u32; WORDS],
+    /// Divider in force: PSC is taken over by an update.
+    divider: u32,
+    /// When the counter was brought up to date.
+    at: Picoseconds,
+    /// Of a count, in parts of a second's picoseconds.
+    fraction: u128,
+    /// Edges of the slow oscillator up to then.
+    edges: u64,
+    /// Edges since the last capture.
+    since_capture: u32,
+}
+
+impl Default for Timer {
+    fn default() -> Self {
+        let mut registers = [0; WORDS];
+        registers[ARR as usize / 4] = u32::MAX;
+        Self { registers, divider: 1, at: 0, fraction: 0, edges: 0, since_capture: 0 }
+    }
+}
+
+impl Timer {
+    /// Counts until `now` at `clock_hz`, none without its clock, and captures the edges of the slow oscillator: Hz, since when.
+    pub fn advance(&mut self, now: Picoseconds, clock_hz: Option<u32>, slow: Option<(u32, Picoseconds)>) {
+        let Some(clock_hz) = clock_hz else {
+            self.at = now;
+            self.edges = slow.map_or(0, |(hz, since)| periods(now - since, hz));
+            return;
+        };
+        let Some((slow_hz, since)) = slow else {
+            self.count_until(now, clock_hz);
+            self.edges = 0;
+            return;
+        };
+        let edges = periods(now - since, slow_hz);
+        while self.edges < edges {
+            self.edges += 1;
+            let edge = since + (u128::from(self.edges) * u128::from(SECOND)).div_ceil(slow_hz.into()) as Picoseconds;
+            self.count_until(edge.max(self.at), clock_hz);
+            self.edge();
+        }
+        self.count_until(now, clock_hz);
+    }
+
+    fn count_until(&mut self, to: Picoseconds, clock_hz: u32) {
+        let elapsed = u128::from(to - self.at);
+        self.at = to;
+        if self.register(CR1) & CEN == 0 {
+            return;
+        }
+        let parts = self.fraction + elapsed * u128::from(clock_hz);
+        let count = u128::from(SECOND) * u128::from(self.divider);
+        self.fraction = parts % count;
+        let period = u128::from(self.register(ARR)) + 1;
+        *self.register_mut(CNT) = ((u128::from(self.register(CNT)) + parts / count) % period) as u32;
+    }
+
+    fn edge(&mut self) {
+        let mode = self.register(CCMR2) >> 8;
+        let captures = self.register(CCER) & CC4E != 0 && mode & 0b11 == 0b01;
+        if !captures || self.register(OR) >> 6 & 0b11 != FROM_SLOW {
+            return;
+        }
+        self.since_capture += 1;
+        if self.since_capture < 1 << (mode >> 2 & 0b11) {
+            return;
+        }
+        self.since_capture = 0;
+        let flags = self.register(SR);
+        *self.register_mut(SR) = flags | CC4IF | if flags & CC4IF != 0 { CC4OF } else { 0 };
+        *self.register_mut(CCR4) = self.register(CNT);
+    }
+
+    pub fn read(&mut self, offset: u32) -> u32 {
+        if offset == CCR4 {
+            *self.register_mut(SR) &= !CC4IF;
+        }
+        self.registers.get(offset as usize / 4).copied().unwrap_or(0)
+    }
+
+    pub fn write(&mut self, offset: u32, value: u32) {
+        match offset {
+            // Writing zeros clears flags.
+            SR => *self.register_mut(SR) &= value,
+            EGR if value & UG != 0 => {
+                *self.register_mut(CNT) = 0;
+                self.fraction = 0;
+                self.divider = self.register(PSC) + 1;
+                *self.register_mut(SR) |= UIF;
+            }
+            CCER => {
+                if value & CC4E == 0 {
+                    self.since_capture = 0;
+                }
+                *self.register_mut(CCER) = value;
+            }
+            // Captured, not written.
+            CCR4 if self.register(CCMR2) >> 8 & 0b11 != 0 => {}
+            _ => {
+                if let Some(register) = self.registers.get_mut(offset as usize / 4) {
+                    *register = value;
+                }
+            }
+        }
+    }
+
+    fn register(&self, offset: u32) -> u32 {
+        self.registers[offset as usize / 4]
+    }
+
+    fn register_mut(&mut self, offset: u32) -> &mut u32 {
+        &mut self.registers[offset as usize / 4]
+    }
+}

@@ -1,0 +1,68 @@
+//! What the firmware did that the chip's documents forbid.
+
+use crate::chip::Block;
+use crate::chip::gpio::Pin;
+use crate::chip::time::{NANOSECOND, Picoseconds};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Violation {
+    /// The loop is on with an input outside 1 to 2 MHz.
+    LoopInput { hz: u32 },
+    /// The loop is on with its oscillator outside 100 to 432 MHz.
+    LoopOscillator { hz: u32 },
+    /// The loop was switched on before what it follows was ready.
+    LoopWithoutInput,
+    /// The loop's factors were written while it was on. They have not changed.
+    LoopSetWhileOn,
+    /// A bus is faster than it may be.
+    BusClock { bus: &'static str, hz: u32 },
+    /// The flash has fewer wait states than the core's clock needs.
+    WaitStates { set: u32, needed: u32 },
+    /// A block was accessed without its clock. Writes did nothing, reads gave 0.
+    NoClock(Block),
+    /// Nothing is modelled there.
+    NoModel { address: u32 },
+    /// Data were written to a block that still held the last.
+    Overwritten(Block),
+    /// A pad is too slow for the clock on its bus.
+    SlowPad { pin: Pin, sck_hz: u32 },
+    /// A select moved while a byte was on the bus.
+    SelectWithinByte { pin: Pin },
+    /// Two chips on one bus were selected at once.
+    TwoSelected { pin: Pin },
+}
+
+/// Violations with their times.
+#[derive(Default)]
+pub struct Violations {
+    list: Vec<(u64, Violation)>,
+    /// What was so at the last look: it counts once for as long as it stays so.
+    standing: Vec<Violation>,
+}
+
+impl Violations {
+    pub fn add(&mut self, now: Picoseconds, violation: Violation) {
+        self.list.push((now / NANOSECOND, violation));
+    }
+
+    /// Adds what is not there yet, whenever it was.
+    pub fn once(&mut self, now: Picoseconds, violation: Violation) {
+        if !self.list.iter().any(|(_, known)| *known == violation) {
+            self.add(now, violation);
+        }
+    }
+
+    /// What is so now: added if it was not so before.
+    pub fn standing(&mut self, now: Picoseconds, standing: Vec<Violation>) {
+        let new: Vec<_> = standing.iter().filter(|violation| !self.standing.contains(violation)).copied().collect();
+        for violation in new {
+            self.add(now, violation);
+        }
+        self.standing = standing;
+    }
+
+    /// All so far, with their times in nanoseconds.
+    pub fn list(&self) -> &[(u64, Violation)] {
+        &self.list
+    }
+}

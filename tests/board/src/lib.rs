@@ -1,0 +1,24 @@
+#![doc = include_str!("../README.md")]
+#![cfg(all(target_arch = "x86_64", target_os = "linux"))]
+
+pub mod board;
+pub mod chip;
+mod cortex;
+mod instruction;
+pub mod log;
+pub mod panic;
+mod trap;
+pub mod wires;
+
+#[path = "../../../firmware/src/bench.rs"]
+pub mod bench;
+#[path = "../../../firmware/src/clock.rs"]
+pub mod clock;
+#[path = "../../../firmware/src/outputs.rs"]
+pub mod outputs;
+#[path = "../../../firmware/src/reset.rs"]
+pub mod reset;
+#[path = "../../../firmware/src/serial.rs"]
+pub mod serial;
+
+pub use stm32f4xx_hal as hal;

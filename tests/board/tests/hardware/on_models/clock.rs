@@ -1,0 +1,140 @@
+//! `firmware/src/clock.rs`: the clocks that it makes, and what it does where it cannot.
+
+use board_on_host::board::{Board, Outcome};
+use board_on_host::chip::clocks::Source;
+use board_on_host::chip::rcc::{CSSON, HSEON, Loop, Oscillators, PLLON};
+use board_on_host::chip::violation::Violation;
+use board_on_host::clock::{self, ClockFault};
+use board_on_host::log::Level;
+
+const GOOD: Oscillators =
+    Oscillators { crystal_hz: Some(8_000_000), internal_hz: 16_000_000, slow_hz: Some(32_000), pll: Loop::Locks };
+
+/// Sets the clocks: the fault and the core's frequency as the firmware has it, Hz.
+fn start(board: &Board, avoid: bool) -> Outcome<(Option<ClockFault>, u32)> {
+    board.run(move |chip| {
+        let (rcc, fault) = clock::start(chip.RCC, &chip.TIM5, avoid);
+        (fault, rcc.clocks.sysclk().raw())
+    })
+}
+
+#[test]
+fn the_crystal_makes_168_mhz() {
+    let board = Board::new(GOOD);
+    let (fault, core_hz) = start(&board, false).returned();
+    assert!(fault.is_none());
+    let clocks = board.chip(|chip| chip.clocks());
+    let (m, n, p) = board.chip(|chip| chip.rcc.loop_factors());
+    let pll = clocks.pll.expect("the loop is on");
+    let wait_states = board.chip(|chip| chip.flash.wait_states());
+    // What, as found, as wanted, where from.
+    let table = [
+        ("core, as the firmware has it, Hz", core_hz, 168_000_000, "data sheet, features: up to 168 MHz"),
+        ("M", m, 4, "RM0090 7.3.2: 1 to 2 MHz at the loop, 2 MHz to limit its jitter"),
+        ("N", n, 168, "RM0090 7.3.2: 50 to 432"),
+        ("P", p, 2, "RM0090 7.3.2: 2, 4, 6 or 8"),
+        ("input of the loop, Hz", pll.input_hz, 2_000_000, "8 MHz / 4"),
+        ("oscillator of the loop, Hz", pll.vco_hz, 336_000_000, "RM0090 7.3.2: 100 to 432 MHz"),
+        ("core, Hz", clocks.sysclk_hz, 168_000_000, "336 MHz / 2"),
+        ("AHB, Hz", clocks.hclk_hz, 168_000_000, "data sheet, general operating conditions: up to 168 MHz"),
+        ("APB1, Hz", clocks.pclk1_hz, 42_000_000, "data sheet, general operating conditions: up to 42 MHz"),
+        ("APB2, Hz", clocks.pclk2_hz, 84_000_000, "data sheet, general operating conditions: up to 84 MHz"),
+        ("wait states", wait_states, 5, "RM0090 3.5.1: 150 to 168 MHz at 2.7 to 3.6 V"),
+    ];
+    for (what, found, wanted, source) in table {
+        assert_eq!(found, wanted, "{what}: {source}");
+    }
+    assert_eq!(board.chip(|chip| chip.rcc.source()), Source::Loop);
+    assert_ne!(board.chip(|chip| chip.rcc.cr()) & CSSON, 0, "nothing watches the crystal");
+    assert_eq!(board.log(), []);
+}
+
+#[test]
+fn nothing_is_outside_its_limits_at_any_moment() {
+    let board = Board::new(GOOD);
+    start(&board, false).returned();
+    assert_eq!(board.violations(), []);
+}
+
+#[test]
+fn without_the_crystal_the_internal_oscillator_serves() {
+    let dead = Oscillators { crystal_hz: None, ..GOOD };
+    let no_loop = Oscillators { pll: Loop::Dead, ..GOOD };
+    for (oscillators, avoid, wanted) in
+        [(dead, false, ClockFault::Crystal), (no_loop, false, ClockFault::Loop), (GOOD, true, ClockFault::LastRun)]
+    {
+        let board = Board::new(oscillators);
+        let (fault, core_hz) = start(&board, avoid).returned();
+        assert!(fault == Some(wanted), "{oscillators:?}");
+        assert_eq!(core_hz, 16_000_000, "{oscillators:?}");
+        let (clocks, source, cr) = board.chip(|chip| (chip.clocks(), chip.rcc.source(), chip.rcc.cr()));
+        assert_eq!(source, Source::Internal, "{oscillators:?}");
+        let found = [clocks.hclk_hz, clocks.pclk1_hz, clocks.pclk2_hz, clocks.timers1_hz];
+        assert_eq!(found, [16_000_000; 4], "{oscillators:?}");
+        assert_eq!(cr & (CSSON | PLLON), 0, "{oscillators:?}: the crystal is watched, or the loop runs");
+        if wanted != ClockFault::Loop {
+            assert_eq!(cr & HSEON, 0, "{oscillators:?}: the crystal's oscillator is left on");
+        }
+        assert_eq!(board.violations(), [], "{oscillators:?}");
+    }
+}
+
+#[test]
+fn another_crystal_ends_in_a_panic_that_the_next_start_knows() {
+    for crystal_hz in [6_000_000, 12_000_000, 16_000_000] {
+        let board = Board::new(Oscillators { crystal_hz: Some(crystal_hz), ..GOOD });
+        let Outcome::Panicked(message) = start(&board, false) else { panic!("{crystal_hz} Hz was taken for 8 MHz") };
+        assert_eq!(message, "clock: another crystal than 8 MHz", "{crystal_hz} Hz");
+        assert!(message.starts_with(clock::PANIC));
+    }
+}
+
+#[test]
+fn the_start_returns_where_the_loop_does_not_lock_on_another_crystal() {
+    for crystal_hz in [12_000_000, 16_000_000] {
+        let pll = Loop::LocksWithinLimits;
+        let board = Board::new(Oscillators { crystal_hz: Some(crystal_hz), pll, ..GOOD });
+        match start(&board, false) {
+            Outcome::Returned((fault, core_hz)) => {
+                assert!(fault == Some(ClockFault::Loop), "{crystal_hz} Hz");
+                assert_eq!(core_hz, 16_000_000, "{crystal_hz} Hz");
+            }
+            Outcome::Panicked(message) => assert_eq!(message, "clock: another crystal than 8 MHz", "{crystal_hz} Hz"),
+            Outcome::NeverReturned => panic!("the start waits for a loop on {crystal_hz} Hz"),
+        }
+    }
+}
+
+#[test]
+fn the_right_crystal_passes_with_every_oscillator_that_the_data_sheet_allows() {
+    // The internal oscillator is off by 8 % at the most over its temperatures, the slow one has 17 to 47 kHz.
+    for (internal_hz, slow_hz) in [(14_720_000, 47_000), (17_280_000, 47_000), (16_000_000, 17_000)] {
+        let board = Board::new(Oscillators { internal_hz, slow_hz: Some(slow_hz), ..GOOD });
+        let (fault, _) = start(&board, false).returned();
+        assert!(fault.is_none(), "{internal_hz} Hz, {slow_hz} Hz");
+        assert_eq!(board.log(), [], "{internal_hz} Hz, {slow_hz} Hz");
+    }
+}
+
+#[test]
+fn a_crystal_that_nothing_was_compared_with_is_logged() {
+    let board = Board::new(Oscillators { slow_hz: None, ..GOOD });
+    let (fault, core_hz) = start(&board, false).returned();
+    assert!(fault.is_none());
+    assert_eq!(core_hz, 168_000_000);
+    let log = board.log();
+    assert_eq!(log.len(), 1);
+    assert_eq!(log[0].level, Level::Error);
+    assert!(log[0].text.contains("not compared with anything"), "{}", log[0].text);
+    assert_ne!(board.chip(|chip| chip.rcc.cr()) & CSSON, 0);
+}
+
+#[test]
+fn clocks_of_timers_that_are_not_used_any_more_are_off() {
+    let board = Board::new(GOOD);
+    start(&board, false).returned();
+    let chip = board.peripherals();
+    let _ = chip.TIM5.cr1().read().bits();
+    let tim5 = board_on_host::chip::Block::Tim5;
+    assert_eq!(board.violations().last(), Some(&Violation::NoClock(tim5)));
+}

@@ -1,0 +1,98 @@
+//! What the models stand on: instructions of the host on addresses that trap, and the versions of the libraries.
+
+use std::arch::asm;
+use std::fs;
+
+use board_on_host::board::{Board, Outcome};
+use board_on_host::chip::rcc::Oscillators;
+use board_on_host::hal::prelude::*;
+use board_on_host::hal::rcc::Config;
+
+/// A word that holds whatever is written: RCC_SSCGR, which the models have no use for.
+const WORD: usize = 0x4002_3880;
+/// The program's flags that tests and arithmetic set.
+const FLAGS: u64 = 0x8c5 & !(1 << 4);
+
+/// Runs an instruction on a word of memory and returns rax, r9 and the flags after it.
+macro_rules! execute {
+    ($instruction:literal, $base:expr) => {{
+        let (mut rax, mut r9, flags): (u64, u64, u64) = (0x1122_3344_5566_7788, 0x99aa_bbcc_ddee_ff00, 0);
+        let _: u64 = flags;
+        let flags: u64;
+        // SAFETY: the instruction touches the word at `base` alone. Four registers address it in different ways.
+        unsafe {
+            asm!(
+                // The flags are the same before.
+                "cmp rcx, rcx",
+                $instruction,
+                "pushfq", "pop {flags}",
+                flags = lateout(reg) flags, inout("rax") rax, inout("r9") r9,
+                in("rdi") $base, in("rsi") $base - 0x20, in("r8") $base - 0x1230, in("rcx") 0x8cusize, out("r10") _,
+            );
+        }
+        (rax, r9, flags & FLAGS)
+    }};
+}
+
+/// Compares an instruction on a register of the chip with the same one on memory.
+macro_rules! compare {
+    ($board:expr, $($instruction:literal)*) => {$(
+        for start in [0u32, 1, 0x10, 0x7fff_ffff, 0x8000_0000, 0xdead_beef, u32::MAX] {
+            let memory = Box::into_raw(Box::new(start));
+            let expected = execute!($instruction, memory as usize);
+            // SAFETY: it came out of a box.
+            let in_memory = *unsafe { Box::from_raw(memory) };
+            $board.chip(|chip| chip.write(WORD as u32, start, 4));
+            let found = execute!($instruction, WORD);
+            let in_register = $board.chip(|chip| chip.read(WORD as u32));
+            assert_eq!((found, in_register), (expected, in_memory), "{} on {start:#x}", $instruction);
+        }
+    )*};
+}
+
+#[test]
+fn instructions_do_to_registers_what_they_do_to_memory() {
+    let board = Board::new(Oscillators::default());
+    compare!(board,
+        "mov eax, [rdi]" "mov r9d, [rdi]" "mov eax, [rsi + 0x20]" "mov r9d, [r8 + 0x1230]" "mov eax, [r8 + rcx * 4 + 0x1000]"
+        "mov [rdi], eax" "mov [rdi], r9d" "mov [r8 + 0x1230], eax" "mov [r8 + rcx * 4 + 0x1000], r9d"
+        "mov [rdi], ax" "mov [rdi + 2], r9w" "mov [rdi], al" "mov [rdi + 1], ah" "mov [rdi + 3], r9b" "mov r10, rdi; mov edi, 0x5a; mov [r10 + 2], dil; mov rdi, r10"
+        "mov dword ptr [rdi], 0x12345678" "mov word ptr [rsi + 0x22], 0x9abc" "mov byte ptr [r8 + 0x1231], 0xde"
+        "test dword ptr [rdi], 0x10" "test dword ptr [rdi], 0x80000001" "test dword ptr [r8 + 0x1230], -1" "test [rdi], eax"
+        "cmp dword ptr [rdi], 0x10" "cmp eax, [rdi]" "movzx eax, byte ptr [rdi + 1]" "movsx eax, word ptr [rdi]" "and eax, [rdi]"
+        "or dword ptr [rdi], 0x1000000" "and dword ptr [rdi], -2" "or [rdi], r9d" "xor [rsi + 0x20], eax" "add dword ptr [rdi], 3"
+        "not dword ptr [rdi]" "inc dword ptr [rdi]" "bts dword ptr [rdi], 7" "btr dword ptr [rdi], 0" "bt dword ptr [rdi], 4"
+        "shl dword ptr [rdi], 1" "xchg [rdi], eax" "lock or dword ptr [rdi], 2"
+    );
+}
+
+#[test]
+fn what_the_library_does_to_a_dead_crystal_never_returns() {
+    let board = Board::new(Oscillators { crystal_hz: None, ..Oscillators::default() });
+    let outcome = board.run(|chip| chip.RCC.freeze(Config::hse(8.MHz()).sysclk(168.MHz())).clocks.sysclk().raw());
+    assert_eq!(outcome, Outcome::NeverReturned);
+}
+
+#[test]
+fn two_boards_do_the_same_at_the_same_times() {
+    let run = || {
+        let board = Board::new(Oscillators::default());
+        let mut bench = super::start::start(&board);
+        bench.sample();
+        board.chip(|chip| (chip.accesses(), chip.now_ns()))
+    };
+    assert_eq!(run(), run());
+}
+
+#[test]
+fn the_libraries_are_those_of_the_firmware() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+    let version = |lock: &str, package: &str| {
+        let text = fs::read_to_string(format!("{root}/{lock}")).expect("the lock file");
+        let at = text.find(&format!("name = \"{package}\"\n")).expect("the package");
+        text[at..].lines().nth(1).expect("its version").to_owned()
+    };
+    for package in ["stm32f4xx-hal", "stm32f4", "embedded-hal-bus", "defmt"] {
+        assert_eq!(version("Cargo.lock", package), version("firmware/Cargo.lock", package), "{package}");
+    }
+}

@@ -1,0 +1,134 @@
+//! The models find what they are there to find: each violation, from registers that are set wrongly on purpose.
+
+use board_on_host::board::Board;
+use board_on_host::chip::Block;
+use board_on_host::chip::gpio::Pin;
+use board_on_host::chip::rcc::Oscillators;
+use board_on_host::chip::violation::Violation;
+use board_on_host::hal::gpio::{PinState, Speed, gpiob};
+use board_on_host::hal::pac::SPI2;
+use board_on_host::hal::prelude::*;
+use board_on_host::hal::rcc::{Config, Rcc};
+use board_on_host::hal::spi::Spi;
+
+use super::slaves::{Recorder, dac_wiring};
+use super::start::crystal;
+
+/// SPI2 on its pins, their pads at `speed`, in mode 0. The select stays with the caller.
+fn spi2(spi2: SPI2, pins: gpiob::Parts, speed: Speed, hz: u32, rcc: &mut Rcc) -> (Spi<SPI2>, gpiob::PB12) {
+    let sck = pins.pb13.into_alternate().speed(speed);
+    let mosi = pins.pb15.into_alternate().speed(speed);
+    let mode = board_on_host::hal::hal::spi::MODE_0;
+    (Spi::new(spi2, (Some(sck), Some(pins.pb14), Some(mosi)), mode, hz.Hz(), rcc), pins.pb12)
+}
+
+#[test]
+fn blocks_without_a_clock_and_without_a_model() {
+    let board = Board::new(Oscillators::default());
+    let chip = board.peripherals();
+    let _ = chip.TIM5.cnt().read().bits();
+    let _ = chip.IWDG.sr().read().bits();
+    let address = 0x4000_300c;
+    assert_eq!(board.violations(), [Violation::NoClock(Block::Tim5), Violation::NoModel { address }]);
+}
+
+#[test]
+fn clocks_beyond_their_limits() {
+    let board = Board::new(Oscillators::default());
+    let rcc = board.peripherals().RCC;
+    // SAFETY: bits of the loop: from the crystal, 8 MHz / 4 × 168 / 2.
+    rcc.pllcfgr().write(|w| unsafe { w.bits(1 << 22 | 168 << 6 | 4) });
+    rcc.cr().modify(|_, w| w.hseon().set_bit());
+    rcc.cr().modify(|_, w| w.pllon().set_bit());
+    board.chip(|chip| chip.wait_ns(3_000_000));
+    rcc.pllcfgr().modify(|_, w| w.pllsrc().hsi());
+    rcc.cfgr().modify(|_, w| w.sw().pll());
+    assert_eq!(
+        board.violations(),
+        [
+            Violation::LoopWithoutInput,
+            Violation::LoopSetWhileOn,
+            Violation::BusClock { bus: "APB1", hz: 168_000_000 },
+            Violation::BusClock { bus: "APB2", hz: 168_000_000 },
+            Violation::WaitStates { set: 0, needed: 5 },
+        ]
+    );
+}
+
+#[test]
+fn wait_states_that_are_taken_back() {
+    let board = Board::new(Oscillators::default());
+    let chip = board.peripherals();
+    let _rcc = chip.RCC.freeze(crystal());
+    assert_eq!(board.violations(), []);
+    chip.FLASH.acr().modify(|_, w| w.latency().ws4());
+    assert_eq!(board.violations(), [Violation::WaitStates { set: 4, needed: 5 }]);
+}
+
+#[test]
+fn a_select_that_moves_within_a_byte() {
+    let board = Board::new(Oscillators::default());
+    let chip = board.peripherals();
+    let mut rcc = chip.RCC.freeze(Config::hsi());
+    let (mut bus, select) = spi2(chip.SPI2, chip.GPIOB.split(&mut rcc), Speed::VeryHigh, 100_000, &mut rcc);
+    let mut select = select.into_push_pull_output_in_state(PinState::Low);
+    board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[]).0));
+    assert!(bus.write_nonblocking(0x55).is_ok());
+    select.set_high();
+    assert_eq!(board.violations(), [Violation::SelectWithinByte { pin: Pin::new('B', 12) }]);
+}
+
+#[test]
+fn data_that_are_written_over_others_and_two_chips_at_once() {
+    let board = Board::new(Oscillators::default());
+    let chip = board.peripherals();
+    let mut rcc = chip.RCC.freeze(Config::hsi());
+    let (mut bus, select) = spi2(chip.SPI2, chip.GPIOB.split(&mut rcc), Speed::VeryHigh, 100_000, &mut rcc);
+    for _ in 0..2 {
+        board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[]).0));
+    }
+    let _select = select.into_push_pull_output_in_state(PinState::Low);
+    assert!(bus.write_nonblocking(1).is_ok());
+    let pin = Pin::new('B', 12);
+    assert_eq!(board.violations(), [Violation::TwoSelected { pin }]);
+    // SAFETY: the models take what comes. One word is on the wires, one waits, and the third has no place.
+    let registers = unsafe { SPI2::steal() };
+    for word in 2..4 {
+        registers.dr().write(|w| w.dr().set(word));
+    }
+    assert_eq!(board.violations().last(), Some(&Violation::Overwritten(Block::Spi(2))));
+}
+
+#[test]
+fn pads_that_are_too_slow_for_their_clock_and_for_its_way_back() {
+    // The last bit of a byte stays what it was in the byte before, if the bus is fast and the clock's pad is slow.
+    for (speed, config, wanted) in [
+        (Speed::Low, crystal(), [0x10, 0x32]),
+        (Speed::VeryHigh, crystal(), [0x11, 0x32]),
+        (Speed::Low, Config::hsi(), [0x11, 0x32]),
+    ] {
+        let board = Board::new(Oscillators::default());
+        let chip = board.peripherals();
+        let mut rcc = chip.RCC.freeze(config);
+        let (mut bus, select) = spi2(chip.SPI2, chip.GPIOB.split(&mut rcc), speed, 2_000_000, &mut rcc);
+        let mut select = select.into_push_pull_output_in_state(PinState::High);
+        board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[0x11, 0x32]).0));
+        let mut bytes = [0; 2];
+        for _ in 0..2 {
+            select.set_low();
+            assert!(bus.transfer_in_place(&mut bytes).is_ok());
+            // The library returns with the last bit, half a clock before its end.
+            while bus.is_busy() {}
+            select.set_high();
+        }
+        assert_eq!(bytes, wanted, "{:?}", config);
+        assert_eq!(board.violations(), []);
+    }
+    let board = Board::new(Oscillators::default());
+    let chip = board.peripherals();
+    let mut rcc = chip.RCC.freeze(crystal());
+    let (mut bus, _) = spi2(chip.SPI2, chip.GPIOB.split(&mut rcc), Speed::Low, 5_250_000, &mut rcc);
+    assert!(bus.write_nonblocking(0).is_ok());
+    let pads = [13, 15].map(|number| Violation::SlowPad { pin: Pin::new('B', number), sck_hz: 5_250_000 });
+    assert_eq!(board.violations(), pads);
+}

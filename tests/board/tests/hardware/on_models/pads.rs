@@ -1,0 +1,142 @@
+//! Every pin that the firmware's start sets, against the data sheet and `docs/wiring.md`.
+
+use board_on_host::board::Board;
+use board_on_host::chip::gpio::{Mode, Pad, Pin, Pull, Speed};
+use board_on_host::chip::pads::Signal;
+use board_on_host::chip::rcc::Oscillators;
+use board_on_host::hal::rcc::Config;
+use dea_driver::Drive;
+
+use super::start::{crystal, start, start_on};
+
+const fn pin(port: char, number: u8) -> Pin {
+    Pin::new(port, number)
+}
+
+/// What a pin is for, and how it must be set.
+struct Row {
+    pin: Pin,
+    what: &'static str,
+    mode: Mode,
+    signal: Option<Signal>,
+    pull: Pull,
+    /// The lowest that its pad may have.
+    speed: Speed,
+}
+
+const fn output(pin: Pin, what: &'static str) -> Row {
+    Row { pin, what, mode: Mode::Output, signal: None, pull: Pull::None, speed: Speed::Low }
+}
+
+/// An output of a block, with the number of its alternate function.
+const fn drives(pin: Pin, what: &'static str, function: u8, signal: Signal, speed: Speed) -> Row {
+    Row { pin, what, mode: Mode::Alternate(function), signal: Some(signal), pull: Pull::None, speed }
+}
+
+/// An input of a block.
+const fn hears(pin: Pin, what: &'static str, function: u8, signal: Signal, pull: Pull) -> Row {
+    Row { pin, what, mode: Mode::Alternate(function), signal: Some(signal), pull, speed: Speed::Low }
+}
+
+/// Alternate functions by the data sheet. Pads of SPI clocks have the highest speed: the clock comes back from them for the last bit of
+/// a byte (errata sheet ES0182). Lines from chips that are not there read 0.
+const PINS: [Row; 14] = [
+    output(pin('C', 6), "enable"),
+    // A wire that breaks is an open interlock.
+    Row { mode: Mode::Input, pull: Pull::Down, ..output(pin('C', 7), "interlock") },
+    output(pin('C', 12), "light"),
+    output(pin('B', 12), "select of the DAC"),
+    drives(pin('B', 13), "clock of the DAC", 5, Signal::Sck(2), Speed::VeryHigh),
+    hears(pin('B', 14), "data from the DAC", 5, Signal::Miso(2), Pull::Down),
+    drives(pin('B', 15), "data to the DAC", 5, Signal::Mosi(2), Speed::VeryHigh),
+    output(pin('B', 0), "select of the monitor's ADC"),
+    output(pin('B', 1), "select of the sensor's ADC"),
+    drives(pin('A', 5), "clock of the ADCs", 5, Signal::Sck(1), Speed::VeryHigh),
+    hears(pin('A', 6), "data from the ADCs", 5, Signal::Miso(1), Pull::Down),
+    drives(pin('A', 7), "data to the ADCs", 5, Signal::Mosi(1), Speed::VeryHigh),
+    drives(pin('A', 2), "link, out", 7, Signal::Transmit, Speed::Low),
+    // A line that is not connected is quiet.
+    hears(pin('A', 3), "link, in", 7, Signal::Receive, Pull::Up),
+];
+
+#[test]
+fn every_pin_is_set_for_what_is_wired_to_it() {
+    let board = Board::new(Oscillators::default());
+    let _bench = start(&board);
+    for Row { pin, what, mode, signal, pull, speed } in PINS {
+        let pad = board.chip(|chip| chip.pad(pin));
+        assert_eq!(pad.mode, mode, "{pin:?}, {what}");
+        assert_eq!(board.chip(|chip| chip.carried(pin)), signal, "{pin:?}, {what}");
+        assert!(pad.speed >= speed, "{pin:?}, {what}: {:?}", pad.speed);
+        assert!(!pad.open_drain, "{pin:?}, {what}");
+        assert_eq!(pad.pull, pull, "{pin:?}, {what}");
+    }
+}
+
+#[test]
+fn other_pins_are_left_as_they_are() {
+    // Debug probe, USB with its pull-up at PC11, crystals, and what else a board may have.
+    let board = Board::new(Oscillators::default());
+    let pins = || ('A'..='I').flat_map(|port| (0..16).map(move |number| pin(port, number)));
+    let pads =
+        |board: &Board| -> Vec<(Pin, Pad)> { board.chip(|chip| pins().map(|pin| (pin, chip.pad(pin))).collect()) };
+    let before = pads(&board);
+    let _bench = start(&board);
+    for ((pin, before), (_, after)) in before.into_iter().zip(pads(&board)) {
+        if !PINS.iter().any(|row| row.pin == pin) {
+            assert_eq!(after, before, "{pin:?}");
+        }
+    }
+}
+
+#[test]
+fn the_enable_output_is_the_first_to_be_driven_and_low() {
+    let board = Board::new(Oscillators::default());
+    let _bench = start(&board);
+    let enable = board.chip(|chip| chip.history(pin('C', 6)));
+    assert_eq!(enable.iter().map(|change| change.driven).collect::<Vec<_>>(), [Some(false)]);
+    for Row { pin, what, .. } in PINS {
+        let others = board.chip(|chip| chip.history(pin));
+        assert!(others.iter().all(|change| change.at_ns >= enable[0].at_ns), "{pin:?}, {what}");
+    }
+}
+
+#[test]
+fn selects_and_the_light_start_high() {
+    let board = Board::new(Oscillators::default());
+    let _bench = start(&board);
+    for pin in [pin('B', 12), pin('B', 0), pin('B', 1), pin('C', 12)] {
+        let history = board.chip(|chip| chip.history(pin));
+        assert_eq!(
+            history.first().map(|change| change.driven),
+            Some(Some(true)),
+            "{pin:?} has moved before: {history:?}"
+        );
+        assert!(board.chip(|chip| chip.level(pin)), "{pin:?}");
+    }
+}
+
+#[test]
+fn the_buses_have_the_clock_and_the_mode_of_their_chips() {
+    for clocks in [crystal(), Config::hsi()] {
+        let board = Board::new(Oscillators::default());
+        let _bench = start_on(&board, clocks);
+        for (number, mode) in [(2, 1), (1, 0)] {
+            let (sck_hz, found) = board.chip(|chip| (chip.sck_hz(number), chip.spi(number.into()).mode()));
+            assert!(sck_hz <= 10_000_000, "SPI{number}: {sck_hz} Hz, and the wires are for 10 MHz");
+            assert_eq!(found, mode, "SPI{number}");
+        }
+    }
+}
+
+#[test]
+fn nothing_that_the_manual_forbids_happens_on_the_way() {
+    for clocks in [crystal(), Config::hsi()] {
+        let board = Board::new(Oscillators::default());
+        let mut bench = start_on(&board, clocks);
+        bench.sample();
+        // Nothing is wired: it fails, after its frames.
+        let _ = bench.apply(Drive::OFF);
+        assert_eq!(board.violations(), []);
+    }
+}
