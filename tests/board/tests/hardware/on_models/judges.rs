@@ -22,6 +22,35 @@ fn spi2(spi2: SPI2, pins: gpiob::Parts, speed: Speed, hz: u32, rcc: &mut Rcc) ->
     (Spi::new(spi2, (Some(sck), Some(pins.pb14), Some(mosi)), mode, hz.Hz(), rcc), pins.pb12)
 }
 
+/// Whether a register holds what the vendor's description of the chip has after a reset.
+macro_rules! assert_as_reset {
+    ($($register:expr),* $(,)?) => {$(
+        let before = $register.read().bits();
+        $register.reset();
+        assert_eq!(before, $register.read().bits(), stringify!($register));
+    )*};
+}
+
+#[test]
+fn registers_begin_as_the_vendor_describes_them() {
+    let board = Board::new(Oscillators::default());
+    let chip = board.peripherals();
+    let rcc = &chip.RCC;
+    assert_as_reset!(rcc.cr(), rcc.pllcfgr(), rcc.cfgr(), rcc.cir(), rcc.plli2scfgr(), rcc.csr(), rcc.bdcr());
+    assert_as_reset!(rcc.ahb1enr(), rcc.ahb2enr(), rcc.ahb3enr(), rcc.apb1enr(), rcc.apb2enr());
+    assert_as_reset!(rcc.ahb1lpenr(), rcc.ahb2lpenr(), rcc.ahb3lpenr(), rcc.apb1lpenr(), rcc.apb2lpenr());
+    // SAFETY: the clocks of ports A to C.
+    rcc.ahb1enr().modify(|r, w| unsafe { w.bits(r.bits() | 0b111) });
+    let (a, b, c) = (&chip.GPIOA, &chip.GPIOB, &chip.GPIOC);
+    assert_as_reset!(a.moder(), a.otyper(), a.pupdr(), a.odr(), a.afrl(), a.afrh());
+    assert_as_reset!(b.moder(), b.otyper(), b.ospeedr(), b.pupdr(), b.odr(), b.afrl(), b.afrh());
+    assert_as_reset!(c.moder(), c.otyper(), c.ospeedr(), c.pupdr(), c.odr(), c.afrl(), c.afrh());
+    rcc.apb1enr().modify(|_, w| w.spi2en().set_bit().usart2en().set_bit().tim5en().set_bit());
+    assert_as_reset!(chip.SPI2.cr1(), chip.SPI2.cr2(), chip.SPI2.sr(), chip.USART2.sr(), chip.USART2.cr1());
+    assert_as_reset!(chip.USART2.brr(), chip.TIM5.cr1(), chip.TIM5.ccmr2_input(), chip.TIM5.ccer(), chip.TIM5.or());
+    assert_eq!(board.violations(), []);
+}
+
 #[test]
 fn blocks_without_a_clock_and_without_a_model() {
     let board = Board::new(Oscillators::default());
