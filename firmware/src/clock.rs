@@ -30,16 +30,22 @@ pub enum ClockFault {
 }
 
 /// Sets the clocks, and says if they are not what they should be. `avoid`: the crystal was at fault in the last run.
+///
+/// The waits of the library have no end, so what it will wait for is seen to come first. The crystal is compared with the internal
+/// oscillator before the loop multiplies it: a loop on another one is beyond its limits, and the core with it.
 pub fn start(rcc: RCC, timer: &TIM5, avoid: bool) -> (Rcc, Option<ClockFault>) {
-    // The waits of the library have no end, so what it will wait for is seen to come first.
-    let rehearsed = if avoid { Err(ClockFault::LastRun) } else { rehearse(&rcc) };
-    if let Err(fault) = rehearsed {
-        return (rcc.freeze(Config::hsi()), Some(fault));
+    let rcc = rcc.constrain();
+    if avoid {
+        return (on_internal(rcc), Some(ClockFault::LastRun));
+    }
+    rcc.cr().modify(|_, w| w.hseon().set_bit());
+    if !comes(&rcc, |cr| cr.hserdy().bit_is_set()) {
+        return (on_internal(rcc), Some(ClockFault::Crystal));
     }
     let before = slow_period(&rcc, timer);
-    let rcc = rcc.freeze(Config::hse(CRYSTAL_HZ.Hz()).sysclk(CORE_HZ.Hz()));
+    let rcc = rcc.freeze(Config::hse(CRYSTAL_HZ.Hz()));
     let after = slow_period(&rcc, timer);
-    // A crystal of another frequency, or a loop that is off, would stretch every time that the limits state.
+    // A crystal of another frequency would stretch every time that the limits state.
     match (before, after) {
         (Some(before), Some(after)) => {
             let expected = before as f32 * (TIM5::timer_clock(&rcc.clocks).raw() as f32 / INTERNAL_HZ);
@@ -50,19 +56,25 @@ pub fn start(rcc: RCC, timer: &TIM5, avoid: bool) -> (Rcc, Option<ClockFault>) {
             "clock: the watchdog's oscillator does not run, so the crystal was not compared with anything"
         ),
     }
+    if !loop_locks(&rcc) {
+        return (on_internal(rcc), Some(ClockFault::Loop));
+    }
+    let rcc = rcc.freeze(Config::hse(CRYSTAL_HZ.Hz()).sysclk(CORE_HZ.Hz()));
     // From now on a crystal that stops ends in a non-maskable interrupt.
     rcc.cr().modify(|_, w| w.csson().set_bit());
     (rcc, None)
 }
 
-fn rehearse(rcc: &RCC) -> Result<(), ClockFault> {
-    rcc.cr().modify(|_, w| w.hseon().set_bit());
-    if !comes(rcc, |cr| cr.hserdy().bit_is_set()) {
-        rcc.cr().modify(|_, w| w.hseon().clear_bit());
-        return Err(ClockFault::Crystal);
-    }
-    // As it will run: 8 MHz / 4 × 168 / 2 = 168 MHz. At its reset values the loop would have 0.5 MHz where it needs 1 to 2, and
-    // make 96 MHz where it makes 100 at least.
+/// The core on the internal oscillator, and the crystal's off.
+fn on_internal(rcc: Rcc) -> Rcc {
+    let rcc = rcc.freeze(Config::hsi());
+    rcc.cr().modify(|_, w| w.hseon().clear_bit());
+    rcc
+}
+
+/// Whether the loop locks as it will run: 8 MHz / 4 × 168 / 2 = 168 MHz. At its reset values it would have 0.5 MHz where it needs 1 to
+/// 2, and make 96 MHz where it makes 100 at least. It is off again afterwards.
+fn loop_locks(rcc: &RCC) -> bool {
     rcc.pllcfgr().modify(|_, w| {
         w.pllsrc().hse();
         // SAFETY: the crystal by 4 is 2 MHz, which by 168 is 336 MHz: both within what the reference manual allows.
@@ -72,8 +84,7 @@ fn rehearse(rcc: &RCC) -> Result<(), ClockFault> {
     rcc.cr().modify(|_, w| w.pllon().set_bit());
     let locks = comes(rcc, |cr| cr.pllrdy().bit_is_set());
     rcc.cr().modify(|_, w| w.pllon().clear_bit());
-    let ends = comes(rcc, |cr| cr.pllrdy().bit_is_clear());
-    if locks && ends { Ok(()) } else { Err(ClockFault::Loop) }
+    locks && comes(rcc, |cr| cr.pllrdy().bit_is_clear())
 }
 
 fn comes(rcc: &RCC, ready: impl Fn(&rcc::cr::R) -> bool) -> bool {
