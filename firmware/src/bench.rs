@@ -12,8 +12,8 @@ use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::spi::Spi;
 
-/// Clock of both buses, Hz: 42 MHz by 8, and 84 MHz by 16. The chips take 30 MHz and more, but so may the wires not, and the next
-/// step is above 10 MHz.
+/// Clock of both buses, Hz: 42 MHz by 8, and 84 MHz by 16. The DAC reads back at up to 17 MHz; the wires are meant for 10 MHz, and the
+/// next step is 10.5 MHz.
 const BUS_HZ: u32 = 5_250_000;
 
 /// The bus that both ADCs share.

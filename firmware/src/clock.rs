@@ -77,8 +77,8 @@ fn on_internal(rcc: Rcc) -> Rcc {
 fn loop_locks(rcc: &RCC) -> bool {
     rcc.pllcfgr().modify(|_, w| {
         w.pllsrc().hse();
-        // SAFETY: the crystal by 4 is 2 MHz, which by 168 is 336 MHz: both within what the reference manual allows.
-        unsafe { w.pllm().bits(4).plln().bits(168) };
+        // SAFETY: the crystal by 4 is 2 MHz, by 168 336 MHz, and by 7 48 MHz: within what the reference manual allows.
+        unsafe { w.pllm().bits(4).plln().bits(168).pllq().bits(7) };
         w.pllp().div2()
     });
     rcc.cr().modify(|_, w| w.pllon().set_bit());

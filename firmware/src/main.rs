@@ -170,7 +170,7 @@ mod app {
             if SCB::is_pendst_pending() {
                 device.trip(Cause::Overrun);
                 // Whatever comes of it, the cause is latched.
-                let _ = bench.apply(Drive::OFF);
+                let _ = bench.apply(Drive { range: drive.range, ..Drive::OFF });
             }
             device.report(bench.inspection());
             (device.state(), device.background_is_alive() && !board::is_starved(), device.rate_hz())

@@ -59,6 +59,8 @@ pub struct Ads868x<SPI> {
     spi: SPI,
     range: AdcRange,
     next: Frame,
+    /// Why there is no sample while the chip is set up.
+    fault: AdcError,
 }
 
 /// What the next frame is for.
@@ -85,14 +87,14 @@ pub enum AdcError {
         /// What came.
         found: u16,
     },
-    /// It is being set up.
+    /// It is being set up for the first time. Later the fault stays until there is a sample again.
     Starting,
 }
 
 impl<SPI: SpiDevice> Ads868x<SPI> {
     /// An ADC on `spi`, not set up yet.
     pub const fn new(spi: SPI, range: AdcRange) -> Self {
-        Self { spi, range, next: Frame::SetRange }
+        Self { spi, range, next: Frame::SetRange, fault: AdcError::Starting }
     }
 
     /// The sample that was taken at the end of the last frame. One frame; leave 10 µs between two of them.
@@ -110,7 +112,11 @@ impl<SPI: SpiDevice> Ads868x<SPI> {
             Frame::TakeRange | Frame::Sample => ([0; 4], Frame::Sample),
         };
         let is_for = core::mem::replace(&mut self.next, Frame::SetRange);
-        let [first, second, third, fourth] = self.frame(command)?;
+        let answer = self.frame(command);
+        if let Err(error) = answer {
+            self.fault = error;
+        }
+        let [first, second, third, fourth] = answer?;
         let (upper, lower) = (u16::from_be_bytes([first, second]), u16::from_be_bytes([third, fourth]));
         let (found, wanted) = match is_for {
             Frame::TakeRange => (upper, range_sel(self.range)),
@@ -118,10 +124,16 @@ impl<SPI: SpiDevice> Ads868x<SPI> {
             _ => (0, 0),
         };
         if found != wanted {
-            return Err(AdcError::Range { wanted, found });
+            self.fault = AdcError::Range { wanted, found };
+            return Err(self.fault);
         }
         self.next = then;
-        if let Frame::Sample = is_for { Ok(AdcCode(upper)) } else { Err(AdcError::Starting) }
+        if let Frame::Sample = is_for {
+            self.fault = AdcError::Starting;
+            Ok(AdcCode(upper))
+        } else {
+            Err(self.fault)
+        }
     }
 
     /// [`read`](Self::read) in volts.

@@ -199,9 +199,15 @@ fn set_up(range: u8) -> Vec<OnSpi<u8>> {
     [set.concat(), asked.concat()].concat()
 }
 
+/// Set up for the first time.
 fn starting(adc: &mut Ads868x<Spi<u8>>) {
+    set_up_after(AdcError::Starting, adc);
+}
+
+/// Four readings without a sample, which tell the last fault.
+fn set_up_after(fault: AdcError, adc: &mut Ads868x<Spi<u8>>) {
     for _ in 0..4 {
-        assert_eq!(adc.read(), Err(AdcError::Starting));
+        assert_eq!(adc.read(), Err(fault));
     }
 }
 
@@ -233,8 +239,9 @@ fn an_adc_that_lost_its_range_is_noticed_and_set_up_again() {
         let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
         starting(&mut adc);
         assert_eq!(adc.volts(), Ok(0.01));
-        assert_eq!(adc.volts(), Err(AdcError::Range { wanted: 0x9000, found }));
-        starting(&mut adc);
+        let fault = AdcError::Range { wanted: 0x9000, found };
+        assert_eq!(adc.volts(), Err(fault));
+        set_up_after(fault, &mut adc);
         assert_eq!(adc.volts(), Ok(0.02));
         adc.destroy().done();
     }
