@@ -328,6 +328,11 @@ fn the_self_test_ends_in_a_table() {
     link(&["upload", "--try", "--blob", text(&parameters)]).assert().success();
     let sound = link(&["self-test"]).assert().success().get_output().stdout.clone();
     println!("{}", String::from_utf8_lossy(&sound));
+    let report: serde_json::Value = serde_json::from_slice(&sound).expect("a report");
+    let whats: Vec<&str> =
+        report["checks"].as_array().expect("checks").iter().filter_map(|c| c["what"].as_str()).collect();
+    assert_eq!(whats.len(), 15, "{whats:?}");
+    assert!(["DAC, armed", "monitor", "monitor, at the end"].iter().all(|what| whats.contains(what)), "{whats:?}");
     let starved = link(&["self-test", "--watchdog"]).assert().code(2).get_output().clone();
     assert!(String::from_utf8_lossy(&starved.stderr).contains("the self-test failed: watchdog"), "{starved:?}");
 }

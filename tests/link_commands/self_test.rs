@@ -1,5 +1,8 @@
 //! `host-sim link self-test` on a board that runs in this process: sound, and with what newcomers meet.
 
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Stdio};
+
 use dea_driver::wire::Part;
 use serde_json::Value;
 use tests::virtual_board::{Scene, VirtualBoard};
@@ -67,6 +70,11 @@ fn what_shows_only_while_it_is_enabled_is_found() {
     assert_eq!(whats(&held), ["enable, armed", "monitor"]);
     let (gain, highest_v) = failed(Scene { monitor_gain: 0.5, ..Scene::CALM }, &[]);
     assert_eq!((whats(&gain), highest_v), (vec!["monitor"], 50.0));
+    // The enable input is welded, and the amplifier stays where it was: 50 V, which is within the band around 0 V of a running film.
+    let (welded, _) = failed(Scene { enable_welded: true, ..Scene::CALM }, &[]);
+    assert_eq!(whats(&welded), ["enable, disarmed"]);
+    let (late, _) = failed(Scene { stays_up: true, ..Scene::CALM }, &[]);
+    assert_eq!(whats(&late), ["monitor, at the end"]);
     let (watchdog, _) = failed(Scene { watchdog: false, ..Scene::CALM }, &["--watchdog"]);
     assert_eq!(whats(&watchdog), ["watchdog"]);
 }
@@ -83,4 +91,66 @@ fn it_ends_in_a_table() {
     assert!(line.contains("the self-test failed: interlock"), "{line}");
     let refused = TOOL.fails(&["link", "--port", &board.port, "self-test", "--voltage", "3000"]);
     assert!(refused.contains("--voltage") && refused.contains("500 V"), "{refused}");
+}
+
+/// What is said on standard error, line by line, until `what` is in one.
+fn said(lines: &mut impl Iterator<Item = std::io::Result<String>>, what: &str) {
+    let found = lines.map(|line| line.expect("UTF-8")).find(|line| line.contains(what));
+    assert!(found.is_some(), "{what:?} was never said");
+}
+
+/// A hand opens the interlock while the amplifier is enabled, and closes it again.
+#[test]
+fn the_interlock_is_tried_by_hand() {
+    let board = VirtualBoard::start(Scene::CALM);
+    TOOL.json(&["link", "--port", &board.port, "upload", "--params", "preset:table3-n2", "--bench"]);
+    let mut test = Command::new(TOOL.0)
+        .args(["link", "--port", &board.port, "--json", "self-test", "--interlock"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("runs");
+    let mut lines = BufReader::new(test.stderr.take().expect("piped")).lines();
+    said(&mut lines, "open the interlock now");
+    board.open_interlock(true);
+    said(&mut lines, "close it again");
+    board.open_interlock(false);
+    let output = test.wait_with_output().expect("ends");
+    let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
+    assert_eq!((report["passed"] == true, output.status.success()), (true, true), "{report}");
+    let checks = report["checks"].as_array().expect("checks");
+    assert!(checks.iter().any(|check| check["what"] == "interlock, opened" && check["found"] == "tripped: Interlock"));
+    assert_eq!(TOOL.json(&["link", "--port", &board.port, "status"])["state"], "disarmed");
+}
+
+/// Ctrl-C ends at 0 V, and what was asked for has not passed.
+#[test]
+fn ctrl_c_is_no_pass() {
+    let board = VirtualBoard::start(Scene::CALM);
+    TOOL.json(&["link", "--port", &board.port, "upload", "--params", "preset:table3-n2", "--bench"]);
+    let mut test = Command::new(TOOL.0)
+        .args(["link", "--port", &board.port, "--json", "self-test", "--interlock"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("runs");
+    let mut lines = BufReader::new(test.stderr.take().expect("piped")).lines();
+    said(&mut lines, "open the interlock now");
+    assert!(Command::new("kill").args(["-INT", &test.id().to_string()]).status().expect("runs").success());
+    said(&mut lines, "stopped by Ctrl-C");
+    let output = test.wait_with_output().expect("ends");
+    let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
+    assert_eq!((report["passed"] == false, output.status.code()), (true, Some(2)), "{report}");
+    assert_eq!(TOOL.json(&["link", "--port", &board.port, "status"])["state"], "disarmed");
+}
+
+/// A trip in the middle ends it, and is named.
+#[test]
+fn a_trip_ends_it() {
+    let board = VirtualBoard::start(Scene { opens_above_v: Some(30.0), ..Scene::CALM });
+    TOOL.json(&["link", "--port", &board.port, "upload", "--params", "preset:table3-n2", "--bench"]);
+    let output = TOOL.with(&["link", "--port", &board.port, "self-test"]).assert().code(2).get_output().clone();
+    let line = String::from_utf8_lossy(&output.stderr);
+    assert!(line.contains("tripped (Interlock)"), "{line}");
+    assert_eq!(board.voltage().1, 0.0);
 }

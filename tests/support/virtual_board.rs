@@ -31,6 +31,9 @@ pub struct Scene {
     pub opens_above_v: Option<f32>,
     /// Whether the amplifier goes on with its last voltage when it is disabled: its enable input is welded.
     pub enable_welded: bool,
+    /// Whether the film keeps its voltage when the amplifier is disabled, although the enable output is low: no bleeder, or an amplifier
+    /// that does not look at its input.
+    pub stays_up: bool,
     /// Whether the enable output is held down, so that the amplifier gives nothing.
     pub enable_held_down: bool,
     /// Codes of the monitor's ADC per code that it should show.
@@ -51,6 +54,7 @@ impl Scene {
         interlock_closed: true,
         opens_above_v: None,
         enable_welded: false,
+        stays_up: false,
         enable_held_down: false,
         monitor_gain: 1.0,
         parts: [Part::Answers; 3],
@@ -67,6 +71,8 @@ pub struct VirtualBoard {
     pub port: String,
     /// Largest voltage command so far, and the present one, V.
     voltage: Arc<Mutex<(f32, f32)>>,
+    /// Whether a hand has opened the interlock.
+    opened: Arc<AtomicBool>,
     ended: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -77,8 +83,8 @@ impl VirtualBoard {
         let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
         let port = format!("tcp:{}", listener.local_addr().expect("bound"));
         let ended = Arc::new(AtomicBool::new(false));
-        let voltage = Arc::new(Mutex::new((0.0, 0.0)));
-        let (flag, shown) = (Arc::clone(&ended), Arc::clone(&voltage));
+        let (voltage, opened) = (Arc::new(Mutex::new((0.0, 0.0))), Arc::new(AtomicBool::new(false)));
+        let (flag, shown, hand) = (Arc::clone(&ended), Arc::clone(&voltage), Arc::clone(&opened));
         listener.set_nonblocking(true).expect("can be polled");
         let accept = move || {
             let (line, _) = listener.accept().ok()?;
@@ -87,8 +93,8 @@ impl VirtualBoard {
             line.set_nodelay(true).expect("can be set");
             Some(Box::new(line) as Box<dyn Line>)
         };
-        let thread = Some(thread::spawn(move || run(accept, scene, &flag, &shown)));
-        Self { port, voltage, ended, thread }
+        let thread = Some(thread::spawn(move || run(accept, scene, &flag, &shown, &hand)));
+        Self { port, voltage, opened, ended, thread }
     }
 
     /// The same at a pseudo-terminal, which host-sim opens as any serial port.
@@ -99,15 +105,20 @@ impl VirtualBoard {
         let link = format!("/proc/self/fd/{}", far.as_raw_fd());
         let port = std::fs::read_link(link).expect("a path").to_string_lossy().into_owned();
         let ended = Arc::new(AtomicBool::new(false));
-        let voltage = Arc::new(Mutex::new((0.0, 0.0)));
-        let (flag, shown) = (Arc::clone(&ended), Arc::clone(&voltage));
+        let (voltage, opened) = (Arc::new(Mutex::new((0.0, 0.0))), Arc::new(AtomicBool::new(false)));
+        let (flag, shown, hand) = (Arc::clone(&ended), Arc::clone(&voltage), Arc::clone(&opened));
         let mut near = Some(near);
         let thread = Some(thread::spawn(move || {
             // As long as this end is open, the port does not hang up when host-sim closes it.
             let _far = far;
-            run(move || near.take().map(|line| Box::new(line) as Box<dyn Line>), scene, &flag, &shown);
+            run(move || near.take().map(|line| Box::new(line) as Box<dyn Line>), scene, &flag, &shown, &hand);
         }));
-        Self { port, voltage, ended, thread }
+        Self { port, voltage, opened, ended, thread }
+    }
+
+    /// Opens the interlock by hand, or closes it.
+    pub fn open_interlock(&self, open: bool) {
+        self.opened.store(open, Ordering::Relaxed);
     }
 
     /// Largest voltage command so far, and the present one, V.
@@ -177,6 +188,7 @@ fn run(
     scene: Scene,
     ended: &AtomicBool,
     voltage: &Mutex<(f32, f32)>,
+    opened: &AtomicBool,
 ) {
     let latched = if scene.panic_message.is_empty() { None } else { Some(Cause::Panic) };
     let store = Store::new(Flash::new(), boards::STM32F405).expect("two sectors");
@@ -195,6 +207,8 @@ fn run(
         while due <= now {
             due += Duration::from_millis(1);
             ticks += 1;
+            let closed = scene.interlock_closed && !opened.load(Ordering::Relaxed);
+            let scene = Scene { interlock_closed: closed, ..scene };
             let (inputs, found) = film.inputs(&scene, drive, ticks);
             drive = bench.device.tick(inputs);
             bench.device.report(found);
@@ -263,7 +277,9 @@ impl Film {
     fn inputs(&mut self, scene: &Scene, drive: Drive, tick: u32) -> (Inputs, Inspection) {
         self.sampled = self.volts;
         let code = if drive.enable { DacCode::from_volts(drive.dac_v, drive.range) } else { DacCode::ZERO };
-        if drive.enable || !scene.enable_welded {
+        let falls = code.volts(drive.range) < self.volts;
+        let stays = if drive.enable { scene.stays_up && falls } else { scene.stays_up || scene.enable_welded };
+        if !stays {
             self.volts = if scene.enable_held_down { 0.0 } else { code.volts(drive.range) };
         }
         let volts = self.volts;

@@ -3,11 +3,7 @@
 use heapless::{Deque, String};
 
 use crate::chips::Drive;
-#[cfg(feature = "loop-test")]
-use crate::chips::{AdcCode, AdcRange, DacCode};
 use crate::control::{Controller, Inputs, Mode, Outputs, SetpointError, Telemetry};
-#[cfg(feature = "loop-test")]
-use crate::control::{Followed, Step, Target, TickCodes, Ticked};
 use crate::safety::{Cause, DriverState, Refusal, Supervisor};
 use crate::wire::{Answer, Inspection, Reject, Status};
 
@@ -55,7 +51,7 @@ pub struct Device<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: us
     stream: Stream,
     /// The controller of whole ticks of the loop test.
     #[cfg(feature = "loop-test")]
-    test: Option<Controller<HEAD, FAST, SLOW>>,
+    pub(super) test: Option<Controller<HEAD, FAST, SLOW>>,
 }
 
 /// Why a device did not do as asked.
@@ -334,74 +330,13 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         Ok(self.installed()?.set_reference(metres)?)
     }
 
-    fn installed(&mut self) -> Result<&mut Controller<HEAD, FAST, SLOW>, Denial> {
+    pub(super) fn installed(&mut self) -> Result<&mut Controller<HEAD, FAST, SLOW>, Denial> {
         self.controller.as_mut().ok_or(Denial::Rejected(Reject::NoParameters))
     }
 }
 
-/// The loop test, which takes time that the tick of an enabled amplifier may need.
-#[cfg(feature = "loop-test")]
-impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST, SLOW> {
-    /// [`Controller::rest`], and a controller at rest for [`tick_test`](Self::tick_test).
-    ///
-    /// # Errors
-    ///
-    /// [`Refusal::State`] while the amplifier is enabled, and [`Reject::NoParameters`].
-    pub fn rest(&mut self) -> Result<(), Denial> {
-        let controller = self.disabled()?;
-        controller.rest();
-        self.test = Some(controller.at_rest());
-        Ok(())
-    }
-
-    /// Whole ticks on `inputs`, of a controller of its own that has been at rest since [`rest`](Self::rest): it is armed and started
-    /// in `mode` as soon as its readings are healthy, and given a target in every tick.
-    ///
-    /// # Errors
-    ///
-    /// As [`rest`](Self::rest); [`Reject::NoParameters`] as well if that was not called since they changed.
-    pub fn tick_test<C: FromIterator<Ticked>>(&mut self, mode: Mode, inputs: &[TickCodes]) -> Result<C, Denial> {
-        self.disabled()?;
-        let controller = self.test.as_mut().ok_or(Denial::Rejected(Reject::NoParameters))?;
-        Ok(inputs.iter().map(|&codes| tick_on_codes(controller, mode, codes)).collect())
-    }
-
-    /// [`Controller::step`] under each of `volts`.
-    ///
-    /// # Errors
-    ///
-    /// As [`rest`](Self::rest).
-    pub fn step<C: FromIterator<Step>>(&mut self, volts: &[f32]) -> Result<C, Denial> {
-        let controller = self.disabled()?;
-        Ok(match compiled::of_default_law(controller) {
-            Some(controller) => volts.iter().map(|&volts| compiled::step(controller, volts)).collect(),
-            None => volts.iter().map(|&volts| controller.step(volts)).collect(),
-        })
-    }
-
-    /// [`Controller::follow`] to each of `targets`.
-    ///
-    /// # Errors
-    ///
-    /// As [`rest`](Self::rest).
-    pub fn follow<C: FromIterator<Followed>>(&mut self, mode: Mode, targets: &[Target]) -> Result<C, Denial> {
-        let controller = self.disabled()?;
-        Ok(match compiled::of_default_law(controller) {
-            Some(controller) => targets.iter().map(|&target| compiled::follow(controller, mode, target)).collect(),
-            None => targets.iter().map(|&target| controller.follow(mode, target)).collect(),
-        })
-    }
-
-    fn disabled(&mut self) -> Result<&mut Controller<HEAD, FAST, SLOW>, Denial> {
-        let off = self.is_off();
-        let controller = self.installed()?;
-        off?;
-        Ok(controller)
-    }
-}
-
 /// A tick of the code that was compiled with this crate, if that is the law's.
-fn tick_compiled<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+pub(super) fn tick_compiled<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     controller: &mut Controller<HEAD, FAST, SLOW>,
     inputs: Inputs,
 ) -> Outputs {
@@ -411,37 +346,11 @@ fn tick_compiled<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     }
 }
 
-/// A tick of the loop test: codes in, codes out. What a host would ask for is asked for here, and may be refused.
-#[cfg(feature = "loop-test")]
-fn tick_on_codes<const HEAD: usize, const FAST: usize, const SLOW: usize>(
-    controller: &mut Controller<HEAD, FAST, SLOW>,
-    mode: Mode,
-    codes: TickCodes,
-) -> Ticked {
-    let volts = |code| Some(AdcCode(code).volts(AdcRange::default()));
-    let _ = match controller.supervisor().state() {
-        DriverState::Disarmed => controller.arm(),
-        DriverState::Armed => controller.start(mode),
-        DriverState::Running | DriverState::Tripped(_) => Ok(()),
-    };
-    let _ = match mode {
-        Mode::Voltage => controller.set_voltage(codes.target),
-        Mode::Feedforward | Mode::Tracking => controller.set_reference(codes.target),
-    };
-    controller.heartbeat();
-    let TickCodes { interlock_closed, monitor, sensor, .. } = codes;
-    let inputs = Inputs { interlock_closed, monitor_adc_v: volts(monitor), sensor_adc_v: volts(sensor) };
-    let Outputs { enable, dac_v, telemetry } = tick_compiled(controller, inputs);
-    let command =
-        if enable { DacCode::from_volts(dac_v, controller.parameters().command_range) } else { DacCode::ZERO };
-    Ticked { enable, command: command.0, state: controller.supervisor().state(), predicted_m: telemetry.predicted_m }
-}
-
 /// The controller of the default law, compiled with this crate and its own level of optimisation.
 ///
 /// Generic code is compiled with the crate that names its parameters: a firmware, which is optimised for size. Without this a
 /// step of the loop test took 931 instructions there instead of 808.
-mod compiled {
+pub(super) mod compiled {
     use core::any::Any;
 
     use crate::control::{Controller, Inputs, Outputs};
@@ -450,26 +359,26 @@ mod compiled {
 
     /// `controller`, if its law has the default sizes; known when this is compiled.
     #[inline]
-    pub(super) fn of_default_law<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    pub(in crate::server) fn of_default_law<const HEAD: usize, const FAST: usize, const SLOW: usize>(
         controller: &mut Controller<HEAD, FAST, SLOW>,
     ) -> Option<&mut Controller> {
         (controller as &mut dyn Any).downcast_mut()
     }
 
     #[inline(never)]
-    pub(super) fn tick(controller: &mut Controller, inputs: Inputs) -> Outputs {
+    pub(in crate::server) fn tick(controller: &mut Controller, inputs: Inputs) -> Outputs {
         controller.tick(inputs)
     }
 
     #[cfg(feature = "loop-test")]
     #[inline(never)]
-    pub(super) fn step(controller: &mut Controller, volts: f32) -> Step {
+    pub(in crate::server) fn step(controller: &mut Controller, volts: f32) -> Step {
         controller.step(volts)
     }
 
     #[cfg(feature = "loop-test")]
     #[inline(never)]
-    pub(super) fn follow(controller: &mut Controller, mode: Mode, target: Target) -> Followed {
+    pub(in crate::server) fn follow(controller: &mut Controller, mode: Mode, target: Target) -> Followed {
         controller.follow(mode, target)
     }
 }

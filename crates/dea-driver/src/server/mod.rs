@@ -1,6 +1,10 @@
 //! The board's side of the link: the device that ticks, the session that answers a host, and uploads.
 
 mod device;
+#[cfg(feature = "loop-test")]
+mod loop_test;
+#[cfg(feature = "chips")]
+mod parts;
 mod session;
 mod upload;
 

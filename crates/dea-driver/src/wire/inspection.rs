@@ -2,9 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-#[cfg(feature = "chips")]
-use crate::chips::{AdcError, AmplifierError};
-
 /// What a board finds of its parts in a tick, whether or not there are parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -45,28 +42,4 @@ pub enum Part {
     Starting,
     /// A pin does not switch.
     Pin,
-}
-
-#[cfg(feature = "chips")]
-impl<T> From<Result<T, AdcError>> for Part {
-    fn from(read: Result<T, AdcError>) -> Self {
-        match read {
-            Ok(_) => Self::Answers,
-            Err(AdcError::Bus) => Self::Bus,
-            Err(AdcError::Range { wanted, found }) => Self::Wrong { wanted, found },
-            Err(AdcError::Starting) => Self::Starting,
-        }
-    }
-}
-
-#[cfg(feature = "chips")]
-impl From<Result<(), AmplifierError>> for Part {
-    fn from(applied: Result<(), AmplifierError>) -> Self {
-        match applied {
-            Ok(()) => Self::Answers,
-            Err(AmplifierError::Bus) => Self::Bus,
-            Err(AmplifierError::Enable) => Self::Pin,
-            Err(AmplifierError::Readback { wanted, found }) => Self::Wrong { wanted, found },
-        }
-    }
 }

@@ -27,9 +27,12 @@ const EVERY: Duration = Duration::from_millis(20);
 const COMES_BACK: Duration = Duration::from_secs(5);
 /// What a person may take to open an interlock, and to close it.
 const BY_HAND: Duration = Duration::from_secs(60);
-/// The monitor's rise agrees with the command within this share of it: a wrong divider or range is off by a quarter at the least.
-const SHARE: f64 = 0.2;
-/// Readings at an ADC's ends, V: what it shows of a wire that leads nowhere.
+/// The monitor agrees with the command within this share of it: ranges and gains that are taken for each other are off by a sixth at
+/// the least.
+const SHARE: f64 = 0.1;
+/// What a bench has at its output by now is back at rest in this time, or its bleeder is not there.
+const DISCHARGE: Duration = Duration::from_secs(10);
+/// Readings between an ADC's ends, V. With the resistor at its input one that leads nowhere reads less, and a saturated one more.
 const PLUGGED_V: std::ops::RangeInclusive<f32> = 0.05..=10.2;
 
 #[derive(Debug, Args)]
@@ -120,25 +123,34 @@ impl SelfTest {
     fn all(&self, client: &mut Client, identity: &Identity, checks: &mut Checks, stop: &AtomicBool) -> Result<()> {
         let Identity { firmware, board, protocol, .. } = identity;
         checks.add("link", format!("firmware {firmware}, board {board:#06x}, protocol {protocol}"), "an answer", true);
-        if !at_rest(client, checks)? || stop.load(Ordering::Relaxed) {
+        let rest_v = at_rest(client, checks)?;
+        if !checks.passed() {
             return Ok(());
         }
-        let tried = self.enabled(client, checks, stop);
+        going_on(stop)?;
+        // What another host has armed meanwhile is its own.
+        client.arm()?;
+        let tried = self.enabled(client, checks, rest_v, stop);
         // 0 V before anything else, whatever has happened.
         let disarmed = live::disarm(client);
-        tried?;
-        disarmed?;
-        off(client, checks, stop)?;
-        if self.watchdog && checks.passed() && !stop.load(Ordering::Relaxed) {
+        // As far as the board still answers.
+        let off = self.off(client, checks, rest_v);
+        tried.and(disarmed).and(off)?;
+        if self.watchdog && checks.passed() {
+            going_on(stop)?;
             starve(client, checks)?;
         }
         Ok(())
     }
 
+    /// Whether `volts` are within what is allowed of `wanted_v`.
+    fn agree(&self, volts: f64, wanted_v: f64) -> bool {
+        (volts - wanted_v).abs() <= SHARE * f64::from(self.voltage)
+    }
+
     /// With the amplifier enabled: its pin, the DAC, a voltage, and the interlock.
-    fn enabled(&self, client: &mut Client, checks: &mut Checks, stop: &AtomicBool) -> Result<()> {
-        client.arm()?;
-        let rest_v = stand(client, None, stop)?;
+    fn enabled(&self, client: &mut Client, checks: &mut Checks, rest_v: f64, stop: &AtomicBool) -> Result<()> {
+        let zero_v = stand(client, None, stop)?;
         let parts = inspect(client)?;
         checks.add(
             "enable, armed",
@@ -154,56 +166,99 @@ impl SelfTest {
         );
         client.order(Command::Start(Mode::Voltage))?;
         let stood_v = stand(client, Some(self.voltage), stop)?;
-        let (rise_v, wanted_v) = (stood_v - rest_v, f64::from(self.voltage));
+        let (rise_v, wanted_v) = (stood_v - zero_v, f64::from(self.voltage));
         checks.add(
             "monitor",
-            format!("{rise_v:.1} V above {rest_v:.1} V at rest"),
+            format!("{rise_v:.1} V above {zero_v:.1} V at a command of 0 V"),
             format!("{wanted_v} V, within {:.0} %: amplifier, divider and both calibrations", 100.0 * SHARE),
-            (rise_v - wanted_v).abs() <= SHARE * wanted_v,
+            self.agree(rise_v, wanted_v),
         );
         client.order(Command::Stop)?;
-        if self.interlock && !stop.load(Ordering::Relaxed) {
-            by_hand(client, checks, stop)?;
+        if self.interlock {
+            self.by_hand(client, checks, rest_v, stop)?;
         }
         Ok(())
     }
+
+    /// Once it is disarmed again.
+    fn off(&self, client: &mut Client, checks: &mut Checks, rest_v: f64) -> Result<()> {
+        let never = AtomicBool::new(false);
+        some_ticks(client, &never)?;
+        let parts = inspect(client)?;
+        checks.add("enable, at the end", level(parts.enable_high), "low", !parts.enable_high);
+        let mut end_v = f64::NAN;
+        let fell = wait(client, DISCHARGE, &never, |client| {
+            end_v = f64::from(client.status()?.monitor_v);
+            Ok(self.agree(end_v, rest_v))
+        })?;
+        checks.add(
+            "monitor, at the end",
+            format!("{end_v:.1} V"),
+            format!("{rest_v:.1} V as before it was armed"),
+            fell,
+        );
+        Ok(())
+    }
+
+    /// Somebody opens the interlock, and closes it again: once the film is back at its voltage at rest, since whoever opens it may reach
+    /// in.
+    fn by_hand(&self, client: &mut Client, checks: &mut Checks, rest_v: f64, stop: &AtomicBool) -> Result<()> {
+        let fell = wait(client, DISCHARGE, stop, |client| {
+            client.order(Command::Heartbeat)?;
+            Ok(self.agree(f64::from(client.status()?.monitor_v), rest_v))
+        })?;
+        if !checks.add(
+            "monitor, stopped",
+            if fell { "fell" } else { "still up" },
+            "back at rest before a hand goes near",
+            fell,
+        ) {
+            return Ok(());
+        }
+        eprintln!("host-sim: open the interlock now");
+        let trip = DriverState::Tripped(Cause::Interlock);
+        let opened = wait(client, BY_HAND, stop, |client| {
+            // What keeps it armed; once it has tripped it is refused.
+            let _ = client.ask(Command::Heartbeat)?;
+            Ok(client.status()?.state != DriverState::Armed)
+        })?;
+        let state = client.status()?.state;
+        let found = if opened { named(state) } else { "nothing".into() };
+        if !checks.add("interlock, opened", found, "a trip: the contact opens, and is wired here", state == trip) {
+            return Ok(());
+        }
+        eprintln!("host-sim: close it again");
+        let closed = wait(client, BY_HAND, stop, |client| Ok(inspect(client)?.interlock_closed))?;
+        checks.add("interlock, closed again", if closed { "closed" } else { "open" }, "closed", closed);
+        client.order(Command::Acknowledge)
+    }
 }
 
-/// With the amplifier disabled. Whether it may be enabled.
-fn at_rest(client: &mut Client, checks: &mut Checks) -> Result<bool> {
+/// With the amplifier disabled. Returns what the monitor shows, V.
+fn at_rest(client: &mut Client, checks: &mut Checks) -> Result<f64> {
     let status = client.status()?;
     let state = match status.state {
         DriverState::Tripped(_) => "no trip: find out why, then `link acknowledge`",
         _ => "disarmed",
     };
-    let mut sound = checks.add("state", named(status.state), state, status.state == DriverState::Disarmed);
+    checks.add("state", named(status.state), state, status.state == DriverState::Disarmed);
     let rate = if status.rate_hz > 0.0 { format!("{} Hz", status.rate_hz) } else { "none".into() };
-    sound &= checks.add("parameters", rate, "some: `link upload`", status.rate_hz > 0.0);
+    checks.add("parameters", rate, "some: `link upload`", status.rate_hz > 0.0);
     let parts = inspect(client)?;
     let interlock = if parts.interlock_closed { "closed" } else { "open" };
-    sound &= checks.add("interlock", interlock, "closed", parts.interlock_closed);
-    sound &= checks.add("enable, disarmed", level(parts.enable_high), "low", !parts.enable_high);
-    sound &= checks.add("DAC", answer(parts.dac), advice(parts.dac, "power reads back"), parts.dac == Part::Answers);
+    checks.add("interlock", interlock, "closed", parts.interlock_closed);
+    checks.add("enable, disarmed", level(parts.enable_high), "low", !parts.enable_high);
+    checks.add("DAC", answer(parts.dac), advice(parts.dac, "power reads back"), parts.dac == Part::Answers);
     for (what, part) in [("monitor's ADC", parts.monitor), ("sensor's ADC", parts.sensor)] {
-        sound &= checks.add(what, answer(part), advice(part, "every frame carries its range"), part == Part::Answers);
+        checks.add(what, answer(part), advice(part, "every frame carries its range"), part == Part::Answers);
     }
     let volts = parts.sensor_adc_v;
     let plugged = "between 0.05 and 10.2 V: neither unplugged nor saturated";
-    sound &= checks.add("sensor", format!("{volts:.3} V at its ADC"), plugged, PLUGGED_V.contains(&volts));
+    checks.add("sensor", format!("{volts:.3} V at its ADC"), plugged, PLUGGED_V.contains(&volts));
     let Status { monitor_v, live, .. } = client.status()?;
     let dark = !live && monitor_v.is_finite();
-    sound &= checks.add("monitor, disarmed", format!("{monitor_v:.1} V"), "within its band around 0 V", dark);
-    Ok(sound)
-}
-
-/// Once it is disarmed again.
-fn off(client: &mut Client, checks: &mut Checks, stop: &AtomicBool) -> Result<()> {
-    some_ticks(client, stop)?;
-    let (parts, status) = (inspect(client)?, client.status()?);
-    checks.add("enable, at the end", level(parts.enable_high), "low", !parts.enable_high);
-    let dark = !status.live && status.monitor_v.is_finite();
-    checks.add("monitor, at the end", format!("{:.1} V", status.monitor_v), "within its band around 0 V", dark);
-    Ok(())
+    checks.add("monitor, disarmed", format!("{monitor_v:.1} V"), "within its band around 0 V", dark);
+    Ok(f64::from(monitor_v))
 }
 
 /// Holds `volts`, or 0 V, and returns what the monitor shows once it stands, V.
@@ -236,28 +291,11 @@ fn stand(client: &mut Client, volts: Option<f32>, stop: &AtomicBool) -> Result<f
 /// Lets the board tick a few times, so that what it found is of now.
 fn some_ticks(client: &mut Client, stop: &AtomicBool) -> Result<()> {
     let before = client.status()?.ticks;
-    wait(client, PATIENCE, stop, |client| Ok(client.status()?.ticks.wrapping_sub(before) > 5)).map(drop)
-}
-
-/// Somebody opens the interlock, and closes it again.
-fn by_hand(client: &mut Client, checks: &mut Checks, stop: &AtomicBool) -> Result<()> {
-    eprintln!("host-sim: open the interlock now");
-    let trip = DriverState::Tripped(Cause::Interlock);
-    let opened = wait(client, BY_HAND, stop, |client| {
-        // What keeps it armed; once it has tripped it is refused.
-        let _ = client.ask(Command::Heartbeat)?;
-        Ok(client.status()?.state != DriverState::Armed)
-    })?;
-    let state = client.status()?.state;
-    let found = if opened { named(state) } else { "nothing".into() };
-    checks.add("interlock, opened", found, "a trip: the contact opens, and is wired here", state == trip);
-    if state != trip {
-        return Ok(());
+    if wait(client, PATIENCE, stop, |client| Ok(client.status()?.ticks.wrapping_sub(before) > 5))? {
+        Ok(())
+    } else {
+        Err(Error::Computation("the board does not tick".into()))
     }
-    eprintln!("host-sim: close it again");
-    let closed = wait(client, BY_HAND, stop, |client| Ok(inspect(client)?.interlock_closed))?;
-    checks.add("interlock, closed again", if closed { "closed" } else { "open" }, "closed", closed);
-    client.order(Command::Acknowledge)
 }
 
 /// The watchdog resets the board, which tells so once it is back.
@@ -282,9 +320,7 @@ fn wait(
 ) -> Result<bool> {
     let start = Instant::now();
     while start.elapsed() < most {
-        if stop.load(Ordering::Relaxed) {
-            return Err(stopped());
-        }
+        going_on(stop)?;
         if is_so(client)? {
             return Ok(true);
         }
@@ -293,8 +329,9 @@ fn wait(
     Ok(false)
 }
 
-fn stopped() -> Error {
-    Error::Computation("stopped by Ctrl-C".into())
+/// An error once Ctrl-C has come: what was asked for is not shown then.
+fn going_on(stop: &AtomicBool) -> Result<()> {
+    if stop.load(Ordering::Relaxed) { Err(Error::Computation("stopped by Ctrl-C".into())) } else { Ok(()) }
 }
 
 fn inspect(client: &mut Client) -> Result<Inspection> {
