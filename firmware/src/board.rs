@@ -24,8 +24,7 @@ const MAX_RATE_HZ: f32 = 5000.0;
 /// Cycles from tick to tick at the least: on the internal oscillator, at 16 MHz, the fastest is slower. There the controller takes some
 /// 3 200 cycles and the 112 bits to and from the converters 450, at 168 MHz 3 600; the tick that enables reads back and takes 400 bits.
 const CYCLES_PER_TICK: f32 = 9600.0;
-/// For so long the tick may not come, ms, give or take what the watchdog's own oscillator (17 to 47 kHz) is off: 33 to 95 ms, and up to
-/// 105 ms after a tick that comes a hundred times a second.
+/// For so long the tick may not come, ms, give or take what the watchdog's own oscillator (17 to 47 kHz) is off: 33 to 95 ms.
 const WATCHDOG_MS: u32 = 50;
 /// For so long the flash may hold up everything, ms: erasing 16 KiB takes 0.8 s at the most.
 const FLASH_MS: u32 = 4000;

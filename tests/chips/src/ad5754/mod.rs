@@ -1,4 +1,4 @@
-//! AD5754: quad 16-bit DAC with an external reference. Data sheet AD5724/AD5734/AD5754.
+//! AD5754: quad 16-bit DAC with an external reference. From drivers that agree, and from memory: see the README.
 
 mod outputs;
 mod registers;
