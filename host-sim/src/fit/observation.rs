@@ -53,10 +53,9 @@ pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Resu
     let median_step_s = median(&steps);
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let warnings = gap(&steps, median_step_s, drive).into_iter().chain(saturation(direction, &measured.value));
-    let warnings = warnings.map(|warning| format!("{name}: {warning}")).collect();
-    // For bursts with long pauses: at most eight steps per row.
-    let duration_s = drive.time_s.last().copied().unwrap_or(0.0);
-    let rate_hz = (1.0 / median_step_s).min(8.0 * drive.time_s.len() as f64 / duration_s);
+    let warnings = warnings.map(|warning| format!("{name}: {warning}"));
+    let (rate_hz, uneven) = rate(&steps, median_step_s, drive);
+    let warnings = warnings.chain(uneven.map(|warning| format!("{name}: {warning}"))).collect();
     Ok((Observation { name, input, measured, rate_hz, weight }, warnings))
 }
 
@@ -87,6 +86,42 @@ fn check(path: &Path, direction: Direction, measured: &Samples, drive: &Samples)
         return Err(Error::file(path, "the input is 0 throughout; there is nothing to fit"));
     }
     Ok(())
+}
+
+/// Most steps of a recording whose rows are not even: a fit of five branches then takes minutes.
+const MOST_UNEVEN_STEPS: f64 = 65_536.0;
+
+/// The rate (Hz) at which the model runs along `drive`, and a warning where its rows are not even.
+///
+/// It is the median rate of even rows. Rows that begin densely, such as logarithmic ones, need the rate of their dense tenth,
+/// and the time between a held load and the first row needs eight steps: the first-order error of the Grünwald–Letnikov
+/// derivative j steps after a jump is about α (1 − α) / (2 j).
+fn rate(steps: &[f64], median_step_s: f64, drive: &Samples) -> (f64, Option<String>) {
+    let duration_s = drive.time_s.last().copied().unwrap_or(0.0);
+    // For bursts with long pauses: at most eight steps per row.
+    let even_hz = (1.0 / median_step_s).min(8.0 * drive.time_s.len() as f64 / duration_s);
+    let mut sorted = steps.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let dense_s = sorted[sorted.len() / 10];
+    let lead_s = drive.time_s[0];
+    let dense_hz = if dense_s < 0.5 * median_step_s { 1.0 / dense_s } else { 0.0 };
+    let lead_hz = if lead_s > 0.0 { 8.0 / lead_s } else { 0.0 };
+    let wanted_hz = dense_hz.max(lead_hz);
+    if wanted_hz <= even_hz {
+        return (even_hz, None);
+    }
+    let rate_hz = wanted_hz.min(MOST_UNEVEN_STEPS / duration_s).max(even_hz);
+    let between = steps.iter().filter(|&&step| step < 0.5 / rate_hz).count();
+    let mut warning = format!("rows from {:.3e} to {:.3e} s apart", sorted[0], sorted[sorted.len() - 1]);
+    if lead_s > 0.0 {
+        warning += &format!(", the load applied {lead_s:.3e} s before the first");
+    }
+    warning += &format!(": the model runs at {rate_hz:.4} Hz");
+    if between > 0 {
+        warning +=
+            &format!("; {between} rows fall between its steps and count less: cut the recording's end to resolve them");
+    }
+    (rate_hz, Some(warning))
 }
 
 /// The first gap in the input.
@@ -123,7 +158,7 @@ pub fn thinned(observation: &Observation) -> Observation {
         Input::Voltage(_) => drive.value.iter().map(|v| v * v).collect(),
         Input::Force(_) | Input::Displacement(_) => drive.value.clone(),
     };
-    let (low, high) = range(&load);
+    let size = change(&load);
     let follows = |every: usize| {
         let error: f64 = load
             .chunks(every)
@@ -133,7 +168,7 @@ pub fn thinned(observation: &Observation) -> Observation {
                 chunk.iter().enumerate().map(|(k, value)| (chunk[0] + slope * k as f64 - value).powi(2)).sum::<f64>()
             })
             .sum();
-        (error / load.len() as f64).sqrt() <= ALLOWED * (high - low)
+        (error / load.len() as f64).sqrt() <= ALLOWED * size
     };
     let every = [1000, 400, 200, 100, 80, 50, 40, 25, 20, 10, 8, 5, 4, 2]
         .into_iter()
@@ -191,6 +226,13 @@ impl Excitation {
 /// Smallest and largest value.
 pub(super) fn range(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
+}
+
+/// Peak to peak of a load; its size where it varies by at most 1 %, because it was applied at once and held.
+pub(super) fn change(load: &[f64]) -> f64 {
+    let (low, high) = range(load);
+    let size = low.abs().max(high.abs());
+    if high - low > 0.01 * size { high - low } else { size }
 }
 
 /// The median; NaN if empty.
