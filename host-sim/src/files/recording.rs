@@ -78,7 +78,9 @@ impl Recording {
     pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
         let table = Table::from_csv(path, csv, [VOLTAGE, FORCE, DISPLACEMENT], &[&[0, 1]])?;
         let (mut time_s, start_s) = (table.time_s, table.start_s);
-        let held = table.columns.iter().flatten().any(|column| is_held(&column.present(&time_s).value));
+        // A voltage drives; without one, force or displacement may.
+        let inputs = if table.columns[0].is_some() { &table.columns[..1] } else { &table.columns[..] };
+        let held = inputs.iter().flatten().any(|column| is_held(&column.present(&time_s).value));
         let duration_s = time_s.last().copied().unwrap_or(0.0);
         if held && start_s > 0.0 && start_s <= LONGEST_LEAD * duration_s {
             time_s.iter_mut().for_each(|t| *t += start_s);

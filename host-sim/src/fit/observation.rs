@@ -25,6 +25,9 @@ pub struct Observation {
 /// Smaller changes are below the resolution of any sensor, m or N.
 const SMALLEST_CHANGE: f64 = 1e-12;
 
+/// Fewest measured values of a fit.
+const FEWEST_VALUES: usize = 10;
+
 /// Name and SI unit of what is measured.
 fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
     match direction {
@@ -39,6 +42,57 @@ fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
 ///
 /// [`Error`] naming a recording that cannot be fitted.
 pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Result<(Observation, Vec<String>)> {
+    observe_within(recording, direction, weight, Window::ALL)
+}
+
+/// The part of a recording whose measured values are fitted, s of its time. Before it the model runs along the input all the
+/// same: what a film remembers is not cut off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// First time.
+    pub from_s: f64,
+    /// Last time.
+    pub to_s: f64,
+}
+
+impl Window {
+    /// All of a recording.
+    pub const ALL: Self = Self { from_s: 0.0, to_s: f64::INFINITY };
+
+    /// `measured` and `input` of the recording at `path` in this window.
+    fn cut(self, path: &Path, input: &Input, measured: &Samples) -> Result<(Input, Samples)> {
+        let kept = |samples: &Samples, from_s: f64| {
+            let pairs = samples.time_s.iter().zip(&samples.value);
+            let (time_s, value) = pairs.filter(|&(&t, _)| from_s <= t && t <= self.to_s).unzip();
+            Samples { time_s, value }
+        };
+        let (input, inside) = (input.map(|samples| kept(samples, 0.0)), kept(measured, self.from_s));
+        if inside.value.len() < FEWEST_VALUES || input.samples().value.len() < 2 {
+            let last_s = measured.time_s.last().copied().unwrap_or(0.0);
+            let until = if self.to_s.is_finite() { format!("to {} s", self.to_s) } else { "on".into() };
+            let cause = format!(
+                "{} measured values from {} s {until} (--from, --to); a fit needs at least {FEWEST_VALUES}, and the \
+                 recording ends at {last_s} s",
+                inside.value.len(),
+                self.from_s
+            );
+            return Err(Error::file(path, cause));
+        }
+        Ok((input, inside))
+    }
+}
+
+/// As [`observe`], of the values in `window`.
+///
+/// # Errors
+///
+/// As [`observe`], and for a window with too few values.
+pub fn observe_within(
+    recording: &Recording,
+    direction: Direction,
+    weight: f64,
+    window: Window,
+) -> Result<(Observation, Vec<String>)> {
     let path = recording.path();
     let (input, measured) = match direction {
         Direction::Force => (recording.drive()?, recording.displacement()?),
@@ -47,6 +101,8 @@ pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Resu
             (recording.displacement_drive()?, force)
         }
     };
+    let (input, measured) =
+        if window == Window::ALL { (input, measured) } else { window.cut(path, &input, &measured)? };
     let drive = input.samples();
     check(path, direction, &measured, drive)?;
     let steps: Vec<f64> = drive.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -71,8 +127,9 @@ pub fn observe_all(recordings: &[Recording], direction: Direction) -> Result<Vec
 /// Refuses recordings with too few values, or whose input or measurement does not change.
 fn check(path: &Path, direction: Direction, measured: &Samples, drive: &Samples) -> Result<()> {
     let (what, unit) = measured_quantity(direction);
-    if measured.value.len() < 10 {
-        return Err(Error::file(path, format!("{} values of {what}; a fit needs at least 10", measured.value.len())));
+    if measured.value.len() < FEWEST_VALUES {
+        let cause = format!("{} values of {what}; a fit needs at least {FEWEST_VALUES}", measured.value.len());
+        return Err(Error::file(path, cause));
     }
     let (low, high) = range(&measured.value);
     if low == high {
@@ -126,7 +183,10 @@ fn rate(steps: &[f64], median_step_s: f64, drive: &Samples) -> (f64, Option<Stri
 
 /// The first gap in the input.
 fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<String> {
-    let (step, time) = steps.iter().zip(&drive.time_s).find(|&(&step, _)| step > 5.0 * median_step_s)?;
+    // Steps that grow little by little, such as logarithmic ones, are no gap.
+    let is_gap = |k: usize| steps[k] > 5.0 * median_step_s && (k == 0 || steps[k] > 2.0 * steps[k - 1]);
+    let k = (0..steps.len()).find(|&k| is_gap(k))?;
+    let (step, time) = (steps[k], drive.time_s[k]);
     Some(format!("a gap of {step:.3} s at {time:.3} s; the input is interpolated across it"))
 }
 
