@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 /// Samples of one quantity at their times.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Samples {
-    /// Times in seconds from the recording's first sample, increasing.
+    /// Times in seconds from the recording's first sample, or since a held load was applied; increasing.
     pub time_s: Vec<f64>,
     /// Values in SI units.
     pub value: Vec<f64>,

@@ -127,6 +127,32 @@ fn starts_holds_and_frees() {
     assert!(after.actuator.stretch_coupling > 0.0);
 }
 
+/// A relaxation test whose first seconds and whose end are of no use: the rest is fitted, and what the film remembers stays.
+#[test]
+fn a_window_leaves_out_values_and_keeps_the_memory() {
+    let folder = TempDir::new().expect("a folder");
+    let (file, out) = (folder.path().join("relaxation.csv"), folder.path().join("p.toml"));
+    // c x t^-α / Γ(1 − α) for c = 2000, α = 0.2 and x = 10 mm.
+    let force = |t: f64| 2000.0 * 0.01 * t.powf(-0.2) / 1.164_229_713_725_303_4;
+    let mut csv = "time_s,displacement_m,force_n\n".to_owned();
+    for k in 1..=1000 {
+        let t = 0.1 * f64::from(k);
+        let measured = if (2.0..=80.0).contains(&t) { force(t) } else { 5.0 };
+        csv += &format!("{t:?},0.01,{measured:?}\n");
+    }
+    fs::write(&file, csv).expect("written");
+    let fit = |more: &[&str]| {
+        let fixed = ["fit", "--drive", "displacement", "--branches", "0", "--out", text(&out), text(&file)];
+        let fit = json(&[fixed.as_slice(), more].concat());
+        (number(&fit["recordings"][0]["r2"]), number(&fit["recordings"][0]["samples"]))
+    };
+    assert!(fit(&[]).0 < 0.9);
+    let (r2, samples) = fit(&["--from", "2", "--to", "80"]);
+    assert!(r2 >= 0.9999 && (780.0..=781.0).contains(&samples), "{r2}, {samples}");
+    let main = Parameters::read(&out).expect("readable").model.main();
+    assert!((main.c - 2000.0).abs() < 20.0 && (main.alpha - 0.2).abs() < 0.002, "{main:?}");
+}
+
 #[test]
 fn what_makes_no_fit_is_refused() {
     let folder = TempDir::new().expect("a folder");
@@ -144,6 +170,10 @@ fn what_makes_no_fit_is_refused() {
     with(&["--hold", "main.c"], &["--hold", "--start"]);
     with(&["--starts", "0"], &["--starts"]);
     with(&["--drive", "displacement"], &["wang-5s.csv", "force_n"]);
+    with(&["--from", "1000"], &["wang-5s.csv", "0 measured values from 1000 s on", "ends at 155 s"]);
+    with(&["--from", "10", "--to", "10.01"], &["wang-5s.csv", "from 10 s to 10.01 s", "at least 10"]);
+    with(&["--from", "10", "--to", "5"], &["--to", "after --from"]);
+    with(&["--from", "NaN"], &["--from", "at least 0"]);
     with(&["--actuator", "preset:none"], &["none"]);
     with(&["--method", "pattern-search", "--loss", "huber"], &["--loss"]);
     with(&["--report", a], &["wang-5s.csv", "overwrite"]);

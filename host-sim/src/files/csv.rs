@@ -25,6 +25,8 @@ const LARGEST: f64 = 1e15;
 pub struct Table<const N: usize> {
     /// Times in s, increasing from 0.
     pub time_s: Vec<f64>,
+    /// What the file's clock shows in the first row, s.
+    pub start_s: f64,
     /// The requested columns; `None` for a column that is missing or empty throughout.
     pub columns: [Option<Column>; N],
 }
@@ -86,11 +88,11 @@ impl<const N: usize> Table<N> {
         if time_s.len() < 2 {
             return Err(Error::file(path, format!("{} data rows; a recording needs at least 2", time_s.len())));
         }
-        let start = time_s[0];
-        time_s.iter_mut().for_each(|t| *t -= start);
+        let start_s = time_s[0];
+        time_s.iter_mut().for_each(|t| *t -= start_s);
         let columns = columns
             .map(|found| found.map(|(_, column)| column).filter(|column| column.cells.iter().any(Option::is_some)));
-        Ok(Self { time_s, columns })
+        Ok(Self { time_s, start_s, columns })
     }
 }
 

@@ -11,6 +11,8 @@ use crate::files::csv::{Column, Names, Table};
 use crate::grid::{Grid, Samples};
 
 /// A recording in SI units, time from its first sample.
+///
+/// A relaxation or creep test whose clock begins shortly after 0 keeps its clock: the load was applied at 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     path: PathBuf,
@@ -45,6 +47,15 @@ const VOLTAGE: &Names = &[("voltage_v", 1.0), ("voltage_kv", 1e3)];
 const FORCE: &Names = &[("force_n", 1.0)];
 const DISPLACEMENT: &Names = &[("displacement_m", 1.0), ("displacement_mm", 1e-3), ("displacement_um", 1e-6)];
 
+/// Largest time on the clock of a held recording's first row that is still the time since its load was applied, as a share of
+/// its duration; a recording that begins later was cut out of a longer one.
+const LONGEST_LEAD: f64 = 0.01;
+
+/// Whether `values` are a load that is held: none is further than 1 % from the first.
+fn is_held(values: &[f64]) -> bool {
+    values.first().is_some_and(|first| *first != 0.0 && values.iter().all(|v| (v - first).abs() <= 0.01 * first.abs()))
+}
+
 impl Recording {
     /// Reads the recording at `path`.
     ///
@@ -66,8 +77,16 @@ impl Recording {
     /// As [`read`](Self::read).
     pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
         let table = Table::from_csv(path, csv, [VOLTAGE, FORCE, DISPLACEMENT], &[&[0, 1]])?;
+        let (mut time_s, start_s) = (table.time_s, table.start_s);
+        // A voltage drives; without one, force or displacement may.
+        let inputs = if table.columns[0].is_some() { &table.columns[..1] } else { &table.columns[..] };
+        let held = inputs.iter().flatten().any(|column| is_held(&column.present(&time_s).value));
+        let duration_s = time_s.last().copied().unwrap_or(0.0);
+        if held && start_s > 0.0 && start_s <= LONGEST_LEAD * duration_s {
+            time_s.iter_mut().for_each(|t| *t += start_s);
+        }
         let [voltage_v, force_n, displacement_m] = table.columns;
-        Ok(Self { path: path.into(), time_s: table.time_s, voltage_v, force_n, displacement_m })
+        Ok(Self { path: path.into(), time_s, voltage_v, force_n, displacement_m })
     }
 
     /// Reads a reference at `path`: displacement over time, no voltage needed.

@@ -25,6 +25,9 @@ pub struct Observation {
 /// Smaller changes are below the resolution of any sensor, m or N.
 const SMALLEST_CHANGE: f64 = 1e-12;
 
+/// Fewest measured values of a fit.
+const FEWEST_VALUES: usize = 10;
+
 /// Name and SI unit of what is measured.
 fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
     match direction {
@@ -39,6 +42,57 @@ fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
 ///
 /// [`Error`] naming a recording that cannot be fitted.
 pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Result<(Observation, Vec<String>)> {
+    observe_within(recording, direction, weight, Window::ALL)
+}
+
+/// The part of a recording whose measured values are fitted, s of its time. Before it the model runs along the input all the
+/// same: what a film remembers is not cut off.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// First time.
+    pub from_s: f64,
+    /// Last time.
+    pub to_s: f64,
+}
+
+impl Window {
+    /// All of a recording.
+    pub const ALL: Self = Self { from_s: 0.0, to_s: f64::INFINITY };
+
+    /// `measured` and `input` of the recording at `path` in this window.
+    fn cut(self, path: &Path, input: &Input, measured: &Samples) -> Result<(Input, Samples)> {
+        let kept = |samples: &Samples, from_s: f64| {
+            let pairs = samples.time_s.iter().zip(&samples.value);
+            let (time_s, value) = pairs.filter(|&(&t, _)| from_s <= t && t <= self.to_s).unzip();
+            Samples { time_s, value }
+        };
+        let (input, inside) = (input.map(|samples| kept(samples, 0.0)), kept(measured, self.from_s));
+        if inside.value.len() < FEWEST_VALUES || input.samples().value.len() < 2 {
+            let last_s = measured.time_s.last().copied().unwrap_or(0.0);
+            let until = if self.to_s.is_finite() { format!("to {} s", self.to_s) } else { "on".into() };
+            let cause = format!(
+                "{} measured values from {} s {until} (--from, --to); a fit needs at least {FEWEST_VALUES}, and the \
+                 recording ends at {last_s} s",
+                inside.value.len(),
+                self.from_s
+            );
+            return Err(Error::file(path, cause));
+        }
+        Ok((input, inside))
+    }
+}
+
+/// As [`observe`], of the values in `window`.
+///
+/// # Errors
+///
+/// As [`observe`], and for a window with too few values.
+pub fn observe_within(
+    recording: &Recording,
+    direction: Direction,
+    weight: f64,
+    window: Window,
+) -> Result<(Observation, Vec<String>)> {
     let path = recording.path();
     let (input, measured) = match direction {
         Direction::Force => (recording.drive()?, recording.displacement()?),
@@ -47,16 +101,17 @@ pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Resu
             (recording.displacement_drive()?, force)
         }
     };
+    let (input, measured) =
+        if window == Window::ALL { (input, measured) } else { window.cut(path, &input, &measured)? };
     let drive = input.samples();
     check(path, direction, &measured, drive)?;
     let steps: Vec<f64> = drive.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let median_step_s = median(&steps);
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let warnings = gap(&steps, median_step_s, drive).into_iter().chain(saturation(direction, &measured.value));
-    let warnings = warnings.map(|warning| format!("{name}: {warning}")).collect();
-    // For bursts with long pauses: at most eight steps per row.
-    let duration_s = drive.time_s.last().copied().unwrap_or(0.0);
-    let rate_hz = (1.0 / median_step_s).min(8.0 * drive.time_s.len() as f64 / duration_s);
+    let warnings = warnings.map(|warning| format!("{name}: {warning}"));
+    let (rate_hz, uneven) = rate(&steps, median_step_s, drive);
+    let warnings = warnings.chain(uneven.map(|warning| format!("{name}: {warning}"))).collect();
     Ok((Observation { name, input, measured, rate_hz, weight }, warnings))
 }
 
@@ -72,8 +127,9 @@ pub fn observe_all(recordings: &[Recording], direction: Direction) -> Result<Vec
 /// Refuses recordings with too few values, or whose input or measurement does not change.
 fn check(path: &Path, direction: Direction, measured: &Samples, drive: &Samples) -> Result<()> {
     let (what, unit) = measured_quantity(direction);
-    if measured.value.len() < 10 {
-        return Err(Error::file(path, format!("{} values of {what}; a fit needs at least 10", measured.value.len())));
+    if measured.value.len() < FEWEST_VALUES {
+        let cause = format!("{} values of {what}; a fit needs at least {FEWEST_VALUES}", measured.value.len());
+        return Err(Error::file(path, cause));
     }
     let (low, high) = range(&measured.value);
     if low == high {
@@ -89,9 +145,48 @@ fn check(path: &Path, direction: Direction, measured: &Samples, drive: &Samples)
     Ok(())
 }
 
+/// Most steps of a recording whose rows are not even: a fit of five branches then takes minutes.
+const MOST_UNEVEN_STEPS: f64 = 65_536.0;
+
+/// The rate (Hz) at which the model runs along `drive`, and a warning where its rows are not even.
+///
+/// It is the median rate of even rows. Rows that begin densely, such as logarithmic ones, need the rate of their dense tenth,
+/// and the time between a held load and the first row needs eight steps: the first-order error of the Grünwald–Letnikov
+/// derivative j steps after a jump is about α (1 − α) / (2 j).
+fn rate(steps: &[f64], median_step_s: f64, drive: &Samples) -> (f64, Option<String>) {
+    let duration_s = drive.time_s.last().copied().unwrap_or(0.0);
+    // For bursts with long pauses: at most eight steps per row.
+    let even_hz = (1.0 / median_step_s).min(8.0 * drive.time_s.len() as f64 / duration_s);
+    let mut sorted = steps.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let dense_s = sorted[sorted.len() / 10];
+    let lead_s = drive.time_s[0];
+    let dense_hz = if dense_s < 0.5 * median_step_s { 1.0 / dense_s } else { 0.0 };
+    let lead_hz = if lead_s > 0.0 { 8.0 / lead_s } else { 0.0 };
+    let wanted_hz = dense_hz.max(lead_hz);
+    if wanted_hz <= even_hz {
+        return (even_hz, None);
+    }
+    let rate_hz = wanted_hz.min(MOST_UNEVEN_STEPS / duration_s).max(even_hz);
+    let between = steps.iter().filter(|&&step| step < 0.5 / rate_hz).count();
+    let mut warning = format!("rows from {:.3e} to {:.3e} s apart", sorted[0], sorted[sorted.len() - 1]);
+    if lead_s > 0.0 {
+        warning += &format!(", the load applied {lead_s:.3e} s before the first");
+    }
+    warning += &format!(": the model runs at {rate_hz:.4} Hz");
+    if between > 0 {
+        warning +=
+            &format!("; {between} rows fall between its steps and count less: cut the recording's end to resolve them");
+    }
+    (rate_hz, Some(warning))
+}
+
 /// The first gap in the input.
 fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<String> {
-    let (step, time) = steps.iter().zip(&drive.time_s).find(|&(&step, _)| step > 5.0 * median_step_s)?;
+    // Steps that grow little by little, such as logarithmic ones, are no gap.
+    let is_gap = |k: usize| steps[k] > 5.0 * median_step_s && (k == 0 || steps[k] > 2.0 * steps[k - 1]);
+    let k = (0..steps.len()).find(|&k| is_gap(k))?;
+    let (step, time) = (steps[k], drive.time_s[k]);
     Some(format!("a gap of {step:.3} s at {time:.3} s; the input is interpolated across it"))
 }
 
@@ -123,7 +218,7 @@ pub fn thinned(observation: &Observation) -> Observation {
         Input::Voltage(_) => drive.value.iter().map(|v| v * v).collect(),
         Input::Force(_) | Input::Displacement(_) => drive.value.clone(),
     };
-    let (low, high) = range(&load);
+    let size = change(&load);
     let follows = |every: usize| {
         let error: f64 = load
             .chunks(every)
@@ -133,7 +228,7 @@ pub fn thinned(observation: &Observation) -> Observation {
                 chunk.iter().enumerate().map(|(k, value)| (chunk[0] + slope * k as f64 - value).powi(2)).sum::<f64>()
             })
             .sum();
-        (error / load.len() as f64).sqrt() <= ALLOWED * (high - low)
+        (error / load.len() as f64).sqrt() <= ALLOWED * size
     };
     let every = [1000, 400, 200, 100, 80, 50, 40, 25, 20, 10, 8, 5, 4, 2]
         .into_iter()
@@ -191,6 +286,13 @@ impl Excitation {
 /// Smallest and largest value.
 pub(super) fn range(values: &[f64]) -> (f64, f64) {
     values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
+}
+
+/// Peak to peak of a load; its size where it varies by at most 1 %, because it was applied at once and held.
+pub(super) fn change(load: &[f64]) -> f64 {
+    let (low, high) = range(load);
+    let size = low.abs().max(high.abs());
+    if high - low > 0.01 * size { high - low } else { size }
 }
 
 /// The median; NaN if empty.

@@ -5,7 +5,7 @@ use rand_pcg::Pcg64;
 use springpot::{Actuator, Springpot, Topology};
 
 use super::candidate::Candidate;
-use super::observation::{Observation, median, range};
+use super::observation::{Observation, change, median, range};
 use crate::files::recording::Input;
 
 /// Orders of magnitude of the film's parameters, estimated from recordings before the fit.
@@ -40,7 +40,7 @@ impl Scales {
     }
 }
 
-/// Peak-to-peak force over peak-to-peak displacement of one observation, N/m; for a constant load its size.
+/// Peak-to-peak force over peak-to-peak displacement of one observation, N/m; for a held load its size.
 fn stiffness(observation: &Observation, force_per_square_volt: f64) -> f64 {
     let (low, high) = range(&observation.measured.value);
     let measured = high - low;
@@ -48,17 +48,14 @@ fn stiffness(observation: &Observation, force_per_square_volt: f64) -> f64 {
     match observation.input {
         Input::Voltage(_) => {
             let squared: Vec<f64> = values.iter().map(|v| v * v).collect();
-            let (low, high) = range(&squared);
-            let change = if high > low { high - low } else { high };
-            force_per_square_volt * change / measured
+            force_per_square_volt * change(&squared) / measured
         }
-        Input::Force(_) => {
-            let (low, high) = range(values);
-            (if high > low { high - low } else { high.abs() }) / measured
-        }
+        Input::Force(_) => change(values) / measured,
+        // The force is 0 at rest, before the first sample: under a held strain its size counts, not what relaxes.
         Input::Displacement(_) => {
-            let (low, high) = range(values);
-            measured / (high - low).max(f64::MIN_POSITIVE)
+            let (least, most) = range(values);
+            let strain = change(values);
+            if strain > most - least { low.abs().max(high.abs()) / strain } else { measured / strain }
         }
     }
 }

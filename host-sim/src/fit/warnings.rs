@@ -10,7 +10,9 @@ use crate::files::recording::Input;
 /// Inputs that do not vary.
 pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<String>) {
     if !excitation.varies {
-        warnings.push("the input is constant: the recordings show creep under one load only".into());
+        let shown =
+            if excitation.displacement_fitted { "creep under one load" } else { "relaxation at one displacement" };
+        warnings.push(format!("the input is constant: the recordings show {shown} only"));
     }
 }
 

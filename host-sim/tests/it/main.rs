@@ -11,6 +11,7 @@ mod models;
 mod recordings;
 mod reduce;
 mod refused_recordings;
+mod relaxation;
 mod sensor_offset;
 #[allow(dead_code)] // samples of cases are for springpot's own sweeps
 #[path = "../../../crates/springpot/tests/it/support/sweep.rs"]

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::candidate::{Candidate, Variable};
-use crate::fit::observation::{self, Observation};
+use crate::fit::observation::{self, Observation, Window};
 use crate::fit::{Loss, Method, Settings};
 
 /// Options of a fit.
@@ -47,6 +47,12 @@ pub(super) struct FitOptions {
     /// Weight of each recording, in their order.
     #[arg(long, value_name = "W,W,…", value_delimiter = ',')]
     weights: Vec<f64>,
+    /// Fit what was measured from here on, s; the model still runs from the first row.
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    from: f64,
+    /// Fit what was measured up to here, s. The default is the end.
+    #[arg(long, value_name = "S", default_value_t = f64::INFINITY, hide_default_value = true)]
+    to: f64,
     /// Seed of the random starts.
     #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
     seed: u64,
@@ -192,6 +198,13 @@ impl FitOptions {
         if let Some(weight) = self.weights.iter().find(|w| !(1e-6..=1e6).contains(*w)) {
             return Err(Error::option("--weights", format!("{weight:?} must be from 1e-6 to 1e6")));
         }
+        if !(self.from >= 0.0 && self.from.is_finite()) {
+            return Err(Error::option("--from", format!("{:?} s must be finite and at least 0", self.from)));
+        }
+        if self.to.is_nan() || self.to <= self.from {
+            return Err(Error::option("--to", format!("{:?} s must be after --from, {:?} s", self.to, self.from)));
+        }
+        let window = Window { from_s: self.from, to_s: self.to };
         // The mean is 1, so that residuals keep their unit.
         let mean = self.weights.iter().sum::<f64>() / self.weights.len().max(1) as f64;
         let weight = |index: usize| self.weights.get(index).map_or(1.0, |weight| weight / mean);
@@ -199,7 +212,7 @@ impl FitOptions {
             .iter()
             .enumerate()
             // The weight is of squared residuals.
-            .map(|(index, recording)| observation::observe(recording, self.drive, weight(index).sqrt()))
+            .map(|(index, recording)| observation::observe_within(recording, self.drive, weight(index).sqrt(), window))
             .collect()
     }
 
