@@ -19,7 +19,7 @@ pub enum Method {
     ///
     /// Holds for all elements and for the mass, whose inertia becomes `m δ(ζ)²/h²`. Modes of the memory have positive weights,
     /// as with [`Gl`](Self::Gl). Relaxation as fast as the step itself does not decay as an exponential in this
-    /// discretisation, but nearly as j 2^−j: a branch with a plain relaxation time between about 0.7 h and 2.2 h needs a head of 26
+    /// discretisation, but nearly as j 2^−j: a branch with a plain relaxation time of 1 h to 2.1 h needs a head of 26
     /// increments instead of 12, and is refused with [`LawError::ToleranceMissed`](crate::LawError::ToleranceMissed) otherwise.
     Bdf2,
 }
