@@ -106,6 +106,13 @@ pub enum LawError {
         /// Modes needed at the least.
         needed: usize,
     },
+    /// A head that is shorter than the inertia of the method reaches back.
+    HeadTooShort {
+        /// Increments of the head.
+        head: usize,
+        /// Increments needed.
+        needed: usize,
+    },
     /// Nothing to solve: the force per step of displacement is 0 or infinite in the number type.
     NothingToSolve,
     /// A coefficient that no film has: non-finite, negative, or of a mode that grows.
@@ -136,6 +143,9 @@ impl fmt::Display for LawError {
             ),
             Self::TooFewModes { modes, needed } => {
                 write!(f, "{modes} modes, but the model needs at least {needed}")
+            }
+            Self::HeadTooShort { head, needed } => {
+                write!(f, "a head of {head} increments, but the inertia reaches back over {needed}")
             }
             Self::NothingToSolve => f.write_str(
                 "nothing to solve: the stiffness of one step is 0, infinite or beyond the number type; check the units",

@@ -21,6 +21,7 @@ pub use control::{
     SensorSample, Statistics, Tracking, TrackingState, VoltageCommand,
 };
 pub use error::{ActuatorError, ControlError, Element, LawError, MAX_BRANCHES, ModelError};
+pub use kernel::Method;
 pub use law::{Coefficients, Compressed, Law, Memory, Options, State, Window};
 pub use model::{Chain, Maxwell, Preset, Springpot, Topology};
 /// The complex number of [`Maxwell::modulus`] and of the frequency responses, from the crate `num-complex`.

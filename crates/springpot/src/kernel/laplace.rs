@@ -10,6 +10,7 @@ use core::f64::consts::PI;
 use num_complex::Complex;
 
 use crate::complex;
+use crate::kernel::Method;
 use crate::kernel::power_series::{self, TERMS};
 use crate::model::Maxwell;
 
@@ -39,13 +40,14 @@ pub(crate) fn invert(t: f64, transform: impl Fn(Complex<f64>) -> Complex<f64>) -
 pub(crate) struct Kernel<'a> {
     model: &'a Maxwell,
     step_s: f64,
+    method: Method,
     head: [f64; TERMS],
 }
 
 impl<'a> Kernel<'a> {
     /// The kernel of `model` at `step_s`.
-    pub(crate) fn new(model: &'a Maxwell, step_s: f64) -> Self {
-        Self { model, step_s, head: power_series::relaxation_modulus(model, step_s) }
+    pub(crate) fn new(model: &'a Maxwell, step_s: f64, method: Method) -> Self {
+        Self { model, step_s, method, head: power_series::relaxation_modulus(model, step_s, method) }
     }
 
     /// The step in seconds.
@@ -61,7 +63,8 @@ impl<'a> Kernel<'a> {
     /// g_j: by power series while that is short, by the Laplace integral beyond.
     ///
     /// With ζ = e^{−σ} the coefficient integral of g(ζ) is an inverse Laplace integral in σ at "time" j, cut along
-    /// the negative real axis; the contour stays within |Im σ| < π for j > 6.
+    /// the negative real axis; the contour stays within |Im σ| < π for j > 6. What [`Method::Bdf2`] adds lies beyond |ζ| = 2,
+    /// outside the contour, and is below 2^−64.
     pub(crate) fn at(&self, j: usize) -> f64 {
         if let Some(&g) = self.head.get(j) {
             return g;
@@ -72,7 +75,11 @@ impl<'a> Kernel<'a> {
         invert(j, |sigma| {
             // 1 − e^{−σ}
             let difference = -complex::expm1(-sigma);
-            let ln_s = complex::ln(difference) - ln_step;
+            let ln_s = match self.method {
+                Method::Gl => complex::ln(difference) - ln_step,
+                // δ = (1 − ζ)(1 + (1 − ζ)/2)
+                Method::Bdf2 => complex::ln(difference) + complex::ln(difference * 0.5 + 1.0) - ln_step,
+            };
             self.model.modulus_of_ln(ln_s) / difference
         })
     }

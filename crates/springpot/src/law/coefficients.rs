@@ -1,11 +1,12 @@
 //! A law in numbers: computed where there is a fast processor, run where there is none.
 
 use crate::error::LawError;
+use crate::kernel::Method;
 use crate::law::Law;
-use crate::law::compressed::{Compressed, Decay};
+use crate::law::compressed::{Compressed, Decay, INERTIA};
 use crate::scalar::Scalar;
 
-/// The numbers of a [`Law`] with a [`Compressed`] memory, apart from its step and the mass.
+/// The numbers of a [`Law`] with a [`Compressed`] memory, apart from its step, its method and the mass.
 ///
 /// Building a law evaluates its model a few thousand times in f64, which takes a controller about a second and 30 KiB of
 /// program. A host can do it instead and send these numbers; the law built from them is the same, bit for bit.
@@ -61,23 +62,39 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         Coefficients {
             instant: self.instant(),
             tail_error: memory.tail_error(),
-            head: memory.head,
+            head: memory.massless_head(),
             fast: memory.fast.map(|decay| (decay.loss, decay.weight)),
             slow: memory.slow.map(|decay| (decay.loss, decay.weight)),
         }
     }
 
-    /// The law of `coefficients` at step `step_s` (s) for a film that carries `mass_kg` (kg). The step must be the one that
-    /// the coefficients were computed for.
+    /// The law of `coefficients` with [`Method::Gl`]; see [`from_coefficients_with_method`](Self::from_coefficients_with_method).
+    ///
+    /// Coefficients of [`Method::Bdf2`] are taken as well: the modulus is then of second order and the inertia of first.
     ///
     /// # Errors
     ///
-    /// [`LawError::Step`], [`LawError::Coefficient`] for values that no film has (non-finite, modes that grow or have a
-    /// negative weight), and [`LawError::NothingToSolve`].
+    /// As there.
     pub fn from_coefficients(
         coefficients: &Coefficients<T, HEAD, FAST, SLOW>,
         step_s: f64,
         mass_kg: f64,
+    ) -> Result<Self, LawError> {
+        Self::from_coefficients_with_method(coefficients, step_s, mass_kg, Method::Gl)
+    }
+
+    /// The law of `coefficients` at step `step_s` (s) for a film that carries `mass_kg` (kg). Step and
+    /// `method` must be those that the coefficients were computed for.
+    ///
+    /// # Errors
+    ///
+    /// [`LawError::Step`], [`LawError::Coefficient`] for values that no film has (non-finite, modes that grow or have a
+    /// negative weight), [`LawError::HeadTooShort`] and [`LawError::NothingToSolve`].
+    pub fn from_coefficients_with_method(
+        coefficients: &Coefficients<T, HEAD, FAST, SLOW>,
+        step_s: f64,
+        mass_kg: f64,
+        method: Method,
     ) -> Result<Self, LawError> {
         let &Coefficients { instant, tail_error, head, fast, slow } = coefficients;
         if !(step_s.is_finite() && step_s > 0.0) {
@@ -99,8 +116,9 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
             }
         }
         let decay = |(loss, weight)| Decay { loss, weight };
-        let memory = Compressed { head, fast: fast.map(decay), slow: slow.map(decay), tail_error };
-        Self::from_memory(step_s, instant, mass_kg, memory)
+        let massless = [T::ZERO; INERTIA];
+        let memory = Compressed { head, fast: fast.map(decay), slow: slow.map(decay), tail_error, massless };
+        Self::of_film(step_s, instant, mass_kg, memory, method)
     }
 }
 

@@ -15,6 +15,7 @@ use num_complex::Complex;
 
 use crate::actuator::Load;
 use crate::error::LawError;
+use crate::kernel::Method;
 use crate::scalar::Scalar;
 
 pub(crate) use state_traits::state_traits;
@@ -69,6 +70,10 @@ mod sealed {
 ///
 /// [`displacement`](Law::displacement) solves it for Δx_k (creep, observer), [`force`](Law::force) for F_k (relaxation,
 /// feedforward). Solving for the change of the increment keeps the digits of a small stiffness beside a large m/h².
+///
+/// With [`Method::Bdf2`] s = (1 − ζ)(3 − ζ)/2h instead. g then has other values, and the inertia is
+/// `(m/4h²)(9 Δx_k − 15 Δx_{k−1} + 7 Δx_{k−2} − Δx_{k−3})`: of these, 9 is in the stiffness and the rest in the head's weights.
+///
 /// [`Compressed`] says how the sum over all the past takes constant time.
 ///
 /// ```
@@ -97,8 +102,9 @@ pub struct Law<T, M = crate::Compressed<T>> {
     step_s: f64,
     /// g_0, N/m.
     instant: f64,
-    /// g_0 + m/h², N/m.
+    /// g_0 + m/h², or what the method has instead of m/h², N/m.
     stiffness: T,
+    method: Method,
     memory: M,
 }
 
@@ -134,13 +140,20 @@ pub struct State<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
 state_traits!(State<T, M> { position, position_surplus, increment, base, history });
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
-    pub(crate) fn from_memory(step_s: f64, instant: f64, mass_kg: f64, memory: M) -> Result<Self, LawError> {
-        let stiffness = T::from_f64(instant + mass_kg / (step_s * step_s));
+    pub(crate) fn from_memory(
+        step_s: f64,
+        instant: f64,
+        mass_kg: f64,
+        memory: M,
+        method: Method,
+    ) -> Result<Self, LawError> {
+        let (inertia, _) = method.inertia();
+        let stiffness = T::from_f64(instant + inertia * (mass_kg / (step_s * step_s)));
         let (held, inverse) = (stiffness.to_f64(), T::from_f64(1.0 / stiffness.to_f64()).to_f64());
         if !(held.is_finite() && held > 0.0 && inverse.is_finite() && inverse > 0.0) {
             return Err(LawError::NothingToSolve);
         }
-        Ok(Self { step_s, instant, stiffness, memory })
+        Ok(Self { step_s, instant, stiffness, method, memory })
     }
 
     /// The step h in seconds.
@@ -149,7 +162,13 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         self.step_s
     }
 
-    /// Force per displacement within one step, g_0 + m/h², in N/m.
+    /// How s is discretised.
+    #[must_use]
+    pub fn method(&self) -> Method {
+        self.method
+    }
+
+    /// Force per displacement within one step, g_0 + m/h² (with [`Method::Bdf2`] g_0 + 9m/4h²), in N/m.
     #[must_use]
     pub fn stiffness(&self) -> T {
         self.stiffness

@@ -98,7 +98,7 @@ impl<const HEAD: usize> Creep<HEAD> {
     ) -> Self {
         let mut head = [0.0; TERMS];
         head[0] = law.instant();
-        for (slot, weight) in head[1..].iter_mut().zip(&law.memory().head) {
+        for (slot, weight) in head[1..].iter_mut().zip(law.memory().massless_head()) {
             *slot = weight.to_f64();
         }
         head[1] -= head[0];

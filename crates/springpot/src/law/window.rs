@@ -3,6 +3,7 @@
 use num_complex::Complex;
 
 use crate::error::LawError;
+use crate::kernel::Method;
 use crate::kernel::laplace::Kernel;
 use crate::law::{Law, Memory, State};
 use crate::model::Maxwell;
@@ -64,7 +65,7 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Law<T, Window<T, B>> {
             return Err(LawError::Step(step_s));
         }
         let mut weights = storage;
-        let kernel = Kernel::new(model, step_s);
+        let kernel = Kernel::new(model, step_s, Method::Gl);
         let length = weights.as_ref().len();
         for (j, weight) in (1..).zip(weights.as_mut()) {
             *weight = T::from_f64(kernel.at(j));
@@ -72,7 +73,7 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Law<T, Window<T, B>> {
         let first = weights.as_mut().first_mut().ok_or(LawError::EmptyWindow)?;
         *first = T::from_f64(kernel.at(0) + kernel.at(1));
         let before = T::from_f64(kernel.at(length + 1));
-        Self::from_memory(step_s, kernel.at(0), model.mass_kg(), Window { weights, before })
+        Self::from_memory(step_s, kernel.at(0), model.mass_kg(), Window { weights, before }, Method::Gl)
     }
 
     /// A state at rest at x = 0, in `storage` for as many increments as the window has.

@@ -6,14 +6,14 @@ use springpot::{Law, Maxwell, Options, Preset, Springpot, Topology};
 
 use crate::support::models::paper_force;
 
-struct Row {
-    model: String,
-    input: String,
-    time_s: f64,
-    displacement_m: f64,
+pub struct Row {
+    pub model: String,
+    pub input: String,
+    pub time_s: f64,
+    pub displacement_m: f64,
 }
 
-fn oracle() -> Vec<Row> {
+pub fn oracle() -> Vec<Row> {
     include_str!("../oracle/continuous.csv")
         .lines()
         .filter(|line| !line.starts_with('#') && !line.starts_with("model,"))
@@ -29,7 +29,7 @@ fn oracle() -> Vec<Row> {
         .collect()
 }
 
-fn model(name: &str) -> Maxwell {
+pub fn model(name: &str) -> Maxwell {
     match name {
         "sp" => Maxwell::new(Springpot::new(62_740.0, 0.2), &[], Topology::Eq11, 0.0).expect("valid"),
         "n1" => Preset::named("table3-n1").expect("a preset").model().expect("valid"),

@@ -11,6 +11,7 @@ mod laws;
 mod observer;
 mod passivity;
 mod responses;
+mod second_order;
 #[cfg(feature = "serde")]
 mod serde_formats;
 mod single_precision;

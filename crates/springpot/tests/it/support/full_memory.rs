@@ -14,7 +14,7 @@ pub struct FullMemory {
     points: usize,
     /// ln r.
     ln_radius: f64,
-    /// ln((1 − ζ)/h) on the upper half circle.
+    /// ln s on the upper half circle, (1 − ζ)/h or what the method has instead.
     ln_s: Vec<Complex<f64>>,
 }
 
@@ -24,12 +24,22 @@ impl FullMemory {
     /// With p points and N samples what wraps around shrinks by r^p and rounding grows by r^−N. Both are equal for
     /// ln r = ln ε / (p + N); with p ≥ 4 N that leaves 1e-12.
     pub fn new(samples: usize, step_s: f64) -> Self {
+        Self::discretised(samples, step_s, |difference| difference.ln())
+    }
+
+    /// The same for s = (3 − 4ζ + ζ²)/2h = (1 − ζ)(1 + (1 − ζ)/2)/h instead of (1 − ζ)/h.
+    pub fn of_second_order(samples: usize, step_s: f64) -> Self {
+        Self::discretised(samples, step_s, |difference| difference.ln() + (0.5 * difference + 1.0).ln())
+    }
+
+    /// `ln_delta` is the logarithm of h s, from 1 − ζ.
+    fn discretised(samples: usize, step_s: f64, ln_delta: impl Fn(Complex<f64>) -> Complex<f64>) -> Self {
         let points = (4 * samples).next_power_of_two();
         let ln_radius = f64::EPSILON.ln() / (points + samples) as f64;
         let ln_s = (0..=points / 2)
             .map(|k| {
                 let ln_zeta = Complex::new(ln_radius, -std::f64::consts::TAU * k as f64 / points as f64);
-                (minus_expm1(ln_zeta) / step_s).ln()
+                ln_delta(minus_expm1(ln_zeta)) - step_s.ln()
             })
             .collect();
         Self { samples, points, ln_radius, ln_s }
