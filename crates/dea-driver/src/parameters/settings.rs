@@ -65,6 +65,9 @@ pub struct Parameters<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
 impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, FAST, SLOW> {
     /// A bench like the paper's around `actuator`, whose film steps `law`: an amplifier and a monitor of 1000:1 on 0 to 10 V,
     /// a sensor of 1 mm/V that reads 1 V at rest, [`Limits::bench`], [`Control::BENCH`], no name.
+    ///
+    /// Give it a law of [`Method::Gl`](springpot::Method::Gl). Parameters do not carry the method: of a law of second order the controller
+    /// would take the modulus, and add the inertia of first order.
     #[must_use]
     #[allow(clippy::cast_possible_truncation)] // the parameters are in single precision
     pub fn bench(law: &Law<f32, Compressed<f32, HEAD, FAST, SLOW>>, actuator: Actuator) -> Self {

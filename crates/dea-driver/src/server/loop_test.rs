@@ -13,7 +13,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
     ///
     /// # Errors
     ///
-    /// [`Refusal::State`] while the amplifier is enabled, and [`Reject::NoParameters`].
+    /// [`Refusal::State`](crate::Refusal::State) while the amplifier is enabled, and [`Reject::NoParameters`].
     pub fn rest(&mut self) -> Result<(), Denial> {
         let controller = self.disabled()?;
         controller.rest();
