@@ -43,19 +43,19 @@ impl Stages {
         done
     }
 
-    /// Runs two stages beside each other: neither keeps two cores busy alone.
-    fn run_both(
+    /// Runs a stage beside others: neither keeps two cores busy alone.
+    fn run_beside(
         &mut self,
-        (name, stage): (&'static str, impl FnOnce() -> Result<()>),
-        (beside_name, beside): (&'static str, impl FnOnce() -> Result<()> + Send),
+        (name, stage): (&'static str, impl FnOnce() -> Result<()> + Send),
+        others: impl FnOnce(&mut Self) -> Result<()>,
     ) -> Result<()> {
         std::thread::scope(|scope| {
             let thread = scope.spawn(|| {
                 let mut stages = Self::begin();
-                stages.run(beside_name, beside).map(|()| stages)
+                stages.run(name, stage).map(|()| stages)
             });
-            let done = self.run(name, stage);
-            let beside = thread.join().map_err(|_| format!("{beside_name}: panicked"))?;
+            let done = others(self);
+            let beside = thread.join().map_err(|_| format!("{name}: panicked"))?;
             self.passed.extend(beside?.passed);
             done
         })
@@ -76,15 +76,15 @@ pub fn run() -> Result<()> {
     let mut stages = Stages::begin();
     let toolchain = stages.run("tools", setup::run)?;
     stages.run("format", || run_command(cargo(&["fmt", "--all", "--check"])))?;
-    stages.run("lint", lint)?;
-    stages.run("features", features)?;
-    stages.run("documentation", documentation)?;
-    stages.run("packages", packages::run)?;
-    stages.run("libraries on chips", || embedded::libraries(&toolchain))?;
-    stages.run_both(
-        ("test builds", || run_command(tests(&[QEMU.as_slice(), &["--no-run"]].concat()))),
-        ("images, and steps on chips", || firmware::images(&toolchain).and_then(|()| embedded::run(&toolchain))),
-    )?;
+    let images = || firmware::images(&toolchain).and_then(|()| embedded::run(&toolchain));
+    stages.run_beside(("images, and steps on chips", images), |stages| {
+        stages.run("lint", lint)?;
+        stages.run("features", features)?;
+        stages.run("documentation", documentation)?;
+        stages.run("packages", packages::run)?;
+        stages.run("libraries on chips", || embedded::libraries(&toolchain))?;
+        stages.run("test builds", || run_command(tests(&[QEMU.as_slice(), &["--no-run"]].concat())))
+    })?;
     // One program after another, so that neither emulators nor boards that tick in real time share the machine with fits.
     stages.run("tests, firmware in QEMU included", || run_command(tests(&QEMU)))?;
     stages.run("tests with micromath", micromath)?;
