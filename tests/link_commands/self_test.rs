@@ -1,18 +1,18 @@
 //! `host-sim link self-test` on a board that runs in this process: sound, and with what newcomers meet.
 
 use std::io::{BufRead, BufReader};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 
 use dea_driver::wire::Part;
 use serde_json::Value;
 use tests::virtual_board::{Scene, VirtualBoard};
 
-use crate::TOOL;
+use crate::{TOOL, upload};
 
 /// A self-test of a board with parameters: the checks that failed, with what was found, and the highest voltage commanded.
 fn failed(scene: Scene, more: &[&str]) -> (Vec<(String, String)>, f32) {
     let board = VirtualBoard::start(scene);
-    TOOL.json(&["link", "--port", &board.port, "upload", "--params", "preset:table3-n2", "--bench"]);
+    upload(&board);
     let all = [["link", "--port", &board.port, "self-test", "--json"].as_slice(), more].concat();
     let output = TOOL.with(&all).output().expect("runs");
     let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
@@ -83,7 +83,7 @@ fn what_shows_only_while_it_is_enabled_is_found() {
 #[test]
 fn it_ends_in_a_table() {
     let board = VirtualBoard::start(Scene { interlock_closed: false, ..Scene::CALM });
-    TOOL.json(&["link", "--port", &board.port, "upload", "--params", "preset:table3-n2", "--bench"]);
+    upload(&board);
     let output = TOOL.with(&["link", "--port", &board.port, "self-test"]).assert().code(2).get_output().clone();
     let (table, line) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(table.lines().any(|line| line.starts_with("FAILED  interlock ")), "{table}");
@@ -99,11 +99,9 @@ fn said(lines: &mut impl Iterator<Item = std::io::Result<String>>, what: &str) {
     assert!(found.is_some(), "{what:?} was never said");
 }
 
-/// A hand opens the interlock while the amplifier is enabled, and closes it again.
-#[test]
-fn the_interlock_is_tried_by_hand() {
-    let board = VirtualBoard::start(Scene::CALM);
-    TOOL.json(&["link", "--port", &board.port, "upload", "--params", "preset:table3-n2", "--bench"]);
+/// A self-test that waits for the interlock to be opened, and what else it will say on standard error.
+fn waiting_for_a_hand(board: &VirtualBoard) -> (Child, impl Iterator<Item = std::io::Result<String>>) {
+    upload(board);
     let mut test = Command::new(TOOL.0)
         .args(["link", "--port", &board.port, "--json", "self-test", "--interlock"])
         .stdout(Stdio::piped())
@@ -112,6 +110,14 @@ fn the_interlock_is_tried_by_hand() {
         .expect("runs");
     let mut lines = BufReader::new(test.stderr.take().expect("piped")).lines();
     said(&mut lines, "open the interlock now");
+    (test, lines)
+}
+
+/// A hand opens the interlock while the amplifier is enabled, and closes it again.
+#[test]
+fn the_interlock_is_tried_by_hand() {
+    let board = VirtualBoard::start(Scene::CALM);
+    let (test, mut lines) = waiting_for_a_hand(&board);
     board.open_interlock(true);
     said(&mut lines, "close it again");
     board.open_interlock(false);
@@ -127,15 +133,7 @@ fn the_interlock_is_tried_by_hand() {
 #[test]
 fn ctrl_c_is_no_pass() {
     let board = VirtualBoard::start(Scene::CALM);
-    TOOL.json(&["link", "--port", &board.port, "upload", "--params", "preset:table3-n2", "--bench"]);
-    let mut test = Command::new(TOOL.0)
-        .args(["link", "--port", &board.port, "--json", "self-test", "--interlock"])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("runs");
-    let mut lines = BufReader::new(test.stderr.take().expect("piped")).lines();
-    said(&mut lines, "open the interlock now");
+    let (test, mut lines) = waiting_for_a_hand(&board);
     assert!(Command::new("kill").args(["-INT", &test.id().to_string()]).status().expect("runs").success());
     said(&mut lines, "stopped by Ctrl-C");
     let output = test.wait_with_output().expect("ends");
@@ -148,7 +146,7 @@ fn ctrl_c_is_no_pass() {
 #[test]
 fn a_trip_ends_it() {
     let board = VirtualBoard::start(Scene { opens_above_v: Some(30.0), ..Scene::CALM });
-    TOOL.json(&["link", "--port", &board.port, "upload", "--params", "preset:table3-n2", "--bench"]);
+    upload(&board);
     let output = TOOL.with(&["link", "--port", &board.port, "self-test"]).assert().code(2).get_output().clone();
     let line = String::from_utf8_lossy(&output.stderr);
     assert!(line.contains("tripped (Interlock)"), "{line}");
