@@ -57,6 +57,8 @@ impl Subject {
         };
         let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ())?.candidate;
         let parameters = Parameters {
+            curve: None,
+            method: springpot::Method::Gl,
             name: name.into(),
             actuator: candidate.actuator,
             model: candidate.model()?,

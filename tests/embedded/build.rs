@@ -37,6 +37,8 @@ fn constant<const H: usize, const F: usize, const S: usize>(
     sizes: &str,
     coefficients: &Coefficients<f32, H, F, S>,
 ) -> String {
-    // What Debug prints is the expression itself.
-    format!("static {name}: Coefficients<f32, {sizes}> = {coefficients:?};\n")
+    // What Debug prints is the expression itself, but for the two fields that are no numbers.
+    let expression = format!("{coefficients:?}").replace("method: Gl", "method: springpot::Method::Gl");
+    let expression = expression.replace("curve: []", "curve: heapless::Vec::new()");
+    format!("static {name}: Coefficients<f32, {sizes}> = {expression};\n")
 }

@@ -56,8 +56,12 @@ pub struct Actuator {
     /// The weight that hangs on the film, and its inertia, kg; zero in a test machine, which carries it.
     pub mass_kg: f64,
     /// κ in 1/m: a film of constant volume and width thins as it lengthens, so that the force grows with 1 + κ x. Zero
-    /// is Eq. 1.
+    /// is Eq. 1. Negative where a fit finds that the force falls.
     pub stretch_coupling: f64,
+    /// V_s in V: the force saturates as V² / (1 + (V/V_s)²), as in zipping actuators, films with lossy electrodes and films whose
+    /// instantaneous elasticity stiffens. None is Eq. 1.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub saturation_v: Option<f64>,
     /// When the weight begins to act.
     pub preload: Preload,
 }
@@ -71,6 +75,7 @@ impl Actuator {
         thickness_m: 160e-6,
         mass_kg: 0.316,
         stretch_coupling: 0.0,
+        saturation_v: None,
         preload: Preload::Settled,
     };
 
@@ -78,6 +83,24 @@ impl Actuator {
     #[must_use]
     pub fn force_per_square_volt(&self) -> f64 {
         EPSILON_0 * self.relative_permittivity * self.length_m * self.width_m / (self.thickness_m * self.thickness_m)
+    }
+
+    /// 1/V_s² in 1/V²: zero where nothing saturates.
+    #[must_use]
+    pub fn saturation(&self) -> f64 {
+        self.saturation_v.map_or(0.0, |volts| 1.0 / (volts * volts))
+    }
+
+    /// The squared voltage that Eq. 1 would need for the force of `squared_voltage` (V²): V² / (1 + (V/V_s)²), V².
+    #[must_use]
+    pub fn saturated(&self, squared_voltage: f64) -> f64 {
+        squared_voltage / (1.0 + squared_voltage * self.saturation())
+    }
+
+    /// Electrostatic force under `voltage_v` (V, either sign) at x = 0, N.
+    #[must_use]
+    pub fn electrostatic_force(&self, voltage_v: f64) -> f64 {
+        self.force_per_square_volt() * self.saturated(voltage_v * voltage_v)
     }
 
     /// The weight's share of the force on the film, N: m g from the start, or zero if it has settled.
@@ -90,10 +113,10 @@ impl Actuator {
     }
 
     /// Force on the film in N under `voltage_v` (V, either sign) at `displacement_m` (m), the weight included: Eq. 1 with
-    /// coupling,
+    /// coupling and saturation,
     ///
     /// ```text
-    /// F = ε₀ ε_r l₁ l₂ / l₃² · V² (1 + κ x) + preload
+    /// F = ε₀ ε_r l₁ l₂ / l₃² · V² / (1 + (V/V_s)²) · (1 + κ x) + preload
     /// ```
     ///
     /// In f64, for a host. A controller computes the same in its own arithmetic with [`VoltageDrive`].
@@ -112,11 +135,12 @@ impl Actuator {
     /// ```
     #[must_use]
     pub fn force(&self, voltage_v: f64, displacement_m: f64) -> f64 {
-        self.force_per_square_volt() * voltage_v * voltage_v * self.thinning(displacement_m) + self.preload_n()
+        self.electrostatic_force(voltage_v) * self.thinning(displacement_m) + self.preload_n()
     }
 
     /// The squared voltage in V² that exerts `force_n` (N, weight included) on the film at `displacement_m` (m): the inverse
-    /// of [`force`](Self::force). Negative for a force below that at 0 V, which no voltage gives.
+    /// of [`force`](Self::force). Negative for a force below that at 0 V, which no voltage gives; infinite for one at or above that
+    /// at which the actuator saturates.
     ///
     /// ```
     /// use springpot::Actuator;
@@ -130,7 +154,9 @@ impl Actuator {
     pub fn squared_voltage(&self, force_n: f64, displacement_m: f64) -> f64 {
         // 1 + κ x ≤ 0 is beyond the model: the force needs an unbounded voltage there.
         let thinning = self.thinning(displacement_m).max(1e-9);
-        (force_n - self.preload_n()) / (self.force_per_square_volt() * thinning)
+        let unsaturated = (force_n - self.preload_n()) / (self.force_per_square_volt() * thinning);
+        let left = 1.0 - unsaturated * self.saturation();
+        if left > 0.0 { unsaturated / left } else { f64::INFINITY }
     }
 
     /// The voltage in V (≥ 0) that exerts `force_n` (N, weight included) on the film at `displacement_m` (m); 0 V for a force
@@ -169,7 +195,7 @@ impl Actuator {
     /// displacement.
     #[must_use]
     pub fn load(&self, voltage_v: f64) -> Load<f64> {
-        let electrostatic = self.force_per_square_volt() * voltage_v * voltage_v;
+        let electrostatic = self.electrostatic_force(voltage_v);
         Load { force: electrostatic + self.preload_n(), slope: electrostatic * self.stretch_coupling }
     }
 
@@ -183,7 +209,7 @@ impl Actuator {
     ///
     /// # Errors
     ///
-    /// [`ActuatorError::NotPositive`], [`ActuatorError::Mass`] or [`ActuatorError::Coupling`].
+    /// [`ActuatorError::NotPositive`], [`ActuatorError::Mass`], [`ActuatorError::Coupling`] or [`ActuatorError::Saturation`].
     pub fn check(&self) -> Result<(), ActuatorError> {
         let values = [
             ("relative_permittivity", self.relative_permittivity),
@@ -197,8 +223,14 @@ impl Actuator {
         if !(self.mass_kg.is_finite() && self.mass_kg >= 0.0) {
             return Err(ActuatorError::Mass(self.mass_kg));
         }
-        if !(self.stretch_coupling.is_finite() && self.stretch_coupling >= 0.0) {
+        if !self.stretch_coupling.is_finite() {
             return Err(ActuatorError::Coupling(self.stretch_coupling));
+        }
+        // 1/V_s² must be a number as well.
+        if let Some(volts) = self.saturation_v
+            && !(volts.is_finite() && volts > 0.0 && self.saturation().is_finite())
+        {
+            return Err(ActuatorError::Saturation(volts));
         }
         Ok(())
     }
@@ -238,6 +270,8 @@ pub struct Load<T> {
 pub struct VoltageDrive<T> {
     force_per_square_volt: T,
     coupling: T,
+    /// 1/V_s², 1/V².
+    saturation: T,
     preload: T,
     max_voltage: T,
 }
@@ -256,7 +290,7 @@ impl<T: Real> VoltageDrive<T> {
         if !(max_voltage_v.is_finite() && max_voltage_v > 0.0) {
             return Err(ActuatorError::NotPositive { quantity: "max_voltage_v", value: max_voltage_v });
         }
-        let largest = actuator.force_per_square_volt() * max_voltage_v * max_voltage_v;
+        let largest = actuator.electrostatic_force(max_voltage_v);
         if !(largest.is_finite() && T::from_f64(largest).to_f64().is_finite()) {
             return Err(ActuatorError::NotPositive { quantity: "force at max_voltage_v", value: largest });
         }
@@ -268,6 +302,7 @@ impl<T: Real> VoltageDrive<T> {
         Ok(Self {
             force_per_square_volt: T::from_f64(actuator.force_per_square_volt()),
             coupling: T::from_f64(actuator.stretch_coupling),
+            saturation: T::from_f64(actuator.saturation()),
             preload: T::from_f64(actuator.preload_n()),
             max_voltage: T::from_f64(max_voltage_v),
         })
@@ -284,19 +319,21 @@ impl<T: Real> VoltageDrive<T> {
         } else {
             voltage
         };
-        let electrostatic = self.force_per_square_volt * voltage * voltage;
+        let square = voltage * voltage;
+        let electrostatic = self.force_per_square_volt * voltage * voltage / (T::from_f64(1.0) + square * self.saturation);
         Load { force: electrostatic + self.preload, slope: electrostatic * self.coupling }
     }
 
     /// The voltage (V, ≥ 0) that exerts `force` (N, weight included) on the film at `displacement` (m); 0 V for forces
-    /// below that of 0 V. Not clamped to the largest voltage.
+    /// below that of 0 V, infinite for one at or above that at which the actuator saturates. Not clamped to the largest voltage.
     #[inline]
     #[must_use]
     pub fn voltage(&self, force: T, displacement: T) -> T {
         let electrostatic = force - self.preload;
-        let per_square_volt = self.force_per_square_volt + self.force_per_square_volt * self.coupling * displacement;
-        if electrostatic > T::ZERO && per_square_volt > T::ZERO {
-            (electrostatic / per_square_volt).sqrt()
+        let thinned = self.force_per_square_volt + self.force_per_square_volt * self.coupling * displacement;
+        let per_square_volt = thinned - electrostatic * self.saturation;
+        if electrostatic > T::ZERO && thinned > T::ZERO {
+            if per_square_volt > T::ZERO { (electrostatic / per_square_volt).sqrt() } else { T::from_f64(f64::INFINITY) }
         } else {
             T::ZERO
         }

@@ -117,6 +117,8 @@ pub enum LawError {
     NothingToSolve,
     /// A coefficient that no film has: non-finite, negative, or of a mode that grows.
     Coefficient(&'static str),
+    /// An elastic curve that was refused.
+    Curve(CurveError),
     /// No samples were given for a window.
     EmptyWindow,
     /// Storage for a window's state of another length than its weights.
@@ -151,6 +153,7 @@ impl fmt::Display for LawError {
                 "nothing to solve: the stiffness of one step is 0, infinite or beyond the number type; check the units",
             ),
             Self::Coefficient(which) => write!(f, "{which} of the law must be finite, and what relaxes must decay"),
+            Self::Curve(error) => write!(f, "{error}"),
             Self::EmptyWindow => f.write_str("a window needs at least one sample"),
             Self::Storage { given, needed } => {
                 write!(f, "storage of {given} samples for a window of {needed}")
@@ -160,6 +163,83 @@ impl fmt::Display for LawError {
 }
 
 impl core::error::Error for LawError {}
+
+impl From<CurveError> for LawError {
+    fn from(error: CurveError) -> Self {
+        Self::Curve(error)
+    }
+}
+
+/// Why an elastic [`Curve`](crate::Curve) was refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum CurveError {
+    /// So many knots: a curve has 2 to 17.
+    Knots(usize),
+    /// A knot that is not finite, or not to the right of the one before it.
+    Knot {
+        /// Its index, from 0.
+        index: usize,
+    },
+    /// A range that does not hold the displacement 0.
+    Range {
+        /// Its lower end, m.
+        low_m: f64,
+        /// Its upper end, m.
+        high_m: f64,
+    },
+    /// The value at 0 is not 0, or the slope there not 1.
+    AtRest {
+        /// The value at 0, m.
+        value_m: f64,
+        /// The slope at 0.
+        slope: f64,
+    },
+    /// A curve that does not rise.
+    NotMonotone {
+        /// Where it rises least, m.
+        displacement_m: f64,
+        /// Its slope there; that at rest is 1.
+        slope: f64,
+    },
+    /// A share, a limit, a rest stretch or a free length that is not finite and positive.
+    Rubber,
+    /// A stretch at which Gent's chains are taut, or the film has no length.
+    Taut {
+        /// Where, m.
+        displacement_m: f64,
+        /// The stretch there.
+        stretch: f64,
+    },
+}
+
+impl fmt::Display for CurveError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Knots(knots) => write!(f, "{knots} knots; an elastic curve has 2 to 17"),
+            Self::Knot { index } => {
+                write!(f, "knot {} must be finite, and its displacement larger than that of the one before", index + 1)
+            }
+            Self::Range { low_m, high_m } => {
+                write!(f, "the elastic curve reaches from {low_m} m to {high_m} m; it must hold 0, where the film rests")
+            }
+            Self::AtRest { value_m, slope } => {
+                write!(f, "the elastic curve has the value {value_m} m and the slope {slope} at 0; they must be 0 and 1")
+            }
+            Self::NotMonotone { displacement_m, slope } => {
+                write!(f, "the elastic curve must rise: its slope is {slope:.4} at {displacement_m:.6} m, at rest 1")
+            }
+            Self::Rubber => f.write_str("share, limit, rest_stretch and free_length_m must be finite and greater than 0"),
+            Self::Taut { displacement_m, stretch } => write!(
+                f,
+                "at {displacement_m:.6} m the film has the stretch {stretch:.4}, where its chains are taut or it has no length"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for CurveError {}
 
 /// Why an [`Actuator`](crate::Actuator) or a [`VoltageDrive`](crate::VoltageDrive) was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -175,8 +255,10 @@ pub enum ActuatorError {
     },
     /// A mass that is not finite or is negative (kg).
     Mass(f64),
-    /// A stretch coupling that is not finite or is negative (1/m).
+    /// A stretch coupling that is not finite (1/m).
     Coupling(f64),
+    /// A saturation voltage that is not finite and greater than 0 (V).
+    Saturation(f64),
     /// Pull-in within one step: the electrostatic pull exceeds the film's stiffness of one step.
     PullIn {
         /// Stiffness of the electrostatic pull at the largest voltage, N/m.
@@ -194,8 +276,9 @@ impl fmt::Display for ActuatorError {
             }
             Self::Mass(mass) => write!(f, "mass_kg = {mass} must be finite and not negative"),
             Self::Coupling(coupling) => {
-                write!(f, "stretch_coupling = {coupling} must be finite and not negative (1/m)")
+                write!(f, "stretch_coupling = {coupling} must be finite (1/m)")
             }
+            Self::Saturation(volts) => write!(f, "saturation_v = {volts} must be finite and greater than 0 (V)"),
             Self::PullIn { pull, stiffness } => write!(
                 f,
                 "pull-in: the electrostatic pull of {pull:.3e} N/m at the largest voltage overcomes the film's \

@@ -9,6 +9,7 @@
 mod actuator;
 mod complex;
 mod control;
+mod curve;
 mod error;
 mod kernel;
 mod law;
@@ -20,7 +21,8 @@ pub use control::{
     Applied, CommandLimits, Feedforward, FeedforwardState, Limited, Observer, ObserverOptions, ObserverState,
     SensorSample, Statistics, Tracking, TrackingState, VoltageCommand,
 };
-pub use error::{ActuatorError, ControlError, Element, LawError, MAX_BRANCHES, ModelError};
+pub use curve::{Curve, Knot, MAX_KNOTS, Rubber};
+pub use error::{ActuatorError, ControlError, CurveError, Element, LawError, MAX_BRANCHES, ModelError};
 pub use kernel::Method;
 pub use law::{Coefficients, Compressed, Law, Memory, Options, State, Window};
 pub use model::{Chain, Maxwell, Preset, Springpot, Topology};

@@ -5,7 +5,8 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A number that a [`Law`](crate::Law) can step with.
 ///
-/// A step only adds, subtracts, multiplies and divides, so any type with those four operations will do: `f32` on a
+/// A step only adds, subtracts, multiplies and divides (and with an elastic curve compares), so any type with those four operations
+/// will do: `f32` on a
 /// microcontroller, `f64` on a host, or a dual number that carries derivatives through the recursion. No operation is
 /// ever fused or reordered, so one type gives the same bits on every machine with IEEE 754 arithmetic.
 pub trait Scalar:
@@ -19,6 +20,14 @@ pub trait Scalar:
 
     /// The value as `f64`, without derivatives: what is checked when a law is built.
     fn to_f64(self) -> f64;
+
+    /// Whether the value is less than `other`, as `f64` has it unless a type knows a faster way: which piece of an elastic curve a
+    /// step is on. False where either is NaN.
+    #[inline]
+    #[must_use]
+    fn is_below(self, other: Self) -> bool {
+        self.to_f64() < other.to_f64()
+    }
 }
 
 impl Scalar for f64 {
@@ -47,6 +56,11 @@ impl Scalar for f32 {
     #[inline]
     fn to_f64(self) -> f64 {
         f64::from(self)
+    }
+
+    #[inline]
+    fn is_below(self, other: Self) -> bool {
+        self < other
     }
 }
 

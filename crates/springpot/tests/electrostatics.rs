@@ -82,9 +82,14 @@ fn what_makes_no_actuator_is_refused() {
         let refused = new(Actuator { mass_kg: mass, ..good }, 6000.0);
         assert!(matches!(refused, Some(ActuatorError::Mass(_))));
     }
-    for coupling in [-1.0, f64::NAN, f64::INFINITY] {
+    for coupling in [f64::NEG_INFINITY, f64::NAN, f64::INFINITY] {
         let refused = new(Actuator { stretch_coupling: coupling, ..good }, 6000.0);
         assert!(matches!(refused, Some(ActuatorError::Coupling(_))));
+    }
+    assert_eq!(new(Actuator { stretch_coupling: -20.0, ..good }, 6000.0), None);
+    for volts in [0.0, -9e3, f64::NAN, 1e-200] {
+        let refused = new(Actuator { saturation_v: Some(volts), ..good }, 6000.0);
+        assert!(matches!(refused, Some(ActuatorError::Saturation(_))), "{volts} V");
     }
     // 140 N · κ against about 5e5 N/m of one step.
     let refused = new(Actuator { stretch_coupling: 1e5, ..good }, 6000.0);
@@ -111,4 +116,27 @@ fn square_root_is_as_good_as_documented() {
     assert!(worst <= allowed, "{worst:.2e}");
     assert_eq!(Real::sqrt(0f32), 0.0);
     assert!(Real::sqrt(-1f32).is_nan() && Real::sqrt(f32::NAN).is_nan());
+}
+
+#[test]
+fn a_saturating_actuator_gives_less_force_at_high_voltage_and_knows_where_it_ends() {
+    let actuator = Actuator { saturation_v: Some(5000.0), stretch_coupling: -30.0, ..Actuator::KARNER_2022 };
+    let plain = Actuator { saturation_v: None, ..actuator };
+    let drive = drive(&actuator);
+    for (volts, share) in [(0.0, 1.0), (500.0, 1.0 / 1.01), (5000.0, 0.5), (-5000.0, 0.5)] {
+        for x in [-1e-3, 0.0, 2e-3] {
+            let force = actuator.force(volts, x);
+            assert!((force - share * plain.force(volts, x)).abs() < 1e-12, "{volts} V");
+            let load = drive.load(volts);
+            assert!((load.force + load.slope * x - force).abs() < 1e-12);
+            assert!((actuator.load(volts).force - load.force).abs() < 1e-12);
+            assert!((drive.voltage(force, x) - volts.abs()).abs() < 1e-6);
+            assert!((actuator.voltage(force, x) - volts.abs()).abs() < 1e-6);
+        }
+    }
+    // More than B V_s² no voltage gives.
+    let most = actuator.force_per_square_volt() * 25e6;
+    assert!(drive.voltage(0.999 * most, 0.0) > 100e3);
+    assert_eq!(drive.voltage(1.001 * most, 0.0), f64::INFINITY);
+    assert_eq!(actuator.squared_voltage(1.001 * most, 0.0), f64::INFINITY);
 }

@@ -113,7 +113,7 @@ fn build_in<T: Real + Send + 'static>(
     parameters: &Parameters,
     settings: &ControllerSettings,
 ) -> Result<Box<dyn Controller + Send>> {
-    let law = compressed_law::<T>(&parameters.model, settings.rate_hz)?;
+    let law = compressed_law::<T>(parameters.film(), settings.rate_hz)?;
     let (actuator, limits) = (parameters.actuator, settings.limits);
     let spring = law.frequency_response(STATIC_HZ).inv().re;
     let one_spring = StaticInverse::new(&actuator, limits, spring);
@@ -125,7 +125,7 @@ fn build_in<T: Real + Send + 'static>(
         ControllerKind::Static => Box::new(one_spring),
         ControllerKind::Window => {
             let length = window_length(WINDOW_S, settings.rate_hz);
-            let (law, rest) = window_law::<T>(&parameters.model, law.step_s(), length)?;
+            let (law, rest) = window_law::<T>(parameters.film(), law.step_s(), length)?;
             let feedforward = Feedforward::new(law, &actuator, limits)?;
             let state = feedforward.state(rest);
             Box::new(FeedforwardController::<T, VecWindow<T>> { feedforward, state })

@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
+use crate::replay::memory::MethodName;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -19,6 +20,9 @@ pub(super) struct Arguments {
     /// Ticks per second of the controller.
     #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
     rate: f64,
+    /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
+    #[arg(long, value_enum, default_value_t = MethodName::Gl)]
+    method: MethodName,
     /// What is written: the blob itself, or a constant for a program.
     #[arg(long, value_enum, default_value_t = Emit::Blob)]
     emit: Emit,
@@ -46,7 +50,7 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let parameters = Parameters::load(&arguments.params)?;
+    let parameters = Parameters::load(&arguments.params)?.with_method(arguments.method.into());
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
     super::board_rate(arguments.rate)?;
     let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());

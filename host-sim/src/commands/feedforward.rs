@@ -10,7 +10,6 @@ use super::ModelOptions;
 use super::options::LimitOptions;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
-use crate::files::parameters::Parameters;
 use crate::grid::Grid;
 use crate::references;
 use crate::replay::feasibility::{self, Feasibility};
@@ -57,7 +56,7 @@ struct LimitShare {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
-    let parameters = Parameters::load(&arguments.model.params)?;
+    let parameters = arguments.model.parameters()?;
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
     let (reference, grid) = references::read(&arguments.reference, options.rate_hz)?;
     let about = |error: Error| error.about(&arguments.model.params, &arguments.reference);
@@ -143,6 +142,12 @@ fn verdict(check: &Feasibility) -> Vec<String> {
         lines.push(format!(
             "below 0 V {:.2} % of the time, above the largest voltage {:.2} %, first at {first:.3} s",
             check.below_zero_pct, check.above_largest_pct
+        ));
+    }
+    if check.beyond_curve_pct > 0.0 {
+        lines.push(format!(
+            "beyond the stroke that the film's elastic curve was measured over {:.2} % of the time; it goes on linearly there",
+            check.beyond_curve_pct
         ));
     }
     lines.push(match (check.least_offset_m, check.most_offset_m) {

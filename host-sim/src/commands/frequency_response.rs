@@ -54,7 +54,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
     let law = arguments
         .discrete
-        .then(|| memory::compressed_law::<f32>(&parameters.model, rate))
+        .then(|| memory::compressed_law::<f32>(parameters.film(), rate))
         .transpose()
         .map_err(|e| e.about(&arguments.params, &arguments.out))?;
     let frequency = arguments.frequencies();

@@ -26,7 +26,8 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::replay::memory::{MemoryChoice, Precision, RunOptions};
+use crate::files::parameters::Parameters;
+use crate::replay::memory::{MemoryChoice, MethodName, Precision, RunOptions};
 use crate::terminal;
 
 /// Creep compensation for dielectric elastomer actuators, on the bench.
@@ -91,6 +92,9 @@ struct ModelOptions {
     /// Steps per second.
     #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
     rate: f64,
+    /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
+    #[arg(long, value_enum, default_value_t = MethodName::Gl)]
+    method: MethodName,
     /// How much of the past the model remembers: compressed (as on the controller), full, or window:SECONDS.
     #[arg(long, value_name = "MEMORY", default_value = "compressed")]
     memory: MemoryChoice,
@@ -100,6 +104,11 @@ struct ModelOptions {
 }
 
 impl ModelOptions {
+    /// The parameters, stepped by the method.
+    fn parameters(&self) -> Result<Parameters> {
+        Ok(Parameters::load(&self.params)?.with_method(self.method.into()))
+    }
+
     fn run_options(&self) -> RunOptions {
         RunOptions { rate_hz: self.rate, memory: self.memory, precision: self.precision }
     }

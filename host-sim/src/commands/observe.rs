@@ -11,7 +11,7 @@ use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Input, Recording};
 use crate::grid::Grid;
-use crate::replay::memory::Precision;
+use crate::replay::memory::{MethodName, Precision};
 use crate::replay::observer::{self, Estimates, ObserverSummary};
 use crate::terminal;
 
@@ -36,6 +36,9 @@ pub(super) struct Arguments {
     /// Steps per second.
     #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
     rate: f64,
+    /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
+    #[arg(long, value_enum, default_value_t = MethodName::Gl)]
+    method: MethodName,
     /// Arithmetic of a step.
     #[arg(long, value_enum, default_value_t = Precision::F32)]
     precision: Precision,
@@ -52,7 +55,7 @@ struct Report {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     positive("--bandwidth", arguments.bandwidth)?;
     at_most("--adaptation", arguments.adaptation, 1e9)?;
-    let parameters = Parameters::load(&arguments.params)?;
+    let parameters = Parameters::load(&arguments.params)?.with_method(arguments.method.into());
     let recording = Recording::read(&arguments.recording)?;
     output::check(&arguments.out, &[&arguments.recording, arguments.params.as_ref()], Folders::Exist)?;
     let grid = recording.grid(arguments.rate)?;

@@ -10,6 +10,7 @@ use crate::bench::processor::{BitComparison, FirmwareLaw, ProcessorTest, Task, T
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
 use crate::link::Emulator;
+use crate::replay::memory::MethodName;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -26,6 +27,9 @@ pub(super) struct Arguments {
     /// Steps per second.
     #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
     rate: f64,
+    /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
+    #[arg(long, value_enum, default_value_t = MethodName::Gl)]
+    method: MethodName,
     /// Length of every file that is used; all of it if not given.
     #[arg(long, value_name = "SECONDS")]
     duration: Option<f64>,
@@ -67,7 +71,7 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let parameters = Parameters::load(&arguments.params)?;
+    let parameters = Parameters::load(&arguments.params)?.with_method(arguments.method.into());
     let rate_hz = super::board_rate(arguments.rate)?;
     if arguments.duration.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
         return Err(Error::option("--duration", "must be finite and greater than 0 s"));

@@ -10,7 +10,6 @@ use super::ModelOptions;
 use crate::agreement::Agreement;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
-use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::replay::comparison::Comparison;
 use crate::replay::simulate::Response;
@@ -74,7 +73,7 @@ impl Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
-    let parameters = Parameters::load(&arguments.model.params)?;
+    let parameters = arguments.model.parameters()?;
     // All are read before any is run: a bad one is refused at once.
     let recordings =
         arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<Recording>>>()?;

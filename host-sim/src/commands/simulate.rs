@@ -8,7 +8,6 @@ use serde::Serialize;
 use super::ModelOptions;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders};
-use crate::files::parameters::Parameters;
 use crate::files::recording::Recording;
 use crate::replay::simulate;
 use crate::terminal;
@@ -36,7 +35,7 @@ struct Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
-    let parameters = Parameters::load(&arguments.model.params)?;
+    let parameters = arguments.model.parameters()?;
     let recording = Recording::read(&arguments.profile)?;
     output::check(&arguments.out, &[&arguments.profile, arguments.model.params.as_ref()], Folders::Exist)?;
     let grid = recording.grid(options.rate_hz)?;

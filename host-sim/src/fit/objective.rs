@@ -9,7 +9,7 @@ use std::borrow::Cow;
 
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Actuator, Load};
+use springpot::{Actuator, Load, Method};
 
 use super::candidate::{Candidate, Variable};
 use super::observation::Observation;
@@ -361,7 +361,7 @@ fn circles(grids: &[Grid]) -> (Vec<FullMemory>, Vec<f64>) {
         if !steps.contains(&grid.step_s()) {
             let same = grids.iter().filter(|other| other.rate_hz == grid.rate_hz);
             let longest = same.map(|other| other.samples).max().unwrap_or(grid.samples);
-            circles.push(FullMemory::with_oversampling(longest, grid.step_s(), 2));
+            circles.push(FullMemory::with_oversampling(longest, grid.step_s(), 2, Method::Gl));
             steps.push(grid.step_s());
         }
     }

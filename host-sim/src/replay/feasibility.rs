@@ -1,7 +1,7 @@
 //! Whether a film can follow a reference at all, before any voltage is applied.
 
 use serde::Serialize;
-use springpot::{Actuator, CommandLimits, Preload};
+use springpot::{Actuator, CommandLimits, Law, Preload};
 
 use crate::error::Result;
 use crate::files::parameters::Parameters;
@@ -18,6 +18,8 @@ pub struct Feasibility {
     pub below_zero_pct: f64,
     /// Share of the time that needs more than the largest voltage or field, %.
     pub above_largest_pct: f64,
+    /// Share of the time beyond the stroke that the film's elastic curve was measured over, %: the curve goes on linearly there.
+    pub beyond_curve_pct: f64,
     /// First time at which either is needed, s.
     pub first_s: Option<f64>,
     /// Lowest electrostatic force that is needed, N.
@@ -48,20 +50,28 @@ const RISE_S: f64 = 2.0;
 pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &CommandLimits) -> Result<Feasibility> {
     let demand = Demand::new(parameters, reference, grid, limits)?;
     let below: Vec<bool> = demand.force.iter().map(|f| *f < -demand.slack).collect();
-    let above: Vec<bool> = (0..reference.len()).map(|k| demand.exceeds(k, 0.0)).collect();
+    let above: Vec<bool> = (0..reference.len()).map(|k| demand.exceeds(k, 0.0, demand.force[k])).collect();
     let share = |flags: &[bool]| 100.0 * flags.iter().filter(|flag| **flag).count() as f64 / flags.len() as f64;
+    let beyond: Vec<bool> = match &parameters.curve {
+        Some(curve) => {
+            let (low, high) = curve.pieces().range();
+            reference.iter().map(|x| !(low..=high).contains(x)).collect()
+        }
+        None => vec![false; reference.len()],
+    };
     let first = (0..reference.len()).find(|&k| below[k] || above[k]);
     let settled = ((RISE_S * grid.rate_hz) as usize).min(reference.len() - 1);
     let (low_m, high_m) = reference[settled..]
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)));
-    let least = demand.least_offset(&below);
+    let least = demand.least_offset(&below, low_m, high_m);
     let most_offset_m = demand.most_offset(low_m, high_m);
-    let square = (0..reference.len()).map(|k| demand.squared_voltage(k, 0.0)).fold(0.0, f64::max);
+    let square = (0..reference.len()).map(|k| demand.squared_voltage(k, 0.0, demand.force[k])).fold(0.0, f64::max);
     Ok(Feasibility {
         feasible: first.is_none(),
         below_zero_pct: share(&below),
         above_largest_pct: share(&above),
+        beyond_curve_pct: share(&beyond),
         first_s: first.map(|k| grid.time_s(k)),
         lowest_force_n: demand.force.iter().copied().fold(f64::INFINITY, f64::min),
         largest_voltage_v: square.sqrt(),
@@ -73,91 +83,138 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
 }
 
 /// What a reference with an offset asks of the actuator.
-///
-/// The force is linear in the path: that of an offset is the offset times the force of a rise to 1 m.
 struct Demand<'a> {
-    /// Without the weight, whose share is taken from `force`.
+    /// Without the weight, whose share is taken from the force.
     actuator: Actuator,
     limits: &'a CommandLimits,
     reference: &'a [f64],
     /// The rise of an offset, 0 to 1.
     rise: Vec<f64>,
+    law: Law<f64>,
+    /// The weight's share, N.
+    preload: f64,
     /// Electrostatic force along the reference, N.
     force: Vec<f64>,
-    /// Force per metre of offset, N/m.
-    per_offset: Vec<f64>,
+    /// Force per metre of offset, N/m: a linear film's force is linear in the path. None behind an elastic curve.
+    per_offset: Option<Vec<f64>>,
     /// Force below which a difference is rounding, N.
     slack: f64,
 }
 
 impl<'a> Demand<'a> {
     fn new(parameters: &Parameters, reference: &'a [f64], grid: Grid, limits: &'a CommandLimits) -> Result<Self> {
-        let law = compressed_law::<f64>(&parameters.model, grid.rate_hz)?;
+        let law = compressed_law::<f64>(parameters.film(), grid.rate_hz)?;
         parameters.actuator.check()?;
-        let actuator = Actuator { preload: Preload::Settled, ..parameters.actuator };
-        let preload = parameters.actuator.preload_n();
-        let force_along = |path: &[f64]| -> Vec<f64> {
-            let mut film = law.state();
-            path.iter().map(|&x| law.force(&mut film, x)).collect()
-        };
         let rise: Vec<f64> = (0..grid.samples).map(|k| minimum_jerk(grid.time_s(k) / RISE_S)).collect();
-        let force: Vec<f64> = force_along(reference).iter().map(|f| f - preload).collect();
-        let per_offset = force_along(&rise);
-        let largest = force.iter().fold(0.0, |largest: f64, f| largest.max(f.abs()));
-        Ok(Self { actuator, limits, reference, rise, force, per_offset, slack: 1e-9 * largest })
+        let per_offset = parameters.curve.is_none().then(|| force_along(&law, rise.iter().copied()));
+        let mut demand = Self {
+            actuator: Actuator { preload: Preload::Settled, ..parameters.actuator },
+            limits,
+            reference,
+            rise,
+            law,
+            preload: parameters.actuator.preload_n(),
+            force: Vec::new(),
+            per_offset,
+            slack: 0.0,
+        };
+        demand.force = demand.force_along_path(0.0);
+        let largest = demand.force.iter().fold(0.0, |largest: f64, f| largest.max(f.abs()));
+        demand.slack = 1e-9 * largest;
+        Ok(demand)
     }
 
     fn displacement(&self, k: usize, offset: f64) -> f64 {
         self.reference[k] + offset * self.rise[k]
     }
 
-    /// Squared voltage that sample `k` of the reference with `offset` (m) needs, V².
-    fn squared_voltage(&self, k: usize, offset: f64) -> f64 {
-        self.actuator.squared_voltage(self.force[k] + offset * self.per_offset[k], self.displacement(k, offset))
+    /// Electrostatic force (N) along the reference with `offset` (m), by the law.
+    fn force_along_path(&self, offset: f64) -> Vec<f64> {
+        let path = (0..self.reference.len()).map(|k| self.displacement(k, offset));
+        force_along(&self.law, path).into_iter().map(|force| force - self.preload).collect()
     }
 
-    /// Whether sample `k` of the reference with `offset` (m) needs more than the largest voltage or field.
-    fn exceeds(&self, k: usize, offset: f64) -> bool {
+    /// The same, by superposition where the film is linear.
+    fn force_with(&self, offset: f64) -> Vec<f64> {
+        match &self.per_offset {
+            Some(per_offset) => self.force.iter().zip(per_offset).map(|(f, more)| f + offset * more).collect(),
+            None => self.force_along_path(offset),
+        }
+    }
+
+    /// Squared voltage that sample `k` of the reference with `offset` (m) needs for `force` (N), V².
+    fn squared_voltage(&self, k: usize, offset: f64, force: f64) -> f64 {
+        self.actuator.squared_voltage(force, self.displacement(k, offset))
+    }
+
+    /// Whether sample `k` of the reference with `offset` (m) needs more than the largest voltage or field for `force` (N).
+    fn exceeds(&self, k: usize, offset: f64, force: f64) -> bool {
         let field = self.actuator.field_voltage(self.limits.max_field_v_per_m, self.displacement(k, offset));
         let largest = field.min(self.limits.max_voltage_v);
-        self.squared_voltage(k, offset) / (largest * largest) - 1.0 > 0.0
+        self.squared_voltage(k, offset, force) / (largest * largest) - 1.0 > 0.0
     }
 
-    /// The smallest offset (m) with which no sample needs a force below that at 0 V, given the samples that are below it without an offset.
-    fn least_offset(&self, below: &[bool]) -> f64 {
+    /// The smallest offset (m) with which no sample needs a force below that at 0 V, given the samples that are below it without an
+    /// offset, for a reference between `low` and `high` (m).
+    fn least_offset(&self, below: &[bool], low: f64, high: f64) -> f64 {
+        let Some(per_offset) = &self.per_offset else {
+            // The force grows with the offset: bisection.
+            let lacks = |offset: f64| self.force_with(offset).iter().any(|force| *force < -self.slack);
+            let reach = reach(low, high);
+            return if lacks(MOST_OFFSET_M.min(reach)) { f64::INFINITY } else { bisected(-reach, reach, lacks).1 };
+        };
         // Before the rise has an effect, the force must be positive by itself.
-        let effective = 1e-9 * self.per_offset.iter().copied().fold(0.0, f64::max);
+        let effective = 1e-9 * per_offset.iter().copied().fold(0.0, f64::max);
         (0..self.force.len())
-            .filter(|&k| self.per_offset[k] > effective || below[k])
+            .filter(|&k| per_offset[k] > effective || below[k])
             .map(|k| {
-                if self.per_offset[k] > effective {
-                    -(self.force[k] + self.slack) / self.per_offset[k]
-                } else {
-                    f64::INFINITY
-                }
+                if per_offset[k] > effective { -(self.force[k] + self.slack) / per_offset[k] } else { f64::INFINITY }
             })
             .fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// The largest offset (m) that stays within the largest voltage and field, for a reference between `low` and `high` (m).
     fn most_offset(&self, low: f64, high: f64) -> Option<f64> {
-        let fits = |offset: f64| (0..self.force.len()).all(|k| !self.exceeds(k, offset));
+        let fits = |offset: f64| {
+            let force = self.force_with(offset);
+            (0..force.len()).all(|k| !self.exceeds(k, offset, force[k]))
+        };
         // The voltage grows with the offset: bisection.
-        let reach = 10.0 * high.abs().max(high - low).max(1e-6);
+        let reach = reach(low, high);
         fits(-reach).then(|| {
-            let (mut enough, mut too_much) = (-reach, reach);
+            let mut too_much = reach;
             while fits(too_much) && too_much < MOST_OFFSET_M {
                 too_much *= 2.0;
             }
-            for _ in 0..60 {
-                let middle = 0.5 * (enough + too_much);
-                if fits(middle) {
-                    enough = middle;
-                } else {
-                    too_much = middle;
-                }
-            }
-            enough
+            bisected(-reach, too_much, fits).0
         })
     }
+}
+
+/// How far an offset may lie from 0 for a reference between `low` and `high` (m).
+fn reach(low: f64, high: f64) -> f64 {
+    10.0 * high.abs().max(high - low).max(1e-6)
+}
+
+/// Both sides of where `holds` ends, which it does once between `low` and `high`.
+fn bisected(low: f64, high: f64, holds: impl Fn(f64) -> bool) -> (f64, f64) {
+    let (mut holding, mut ended) = (low, high);
+    for _ in 0..60 {
+        let middle = 0.5 * (holding + ended);
+        if ended - holding <= 1e-9 * (high - low) {
+            break;
+        }
+        if holds(middle) {
+            holding = middle;
+        } else {
+            ended = middle;
+        }
+    }
+    (holding, ended)
+}
+
+/// Force (N) of `law` along `path` (m), from rest.
+fn force_along(law: &Law<f64>, path: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut film = law.state();
+    path.map(|x| law.force(&mut film, x)).collect()
 }

@@ -40,7 +40,7 @@ pub fn plan(
     progress: &ProgressBar,
 ) -> Result<VoltagePlan> {
     let inversion = Inversion { parameters, reference, grid, limits, progress };
-    on_memory(&parameters.model, grid, options.memory, options.precision, inversion)
+    on_memory(parameters.film(), grid, options, inversion)
 }
 
 /// A reference to be inverted.
@@ -81,7 +81,9 @@ impl OnMemory for Inversion<'_> {
         check_full(grid)?;
         let actuator = &parameters.actuator;
         actuator.check()?;
-        let force = FullMemory::new(grid.samples, grid.step_s()).force(&parameters.model, reference);
+        let film = parameters.film();
+        let memory = FullMemory::with_method(grid.samples, grid.step_s(), film.method);
+        let force = memory.force_along(film, reference);
         let mut plan = VoltagePlan { reference_m: reference.to_vec(), ..VoltagePlan::default() };
         let mut clipped = Vec::with_capacity(force.len());
         for (&force, &x) in force.iter().zip(reference) {
@@ -98,12 +100,12 @@ impl OnMemory for Inversion<'_> {
             let voltage = wanted.min(field).min(limits.max_voltage_v);
             plan.voltage_v.push(voltage);
             plan.limited.push(limited);
-            clipped.push(actuator.force(voltage, x));
+            clipped.push(actuator.load(voltage));
         }
         plan.displacement_m = if plan.limited.iter().all(|limited| limited.is_none()) {
             reference.to_vec()
         } else {
-            FullMemory::new(grid.samples, grid.step_s()).displacement(&parameters.model, &clipped)
+            memory.displacement_under(film, &clipped, grid.step_s())?
         };
         Ok(plan)
     }

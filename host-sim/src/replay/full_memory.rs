@@ -7,14 +7,14 @@ use std::sync::Arc;
 
 use num_complex::Complex;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
-use springpot::Maxwell;
+use springpot::{Maxwell, Method};
 
 /// A circle of points |ζ| = radius on which responses of a given length are computed.
 ///
 /// The circle depends only on the number of samples and the step, so one serves any number of models.
 pub struct FullMemory {
     samples: usize,
-    /// ln((1 − ζ)/h) at the points of the upper half circle.
+    /// ln s at the points of the upper half circle: ln((1 − ζ)/h), or with δ(ζ) of another method instead of 1 − ζ.
     ln_s: Vec<Complex<f64>>,
     /// Largest error that wrapping and rounding leave, relative to the largest response.
     rounding: f64,
@@ -30,11 +30,16 @@ impl FullMemory {
     /// What wraps around the end of the transform is damped by the radius, which in turn amplifies rounding; with four
     /// times as many points as samples both stay near 1e-12 of the largest response.
     pub fn new(samples: usize, step: f64) -> Self {
-        Self::with_oversampling(samples, step, 4)
+        Self::with_oversampling(samples, step, 4, Method::Gl)
+    }
+
+    /// The same for another discretisation of s.
+    pub fn with_method(samples: usize, step: f64, method: Method) -> Self {
+        Self::with_oversampling(samples, step, 4, method)
     }
 
     /// The same with `oversampling` times as many points as samples, at least 2.
-    pub fn with_oversampling(samples: usize, step: f64, oversampling: usize) -> Self {
+    pub fn with_oversampling(samples: usize, step: f64, oversampling: usize, method: Method) -> Self {
         let oversampling = oversampling.max(2);
         let points = smooth_length(samples.max(1) * oversampling);
         let ratio = points as f64 / samples.max(1) as f64;
@@ -48,7 +53,9 @@ impl FullMemory {
                 let grown = ln_radius.exp_m1();
                 let half = (0.5 * angle).sin();
                 let difference = Complex::new(-(grown * cos - 2.0 * half * half), -(grown + 1.0) * sin);
-                let (size, phase) = difference.to_polar();
+                // δ(ζ): with backward differences of second order (1 − ζ)(3 − ζ)/2.
+                let delta = if method == Method::Gl { difference } else { difference * (difference * 0.5 + 1.0) };
+                let (size, phase) = delta.to_polar();
                 Complex::new((size / step).ln(), phase)
             })
             .collect();

@@ -3,9 +3,10 @@
 use std::fmt;
 use std::str::FromStr;
 
-use springpot::{Compressed, Law, LawError, Maxwell, Memory, Options, Real, State, Window};
+use springpot::{Compressed, Law, LawError, Memory, Method, Options, Real, State, Window};
 
 use crate::error::{Error, Result};
+use crate::files::parameters::Film;
 use crate::grid::Grid;
 
 /// How much of the past a run remembers.
@@ -55,6 +56,25 @@ pub enum Precision {
     F64,
 }
 
+/// How s is discretised, as a command line names it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum MethodName {
+    /// Grünwald–Letnikov, of first order in the step: Eq. 2 of the paper.
+    #[default]
+    Gl,
+    /// Backward differences of second order.
+    Bdf2,
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Gl => Self::Gl,
+            MethodName::Bdf2 => Self::Bdf2,
+        }
+    }
+}
+
 /// How a model is run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunOptions {
@@ -96,49 +116,51 @@ pub trait OnMemory: OnLaw {
     fn with_full_memory(self) -> Result<Self::Output>;
 }
 
-/// Builds the law of `model` that `memory` and `precision` name, for steps on `grid`, and does `work` with it.
+/// Builds the law of `film` that `options` name, for steps on `grid`, and does `work` with it.
 ///
 /// # Errors
 ///
 /// [`Error`] for a rate or a model that is refused, and those of the work.
-pub fn on_memory<W: OnMemory>(
-    model: &Maxwell,
-    grid: Grid,
-    memory: MemoryChoice,
-    precision: Precision,
-    work: W,
-) -> Result<W::Output> {
-    match memory {
+pub fn on_memory<W: OnMemory>(film: Film<'_>, grid: Grid, options: &RunOptions, work: W) -> Result<W::Output> {
+    match options.memory {
         MemoryChoice::Full => work.with_full_memory(),
-        MemoryChoice::Compressed => on_compressed(model, grid.rate_hz, precision, work),
-        MemoryChoice::Window(seconds) => match precision {
-            Precision::F32 => on_window::<f32, W>(model, grid, seconds, work),
-            Precision::F64 => on_window::<f64, W>(model, grid, seconds, work),
+        MemoryChoice::Compressed => on_compressed(film, grid.rate_hz, options.precision, work),
+        MemoryChoice::Window(_) if film.method != Method::Gl => {
+            Err(Error::option("--method", "a plain window is Grünwald–Letnikov; use --method gl or another --memory"))
+        }
+        MemoryChoice::Window(seconds) => match options.precision {
+            Precision::F32 => on_window::<f32, W>(film, grid, seconds, work),
+            Precision::F64 => on_window::<f64, W>(film, grid, seconds, work),
         },
     }
 }
 
-/// Builds the law of `model` that a controller steps at `rate_hz`, in `precision`, and does `work` with it.
+/// Builds the law of `film` that a controller steps at `rate_hz`, in `precision`, and does `work` with it.
 ///
 /// # Errors
 ///
 /// As [`on_memory`].
-pub fn on_compressed<W: OnLaw>(model: &Maxwell, rate_hz: f64, precision: Precision, work: W) -> Result<W::Output> {
-    fn on<T: Real, W: OnLaw>(model: &Maxwell, rate_hz: f64, work: W) -> Result<W::Output> {
-        let law = compressed_law::<T>(model, rate_hz)?;
+pub fn on_compressed<W: OnLaw>(
+    film: Film<'_>,
+    rate_hz: f64,
+    precision: Precision,
+    work: W,
+) -> Result<W::Output> {
+    fn on<T: Real, W: OnLaw>(film: Film<'_>, rate_hz: f64, work: W) -> Result<W::Output> {
+        let law = compressed_law::<T>(film, rate_hz)?;
         let rest = law.state();
         work.on_law(law, rest)
     }
     match precision {
-        Precision::F32 => on::<f32, W>(model, rate_hz, work),
-        Precision::F64 => on::<f64, W>(model, rate_hz, work),
+        Precision::F32 => on::<f32, W>(film, rate_hz, work),
+        Precision::F64 => on::<f64, W>(film, rate_hz, work),
     }
 }
 
-fn on_window<T: Real, W: OnLaw>(model: &Maxwell, grid: Grid, seconds: f64, work: W) -> Result<W::Output> {
+fn on_window<T: Real, W: OnLaw>(film: Film<'_>, grid: Grid, seconds: f64, work: W) -> Result<W::Output> {
     // A window longer than the run holds nothing more.
     let length = window_length(seconds, grid.rate_hz).min(grid.samples);
-    let (law, rest) = window_law::<T>(model, grid.step_s(), length)?;
+    let (law, rest) = window_law::<T>(film, grid.step_s(), length)?;
     work.on_law(law, rest)
 }
 
@@ -152,8 +174,8 @@ pub fn window_length(seconds: f64, rate_hz: f64) -> usize {
 /// # Errors
 ///
 /// [`Error`] for a rate or a model that is refused.
-pub fn window_law<T: Real>(model: &Maxwell, step_s: f64, length: usize) -> Result<AtRest<T, VecWindow<T>>> {
-    let law = Law::<T, VecWindow<T>>::window(model, step_s, vec![T::ZERO; length])?;
+pub fn window_law<T: Real>(film: Film<'_>, step_s: f64, length: usize) -> Result<AtRest<T, VecWindow<T>>> {
+    let law = behind(film, Law::<T, VecWindow<T>>::window(film.model, step_s, vec![T::ZERO; length])?)?;
     let rest = law.state(vec![T::ZERO; length])?;
     Ok((law, rest))
 }
@@ -169,11 +191,21 @@ pub type AtRest<T, M> = (Law<T, M>, State<T, M>);
 /// # Errors
 ///
 /// [`Error`] for a rate or a model that is refused.
-pub fn compressed_law<T: Real>(model: &Maxwell, rate_hz: f64) -> Result<Law<T, Compressed<T>>> {
-    Law::compressed(model, Options::at_step(1.0 / rate_hz)).map_err(|error| match error {
+pub fn compressed_law<T: Real>(film: Film<'_>, rate_hz: f64) -> Result<Law<T, Compressed<T>>> {
+    let options = Options::at_step(1.0 / rate_hz).with_method(film.method);
+    let law = Law::compressed(film.model, options).map_err(|error| match error {
         LawError::Step(_) | LawError::Horizon { .. } => {
             Error::option("--rate", format!("{rate_hz:?} Hz; a law needs at least 1e-3 Hz"))
         }
         error => error.into(),
+    })?;
+    behind(film, law)
+}
+
+/// `law` behind the curve of `film`, if it has one.
+fn behind<T: Real, M: Memory<T>>(film: Film<'_>, law: Law<T, M>) -> Result<Law<T, M>> {
+    Ok(match film.curve {
+        Some(curve) => law.behind(curve)?,
+        None => law,
     })
 }

@@ -6,5 +6,6 @@ pub mod feasibility;
 pub mod feedforward;
 pub mod full_memory;
 pub mod memory;
+pub mod nonlinear;
 pub mod observer;
 pub mod simulate;

@@ -94,7 +94,7 @@ pub fn estimate(
     progress: &ProgressBar,
 ) -> Result<Estimates> {
     let run = ObserverRun { parameters, voltage_v, measured, grid, options, progress };
-    let estimates = on_compressed(&parameters.model, grid.rate_hz, precision, run)?;
+    let estimates = on_compressed(parameters.film(), grid.rate_hz, precision, run)?;
     if !estimates.displacement_m.iter().chain(&estimates.disturbance_n).all(|value| value.is_finite()) {
         return Err(Error::Computation(
             "the estimate leaves the range of the number type; check the units of the recording and the parameters"

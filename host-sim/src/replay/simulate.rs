@@ -3,14 +3,13 @@
 use std::path::Path;
 
 use indicatif::ProgressBar;
-use springpot::{Actuator, Law, Load, Maxwell, Memory, Real, State, VoltageDrive};
+use springpot::{Actuator, Law, Load, Memory, Real, State, VoltageDrive};
 
 use crate::error::{Error, Result};
 use crate::files::output::{self, Staged};
-use crate::files::parameters::Parameters;
+use crate::files::parameters::{Film, Parameters};
 use crate::files::recording::Input;
 use crate::grid::Grid;
-use crate::replay::coupling::{PullIn, coupled_displacement};
 use crate::replay::full_memory::FullMemory;
 use crate::replay::memory::{OnLaw, OnMemory, Precision, RunOptions, on_memory};
 
@@ -70,12 +69,19 @@ pub fn response(
 ) -> Result<Response> {
     let input = input.map(|samples| grid.resample(samples));
     let actuator = &parameters.actuator;
-    let run =
-        ModelRun { model: &parameters.model, actuator, input: &input, grid, precision: options.precision, progress };
-    let (force_n, displacement_m) = on_memory(&parameters.model, grid, options.memory, options.precision, run)?;
+    let run = ModelRun { film: parameters.film(), actuator, input: &input, grid, precision: options.precision, progress };
+    let (force_n, displacement_m) = on_memory(parameters.film(), grid, options, run)?;
     let coupling = actuator.stretch_coupling;
     if matches!(input, Input::Voltage(_)) && displacement_m.iter().any(|x| coupling * x > MOST_COUPLED) {
         return Err(pulled_in(coupling));
+    }
+    if matches!(input, Input::Voltage(_))
+        && let Some(x) = displacement_m.iter().find(|x| actuator.thinning(**x) <= 0.0)
+    {
+        return Err(Error::Computation(format!(
+            "with stretch_coupling = {coupling:?} 1/m the force is gone at {x:.6} m, where the film is; the coupling does not hold \
+             that far"
+        )));
     }
     if !force_n.iter().chain(&displacement_m).all(|value| value.is_finite()) {
         return Err(Error::Computation(
@@ -94,7 +100,7 @@ type Columns = (Vec<f64>, Vec<f64>);
 
 /// A model with its input on a grid.
 struct ModelRun<'a> {
-    model: &'a Maxwell,
+    film: Film<'a>,
     actuator: &'a Actuator,
     input: &'a Input<Vec<f64>>,
     grid: Grid,
@@ -119,7 +125,7 @@ impl OnLaw for ModelRun<'_> {
         match self.input {
             Input::Voltage(voltage) => {
                 let largest = voltage.iter().fold(1.0, |largest: f64, v| largest.max(v.abs()));
-                let volts = VoltageDrive::new(self.actuator, largest, law.stiffness())?;
+                let volts = VoltageDrive::new(self.actuator, largest, law.least_stiffness())?;
                 for &v in voltage {
                     let load: Load<T> = volts.load(T::from_f64(v));
                     let x = law.displacement_under(&mut state, load);
@@ -146,11 +152,20 @@ impl OnLaw for ModelRun<'_> {
 impl OnMemory for ModelRun<'_> {
     fn with_full_memory(self) -> Result<Columns> {
         check_full(self.grid)?;
-        let memory = FullMemory::new(self.grid.samples, self.grid.step_s());
+        let memory = FullMemory::with_method(self.grid.samples, self.grid.step_s(), self.film.method);
+        let step_s = self.grid.step_s();
         let (mut force, mut displacement) = match self.input {
-            Input::Force(force) => (force.clone(), memory.displacement(self.model, force)),
-            Input::Displacement(path) => (memory.force(self.model, path), path.clone()),
-            Input::Voltage(voltage) => coupled(&memory, self.model, self.actuator, voltage)?,
+            Input::Force(force) => {
+                let loads: Vec<Load<f64>> = force.iter().map(|&force| Load { force, slope: 0.0 }).collect();
+                (force.clone(), memory.displacement_under(self.film, &loads, step_s)?)
+            }
+            Input::Displacement(path) => (memory.force_along(self.film, path), path.clone()),
+            Input::Voltage(voltage) => {
+                self.actuator.check()?;
+                let loads: Vec<Load<f64>> = voltage.iter().map(|&volts| self.actuator.load(volts)).collect();
+                let displacement = memory.displacement_under(self.film, &loads, step_s)?;
+                (loads.iter().zip(&displacement).map(|(load, x)| load.force + load.slope * x).collect(), displacement)
+            }
         };
         if self.precision == Precision::F32 {
             for value in force.iter_mut().chain(&mut displacement) {
@@ -159,18 +174,6 @@ impl OnMemory for ModelRun<'_> {
         }
         Ok((force, displacement))
     }
-}
-
-/// The response to `voltage` with full memory; with coupling the force depends on the displacement.
-fn coupled(memory: &FullMemory, model: &Maxwell, actuator: &Actuator, voltage: &[f64]) -> Result<Columns> {
-    actuator.check()?;
-    let loads: Vec<Load<f64>> = voltage.iter().map(|&volts| actuator.load(volts)).collect();
-    let stiffness = memory.dynamic_stiffness(model);
-    let start = vec![0.0; voltage.len()];
-    let displacement = coupled_displacement(memory, &stiffness, &loads, start, memory.rounding())
-        .map_err(|PullIn| pulled_in(actuator.stretch_coupling))?;
-    let force = loads.iter().zip(&displacement).map(|(load, x)| load.force + load.slope * x).collect();
-    Ok((force, displacement))
 }
 
 /// A film whose force has grown by this factor through coupling is pulled in.

@@ -43,6 +43,8 @@ fn fitted(plant: &str) -> Parameters {
         Settings { topologies: vec![Topology::Parallel], branches: vec![4], uncertainty: false, ..Settings::default() };
     let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ()).expect("a fit").candidate;
     Parameters {
+        curve: None,
+        method: springpot::Method::Gl,
         name: plant.into(),
         actuator: candidate.actuator,
         model: candidate.model().expect("valid"),

@@ -252,7 +252,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             disturbance_n: observer.disturbance(),
             force_scale: observer.force_scale(),
             innovation_m: observer.innovation(),
-            limited: if follows { wanted.limited.bits() } else { Limited::NONE.bits() },
+            // Without a reference no limit is met, but the film may be beyond its curve.
+            limited: wanted.limited.bits() & if follows { u8::MAX } else { Limited::BEYOND_CURVE.bits() },
         };
         Outputs { enable, dac_v, telemetry }
     }
@@ -438,8 +439,7 @@ fn thinning_per_m<const HEAD: usize, const FAST: usize, const SLOW: usize>(
 fn shares_per_n<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     parameters: &Parameters<HEAD, FAST, SLOW>,
 ) -> f32 {
-    let largest_v = f64::from(parameters.limits.max_voltage_v);
-    (1.0 / (parameters.actuator.force_per_square_volt() * largest_v * largest_v)) as f32
+    (1.0 / parameters.actuator.electrostatic_force(f64::from(parameters.limits.max_voltage_v))) as f32
 }
 
 impl Sampler {

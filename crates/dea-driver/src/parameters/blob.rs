@@ -10,10 +10,10 @@ use crate::parameters::Parameters;
 use crate::safety::{LimitsError, Supervisor};
 
 /// The version of the format.
-pub const SCHEMA: u16 = 2;
+pub const SCHEMA: u16 = 3;
 
 /// Largest length of a blob, bytes.
-pub const BLOB_LEN: usize = 768;
+pub const BLOB_LEN: usize = 1016;
 
 /// Parameters that were checked, with what is built from them: law, control and a disarmed supervisor.
 ///

@@ -353,7 +353,7 @@ impl<const READ: usize, const WRITE: usize, const PART: usize> NorFlash for Word
     }
 }
 
-/// A slot is 8 bytes and a blob of 768. It is read and written in whole words, each of at most 8 bytes.
+/// A slot is 8 bytes and a blob of 1016. It is read and written in whole words, each of at most 8 bytes.
 #[test]
 fn flash_of_any_fitting_geometry_is_taken() {
     fn takes<const READ: usize, const WRITE: usize, const PART: usize>() -> bool {
@@ -365,8 +365,8 @@ fn flash_of_any_fitting_geometry_is_taken() {
             }
         }
     }
-    assert!(takes::<1, 4, 776>() && takes::<8, 8, 776>() && takes::<1, 1, 2048>() && takes::<4, 2, 1024>());
-    assert!(!takes::<1, 4, 775>() && !takes::<1, 4, 768>());
+    assert!(takes::<1, 4, 1024>() && takes::<8, 8, 1024>() && takes::<1, 1, 2048>() && takes::<4, 2, 1024>());
+    assert!(!takes::<1, 4, 1023>() && !takes::<1, 4, 1016>());
     assert!(!takes::<16, 4, 1024>() && !takes::<1, 16, 1024>() && !takes::<1, 256, 1024>());
     assert!(!takes::<3, 4, 1024>() && !takes::<1, 3, 1024>() && !takes::<0, 4, 1024>() && !takes::<1, 0, 1024>());
 }

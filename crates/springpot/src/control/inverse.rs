@@ -136,7 +136,7 @@ impl<T: Real> Inverse<T> {
         let shaper = Shaper::new(step_s, limits.max_velocity_m_per_s, limits.max_acceleration_m_per_s2);
         let pole = 1.0 - share_per_step(core::f64::consts::TAU * limits.return_hz, step_s);
         let approach = (1.0 - pole) / (1.0 + pole);
-        let largest_force = actuator.force_per_square_volt() * limits.max_voltage_v * limits.max_voltage_v;
+        let largest_force = actuator.electrostatic_force(limits.max_voltage_v);
         let max_return = RETURN_SHARE * largest_force / stiffness.to_f64();
         let slew = limits.max_slew_v_per_s * step_s;
         let inverse = Self {
@@ -207,6 +207,9 @@ impl<T: Real> Inverse<T> {
         let force = force / correction.force_scale;
         if force < T::ZERO {
             limited |= Limited::BELOW_ZERO;
+        }
+        if film.beyond_curve() {
+            limited |= Limited::BEYOND_CURVE;
         }
         let wanted = drive.voltage(force + drive.preload(), ahead) / *gain;
 

@@ -101,14 +101,18 @@ impl Limited {
     /// The largest acceleration of the shaped reference.
     pub const ACCELERATION: Self = Self(1 << 5);
 
+    /// The film is beyond the stroke that its elastic curve was measured over; the curve goes on linearly there.
+    pub const BEYOND_CURVE: Self = Self(1 << 6);
+
     /// All limits with their names.
-    pub const ALL: [(Self, &'static str); 6] = [
+    pub const ALL: [(Self, &'static str); 7] = [
         (Self::BELOW_ZERO, "below-zero"),
         (Self::MAX_VOLTAGE, "max-voltage"),
         (Self::FIELD, "field"),
         (Self::SLEW, "slew"),
         (Self::VELOCITY, "velocity"),
         (Self::ACCELERATION, "acceleration"),
+        (Self::BEYOND_CURVE, "beyond-curve"),
     ];
 
     /// Whether all limits of `others` were met.
@@ -123,7 +127,8 @@ impl Limited {
         self.0 == 0
     }
 
-    /// The set as bits: below zero 1, largest voltage 2, field 4, slew 8, velocity 16, acceleration 32.
+    /// The set as bits: below zero 1, largest voltage 2, field 4, slew 8, velocity 16, acceleration 32, beyond the elastic
+    /// curve 64.
     #[must_use]
     pub const fn bits(self) -> u8 {
         self.0

@@ -109,6 +109,9 @@ pub struct SensorSample<T> {
 /// C = (k″ + ω k′ / s + ω² k′ / 2 s²) / (1 + s / 4 ω)
 /// ```
 ///
+/// Behind an elastic curve k′ + i k″ is the stiffness at rest, and the innovation weighs as much more as the curve is steeper where
+/// the film is.
+///
 /// A sample that is slower than the tick weighs as many ticks as have passed since the last one. A late sample is compared
 /// with the prediction for its time; the state remembers the predictions of the last `PAST` ticks.
 ///
@@ -229,7 +232,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         max_voltage_v: f64,
         options: ObserverOptions,
     ) -> Result<Self, ControlError> {
-        let drive = VoltageDrive::new(actuator, max_voltage_v, law.stiffness())?;
+        let drive = VoltageDrive::new(actuator, max_voltage_v, law.least_stiffness())?;
         options.check()?;
         let ObserverOptions { bandwidth_hz, delay_s, lost_after_s, adaptation_s, .. } = options;
         let step_s = law.step_s();
@@ -238,16 +241,17 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         if late >= PAST {
             return Err(ControlError::SensorTooLate { ticks: late, most: PAST.saturating_sub(1) });
         }
-        let stiffness = law.dynamic_stiffness(bandwidth_hz);
-        // At the resonance the inertia outweighs the stiffness.
-        let above = law.dynamic_stiffness(RESONANCE_MARGIN * bandwidth_hz);
+        let stiffness = law.dynamic_stiffness(bandwidth_hz, 1.0);
+        // At the resonance the inertia outweighs the stiffness, first where the film is softest.
+        let softest = law.least_slope();
+        let above = law.dynamic_stiffness(RESONANCE_MARGIN * bandwidth_hz, softest);
         if !(stiffness.re > 0.0 && stiffness.im.is_finite() && above.re > 0.0) {
             return Err(ControlError::NearResonance { bandwidth_hz });
         }
         let adapts = adaptation_s > 0.0;
         let omega = TAU * bandwidth_hz;
         let share = |rate: f64| T::from_f64(share_per_step(rate, step_s));
-        let largest_force = actuator.force_per_square_volt() * max_voltage_v * max_voltage_v;
+        let largest_force = actuator.electrostatic_force(max_voltage_v);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
         let lost_after = libm::ceil(lost_after_s / step_s - TIME_ROUNDING) as u32;
         Ok(Self {
@@ -266,7 +270,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
             regularisation: T::from_f64(1e-3 * largest_force * largest_force / step_s),
             max_disturbance: T::from_f64(largest_force),
             max_slope: T::from_f64(largest_force * omega * step_s),
-            max_innovation: T::from_f64(largest_force / stiffness.re),
+            max_innovation: T::from_f64(largest_force / (softest * stiffness.re)),
         })
     }
 
@@ -322,9 +326,11 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         state.statistics.update(innovation, if arrived { T::from_f64(1.0 / STATISTICS_SAMPLES) } else { T::ZERO });
         state.since_sample = if arrived { 0 } else { since };
         state.innovation = if arrived { innovation } else { state.innovation };
-        let proportional = if arrived { self.proportional_gain * innovation } else { state.proportional };
-        let slope = clamp(state.slope + self.slope_gain * ticks * innovation, -self.max_slope, self.max_slope);
-        let integral = state.integral + self.integral_gain * ticks * innovation;
+        // A film behind a curve is as much stiffer here as the curve is steeper: so are the gains.
+        let scaled = state.film.slope() * innovation;
+        let proportional = if arrived { self.proportional_gain * scaled } else { state.proportional };
+        let slope = clamp(state.slope + self.slope_gain * ticks * scaled, -self.max_slope, self.max_slope);
+        let integral = state.integral + self.integral_gain * ticks * scaled;
 
         let lost = state.since_sample > self.lost_after;
         let corrected = clamp(integral + slope, -self.max_disturbance, self.max_disturbance);

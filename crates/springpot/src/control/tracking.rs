@@ -76,7 +76,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         limits: CommandLimits,
         options: ObserverOptions,
     ) -> Result<Self, ControlError> {
-        let inverse = Inverse::new(actuator, &limits, law.step_s(), law.stiffness())?;
+        let inverse = Inverse::new(actuator, &limits, law.step_s(), law.largest_stiffness())?;
         let observer = Observer::new(law, actuator, limits.max_voltage_v, options)?;
         Ok(Self { observer, inverse })
     }

@@ -1,12 +1,15 @@
 //! A law in numbers: computed where there is a fast processor, run where there is none.
 
+use heapless::Vec;
+
+use crate::curve::{Curve, Knot, MAX_KNOTS};
 use crate::error::LawError;
 use crate::kernel::Method;
 use crate::law::Law;
 use crate::law::compressed::{Compressed, Decay, INERTIA};
 use crate::scalar::Scalar;
 
-/// The numbers of a [`Law`] with a [`Compressed`] memory, apart from its step, its method and the mass.
+/// The numbers of a [`Law`] with a [`Compressed`] memory, apart from its step and the mass.
 ///
 /// Building a law evaluates its model a few thousand times in f64, which takes a controller about a second and 30 KiB of
 /// program. A host can do it instead and send these numbers; the law built from them is the same, bit for bit.
@@ -39,6 +42,8 @@ use crate::scalar::Scalar;
     serde(deny_unknown_fields, bound(serialize = "T: serde::Serialize", deserialize = "T: serde::Deserialize<'de>"))
 )]
 pub struct Coefficients<T, const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+    /// How s is discretised.
+    pub method: Method,
     /// g_0, N/m.
     pub instant: f64,
     /// Largest error of the relaxation modulus beyond the head, relative to the modulus at that time.
@@ -52,6 +57,8 @@ pub struct Coefficients<T, const HEAD: usize = 12, const FAST: usize = 12, const
     /// Slow modes, likewise.
     #[cfg_attr(feature = "serde", serde(with = "arrays"))]
     pub slow: [(T, T); SLOW],
+    /// Knots of the elastic curve; none without one.
+    pub curve: Vec<Knot<T>, MAX_KNOTS>,
 }
 
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
@@ -60,43 +67,28 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     pub fn coefficients(&self) -> Coefficients<T, HEAD, FAST, SLOW> {
         let memory = self.memory();
         Coefficients {
+            method: self.method(),
             instant: self.instant(),
             tail_error: memory.tail_error(),
             head: memory.massless_head(),
             fast: memory.fast.map(|decay| (decay.loss, decay.weight)),
             slow: memory.slow.map(|decay| (decay.loss, decay.weight)),
+            curve: self.knots().collect(),
         }
     }
 
-    /// The law of `coefficients` with [`Method::Gl`]; see [`from_coefficients_with_method`](Self::from_coefficients_with_method).
-    ///
-    /// Coefficients of [`Method::Bdf2`] are taken as well: the modulus is then of second order and the inertia of first.
+    /// The law of `coefficients` at step `step_s` (s), for which they must have been computed, for a film that carries `mass_kg` (kg).
     ///
     /// # Errors
     ///
-    /// As there.
+    /// [`LawError::Step`], [`LawError::Coefficient`] for values that no film has (non-finite, modes that grow or have a
+    /// negative weight), [`LawError::HeadTooShort`], [`LawError::NothingToSolve`] and [`LawError::Curve`].
     pub fn from_coefficients(
         coefficients: &Coefficients<T, HEAD, FAST, SLOW>,
         step_s: f64,
         mass_kg: f64,
     ) -> Result<Self, LawError> {
-        Self::from_coefficients_with_method(coefficients, step_s, mass_kg, Method::Gl)
-    }
-
-    /// The law of `coefficients` at step `step_s` (s) for a film that carries `mass_kg` (kg). Step and
-    /// `method` must be those that the coefficients were computed for.
-    ///
-    /// # Errors
-    ///
-    /// [`LawError::Step`], [`LawError::Coefficient`] for values that no film has (non-finite, modes that grow or have a
-    /// negative weight), [`LawError::HeadTooShort`] and [`LawError::NothingToSolve`].
-    pub fn from_coefficients_with_method(
-        coefficients: &Coefficients<T, HEAD, FAST, SLOW>,
-        step_s: f64,
-        mass_kg: f64,
-        method: Method,
-    ) -> Result<Self, LawError> {
-        let &Coefficients { instant, tail_error, head, fast, slow } = coefficients;
+        let &Coefficients { method, instant, tail_error, head, fast, slow, ref curve } = coefficients;
         if !(step_s.is_finite() && step_s > 0.0) {
             return Err(LawError::Step(step_s));
         }
@@ -118,7 +110,11 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let decay = |(loss, weight)| Decay { loss, weight };
         let massless = [T::ZERO; INERTIA];
         let memory = Compressed { head, fast: fast.map(decay), slow: slow.map(decay), tail_error, massless };
-        Self::of_film(step_s, instant, mass_kg, memory, method)
+        let law = Self::of_film(step_s, instant, mass_kg, memory, method)?;
+        if curve.is_empty() {
+            return Ok(law);
+        }
+        law.behind(&Curve::of_rounded(curve)?)
     }
 }
 

@@ -196,14 +196,14 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// A state at rest at x = 0.
     #[must_use]
     pub fn state(&self) -> State<T, Compressed<T, HEAD, FAST, SLOW>> {
-        State::with_history(CompressedHistory {
+        self.placed(State::with_history(CompressedHistory {
             increments: [[T::ZERO; HEAD]; 2],
             newest: 0,
             left: T::ZERO,
             left_surplus: T::ZERO,
             fast: [T::ZERO; FAST],
             slow: [Dashpot { displacement: T::ZERO, surplus: T::ZERO }; SLOW],
-        })
+        }))
     }
 }
 
@@ -346,6 +346,12 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Memory<
         let head = self.head.iter().zip(recent).fold(T::ZERO, |sum, (&g, &dx)| sum + g * dx);
         slow + (fast + head)
     }
+
+    fn without_inertia(mut self) -> Self {
+        self.head = self.massless_head();
+        self
+    }
+
     fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64> {
         let modes = self.modes().map(|(loss, weight)| {
             // 1 − ρζ without cancellation near ζ = 1

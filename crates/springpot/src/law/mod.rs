@@ -2,6 +2,7 @@
 
 mod coefficients;
 mod compressed;
+mod curved;
 mod response;
 mod state_traits;
 mod warm_start;
@@ -14,10 +15,12 @@ pub use window::Window;
 use num_complex::Complex;
 
 use crate::actuator::Load;
+use crate::curve::Place;
 use crate::error::LawError;
 use crate::kernel::Method;
 use crate::scalar::Scalar;
 
+use curved::{Bend, Curved};
 pub(crate) use state_traits::state_traits;
 
 /// How a law remembers the past: [`Compressed`] (the default) or [`Window`].
@@ -33,6 +36,12 @@ pub trait Memory<T: Scalar>: sealed::Sealed {
     ///
     /// The same number of operations every time; cannot fail.
     fn advance(&self, history: &mut Self::History, increment: T) -> T;
+
+    /// The same without the inertia that a method of second order has in its weights: a law behind a curve steps it itself.
+    #[must_use]
+    fn without_inertia(self) -> Self
+    where
+        Self: Sized;
 
     /// The transfer function of [`advance`](Self::advance), N/m, from the delay of one step ζ and 1 − ζ.
     fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64>;
@@ -76,6 +85,18 @@ mod sealed {
 ///
 /// [`Compressed`] says how the sum over all the past takes constant time.
 ///
+/// # With an elastic curve
+///
+/// [`behind`](Law::behind) puts a [`Curve`](crate::Curve) T in front: Σ g_j then acts on the increments of s = T(x), the inertia on
+/// those of x. With x̂ = x_{k−1} + Δx_{k−1} and T linearised there, what remains is again
+///
+/// ```text
+/// F_k − base_k = (g_0 T'(x̂) + m/h²) (Δx_k − Δx_{k−1})
+/// ```
+///
+/// and the memory takes s_k = T(x̂) + T'(x̂)(x_k − x̂). What that neglects, T''(x_k − x̂)²/2, is below rounding at control rates, and
+/// it does not add up: the next step starts from T of the new x̂. Where the displacement is given ([`force`](Law::force)) T is exact.
+///
 /// ```
 /// use springpot::{Law, Options, Preset};
 ///
@@ -104,7 +125,10 @@ pub struct Law<T, M = crate::Compressed<T>> {
     instant: f64,
     /// g_0 + m/h², or what the method has instead of m/h², N/m.
     stiffness: T,
+    /// m/h², N/m.
+    mass_per_step2: f64,
     method: Method,
+    curved: Option<Curved<T>>,
     memory: M,
 }
 
@@ -134,10 +158,12 @@ pub struct State<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
     pub(crate) increment: T,
     /// The force at the next step if the increment stays, N.
     pub(crate) base: T,
+    /// Where the film stands on the law's curve.
+    pub(crate) bend: Bend<T>,
     pub(crate) history: M::History,
 }
 
-state_traits!(State<T, M> { position, position_surplus, increment, base, history });
+state_traits!(State<T, M> { position, position_surplus, increment, base, bend, history });
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
     pub(crate) fn from_memory(
@@ -148,12 +174,13 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         method: Method,
     ) -> Result<Self, LawError> {
         let (inertia, _) = method.inertia();
-        let stiffness = T::from_f64(instant + inertia * (mass_kg / (step_s * step_s)));
+        let mass_per_step2 = mass_kg / (step_s * step_s);
+        let stiffness = T::from_f64(instant + inertia * mass_per_step2);
         let (held, inverse) = (stiffness.to_f64(), T::from_f64(1.0 / stiffness.to_f64()).to_f64());
         if !(held.is_finite() && held > 0.0 && inverse.is_finite() && inverse > 0.0) {
             return Err(LawError::NothingToSolve);
         }
-        Ok(Self { step_s, instant, stiffness, method, memory })
+        Ok(Self { step_s, instant, stiffness, mass_per_step2, method, curved: None, memory })
     }
 
     /// The step h in seconds.
@@ -188,7 +215,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Displacement (m) at the next step from the `force` (N) that acts in it.
     #[inline]
     pub fn displacement(&self, state: &mut State<T, M>, force: T) -> T {
-        self.change_increment(state, (force - state.base) / self.stiffness)
+        let stiffness = self.stiffness_ahead(state);
+        self.change_increment(state, (force - state.base) / stiffness)
     }
 
     /// Displacement (m) at the next step under a `load` that depends on that displacement.
@@ -197,39 +225,63 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     #[inline]
     pub fn displacement_under(&self, state: &mut State<T, M>, load: Load<T>) -> T {
         let force_ahead = load.force + load.slope * (state.position + state.increment);
-        self.change_increment(state, (force_ahead - state.base) / (self.stiffness - load.slope))
+        let stiffness = self.stiffness_ahead(state);
+        self.change_increment(state, (force_ahead - state.base) / (stiffness - load.slope))
     }
 
     /// Force (N) that the film shows when it is at `displacement` (m) at the next step.
     #[inline]
     pub fn force(&self, state: &mut State<T, M>, displacement: T) -> T {
         let increment = state.increment_to(displacement);
-        let force = self.force_of(state, increment);
         state.position = displacement;
         state.position_surplus = T::ZERO;
-        self.advance(state, increment);
-        force
+        match &self.curved {
+            None => {
+                let force = self.force_of(state, increment);
+                self.advance(state, increment);
+                force
+            }
+            Some(curved) => {
+                let place = curved.place(state, displacement, T::ZERO);
+                let force = curved.force_at(state, &place, increment);
+                curved.advance(&self.memory, state, increment, place);
+                force
+            }
+        }
     }
 
     /// Force (N) that would bring the film to `displacement` (m) at the next step. The state stays as it is: step it with
     /// the force that the actuator then really gives.
     #[inline]
     pub fn force_to(&self, state: &State<T, M>, displacement: T) -> T {
-        self.force_of(state, state.increment_to(displacement))
+        let increment = state.increment_to(displacement);
+        match &self.curved {
+            None => self.force_of(state, increment),
+            Some(curved) => curved.force_at(state, &curved.place(state, displacement, T::ZERO), increment),
+        }
     }
 
     /// Force (N) that would change the film's increment by `change` (m) in the next step. The state stays as it is.
     ///
     /// As [`force_to`](Self::force_to), for a path that is known by its changes: no digits are lost in the difference of two
-    /// positions.
+    /// positions. Behind a curve this is the inverse of [`displacement`](Self::displacement), linearised as there.
     #[inline]
     pub fn force_for(&self, state: &State<T, M>, change: T) -> T {
-        state.base + self.stiffness * change
+        state.base + self.stiffness_ahead(state) * change
     }
 
     #[inline]
     fn force_of(&self, state: &State<T, M>, increment: T) -> T {
         state.base + self.stiffness * (increment - state.increment)
+    }
+
+    /// Force per displacement within the next step, N/m.
+    #[inline]
+    fn stiffness_ahead(&self, state: &State<T, M>) -> T {
+        match &self.curved {
+            None => self.stiffness,
+            Some(curved) => curved.stiffness(state.bend.ahead.slope),
+        }
     }
 
     #[inline]
@@ -240,7 +292,14 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let position = state.position + addend;
         state.position_surplus = (position - state.position) - addend;
         state.position = position;
-        self.advance(state, increment);
+        match &self.curved {
+            None => self.advance(state, increment),
+            Some(curved) => {
+                let ahead = state.bend.ahead;
+                let place = Place { beyond: ahead.beyond + ahead.slope * change, ..ahead };
+                curved.advance(&self.memory, state, increment, place);
+            }
+        }
         position
     }
 
@@ -253,7 +312,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
 impl<T: Scalar, M: Memory<T>> State<T, M> {
     pub(crate) fn with_history(history: M::History) -> Self {
-        Self { position: T::ZERO, position_surplus: T::ZERO, increment: T::ZERO, base: T::ZERO, history }
+        Self { position: T::ZERO, position_surplus: T::ZERO, increment: T::ZERO, base: T::ZERO, bend: Bend::straight(), history }
     }
 
     #[inline]
@@ -280,9 +339,24 @@ impl<T: Scalar, M: Memory<T>> State<T, M> {
         self.base
     }
 
+    /// The film's stiffness where it is over that at rest: the slope of the law's curve, 1 without one.
+    #[must_use]
+    pub fn slope(&self) -> T {
+        self.bend.ahead.slope
+    }
+
+    /// Whether the film is beyond the range of the law's curve, which goes on linearly there.
+    #[must_use]
+    pub fn beyond_curve(&self) -> bool {
+        self.bend.ahead.outside
+    }
+
     /// Measures displacement from `origin` (m) from now on: a sensor that is zeroed on a film that has already crept.
     /// The film's memory is untouched.
+    ///
+    /// The film keeps its place on an elastic curve.
     pub fn move_origin(&mut self, origin: T) {
+        self.bend.origin = self.bend.origin + origin;
         self.position = (self.position - origin) - self.position_surplus;
         self.position_surplus = T::ZERO;
     }

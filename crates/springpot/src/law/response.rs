@@ -42,30 +42,50 @@ impl Maxwell {
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Displacement over force at `frequency_hz` in steady state, in m/N, as this law with its rounded constants steps
-    /// it; below a tenth of the rate close to [`Maxwell::frequency_response`]. NaN at 0 Hz.
+    /// it; below a tenth of the rate close to [`Maxwell::frequency_response`]. NaN at 0 Hz. With an elastic curve: for small
+    /// oscillations about x = 0.
     #[must_use]
     pub fn frequency_response(&self, frequency_hz: f64) -> Complex<f64> {
-        let turn = Complex::new(0.0, -TAU * frequency_hz * self.step_s());
-        Complex::new(1.0, 0.0) / self.stiffness_of(complex::exp(turn), -complex::expm1(turn))
+        self.frequency_response_about(frequency_hz, 0.0)
     }
 
-    /// Force over displacement at `frequency_hz` in steady state, in N/m, of the film that this law discretises: with
-    /// δ(ζ)/h = 2πif, as the recursion has it for slow changes. Needs the four basic operations alone.
+    /// The same for small oscillations about the displacement `working_point_m` (m), where an elastic curve has another slope.
     #[must_use]
-    pub(crate) fn dynamic_stiffness(&self, frequency_hz: f64) -> Complex<f64> {
+    pub fn frequency_response_about(&self, frequency_hz: f64, working_point_m: f64) -> Complex<f64> {
+        let slope = self.rounded_curve().map_or(1.0, |curve| curve.slope(working_point_m));
+        let turn = Complex::new(0.0, -TAU * frequency_hz * self.step_s());
+        Complex::new(1.0, 0.0) / self.stiffness_of(complex::exp(turn), -complex::expm1(turn), slope)
+    }
+
+    /// Force over displacement at `frequency_hz` in steady state, in N/m, of the film that this law discretises, where its curve
+    /// has the slope `slope`: with δ(ζ)/h = 2πif, as the recursion has it for slow changes. Needs the four basic operations alone.
+    #[must_use]
+    pub(crate) fn dynamic_stiffness(&self, frequency_hz: f64, slope: f64) -> Complex<f64> {
         let s = Complex::new(0.0, TAU * frequency_hz * self.step_s());
         let difference = match self.method() {
             Method::Gl => s,
             // δ = d + d²/2 with d = 1 − ζ, by Newton's method: 1e-15 for |s| < 1/2.
             Method::Bdf2 => (0..4).fold(s, |d, _| (s + d * d * 0.5) / (d + 1.0)),
         };
-        self.stiffness_of(Complex::new(1.0, 0.0) - difference, difference)
+        self.stiffness_of(Complex::new(1.0, 0.0) - difference, difference, slope)
     }
 
-    /// Force over displacement for a delay of ζ in a step and 1 − ζ, N/m.
-    fn stiffness_of(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64> {
+    /// Force over displacement for a delay of ζ in a step and 1 − ζ, N/m, where the curve has the slope `slope`.
+    fn stiffness_of(&self, delay: Complex<f64>, difference: Complex<f64>, slope: f64) -> Complex<f64> {
         // F = [ζ B(ζ) + S (1 − ζ)] Δx and Δx = (1 − ζ) x.
-        let force = delay * self.memory().response(delay, difference) + difference * self.stiffness().to_f64();
+        let response = self.memory().response(delay, difference);
+        let force = match self.separate_inertia() {
+            // Behind a curve the memory has no inertia.
+            Some((newest, [first, second, third])) => {
+                let past = delay * (delay * (delay * third + second) + first);
+                (delay * response + difference * self.instant()) * slope + past + newest
+            }
+            None if self.curved.is_none() => delay * response + difference * self.stiffness().to_f64(),
+            None => {
+                let inertia = self.stiffness().to_f64() - self.instant();
+                (delay * response) * slope + difference * (self.instant() * slope + inertia)
+            }
+        };
         force * difference
     }
 }

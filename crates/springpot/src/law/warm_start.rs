@@ -61,10 +61,14 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
             let (displacement, surplus) = split(left - extension);
             *slot = Dashpot { displacement, surplus };
         }
-        (state.position, state.position_surplus) = split(creep.position);
-        state.increment = head[0];
         state.base = T::from_f64(creep.base());
-        state
+        let curve = self.rounded_curve();
+        // Behind a curve what creeps is T(x).
+        let position = curve.as_ref().map_or(creep.position, |curve| curve.inverse(creep.position));
+        let slope = curve.as_ref().map_or(1.0, |curve| curve.slope(position));
+        (state.position, state.position_surplus) = split(position);
+        state.increment = T::from_f64(creep.increments[0] / slope);
+        self.placed_after(state, head[0])
     }
 }
 

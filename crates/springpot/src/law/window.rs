@@ -88,7 +88,8 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Law<T, Window<T, B>> {
             return Err(LawError::Storage { given, needed });
         }
         increments.as_mut().fill(T::ZERO);
-        Ok(State::with_history(WindowHistory { increments, newest: 0, before: T::ZERO, before_surplus: T::ZERO }))
+        let history = WindowHistory { increments, newest: 0, before: T::ZERO, before_surplus: T::ZERO };
+        Ok(self.placed(State::with_history(history)))
     }
 }
 
@@ -118,6 +119,11 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Memory<T> for Window<T, B> {
         };
         sum(near, recent) + (sum(far, old) + self.before * history.before)
     }
+
+    fn without_inertia(self) -> Self {
+        self
+    }
+
     fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64> {
         let before = Complex::new(self.before.to_f64(), 0.0) / difference;
         self.weights.as_ref().iter().rev().fold(before, |later, g| later * delay + g.to_f64())

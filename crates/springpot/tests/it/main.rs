@@ -4,6 +4,7 @@
 
 mod compressed_memory;
 mod continuous_oracle;
+mod curves;
 mod dual_numbers;
 mod feedforward;
 mod full_memory;

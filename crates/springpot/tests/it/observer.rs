@@ -245,10 +245,10 @@ fn a_lost_sensor_bumps_nothing() {
 fn laws_of_control_are_small() {
     let (law, state) = (size_of::<Feedforward<f32>>(), size_of::<FeedforwardState<f32>>());
     println!("feedforward {law} bytes, state {state} bytes");
-    assert!(law <= 512 && state <= 512);
+    assert!(law <= 880 && state <= 448);
     let (law, state) = (size_of::<Tracking<f32>>(), size_of::<TrackingState<f32>>());
     println!("tracking {law} bytes, state {state} bytes, 64 predictions remembered");
-    assert!(law <= 512 && state <= 768);
+    assert!(law <= 960 && state <= 832);
 }
 
 #[test]

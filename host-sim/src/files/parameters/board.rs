@@ -5,10 +5,11 @@ use dea_driver::wire::boards;
 use dea_driver::{BLOB_LEN, Blob, BlobError, Control, Limits, Parameters as BoardParameters};
 use heapless::String;
 use serde::{Deserialize, Serialize};
-use springpot::{Actuator, CommandLimits, Law, Options};
+use springpot::{Actuator, CommandLimits, Law};
 
 use super::{Parameters, calibration};
 use crate::error::{Error, Result};
+use crate::replay::memory::compressed_law;
 
 /// The `[board]` table of a parameter file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -133,7 +134,7 @@ impl Parameters {
     /// [`Error::Law`] for a model that has no law at this rate, [`Error::Computation`] for what a controller would refuse.
     pub fn to_blob(&self, board: &Board, rate_hz: f64) -> Result<Vec<u8>> {
         let rate_hz = rate_hz as f32;
-        let law: Law<f32> = Law::compressed(&self.model, Options::at_step(1.0 / f64::from(rate_hz)))?;
+        let law: Law<f32> = compressed_law(self.film(), f64::from(rate_hz))?;
         let parameters = BoardParameters {
             name: shortened(&self.name),
             rate_hz,

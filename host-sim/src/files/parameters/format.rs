@@ -7,10 +7,11 @@ use serde::Deserialize;
 use springpot::{Actuator, ActuatorError, Element, Maxwell, ModelError, Preload, Springpot, Topology};
 use toml::Spanned;
 
+use super::curve::CurveTable;
 use super::{Board, Parameters};
 
-/// The version of the format.
-pub(super) const SCHEMA: u32 = 1;
+/// The versions of the format: the second has elastic curves, saturation, and couplings of either sign.
+pub(super) const SCHEMAS: [u32; 2] = [1, 2];
 
 /// A parameter file.
 #[derive(Deserialize)]
@@ -20,6 +21,8 @@ pub(super) struct FileTable {
     pub(super) name: String,
     pub(super) actuator: ActuatorTable,
     pub(super) model: ModelTable,
+    #[serde(default)]
+    pub(super) curve: Option<Spanned<CurveTable>>,
     #[serde(default)]
     pub(super) sensor: Option<SensorTable>,
     #[serde(default)]
@@ -39,6 +42,8 @@ pub(super) struct ActuatorFileTable {
     pub(super) actuator: ActuatorTable,
     #[serde(default, rename = "model")]
     _model: Option<toml::Value>,
+    #[serde(default, rename = "curve")]
+    _curve: Option<toml::Value>,
     #[serde(default, rename = "sensor")]
     _sensor: Option<toml::Value>,
     #[serde(default, rename = "board")]
@@ -58,6 +63,7 @@ pub(super) struct ActuatorTable {
     #[serde(default)]
     preload: PreloadName,
     stretch_coupling: Option<Spanned<f64>>,
+    saturation_v: Option<Spanned<f64>>,
 }
 
 #[derive(Default, Deserialize)]
@@ -111,7 +117,17 @@ impl ActuatorTable {
                 PreloadName::FromStart => Preload::FromStart,
             },
             stretch_coupling: self.stretch_coupling.as_ref().map_or(0.0, |kappa| *kappa.get_ref()),
+            saturation_v: self.saturation_v.as_ref().map(|volts| *volts.get_ref()),
         }
+    }
+
+    /// Where a value stands that only the second version of the format has, and its name.
+    pub(super) fn place_of_new(&self) -> Option<(Range<usize>, &'static str)> {
+        if let Some(volts) = &self.saturation_v {
+            return Some((volts.span(), "saturation_v"));
+        }
+        let coupling = self.stretch_coupling.as_ref().filter(|coupling| *coupling.get_ref() < 0.0)?;
+        Some((coupling.span(), "a negative stretch_coupling"))
     }
 
     /// Where the value stands that an error is about.
@@ -126,6 +142,7 @@ impl ActuatorTable {
             },
             ActuatorError::Mass(_) => &self.mass_kg,
             ActuatorError::Coupling(_) => self.stretch_coupling.as_ref()?,
+            ActuatorError::Saturation(_) => self.saturation_v.as_ref()?,
             _ => return None,
         };
         Some(value.span())
@@ -168,8 +185,20 @@ impl ElementTable {
 
 /// Parameters as TOML text.
 pub(super) fn write(parameters: &Parameters) -> String {
-    let Actuator { relative_permittivity, length_m, width_m, thickness_m, mass_kg, preload, stretch_coupling } =
-        parameters.actuator;
+    let Actuator {
+        relative_permittivity,
+        length_m,
+        width_m,
+        thickness_m,
+        mass_kg,
+        preload,
+        stretch_coupling,
+        saturation_v,
+    } = parameters.actuator;
+    // Files that do without what is new stay readable for earlier versions.
+    let new = parameters.curve.is_some() || saturation_v.is_some() || stretch_coupling < 0.0;
+    let schema = SCHEMAS[usize::from(new)];
+    let saturation = saturation_v.map(|volts| format!("saturation_v = {volts:?}\n")).unwrap_or_default();
     let preload = match preload {
         Preload::Settled => "settled",
         Preload::FromStart => "from-start",
@@ -180,7 +209,7 @@ pub(super) fn write(parameters: &Parameters) -> String {
     };
     let element = |e: &Springpot| format!("{{ c = {:?}, alpha = {:?} }}", e.c, e.alpha);
     let mut text = format!(
-        "schema = {SCHEMA}\n\
+        "schema = {schema}\n\
          name = {name}\n\n\
          [actuator]\n\
          relative_permittivity = {relative_permittivity:?}\n\
@@ -189,7 +218,7 @@ pub(super) fn write(parameters: &Parameters) -> String {
          thickness_m = {thickness_m:?}\n\
          mass_kg = {mass_kg:?}\n\
          preload = \"{preload}\"\n\
-         stretch_coupling = {stretch_coupling:?} # 1/m\n\n\
+         stretch_coupling = {stretch_coupling:?} # 1/m\n{saturation}\n\
          [model]\n\
          topology = \"{topology}\"\n\
          main = {main} # c in N·s^alpha/m\n",
@@ -202,6 +231,9 @@ pub(super) fn write(parameters: &Parameters) -> String {
         let _ = write!(text, "\n  [{}, {}],", element(first), element(second));
     }
     text.push_str(if parameters.model.branches().is_empty() { "]\n" } else { "\n]\n" });
+    if let Some(curve) = &parameters.curve {
+        text.push_str(&curve.to_toml());
+    }
     if parameters.sensor_offset_m != 0.0 {
         let _ =
             write!(text, "\n[sensor]\noffset_m = {:?} # what it reads of a film at rest\n", parameters.sensor_offset_m);

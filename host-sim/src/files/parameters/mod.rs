@@ -2,6 +2,7 @@
 
 mod board;
 mod calibration;
+mod curve;
 mod format;
 
 use std::fs::File;
@@ -10,12 +11,13 @@ use std::ops::Range;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
-use springpot::{Actuator, Maxwell, Preset};
+use springpot::{Actuator, Curve, Maxwell, Method, Preset};
 use toml::Spanned;
 
 use crate::error::{Error, Result};
 pub use board::{Board, as_written};
-use format::{ActuatorFileTable, ActuatorTable, FileTable, SCHEMA};
+pub use curve::{ElasticCurve, Shape};
+use format::{ActuatorFileTable, ActuatorTable, FileTable, SCHEMAS};
 
 /// An actuator and the model of its film.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,12 +28,34 @@ pub struct Parameters {
     pub actuator: Actuator,
     /// The model of the film.
     pub model: Maxwell,
+    /// The elastic curve of the film, if it has one.
+    pub curve: Option<ElasticCurve>,
+    /// How s is discretised in their laws: not in the file, but chosen with the rate.
+    pub method: Method,
     /// Reading of the displacement sensor at x = 0, m; see [`sensor`](Self::sensor).
     pub sensor_offset_m: f64,
     /// The board that runs them, if the file names one.
     pub board: Option<Board>,
     /// Origin of the numbers, free text.
     pub provenance: Option<toml::Table>,
+}
+
+/// What of parameters makes a law: the model, and the elastic curve in front of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Film<'a> {
+    /// Eq. 11.
+    pub model: &'a Maxwell,
+    /// The curve; none for a linear film.
+    pub curve: Option<&'a Curve>,
+    /// How s is discretised.
+    pub method: Method,
+}
+
+impl<'a> From<&'a Maxwell> for Film<'a> {
+    /// A linear film, stepped as in the paper.
+    fn from(model: &'a Maxwell) -> Self {
+        Self { model, curve: None, method: Method::Gl }
+    }
 }
 
 /// A displacement sensor as it is mounted.
@@ -83,6 +107,8 @@ impl Parameters {
             name: format!("karner-2022-{}", preset.name()),
             actuator: Actuator::KARNER_2022,
             model: preset.model()?,
+            curve: None,
+            method: Method::Gl,
             sensor_offset_m: 0.0,
             board: None,
             provenance: None,
@@ -112,7 +138,7 @@ impl Parameters {
         let place = Place { path, text: &text };
         let file: ActuatorFileTable = place.parse()?;
         place.check_schema(&file.schema)?;
-        place.actuator(&file.actuator)
+        place.actuator(&file.actuator, *file.schema.get_ref())
     }
 
     /// Reads parameters from TOML text; `path` is what errors name.
@@ -124,7 +150,8 @@ impl Parameters {
         let place = Place { path, text };
         let file: FileTable = place.parse()?;
         place.check_schema(&file.schema)?;
-        let actuator = place.actuator(&file.actuator)?;
+        let schema = *file.schema.get_ref();
+        let actuator = place.actuator(&file.actuator, schema)?;
         if let Some(branch) = file.model.branches.iter().find(|branch| branch.get_ref().len() != 2) {
             let cause = format!("a branch of {} springpots; it has exactly two", branch.get_ref().len());
             return Err(place.error(branch.span(), cause));
@@ -140,7 +167,23 @@ impl Parameters {
             return Err(place.error(offset.map_or(0..0, toml::Spanned::span), cause));
         }
         let board = file.board.as_ref().map(|board| board.get_ref().clone());
-        let parameters = Self { name: file.name, actuator, model, sensor_offset_m, board, provenance: file.provenance };
+        let curve = match &file.curve {
+            Some(curve) if schema == 1 => return Err(place.error(curve.span(), needs_schema_2("[curve]"))),
+            Some(curve) => {
+                curve.get_ref().curve(&actuator).map_err(|cause| place.error(curve.span(), format!("[curve] {cause}")))?
+            }
+            None => None,
+        };
+        let parameters = Self {
+            name: file.name,
+            actuator,
+            model,
+            curve,
+            method: Method::Gl,
+            sensor_offset_m,
+            board,
+            provenance: file.provenance,
+        };
         if let Some(board) = &file.board {
             // What a controller would refuse of the board is refused here, where its line is known. The rate does not matter.
             let checked = parameters.to_blob(board.get_ref(), 1000.0);
@@ -154,10 +197,26 @@ impl Parameters {
         DisplacementSensor { offset_m: self.sensor_offset_m }
     }
 
+    /// The model behind its elastic curve.
+    pub fn film(&self) -> Film<'_> {
+        Film { model: &self.model, curve: self.curve.as_ref().map(ElasticCurve::pieces), method: self.method }
+    }
+
+    /// The same, stepped by `method`.
+    #[must_use]
+    pub fn with_method(mut self, method: Method) -> Self {
+        self.method = method;
+        self
+    }
+
     /// The parameters as TOML text.
     pub fn to_toml(&self) -> String {
         format::write(self)
     }
+}
+
+fn needs_schema_2(name: &str) -> String {
+    format!("{name} needs schema = 2")
 }
 
 /// The text of a parameter file.
@@ -202,15 +261,19 @@ impl Place<'_> {
     }
 
     fn check_schema(&self, schema: &Spanned<u32>) -> Result<()> {
-        if *schema.get_ref() == SCHEMA {
+        if SCHEMAS.contains(schema.get_ref()) {
             return Ok(());
         }
-        let cause = format!("schema = {}; this version reads schema = {SCHEMA}", schema.get_ref());
+        let [first, second] = SCHEMAS;
+        let cause = format!("schema = {}; this version reads schema = {first} and {second}", schema.get_ref());
         Err(self.error(schema.span(), cause))
     }
 
-    fn actuator(&self, table: &ActuatorTable) -> Result<Actuator> {
+    fn actuator(&self, table: &ActuatorTable, schema: u32) -> Result<Actuator> {
         let actuator = table.actuator();
+        if let (1, Some((span, name))) = (schema, table.place_of_new()) {
+            return Err(self.error(span, needs_schema_2(name)));
+        }
         actuator.check().map_err(|e| self.error(table.place_of(&e).unwrap_or(0..0), e.to_string()))?;
         Ok(actuator)
     }

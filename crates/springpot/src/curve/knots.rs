@@ -1,0 +1,303 @@
+//! A monotone curve of cubic pieces.
+
+use heapless::Vec;
+
+use crate::error::CurveError;
+use crate::scalar::Scalar;
+
+/// Knots that a curve can have: the ends of 16 pieces.
+pub const MAX_KNOTS: usize = 17;
+
+/// Smallest slope of a curve: the stiffness of one step may not fall to less than this share of that at rest.
+const LEAST_SLOPE: f64 = 1e-3;
+
+/// A point of a [`Curve`]: between two of them the curve is the cubic with these values and slopes at its ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct Knot<T> {
+    /// Displacement x, m.
+    pub displacement: T,
+    /// T(x), m.
+    pub value: T,
+    /// T'(x).
+    pub slope: T,
+}
+
+impl<T: Scalar> Knot<T> {
+    pub(crate) fn wide(&self) -> Knot<f64> {
+        Knot { displacement: self.displacement.to_f64(), value: self.value.to_f64(), slope: self.slope.to_f64() }
+    }
+}
+
+/// The elastic curve T of a film: force follows T(x) instead of x.
+///
+/// Films stiffen and soften with stretch, Eq. 11 does not. With the curve the film's force is the model's for the displacement
+/// s = T(x) (quasi-linear viscoelasticity, Fung 1972), and the inertia acts on x:
+///
+/// ```text
+/// F = ∫ K(t − τ) dT(x(τ)) + m ẍ,      T(0) = 0, T'(0) = 1
+/// ```
+///
+/// so that the coefficients of the model keep their meaning at small strokes, and T(x) = x is Eq. 11. T is a table of at most 16
+/// cubic pieces over the stroke that was measured. Beyond its ends it goes on with the slope that it has there.
+///
+/// A curve comes from a material law ([`Rubber`](crate::Rubber)), from points ([`through`](Self::through)) or from knots
+/// ([`new`](Self::new)). [`Law::behind`](crate::Law::behind) puts it in front of a law.
+///
+/// ```
+/// use springpot::{Curve, CurveError};
+///
+/// // A film that is twice as stiff at 2 mm as at rest.
+/// let curve = Curve::through(&[(0.0, 0.0), (1e-3, 1.2e-3), (2e-3, 2.8e-3)])?;
+/// assert!((curve.slope(0.0) - 1.0).abs() < 1e-12);
+/// assert!(curve.slope(2e-3) > 1.6);
+/// assert!((curve.inverse(curve.value(1.3e-3)) - 1.3e-3).abs() < 1e-15);
+///
+/// // A curve that falls is refused.
+/// assert!(matches!(Curve::through(&[(0.0, 0.0), (1e-3, 1e-3), (2e-3, 0.9e-3)]), Err(CurveError::NotMonotone { .. })));
+/// # Ok::<(), CurveError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curve {
+    knots: Vec<Knot<f64>, MAX_KNOTS>,
+}
+
+impl Curve {
+    /// The curve of `knots`, displacements increasing, with T(0) = 0 and T'(0) = 1 to 1e-5: the rounding of knots in f32.
+    ///
+    /// # Errors
+    ///
+    /// [`CurveError`] for fewer than two knots or more than [`MAX_KNOTS`], values that are not finite, displacements that do not
+    /// increase or do not hold 0, another value or slope at 0, and a slope below 1e-3.
+    pub fn new(knots: &[Knot<f64>]) -> Result<Self, CurveError> {
+        let curve = Self::unscaled(knots)?;
+        let (value, slope) = curve.value_and_slope(0.0);
+        let (first, last) = curve.range();
+        if value.abs() > 1e-5 * (last - first) || (slope - 1.0).abs() > 1e-5 {
+            return Err(CurveError::AtRest { value_m: value, slope });
+        }
+        curve.check_monotone()?;
+        Ok(curve)
+    }
+
+    /// The curve with these knots up to a constant and a factor, which are chosen for T(0) = 0 and T'(0) = 1.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new), apart from value and slope at 0.
+    pub fn scaled(knots: &[Knot<f64>]) -> Result<Self, CurveError> {
+        let mut curve = Self::unscaled(knots)?;
+        let (value, slope) = curve.value_and_slope(0.0);
+        if !(slope.is_finite() && slope > 0.0) {
+            return Err(CurveError::NotMonotone { displacement_m: 0.0, slope });
+        }
+        for knot in &mut curve.knots {
+            knot.value = (knot.value - value) / slope;
+            knot.slope /= slope;
+        }
+        curve.check_monotone()?;
+        Ok(curve)
+    }
+
+    /// The monotone curve through `points` (displacement, value; m), scaled to T(0) = 0 and T'(0) = 1: slopes after Fritsch and
+    /// Butland 1984, which keep rising points rising.
+    ///
+    /// # Errors
+    ///
+    /// As [`scaled`](Self::scaled).
+    pub fn through(points: &[(f64, f64)]) -> Result<Self, CurveError> {
+        let mut knots = Vec::<Knot<f64>, MAX_KNOTS>::new();
+        for (k, &(displacement, value)) in points.iter().enumerate() {
+            let secant = |a: usize, b: usize| (points[b].1 - points[a].1) / (points[b].0 - points[a].0);
+            let width = |a: usize, b: usize| points[b].0 - points[a].0;
+            let last = points.len() - 1;
+            let slope = match k {
+                _ if last == 0 => 1.0,
+                _ if last == 1 => secant(0, 1),
+                0 => end_slope([secant(0, 1), secant(1, 2)], [width(0, 1), width(1, 2)]),
+                k if k == last => end_slope(
+                    [secant(last - 1, last), secant(last - 2, last - 1)],
+                    [width(last - 1, last), width(last - 2, last - 1)],
+                ),
+                k => inner_slope([secant(k - 1, k), secant(k, k + 1)], [width(k - 1, k), width(k, k + 1)]),
+            };
+            knots.push(Knot { displacement, value, slope }).map_err(|_| CurveError::Knots(points.len()))?;
+        }
+        Self::scaled(&knots)
+    }
+
+    /// The curve of knots in another number type.
+    pub(crate) fn of_rounded<T: Scalar>(knots: &[Knot<T>]) -> Result<Self, CurveError> {
+        let wide: Vec<Knot<f64>, MAX_KNOTS> = knots.iter().map(Knot::wide).collect();
+        Self::new(&wide)
+    }
+
+    fn unscaled(knots: &[Knot<f64>]) -> Result<Self, CurveError> {
+        let knots = Vec::from_slice(knots).map_err(|_| CurveError::Knots(knots.len()))?;
+        if knots.len() < 2 {
+            return Err(CurveError::Knots(knots.len()));
+        }
+        for (k, knot) in knots.iter().enumerate() {
+            let finite = knot.displacement.is_finite() && knot.value.is_finite() && knot.slope.is_finite();
+            if !(finite && (k == 0 || knots[k - 1].displacement < knot.displacement)) {
+                return Err(CurveError::Knot { index: k });
+            }
+        }
+        let curve = Self { knots };
+        let (low_m, high_m) = curve.range();
+        if !(low_m <= 0.0 && 0.0 <= high_m) {
+            return Err(CurveError::Range { low_m, high_m });
+        }
+        Ok(curve)
+    }
+
+    fn check_monotone(&self) -> Result<(), CurveError> {
+        let (displacement_m, slope) = self.least_slope();
+        if slope >= LEAST_SLOPE { Ok(()) } else { Err(CurveError::NotMonotone { displacement_m, slope }) }
+    }
+
+    /// Its knots, displacements increasing.
+    #[must_use]
+    pub fn knots(&self) -> &[Knot<f64>] {
+        &self.knots
+    }
+
+    /// The smallest and the largest displacement of its knots, m. Beyond them T goes on with a constant slope.
+    #[must_use]
+    pub fn range(&self) -> (f64, f64) {
+        match (self.knots.first(), self.knots.last()) {
+            (Some(first), Some(last)) => (first.displacement, last.displacement),
+            _ => (0.0, 0.0),
+        }
+    }
+
+    /// T(x) in m at `displacement_m` (m).
+    #[must_use]
+    pub fn value(&self, displacement_m: f64) -> f64 {
+        self.value_and_slope(displacement_m).0
+    }
+
+    /// T'(x) at `displacement_m` (m): the film's stiffness there over that at rest.
+    #[must_use]
+    pub fn slope(&self, displacement_m: f64) -> f64 {
+        self.value_and_slope(displacement_m).1
+    }
+
+    /// The displacement in m where T has the value `value_m` (m).
+    #[must_use]
+    pub fn inverse(&self, value_m: f64) -> f64 {
+        let (low_m, high_m) = self.range();
+        let (least, largest) = (self.value(low_m), self.value(high_m));
+        if value_m <= least {
+            return low_m + (value_m - least) / self.slope(low_m);
+        }
+        if value_m >= largest {
+            return high_m + (value_m - largest) / self.slope(high_m);
+        }
+        // Newton's method, with bisection where it would leave the bracket.
+        let (mut low, mut high) = (low_m, high_m);
+        let mut x = value_m.clamp(low, high);
+        for _ in 0..100 {
+            let (value, slope) = self.value_and_slope(x);
+            if value > value_m {
+                high = x;
+            } else {
+                low = x;
+            }
+            let newton = x - (value - value_m) / slope;
+            let next = if newton >= low && newton <= high { newton } else { 0.5 * (low + high) };
+            if (next - x).abs() <= f64::EPSILON * x.abs() {
+                break;
+            }
+            x = next;
+        }
+        x
+    }
+
+    /// The displacement (m) of the smallest slope, and that slope.
+    #[must_use]
+    pub fn least_slope(&self) -> (f64, f64) {
+        self.slopes().fold((0.0, f64::INFINITY), |least, at| if at.1 < least.1 { at } else { least })
+    }
+
+    /// The displacement (m) of the largest slope, and that slope.
+    #[must_use]
+    pub fn largest_slope(&self) -> (f64, f64) {
+        self.slopes().fold((0.0, 0.0), |largest, at| if at.1 > largest.1 { at } else { largest })
+    }
+
+    /// The slopes at all knots and at the turning points of the slope within the pieces, with their displacements.
+    fn slopes(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let inner = self.knots.windows(2).filter_map(|pair| {
+            let cubic = Cubic::between(&pair[0], &pair[1]);
+            let turn = -cubic.second / (3.0 * cubic.third);
+            (turn > 0.0 && turn < cubic.width).then(|| (pair[0].displacement + turn, cubic.slope_at(turn)))
+        });
+        self.knots.iter().map(|knot| (knot.displacement, knot.slope)).chain(inner)
+    }
+
+    fn value_and_slope(&self, displacement: f64) -> (f64, f64) {
+        let (low, high) = self.range();
+        let within = displacement.clamp(low, high);
+        let index = self.knots.iter().rposition(|knot| knot.displacement <= within).unwrap_or(0);
+        let index = index.min(self.knots.len().saturating_sub(2));
+        let [before, after] = [self.knots[index], self.knots[index + 1]];
+        let cubic = Cubic::between(&before, &after);
+        let u = within - before.displacement;
+        let slope = cubic.slope_at(u);
+        (before.value + cubic.beyond(u) + slope * (displacement - within), slope)
+    }
+}
+
+/// A cubic from its value at the left end on: slope u + second u² + third u³.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cubic {
+    pub(super) slope: f64,
+    pub(super) second: f64,
+    pub(super) third: f64,
+    width: f64,
+}
+
+impl Cubic {
+    pub(super) fn between(before: &Knot<f64>, after: &Knot<f64>) -> Self {
+        let width = after.displacement - before.displacement;
+        let secant = (after.value - before.value) / width;
+        Self {
+            slope: before.slope,
+            second: (3.0 * secant - 2.0 * before.slope - after.slope) / width,
+            third: (before.slope + after.slope - 2.0 * secant) / (width * width),
+            width,
+        }
+    }
+
+    fn beyond(&self, u: f64) -> f64 {
+        u * (self.slope + u * (self.second + u * self.third))
+    }
+
+    fn slope_at(&self, u: f64) -> f64 {
+        self.slope + u * (2.0 * self.second + 3.0 * self.third * u)
+    }
+}
+
+/// The slope at an inner point from the secants and widths on both sides: their weighted harmonic mean.
+fn inner_slope([before, after]: [f64; 2], [left, right]: [f64; 2]) -> f64 {
+    if before * after <= 0.0 {
+        return 0.0;
+    }
+    let (a, b) = (2.0 * right + left, right + 2.0 * left);
+    (a + b) / (a / before + b / after)
+}
+
+/// The slope at an end from the two nearest secants and widths: of the parabola through three points, kept monotone.
+fn end_slope([near, far]: [f64; 2], [first, second]: [f64; 2]) -> f64 {
+    let slope = ((2.0 * first + second) * near - first * far) / (first + second);
+    if slope * near <= 0.0 {
+        0.0
+    } else if near * far <= 0.0 && slope.abs() > 3.0 * near.abs() {
+        3.0 * near
+    } else {
+        slope
+    }
+}

@@ -1,0 +1,413 @@
+//! Laws behind an elastic curve, against nonlinear full-memory solutions, closed forms and the plain law.
+
+use std::f64::consts::TAU;
+
+use springpot::{
+    Actuator, ActuatorError, Applied, CommandLimits, Curve, CurveError, Feedforward, Knot, Law, LawError, Limited, Load,
+    Maxwell, Method, Observer, ObserverOptions, Options, Real, Rubber, SensorSample, Springpot, State, Topology,
+    VoltageDrive,
+};
+
+use crate::support::relative_rms;
+
+const STEP_S: f64 = 1e-3;
+/// The coefficients of x + a x² + b x³: stiffer by 2.4 at 3 mm.
+const BEND: [f64; 2] = [150.0, 1.9e4];
+const GAMMA_0_8: f64 = 1.164_229_713_725_303;
+
+fn bent(x: f64) -> f64 {
+    x + BEND[0] * x * x + BEND[1] * x * x * x
+}
+
+fn bent_slope(x: f64) -> f64 {
+    1.0 + 2.0 * BEND[0] * x + 3.0 * BEND[1] * x * x
+}
+
+/// A cubic is one piece of a curve; here it is cut into `pieces`.
+fn cubic(low: f64, high: f64, pieces: usize) -> Curve {
+    let knots: Vec<Knot<f64>> = (0..=pieces)
+        .map(|k| low + (high - low) * k as f64 / pieces as f64)
+        .map(|x| Knot { displacement: x, value: bent(x), slope: bent_slope(x) })
+        .collect();
+    Curve::new(&knots).expect("rises")
+}
+
+fn film(mass_kg: f64) -> Maxwell {
+    let sp = Springpot::new;
+    Maxwell::new(sp(9e3, 0.2), &[[sp(1.1e4, 0.0), sp(9e3, 0.9)]], Topology::Parallel, mass_kg).expect("valid")
+}
+
+fn law<T: Real>(model: &Maxwell) -> Law<T> {
+    Law::compressed(model, Options::at_step(STEP_S)).expect("a law")
+}
+
+fn load(k: usize) -> f64 {
+    let t = k as f64 * STEP_S;
+    20.0 * (1.0 - (TAU * 0.8 * t).cos()) * (1.0 - (-t / 0.3).exp())
+}
+
+/// F_k = Σ κ_j T(x_{k−j}) + m (x_k − 2 x_{k−1} + x_{k−2})/h², every x_k by bisection.
+fn by_the_sum(model: &Maxwell, force: impl Fn(usize, f64) -> f64, samples: usize) -> Vec<f64> {
+    let massless = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0).expect("valid");
+    let modulus = crate::support::defining_sum::modulus_series(&massless, STEP_S, samples);
+    let inertia = model.mass_kg() / (STEP_S * STEP_S);
+    let (mut x, mut s) = (Vec::<f64>::new(), Vec::<f64>::new());
+    for k in 0..samples {
+        let past: f64 = (1..=k).map(|j| modulus[j] * s[k - j]).sum();
+        let before = |j: usize| if k >= j { x[k - j] } else { 0.0 };
+        let left = |x: f64| modulus[0] * bent(x) + past + inertia * (x - 2.0 * before(1) + before(2)) - force(k, x);
+        let (mut low, mut high) = (-1e-3, 6e-3);
+        while high - low > 1e-15 {
+            let middle = 0.5 * (low + high);
+            if left(middle) > 0.0 { high = middle } else { low = middle }
+        }
+        x.push(0.5 * (low + high));
+        s.push(bent(x[k]));
+    }
+    x
+}
+
+fn run<T: Real>(law: &Law<T>, force: impl Fn(usize) -> Load<f64>, samples: usize) -> Vec<f64> {
+    let mut state = law.state();
+    (0..samples)
+        .map(|k| {
+            let Load { force, slope } = force(k);
+            law.displacement_under(&mut state, Load { force: T::from_f64(force), slope: T::from_f64(slope) }).to_f64()
+        })
+        .collect()
+}
+
+#[test]
+fn creep_behind_a_curve_is_that_of_the_nonlinear_sum() {
+    const SAMPLES: usize = 4000;
+    for (mass_kg, coupling) in [(0.3, 0.0), (0.0, 0.0), (0.1, 60.0)] {
+        let model = film(mass_kg);
+        let exact = by_the_sum(&model, |k, x| load(k) * (1.0 + coupling * x), SAMPLES);
+        let largest = exact.iter().copied().fold(0.0, f64::max);
+        assert!(largest > 2e-3 && bent(largest) > 1.4 * largest, "the curve matters: {largest}");
+        let load = |k| Load { force: load(k), slope: load(k) * coupling };
+        for pieces in [1, 7, 16] {
+            let curve = cubic(-0.5e-3, 5e-3, pieces);
+            let wide: Law<f64> = law(&model).behind(&curve).expect("a law");
+            let error = relative_rms(&run(&wide, load, SAMPLES), &exact);
+            assert!(error < 3e-6, "{mass_kg} kg, {pieces} pieces: {error:e}");
+            let single: Law<f32> = law(&model).behind(&curve).expect("a law");
+            let error = relative_rms(&run(&single, load, SAMPLES), &exact);
+            assert!(error < 4e-6, "{mass_kg} kg, {pieces} pieces in f32: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn a_jump_of_the_force_leaves_no_error_behind() {
+    // Without mass T(x) under a force is the displacement of the plain law. In the steps of the jump x is one linearisation off.
+    let model = film(0.0);
+    let curve = cubic(-0.5e-3, 5e-3, 1);
+    let plain: Law<f64> = law(&model);
+    let behind = plain.clone().behind(&curve).expect("a law");
+    let (mut bent_film, mut straight) = (behind.state(), plain.state());
+    let mut largest = 0f64;
+    for k in 0..2000 {
+        let force = if k % 500 < 250 { 25.0 } else { 5.0 };
+        let x = behind.displacement(&mut bent_film, force);
+        let exact = curve.inverse(plain.displacement(&mut straight, force));
+        let error = (x - exact).abs() / 2e-3;
+        largest = largest.max(error);
+        assert!(k % 250 < 40 || error < 1e-8, "step {k}: {error:e}");
+    }
+    assert!(largest > 1e-3, "the jumps are large: {largest:e}");
+}
+
+#[test]
+fn relaxation_behind_a_curve_has_the_closed_form() {
+    // A springpot of order 0.2 held at x: c T(x) t^−0.2 / Γ(0.8).
+    let model = Maxwell::new(Springpot::new(5e3, 0.2), &[], Topology::Eq11, 0.0).expect("valid");
+    let law: Law<f64> = law(&model).behind(&cubic(-1e-3, 5e-3, 5)).expect("a law");
+    let mut state = law.state();
+    for k in 1..=20_000 {
+        let force = law.force(&mut state, 3.1e-3);
+        if k >= 2000 {
+            let t = (k as f64 - 0.5) * STEP_S;
+            let exact = 5e3 * bent(3.1e-3) * t.powf(-0.2) / GAMMA_0_8;
+            assert!((force / exact - 1.0).abs() < 1e-4, "step {k}: {force} instead of {exact}");
+        }
+    }
+}
+
+#[test]
+fn both_directions_return_each_other() {
+    let law: Law<f64> = law(&film(0.3)).behind(&cubic(-0.5e-3, 5e-3, 9)).expect("a law");
+    let (mut forwards, mut backwards) = (law.state(), law.state());
+    for k in 0..5000 {
+        let x = law.displacement(&mut forwards, load(k));
+        let ahead = law.force_to(&backwards, x);
+        let force = law.force(&mut backwards, x);
+        assert_eq!(ahead, force);
+        // T is exact backwards and linearised forwards.
+        assert!((force - load(k)).abs() < 2e-3, "step {k}: {force} instead of {}", load(k));
+    }
+    // By the change of the increment the inverse is exact to rounding.
+    let mut state = law.state();
+    for k in 0..5000 {
+        let force = load(k);
+        let mut next = state.clone();
+        law.displacement(&mut next, force);
+        let change = next.increment() - state.increment();
+        assert!((law.force_for(&state, change) - force).abs() < 1e-8);
+        state = next;
+    }
+}
+
+#[test]
+fn a_straight_curve_is_no_curve() {
+    let straight = Curve::through(&[(-1e-3, -1e-3), (1e-3, 1e-3), (4e-3, 4e-3)]).expect("rises");
+    assert!((straight.slope(2e-3) - 1.0).abs() < 1e-15);
+    for mass_kg in [0.0, 0.3] {
+        let plain: Law<f64> = law(&film(mass_kg));
+        let behind = plain.clone().behind(&straight).expect("a law");
+        let load = |k| Load { force: load(k), slope: 0.1 * load(k) };
+        assert!(relative_rms(&run(&behind, load, 4000), &run(&plain, load, 4000)) < 1e-9);
+    }
+}
+
+#[test]
+fn a_curve_serves_the_discretisation_of_second_order_as_well() {
+    // Small changes of the step: the error against a fine solution falls with its square.
+    let model = film(0.3);
+    let curve = cubic(-0.5e-3, 5e-3, 4);
+    let at = |step_s: f64, method| -> f64 {
+        let options = Options::at_step(step_s).with_method(method);
+        let law: Law<f64> = Law::compressed(&model, options).and_then(|law| law.behind(&curve)).expect("a law");
+        let mut state = law.state();
+        let steps = (2.0 / step_s).round() as usize;
+        for k in 1..=steps {
+            let t = k as f64 * step_s;
+            let smooth = (t / 2.0).powi(3) * (10.0 - 15.0 * t / 2.0 + 6.0 * (t / 2.0).powi(2));
+            law.displacement(&mut state, 40.0 * smooth);
+        }
+        state.position()
+    };
+    let exact = at(1.25e-4, Method::Bdf2);
+    let errors = [8e-3, 4e-3, 2e-3].map(|step_s| (at(step_s, Method::Bdf2) / exact - 1.0).abs());
+    for pair in errors.windows(2) {
+        let order = (pair[0] / pair[1]).log2();
+        assert!((1.7..2.4).contains(&order), "{errors:?}");
+    }
+    assert!((at(2e-3, Method::Gl) / exact - 1.0).abs() > 10.0 * errors[2]);
+}
+
+#[test]
+fn coefficients_carry_the_curve_and_give_the_same_bits() {
+    for method in [Method::Gl, Method::Bdf2] {
+        let model = film(0.3);
+        let options = Options::at_step(STEP_S).with_method(method);
+        let law: Law<f32> = Law::compressed(&model, options).expect("a law");
+        let law = law.behind(&cubic(-0.5e-3, 5e-3, 11)).expect("a law");
+        let coefficients = law.coefficients();
+        assert_eq!(coefficients.curve.len(), 12);
+        let received = Law::from_coefficients(&coefficients, STEP_S, model.mass_kg()).expect("a law");
+        assert_eq!(received, law);
+        let load = |k| Load { force: load(k), slope: 0.0 };
+        assert_eq!(run(&received, load, 1000), run(&law, load, 1000));
+    }
+}
+
+#[test]
+fn a_film_that_hung_under_a_load_is_where_stepping_brings_it() {
+    let model = film(0.0);
+    let curve = cubic(-0.5e-3, 5e-3, 6);
+    let law: Law<f64> = law(&model).behind(&curve).expect("a law");
+    let mut stepped = law.state();
+    law.warm_up(&mut stepped, (0..20_000).map(|_| 25.0));
+    let mut settled = law.settled(25.0, 20.0);
+    assert!((settled.position() / stepped.position() - 1.0).abs() < 1e-5);
+    assert!((settled.slope() / stepped.slope() - 1.0).abs() < 1e-5);
+    for _ in 0..1000 {
+        let x = law.displacement(&mut stepped, 15.0);
+        assert!((law.displacement(&mut settled, 15.0) - x).abs() < 1e-5 * x);
+    }
+    // A sensor that is zeroed there: the film stays where it is on its curve.
+    let origin = settled.position();
+    let mut zeroed = settled.clone();
+    zeroed.move_origin(origin);
+    for _ in 0..100 {
+        let x = law.displacement(&mut settled, 20.0);
+        assert!((law.displacement(&mut zeroed, 20.0) + origin - x).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn small_oscillations_have_the_response_of_the_working_point() {
+    let model = film(0.0);
+    let curve = cubic(-0.5e-3, 5e-3, 3);
+    for method in [Method::Gl, Method::Bdf2] {
+        let law: Law<f64> =
+            Law::compressed(&model, Options::at_step(STEP_S).with_method(method)).expect("a law").behind(&curve).expect("a law");
+        // Along a small sine about 2 mm the force is the kernel's times the slope there.
+        let (hz, size, centre) = (2.0, 1e-6, 2e-3);
+        // Beside a film that only stands there.
+        let (mut state, mut still): (State<f64>, State<f64>) = (law.state(), law.state());
+        let (mut re, mut im, mut count) = (0.0, 0.0, 0.0);
+        for k in 0..40_000 {
+            let phase = TAU * hz * k as f64 * STEP_S;
+            let force = law.force(&mut state, centre + size * phase.sin()) - law.force(&mut still, centre);
+            if k >= 20_000 {
+                re += force * phase.sin();
+                im += force * phase.cos();
+                count += 0.5;
+            }
+        }
+        let found = springpot::Complex::new(re / count, im / count) / size;
+        let stated = law.frequency_response_about(hz, centre).inv();
+        assert!((found / stated - 1.0).norm() < 0.01, "{method:?}: {found} instead of {stated}");
+        let at_rest = law.frequency_response(hz).inv();
+        assert!((stated.re / at_rest.re - bent_slope(centre)).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn feedforward_follows_behind_a_curve_through_a_saturating_drive() {
+    let model = film(Actuator::KARNER_2022.mass_kg);
+    let actuator = Actuator { stretch_coupling: -20.0, saturation_v: Some(9000.0), ..Actuator::KARNER_2022 };
+    let curve = cubic(-0.5e-3, 3e-3, 8);
+    let law: Law<f32> = law(&model).behind(&curve).expect("a law");
+    let feedforward = Feedforward::new(law, &actuator, CommandLimits::BENCH).expect("valid");
+    // The film itself: the sum with the drive as Eq. 1 has it, in f64.
+    let reference = |k: usize| {
+        let t = k as f64 * STEP_S;
+        0.1e-3 * (6.0 - (TAU * 0.5 * t).cos()) * (1.0 - (-t).exp())
+    };
+    let mut state = feedforward.state(feedforward.law().state());
+    let mut volts = Vec::new();
+    for k in 1..=4000 {
+        let command = feedforward.command(&mut state, reference(k) as f32);
+        assert!(command.limited.is_none() || k < 20, "step {k}: {}", command.limited);
+        volts.push(f64::from(command.voltage));
+        feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
+    }
+    let followed = by_the_sum(&model, |k, x| actuator.force(volts[k], x), volts.len());
+    let wanted: Vec<f64> = (1..=4000).map(reference).collect();
+    // The start is a jump of the speed, which the path takes smoothly.
+    let error = relative_rms(&followed[1000..], &wanted[1000..]);
+    assert!(error < 1e-4, "{error:e}");
+}
+
+#[test]
+fn a_command_beyond_the_curve_says_so() {
+    let law: Law<f32> = law(&film(0.3)).behind(&cubic(-0.1e-3, 0.3e-3, 2)).expect("a law");
+    let feedforward = Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH).expect("valid");
+    let mut state = feedforward.state(feedforward.law().state());
+    let mut flags = Vec::new();
+    for k in 0..3000 {
+        let command = feedforward.command(&mut state, 0.6e-3 * (k as f32 / 3000.0));
+        feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
+        assert_eq!(state.film().beyond_curve(), state.displacement() + state.film().increment() > 0.3e-3);
+        flags.push(command.limited.contains(Limited::BEYOND_CURVE));
+    }
+    assert!(!flags[1000] && flags[2000]);
+    assert_eq!(Limited::BEYOND_CURVE.bits(), 64);
+}
+
+#[test]
+fn the_observers_gain_grows_with_the_slope() {
+    // A constant unknown force at rest and high on the curve: the estimate must follow as fast in both places.
+    let model = film(0.1);
+    let plain: Law<f64> = law(&model);
+    let curve = cubic(-0.5e-3, 5e-3, 4);
+    let options = ObserverOptions { adaptation_s: 0.0, ..ObserverOptions::at_bandwidth(0.5) };
+    let after_one_second = |law: Law<f64>, force: f64| -> f64 {
+        let observer: Observer<f64> = Observer::new(law.clone(), &Actuator::KARNER_2022, 6000.0, options).expect("valid");
+        let volts = (force / Actuator::KARNER_2022.force_per_square_volt()).sqrt();
+        let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.least_stiffness()).expect("valid");
+        let rest = law.settled(force, 600.0);
+        let (mut film, mut state) = (rest.clone(), observer.state(rest));
+        for k in 0..1000 {
+            let load = drive.load(volts);
+            let x = law.displacement_under(&mut film, Load { force: load.force + 0.5, ..load });
+            let sample = (k % 10 == 0).then_some(SensorSample { displacement: x, age_ticks: 0 });
+            observer.observe(&mut state, volts, sample);
+        }
+        state.disturbance()
+    };
+    let straight = after_one_second(plain.clone(), 10.0);
+    let high = after_one_second(plain.behind(&curve).expect("a law"), 22.0);
+    assert!((0.5..0.9).contains(&straight) && (high / straight - 1.0).abs() < 0.05, "{straight} and {high}");
+}
+
+#[test]
+fn rubber_has_the_stress_of_its_formula() {
+    for (share, limit, rest_stretch) in [(0.5, 137.0, 1.0), (0.5, 137.0, 2.1), (1.0, f64::INFINITY, 1.0), (0.2, 60.0, 1.5)] {
+        let rubber = Rubber { share, limit, rest_stretch, free_length_m: 0.02 };
+        let curve = rubber.curve(-4e-3, 40e-3).expect("rises");
+        let nominal = |stretch: f64| {
+            let first = stretch - stretch.powi(-2);
+            let gent = 1.0 - (stretch.powi(2) + 2.0 / stretch - 3.0) / limit;
+            share * first / gent + (1.0 - share) * (1.0 - stretch.powi(-3))
+        };
+        let scale = (nominal(rest_stretch + 1e-5) - nominal(rest_stretch - 1e-5)) / 2e-5;
+        let largest = curve.value(40e-3);
+        for k in 0..=200 {
+            let x = -4e-3 + 44e-3 * f64::from(k) / 200.0;
+            let exact = (nominal(rest_stretch + x / 0.02) - nominal(rest_stretch)) / scale * 0.02;
+            let error = (curve.value(x) - exact).abs() / largest;
+            assert!(error < 2e-4, "share {share}, limit {limit}, rest {rest_stretch}, x = {x}: {error:e}");
+        }
+        assert_eq!(curve.knots().len(), 17);
+    }
+}
+
+#[test]
+fn a_monotone_curve_through_points_has_the_published_slopes() {
+    // By hand from Fritsch and Butland 1984, and the parabola through three points at the ends.
+    let curve = Curve::through(&[(0.0, 0.0), (1.0, 2.0), (2.0, 3.0), (4.0, 4.0)]).expect("rises");
+    let slopes: Vec<f64> = curve.knots().iter().map(|knot| knot.slope * 2.5).collect();
+    let by_hand = [2.5, 4.0 / 3.0, 9.0 / (5.0 / 1.0 + 4.0 / 0.5), 1.0 / 6.0];
+    for (slope, exact) in slopes.iter().zip(by_hand) {
+        assert!((slope - exact).abs() < 1e-12, "{slopes:?}");
+    }
+    assert!((curve.value(4.0) - 4.0 / 2.5).abs() < 1e-15);
+    for s in [-0.3, 0.0, 0.2, 0.77, 1.3, 1.6, 2.5] {
+        assert!((curve.value(curve.inverse(s)) - s).abs() < 1e-14);
+    }
+    // Beyond its ends it goes on with the slope there.
+    assert!((curve.value(6.0) - (4.0 + 1.0 / 3.0) / 2.5).abs() < 1e-12);
+}
+
+#[test]
+fn what_no_film_has_is_refused_where_it_is() {
+    let through = |points: &[(f64, f64)]| Curve::through(points).err();
+    assert_eq!(through(&[]), Some(CurveError::Knots(0)));
+    assert_eq!(through(&[(0.0, 0.0)]), Some(CurveError::Knots(1)));
+    assert_eq!(through(&[(0.0, 0.0); 18]), Some(CurveError::Knots(18)));
+    assert_eq!(through(&[(0.0, 0.0), (0.0, 1.0)]), Some(CurveError::Knot { index: 0 }), "its slope is infinite");
+    assert_eq!(through(&[(0.0, 0.0), (1.0, f64::NAN), (2.0, 2.0)]), Some(CurveError::Knot { index: 0 }));
+    assert_eq!(through(&[(1.0, 1.0), (2.0, 2.0)]), Some(CurveError::Range { low_m: 1.0, high_m: 2.0 }));
+    let falls = through(&[(0.0, 0.0), (1.0, 1.0), (2.0, 0.5), (3.0, 2.0)]);
+    assert!(matches!(falls, Some(CurveError::NotMonotone { displacement_m, .. }) if (1.0..=2.0).contains(&displacement_m)));
+    // A cubic between knots that rise may fall in between.
+    let knot = |x: f64, value, slope| Knot { displacement: x, value, slope };
+    let wavy = Curve::new(&[knot(0.0, 0.0, 1.0), knot(1.0, 0.1, 1.0)]).err();
+    assert!(matches!(wavy, Some(CurveError::NotMonotone { slope, .. }) if slope < 0.0));
+    let steep = Curve::new(&[knot(0.0, 0.0, 2.0), knot(1.0, 2.0, 2.0)]).err();
+    assert_eq!(steep, Some(CurveError::AtRest { value_m: 0.0, slope: 2.0 }));
+
+    let rubber = Rubber { share: 0.5, limit: 10.0, rest_stretch: 1.0, free_length_m: 0.01 };
+    assert!(matches!(rubber.curve(0.0, 0.05), Err(CurveError::Taut { displacement_m: 0.05, stretch }) if stretch > 5.9));
+    assert!(matches!(rubber.curve(-0.02, 0.01), Err(CurveError::Taut { displacement_m: -0.02, .. })));
+    assert_eq!(Rubber { limit: f64::NAN, ..rubber }.curve(0.0, 0.01), Err(CurveError::Rubber));
+    assert_eq!(Rubber { free_length_m: 0.0, ..rubber }.curve(0.0, 0.01), Err(CurveError::Rubber));
+    assert!(matches!(Rubber { share: -3.0, ..rubber }.curve(0.0, 0.01), Err(CurveError::NotMonotone { .. })));
+
+    // Knots that are one in single precision.
+    let narrow = Curve::through(&[(0.0, 0.0), (1e-3, 1e-3), (1e-3 + 1e-13, 1e-3 + 2e-13)]).expect("rises in f64");
+    let refused = law::<f32>(&film(0.3)).behind(&narrow).err();
+    assert_eq!(refused, Some(LawError::Curve(CurveError::Knot { index: 2 })));
+
+    // Pull-in counts where the film is softest.
+    let soft = Curve::through(&[(0.0, 0.0), (1e-3, 0.2e-3), (2e-3, 0.3e-3)]).expect("rises");
+    let law: Law<f64> = law(&film(0.0)).behind(&soft).expect("a law");
+    let actuator = Actuator { stretch_coupling: 200.0, ..Actuator::KARNER_2022 };
+    assert!(VoltageDrive::new(&actuator, 6000.0, law.stiffness()).is_ok());
+    let refused = VoltageDrive::new(&actuator, 6000.0, law.least_stiffness()).err();
+    assert!(matches!(refused, Some(ActuatorError::PullIn { .. })), "{refused:?}, {:?}", law.least_stiffness());
+}

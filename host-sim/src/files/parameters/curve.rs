@@ -1,0 +1,181 @@
+//! The `[curve]` table: how a film stiffens and softens with stretch.
+
+use std::fmt::Write;
+
+use serde::Deserialize;
+use springpot::{Actuator, Curve, CurveError, Knot, Rubber};
+use toml::Spanned;
+
+/// An elastic curve as it is written, and as the pieces that a controller runs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ElasticCurve {
+    shape: Shape,
+    curve: Curve,
+}
+
+/// What an elastic curve is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// A strip of rubber; Gent's limit is infinite for Mooney–Rivlin.
+    Rubber(Rubber),
+    /// Monotone cubic pieces.
+    Free,
+}
+
+impl ElasticCurve {
+    /// The curve of `rubber` over displacements from `low_m` to `high_m`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Rubber::curve`].
+    pub fn rubber(rubber: Rubber, low_m: f64, high_m: f64) -> Result<Self, CurveError> {
+        Ok(Self { shape: Shape::Rubber(rubber), curve: rubber.curve(low_m, high_m)? })
+    }
+
+    /// A curve of pieces.
+    pub fn free(curve: Curve) -> Self {
+        Self { shape: Shape::Free, curve }
+    }
+
+    /// What it is made of.
+    pub fn shape(&self) -> Shape {
+        self.shape
+    }
+
+    /// Its pieces.
+    pub fn pieces(&self) -> &Curve {
+        &self.curve
+    }
+
+    /// Its name in a file.
+    pub fn name(&self) -> &'static str {
+        match self.shape {
+            Shape::Rubber(rubber) if rubber.limit == f64::INFINITY => "mooney-rivlin",
+            Shape::Rubber(_) => "gent",
+            Shape::Free => "free",
+        }
+    }
+
+    /// The table as TOML text.
+    pub(super) fn to_toml(&self) -> String {
+        let mut text = format!("\n[curve]\nelastic = \"{}\"\n", self.name());
+        // Writing to a string cannot fail.
+        match self.shape {
+            Shape::Rubber(Rubber { share, limit, rest_stretch, free_length_m }) => {
+                let _ = writeln!(text, "share = {share:?}");
+                if limit.is_finite() {
+                    let _ = writeln!(text, "limit = {limit:?} # of I1 - 3, after Gent");
+                }
+                let _ = writeln!(text, "rest_stretch = {rest_stretch:?} # at x = 0");
+                let _ = writeln!(text, "free_length_m = {free_length_m:?} # without any load");
+                let (low_m, high_m) = self.curve.range();
+                let _ = writeln!(text, "from_m = {low_m:?}\nto_m = {high_m:?}");
+            }
+            Shape::Free => {
+                let mut row = |name: &str, of: fn(&Knot<f64>) -> f64| {
+                    let numbers: Vec<String> = self.curve.knots().iter().map(|knot| format!("{:?}", of(knot))).collect();
+                    let _ = writeln!(text, "{name} = [{}]", numbers.join(", "));
+                };
+                row("displacement_m", |knot| knot.displacement);
+                row("value_m", |knot| knot.value);
+                row("slope", |knot| knot.slope);
+            }
+        }
+        text
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum ElasticName {
+    Linear,
+    MooneyRivlin,
+    Gent,
+    Free,
+}
+
+/// The table as it is read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CurveTable {
+    elastic: ElasticName,
+    share: Option<f64>,
+    limit: Option<f64>,
+    rest_stretch: Option<f64>,
+    free_length_m: Option<f64>,
+    from_m: Option<f64>,
+    to_m: Option<f64>,
+    displacement_m: Option<Spanned<Vec<f64>>>,
+    value_m: Option<Vec<f64>>,
+    slope: Option<Vec<f64>>,
+}
+
+impl CurveTable {
+    /// The curve for a film on `actuator`, none for a linear one; or what is wrong.
+    pub(super) fn curve(&self, actuator: &Actuator) -> Result<Option<ElasticCurve>, String> {
+        let rubber = matches!(self.elastic, ElasticName::MooneyRivlin | ElasticName::Gent);
+        for (name, there, wanted) in [
+            ("share", self.share.is_some(), rubber),
+            ("limit", self.limit.is_some(), self.elastic == ElasticName::Gent),
+            ("rest_stretch", self.rest_stretch.is_some(), rubber),
+            ("free_length_m", self.free_length_m.is_some(), rubber),
+            ("from_m", self.from_m.is_some(), rubber),
+            ("to_m", self.to_m.is_some(), rubber),
+            ("displacement_m", self.displacement_m.is_some(), self.elastic == ElasticName::Free),
+            ("value_m", self.value_m.is_some(), self.elastic == ElasticName::Free),
+            ("slope", self.slope.is_some(), self.elastic == ElasticName::Free),
+        ] {
+            if there && !wanted {
+                return Err(format!("{name} does not belong to this kind of curve; see docs/formats.md, \"Elastic curve\""));
+            }
+        }
+        let needed = |name: &str, value: Option<f64>| value.ok_or_else(|| format!("the curve needs {name}"));
+        match self.elastic {
+            ElasticName::Linear => Ok(None),
+            ElasticName::MooneyRivlin | ElasticName::Gent => {
+                let limit =
+                    if self.elastic == ElasticName::Gent { needed("limit", self.limit)? } else { f64::INFINITY };
+                if self.elastic == ElasticName::Gent && !limit.is_finite() {
+                    return Err("limit must be finite; without one the curve is mooney-rivlin".into());
+                }
+                // The active area has its length at rest: the free length follows from the rest stretch, and the other way.
+                let length_m = actuator.length_m;
+                let (rest_stretch, free_length_m) = match (self.rest_stretch, self.free_length_m) {
+                    (Some(rest), Some(free)) => (rest, free),
+                    (Some(rest), None) => (rest, length_m / rest),
+                    (None, Some(free)) => (length_m / free, free),
+                    (None, None) => (1.0, length_m),
+                };
+                let rubber = Rubber { share: needed("share", self.share)?, limit, rest_stretch, free_length_m };
+                let range = (needed("from_m", self.from_m)?, needed("to_m", self.to_m)?);
+                ElasticCurve::rubber(rubber, range.0, range.1).map(Some).map_err(|e| e.to_string())
+            }
+            ElasticName::Free => self.free().map(Some),
+        }
+    }
+
+    fn free(&self) -> Result<ElasticCurve, String> {
+        let displacement = self.displacement_m.as_ref().map(Spanned::get_ref).ok_or("the curve needs displacement_m")?;
+        let value = self.value_m.as_ref().ok_or("the curve needs value_m")?;
+        if value.len() != displacement.len() {
+            return Err(format!("{} displacements and {} values", displacement.len(), value.len()));
+        }
+        let points: Vec<(f64, f64)> = displacement.iter().copied().zip(value.iter().copied()).collect();
+        let curve = match &self.slope {
+            None => Curve::through(&points),
+            Some(slopes) if slopes.len() != points.len() => {
+                return Err(format!("{} displacements and {} slopes", points.len(), slopes.len()));
+            }
+            Some(slopes) => {
+                let knots: Vec<Knot<f64>> = points
+                    .iter()
+                    .zip(slopes)
+                    .map(|(&(displacement, value), &slope)| Knot { displacement, value, slope })
+                    .collect();
+                // What was written is read as it stands.
+                Curve::new(&knots).or_else(|_| Curve::scaled(&knots))
+            }
+        };
+        curve.map(ElasticCurve::free).map_err(|e| e.to_string())
+    }
+}
