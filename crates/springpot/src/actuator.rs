@@ -320,7 +320,8 @@ impl<T: Real> VoltageDrive<T> {
             voltage
         };
         let square = voltage * voltage;
-        let electrostatic = self.force_per_square_volt * voltage * voltage / (T::from_f64(1.0) + square * self.saturation);
+        let electrostatic =
+            self.force_per_square_volt * voltage * voltage / (T::from_f64(1.0) + square * self.saturation);
         Load { force: electrostatic + self.preload, slope: electrostatic * self.coupling }
     }
 
@@ -333,7 +334,11 @@ impl<T: Real> VoltageDrive<T> {
         let thinned = self.force_per_square_volt + self.force_per_square_volt * self.coupling * displacement;
         let per_square_volt = thinned - electrostatic * self.saturation;
         if electrostatic > T::ZERO && thinned > T::ZERO {
-            if per_square_volt > T::ZERO { (electrostatic / per_square_volt).sqrt() } else { T::from_f64(f64::INFINITY) }
+            if per_square_volt > T::ZERO {
+                (electrostatic / per_square_volt).sqrt()
+            } else {
+                T::from_f64(f64::INFINITY)
+            }
         } else {
             T::ZERO
         }

@@ -222,15 +222,23 @@ impl fmt::Display for CurveError {
                 write!(f, "knot {} must be finite, and its displacement larger than that of the one before", index + 1)
             }
             Self::Range { low_m, high_m } => {
-                write!(f, "the elastic curve reaches from {low_m} m to {high_m} m; it must hold 0, where the film rests")
+                write!(
+                    f,
+                    "the elastic curve reaches from {low_m} m to {high_m} m; it must hold 0, where the film rests"
+                )
             }
             Self::AtRest { value_m, slope } => {
-                write!(f, "the elastic curve has the value {value_m} m and the slope {slope} at 0; they must be 0 and 1")
+                write!(
+                    f,
+                    "the elastic curve has the value {value_m} m and the slope {slope} at 0; they must be 0 and 1"
+                )
             }
             Self::NotMonotone { displacement_m, slope } => {
                 write!(f, "the elastic curve must rise: its slope is {slope:.4} at {displacement_m:.6} m, at rest 1")
             }
-            Self::Rubber => f.write_str("share, limit, rest_stretch and free_length_m must be finite and greater than 0"),
+            Self::Rubber => {
+                f.write_str("share, limit, rest_stretch and free_length_m must be finite and greater than 0")
+            }
             Self::Taut { displacement_m, stretch } => write!(
                 f,
                 "at {displacement_m:.6} m the film has the stretch {stretch:.4}, where its chains are taut or it has no length"

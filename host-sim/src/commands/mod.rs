@@ -25,8 +25,8 @@ use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 
 use crate::error::{Error, Result};
-use crate::interrupt;
 use crate::files::parameters::Parameters;
+use crate::interrupt;
 use crate::replay::memory::{MemoryChoice, MethodName, Precision, RunOptions};
 use crate::terminal;
 

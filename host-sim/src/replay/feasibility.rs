@@ -167,9 +167,15 @@ impl<'a> Demand<'a> {
         let effective = 1e-9 * per_offset.iter().copied().fold(0.0, f64::max);
         (0..self.force.len())
             .filter(|&k| per_offset[k] > effective || below[k])
-            .map(|k| {
-                if per_offset[k] > effective { -(self.force[k] + self.slack) / per_offset[k] } else { f64::INFINITY }
-            })
+            .map(
+                |k| {
+                    if per_offset[k] > effective {
+                        -(self.force[k] + self.slack) / per_offset[k]
+                    } else {
+                        f64::INFINITY
+                    }
+                },
+            )
             .fold(f64::NEG_INFINITY, f64::max)
     }
 

@@ -140,12 +140,7 @@ pub fn on_memory<W: OnMemory>(film: Film<'_>, grid: Grid, options: &RunOptions, 
 /// # Errors
 ///
 /// As [`on_memory`].
-pub fn on_compressed<W: OnLaw>(
-    film: Film<'_>,
-    rate_hz: f64,
-    precision: Precision,
-    work: W,
-) -> Result<W::Output> {
+pub fn on_compressed<W: OnLaw>(film: Film<'_>, rate_hz: f64, precision: Precision, work: W) -> Result<W::Output> {
     fn on<T: Real, W: OnLaw>(film: Film<'_>, rate_hz: f64, work: W) -> Result<W::Output> {
         let law = compressed_law::<T>(film, rate_hz)?;
         let rest = law.state();

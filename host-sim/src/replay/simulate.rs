@@ -69,7 +69,8 @@ pub fn response(
 ) -> Result<Response> {
     let input = input.map(|samples| grid.resample(samples));
     let actuator = &parameters.actuator;
-    let run = ModelRun { film: parameters.film(), actuator, input: &input, grid, precision: options.precision, progress };
+    let run =
+        ModelRun { film: parameters.film(), actuator, input: &input, grid, precision: options.precision, progress };
     let (force_n, displacement_m) = on_memory(parameters.film(), grid, options, run)?;
     let coupling = actuator.stretch_coupling;
     if matches!(input, Input::Voltage(_)) && displacement_m.iter().any(|x| coupling * x > MOST_COUPLED) {

@@ -19,7 +19,7 @@ use dea_driver::chips::{Calibration, CommandRange, DacCode};
 use dea_driver::{BLOB_LEN, Blob, Controller, DriverState, Inputs, Mode, OnSensorFault, Outputs, Parameters};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use springpot::{Actuator, Law, Options, Preset};
+use springpot::{Actuator, Curve, Law, Method, Options, Preset};
 
 use crate::bench::board_parameters;
 use crate::scale::{cases, grouped};
@@ -53,12 +53,18 @@ fn benches() -> Vec<Parameters> {
         monitor: points(&[[0.0, -5.0], [5.0, 4900.0], [10.0, 9800.0]]),
         ..paper.clone()
     };
-    vec![paper, slow, bent, module]
+    // Behind an elastic curve, through a drive that saturates, in the discretisation of second order.
+    let options = Options::at_step(1e-3).with_method(Method::Bdf2);
+    let stiffening = Curve::through(&[(-0.5e-3, -0.45e-3), (0.0, 0.0), (1e-3, 1.2e-3), (2e-3, 2.9e-3)]).expect("rises");
+    let law = Law::compressed(&model, options).and_then(|law| law.behind(&stiffening)).expect("valid");
+    let mut stiffening = Parameters::bench(&law, Actuator { saturation_v: Some(9e3), ..Actuator::KARNER_2022 });
+    stiffening.actuator.stretch_coupling = -15.0;
+    vec![paper, slow, bent, module, stiffening]
 }
 
 /// The blob of `contents` as docs/blob.md describes it.
 fn framed(contents: &[u8]) -> Vec<u8> {
-    let mut bytes = b"DEA\x01\x02\x00".to_vec();
+    let mut bytes = b"DEA\x01\x03\x00".to_vec();
     bytes.extend(BOARD.to_le_bytes());
     bytes.extend(u16::try_from(contents.len()).expect("short").to_le_bytes());
     bytes.extend(contents);
@@ -108,6 +114,7 @@ fn singles(p: &mut Parameters) -> Vec<&mut f32> {
     for instrument in [&mut p.amplifier, &mut p.monitor, &mut p.sensor] {
         fields.extend(calibration(instrument));
     }
+    fields.extend(p.law.curve.iter_mut().flat_map(|knot| [&mut knot.displacement, &mut knot.value, &mut knot.slope]));
     fields.extend(p.law.head.iter_mut());
     fields.extend(p.law.fast.iter_mut().chain(&mut p.law.slow).flat_map(|(loss, weight)| [loss, weight]));
     fields
@@ -116,7 +123,7 @@ fn singles(p: &mut Parameters) -> Vec<&mut f32> {
 /// Every number of double precision.
 fn doubles(p: &mut Parameters) -> Vec<&mut f64> {
     let actuator = &mut p.actuator;
-    vec![
+    let mut fields = vec![
         &mut p.law.instant,
         &mut p.law.tail_error,
         &mut actuator.relative_permittivity,
@@ -125,7 +132,9 @@ fn doubles(p: &mut Parameters) -> Vec<&mut f64> {
         &mut actuator.thickness_m,
         &mut actuator.mass_kg,
         &mut actuator.stretch_coupling,
-    ]
+    ];
+    fields.extend(&mut actuator.saturation_v);
+    fields
 }
 
 fn mutated(value: f64, other: f64, random: &mut Pcg64) -> f64 {

@@ -1,12 +1,13 @@
 //! The bytes of a blob stay what they were: controllers hold blobs of earlier hosts with the same schema.
 //!
-//! Both files under `blobs/` were written by `host-sim export` when the blob got schema 2.
+//! The files under `blobs/` were written by `host-sim export` when the blob got schema 3.
 
 use dea_driver::{BLOB_LEN, Blob, Parameters};
-use springpot::{Actuator, Law, Maxwell, Options, Preload, Preset, Springpot, Topology};
+use springpot::{Actuator, Curve, Law, Maxwell, Method, Options, Preload, Preset, Springpot, Topology};
 
 const BOARD: u16 = 0x0405;
 const PRESET: &[u8] = include_bytes!("blobs/table3-n2.bin");
+const CURVED: &[u8] = include_bytes!("blobs/behind-a-curve.bin");
 const COUPLED: &[u8] = include_bytes!("blobs/coupled-from-start.bin");
 
 /// What `bytes` hold, after a check that they would be written the same today.
@@ -41,4 +42,20 @@ fn every_field_of_the_actuator_stands_where_it_stood() {
     assert_eq!(coupled.law, law.coefficients());
     assert_eq!(coupled.name, "coupled, from the start");
     assert_eq!(coupled.sensor_offset_m, 0.0);
+}
+
+/// Behind an elastic curve, through a drive that saturates, in the discretisation of second order.
+#[test]
+fn a_blob_carries_the_curve_and_the_method() {
+    let curved = parameters(CURVED);
+    let actuator = Actuator { stretch_coupling: -12.5, saturation_v: Some(9000.0), ..Actuator::KARNER_2022 };
+    assert_eq!(curved.actuator, actuator);
+    let main = Springpot::new(62_740.0, 0.2);
+    let model = Maxwell::new(main, &[], Topology::Parallel, actuator.mass_kg).expect("valid");
+    let options = Options::at_step(1e-3).with_method(Method::Bdf2);
+    let points = [(-0.5e-3, -0.45e-3), (0.0, 0.0), (1e-3, 1.2e-3), (2e-3, 2.9e-3)];
+    let curve = Curve::through(&points).expect("rises");
+    let law: Law<f32> = Law::compressed(&model, options).and_then(|law| law.behind(&curve)).expect("valid");
+    assert_eq!(curved.law, law.coefficients());
+    assert_eq!((curved.law.method, curved.law.curve.len()), (Method::Bdf2, 4));
 }

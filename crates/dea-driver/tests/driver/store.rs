@@ -3,7 +3,7 @@
 use dea_driver::chips::{Calibration, CalibrationError, MAX_POINTS};
 use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, Store, StoreError};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-use springpot::{Actuator, ActuatorError, Law, LawError, Options, VoltageDrive};
+use springpot::{Actuator, ActuatorError, CurveError, Knot, Law, LawError, Options, VoltageDrive};
 
 use crate::bench::board_parameters;
 use crate::flash::{Flash, SECTOR};
@@ -93,9 +93,19 @@ fn wrong_values_are_refused() {
         ));
         assert!(matches!(refused(&|p| p.actuator.mass_kg = nan), BlobError::Actuator(ActuatorError::Mass(_))));
         assert!(matches!(
-            refused(&|p| p.actuator.stretch_coupling = nan),
+            refused(&|p| p.actuator.stretch_coupling = nan * f64::INFINITY),
             BlobError::Actuator(ActuatorError::Coupling(_))
         ));
+        assert!(matches!(
+            refused(&|p| p.actuator.saturation_v = Some(nan)),
+            BlobError::Actuator(ActuatorError::Saturation(_))
+        ));
+        let knot = Knot { displacement: 0.0, value: 0.0, slope: 1.0 };
+        let last = Knot { displacement: 1e-3, value: nan as f32, slope: 1.0 };
+        let curve = refused(&|p| p.law.curve.extend([knot, last]));
+        let falls =
+            matches!(curve, BlobError::Law(LawError::Curve(CurveError::NotMonotone { slope, .. })) if slope < 0.0);
+        assert!(falls || curve == BlobError::Law(LawError::Curve(CurveError::Knot { index: 1 })), "{curve:?}");
         assert_eq!(refused(&|p| p.rate_hz = nan as f32), BlobError::Rate);
         assert!(matches!(refused(&|p| p.limits.max_voltage_v = nan as f32), BlobError::Limits(_)));
         assert_eq!(

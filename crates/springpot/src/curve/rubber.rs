@@ -55,7 +55,8 @@ impl Rubber {
     #[allow(clippy::cast_precision_loss)] // a few hundred points
     pub fn curve(&self, low_m: f64, high_m: f64) -> Result<Curve, CurveError> {
         let positive = |value: f64| value.is_finite() && value > 0.0;
-        if !(self.share.is_finite() && self.limit > 0.0 && positive(self.rest_stretch) && positive(self.free_length_m)) {
+        if !(self.share.is_finite() && self.limit > 0.0 && positive(self.rest_stretch) && positive(self.free_length_m))
+        {
             return Err(CurveError::Rubber);
         }
         if !(low_m.is_finite() && high_m.is_finite() && low_m <= 0.0 && 0.0 <= high_m && low_m < high_m) {
@@ -125,8 +126,7 @@ impl Rubber {
         let gent_slope = gent * gent * 2.0 * (stretch - square) / self.limit;
         (
             self.share * first * gent + (1.0 - self.share) * (1.0 - cube),
-            self.share * ((1.0 + 2.0 * cube) * gent + first * gent_slope)
-                + (1.0 - self.share) * 3.0 * square * square,
+            self.share * ((1.0 + 2.0 * cube) * gent + first * gent_slope) + (1.0 - self.share) * 3.0 * square * square,
         )
     }
 }

@@ -312,7 +312,14 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
 impl<T: Scalar, M: Memory<T>> State<T, M> {
     pub(crate) fn with_history(history: M::History) -> Self {
-        Self { position: T::ZERO, position_surplus: T::ZERO, increment: T::ZERO, base: T::ZERO, bend: Bend::straight(), history }
+        Self {
+            position: T::ZERO,
+            position_surplus: T::ZERO,
+            increment: T::ZERO,
+            base: T::ZERO,
+            bend: Bend::straight(),
+            history,
+        }
     }
 
     #[inline]

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use springpot::{
-    Actuator, ActuatorError, Applied, CommandLimits, Curve, CurveError, Feedforward, Knot, Law, LawError, Limited, Load,
-    Maxwell, Method, Observer, ObserverOptions, Options, Real, Rubber, SensorSample, Springpot, State, Topology,
+    Actuator, ActuatorError, Applied, CommandLimits, Curve, CurveError, Feedforward, Knot, Law, LawError, Limited,
+    Load, Maxwell, Method, Observer, ObserverOptions, Options, Real, Rubber, SensorSample, Springpot, State, Topology,
     VoltageDrive,
 };
 
@@ -241,8 +241,10 @@ fn small_oscillations_have_the_response_of_the_working_point() {
     let model = film(0.0);
     let curve = cubic(-0.5e-3, 5e-3, 3);
     for method in [Method::Gl, Method::Bdf2] {
-        let law: Law<f64> =
-            Law::compressed(&model, Options::at_step(STEP_S).with_method(method)).expect("a law").behind(&curve).expect("a law");
+        let law: Law<f64> = Law::compressed(&model, Options::at_step(STEP_S).with_method(method))
+            .expect("a law")
+            .behind(&curve)
+            .expect("a law");
         // Along a small sine about 2 mm the force is the kernel's times the slope there.
         let (hz, size, centre) = (2.0, 1e-6, 2e-3);
         // Beside a film that only stands there.
@@ -316,7 +318,8 @@ fn the_observers_gain_grows_with_the_slope() {
     let curve = cubic(-0.5e-3, 5e-3, 4);
     let options = ObserverOptions { adaptation_s: 0.0, ..ObserverOptions::at_bandwidth(0.5) };
     let after_one_second = |law: Law<f64>, force: f64| -> f64 {
-        let observer: Observer<f64> = Observer::new(law.clone(), &Actuator::KARNER_2022, 6000.0, options).expect("valid");
+        let observer: Observer<f64> =
+            Observer::new(law.clone(), &Actuator::KARNER_2022, 6000.0, options).expect("valid");
         let volts = (force / Actuator::KARNER_2022.force_per_square_volt()).sqrt();
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.least_stiffness()).expect("valid");
         let rest = law.settled(force, 600.0);
@@ -336,7 +339,9 @@ fn the_observers_gain_grows_with_the_slope() {
 
 #[test]
 fn rubber_has_the_stress_of_its_formula() {
-    for (share, limit, rest_stretch) in [(0.5, 137.0, 1.0), (0.5, 137.0, 2.1), (1.0, f64::INFINITY, 1.0), (0.2, 60.0, 1.5)] {
+    for (share, limit, rest_stretch) in
+        [(0.5, 137.0, 1.0), (0.5, 137.0, 2.1), (1.0, f64::INFINITY, 1.0), (0.2, 60.0, 1.5)]
+    {
         let rubber = Rubber { share, limit, rest_stretch, free_length_m: 0.02 };
         let curve = rubber.curve(-4e-3, 40e-3).expect("rises");
         let nominal = |stretch: f64| {
@@ -383,7 +388,9 @@ fn what_no_film_has_is_refused_where_it_is() {
     assert_eq!(through(&[(0.0, 0.0), (1.0, f64::NAN), (2.0, 2.0)]), Some(CurveError::Knot { index: 0 }));
     assert_eq!(through(&[(1.0, 1.0), (2.0, 2.0)]), Some(CurveError::Range { low_m: 1.0, high_m: 2.0 }));
     let falls = through(&[(0.0, 0.0), (1.0, 1.0), (2.0, 0.5), (3.0, 2.0)]);
-    assert!(matches!(falls, Some(CurveError::NotMonotone { displacement_m, .. }) if (1.0..=2.0).contains(&displacement_m)));
+    assert!(
+        matches!(falls, Some(CurveError::NotMonotone { displacement_m, .. }) if (1.0..=2.0).contains(&displacement_m))
+    );
     // A cubic between knots that rise may fall in between.
     let knot = |x: f64, value, slope| Knot { displacement: x, value, slope };
     let wavy = Curve::new(&[knot(0.0, 0.0, 1.0), knot(1.0, 0.1, 1.0)]).err();
@@ -392,7 +399,9 @@ fn what_no_film_has_is_refused_where_it_is() {
     assert_eq!(steep, Some(CurveError::AtRest { value_m: 0.0, slope: 2.0 }));
 
     let rubber = Rubber { share: 0.5, limit: 10.0, rest_stretch: 1.0, free_length_m: 0.01 };
-    assert!(matches!(rubber.curve(0.0, 0.05), Err(CurveError::Taut { displacement_m: 0.05, stretch }) if stretch > 5.9));
+    assert!(
+        matches!(rubber.curve(0.0, 0.05), Err(CurveError::Taut { displacement_m: 0.05, stretch }) if stretch > 5.9)
+    );
     assert!(matches!(rubber.curve(-0.02, 0.01), Err(CurveError::Taut { displacement_m: -0.02, .. })));
     assert_eq!(Rubber { limit: f64::NAN, ..rubber }.curve(0.0, 0.01), Err(CurveError::Rubber));
     assert_eq!(Rubber { free_length_m: 0.0, ..rubber }.curve(0.0, 0.01), Err(CurveError::Rubber));

@@ -73,7 +73,8 @@ impl ElasticCurve {
             }
             Shape::Free => {
                 let mut row = |name: &str, of: fn(&Knot<f64>) -> f64| {
-                    let numbers: Vec<String> = self.curve.knots().iter().map(|knot| format!("{:?}", of(knot))).collect();
+                    let numbers: Vec<String> =
+                        self.curve.knots().iter().map(|knot| format!("{:?}", of(knot))).collect();
                     let _ = writeln!(text, "{name} = [{}]", numbers.join(", "));
                 };
                 row("displacement_m", |knot| knot.displacement);
@@ -126,7 +127,9 @@ impl CurveTable {
             ("slope", self.slope.is_some(), self.elastic == ElasticName::Free),
         ] {
             if there && !wanted {
-                return Err(format!("{name} does not belong to this kind of curve; see docs/formats.md, \"Elastic curve\""));
+                return Err(format!(
+                    "{name} does not belong to this kind of curve; see docs/formats.md, \"Elastic curve\""
+                ));
             }
         }
         let needed = |name: &str, value: Option<f64>| value.ok_or_else(|| format!("the curve needs {name}"));
@@ -155,7 +158,8 @@ impl CurveTable {
     }
 
     fn free(&self) -> Result<ElasticCurve, String> {
-        let displacement = self.displacement_m.as_ref().map(Spanned::get_ref).ok_or("the curve needs displacement_m")?;
+        let displacement =
+            self.displacement_m.as_ref().map(Spanned::get_ref).ok_or("the curve needs displacement_m")?;
         let value = self.value_m.as_ref().ok_or("the curve needs value_m")?;
         if value.len() != displacement.len() {
             return Err(format!("{} displacements and {} values", displacement.len(), value.len()));

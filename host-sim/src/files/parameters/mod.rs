@@ -169,9 +169,10 @@ impl Parameters {
         let board = file.board.as_ref().map(|board| board.get_ref().clone());
         let curve = match &file.curve {
             Some(curve) if schema == 1 => return Err(place.error(curve.span(), needs_schema_2("[curve]"))),
-            Some(curve) => {
-                curve.get_ref().curve(&actuator).map_err(|cause| place.error(curve.span(), format!("[curve] {cause}")))?
-            }
+            Some(curve) => curve
+                .get_ref()
+                .curve(&actuator)
+                .map_err(|cause| place.error(curve.span(), format!("[curve] {cause}")))?,
             None => None,
         };
         let parameters = Self {
