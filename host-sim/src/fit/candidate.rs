@@ -4,6 +4,7 @@ use std::fmt;
 
 use springpot::{Actuator, Maxwell, ModelError, Springpot, Topology};
 
+use super::bend::Bend;
 use crate::files::parameters::DisplacementSensor;
 
 /// A model with its actuator and sensor offset, as a fit changes them.
@@ -17,6 +18,8 @@ pub struct Candidate {
     pub topology: Topology,
     /// Reading of the displacement sensor at x = 0, m.
     pub offset_m: f64,
+    /// The elastic curve.
+    pub bend: Bend,
 }
 
 impl Candidate {
@@ -28,6 +31,18 @@ impl Candidate {
     /// The springpots of `model` in the order of [`elements`](Self::elements).
     pub fn elements_of(model: &Maxwell) -> Vec<Springpot> {
         model.chains().flat_map(|chain| chain.elements).copied().collect()
+    }
+
+    /// The variables of its elastic curve.
+    pub fn curve_variables(&self) -> Vec<Variable> {
+        match &self.bend {
+            Bend::Straight | Bend::Held(_) => Vec::new(),
+            Bend::Rubber { ln_limit, .. } => {
+                let limit = ln_limit.is_some().then_some(Variable::Limit);
+                [Variable::Share, Variable::FreeLength].into_iter().chain(limit).collect()
+            }
+            Bend::Free { .. } => self.bend.free_slopes().into_iter().map(Variable::Slope).collect(),
+        }
     }
 
     /// The displacement sensor.
@@ -46,6 +61,12 @@ impl Candidate {
     }
 }
 
+/// Largest coupling beside a curve or a saturation, in shares of the film's length: a film of constant volume has 1, one that gets
+/// wider as well up to 2.
+const MOST_THINNING: f64 = 3.0;
+/// 1/kV² in 1/V².
+const PER_KILOVOLT2: f64 = 1e6;
+
 /// A quantity that a fit may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Variable {
@@ -55,6 +76,16 @@ pub enum Variable {
     Order(usize),
     /// κ in 1/m.
     StretchCoupling,
+    /// 1/V_s² in 1/kV².
+    Saturation,
+    /// β of a rubber's curve.
+    Share,
+    /// ln of Gent's limit.
+    Limit,
+    /// ln of the free length of a rubber (m).
+    FreeLength,
+    /// ln of the slope of a free curve at a knot.
+    Slope(usize),
     /// The sensor's offset, m.
     Offset,
     /// ln ε_r.
@@ -82,6 +113,8 @@ impl Variable {
             Self::Coefficient(element) => candidate.elements[element].c.ln(),
             Self::Order(element) => candidate.elements[element].alpha,
             Self::StretchCoupling => actuator.stretch_coupling,
+            Self::Saturation => actuator.saturation() * PER_KILOVOLT2,
+            Self::Share | Self::Limit | Self::FreeLength | Self::Slope(_) => self.of_bend(&candidate.bend),
             Self::Offset => candidate.offset_m,
             Self::Permittivity => actuator.relative_permittivity.ln(),
             Self::Length => actuator.length_m.ln(),
@@ -98,6 +131,10 @@ impl Variable {
             Self::Coefficient(element) => candidate.elements[element].c = value.exp(),
             Self::Order(element) => candidate.elements[element].alpha = value,
             Self::StretchCoupling => actuator.stretch_coupling = value,
+            Self::Saturation => {
+                actuator.saturation_v = (value > 0.0).then(|| (PER_KILOVOLT2 / value).sqrt());
+            }
+            Self::Share | Self::Limit | Self::FreeLength | Self::Slope(_) => self.set_bend(&mut candidate.bend, value),
             Self::Offset => candidate.offset_m = value,
             Self::Permittivity => actuator.relative_permittivity = value.exp(),
             Self::Length => actuator.length_m = value.exp(),
@@ -107,28 +144,71 @@ impl Variable {
         }
     }
 
+    /// Whether it is of the elastic curve.
+    pub fn is_of_curve(self) -> bool {
+        matches!(self, Self::Share | Self::Limit | Self::FreeLength | Self::Slope(_))
+    }
+
+    fn of_bend(self, bend: &Bend) -> f64 {
+        match (self, bend) {
+            (Self::Share, &Bend::Rubber { share, .. }) => share,
+            (Self::Limit, &Bend::Rubber { ln_limit, .. }) => ln_limit.unwrap_or(f64::INFINITY),
+            (Self::FreeLength, &Bend::Rubber { ln_length, .. }) => ln_length,
+            (Self::Slope(knot), Bend::Free { ln_slopes, .. }) => ln_slopes[knot],
+            _ => 0.0,
+        }
+    }
+
+    fn set_bend(self, bend: &mut Bend, value: f64) {
+        match (self, bend) {
+            (Self::Share, Bend::Rubber { share, .. }) => *share = value,
+            (Self::Limit, Bend::Rubber { ln_limit, .. }) => *ln_limit = Some(value),
+            (Self::FreeLength, Bend::Rubber { ln_length, .. }) => *ln_length = value,
+            (Self::Slope(knot), Bend::Free { ln_slopes, .. }) => ln_slopes[knot] = value,
+            _ => {}
+        }
+    }
+
     /// The quantity itself, in SI units.
     pub fn natural(self, candidate: &Candidate) -> f64 {
         let value = self.get(candidate);
         match self {
-            Self::Order(_) | Self::StretchCoupling | Self::Offset => value,
+            Self::Order(_) | Self::StretchCoupling | Self::Offset | Self::Share => value,
+            Self::Saturation => candidate.actuator.saturation_v.unwrap_or(f64::INFINITY),
             _ => value.exp(),
         }
     }
 
-    /// Bounds of the value: orders 0…1, coupling at least 0, all others some decades around 1 in SI units.
+    /// Bounds of the value: orders 0…1, saturation at least 0, all others some decades around 1 in SI units.
     pub fn bounds(self) -> (f64, f64) {
         let decades =
             |low: i32, high: i32| (f64::from(low) * std::f64::consts::LN_10, f64::from(high) * std::f64::consts::LN_10);
         match self {
             Self::Coefficient(_) => decades(-3, 12),
             Self::Order(_) => (0.0, 1.0),
-            Self::StretchCoupling => (0.0, 1e4),
+            Self::StretchCoupling => (-1e4, 1e4),
+            Self::Saturation => (0.0, 100.0),
+            Self::Share => (-0.5, 1.5),
+            Self::Limit => decades(-1, 5),
+            Self::FreeLength => decades(-5, 2),
+            Self::Slope(_) => decades(-2, 2),
             Self::Offset => (-1.0, 1.0),
             Self::Permittivity => decades(-6, 6),
             Self::Length | Self::Width | Self::Thickness => decades(-9, 3),
             Self::Mass => decades(-6, 6),
         }
+    }
+
+    /// The same in a search from `candidate`. Beside a curve or a saturation the coupling stays what the geometry allows: without
+    /// that bound one compensates for the other, and the field limit, which follows the coupling, loses its meaning.
+    pub fn bounds_in(self, candidate: &Candidate) -> (f64, f64) {
+        let (low, high) = self.bounds();
+        let bent = candidate.bend != Bend::Straight || candidate.actuator.saturation_v.is_some();
+        if self != Self::StretchCoupling {
+            return (low, high);
+        }
+        let most = MOST_THINNING / candidate.actuator.length_m;
+        (-most, if bent { most } else { high })
     }
 
     /// ∂ ln F / ∂ value of a quantity that only scales the electrostatic force F (Eq. 1).
@@ -151,6 +231,11 @@ impl fmt::Display for Variable {
             Self::Coefficient(index) => element(f, "c", index),
             Self::Order(index) => element(f, "alpha", index),
             Self::StretchCoupling => f.write_str("stretch_coupling"),
+            Self::Saturation => f.write_str("saturation_v"),
+            Self::Share => f.write_str("curve.share"),
+            Self::Limit => f.write_str("curve.limit"),
+            Self::FreeLength => f.write_str("curve.free_length_m"),
+            Self::Slope(knot) => write!(f, "curve.slope[{knot}]"),
             Self::Offset => f.write_str("offset_m"),
             Self::Permittivity => f.write_str("relative_permittivity"),
             Self::Length => f.write_str("length_m"),

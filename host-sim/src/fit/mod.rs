@@ -5,9 +5,11 @@
 //! (`search`), for several structures of which it selects one (`selection`), or by the paper's procedure (`pattern_search`).
 //! The `uncertainty` of the parameters comes last.
 
+pub mod bend;
 pub mod candidate;
 pub(crate) mod levenberg_marquardt;
 pub(crate) mod loss;
+pub mod nonlinearity;
 pub mod objective;
 pub mod observation;
 mod outcome;
@@ -50,7 +52,13 @@ pub fn fit(
     if settings.branches.iter().all(|&branches| context.variables(branches).is_empty()) {
         return Err(Error::option("--hold", "nothing is left to fit"));
     }
-    let (found, structures) = find(&context, observations, settings, progress)?;
+    let linear = find(&context, observations, settings, progress)?;
+    let given = settings.start.as_ref().is_some_and(|start| start.bend != bend::Bend::Straight);
+    let (found, structures) = if settings.method == Method::Lm && !given {
+        nonlinearity::select(&context, observations, settings, progress, linear)?
+    } else {
+        linear
+    };
     let found = in_order(&context, found, settings);
     let interrupted = stop.load(Ordering::Relaxed);
     let mut uncertainty = None;

@@ -5,15 +5,13 @@
 //! `x = H (F (1 + κ x) + W)`: the compressed recursion approximates it in one pass over the samples, and passes through H
 //! remove the remaining error. The derivatives obey the same equation with other right-hand sides.
 
-use std::borrow::Cow;
-
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Actuator, Load, Method};
+use springpot::{Actuator, Curve, Law, Load, Method};
 
 use super::candidate::{Candidate, Variable};
 use super::observation::Observation;
-use super::transfer::{Spectrum, Transfer, recursion};
+use super::transfer::{Recursion, Spectrum, Transfer, recursion};
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
 use crate::grid::Grid;
@@ -27,6 +25,13 @@ fn too_long(name: &str, samples: f64) -> Error {
         "{name}: {samples:.0} steps at its median rate; a fit is limited to {MOST_SAMPLES}, cut the recording or thin it"
     ))
 }
+
+/// Share of the force by which derivatives behind a curve are taken.
+const SMALL_SHARE: f64 = 1e-5;
+/// Change of a curve's variable by which its derivatives are taken.
+const CURVE_STEP: f64 = 1e-4;
+/// Thinning 1 + κ x below which a coupling is beyond its meaning.
+const LEAST_THINNING: f64 = 0.05;
 
 /// Model minus measurement over all observations.
 pub struct Objective {
@@ -49,10 +54,10 @@ struct Record {
 enum DriveSpectra {
     /// Squared voltage (V²) over time and as a spectrum, and the spectrum of a constant 1.
     Voltage { squared: Vec<f64>, spectrum: Spectrum, ones: Spectrum },
-    /// Force, N.
-    Force(Spectrum),
-    /// Displacement, m.
-    Displacement(Spectrum),
+    /// Force, N, over time and as a spectrum.
+    Force { force: Vec<f64>, spectrum: Spectrum },
+    /// Displacement, m, likewise.
+    Displacement { path: Vec<f64>, spectrum: Spectrum },
 }
 
 impl DriveSpectra {
@@ -64,17 +69,18 @@ impl DriveSpectra {
                 let spectrum = circle.spectrum(&squared);
                 Self::Voltage { squared, spectrum, ones: circle.spectrum(&vec![1.0; grid.samples]) }
             }
-            Input::Force(_) => Self::Force(circle.spectrum(&values)),
-            Input::Displacement(_) => Self::Displacement(circle.spectrum(&values)),
+            Input::Force(_) => Self::Force { spectrum: circle.spectrum(&values), force: values },
+            Input::Displacement(_) => Self::Displacement { spectrum: circle.spectrum(&values), path: values },
         }
     }
 }
 
-/// Eq. 1 with coupling: F = `force_per_square_volt` V² (1 + κ x) plus the weight of the preload.
+/// Eq. 1 with coupling and saturation: F = `force_per_square_volt` V² / (1 + (V/V_s)²) (1 + κ x) plus the weight of the preload.
 fn loads(actuator: &Actuator, squared: &[f64]) -> Vec<Load<f64>> {
     let (scale, weight) = (actuator.force_per_square_volt(), actuator.preload_n());
     let slope = scale * actuator.stretch_coupling;
-    squared.iter().map(|v2| Load { force: scale * v2 + weight, slope: slope * v2 }).collect()
+    let load = |v2: f64| Load { force: scale * v2 + weight, slope: slope * v2 };
+    squared.iter().map(|&v2| load(actuator.saturated(v2))).collect()
 }
 
 /// Times of the measured samples on the grid.
@@ -123,8 +129,18 @@ pub struct Evaluation {
     /// Modelled values at the measured times, one series per observation.
     pub modelled: Vec<Vec<f64>>,
     transfers: Vec<Transfer>,
-    /// Responses on the grid: displacement (m), or force (N).
-    responses: Vec<Vec<f64>>,
+    /// The elastic curve.
+    curve: Option<Curve>,
+    /// Responses on the grid.
+    responses: Vec<Response>,
+}
+
+/// A response on the grid.
+struct Response {
+    /// Displacement (m), or force (N).
+    series: Vec<f64>,
+    /// What drives the law along it, behind a curve.
+    driven: Vec<Load<f64>>,
 }
 
 impl Objective {
@@ -180,37 +196,74 @@ impl Objective {
     pub fn evaluate(&self, candidate: &Candidate) -> Option<Evaluation> {
         let model = candidate.model().ok()?;
         candidate.actuator.check().ok()?;
-        let coupled = candidate.actuator.stretch_coupling > 0.0;
+        let curve = candidate.bend.curve().ok()?;
+        let coupled = candidate.actuator.stretch_coupling != 0.0;
         let transfers = self
             .circles
             .iter()
             .zip(&self.steps)
-            .map(|(circle, &step)| Transfer::new(&model, circle, step, coupled))
+            .map(|(circle, &step)| Transfer::new(&model, circle, step, coupled, curve.as_ref()))
             .collect::<Option<Vec<Transfer>>>()?;
         let responses = self
             .records
             .par_iter()
-            .map(|record| self.respond(record, candidate, &transfers[record.circle]))
-            .collect::<Option<Vec<(Vec<f64>, Vec<f64>)>>>()?;
+            .map(|record| self.respond(record, candidate, curve.as_ref(), &transfers[record.circle]))
+            .collect::<Option<Vec<(Vec<f64>, Response)>>>()?;
         let (modelled, responses) = responses.into_iter().unzip();
-        Some(Evaluation { modelled, transfers, responses })
+        Some(Evaluation { modelled, transfers, curve, responses })
     }
 
     /// Modelled values at the measured times, and the same response on the grid.
-    fn respond(&self, record: &Record, candidate: &Candidate, transfer: &Transfer) -> Option<(Vec<f64>, Vec<f64>)> {
+    fn respond(
+        &self,
+        record: &Record,
+        candidate: &Candidate,
+        curve: Option<&Curve>,
+        transfer: &Transfer,
+    ) -> Option<(Vec<f64>, Response)> {
         let circle = &self.circles[record.circle];
+        let actuator = &candidate.actuator;
+        let mut driven = Vec::new();
+        let mut bent = |loads: Vec<Load<f64>>, curve: &Curve| -> Option<Vec<f64>> {
+            let (series, loads) = transfer.bent(circle, transfer.law.as_ref()?, curve, &loads).ok()?;
+            driven = loads;
+            Some(series)
+        };
         let series = match &record.drive {
-            DriveSpectra::Displacement(path) => circle.series(product(path, &transfer.stiffness), record.samples),
-            DriveSpectra::Force(force) => circle.series(product(force, &transfer.compliance), record.samples),
-            DriveSpectra::Voltage { squared, spectrum, ones } => match &transfer.law {
-                None => {
-                    let (scale, weight) = (candidate.actuator.force_per_square_volt(), candidate.actuator.preload_n());
+            DriveSpectra::Displacement { path, spectrum } => match curve {
+                None => circle.series(product(spectrum, &transfer.stiffness), record.samples),
+                Some(curve) => {
+                    let stretched: Vec<f64> = path.iter().map(|&x| curve.value(x)).collect();
+                    let force = product(&circle.spectrum(&stretched), &transfer.kernel);
+                    let inertia = product(spectrum, &transfer.inertia);
+                    circle.series(force.iter().zip(inertia).map(|(f, m)| f + m).collect(), record.samples)
+                }
+            },
+            DriveSpectra::Force { force, spectrum } => match curve {
+                None => circle.series(product(spectrum, &transfer.compliance), record.samples),
+                Some(curve) => bent(force.iter().map(|&force| Load { force, slope: 0.0 }).collect(), curve)?,
+            },
+            DriveSpectra::Voltage { squared, spectrum, ones } => match (&transfer.law, curve) {
+                (_, Some(curve)) => bent(loads(actuator, squared), curve)?,
+                (None, None) => {
+                    let (scale, weight) = (actuator.force_per_square_volt(), actuator.preload_n());
+                    let saturated;
+                    let spectrum = if actuator.saturation_v.is_some() {
+                        saturated = circle.spectrum(&squared.iter().map(|&v2| actuator.saturated(v2)).collect::<Vec<_>>());
+                        &saturated
+                    } else {
+                        spectrum
+                    };
                     let force: Spectrum = spectrum.iter().zip(ones).map(|(f, one)| f * scale + one * weight).collect();
                     circle.series(product(&force, &transfer.compliance), record.samples)
                 }
-                Some(law) => transfer.coupled(circle, law, &loads(&candidate.actuator, squared)).ok()?,
+                (Some(law), None) => transfer.coupled(circle, law, &loads(actuator, squared)).ok()?,
             },
         };
+        let thins = |x: &f64| actuator.thinning(*x) > LEAST_THINNING;
+        if !record.measures_force() && !series.iter().all(thins) {
+            return None;
+        }
         series.iter().all(|value| value.is_finite()).then(|| {
             let modelled = record.measured_at.pick(&series);
             let modelled = if record.measures_force() {
@@ -218,7 +271,7 @@ impl Objective {
             } else {
                 modelled.into_iter().map(|x| candidate.sensor().reading_m(x)).collect()
             };
-            (modelled, series)
+            (modelled, Response { series, driven })
         })
     }
 
@@ -254,7 +307,8 @@ impl Objective {
             record,
             circle: &self.circles[record.circle],
             transfer: &evaluation.transfers[record.circle],
-            actuator: &candidate.actuator,
+            candidate,
+            curve: evaluation.curve.as_ref(),
             response: &evaluation.responses[index],
         };
         match linearised.derivative(variable) {
@@ -266,7 +320,7 @@ impl Objective {
 
 impl Record {
     fn measures_force(&self) -> bool {
-        matches!(self.drive, DriveSpectra::Displacement(_))
+        matches!(self.drive, DriveSpectra::Displacement { .. })
     }
 }
 
@@ -275,69 +329,121 @@ struct Linearised<'a> {
     record: &'a Record,
     circle: &'a FullMemory,
     transfer: &'a Transfer,
-    actuator: &'a Actuator,
-    /// On the grid: displacement (m), or force (N).
-    response: &'a [f64],
+    candidate: &'a Candidate,
+    curve: Option<&'a Curve>,
+    response: &'a Response,
 }
 
 impl Linearised<'_> {
     /// Derivative of the response on the grid; none where `variable` has no effect on it.
     fn derivative(&self, variable: Variable) -> Option<Vec<f64>> {
         let samples = self.record.samples;
-        if let DriveSpectra::Displacement(path) = &self.record.drive {
-            let force = product(path, &self.stiffness_derivative(variable)?);
-            return Some(self.circle.series(force, samples));
+        if let DriveSpectra::Displacement { path, .. } = &self.record.drive {
+            return Some(self.circle.series(self.stiffness_change(path, variable)?, samples));
         }
         let force = self.force_derivative(variable)?;
-        match (&self.transfer.law, &self.record.drive) {
+        let law = self.transfer.law.as_ref();
+        match (law, &self.record.drive) {
+            (Some(law), _) if self.curve.is_some() => Some(self.along(law, &self.circle.series(force, samples))),
             (Some(law), DriveSpectra::Voltage { squared, .. }) => {
-                let slope = self.actuator.force_per_square_volt() * self.actuator.stretch_coupling;
+                let actuator = &self.candidate.actuator;
+                let slope = actuator.force_per_square_volt() * actuator.stretch_coupling;
                 let force = self.circle.series(force, samples);
-                let loads: Vec<Load<f64>> =
-                    force.iter().zip(squared).map(|(&force, v2)| Load { force, slope: slope * v2 }).collect();
+                let load = |(&force, &v2)| Load { force, slope: slope * actuator.saturated(v2) };
+                let loads: Vec<Load<f64>> = force.iter().zip(squared).map(load).collect();
                 Some(recursion(law, &loads))
             }
             _ => Some(self.circle.series(product(&force, &self.transfer.compliance), samples)),
         }
     }
 
-    /// ∂(m s² + K)/∂ `variable` on the circle.
-    fn stiffness_derivative(&self, variable: Variable) -> Option<Cow<'_, [Complex<f64>]>> {
+    /// What a little more of `force` (N) does to the displacement behind the curve, per unit of it.
+    fn along(&self, law: &Law<f64, Recursion>, force: &[f64]) -> Vec<f64> {
+        let size = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |size: f64, value| size.max(value.abs()));
+        let Response { series: x, driven } = self.response;
+        let largest = size(&mut driven.iter().map(|load| load.force));
+        let little = SMALL_SHARE * largest / size(&mut force.iter().copied()).max(f64::MIN_POSITIVE);
+        let with = |share: f64| -> Vec<Load<f64>> {
+            let more = |(load, force): (&Load<f64>, &f64)| Load { force: load.force + share * force, ..*load };
+            driven.iter().zip(force).map(more).collect()
+        };
+        recursion(law, &with(little)).iter().zip(x).map(|(more, x)| (more - x) / little).collect()
+    }
+
+    /// What of displacements the kernel acts on: T(x) behind a curve.
+    fn stretched(&self, displacement: &[f64]) -> Spectrum {
+        match self.curve {
+            Some(curve) => self.circle.spectrum(&displacement.iter().map(|&x| curve.value(x)).collect::<Vec<_>>()),
+            None => self.circle.spectrum(displacement),
+        }
+    }
+
+    /// ∂(m s² x + K T(x))/∂ `variable` along a given displacement.
+    fn stiffness_change(&self, displacement: &[f64], variable: Variable) -> Option<Spectrum> {
         let ln_s = self.circle.ln_s();
+        let sensitivities = &self.transfer.sensitivities;
         match variable {
-            Variable::Coefficient(element) => Some(Cow::Borrowed(&self.transfer.sensitivities[element])),
-            Variable::Order(element) => Some(Cow::Owned(product(&self.transfer.sensitivities[element], ln_s))),
-            Variable::Mass => Some(Cow::Owned(ln_s.iter().map(|z| (2.0 * z).exp() * self.actuator.mass_kg).collect())),
+            Variable::Coefficient(element) => Some(product(&self.stretched(displacement), &sensitivities[element])),
+            Variable::Order(element) => {
+                let change = product(&sensitivities[element], ln_s);
+                Some(product(&self.stretched(displacement), &change))
+            }
+            Variable::Mass => {
+                let mass_kg = self.candidate.actuator.mass_kg;
+                let inertia: Spectrum = ln_s.iter().map(|z| (2.0 * z).exp() * mass_kg).collect();
+                Some(product(&self.circle.spectrum(displacement), &inertia))
+            }
+            _ if variable.is_of_curve() => {
+                let change = self.curve_change(displacement, variable)?;
+                Some(product(&self.circle.spectrum(&change), &self.transfer.kernel))
+            }
             _ => None,
         }
     }
 
-    /// The force whose response is the derivative of the displacement: ∂F/∂v − x ∂(m s² + K)/∂v for the variable v, as a
+    /// ∂T/∂ `variable` at the displacements.
+    fn curve_change(&self, displacement: &[f64], variable: Variable) -> Option<Vec<f64>> {
+        let value = variable.get(self.candidate);
+        let at = |value: f64| -> Option<Curve> {
+            let mut bend = self.candidate.clone();
+            variable.set(&mut bend, value);
+            bend.bend.curve().ok().flatten()
+        };
+        let (more, less) = (at(value + CURVE_STEP)?, at(value - CURVE_STEP)?);
+        Some(displacement.iter().map(|&x| (more.value(x) - less.value(x)) / (2.0 * CURVE_STEP)).collect())
+    }
+
+    /// The force whose response is the derivative of the displacement: ∂F/∂v − ∂(m s² x + K T(x))/∂v for the variable v, as a
     /// spectrum.
     fn force_derivative(&self, variable: Variable) -> Option<Spectrum> {
+        let x = &self.response.series;
         match &self.record.drive {
-            DriveSpectra::Displacement(_) => None,
-            DriveSpectra::Force(force) => {
-                let change = self.stiffness_derivative(variable)?;
-                let x = force.iter().zip(&self.transfer.compliance).map(|(f, h)| -f * h);
-                Some(x.zip(change.iter()).map(|(x, k)| x * k).collect())
+            DriveSpectra::Displacement { .. } => None,
+            DriveSpectra::Force { .. } => {
+                let change = self.stiffness_change(x, variable)?;
+                Some(change.iter().map(|change| -change).collect())
             }
             DriveSpectra::Voltage { squared, ones, .. } => {
-                let scale = self.actuator.force_per_square_volt();
-                let electrostatic = |scale: f64, factor: &dyn Fn(f64) -> f64| {
-                    let force: Vec<f64> =
-                        squared.iter().zip(self.response).map(|(v2, &x)| scale * v2 * factor(x)).collect();
+                let actuator = &self.candidate.actuator;
+                let scale = actuator.force_per_square_volt();
+                let electrostatic = |factor: &dyn Fn(f64, f64) -> f64| {
+                    let force: Vec<f64> = squared.iter().zip(x).map(|(&v2, &x)| scale * factor(v2, x)).collect();
                     self.circle.spectrum(&force)
                 };
                 match (variable, variable.force_exponent()) {
-                    (Variable::StretchCoupling, _) => Some(electrostatic(scale, &|x| x)),
-                    (_, Some(exponent)) => Some(electrostatic(exponent * scale, &|x| self.actuator.thinning(x))),
+                    (Variable::StretchCoupling, _) => Some(electrostatic(&|v2, x| actuator.saturated(v2) * x)),
+                    (Variable::Saturation, _) => {
+                        // In 1/kV².
+                        Some(electrostatic(&|v2, x| -1e-6 * actuator.saturated(v2).powi(2) * actuator.thinning(x)))
+                    }
+                    (_, Some(exponent)) => {
+                        Some(electrostatic(&|v2, x| exponent * actuator.saturated(v2) * actuator.thinning(x)))
+                    }
                     _ => {
-                        let change = self.stiffness_derivative(variable)?;
-                        let x = self.circle.spectrum(self.response);
-                        let mut force: Spectrum = x.iter().zip(change.iter()).map(|(x, k)| -x * k).collect();
+                        let mut force: Spectrum =
+                            self.stiffness_change(x, variable)?.iter().map(|change| -change).collect();
                         if variable == Variable::Mass {
-                            let weight = self.actuator.preload_n();
+                            let weight = actuator.preload_n();
                             force.iter_mut().zip(ones).for_each(|(f, one)| *f += one * weight);
                         }
                         Some(force)

@@ -275,9 +275,10 @@ impl Excitation {
     /// Whether `variable`, of the actuator or the sensor, has an effect on the observations.
     pub fn identifies(self, variable: Variable) -> bool {
         match variable {
-            Variable::StretchCoupling => self.voltage_driven && self.varies,
+            Variable::StretchCoupling | Variable::Saturation => self.voltage_driven && self.varies,
             Variable::Offset => self.displacement_fitted,
             Variable::Mass => true,
+            _ if variable.is_of_curve() => true,
             _ => self.voltage_driven,
         }
     }

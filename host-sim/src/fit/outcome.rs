@@ -60,6 +60,7 @@ impl Fit {
 
         let mut warnings = Vec::new();
         warnings::of_excitation(context.excitation, &mut warnings);
+        warnings::of_amplitudes(observations, &found.candidate, &mut warnings);
         if let Some(uncertainty) = &uncertainty {
             warnings::of_uncertainty(uncertainty, &residuals, &mut warnings);
         }

@@ -44,7 +44,7 @@ pub fn paper_start(actuator: Actuator, topology: Topology, branches: usize) -> C
     let c = 500.0 * PER_MILLIMETRE;
     let mut elements = vec![Springpot::new(c, 0.2)];
     elements.resize(1 + 2 * branches, Springpot::new(c, 1.0));
-    Candidate { actuator, elements, topology, offset_m: 0.0 }
+    Candidate { actuator, elements, topology, offset_m: 0.0, bend: super::bend::Bend::Straight }
 }
 
 /// Searches from `start`, calling `on_evaluation` before every evaluation; none where `start` has no response.

@@ -26,7 +26,7 @@ impl Fit {
         let name = |file: &&Path| file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let names: Vec<String> = files.iter().map(name).collect();
         Ok(Parameters {
-            curve: None,
+            curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
             method: springpot::Method::Gl,
             name: format!("fit to {}", names.join(", ")),
             actuator: self.candidate.actuator,

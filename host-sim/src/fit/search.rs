@@ -111,6 +111,14 @@ impl Context<'_> {
             .collect()
     }
 
+    /// The variables of a candidate: those of its structure, its elastic curve and its saturation.
+    pub fn variables_of(&self, candidate: &Candidate) -> Vec<Variable> {
+        let saturation = candidate.actuator.saturation_v.map(|_| Variable::Saturation);
+        let bent = candidate.curve_variables().into_iter().chain(saturation);
+        let bent = bent.filter(|variable| !self.held.contains(variable) && self.excitation.identifies(*variable));
+        self.variables(candidate.branches()).into_iter().chain(bent).collect()
+    }
+
     /// The best candidate of a structure from random starts and from those of smaller structures, `grown`.
     pub fn best(&self, topology: Topology, branches: usize, grown: &[Candidate]) -> Option<Found> {
         let random_starts = if grown.is_empty() { self.starts } else { self.starts.div_ceil(branches.max(1)) };
@@ -123,6 +131,19 @@ impl Context<'_> {
         });
         let starts: Vec<Candidate> = grown.iter().cloned().chain(random).collect();
         self.best_from(&starts, &self.variables(branches))
+    }
+
+    /// Half as many random starts of a structure as usual.
+    pub fn linear_starts(&self, topology: Topology, branches: usize) -> Vec<Candidate> {
+        let start = |index| starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
+        (0..self.starts.div_ceil(2)).map(start).collect()
+    }
+
+    /// The best candidate on the thinned recordings from `starts`, which have the same variables.
+    pub fn coarse_best(&self, starts: &[Candidate]) -> Option<Found> {
+        let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
+        let found = starts.par_iter().filter_map(|start| self.descend(self.coarse, start, stopping));
+        found.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))
     }
 
     /// The best candidate from `starts`, over `variables`.
@@ -147,7 +168,7 @@ impl Context<'_> {
 
     /// The minimum that is reached from `start`; none if `start` has no response.
     pub fn descend(&self, objective: &Objective, start: &Candidate, stopping: StoppingCriteria) -> Option<Found> {
-        self.descend_over(objective, start, self.variables(start.branches()), stopping)
+        self.descend_over(objective, start, self.variables_of(start), stopping)
     }
 
     /// The same over other variables.
@@ -161,7 +182,7 @@ impl Context<'_> {
         let mut descent = Descent {
             objective,
             base: start,
-            bounds: variables.iter().map(|variable| variable.bounds()).collect(),
+            bounds: variables.iter().map(|variable| variable.bounds_in(start)).collect(),
             variables,
             weights: None,
             stop: self.stop,
@@ -281,7 +302,9 @@ impl Problem for Descent<'_> {
     fn longest(&self, index: usize) -> f64 {
         match self.variables[index] {
             // In 1/m and m: limited by the bounds only.
-            Variable::StretchCoupling | Variable::Offset => f64::INFINITY,
+            Variable::StretchCoupling | Variable::Offset | Variable::Saturation => f64::INFINITY,
+            // A curve changes its meaning beyond a factor of e in a step.
+            Variable::Slope(_) | Variable::FreeLength | Variable::Limit => 1.0,
             _ => levenberg_marquardt::LONGEST,
         }
     }

@@ -25,6 +25,10 @@ pub struct StructureRow {
     pub topology: Topology,
     /// Number of branches.
     pub branches: usize,
+    /// The elastic curve: `linear` for none.
+    pub curve: String,
+    /// Whether the drive saturates.
+    pub saturates: bool,
     /// Number of fitted variables.
     pub variables: usize,
     /// Mean of the recordings' R².
@@ -39,6 +43,18 @@ pub struct StructureRow {
     pub left_out_nrmse_pct: Option<f64>,
     /// Whether this structure was selected.
     pub chosen: bool,
+}
+
+impl StructureRow {
+    /// Its structure in words, without the topology.
+    pub fn nonlinearity(&self) -> String {
+        match (self.curve.as_str(), self.saturates) {
+            ("linear", false) => String::new(),
+            ("linear", true) => "saturation".into(),
+            (curve, false) => curve.to_owned(),
+            (curve, true) => format!("{curve} + saturation"),
+        }
+    }
 }
 
 fn serialize_topology<S: serde::Serializer>(
@@ -66,21 +82,36 @@ pub fn select(
     progress: &dyn Fn(&str),
 ) -> Result<(Found, Vec<StructureRow>)> {
     let mut fits = fit_structures(context, observations, settings, progress)?;
-    let criteria = Criteria::of(context, &fits)?;
+    let criteria = Criteria::of(context.fine, &fits)?;
     let selected = criteria.smallest_that_is_not_worse(&fits);
-    let rows = fits.iter().enumerate().map(|(k, fit)| criteria.row(context, fit, k, k == selected)).collect();
+    let rows = fits.iter().enumerate().map(|(k, fit)| criteria.row(context.fine, fit, k, k == selected)).collect();
     Ok((fits.swap_remove(selected).found, rows))
 }
 
 /// A fitted structure.
-struct StructureFit {
+pub(super) struct StructureFit {
     topology: Topology,
     branches: usize,
-    found: Found,
+    pub(super) found: Found,
     left_out_nrmse_pct: Option<f64>,
 }
 
 impl StructureFit {
+    /// The fit that found `found`, with its error on recordings that are left out.
+    pub(super) fn of(context: &Context<'_>, left_out: Option<&LeftOut>, found: Found) -> Self {
+        Self {
+            topology: found.candidate.topology,
+            branches: found.candidate.branches(),
+            left_out_nrmse_pct: left_out.and_then(|left_out| left_out.error(context, &found)),
+            found,
+        }
+    }
+
+    /// Whether its drive saturates.
+    pub(super) fn saturates(&self) -> bool {
+        self.found.candidate.actuator.saturation_v.is_some()
+    }
+
     fn variables(&self) -> usize {
         self.found.variables.len()
     }
@@ -122,7 +153,7 @@ fn fit_structures(
 }
 
 /// Information criteria of all structures, in their order.
-struct Criteria {
+pub(super) struct Criteria {
     /// Akaike's and the Bayesian criterion.
     aic_bic: Vec<(f64, f64)>,
     least_aic: f64,
@@ -131,17 +162,17 @@ struct Criteria {
 
 impl Criteria {
     /// The criteria of `fits`, with the number of independent samples from the residuals of the best of them.
-    fn of(context: &Context<'_>, fits: &[StructureFit]) -> Result<Self> {
+    pub(super) fn of(objective: &Objective, fits: &[StructureFit]) -> Result<Self> {
         let cost = |fit: &&StructureFit| fit.found.minimum.cost;
         let best = fits.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
         let evaluation = best
-            .and_then(|best| context.fine.evaluate(&best.found.candidate))
+            .and_then(|best| objective.evaluate(&best.found.candidate))
             .ok_or_else(|| Error::Computation("the best fit has no response".into()))?;
-        let samples = Whiteness::of(context.fine, &context.fine.residuals(&evaluation)).effective_samples;
+        let samples = Whiteness::of(objective, &objective.residuals(&evaluation)).effective_samples;
         let aic_bic: Vec<(f64, f64)> = fits
             .iter()
             .map(|fit| {
-                let variance = (2.0 * cost(&fit) / context.fine.samples() as f64).max(f64::MIN_POSITIVE);
+                let variance = (2.0 * cost(&fit) / objective.samples() as f64).max(f64::MIN_POSITIVE);
                 let misfit = samples * variance.ln();
                 let k = fit.variables() as f64;
                 (misfit + 2.0 * k, misfit + k * samples.ln())
@@ -153,7 +184,7 @@ impl Criteria {
     }
 
     /// The structure with the fewest variables of those that are not worse than the best.
-    fn smallest_that_is_not_worse(&self, fits: &[StructureFit]) -> usize {
+    pub(super) fn smallest_that_is_not_worse(&self, fits: &[StructureFit]) -> usize {
         let cross_validated = fits.iter().any(|fit| fit.left_out_nrmse_pct.is_some());
         let least_left_out = fits.iter().filter_map(|fit| fit.left_out_nrmse_pct).fold(f64::INFINITY, f64::min);
         let not_worse = |k: usize| match fits[k].left_out_nrmse_pct {
@@ -170,12 +201,14 @@ impl Criteria {
     }
 
     /// The row of `fit`, which is number `k`.
-    fn row(&self, context: &Context<'_>, fit: &StructureFit, k: usize, chosen: bool) -> StructureRow {
-        let agreements = agreements(context.fine, &fit.found.candidate);
+    pub(super) fn row(&self, objective: &Objective, fit: &StructureFit, k: usize, chosen: bool) -> StructureRow {
+        let agreements = agreements(objective, &fit.found.candidate);
         let n = agreements.len() as f64;
         StructureRow {
             topology: fit.topology,
             branches: fit.branches,
+            curve: fit.found.candidate.bend.name(),
+            saturates: fit.saturates(),
             variables: fit.variables(),
             r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
             nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
@@ -206,7 +239,7 @@ fn nrmse_pct(objective: &Objective, candidate: &Candidate, loss: Loss) -> Option
 }
 
 /// The candidate with one more branch of little effect, at three relaxation times.
-fn grown(candidate: &Candidate, topology: Topology, context: &Context<'_>) -> Vec<Candidate> {
+pub(super) fn grown(candidate: &Candidate, topology: Topology, context: &Context<'_>) -> Vec<Candidate> {
     let (short, long) = context.scales.times_s;
     [0.2, 0.5, 0.8]
         .into_iter()

@@ -4,6 +4,7 @@ use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use super::candidate::{Candidate, Variable};
 use super::loss::Loss;
+use super::nonlinearity::CurveChoice;
 use crate::error::{Error, Result};
 
 /// How parameters are searched for.
@@ -42,6 +43,8 @@ pub struct Settings {
     pub held: Vec<Variable>,
     /// A further start.
     pub start: Option<Candidate>,
+    /// What may be fitted beyond a linear film.
+    pub curve: CurveChoice,
     /// Loss function of the residuals.
     pub loss: Loss,
     /// Seed of the random starts.
@@ -63,6 +66,7 @@ impl Default for Settings {
             freed: vec![Variable::StretchCoupling, Variable::Offset],
             held: Vec::new(),
             start: None,
+            curve: CurveChoice::None,
             loss: Loss::Square,
             seed: 1,
             starts: 8,

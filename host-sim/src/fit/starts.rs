@@ -4,6 +4,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use springpot::{Actuator, Springpot, Topology};
 
+use super::bend::Bend;
 use super::candidate::Candidate;
 use super::observation::{Observation, change, median, range};
 use crate::files::recording::Input;
@@ -87,5 +88,5 @@ pub fn start(
         elements.push(Springpot::new(stiffness * time.powf(elastic), elastic));
         elements.push(Springpot::new(stiffness * time.powf(viscous), viscous));
     }
-    Candidate { actuator, elements, topology, offset_m: 0.0 }
+    Candidate { actuator, elements, topology, offset_m: 0.0, bend: Bend::Straight }
 }

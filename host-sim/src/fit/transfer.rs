@@ -2,13 +2,14 @@
 
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Compressed, Law, Load, Maxwell, Options, Springpot};
+use springpot::{Compressed, Curve, Law, Load, Maxwell, Options, Springpot};
 
 use crate::replay::coupling::{PullIn, coupled_displacement};
 use crate::replay::full_memory::FullMemory;
+use crate::replay::nonlinear::{BentFilm, bent_displacement};
 
 /// Memory of the recursion that approximates coupled motion.
-type Recursion = Compressed<f64, 8, 16, 0>;
+pub(super) type Recursion = Compressed<f64, 8, 16, 0>;
 
 /// Values at the points of a circle.
 pub(super) type Spectrum = Vec<Complex<f64>>;
@@ -28,14 +29,28 @@ pub(super) struct Transfer {
     pub(super) stiffness: Spectrum,
     /// ∂K/∂ ln c of every element, N/m.
     pub(super) sensitivities: Vec<Spectrum>,
-    /// Approximates coupled motion; none without coupling.
+    /// m s², N/m.
+    pub(super) inertia: Spectrum,
+    /// K, N/m: kept behind an elastic curve.
+    pub(super) kernel: Spectrum,
+    /// Approximates coupled motion, and motion behind the curve; none where neither is.
     pub(super) law: Option<Law<f64, Recursion>>,
 }
 
 impl Transfer {
     /// The transfer of `model` on `circle`, whose steps are `step_s`; none where it overflows or the law is refused.
-    pub(super) fn new(model: &Maxwell, circle: &FullMemory, step_s: f64, coupled: bool) -> Option<Self> {
-        let law = if coupled { Some(recursion_of(model, circle.samples(), step_s)?) } else { None };
+    pub(super) fn new(
+        model: &Maxwell,
+        circle: &FullMemory,
+        step_s: f64,
+        coupled: bool,
+        curve: Option<&Curve>,
+    ) -> Option<Self> {
+        let law = if coupled || curve.is_some() { Some(recursion_of(model, circle.samples(), step_s)?) } else { None };
+        let law = match (law, curve) {
+            (Some(law), Some(curve)) => Some(law.behind(curve).ok()?),
+            (law, _) => law,
+        };
         let pieces: Vec<Piece> = circle.ln_s().par_chunks(CHUNK).map(|ln_s| Piece::new(model, ln_s)).collect();
         let points = circle.ln_s().len();
         let mut stiffness = Vec::with_capacity(points);
@@ -49,7 +64,12 @@ impl Transfer {
         }
         let compliance: Spectrum = stiffness.iter().map(Complex::inv).collect();
         let finite = compliance.iter().all(|h| h.re.is_finite() && h.im.is_finite());
-        finite.then_some(Self { compliance, stiffness, sensitivities, law })
+        let (mut inertia, mut kernel) = (Spectrum::new(), Spectrum::new());
+        if curve.is_some() {
+            inertia = circle.ln_s().iter().map(|z| (2.0 * z).exp() * model.mass_kg()).collect();
+            kernel = stiffness.iter().zip(&inertia).map(|(stiffness, inertia)| stiffness - inertia).collect();
+        }
+        finite.then_some(Self { compliance, stiffness, inertia, kernel, sensitivities, law })
     }
 
     /// The displacement under `loads`, with full memory where there is coupling.
@@ -61,10 +81,26 @@ impl Transfer {
     ) -> Result<Vec<f64>, PullIn> {
         // From this slope on a single step of the law has no equilibrium.
         let steepest = loads.iter().map(|load| load.slope).fold(0.0, f64::max);
-        if steepest >= 0.99 * law.stiffness() {
+        if steepest >= 0.99 * law.least_stiffness() {
             return Err(PullIn);
         }
         coupled_displacement(circle, &self.stiffness, loads, recursion(law, loads), TOLERANCE)
+    }
+
+    /// The displacement under `loads` behind `curve`, with full memory, and what drives `law` along it.
+    pub(super) fn bent(
+        &self,
+        circle: &FullMemory,
+        law: &Law<f64, Recursion>,
+        curve: &Curve,
+        loads: &[Load<f64>],
+    ) -> Result<(Vec<f64>, Vec<Load<f64>>), PullIn> {
+        let steepest = loads.iter().map(|load| load.slope).fold(0.0, f64::max);
+        if steepest >= 0.99 * law.least_stiffness() {
+            return Err(PullIn);
+        }
+        let film = BentFilm { kernel: &self.kernel, inertia: &self.inertia, curve };
+        bent_displacement(circle, &film, law, loads, TOLERANCE)
     }
 }
 

@@ -2,6 +2,8 @@
 
 use springpot::Actuator;
 
+use super::bend::Bend;
+use super::candidate::Candidate;
 use super::loss::{self, Loss};
 use super::observation::{Excitation, Observation, median};
 use super::uncertainty::Uncertainty;
@@ -14,6 +16,44 @@ pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<String>) {
             if excitation.displacement_fitted { "creep under one load" } else { "relaxation at one displacement" };
         warnings.push(format!("the input is constant: the recordings show {shown} only"));
     }
+}
+
+/// A curve or a saturation that one amplitude alone determines.
+pub fn of_amplitudes(observations: &[Observation], candidate: &Candidate, warnings: &mut Vec<String>) {
+    let bent = candidate.bend != Bend::Straight || candidate.actuator.saturation_v.is_some();
+    let mut peaks: Vec<f64> = observations.iter().flat_map(|o| peaks(&o.input.samples().value)).collect();
+    peaks.sort_by(f64::total_cmp);
+    let (Some(least), Some(most)) = (peaks.first(), peaks.last()) else { return };
+    // Several cycles, all as large.
+    if bent && peaks.len() > observations.len() && *least > 0.8 * most {
+        warnings.push(
+            "only one amplitude was recorded: the curve is open, since creep and stiffening look alike there; record a second \
+             amplitude, half as large"
+                .into(),
+        );
+    }
+}
+
+/// The turning points of a drive (sizes) at the upper half of its range.
+fn peaks(values: &[f64]) -> Vec<f64> {
+    let most = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let mut peaks = Vec::new();
+    let mut highest = 0.0;
+    for value in values.iter().map(|value| value.abs()) {
+        if value > highest {
+            highest = value;
+        } else if value < 0.5 * highest && highest > 0.1 * most {
+            // It has come down: that was a peak.
+            peaks.push(highest);
+            highest = value;
+        } else if value < 0.05 * most {
+            highest = value;
+        }
+    }
+    if highest > 0.1 * most {
+        peaks.push(highest);
+    }
+    peaks
 }
 
 /// A search that did not converge.

@@ -39,8 +39,9 @@ impl FullMemory {
         };
         let (kernel, inertia) = (self.kernel(film), self.inertia(film));
         let law = compressed_law::<f64>(film, 1.0 / step_s)?;
-        bent_displacement(self, &BentFilm { kernel: &kernel, inertia: &inertia, curve }, &law, loads, TOLERANCE)
-            .map_err(|PullIn| pulled_in())
+        let bent = BentFilm { kernel: &kernel, inertia: &inertia, curve };
+        let found = bent_displacement(self, &bent, &law, loads, TOLERANCE);
+        found.map(|(displacement, _)| displacement).map_err(|PullIn| pulled_in())
     }
 
     fn kernel(&self, film: Film<'_>) -> Vec<Complex<f64>> {
@@ -74,7 +75,7 @@ impl BentFilm<'_> {
 }
 
 /// The displacement (m) under `loads`, one per step: that of `law`, which is behind the same curve, corrected by passes through the
-/// full-memory force of `film`. It has converged when a pass changes it by at most `tolerance` (RMS, relative).
+/// full-memory force of `film`; with it the loads that drive the law along it. It has converged when a pass changes it by at most `tolerance` (RMS, relative).
 ///
 /// # Errors
 ///
@@ -85,7 +86,7 @@ pub fn bent_displacement<const HEAD: usize, const FAST: usize, const SLOW: usize
     law: &Law<f64, Compressed<f64, HEAD, FAST, SLOW>>,
     loads: &[Load<f64>],
     tolerance: f64,
-) -> std::result::Result<Vec<f64>, PullIn> {
+) -> std::result::Result<(Vec<f64>, Vec<Load<f64>>), PullIn> {
     let mut driven = loads.to_vec();
     let mut displacement = stepped(law, &driven);
     for _ in 0..MOST_PASSES {
@@ -104,7 +105,7 @@ pub fn bent_displacement<const HEAD: usize, const FAST: usize, const SLOW: usize
             return Err(PullIn);
         }
         if change <= tolerance * tolerance * size {
-            return Ok(displacement);
+            return Ok((displacement, driven));
         }
     }
     Err(PullIn)

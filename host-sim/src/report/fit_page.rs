@@ -67,6 +67,7 @@ fn structure_table(structures: &[StructureRow]) -> Markup {
         .map(|row| {
             let cells = vec![
                 format!("{}, n = {}", topology_name(row.topology), row.branches),
+                row.nonlinearity(),
                 row.variables.to_string(),
                 format!("{:.6}", row.r2_mean),
                 format!("{:.3}", row.nrmse_pct),
@@ -77,7 +78,7 @@ fn structure_table(structures: &[StructureRow]) -> Markup {
             (row.chosen, cells)
         })
         .collect();
-    html::table(&["structure", "variables", "R²", "NRMSE %", "ΔAIC", "ΔBIC", "left out, NRMSE %"], &rows)
+    html::table(&["structure", "curve", "variables", "R²", "NRMSE %", "ΔAIC", "ΔBIC", "left out, NRMSE %"], &rows)
 }
 
 fn estimate_table(uncertainty: &Uncertainty) -> Markup {

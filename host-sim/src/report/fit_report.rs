@@ -124,7 +124,7 @@ fn structures(rows: &[StructureRow], text: &mut String) {
         let left_out = row.left_out_nrmse_pct.map_or_else(|| "–".into(), |value| format!("{value:.3}"));
         let _ = writeln!(
             text,
-            "{:8} n = {} {:>9} {:>9.6} {:>9.3} {:>9.0} {:>9.0} {left_out:>12}{}",
+            "{:8} n = {} {:>9} {:>9.6} {:>9.3} {:>9.0} {:>9.0} {left_out:>12}  {}{}",
             topology_name(row.topology),
             row.branches,
             row.variables,
@@ -132,6 +132,7 @@ fn structures(rows: &[StructureRow], text: &mut String) {
             row.nrmse_pct,
             row.delta_aic,
             row.delta_bic,
+            row.nonlinearity(),
             if row.chosen { "  chosen" } else { "" }
         );
     }

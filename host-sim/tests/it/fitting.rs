@@ -7,6 +7,7 @@ use crate::recordings::recordings;
 use host_sim::agreement::Agreement;
 use host_sim::bench::film::{Film, Instruments, Plant, Readings, Waveform};
 use host_sim::files::recording::{Direction, Input, Recording};
+use host_sim::fit::bend::Bend;
 use host_sim::fit::candidate::{Candidate, Variable};
 use host_sim::fit::objective::Objective;
 use host_sim::fit::observation::{self, Observation};
@@ -44,7 +45,7 @@ fn truth() -> Candidate {
     let sp = Springpot::new;
     let elements = vec![sp(4e4, 0.08), sp(2.2e4, 0.12), sp(1.4e4, 0.85), sp(1.1e4, 0.05), sp(1.5e5, 0.92)];
     let actuator = Actuator { stretch_coupling: 30.0, ..Actuator::KARNER_2022 };
-    Candidate { actuator, elements, topology: Topology::Parallel, offset_m: 1e-4 }
+    Candidate { actuator, elements, topology: Topology::Parallel, offset_m: 1e-4, bend: Bend::Straight }
 }
 
 /// The recordings of a plant with the model's own answers instead of the measured ones.

@@ -11,6 +11,7 @@ use host_sim::bench::film::{Film, Plant, Waveform};
 use host_sim::bench::processor::{FirmwareLaw, Task, TaskOptions};
 use host_sim::files::parameters::Parameters;
 use host_sim::files::recording::{Direction, Input, Recording};
+use host_sim::fit::bend::Bend;
 use host_sim::fit::candidate::Candidate;
 use host_sim::fit::objective::Objective;
 use host_sim::fit::observation;
@@ -76,7 +77,7 @@ fn replay_fit_observer_and_processor_agree() {
 
         let model = &parameters.model;
         let elements = std::iter::once(model.main()).chain(model.branches().as_flattened().iter().copied()).collect();
-        let candidate = Candidate { actuator: parameters.actuator, elements, topology: model.topology(), offset_m };
+        let candidate = Candidate { actuator: parameters.actuator, elements, topology: model.topology(), offset_m, bend: Bend::Straight };
         let (observation, _) = observation::observe(&recording, Direction::Force, 1.0).expect("fit to be fitted");
         let objective = Objective::new(&[observation]).expect("an objective");
         let fitted = objective.residuals(&objective.evaluate(&candidate).expect("a response"));

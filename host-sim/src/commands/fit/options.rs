@@ -8,7 +8,9 @@ use springpot::{Actuator, MAX_BRANCHES, Topology};
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
+use crate::fit::bend::Bend;
 use crate::fit::candidate::{Candidate, Variable};
+use crate::fit::nonlinearity::CurveChoice;
 use crate::fit::observation::{self, Observation, Window};
 use crate::fit::{Loss, Method, Settings};
 
@@ -21,6 +23,9 @@ pub(super) struct FitOptions {
     /// How branches are connected.
     #[arg(long, value_enum, default_value_t = TopologyChoice::Auto)]
     topology: TopologyChoice,
+    /// What is fitted beyond a linear film: an elastic curve, a drive that saturates, both, or what left-out recordings ask for.
+    #[arg(long, value_enum, default_value_t = CurveChoice::Auto)]
+    curve: CurveChoice,
     /// How parameters are searched for.
     #[arg(long, value_enum, default_value_t = Method::Lm)]
     method: Method,
@@ -95,6 +100,7 @@ impl FitOptions {
             elements: Candidate::elements_of(&parameters.model),
             topology: parameters.model.topology(),
             offset_m: parameters.sensor_offset_m,
+            bend: parameters.curve.as_ref().map_or(Bend::Straight, Bend::of),
         });
         if self.starts == 0 && start.is_none() {
             return Err(Error::option("--starts", "at least 1 is needed"));
@@ -122,6 +128,7 @@ impl FitOptions {
             freed,
             held,
             start,
+            curve: self.curve,
             loss: self.loss,
             seed: self.seed,
             starts: self.starts,
