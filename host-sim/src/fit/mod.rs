@@ -8,6 +8,7 @@
 pub mod candidate;
 pub(crate) mod levenberg_marquardt;
 pub(crate) mod loss;
+mod nodes;
 pub mod objective;
 pub mod observation;
 mod outcome;

@@ -2,16 +2,15 @@
 //!
 //! Responses are computed with full memory in the frequency domain. Without coupling a response is a product there, and so
 //! are its derivatives with respect to every c and α. With coupling the force depends on the response,
-//! `x = H (F (1 + κ x) + W)`: the compressed recursion approximates it in one pass over the samples, and passes through H
-//! remove the remaining error. The derivatives obey the same equation with other right-hand sides.
-
-use std::borrow::Cow;
+//! `x = H (F (1 + κ x) + W)`: the compressed recursion approximates it in one pass over the samples, and corrections with full
+//! memory remove the remaining error. The derivatives obey the same equation with other right-hand sides.
 
 use num_complex::Complex;
 use rayon::prelude::*;
 use springpot::{Actuator, Load};
 
 use super::candidate::{Candidate, Variable};
+use super::nodes::Nodes;
 use super::observation::Observation;
 use super::transfer::{Spectrum, Transfer, recursion};
 use crate::error::{Error, Result};
@@ -31,6 +30,9 @@ fn too_long(name: &str, samples: f64) -> Error {
 /// Model minus measurement over all observations.
 pub struct Objective {
     circles: Vec<FullMemory>,
+    /// Nodes of every circle.
+    nodes: Vec<Nodes>,
+    /// Steps of every circle, s.
     steps: Vec<f64>,
     records: Vec<Record>,
 }
@@ -163,7 +165,8 @@ impl Objective {
                 }
             })
             .collect();
-        Ok(Self { circles, steps, records })
+        let nodes = circles.iter().map(Nodes::of).collect();
+        Ok(Self { circles, nodes, steps, records })
     }
 
     /// Measured values of every observation.
@@ -184,8 +187,9 @@ impl Objective {
         let transfers = self
             .circles
             .iter()
+            .zip(&self.nodes)
             .zip(&self.steps)
-            .map(|(circle, &step)| Transfer::new(&model, circle, step, coupled))
+            .map(|((circle, nodes), &step)| Transfer::new(&model, circle, nodes, step, coupled))
             .collect::<Option<Vec<Transfer>>>()?;
         let responses = self
             .records
@@ -233,19 +237,36 @@ impl Objective {
 
     /// Derivatives of the residuals with respect to `variables`, one column each.
     pub fn jacobian(&self, candidate: &Candidate, evaluation: &Evaluation, variables: &[Variable]) -> Vec<Vec<f64>> {
+        let spectra: Vec<Spectrum> = (0..self.records.len())
+            .into_par_iter()
+            .map(|index| {
+                let record = &self.records[index];
+                match record.drive {
+                    DriveSpectra::Voltage { .. } => self.circles[record.circle].spectrum(&evaluation.responses[index]),
+                    DriveSpectra::Force(_) | DriveSpectra::Displacement(_) => Spectrum::new(),
+                }
+            })
+            .collect();
         // What one variable does to one observation is one task.
         let pieces: Vec<Vec<f64>> = (0..variables.len() * self.records.len())
             .into_par_iter()
             .map(|task| {
                 let (variable, record) = (variables[task / self.records.len()], task % self.records.len());
-                self.derivative(candidate, evaluation, variable, record)
+                self.derivative(candidate, evaluation, variable, record, &spectra[record])
             })
             .collect();
         pieces.chunks(self.records.len()).map(<[Vec<f64>]>::concat).collect()
     }
 
-    /// Derivative of the residuals of observation `index`.
-    fn derivative(&self, candidate: &Candidate, evaluation: &Evaluation, variable: Variable, index: usize) -> Vec<f64> {
+    /// Derivative of the residuals of observation `index`, whose response has this `spectrum` if a voltage drives.
+    fn derivative(
+        &self,
+        candidate: &Candidate,
+        evaluation: &Evaluation,
+        variable: Variable,
+        index: usize,
+        spectrum: &Spectrum,
+    ) -> Vec<f64> {
         let record = &self.records[index];
         if variable == Variable::Offset && !record.measures_force() {
             return vec![record.weight; record.measured.len()];
@@ -253,9 +274,11 @@ impl Objective {
         let linearised = Linearised {
             record,
             circle: &self.circles[record.circle],
+            nodes: &self.nodes[record.circle],
             transfer: &evaluation.transfers[record.circle],
             actuator: &candidate.actuator,
             response: &evaluation.responses[index],
+            spectrum,
         };
         match linearised.derivative(variable) {
             Some(series) => record.measured_at.pick(&series).into_iter().map(|value| record.weight * value).collect(),
@@ -274,10 +297,13 @@ impl Record {
 struct Linearised<'a> {
     record: &'a Record,
     circle: &'a FullMemory,
+    nodes: &'a Nodes,
     transfer: &'a Transfer,
     actuator: &'a Actuator,
     /// On the grid: displacement (m), or force (N).
     response: &'a [f64],
+    /// The same on the circle, if a voltage drives.
+    spectrum: &'a [Complex<f64>],
 }
 
 impl Linearised<'_> {
@@ -302,12 +328,12 @@ impl Linearised<'_> {
     }
 
     /// ∂(m s² + K)/∂ `variable` on the circle.
-    fn stiffness_derivative(&self, variable: Variable) -> Option<Cow<'_, [Complex<f64>]>> {
+    fn stiffness_derivative(&self, variable: Variable) -> Option<Spectrum> {
         let ln_s = self.circle.ln_s();
         match variable {
-            Variable::Coefficient(element) => Some(Cow::Borrowed(&self.transfer.sensitivities[element])),
-            Variable::Order(element) => Some(Cow::Owned(product(&self.transfer.sensitivities[element], ln_s))),
-            Variable::Mass => Some(Cow::Owned(ln_s.iter().map(|z| (2.0 * z).exp() * self.actuator.mass_kg).collect())),
+            Variable::Coefficient(element) => Some(self.transfer.sensitivity(element, self.nodes)),
+            Variable::Order(element) => Some(product(&self.transfer.sensitivity(element, self.nodes), ln_s)),
+            Variable::Mass => Some(ln_s.iter().map(|z| (2.0 * z).exp() * self.actuator.mass_kg).collect()),
             _ => None,
         }
     }
@@ -320,7 +346,7 @@ impl Linearised<'_> {
             DriveSpectra::Force(force) => {
                 let change = self.stiffness_derivative(variable)?;
                 let x = force.iter().zip(&self.transfer.compliance).map(|(f, h)| -f * h);
-                Some(x.zip(change.iter()).map(|(x, k)| x * k).collect())
+                Some(x.zip(change).map(|(x, k)| x * k).collect())
             }
             DriveSpectra::Voltage { squared, ones, .. } => {
                 let scale = self.actuator.force_per_square_volt();
@@ -334,8 +360,7 @@ impl Linearised<'_> {
                     (_, Some(exponent)) => Some(electrostatic(exponent * scale, &|x| self.actuator.thinning(x))),
                     _ => {
                         let change = self.stiffness_derivative(variable)?;
-                        let x = self.circle.spectrum(self.response);
-                        let mut force: Spectrum = x.iter().zip(change.iter()).map(|(x, k)| -x * k).collect();
+                        let mut force: Spectrum = self.spectrum.iter().zip(change).map(|(x, k)| -x * k).collect();
                         if variable == Variable::Mass {
                             let weight = self.actuator.preload_n();
                             force.iter_mut().zip(ones).for_each(|(f, one)| *f += one * weight);

@@ -245,6 +245,17 @@ pub fn thinned(observation: &Observation) -> Observation {
     }
 }
 
+/// The beginning of the observation, at most `steps` of its rate: for the first search of a long recording.
+#[must_use]
+pub fn beginning(observation: &Observation, steps: usize) -> Observation {
+    let last_s = steps as f64 / observation.rate_hz;
+    let kept = |samples: &Samples| {
+        let count = samples.time_s.partition_point(|&t| t <= last_s);
+        Samples { time_s: samples.time_s[..count].to_vec(), value: samples.value[..count].to_vec() }
+    };
+    Observation { input: observation.input.map(kept), measured: kept(&observation.measured), ..observation.clone() }
+}
+
 /// What a set of observations contains that quantities of the actuator and the sensor can be identified from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Excitation {

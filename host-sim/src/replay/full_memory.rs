@@ -14,6 +14,11 @@ use springpot::Maxwell;
 /// The circle depends only on the number of samples and the step, so one serves any number of models.
 pub struct FullMemory {
     samples: usize,
+    /// Seconds per sample.
+    step: f64,
+    ln_radius: f64,
+    /// Points of the whole circle.
+    points: usize,
     /// ln((1 − ζ)/h) at the points of the upper half circle.
     ln_s: Vec<Complex<f64>>,
     /// Largest error that wrapping and rounding leave, relative to the largest response.
@@ -40,21 +45,13 @@ impl FullMemory {
         let ratio = points as f64 / samples.max(1) as f64;
         // Wrapped parts shrink by radius^points, rounding grows by radius^−samples: both equal.
         let ln_radius = f64::EPSILON.ln() * ratio / (ratio + 1.0) / points as f64;
-        let ln_s = (0..=points / 2)
-            .map(|k| {
-                let angle = -std::f64::consts::TAU * k as f64 / points as f64;
-                // 1 − ζ without cancellation near ζ = 1.
-                let (sin, cos) = angle.sin_cos();
-                let grown = ln_radius.exp_m1();
-                let half = (0.5 * angle).sin();
-                let difference = Complex::new(-(grown * cos - 2.0 * half * half), -(grown + 1.0) * sin);
-                let (size, phase) = difference.to_polar();
-                Complex::new((size / step).ln(), phase)
-            })
-            .collect();
+        let ln_s = (0..=points / 2).map(|k| ln_s_at(k as f64 / points as f64, ln_radius, step)).collect();
         let mut planner = RealFftPlanner::new();
         Self {
             samples,
+            step,
+            ln_radius,
+            points,
             ln_s,
             rounding: (ln_radius * points as f64).exp(),
             damping: (0..samples).map(|k| (ln_radius * k as f64).exp()).collect(),
@@ -90,6 +87,11 @@ impl FullMemory {
     /// ln s at the points of the upper half circle, s = (1 − ζ)/h in 1/s.
     pub fn ln_s(&self) -> &[Complex<f64>] {
         &self.ln_s
+    }
+
+    /// The same between the points, at `place` counted in points from ζ = radius.
+    pub fn ln_s_between(&self, place: f64) -> Complex<f64> {
+        ln_s_at(place / self.points as f64, self.ln_radius, self.step)
     }
 
     /// Largest error that wrapping and rounding leave, relative to the largest response.
@@ -138,6 +140,17 @@ impl FullMemory {
         }
         time
     }
+}
+
+/// ln((1 − ζ)/h) at `share` of the circle, without cancellation near ζ = 1.
+fn ln_s_at(share: f64, ln_radius: f64, step: f64) -> Complex<f64> {
+    let angle = -std::f64::consts::TAU * share;
+    let (sin, cos) = angle.sin_cos();
+    let grown = ln_radius.exp_m1();
+    let half = (0.5 * angle).sin();
+    let difference = Complex::new(-(grown * cos - 2.0 * half * half), -(grown + 1.0) * sin);
+    let (size, phase) = difference.to_polar();
+    Complex::new((size / step).ln(), phase)
 }
 
 /// The smallest even number ≥ `least` whose prime factors are 2, 3 and 5.
