@@ -58,7 +58,7 @@ const LEAST_GAIN: f64 = 1e-5;
 /// Fits the structures of the settings and selects the smallest that is not worse than the best: by the error on left-out
 /// recordings. If there is only one recording, the best is that with the least error among those whose Bayesian criterion says
 /// that they do not fit noise, a structure is not worse whose error is up to 5 % or an R² of 1e-5 above it, and no larger
-/// structures are tried once residuals are white or one more branch was not worth it.
+/// structures are tried once residuals are white, one more branch was not worth it, or the other topology was better with as many.
 ///
 /// # Errors
 ///
@@ -155,6 +155,9 @@ fn fit_structures(
             };
             fit.left_out_nrmse_pct = left_out.as_ref().and_then(|left_out| left_out.error(context, &fit.found));
             let worth_it = before.is_none_or(|before| !before.is_as_good_as(&fit));
+            // The other topology with as many branches.
+            let other = fits.iter().find(|other| other.branches == n && other.topology != topology);
+            let worth_it = worth_it && other.is_none_or(|other| fit.is_as_good_as(other));
             let white = fit.whiteness.white;
             smaller = Some(fits.len());
             fits.push(fit);
