@@ -8,7 +8,7 @@ use super::search::{Context, Found};
 use super::selection::StructureRow;
 use super::settings::Settings;
 use super::uncertainty::Uncertainty;
-use super::warnings;
+use super::warnings::{self, Misfit};
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
 
@@ -56,15 +56,19 @@ impl Fit {
         let pairs = || objective.measured().zip(&modelled);
         let agreements: Vec<Agreement> = pairs().map(|(y, x)| Agreement::of(y, x)).collect();
         let r2_mean = agreements.iter().map(|a| a.r2).sum::<f64>() / agreements.len() as f64;
-        let residuals: Vec<f64> = pairs().flat_map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y)).collect();
+        let residuals: Vec<Vec<f64>> = pairs().map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y).collect()).collect();
+        let left_out_pct = structures.iter().find(|row| row.chosen).and_then(|row| row.left_out_nrmse_pct);
 
         let mut warnings = Vec::new();
         warnings::of_excitation(context.excitation, &mut warnings);
         if let Some(uncertainty) = &uncertainty {
-            warnings::of_uncertainty(uncertainty, &residuals, &mut warnings);
+            warnings::of_uncertainty(uncertainty, &found.candidate, &mut warnings);
+            let misfit = Misfit::of(observations, &residuals, uncertainty.lag_one);
+            let (drive, samples) = (&observations[0].input, objective.samples());
+            warnings::of_whiteness(uncertainty, misfit, drive, left_out_pct, samples, &mut warnings);
         }
         warnings::of_convergence(found.minimum.converged || interrupted, &mut warnings);
-        warnings::of_outliers(&residuals, settings.loss, &mut warnings);
+        warnings::of_outliers(&residuals.concat(), settings.loss, &mut warnings);
         warnings::of_units(observations, &settings.actuator, r2_mean, settings.loss, &mut warnings);
         Ok(Self {
             candidate: found.candidate,

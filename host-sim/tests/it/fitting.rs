@@ -116,6 +116,30 @@ fn warns_of_undetermined_parameters() {
     assert!(warned("fewer branches will do") || warned("branches[0]") && warned("free: other values fit as well"));
 }
 
+/// Warnings say how bad it is: what a model does not follow, in % of the stroke, and what feedforward makes of it.
+#[test]
+fn warnings_say_what_follows() {
+    let all = observations("hossain");
+    let white = |branches: usize| {
+        let fit = fitted(&all, &structure(Topology::Parallel, branches));
+        println!("n = {branches}: {:?}", fit.warnings);
+        fit.warnings.into_iter().find(|warning| warning.contains("not white")).unwrap_or_else(|| "negligible".into())
+    };
+    let poor = white(0);
+    assert!(["large: ", "% of the stroke", "expect feedforward to be off by"].iter().all(|words| poor.contains(words)));
+    let good = white(4);
+    assert!(good.starts_with("negligible") || good.starts_with("small"), "{good}");
+
+    // A branch that says nothing is described by what it does, not by its name alone.
+    let spring = Candidate { elements: vec![Springpot::new(4e4, 0.0)], ..truth() };
+    let fit = fitted(&synthetic(&spring, 5e-6), &structure(Topology::Parallel, 1));
+    let named: Vec<&String> = fit.warnings.iter().filter(|w| w.contains("branch")).collect();
+    assert!(
+        !named.is_empty() && named.iter().all(|w| w.contains("branch 1") && w.contains("relaxation time")),
+        "{named:?}"
+    );
+}
+
 /// Every derivative against differences: coupled or not, driven by voltage, force or displacement.
 #[test]
 fn exact_derivatives() {
