@@ -153,6 +153,36 @@ fn a_window_leaves_out_values_and_keeps_the_memory() {
     assert!((main.c - 2000.0).abs() < 20.0 && (main.alpha - 0.2).abs() < 0.002, "{main:?}");
 }
 
+/// Other models and the paper's study on material tests: force from displacement.
+#[test]
+fn compare_and_study_of_material_tests() {
+    let folder = TempDir::new().expect("a folder");
+    let (file, out) = (folder.path().join("relaxation.csv"), folder.path().join("study"));
+    // c x t^-α / Γ(1 − α) for c = 2000, α = 0.2 and x = 10 mm, and 8 N beside it.
+    let mut csv = "time_s,displacement_m,force_n\n".to_owned();
+    // Pattern search takes tens of thousands of steps: few rows keep it short.
+    for k in 1..=60 {
+        let t = f64::from(k);
+        csv += &format!("{t:?},0.01,{:?}\n", 8.0 + 20.0 * t.powf(-0.2) / 1.164_229_713_725_303_4);
+    }
+    fs::write(&file, csv).expect("written");
+    let report = json(&["compare", "--drive", "displacement", "--starts", "2", text(&file)]);
+    let r2 = |name: &str| {
+        let row = report["models"].as_array().expect("a list").iter().find(|row| row["model"] == name);
+        number(&row.unwrap_or_else(|| panic!("no {name}"))["r2_mean"])
+    };
+    println!("{report}");
+    assert!(r2("fractional Maxwell, n = 1") > 0.9999 && r2("standard linear solid") < 0.99);
+    let study = json(&["study", "--drive", "displacement", "--out", text(&out), text(&file)]);
+    let fits = study["fits"].as_array().expect("a list");
+    assert_eq!(fits.len(), (5 + 1) * 2 * 2);
+    assert!(fits.iter().filter(|fit| fit["method"] == "lm").all(|fit| number(&fit["r2_mean"]) > 0.999));
+    let page = fs::read_to_string(out.join("study.html")).expect("written");
+    assert!(page.contains("Forces from the recorded displacements") && page.contains("force (N)"));
+    let [a, ..] = recordings("wang");
+    fails(&["compare", "--drive", "displacement", text(&a)], &["wang-5s.csv", "force_n"]);
+}
+
 #[test]
 fn what_makes_no_fit_is_refused() {
     let folder = TempDir::new().expect("a folder");
