@@ -153,6 +153,52 @@ fn a_window_leaves_out_values_and_keeps_the_memory() {
     assert!((main.c - 2000.0).abs() < 20.0 && (main.alpha - 0.2).abs() < 0.002, "{main:?}");
 }
 
+/// Without its own sizes a film's field is not known: the fit says so, its file carries it, and no check claims it.
+#[test]
+fn assumed_sizes_are_told_and_no_field_is_claimed() {
+    let folder = TempDir::new().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let (own, assumed, sized, again, reference) =
+        (path("own.toml"), path("assumed.toml"), path("sized.toml"), path("again.toml"), path("ref.csv"));
+    let table = "schema = 1\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.04\nwidth_m = 0.06\n\
+                 thickness_m = 100e-6\nmass_kg = 0.316\n";
+    fs::write(&own, table).expect("written");
+    let [a, ..] = recordings("wang");
+    let fit = |more: &[&str]| {
+        let fit = json(&[["fit", "--branches", "1", text(&a)].as_slice(), more].concat());
+        fit["warnings"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .any(|w| w.as_str().expect("text").contains("SIZES ARE ASSUMED"))
+    };
+    assert!(fit(&["--out", text(&assumed)]));
+    assert!(!fit(&["--actuator", text(&own), "--out", text(&sized)]));
+    // What was assumed stays assumed.
+    let start = json(&["fit", "--start", text(&assumed), "--out", text(&again), text(&a)]);
+    assert!(start["warnings"].to_string().contains("SIZES ARE ASSUMED"), "{start}");
+    assert!(Parameters::read(&again).expect("readable").assumed_sizes);
+    assert!(!Parameters::read(&sized).expect("readable").assumed_sizes);
+
+    let shape =
+        ["reference", "--shape", "sine", "--low", "0.4e-3", "--high", "1e-3", "--period", "10", "--duration", "30"];
+    json(&[shape.as_slice(), &["--out", text(&reference)]].concat());
+    let check = |params: &Path, field: &str| {
+        let check =
+            ["feedforward", "--check", "--params", text(params), "--reference", text(&reference), "--max-field", field];
+        json(&check)
+    };
+    // 1 MV/m would be exceeded: it is found where the sizes are known, and not claimed where they are not.
+    let known = check(&sized, "1e6");
+    assert!(known["check"]["feasible"] == false && known["check"]["field_checked"] == true, "{known}");
+    assert!(known["field_note"].is_null());
+    let unknown = check(&assumed, "1e6");
+    assert!(unknown["check"]["field_checked"] == false && unknown["field_note"].as_str().is_some(), "{unknown}");
+    let replay = json(&["replay", "--params", text(&assumed), text(&a)]);
+    assert!(replay["field_note"].as_str().is_some_and(|note| note.contains("assumed (160 µm")), "{replay}");
+    assert!(json(&["replay", "--params", text(&sized), text(&a)])["field_note"].is_null());
+}
+
 /// Other models and the paper's study on material tests: force from displacement.
 #[test]
 fn compare_and_study_of_material_tests() {

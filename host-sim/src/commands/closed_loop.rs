@@ -167,6 +167,9 @@ struct Report {
     out: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     plot: Option<String>,
+    /// What is not known of the electric field.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    field_note: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -227,6 +230,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         quality: run.quality(),
         out: arguments.out.as_deref().map(shown),
         plot: arguments.plot.as_deref().map(shown),
+        field_note: parameters.field_note(),
     };
     terminal::report(json, &report, || text(&report))
 }
@@ -283,8 +287,9 @@ fn text(report: &Report) -> String {
         }
         _ => String::new(),
     };
+    let note = report.field_note.as_ref().map(|note| format!("\nwarning: {note}")).unwrap_or_default();
     format!(
-        "{}: tracking error {error}{asked}{drift}, largest error {:.2} µm, largest voltage {:.0} V, {}",
+        "{}: tracking error {error}{asked}{drift}, largest error {:.2} µm, largest voltage {:.0} V, {}{note}",
         report.controller,
         1e6 * quality.largest_error_m,
         quality.largest_voltage_v,

@@ -47,6 +47,9 @@ struct Report {
     largest_voltage_v: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     check: Option<Feasibility>,
+    /// What is not known of the electric field.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    field_note: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -64,6 +67,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         limits_met: None,
         largest_voltage_v: None,
         check: check.map_err(about)?,
+        field_note: parameters.field_note(),
     };
     if let Some(out) = &arguments.out {
         output::check(out, &[&arguments.reference, arguments.model.params.as_ref()], Folders::Exist)?;
@@ -111,6 +115,7 @@ fn text(report: &Report) -> String {
         let met = LimitShare::text(met);
         lines.push(format!("{out}: {} samples, largest voltage {largest:.0} V, {met}", report.samples));
     }
+    lines.extend(report.field_note.iter().map(|note| format!("warning: {note}")));
     lines.join("\n")
 }
 

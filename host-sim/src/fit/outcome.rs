@@ -60,6 +60,7 @@ impl Fit {
         let left_out_pct = structures.iter().find(|row| row.chosen).and_then(|row| row.left_out_nrmse_pct);
 
         let mut warnings = Vec::new();
+        warnings::of_sizes(settings, context.excitation, &mut warnings);
         warnings::of_excitation(context.excitation, &mut warnings);
         if let Some(uncertainty) = &uncertainty {
             warnings::of_uncertainty(uncertainty, &found.candidate, &mut warnings);

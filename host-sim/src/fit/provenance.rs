@@ -28,6 +28,7 @@ impl Fit {
         Ok(Parameters {
             name: format!("fit to {}", names.join(", ")),
             actuator: self.candidate.actuator,
+            assumed_sizes: settings.assumed_sizes,
             model: self.candidate.model()?,
             sensor_offset_m: self.candidate.offset_m,
             board: None,

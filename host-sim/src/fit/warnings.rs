@@ -8,8 +8,23 @@ use springpot::{Actuator, Springpot, Topology};
 use super::candidate::Candidate;
 use super::loss::{self, Loss};
 use super::observation::{Excitation, Observation, median};
+use super::settings::Settings;
 use super::uncertainty::Uncertainty;
 use crate::files::recording::Input;
+
+/// Sizes that are not the film's own: only a voltage needs them.
+pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<String>) {
+    if settings.assumed_sizes && excitation.voltage_driven {
+        let Actuator { length_m, width_m, thickness_m, .. } = settings.actuator;
+        warnings.push(format!(
+            "THE FILM'S SIZES ARE ASSUMED ({:.0} mm x {:.0} mm x {:.0} um, the paper's): displacements are right all the same, forces \
+             and c are only in proportion, and no field limit can be checked. Give the film's own sizes with --actuator",
+            1e3 * length_m,
+            1e3 * width_m,
+            1e6 * thickness_m
+        ));
+    }
+}
 
 /// Inputs that do not vary.
 pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<String>) {

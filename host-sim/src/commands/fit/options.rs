@@ -5,6 +5,7 @@ use std::path::Path;
 use clap::{Args, ValueEnum};
 use springpot::{Actuator, MAX_BRANCHES, Topology};
 
+use crate::commands::options::assumed_actuator;
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
@@ -34,8 +35,8 @@ pub(super) struct FitOptions {
     /// Do not fit this: stretch_coupling, offset_m, or with --start an element as warnings name it, such as main.alpha.
     #[arg(long, value_name = "NAME")]
     hold: Vec<String>,
-    /// File with the actuator table: geometry, permittivity, mass, preload, coupling. The default is the paper's, without
-    /// mass if displacement drives.
+    /// File with the actuator table: geometry, permittivity, mass, preload, coupling. Without it the paper's sizes are assumed
+    /// (40 mm x 60 mm x 160 um), and no field limit is claimed; without mass if displacement drives.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Start parameters, instead of random starts; they also give branches and topology.
@@ -89,7 +90,7 @@ impl FitOptions {
     /// The settings that the options give.
     pub(super) fn settings(&self) -> Result<Settings> {
         let start = self.start.as_deref().map(Parameters::load).transpose()?;
-        let actuator = self.actuator(start.as_ref())?;
+        let (actuator, assumed_sizes) = self.actuator(start.as_ref())?;
         let start = start.map(|parameters| Candidate {
             actuator,
             elements: Candidate::elements_of(&parameters.model),
@@ -119,6 +120,7 @@ impl FitOptions {
             branches,
             topologies,
             actuator,
+            assumed_sizes,
             freed,
             held,
             start,
@@ -129,15 +131,12 @@ impl FitOptions {
         })
     }
 
-    fn actuator(&self, start: Option<&Parameters>) -> Result<Actuator> {
+    /// The actuator, and whether its sizes are assumed.
+    fn actuator(&self, start: Option<&Parameters>) -> Result<(Actuator, bool)> {
         match (&self.actuator, start) {
-            (Some(name), _) => Parameters::load_actuator(name),
-            (None, Some(start)) => Ok(start.actuator),
-            // A test machine carries the weight.
-            (None, None) if self.drive == Direction::Displacement => {
-                Ok(Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 })
-            }
-            (None, None) => Ok(Actuator::KARNER_2022),
+            (Some(name), _) => Parameters::load_sized_actuator(name),
+            (None, Some(start)) => Ok((start.actuator, start.assumed_sizes)),
+            (None, None) => Ok((assumed_actuator(self.drive), true)),
         }
     }
 

@@ -24,6 +24,8 @@ pub struct Parameters {
     pub name: String,
     /// The actuator.
     pub actuator: Actuator,
+    /// Whether length, width and thickness are assumed, not the film's own: then nothing is known of the electric field.
+    pub assumed_sizes: bool,
     /// The model of the film.
     pub model: Maxwell,
     /// Reading of the displacement sensor at x = 0, m; see [`sensor`](Self::sensor).
@@ -82,6 +84,7 @@ impl Parameters {
         Ok(Self {
             name: format!("karner-2022-{}", preset.name()),
             actuator: Actuator::KARNER_2022,
+            assumed_sizes: false,
             model: preset.model()?,
             sensor_offset_m: 0.0,
             board: None,
@@ -104,15 +107,35 @@ impl Parameters {
     ///
     /// As [`load`](Self::load).
     pub fn load_actuator(name: &str) -> Result<Actuator> {
+        Ok(Self::load_sized_actuator(name)?.0)
+    }
+
+    /// The same, and whether its sizes are assumed.
+    ///
+    /// # Errors
+    ///
+    /// As [`load`](Self::load).
+    pub fn load_sized_actuator(name: &str) -> Result<(Actuator, bool)> {
         if name.starts_with("preset:") {
-            return Ok(Self::load(name)?.actuator);
+            return Ok((Self::load(name)?.actuator, false));
         }
         let path = Path::new(name);
         let text = text_of(path)?;
         let place = Place { path, text: &text };
         let file: ActuatorFileTable = place.parse()?;
         place.check_schema(&file.schema)?;
-        place.actuator(&file.actuator)
+        Ok((place.actuator(&file.actuator)?, file.actuator.sizes_are_assumed()))
+    }
+
+    /// What to say of the electric field where the film's sizes are assumed.
+    pub fn field_note(&self) -> Option<String> {
+        self.assumed_sizes.then(|| {
+            format!(
+                "the film's sizes are assumed ({:.0} µm thick): whether the field stays within its limit is not known; fit with \
+                 --actuator and the film's own sizes",
+                1e6 * self.actuator.thickness_m
+            )
+        })
     }
 
     /// Reads parameters from TOML text; `path` is what errors name.
@@ -140,7 +163,8 @@ impl Parameters {
             return Err(place.error(offset.map_or(0..0, toml::Spanned::span), cause));
         }
         let board = file.board.as_ref().map(|board| board.get_ref().clone());
-        let parameters = Self { name: file.name, actuator, model, sensor_offset_m, board, provenance: file.provenance };
+        let (name, assumed_sizes, provenance) = (file.name, file.actuator.sizes_are_assumed(), file.provenance);
+        let parameters = Self { name, actuator, assumed_sizes, model, sensor_offset_m, board, provenance };
         if let Some(board) = &file.board {
             // What a controller would refuse of the board is refused here, where its line is known. The rate does not matter.
             let checked = parameters.to_blob(board.get_ref(), 1000.0);
