@@ -371,3 +371,35 @@ fn converted_material_tests() {
     );
     fails(&["convert", "--length", "0", "--area", "1", "--out", text(&out), text(&test)], &["--length"]);
 }
+
+/// Strains agree where they are small; files of testing machines are taken as they are.
+#[test]
+fn strains_and_testing_machines() {
+    let folder = TempDir::new().expect("a folder");
+    let (test, out) = (folder.path().join("test.csv"), folder.path().join("body.csv"));
+    let last_row = |more: &[&str]| -> Vec<f64> {
+        json(&[["convert", "--out", text(&out), text(&test)].as_slice(), more].concat());
+        let body = fs::read_to_string(&out).expect("written");
+        body.lines().last().expect("a row").split(',').map(|cell| cell.parse().expect("a number")).collect()
+    };
+    fs::write(&test, "Time (s),Extension (mm),Load (N)\n0,0,0\n1,20,1.5\n").expect("written");
+    let row = last_row(&[]);
+    assert!((row[1] - 0.02).abs() < 1e-15 && row[2] == 1.5, "{row:?}");
+    for (strain, expected) in
+        [("engineering", 0.02), ("neo-hookean", 0.02 * (1.5 - 1.0 / 2.25) / 1.5), ("hencky", 0.04 * 1.5f64.ln())]
+    {
+        let row = last_row(&["--length", "0.04", "--strain", strain]);
+        assert!((row[1] - expected).abs() < 1e-12 && row[2] == 1.5, "{strain}: {row:?}");
+    }
+    fails(&["convert", "--out", text(&out), text(&test), "--strain", "hencky"], &["--length"]);
+    fs::write(&test, "time_s,displacement_mm,force_n\n0,0,0\n1,-50,-1\n").expect("written");
+    fails(
+        &["convert", "--out", text(&out), text(&test), "--strain", "hencky", "--length", "0.04"],
+        &["--length", "shorter"],
+    );
+    fs::write(&test, "time_s,stretch,nominal_stress_mpa\n0,1,0\n1,1.001,0.03\n").expect("written");
+    fails(&["convert", "--out", text(&out), text(&test), "--length", "0.04"], &["--area"]);
+    let displacements = ["engineering", "neo-hookean", "hencky"]
+        .map(|strain| last_row(&["--length", "0.04", "--area", "1e-5", "--strain", strain])[1]);
+    assert!(displacements.iter().all(|x| (x / 4e-5 - 1.0).abs() < 2e-3), "{displacements:?}");
+}
