@@ -199,6 +199,46 @@ fn assumed_sizes_are_told_and_no_field_is_claimed() {
     assert!(json(&["replay", "--params", text(&sized), text(&a)])["field_note"].is_null());
 }
 
+/// A recording of a unipolar sine with rows from `times`, whose displacement is `of` the squared voltage's share.
+fn sine_recording(file: &Path, times: impl Iterator<Item = f64>, of: impl Fn(f64) -> f64) {
+    let mut csv = "time_s,voltage_v,displacement_m\n".to_owned();
+    for t in times {
+        let share = 0.5 * (1.0 - (0.9 * t).cos());
+        csv += &format!("{t:.3},{:.3},{:.9}\n", 5000.0 * share, of(share * share));
+    }
+    fs::write(file, csv).expect("written");
+}
+
+#[test]
+fn gaps_and_signs() {
+    let folder = TempDir::new().expect("a folder");
+    let (file, out) = (folder.path().join("rec.csv"), folder.path().join("p.toml"));
+    let fit =
+        |more: &[&str]| json(&[["fit", "--branches", "0", "--out", text(&out), text(&file)].as_slice(), more].concat());
+    let warns = |report: &Value, words: &str| report["warnings"].to_string().contains(words);
+    let samples = |report: &Value| number(&report["recordings"][0]["samples"]);
+
+    let times = || (0..1000).map(|k| 0.05 * f64::from(k)).filter(|t| !(20.0..26.0).contains(t));
+    sine_recording(&file, times(), |share| 1e-3 * share);
+    let whole = fit(&[]);
+    assert!(warns(&whole, "a gap of 6.050 s at 19.950 s"), "{whole}");
+    assert!(samples(&whole) == 880.0 && (number(&whole["recordings"][0]["rate_hz"]) - 20.0).abs() < 1e-6);
+    let ended = fit(&["--gap", "3"]);
+    assert!(warns(&ended, "ends there") && samples(&ended) == 400.0, "{ended}");
+    assert!(number(&ended["r2_mean"]) > 0.999 && number(&whole["r2_mean"]) < number(&ended["r2_mean"]));
+    let skipped = fit(&["--gap", "3", "--at-gap", "skip"]);
+    assert!(warns(&skipped, "are not compared") && (755.0..=765.0).contains(&samples(&skipped)), "{skipped}");
+    assert!(number(&skipped["r2_mean"]) > number(&whole["r2_mean"]));
+    // Shorter ones are none.
+    assert!(!warns(&fit(&["--gap", "10"]), "gap of"));
+
+    sine_recording(&file, (0..1000).map(|k| 0.05 * f64::from(k)), |share| -1e-3 * share);
+    let turned = fit(&[]);
+    assert!(warns(&turned, "--invert turns its sign"), "{turned}");
+    let right = fit(&["--invert"]);
+    assert!(number(&right["r2_mean"]) > 0.999 && !warns(&right, "--invert"), "{right}");
+}
+
 /// Other models and the paper's study on material tests: force from displacement.
 #[test]
 fn compare_and_study_of_material_tests() {
@@ -241,6 +281,11 @@ fn what_makes_no_fit_is_refused() {
     with(&["--method", "guess"], &["--method", "guess"]);
     with(&["--weights", "1"], &["--weights", "1 weights for 2 recordings"]);
     with(&["--weights", "1,-1"], &["--weights", "-1"]);
+    with(&["--weights", "1,log-time"], &["--weights", "log-time stands alone"]);
+    with(&["--weights", "heavy"], &["--weights", "log-time"]);
+    with(&["--gap", "0"], &["--gap", "greater than 0"]);
+    with(&["--at-gap", "skip"], &["--gap"]);
+    with(&["--offset", "per-recording", "--loss", "huber"], &["--loss", "least squares"]);
     with(&["--free", "colour"], &["--free", "colour", "mass_kg"]);
     with(&["--free", "length_m", "--free", "width_m"], &["--free", "only scale"]);
     with(&["--hold", "main.c"], &["--hold", "--start"]);

@@ -12,6 +12,7 @@ use springpot::{Actuator, Load};
 use super::candidate::{Candidate, Variable};
 use super::nodes::Nodes;
 use super::observation::Observation;
+use super::readings::{ReadingFit, Readings};
 use super::transfer::{Spectrum, Transfer, recursion};
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
@@ -42,9 +43,8 @@ struct Record {
     circle: usize,
     samples: usize,
     drive: DriveSpectra,
-    measured: Vec<f64>,
+    readings: Readings,
     measured_at: Places,
-    weight: f64,
 }
 
 /// The input of an observation on its circle.
@@ -124,6 +124,8 @@ impl Places {
 pub struct Evaluation {
     /// Modelled values at the measured times, one series per observation.
     pub modelled: Vec<Vec<f64>>,
+    /// Offset and gain of every observation's readings.
+    pub readings: Vec<ReadingFit>,
     transfers: Vec<Transfer>,
     /// Responses on the grid: displacement (m), or force (N).
     responses: Vec<Vec<f64>>,
@@ -159,9 +161,8 @@ impl Objective {
                     circle,
                     samples: grid.samples,
                     drive: DriveSpectra::new(&observation.input, grid, &circles[circle]),
-                    measured: observation.measured.value.clone(),
+                    readings: Readings::of(observation),
                     measured_at: Places::new(&observation.measured.time_s, grid),
-                    weight: observation.weight,
                 }
             })
             .collect();
@@ -171,12 +172,12 @@ impl Objective {
 
     /// Measured values of every observation.
     pub fn measured(&self) -> impl Iterator<Item = &[f64]> {
-        self.records.iter().map(|record| record.measured.as_slice())
+        self.records.iter().map(|record| record.readings.measured.as_slice())
     }
 
     /// Number of measured values.
     pub fn samples(&self) -> usize {
-        self.records.iter().map(|record| record.measured.len()).sum()
+        self.records.iter().map(|record| record.readings.measured.len()).sum()
     }
 
     /// The responses of `candidate`; none where elements are out of range, the film is pulled in, or numbers overflow.
@@ -196,8 +197,10 @@ impl Objective {
             .par_iter()
             .map(|record| self.respond(record, candidate, &transfers[record.circle]))
             .collect::<Option<Vec<(Vec<f64>, Vec<f64>)>>>()?;
-        let (modelled, responses) = responses.into_iter().unzip();
-        Some(Evaluation { modelled, transfers, responses })
+        let (mut modelled, responses): (Vec<Vec<f64>>, Vec<Vec<f64>>) = responses.into_iter().unzip();
+        let solve = |(record, modelled): (&Record, &mut Vec<f64>)| record.readings.solve(modelled);
+        let readings = self.records.iter().zip(&mut modelled).map(solve).collect();
+        Some(Evaluation { modelled, readings, transfers, responses })
     }
 
     /// Modelled values at the measured times, and the same response on the grid.
@@ -230,7 +233,8 @@ impl Objective {
     pub fn residuals(&self, evaluation: &Evaluation) -> Vec<f64> {
         let mut residuals = Vec::with_capacity(self.samples());
         for (record, modelled) in self.records.iter().zip(&evaluation.modelled) {
-            residuals.extend(modelled.iter().zip(&record.measured).map(|(model, y)| record.weight * (model - y)));
+            let pairs = modelled.iter().zip(&record.readings.measured).enumerate();
+            residuals.extend(pairs.map(|(k, (model, y))| record.readings.weight(k) * (model - y)));
         }
         residuals
     }
@@ -268,8 +272,10 @@ impl Objective {
         spectrum: &Spectrum,
     ) -> Vec<f64> {
         let record = &self.records[index];
+        let reading = &evaluation.readings[index];
         if variable == Variable::Offset && !record.measures_force() {
-            return vec![record.weight; record.measured.len()];
+            let ones = vec![1.0; record.readings.measured.len()];
+            return record.readings.project(reading, &evaluation.modelled[index], ones);
         }
         let linearised = Linearised {
             record,
@@ -281,8 +287,10 @@ impl Objective {
             spectrum,
         };
         match linearised.derivative(variable) {
-            Some(series) => record.measured_at.pick(&series).into_iter().map(|value| record.weight * value).collect(),
-            None => vec![0.0; record.measured.len()],
+            Some(series) => {
+                record.readings.project(reading, &evaluation.modelled[index], record.measured_at.pick(&series))
+            }
+            None => vec![0.0; record.readings.measured.len()],
         }
     }
 }

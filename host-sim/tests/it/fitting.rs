@@ -9,7 +9,7 @@ use host_sim::bench::film::{Film, Instruments, Plant, Readings, Waveform};
 use host_sim::files::recording::{Direction, Input, Recording};
 use host_sim::fit::candidate::{Candidate, Variable};
 use host_sim::fit::objective::Objective;
-use host_sim::fit::observation::{self, Observation};
+use host_sim::fit::observation::{self, Observation, Reading};
 use host_sim::fit::{self, Fit, Method, Settings};
 use host_sim::grid::Samples;
 use springpot::{Actuator, Preload, Springpot, Topology};
@@ -138,6 +138,37 @@ fn warnings_say_what_follows() {
         !named.is_empty() && named.iter().all(|w| w.contains("branch 1") && w.contains("relaxation time")),
         "{named:?}"
     );
+}
+
+/// A laser that was zeroed anew for every recording, and another specimen: offsets and gain are found beside the model.
+#[test]
+fn offsets_and_gains_per_recording() {
+    let mut truth = truth();
+    truth.elements.truncate(3);
+    truth.actuator.stretch_coupling = 0.0;
+    let mut all = synthetic(&truth, 1e-6);
+    let (offsets, gains) = ([0.0, -3e-4, 2e-4], [1.0, 1.2, 0.9]);
+    for (k, observation) in all.iter_mut().enumerate() {
+        // truth() has an offset of 1e-4 itself.
+        observation.measured.value.iter_mut().for_each(|x| *x = gains[k] * (*x - 1e-4) + offsets[k] + 1e-4);
+    }
+    let settings = Settings { freed: Vec::new(), ..structure(Topology::Parallel, 1) };
+    let joint = fitted(&all, &Settings { freed: vec![Variable::Offset], uncertainty: false, ..settings.clone() });
+    for (k, observation) in all.iter_mut().enumerate() {
+        observation.reading = Reading { own_offset: true, own_gain: k > 0 };
+    }
+    let fit = fitted(&all, &settings);
+    println!("joint R² {:.6}, per recording {:.8}: {:?}", joint.r2_mean, fit.r2_mean, fit.readings);
+    assert!(joint.r2_mean < 0.99 && fit.r2_mean > 0.999_99);
+    for (k, reading) in fit.readings.iter().enumerate() {
+        assert!(
+            (reading.offset - offsets[k] - 1e-4).abs() < 2e-6 && (reading.gain - gains[k]).abs() < 2e-3,
+            "{reading:?}"
+        );
+    }
+    assert!((fit.candidate.offset_m - 1e-4).abs() < 2e-6);
+    let main = fit.candidate.elements[0];
+    assert!((main.c / 4e4 - 1.0).abs() < 0.05 && (main.alpha - 0.08).abs() < 0.01, "{main:?}");
 }
 
 /// Every derivative against differences: coupled or not, driven by voltage, force or displacement.
@@ -276,6 +307,8 @@ fn a_long_recording_is_fitted_on_all_samples() {
         },
         rate_hz: 20.0,
         weight: 1.0,
+        sample_weights: Vec::new(),
+        reading: Reading::default(),
     };
     let all = std::slice::from_ref(&observation);
     let two = Settings { uncertainty: false, ..structure(Topology::Parallel, 2) };
@@ -302,6 +335,8 @@ fn unseen(plant: Plant, frequencies_hz: &[f64], peak_v: f64) -> Observation {
         measured: Samples { time_s, value: displacement },
         rate_hz: 100.0,
         weight: 1.0,
+        sample_weights: Vec::new(),
+        reading: Reading::default(),
     }
 }
 
