@@ -361,6 +361,8 @@ impl<M: Machine> Node<M> {
                 // Both start again when it is armed.
                 "ticks_since_heartbeat:" => Some(if live { HEARTBEAT_TICKS + 1 } else { 0 }),
                 "excess:" => Some(if live { 1 } else { 0 }),
+                // A single tick outside the band trips: what follows an arc is never asked.
+                "watched:" => Some(0),
                 "live_ticks:" => Some(DISCHARGE_TICKS + 2),
                 "same:" => Some(STUCK_TICKS),
                 "away_ticks:" => Some(STUCK_TICKS / 5 + 1),

@@ -5,6 +5,7 @@ mod mock_bench;
 #[path = "../../examples/own_converters.rs"]
 mod own_converters;
 
+mod arcs;
 mod bench;
 mod blob_bytes;
 mod board;
