@@ -38,7 +38,7 @@ fn ticks_of_arcing(dwell_ms: f64, recharge_ms: f64, seed: u64) -> u32 {
     let mut bench = Bench::run(&bench_limits());
     let mut film = Film { dwell_ms, recharge_ms, volts: 4000.0 };
     let mut shown_at = None;
-    for tick in 0..600_000 {
+    for tick in 0..60_000 {
         let film_v = film.step(&mut random) as f32;
         if film_v < 4000.0 - BAND_V {
             shown_at.get_or_insert(tick);
@@ -49,7 +49,7 @@ fn ticks_of_arcing(dwell_ms: f64, recharge_ms: f64, seed: u64) -> u32 {
             return tick - shown_at.expect("within the band");
         }
     }
-    panic!("10 min of arcs, {dwell_ms} ms apart, and no trip");
+    panic!("a minute of arcs, {dwell_ms} ms apart, and no trip");
 }
 
 /// A film that breaks down again and again, whatever time it takes to be charged (600 pF on 1 mA: 2.4 ms) and stays so. Arcs are not told
@@ -151,7 +151,7 @@ fn an_amplifier_that_lags_does_not_arc() {
     let (mut course, mut late) = (moves([300.0, 1000.0], 400, 2), [300.0f32; 9]);
     let mut deepest = 0.0f32;
     assert!((0..20).all(|_| monitor.agrees(300.0, 300.0)));
-    for tick in 0..400_000 {
+    for tick in 0..100_000 {
         let command_v = course(tick);
         late.rotate_right(1);
         late[0] = command_v;
@@ -168,7 +168,7 @@ fn an_amplifier_that_rings_does_not_arc() {
     let mut monitor = Monitor::new(bench_limits().monitor, RATE_HZ);
     let mut course = moves([1000.0, 6000.0], 500, 3);
     let (mut film_v, mut rate_v, mut outside) = (0.0f32, 0.0f32, 0);
-    for tick in 0..400_000 {
+    for tick in 0..100_000 {
         let command_v = course(tick);
         for _ in 0..20 {
             let omega = TAU * 40.0;
@@ -178,5 +178,5 @@ fn an_amplifier_that_rings_does_not_arc() {
         outside += u32::from((film_v - command_v).abs() > 60.0 + 0.03 * command_v);
         assert!(monitor.agrees(command_v, film_v), "tick {tick}");
     }
-    assert!(outside > 1000, "it rings: {outside}");
+    assert!(outside > 500, "it rings: {outside}");
 }
