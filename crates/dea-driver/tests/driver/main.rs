@@ -22,6 +22,7 @@ mod inspection;
 mod lean;
 mod limits;
 mod link;
+mod link_page;
 mod loop_test;
 mod monitor;
 mod parameters;
