@@ -63,6 +63,7 @@ impl Subject {
             actuator: candidate.actuator,
             model: candidate.model()?,
             sensor_offset_m: candidate.offset_m,
+            assumed_sizes: false,
             board: None,
             provenance: None,
         };

@@ -204,6 +204,43 @@ fn closed_loop_prints_what_scripts_read() {
     assert!(fs::read_to_string(&figure).expect("written").contains("<svg"));
 }
 
+/// Any parameter file is a plant. Its own law follows it within the discretisation; one that differs is not followed as well, and
+/// the summary counts every limit that was met.
+#[test]
+fn a_parameter_file_is_a_plant() {
+    let bench = Bench::new();
+    let (params, reference) = (bench.params(), bench.path("high.csv"));
+    let base = ["closed-loop", "--params", &params, "--reference", text(&reference), "--controller", "feedforward"];
+    let error = |more: &[&str]| {
+        let report = TOOL.json(&[&base, more].concat());
+        (report["tracking_rms_pct"].as_f64().expect("a number"), report)
+    };
+    let (same, _) = error(&["--plant", &params]);
+    let (stiffer, _) = error(&["--plant", &params, "--plant-mismatch", "stiffness=1.2"]);
+    let (again, _) = error(&["--plant", &params, "--stiffness", "1.2"]);
+    let (creeps, _) = error(&["--plant", &params, "--plant-mismatch", "alpha=0.95"]);
+    println!("the same {same:.4} %, stiffer {stiffer:.2} %, with other orders {creeps:.2} %");
+    assert!(same < 0.02 && (10.0..60.0).contains(&stiffer) && creeps > 0.1, "{same} {stiffer} {creeps}");
+    assert_eq!(stiffer, again);
+
+    let held = error(&["--plant", &params, "--max-field", "2e7"]).1;
+    let met = held["limits_met"].as_array().expect("a list");
+    let field = met.iter().find(|met| met["limit"] == "field").expect("met")["pct"].as_f64().expect("a share");
+    assert!(field > 50.0 && held["limited_pct"].as_f64().expect("a share") >= field, "{held}");
+    assert!(held["infeasible_pct"].as_f64().expect("a share") < 1.0, "{held}");
+
+    let fails = |plant: &str, mismatch: &str, words: &[&str]| {
+        let plant = ["--plant", plant, "--plant-mismatch", mismatch];
+        names(&TOOL.fails(&[&base[..], &plant].concat()), words);
+    };
+    fails("rubber", "stiffness=1", &["rubber", "hossain", "parameter file"]);
+    fails("wang", "alpha=0.9", &["--plant-mismatch", "alpha"]);
+    fails(&params, "alpha=1.5", &["--plant-mismatch", "alpha"]);
+    fails(&params, "mass=1.5", &["--plant-mismatch", "stiffness=FACTOR"]);
+    let out = ["--plant", &params, "--out", &params];
+    names(&TOOL.fails(&[&base[..], &out].concat()), &["soft.toml", "overwrite"]);
+}
+
 #[test]
 fn bad_input_is_one_line() {
     let bench = Bench::new();

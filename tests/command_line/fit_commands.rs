@@ -153,6 +153,122 @@ fn a_window_leaves_out_values_and_keeps_the_memory() {
     assert!((main.c - 2000.0).abs() < 20.0 && (main.alpha - 0.2).abs() < 0.002, "{main:?}");
 }
 
+/// Without its own sizes a film's field is not known: the fit says so, its file carries it, and no check claims it.
+#[test]
+fn assumed_sizes_are_told_and_no_field_is_claimed() {
+    let folder = TempDir::new().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let (own, assumed, sized, again, reference) =
+        (path("own.toml"), path("assumed.toml"), path("sized.toml"), path("again.toml"), path("ref.csv"));
+    let table = "schema = 1\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.04\nwidth_m = 0.06\n\
+                 thickness_m = 100e-6\nmass_kg = 0.316\n";
+    fs::write(&own, table).expect("written");
+    let [a, ..] = recordings("wang");
+    let fit = |more: &[&str]| {
+        let fit = json(&[["fit", "--branches", "1", text(&a)].as_slice(), more].concat());
+        fit["warnings"]
+            .as_array()
+            .expect("a list")
+            .iter()
+            .any(|w| w.as_str().expect("text").contains("SIZES ARE ASSUMED"))
+    };
+    assert!(fit(&["--out", text(&assumed)]));
+    assert!(!fit(&["--actuator", text(&own), "--out", text(&sized)]));
+    // What was assumed stays assumed.
+    let start = json(&["fit", "--start", text(&assumed), "--out", text(&again), text(&a)]);
+    assert!(start["warnings"].to_string().contains("SIZES ARE ASSUMED"), "{start}");
+    assert!(Parameters::read(&again).expect("readable").assumed_sizes);
+    assert!(!Parameters::read(&sized).expect("readable").assumed_sizes);
+
+    let shape =
+        ["reference", "--shape", "sine", "--low", "0.4e-3", "--high", "1e-3", "--period", "10", "--duration", "30"];
+    json(&[shape.as_slice(), &["--out", text(&reference)]].concat());
+    let check = |params: &Path, field: &str| {
+        let check =
+            ["feedforward", "--check", "--params", text(params), "--reference", text(&reference), "--max-field", field];
+        json(&check)
+    };
+    // 1 MV/m would be exceeded: it is found where the sizes are known, and not claimed where they are not.
+    let known = check(&sized, "1e6");
+    assert!(known["check"]["feasible"] == false && known["check"]["field_checked"] == true, "{known}");
+    assert!(known["field_note"].is_null());
+    let unknown = check(&assumed, "1e6");
+    assert!(unknown["check"]["field_checked"] == false && unknown["field_note"].as_str().is_some(), "{unknown}");
+    let replay = json(&["replay", "--params", text(&assumed), text(&a)]);
+    assert!(replay["field_note"].as_str().is_some_and(|note| note.contains("assumed (160 µm")), "{replay}");
+    assert!(json(&["replay", "--params", text(&sized), text(&a)])["field_note"].is_null());
+}
+
+/// A recording of a unipolar sine with rows from `times`, whose displacement is `of` the squared voltage's share.
+fn sine_recording(file: &Path, times: impl Iterator<Item = f64>, of: impl Fn(f64) -> f64) {
+    let mut csv = "time_s,voltage_v,displacement_m\n".to_owned();
+    for t in times {
+        let share = 0.5 * (1.0 - (0.9 * t).cos());
+        csv += &format!("{t:.3},{:.3},{:.9}\n", 5000.0 * share, of(share * share));
+    }
+    fs::write(file, csv).expect("written");
+}
+
+#[test]
+fn gaps_and_signs() {
+    let folder = TempDir::new().expect("a folder");
+    let (file, out) = (folder.path().join("rec.csv"), folder.path().join("p.toml"));
+    let fit =
+        |more: &[&str]| json(&[["fit", "--branches", "0", "--out", text(&out), text(&file)].as_slice(), more].concat());
+    let warns = |report: &Value, words: &str| report["warnings"].to_string().contains(words);
+    let samples = |report: &Value| number(&report["recordings"][0]["samples"]);
+
+    let times = || (0..1000).map(|k| 0.05 * f64::from(k)).filter(|t| !(20.0..26.0).contains(t));
+    sine_recording(&file, times(), |share| 1e-3 * share);
+    let whole = fit(&[]);
+    assert!(warns(&whole, "a gap of 6.050 s at 19.950 s"), "{whole}");
+    assert!(samples(&whole) == 880.0 && (number(&whole["recordings"][0]["rate_hz"]) - 20.0).abs() < 1e-6);
+    let ended = fit(&["--gap", "3"]);
+    assert!(warns(&ended, "ends there") && samples(&ended) == 400.0, "{ended}");
+    assert!(number(&ended["r2_mean"]) > 0.999 && number(&whole["r2_mean"]) < number(&ended["r2_mean"]));
+    let skipped = fit(&["--gap", "3", "--at-gap", "skip"]);
+    assert!(warns(&skipped, "are not compared") && (755.0..=765.0).contains(&samples(&skipped)), "{skipped}");
+    assert!(number(&skipped["r2_mean"]) > number(&whole["r2_mean"]));
+    // Shorter ones are none.
+    assert!(!warns(&fit(&["--gap", "10"]), "gap of"));
+
+    sine_recording(&file, (0..1000).map(|k| 0.05 * f64::from(k)), |share| -1e-3 * share);
+    let turned = fit(&[]);
+    assert!(warns(&turned, "--invert turns its sign"), "{turned}");
+    let right = fit(&["--invert"]);
+    assert!(number(&right["r2_mean"]) > 0.999 && !warns(&right, "--invert"), "{right}");
+}
+
+/// Other models and the paper's study on material tests: force from displacement.
+#[test]
+fn compare_and_study_of_material_tests() {
+    let folder = TempDir::new().expect("a folder");
+    let (file, out) = (folder.path().join("relaxation.csv"), folder.path().join("study"));
+    // c x t^-α / Γ(1 − α) for c = 2000, α = 0.2 and x = 10 mm, and 8 N beside it.
+    let mut csv = "time_s,displacement_m,force_n\n".to_owned();
+    // Pattern search takes tens of thousands of steps: few rows keep it short.
+    for k in 1..=60 {
+        let t = f64::from(k);
+        csv += &format!("{t:?},0.01,{:?}\n", 8.0 + 20.0 * t.powf(-0.2) / 1.164_229_713_725_303_4);
+    }
+    fs::write(&file, csv).expect("written");
+    let report = json(&["compare", "--drive", "displacement", "--starts", "2", text(&file)]);
+    let r2 = |name: &str| {
+        let row = report["models"].as_array().expect("a list").iter().find(|row| row["model"] == name);
+        number(&row.unwrap_or_else(|| panic!("no {name}"))["r2_mean"])
+    };
+    println!("{report}");
+    assert!(r2("fractional Maxwell, n = 1") > 0.9999 && r2("standard linear solid") < 0.99);
+    let study = json(&["study", "--drive", "displacement", "--out", text(&out), text(&file)]);
+    let fits = study["fits"].as_array().expect("a list");
+    assert_eq!(fits.len(), (5 + 1) * 2 * 2);
+    assert!(fits.iter().filter(|fit| fit["method"] == "lm").all(|fit| number(&fit["r2_mean"]) > 0.999));
+    let page = fs::read_to_string(out.join("study.html")).expect("written");
+    assert!(page.contains("Forces from the recorded displacements") && page.contains("force (N)"));
+    let [a, ..] = recordings("wang");
+    fails(&["compare", "--drive", "displacement", text(&a)], &["wang-5s.csv", "force_n"]);
+}
+
 #[test]
 fn what_makes_no_fit_is_refused() {
     let folder = TempDir::new().expect("a folder");
@@ -165,6 +281,11 @@ fn what_makes_no_fit_is_refused() {
     with(&["--method", "guess"], &["--method", "guess"]);
     with(&["--weights", "1"], &["--weights", "1 weights for 2 recordings"]);
     with(&["--weights", "1,-1"], &["--weights", "-1"]);
+    with(&["--weights", "1,log-time"], &["--weights", "log-time stands alone"]);
+    with(&["--weights", "heavy"], &["--weights", "log-time"]);
+    with(&["--gap", "0"], &["--gap", "greater than 0"]);
+    with(&["--at-gap", "skip"], &["--gap"]);
+    with(&["--offset", "per-recording", "--loss", "huber"], &["--loss", "least squares"]);
     with(&["--free", "colour"], &["--free", "colour", "mass_kg"]);
     with(&["--free", "length_m", "--free", "width_m"], &["--free", "only scale"]);
     with(&["--hold", "main.c"], &["--hold", "--start"]);
@@ -294,4 +415,36 @@ fn converted_material_tests() {
         &["stretch is 0", "original length"],
     );
     fails(&["convert", "--length", "0", "--area", "1", "--out", text(&out), text(&test)], &["--length"]);
+}
+
+/// Strains agree where they are small; files of testing machines are taken as they are.
+#[test]
+fn strains_and_testing_machines() {
+    let folder = TempDir::new().expect("a folder");
+    let (test, out) = (folder.path().join("test.csv"), folder.path().join("body.csv"));
+    let last_row = |more: &[&str]| -> Vec<f64> {
+        json(&[["convert", "--out", text(&out), text(&test)].as_slice(), more].concat());
+        let body = fs::read_to_string(&out).expect("written");
+        body.lines().last().expect("a row").split(',').map(|cell| cell.parse().expect("a number")).collect()
+    };
+    fs::write(&test, "Time (s),Extension (mm),Load (N)\n0,0,0\n1,20,1.5\n").expect("written");
+    let row = last_row(&[]);
+    assert!((row[1] - 0.02).abs() < 1e-15 && row[2] == 1.5, "{row:?}");
+    for (strain, expected) in
+        [("engineering", 0.02), ("neo-hookean", 0.02 * (1.5 - 1.0 / 2.25) / 1.5), ("hencky", 0.04 * 1.5f64.ln())]
+    {
+        let row = last_row(&["--length", "0.04", "--strain", strain]);
+        assert!((row[1] - expected).abs() < 1e-12 && row[2] == 1.5, "{strain}: {row:?}");
+    }
+    fails(&["convert", "--out", text(&out), text(&test), "--strain", "hencky"], &["--length"]);
+    fs::write(&test, "time_s,displacement_mm,force_n\n0,0,0\n1,-50,-1\n").expect("written");
+    fails(
+        &["convert", "--out", text(&out), text(&test), "--strain", "hencky", "--length", "0.04"],
+        &["--length", "shorter"],
+    );
+    fs::write(&test, "time_s,stretch,nominal_stress_mpa\n0,1,0\n1,1.001,0.03\n").expect("written");
+    fails(&["convert", "--out", text(&out), text(&test), "--length", "0.04"], &["--area"]);
+    let displacements = ["engineering", "neo-hookean", "hencky"]
+        .map(|strain| last_row(&["--length", "0.04", "--area", "1e-5", "--strain", strain])[1]);
+    assert!(displacements.iter().all(|x| (x / 4e-5 - 1.0).abs() < 2e-3), "{displacements:?}");
 }

@@ -1,4 +1,4 @@
-//! A controller on the nonlinear film, through a sensor, an amplifier and a voltage monitor that are not ideal.
+//! A controller on a simulated film, through a sensor, an amplifier and a voltage monitor that are not ideal.
 //!
 //! The simulated sensor has no offset: its readings are displacements of the film plus noise.
 
@@ -9,7 +9,8 @@ use serde::Serialize;
 use springpot::{Applied, Limited, SensorSample};
 
 use crate::bench::controllers::{Controller, ControllerOutput};
-use crate::bench::film::{Film, FilmState, Instruments, Readings};
+use crate::bench::film::{Film, Instruments, Readings};
+use crate::bench::plant::{NonlinearPlant, Plant};
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::references::Periods;
@@ -74,7 +75,7 @@ pub struct LoopRun {
 }
 
 /// How well a film followed its reference.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TrackingQuality {
     /// RMS error in % of the shaped reference's peak to peak, from t = 0; `None` for a constant reference.
     pub tracking_rms_pct: Option<f64>,
@@ -86,6 +87,10 @@ pub struct TrackingQuality {
     pub drift_pct: Option<f64>,
     /// Share of the time at 0 V while a negative force was asked for, %.
     pub infeasible_pct: f64,
+    /// Share of the time in which any limit was met, %.
+    pub limited_pct: f64,
+    /// The limits that were met.
+    pub limits_met: Vec<LimitShare>,
     /// Largest error, m.
     pub largest_error_m: f64,
     /// Largest voltage, V.
@@ -113,7 +118,6 @@ impl LoopRun {
     pub fn quality(&self) -> TrackingQuality {
         let error = self.error_m();
         let asked: Vec<f64> = self.displacement_m.iter().zip(&self.asked_m).map(|(x, r)| x - r).collect();
-        let below = self.limited.iter().filter(|limited| limited.contains(Limited::BELOW_ZERO)).count();
         let percent = percent_of(&self.reference_m);
         let periods = Periods::of(&self.reference_m).filter(|_| percent.is_some());
         TrackingQuality {
@@ -121,11 +125,47 @@ impl LoopRun {
             asked_rms_pct: percent_of(&self.asked_m).map(|percent| percent * rms(&asked)),
             rms_m: rms(&error),
             drift_pct: periods.zip(percent).map(|(periods, percent)| percent * periods.drift(&error)),
-            infeasible_pct: 100.0 * below as f64 / error.len() as f64,
+            infeasible_pct: percent_where(&self.limited, |limited| limited.contains(Limited::BELOW_ZERO)),
+            limited_pct: percent_where(&self.limited, |limited| !limited.is_none()),
+            limits_met: LimitShare::of(&self.limited),
             largest_error_m: error.iter().fold(0.0, |largest: f64, e| largest.max(e.abs())),
             largest_voltage_v: bounds(&self.voltage_v).1,
         }
     }
+}
+
+/// A limit, and how often it was met.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LimitShare {
+    /// Its name.
+    pub limit: &'static str,
+    /// Share of the time in which it was met, %.
+    pub pct: f64,
+}
+
+impl LimitShare {
+    /// The limits that the samples in `limited` met.
+    pub fn of(limited: &[Limited]) -> Vec<Self> {
+        let share = |&(limit, name): &(Limited, &'static str)| Self {
+            limit: name,
+            pct: percent_where(limited, |met| met.contains(limit)),
+        };
+        Limited::ALL.iter().map(share).filter(|met| met.pct > 0.0).collect()
+    }
+
+    /// `shares` in words, of the time.
+    pub fn text(shares: &[Self]) -> String {
+        if shares.is_empty() {
+            return "no limit met".into();
+        }
+        let each: Vec<String> = shares.iter().map(|met| format!("{} {:.2} %", met.limit, met.pct)).collect();
+        format!("limits met: {} of the time", each.join(", "))
+    }
+}
+
+/// Share of the samples in `limited` to which `applies`, %.
+fn percent_where(limited: &[Limited], applies: impl Fn(&Limited) -> bool) -> f64 {
+    100.0 * limited.iter().filter(|limited| applies(limited)).count() as f64 / limited.len() as f64
 }
 
 fn rms(values: &[f64]) -> f64 {
@@ -150,9 +190,8 @@ struct RunningBench<'a> {
     /// Samples that have not arrived yet, with the tick at which each was taken.
     in_transit: VecDeque<(usize, f64)>,
     samples_taken: f64,
-    /// Steps of integration per tick, and the duration of one, s.
+    /// Steps of the plant per tick.
     substeps: usize,
-    substep_s: f64,
     /// Share of the remaining change that the amplifier makes in a substep.
     lag: f64,
     /// Voltage on the film, V.
@@ -166,9 +205,7 @@ impl<'a> RunningBench<'a> {
             displacement_quantum_m: model.sensor_quantum_m,
             monitor_noise_v: if model.monitor_error.is_some() { Instruments::default().monitor_noise_v } else { 0.0 },
         };
-        // At most half a millisecond each.
-        let substeps = ((2000.0 * grid.step_s()).ceil() as usize).max(1);
-        let substep_s = grid.step_s() / substeps as f64;
+        let (substeps, substep_s) = substeps(grid);
         let lag = if model.amplifier_lag_s > 0.0 { -(-substep_s / model.amplifier_lag_s).exp_m1() } else { 1.0 };
         Self {
             model,
@@ -177,7 +214,6 @@ impl<'a> RunningBench<'a> {
             in_transit: VecDeque::new(),
             samples_taken: 0.0,
             substeps,
-            substep_s,
             lag,
             actual_v: 0.0,
         }
@@ -207,24 +243,26 @@ impl<'a> RunningBench<'a> {
         }
     }
 
-    /// The film's state after a tick under the `commanded` voltage (V).
-    fn advance(&mut self, film: &Film, mut state: FilmState, commanded: f64) -> FilmState {
+    /// Advances `plant` for a tick under the `commanded` voltage (V).
+    fn advance(&mut self, plant: &mut dyn Plant, commanded: f64) {
         for _ in 0..self.substeps {
             self.actual_v += self.lag * (commanded - self.actual_v);
-            state = film.advanced(&state, self.actual_v, self.substep_s, 1);
+            plant.advance(self.actual_v);
         }
-        state
     }
 }
 
-/// Runs `controller` along `reference` (m, on `grid`) on `film`; `progress` counts samples.
-///
-/// The tick at sample k measures the film as it is then and commands the voltage until sample k + 1, where the reference is
-/// to be met.
+/// Substeps of a plant in a tick of `grid`, and the duration of one, s: at most half a millisecond each.
+pub fn substeps(grid: Grid) -> (usize, f64) {
+    let substeps = ((2000.0 * grid.step_s()).ceil() as usize).max(1);
+    (substeps, grid.step_s() / substeps as f64)
+}
+
+/// [`track_plant`] on `film`, from its rest.
 ///
 /// # Errors
 ///
-/// [`Error::Computation`] where the film is torn.
+/// As [`track_plant`].
 pub fn track(
     film: &Film,
     bench: &BenchModel,
@@ -233,14 +271,34 @@ pub fn track(
     grid: Grid,
     progress: &ProgressBar,
 ) -> Result<LoopRun> {
+    let mut plant = NonlinearPlant::at_rest(film, substeps(grid).1);
+    track_plant(&mut plant, bench, controller, reference, grid, progress)
+}
+
+/// Runs `controller` along `reference` (m, on `grid`) on `plant`, which is at rest and advances in [`substeps`] of `grid`;
+/// `progress` counts samples.
+///
+/// The tick at sample k measures the film as it is then and commands the voltage until sample k + 1, where the reference is
+/// to be met.
+///
+/// # Errors
+///
+/// [`Error::Computation`] where the film is torn or pulled in.
+pub fn track_plant(
+    plant: &mut dyn Plant,
+    bench: &BenchModel,
+    controller: &mut dyn Controller,
+    reference: &[f64],
+    grid: Grid,
+    progress: &ProgressBar,
+) -> Result<LoopRun> {
     let mut bench = RunningBench::new(bench, grid);
     let mut commanded = 0.0;
-    let mut state = film.rest();
     let mut shaped = reference.first().copied().unwrap_or(0.0);
     let mut run = LoopRun::default();
     for k in 0..grid.samples {
         let now = grid.time_s(k);
-        let displacement = film.displacement_m(&state);
+        let displacement = plant.displacement_m();
         let sample = bench.sample(k, now, displacement);
         let applied = bench.applied(commanded);
         let target = reference.get(k + 1).or(reference.last()).copied().unwrap_or(0.0);
@@ -249,8 +307,8 @@ pub fn track(
 
         shaped = output.reference_m.unwrap_or(target);
         commanded = output.voltage_v;
-        state = bench.advance(film, state, commanded);
-        if !film.holds(&state) {
+        bench.advance(plant, commanded);
+        if !plant.holds() {
             return Err(Error::Computation(format!(
                 "the film is torn or pulled in at {now:.3} s under {commanded:.0} V; lower the reference or --max-voltage"
             )));

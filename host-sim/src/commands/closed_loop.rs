@@ -1,16 +1,17 @@
-//! `closed-loop`: a controller follows a reference on a nonlinear film.
+//! `closed-loop`: a controller follows a reference on a simulated film.
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use dea_driver::Control;
 use serde::Serialize;
 use springpot::ObserverOptions;
 
 use super::options::{LimitOptions, at_most, positive};
-use crate::bench::closed_loop::{self, BenchModel, LoopRun, TrackingQuality};
+use crate::bench::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
 use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
-use crate::bench::film::{Film, Plant};
+use crate::bench::film::{self, Film};
+use crate::bench::plant::{FullMemoryPlant, Mismatch};
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::{Parameters, as_written};
@@ -22,9 +23,14 @@ use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Which film.
-    #[arg(long, value_enum)]
-    plant: Plant,
+    /// Which film: hossain or wang, or a parameter file (or preset:NAME), whose model runs with full memory and its own
+    /// actuator.
+    #[arg(long, value_name = "FILM", value_parser = plant_choice)]
+    plant: PlantChoice,
+    /// How the film differs: stiffness=F multiplies its stiffness, alpha=F (of a parameter file) all its orders with c kept, so
+    /// that it is as stiff as before at 1 rad/s.
+    #[arg(long, value_name = "NAME=FACTOR,…", value_delimiter = ',', value_parser = mismatch_factor)]
+    plant_mismatch: Vec<MismatchFactor>,
     /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
     #[arg(long, value_name = "P")]
     params: String,
@@ -56,13 +62,46 @@ pub(super) struct Arguments {
     /// out here and in the parameters.
     #[arg(long, value_name = "S")]
     adaptation: Option<f64>,
-    /// Stiffness of the film in units of the one that was recorded.
+    /// Stiffness of the film in units of the one that was recorded: the same as --plant-mismatch stiffness=FACTOR.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     stiffness: f64,
     #[command(flatten)]
     limits: LimitOptions,
     #[command(flatten)]
     sensor: SensorOptions,
+}
+
+/// A plant on the command line.
+#[derive(Clone, Debug)]
+enum PlantChoice {
+    Nonlinear(film::Plant),
+    Parameters(String),
+}
+
+fn plant_choice(text: &str) -> std::result::Result<PlantChoice, String> {
+    match <film::Plant as ValueEnum>::from_str(text, false) {
+        Ok(film) => Ok(PlantChoice::Nonlinear(film)),
+        Err(_) if text.starts_with("preset:") || Path::new(text).exists() => Ok(PlantChoice::Parameters(text.into())),
+        Err(_) => Err("use hossain, wang, a parameter file or preset:NAME".into()),
+    }
+}
+
+/// A quantity of the plant, and its factor.
+#[derive(Clone, Copy, Debug)]
+enum MismatchFactor {
+    Stiffness(f64),
+    Alpha(f64),
+}
+
+fn mismatch_factor(text: &str) -> std::result::Result<MismatchFactor, String> {
+    let usage = || "use stiffness=FACTOR or alpha=FACTOR, from 0.2 to 5".to_owned();
+    let (name, factor) = text.split_once('=').ok_or_else(usage)?;
+    let factor = factor.parse().ok().filter(|factor| (0.2..=5.0).contains(factor)).ok_or_else(usage)?;
+    match name {
+        "stiffness" => Ok(MismatchFactor::Stiffness(factor)),
+        "alpha" => Ok(MismatchFactor::Alpha(factor)),
+        _ => Err(usage()),
+    }
 }
 
 #[derive(Clone, Debug, Args)]
@@ -128,6 +167,9 @@ struct Report {
     out: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     plot: Option<String>,
+    /// What is not known of the electric field.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    field_note: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -154,9 +196,27 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let mut controller =
         controllers::build(arguments.controller, &parameters, &settings, arguments.precision).map_err(about)?;
 
-    let film = Film::new(arguments.plant).stiffened(arguments.stiffness);
     let bar = terminal::progress(grid.samples as u64, "closed loop");
-    let run = closed_loop::track(&film, &bench, controller.as_mut(), &reference, grid, &bar).map_err(about)?;
+    let mismatch = arguments.mismatch();
+    let (substeps, substep_s) = closed_loop::substeps(grid);
+    let run = match &arguments.plant {
+        PlantChoice::Nonlinear(_) if mismatch.alpha != 1.0 => {
+            let cause = "alpha: this film has no springpots; its stiffness may differ";
+            return Err(Error::option("--plant-mismatch", cause));
+        }
+        PlantChoice::Nonlinear(film) => {
+            let film = Film::new(*film).stiffened(mismatch.stiffness);
+            closed_loop::track(&film, &bench, controller.as_mut(), &reference, grid, &bar)
+        }
+        PlantChoice::Parameters(name) => {
+            let film = Parameters::load(name)?;
+            let about_plant = |error: Error| error.about(name, &arguments.reference);
+            let mut plant =
+                FullMemoryPlant::at_rest(&film, mismatch, substep_s, substeps * grid.samples).map_err(about_plant)?;
+            closed_loop::track_plant(&mut plant, &bench, controller.as_mut(), &reference, grid, &bar)
+        }
+    };
+    let run = run.map_err(about)?;
     bar.finish_and_clear();
     if let Some(path) = &arguments.out {
         write(path, &run, grid)?;
@@ -170,6 +230,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         quality: run.quality(),
         out: arguments.out.as_deref().map(shown),
         plot: arguments.plot.as_deref().map(shown),
+        field_note: parameters.field_note(),
     };
     terminal::report(json, &report, || text(&report))
 }
@@ -188,12 +249,25 @@ impl Arguments {
         Ok((bandwidth_hz, adaptation_s))
     }
 
+    fn mismatch(&self) -> Mismatch {
+        let start = Mismatch { stiffness: self.stiffness, ..Mismatch::NONE };
+        self.plant_mismatch.iter().fold(start, |so_far, factor| match *factor {
+            MismatchFactor::Stiffness(factor) => Mismatch { stiffness: so_far.stiffness * factor, ..so_far },
+            MismatchFactor::Alpha(factor) => Mismatch { alpha: so_far.alpha * factor, ..so_far },
+        })
+    }
+
     fn check_outputs(&self) -> Result<()> {
         if self.out.is_some() && self.out == self.plot {
             return Err(Error::option("--plot", "is the file of --out; name another one"));
         }
         for path in [&self.out, &self.plot].into_iter().flatten() {
-            output::check(path, &[&self.reference, self.params.as_ref()], Folders::Exist)?;
+            let plant = match &self.plant {
+                PlantChoice::Nonlinear(_) => None,
+                PlantChoice::Parameters(name) => Some(Path::new(name)),
+            };
+            let read: Vec<&Path> = [self.reference.as_path(), self.params.as_ref()].into_iter().chain(plant).collect();
+            output::check(path, &read, Folders::Exist)?;
         }
         Ok(())
     }
@@ -213,13 +287,13 @@ fn text(report: &Report) -> String {
         }
         _ => String::new(),
     };
+    let note = report.field_note.as_ref().map(|note| format!("\nwarning: {note}")).unwrap_or_default();
     format!(
-        "{}: tracking error {error}{asked}{drift}, infeasible {:.2} % of the time, largest error {:.2} µm, largest voltage \
-         {:.0} V",
+        "{}: tracking error {error}{asked}{drift}, largest error {:.2} µm, largest voltage {:.0} V, {}{note}",
         report.controller,
-        quality.infeasible_pct,
         1e6 * quality.largest_error_m,
-        quality.largest_voltage_v
+        quality.largest_voltage_v,
+        LimitShare::text(&quality.limits_met)
     )
 }
 

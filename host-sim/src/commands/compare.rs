@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::options::assumed_actuator;
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
@@ -16,7 +17,11 @@ use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// File with the actuator table: geometry, permittivity, mass, preload. The default is the paper's.
+    /// Input of the models: the recorded voltage or force, or the recorded displacement, from which the force is fitted.
+    #[arg(long, value_enum, default_value_t = Direction::Force)]
+    drive: Direction,
+    /// File with the actuator table: geometry, permittivity, mass, preload. The default is the paper's, without mass if
+    /// displacement drives.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Seed of the random starts.
@@ -25,7 +30,7 @@ pub(super) struct Arguments {
     /// Random starts per structure.
     #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
     starts: usize,
-    /// Recordings to fit, driven by voltage or force.
+    /// Recordings to fit.
     #[arg(value_name = "REC.csv", required = true)]
     recordings: Vec<PathBuf>,
 }
@@ -40,12 +45,13 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     if arguments.starts == 0 {
         return Err(Error::option("--starts", "at least 1 is needed"));
     }
-    let mut settings = Settings { seed: arguments.seed, starts: arguments.starts, ..Settings::default() };
-    if let Some(name) = &arguments.actuator {
-        settings.actuator = Parameters::load_actuator(name)?;
-    }
+    let actuator = match &arguments.actuator {
+        Some(name) => Parameters::load_actuator(name)?,
+        None => assumed_actuator(arguments.drive),
+    };
+    let settings = Settings { seed: arguments.seed, starts: arguments.starts, actuator, ..Settings::default() };
     let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
-    let observations = observe_all(&recordings, Direction::Force)?;
+    let observations = observe_all(&recordings, arguments.drive)?;
     let bar = terminal::spinner();
     let models = compare::compare(&observations, &settings, &|message| bar.set_message(message.to_owned()))?;
     bar.finish_and_clear();

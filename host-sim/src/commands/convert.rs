@@ -1,27 +1,33 @@
-//! `convert`: a material test as a recording of a body.
+//! `convert`: a material test, or a file of a testing machine, as a recording of a body.
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
-use crate::files::material_test::MaterialTest;
+use crate::files::material_test::{MaterialTest, Strain};
 use crate::files::output::{self, Folders};
 use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Length L of the unstretched body along the load (Eqs. 12–13).
+    /// Length L of the unstretched body along the load (Eqs. 12–13). Needed for stretches, and for other strains than
+    /// engineering.
     #[arg(long, value_name = "M")]
-    length: f64,
-    /// Cross-section A of the unstretched body across the load.
+    length: Option<f64>,
+    /// Cross-section A of the unstretched body across the load. Needed for stresses.
     #[arg(long, value_name = "M2")]
-    area: f64,
+    area: Option<f64>,
+    /// Strain that times L is the displacement: engineering (stretch − 1), neo-hookean ((stretch − stretch⁻²)/3) or hencky (its
+    /// logarithm). All agree for small strains.
+    #[arg(long, value_enum, default_value_t = Strain::Engineering)]
+    strain: Strain,
     /// Where the recording goes: time_s, displacement_m, force_n.
     #[arg(long, value_name = "REC.csv")]
     out: PathBuf,
-    /// Material test: time_s (or time_ms), stretch, nominal_stress_pa (or nominal_stress_kpa).
+    /// Material test: time_s (or time_ms); stretch, or displacement_mm as of a testing machine; nominal_stress_pa (or _kpa, _mpa),
+    /// or force_n.
     #[arg(value_name = "TEST.csv")]
     test: PathBuf,
 }
@@ -36,15 +42,20 @@ struct Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     for (option, value) in [("--length", arguments.length), ("--area", arguments.area)] {
-        if !(1e-12..=1e6).contains(&value) {
+        if let Some(value) = value.filter(|value| !(1e-12..=1e6).contains(value)) {
             return Err(Error::option(option, format!("{value:?} must be from 1e-12 to 1e6")));
         }
     }
     output::check(&arguments.out, &[&arguments.test], Folders::Exist)?;
     let path = &arguments.test;
     let test = MaterialTest::read(path)?;
-    let (displacement, force) = (test.displacement_m(arguments.length), test.force_n(arguments.area));
-    let comment = format!("{}, as a body of L = {} m and A = {} m2", shown(path), arguments.length, arguments.area);
+    let (displacement, force) =
+        (test.displacement_m(arguments.length, arguments.strain)?, test.force_n(arguments.area)?);
+    let size = |name: &str, value: Option<f64>, unit: &str| value.map(|value| format!(", {name} = {value} {unit}"));
+    let sizes: String =
+        [size("L", arguments.length, "m"), size("A", arguments.area, "m2")].into_iter().flatten().collect();
+    let strain = arguments.strain.to_possible_value().map_or_else(String::new, |name| name.get_name().to_owned());
+    let comment = format!("{}, as a body{sizes}, {strain} strain", shown(path));
     output::write_columns(
         &arguments.out,
         &[comment],

@@ -87,7 +87,11 @@ struct LoopRow {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let stop = interrupt::stop_flag();
-    let actuator = arguments.actuator.as_deref().map_or(Ok(Actuator::KARNER_2022), Parameters::load_actuator)?;
+    let (actuator, assumed_sizes) = match &arguments.actuator {
+        Some(name) => Parameters::load_sized_actuator(name)?,
+        // The simulated recordings are of the paper's sizes.
+        None => (Actuator::KARNER_2022, !arguments.recordings.is_empty()),
+    };
     let given = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
     let files = OutputFiles::in_folder(&arguments.out);
     let inputs: Vec<&Path> =
@@ -96,7 +100,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let simulated = given.is_empty();
     let recordings = if simulated { simulated_recordings(&arguments.out)? } else { given };
 
-    let fit = fitted(&recordings, actuator, &files)?;
+    let fit = fitted(&recordings, actuator, assumed_sizes, &files)?;
     // The parameters as they were written: `replay` gives the same.
     let parameters = Parameters::read(&files.parameters)?;
     let (replay, peak_m) = replayed(&recordings, &parameters)?;
@@ -189,10 +193,15 @@ fn simulated_recordings(folder: &Path) -> Result<Vec<Recording>> {
 }
 
 /// Fits `recordings` together; writes the parameters and the page.
-fn fitted(recordings: &[Recording], actuator: Actuator, files: &OutputFiles) -> Result<FitReport> {
+fn fitted(recordings: &[Recording], actuator: Actuator, assumed_sizes: bool, files: &OutputFiles) -> Result<FitReport> {
     // One structure. The search over all of them takes twenty times as long and finds little more on these recordings.
-    let settings =
-        Settings { branches: vec![2], topologies: vec![Topology::Parallel], actuator, ..Settings::default() };
+    let settings = Settings {
+        branches: vec![2],
+        topologies: vec![Topology::Parallel],
+        actuator,
+        assumed_sizes,
+        ..Settings::default()
+    };
     let observed =
         recordings.iter().map(|r| observation::observe(r, Direction::Force, 1.0)).collect::<Result<Vec<_>>>()?;
     let (observations, warnings): (Vec<_>, Vec<_>) = observed.into_iter().unzip();

@@ -47,6 +47,9 @@ struct Report {
     board: u16,
     /// Whether the file has a board; otherwise that of the paper's bench is used.
     own_board: bool,
+    /// What is not known of the electric field.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    field_note: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -67,12 +70,14 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         rate_hz: arguments.rate,
         board: board.id,
         own_board: parameters.board.is_some(),
+        field_note: parameters.field_note(),
     };
     terminal::report(json, &report, || {
         let bench =
             if report.own_board { "" } else { "; no [board] table: calibrations and limits of the paper's bench" };
+        let note = report.field_note.as_ref().map(|note| format!("\nwarning: {note}")).unwrap_or_default();
         format!(
-            "{}: {} bytes for board {:#06x} at {} Hz{bench}",
+            "{}: {} bytes for board {:#06x} at {} Hz{bench}{note}",
             report.out, report.bytes, report.board, report.rate_hz
         )
     })

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
-use springpot::Limited;
 
 use super::ModelOptions;
 use super::options::LimitOptions;
+use crate::bench::closed_loop::LimitShare;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
@@ -46,12 +46,9 @@ struct Report {
     largest_voltage_v: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     check: Option<Feasibility>,
-}
-
-#[derive(Serialize)]
-struct LimitShare {
-    limit: &'static str,
-    pct: f64,
+    /// What is not known of the electric field.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    field_note: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
@@ -69,6 +66,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         limits_met: None,
         largest_voltage_v: None,
         check: check.map_err(about)?,
+        field_note: parameters.field_note(),
     };
     if let Some(out) = &arguments.out {
         output::check(out, &[&arguments.reference, arguments.model.params.as_ref()], Folders::Exist)?;
@@ -83,13 +81,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 
 impl Report {
     fn add(&mut self, plan: &VoltagePlan) {
-        let share = |limit: &dyn Fn(&Limited) -> bool| {
-            100.0 * plan.limited.iter().filter(|limited| limit(limited)).count() as f64 / self.samples as f64
-        };
-        self.limited_pct = Some(share(&|limited| !limited.is_none()));
-        let met =
-            Limited::ALL.iter().map(|(limit, name)| LimitShare { limit: name, pct: share(&|l| l.contains(*limit)) });
-        self.limits_met = Some(met.filter(|met| met.pct > 0.0).collect());
+        let met = plan.limited.iter().filter(|limited| !limited.is_none()).count();
+        self.limited_pct = Some(100.0 * met as f64 / self.samples as f64);
+        self.limits_met = Some(LimitShare::of(&plan.limited));
         self.largest_voltage_v = Some(plan.voltage_v.iter().copied().fold(0.0, f64::max));
     }
 }
@@ -117,14 +111,10 @@ fn text(report: &Report) -> String {
         lines.extend(verdict(check));
     }
     if let (Some(out), Some(largest), Some(met)) = (&report.out, report.largest_voltage_v, &report.limits_met) {
-        let met = if met.is_empty() {
-            "no limit met".to_owned()
-        } else {
-            let each: Vec<String> = met.iter().map(|met| format!("{} {:.2} %", met.limit, met.pct)).collect();
-            format!("limits met: {} of the time", each.join(", "))
-        };
+        let met = LimitShare::text(met);
         lines.push(format!("{out}: {} samples, largest voltage {largest:.0} V, {met}", report.samples));
     }
+    lines.extend(report.field_note.iter().map(|note| format!("warning: {note}")));
     lines.join("\n")
 }
 

@@ -1,10 +1,11 @@
 //! Options that several commands share.
 
 use clap::Args;
-use springpot::CommandLimits;
+use springpot::{Actuator, CommandLimits};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Board;
+use crate::files::recording::Direction;
 
 /// Limits of the command. Defaults are those of the board, or without one those of the paper's bench.
 #[derive(Clone, Debug, Args)]
@@ -43,6 +44,15 @@ impl LimitOptions {
             }
         }
         Ok(limits)
+    }
+}
+
+/// The actuator of recordings without one: the paper's, without mass if displacement drives, because a test machine carries the
+/// weight.
+pub(super) fn assumed_actuator(drive: Direction) -> Actuator {
+    match drive {
+        Direction::Force => Actuator::KARNER_2022,
+        Direction::Displacement => Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 },
     }
 }
 

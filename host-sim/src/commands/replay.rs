@@ -48,6 +48,9 @@ pub(super) struct RecordingAgreement {
 pub(super) struct Report {
     pub(super) recordings: Vec<RecordingAgreement>,
     pub(super) r2_mean: f64,
+    /// What is not known of the electric field.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) field_note: Option<String>,
 }
 
 impl RecordingAgreement {
@@ -67,7 +70,7 @@ impl RecordingAgreement {
 impl Report {
     pub(super) fn of(recordings: Vec<RecordingAgreement>) -> Self {
         let r2_mean = recordings.iter().map(|row| row.r2).sum::<f64>() / recordings.len() as f64;
-        Self { recordings, r2_mean }
+        Self { recordings, r2_mean, field_note: None }
     }
 }
 
@@ -104,7 +107,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     }
     bar.finish_and_clear();
     written.into_iter().try_for_each(Staged::commit)?;
-    let report = Report::of(rows);
+    let mut report = Report::of(rows);
+    report.field_note = parameters.field_note().filter(|_| arguments.drive == Direction::Force);
     terminal::report(json, &report, || table(&report))
 }
 
@@ -146,5 +150,8 @@ pub(super) fn table(report: &Report) -> String {
         );
     }
     let _ = write!(text, "{:width$}  {:>9.5}", "mean", report.r2_mean);
+    if let Some(note) = &report.field_note {
+        let _ = write!(text, "\nwarning: {note}");
+    }
     text
 }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
-use springpot::Actuator;
 
+use super::options::assumed_actuator;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
@@ -21,7 +21,11 @@ pub(super) struct Arguments {
     /// Folder for the page (study.html), the tables (study.md) and the figures (SVG and PNG).
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// File with the actuator table: geometry, permittivity, mass, preload. The default is the paper's.
+    /// Input of the models: the recorded voltage or force, or the recorded displacement, from which the force is fitted.
+    #[arg(long, value_enum, default_value_t = Direction::Force)]
+    drive: Direction,
+    /// File with the actuator table: geometry, permittivity, mass, preload. The default is the paper's, without mass if
+    /// displacement drives.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Seed of the random starts.
@@ -49,10 +53,10 @@ struct Report {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let actuator = match &arguments.actuator {
         Some(name) => Parameters::load_actuator(name)?,
-        None => Actuator::KARNER_2022,
+        None => assumed_actuator(arguments.drive),
     };
     let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
-    let observations = observe_all(&recordings, Direction::Force)?;
+    let observations = observe_all(&recordings, arguments.drive)?;
     let inputs: Vec<&Path> = recordings.iter().map(Recording::path).collect();
     for name in FILES {
         output::check(&arguments.out.join(name), &inputs, Folders::AreMade)?;

@@ -15,7 +15,7 @@ use crate::grid::Samples;
 pub type Names = [(&'static str, f64)];
 
 /// The column of times.
-const TIME: &Names = &[("time_s", 1.0), ("time_ms", 1e-3)];
+const TIME: &Names = &[("time_s", 1.0), ("time_ms", 1e-3), ("Time (s)", 1.0)];
 
 /// Largest value, in any unit.
 const LARGEST: f64 = 1e15;

@@ -1,55 +1,145 @@
-//! Material tests: stretch and nominal stress over time, and the body that shows them (Eqs. 12–13).
+//! Material tests: deformation and load over time, and the body that shows them (Eqs. 12–13).
 
 use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::files::csv::{Names, Table};
-use crate::grid::Samples;
 
 const STRETCH: &Names = &[("stretch", 1.0)];
-const STRESS: &Names = &[("nominal_stress_pa", 1.0), ("nominal_stress_kpa", 1e3)];
+const STRESS: &Names = &[("nominal_stress_pa", 1.0), ("nominal_stress_kpa", 1e3), ("nominal_stress_mpa", 1e6)];
+/// As testing machines name them.
+const DISPLACEMENT: &Names = &[
+    ("displacement_m", 1.0),
+    ("displacement_mm", 1e-3),
+    ("extension_mm", 1e-3),
+    ("Extension (mm)", 1e-3),
+    ("Displacement (mm)", 1e-3),
+];
+const FORCE: &Names =
+    &[("force_n", 1.0), ("force_kn", 1e3), ("load_n", 1.0), ("Load (N)", 1.0), ("Force (N)", 1.0), ("Load (kN)", 1e3)];
+
+/// How a stretch λ is written as a strain. All agree for small strains, so that coefficients keep their meaning there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Strain {
+    /// λ − 1.
+    #[default]
+    Engineering,
+    /// (λ − λ⁻²) / 3: to it the nominal stress of a neo-Hookean body in uniaxial tension is proportional.
+    NeoHookean,
+    /// ln λ, the logarithmic strain.
+    Hencky,
+}
+
+impl Strain {
+    /// The strain of a `stretch`.
+    pub fn of(self, stretch: f64) -> f64 {
+        match self {
+            Self::Engineering => stretch - 1.0,
+            Self::NeoHookean => (stretch - stretch.powi(-2)) / 3.0,
+            Self::Hencky => stretch.ln(),
+        }
+    }
+}
 
 /// A material test in SI units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialTest {
     /// Times in s, increasing from 0.
     pub time_s: Vec<f64>,
+    deformation: Deformation,
+    load: Load,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Deformation {
     /// Length over original length.
-    pub stretch: Vec<f64>,
+    Stretch(Vec<f64>),
+    /// Of a specimen, m.
+    Displacement(Vec<f64>),
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Load {
     /// Force over original cross-section, Pa.
-    pub nominal_stress_pa: Vec<f64>,
+    NominalStress(Vec<f64>),
+    /// On a specimen, N.
+    Force(Vec<f64>),
 }
 
 impl MaterialTest {
-    /// Reads the test at `path`.
+    /// Reads the test at `path`: stretch or displacement, and nominal stress or force.
     ///
     /// # Errors
     ///
     /// [`Error`] naming the file and line of the first value that cannot be used.
     pub fn read(path: &Path) -> Result<Self> {
-        let table = Table::read(path, [STRETCH, STRESS], &[&[0], &[1]])?;
-        let complete = |index: usize| -> Result<Samples> {
-            let column = table.columns[index].as_ref();
-            let column = column.ok_or_else(|| Error::file(path, "stretch or nominal stress has no value"))?;
-            column.complete(path, &table.time_s, "a material test needs both in every row")
+        let table = Table::read(path, [STRETCH, STRESS, DISPLACEMENT, FORCE], &[&[0, 2], &[1, 3]])?;
+        let one_of = |first: usize, second: usize, what: &str| -> Result<(bool, Vec<f64>)> {
+            let (index, column) = match (&table.columns[first], &table.columns[second]) {
+                (Some(_), Some(_)) => {
+                    return Err(Error::file(path, format!("both forms of {what}; leave one of them")));
+                }
+                (Some(column), None) => (first, column),
+                (None, Some(column)) => (second, column),
+                (None, None) => return Err(Error::file(path, format!("{what} has no value"))),
+            };
+            let values = column.complete(path, &table.time_s, "a material test needs it in every row")?.value;
+            Ok((index == first, values))
         };
-        let stretch = complete(0)?.value;
-        if let Some(k) = stretch.iter().position(|&stretch| stretch <= 0.0) {
-            let cause =
-                format!("stretch is {} at {} s; it is length over original length", stretch[k], table.time_s[k]);
-            return Err(Error::file(path, cause));
-        }
-        let nominal_stress_pa = complete(1)?.value;
-        Ok(Self { time_s: table.time_s, stretch, nominal_stress_pa })
+        let deformation = match one_of(0, 2, "stretch or displacement")? {
+            (true, stretch) => {
+                if let Some(k) = stretch.iter().position(|&stretch| stretch <= 0.0) {
+                    let (value, at) = (stretch[k], table.time_s[k]);
+                    let cause = format!("stretch is {value} at {at} s; it is length over original length");
+                    return Err(Error::file(path, cause));
+                }
+                Deformation::Stretch(stretch)
+            }
+            (false, displacement) => Deformation::Displacement(displacement),
+        };
+        let load = match one_of(1, 3, "nominal stress or force")? {
+            (true, stress) => Load::NominalStress(stress),
+            (false, force) => Load::Force(force),
+        };
+        Ok(Self { time_s: table.time_s, deformation, load })
     }
 
-    /// Displacement (m) of a body of `length_m`, unstretched, along the load.
-    pub fn displacement_m(&self, length_m: f64) -> Vec<f64> {
-        self.stretch.iter().map(|stretch| (stretch - 1.0) * length_m).collect()
+    /// Displacement (m) of a body of `length_m`, unstretched, along the load: its `strain` times its length.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] where a length is needed and missing, or too short for the displacement.
+    pub fn displacement_m(&self, length_m: Option<f64>, strain: Strain) -> Result<Vec<f64>> {
+        let needed = |why: &str| Error::option("--length", format!("{why} needs the unstretched length of the body"));
+        match &self.deformation {
+            Deformation::Stretch(stretch) => {
+                let length = length_m.ok_or_else(|| needed("a stretch"))?;
+                Ok(stretch.iter().map(|&stretch| length * strain.of(stretch)).collect())
+            }
+            Deformation::Displacement(displacement) if strain == Strain::Engineering => Ok(displacement.clone()),
+            Deformation::Displacement(displacement) => {
+                let length = length_m.ok_or_else(|| needed("this measure of strain"))?;
+                if let Some(shortest) = displacement.iter().copied().find(|x| *x <= -length) {
+                    let cause = format!("{length} m is shorter than the displacement of {shortest} m");
+                    return Err(Error::option("--length", cause));
+                }
+                Ok(displacement.iter().map(|x| length * strain.of(1.0 + x / length)).collect())
+            }
+        }
     }
 
     /// Force (N) on a body of the cross-section `area_m2`, unstretched, across the load.
-    pub fn force_n(&self, area_m2: f64) -> Vec<f64> {
-        self.nominal_stress_pa.iter().map(|stress| stress * area_m2).collect()
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] where an area is needed and missing.
+    pub fn force_n(&self, area_m2: Option<f64>) -> Result<Vec<f64>> {
+        match (&self.load, area_m2) {
+            (Load::Force(force), _) => Ok(force.clone()),
+            (Load::NominalStress(stress), Some(area)) => Ok(stress.iter().map(|stress| stress * area).collect()),
+            (Load::NominalStress(_), None) => {
+                Err(Error::option("--area", "a nominal stress needs the unstretched cross-section of the body"))
+            }
+        }
     }
 }

@@ -20,6 +20,7 @@ pub struct Recording {
     voltage_v: Option<Column>,
     force_n: Option<Column>,
     displacement_m: Option<Column>,
+    weight: Option<Column>,
 }
 
 /// The input of a model with its values: [`Samples`] as recorded, or another form of them such as a series on a grid.
@@ -45,6 +46,7 @@ pub enum Direction {
 /// Column names with the factor to SI units.
 const VOLTAGE: &Names = &[("voltage_v", 1.0), ("voltage_kv", 1e3)];
 const FORCE: &Names = &[("force_n", 1.0)];
+const WEIGHT: &Names = &[("weight", 1.0)];
 const DISPLACEMENT: &Names = &[("displacement_m", 1.0), ("displacement_mm", 1e-3), ("displacement_um", 1e-6)];
 
 /// Largest time on the clock of a held recording's first row that is still the time since its load was applied, as a share of
@@ -76,17 +78,17 @@ impl Recording {
     ///
     /// As [`read`](Self::read).
     pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
-        let table = Table::from_csv(path, csv, [VOLTAGE, FORCE, DISPLACEMENT], &[&[0, 1]])?;
+        let table = Table::from_csv(path, csv, [VOLTAGE, FORCE, DISPLACEMENT, WEIGHT], &[&[0, 1]])?;
         let (mut time_s, start_s) = (table.time_s, table.start_s);
         // A voltage drives; without one, force or displacement may.
-        let inputs = if table.columns[0].is_some() { &table.columns[..1] } else { &table.columns[..] };
+        let inputs = if table.columns[0].is_some() { &table.columns[..1] } else { &table.columns[..3] };
         let held = inputs.iter().flatten().any(|column| is_held(&column.present(&time_s).value));
         let duration_s = time_s.last().copied().unwrap_or(0.0);
         if held && start_s > 0.0 && start_s <= LONGEST_LEAD * duration_s {
             time_s.iter_mut().for_each(|t| *t += start_s);
         }
-        let [voltage_v, force_n, displacement_m] = table.columns;
-        Ok(Self { path: path.into(), time_s, voltage_v, force_n, displacement_m })
+        let [voltage_v, force_n, displacement_m, weight] = table.columns;
+        Ok(Self { path: path.into(), time_s, voltage_v, force_n, displacement_m, weight })
     }
 
     /// Reads a reference at `path`: displacement over time, no voltage needed.
@@ -97,7 +99,14 @@ impl Recording {
     pub fn read_reference(path: &Path) -> Result<Self> {
         let table = Table::read(path, [DISPLACEMENT], &[&[0]])?;
         let [displacement_m] = table.columns;
-        Ok(Self { path: path.into(), time_s: table.time_s, voltage_v: None, force_n: None, displacement_m })
+        Ok(Self {
+            path: path.into(),
+            time_s: table.time_s,
+            voltage_v: None,
+            force_n: None,
+            displacement_m,
+            weight: None,
+        })
     }
 
     /// Where the recording came from.
@@ -155,6 +164,11 @@ impl Recording {
     /// The force in N, where it was measured.
     pub fn force(&self) -> Option<Samples> {
         self.force_n.as_ref().map(|column| self.present(column))
+    }
+
+    /// Weights of the squared residuals in a fit, where there is a column of them; an empty cell counts 1.
+    pub fn weights(&self) -> Option<Samples> {
+        self.weight.as_ref().map(|column| self.present(column))
     }
 
     fn no_displacement(&self) -> Error {

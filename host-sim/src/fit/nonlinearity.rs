@@ -161,13 +161,16 @@ pub fn select(
         // What was asked for, not the linear film.
         fits.remove(0);
     }
-    let criteria = Criteria::of(context.coarse, &fits)?;
+    if fits.is_empty() {
+        return Ok((linear, rows));
+    }
+    let criteria = Criteria::of(context.coarse, &fits);
     let selected = criteria.smallest_that_is_not_worse(&fits);
     let is_linear = |fit: &StructureFit| fit.found.candidate.bend == Bend::Straight && !fit.saturates();
     let stays = is_linear(&fits[selected]);
     let linear_rows = rows.into_iter().map(|row| StructureRow { chosen: row.chosen && stays, ..row });
     let bent = fits.iter().enumerate().filter(|(_, fit)| !is_linear(fit));
-    let bent = bent.map(|(k, fit)| criteria.row(context.coarse, fit, k, k == selected));
+    let bent = bent.map(|(k, fit)| criteria.row(fit, k, k == selected));
     let rows = linear_rows.chain(bent).collect();
     if stays {
         return Ok((linear, rows));
@@ -206,13 +209,19 @@ impl Bent<'_> {
             let least = found.iter().map(cost).fold(f64::INFINITY, f64::min);
             found.retain(|fit| cost(fit) <= FAR * least);
         }
-        let mut fits = vec![StructureFit::of(self.context, left_out.as_ref(), self.base)];
+        let fit = |found: Found| -> Option<StructureFit> {
+            let (topology, branches) = (found.candidate.topology, found.candidate.branches());
+            let mut fit = StructureFit::new(self.context.coarse, topology, branches, found)?;
+            fit.left_out_nrmse_pct = left_out.as_ref().and_then(|left_out| left_out.error(self.context, &fit.found));
+            Some(fit)
+        };
+        let mut fits: Vec<StructureFit> = fit(self.base).into_iter().collect();
         for (kind, found) in found {
             if self.context.stop.load(Ordering::Relaxed) {
                 break;
             }
             (self.progress)(&format!("{} with n = {}, left out", kind.name(), found.candidate.branches()));
-            fits.push(StructureFit::of(self.context, left_out.as_ref(), found));
+            fits.extend(fit(found));
         }
         Ok(fits)
     }

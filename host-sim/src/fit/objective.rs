@@ -2,15 +2,17 @@
 //!
 //! Responses are computed with full memory in the frequency domain. Without coupling a response is a product there, and so
 //! are its derivatives with respect to every c and α. With coupling the force depends on the response,
-//! `x = H (F (1 + κ x) + W)`: the compressed recursion approximates it in one pass over the samples, and passes through H
-//! remove the remaining error. The derivatives obey the same equation with other right-hand sides.
+//! `x = H (F (1 + κ x) + W)`: the compressed recursion approximates it in one pass over the samples, and corrections with full
+//! memory remove the remaining error. The derivatives obey the same equation with other right-hand sides.
 
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Actuator, Curve, Law, Load, Method};
+use springpot::{Actuator, Curve, Law, Load};
 
 use super::candidate::{Candidate, Variable};
+use super::nodes::Nodes;
 use super::observation::Observation;
+use super::readings::{ReadingFit, Readings};
 use super::transfer::{Recursion, Spectrum, Transfer, recursion};
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
@@ -36,6 +38,9 @@ const LEAST_THINNING: f64 = 0.05;
 /// Model minus measurement over all observations.
 pub struct Objective {
     circles: Vec<FullMemory>,
+    /// Nodes of every circle.
+    nodes: Vec<Nodes>,
+    /// Steps of every circle, s.
     steps: Vec<f64>,
     records: Vec<Record>,
 }
@@ -45,9 +50,8 @@ struct Record {
     circle: usize,
     samples: usize,
     drive: DriveSpectra,
-    measured: Vec<f64>,
+    readings: Readings,
     measured_at: Places,
-    weight: f64,
 }
 
 /// The input of an observation on its circle.
@@ -128,6 +132,8 @@ impl Places {
 pub struct Evaluation {
     /// Modelled values at the measured times, one series per observation.
     pub modelled: Vec<Vec<f64>>,
+    /// Offset and gain of every observation's readings.
+    pub readings: Vec<ReadingFit>,
     transfers: Vec<Transfer>,
     /// The elastic curve.
     curve: Option<Curve>,
@@ -141,6 +147,15 @@ struct Response {
     series: Vec<f64>,
     /// What drives the law along it, behind a curve.
     driven: Vec<Load<f64>>,
+}
+
+/// What is common to the derivatives of one response: spectra on the circle.
+#[derive(Default)]
+struct Shared {
+    /// Of the displacement (m), where force or voltage drives.
+    displacement: Spectrum,
+    /// Of what the kernel acts on: T(x) behind a curve (m).
+    stretched: Spectrum,
 }
 
 impl Objective {
@@ -173,23 +188,23 @@ impl Objective {
                     circle,
                     samples: grid.samples,
                     drive: DriveSpectra::new(&observation.input, grid, &circles[circle]),
-                    measured: observation.measured.value.clone(),
+                    readings: Readings::of(observation),
                     measured_at: Places::new(&observation.measured.time_s, grid),
-                    weight: observation.weight,
                 }
             })
             .collect();
-        Ok(Self { circles, steps, records })
+        let nodes = circles.iter().map(Nodes::of).collect();
+        Ok(Self { circles, nodes, steps, records })
     }
 
     /// Measured values of every observation.
     pub fn measured(&self) -> impl Iterator<Item = &[f64]> {
-        self.records.iter().map(|record| record.measured.as_slice())
+        self.records.iter().map(|record| record.readings.measured.as_slice())
     }
 
     /// Number of measured values.
     pub fn samples(&self) -> usize {
-        self.records.iter().map(|record| record.measured.len()).sum()
+        self.records.iter().map(|record| record.readings.measured.len()).sum()
     }
 
     /// The responses of `candidate`; none where elements are out of range, the film is pulled in, or numbers overflow.
@@ -201,16 +216,19 @@ impl Objective {
         let transfers = self
             .circles
             .iter()
+            .zip(&self.nodes)
             .zip(&self.steps)
-            .map(|(circle, &step)| Transfer::new(&model, circle, step, coupled, curve.as_ref()))
+            .map(|(place, &step)| Transfer::new(&model, place, step, coupled, curve.as_ref()))
             .collect::<Option<Vec<Transfer>>>()?;
         let responses = self
             .records
             .par_iter()
             .map(|record| self.respond(record, candidate, curve.as_ref(), &transfers[record.circle]))
             .collect::<Option<Vec<(Vec<f64>, Response)>>>()?;
-        let (modelled, responses) = responses.into_iter().unzip();
-        Some(Evaluation { modelled, transfers, curve, responses })
+        let (mut modelled, responses): (Vec<Vec<f64>>, Vec<Response>) = responses.into_iter().unzip();
+        let solve = |(record, modelled): (&Record, &mut Vec<f64>)| record.readings.solve(modelled);
+        let readings = self.records.iter().zip(&mut modelled).map(solve).collect();
+        Some(Evaluation { modelled, readings, transfers, curve, responses })
     }
 
     /// Modelled values at the measured times, and the same response on the grid.
@@ -233,8 +251,7 @@ impl Objective {
             DriveSpectra::Displacement { path, spectrum } => match curve {
                 None => circle.series(product(spectrum, &transfer.stiffness), record.samples),
                 Some(curve) => {
-                    let stretched: Vec<f64> = path.iter().map(|&x| curve.value(x)).collect();
-                    let force = product(&circle.spectrum(&stretched), &transfer.kernel);
+                    let force = product(&stretched(circle, curve, path), &transfer.kernel);
                     let inertia = product(spectrum, &transfer.inertia);
                     circle.series(force.iter().zip(inertia).map(|(f, m)| f + m).collect(), record.samples)
                 }
@@ -279,41 +296,73 @@ impl Objective {
     pub fn residuals(&self, evaluation: &Evaluation) -> Vec<f64> {
         let mut residuals = Vec::with_capacity(self.samples());
         for (record, modelled) in self.records.iter().zip(&evaluation.modelled) {
-            residuals.extend(modelled.iter().zip(&record.measured).map(|(model, y)| record.weight * (model - y)));
+            let pairs = modelled.iter().zip(&record.readings.measured).enumerate();
+            residuals.extend(pairs.map(|(k, (model, y))| record.readings.weight(k) * (model - y)));
         }
         residuals
     }
 
     /// Derivatives of the residuals with respect to `variables`, one column each.
     pub fn jacobian(&self, candidate: &Candidate, evaluation: &Evaluation, variables: &[Variable]) -> Vec<Vec<f64>> {
+        let shared: Vec<Shared> = (0..self.records.len())
+            .into_par_iter()
+            .map(|index| {
+                let record = &self.records[index];
+                let circle = &self.circles[record.circle];
+                match (&record.drive, &evaluation.curve) {
+                    (DriveSpectra::Displacement { path, .. }, Some(curve)) => {
+                        Shared { stretched: stretched(circle, curve, path), ..Shared::default() }
+                    }
+                    (DriveSpectra::Displacement { .. }, None) => Shared::default(),
+                    (DriveSpectra::Voltage { .. } | DriveSpectra::Force { .. }, curve) => {
+                        let series = &evaluation.responses[index].series;
+                        let stretched = curve.as_ref().map(|curve| stretched(circle, curve, series));
+                        Shared { displacement: circle.spectrum(series), stretched: stretched.unwrap_or_default() }
+                    }
+                }
+            })
+            .collect();
         // What one variable does to one observation is one task.
         let pieces: Vec<Vec<f64>> = (0..variables.len() * self.records.len())
             .into_par_iter()
             .map(|task| {
                 let (variable, record) = (variables[task / self.records.len()], task % self.records.len());
-                self.derivative(candidate, evaluation, variable, record)
+                self.derivative(candidate, evaluation, variable, record, &shared[record])
             })
             .collect();
         pieces.chunks(self.records.len()).map(<[Vec<f64>]>::concat).collect()
     }
 
-    /// Derivative of the residuals of observation `index`.
-    fn derivative(&self, candidate: &Candidate, evaluation: &Evaluation, variable: Variable, index: usize) -> Vec<f64> {
+    /// Derivative of the residuals of observation `index`, whose derivatives share `shared`.
+    fn derivative(
+        &self,
+        candidate: &Candidate,
+        evaluation: &Evaluation,
+        variable: Variable,
+        index: usize,
+        shared: &Shared,
+    ) -> Vec<f64> {
         let record = &self.records[index];
+        let reading = &evaluation.readings[index];
         if variable == Variable::Offset && !record.measures_force() {
-            return vec![record.weight; record.measured.len()];
+            let ones = vec![1.0; record.readings.measured.len()];
+            return record.readings.project(reading, &evaluation.modelled[index], ones);
         }
         let linearised = Linearised {
             record,
             circle: &self.circles[record.circle],
+            nodes: &self.nodes[record.circle],
             transfer: &evaluation.transfers[record.circle],
             candidate,
             curve: evaluation.curve.as_ref(),
             response: &evaluation.responses[index],
+            shared,
         };
         match linearised.derivative(variable) {
-            Some(series) => record.measured_at.pick(&series).into_iter().map(|value| record.weight * value).collect(),
-            None => vec![0.0; record.measured.len()],
+            Some(series) => {
+                record.readings.project(reading, &evaluation.modelled[index], record.measured_at.pick(&series))
+            }
+            None => vec![0.0; record.readings.measured.len()],
         }
     }
 }
@@ -328,18 +377,20 @@ impl Record {
 struct Linearised<'a> {
     record: &'a Record,
     circle: &'a FullMemory,
+    nodes: &'a Nodes,
     transfer: &'a Transfer,
     candidate: &'a Candidate,
     curve: Option<&'a Curve>,
     response: &'a Response,
+    shared: &'a Shared,
 }
 
 impl Linearised<'_> {
     /// Derivative of the response on the grid; none where `variable` has no effect on it.
     fn derivative(&self, variable: Variable) -> Option<Vec<f64>> {
         let samples = self.record.samples;
-        if let DriveSpectra::Displacement { path, .. } = &self.record.drive {
-            return Some(self.circle.series(self.stiffness_change(path, variable)?, samples));
+        if let DriveSpectra::Displacement { path, spectrum } = &self.record.drive {
+            return Some(self.circle.series(self.stiffness_change(path, spectrum, variable)?, samples));
         }
         let force = self.force_derivative(variable)?;
         let law = self.transfer.law.as_ref();
@@ -370,28 +421,22 @@ impl Linearised<'_> {
         recursion(law, &with(little)).iter().zip(x).map(|(more, x)| (more - x) / little).collect()
     }
 
-    /// What of displacements the kernel acts on: T(x) behind a curve.
-    fn stretched(&self, displacement: &[f64]) -> Spectrum {
-        match self.curve {
-            Some(curve) => self.circle.spectrum(&displacement.iter().map(|&x| curve.value(x)).collect::<Vec<_>>()),
-            None => self.circle.spectrum(displacement),
-        }
-    }
-
-    /// ∂(m s² x + K T(x))/∂ `variable` along a given displacement.
-    fn stiffness_change(&self, displacement: &[f64], variable: Variable) -> Option<Spectrum> {
+    /// ∂(m s² x + K T(x))/∂ `variable` along displacements with this spectrum.
+    fn stiffness_change(
+        &self,
+        displacement: &[f64],
+        spectrum: &[Complex<f64>],
+        variable: Variable,
+    ) -> Option<Spectrum> {
         let ln_s = self.circle.ln_s();
-        let sensitivities = &self.transfer.sensitivities;
+        let stretched = if self.curve.is_some() { &self.shared.stretched } else { spectrum };
+        let sensitivity = |element| product(stretched, &self.transfer.sensitivity(element, self.nodes));
         match variable {
-            Variable::Coefficient(element) => Some(product(&self.stretched(displacement), &sensitivities[element])),
-            Variable::Order(element) => {
-                let change = product(&sensitivities[element], ln_s);
-                Some(product(&self.stretched(displacement), &change))
-            }
+            Variable::Coefficient(element) => Some(sensitivity(element)),
+            Variable::Order(element) => Some(product(&sensitivity(element), ln_s)),
             Variable::Mass => {
                 let mass_kg = self.candidate.actuator.mass_kg;
-                let inertia: Spectrum = ln_s.iter().map(|z| (2.0 * z).exp() * mass_kg).collect();
-                Some(product(&self.circle.spectrum(displacement), &inertia))
+                Some(spectrum.iter().zip(ln_s).map(|(x, z)| x * (2.0 * z).exp() * mass_kg).collect())
             }
             _ if variable.is_of_curve() => {
                 let change = self.curve_change(displacement, variable)?;
@@ -420,7 +465,7 @@ impl Linearised<'_> {
         match &self.record.drive {
             DriveSpectra::Displacement { .. } => None,
             DriveSpectra::Force { .. } => {
-                let change = self.stiffness_change(x, variable)?;
+                let change = self.stiffness_change(x, &self.shared.displacement, variable)?;
                 Some(change.iter().map(|change| -change).collect())
             }
             DriveSpectra::Voltage { squared, ones, .. } => {
@@ -441,7 +486,7 @@ impl Linearised<'_> {
                     }
                     _ => {
                         let mut force: Spectrum =
-                            self.stiffness_change(x, variable)?.iter().map(|change| -change).collect();
+                            self.stiffness_change(x, &self.shared.displacement, variable)?.iter().map(|change| -change).collect();
                         if variable == Variable::Mass {
                             let weight = actuator.preload_n();
                             force.iter_mut().zip(ones).for_each(|(f, one)| *f += one * weight);
@@ -452,6 +497,11 @@ impl Linearised<'_> {
             }
         }
     }
+}
+
+/// The spectrum of T(x) along `displacement` (m).
+fn stretched(circle: &FullMemory, curve: &Curve, displacement: &[f64]) -> Spectrum {
+    circle.spectrum(&displacement.iter().map(|&x| curve.value(x)).collect::<Vec<_>>())
 }
 
 /// The product of two spectra.
@@ -467,7 +517,7 @@ fn circles(grids: &[Grid]) -> (Vec<FullMemory>, Vec<f64>) {
         if !steps.contains(&grid.step_s()) {
             let same = grids.iter().filter(|other| other.rate_hz == grid.rate_hz);
             let longest = same.map(|other| other.samples).max().unwrap_or(grid.samples);
-            circles.push(FullMemory::with_oversampling(longest, grid.step_s(), 2, Method::Gl));
+            circles.push(FullMemory::with_oversampling(longest, grid.step_s(), 2));
             steps.push(grid.step_s());
         }
     }

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::candidate::Variable;
+use super::preparation::{Gaps, Preparation, Window, sample_weights};
 use crate::error::{Error, Result};
 use crate::files::recording::{Direction, Input, Recording};
-use crate::grid::Samples;
+use crate::grid::{Grid, Samples};
 
 /// A recording as a fit uses it.
 #[derive(Clone, Debug)]
@@ -20,13 +21,26 @@ pub struct Observation {
     pub rate_hz: f64,
     /// Factor of its residuals.
     pub weight: f64,
+    /// Factors of the single residuals, one per measured value; empty where all are 1.
+    pub sample_weights: Vec<f64>,
+    /// How its readings may differ from those of the other recordings.
+    pub reading: Reading,
+}
+
+/// What of a recording's readings is its own: solved with the model's response, linearly, in every evaluation.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reading {
+    /// An offset: a sensor that was zeroed anew.
+    pub own_offset: bool,
+    /// A factor: another specimen. It is relative to the first recording, whose factor is 1.
+    pub own_gain: bool,
 }
 
 /// Smaller changes are below the resolution of any sensor, m or N.
 const SMALLEST_CHANGE: f64 = 1e-12;
 
 /// Fewest measured values of a fit.
-const FEWEST_VALUES: usize = 10;
+pub(super) const FEWEST_VALUES: usize = 10;
 
 /// Name and SI unit of what is measured.
 fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
@@ -42,65 +56,32 @@ fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
 ///
 /// [`Error`] naming a recording that cannot be fitted.
 pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Result<(Observation, Vec<String>)> {
-    observe_within(recording, direction, weight, Window::ALL)
+    observe_prepared(recording, direction, weight, Preparation::NONE)
 }
 
-/// The part of a recording whose measured values are fitted, s of its time. Before it the model runs along the input all the
-/// same: what a film remembers is not cut off.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Window {
-    /// First time.
-    pub from_s: f64,
-    /// Last time.
-    pub to_s: f64,
-}
-
-impl Window {
-    /// All of a recording.
-    pub const ALL: Self = Self { from_s: 0.0, to_s: f64::INFINITY };
-
-    /// `measured` and `input` of the recording at `path` in this window.
-    fn cut(self, path: &Path, input: &Input, measured: &Samples) -> Result<(Input, Samples)> {
-        let kept = |samples: &Samples, from_s: f64| {
-            let pairs = samples.time_s.iter().zip(&samples.value);
-            let (time_s, value) = pairs.filter(|&(&t, _)| from_s <= t && t <= self.to_s).unzip();
-            Samples { time_s, value }
-        };
-        let (input, inside) = (input.map(|samples| kept(samples, 0.0)), kept(measured, self.from_s));
-        if inside.value.len() < FEWEST_VALUES || input.samples().value.len() < 2 {
-            let last_s = measured.time_s.last().copied().unwrap_or(0.0);
-            let until = if self.to_s.is_finite() { format!("to {} s", self.to_s) } else { "on".into() };
-            let cause = format!(
-                "{} measured values from {} s {until} (--from, --to); a fit needs at least {FEWEST_VALUES}, and the \
-                 recording ends at {last_s} s",
-                inside.value.len(),
-                self.from_s
-            );
-            return Err(Error::file(path, cause));
-        }
-        Ok((input, inside))
-    }
-}
-
-/// As [`observe`], of the values in `window`.
+/// As [`observe`], prepared.
 ///
 /// # Errors
 ///
-/// As [`observe`], and for a window with too few values.
-pub fn observe_within(
+/// As [`observe`], and for what leaves too few values, or weights that are not.
+pub fn observe_prepared(
     recording: &Recording,
     direction: Direction,
     weight: f64,
-    window: Window,
+    preparation: Preparation,
 ) -> Result<(Observation, Vec<String>)> {
     let path = recording.path();
-    let (input, measured) = match direction {
+    let (input, mut measured) = match direction {
         Direction::Force => (recording.drive()?, recording.displacement()?),
         Direction::Displacement => {
             let force = recording.force().ok_or_else(|| Error::file(path, "no column force_n to fit"))?;
             (recording.displacement_drive()?, force)
         }
     };
+    if preparation.inverted {
+        measured.value.iter_mut().for_each(|value| *value = -*value);
+    }
+    let (window, skipped) = preparation.gaps.apply(preparation.window, input.samples(), &mut measured);
     let (input, measured) =
         if window == Window::ALL { (input, measured) } else { window.cut(path, &input, &measured)? };
     let drive = input.samples();
@@ -108,11 +89,58 @@ pub fn observe_within(
     let steps: Vec<f64> = drive.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let median_step_s = median(&steps);
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let warnings = gap(&steps, median_step_s, drive).into_iter().chain(saturation(direction, &measured.value));
-    let warnings = warnings.map(|warning| format!("{name}: {warning}"));
     let (rate_hz, uneven) = rate(&steps, median_step_s, drive);
-    let warnings = warnings.chain(uneven.map(|warning| format!("{name}: {warning}"))).collect();
-    Ok((Observation { name, input, measured, rate_hz, weight }, warnings))
+    let gap = if preparation.gaps == Gaps::Interpolate { gap(&steps, median_step_s, drive) } else { skipped };
+    let warnings = gap
+        .into_iter()
+        .chain(saturation(direction, &measured.value))
+        .chain(uneven)
+        .chain(between_steps(drive, rate_hz))
+        .chain(turned(&input, &measured));
+    let warnings = warnings.map(|warning| format!("{name}: {warning}")).collect();
+    let sample_weights = sample_weights(recording, &measured, preparation.log_time)?;
+    let reading = Reading::default();
+    Ok((Observation { name, input, measured, rate_hz, weight, sample_weights, reading }, warnings))
+}
+
+/// Input that the steps of the model do not follow: it is sampled at them, with straight lines between.
+fn between_steps(drive: &Samples, rate_hz: f64) -> Option<String> {
+    /// Share of the input's change that is not noise.
+    const ALLOWED: f64 = 0.05;
+    let grid = Grid::covering(drive.time_s.last().copied()?, rate_hz).ok()?;
+    let followed = grid.at(&grid.resample(drive), &drive.time_s);
+    let size = change(&drive.value);
+    let off = |(value, followed): (&f64, &f64)| (value - followed).abs() / size;
+    let worst = drive.value.iter().zip(&followed).map(off).fold(0.0, f64::max);
+    (worst > ALLOWED).then(|| {
+        format!(
+            "the input moves between the model's steps of {:.4} s, by up to {:.0} % of its range: what happens there is not \
+             fitted",
+            grid.step_s(),
+            100.0 * worst
+        )
+    })
+}
+
+/// A measured quantity that falls where the input grows.
+fn turned(input: &Input, measured: &Samples) -> Option<String> {
+    let drive = input.samples();
+    let load: Vec<f64> =
+        drive.value.iter().map(|v| if matches!(input, Input::Voltage(_)) { v * v } else { *v }).collect();
+    let at = |t: f64| load[drive.time_s.partition_point(|&s| s <= t).saturating_sub(1)];
+    let pairs: Vec<(f64, f64)> = measured.time_s.iter().zip(&measured.value).map(|(&t, &y)| (at(t), y)).collect();
+    let n = pairs.len() as f64;
+    let (what, of, centre) = match input {
+        Input::Voltage(_) => ("displacement", "voltage", true),
+        Input::Force(_) => ("displacement", "force", true),
+        // Both are 0 at rest, and a force relaxes while the displacement grows slowly.
+        Input::Displacement(_) => ("force", "displacement", false),
+    };
+    let mean = |of: fn(&(f64, f64)) -> f64| if centre { pairs.iter().map(of).sum::<f64>() / n } else { 0.0 };
+    let (load_mean, value_mean) = (mean(|p| p.0), mean(|p| p.1));
+    let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|p| of(p.0 - load_mean, p.1 - value_mean)).sum::<f64>();
+    let correlation = sum(&|u, y| u * y) / (sum(&|u, _| u * u) * sum(&|_, y| y * y)).sqrt();
+    (correlation < -0.3).then(|| format!("the {what} falls where the {of} grows: --invert turns its sign"))
 }
 
 /// The observations of all `recordings` with weight 1, without the warnings.
@@ -187,7 +215,9 @@ fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<String> {
     let is_gap = |k: usize| steps[k] > 5.0 * median_step_s && (k == 0 || steps[k] > 2.0 * steps[k - 1]);
     let k = (0..steps.len()).find(|&k| is_gap(k))?;
     let (step, time) = (steps[k], drive.time_s[k]);
-    Some(format!("a gap of {step:.3} s at {time:.3} s; the input is interpolated across it"))
+    Some(format!(
+        "a gap of {step:.3} s at {time:.3} s; the input is interpolated across it (--gap ends there, or skips it)"
+    ))
 }
 
 /// Measured values that repeat at the ends of their range.
@@ -237,12 +267,27 @@ pub fn thinned(observation: &Observation) -> Observation {
     let measured = &observation.measured;
     // As many measurements as there are steps, if there are that many.
     let every_measured = (measured.value.len() * every / load.len()).max(1);
-    let pick = |values: &[f64]| values.iter().copied().step_by(every_measured).collect();
+    let pick = |values: &[f64]| values.iter().copied().step_by(every_measured).collect::<Vec<f64>>();
     Observation {
         rate_hz: observation.rate_hz / every as f64,
         measured: Samples { time_s: pick(&measured.time_s), value: pick(&measured.value) },
+        sample_weights: pick(&observation.sample_weights),
         ..observation.clone()
     }
+}
+
+/// The beginning of the observation, at most `steps` of its rate: for the first search of a long recording.
+#[must_use]
+pub fn beginning(observation: &Observation, steps: usize) -> Observation {
+    let last_s = steps as f64 / observation.rate_hz;
+    let kept = |samples: &Samples| {
+        let count = samples.time_s.partition_point(|&t| t <= last_s);
+        Samples { time_s: samples.time_s[..count].to_vec(), value: samples.value[..count].to_vec() }
+    };
+    let measured = kept(&observation.measured);
+    let mut sample_weights = observation.sample_weights.clone();
+    sample_weights.truncate(measured.value.len());
+    Observation { input: observation.input.map(kept), measured, sample_weights, ..observation.clone() }
 }
 
 /// What a set of observations contains that quantities of the actuator and the sensor can be identified from.

@@ -4,13 +4,15 @@ use std::sync::atomic::Ordering;
 
 use super::candidate::Candidate;
 use super::observation::Observation;
+use super::readings::ReadingFit;
 use super::search::{Context, Found};
 use super::selection::StructureRow;
 use super::settings::Settings;
 use super::uncertainty::Uncertainty;
-use super::warnings;
+use super::warnings::{self, Misfit};
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
+use crate::files::recording::Input;
 
 /// A fit.
 #[derive(Clone, Debug)]
@@ -19,6 +21,10 @@ pub struct Fit {
     pub candidate: Candidate,
     /// Modelled values at the measured times of every observation.
     pub modelled: Vec<Vec<f64>>,
+    /// Offset and gain of every observation's readings.
+    pub readings: Vec<ReadingFit>,
+    /// Rate of the model along every observation, Hz.
+    pub rates_hz: Vec<f64>,
     /// Agreement with every observation.
     pub agreements: Vec<Agreement>,
     /// Mean of the observations' R².
@@ -52,23 +58,39 @@ impl Fit {
     ) -> Result<Self> {
         let objective = context.fine;
         let no_response = || Error::Computation("the fit has no response; check the units of the recordings".into());
-        let modelled = objective.evaluate(&found.candidate).ok_or_else(no_response)?.modelled;
+        let mut candidate = found.candidate;
+        let evaluation = objective.evaluate(&candidate).ok_or_else(no_response)?;
+        let (modelled, mut readings) = (evaluation.modelled, evaluation.readings);
+        // Offsets are of the sensor; the file's is that of the first recording.
+        if observations[0].reading.own_offset && !matches!(observations[0].input, Input::Displacement(_)) {
+            for reading in &mut readings {
+                reading.offset += reading.gain * candidate.offset_m;
+            }
+            candidate.offset_m = readings[0].offset;
+        }
         let pairs = || objective.measured().zip(&modelled);
         let agreements: Vec<Agreement> = pairs().map(|(y, x)| Agreement::of(y, x)).collect();
         let r2_mean = agreements.iter().map(|a| a.r2).sum::<f64>() / agreements.len() as f64;
-        let residuals: Vec<f64> = pairs().flat_map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y)).collect();
+        let residuals: Vec<Vec<f64>> = pairs().map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y).collect()).collect();
+        let left_out_pct = structures.iter().find(|row| row.chosen).and_then(|row| row.left_out_nrmse_pct);
 
         let mut warnings = Vec::new();
+        warnings::of_sizes(settings, context.excitation, &mut warnings);
         warnings::of_excitation(context.excitation, &mut warnings);
-        warnings::of_amplitudes(observations, &found.candidate, &mut warnings);
+        warnings::of_amplitudes(observations, &candidate, &mut warnings);
         if let Some(uncertainty) = &uncertainty {
-            warnings::of_uncertainty(uncertainty, &residuals, &mut warnings);
+            warnings::of_uncertainty(uncertainty, &candidate, &mut warnings);
+            let misfit = Misfit::of(observations, &residuals, uncertainty.lag_one);
+            let (drive, samples) = (&observations[0].input, objective.samples());
+            warnings::of_whiteness(uncertainty, misfit, drive, left_out_pct, samples, &mut warnings);
         }
         warnings::of_convergence(found.minimum.converged || interrupted, &mut warnings);
-        warnings::of_outliers(&residuals, settings.loss, &mut warnings);
+        warnings::of_outliers(&residuals.concat(), settings.loss, &mut warnings);
         warnings::of_units(observations, &settings.actuator, r2_mean, settings.loss, &mut warnings);
         Ok(Self {
-            candidate: found.candidate,
+            candidate,
+            readings,
+            rates_hz: observations.iter().map(|observation| observation.rate_hz).collect(),
             modelled,
             agreements,
             r2_mean,

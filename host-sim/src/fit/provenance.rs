@@ -30,6 +30,7 @@ impl Fit {
             method: springpot::Method::Gl,
             name: format!("fit to {}", names.join(", ")),
             actuator: self.candidate.actuator,
+            assumed_sizes: settings.assumed_sizes,
             model: self.candidate.model()?,
             sensor_offset_m: self.candidate.offset_m,
             board: None,

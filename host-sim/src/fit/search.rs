@@ -1,4 +1,7 @@
 //! Searches for the best candidate of one structure: from many starts on thinned recordings, then on all samples.
+//!
+//! Long recordings are searched in three stages: the beginning of the thinned recordings, all of the thinned recordings, on which
+//! structures are compared, and all samples for the structure that is chosen.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -15,8 +18,15 @@ use super::starts::{self, Scales};
 use crate::error::{Error, Result};
 use crate::reduce;
 
+/// Steps of thinned recordings up to which a search from many starts sees all of them.
+const MOST_SCOUTED_STEPS: f64 = 4_096.0;
+
+/// Measured values up to which structures are compared on all of them.
+const MOST_COMPARED_VALUES: usize = 1 << 16;
+
 /// Observations with what every search needs of them.
 pub struct PreparedObservations {
+    scout: Option<Objective>,
     coarse: Objective,
     fine: Objective,
     scales: Scales,
@@ -33,6 +43,7 @@ impl PreparedObservations {
     pub fn new(observations: &[Observation], actuator: &Actuator) -> Result<Self> {
         let thinned: Vec<Observation> = observations.iter().map(observation::thinned).collect();
         Ok(Self {
+            scout: scouted(&thinned).map(|beginnings| Objective::new(&beginnings)).transpose()?,
             coarse: Objective::new(&thinned)?,
             fine: Objective::new(observations)?,
             scales: Scales::of(observations, actuator.force_per_square_volt()),
@@ -46,7 +57,9 @@ impl PreparedObservations {
     pub fn context<'a>(&'a self, settings: &Settings, stop: &'a AtomicBool) -> Context<'a> {
         let identified = |variable: &Variable| self.excitation.identifies(*variable);
         Context {
+            scout: self.scout.as_ref(),
             coarse: &self.coarse,
+            compared: if is_long(&self.fine) { &self.coarse } else { &self.fine },
             fine: &self.fine,
             actuator: settings.actuator,
             freed: settings.freed.iter().copied().filter(identified).collect(),
@@ -62,10 +75,36 @@ impl PreparedObservations {
     }
 }
 
+/// Stopping criteria of the last search of a structure.
+const FINE: StoppingCriteria = StoppingCriteria { iterations: 60, decrease: 1e-8 };
+
+/// Whether structures are compared on thinned recordings, because these have too many values.
+pub(super) fn is_long(fine: &Objective) -> bool {
+    fine.samples() > MOST_COMPARED_VALUES
+}
+
+/// The beginnings of long `thinned` recordings; none where all of them are short.
+fn scouted(thinned: &[Observation]) -> Option<Vec<Observation>> {
+    let steps = |o: &Observation| o.input.samples().time_s.last().copied().unwrap_or(0.0) * o.rate_hz;
+    let share = MOST_SCOUTED_STEPS / thinned.iter().map(steps).sum::<f64>();
+    let beginning = |o: &Observation| observation::beginning(o, (share * steps(o)) as usize);
+    let beginnings: Vec<Observation> = thinned.iter().map(beginning).collect();
+    // A beginning in which nothing is measured, or nothing happens, is of no use.
+    let useful = |o: &Observation| {
+        let [measured, drive] = [&o.measured.value, &o.input.samples().value].map(|values| observation::range(values));
+        o.measured.value.len() >= 100 && measured.0 < measured.1 && drive != (0.0, 0.0)
+    };
+    (share < 1.0 && beginnings.iter().all(useful)).then_some(beginnings)
+}
+
 /// What is common to all searches of a fit.
 pub struct Context<'a> {
-    /// Thinned recordings, where searches begin.
+    /// The beginning of long thinned recordings, where searches from many starts begin.
+    pub scout: Option<&'a Objective>,
+    /// Thinned recordings, where other searches begin.
     pub coarse: &'a Objective,
+    /// Where structures are compared: all samples, or the thinned recordings if there are very many.
+    pub compared: &'a Objective,
     /// All samples, where they end.
     pub fine: &'a Objective,
     /// Eq. 1 and the weight at the start.
@@ -119,20 +158,6 @@ impl Context<'_> {
         self.variables(candidate.branches()).into_iter().chain(bent).collect()
     }
 
-    /// The best candidate of a structure from random starts and from those of smaller structures, `grown`.
-    pub fn best(&self, topology: Topology, branches: usize, grown: &[Candidate]) -> Option<Found> {
-        let random_starts = if grown.is_empty() { self.starts } else { self.starts.div_ceil(branches.max(1)) };
-        let random = (0..random_starts).map(|index| {
-            let mut start = starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
-            if self.freed.contains(&Variable::StretchCoupling) && start.actuator.stretch_coupling == 0.0 {
-                start.actuator.stretch_coupling = self.scales.coupling;
-            }
-            start
-        });
-        let starts: Vec<Candidate> = grown.iter().cloned().chain(random).collect();
-        self.best_from(&starts, &self.variables(branches))
-    }
-
     /// Half as many random starts of a structure as usual.
     pub fn linear_starts(&self, topology: Topology, branches: usize) -> Vec<Candidate> {
         let start = |index| starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
@@ -146,24 +171,78 @@ impl Context<'_> {
         found.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))
     }
 
-    /// The best candidate from `starts`, over `variables`.
+    /// The best candidate of a structure on all samples, from random starts and from those of smaller structures, `grown`.
+    pub fn best(&self, topology: Topology, branches: usize, grown: &[Candidate]) -> Option<Found> {
+        self.explored(topology, branches, grown).map(|found| self.finished(found))
+    }
+
+    /// The same where structures are compared.
+    pub fn explored(&self, topology: Topology, branches: usize, grown: &[Candidate]) -> Option<Found> {
+        let random_starts = if grown.is_empty() { self.starts } else { self.starts.div_ceil(branches.max(1)) };
+        let random = (0..random_starts).map(|index| {
+            let mut start = starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
+            if self.freed.contains(&Variable::StretchCoupling) && start.actuator.stretch_coupling == 0.0 {
+                start.actuator.stretch_coupling = self.scales.coupling;
+            }
+            start
+        });
+        let starts: Vec<Candidate> = grown.iter().cloned().chain(random).collect();
+        self.explored_from(&starts, &self.variables(branches))
+    }
+
+    /// The best candidate from `starts` on all samples, over `variables`.
     pub fn best_from(&self, starts: &[Candidate], variables: &[Variable]) -> Option<Found> {
-        let coarse = StoppingCriteria { iterations: 60, decrease: 1e-7 };
-        let mut found: Vec<Found> = starts
-            .par_iter()
-            .filter_map(|start| self.descend_over(self.coarse, start, variables.to_vec(), coarse))
-            .collect();
+        self.explored_from(starts, variables).map(|found| self.finished(found))
+    }
+
+    /// The best candidate from `starts` where structures are compared, over `variables`.
+    fn explored_from(&self, starts: &[Candidate], variables: &[Variable]) -> Option<Found> {
+        let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
+        let mut found = match self.scout {
+            None => self.descents(self.coarse, starts, variables, stopping),
+            Some(scout) => {
+                // Close enough to begin from, and to compare structures: the last search is on all samples.
+                let [begin, compare] = [1e-4, 1e-5].map(|decrease| StoppingCriteria { decrease, ..stopping });
+                let first = self.descents(scout, starts, variables, begin);
+                self.descents(self.coarse, &self.promising(first, 1.02), variables, compare)
+            }
+        };
+        if !std::ptr::eq(self.compared, self.coarse) {
+            found = self.descents(self.compared, &self.promising(found, 1.2), variables, FINE);
+        }
+        found.into_iter().next()
+    }
+
+    /// The minima that are reached from `starts`, the least first.
+    fn descents(
+        &self,
+        objective: &Objective,
+        starts: &[Candidate],
+        variables: &[Variable],
+        stopping: StoppingCriteria,
+    ) -> Vec<Found> {
+        let descent = |start| self.descend_over(objective, start, variables.to_vec(), stopping);
+        let mut found: Vec<Found> = starts.par_iter().filter_map(descent).collect();
         found.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
-        // The two best that differ are fitted to all samples, because thinning could change their order.
-        let best = found.first()?.minimum.cost;
+        found
+    }
+
+    /// The two best minima that differ, up to `factor` times the least, because thinning could have changed their order.
+    fn promising(&self, mut found: Vec<Found>, factor: f64) -> Vec<Candidate> {
+        let best = found.first().map_or(0.0, |best| best.minimum.cost);
         found.dedup_by(|b, a| b.minimum.cost <= 1.001 * a.minimum.cost);
         found.truncate(if self.stop.load(Ordering::Relaxed) { 1 } else { 2 });
-        found.retain(|f| f.minimum.cost <= 1.2 * best);
-        let fine = StoppingCriteria { iterations: 60, decrease: 1e-8 };
-        found
-            .iter()
-            .filter_map(|start| self.descend_over(self.fine, &start.candidate, variables.to_vec(), fine))
-            .min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))
+        found.into_iter().filter(|f| f.minimum.cost <= factor * best).map(|f| f.candidate).collect()
+    }
+
+    /// `found` on all samples, if structures are compared on fewer.
+    pub fn finished(&self, found: Found) -> Found {
+        if std::ptr::eq(self.compared, self.fine) {
+            return found;
+        }
+        // Between thinned recordings and all samples the minimum moves little.
+        let stopping = StoppingCriteria { decrease: 1e-6, ..FINE };
+        self.descend_over(self.fine, &found.candidate, found.variables.clone(), stopping).unwrap_or(found)
     }
 
     /// The minimum that is reached from `start`; none if `start` has no response.

@@ -10,8 +10,8 @@ use super::candidate::Candidate;
 use super::levenberg_marquardt::StoppingCriteria;
 use super::loss::{self, Loss};
 use super::objective::Objective;
-use super::observation::Observation;
-use super::search::{Context, Found};
+use super::observation::{self, Observation};
+use super::search::{Context, Found, is_long};
 use super::settings::{Settings, topology_name};
 use super::whiteness::Whiteness;
 use crate::agreement::Agreement;
@@ -66,11 +66,15 @@ fn serialize_topology<S: serde::Serializer>(
 
 /// A left-out error up to this factor above the least is not worse.
 const MARGIN: f64 = 1.05;
-/// A Bayesian criterion up to this much above the least is not worse: odds of e⁵ to one.
+/// A structure whose Bayesian criterion is further than this above the least fits noise: odds of e⁵ to one.
 const MARGIN_BIC: f64 = 10.0;
+/// A gain of the mean R² up to this is not worth a branch: an error of 0.3 % of the stroke's standard deviation.
+const LEAST_GAIN: f64 = 1e-5;
 
-/// Fits every structure of the settings and selects the smallest that is not worse than the best: by the error on left-out
-/// recordings, or by the Bayesian criterion if there is only one recording.
+/// Fits the structures of the settings and selects the smallest that is not worse than the best: by the error on left-out
+/// recordings. If there is only one recording, the best is that with the least error among those whose Bayesian criterion says
+/// that they do not fit noise, a structure is not worse whose error is up to 5 % or an R² of 1e-5 above it, and no larger
+/// structures are tried once residuals are white, one more branch was not worth it, or the other topology was better with as many.
 ///
 /// # Errors
 ///
@@ -82,10 +86,11 @@ pub fn select(
     progress: &dyn Fn(&str),
 ) -> Result<(Found, Vec<StructureRow>)> {
     let mut fits = fit_structures(context, observations, settings, progress)?;
-    let criteria = Criteria::of(context.fine, &fits)?;
+    let criteria = Criteria::of(context.compared, &fits);
     let selected = criteria.smallest_that_is_not_worse(&fits);
-    let rows = fits.iter().enumerate().map(|(k, fit)| criteria.row(context.fine, fit, k, k == selected)).collect();
-    Ok((fits.swap_remove(selected).found, rows))
+    let rows = fits.iter().enumerate().map(|(k, fit)| criteria.row(fit, k, k == selected)).collect();
+    progress("the chosen structure on all samples");
+    Ok((context.finished(fits.swap_remove(selected).found), rows))
 }
 
 /// A fitted structure.
@@ -93,18 +98,29 @@ pub(super) struct StructureFit {
     topology: Topology,
     branches: usize,
     pub(super) found: Found,
-    left_out_nrmse_pct: Option<f64>,
+    pub(super) left_out_nrmse_pct: Option<f64>,
+    /// Mean of the recordings' R², and of their NRMSE (%).
+    r2_mean: f64,
+    nrmse_pct: f64,
+    whiteness: Whiteness,
 }
 
 impl StructureFit {
-    /// The fit that found `found`, with its error on recordings that are left out.
-    pub(super) fn of(context: &Context<'_>, left_out: Option<&LeftOut>, found: Found) -> Self {
-        Self {
-            topology: found.candidate.topology,
-            branches: found.candidate.branches(),
-            left_out_nrmse_pct: left_out.and_then(|left_out| left_out.error(context, &found)),
+    /// The fit of a structure that was `found`; none if it has no response.
+    pub(super) fn new(objective: &Objective, topology: Topology, branches: usize, found: Found) -> Option<Self> {
+        let evaluation = objective.evaluate(&found.candidate)?;
+        let pairs = objective.measured().zip(&evaluation.modelled);
+        let agreements: Vec<Agreement> = pairs.map(|(measured, modelled)| Agreement::of(measured, modelled)).collect();
+        let mean = |of: fn(&Agreement) -> f64| agreements.iter().map(of).sum::<f64>() / agreements.len() as f64;
+        Some(Self {
+            topology,
+            branches,
+            r2_mean: mean(|a| a.r2),
+            nrmse_pct: mean(|a| a.nrmse_pct),
+            whiteness: Whiteness::of(objective, &objective.residuals(&evaluation)),
             found,
-        }
+            left_out_nrmse_pct: None,
+        })
     }
 
     /// Whether its drive saturates.
@@ -115,6 +131,15 @@ impl StructureFit {
     fn variables(&self) -> usize {
         self.found.variables.len()
     }
+
+    fn cost(&self) -> f64 {
+        self.found.minimum.cost
+    }
+
+    /// Whether the error is not worth more branches than this structure has to reach that of `best`.
+    fn is_as_good_as(&self, best: &Self) -> bool {
+        self.cost() <= MARGIN * MARGIN * best.cost() || best.r2_mean - self.r2_mean <= LEAST_GAIN
+    }
 }
 
 /// Fits of all structures, larger ones also from smaller ones; fewer if the search is interrupted.
@@ -124,25 +149,42 @@ fn fit_structures(
     settings: &Settings,
     progress: &dyn Fn(&str),
 ) -> Result<Vec<StructureFit>> {
-    let left_out = LeftOut::new(observations)?;
+    let left_out = if is_long(context.fine) {
+        LeftOut::new(&observations.iter().map(observation::thinned).collect::<Vec<_>>())?
+    } else {
+        LeftOut::new(observations)?
+    };
     let mut fits: Vec<StructureFit> = Vec::new();
     'structures: for &topology in &settings.topologies {
-        let mut smaller: Option<Candidate> = None;
+        let mut smaller: Option<usize> = None;
         for &n in &settings.branches {
             // Below two branches the topologies are the same model.
             if n < 2 && topology != settings.topologies[0] {
-                smaller = fits.iter().find(|fit| fit.branches == n).map(|fit| fit.found.candidate.clone());
+                smaller = fits.iter().position(|fit| fit.branches == n);
                 continue;
             }
             if context.stop.load(Ordering::Relaxed) && !fits.is_empty() {
                 break 'structures;
             }
             progress(&format!("{} with n = {n}", topology_name(topology)));
-            let starts: Vec<Candidate> = smaller.iter().flat_map(|c| grown(c, topology, context)).collect();
-            if let Some(found) = context.best(topology, n, &starts) {
-                let left_out_nrmse_pct = left_out.as_ref().and_then(|left_out| left_out.error(context, &found));
-                smaller = Some(found.candidate.clone());
-                fits.push(StructureFit { topology, branches: n, found, left_out_nrmse_pct });
+            let before = smaller.map(|k| &fits[k]);
+            let starts = before.map_or_else(Vec::new, |fit| grown(&fit.found.candidate, topology, context));
+            let found = context.explored(topology, n, &starts);
+            let Some(mut fit) = found.and_then(|found| StructureFit::new(context.compared, topology, n, found)) else {
+                continue;
+            };
+            fit.left_out_nrmse_pct = left_out.as_ref().and_then(|left_out| left_out.error(context, &fit.found));
+            let worth_it = before.is_none_or(|before| !before.is_as_good_as(&fit));
+            // The other topology with as many branches.
+            let other = fits.iter().find(|other| other.branches == n && other.topology != topology);
+            let worth_it = worth_it && other.is_none_or(|other| fit.is_as_good_as(other));
+            let white = fit.whiteness.white;
+            smaller = Some(fits.len());
+            fits.push(fit);
+            match left_out {
+                None if white => break 'structures,
+                None if !worth_it => break,
+                _ => {}
             }
         }
     }
@@ -162,17 +204,13 @@ pub(super) struct Criteria {
 
 impl Criteria {
     /// The criteria of `fits`, with the number of independent samples from the residuals of the best of them.
-    pub(super) fn of(objective: &Objective, fits: &[StructureFit]) -> Result<Self> {
-        let cost = |fit: &&StructureFit| fit.found.minimum.cost;
-        let best = fits.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)));
-        let evaluation = best
-            .and_then(|best| objective.evaluate(&best.found.candidate))
-            .ok_or_else(|| Error::Computation("the best fit has no response".into()))?;
-        let samples = Whiteness::of(objective, &objective.residuals(&evaluation)).effective_samples;
+    pub(super) fn of(objective: &Objective, fits: &[StructureFit]) -> Self {
+        let best = fits.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
+        let samples = best.map_or(1.0, |best| best.whiteness.effective_samples);
         let aic_bic: Vec<(f64, f64)> = fits
             .iter()
             .map(|fit| {
-                let variance = (2.0 * cost(&fit) / objective.samples() as f64).max(f64::MIN_POSITIVE);
+                let variance = (2.0 * fit.cost() / objective.samples() as f64).max(f64::MIN_POSITIVE);
                 let misfit = samples * variance.ln();
                 let k = fit.variables() as f64;
                 (misfit + 2.0 * k, misfit + k * samples.ln())
@@ -180,16 +218,18 @@ impl Criteria {
             .collect();
         let least = |of: fn(&(f64, f64)) -> f64| aic_bic.iter().map(of).fold(f64::INFINITY, f64::min);
         let (least_aic, least_bic) = (least(|c| c.0), least(|c| c.1));
-        Ok(Self { aic_bic, least_aic, least_bic })
+        Self { aic_bic, least_aic, least_bic }
     }
 
     /// The structure with the fewest variables of those that are not worse than the best.
     pub(super) fn smallest_that_is_not_worse(&self, fits: &[StructureFit]) -> usize {
         let cross_validated = fits.iter().any(|fit| fit.left_out_nrmse_pct.is_some());
         let least_left_out = fits.iter().filter_map(|fit| fit.left_out_nrmse_pct).fold(f64::INFINITY, f64::min);
+        let fits_no_noise = |fit: &(usize, &StructureFit)| self.aic_bic[fit.0].1 <= self.least_bic + MARGIN_BIC;
+        let best = fits.iter().enumerate().filter(fits_no_noise).min_by(|a, b| a.1.cost().total_cmp(&b.1.cost()));
         let not_worse = |k: usize| match fits[k].left_out_nrmse_pct {
             Some(error) => error <= MARGIN * least_left_out,
-            None => !cross_validated && self.aic_bic[k].1 <= self.least_bic + MARGIN_BIC,
+            None => !cross_validated && best.is_some_and(|(_, best)| fits[k].is_as_good_as(best)),
         };
         (0..fits.len())
             .filter(|&k| not_worse(k))
@@ -201,17 +241,15 @@ impl Criteria {
     }
 
     /// The row of `fit`, which is number `k`.
-    pub(super) fn row(&self, objective: &Objective, fit: &StructureFit, k: usize, chosen: bool) -> StructureRow {
-        let agreements = agreements(objective, &fit.found.candidate);
-        let n = agreements.len() as f64;
+    pub(super) fn row(&self, fit: &StructureFit, k: usize, chosen: bool) -> StructureRow {
         StructureRow {
             topology: fit.topology,
             branches: fit.branches,
             curve: fit.found.candidate.bend.name(),
             saturates: fit.saturates(),
             variables: fit.variables(),
-            r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
-            nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
+            r2_mean: fit.r2_mean,
+            nrmse_pct: fit.nrmse_pct,
             delta_aic: self.aic_bic[k].0 - self.least_aic,
             delta_bic: self.aic_bic[k].1 - self.least_bic,
             left_out_nrmse_pct: fit.left_out_nrmse_pct,

@@ -37,6 +37,8 @@ pub struct Settings {
     pub topologies: Vec<Topology>,
     /// Eq. 1 and the weight at the start.
     pub actuator: Actuator,
+    /// Whether the actuator's sizes are assumed, not the film's own.
+    pub assumed_sizes: bool,
     /// Quantities of the actuator and the sensor that are fitted besides the elements.
     pub freed: Vec<Variable>,
     /// Variables of the elements that keep their value from `start`.
@@ -63,6 +65,7 @@ impl Default for Settings {
             branches: (0..=MAX_BRANCHES).collect(),
             topologies: vec![Topology::Parallel, Topology::Eq11],
             actuator: Actuator::KARNER_2022,
+            assumed_sizes: false,
             freed: vec![Variable::StretchCoupling, Variable::Offset],
             held: Vec::new(),
             start: None,

@@ -4,7 +4,8 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use springpot::{Compressed, Curve, Law, Load, Maxwell, Options, Springpot};
 
-use crate::replay::coupling::{PullIn, coupled_displacement};
+use super::nodes::Nodes;
+use crate::replay::coupling::PullIn;
 use crate::replay::full_memory::FullMemory;
 use crate::replay::nonlinear::{BentFilm, bent_displacement};
 
@@ -14,9 +15,11 @@ pub(super) type Recursion = Compressed<f64, 8, 16, 0>;
 /// Values at the points of a circle.
 pub(super) type Spectrum = Vec<Complex<f64>>;
 
-/// Tolerance of coupled motion in a fit. Each pass gains about a digit, so that its error is below 1e-9 of the displacement:
-/// far below the residuals of any recording.
+/// Largest error of coupled motion in a fit, relative to the displacement: far below the residuals of any recording.
 const TOLERANCE: f64 = 1e-8;
+
+/// Corrections of coupled motion before it is given up.
+const MOST_CORRECTIONS: usize = 12;
 
 /// Points that one task computes.
 const CHUNK: usize = 1024;
@@ -27,21 +30,21 @@ pub(super) struct Transfer {
     pub(super) compliance: Spectrum,
     /// m s² + K, N/m.
     pub(super) stiffness: Spectrum,
-    /// ∂K/∂ ln c of every element, N/m.
-    pub(super) sensitivities: Vec<Spectrum>,
-    /// m s², N/m.
+    /// ∂K/∂ ln c of every element at the nodes, N/m.
+    sensitivities: Vec<Spectrum>,
+    /// m s² and K, N/m: kept behind an elastic curve.
     pub(super) inertia: Spectrum,
-    /// K, N/m: kept behind an elastic curve.
     pub(super) kernel: Spectrum,
     /// Approximates coupled motion, and motion behind the curve; none where neither is.
     pub(super) law: Option<Law<f64, Recursion>>,
 }
 
 impl Transfer {
-    /// The transfer of `model` on `circle`, whose steps are `step_s`; none where it overflows or the law is refused.
+    /// The transfer of `model` on `circle` with these `nodes`, whose steps are `step_s`; none where it overflows or the law is
+    /// refused.
     pub(super) fn new(
         model: &Maxwell,
-        circle: &FullMemory,
+        (circle, nodes): (&FullMemory, &Nodes),
         step_s: f64,
         coupled: bool,
         curve: Option<&Curve>,
@@ -51,8 +54,8 @@ impl Transfer {
             (Some(law), Some(curve)) => Some(law.behind(curve).ok()?),
             (law, _) => law,
         };
-        let pieces: Vec<Piece> = circle.ln_s().par_chunks(CHUNK).map(|ln_s| Piece::new(model, ln_s)).collect();
-        let points = circle.ln_s().len();
+        let pieces: Vec<Piece> = nodes.ln_s().par_chunks(CHUNK).map(|ln_s| Piece::new(model, ln_s)).collect();
+        let points = nodes.ln_s().len();
         let mut stiffness = Vec::with_capacity(points);
         let elements = model.chains().map(|chain| chain.elements.len()).sum();
         let mut sensitivities: Vec<Spectrum> = (0..elements).map(|_| Vec::with_capacity(points)).collect();
@@ -62,6 +65,7 @@ impl Transfer {
                 whole.extend(part);
             }
         }
+        let stiffness = nodes.spread(stiffness);
         let compliance: Spectrum = stiffness.iter().map(Complex::inv).collect();
         let finite = compliance.iter().all(|h| h.re.is_finite() && h.im.is_finite());
         let (mut inertia, mut kernel) = (Spectrum::new(), Spectrum::new());
@@ -72,7 +76,15 @@ impl Transfer {
         finite.then_some(Self { compliance, stiffness, inertia, kernel, sensitivities, law })
     }
 
+    /// ∂K/∂ ln c of `element` on the circle, N/m.
+    pub(super) fn sensitivity(&self, element: usize, nodes: &Nodes) -> Spectrum {
+        nodes.spread(self.sensitivities[element].clone())
+    }
+
     /// The displacement under `loads`, with full memory where there is coupling.
+    ///
+    /// The recursion solves `K x = F + S x` for the displacement x, up to the error of its tail. What it leaves of the force,
+    /// `F + S x − K x` with full memory, is solved by the recursion again: every correction multiplies the error by the tail's.
     pub(super) fn coupled(
         &self,
         circle: &FullMemory,
@@ -81,10 +93,37 @@ impl Transfer {
     ) -> Result<Vec<f64>, PullIn> {
         // From this slope on a single step of the law has no equilibrium.
         let steepest = loads.iter().map(|load| load.slope).fold(0.0, f64::max);
-        if steepest >= 0.99 * law.least_stiffness() {
+        if steepest >= 0.99 * law.stiffness() {
             return Err(PullIn);
         }
-        coupled_displacement(circle, &self.stiffness, loads, recursion(law, loads), TOLERANCE)
+        let mut displacement = recursion(law, loads);
+        let mut before = 1.0;
+        for _ in 0..MOST_CORRECTIONS {
+            let spectrum =
+                circle.spectrum(&displacement).into_iter().zip(&self.stiffness).map(|(x, k)| x * k).collect();
+            let resisted = circle.series(spectrum, displacement.len());
+            let left: Vec<Load<f64>> = loads
+                .iter()
+                .zip(&displacement)
+                .zip(resisted)
+                .map(|((load, x), force)| Load { force: load.force + load.slope * x - force, slope: load.slope })
+                .collect();
+            let (mut change, mut size) = (0.0, 0.0);
+            for (x, correction) in displacement.iter_mut().zip(recursion(law, &left)) {
+                *x += correction;
+                change += correction * correction;
+                size += *x * *x;
+            }
+            let share = (change / size).sqrt();
+            if size == 0.0 || share * (share / before) <= TOLERANCE {
+                return Ok(displacement);
+            }
+            if share.is_nan() || share >= before {
+                return Err(PullIn);
+            }
+            before = share;
+        }
+        Err(PullIn)
     }
 
     /// The displacement under `loads` behind `curve`, with full memory, and what drives `law` along it.
@@ -155,7 +194,7 @@ fn power(ln_s: &[Complex<f64>], element: &Springpot, sign: f64) -> Spectrum {
 /// The law that approximates coupled motion over so many `samples`.
 fn recursion_of(model: &Maxwell, samples: usize, step_s: f64) -> Option<Law<f64, Recursion>> {
     let horizon_s = (samples as f64 * step_s).max(100.0 * step_s);
-    // Any tolerance: the passes through the compliance remove the tail's error.
+    // Any tolerance: corrections remove the tail's error.
     let options = Options::at_step(step_s).with_horizon(horizon_s).with_tolerance(f64::MAX);
     Law::compressed(model, options).ok()
 }

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::candidate::Variable;
+use super::candidate::{Candidate, Variable};
 use super::levenberg_marquardt::StoppingCriteria;
 use super::search::{Context, Found};
 use super::whiteness::Whiteness;
@@ -159,6 +159,7 @@ fn profiles(context: &Context<'_>, found: &Found, deviations: &[f64], freedom: f
     let stopping = StoppingCriteria { iterations: 12, decrease: 1e-7 };
     let Some(base) = context.descend(context.coarse, &found.candidate, stopping) else { return none() };
     let threshold = base.minimum.cost * (1.0 + CHI_SQUARE / freedom);
+    let followers = Followers::of(&base);
     (0..found.variables.len())
         .into_par_iter()
         .map(|i| {
@@ -166,8 +167,9 @@ fn profiles(context: &Context<'_>, found: &Found, deviations: &[f64], freedom: f
             let variable = found.variables[i];
             let (low, high) = variable.bounds();
             let value = variable.get(&found.candidate);
+            let profile = Profile { context, base: &base, followers: &followers, index: i, threshold };
             let end = |sign: f64| {
-                let distance = profile_end(context, &base, i, sign, deviations[i], threshold)?;
+                let distance = profile.end(sign, deviations[i])?;
                 Some((value + sign * distance).clamp(low, high))
             };
             (end(-1.0), end(1.0))
@@ -175,59 +177,116 @@ fn profiles(context: &Context<'_>, found: &Found, deviations: &[f64], freedom: f
         .collect()
 }
 
-/// The distance from the minimum, in the direction of `sign`, at which the profile crosses the threshold, if it does before
-/// the bound.
-fn profile_end(
-    context: &Context<'_>,
-    base: &Found,
-    index: usize,
-    sign: f64,
-    deviation: f64,
-    threshold: f64,
-) -> Option<f64> {
-    let variable = base.variables[index];
-    let value = variable.get(&base.candidate);
-    let (low, high) = variable.bounds();
-    let bound = if sign > 0.0 { high } else { low };
-    let room = (bound - value).abs();
-    if room < 1e-9 {
-        return None;
+/// How all variables follow one of them along its profile, to first order.
+struct Followers {
+    /// Variables that are not on a bound.
+    inside: Vec<usize>,
+    /// Inverse of their Jᵀ J; none where the data do not determine them.
+    inverse: Option<DMatrix<f64>>,
+}
+
+impl Followers {
+    fn of(base: &Found) -> Self {
+        let inside: Vec<usize> = (0..base.variables.len()).filter(|&i| !is_at_bound(base.variables[i], base)).collect();
+        let (normal, lengths) = scaled(&base.minimum.normal, &inside);
+        let inverse = normal.cholesky().map(|c| {
+            let inverse = c.inverse();
+            DMatrix::from_fn(inside.len(), inside.len(), |i, j| inverse[(i, j)] / (lengths[i] * lengths[j]))
+        });
+        Self { inside, inverse }
     }
-    let others: Vec<Variable> = base.variables.iter().copied().filter(|&v| v != variable).collect();
-    let stopping = StoppingCriteria { iterations: 6, decrease: 1e-4 };
-    let mut nearest = base.candidate.clone();
-    let mut cost_at = |distance: f64| -> f64 {
-        let mut start = nearest.clone();
-        variable.set(&mut start, value + sign * distance);
-        match context.descend_over(context.coarse, &start, others.clone(), stopping) {
-            Some(found) => {
-                if found.minimum.cost < threshold {
-                    nearest = found.candidate;
-                }
-                found.minimum.cost
+
+    /// Moves variable `index` of `candidate` by `change`, and the others with it.
+    fn moved(&self, base: &Found, index: usize, change: f64) -> Candidate {
+        let mut candidate = base.candidate.clone();
+        let place = self.inside.iter().position(|&i| i == index);
+        if let (Some(place), Some(inverse)) = (place, &self.inverse) {
+            for (row, &other) in self.inside.iter().enumerate() {
+                let variable = base.variables[other];
+                let (low, high) = variable.bounds();
+                let follows = change * inverse[(row, place)] / inverse[(place, place)];
+                variable.set(&mut candidate, (variable.get(&base.candidate) + follows).clamp(low, high));
             }
-            None => f64::INFINITY,
         }
-    };
-    // Outwards until the threshold is exceeded, then bisection.
-    let mut inner = 0.0;
-    let mut outer = (NORMAL * deviation).min(1.0).min(room);
-    let mut steps = 0;
-    while cost_at(outer) < threshold {
-        if outer >= room || steps == 8 {
+        let variable = base.variables[index];
+        variable.set(&mut candidate, variable.get(&base.candidate) + change);
+        candidate
+    }
+}
+
+/// The profile of one variable: the cost, minimised over all others.
+struct Profile<'a> {
+    context: &'a Context<'a>,
+    base: &'a Found,
+    followers: &'a Followers,
+    index: usize,
+    /// Cost at the ends of the interval.
+    threshold: f64,
+}
+
+impl Profile<'_> {
+    /// The distance from the minimum, in the direction of `sign`, at which the profile crosses the threshold, if it does before
+    /// the bound. `deviation` is a first estimate of the standard deviation.
+    fn end(&self, sign: f64, deviation: f64) -> Option<f64> {
+        /// Share of the rise to the threshold within which an end is found: 3 % of the distance.
+        const CLOSE: f64 = 0.06;
+        let variable = self.base.variables[self.index];
+        let (low, high) = variable.bounds();
+        let value = variable.get(&self.base.candidate);
+        let room = if sign > 0.0 { high - value } else { value - low };
+        if room < 1e-9 {
             return None;
         }
-        inner = outer;
-        outer = (2.5 * outer).min(room);
-        steps += 1;
-    }
-    for _ in 0..4 {
-        let middle = 0.5 * (inner + outer);
-        if cost_at(middle) < threshold {
-            inner = middle;
-        } else {
-            outer = middle;
+        let others: Vec<Variable> = self.base.variables.iter().copied().filter(|&v| v != variable).collect();
+        let mut nearest: Option<Candidate> = None;
+        // The rise of the cost, in units of that to the threshold.
+        let mut rise_at = |distance: f64| -> f64 {
+            let from = |start: &Candidate| {
+                // Where the others follow to first order, one step is enough.
+                let iterations = if self.followers.inverse.is_some() { 1 } else { 6 };
+                let stopping = StoppingCriteria { iterations, decrease: 1e-4 };
+                self.context.descend_over(self.context.coarse, start, others.clone(), stopping)
+            };
+            // From where the others follow to first order; where they have no response there, from the nearest minimum.
+            let start = self.followers.moved(self.base, self.index, sign * distance);
+            let found = from(&start).or_else(|| {
+                let mut start = nearest.clone().unwrap_or_else(|| self.base.candidate.clone());
+                variable.set(&mut start, value + sign * distance);
+                from(&start)
+            });
+            let Some(found) = found else { return f64::INFINITY };
+            let rise = (found.minimum.cost - self.base.minimum.cost) / (self.threshold - self.base.minimum.cost);
+            if rise < 1.0 {
+                nearest = Some(found.candidate);
+            }
+            rise
+        };
+        // The root of the rise is near a straight line through the minimum: a secant between an inner and an outer end.
+        let (mut inner, mut outer) = ((0.0, 0.0), None);
+        let mut distance = (NORMAL * deviation).min(1.0).min(room);
+        for _ in 0..10 {
+            let rise = rise_at(distance);
+            if (rise - 1.0).abs() <= CLOSE {
+                return Some(distance);
+            }
+            let root = rise.max(0.0).sqrt();
+            if rise > 1.0 {
+                outer = Some((distance, root));
+            } else if distance >= room {
+                return None;
+            } else {
+                inner = (distance, root);
+            }
+            distance = match outer {
+                // Away from both ends, so that the bracket shrinks in any case.
+                Some((far, root)) if root.is_finite() => {
+                    let share = (1.0 - inner.1) / (root - inner.1);
+                    inner.0 + share.clamp(0.1, 0.9) * (far - inner.0)
+                }
+                Some((far, _)) => 0.5 * (inner.0 + far),
+                None => (inner.0 * (1.0 / inner.1.max(1e-3)).clamp(1.2, 4.0)).min(room),
+            };
         }
+        outer.map(|_| distance)
     }
-    Some(0.5 * (inner + outer))
 }

@@ -1,13 +1,31 @@
 //! Warnings to the user of a fit.
 
-use springpot::Actuator;
+use std::f64::consts::FRAC_PI_2;
+
+use num_complex::Complex;
+use springpot::{Actuator, Springpot, Topology};
 
 use super::bend::Bend;
 use super::candidate::Candidate;
 use super::loss::{self, Loss};
 use super::observation::{Excitation, Observation, median};
+use super::settings::Settings;
 use super::uncertainty::Uncertainty;
 use crate::files::recording::Input;
+
+/// Sizes that are not the film's own: only a voltage needs them.
+pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<String>) {
+    if settings.assumed_sizes && excitation.voltage_driven {
+        let Actuator { length_m, width_m, thickness_m, .. } = settings.actuator;
+        warnings.push(format!(
+            "THE FILM'S SIZES ARE ASSUMED ({:.0} mm x {:.0} mm x {:.0} um, the paper's): displacements are right all the same, forces \
+             and c are only in proportion, and no field limit can be checked. Give the film's own sizes with --actuator",
+            1e3 * length_m,
+            1e3 * width_m,
+            1e6 * thickness_m
+        ));
+    }
+}
 
 /// Inputs that do not vary.
 pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<String>) {
@@ -63,32 +81,131 @@ pub fn of_convergence(converged: bool, warnings: &mut Vec<String>) {
     }
 }
 
-/// What the data do not determine; `residuals` in the unit of the measurement.
-pub fn of_uncertainty(uncertainty: &Uncertainty, residuals: &[f64], warnings: &mut Vec<String>) {
+/// What the data do not determine about `candidate`.
+pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings: &mut Vec<String>) {
     for set in &uncertainty.undetermined {
-        warnings.push(format!("the recordings leave {set} free: other values fit as well"));
+        let branches = described_branches(candidate, &|branch| set.contains(&format!("branches[{branch}]")));
+        warnings.push(format!("the recordings leave {set} free: other values fit as well{branches}"));
     }
-    let at_bound: Vec<String> = uncertainty
+    let at_bound = |branch: usize, quantity: &str| {
+        let of_branch = format!("branches[{branch}]");
+        let here = |name: &str| name.starts_with(&of_branch) && name.ends_with(quantity);
+        uncertainty.estimates.iter().any(|estimate| estimate.at_bound && here(&estimate.name))
+    };
+    let idle = described_branches(candidate, &|branch| at_bound(branch, ".c"));
+    if !idle.is_empty() {
+        warnings.push(format!("a branch whose c is on its bound has no effect: fewer branches will do{idle}"));
+    }
+    if uncertainty.estimates.iter().any(|estimate| estimate.at_bound && estimate.name == "main.c") {
+        warnings.push("main.c is on its bound: the springpot beside the branches has no effect".into());
+    }
+    let others: Vec<String> = uncertainty
         .estimates
         .iter()
-        .filter(|estimate| estimate.at_bound)
-        .map(|estimate| format!("{} = {}", estimate.name, estimate.value))
+        .filter(|e| e.at_bound && !e.name.ends_with(".c") && !e.name.ends_with(".alpha"))
+        .map(|e| format!("{} = {}", e.name, e.value))
         .collect();
-    if !at_bound.is_empty() {
-        let idle = at_bound.iter().any(|name| name.contains(".c = "));
-        let mend = if idle { "; a branch whose c is on its bound has no effect: fewer branches will do" } else { "" };
-        warnings.push(format!("on their bounds: {}{mend}", at_bound.join(", ")));
+    if !others.is_empty() {
+        warnings.push(format!("on their bounds: {}", others.join(", ")));
     }
-    if !uncertainty.white {
-        let rms = (residuals.iter().map(|r| r * r).sum::<f64>() / residuals.len() as f64).sqrt();
-        warnings.push(format!(
-            "the residuals (RMS {rms:.2e}) are not white (autocorrelation {:.2} at lag one): the model is incomplete, and the \
-             intervals count {:.0} independent samples instead of {}",
-            uncertainty.lag_one,
-            uncertainty.effective_samples,
-            residuals.len()
-        ));
+}
+
+/// The branches of `candidate` that `concerns` names, each with its relaxation time and its share of the stiffness, in brackets;
+/// empty if there are none.
+fn described_branches(candidate: &Candidate, concerns: &dyn Fn(usize) -> bool) -> String {
+    let described: Vec<String> = (0..candidate.branches())
+        .filter(|&branch| concerns(branch))
+        .map(|branch| described(candidate, branch))
+        .collect();
+    if described.is_empty() { String::new() } else { format!(" ({})", described.join("; ")) }
+}
+
+fn described(candidate: &Candidate, branch: usize) -> String {
+    let [first, second] = [1, 2].map(|k| candidate.elements[2 * branch + k]);
+    let name = format!("branch {}", branch + 1);
+    // Both springpots are as stiff at s = 1/τ: c_1 τ^-a = c_2 τ^-b.
+    let time_s = (second.c / first.c).powf(1.0 / (second.alpha - first.alpha));
+    if !(time_s.is_finite() && time_s > 0.0) {
+        return format!("{name}: no relaxation time, its springpots have the same order");
     }
+    let share = candidate.model().ok().map(|model| {
+        let ln_s = Complex::new(-time_s.ln(), FRAC_PI_2);
+        let stiffness = model.modulus_of_ln(ln_s);
+        let of = |e: &Springpot| (ln_s * e.alpha).exp() * e.c;
+        let compliance = |branch: usize| {
+            let pair = &candidate.elements[2 * branch + 1..][..2];
+            pair.iter().map(|e| of(e).inv()).sum::<Complex<f64>>()
+        };
+        match candidate.topology {
+            Topology::Parallel => (compliance(branch).inv() / stiffness).norm(),
+            // Their share of the chain's compliance.
+            Topology::Eq11 => {
+                (compliance(branch) / (0..candidate.branches()).map(compliance).sum::<Complex<f64>>()).norm()
+            }
+        }
+    });
+    let of = match candidate.topology {
+        Topology::Parallel => "stiffness",
+        Topology::Eq11 => "compliance of all branches",
+    };
+    let share = share.map_or_else(String::new, |share| format!(", {:.2} % of the {of} there", 100.0 * share));
+    format!("{name}: relaxation time {time_s:.3e} s{share}")
+}
+
+/// What a model leaves of a measurement, in % of its stroke: of the range between the 2nd and the 98th percentile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Misfit {
+    /// RMS of all residuals, %.
+    pub rms_pct: f64,
+    /// RMS of the part that is no noise, %: what is left of the residuals at a distance of one sample.
+    pub systematic_pct: f64,
+}
+
+impl Misfit {
+    /// The misfit of `observations` with these residuals, one series each, whose autocorrelation at lag one is `lag_one`.
+    pub fn of(observations: &[Observation], residuals: &[Vec<f64>], lag_one: f64) -> Self {
+        let squares = observations.iter().zip(residuals).flat_map(|(observation, residuals)| {
+            let stroke = loss::percentile_range(observation.measured.value.iter().copied()).max(f64::MIN_POSITIVE);
+            residuals.iter().map(move |r| (r / stroke).powi(2))
+        });
+        let count = residuals.iter().map(Vec::len).sum::<usize>().max(1);
+        let rms_pct = 100.0 * (squares.sum::<f64>() / count as f64).sqrt();
+        Self { rms_pct, systematic_pct: rms_pct * lag_one.clamp(0.0, 1.0).sqrt() }
+    }
+}
+
+/// Residuals that are not white: how large what the model does not follow is, and what follows from it. `left_out_pct` is the
+/// NRMSE on recordings that were left out, where there is one.
+pub fn of_whiteness(
+    uncertainty: &Uncertainty,
+    misfit: Misfit,
+    drive: &Input,
+    left_out_pct: Option<f64>,
+    samples: usize,
+    warnings: &mut Vec<String>,
+) {
+    if uncertainty.white {
+        return;
+    }
+    let severity = match misfit.systematic_pct {
+        small if small < 0.1 => "negligible",
+        small if small < 0.5 => "small",
+        medium if medium < 2.0 => "notable",
+        _ => "large",
+    };
+    let expected = left_out_pct.unwrap_or(misfit.systematic_pct).max(misfit.systematic_pct);
+    let (range, follows) = match drive {
+        Input::Voltage(_) => ("stroke", "feedforward"),
+        Input::Force(_) => ("stroke", "a predicted stroke"),
+        Input::Displacement(_) => ("range of the force", "a predicted force"),
+    };
+    let from = if left_out_pct.is_some() { ", from recordings that were left out" } else { " on paths like these" };
+    warnings.push(format!(
+        "{severity}: the residuals are not white (autocorrelation {:.2} at lag one). They are {:.3} % of the {range} RMS, and about \
+         {:.3} % is not noise but what the model does not follow: expect {follows} to be off by {expected:.2} % RMS{from}. \
+         Intervals count {:.0} independent samples instead of {samples}",
+        uncertainty.lag_one, misfit.rms_pct, misfit.systematic_pct, uncertainty.effective_samples
+    ));
 }
 
 /// Outliers.
@@ -100,7 +217,9 @@ pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<String>) {
     let outliers = centred.iter().filter(|r| r.abs() > limit).count();
     if outliers > 0 && limit > 0.0 {
         let mend = if loss == Loss::Square { "; --loss huber reduces their effect" } else { "" };
-        warnings.push(format!("{outliers} outliers (more than 6 standard deviations){mend}"));
+        let share = 100.0 * outliers as f64 / residuals.len() as f64;
+        warnings
+            .push(format!("{outliers} outliers ({share:.2} % of the values, more than 6 standard deviations){mend}"));
     }
 }
 
@@ -127,7 +246,8 @@ pub fn of_units(
                 ));
             }
         }
-        if !matches!(observation.input, Input::Displacement(_)) {
+        // Only a voltage needs the film's size.
+        if matches!(observation.input, Input::Voltage(_)) {
             let stroke = loss::percentile_range(observation.measured.value.iter().copied());
             let size = actuator.length_m.max(actuator.width_m);
             if stroke > 2.0 * size {
@@ -136,8 +256,11 @@ pub fn of_units(
         }
     }
     if r2_mean < 0.5 && loss == Loss::Square {
-        warnings.push(format!(
-            "the model explains little (R² {r2_mean:.3}): check the units, and that displacement grows with voltage"
-        ));
+        let grows = match observations.first().map(|observation| &observation.input) {
+            Some(Input::Force(_)) => "displacement grows with force",
+            Some(Input::Displacement(_)) => "force grows with displacement",
+            _ => "displacement grows with voltage",
+        };
+        warnings.push(format!("the model explains little (R² {r2_mean:.3}): check the units, and that {grows}"));
     }
 }

@@ -14,6 +14,8 @@ use crate::replay::memory::compressed_law;
 pub struct Feasibility {
     /// Whether it needs no voltage below 0 or above the largest.
     pub feasible: bool,
+    /// Whether the field was checked: not where the film's sizes are assumed.
+    pub field_checked: bool,
     /// Share of the time that needs a force below what 0 V gives, %.
     pub below_zero_pct: f64,
     /// Share of the time that needs more than the largest voltage or field, %.
@@ -48,7 +50,9 @@ const RISE_S: f64 = 2.0;
 ///
 /// [`Error`](crate::Error) where a law is refused.
 pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &CommandLimits) -> Result<Feasibility> {
-    let demand = Demand::new(parameters, reference, grid, limits)?;
+    let field_checked = !parameters.assumed_sizes;
+    let unlimited = CommandLimits { max_field_v_per_m: f64::MAX, ..*limits };
+    let demand = Demand::new(parameters, reference, grid, if field_checked { limits } else { &unlimited })?;
     let below: Vec<bool> = demand.force.iter().map(|f| *f < -demand.slack).collect();
     let above: Vec<bool> = (0..reference.len()).map(|k| demand.exceeds(k, 0.0, demand.force[k])).collect();
     let share = |flags: &[bool]| 100.0 * flags.iter().filter(|flag| **flag).count() as f64 / flags.len() as f64;
@@ -69,6 +73,7 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
     let square = (0..reference.len()).map(|k| demand.squared_voltage(k, 0.0, demand.force[k])).fold(0.0, f64::max);
     Ok(Feasibility {
         feasible: first.is_none(),
+        field_checked,
         below_zero_pct: share(&below),
         above_largest_pct: share(&above),
         beyond_curve_pct: share(&beyond),

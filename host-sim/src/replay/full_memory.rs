@@ -14,6 +14,12 @@ use springpot::{Maxwell, Method};
 /// The circle depends only on the number of samples and the step, so one serves any number of models.
 pub struct FullMemory {
     samples: usize,
+    /// Seconds per sample.
+    step: f64,
+    method: Method,
+    ln_radius: f64,
+    /// Points of the whole circle.
+    points: usize,
     /// ln s at the points of the upper half circle: ln((1 − ζ)/h), or with δ(ζ) of another method instead of 1 − ζ.
     ln_s: Vec<Complex<f64>>,
     /// Largest error that wrapping and rounding leave, relative to the largest response.
@@ -30,38 +36,33 @@ impl FullMemory {
     /// What wraps around the end of the transform is damped by the radius, which in turn amplifies rounding; with four
     /// times as many points as samples both stay near 1e-12 of the largest response.
     pub fn new(samples: usize, step: f64) -> Self {
-        Self::with_oversampling(samples, step, 4, Method::Gl)
+        Self::with_oversampling(samples, step, 4)
     }
 
     /// The same for another discretisation of s.
     pub fn with_method(samples: usize, step: f64, method: Method) -> Self {
-        Self::with_oversampling(samples, step, 4, method)
+        Self::of(samples, step, 4, method)
     }
 
     /// The same with `oversampling` times as many points as samples, at least 2.
-    pub fn with_oversampling(samples: usize, step: f64, oversampling: usize, method: Method) -> Self {
+    pub fn with_oversampling(samples: usize, step: f64, oversampling: usize) -> Self {
+        Self::of(samples, step, oversampling, Method::Gl)
+    }
+
+    fn of(samples: usize, step: f64, oversampling: usize, method: Method) -> Self {
         let oversampling = oversampling.max(2);
         let points = smooth_length(samples.max(1) * oversampling);
         let ratio = points as f64 / samples.max(1) as f64;
         // Wrapped parts shrink by radius^points, rounding grows by radius^−samples: both equal.
         let ln_radius = f64::EPSILON.ln() * ratio / (ratio + 1.0) / points as f64;
-        let ln_s = (0..=points / 2)
-            .map(|k| {
-                let angle = -std::f64::consts::TAU * k as f64 / points as f64;
-                // 1 − ζ without cancellation near ζ = 1.
-                let (sin, cos) = angle.sin_cos();
-                let grown = ln_radius.exp_m1();
-                let half = (0.5 * angle).sin();
-                let difference = Complex::new(-(grown * cos - 2.0 * half * half), -(grown + 1.0) * sin);
-                // δ(ζ): with backward differences of second order (1 − ζ)(3 − ζ)/2.
-                let delta = if method == Method::Gl { difference } else { difference * (difference * 0.5 + 1.0) };
-                let (size, phase) = delta.to_polar();
-                Complex::new((size / step).ln(), phase)
-            })
-            .collect();
+        let ln_s = (0..=points / 2).map(|k| ln_s_at(k as f64 / points as f64, ln_radius, step, method)).collect();
         let mut planner = RealFftPlanner::new();
         Self {
             samples,
+            step,
+            method,
+            ln_radius,
+            points,
             ln_s,
             rounding: (ln_radius * points as f64).exp(),
             damping: (0..samples).map(|k| (ln_radius * k as f64).exp()).collect(),
@@ -97,6 +98,11 @@ impl FullMemory {
     /// ln s at the points of the upper half circle, s = (1 − ζ)/h in 1/s.
     pub fn ln_s(&self) -> &[Complex<f64>] {
         &self.ln_s
+    }
+
+    /// The same between the points, at `place` counted in points from ζ = radius.
+    pub fn ln_s_between(&self, place: f64) -> Complex<f64> {
+        ln_s_at(place / self.points as f64, self.ln_radius, self.step, self.method)
     }
 
     /// Largest error that wrapping and rounding leave, relative to the largest response.
@@ -145,6 +151,19 @@ impl FullMemory {
         }
         time
     }
+}
+
+/// ln s at `share` of the circle, without cancellation near ζ = 1.
+fn ln_s_at(share: f64, ln_radius: f64, step: f64, method: Method) -> Complex<f64> {
+    let angle = -std::f64::consts::TAU * share;
+    let (sin, cos) = angle.sin_cos();
+    let grown = ln_radius.exp_m1();
+    let half = (0.5 * angle).sin();
+    let difference = Complex::new(-(grown * cos - 2.0 * half * half), -(grown + 1.0) * sin);
+    // δ(ζ): with backward differences of second order (1 − ζ)(3 − ζ)/2.
+    let delta = if method == Method::Gl { difference } else { difference * (difference * 0.5 + 1.0) };
+    let (size, phase) = delta.to_polar();
+    Complex::new((size / step).ln(), phase)
 }
 
 /// The smallest even number ≥ `least` whose prime factors are 2, 3 and 5.

@@ -58,21 +58,32 @@ pub struct RecordingRow {
     pub rmse_n: Option<f64>,
     /// Number of measured values.
     pub samples: usize,
+    /// Rate of the model along the recording, Hz.
+    pub rate_hz: f64,
+    /// Offset of its readings where it has its own, m or N.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub offset: Option<f64>,
+    /// Gain of its readings where it has its own, relative to the first recording.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
 }
 
 impl FitReport {
     /// The report of `fit` to the recordings in `files`, which took `seconds` and is written to `out`.
     pub fn new(fit: &Fit, direction: Direction, files: &[&Path], out: &Path, seconds: f64) -> Self {
-        let row = |(file, agreement): (&&Path, &Agreement)| RecordingRow {
+        let row = |(index, (file, agreement)): (usize, (&&Path, &Agreement))| RecordingRow {
             file: shown(file),
             r2: agreement.r2,
             nrmse_pct: agreement.nrmse_pct,
             rmse_m: (direction == Direction::Force).then_some(agreement.rmse),
             rmse_n: (direction == Direction::Displacement).then_some(agreement.rmse),
             samples: agreement.samples,
+            rate_hz: fit.rates_hz[index],
+            offset: fit.readings[index].own_offset(),
+            gain: fit.readings[index].own_gain(),
         };
         Self {
-            recordings: files.iter().zip(&fit.agreements).map(row).collect(),
+            recordings: files.iter().zip(&fit.agreements).enumerate().map(row).collect(),
             r2_mean: fit.r2_mean,
             parameters_file: shown(out),
             seconds,
@@ -98,7 +109,22 @@ impl FitReport {
             text.push('\n');
         }
         for row in &self.recordings {
-            let _ = writeln!(text, "{}: R² {:.6}, NRMSE {:.3} %", row.file, row.r2, row.nrmse_pct);
+            let _ = write!(
+                text,
+                "{}: R² {:.6}, NRMSE {:.3} %, at {} Hz",
+                row.file,
+                row.r2,
+                row.nrmse_pct,
+                short(row.rate_hz)
+            );
+            let (scale, unit) = if row.rmse_n.is_some() { (1e3, "mN") } else { (1e6, "µm") };
+            if let Some(offset) = row.offset {
+                let _ = write!(text, ", offset {:.3} {unit}", scale * offset);
+            }
+            if let Some(gain) = row.gain {
+                let _ = write!(text, ", gain {gain:.5}");
+            }
+            text.push('\n');
         }
         for warning in &self.warnings {
             let _ = writeln!(text, "warning: {warning}");
@@ -116,6 +142,12 @@ impl FitReport {
         );
         text
     }
+}
+
+/// A rate with at most six digits.
+fn short(rate_hz: f64) -> String {
+    let rounded = (1e3 * rate_hz).round() / 1e3;
+    if rounded > 0.0 { format!("{rounded}") } else { format!("{rate_hz:.3e}") }
 }
 
 fn structures(rows: &[StructureRow], text: &mut String) {

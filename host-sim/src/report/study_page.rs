@@ -7,6 +7,7 @@ use springpot::Topology;
 
 use super::html;
 use super::plot::{COLOURS, Line, Panel};
+use crate::files::recording::Input;
 use crate::fit::Method;
 use crate::fit::observation::Observation;
 use crate::fit::settings::topology_name;
@@ -19,6 +20,8 @@ pub struct StudyPage {
     pub figures: [StudyFigure; 2],
     why_eq9_stops: String,
     thinned: bool,
+    /// What drives the model, in a sentence.
+    drive: &'static str,
 }
 
 /// A figure of the study.
@@ -50,6 +53,11 @@ impl StudyPage {
             ],
             why_eq9_stops: paper::why_eq9_stops(fits),
             thinned,
+            drive: match observations.first().map(|observation| &observation.input) {
+                Some(Input::Displacement(_)) => "Forces from the recorded displacements. ",
+                Some(Input::Force(_)) => "Displacements from the recorded forces, without offset. ",
+                _ => "Forces by Eq. 1 without coupling, displacements without offset, as in Karner et al. 2022. ",
+            },
         }
     }
 
@@ -57,7 +65,7 @@ impl StudyPage {
     pub fn html(&self) -> String {
         let body = html! {
             p {
-                "Forces by Eq. 1 without coupling, displacements without offset, as in Karner et al. 2022. "
+                (self.drive)
                 @if self.thinned { "Pattern search saw thinned recordings; R² is of all samples." }
             }
             @for table in &self.tables {
@@ -163,15 +171,17 @@ fn table_4(fits: &[StudyFit], names: &[String]) -> Table {
 
 /// Measured and calculated with two branches: by the paper's procedure, and by the best of this tool.
 fn panels(fits: &[StudyFit], observations: &[Observation], alone: bool) -> Vec<Panel> {
-    let millimetres = |values: &[f64]| values.iter().map(|x| 1e3 * x).collect::<Vec<f64>>();
+    let of_force = observations.iter().any(|o| matches!(o.input, Input::Displacement(_)));
+    let (factor, axis) = if of_force { (1.0, "force (N)") } else { (1e3, "displacement (mm)") };
+    let scaled = |values: &[f64]| values.iter().map(|x| factor * x).collect::<Vec<f64>>();
     observations
         .iter()
         .enumerate()
         .map(|(index, observation)| {
             let time = &observation.measured.time_s;
-            let measured = Line::new("measured", time, &millimetres(&observation.measured.value));
-            let mut panel = Panel::new(&observation.name, "time (s)", "displacement (mm)")
-                .with(measured.wide(4.0).coloured("#bdbdbd"));
+            let measured = Line::new("measured", time, &scaled(&observation.measured.value));
+            let mut panel =
+                Panel::new(&observation.name, "time (s)", axis).with(measured.wide(4.0).coloured("#bdbdbd"));
             for (method, topology, colour) in
                 [(Method::PatternSearch, Topology::Eq11, COLOURS[2]), (Method::Lm, Topology::Parallel, COLOURS[1])]
             {
@@ -184,7 +194,7 @@ fn panels(fits: &[StudyFit], observations: &[Observation], alone: bool) -> Vec<P
                 if let Some(fit) = fits.iter().find(wanted) {
                     let values = &fit.modelled[if alone { 0 } else { index }];
                     let label = format!("{}, {}", topology_name(topology), method.name());
-                    panel = panel.with(Line::new(label, time, &millimetres(values)).coloured(colour));
+                    panel = panel.with(Line::new(label, time, &scaled(values)).coloured(colour));
                 }
             }
             panel

@@ -8,6 +8,7 @@ use serde::Serialize;
 use springpot::{Actuator, Compressed, Law, Memory, Options, Springpot, Topology, VoltageDrive};
 
 use crate::error::{Error, Result};
+use crate::files::recording::Input;
 use crate::fit::Settings;
 use crate::fit::candidate::{Candidate, Variable};
 use crate::fit::observation::Observation;
@@ -81,7 +82,7 @@ pub fn compare(observations: &[Observation], settings: &Settings, progress: &dyn
             r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
             nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
             left_out_nrmse_pct: left_out.as_ref().and_then(|left_out| left_out.error(context, &found)),
-            step_ns: model.step_ns(&found.candidate)?,
+            step_ns: model.step_ns(&found.candidate, &observations[0].input)?,
         });
     }
     progress("Prandtl–Ishlinskii");
@@ -106,18 +107,18 @@ impl CreepModel {
         }
     }
 
-    /// Time of a step of the law on a controller, run on this machine.
-    fn step_ns(self, candidate: &Candidate) -> Result<f64> {
+    /// Time of a step of the law on a controller, run on this machine in the direction of `input`.
+    fn step_ns(self, candidate: &Candidate, input: &Input) -> Result<f64> {
         let model = candidate.model()?;
         match self {
             // For plain relaxation times a head of one sample and six poles are enough.
             Self::Prony(_) => {
                 let law: Law<f32, Compressed<f32, 1, 6, 0>> = Law::compressed(&model, Options::at_step(1e-3))?;
-                law_step_ns(&law, &candidate.actuator, || law.state())
+                law_step_ns(&law, &candidate.actuator, input, || law.state())
             }
             Self::Fractional(..) => {
                 let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
-                law_step_ns(&law, &candidate.actuator, || law.state())
+                law_step_ns(&law, &candidate.actuator, input, || law.state())
             }
         }
     }
@@ -172,8 +173,17 @@ fn nanoseconds(mut run: impl FnMut()) -> f64 {
 fn law_step_ns<M: Memory<f32>>(
     law: &Law<f32, M>,
     actuator: &Actuator,
+    input: &Input,
     state: impl Fn() -> springpot::State<f32, M>,
 ) -> Result<f64> {
+    if let Input::Displacement(_) = input {
+        return Ok(nanoseconds(|| {
+            let mut state = state();
+            for k in 0..STEPS {
+                black_box(law.force(&mut state, black_box(1e-3 * (k % 5000) as f32 / 5000.0)));
+            }
+        }));
+    }
     let drive = VoltageDrive::new(actuator, 6000.0, law.stiffness())?;
     Ok(nanoseconds(|| {
         let mut state = state();

@@ -10,7 +10,7 @@ use host_sim::files::recording::{Direction, Input, Recording};
 use host_sim::fit::bend::Bend;
 use host_sim::fit::candidate::{Candidate, Variable};
 use host_sim::fit::objective::Objective;
-use host_sim::fit::observation::{self, Observation};
+use host_sim::fit::observation::{self, Observation, Reading};
 use host_sim::fit::{self, Fit, Method, Settings};
 use host_sim::grid::Samples;
 use springpot::{Actuator, Preload, Springpot, Topology};
@@ -117,6 +117,61 @@ fn warns_of_undetermined_parameters() {
     assert!(warned("fewer branches will do") || warned("branches[0]") && warned("free: other values fit as well"));
 }
 
+/// Warnings say how bad it is: what a model does not follow, in % of the stroke, and what feedforward makes of it.
+#[test]
+fn warnings_say_what_follows() {
+    let all = observations("hossain");
+    let white = |branches: usize| {
+        let fit = fitted(&all, &structure(Topology::Parallel, branches));
+        println!("n = {branches}: {:?}", fit.warnings);
+        fit.warnings.into_iter().find(|warning| warning.contains("not white")).unwrap_or_else(|| "negligible".into())
+    };
+    let poor = white(0);
+    assert!(["large: ", "% of the stroke", "expect feedforward to be off by"].iter().all(|words| poor.contains(words)));
+    let good = white(4);
+    assert!(good.starts_with("negligible") || good.starts_with("small"), "{good}");
+
+    // A branch that says nothing is described by what it does, not by its name alone.
+    let spring = Candidate { elements: vec![Springpot::new(4e4, 0.0)], ..truth() };
+    let fit = fitted(&synthetic(&spring, 5e-6), &structure(Topology::Parallel, 1));
+    let named: Vec<&String> = fit.warnings.iter().filter(|w| w.contains("branch")).collect();
+    assert!(
+        !named.is_empty() && named.iter().all(|w| w.contains("branch 1") && w.contains("relaxation time")),
+        "{named:?}"
+    );
+}
+
+/// A laser that was zeroed anew for every recording, and another specimen: offsets and gain are found beside the model.
+#[test]
+fn offsets_and_gains_per_recording() {
+    let mut truth = truth();
+    truth.elements.truncate(3);
+    truth.actuator.stretch_coupling = 0.0;
+    let mut all = synthetic(&truth, 1e-6);
+    let (offsets, gains) = ([0.0, -3e-4, 2e-4], [1.0, 1.2, 0.9]);
+    for (k, observation) in all.iter_mut().enumerate() {
+        // truth() has an offset of 1e-4 itself.
+        observation.measured.value.iter_mut().for_each(|x| *x = gains[k] * (*x - 1e-4) + offsets[k] + 1e-4);
+    }
+    let settings = Settings { freed: Vec::new(), ..structure(Topology::Parallel, 1) };
+    let joint = fitted(&all, &Settings { freed: vec![Variable::Offset], uncertainty: false, ..settings.clone() });
+    for (k, observation) in all.iter_mut().enumerate() {
+        observation.reading = Reading { own_offset: true, own_gain: k > 0 };
+    }
+    let fit = fitted(&all, &settings);
+    println!("joint R² {:.6}, per recording {:.8}: {:?}", joint.r2_mean, fit.r2_mean, fit.readings);
+    assert!(joint.r2_mean < 0.99 && fit.r2_mean > 0.999_99);
+    for (k, reading) in fit.readings.iter().enumerate() {
+        assert!(
+            (reading.offset - offsets[k] - 1e-4).abs() < 2e-6 && (reading.gain - gains[k]).abs() < 2e-3,
+            "{reading:?}"
+        );
+    }
+    assert!((fit.candidate.offset_m - 1e-4).abs() < 2e-6);
+    let main = fit.candidate.elements[0];
+    assert!((main.c / 4e4 - 1.0).abs() < 0.05 && (main.alpha - 0.08).abs() < 0.01, "{main:?}");
+}
+
 /// Every derivative against differences: coupled or not, driven by voltage, force or displacement.
 #[test]
 fn exact_derivatives() {
@@ -199,6 +254,73 @@ fn left_out_is_left_out() {
     assert!((reported / refitted - 1.0).abs() < 0.02);
 }
 
+/// A single recording has no left-out error: the choice ends where one more branch buys nothing, and larger structures are not
+/// tried. On the simulated film four branches gain 1e-5 of R² over one or two.
+#[test]
+fn a_single_recording_ends_where_branches_buy_nothing() {
+    for plant in ["hossain", "wang"] {
+        let all = observations(plant);
+        let fit = fitted(&all[..1], &Settings { uncertainty: false, ..Settings::default() });
+        let rows = &fit.structures;
+        for row in rows {
+            println!("{plant} {:?} n = {}: R² {:.6} {}", row.topology, row.branches, row.r2_mean, row.chosen);
+        }
+        let chosen = rows.iter().find(|row| row.chosen).expect("one is chosen");
+        let best = rows.iter().map(|row| row.r2_mean).fold(0.0, f64::max);
+        assert!(rows.len() < 10 && rows.iter().all(|row| row.branches <= chosen.branches + 2), "{plant}");
+        assert!(best - chosen.r2_mean <= 1e-5 || 1.0 - chosen.r2_mean <= 1.05 * 1.05 * (1.0 - best), "{plant}");
+        assert!(chosen.branches <= 3, "{plant}: {}", chosen.branches);
+        let smaller = rows.iter().filter(|row| row.variables < chosen.variables);
+        for row in smaller {
+            assert!(chosen.r2_mean - row.r2_mean > 1e-6, "{plant}: n = {} would do", row.branches);
+        }
+    }
+}
+
+/// White residuals leave nothing to find: no larger structure is tried.
+#[test]
+fn white_residuals_end_the_choice() {
+    let mut truth = truth();
+    truth.elements.truncate(3);
+    let fit = fitted(&synthetic(&truth, 5e-6)[..1], &Settings::default());
+    assert_eq!(fit.structures.iter().map(|row| row.branches).collect::<Vec<_>>(), [0, 1]);
+    assert_eq!(fit.candidate.branches(), 1);
+    assert!(fit.uncertainty.expect("computed").white);
+}
+
+/// A recording of so many values is compared thinned and searched from its beginning, and still fitted on all of them.
+#[test]
+fn a_long_recording_is_fitted_on_all_samples() {
+    let film = Film::new(Plant::Wang);
+    let time_s: Vec<f64> = (0..90_001).map(|k| f64::from(k) / 20.0).collect();
+    let waveform = Waveform { peak_v: 6000.0, frequencies_hz: vec![1.0 / 7.0] };
+    let states = film.states(film.rest(), &time_s, |t| waveform.voltage_v(t)).expect("no pull-in");
+    let mut readings = Readings::new(Instruments::default(), 5);
+    let observation = Observation {
+        name: "long".into(),
+        input: Input::Voltage(Samples {
+            time_s: time_s.clone(),
+            value: time_s.iter().map(|&t| waveform.voltage_v(t)).collect(),
+        }),
+        measured: Samples {
+            value: states.iter().map(|state| readings.displacement_m(film.displacement_m(state))).collect(),
+            time_s,
+        },
+        rate_hz: 20.0,
+        weight: 1.0,
+        sample_weights: Vec::new(),
+        reading: Reading::default(),
+    };
+    let all = std::slice::from_ref(&observation);
+    let two = Settings { uncertainty: false, ..structure(Topology::Parallel, 2) };
+    let fit = fitted(all, &two);
+    // From where it ended, on all samples, there is nothing left to gain.
+    let again = fitted(all, &Settings { start: Some(fit.candidate.clone()), ..two });
+    println!("R² {:.8}, from there {:.8}", fit.r2_mean, again.r2_mean);
+    assert!(fit.r2_mean > 0.9995 && again.r2_mean - fit.r2_mean < 1e-7);
+    assert_eq!(fit.agreements[0].samples, 90_001);
+}
+
 /// A recording of a plant that no fit has seen.
 fn unseen(plant: Plant, frequencies_hz: &[f64], peak_v: f64) -> Observation {
     let film = Film::new(plant);
@@ -214,6 +336,8 @@ fn unseen(plant: Plant, frequencies_hz: &[f64], peak_v: f64) -> Observation {
         measured: Samples { time_s, value: displacement },
         rate_hz: 100.0,
         weight: 1.0,
+        sample_weights: Vec::new(),
+        reading: Reading::default(),
     }
 }
 

@@ -7,6 +7,7 @@ mod fitting;
 mod full_memory;
 #[path = "../../../crates/springpot/tests/it/support/models.rs"]
 mod models;
+mod plant;
 #[path = "../../../tests/support/recordings.rs"]
 mod recordings;
 mod reduce;

@@ -10,6 +10,7 @@ use std::sync::atomic::AtomicBool;
 
 use host_sim::files::recording::{Direction, Recording};
 use host_sim::fit::observation;
+use host_sim::fit::preparation::Preparation;
 use host_sim::fit::{self, Fit, Settings};
 use springpot::{Actuator, Topology};
 
@@ -186,4 +187,49 @@ fn logarithmic_rows() {
     assert!(says(&warnings, "the model runs at") && says(&warnings, "10 rows fall between"), "{warnings:?}");
     let warnings = finds_the_series(logarithmic(150, series_n));
     assert!(says(&warnings, "the model runs at") && !says(&warnings, "a gap"), "{warnings:?}");
+}
+
+/// A ramp in dense rows and a long hold in logarithmic ones, and a hold that is recorded in bursts.
+#[test]
+fn ramps_and_holds_at_uneven_times() {
+    let ramp_s = 2.0;
+    let ramp = |t: f64| {
+        let force = (springpot_ramp_n(t) - springpot_ramp_n(t - ramp_s)) / ramp_s;
+        (t, HELD_M * (t / ramp_s).min(1.0), force)
+    };
+    let dense = (0..40).map(|k| 0.05 * f64::from(k));
+    let logarithmic = (0..=120).map(|k| ramp_s * 10f64.powf(f64::from(k) / 50.0));
+    finds_the_springpot(dense.clone().chain(logarithmic).map(ramp));
+    let bursts = (0..12).flat_map(|burst| (0..20).map(move |k| ramp_s + 20.0 * f64::from(burst) + 0.1 * f64::from(k)));
+    finds_the_springpot(dense.chain(bursts).map(ramp));
+}
+
+/// What the input does between the model's steps is not fitted, and said.
+#[test]
+fn an_input_that_moves_between_the_steps_is_told() {
+    let pulse = |t: f64| if (t - 50.05).abs() < 0.002 { HELD_M } else { 0.1 * HELD_M * (0.2 * t).sin() };
+    let mut times: Vec<f64> = (0..ROWS).map(even_s).chain((1..=8).map(|k| 50.04 + 0.002 * f64::from(k))).collect();
+    times.sort_by(f64::total_cmp);
+    let (_, warnings) = fitted(times.into_iter().map(|t| (t, pulse(t), 20.0 * pulse(t) + 1e-3 * (3.0 * t).sin())), 0);
+    assert!(warnings.iter().any(|w| w.contains("moves between the model's steps of 0.1000 s")), "{warnings:?}");
+}
+
+/// With logarithmic-time weights every decade counts the same: of even rows, each as 1/t.
+#[test]
+fn logarithmic_time_weights() {
+    let mut csv = "time_s,displacement_m,force_n,weight\n".to_owned();
+    for k in 1..=ROWS {
+        let (t, weight) = (even_s(k), if k == 500 { "0" } else { "" });
+        writeln!(csv, "{t:?},{HELD_M:?},{:?},{weight}", springpot_n(t)).expect("written");
+    }
+    let recording = Recording::from_csv(Path::new("relaxation.csv"), csv.as_bytes()).expect("readable");
+    let log_time = Preparation { log_time: true, ..Preparation::NONE };
+    let observed = observation::observe_prepared(&recording, Direction::Displacement, 1.0, log_time);
+    let (observation, _) = observed.expect("fit for fitting");
+    let squares: Vec<f64> = observation.sample_weights.iter().map(|w| w * w).collect();
+    assert!((squares.iter().sum::<f64>() / ROWS as f64 - 1.0).abs() < 1e-12);
+    assert_eq!(squares[499], 0.0);
+    for (k, square) in squares.iter().enumerate().take(ROWS - 1).skip(10).filter(|(k, _)| *k != 499) {
+        close(square * even_s(k + 1), squares[20] * even_s(21), 0.01);
+    }
 }

@@ -49,6 +49,7 @@ fn fitted(plant: &str) -> Parameters {
         actuator: candidate.actuator,
         model: candidate.model().expect("valid"),
         sensor_offset_m: candidate.offset_m,
+        assumed_sizes: false,
         board: None,
         provenance: None,
     }

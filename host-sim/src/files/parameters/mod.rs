@@ -26,6 +26,8 @@ pub struct Parameters {
     pub name: String,
     /// The actuator.
     pub actuator: Actuator,
+    /// Whether length, width and thickness are assumed, not the film's own: then nothing is known of the electric field.
+    pub assumed_sizes: bool,
     /// The model of the film.
     pub model: Maxwell,
     /// The elastic curve of the film, if it has one.
@@ -106,6 +108,7 @@ impl Parameters {
         Ok(Self {
             name: format!("karner-2022-{}", preset.name()),
             actuator: Actuator::KARNER_2022,
+            assumed_sizes: false,
             model: preset.model()?,
             curve: None,
             method: Method::Gl,
@@ -130,15 +133,35 @@ impl Parameters {
     ///
     /// As [`load`](Self::load).
     pub fn load_actuator(name: &str) -> Result<Actuator> {
+        Ok(Self::load_sized_actuator(name)?.0)
+    }
+
+    /// The same, and whether its sizes are assumed.
+    ///
+    /// # Errors
+    ///
+    /// As [`load`](Self::load).
+    pub fn load_sized_actuator(name: &str) -> Result<(Actuator, bool)> {
         if name.starts_with("preset:") {
-            return Ok(Self::load(name)?.actuator);
+            return Ok((Self::load(name)?.actuator, false));
         }
         let path = Path::new(name);
         let text = text_of(path)?;
         let place = Place { path, text: &text };
         let file: ActuatorFileTable = place.parse()?;
         place.check_schema(&file.schema)?;
-        place.actuator(&file.actuator, *file.schema.get_ref())
+        Ok((place.actuator(&file.actuator, *file.schema.get_ref())?, file.actuator.sizes_are_assumed()))
+    }
+
+    /// What to say of the electric field where the film's sizes are assumed.
+    pub fn field_note(&self) -> Option<String> {
+        self.assumed_sizes.then(|| {
+            format!(
+                "the film's sizes are assumed ({:.0} µm thick): whether the field stays within its limit is not known; fit with \
+                 --actuator and the film's own sizes",
+                1e6 * self.actuator.thickness_m
+            )
+        })
     }
 
     /// Reads parameters from TOML text; `path` is what errors name.
@@ -178,6 +201,7 @@ impl Parameters {
         let parameters = Self {
             name: file.name,
             actuator,
+            assumed_sizes: file.actuator.sizes_are_assumed(),
             model,
             curve,
             method: Method::Gl,

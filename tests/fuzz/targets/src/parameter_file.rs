@@ -31,9 +31,11 @@ fn comes_back(parameters: &Parameters) {
     let written = parameters.to_toml();
     let again = Parameters::from_toml(Path::new(PATH), &written).unwrap_or_else(|error| panic!("{error}\n{written}"));
     assert_eq!(again.to_toml(), written);
-    let Parameters { name, actuator, model, curve, method: _, sensor_offset_m, board, provenance: _ } = parameters;
+    let Parameters { name, actuator, assumed_sizes, model, curve, sensor_offset_m, board, method: _, provenance: _ } =
+        parameters;
     // Of the provenance, free text, the words alone: it may hold NaN, which is unequal to itself.
     assert_eq!((&again.name, &again.actuator, &again.model), (name, actuator, model));
-    assert_eq!((again.sensor_offset_m, &again.board), (*sensor_offset_m, board));
+    assert_eq!(&again.curve, curve);
+    assert_eq!((again.sensor_offset_m, &again.board, again.assumed_sizes), (*sensor_offset_m, board, *assumed_sizes));
     assert!(model.branches().len() <= 5 && sensor_offset_m.is_finite());
 }

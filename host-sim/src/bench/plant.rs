@@ -1,0 +1,195 @@
+//! Plants that a loop is closed around: a simulated nonlinear film, or the model of a parameter file with full memory.
+
+use realfft::RealFftPlanner;
+use springpot::{Actuator, Maxwell, Springpot};
+
+use crate::bench::film::{Film, FilmState};
+use crate::error::{Error, Result};
+use crate::files::parameters::Parameters;
+use crate::replay::full_memory::FullMemory;
+
+/// A film in motion.
+pub trait Plant {
+    /// Displacement from where it rested, m.
+    fn displacement_m(&self) -> f64;
+    /// Goes on for a substep under a constant `voltage_v`.
+    fn advance(&mut self, voltage_v: f64);
+    /// Whether it is intact: neither torn nor pulled in.
+    fn holds(&self) -> bool;
+}
+
+/// A nonlinear film in motion.
+pub struct NonlinearPlant<'a> {
+    film: &'a Film,
+    state: FilmState,
+    substep_s: f64,
+}
+
+impl<'a> NonlinearPlant<'a> {
+    /// `film` at rest, advanced in substeps of `substep_s`.
+    pub fn at_rest(film: &'a Film, substep_s: f64) -> Self {
+        Self { film, state: film.rest(), substep_s }
+    }
+}
+
+impl Plant for NonlinearPlant<'_> {
+    fn displacement_m(&self) -> f64 {
+        self.film.displacement_m(&self.state)
+    }
+
+    fn advance(&mut self, voltage_v: f64) {
+        self.state = self.film.advanced(&self.state, voltage_v, self.substep_s, 1);
+    }
+
+    fn holds(&self) -> bool {
+        self.film.holds(&self.state)
+    }
+}
+
+/// How a plant differs from the parameters that describe it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mismatch {
+    /// Factor on every c: on the stiffness at all times.
+    pub stiffness: f64,
+    /// Factor on every order α. c keeps its value, so that at 1 rad/s (0.16 Hz) an element is as stiff as before: it creeps
+    /// more, or less, around that.
+    pub alpha: f64,
+}
+
+impl Mismatch {
+    /// None.
+    pub const NONE: Self = Self { stiffness: 1.0, alpha: 1.0 };
+
+    /// `model` with this mismatch.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for an order above 1.
+    pub fn apply(self, model: &Maxwell) -> Result<Maxwell> {
+        let element = |e: &Springpot| Springpot::new(self.stiffness * e.c, self.alpha * e.alpha);
+        let branches: Vec<[Springpot; 2]> = model.branches().iter().map(|pair| pair.each_ref().map(element)).collect();
+        Maxwell::new(element(&model.main()), &branches, model.topology(), model.mass_kg()).map_err(|error| {
+            Error::option("--plant-mismatch", format!("stiffness={} alpha={}: {error}", self.stiffness, self.alpha))
+        })
+    }
+}
+
+/// Substeps whose increments are summed one by one.
+const BLOCK: usize = 64;
+/// Force that has grown by this factor through coupling is a pull-in.
+const MOST_COUPLED: f64 = 10.0;
+/// Most substeps: each takes some 600 bytes.
+const MOST_SUBSTEPS: usize = 1 << 23;
+
+/// The model of a parameter file in motion, with full memory: not the law that a controller steps.
+///
+/// With g_j the force left j substeps after a unit step of the displacement x, F the force and Δx_k = x_k − x_{k−1}
+///
+/// ```text
+/// F_k = (m/h²) (Δx_k − Δx_{k−1}) + Σ_{j=0..k} g_j Δx_{k−j}
+/// ```
+///
+/// g comes from Fourier transforms of K(ζ)/(1 − ζ), and the sum over the past is taken in blocks that double: a block of L
+/// increments that is complete adds its part to the next L sums, by a Fourier transform.
+pub struct FullMemoryPlant {
+    actuator: Actuator,
+    /// m/h², N/m.
+    inertia: f64,
+    /// g, N/m.
+    relaxation: Vec<f64>,
+    increments: Vec<f64>,
+    /// Force that complete blocks leave in the substeps to come, N.
+    past_n: Vec<f64>,
+    displacement_m: f64,
+    planner: RealFftPlanner<f64>,
+}
+
+impl FullMemoryPlant {
+    /// The film of `parameters` with `mismatch` at rest, for so many `substeps` of `substep_s`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a mismatch that is refused, or too many substeps.
+    pub fn at_rest(parameters: &Parameters, mismatch: Mismatch, substep_s: f64, substeps: usize) -> Result<Self> {
+        parameters.actuator.check()?;
+        if substeps > MOST_SUBSTEPS {
+            let cause = format!(
+                "a plant with full memory for {substeps} substeps; {MOST_SUBSTEPS} are possible, shorten the reference"
+            );
+            return Err(Error::option("--plant", cause));
+        }
+        let model = mismatch.apply(&parameters.model)?;
+        let massless = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0)?;
+        let relaxation = FullMemory::new(substeps, substep_s).force(&massless, &vec![1.0; substeps]);
+        Ok(Self {
+            actuator: parameters.actuator,
+            inertia: model.mass_kg() / (substep_s * substep_s),
+            relaxation,
+            increments: Vec::with_capacity(substeps),
+            past_n: vec![0.0; substeps],
+            displacement_m: 0.0,
+            planner: RealFftPlanner::new(),
+        })
+    }
+
+    /// Adds what the last `length` increments leave in as many substeps to come.
+    fn pass_on(&mut self, length: usize) {
+        let now = self.increments.len();
+        let ahead = length.min(self.past_n.len() - now);
+        if ahead == 0 {
+            return;
+        }
+        let points = 2 * length;
+        let (forward, backward) = (self.planner.plan_fft_forward(points), self.planner.plan_fft_inverse(points));
+        let spectrum_of = |values: &[f64]| {
+            let mut time = forward.make_input_vec();
+            time[..values.len()].copy_from_slice(values);
+            let mut spectrum = forward.make_output_vec();
+            forward.process(&mut time, &mut spectrum).expect("lengths are the plan's own");
+            spectrum
+        };
+        let mut product = spectrum_of(&self.increments[now - length..]);
+        let kernel = spectrum_of(&self.relaxation[..points.min(self.relaxation.len())]);
+        product.iter_mut().zip(kernel).for_each(|(value, kernel)| *value *= kernel);
+        // The first and last point of an even transform are real, up to rounding.
+        product[0].im = 0.0;
+        product[length].im = 0.0;
+        let mut time = backward.make_output_vec();
+        backward.process(&mut product, &mut time).expect("lengths are the plan's own");
+        // What wraps around lands in the first half, which belongs to the block itself.
+        for (sum, value) in self.past_n[now..now + ahead].iter_mut().zip(&time[length..]) {
+            *sum += value / points as f64;
+        }
+    }
+}
+
+impl Plant for FullMemoryPlant {
+    fn displacement_m(&self) -> f64 {
+        self.displacement_m
+    }
+
+    fn advance(&mut self, voltage_v: f64) {
+        let k = self.increments.len();
+        if k >= self.past_n.len() {
+            return;
+        }
+        let block = &self.increments[k - k % BLOCK..];
+        let near: f64 = block.iter().rev().zip(&self.relaxation[1..]).map(|(dx, g)| dx * g).sum();
+        let before = self.increments.last().copied().unwrap_or(0.0);
+        let load = self.actuator.load(voltage_v);
+        let left = load.force + load.slope * self.displacement_m + self.inertia * before - near - self.past_n[k];
+        let stiffness = self.relaxation[0] + self.inertia - load.slope;
+        let increment = if stiffness > 0.0 { left / stiffness } else { f64::NAN };
+        self.increments.push(increment);
+        self.displacement_m += increment;
+        let complete = self.increments.len();
+        if complete.is_multiple_of(BLOCK) {
+            self.pass_on(1 << complete.trailing_zeros());
+        }
+    }
+
+    fn holds(&self) -> bool {
+        let coupled = self.actuator.stretch_coupling * self.displacement_m;
+        self.displacement_m.is_finite() && coupled < MOST_COUPLED
+    }
+}
