@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 use crate::reduce;
 
 /// Steps of thinned recordings up to which a search from many starts sees all of them.
-const MOST_SCOUTED_STEPS: f64 = 4_096.0;
+const MOST_SCOUTED_STEPS: f64 = 8_192.0;
 
 /// Measured values up to which structures are compared on all of them.
 const MOST_COMPARED_VALUES: usize = 1 << 16;
@@ -201,14 +201,14 @@ impl Context<'_> {
         let mut found = match self.scout {
             None => self.descents(self.coarse, starts, variables, stopping),
             Some(scout) => {
-                // Close enough to begin from, and to compare structures: the last search is on all samples.
-                let [begin, compare] = [1e-4, 1e-5].map(|decrease| StoppingCriteria { decrease, ..stopping });
-                let first = self.descents(scout, starts, variables, begin);
-                self.descents(self.coarse, &self.promising(first, 1.02), variables, compare)
+                // Close enough to compare structures: the last search is on all samples.
+                let stopping = StoppingCriteria { decrease: 1e-5, ..stopping };
+                let first = self.descents(scout, starts, variables, stopping);
+                self.descents(self.coarse, &self.promising(first), variables, stopping)
             }
         };
         if !std::ptr::eq(self.compared, self.coarse) {
-            found = self.descents(self.compared, &self.promising(found, 1.2), variables, FINE);
+            found = self.descents(self.compared, &self.promising(found), variables, FINE);
         }
         found.into_iter().next()
     }
@@ -227,12 +227,12 @@ impl Context<'_> {
         found
     }
 
-    /// The two best minima that differ, up to `factor` times the least, because thinning could have changed their order.
-    fn promising(&self, mut found: Vec<Found>, factor: f64) -> Vec<Candidate> {
+    /// The two best minima that differ, because thinning could have changed their order.
+    fn promising(&self, mut found: Vec<Found>) -> Vec<Candidate> {
         let best = found.first().map_or(0.0, |best| best.minimum.cost);
         found.dedup_by(|b, a| b.minimum.cost <= 1.001 * a.minimum.cost);
         found.truncate(if self.stop.load(Ordering::Relaxed) { 1 } else { 2 });
-        found.into_iter().filter(|f| f.minimum.cost <= factor * best).map(|f| f.candidate).collect()
+        found.into_iter().filter(|f| f.minimum.cost <= 1.2 * best).map(|f| f.candidate).collect()
     }
 
     /// `found` on all samples, if structures are compared on fewer.
