@@ -1,7 +1,7 @@
 //! Plants that a loop is closed around: a simulated nonlinear film, or the model of a parameter file with full memory.
 
 use realfft::RealFftPlanner;
-use springpot::{Actuator, Maxwell, Springpot};
+use springpot::{Actuator, Curve, Maxwell, Springpot};
 
 use crate::bench::film::{Film, FilmState};
 use crate::error::{Error, Result};
@@ -76,6 +76,8 @@ impl Mismatch {
 
 /// Substeps whose increments are summed one by one.
 const BLOCK: usize = 64;
+/// Steps of Newton's method in a substep: each squares the error.
+const MOST_NEWTON_STEPS: usize = 4;
 /// Force that has grown by this factor through coupling is a pull-in.
 const MOST_COUPLED: f64 = 10.0;
 /// Most substeps: each takes some 600 bytes.
@@ -89,14 +91,18 @@ const MOST_SUBSTEPS: usize = 1 << 23;
 /// F_k = (m/h²) (Δx_k − Δx_{k−1}) + Σ_{j=0..k} g_j Δx_{k−j}
 /// ```
 ///
-/// g comes from Fourier transforms of K(ζ)/(1 − ζ), and the sum over the past is taken in blocks that double: a block of L
+/// and with an elastic curve T the sum is over the increments of T(x). g comes from Fourier transforms of K(ζ)/(1 − ζ), and the sum over the past is taken in blocks that double: a block of L
 /// increments that is complete adds its part to the next L sums, by a Fourier transform.
 pub struct FullMemoryPlant {
     actuator: Actuator,
+    curve: Option<Curve>,
     /// m/h², N/m.
     inertia: f64,
+    /// The last increment of x, m.
+    last: f64,
     /// g, N/m.
     relaxation: Vec<f64>,
+    /// Of T(x), m.
     increments: Vec<f64>,
     /// Force that complete blocks leave in the substeps to come, N.
     past_n: Vec<f64>,
@@ -123,6 +129,8 @@ impl FullMemoryPlant {
         let relaxation = FullMemory::new(substeps, substep_s).force(&massless, &vec![1.0; substeps]);
         Ok(Self {
             actuator: parameters.actuator,
+            curve: parameters.curve.as_ref().map(|curve| curve.pieces().clone()),
+            last: 0.0,
             inertia: model.mass_kg() / (substep_s * substep_s),
             relaxation,
             increments: Vec::with_capacity(substeps),
@@ -130,6 +138,29 @@ impl FullMemoryPlant {
             displacement_m: 0.0,
             planner: RealFftPlanner::new(),
         })
+    }
+
+    /// The increment of x, and that of T(x), that resist the force `left` (N), which grows with `slope` (N/m).
+    fn increment(&self, left: f64, slope: f64) -> (f64, f64) {
+        let constant = self.inertia - slope;
+        let Some(curve) = &self.curve else {
+            let stiffness = self.relaxation[0] + constant;
+            let increment = if stiffness > 0.0 { left / stiffness } else { f64::NAN };
+            return (increment, increment);
+        };
+        // Newton's method: the curve hardly bends within a substep.
+        let at_rest = curve.value(self.displacement_m);
+        let stretched = |increment: f64| curve.value(self.displacement_m + increment) - at_rest;
+        let mut increment = self.last;
+        for _ in 0..MOST_NEWTON_STEPS {
+            let stiffness = self.relaxation[0] * curve.slope(self.displacement_m + increment) + constant;
+            if stiffness.is_nan() || stiffness <= 0.0 {
+                return (f64::NAN, f64::NAN);
+            }
+            let missing = left - self.relaxation[0] * stretched(increment) - constant * increment;
+            increment += missing / stiffness;
+        }
+        (increment, stretched(increment))
     }
 
     /// Adds what the last `length` increments leave in as many substeps to come.
@@ -175,12 +206,11 @@ impl Plant for FullMemoryPlant {
         }
         let block = &self.increments[k - k % BLOCK..];
         let near: f64 = block.iter().rev().zip(&self.relaxation[1..]).map(|(dx, g)| dx * g).sum();
-        let before = self.increments.last().copied().unwrap_or(0.0);
         let load = self.actuator.load(voltage_v);
-        let left = load.force + load.slope * self.displacement_m + self.inertia * before - near - self.past_n[k];
-        let stiffness = self.relaxation[0] + self.inertia - load.slope;
-        let increment = if stiffness > 0.0 { left / stiffness } else { f64::NAN };
-        self.increments.push(increment);
+        let left = load.force + load.slope * self.displacement_m + self.inertia * self.last - near - self.past_n[k];
+        let (increment, stretched) = self.increment(left, load.slope);
+        self.increments.push(stretched);
+        self.last = increment;
         self.displacement_m += increment;
         let complete = self.increments.len();
         if complete.is_multiple_of(BLOCK) {
