@@ -364,6 +364,52 @@ fn a_late_answer_counts_and_a_closed_connection_does_not_wait() {
     assert_eq!(peer.join().expect("no fault"), 1);
 }
 
+/// Who has armed and gets no answer asks again, since the board trips without a heartbeat: under another number, with its token.
+#[test]
+fn an_answer_that_is_lost_while_armed_is_asked_for_again() {
+    let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a port");
+    let port = format!("tcp:{}", listener.local_addr().expect("bound"));
+    let peer = std::thread::spawn(move || {
+        let (line, _) = listener.accept().expect("connects");
+        let mut receiver = dea_driver::wire::Receiver::new();
+        let mut heartbeats = Vec::new();
+        for byte in std::io::Read::bytes(&line) {
+            let Some(request) = receiver.push::<Request>(byte.expect("read")) else { continue };
+            let Request { sequence, token, command } = request.expect("whole");
+            let answer = match command {
+                Command::Identify => Answer::Identity(Identity {
+                    protocol: dea_driver::wire::VERSION,
+                    schema: dea_driver::SCHEMA,
+                    board: boards::STM32F405,
+                    firmware: "deaf".try_into().expect("short"),
+                }),
+                Command::Arm => Answer::Armed { token: 4711 },
+                _ => {
+                    heartbeats.push((sequence, token));
+                    // The first two answers are lost.
+                    if heartbeats.len() < 3 {
+                        continue;
+                    }
+                    Answer::Done
+                }
+            };
+            let mut frame = [0; FRAME_LEN + 1];
+            let length = encode(&Message::Answer { sequence, answer }, &mut frame).expect("fits");
+            std::io::Write::write_all(&mut &line, &frame[..length]).expect("sent");
+        }
+        heartbeats
+    });
+    let (mut client, _) = Client::new(Port::open(&port).expect("opens")).expect("answers");
+    assert_eq!(client.arm().expect("armed"), 4711);
+    client.order(Command::Heartbeat).expect("done");
+    drop(client);
+    let heartbeats = peer.join().expect("no fault");
+    // A busy machine may ask once more before it reads the answer.
+    assert!(heartbeats.len() >= 3, "{heartbeats:?}");
+    assert!(heartbeats.windows(2).all(|pair| pair[0].0 != pair[1].0), "{heartbeats:?}");
+    assert!(heartbeats.iter().all(|&(_, token)| token == 4711), "{heartbeats:?}");
+}
+
 #[test]
 fn a_missing_port_is_named() {
     names(&TOOL.fails(&["link", "--port", "tcp:127.0.0.1:1", "status"]), &["tcp:127.0.0.1:1"]);
