@@ -1,8 +1,10 @@
 //! `frequency-response`: displacement over force against frequency.
 
+use std::f64::consts::TAU;
 use std::path::PathBuf;
 
 use clap::Args;
+use num_complex::Complex;
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
@@ -28,6 +30,9 @@ pub(super) struct Arguments {
     /// Where the table goes: frequency_hz, magnitude_m_per_n, phase_rad.
     #[arg(long, value_name = "FR.csv")]
     out: PathBuf,
+    /// Displacement about which a film with an elastic curve oscillates, m.
+    #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
+    at: f64,
     /// Of the law that the controller steps (f32, compressed), instead of the continuous Eq. 11.
     #[arg(long)]
     discrete: bool,
@@ -60,7 +65,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let frequency = arguments.frequencies();
     let (magnitude, phase): (Vec<f64>, Vec<f64>) = frequency
         .iter()
-        .map(|&f| law.as_ref().map_or_else(|| parameters.model.frequency_response(f), |law| law.frequency_response(f)))
+        .map(|&f| match &law {
+            Some(law) => law.frequency_response_about(f, arguments.at),
+            None => response_about(&parameters, f, arguments.at),
+        })
         .map(|response| response.to_polar())
         .unzip();
     output::write_columns(
@@ -75,6 +83,18 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     })
 }
 
+/// Of the continuous model for small oscillations about `at_m`: displacement over force, m/N.
+fn response_about(parameters: &Parameters, frequency_hz: f64, at_m: f64) -> Complex<f64> {
+    let model = &parameters.model;
+    match &parameters.curve {
+        Some(curve) => {
+            let s = Complex::new(0.0, TAU * frequency_hz);
+            (s * s * model.mass_kg() + model.modulus(s) * curve.pieces().slope(at_m)).inv()
+        }
+        None => model.frequency_response(frequency_hz),
+    }
+}
+
 impl Arguments {
     /// The rate of the law (Hz), once all options are checked.
     fn checked_rate(&self) -> Result<f64> {
@@ -85,6 +105,9 @@ impl Arguments {
         }
         if !(from..=HIGHEST).contains(&to) {
             return Err(Error::option("--to", format!("{to:?} Hz must be from --from to {HIGHEST:?}")));
+        }
+        if !self.at.is_finite() {
+            return Err(Error::option("--at", format!("{:?} m must be finite", self.at)));
         }
         if !(1..=10_000_000).contains(&points) {
             return Err(Error::option("--points", format!("{points} must be from 1 to 10000000")));

@@ -15,8 +15,8 @@ use super::levenberg_marquardt::StoppingCriteria;
 use super::observation::{self, Observation, range};
 use super::search::{Context, Found};
 use super::selection::{self, Criteria, LeftOut, StructureFit, StructureRow};
-use super::whiteness::Whiteness;
 use super::settings::Settings;
+use super::whiteness::Whiteness;
 use crate::error::Result;
 use crate::files::recording::Input;
 

@@ -266,7 +266,8 @@ impl Objective {
                     let (scale, weight) = (actuator.force_per_square_volt(), actuator.preload_n());
                     let saturated;
                     let spectrum = if actuator.saturation_v.is_some() {
-                        saturated = circle.spectrum(&squared.iter().map(|&v2| actuator.saturated(v2)).collect::<Vec<_>>());
+                        saturated =
+                            circle.spectrum(&squared.iter().map(|&v2| actuator.saturated(v2)).collect::<Vec<_>>());
                         &saturated
                     } else {
                         spectrum
@@ -485,8 +486,11 @@ impl Linearised<'_> {
                         Some(electrostatic(&|v2, x| exponent * actuator.saturated(v2) * actuator.thinning(x)))
                     }
                     _ => {
-                        let mut force: Spectrum =
-                            self.stiffness_change(x, &self.shared.displacement, variable)?.iter().map(|change| -change).collect();
+                        let mut force: Spectrum = self
+                            .stiffness_change(x, &self.shared.displacement, variable)?
+                            .iter()
+                            .map(|change| -change)
+                            .collect();
                         if variable == Variable::Mass {
                             let weight = actuator.preload_n();
                             force.iter_mut().zip(ones).for_each(|(f, one)| *f += one * weight);

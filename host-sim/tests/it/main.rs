@@ -1,5 +1,6 @@
 //! The library behind the commands, against independent answers.
 
+mod curves;
 #[path = "../../../crates/springpot/tests/it/support/defining_sum.rs"]
 mod defining_sum;
 mod film;

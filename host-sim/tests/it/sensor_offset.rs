@@ -77,7 +77,13 @@ fn replay_fit_observer_and_processor_agree() {
 
         let model = &parameters.model;
         let elements = std::iter::once(model.main()).chain(model.branches().as_flattened().iter().copied()).collect();
-        let candidate = Candidate { actuator: parameters.actuator, elements, topology: model.topology(), offset_m, bend: Bend::Straight };
+        let candidate = Candidate {
+            actuator: parameters.actuator,
+            elements,
+            topology: model.topology(),
+            offset_m,
+            bend: Bend::Straight,
+        };
         let (observation, _) = observation::observe(&recording, Direction::Force, 1.0).expect("fit to be fitted");
         let objective = Objective::new(&[observation]).expect("an objective");
         let fitted = objective.residuals(&objective.evaluate(&candidate).expect("a response"));
