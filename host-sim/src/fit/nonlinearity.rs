@@ -155,7 +155,7 @@ pub fn select(
         return Ok((linear, rows));
     }
     let Some(base) = context.coarse_best(std::slice::from_ref(&linear.candidate)) else { return Ok((linear, rows)) };
-    let bent = Bent { context, observations, progress, base, branches: &settings.branches };
+    let bent = Bent { context, observations, progress, base, settings };
     let mut fits = bent.fits(&kinds)?;
     if choice != CurveChoice::Auto && fits.len() > 1 {
         // What was asked for, not the linear film.
@@ -187,8 +187,7 @@ struct Bent<'a> {
     progress: &'a dyn Fn(&str),
     /// The linear film.
     base: Found,
-    /// Numbers of branches that may be used, increasing.
-    branches: &'a [usize],
+    settings: &'a Settings,
 }
 
 impl Bent<'_> {
@@ -202,11 +201,15 @@ impl Bent<'_> {
         if let (Some((kind, best)), true) = (best, self.observations.len() > 1) {
             found.extend(self.larger(kind, best));
         }
+        let least = found.iter().map(cost).fold(f64::INFINITY, f64::min);
+        // What is asked for is fitted even where it is worth nothing.
+        if self.settings.curve == CurveChoice::Auto && least > WORTH * self.base.minimum.cost {
+            found.clear();
+        }
         let thinned: Vec<Observation> = self.observations.iter().map(observation::thinned).collect();
         let left_out = LeftOut::new(&thinned)?;
         if left_out.is_some() {
             // What is left out is hardly fitted better than what is not: only what is near the best is tried.
-            let least = found.iter().map(cost).fold(f64::INFINITY, f64::min);
             found.retain(|fit| cost(fit) <= FAR * least);
         }
         let fit = |found: Found| -> Option<StructureFit> {
@@ -233,7 +236,7 @@ impl Bent<'_> {
         let bent = |start: &Candidate| kind.starts(start, range_m, largest_v);
         let mut fits = Vec::new();
         let mut least = f64::INFINITY;
-        for &branches in self.branches.iter().rev().filter(|&&n| n <= base.candidate.branches()) {
+        for &branches in self.settings.branches.iter().rev().filter(|&&n| n <= base.candidate.branches()) {
             if context.stop.load(Ordering::Relaxed) {
                 break;
             }
@@ -259,7 +262,9 @@ impl Bent<'_> {
     fn larger(&self, kind: Kind, best: Found) -> Vec<(Kind, Found)> {
         let mut fits = Vec::new();
         let mut last = best;
-        while self.branches.contains(&(last.candidate.branches() + 1)) && !self.context.stop.load(Ordering::Relaxed) {
+        while self.settings.branches.contains(&(last.candidate.branches() + 1))
+            && !self.context.stop.load(Ordering::Relaxed)
+        {
             let topology = Topology::Parallel;
             (self.progress)(&format!("{} with n = {}", kind.name(), last.candidate.branches() + 1));
             let starts = selection::grown(&last.candidate, topology, self.context);
@@ -274,7 +279,7 @@ impl Bent<'_> {
     }
 }
 
-/// Share of a cost to which one more branch must bring it: errors a twentieth smaller.
+/// Share of a cost to which a nonlinearity, or one more branch, must bring it: errors a twentieth smaller.
 const WORTH: f64 = 0.9;
 /// A cost so many times the least is far from it: errors 1.3 times as large.
 const FAR: f64 = 1.7;

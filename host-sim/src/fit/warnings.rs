@@ -52,23 +52,24 @@ pub fn of_amplitudes(observations: &[Observation], candidate: &Candidate, warnin
     }
 }
 
-/// The turning points of a drive (sizes) at the upper half of its range.
+/// The sizes of the upper turning points of a drive: where it comes down to half.
 fn peaks(values: &[f64]) -> Vec<f64> {
     let most = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
     let mut peaks = Vec::new();
-    let mut highest = 0.0;
+    let (mut rises, mut highest, mut lowest) = (true, 0.0, 0.0);
     for value in values.iter().map(|value| value.abs()) {
-        if value > highest {
-            highest = value;
-        } else if value < 0.5 * highest && highest > 0.1 * most {
-            // It has come down: that was a peak.
+        if rises && value < 0.5 * highest {
             peaks.push(highest);
-            highest = value;
-        } else if value < 0.05 * most {
-            highest = value;
+            (rises, lowest) = (false, value);
+        } else if !rises && value > lowest + 0.2 * most {
+            (rises, highest) = (true, value);
+        } else if rises {
+            highest = value.max(highest);
+        } else {
+            lowest = value.min(lowest);
         }
     }
-    if highest > 0.1 * most {
+    if rises && highest > 0.2 * most {
         peaks.push(highest);
     }
     peaks

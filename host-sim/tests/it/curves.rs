@@ -309,8 +309,8 @@ fn curves_in_parameter_files() {
             assert!(error.contains(name), "{error:?} does not name {name:?}");
         }
     };
-    refused("schema = 2", "schema = 1", &["p.toml:11", "saturation_v", "schema = 2"]);
-    refused("saturation_v = 9000.0", "saturation_v = -1.0", &["p.toml:11", "saturation_v"]);
+    refused("schema = 2", "schema = 1", &["p.toml:12", "saturation_v", "schema = 2"]);
+    refused("saturation_v = 9000.0", "saturation_v = -1.0", &["p.toml:12", "saturation_v"]);
     refused("elastic = \"free\"", "elastic = \"gent\"", &["p.toml", "[curve]", "displacement_m"]);
     refused("displacement_m = [-0.001, 0.0", "displacement_m = [-0.001, 0.003", &["p.toml", "[curve]", "knot 3"]);
     refused("value_m = [", "value_m = [0.0, ", &["4 values", "3 displacements"]);
