@@ -10,7 +10,7 @@ pub enum Bend {
     /// None: T(x) = x.
     Straight,
     /// A curve that a fit keeps.
-    Held(ElasticCurve),
+    Held(Box<ElasticCurve>),
     /// A strip of rubber.
     Rubber {
         /// β.
@@ -70,7 +70,7 @@ impl Bend {
                     knots.iter().any(|knot| knot.displacement == 0.0)
                         && knots.iter().all(|k| (again.value(k.displacement) - k.value).abs() < 1e-6 * (high_m - low_m))
                 });
-                if same { bend } else { Self::Held(curve.clone()) }
+                if same { bend } else { Self::Held(Box::new(curve.clone())) }
             }
         }
     }
@@ -100,7 +100,7 @@ impl Bend {
     pub fn elastic(&self) -> Result<Option<ElasticCurve>, CurveError> {
         match self {
             Self::Straight => Ok(None),
-            Self::Held(curve) => Ok(Some(curve.clone())),
+            Self::Held(curve) => Ok(Some(curve.as_ref().clone())),
             &Self::Rubber { share, ln_limit, ln_length, rest_stretch, range_m: (low_m, high_m) } => {
                 let rubber = Rubber {
                     share,
