@@ -104,7 +104,7 @@ fn main() -> ! {
         },
         (config, state)
     );
-    let controller = tick::running(&DEFAULT);
+    let controller = tick::running(&DEFAULT, Actuator::KARNER_2022);
     kernel!(
         tick,
         |command: DacCode, controller: Controller| tick::tick(controller, *command),
