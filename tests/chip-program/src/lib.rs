@@ -12,7 +12,7 @@ use core::fmt;
 use core::hint::black_box;
 
 use springpot::{
-    Actuator, Compressed, Curve, Law, LawError, Maxwell, Memory, Method, Options, Preset, State, Topology, VoltageDrive,
+    Actuator, Compressed, Curve, Law, Maxwell, Memory, Method, Options, Preset, State, Topology, VoltageDrive,
 };
 
 /// Takes what the program reports.
@@ -54,15 +54,36 @@ impl Film {
         Self { preset, topology, method: Method::Gl, curved: false }
     }
 
+    #[inline(never)]
+    fn model(self) -> Maxwell {
+        let model = Preset::named(self.preset).and_then(|preset| preset.model().ok());
+        let Some(model) = model else { panic!("{} is no preset", self.preset) };
+        model.with_topology(self.topology)
+    }
+
     /// The default law of `model` at 1 kHz, behind the curve where there is one.
-    fn law(self, model: &Maxwell) -> Result<Law<f32>, LawError> {
-        let law = Law::compressed(model, Options::at_step(1e-3).with_method(self.method))?;
-        if self.curved { law.behind(&curve()) } else { Ok(law) }
+    fn law(self, model: &Maxwell) -> Law<f32> {
+        let law = self.straight_law(model);
+        if self.curved { behind(law) } else { law }
+    }
+
+    // Built and bent one after the other, each with a stack of its own: the small chip has 16 KiB for all.
+    #[inline(never)]
+    fn straight_law(self, model: &Maxwell) -> Law<f32> {
+        let law = Law::compressed(model, Options::at_step(1e-3).with_method(self.method));
+        let Ok(law) = law else { panic!("{} is refused", self.preset) };
+        law
     }
 
     fn actuator(self) -> Actuator {
         if self.curved { SATURATING } else { Actuator::KARNER_2022 }
     }
+}
+
+#[inline(never)]
+fn behind(law: Law<f32>) -> Law<f32> {
+    let Ok(law) = law.behind(&curve()) else { panic!("the law behind the curve is refused") };
+    law
 }
 
 /// The paper's actuator, with a force that saturates.
@@ -136,9 +157,7 @@ pub const STEPS: u16 = 1000;
 /// The program.
 pub fn run(report: &mut impl Report) {
     for film in FILMS {
-        let model = Preset::named(film.preset).and_then(|preset| preset.model().ok());
-        let Some(model) = model else { panic!("{} is no preset", film.preset) };
-        let model = model.with_topology(film.topology);
+        let model = film.model();
         let name = |what| Name { film, size: "12+36", what };
 
         if film.curved || film.method != Method::Gl {
@@ -154,8 +173,7 @@ pub fn run(report: &mut impl Report) {
 /// The default law of `model`: what it costs to step.
 #[inline(never)]
 fn default_law(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model: &Maxwell) {
-    let film = name("law").film;
-    let Ok(law) = film.law(model) else { panic!("{} is refused", film.preset) };
+    let law = name("law").film.law(model);
     report.bits(name("law"), modes(law.memory().modes()));
     step(report, &name, &law, &law.state());
     voltage(report, name("voltage"), law.least_stiffness());
