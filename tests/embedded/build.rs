@@ -1,4 +1,4 @@
-//! Puts the target's memory map where the linker finds it, and the coefficients of three laws where `cycles` finds them.
+//! Puts the target's memory map where the linker finds it, and the coefficients of the laws where `cycles` finds them.
 
 use std::env;
 use std::error::Error;
@@ -18,27 +18,33 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The default law and the lean ones, of a published model.
+/// The default law, alone and behind a curve, and the lean ones, of a published model.
 fn coefficients() -> Result<String, Box<dyn Error>> {
     let model = Preset::named("table3-n2").ok_or("no preset")?.model()?;
     let options = Options::at_step(1e-3);
     let default: Law<f32> = Law::compressed(&model, options)?;
+    let curved = default.clone().behind(&chip_program::curve())?;
     let lean: Law<f32, Compressed<f32, 8, 14, 4>> =
         Law::compressed(&model, options.with_horizon(3600.0).with_tolerance(1e-3))?;
     let leanest: Law<f32, Compressed<f32, 8, 16, 0>> =
         Law::compressed(&model, options.with_horizon(155.0).with_tolerance(1e-3))?;
-    let default = constant("DEFAULT", "12, 12, 24", &default.coefficients());
-    let lean = constant("LEAN", "8, 14, 4", &lean.coefficients());
-    Ok(default + &lean + &constant("LEANEST", "8, 16, 0", &leanest.coefficients()))
+    Ok([
+        function("default_law", "12, 12, 24", &default.coefficients()),
+        function("curved_law", "12, 12, 24", &curved.coefficients()),
+        function("lean_law", "8, 14, 4", &lean.coefficients()),
+        function("leanest_law", "8, 16, 0", &leanest.coefficients()),
+    ]
+    .concat())
 }
 
-fn constant<const H: usize, const F: usize, const S: usize>(
+/// A function that returns `coefficients`.
+fn function<const H: usize, const F: usize, const S: usize>(
     name: &str,
     sizes: &str,
     coefficients: &Coefficients<f32, H, F, S>,
 ) -> String {
-    // What Debug prints is the expression itself, but for the two fields that are no numbers.
+    // What Debug prints is the expression itself, but for the method and the knots of the curve.
     let expression = format!("{coefficients:?}").replace("method: Gl", "method: springpot::Method::Gl");
-    let expression = expression.replace("curve: []", "curve: heapless::Vec::new()");
-    format!("static {name}: Coefficients<f32, {sizes}> = {expression};\n")
+    let expression = expression.replace("Knot {", "springpot::Knot {").replace("] }", "].into_iter().collect() }");
+    format!("fn {name}() -> Coefficients<f32, {sizes}> {{\n    {expression}\n}}\n")
 }

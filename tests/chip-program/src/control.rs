@@ -2,26 +2,16 @@
 
 use core::hint::black_box;
 
-use springpot::{
-    Actuator, Applied, CommandLimits, Compressed, Feedforward, Law, Maxwell, Observer, ObserverOptions, Options,
-    SensorSample, Tracking,
-};
+use springpot::{Applied, CommandLimits, Feedforward, Law, Maxwell, Observer, ObserverOptions, SensorSample, Tracking};
 
 use crate::{Checksum, Name, Report, STEPS, repeat};
 
-type FilmLaw = Law<f32, Compressed<f32>>;
-
 /// Reports bits and cost of a tick of each law of control along `model`. Each has a stack of its own.
 pub fn run(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model: &Maxwell) {
+    let law = |model| name("law").film.law(model);
     feedforward(report, name("feedforward"), law(model));
     observer(report, name("observer"), law(model));
     tracking(report, name("tracking"), law(model));
-}
-
-#[inline(never)]
-fn law(model: &Maxwell) -> FilmLaw {
-    let Ok(law) = Law::compressed(model, Options::at_step(1e-3)) else { panic!("the law is refused") };
-    law
 }
 
 /// A reference of up to 1 mm, and a sensor beside it.
@@ -44,9 +34,9 @@ fn ticks(report: &mut impl Report, name: Name, mut tick: impl FnMut(f32) -> f32)
 }
 
 #[inline(never)]
-fn feedforward(report: &mut impl Report, name: Name, law: FilmLaw) {
+fn feedforward(report: &mut impl Report, name: Name, law: Law<f32>) {
     let rest = law.state();
-    let Ok(config) = Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH) else { panic!("refused") };
+    let Ok(config) = Feedforward::new(law, &name.film.actuator(), CommandLimits::BENCH) else { panic!("refused") };
     let mut state = config.state(rest);
     let mut voltage = 0.0;
     ticks(report, name, |k| {
@@ -57,20 +47,20 @@ fn feedforward(report: &mut impl Report, name: Name, law: FilmLaw) {
 }
 
 #[inline(never)]
-fn observer(report: &mut impl Report, name: Name, law: FilmLaw) {
+fn observer(report: &mut impl Report, name: Name, law: Law<f32>) {
     let rest = law.state();
     let options = ObserverOptions::at_bandwidth(0.6);
-    let observer: Result<Observer<f32>, _> = Observer::new(law, &Actuator::KARNER_2022, 6000.0, options);
+    let observer: Result<Observer<f32>, _> = Observer::new(law, &name.film.actuator(), 6000.0, options);
     let Ok(config) = observer else { panic!("refused") };
     let mut state = config.state(rest);
     ticks(report, name, |k| config.observe(&mut state, 5.0 * k, sample(k)));
 }
 
 #[inline(never)]
-fn tracking(report: &mut impl Report, name: Name, law: FilmLaw) {
+fn tracking(report: &mut impl Report, name: Name, law: Law<f32>) {
     let rest = law.state();
     let options = ObserverOptions::at_bandwidth(0.6);
-    let tracking: Result<Tracking<f32>, _> = Tracking::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH, options);
+    let tracking: Result<Tracking<f32>, _> = Tracking::new(law, &name.film.actuator(), CommandLimits::BENCH, options);
     let Ok(config) = tracking else { panic!("refused") };
     let mut state = config.state(rest);
     let mut voltage = 0.0;

@@ -11,7 +11,9 @@ pub mod tick;
 use core::fmt;
 use core::hint::black_box;
 
-use springpot::{Actuator, Compressed, Law, Maxwell, Memory, Options, Preset, State, Topology, VoltageDrive};
+use springpot::{
+    Actuator, Compressed, Curve, Law, Maxwell, Memory, Method, Options, Preset, State, Topology, VoltageDrive,
+};
 
 /// Takes what the program reports.
 pub trait Report {
@@ -23,13 +25,87 @@ pub trait Report {
     fn bits(&mut self, name: Name, checksum: Checksum);
 }
 
-/// What a report is about.
+/// A film that the program steps, and how its law is discretised.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Name {
+pub struct Film {
     /// The preset, such as `table3-n2`.
     pub preset: &'static str,
     /// How its branches are connected.
     pub topology: Topology,
+    /// How s is discretised.
+    pub method: Method,
+    /// Whether an elastic curve of as many pieces as there may be stands in front of the law, on an actuator that saturates.
+    pub curved: bool,
+}
+
+/// The films of the program.
+pub const FILMS: [Film; 7] = [
+    Film::of("table3-n1", Topology::Eq11),
+    Film::of("table3-n2", Topology::Eq11),
+    Film::of("table3-n5", Topology::Eq11),
+    Film::of("table3-n5", Topology::Parallel),
+    Film { method: Method::Bdf2, ..Film::of("table3-n2", Topology::Eq11) },
+    Film { curved: true, ..Film::of("table3-n2", Topology::Eq11) },
+    Film { curved: true, method: Method::Bdf2, ..Film::of("table3-n2", Topology::Eq11) },
+];
+
+impl Film {
+    const fn of(preset: &'static str, topology: Topology) -> Self {
+        Self { preset, topology, method: Method::Gl, curved: false }
+    }
+
+    #[inline(never)]
+    fn model(self) -> Maxwell {
+        let model = Preset::named(self.preset).and_then(|preset| preset.model().ok());
+        let Some(model) = model else { panic!("{} is no preset", self.preset) };
+        model.with_topology(self.topology)
+    }
+
+    /// The default law of `model` at 1 kHz, behind the curve where there is one.
+    fn law(self, model: &Maxwell) -> Law<f32> {
+        let law = self.straight_law(model);
+        if self.curved { behind(law) } else { law }
+    }
+
+    // Built and bent one after the other, each with a stack of its own: the small chip has 16 KiB for all.
+    #[inline(never)]
+    fn straight_law(self, model: &Maxwell) -> Law<f32> {
+        let law = Law::compressed(model, Options::at_step(1e-3).with_method(self.method));
+        let Ok(law) = law else { panic!("{} is refused", self.preset) };
+        law
+    }
+
+    fn actuator(self) -> Actuator {
+        if self.curved { SATURATING } else { Actuator::KARNER_2022 }
+    }
+}
+
+#[inline(never)]
+fn behind(law: Law<f32>) -> Law<f32> {
+    let Ok(law) = law.behind(&curve()) else { panic!("the law behind the curve is refused") };
+    law
+}
+
+/// The paper's actuator, with a force that saturates.
+pub const SATURATING: Actuator = Actuator { saturation_v: Some(9000.0), ..Actuator::KARNER_2022 };
+
+/// A curve of 16 pieces, from −0.5 mm to 1.1 mm: softer by a tenth at first, then half as stiff again. Steps go beyond its end.
+#[must_use]
+pub fn curve() -> Curve {
+    let points = core::array::from_fn::<_, 17, _>(|k| {
+        #[allow(clippy::cast_precision_loss)] // up to 16
+        let x = 1e-4 * (k as f64 - 5.0);
+        (x, x * (1.0 + x * (3e5 * x - 300.0)))
+    });
+    let Ok(curve) = Curve::through(&points) else { panic!("the curve is refused") };
+    curve
+}
+
+/// What a report is about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Name {
+    /// The film.
+    pub film: Film,
     /// Head and modes of the law.
     pub size: &'static str,
     /// `law`, `creep`, `relaxation`, `voltage` (Eq. 1 from force to voltage), `feedforward`, `observer`, `tracking`, or `tick`
@@ -39,11 +115,14 @@ pub struct Name {
 
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let topology = match self.topology {
+        let Self { film, size, what } = self;
+        let curve = if film.curved { "+curve" } else { "" };
+        let method = if film.method == Method::Bdf2 { "/bdf2" } else { "" };
+        let topology = match film.topology {
             Topology::Eq11 => "eq11",
             Topology::Parallel => "parallel",
         };
-        write!(f, "{}/{}/{}/{}", self.what, self.size, self.preset, topology)
+        write!(f, "{what}/{size}{curve}/{}/{topology}{method}", film.preset)
     }
 }
 
@@ -77,44 +156,51 @@ pub const STEPS: u16 = 1000;
 
 /// The program.
 pub fn run(report: &mut impl Report) {
-    for (preset, topology) in [
-        ("table3-n1", Topology::Eq11),
-        ("table3-n2", Topology::Eq11),
-        ("table3-n5", Topology::Eq11),
-        ("table3-n5", Topology::Parallel),
-    ] {
-        let model = Preset::named(preset).and_then(|preset| preset.model().ok());
-        let Some(model) = model else { panic!("{} is no preset", preset) };
-        let model = model.with_topology(topology);
+    for film in FILMS {
+        let model = film.model();
+        let name = |what| Name { film, size: "12+36", what };
 
-        laws(report, preset, topology, &model);
-        control::run(report, |what| Name { preset, topology, size: "12+36", what }, &model);
-        tick::run(report, Name { preset, topology, size: "12+36", what: "tick" }, &model);
+        if film.curved || film.method != Method::Gl {
+            default_law(report, name, &model);
+        } else {
+            laws(report, film, &model);
+        }
+        control::run(report, name, &model);
+        tick::run(report, name("tick"), &model);
     }
+}
+
+/// The default law of `model`: what it costs to step.
+#[inline(never)]
+fn default_law(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model: &Maxwell) {
+    let law = name("law").film.law(model);
+    report.bits(name("law"), modes(law.memory().modes()));
+    step(report, &name, &law, &law.state());
+    voltage(report, name("voltage"), law.least_stiffness());
 }
 
 /// Laws of `model`, default and lean: what they cost to build and to step.
 #[inline(never)]
-fn laws(report: &mut impl Report, preset: &'static str, topology: Topology, model: &Maxwell) {
-    let name = |what| Name { preset, topology, size: "12+36", what };
+fn laws(report: &mut impl Report, film: Film, model: &Maxwell) {
+    let name = |what| Name { film, size: "12+36", what };
     let options = Options::at_step(1e-3);
     let law = report.cost(name("law"), || Law::<f32>::compressed(black_box(model), options));
-    let Ok(law) = law else { panic!("{} is refused", preset) };
+    let Ok(law) = law else { panic!("{} is refused", film.preset) };
     report.bits(name("law"), modes(law.memory().modes()));
     step(report, name, &law, &law.state());
     voltage(report, name("voltage"), law.stiffness());
 
-    let name = |what| Name { preset, topology, size: "8+18", what };
+    let name = |what| Name { film, size: "8+18", what };
     let options = options.with_horizon(3600.0).with_tolerance(1e-3);
     let law = report.cost(name("law"), || Law::<f32, Lean>::compressed(black_box(model), options));
-    let Ok(law) = law else { panic!("{} is refused", preset) };
+    let Ok(law) = law else { panic!("{} is refused", film.preset) };
     report.bits(name("law"), modes(law.memory().modes()));
     step(report, name, &law, &law.state());
 
-    let name = |what| Name { preset, topology, size: "8+16", what };
+    let name = |what| Name { film, size: "8+16", what };
     let options = options.with_horizon(155.0);
     let law = report.cost(name("law"), || Law::<f32, Leanest>::compressed(black_box(model), options));
-    let Ok(law) = law else { panic!("{} is refused", preset) };
+    let Ok(law) = law else { panic!("{} is refused", film.preset) };
     report.bits(name("law"), modes(law.memory().modes()));
     step(report, name, &law, &law.state());
 }
@@ -158,7 +244,7 @@ where
 }
 
 fn voltage(report: &mut impl Report, name: Name, stiffness: f32) {
-    let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, stiffness);
+    let drive = VoltageDrive::new(&name.film.actuator(), 6000.0, stiffness);
     let Ok(drive) = drive else { panic!("the paper's actuator is refused") };
     let mut checksum = Checksum::default();
     for k in 0..STEPS {

@@ -7,20 +7,22 @@ use dea_driver::{
     Blob, Control, Controller, Inputs, Limits, Mode, MonitorLimits, OnSensorFault, Outputs, Parameters,
     PlausibilityLimits,
 };
-use springpot::{Actuator, Coefficients, Law, Maxwell, Options};
+use springpot::{Actuator, Coefficients, Maxwell};
 
 use crate::{Checksum, Name, Report, STEPS};
 
-/// Reports cost and bits of a tick of `model`. Each has a stack of its own: the small chip has 16 KiB for all.
+/// Reports cost and bits of a tick of `model`. Each step has a stack of its own: the small chip has 16 KiB for all.
+#[inline(never)]
 pub fn run(report: &mut impl Report, name: Name, model: &Maxwell) {
-    let law = law(model);
-    bits(report, name, &law);
-    cost(report, name, &law);
+    let law = law(name, model);
+    bits(report, name, blob(&law, name.film.actuator()));
+    cost(report, name, blob(&law, name.film.actuator()));
 }
 
 #[inline(never)]
-fn bits(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
-    let mut controller = running(law);
+fn bits(report: &mut impl Report, name: Name, blob: Blob) {
+    let mut controller = disarmed(blob);
+    start(&mut controller);
     let mut checksum = Checksum::default();
     ticks(&mut controller, |code, outputs| {
         checksum.add(outputs.telemetry.command_v);
@@ -31,8 +33,9 @@ fn bits(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
 }
 
 #[inline(never)]
-fn cost(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
-    let mut controller = running(law);
+fn cost(report: &mut impl Report, name: Name, blob: Blob) {
+    let mut controller = disarmed(blob);
+    start(&mut controller);
     let keep = |code: DacCode, _: Outputs| {
         black_box(code);
     };
@@ -42,23 +45,26 @@ fn cost(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
 }
 
 /// A controller on the bench, tracking.
-#[inline(never)]
-pub fn running(law: &Coefficients<f32>) -> Controller {
-    let mut controller = Controller::new(blob(law));
+pub fn running(law: &Coefficients<f32>, actuator: Actuator) -> Controller {
+    let mut controller = disarmed(blob(law, actuator));
     start(&mut controller);
     controller
 }
 
 #[inline(never)]
-fn blob(law: &Coefficients<f32>) -> Blob {
-    let Ok(blob) = Blob::new(parameters(law.clone())) else { panic!("the bench is refused") };
+fn disarmed(blob: Blob) -> Controller {
+    Controller::new(blob)
+}
+
+#[inline(never)]
+fn blob(law: &Coefficients<f32>, actuator: Actuator) -> Blob {
+    let Ok(blob) = Blob::new(parameters(law.clone(), actuator)) else { panic!("the bench is refused") };
     blob
 }
 
 #[inline(never)]
-fn law(model: &Maxwell) -> Coefficients<f32> {
-    let Ok(law) = Law::compressed(model, Options::at_step(1e-3)) else { panic!("the law is refused") };
-    law.coefficients()
+fn law(name: Name, model: &Maxwell) -> Coefficients<f32> {
+    name.film.law(model).coefficients()
 }
 
 /// Arms and starts it, after what the sensors say at rest.
@@ -93,12 +99,12 @@ pub fn tick(controller: &mut Controller, command: DacCode) -> (DacCode, Outputs)
     (DacCode::from_volts(outputs.dac_v, controller.parameters().command_range), outputs)
 }
 
-fn parameters(law: Coefficients<f32>) -> Parameters {
+fn parameters(law: Coefficients<f32>, actuator: Actuator) -> Parameters {
     Parameters {
         name: heapless::String::new(),
         rate_hz: 1000.0,
         law,
-        actuator: Actuator::KARNER_2022,
+        actuator,
         sensor_offset_m: 0.0,
         command_range: CommandRange::TenVolts,
         amplifier: Calibration::Parabola { offset: 0.0, gain: 1000.0, quadratic: -1.0 },

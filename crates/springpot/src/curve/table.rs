@@ -7,20 +7,19 @@ use crate::curve::{Curve, Knot, MAX_KNOTS};
 use crate::error::CurveError;
 use crate::scalar::Scalar;
 
-/// Pieces of a table.
-const PIECES: usize = MAX_KNOTS - 1;
-
 /// A [`Curve`] as a step evaluates it: the same number of operations everywhere.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Table<T> {
+    /// Halves of halves, so that a search needs no index: a place is in the upper one of a pair if it is not below its first piece.
     /// Unused pieces begin at infinity.
-    pieces: [Piece<T>; PIECES],
+    pieces: [[[Pair<T>; 2]; 2]; 2],
     low: T,
     high: T,
     last: Knot<T>,
-    three: T,
     used: usize,
 }
+
+type Pair<T> = [Piece<T>; 2];
 
 /// A cubic from `at` on: value + slope u + second u² + third u³.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,14 +43,20 @@ pub(crate) struct Place<T> {
     pub(crate) beyond: T,
     /// T'.
     pub(crate) slope: T,
-    /// Whether the film is beyond the ends of the curve.
-    pub(crate) outside: bool,
+    /// How far the film is beyond the ends of the curve, m: 0 within them.
+    pub(crate) outside: T,
 }
 
 impl<T: Scalar> Place<T> {
     /// The place of a film without a curve.
     pub(crate) fn straight() -> Self {
-        Self { knot: T::ZERO, beyond: T::ZERO, slope: T::from_f64(1.0), outside: false }
+        Self { knot: T::ZERO, beyond: T::ZERO, slope: T::from_f64(1.0), outside: T::ZERO }
+    }
+
+    /// The place `distance` (m) on, along the tangent.
+    #[inline]
+    pub(crate) fn moved(&self, distance: T) -> Self {
+        Self { beyond: self.beyond + self.slope * distance, ..*self }
     }
 
     /// T here minus T at `other`, m.
@@ -71,8 +76,9 @@ impl<T: Scalar> Table<T> {
         };
         let beyond = T::from_f64(f64::INFINITY);
         let unused = Piece { at: beyond, value: T::ZERO, slope: T::ZERO, second: T::ZERO, third: T::ZERO };
-        let mut pieces = [unused; PIECES];
-        for (piece, pair) in pieces.iter_mut().zip(curve.knots().windows(2)) {
+        let mut pieces = [[[[unused; 2]; 2]; 2]; 2];
+        let flat = pieces.as_flattened_mut().as_flattened_mut().as_flattened_mut();
+        for (piece, pair) in flat.iter_mut().zip(curve.knots().windows(2)) {
             let [before, after] = [rounded(&pair[0]), rounded(&pair[1])];
             let cubic = Cubic::between(&before.wide(), &after.wide());
             *piece = Piece {
@@ -85,12 +91,12 @@ impl<T: Scalar> Table<T> {
         }
         let used = curve.knots().len() - 1;
         let last = rounded(&curve.knots()[used]);
-        Self { low: pieces[0].at, high: last.displacement, last, pieces, three: T::from_f64(3.0), used }
+        Self { low: pieces[0][0][0][0].at, high: last.displacement, last, pieces, used }
     }
 
     /// The knots, as rounded.
     pub(crate) fn knots(&self) -> impl Iterator<Item = Knot<T>> + '_ {
-        let pieces = self.pieces.iter().take(self.used);
+        let pieces = self.pieces.as_flattened().as_flattened().as_flattened().iter().take(self.used);
         pieces
             .map(|piece| Knot { displacement: piece.at, value: piece.value, slope: piece.slope })
             .chain(core::iter::once(self.last))
@@ -105,21 +111,23 @@ impl<T: Scalar> Table<T> {
     /// The place at `displacement` − `surplus` (m).
     #[inline]
     pub(crate) fn place(&self, displacement: T, surplus: T) -> Place<T> {
-        let (below, above) = (displacement.is_below(self.low), self.high.is_below(displacement));
-        let within = if below { self.low } else { displacement };
-        let within = if above { self.high } else { within };
-        let mut index = 0;
-        for half in [8, 4, 2, 1] {
-            // Never more than 15: the mask shows it to the compiler.
-            let candidate = (index + half) & (PIECES - 1);
-            index = if within.is_below(self.pieces[candidate].at) { index } else { candidate };
-        }
-        let piece = &self.pieces[index];
-        let u = (within - piece.at) - if below || above { T::ZERO } else { surplus };
+        // A place below the first piece is in it, one above the last piece in the last.
+        let upper = |from: T| !displacement.is_below(from);
+        let [lower_half, upper_half] = &self.pieces;
+        let [lower_quarter, upper_quarter] = if upper(upper_half[0][0][0].at) { upper_half } else { lower_half };
+        let [lower_pair, upper_pair] = if upper(upper_quarter[0][0].at) { upper_quarter } else { lower_quarter };
+        let [lower, higher] = if upper(upper_pair[0].at) { upper_pair } else { lower_pair };
+        let piece = if upper(higher.at) { higher } else { lower };
+
+        let within = if displacement.is_below(self.low) { self.low } else { displacement };
+        let within = if self.high.is_below(displacement) { self.high } else { within };
+        let outside = displacement - within;
+        let u = (within - piece.at) - surplus;
         let bent = u * piece.third;
-        let slope = piece.slope + u * ((piece.second + piece.second) + self.three * bent);
-        let inside = u * (piece.slope + u * (piece.second + bent));
-        let straight = slope * (displacement - within);
-        Place { knot: piece.value, beyond: inside + straight, slope, outside: below || above }
+        let rise = piece.second + bent;
+        // slope + 2 second u + 3 third u²
+        let slope = piece.slope + u * (rise + (rise + bent));
+        let beyond = u * (piece.slope + u * rise) + slope * outside;
+        Place { knot: piece.value, beyond, slope, outside }
     }
 }

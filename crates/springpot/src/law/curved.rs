@@ -123,7 +123,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     pub(crate) fn placed(&self, mut state: State<T, M>) -> State<T, M> {
         if let Some(curved) = &self.curved {
             let place = curved.place(&state, state.position, state.position_surplus);
-            curved.look_ahead(&mut state, place);
+            state.bend.ahead = curved.look_ahead(&state, state.increment);
+            state.bend.predicted = state.bend.ahead.minus(&place);
         }
         state
     }
@@ -170,34 +171,40 @@ impl<T: Scalar> Curved<T> {
         self.table.place(displacement + state.bend.origin, surplus)
     }
 
-    /// The force (N) at `place`, which is `increment` (m) from the last step's.
+    /// The force (N) where T is `off` (m) from its value ahead and the film `increment` (m) from the last step.
     #[inline]
-    pub(super) fn force_at<M: Memory<T>>(&self, state: &State<T, M>, place: &Place<T>, increment: T) -> T {
+    pub(super) fn force_at<M: Memory<T>>(&self, state: &State<T, M>, off: T, increment: T) -> T {
         let change = increment - state.increment;
-        state.base + (self.instant * place.minus(&state.bend.ahead) + self.inertia * change)
+        state.base + (self.instant * off + self.inertia * change)
     }
 
-    /// Stores the newest `increment` (m), which led to `place`.
+    /// The place (m) where the film will be if it goes on with `increment` (m).
     #[inline]
-    pub(super) fn advance<M: Memory<T>>(&self, memory: &M, state: &mut State<T, M>, increment: T, place: Place<T>) {
-        let Bend { ahead, predicted, past, .. } = state.bend;
-        let stretched = predicted + place.minus(&ahead);
-        let [newest, second, third] = self.past_inertia;
-        let inertia = newest * increment + (second * state.increment + third * past);
-        state.bend.past = state.increment;
-        state.increment = increment;
-        let going_on = memory.advance(&mut state.history, stretched);
-        self.look_ahead(state, place);
-        state.base = going_on + (self.instant * (state.bend.predicted - stretched) + inertia);
-    }
-
-    /// Evaluates the curve where the film will be if it goes on with its increment.
-    #[inline]
-    fn look_ahead<M: Memory<T>>(&self, state: &mut State<T, M>, place: Place<T>) {
-        let addend = state.increment - state.position_surplus;
+    pub(super) fn look_ahead<M: Memory<T>>(&self, state: &State<T, M>, increment: T) -> Place<T> {
+        let addend = increment - state.position_surplus;
         let position = state.position + addend;
         let surplus = (position - state.position) - addend;
-        state.bend.ahead = self.place(state, position, surplus);
-        state.bend.predicted = state.bend.ahead.minus(&place);
+        self.place(state, position, surplus)
+    }
+
+    /// Stores the newest `increment` (m), which led to `place`, where T is `off` (m) from its value ahead, and the place `ahead` of it.
+    #[inline]
+    pub(super) fn advance<M: Memory<T>>(
+        &self,
+        memory: &M,
+        state: &mut State<T, M>,
+        increment: T,
+        [place, ahead]: [Place<T>; 2],
+        off: T,
+    ) {
+        let Bend { origin, predicted, past, .. } = state.bend;
+        let stretched = predicted + off;
+        let [newest, second, third] = self.past_inertia;
+        let inertia = newest * increment + (second * state.increment + third * past);
+        let predicted = ahead.minus(&place);
+        state.bend = Bend { origin, ahead, predicted, past: state.increment };
+        state.increment = increment;
+        let change = self.instant * (predicted - stretched) + inertia;
+        state.base = memory.advance(&mut state.history, stretched) + change;
     }
 }

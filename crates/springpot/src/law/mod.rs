@@ -1,5 +1,6 @@
 //! A law steps a model forwards and backwards with one equation.
 
+mod coarser;
 mod coefficients;
 mod compressed;
 mod curved;
@@ -15,7 +16,6 @@ pub use window::Window;
 use num_complex::Complex;
 
 use crate::actuator::Load;
-use crate::curve::Place;
 use crate::error::LawError;
 use crate::kernel::Method;
 use crate::scalar::Scalar;
@@ -243,8 +243,12 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             }
             Some(curved) => {
                 let place = curved.place(state, displacement, T::ZERO);
-                let force = curved.force_at(state, &place, increment);
-                curved.advance(&self.memory, state, increment, place);
+                let off = place.minus(&state.bend.ahead);
+                let force = curved.force_at(state, off, increment);
+                // What stands ahead cancels in the next call of this: the line through this place will do, and its slope is one that
+                // the curve has, however far the film was moved.
+                let ahead = place.moved(increment);
+                curved.advance(&self.memory, state, increment, [place, ahead], off);
                 force
             }
         }
@@ -257,7 +261,10 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let increment = state.increment_to(displacement);
         match &self.curved {
             None => self.force_of(state, increment),
-            Some(curved) => curved.force_at(state, &curved.place(state, displacement, T::ZERO), increment),
+            Some(curved) => {
+                let place = curved.place(state, displacement, T::ZERO);
+                curved.force_at(state, place.minus(&state.bend.ahead), increment)
+            }
         }
     }
 
@@ -296,8 +303,11 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             None => self.advance(state, increment),
             Some(curved) => {
                 let ahead = state.bend.ahead;
-                let place = Place { beyond: ahead.beyond + ahead.slope * change, ..ahead };
-                curved.advance(&self.memory, state, increment, place);
+                let place = ahead.moved(change);
+                // Of the same knot, so only the other part of the value differs.
+                let off = place.beyond - ahead.beyond;
+                let ahead = curved.look_ahead(state, increment);
+                curved.advance(&self.memory, state, increment, [place, ahead], off);
             }
         }
         position
@@ -355,7 +365,8 @@ impl<T: Scalar, M: Memory<T>> State<T, M> {
     /// Whether the film is beyond the range of the law's curve, which goes on linearly there.
     #[must_use]
     pub fn beyond_curve(&self) -> bool {
-        self.bend.ahead.outside
+        let outside = self.bend.ahead.outside;
+        outside.is_below(T::ZERO) || T::ZERO.is_below(outside)
     }
 
     /// Measures displacement from `origin` (m) from now on: a sensor that is zeroed on a film that has already crept.
