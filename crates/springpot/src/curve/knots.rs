@@ -71,6 +71,7 @@ impl Curve {
     ///
     /// [`CurveError`] for fewer than two knots or more than [`MAX_KNOTS`], values that are not finite, displacements that do not
     /// increase or do not hold 0, another value or slope at 0, and a slope below 1e-3.
+    #[inline(never)]
     pub fn new(knots: &[Knot<f64>]) -> Result<Self, CurveError> {
         let curve = Self::unscaled(knots)?;
         let (value, slope) = curve.value_and_slope(0.0);

@@ -68,6 +68,7 @@ impl<T: Scalar> Place<T> {
 
 impl<T: Scalar> Table<T> {
     /// The table of `curve`, of its knots rounded to T.
+    #[inline(never)]
     pub(crate) fn new(curve: &Curve) -> Self {
         let rounded = |knot: &Knot<f64>| Knot {
             displacement: T::from_f64(knot.displacement),
@@ -103,6 +104,7 @@ impl<T: Scalar> Table<T> {
     }
 
     /// The curve of the rounded knots.
+    #[inline(never)]
     pub(crate) fn curve(&self) -> Result<Curve, CurveError> {
         let knots: Vec<Knot<T>, MAX_KNOTS> = self.knots().collect();
         Curve::of_rounded(&knots)

@@ -70,6 +70,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     ///
     /// [`LawError::NothingToSolve`] where the number type cannot hold the stiffness, [`LawError::Curve`] for knots that are not
     /// different in it.
+    // Not inlined: the curve in f64 would stay on the stack of who builds more than this law.
+    #[inline(never)]
     pub fn behind(self, curve: &Curve) -> Result<Self, LawError> {
         let Self { step_s, instant, stiffness, mass_per_step2, method, memory, curved: _ } = self;
         let table = Table::new(curve);
