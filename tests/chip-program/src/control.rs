@@ -7,6 +7,7 @@ use springpot::{Applied, CommandLimits, Feedforward, Law, Maxwell, Observer, Obs
 use crate::{Checksum, Name, Report, STEPS, repeat};
 
 /// Reports bits and cost of a tick of each law of control along `model`. Each has a stack of its own.
+#[inline(never)]
 pub fn run(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model: &Maxwell) {
     let law = |model| name("law").film.law(model);
     feedforward(report, name("feedforward"), law(model));

@@ -145,12 +145,6 @@ impl Checksum {
     }
 }
 
-/// A lean memory, true to 1e-4 over an hour.
-pub type Lean = Compressed<f32, 8, 14, 4>;
-
-/// The leanest: plain sums, true to 1e-4 over 155 s, forwards.
-pub type Leanest = Compressed<f32, 8, 16, 0>;
-
 /// Steps of every run.
 pub const STEPS: u16 = 1000;
 
@@ -166,7 +160,7 @@ pub fn run(report: &mut impl Report) {
             laws(report, film, &model);
         }
         control::run(report, name, &model);
-        tick::run(report, name("tick"), &model);
+        tick::run(report, name("tick"), &tick::law(name("tick"), &model));
     }
 }
 
@@ -175,34 +169,36 @@ pub fn run(report: &mut impl Report) {
 fn default_law(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model: &Maxwell) {
     let law = name("law").film.law(model);
     report.bits(name("law"), modes(law.memory().modes()));
-    step(report, &name, &law, &law.state());
+    step(report, &name, &law);
     voltage(report, name("voltage"), law.least_stiffness());
 }
 
-/// Laws of `model`, default and lean: what they cost to build and to step.
-#[inline(never)]
+/// Laws of `model`, default and lean: what they cost to build and to step. Each has a stack of its own.
 fn laws(report: &mut impl Report, film: Film, model: &Maxwell) {
-    let name = |what| Name { film, size: "12+36", what };
     let options = Options::at_step(1e-3);
-    let law = report.cost(name("law"), || Law::<f32>::compressed(black_box(model), options));
-    let Ok(law) = law else { panic!("{} is refused", film.preset) };
-    report.bits(name("law"), modes(law.memory().modes()));
-    step(report, name, &law, &law.state());
-    voltage(report, name("voltage"), law.stiffness());
-
-    let name = |what| Name { film, size: "8+18", what };
+    law::<12, 12, 24>(report, |what| Name { film, size: "12+36", what }, model, options);
     let options = options.with_horizon(3600.0).with_tolerance(1e-3);
-    let law = report.cost(name("law"), || Law::<f32, Lean>::compressed(black_box(model), options));
-    let Ok(law) = law else { panic!("{} is refused", film.preset) };
-    report.bits(name("law"), modes(law.memory().modes()));
-    step(report, name, &law, &law.state());
+    // A lean memory, true to 1e-4 over an hour.
+    law::<8, 14, 4>(report, |what| Name { film, size: "8+18", what }, model, options);
+    // The leanest: plain sums, true to 1e-4 over 155 s, forwards.
+    law::<8, 16, 0>(report, |what| Name { film, size: "8+16", what }, model, options.with_horizon(155.0));
+}
 
-    let name = |what| Name { film, size: "8+16", what };
-    let options = options.with_horizon(155.0);
-    let law = report.cost(name("law"), || Law::<f32, Leanest>::compressed(black_box(model), options));
-    let Ok(law) = law else { panic!("{} is refused", film.preset) };
+#[inline(never)]
+fn law<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    report: &mut impl Report,
+    name: impl Fn(&'static str) -> Name,
+    model: &Maxwell,
+    options: Options,
+) {
+    let law = report
+        .cost(name("law"), || Law::<f32, Compressed<f32, HEAD, FAST, SLOW>>::compressed(black_box(model), options));
+    let Ok(law) = law else { panic!("{} is refused", name("law")) };
     report.bits(name("law"), modes(law.memory().modes()));
-    step(report, name, &law, &law.state());
+    step(report, &name, &law);
+    if name("law").size == "12+36" {
+        voltage(report, name("voltage"), law.stiffness());
+    }
 }
 
 fn modes(modes: impl Iterator<Item = (f32, f32)>) -> Checksum {
@@ -215,10 +211,12 @@ fn modes(modes: impl Iterator<Item = (f32, f32)>) -> Checksum {
 }
 
 /// Steps both directions, on data as they occur: a force of up to 100 N, a displacement of up to 1 mm.
-fn step<M>(report: &mut impl Report, name: impl Fn(&'static str) -> Name, law: &Law<f32, M>, rest: &State<f32, M>)
-where
-    M: Memory<f32, History: Clone>,
-{
+#[inline(never)]
+fn step<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    report: &mut impl Report,
+    name: impl Fn(&'static str) -> Name,
+    law: &Law<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+) {
     let square = |k: u16| f32::from(k) * f32::from(k);
     let mut run = |what, step: &mut dyn FnMut(u16) -> f32| {
         let mut checksum = Checksum::default();
@@ -227,14 +225,14 @@ where
         }
         report.bits(name(what), checksum);
     };
-    let mut state = rest.clone();
+    let mut state = law.state();
     run("creep", &mut |k| law.displacement(&mut state, 1e-4 * square(k)));
-    let mut state = rest.clone();
+    let mut state = law.state();
     run("relaxation", &mut |k| law.force(&mut state, 1e-9 * square(k)));
 
-    let mut state = rest.clone();
+    let mut state = law.state();
     report.cost_of_step(name("creep"), STEPS, || repeat(|k| creep(law, &mut state, 0.1 * k)), || repeat(|k| 0.1 * k));
-    let mut state = rest.clone();
+    let mut state = law.state();
     report.cost_of_step(
         name("relaxation"),
         STEPS,

@@ -11,12 +11,11 @@ use springpot::{Actuator, Coefficients, Maxwell};
 
 use crate::{Checksum, Name, Report, STEPS};
 
-/// Reports cost and bits of a tick of `model`. Each step has a stack of its own: the small chip has 16 KiB for all.
+/// Reports cost and bits of a tick along `law`. Each step has a stack of its own: the small chip has 16 KiB for all.
 #[inline(never)]
-pub fn run(report: &mut impl Report, name: Name, model: &Maxwell) {
-    let law = law(name, model);
-    bits(report, name, blob(&law, name.film.actuator()));
-    cost(report, name, blob(&law, name.film.actuator()));
+pub fn run(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
+    bits(report, name, blob(law, name.film.actuator()));
+    cost(report, name, blob(law, name.film.actuator()));
 }
 
 #[inline(never)]
@@ -62,8 +61,9 @@ fn blob(law: &Coefficients<f32>, actuator: Actuator) -> Blob {
     blob
 }
 
+/// The default law of the film in numbers.
 #[inline(never)]
-fn law(name: Name, model: &Maxwell) -> Coefficients<f32> {
+pub fn law(name: Name, model: &Maxwell) -> Coefficients<f32> {
     name.film.law(model).coefficients()
 }
 

@@ -52,11 +52,14 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let () = Compressed::<T, H, F, S>::SIZES_FIT;
         const { assert!(H >= INERTIA && HEAD >= INERTIA, "the inertia of a method of second order is in the head") };
         let memory = &self.memory;
-        let modes = memory.modes().map(|(loss, weight)| Mode { loss: loss.to_f64(), weight: weight.to_f64() });
-        // One that loses all in a step was never earlier.
-        let mut modes: Vec<Mode, MAX_NODES> = modes.filter(|mode| mode.weight > 0.0 && mode.loss < 1.0).collect();
-        for mode in &mut modes {
-            mode.weight = mode.later(HEAD, H);
+        let mut modes = Vec::<Mode, MAX_NODES>::new();
+        for (loss, weight) in memory.modes() {
+            let mode = Mode { loss: loss.to_f64(), weight: weight.to_f64() };
+            // One that loses all in a step was never earlier.
+            if mode.weight > 0.0 && mode.loss < 1.0 {
+                // There is room for all.
+                let _ = modes.push(Mode { weight: mode.later(HEAD, H), ..mode });
+            }
         }
         let mut head = [T::ZERO; H];
         let tail = |j: usize| modes.iter().map(|mode| mode.later(H, j)).sum::<f64>();
