@@ -117,7 +117,7 @@ fn another_model_is_noticed() {
         client.upload(&blob, false).expect("taken");
         let (steps, cycles) = client.step(&[3000.0; 24]).expect("steps");
         let host = Parameters::preset("table3-n2").expect("a preset");
-        let law = host_sim::replay::memory::compressed_law::<f32>(&host.model, 1000.0).expect("valid");
+        let law = host_sim::replay::memory::compressed_law::<f32>(host.film(), 1000.0).expect("valid");
         let drive = springpot::VoltageDrive::new(&host.actuator, 6000.0, law.stiffness()).expect("valid");
         let mut film = law.state();
         let here: Vec<u32> = (0..24).map(|_| law.displacement_under(&mut film, drive.load(3000.0)).to_bits()).collect();
