@@ -138,7 +138,7 @@ fn reach(observations: &[Observation], offset_m: f64) -> ((f64, f64), f64) {
 ///
 /// # Errors
 ///
-/// As [`LeftOut::new`].
+/// [`Error`](crate::Error) for recordings that cannot be fitted.
 pub fn select(
     context: &Context<'_>,
     observations: &[Observation],
