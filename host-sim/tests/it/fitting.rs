@@ -364,7 +364,7 @@ fn follows_both_films_and_recordings_it_has_not_seen() {
     }
 }
 
-/// The paper's pattern search ends with a larger error than a search with derivatives, which needs a tenth of the evaluations.
+/// The paper's pattern search ends with a larger error than a search with derivatives, which needs an eighth of the evaluations.
 #[test]
 fn pattern_search_is_there_and_worse() {
     let thinned: Vec<Observation> = observations("wang").iter().map(observation::thinned).collect();
@@ -376,7 +376,7 @@ fn pattern_search_is_there_and_worse() {
         paper.r2_mean, paper.evaluations, lm.r2_mean, lm.evaluations
     );
     assert!(paper.r2_mean > 0.99, "it does fit");
-    assert!(lm.r2_mean >= paper.r2_mean && lm.evaluations * 10 < paper.evaluations);
+    assert!(lm.r2_mean >= paper.r2_mean && lm.evaluations * 8 < paper.evaluations);
 }
 
 /// The same seed gives the same parameters to the last bit.
