@@ -18,18 +18,21 @@ use crate::process::{Result, output, root};
 use crate::setup::{TARGETS, Toolchain};
 
 /// Functions of `tests/embedded/src/cycles.rs`, and the rows of docs/results.md that they stand for.
-const KERNELS: [(&str, &str); 11] = [
+const KERNELS: [(&str, &str); 14] = [
     ("creep_12_36", "creep/12+36"),
     ("relaxation_12_36", "relaxation/12+36"),
+    ("creep_12_36_curve", "creep/12+36+curve"),
+    ("relaxation_12_36_curve", "relaxation/12+36+curve"),
     ("creep_8_18", "creep/8+18"),
     ("relaxation_8_18", "relaxation/8+18"),
     ("creep_8_16", "creep/8+16"),
     ("relaxation_8_16", "relaxation/8+16"),
     ("voltage", "voltage"),
-    ("feedforward", "feedforward"),
-    ("observer", "observer"),
-    ("tracking", "tracking"),
-    ("tick", "tick"),
+    ("feedforward", "feedforward/12+36"),
+    ("observer", "observer/12+36"),
+    ("tracking", "tracking/12+36"),
+    ("tick", "tick/12+36"),
+    ("tick_curve", "tick/12+36+curve"),
 ];
 
 /// Cycles by the rows of docs/results.md.

@@ -7,16 +7,12 @@ use springpot::{Applied, CommandLimits, Feedforward, Law, Maxwell, Observer, Obs
 use crate::{Checksum, Name, Report, STEPS, repeat};
 
 /// Reports bits and cost of a tick of each law of control along `model`. Each has a stack of its own.
-pub fn run(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model: &Maxwell) {
-    feedforward(report, name("feedforward"), model);
-    observer(report, name("observer"), model);
-    tracking(report, name("tracking"), model);
-}
-
 #[inline(never)]
-fn law(name: Name, model: &Maxwell) -> Law<f32> {
-    let Ok(law) = name.film.law(model) else { panic!("the law is refused") };
-    law
+pub fn run(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model: &Maxwell) {
+    let law = |model| name("law").film.law(model);
+    feedforward(report, name("feedforward"), law(model));
+    observer(report, name("observer"), law(model));
+    tracking(report, name("tracking"), law(model));
 }
 
 /// A reference of up to 1 mm, and a sensor beside it.
@@ -39,8 +35,7 @@ fn ticks(report: &mut impl Report, name: Name, mut tick: impl FnMut(f32) -> f32)
 }
 
 #[inline(never)]
-fn feedforward(report: &mut impl Report, name: Name, model: &Maxwell) {
-    let law = law(name, model);
+fn feedforward(report: &mut impl Report, name: Name, law: Law<f32>) {
     let rest = law.state();
     let Ok(config) = Feedforward::new(law, &name.film.actuator(), CommandLimits::BENCH) else { panic!("refused") };
     let mut state = config.state(rest);
@@ -53,8 +48,7 @@ fn feedforward(report: &mut impl Report, name: Name, model: &Maxwell) {
 }
 
 #[inline(never)]
-fn observer(report: &mut impl Report, name: Name, model: &Maxwell) {
-    let law = law(name, model);
+fn observer(report: &mut impl Report, name: Name, law: Law<f32>) {
     let rest = law.state();
     let options = ObserverOptions::at_bandwidth(0.6);
     let observer: Result<Observer<f32>, _> = Observer::new(law, &name.film.actuator(), 6000.0, options);
@@ -64,8 +58,7 @@ fn observer(report: &mut impl Report, name: Name, model: &Maxwell) {
 }
 
 #[inline(never)]
-fn tracking(report: &mut impl Report, name: Name, model: &Maxwell) {
-    let law = law(name, model);
+fn tracking(report: &mut impl Report, name: Name, law: Law<f32>) {
     let rest = law.state();
     let options = ObserverOptions::at_bandwidth(0.6);
     let tracking: Result<Tracking<f32>, _> = Tracking::new(law, &name.film.actuator(), CommandLimits::BENCH, options);

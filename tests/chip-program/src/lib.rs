@@ -12,7 +12,7 @@ use core::fmt;
 use core::hint::black_box;
 
 use springpot::{
-    Actuator, Compressed, Curve, Law, LawError, Maxwell, Memory, Method, Options, Preset, State, Topology, VoltageDrive,
+    Actuator, Compressed, Curve, Law, Maxwell, Memory, Method, Options, Preset, State, Topology, VoltageDrive,
 };
 
 /// Takes what the program reports.
@@ -54,15 +54,36 @@ impl Film {
         Self { preset, topology, method: Method::Gl, curved: false }
     }
 
+    #[inline(never)]
+    fn model(self) -> Maxwell {
+        let model = Preset::named(self.preset).and_then(|preset| preset.model().ok());
+        let Some(model) = model else { panic!("{} is no preset", self.preset) };
+        model.with_topology(self.topology)
+    }
+
     /// The default law of `model` at 1 kHz, behind the curve where there is one.
-    fn law(self, model: &Maxwell) -> Result<Law<f32>, LawError> {
-        let law = Law::compressed(model, Options::at_step(1e-3).with_method(self.method))?;
-        if self.curved { law.behind(&curve()) } else { Ok(law) }
+    fn law(self, model: &Maxwell) -> Law<f32> {
+        let law = self.straight_law(model);
+        if self.curved { behind(law) } else { law }
+    }
+
+    // Built and bent one after the other, each with a stack of its own: the small chip has 16 KiB for all.
+    #[inline(never)]
+    fn straight_law(self, model: &Maxwell) -> Law<f32> {
+        let law = Law::compressed(model, Options::at_step(1e-3).with_method(self.method));
+        let Ok(law) = law else { panic!("{} is refused", self.preset) };
+        law
     }
 
     fn actuator(self) -> Actuator {
         if self.curved { SATURATING } else { Actuator::KARNER_2022 }
     }
+}
+
+#[inline(never)]
+fn behind(law: Law<f32>) -> Law<f32> {
+    let Ok(law) = law.behind(&curve()) else { panic!("the law behind the curve is refused") };
+    law
 }
 
 /// The paper's actuator, with a force that saturates.
@@ -124,21 +145,13 @@ impl Checksum {
     }
 }
 
-/// A lean memory, true to 1e-4 over an hour.
-pub type Lean = Compressed<f32, 8, 14, 4>;
-
-/// The leanest: plain sums, true to 1e-4 over 155 s, forwards.
-pub type Leanest = Compressed<f32, 8, 16, 0>;
-
 /// Steps of every run.
 pub const STEPS: u16 = 1000;
 
 /// The program.
 pub fn run(report: &mut impl Report) {
     for film in FILMS {
-        let model = Preset::named(film.preset).and_then(|preset| preset.model().ok());
-        let Some(model) = model else { panic!("{} is no preset", film.preset) };
-        let model = model.with_topology(film.topology);
+        let model = film.model();
         let name = |what| Name { film, size: "12+36", what };
 
         if film.curved || film.method != Method::Gl {
@@ -147,44 +160,45 @@ pub fn run(report: &mut impl Report) {
             laws(report, film, &model);
         }
         control::run(report, name, &model);
-        tick::run(report, name("tick"), &model);
+        tick::run(report, name("tick"), &tick::law(name("tick"), &model));
     }
 }
 
 /// The default law of `model`: what it costs to step.
 #[inline(never)]
 fn default_law(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model: &Maxwell) {
-    let film = name("law").film;
-    let Ok(law) = film.law(model) else { panic!("{} is refused", film.preset) };
+    let law = name("law").film.law(model);
     report.bits(name("law"), modes(law.memory().modes()));
-    step(report, &name, &law, &law.state());
+    step(report, &name, &law);
     voltage(report, name("voltage"), law.least_stiffness());
 }
 
-/// Laws of `model`, default and lean: what they cost to build and to step.
-#[inline(never)]
+/// Laws of `model`, default and lean: what they cost to build and to step. Each has a stack of its own.
 fn laws(report: &mut impl Report, film: Film, model: &Maxwell) {
-    let name = |what| Name { film, size: "12+36", what };
     let options = Options::at_step(1e-3);
-    let law = report.cost(name("law"), || Law::<f32>::compressed(black_box(model), options));
-    let Ok(law) = law else { panic!("{} is refused", film.preset) };
-    report.bits(name("law"), modes(law.memory().modes()));
-    step(report, name, &law, &law.state());
-    voltage(report, name("voltage"), law.stiffness());
-
-    let name = |what| Name { film, size: "8+18", what };
+    law::<12, 12, 24>(report, |what| Name { film, size: "12+36", what }, model, options);
     let options = options.with_horizon(3600.0).with_tolerance(1e-3);
-    let law = report.cost(name("law"), || Law::<f32, Lean>::compressed(black_box(model), options));
-    let Ok(law) = law else { panic!("{} is refused", film.preset) };
-    report.bits(name("law"), modes(law.memory().modes()));
-    step(report, name, &law, &law.state());
+    // A lean memory, true to 1e-4 over an hour.
+    law::<8, 14, 4>(report, |what| Name { film, size: "8+18", what }, model, options);
+    // The leanest: plain sums, true to 1e-4 over 155 s, forwards.
+    law::<8, 16, 0>(report, |what| Name { film, size: "8+16", what }, model, options.with_horizon(155.0));
+}
 
-    let name = |what| Name { film, size: "8+16", what };
-    let options = options.with_horizon(155.0);
-    let law = report.cost(name("law"), || Law::<f32, Leanest>::compressed(black_box(model), options));
-    let Ok(law) = law else { panic!("{} is refused", film.preset) };
+#[inline(never)]
+fn law<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    report: &mut impl Report,
+    name: impl Fn(&'static str) -> Name,
+    model: &Maxwell,
+    options: Options,
+) {
+    let law = report
+        .cost(name("law"), || Law::<f32, Compressed<f32, HEAD, FAST, SLOW>>::compressed(black_box(model), options));
+    let Ok(law) = law else { panic!("{} is refused", name("law")) };
     report.bits(name("law"), modes(law.memory().modes()));
-    step(report, name, &law, &law.state());
+    step(report, &name, &law);
+    if name("law").size == "12+36" {
+        voltage(report, name("voltage"), law.stiffness());
+    }
 }
 
 fn modes(modes: impl Iterator<Item = (f32, f32)>) -> Checksum {
@@ -197,10 +211,12 @@ fn modes(modes: impl Iterator<Item = (f32, f32)>) -> Checksum {
 }
 
 /// Steps both directions, on data as they occur: a force of up to 100 N, a displacement of up to 1 mm.
-fn step<M>(report: &mut impl Report, name: impl Fn(&'static str) -> Name, law: &Law<f32, M>, rest: &State<f32, M>)
-where
-    M: Memory<f32, History: Clone>,
-{
+#[inline(never)]
+fn step<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    report: &mut impl Report,
+    name: impl Fn(&'static str) -> Name,
+    law: &Law<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+) {
     let square = |k: u16| f32::from(k) * f32::from(k);
     let mut run = |what, step: &mut dyn FnMut(u16) -> f32| {
         let mut checksum = Checksum::default();
@@ -209,14 +225,14 @@ where
         }
         report.bits(name(what), checksum);
     };
-    let mut state = rest.clone();
+    let mut state = law.state();
     run("creep", &mut |k| law.displacement(&mut state, 1e-4 * square(k)));
-    let mut state = rest.clone();
+    let mut state = law.state();
     run("relaxation", &mut |k| law.force(&mut state, 1e-9 * square(k)));
 
-    let mut state = rest.clone();
+    let mut state = law.state();
     report.cost_of_step(name("creep"), STEPS, || repeat(|k| creep(law, &mut state, 0.1 * k)), || repeat(|k| 0.1 * k));
-    let mut state = rest.clone();
+    let mut state = law.state();
     report.cost_of_step(
         name("relaxation"),
         STEPS,

@@ -11,16 +11,17 @@ use springpot::{Actuator, Coefficients, Maxwell};
 
 use crate::{Checksum, Name, Report, STEPS};
 
-/// Reports cost and bits of a tick of `model`. Each has a stack of its own: the small chip has 16 KiB for all.
-pub fn run(report: &mut impl Report, name: Name, model: &Maxwell) {
-    let law = law(name, model);
-    bits(report, name, &law);
-    cost(report, name, &law);
+/// Reports cost and bits of a tick along `law`. Each step has a stack of its own: the small chip has 16 KiB for all.
+#[inline(never)]
+pub fn run(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
+    bits(report, name, blob(law, name.film.actuator()));
+    cost(report, name, blob(law, name.film.actuator()));
 }
 
 #[inline(never)]
-fn bits(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
-    let mut controller = running(law, name.film.actuator());
+fn bits(report: &mut impl Report, name: Name, blob: Blob) {
+    let mut controller = disarmed(blob);
+    start(&mut controller);
     let mut checksum = Checksum::default();
     ticks(&mut controller, |code, outputs| {
         checksum.add(outputs.telemetry.command_v);
@@ -31,8 +32,9 @@ fn bits(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
 }
 
 #[inline(never)]
-fn cost(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
-    let mut controller = running(law, name.film.actuator());
+fn cost(report: &mut impl Report, name: Name, blob: Blob) {
+    let mut controller = disarmed(blob);
+    start(&mut controller);
     let keep = |code: DacCode, _: Outputs| {
         black_box(code);
     };
@@ -42,11 +44,15 @@ fn cost(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
 }
 
 /// A controller on the bench, tracking.
-#[inline(never)]
 pub fn running(law: &Coefficients<f32>, actuator: Actuator) -> Controller {
-    let mut controller = Controller::new(blob(law, actuator));
+    let mut controller = disarmed(blob(law, actuator));
     start(&mut controller);
     controller
+}
+
+#[inline(never)]
+fn disarmed(blob: Blob) -> Controller {
+    Controller::new(blob)
 }
 
 #[inline(never)]
@@ -55,10 +61,10 @@ fn blob(law: &Coefficients<f32>, actuator: Actuator) -> Blob {
     blob
 }
 
+/// The default law of the film in numbers.
 #[inline(never)]
-fn law(name: Name, model: &Maxwell) -> Coefficients<f32> {
-    let Ok(law) = name.film.law(model) else { panic!("the law is refused") };
-    law.coefficients()
+pub fn law(name: Name, model: &Maxwell) -> Coefficients<f32> {
+    name.film.law(model).coefficients()
 }
 
 /// Arms and starts it, after what the sensors say at rest.

@@ -1,6 +1,6 @@
 //! The control tick.
 
-use springpot::{Applied, Compressed, Limited, SensorSample, State, Tracking, TrackingState};
+use springpot::{Applied, Compressed, Law, Limited, SensorSample, State, Tracking, TrackingState};
 
 #[cfg(feature = "loop-test")]
 use crate::control::loop_test::{Followed, LoopTest, Step, Target};
@@ -34,6 +34,9 @@ pub struct Outputs {
     /// The record of the tick.
     pub telemetry: Telemetry,
 }
+
+/// The memory of the film that no sensor corrects. It watches limits alone, for which 1 % is enough: see [`Law::coarser`].
+type Watched = Compressed<f32, 4, 11, 7>;
 
 /// A film's law, its control and its supervisor, ticked at a fixed rate.
 ///
@@ -90,8 +93,9 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
     /// The film as the ticks estimate it, and its reference.
     course: TrackingState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
-    /// The film as the commanded voltage alone moves it: no sensor corrects it.
-    open_loop: State<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    /// The film as the commanded voltage alone moves it: no sensor corrects it. Its law has fewer modes.
+    watched: Law<f32, Watched>,
+    open_loop: State<f32, Watched>,
     /// How the film thins with the stroke, 1/m.
     thinning_per_m: f32,
     /// Shares of the force at the largest voltage per newton.
@@ -131,8 +135,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
         supervisor: Supervisor,
     ) -> Self {
-        let rest = tracking.observer().law().state();
-        let course = tracking.state(rest.clone());
+        let law = tracking.observer().law();
+        let course = tracking.state(law.state());
+        let watched = law.coarser();
+        let open_loop = watched.state();
         let shares_per_n = shares_per_n(&parameters);
         let thinning_per_m = thinning_per_m(&parameters);
         let sampler =
@@ -146,7 +152,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             supervisor,
             tracking,
             course,
-            open_loop: rest,
+            watched,
+            open_loop,
             thinning_per_m,
             shares_per_n,
             sampler,
@@ -210,8 +217,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let sample = self.sampler.next(checked.displacement_m.filter(|_| listens));
         let applied = Applied::as_commanded(stood_v);
         let predicted_m = self.tracking.observe(&mut self.course, applied, sample);
-        let observer = self.tracking.observer();
-        let open_loop_m = observer.law().displacement_under(&mut self.open_loop, observer.drive().load(stood_v));
+        let load = self.course.observer().load();
+        let open_loop_m = self.watched.displacement_under(&mut self.open_loop, load);
         // Finite as long as both are.
         if !(predicted_m + open_loop_m).is_finite() {
             self.supervisor.trip(Cause::Law);
@@ -330,12 +337,11 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         self.supervisor.acknowledge()?;
         self.clear_target();
         self.course.forget();
-        let rest = self.tracking.observer().law().state();
         if !self.course.observer().displacement().is_finite() {
-            self.course = self.tracking.state(rest.clone());
+            self.course = self.tracking.state(self.tracking.observer().law().state());
         }
         if !self.open_loop.position().is_finite() {
-            self.open_loop = rest;
+            self.open_loop = self.watched.state();
         }
         Ok(())
     }

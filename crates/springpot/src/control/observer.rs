@@ -198,11 +198,12 @@ pub struct ObserverState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const P
     since_sample: u32,
     innovation: T,
     statistics: Statistics<T>,
+    load: Load<T>,
 }
 
 state_traits!(ObserverState<T, M, PAST> {
     film, past, newest, integral, slope, proportional, disturbance, force_scale, integral_mean, load_mean, excitation,
-    since_sample, innovation, statistics,
+    since_sample, innovation, statistics, load,
 });
 
 /// Tolerance of times in ticks: they may have been rounded to single precision.
@@ -293,14 +294,17 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
             since_sample: 0,
             innovation: T::ZERO,
             statistics: Statistics::new(),
+            load: Load { force: T::ZERO, slope: T::ZERO },
         }
     }
 
     /// Steps the film under the `voltage` (V) that was applied since the last tick, or that a monitor read, and corrects
     /// it with a `sample`, if one has arrived. Returns the estimated displacement (m).
-    #[inline]
+    // Not inlined: within a larger state, as a controller's, most of its fields would be beyond the reach of a load's offset.
+    #[inline(never)]
     pub fn observe(&self, state: &mut ObserverState<T, M, PAST>, voltage: T, sample: Option<SensorSample<T>>) -> T {
         let load = self.drive.load(voltage);
+        state.load = load;
         let electrostatic = (load.force - self.drive.preload()) * state.force_scale;
         let forced = Load {
             force: electrostatic + self.drive.preload() + state.disturbance(),
@@ -452,6 +456,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
     #[must_use]
     pub fn ticks_since_sample(&self) -> u32 {
         self.since_sample
+    }
+
+    /// The load of the voltage that acted in the last tick, weight included: the model's, without force scale and disturbance.
+    #[must_use]
+    pub fn load(&self) -> Load<T> {
+        self.load
     }
 
     /// The film.

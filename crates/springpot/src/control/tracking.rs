@@ -103,7 +103,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
 
     /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A non-finite
     /// reference is ignored: the last one stays.
-    #[inline]
+    // Not inlined, as `Observer::observe`.
+    #[inline(never)]
     pub fn command(&self, state: &mut TrackingState<T, M, PAST>, reference: T) -> VoltageCommand<T> {
         let correction = state.observer.correction();
         let TrackingState { observer, inverse } = state;

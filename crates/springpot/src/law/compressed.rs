@@ -208,7 +208,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
 }
 
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compressed<T, HEAD, FAST, SLOW> {
-    const SIZES_FIT: () = assert!(
+    pub(crate) const SIZES_FIT: () = assert!(
         HEAD >= 1 && HEAD + 2 <= TERMS && FAST + SLOW >= 1 && FAST + SLOW <= MAX_NODES,
         "a compressed memory has a head of 1…62 increments and 1…64 modes"
     );

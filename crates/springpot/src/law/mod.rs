@@ -1,5 +1,6 @@
 //! A law steps a model forwards and backwards with one equation.
 
+mod coarser;
 mod coefficients;
 mod compressed;
 mod curved;

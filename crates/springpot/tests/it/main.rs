@@ -2,6 +2,7 @@
 //!
 //! Sweeps over many models run on a sample of them by default and on all with `SPRINGPOT_SWEEP=full`.
 
+mod coarser;
 mod compressed_memory;
 mod continuous_oracle;
 mod curves;

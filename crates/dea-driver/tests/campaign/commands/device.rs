@@ -6,7 +6,7 @@ use dea_driver::{
     Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Mode, OnSensorFault, Parameters, Readings, Refusal,
     Telemetry,
 };
-use springpot::{Law, State, VoltageDrive};
+use springpot::{Compressed, Law, State, VoltageDrive};
 
 use super::{Counts, Mood, RATE_HZ, Source, limits};
 use crate::bench::board_parameters;
@@ -26,14 +26,17 @@ fn parameters(on_sensor_fault: OnSensorFault) -> Parameters {
     parameters
 }
 
+/// The memory of a controller's film that no sensor corrects.
+type Watched = Compressed<f32, 4, 11, 7>;
+
 struct Bench {
     device: Device,
     reference: Reference,
     parameters: Parameters,
-    law: Law<f32>,
+    law: Law<f32, Watched>,
     drive: VoltageDrive<f32>,
-    /// The model under the commanded voltage alone, which is also the film of this bench.
-    film: State<f32>,
+    /// The model under the commanded voltage alone, as the controller has it, which is also the film of this bench.
+    film: State<f32, Watched>,
     source: Source,
     mode: Mode,
     reference_is_set: bool,
@@ -49,7 +52,7 @@ impl Bench {
         let parameters = parameters(on_sensor_fault);
         let blob = Blob::new(parameters.clone()).expect("valid");
         let observer = blob.tracking().observer();
-        let (law, drive) = (observer.law().clone(), *observer.drive());
+        let (law, drive) = (observer.law().coarser(), *observer.drive());
         let mut device: Device = Device::new(Some(Cause::Watchdog));
         device.stream(1);
         Self {
