@@ -27,7 +27,7 @@ const KERNELS: [(&str, &str); 14] = [
     ("relaxation_8_18", "relaxation/8+18"),
     ("creep_8_16", "creep/8+16"),
     ("relaxation_8_16", "relaxation/8+16"),
-    ("voltage", "voltage"),
+    ("voltage", "voltage/12+36"),
     ("feedforward", "feedforward/12+36"),
     ("observer", "observer/12+36"),
     ("tracking", "tracking/12+36"),

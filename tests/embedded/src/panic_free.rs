@@ -29,6 +29,7 @@ fn built<T>() -> &'static mut T {
     unsafe { &mut *black_box(0x2000_0000 as *mut T) }
 }
 
+/// Whether the law is behind a curve, and which one, is not known here either: both ways must be without a panic.
 fn step<M: Memory<f32, History: 'static> + 'static>() {
     let (law, state) = (built::<Law<f32, M>>(), built::<State<f32, M>>());
     let drive = built::<VoltageDrive<f32>>();
@@ -36,7 +37,8 @@ fn step<M: Memory<f32, History: 'static> + 'static>() {
     let x = law.displacement_under(state, load);
     let force =
         law.force(state, black_box(x)) + law.force_to(state, black_box(1.0)) + law.displacement(state, black_box(1.0));
-    black_box(drive.voltage(force, x));
+    black_box(drive.voltage(force + law.force_for(state, black_box(1.0)), x));
+    black_box((state.beyond_curve(), state.slope()));
 }
 
 #[entry]
@@ -44,6 +46,7 @@ fn main() -> ! {
     loop {
         step::<Compressed<f32>>();
         step::<Compressed<f32, 8, 14, 4>>();
+        step::<Compressed<f32, 4, 11, 7>>();
         let adc_v = |code: u16| black_box(Some(AdcCode(code).volts(AdcRange::UpTo10V24)));
         let inputs = Inputs { interlock_closed: black_box(true), monitor_adc_v: adc_v(1), sensor_adc_v: adc_v(2) };
         black_box(built::<Device>().tick(inputs));

@@ -34,6 +34,6 @@ fn comes_back(parameters: &Parameters) {
     let Parameters { name, actuator, model, curve, method: _, sensor_offset_m, board, provenance: _ } = parameters;
     // Of the provenance, free text, the words alone: it may hold NaN, which is unequal to itself.
     assert_eq!((&again.name, &again.actuator, &again.model), (name, actuator, model));
-    assert_eq!((again.sensor_offset_m, &again.board), (*sensor_offset_m, board));
+    assert_eq!((&again.curve, again.sensor_offset_m, &again.board), (curve, *sensor_offset_m, board));
     assert!(model.branches().len() <= 5 && sensor_offset_m.is_finite());
 }
