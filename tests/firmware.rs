@@ -9,10 +9,11 @@ use std::time::{Duration, Instant};
 use dea_driver::wire::{Answer, BAUD, Command, Drill, Mode, Reject, Status, boards};
 use dea_driver::{Cause, DriverState, SensorFault};
 use documents::{Documents, Tolerance};
-use host_sim::files::parameters::{Board, Parameters};
+use host_sim::files::parameters::{Board, ElasticCurve, Parameters};
 use host_sim::link::{Client, Emulator, Port};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use springpot::Curve;
 use tests::bench::bench_limits;
 use tests::recordings;
 use tests::sweep::full_sweep;
@@ -104,6 +105,45 @@ fn the_laws_of_control_have_the_hosts_bits() {
     let tracking = pil(&[["--law", "tracking"].as_slice(), &closed].concat()).expect("a closed loop");
     assert!(feedforward < 1.0 && tracking < 0.25, "{feedforward} %, {tracking} %");
     assert_eq!(pil(&["--law", "observer", fast]), None);
+}
+
+/// A film behind a curve of sixteen pieces, on an actuator that saturates, of either order: the model's step, every law of control, and
+/// whole ticks.
+#[test]
+fn a_film_behind_a_curve_has_the_hosts_bits() {
+    let folder = tempfile::TempDir::new().expect("a folder");
+    let (film, sine) = (folder.path().join("film.toml"), folder.path().join("sine.csv"));
+    // A quarter stiffer at 1 mm and three times as stiff at 3 mm; the strokes here are 1 to 4 mm.
+    let points = std::array::from_fn::<_, 17, _>(|k| {
+        let x = 2.5e-4 * (k as f64 - 2.0);
+        (x, x * (1.0 + x * (8e4 * x - 30.0)))
+    });
+    let mut parameters = Parameters::preset("table3-n2").expect("a preset");
+    parameters.curve = Some(ElasticCurve::free(Curve::through(&points).expect("rises")));
+    parameters.actuator.saturation_v = Some(9000.0);
+    std::fs::write(&film, parameters.to_toml()).expect("written");
+    let shape = ["--shape", "sine", "--low", "1.5e-3", "--high", "4e-3", "--period", "10", "--out", text(&sine)];
+    TOOL.json(&[["reference"].as_slice(), &shape].concat());
+    let image = image("firmware/target");
+    let [fast, ..] = &recordings("hossain");
+    for (law, file, method) in [
+        ("step", fast, "gl"),
+        ("step", fast, "bdf2"),
+        ("tick", fast, "gl"),
+        ("tick", fast, "bdf2"),
+        ("observer", fast, "gl"),
+        ("feedforward", &sine, "gl"),
+        ("tracking", &sine, "gl"),
+    ] {
+        let plant = if file == &sine { ["--plant", "hossain"].as_slice() } else { &[] };
+        let options = ["pil", "--params", text(&film), "--image", text(&image), "--duration", "5", "--method", method];
+        let report = TOOL.json(&[options.as_slice(), &["--law", law], plant, &[text(file)]].concat());
+        println!("{law}, {method}: {report}");
+        assert_eq!((report["steps"].as_u64(), report["mismatches"].as_u64()), (Some(5001), Some(0)), "{law}, {method}");
+        if law == "tick" {
+            assert_eq!(report["recordings"][0]["state"], "running", "{report}");
+        }
+    }
 }
 
 /// Bits are compared, not merely printed: with other parameters on the chip than on the host, the test fails.

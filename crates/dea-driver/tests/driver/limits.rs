@@ -1,8 +1,11 @@
 //! Limits: commands stay within them, and those that protect nothing or cannot be kept are refused.
 
-use dea_driver::{Limits, LimitsError, PlausibilityLimits, Supervisor};
+use dea_driver::{
+    Blob, Cause, Controller, DriverState, Inputs, Limits, LimitsError, Mode, Parameters, PlausibilityLimits, Supervisor,
+};
+use springpot::{Actuator, Curve, Law, Maxwell, Options, Preset, VoltageDrive};
 
-use crate::bench::bench_limits;
+use crate::bench::{bench_limits, board_parameters};
 use crate::supervisor_bench::{Bench, RATE_HZ};
 
 #[test]
@@ -161,4 +164,56 @@ fn limits_that_are_not_stated_have_values() {
     });
     let limits: Limits = serde_json::from_value(stated).expect("complete");
     assert_eq!((limits.max_disturbance_share, limits.discharge_s, limits.sensor.stuck_band), (0.1, 1.0, 2e-6));
+}
+
+/// The model alone trips where the full law under the same voltage is between 1.5 % before the end of the stroke and 1 % beyond it, whatever
+/// the published film, alone and behind a curve: what `Law::coarser` promises.
+#[test]
+fn the_model_alone_keeps_the_stroke() {
+    let curve = Curve::through(&[(-1e-3, -0.8e-3), (0.0, 0.0), (1e-3, 1.1e-3), (2e-3, 2.6e-3)]).expect("rises");
+    for preset in Preset::ALL {
+        for curve in [None, Some(&curve)] {
+            let furthest_m = stroke_at_the_trip(&preset.model().expect("valid"), curve);
+            println!("{} {}: trips at {:.4} mm of 1", preset.name(), curve.is_some(), 1e3 * furthest_m);
+            assert!((0.985e-3..=1.010e-3).contains(&furthest_m), "{}: {furthest_m}", preset.name());
+        }
+    }
+}
+
+/// Where the full law is when the model's displacement trips a stroke of 1 mm, under a voltage that rises until then. The sensor is stuck
+/// in its noise at rest.
+fn stroke_at_the_trip(model: &Maxwell, curve: Option<&Curve>) -> f64 {
+    let law: Law<f64> = Law::compressed(model, Options::at_step(1e-3)).expect("valid");
+    let single: Law<f32> = Law::compressed(model, Options::at_step(1e-3)).expect("valid");
+    let (law, single) = match curve {
+        Some(curve) => (law.behind(curve).expect("rises"), single.behind(curve).expect("rises")),
+        None => (law, single),
+    };
+    let bench = board_parameters();
+    let limits = Limits { max_displacement_m: 1e-3, ..bench.limits };
+    let parameters = Parameters { law: single.coefficients(), limits, ..bench };
+    let mut controller = Controller::new(Blob::new(parameters).expect("valid"));
+    let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.least_stiffness()).expect("valid");
+    let (mut film, mut command_v, mut dac_v) = (law.state(), 0.0, 0.0);
+    for tick in 0..60_000_u32 {
+        let noise_v = 2e-3 * (tick % 3) as f32;
+        let inputs = Inputs { interlock_closed: true, monitor_adc_v: Some(dac_v), sensor_adc_v: Some(1.0 + noise_v) };
+        let outputs = controller.tick(inputs);
+        // The film under the voltage that stood until this tick, as the controller steps it.
+        let before_m = film.position();
+        law.displacement_under(&mut film, drive.load(command_v));
+        (command_v, dac_v) = (f64::from(outputs.telemetry.command_v), outputs.dac_v);
+        controller.heartbeat();
+        match controller.supervisor().state() {
+            DriverState::Disarmed => {
+                controller.arm().expect("healthy");
+                controller.start(Mode::Voltage).expect("armed");
+                controller.set_voltage(0.0).expect("live");
+            }
+            DriverState::Tripped(Cause::ModelDisplacement) => return before_m,
+            DriverState::Running => controller.set_voltage((tick as f32 / 10.0).min(6000.0)).expect("live"),
+            state => panic!("tick {tick}: {state:?}"),
+        }
+    }
+    panic!("it did not trip; the film is at {} m", film.position())
 }

@@ -199,7 +199,7 @@ impl Curve {
         }
         // Newton's method, with bisection where it would leave the bracket.
         let (mut low, mut high) = (low_m, high_m);
-        let mut x = value_m.clamp(low, high);
+        let mut x = between(value_m, low, high);
         for _ in 0..100 {
             let (value, slope) = self.value_and_slope(x);
             if value > value_m {
@@ -241,7 +241,7 @@ impl Curve {
 
     fn value_and_slope(&self, displacement: f64) -> (f64, f64) {
         let (low, high) = self.range();
-        let within = displacement.clamp(low, high);
+        let within = between(displacement, low, high);
         let index = self.knots.iter().rposition(|knot| knot.displacement <= within).unwrap_or(0);
         let index = index.min(self.knots.len().saturating_sub(2));
         let [before, after] = [self.knots[index], self.knots[index + 1]];
@@ -249,6 +249,17 @@ impl Curve {
         let u = within - before.displacement;
         let slope = cubic.slope_at(u);
         (before.value + cubic.beyond(u) + slope * (displacement - within), slope)
+    }
+}
+
+/// `value` or the nearest end of a range. `f64::clamp` has a panic that prints its bounds: 10 KB of a controller's flash.
+fn between(value: f64, low: f64, high: f64) -> f64 {
+    if value < low {
+        low
+    } else if value > high {
+        high
+    } else {
+        value
     }
 }
 
