@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use clap::ValueEnum;
 use springpot::{
-    Actuator, Applied, CommandLimits, Compressed, Feedforward, FeedforwardState, Limited, Memory, Observer,
-    ObserverOptions, Preload, Real, SensorSample, Tracking, TrackingState,
+    Actuator, Applied, CommandLimits, Compressed, Feedforward, FeedforwardState, Learning, LearningOptions, LearningState,
+    Limited, Memory, Observer, ObserverOptions, Preload, Real, SensorSample, Tracking, TrackingState,
 };
 
 use crate::error::Result;
@@ -77,6 +77,8 @@ pub struct ControllerSettings {
     pub limits: CommandLimits,
     /// The observer of `Tracking`; `Pi` takes its bandwidth as well.
     pub observer: ObserverOptions,
+    /// Learning of periodic references, of `Feedforward` and `Tracking`.
+    pub learning: Option<LearningOptions>,
     /// Highest displacement of the reference, m: `None` is scaled on it.
     pub peak_m: f64,
 }
@@ -117,6 +119,10 @@ fn build_in<T: Real + Send + 'static>(
     let (actuator, limits) = (parameters.actuator, settings.limits);
     let spring = law.frequency_response(STATIC_HZ).inv().re;
     let one_spring = StaticInverse::new(&actuator, limits, spring);
+    let learner = |law: &springpot::Law<T>| -> Result<Option<Learner<T>>> {
+        let learning = settings.learning.map(|options| Learning::new(law, &actuator, limits.max_voltage_v, options));
+        Ok(learning.transpose()?.map(|learning| Learner { state: learning.state(T::ZERO), learning, is_free: true }))
+    };
     Ok(match kind {
         ControllerKind::None => {
             let peak_v = one_spring.voltage(settings.peak_m).0;
@@ -128,7 +134,7 @@ fn build_in<T: Real + Send + 'static>(
             let (law, rest) = window_law::<T>(parameters.film(), law.step_s(), length)?;
             let feedforward = Feedforward::new(law, &actuator, limits)?;
             let state = feedforward.state(rest);
-            Box::new(FeedforwardController::<T, VecWindow<T>> { feedforward, state })
+            Box::new(FeedforwardController::<T, VecWindow<T>> { feedforward, state, learner: None })
         }
         ControllerKind::Pi => {
             let gains =
@@ -136,16 +142,16 @@ fn build_in<T: Real + Send + 'static>(
             Box::new(ProportionalIntegral::new(one_spring, gains, settings.rate_hz))
         }
         ControllerKind::Feedforward => {
-            let rest = law.state();
+            let (rest, learner) = (law.state(), learner(&law)?);
             let feedforward = Feedforward::new(law, &actuator, limits)?;
             let state = feedforward.state(rest);
-            Box::new(FeedforwardController::<T, Compressed<T>> { feedforward, state })
+            Box::new(FeedforwardController::<T, Compressed<T>> { feedforward, state, learner })
         }
         ControllerKind::Tracking => {
-            let rest = law.state();
+            let (rest, learner) = (law.state(), learner(&law)?);
             let tracking: Tracking<T> = Tracking::new(law, &actuator, limits, settings.observer).map_err(refused)?;
             let state = tracking.state(rest);
-            Box::new(TrackingController { tracking, state })
+            Box::new(TrackingController { tracking, state, learner })
         }
     })
 }
@@ -259,19 +265,46 @@ fn of_type<T: Real>(applied: Applied<f64>) -> Applied<T> {
     Applied { commanded: T::from_f64(applied.commanded), reading: applied.reading.map(T::from_f64) }
 }
 
+fn in_type<T: Real>(sample: SensorSample<f64>) -> SensorSample<T> {
+    SensorSample { displacement: T::from_f64(sample.displacement), age_ticks: sample.age_ticks }
+}
+
+/// Learning in front of a law of control.
+struct Learner<T: Real> {
+    learning: Learning<T>,
+    state: LearningState<T>,
+    /// Whether the last command met no limit.
+    is_free: bool,
+}
+
+impl<T: Real> Learner<T> {
+    fn advance(&mut self, reference: T, sample: Option<SensorSample<T>>) -> T {
+        self.learning.advance(&mut self.state, reference, sample, self.is_free)
+    }
+}
+
 /// `Feedforward`, and `Window` with another memory.
 struct FeedforwardController<T: Real, M: Memory<T>> {
     feedforward: Feedforward<T, M>,
     state: FeedforwardState<T, M>,
+    learner: Option<Learner<T>>,
 }
 
 impl<T: Real, M: Memory<T>> Controller for FeedforwardController<T, M> {
-    fn tick(&mut self, applied: Applied<f64>, _: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
+    fn tick(&mut self, applied: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
         let estimate = self.feedforward.apply(&mut self.state, of_type(applied));
-        let command = self.feedforward.command(&mut self.state, T::from_f64(reference_m));
+        let target = T::from_f64(reference_m);
+        let target = self.learner.as_mut().map_or(target, |learner| learner.advance(target, sample.map(in_type)));
+        let command = self.feedforward.command(&mut self.state, target);
+        let shaped = if let Some(learner) = &mut self.learner {
+            learner.is_free = command.limited.is_none();
+            None
+        } else {
+            Some(command.reference.to_f64())
+        };
         ControllerOutput {
             voltage_v: command.voltage.to_f64(),
-            reference_m: Some(command.reference.to_f64()),
+            reference_m: shaped,
             limited: command.limited,
             estimate_m: Some(estimate.to_f64()),
             ..ControllerOutput::default()
@@ -283,16 +316,25 @@ impl<T: Real, M: Memory<T>> Controller for FeedforwardController<T, M> {
 struct TrackingController<T: Real> {
     tracking: Tracking<T>,
     state: TrackingState<T>,
+    learner: Option<Learner<T>>,
 }
 
 impl<T: Real> Controller for TrackingController<T> {
     fn tick(&mut self, applied: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
-        let sample = sample.map(|s| SensorSample { displacement: T::from_f64(s.displacement), age_ticks: s.age_ticks });
+        let sample = sample.map(in_type);
         let estimate = self.tracking.observe(&mut self.state, of_type(applied), sample);
-        let command = self.tracking.command(&mut self.state, T::from_f64(reference_m));
+        let target = T::from_f64(reference_m);
+        let target = self.learner.as_mut().map_or(target, |learner| learner.advance(target, sample));
+        let command = self.tracking.command(&mut self.state, target);
+        let shaped = if let Some(learner) = &mut self.learner {
+            learner.is_free = command.limited.is_none();
+            None
+        } else {
+            Some(command.reference.to_f64())
+        };
         ControllerOutput {
             voltage_v: command.voltage.to_f64(),
-            reference_m: Some(command.reference.to_f64()),
+            reference_m: shaped,
             limited: command.limited,
             estimate_m: Some(estimate.to_f64()),
             disturbance_n: Some(self.state.observer().disturbance().to_f64()),

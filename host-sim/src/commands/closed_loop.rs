@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use dea_driver::Control;
 use serde::Serialize;
-use springpot::ObserverOptions;
+use springpot::{LearningOptions, ObserverOptions};
 
 use super::options::{LimitOptions, at_most, positive};
 use crate::bench::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
@@ -62,6 +62,12 @@ pub(super) struct Arguments {
     /// out here and in the parameters.
     #[arg(long, value_name = "S")]
     adaptation: Option<f64>,
+    /// Learn what a periodic reference leaves of the error (feedforward and tracking).
+    #[arg(long)]
+    learn: bool,
+    /// Period of the reference for --learn; taken from the reference if left out.
+    #[arg(long, value_name = "S", requires = "learn")]
+    period: Option<f64>,
     /// Stiffness of the film in units of the one that was recorded: the same as --plant-mismatch stiffness=FACTOR.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     stiffness: f64,
@@ -191,7 +197,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         adaptation_s,
     };
     let peak_m = reference.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let settings = ControllerSettings { rate_hz: grid.rate_hz, limits, observer, peak_m };
+    let learning = arguments.learn.then(|| LearningOptions {
+        period_s: arguments.period,
+        sample_interval_s: interval_s,
+        ..LearningOptions::BENCH
+    });
+    let settings = ControllerSettings { rate_hz: grid.rate_hz, limits, observer, learning, peak_m };
     let about = |error: Error| error.about(&arguments.params, &arguments.reference);
     let mut controller =
         controllers::build(arguments.controller, &parameters, &settings, arguments.precision).map_err(about)?;

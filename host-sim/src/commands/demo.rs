@@ -313,6 +313,7 @@ fn closed_loops(
         rate_hz: sine.grid.rate_hz,
         limits,
         observer: ObserverOptions::at_bandwidth(BANDWIDTH_HZ),
+        learning: None,
         peak_m: sine.reference.high_m,
     };
     let mut rows = Vec::new();

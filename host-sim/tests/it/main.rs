@@ -8,6 +8,7 @@ mod fitting;
 mod full_memory;
 #[path = "../../../crates/springpot/tests/it/support/models.rs"]
 mod models;
+mod periodic;
 mod plant;
 #[path = "../../../tests/support/recordings.rs"]
 mod recordings;

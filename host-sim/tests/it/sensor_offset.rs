@@ -124,6 +124,7 @@ fn closed_loop_works_on_the_film_itself() {
             rate_hz: RATE_HZ,
             limits: CommandLimits::BENCH,
             observer: ObserverOptions::at_bandwidth(0.6),
+            learning: None,
             peak_m: 2e-3,
         };
         let controller = controllers::build(ControllerKind::Tracking, &parameters(offset_m), &settings, Precision::F32);

@@ -34,7 +34,7 @@ const PI_HZ: [f64; 4] = [0.5, 0.8, 0.9, 1.0];
 const LOST_S: (f64, f64) = (60.0, 90.0);
 
 /// Parameters from the recordings of a plant, with the structure that `fit` chooses for both films.
-fn fitted(plant: &str) -> Parameters {
+pub(crate) fn fitted(plant: &str) -> Parameters {
     let observations: Vec<_> = recordings(plant)
         .iter()
         .map(|path| observe(&Recording::read(path).expect("readable"), Direction::Force, 1.0).expect("fit for it").0)
@@ -92,6 +92,7 @@ impl Trial<'_> {
             rate_hz: grid.rate_hz,
             limits: self.limits,
             observer: ObserverOptions::at_bandwidth(self.bandwidth_hz),
+            learning: None,
             peak_m: self.reference.iter().copied().fold(0.0, f64::max),
         };
         let mut controller = controllers::build(kind, self.parameters, &settings, Precision::F32).expect("valid");

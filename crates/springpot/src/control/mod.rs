@@ -1,7 +1,9 @@
 //! Control that steps one law once per tick: feedforward, observer, and tracking, which combines both.
 
+mod cycle;
 mod feedforward;
 mod inverse;
+mod learning;
 mod limits;
 mod observer;
 mod path;
@@ -10,6 +12,7 @@ mod tracking;
 
 pub use feedforward::{Feedforward, FeedforwardState};
 pub use inverse::{Applied, VoltageCommand};
+pub use learning::{HARMONICS, Learning, LearningOptions, LearningState};
 pub use limits::{CommandLimits, Limited};
 pub use observer::{Observer, ObserverOptions, ObserverState, SensorSample};
 pub use statistics::Statistics;
