@@ -17,7 +17,6 @@ use rayon::prelude::*;
 use springpot::{CommandLimits, LearningOptions, ObserverOptions, Topology};
 
 use crate::curves::{FILM, StiffeningFilm, recordings as stiffening_recordings};
-use crate::recordings::recordings;
 
 impl Plant for StiffeningFilm {
     fn displacement_m(&self) -> f64 {
@@ -111,12 +110,24 @@ fn periodic_table() {
             let mut text = format!("{name:10} {period:4} {:12}", kind.name());
             for learning in [
                 None,
-                Some(LearningOptions { rate_per_s: rate, ..LearningOptions::BENCH }),
-                Some(LearningOptions { rate_per_s: rate, period_s: Some(*period), ..LearningOptions::BENCH }),
+                Some(LearningOptions { ..LearningOptions::BENCH }),
+                Some(LearningOptions { period_s: Some(*period), ..LearningOptions::BENCH }),
             ] {
                 let r = run(*kind, name, parameters, learning, &values, grid);
                 let (all, last) = (window(&r, period.max(2.0), 150.0), window(&r, 100.0, 150.0));
                 let limited = r.limited[2000..].iter().filter(|l| !l.is_none()).count() as f64 / 1530.0;
+                if std::env::var("HARM").is_ok() {
+                    for h in 0..8 {
+                        let (mut c, mut sn) = (0.0, 0.0);
+                        for k in 100_000..150_000 {
+                            let e = r.displacement_m[k] - r.asked_m[k];
+                            let a = TAU * f64::from(h) * k as f64 / 1000.0 / period;
+                            c += e * a.cos() / 25_000.0;
+                            sn += e * a.sin() / 25_000.0;
+                        }
+                        text += &format!(" h{h}:{:.2}", 1e6 * (c * c + sn * sn).sqrt());
+                    }
+                }
                 text += &format!(" | {:8.3} {:8.3} {:8.3} {limited:5.1}", all[0], last[0], last[1]);
             }
             text

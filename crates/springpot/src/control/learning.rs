@@ -1,138 +1,195 @@
-//! Learning of periodic references: what is left of the error in every cycle is added to the reference.
+//! Learning of periodic references: the opposite of what is left of the error in every cycle is added to the reference.
 
 use core::f64::consts::TAU;
 
 use crate::actuator::Actuator;
 use crate::control::cycle::{Cycle, CycleFinder};
+use crate::control::harmonic::{Harmonic, Pair};
 use crate::control::observer::SensorSample;
 use crate::control::path::is_finite;
-use crate::error::ControlError;
+use crate::error::{ControlError, first_not_positive};
 use crate::law::{Law, Memory};
 use crate::scalar::Real;
 
 /// Harmonics that are learned, beside the mean.
 pub const HARMONICS: usize = 6;
 
-/// How a [`Learning`] learns.
+/// How a [`Learning`] learns. Times in s.
+///
+/// ```
+/// use springpot::{Actuator, ControlError, Law, Learning, LearningOptions, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let wings = LearningOptions { period_s: Some(0.2), ..LearningOptions::BENCH };
+/// let learning: Learning<f32> = Learning::new(&law, &Actuator::KARNER_2022, 6000.0, wings)?;
+/// assert_eq!(learning.state(0.0).period_ticks().map(|ticks| ticks.round()), Some(200.0));
+///
+/// let wrong = LearningOptions { period_s: Some(-1.0), ..wings };
+/// let refused = Learning::<f32>::new(&law, &Actuator::KARNER_2022, 6000.0, wrong);
+/// assert_eq!(refused, Err(ControlError::NotPositive { quantity: "period_s", value: -1.0 }));
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct LearningOptions {
-    /// Period of the reference, s. `None`: taken from the reference, which takes three of its cycles.
+    /// Period of the reference. `None`: taken from the reference, which takes three or four of its cycles, and needs one that crosses
+    /// its middle upwards once in a cycle.
     pub period_s: Option<f64>,
-    /// Largest rate at which a harmonic approaches its value, 1/s. It is bounded to a tenth of the model's resonance as well.
-    pub rate_per_s: f64,
-    /// Time from one sample of the sensor to the next, s.
+    /// Time from one sample of the sensor to the next.
     pub sample_interval_s: f64,
 }
 
 impl LearningOptions {
-    /// A period that is taken from the reference, 1/s, and a sensor of 100 Hz.
-    pub const BENCH: Self = Self { period_s: None, rate_per_s: 1.0, sample_interval_s: 0.01 };
+    /// A period that is taken from the reference, and a sensor of 100 Hz.
+    pub const BENCH: Self = Self { period_s: None, sample_interval_s: 0.01 };
 
     fn check(&self) -> Result<(), ControlError> {
-        let values = [
-            ("period_s", self.period_s.unwrap_or(1.0)),
-            ("rate_per_s", self.rate_per_s),
-            ("sample_interval_s", self.sample_interval_s),
-        ];
-        let wrong = crate::error::first_not_positive(&values);
+        let values = [("period_s", self.period_s.unwrap_or(1.0)), ("sample_interval_s", self.sample_interval_s)];
+        let wrong = first_not_positive(&values);
         wrong.map_or(Ok(()), |(quantity, value)| Err(ControlError::NotPositive { quantity, value }))
     }
 }
 
-/// Learns the harmonics of a periodic reference that the film does not follow, and adds them to the reference.
+/// Learns what a film leaves of a periodic reference, and adds the opposite to the reference.
 ///
-/// With θ the phase of the reference's cycle, e a sample minus the reference of its time t, and T the time since the sample
-/// before (adaptive feedforward cancellation: M. Bodson, A. Sacks, P. Khosla, "Harmonic generation in adaptive feedforward
-/// cancellation schemes", IEEE Trans. Automatic Control 39 (1994) 1939):
+/// It stands before [`Feedforward`](crate::Feedforward) or [`Tracking`](crate::Tracking). In every tick: [`advance`](Self::advance) with the
+/// reference and the sample that has arrived, if one has; then `command` with what it returns.
+///
+/// The error e, a sample minus the reference of its own time, has in every cycle of the reference the harmonics E_h. They answer to
+/// what is added, A_h, with P_h, which the inverse of the law makes nearly 1 where the law is right. So, block by block,
 ///
 /// ```text
-/// r + a₀ + Σ a_h cos hθ + b_h sin hθ,      a_h ← a_h − μ_h T e cos hθ(t),   b_h ← b_h − μ_h T e sin hθ(t)
+/// E_h = D_h + P_h A_h,      A_h ← A_h − γ E_h / P_h,      P_h ← ΔE_h / ΔA_h
 /// ```
 ///
-/// The inverse of the law stands behind it, so what it acts on is nearly 1, and a sample that comes late costs nothing: e belongs to
-/// its own time.
+/// (higher harmonic control: W. Johnson, "Self-tuning regulators for multicyclic control of helicopter vibration", NASA TP-1996, 1982;
+/// here with P_h from the last two blocks). A sample that comes late costs nothing. Near a resonance that the law does not know, P_h is
+/// far from 1 and its phase turns: the first step shows it, and the next ones go by it. Where the film answers with less than a fifth, nothing
+/// is added.
 ///
-/// # What is learned
+/// A block is some time for the film to settle and then whole cycles. γ is 0.6 at first, 0.8 once P_h was seen, and less where E_h is no
+/// larger than what noise gives. Blocks without samples or with a limit show nothing; where limits leave no block at all, what is
+/// added is halved.
 ///
-/// Near its resonance a film behind its model's inverse is far from 1 and its phase turns. μ_h therefore falls with the square of the
-/// frequency, to 0 at three quarters of the model's resonance: 0.7 of it is a film 30 % softer. It is 0 beyond 0.15 of the sensor's rate as
-/// well, where a delay that is wrong by a sample turns the phase by 54°. A harmonic whose μ is 0 keeps its value.
+/// Harmonics up to 0.3 of the sensor's rate are learned. What is added has two lags of 5 ticks, so that no step of it reaches the voltage.
 ///
-/// The errors of the cycles are watched: where they have grown four times in a row, to more than they were before anything was
-/// learned, what was learned is faded out, and learning begins again at a quarter of its rate.
+/// ```
+/// use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, Options, Preset, SensorSample};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let rest = law.state();
+/// let limits = CommandLimits::BENCH;
+/// let options = LearningOptions { period_s: Some(1.0), ..LearningOptions::BENCH };
+/// let learning: Learning<f32> = Learning::new(&law, &Actuator::KARNER_2022, limits.max_voltage_v, options)?;
+/// let feedforward: Feedforward<f32> = Feedforward::new(law, &Actuator::KARNER_2022, limits)?;
+/// let (mut learned, mut state) = (learning.state(0.0), feedforward.state(rest));
+///
+/// let (mut voltage, mut is_free) = (0.0, true);
+/// for tick in 0..30_000_u16 {
+///     feedforward.apply(&mut state, Applied::as_commanded(voltage));
+///     // A film that goes 5 % further than its law says, and a sensor of 100 Hz.
+///     let displacement = 1.05 * state.displacement();
+///     let sample = (tick % 10 == 0).then_some(SensorSample { displacement, age_ticks: 0 });
+///     let angle = core::f32::consts::TAU * f32::from(tick % 1000) / 1000.0;
+///     let reference = 1e-3 - 0.5e-3 * angle.cos();
+///     let command = feedforward.command(&mut state, learning.advance(&mut learned, reference, sample, is_free));
+///     (voltage, is_free) = (command.voltage, command.limited.is_none());
+///     if tick > 20_000 {
+///         assert!((displacement - reference).abs() < 5e-6);
+///     }
+/// }
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Learning<T, const PAST: usize = 64> {
     finder: CycleFinder<T>,
     /// The period that was given, ticks; 0 where it is taken from the reference.
     period: T,
-    /// Largest share of an error that is learned in a tick.
+    /// The largest angle in a tick that is learned, rad.
+    largest_angle: T,
+    /// Ticks in a second.
     rate: T,
-    /// The largest angle in a tick that is learned, to the power −2.
-    bound: T,
+    /// Share of the way to what is to be added, per visit of a harmonic.
+    approach: T,
 }
 
 /// What changes with every tick of a [`Learning`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LearningState<T, const PAST: usize = 64> {
     cycle: Cycle<T>,
-    /// cos θ and sin θ at the end of this tick, and of the angle of a tick.
-    phase: [T; 2],
-    turn: [T; 2],
+    /// exp(iθ) at the end of this tick, and exp(i) of the angle of a tick.
+    phase: Pair<T>,
+    turn: Pair<T>,
     /// Angle of a tick, rad; 0 without a period.
     angle: T,
     /// Share of what was learned that is added: fades out where the period is lost.
     share: T,
-    mean: T,
-    harmonics: [[T; 2]; HARMONICS],
+    /// What is added, after one and two lags, m.
+    lagged: [T; 2],
+    /// The mean and the harmonics.
+    harmonics: [Harmonic<T>; HARMONICS + 1],
     /// References of the last ticks with the phase of each: a ring that begins at `newest`.
     past: [[T; 3]; PAST],
     newest: usize,
-    /// The sample that is being learned from, harmonic by harmonic: `slot` is the next.
-    slot: usize,
-    /// Error times its weight, m.
+    /// Error (m) and phase of the last sample.
+    arrived: Option<(T, Pair<T>)>,
+    /// The harmonic that is visited in this tick.
+    visited: usize,
+    /// Error (m) of the sample of this round of visits, 0 without one, exp(iθ) of it, and its power for the next harmonic.
     error: T,
-    /// Phase of the sample, and its multiple for the next harmonic.
-    then: [T; 2],
-    multiple: [T; 2],
-    since_sample: T,
-    /// Ticks since a limit was met.
-    free: usize,
-    watch: Watch<T>,
+    unit: Pair<T>,
+    power: Pair<T>,
+    block: Block<T>,
 }
 
-/// Mean squares of the errors of the cycles.
+/// A block: some time to settle, then whole cycles.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Watch<T> {
-    /// Of this cycle.
-    sum: T,
+struct Block<T> {
+    /// Ticks since its begin, and since the last block ended.
+    ticks: T,
+    unended: T,
+    /// Angle that the cycles have turned since the film settled, and where the next one ends, rad.
+    turned: T,
+    end: T,
     samples: T,
-    /// Of the cycle before, and of the first; 0 before there was one.
-    before: T,
-    first: T,
-    /// Cycles in a row that were worse than the one before.
-    grown: u8,
-    /// Share of the rate that is left.
-    trust: T,
-    /// Whether what was learned is faded out.
-    failed: bool,
+    /// Σ e², m².
+    squares: T,
+    /// Once it has ended: what makes E of the sums, and the variance of each part of E by noise, m².
+    scale: T,
+    variance: T,
+    has_ended: bool,
+    /// Whether the block before showed more than noise: then this one is short.
+    is_rough: bool,
 }
 
-/// Share of the model's resonance below which harmonics are learned.
-const BELOW_RESONANCE: f64 = 0.75;
-/// Share of the sensor's rate below which they are.
-const BELOW_SAMPLES: f64 = 0.15;
-/// Largest rate in resonances.
-const RATE_OF_RESONANCE: f64 = 0.1;
-/// Share of the static stroke at the largest voltage that counts as a swing.
+/// Share of the sensor's rate below which harmonics are learned.
+const BELOW_SAMPLES: f64 = 0.3;
+/// Share of the static stroke at the largest voltage that counts as a swing of the reference.
 const LEAST_SWING: f64 = 1e-3;
 /// Largest angle of a tick, rad: the series for its cosine and sine hold it to single precision.
 const LARGEST_ANGLE: f64 = 0.35;
-/// Ticks without a limit before learning goes on.
-const FREE_TICKS: usize = 64;
-const GROWN_CYCLES: u8 = 4;
+/// Time for the film to settle, s: with cycles that are longer than a second, and with shorter ones, which stir its resonance.
+const SETTLING_S: [f64; 2] = [0.2, 0.5];
+/// Least time of the cycles of a block, s: while there is much to learn, and later.
+const LEAST_S: [f64; 2] = [0.5, 2.5];
+/// Fewest samples of a block: there are 13 numbers to learn.
+const LEAST_SAMPLES: f64 = 16.0;
+/// Time constant with which a new value is approached, s.
+const APPROACH_S: f64 = 0.1;
+/// Weight of the newest value in the two lags.
+const SMOOTHING: f64 = 0.2;
+/// Share of the distance by which what is added fades in a tick.
+const FADING: f64 = 1.0 / 64.0;
+/// sin of the angle by which a crossing may miss its phase and still belong to the same period.
+const SAME_PERIOD: f64 = 0.3;
 
 impl<T: Real, const PAST: usize> Learning<T, PAST> {
     /// Learning in front of the inverse of `law` for `actuator`, up to `max_voltage_v` (V).
@@ -147,18 +204,18 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         options: LearningOptions,
     ) -> Result<Self, ControlError> {
         options.check()?;
-        let LearningOptions { period_s, rate_per_s, sample_interval_s } = options;
+        let LearningOptions { period_s, sample_interval_s } = options;
         let step_s = law.step_s();
-        let fastest_hz = (BELOW_SAMPLES / sample_interval_s).min(LARGEST_ANGLE / (TAU * step_s));
-        let resonance_hz = resonance_hz(law, fastest_hz / BELOW_RESONANCE);
-        let bound = TAU * step_s * fastest_hz.min(BELOW_RESONANCE * resonance_hz);
-        let rate = rate_per_s.min(RATE_OF_RESONANCE * resonance_hz) * step_s;
-        let stroke = actuator.electrostatic_force(max_voltage_v) / law.dynamic_stiffness(1.0, 1.0).re.abs();
+        let largest_angle = (BELOW_SAMPLES * TAU * step_s / sample_interval_s).min(LARGEST_ANGLE);
+        let stroke = actuator.electrostatic_force(max_voltage_v) / law.stiffness_at_rest();
+        #[allow(clippy::cast_precision_loss)] // 7
+        let visit_s = (HARMONICS + 1) as f64 * step_s;
         Ok(Self {
             finder: CycleFinder::new(LEAST_SWING * stroke, step_s),
             period: T::from_f64(period_s.map_or(0.0, |period_s| period_s / step_s)),
-            rate: T::from_f64(rate),
-            bound: T::from_f64(1.0 / (bound * bound)),
+            largest_angle: T::from_f64(largest_angle),
+            rate: T::from_f64(1.0 / step_s),
+            approach: T::from_f64((visit_s / APPROACH_S).min(1.0)),
         })
     }
 
@@ -173,17 +230,16 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             turn: [one, zero],
             angle: zero,
             share: if given { one } else { zero },
-            mean: zero,
-            harmonics: [[zero; 2]; HARMONICS],
+            lagged: [zero; 2],
+            harmonics: [Harmonic::new(); HARMONICS + 1],
             past: [[position, one, zero]; PAST],
             newest: 0,
-            slot: HARMONICS + 1,
+            arrived: None,
+            visited: 0,
             error: zero,
-            then: [one, zero],
-            multiple: [one, zero],
-            since_sample: zero,
-            free: 0,
-            watch: Watch::new(),
+            unit: [one, zero],
+            power: [one, zero],
+            block: Block::first(),
         };
         if given {
             state.turn_by(T::from_f64(TAU) / self.period);
@@ -192,7 +248,10 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
     }
 
     /// The reference to follow at the end of this tick (m) instead of `reference` (m), from a `sample` if one has arrived.
-    /// `is_free`: no limit was met in the tick before; nothing is learned at limits.
+    /// `is_free`: the command before met no limit; nothing is learned from blocks with limits.
+    ///
+    /// A non-finite reference is passed on, and nothing is learned from it.
+    // Not inlined, as `Observer::observe`.
     #[inline(never)]
     pub fn advance(
         &self,
@@ -201,27 +260,23 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         sample: Option<SensorSample<T>>,
         is_free: bool,
     ) -> T {
-        state.free = if is_free { state.free.saturating_add(1) } else { 0 };
-        let below = state.phase[1] < T::ZERO;
         state.rotate();
-        self.follow_period(state, reference);
-        if below && state.phase[1] >= T::ZERO && state.phase[0] > T::ZERO {
-            state.watch.end_cycle();
+        if self.period <= T::ZERO {
+            self.follow_period(state, reference);
         }
         state.remember(reference);
-        self.listen(state, sample);
-        self.learn(state);
-        state.fade();
-        reference + state.share * state.sum()
+        state.listen(sample);
+        if !is_free {
+            self.give_way(state);
+        }
+        self.visit(state);
+        reference + state.smooth()
     }
 
-    /// Takes the period from the reference, where it was not given.
+    /// Takes the period from the reference.
     #[inline]
     fn follow_period(&self, state: &mut LearningState<T, PAST>, reference: T) {
         let crossed = self.finder.advance(&mut state.cycle, reference);
-        if self.period > T::ZERO {
-            return;
-        }
         let Some(period) = state.cycle.period() else {
             state.angle = T::ZERO;
             return;
@@ -231,8 +286,8 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         let [cos, sin] = state.phase;
         // The crossing is where the phase is 0: `late` ticks ago.
         let behind = sin - turn * late * cos;
-        let near = cos > T::ZERO && behind < T::from_f64(0.3) && -behind < T::from_f64(0.3);
-        if near && state.angle > T::ZERO {
+        let same = T::from_f64(SAME_PERIOD);
+        if state.angle > T::ZERO && cos > T::ZERO && behind < same && -behind < same {
             // The next cycle makes up for what is left.
             state.turn_by(turn - turn * behind / T::from_f64(TAU));
         } else if state.share > T::from_f64(0.01) {
@@ -241,62 +296,92 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         } else {
             state.phase = [T::from_f64(1.0), turn * late];
             state.turn_by(turn);
-            state.watch.restart();
+            state.begin_block();
         }
     }
 
-    /// Takes a sample, unless the one before is still being learned from.
-    #[inline]
-    fn listen(&self, state: &mut LearningState<T, PAST>, sample: Option<SensorSample<T>>) {
-        state.since_sample = state.since_sample + T::from_f64(1.0);
-        if state.slot <= HARMONICS || state.angle <= T::ZERO {
-            return;
+    /// A limit was met: the block shows nothing. Where limits leave no block, what was learned may be why.
+    fn give_way(&self, state: &mut LearningState<T, PAST>) {
+        if !state.block.has_ended {
+            state.begin_block();
         }
-        let Some(sample) = sample.filter(|sample| is_finite(sample.displacement)) else { return };
-        let Some([reference, cos, sin]) = state.of_time(sample.age_ticks + 1) else { return };
-        let error = sample.displacement - reference;
-        state.watch.add(error);
-        // After a loss a sample weighs no more than one of 20 Hz at 1 kHz.
-        let longest = T::from_f64(50.0);
-        let ticks = if state.since_sample < longest { state.since_sample } else { longest };
-        state.since_sample = T::ZERO;
-        let weight = if state.free > FREE_TICKS && !state.watch.failed { self.rate * ticks * state.watch.trust } else { T::ZERO };
-        state.error = weight * error;
-        state.then = [cos, sin];
-        state.multiple = [T::from_f64(1.0), T::ZERO];
-        state.slot = 0;
+        let longest = T::from_f64(4.0 * LEAST_S[1]) * self.rate;
+        if state.block.unended > longest {
+            state.block.unended = T::ZERO;
+            state.harmonics.iter_mut().for_each(Harmonic::halve);
+        }
     }
 
-    /// Learns one harmonic of the sample.
+    /// Looks after one harmonic.
     #[inline]
-    fn learn(&self, state: &mut LearningState<T, PAST>) {
-        let slot = state.slot;
-        if slot > HARMONICS {
+    fn visit(&self, state: &mut LearningState<T, PAST>) {
+        let one = T::from_f64(1.0);
+        state.block.ticks = state.block.ticks + one;
+        state.block.unended = state.block.unended + one;
+        let visited = state.visited;
+        if visited == 0 {
+            self.begin_round(state);
+        }
+        state.visited = if visited == HARMONICS { 0 } else { visited + 1 };
+        let [cos, sin] = state.power;
+        let [c, s] = state.unit;
+        state.power = [cos * c - sin * s, cos * s + sin * c];
+        let Some(harmonic) = state.harmonics.get_mut(visited) else { return };
+        harmonic.approach(self.approach);
+        if !state.block.has_ended {
+            harmonic.see(state.error, [cos, sin]);
             return;
         }
-        let [cos, sin] = state.multiple;
-        if let Some([a, b]) = slot.checked_sub(1).and_then(|slot| state.harmonics.get_mut(slot)) {
-            #[allow(clippy::cast_precision_loss)] // at most 6
-            let angle = state.angle * T::from_f64(slot as f64);
-            let share = T::from_f64(1.0) - angle * angle * self.bound;
-            let error = if share > T::ZERO { share * state.error } else { T::ZERO };
-            let error = error + error;
-            *a = *a - error * cos;
-            *b = *b - error * sin;
-        } else {
-            state.mean = state.mean - T::from_f64(0.5) * state.error;
+        #[allow(clippy::cast_precision_loss)] // at most 6
+        let is_learned = T::from_f64(visited as f64) * state.angle <= self.largest_angle;
+        // The mean has half of what a harmonic has of the sum.
+        let scale = if visited == 0 { T::from_f64(0.5) * state.block.scale } else { state.block.scale };
+        if is_learned && harmonic.learn(scale, state.block.variance, visited > 0) {
+            state.block.is_rough = true;
         }
-        let [c, s] = state.then;
-        state.multiple = [cos * c - sin * s, cos * s + sin * c];
-        state.slot = slot + 1;
+        if visited == HARMONICS {
+            state.begin_block();
+        }
+    }
+
+    /// Takes the sample that has arrived since the round before, or ends the block.
+    #[inline]
+    fn begin_round(&self, state: &mut LearningState<T, PAST>) {
+        state.power = [T::from_f64(1.0), T::ZERO];
+        state.error = T::ZERO;
+        let arrived = state.arrived.take();
+        let second = self.rate * state.angle;
+        let is_slow = second < T::from_f64(TAU);
+        let settling = T::from_f64(SETTLING_S[usize::from(!is_slow)]) * self.rate;
+        let block = &mut state.block;
+        if block.ticks < settling || state.angle <= T::ZERO {
+            return;
+        }
+        #[allow(clippy::cast_precision_loss)] // 7
+        let visits = T::from_f64((HARMONICS + 1) as f64);
+        block.turned = block.turned + visits * state.angle;
+        if block.turned >= block.end {
+            block.end = block.end + T::from_f64(TAU);
+            let least = T::from_f64(LEAST_S[usize::from(!block.is_rough)]) * self.rate;
+            if block.ticks >= settling + least && block.samples >= T::from_f64(LEAST_SAMPLES) {
+                block.close(&state.harmonics);
+                return;
+            }
+        }
+        if let Some((error, unit)) = arrived {
+            block.samples = block.samples + T::from_f64(1.0);
+            block.squares = block.squares + error * error;
+            state.error = error;
+            state.unit = unit;
+        }
     }
 }
 
 impl<T: Real, const PAST: usize> LearningState<T, PAST> {
     /// What is added to the reference now, m.
     #[must_use]
-    pub fn learned(&self) -> T {
-        self.share * self.sum()
+    pub fn added(&self) -> T {
+        self.lagged[1]
     }
 
     /// The period that is learned, ticks; `None` where there is none.
@@ -305,11 +390,11 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         (self.angle > T::ZERO).then(|| T::from_f64(TAU) / self.angle)
     }
 
-    /// Forgets what was learned.
+    /// Forgets what was learned. What is added fades out with the two lags.
     pub fn forget(&mut self) {
-        self.mean = T::ZERO;
-        self.harmonics = [[T::ZERO; 2]; HARMONICS];
-        self.watch = Watch::new();
+        self.harmonics = [Harmonic::new(); HARMONICS + 1];
+        self.block = Block::first();
+        self.visited = 0;
     }
 
     /// Turns by `angle` (rad) in every tick from now on.
@@ -317,21 +402,19 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         let largest = T::from_f64(LARGEST_ANGLE);
         let angle = if angle < largest { angle } else { largest };
         let square = angle * angle;
-        let series = |second: f64, fourth: f64, sixth: f64| {
-            T::from_f64(1.0) + square * (T::from_f64(second) + square * (T::from_f64(fourth) + square * T::from_f64(sixth)))
-        };
+        let [one, a2, a4, a6] = [1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0].map(T::from_f64);
+        let [b2, b4, b6] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0].map(T::from_f64);
+        let cos = one + square * (a2 + square * (a4 + square * a6));
+        let sin = angle * (one + square * (b2 + square * (b4 + square * b6)));
         self.angle = angle;
-        self.turn = [
-            series(-1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0),
-            angle * series(-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0),
-        ];
+        self.turn = [cos, sin];
     }
 
     #[inline]
     fn rotate(&mut self) {
         let ([cos, sin], [c, s]) = (self.phase, self.turn);
         let (cos, sin) = (cos * c - sin * s, cos * s + sin * c);
-        // Keeps the length at 1: a step of Newton's method for the root.
+        // Keeps the length at 1: a step of Newton's method.
         let keep = T::from_f64(1.5) - T::from_f64(0.5) * (cos * cos + sin * sin);
         self.phase = [cos * keep, sin * keep];
     }
@@ -344,28 +427,39 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         }
     }
 
-    /// Reference, cosine and sine at the end of the tick `ago` ticks before this one.
+    /// Compares a sample with the reference of its time; one that is too old or not finite is ignored.
     #[inline]
-    fn of_time(&self, ago: usize) -> Option<[T; 3]> {
-        if ago >= PAST {
-            return None;
+    fn listen(&mut self, sample: Option<SensorSample<T>>) {
+        let Some(sample) = sample else { return };
+        // What is remembered is of the end of a tick, a sample is taken at its begin.
+        if sample.age_ticks.saturating_add(1) >= PAST {
+            return;
         }
-        let index = self.newest + ago;
-        self.past.get(if index >= PAST { index - PAST } else { index }).copied()
+        let index = self.newest + sample.age_ticks + 1;
+        let index = if index >= PAST { index - PAST } else { index };
+        let Some(&[reference, cos, sin]) = self.past.get(index) else { return };
+        let error = sample.displacement - reference;
+        if is_finite(error) {
+            self.arrived = Some((error, [cos, sin]));
+        }
     }
 
-    /// Fades out without a period and after a failure, and in again.
+    fn begin_block(&mut self) {
+        self.block = Block { unended: self.block.unended, is_rough: self.block.is_rough, ..Block::first() };
+        self.harmonics.iter_mut().for_each(Harmonic::begin);
+    }
+
+    /// What is added to the reference (m): faded and smoothed.
     #[inline]
-    fn fade(&mut self) {
-        let is_on = self.angle > T::ZERO && !self.watch.failed;
-        // A time constant of 64 ticks out, 256 in.
-        let change = if is_on { T::from_f64(1.0 / 256.0) * (T::from_f64(1.0) - self.share) } else { T::from_f64(-1.0 / 64.0) * self.share };
-        self.share = self.share + change;
-        if self.watch.failed && self.share < T::from_f64(1e-3) {
-            let trust = T::from_f64(0.25) * self.watch.trust;
-            self.forget();
-            self.watch.trust = trust;
-        }
+    fn smooth(&mut self) -> T {
+        let on = if self.angle > T::ZERO { T::from_f64(1.0) } else { T::ZERO };
+        self.share = self.share + T::from_f64(FADING) * (on - self.share);
+        let smoothing = T::from_f64(SMOOTHING);
+        let [first, second] = self.lagged;
+        let first = first + smoothing * (self.share * self.sum() - first);
+        let second = second + smoothing * (first - second);
+        self.lagged = [first, second];
+        second
     }
 
     /// The mean and the harmonics at the present phase, m: Clenshaw's recurrence.
@@ -373,66 +467,43 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
     fn sum(&self) -> T {
         let [cos, sin] = self.phase;
         let twice = cos + cos;
-        let zero = [T::ZERO; 2];
-        let [[a1, b1], [a2, _]] = self.harmonics.iter().rev().fold([zero, zero], |[[a1, b1], [a2, b2]], &[a, b]| {
-            [[a + twice * a1 - a2, b + twice * b1 - b2], [a1, b1]]
-        });
-        self.mean + (a1 * cos - a2) + b1 * sin
+        let [mean, harmonics @ ..] = &self.harmonics;
+        let (mut one, mut two) = ([T::ZERO; 2], [T::ZERO; 2]);
+        for harmonic in harmonics.iter().rev() {
+            let [re, im] = harmonic.added;
+            (one, two) = ([re + twice * one[0] - two[0], im + twice * one[1] - two[1]], one);
+        }
+        mean.added[0] + (one[0] * cos - two[0]) - one[1] * sin
     }
 }
 
-impl<T: Real> Watch<T> {
-    fn new() -> Self {
+impl<T: Real> Block<T> {
+    /// The first one.
+    fn first() -> Self {
         let zero = T::ZERO;
-        Self { sum: zero, samples: zero, before: zero, first: zero, grown: 0, trust: T::from_f64(1.0), failed: false }
-    }
-
-    /// Begins again, as with another period.
-    fn restart(&mut self) {
-        *self = Self { trust: self.trust, ..Self::new() };
-    }
-
-    #[inline]
-    fn add(&mut self, error: T) {
-        self.sum = self.sum + error * error;
-        self.samples = self.samples + T::from_f64(1.0);
-    }
-
-    /// Compares the cycle that ends with those before.
-    fn end_cycle(&mut self) {
-        if self.samples <= T::ZERO {
-            return;
-        }
-        let square = self.sum / self.samples;
-        self.sum = T::ZERO;
-        self.samples = T::ZERO;
-        let first = self.first <= T::ZERO;
-        if first {
-            self.first = square;
-        }
-        self.grown = if !first && square > self.before { self.grown.saturating_add(1) } else { 0 };
-        self.before = square;
-        if self.grown >= GROWN_CYCLES && square > self.first + self.first {
-            self.failed = true;
+        Self {
+            ticks: zero,
+            unended: zero,
+            turned: zero,
+            end: T::from_f64(TAU),
+            samples: zero,
+            squares: zero,
+            scale: zero,
+            variance: zero,
+            has_ended: false,
+            is_rough: true,
         }
     }
-}
 
-/// The lowest frequency at which the inertia outweighs the stiffness of `law` where its film is softest, Hz; `most_hz` if it is higher.
-fn resonance_hz<T: Real, M: Memory<T>>(law: &Law<T, M>, most_hz: f64) -> f64 {
-    let softest = law.least_slope();
-    let is_below = |frequency_hz: f64| law.dynamic_stiffness(frequency_hz, softest).re > 0.0;
-    let (mut low, mut high) = (0.0, most_hz.min(0.25));
-    while high < most_hz && is_below(high) {
-        low = high;
-        high = (2.0 * high).min(most_hz);
+    /// Ends it. What the harmonics do not explain of e is noise.
+    fn close(&mut self, harmonics: &[Harmonic<T>; HARMONICS + 1]) {
+        self.scale = T::from_f64(2.0) / self.samples;
+        let [mean, harmonics @ ..] = harmonics;
+        let explained = harmonics.iter().fold(T::from_f64(0.5) * mean.power(), |sum, harmonic| sum + harmonic.power());
+        let left = self.squares - self.scale * explained;
+        self.variance = if left > T::ZERO { self.scale * left / self.samples } else { T::ZERO };
+        self.has_ended = true;
+        self.is_rough = false;
+        self.unended = T::ZERO;
     }
-    if is_below(high) {
-        return high;
-    }
-    for _ in 0..6 {
-        let middle = 0.5 * (low + high);
-        if is_below(middle) { low = middle } else { high = middle }
-    }
-    low
 }

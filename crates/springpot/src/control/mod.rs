@@ -2,6 +2,7 @@
 
 mod cycle;
 mod feedforward;
+mod harmonic;
 mod inverse;
 mod learning;
 mod limits;

@@ -70,6 +70,13 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         self.stiffness_of(Complex::new(1.0, 0.0) - difference, difference, slope)
     }
 
+    /// Force over displacement of slow changes about x = 0, at 1 Hz without the inertia's share, N/m.
+    #[must_use]
+    pub(crate) fn stiffness_at_rest(&self) -> f64 {
+        let stiffness = self.dynamic_stiffness(1.0, 1.0);
+        stiffness.re.abs().max(stiffness.im.abs())
+    }
+
     /// Force over displacement for a delay of ζ in a step and 1 − ζ, N/m, where the curve has the slope `slope`.
     fn stiffness_of(&self, delay: Complex<f64>, difference: Complex<f64>, slope: f64) -> Complex<f64> {
         // F = [ζ B(ζ) + S (1 − ζ)] Δx and Δx = (1 − ζ) x.

@@ -10,6 +10,7 @@ mod dual_numbers;
 mod feedforward;
 mod full_memory;
 mod laws;
+mod learning;
 mod observer;
 mod passivity;
 mod responses;

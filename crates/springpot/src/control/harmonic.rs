@@ -1,0 +1,131 @@
+//! A harmonic of the error, and how the film answers to what is added for it.
+
+use crate::scalar::Real;
+
+/// Share of the way to the value that the first block shows, where nothing is known of the film's answer yet.
+const FIRST_SHARE: f64 = 0.6;
+/// The same once the answer was seen.
+const LARGEST_SHARE: f64 = 0.8;
+/// Bounds of |1/P|²: beyond the upper one the film hardly answers.
+const GAINS: [f64; 2] = [0.01, 25.0];
+/// Squares of signals over squares of noise above which a change counts as seen.
+const SEEN: f64 = 100.0;
+
+/// Blocks in a row without an answer after which nothing is added.
+const SILENT_BLOCKS: u8 = 2;
+
+/// A complex number as real and imaginary part.
+pub(crate) type Pair<T> = [T; 2];
+
+fn square<T: Real>([re, im]: Pair<T>) -> T {
+    re * re + im * im
+}
+
+/// Complex amplitudes, so that a signal is Re(A exp(i h θ)).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Harmonic<T> {
+    /// What is added now, m.
+    pub(crate) added: Pair<T>,
+    /// What is to be added, and what was in the block before, m.
+    target: Pair<T>,
+    tried: Pair<T>,
+    /// Σ e exp(−i h θ) of this block, m.
+    sum: Pair<T>,
+    /// E of the block before, m.
+    error: Pair<T>,
+    /// 1 / P.
+    gain: Pair<T>,
+    /// Share of the way in a step.
+    share: T,
+    /// Blocks in a row in which the film hardly answered. After two of them nothing is added any more.
+    silent: u8,
+}
+
+impl<T: Real> Harmonic<T> {
+    /// Nothing added, of a film that answers as its law says.
+    pub(crate) fn new() -> Self {
+        let (zero, one) = ([T::ZERO; 2], T::from_f64(1.0));
+        Self {
+            added: zero,
+            target: zero,
+            tried: zero,
+            sum: zero,
+            error: zero,
+            gain: [one, T::ZERO],
+            share: T::from_f64(FIRST_SHARE),
+            silent: 0,
+        }
+    }
+
+    /// Begins a block.
+    pub(crate) fn begin(&mut self) {
+        self.sum = [T::ZERO; 2];
+    }
+
+    /// Adds an `error` (m) at the phase of `unit` = exp(i h θ).
+    #[inline]
+    pub(crate) fn see(&mut self, error: T, unit: Pair<T>) {
+        self.sum = [self.sum[0] + error * unit[0], self.sum[1] - error * unit[1]];
+    }
+
+    /// Approaches what is to be added by the `share` of what is left.
+    #[inline]
+    pub(crate) fn approach(&mut self, share: T) {
+        for (added, &target) in self.added.iter_mut().zip(&self.target) {
+            *added = *added + share * (target - *added);
+        }
+    }
+
+    /// Halves what is to be added.
+    pub(crate) fn halve(&mut self) {
+        self.target = self.target.map(|target| T::from_f64(0.5) * target);
+    }
+
+    /// |Σ e exp(−i h θ)|² of the block, m².
+    pub(crate) fn power(&self) -> T {
+        square(self.sum)
+    }
+
+    /// Ends a block with E = `scale` times the sum, each part of which noise gives the `variance` (m²). Whether E is more than
+    /// noise. `may_be_silent`: a harmonic, to which a film may hardly answer. To the mean it always does.
+    pub(crate) fn learn(&mut self, scale: T, variance: T, may_be_silent: bool) -> bool {
+        let error = [scale * self.sum[0], scale * self.sum[1]];
+        // P = ΔE / ΔA, where both are far above the noise.
+        let answer = [error[0] - self.error[0], error[1] - self.error[1]];
+        let change = [self.target[0] - self.tried[0], self.target[1] - self.tried[1]];
+        self.error = error;
+        self.tried = self.target;
+        let [low, high] = GAINS.map(T::from_f64);
+        let seen = T::from_f64(SEEN) * variance;
+        let answered = square(answer);
+        if square(change) > seen && answered > seen && answered > T::ZERO {
+            let gain = [
+                (change[0] * answer[0] + change[1] * answer[1]) / answered,
+                (change[1] * answer[0] - change[0] * answer[1]) / answered,
+            ];
+            if square(gain) > high {
+                self.silent = self.silent.saturating_add(1);
+            } else if square(gain) > low {
+                self.gain = gain;
+                self.share = T::from_f64(LARGEST_SHARE);
+                self.silent = 0;
+            }
+        } else if square(change) > high * seen {
+            self.silent = self.silent.saturating_add(1);
+        }
+        if self.silent >= SILENT_BLOCKS && may_be_silent {
+            self.target = [T::ZERO; 2];
+            return false;
+        }
+        // The share of the way falls where E is not above what noise gives.
+        let (energy, noise) = (square(error), T::from_f64(4.0) * variance);
+        let weight = energy * energy / (energy * energy + noise * noise);
+        let share = if energy > T::ZERO { self.share * weight } else { T::ZERO };
+        let [re, im] = self.gain;
+        self.target = [
+            self.target[0] - share * (re * error[0] - im * error[1]),
+            self.target[1] - share * (re * error[1] + im * error[0]),
+        ];
+        energy > seen
+    }
+}
