@@ -57,7 +57,7 @@ fn replay_on_the_controller_agrees_with_the_fit() {
 fn auto_compares_structures_and_marks_its_choice() {
     let folder = TempDir::new().expect("a folder");
     let out = folder.path().join("p.toml");
-    let [a, b, c] = if full_sweep() { recordings("wang") } else { thinned_recordings("wang", folder.path(), 10) };
+    let [a, b, c] = if full_sweep() { recordings("wang") } else { thinned_recordings("wang", folder.path(), 20) };
     let fit = json(&["fit", "--out", text(&out), text(&a), text(&b), text(&c)]);
     let structures = fit["structures"].as_array().expect("a list");
     // n = 0 and 1 are the same model in both topologies. What is beyond linear films stands behind them.
@@ -319,7 +319,8 @@ fn what_makes_no_fit_is_refused() {
 
 #[test]
 fn compare_prints_every_baseline() {
-    let [a, b, _] = recordings("wang");
+    let folder = TempDir::new().expect("a folder");
+    let [a, b, _] = if full_sweep() { recordings("wang") } else { thinned_recordings("wang", folder.path(), 4) };
     let report = json(&["compare", "--starts", "2", text(&a), text(&b)]);
     let models = report["models"].as_array().expect("a list");
     let row = |name: &str| models.iter().find(|row| row["model"] == name).unwrap_or_else(|| panic!("no {name}"));

@@ -2,7 +2,10 @@
 
 use core::hint::black_box;
 
-use springpot::{Applied, CommandLimits, Feedforward, Law, Maxwell, Observer, ObserverOptions, SensorSample, Tracking};
+use springpot::{
+    Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, Maxwell, Observer, ObserverOptions, SensorSample,
+    Tracking,
+};
 
 use crate::{Checksum, Name, Report, STEPS, repeat};
 
@@ -13,6 +16,7 @@ pub fn run(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model:
     feedforward(report, name("feedforward"), law(model));
     observer(report, name("observer"), law(model));
     tracking(report, name("tracking"), law(model));
+    learning(report, name("learning"), &law(model));
 }
 
 /// A reference of up to 1 mm, and a sensor beside it.
@@ -70,4 +74,14 @@ fn tracking(report: &mut impl Report, name: Name, law: Law<f32>) {
         voltage = config.command(&mut state, reference(k)).voltage;
         voltage
     });
+}
+
+/// In front of a law of control: a reference of 50 ms, whose blocks end within the steps, and a film that lags behind it.
+#[inline(never)]
+fn learning(report: &mut impl Report, name: Name, law: &Law<f32>) {
+    let options = LearningOptions { period_s: Some(0.05), sample_interval_s: 1e-3 };
+    let learning: Result<Learning<f32>, _> = Learning::new(law, &name.film.actuator(), 6000.0, options);
+    let Ok(config) = learning else { panic!("refused") };
+    let mut state = config.state(0.0);
+    ticks(report, name, |k| config.advance(&mut state, reference(k), black_box(sample(k)), true));
 }

@@ -9,7 +9,7 @@ const LARGEST_SHARE: f64 = 0.8;
 /// Bounds of |1/P|²: beyond the upper one the film hardly answers.
 const GAINS: [f64; 2] = [0.01, 25.0];
 /// Squares of signals over squares of noise above which a change counts as seen.
-const SEEN: f64 = 100.0;
+const SEEN: f64 = 25.0;
 
 /// Blocks in a row without an answer after which nothing is added.
 const SILENT_BLOCKS: u8 = 2;
