@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use clap::ValueEnum;
 use springpot::{
-    Actuator, Applied, CommandLimits, Compressed, Feedforward, FeedforwardState, Learning, LearningOptions, LearningState,
-    Limited, Memory, Observer, ObserverOptions, Preload, Real, SensorSample, Tracking, TrackingState,
+    Actuator, Applied, CommandLimits, Compressed, Feedforward, FeedforwardState, Learning, LearningOptions,
+    LearningState, Limited, Memory, Observer, ObserverOptions, Preload, Real, SensorSample, Tracking, TrackingState,
 };
 
 use crate::error::Result;

@@ -58,10 +58,22 @@ fn stiffening() -> Parameters {
     }
 }
 
-fn run(kind: ControllerKind, film: &str, parameters: &Parameters, learning: Option<LearningOptions>, values: &[f64], grid: Grid) -> LoopRun {
+fn run(
+    kind: ControllerKind,
+    film: &str,
+    parameters: &Parameters,
+    learning: Option<LearningOptions>,
+    values: &[f64],
+    grid: Grid,
+) -> LoopRun {
     let settings = ControllerSettings {
         rate_hz: grid.rate_hz,
-        limits: CommandLimits { max_acceleration_m_per_s2: 20.0, max_velocity_m_per_s: 0.5, max_slew_v_per_s: 5e5, ..CommandLimits::BENCH },
+        limits: CommandLimits {
+            max_acceleration_m_per_s2: 20.0,
+            max_velocity_m_per_s: 0.5,
+            max_slew_v_per_s: 5e5,
+            ..CommandLimits::BENCH
+        },
         observer: ObserverOptions::at_bandwidth(0.6),
         learning,
         peak_m: 1.0,
@@ -69,7 +81,10 @@ fn run(kind: ControllerKind, film: &str, parameters: &Parameters, learning: Opti
     let bench = BenchModel { sensor_noise_m: 4e-6, ..BenchModel::default() };
     let mut controller = controllers::build(kind, parameters, &settings, Precision::F32).expect("valid");
     let hidden = ProgressBar::hidden();
-    let name = match film { "hossain" => Kind::Hossain, _ => Kind::Wang };
+    let name = match film {
+        "hossain" => Kind::Hossain,
+        _ => Kind::Wang,
+    };
     let nonlinear = Film::new(name);
     let mut plant: Box<dyn Plant> = if film == "stiffening" {
         Box::new(StiffeningFilm::new())
@@ -105,7 +120,11 @@ fn periodic_table() {
         .par_iter()
         .map(|(name, parameters, period, kind)| {
             let grid = Grid::covering(155.0, 1000.0).expect("grid");
-            let (low, high) = match *name { "wang" => (0.6e-3, 1.2e-3), "hossain" => (2e-3, 3.5e-3), _ => (1e-3, 2.2e-3) };
+            let (low, high) = match *name {
+                "wang" => (0.6e-3, 1.2e-3),
+                "hossain" => (2e-3, 3.5e-3),
+                _ => (1e-3, 2.2e-3),
+            };
             let values = Reference::new(Shape::Sine, low, high, *period).on(grid).expect("valid");
             let mut text = format!("{name:10} {period:4} {:12}", kind.name());
             for learning in [

@@ -3,8 +3,8 @@
 use core::hint::black_box;
 
 use springpot::{
-    Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, Maxwell, Observer, ObserverOptions, SensorSample,
-    Tracking,
+    Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, Maxwell, Observer, ObserverOptions,
+    SensorSample, Tracking,
 };
 
 use crate::{Checksum, Name, Report, STEPS, repeat};
@@ -83,5 +83,9 @@ fn learning(report: &mut impl Report, name: Name, law: &Law<f32>) {
     let learning: Result<Learning<f32>, _> = Learning::new(law, &name.film.actuator(), 6000.0, options);
     let Ok(config) = learning else { panic!("refused") };
     let mut state = config.state(0.0);
+    // Until blocks have ended.
+    for k in 0..3 * STEPS {
+        config.advance(&mut state, reference(f32::from(k)), sample(f32::from(k)), true);
+    }
     ticks(report, name, |k| config.advance(&mut state, reference(k), black_box(sample(k)), true));
 }

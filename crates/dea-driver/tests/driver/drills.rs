@@ -2,11 +2,11 @@
 
 use dea_driver::server::{Board, Session};
 use dea_driver::wire::{Answer, Command, Drill, Reject};
-use dea_driver::{Device, Store};
+use dea_driver::{Device, DriverState, Store};
 
 use crate::board::{BOARD, Bench, ask};
 use crate::flash::Flash;
-use crate::host::Host;
+use crate::host::{Host, blob};
 
 /// A board that says nothing of drills.
 struct WithoutDrills(Bench<Flash>);
@@ -47,6 +47,20 @@ fn a_board_without_drills_rejects_them() {
     for command in [Command::Drill(Drill::Hang), Command::StarveWatchdog, Command::Inspect] {
         assert_eq!(ask(&mut Session::new("1.2.3"), &mut board, 0, command), Answer::Rejected(Reject::Unknown));
     }
+}
+
+/// A board without memory over a reset begins as if nothing had been tried.
+#[test]
+fn a_board_without_memory_has_no_trial() {
+    let mut board = WithoutDrills(Bench::new(Flash::new(), None));
+    board.store().save(&blob()).expect("saved");
+    Session::new("1.2.3").begin(&mut board).expect("stored");
+    let inputs = board.0.inputs();
+    board.0.tick(inputs);
+    let Answer::Status(status) = ask(&mut Session::new("1.2.3"), &mut board, 0, Command::Status) else {
+        panic!("no status")
+    };
+    assert_eq!(status.state, DriverState::Disarmed);
 }
 
 /// An image for drills causes the fault that was asked for, and says so.

@@ -246,6 +246,41 @@ fn a_save_over_a_damaged_set_that_is_cut_off_is_told() {
     }
 }
 
+/// The first set ever stands twice. One of the two is damaged, and the save over it is cut off: the other one is still there. Both are
+/// damaged: the fault of the newest is told.
+#[test]
+fn the_first_set_stands_twice() {
+    let [first, second] = ["first", "second"].map(|name| bytes_of(&named(name)));
+    let mut store = store(Flash::new());
+    store.save(&first).expect("saved");
+    let written = store.destroy();
+    for damaged in [0, SECTOR] {
+        for power in (0..SECTOR).step_by(13) {
+            let mut flash = Flash { power, ..written.clone() };
+            flash.bytes[damaged + 100] ^= 0x10;
+            let mut store = self::store(flash);
+            store.save(&second).expect_err("cut off");
+            let flash = Flash { power: usize::MAX, ..store.destroy() };
+            assert_eq!(found(&mut self::store(flash)).0, "first", "{damaged}, {power}");
+        }
+    }
+    let mut flash = written;
+    for damaged in [0, SECTOR] {
+        flash.bytes[damaged + 100] ^= 0x10;
+    }
+    assert_eq!(self::store(flash).load().err(), Some(StoreError::Empty(Some(BlobError::Checksum))));
+}
+
+/// A save writes one slot alone, but for the first one ever: the set before stays.
+#[test]
+fn a_save_leaves_the_other_slot() {
+    let old = slot(5, &bytes_of(&named("old")));
+    let bytes = [old.clone(), vec![0xff; SECTOR]].concat();
+    let mut store = store(Flash { bytes, power: usize::MAX });
+    store.save(&bytes_of(&named("new"))).expect("saved");
+    assert_eq!(store.destroy().bytes[..SECTOR], old);
+}
+
 /// A board of an earlier version with its first set: that is no loss, before and after another one is saved.
 #[test]
 fn the_first_set_of_earlier_versions_is_no_loss() {

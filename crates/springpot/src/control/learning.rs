@@ -139,8 +139,8 @@ pub struct LearningState<T, const PAST: usize = 64> {
     /// References of the last ticks with the phase of each: a ring that begins at `newest`.
     past: [[T; 3]; PAST],
     newest: usize,
-    /// Error (m) and phase of the last sample.
-    arrived: Option<(T, Pair<T>)>,
+    /// The last sample, and its place in the ring.
+    arrived: Option<(T, usize)>,
     /// The harmonic that is visited in this tick.
     visited: usize,
     /// Error (m) of the sample of this round of visits, 0 without one, exp(iθ) of it, and its power for the next harmonic.
@@ -186,8 +186,8 @@ const LEAST_SAMPLES: f64 = 16.0;
 const APPROACH_S: f64 = 0.1;
 /// Weight of the newest value in the two lags.
 const SMOOTHING: f64 = 0.2;
-/// Share of the distance by which what is added fades in a tick.
-const FADING: f64 = 1.0 / 64.0;
+/// Share of the distance by which what is added fades in a round of visits.
+const FADING: f64 = 0.1;
 /// sin of the angle by which a crossing may miss its phase and still belong to the same period.
 const SAME_PERIOD: f64 = 0.3;
 
@@ -264,8 +264,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         if self.period <= T::ZERO {
             self.follow_period(state, reference);
         }
-        state.remember(reference);
-        state.listen(sample);
+        state.remember(reference, sample);
         if !is_free {
             self.give_way(state);
         }
@@ -315,9 +314,6 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
     /// Looks after one harmonic.
     #[inline]
     fn visit(&self, state: &mut LearningState<T, PAST>) {
-        let one = T::from_f64(1.0);
-        state.block.ticks = state.block.ticks + one;
-        state.block.unended = state.block.unended + one;
         let visited = state.visited;
         if visited == 0 {
             self.begin_round(state);
@@ -349,7 +345,13 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
     fn begin_round(&self, state: &mut LearningState<T, PAST>) {
         state.power = [T::from_f64(1.0), T::ZERO];
         state.error = T::ZERO;
-        let arrived = state.arrived.take();
+        state.renormalise();
+        state.fade();
+        let seen = state.error_seen();
+        #[allow(clippy::cast_precision_loss)] // 7
+        let visits = T::from_f64((HARMONICS + 1) as f64);
+        state.block.ticks = state.block.ticks + visits;
+        state.block.unended = state.block.unended + visits;
         let second = self.rate * state.angle;
         let is_slow = second < T::from_f64(TAU);
         let settling = T::from_f64(SETTLING_S[usize::from(!is_slow)]) * self.rate;
@@ -357,8 +359,6 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         if block.ticks < settling || state.angle <= T::ZERO {
             return;
         }
-        #[allow(clippy::cast_precision_loss)] // 7
-        let visits = T::from_f64((HARMONICS + 1) as f64);
         block.turned = block.turned + visits * state.angle;
         if block.turned >= block.end {
             block.end = block.end + T::from_f64(TAU);
@@ -368,7 +368,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
                 return;
             }
         }
-        if let Some((error, unit)) = arrived {
+        if let Some((error, unit)) = seen {
             block.samples = block.samples + T::from_f64(1.0);
             block.squares = block.squares + error * error;
             state.error = error;
@@ -413,35 +413,46 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
     #[inline]
     fn rotate(&mut self) {
         let ([cos, sin], [c, s]) = (self.phase, self.turn);
-        let (cos, sin) = (cos * c - sin * s, cos * s + sin * c);
-        // Keeps the length at 1: a step of Newton's method.
+        self.phase = [cos * c - sin * s, cos * s + sin * c];
+    }
+
+    /// Keeps the phase on the circle: a step of Newton's method.
+    fn renormalise(&mut self) {
+        let [cos, sin] = self.phase;
         let keep = T::from_f64(1.5) - T::from_f64(0.5) * (cos * cos + sin * sin);
         self.phase = [cos * keep, sin * keep];
     }
 
+    /// Fades out without a period, and in again.
+    fn fade(&mut self) {
+        let on = if self.angle > T::ZERO { T::from_f64(1.0) } else { T::ZERO };
+        self.share = self.share + T::from_f64(FADING) * (on - self.share);
+    }
+
+    /// Remembers reference and phase of the end of this tick, and where those of a sample stand, which is taken at the begin of a tick.
+    /// One that is too old is ignored.
     #[inline]
-    fn remember(&mut self, reference: T) {
-        self.newest = if self.newest == 0 { PAST.saturating_sub(1) } else { self.newest - 1 };
-        if let Some(slot) = self.past.get_mut(self.newest) {
+    fn remember(&mut self, reference: T, sample: Option<SensorSample<T>>) {
+        let newest = if self.newest == 0 { PAST.saturating_sub(1) } else { self.newest - 1 };
+        self.newest = newest;
+        if let Some(slot) = self.past.get_mut(newest) {
             *slot = [reference, self.phase[0], self.phase[1]];
+        }
+        let Some(SensorSample { displacement, age_ticks }) = sample else { return };
+        // What is remembered will be overwritten before the next round is over: a sample must be younger by that.
+        if age_ticks < PAST.saturating_sub(HARMONICS + 2) {
+            let place = newest + age_ticks + 1;
+            self.arrived = Some((displacement, if place >= PAST { place - PAST } else { place }));
         }
     }
 
-    /// Compares a sample with the reference of its time; one that is too old or not finite is ignored.
+    /// Error (m) and phase of the sample that has arrived since this was called before; none if it is not finite.
     #[inline]
-    fn listen(&mut self, sample: Option<SensorSample<T>>) {
-        let Some(sample) = sample else { return };
-        // What is remembered is of the end of a tick, a sample is taken at its begin.
-        if sample.age_ticks.saturating_add(1) >= PAST {
-            return;
-        }
-        let index = self.newest + sample.age_ticks + 1;
-        let index = if index >= PAST { index - PAST } else { index };
-        let Some(&[reference, cos, sin]) = self.past.get(index) else { return };
-        let error = sample.displacement - reference;
-        if is_finite(error) {
-            self.arrived = Some((error, [cos, sin]));
-        }
+    fn error_seen(&mut self) -> Option<(T, Pair<T>)> {
+        let (displacement, place) = self.arrived.take()?;
+        let &[reference, cos, sin] = self.past.get(place)?;
+        let error = displacement - reference;
+        is_finite(error).then_some((error, [cos, sin]))
     }
 
     fn begin_block(&mut self) {
@@ -452,8 +463,6 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
     /// What is added to the reference (m): faded and smoothed.
     #[inline]
     fn smooth(&mut self) -> T {
-        let on = if self.angle > T::ZERO { T::from_f64(1.0) } else { T::ZERO };
-        self.share = self.share + T::from_f64(FADING) * (on - self.share);
         let smoothing = T::from_f64(SMOOTHING);
         let [first, second] = self.lagged;
         let first = first + smoothing * (self.share * self.sum() - first);
