@@ -122,10 +122,15 @@ fn singles(p: &mut Parameters) -> Vec<&mut f32> {
 
 /// Every number of double precision.
 fn doubles(p: &mut Parameters) -> Vec<&mut f64> {
-    let actuator = &mut p.actuator;
+    let (actuator, bound) = (&mut p.actuator, &mut p.law.bound);
     let mut fields = vec![
         &mut p.law.instant,
         &mut p.law.tail_error,
+        &mut bound.horizon_s,
+        &mut bound.force_per_increment,
+        &mut bound.force_per_stroke,
+        &mut bound.displacement_per_increment,
+        &mut bound.displacement_per_stroke,
         &mut actuator.relative_permittivity,
         &mut actuator.length_m,
         &mut actuator.width_m,
