@@ -4,7 +4,8 @@ use serde::Serialize;
 use springpot::CompressionBound;
 
 use crate::error::Result;
-use crate::replay::memory::{Film, compressed_law};
+use crate::files::parameters::Film;
+use crate::replay::memory::compressed_law;
 
 /// The bounds of the law that a controller steps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
