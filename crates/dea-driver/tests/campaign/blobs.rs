@@ -115,6 +115,9 @@ fn singles(p: &mut Parameters) -> Vec<&mut f32> {
         fields.extend(calibration(instrument));
     }
     fields.extend(p.law.curve.iter_mut().flat_map(|knot| [&mut knot.displacement, &mut knot.value, &mut knot.slope]));
+    let bound = &mut p.law.bound;
+    fields.extend([&mut bound.horizon_s, &mut bound.force_per_increment, &mut bound.force_per_stroke]);
+    fields.extend([&mut bound.displacement_per_increment, &mut bound.displacement_per_stroke]);
     fields.extend(p.law.head.iter_mut());
     fields.extend(p.law.fast.iter_mut().chain(&mut p.law.slow).flat_map(|(loss, weight)| [loss, weight]));
     fields
@@ -122,15 +125,10 @@ fn singles(p: &mut Parameters) -> Vec<&mut f32> {
 
 /// Every number of double precision.
 fn doubles(p: &mut Parameters) -> Vec<&mut f64> {
-    let (actuator, bound) = (&mut p.actuator, &mut p.law.bound);
+    let actuator = &mut p.actuator;
     let mut fields = vec![
         &mut p.law.instant,
         &mut p.law.tail_error,
-        &mut bound.horizon_s,
-        &mut bound.force_per_increment,
-        &mut bound.force_per_stroke,
-        &mut bound.displacement_per_increment,
-        &mut bound.displacement_per_stroke,
         &mut actuator.relative_permittivity,
         &mut actuator.length_m,
         &mut actuator.width_m,

@@ -34,40 +34,53 @@ use crate::scalar::Scalar;
 /// an eighth and their variations by two fifths, which is more than such sums were ever off. An oscillation of film and mass that is fast beside the
 /// distance of these places is taken out of q and counted with its envelope.
 ///
-/// The rounding of the coefficients to the number type is inside; the rounding of a step's arithmetic is not.
+/// The rounding of the coefficients to the number type is inside; the rounding of a step's arithmetic is not. The bounds themselves are rounded up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct CompressionBound {
     /// Longest run from rest for which the bounds hold, s: the horizon of the memory.
-    pub horizon_s: f64,
+    pub horizon_s: f32,
     /// Error of the force over the largest increment of displacement, N/m.
-    pub force_per_increment: f64,
+    pub force_per_increment: f32,
     /// Error of the force over the largest displacement, N/m.
-    pub force_per_stroke: f64,
+    pub force_per_stroke: f32,
     /// Error of the displacement over its largest increment.
-    pub displacement_per_increment: f64,
+    pub displacement_per_increment: f32,
     /// Error of the displacement over the largest displacement.
-    pub displacement_per_stroke: f64,
+    pub displacement_per_stroke: f32,
 }
 
 impl CompressionBound {
     /// Nothing is known.
     pub(crate) const NONE: Self = Self {
         horizon_s: 0.0,
-        force_per_increment: f64::INFINITY,
-        force_per_stroke: f64::INFINITY,
-        displacement_per_increment: f64::INFINITY,
-        displacement_per_stroke: f64::INFINITY,
+        force_per_increment: f32::INFINITY,
+        force_per_stroke: f32::INFINITY,
+        displacement_per_increment: f32::INFINITY,
+        displacement_per_stroke: f32::INFINITY,
     };
 
-    /// Whether all are numbers that a bound can be. Only the displacement may be without one.
+    /// Bounds of force and displacement by increments and by stroke, rounded up.
+    fn rounded(
+        [force_per_increment, force_per_stroke, displacement_per_increment, displacement_per_stroke]: [f64; 4],
+        horizon_s: f64,
+    ) -> Self {
+        Self {
+            horizon_s: -above(-horizon_s),
+            force_per_increment: above(force_per_increment),
+            force_per_stroke: above(force_per_stroke),
+            displacement_per_increment: above(displacement_per_increment),
+            displacement_per_stroke: above(displacement_per_stroke),
+        }
+    }
+
+    /// Whether all are numbers that a bound can be; infinity is none.
     pub(crate) fn holds(&self) -> bool {
         let Self { horizon_s, force_per_increment, force_per_stroke, .. } = *self;
         let of_displacement = [self.displacement_per_increment, self.displacement_per_stroke];
-        [horizon_s, force_per_increment, force_per_stroke].iter().all(|value| value.is_finite() && *value >= 0.0)
-            && of_displacement.iter().all(|bound| *bound >= 0.0)
+        [horizon_s, force_per_increment, force_per_stroke].iter().chain(&of_displacement).all(|value| *value >= 0.0)
     }
 
     /// The bound of `law`, which `kernel` was compressed to, over `horizon_s`.
@@ -109,13 +122,7 @@ impl CompressionBound {
         if deviation.zero_missed {
             displacement = Sums { sum: f64::INFINITY, variation: f64::INFINITY, last: 0.0 };
         }
-        Self {
-            horizon_s,
-            force_per_increment: force.sum,
-            force_per_stroke: force.variation,
-            displacement_per_increment: displacement.sum,
-            displacement_per_stroke: displacement.variation,
-        }
+        Self::rounded([force.sum, force.variation, displacement.sum, displacement.variation], horizon_s)
     }
 }
 
@@ -148,23 +155,27 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let bound = self.memory.bound;
         let Some(curve) = self.rounded_curve() else { return bound };
         let (steepest, flattest) = (curve.largest_slope().1, curve.least_slope().1);
-        let mut bound = CompressionBound {
-            horizon_s: bound.horizon_s,
-            force_per_increment: bound.force_per_increment * steepest,
-            force_per_stroke: bound.force_per_stroke * steepest,
-            displacement_per_increment: bound.displacement_per_increment * steepest / flattest,
-            displacement_per_stroke: bound.displacement_per_stroke * steepest / flattest,
-        };
+        let times = steepest / flattest;
+        let mut bounds = [
+            f64::from(bound.force_per_increment) * steepest,
+            f64::from(bound.force_per_stroke) * steepest,
+            f64::from(bound.displacement_per_increment) * times,
+            f64::from(bound.displacement_per_stroke) * times,
+        ];
         if self.mass_per_step2 > 0.0 {
             // Here inertia and g_0 are rounded apart, which costs at most so much of each.
             let rounding = 4.0 * precision::<T>() * (self.instant * steepest + self.mass_per_step2);
-            bound.force_per_increment += rounding;
-            bound.force_per_stroke += 2.0 * rounding;
-            bound.displacement_per_increment = f64::INFINITY;
-            bound.displacement_per_stroke = f64::INFINITY;
+            bounds = [bounds[0] + rounding, bounds[1] + 2.0 * rounding, f64::INFINITY, f64::INFINITY];
         }
-        bound
+        CompressionBound::rounded(bounds, f64::from(bound.horizon_s))
     }
+}
+
+/// The smallest number of single precision that is no less than `value`.
+fn above(value: f64) -> f32 {
+    #[allow(clippy::cast_possible_truncation)] // rounded up below
+    let nearest = value as f32;
+    if f64::from(nearest) < value { nearest.next_up() } else { nearest }
 }
 
 /// From 1 to the next number of a type.

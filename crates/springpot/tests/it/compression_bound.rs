@@ -181,7 +181,10 @@ fn ratios<T: Scalar + From<f64>, const H: usize, const F: usize, const S: usize>
     let mut paths = hostile_paths(steps, &mut random);
     paths.extend([against_sum(&delta), against_variation(&delta), against_sum(&q), against_variation(&q)]);
     let bound = law.compression_bound();
-    assert_eq!(bound.horizon_s, options.horizon_s);
+    assert!(
+        (f64::from(bound.horizon_s) / options.horizon_s - 1.0).abs() < 1e-6
+            && f64::from(bound.horizon_s) <= options.horizon_s
+    );
     let mut smallest = [f64::INFINITY; 4];
     for path in paths {
         let (_, _, errors) = exact.errors(&law, &path);
@@ -195,10 +198,15 @@ fn ratios<T: Scalar + From<f64>, const H: usize, const F: usize, const S: usize>
 fn held(name: &str, bound: &CompressionBound, errors: &Errors) -> Ratios {
     let Errors { force, displacement, force_known, displacement_known, increment, stroke } = *errors;
     [
-        ("force by increments", bound.force_per_increment * increment, force, force_known),
-        ("force by stroke", bound.force_per_stroke * stroke, force, force_known),
-        ("displacement by increments", bound.displacement_per_increment * increment, displacement, displacement_known),
-        ("displacement by stroke", bound.displacement_per_stroke * stroke, displacement, displacement_known),
+        ("force by increments", f64::from(bound.force_per_increment) * increment, force, force_known),
+        ("force by stroke", f64::from(bound.force_per_stroke) * stroke, force, force_known),
+        (
+            "displacement by increments",
+            f64::from(bound.displacement_per_increment) * increment,
+            displacement,
+            displacement_known,
+        ),
+        ("displacement by stroke", f64::from(bound.displacement_per_stroke) * stroke, displacement, displacement_known),
     ]
     .map(|(which, bound, error, known)| {
         assert!(error <= bound + known, "{name}, {which}: {error:.3e} exceeds {bound:.3e} (known to {known:.1e})");
@@ -253,7 +261,7 @@ fn no_run_exceeds_the_bound() {
 /// Over the default horizon of a day: what a run of a few minutes shows is far below.
 #[test]
 fn the_default_laws_are_within_a_millionth_of_the_stroke_for_a_day() {
-    let (mut f64s, mut f32s) = (0f64, 0f64);
+    let (mut f64s, mut f32s) = (0f32, 0f32);
     for (name, model) in presets() {
         for method in [Method::Gl, Method::Bdf2] {
             let options = Options::at_step(1e-3).with_method(method);
@@ -306,8 +314,8 @@ fn the_bound_holds_behind_a_curve() {
             let (_, _, errors) = exact.errors(&law, &path);
             if mass_kg > 0.0 {
                 // Of the displacement nothing is said.
-                bound.displacement_per_increment = f64::MAX;
-                bound.displacement_per_stroke = f64::MAX;
+                bound.displacement_per_increment = f32::MAX;
+                bound.displacement_per_stroke = f32::MAX;
             }
             held(name, &bound, &errors);
         }
@@ -324,8 +332,8 @@ fn a_bound_travels_with_the_coefficients() {
         assert_eq!(received.compression_bound(), law.compression_bound(), "{name}");
         let coarse: Law<f32, Compressed<f32, 4, 11, 7>> = law.coarser();
         assert!(coarse.compression_bound().force_per_stroke.is_infinite());
-        for damage in [f64::NAN, f64::NEG_INFINITY, -1.0] {
-            let fields: [fn(&mut CompressionBound) -> &mut f64; 5] = [
+        for damage in [f32::NAN, f32::NEG_INFINITY, -1.0] {
+            let fields: [fn(&mut CompressionBound) -> &mut f32; 5] = [
                 |bound| &mut bound.horizon_s,
                 |bound| &mut bound.force_per_increment,
                 |bound| &mut bound.force_per_stroke,
