@@ -44,6 +44,36 @@ fn exported(params: &str, rate: &str) -> Vec<u8> {
     blob
 }
 
+/// What the compression costs is that of the law in the blob; none for a displacement behind a curve with mass.
+#[test]
+fn the_bound_of_the_compression_is_told() {
+    let folder = TempDir::new().expect("a folder");
+    let (file, out) = (folder.path().join("p.toml"), folder.path().join("p.bin"));
+    let preset = ["export", "--params", "preset:table3-n2", "--rate", "500", "--out", text(&out)];
+    let told = &TOOL.json(&preset)["compression"];
+    let blob = <Blob>::decode(&fs::read(&out).expect("written"), boards::STM32F405).expect("valid");
+    let bound = blob.parameters().law.bound;
+    assert_eq!(told["rate_hz"], 500.0);
+    for (name, value) in [
+        ("horizon_s", bound.horizon_s),
+        ("force_per_increment", bound.force_per_increment),
+        ("force_per_stroke", bound.force_per_stroke),
+        ("displacement_per_increment", bound.displacement_per_increment),
+        ("displacement_per_stroke", bound.displacement_per_stroke),
+    ] {
+        assert_eq!(told[name].as_f64().map(|told| told as f32), Some(value), "{name}");
+    }
+    let line = TOOL.with(&preset).output().expect("runs");
+    names(&String::from_utf8_lossy(&line.stdout), &["compression at 500 Hz, over 86400 s from rest", "of the stroke"]);
+
+    let curve = "schema = 2\nname = \"bent\"\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.04\nwidth_m = 0.06\n\
+                 thickness_m = 160e-6\nmass_kg = 0.316\n[model]\ntopology = \"parallel\"\nmain = { c = 62740.0, alpha = 0.2 }\n\
+                 branches = []\n[curve]\nelastic = \"free\"\ndisplacement_m = [-0.0005, 0.0, 0.002]\nvalue_m = [-0.00045, 0.0, 0.003]\n";
+    fs::write(&file, curve).expect("writable");
+    let bent = &TOOL.json(&["export", "--params", text(&file), "--out", text(&out)])["compression"];
+    assert!(bent["displacement_per_stroke"].is_null() && bent["force_per_stroke"].is_f64(), "{bent}");
+}
+
 /// Every preset, at several rates: the controller's steps are the host's, bit for bit.
 #[test]
 fn the_controller_runs_what_the_host_runs() {

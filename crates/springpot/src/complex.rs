@@ -19,6 +19,11 @@ pub(crate) fn ln(z: Complex<f64>) -> Complex<f64> {
     Complex::new(libm::log(libm::hypot(z.re, z.im)), libm::atan2(z.im, z.re))
 }
 
+/// ln (1 + z), accurate for small z.
+pub(crate) fn ln_1p(z: Complex<f64>) -> Complex<f64> {
+    Complex::new(0.5 * libm::log1p(2.0 * z.re + z.norm_sqr()), libm::atan2(z.im, 1.0 + z.re))
+}
+
 /// Exponential.
 pub(crate) fn exp(z: Complex<f64>) -> Complex<f64> {
     let size = libm::exp(z.re);

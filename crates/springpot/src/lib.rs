@@ -25,7 +25,7 @@ pub use control::{
 pub use curve::{Curve, Knot, MAX_KNOTS, Rubber};
 pub use error::{ActuatorError, ControlError, CurveError, Element, LawError, MAX_BRANCHES, ModelError};
 pub use kernel::Method;
-pub use law::{Coefficients, Compressed, Law, Memory, Options, State, Window};
+pub use law::{Coefficients, Compressed, CompressionBound, Law, Memory, Options, State, Window};
 pub use model::{Chain, Maxwell, Preset, Springpot, Topology};
 /// The complex number of [`Maxwell::modulus`] and of the frequency responses, from the crate `num-complex`.
 pub use num_complex::Complex;

@@ -10,6 +10,7 @@ use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
 use crate::replay::memory::MethodName;
+use crate::report::compression::Compression;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -45,6 +46,8 @@ struct Report {
     bytes: usize,
     rate_hz: f64,
     board: u16,
+    /// What the compression of its law costs.
+    compression: Compression,
     /// Whether the file has a board; otherwise that of the paper's bench is used.
     own_board: bool,
     /// What is not known of the electric field.
@@ -59,6 +62,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());
     let (blob, board) = parameters.checked_blob(arguments.rate).map_err(refused)?;
 
+    let compression = Compression::of(parameters.film(), arguments.rate)?;
+
     let content = match arguments.emit {
         Emit::Blob => blob.clone(),
         Emit::Rust => rust_constant(&parameters.name, &blob).into_bytes(),
@@ -69,6 +74,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         bytes: blob.len(),
         rate_hz: arguments.rate,
         board: board.id,
+        compression,
         own_board: parameters.board.is_some(),
         field_note: parameters.field_note(),
     };
@@ -77,8 +83,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             if report.own_board { "" } else { "; no [board] table: calibrations and limits of the paper's bench" };
         let note = report.field_note.as_ref().map(|note| format!("\nwarning: {note}")).unwrap_or_default();
         format!(
-            "{}: {} bytes for board {:#06x} at {} Hz{bench}{note}",
-            report.out, report.bytes, report.board, report.rate_hz
+            "{}: {} bytes for board {:#06x} at {} Hz{bench}\n{}{note}",
+            report.out,
+            report.bytes,
+            report.board,
+            report.rate_hz,
+            report.compression.text()
         )
     })
 }

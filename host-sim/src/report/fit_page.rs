@@ -38,8 +38,18 @@ pub fn page(report: &FitReport, fit: &Fit, observations: &[Observation], directi
             }
             (estimate_table(uncertainty))
         }
+        @if let Some(compression) = &report.compression {
+            h2 { "On a controller" }
+            p { (sentence(&compression.text())) }
+        }
     };
     html::page("Fit of the fully fractional generalised Maxwell model", &body)
+}
+
+/// `line` with a capital and a full stop.
+fn sentence(line: &str) -> String {
+    let (first, rest) = line.split_at(line.chars().next().map_or(0, char::len_utf8));
+    format!("{}{rest}.", first.to_uppercase())
 }
 
 fn agreement_table(recordings: &[RecordingRow]) -> Markup {

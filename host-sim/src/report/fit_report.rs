@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::compression::Compression;
 use crate::agreement::Agreement;
 use crate::error::shown;
 use crate::files::recording::Direction;
@@ -37,6 +38,9 @@ pub struct FitReport {
     /// Uncertainty of the parameters, if it was computed.
     #[serde(rename = "trust")]
     pub uncertainty: Option<Uncertainty>,
+    /// What the compression of the law's memory costs at the controller's usual rate; none if there is no law at that rate.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compression: Option<Compression>,
     /// Warnings to the user.
     pub warnings: Vec<String>,
 }
@@ -70,7 +74,14 @@ pub struct RecordingRow {
 
 impl FitReport {
     /// The report of `fit` to the recordings in `files`, which took `seconds` and is written to `out`.
-    pub fn new(fit: &Fit, direction: Direction, files: &[&Path], out: &Path, seconds: f64) -> Self {
+    pub fn new(
+        fit: &Fit,
+        compression: Option<Compression>,
+        direction: Direction,
+        files: &[&Path],
+        out: &Path,
+        seconds: f64,
+    ) -> Self {
         let row = |(index, (file, agreement)): (usize, (&&Path, &Agreement))| RecordingRow {
             file: shown(file),
             r2: agreement.r2,
@@ -93,6 +104,7 @@ impl FitReport {
             interrupted: fit.interrupted,
             structures: fit.structures.clone(),
             uncertainty: fit.uncertainty.clone(),
+            compression,
             warnings: fit.warnings.clone(),
         }
     }
@@ -125,6 +137,9 @@ impl FitReport {
                 let _ = write!(text, ", gain {gain:.5}");
             }
             text.push('\n');
+        }
+        if let Some(compression) = &self.compression {
+            let _ = writeln!(text, "{}", compression.text());
         }
         for warning in &self.warnings {
             let _ = writeln!(text, "warning: {warning}");

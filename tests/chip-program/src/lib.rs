@@ -34,12 +34,14 @@ pub struct Film {
     pub topology: Topology,
     /// How s is discretised.
     pub method: Method,
+    /// Step of its law, s.
+    pub step_s: f64,
     /// Whether an elastic curve of as many pieces as there may be stands in front of the law, on an actuator that saturates.
     pub curved: bool,
 }
 
 /// The films of the program.
-pub const FILMS: [Film; 7] = [
+pub const FILMS: [Film; 8] = [
     Film::of("table3-n1", Topology::Eq11),
     Film::of("table3-n2", Topology::Eq11),
     Film::of("table3-n5", Topology::Eq11),
@@ -47,11 +49,15 @@ pub const FILMS: [Film; 7] = [
     Film { method: Method::Bdf2, ..Film::of("table3-n2", Topology::Eq11) },
     Film { curved: true, ..Film::of("table3-n2", Topology::Eq11) },
     Film { curved: true, method: Method::Bdf2, ..Film::of("table3-n2", Topology::Eq11) },
+    Film { method: Method::Bdf2, step_s: SLOW_S, ..Film::of("table3-n2", Topology::Eq11) },
 ];
+
+/// Step of a controller without an FPU, s.
+const SLOW_S: f64 = 1e-2;
 
 impl Film {
     const fn of(preset: &'static str, topology: Topology) -> Self {
-        Self { preset, topology, method: Method::Gl, curved: false }
+        Self { preset, topology, method: Method::Gl, step_s: 1e-3, curved: false }
     }
 
     #[inline(never)]
@@ -61,7 +67,7 @@ impl Film {
         model.with_topology(self.topology)
     }
 
-    /// The default law of `model` at 1 kHz, behind the curve where there is one.
+    /// The default law of `model` at its step, behind the curve where there is one.
     fn law(self, model: &Maxwell) -> Law<f32> {
         let law = self.straight_law(model);
         if self.curved { behind(law) } else { law }
@@ -70,7 +76,7 @@ impl Film {
     // Built and bent one after the other, each with a stack of its own: the small chip has 16 KiB for all.
     #[inline(never)]
     fn straight_law(self, model: &Maxwell) -> Law<f32> {
-        let law = Law::compressed(model, Options::at_step(1e-3).with_method(self.method));
+        let law = Law::compressed(model, Options::at_step(self.step_s).with_method(self.method));
         let Ok(law) = law else { panic!("{} is refused", self.preset) };
         law
     }
@@ -122,7 +128,8 @@ impl fmt::Display for Name {
             Topology::Eq11 => "eq11",
             Topology::Parallel => "parallel",
         };
-        write!(f, "{what}/{size}{curve}/{}/{topology}{method}", film.preset)
+        let rate = if film.step_s == SLOW_S { "/100hz" } else { "" };
+        write!(f, "{what}/{size}{curve}/{}/{topology}{method}{rate}", film.preset)
     }
 }
 
@@ -159,6 +166,10 @@ pub fn run(report: &mut impl Report) {
         } else {
             laws(report, film, &model);
         }
+        if film.step_s == SLOW_S {
+            lean_law(report, |what| Name { film, size: "8+18", what }, &model);
+            continue;
+        }
         control::run(report, name, &model);
         tick::run(report, name("tick"), &tick::law(name("tick"), &model));
     }
@@ -171,6 +182,18 @@ fn default_law(report: &mut impl Report, name: impl Fn(&'static str) -> Name, mo
     report.bits(name("law"), modes(law.memory().modes()));
     step(report, &name, &law);
     voltage(report, name("voltage"), law.least_stiffness());
+}
+
+/// The lean law of `model`: what it costs to step.
+#[inline(never)]
+fn lean_law(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model: &Maxwell) {
+    let Film { step_s, method, .. } = name("law").film;
+    let options = Options::at_step(step_s).with_method(method).with_horizon(3600.0).with_tolerance(1e-3);
+    let Ok(law) = Law::<f32, Compressed<f32, 8, 14, 4>>::compressed(model, options) else {
+        panic!("{} is refused", name("law"))
+    };
+    report.bits(name("law"), modes(law.memory().modes()));
+    step(report, &name, &law);
 }
 
 /// Laws of `model`, default and lean: what they cost to build and to step. Each has a stack of its own.

@@ -13,8 +13,8 @@ use dea_driver::Controller;
 use dea_driver::chips::DacCode;
 use panic_semihosting as _;
 use springpot::{
-    Actuator, Applied, Coefficients, CommandLimits, Compressed, Feedforward, FeedforwardState, Law, Observer,
-    ObserverOptions, ObserverState, SensorSample, State, Tracking, TrackingState, VoltageDrive,
+    Actuator, Applied, Coefficients, CommandLimits, Compressed, CompressionBound, Feedforward, FeedforwardState, Law,
+    Observer, ObserverOptions, ObserverState, SensorSample, State, Tracking, TrackingState, VoltageDrive,
 };
 
 include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));

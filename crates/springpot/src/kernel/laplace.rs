@@ -18,28 +18,38 @@ const NODES: u32 = 24;
 
 /// The function of time `t` > 0 whose transform is `transform`, both in any consistent units.
 pub(crate) fn invert(t: f64, transform: impl Fn(Complex<f64>) -> Complex<f64>) -> f64 {
+    let [value] = invert_all(t, |s| [transform(s)]);
+    value
+}
+
+/// The same for several functions whose transforms have parts in common.
+pub(crate) fn invert_all<const N: usize>(t: f64, transforms: impl Fn(Complex<f64>) -> [Complex<f64>; N]) -> [f64; N] {
     const SHIFT: f64 = -0.6122;
     const OPENING: f64 = 0.5017;
     const BEND: f64 = 0.6407;
     const RISE: f64 = 0.2645;
     let nodes = f64::from(NODES);
     let scale = nodes / t;
-    let mut sum = 0.0;
+    let mut sums = [0.0; N];
     for k in 0..NODES / 2 {
         let theta = (2.0 * f64::from(k) + 1.0) * PI / nodes;
         let (sin, cos) = libm::sincos(BEND * theta);
         let (cot, cosec2) = (cos / sin, 1.0 / (sin * sin));
         let s = Complex::new(SHIFT + OPENING * theta * cot, RISE * theta) * scale;
         let slope = Complex::new(OPENING * (cot - BEND * theta * cosec2), RISE) * scale;
-        sum += (complex::exp(s * t) * transform(s) * slope).im;
+        let growth = complex::exp(s * t);
+        for (sum, transform) in sums.iter_mut().zip(transforms(s)) {
+            *sum += (growth * transform * slope).im;
+        }
     }
-    2.0 * sum / nodes
+    sums.map(|sum| 2.0 * sum / nodes)
 }
 
 /// Exact values of the discrete relaxation modulus g_j, in N/m.
 pub(crate) struct Kernel<'a> {
     model: &'a Maxwell,
     step_s: f64,
+    ln_step: f64,
     method: Method,
     head: [f64; TERMS],
 }
@@ -47,12 +57,23 @@ pub(crate) struct Kernel<'a> {
 impl<'a> Kernel<'a> {
     /// The kernel of `model` at `step_s`.
     pub(crate) fn new(model: &'a Maxwell, step_s: f64, method: Method) -> Self {
-        Self { model, step_s, method, head: power_series::relaxation_modulus(model, step_s, method) }
+        let head = power_series::relaxation_modulus(model, step_s, method);
+        Self { model, step_s, ln_step: libm::log(step_s), method, head }
     }
 
     /// The step in seconds.
     pub(crate) fn step_s(&self) -> f64 {
         self.step_s
+    }
+
+    /// The model.
+    pub(crate) fn model(&self) -> &'a Maxwell {
+        self.model
+    }
+
+    /// How s is discretised.
+    pub(crate) fn method(&self) -> Method {
+        self.method
     }
 
     /// g_0 … g_63.
@@ -71,16 +92,19 @@ impl<'a> Kernel<'a> {
         }
         #[allow(clippy::cast_precision_loss)] // far below 2^53 steps
         let j = j as f64;
-        let ln_step = libm::log(self.step_s);
         invert(j, |sigma| {
             // 1 − e^{−σ}
             let difference = -complex::expm1(-sigma);
-            let ln_s = match self.method {
-                Method::Gl => complex::ln(difference) - ln_step,
-                // δ = (1 − ζ)(1 + (1 − ζ)/2)
-                Method::Bdf2 => complex::ln(difference) + complex::ln(difference * 0.5 + 1.0) - ln_step,
-            };
-            self.model.modulus_of_ln(ln_s) / difference
+            self.model.modulus_of_ln(self.ln_s(difference)) / difference
         })
+    }
+
+    /// ln s where 1 − ζ is `difference`.
+    pub(crate) fn ln_s(&self, difference: Complex<f64>) -> Complex<f64> {
+        match self.method {
+            Method::Gl => complex::ln(difference) - self.ln_step,
+            // δ = (1 − ζ)(1 + (1 − ζ)/2)
+            Method::Bdf2 => complex::ln(difference) + complex::ln(difference * 0.5 + 1.0) - self.ln_step,
+        }
     }
 }

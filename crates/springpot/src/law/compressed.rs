@@ -8,7 +8,7 @@ use crate::kernel::laplace::Kernel;
 use crate::kernel::power_series::TERMS;
 use crate::kernel::quadrature::MAX_NODES;
 use crate::kernel::tail::{self, DecayMode};
-use crate::law::{Law, Memory, State};
+use crate::law::{CompressionBound, Law, Memory, State};
 use crate::model::Maxwell;
 use crate::scalar::Scalar;
 
@@ -92,6 +92,23 @@ impl Options {
         self.method = method;
         self
     }
+
+    /// These options for a head of so many increments, if a law can have them.
+    fn checked(self, head: usize) -> Result<Self, LawError> {
+        let Self { step_s, horizon_s, tolerance, .. } = self;
+        if !(step_s.is_finite() && step_s > 0.0) {
+            return Err(LawError::Step(step_s));
+        }
+        #[allow(clippy::cast_precision_loss)] // a head is short
+        let head_s = (head + 2) as f64 * step_s;
+        if !(horizon_s.is_finite() && horizon_s > 2.0 * head_s) {
+            return Err(LawError::Horizon { horizon_s, head_s });
+        }
+        if tolerance.is_nan() || tolerance <= 0.0 {
+            return Err(LawError::Tolerance(tolerance));
+        }
+        Ok(self)
+    }
 }
 
 /// The memory of a film in a few dozen numbers.
@@ -127,6 +144,8 @@ pub struct Compressed<T, const HEAD: usize = 12, const FAST: usize = 12, const S
     pub(crate) fast: [Decay<T>; FAST],
     pub(crate) slow: [Decay<T>; SLOW],
     pub(crate) tail_error: f64,
+    /// Of the law without its curve.
+    pub(crate) bound: CompressionBound,
     /// The first of `head` without the inertia that a method of second order puts there.
     pub(crate) massless: [T; INERTIA],
 }
@@ -168,17 +187,21 @@ pub struct CompressedHistory<T, const HEAD: usize, const FAST: usize, const SLOW
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
     /// The law of `model` with a compressed memory.
     ///
-    /// Evaluates the model a few thousand times in f64, with about 6 KiB of stack and no allocation: below a
-    /// millisecond on a host; 0.7 to 1.5 s on a Cortex-M4F at 168 MHz, which has f64 in software only. Such a controller can
-    /// get the [`Coefficients`](crate::Coefficients) from a host instead.
+    /// Evaluates the model a few thousand times in f64, half of them for [`compression_bound`](Self::compression_bound), with about 6 KiB
+    /// of stack and no allocation: one to two milliseconds on a host; 2 to 3.5 s on a Cortex-M4F at 168 MHz, which has f64 in software
+    /// only. Such a controller can get the [`Coefficients`](crate::Coefficients) from a host instead.
     ///
     /// # Errors
     ///
     /// [`LawError`] for an invalid step, horizon or tolerance, for fewer modes than the model has discrete relaxation times,
     /// for a tail that misses the tolerance, and where the number type cannot hold the stiffness.
     pub fn compressed(model: &Maxwell, options: Options) -> Result<Self, LawError> {
-        let (memory, instant) = Compressed::new(model, options)?;
-        Self::of_film(options.step_s, instant, model.mass_kg(), memory, options.method)
+        let Options { step_s, horizon_s, method, .. } = options.checked(HEAD)?;
+        let kernel = Kernel::new(model, step_s, method);
+        let memory = Compressed::new(model, &kernel, options)?;
+        let mut law = Self::of_film(step_s, kernel.head()[0], model.mass_kg(), memory, method)?;
+        law.memory.bound = CompressionBound::of(&law, &kernel, horizon_s);
+        Ok(law)
     }
 
     /// The law of a massless `memory` for a film that carries `mass_kg`.
@@ -225,25 +248,12 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
         self.fast.iter().chain(&self.slow).map(|decay| (decay.loss, decay.weight))
     }
 
-    /// The memory and g_0.
-    fn new(model: &Maxwell, options: Options) -> Result<(Self, f64), LawError> {
+    /// The memory without inertia and bound.
+    fn new(model: &Maxwell, kernel: &Kernel<'_>, options: Options) -> Result<Self, LawError> {
         let () = Self::SIZES_FIT;
         let Options { step_s, horizon_s, tolerance, method } = options;
-        if !(step_s.is_finite() && step_s > 0.0) {
-            return Err(LawError::Step(step_s));
-        }
-        #[allow(clippy::cast_precision_loss)] // a head is short
-        let head_s = (HEAD + 2) as f64 * step_s;
-        if !(horizon_s.is_finite() && horizon_s > 2.0 * head_s) {
-            return Err(LawError::Horizon { horizon_s, head_s });
-        }
-        if tolerance.is_nan() || tolerance <= 0.0 {
-            return Err(LawError::Tolerance(tolerance));
-        }
-
-        let kernel = Kernel::new(model, step_s, method);
         let modes = tail::modes(model, step_s, horizon_s, HEAD, FAST + SLOW, method)?;
-        let tail_error = tail::error(model, &kernel, &modes, horizon_s, HEAD);
+        let tail_error = tail::error(model, kernel, &modes, horizon_s, HEAD);
         if tail_error.is_nan() {
             return Err(LawError::NothingToSolve);
         }
@@ -264,7 +274,8 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
         // The slowest modes go to the compensated slots; unused slots stay zero.
         let (fast, slow) = modes.split_at(modes.len() - modes.len().min(SLOW));
         let massless = [T::ZERO; INERTIA];
-        Ok((Self { head, fast: Decay::table(fast), slow: Decay::table(slow), tail_error, massless }, g[0]))
+        let bound = CompressionBound::NONE;
+        Ok(Self { head, fast: Decay::table(fast), slow: Decay::table(slow), tail_error, bound, massless })
     }
 
     /// The massless memory with the part of the inertia m (δ/h)² that acts on the increments before the last change of the

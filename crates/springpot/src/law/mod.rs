@@ -1,5 +1,6 @@
 //! A law steps a model forwards and backwards with one equation.
 
+mod bound;
 mod coarser;
 mod coefficients;
 mod compressed;
@@ -9,6 +10,7 @@ mod state_traits;
 mod warm_start;
 mod window;
 
+pub use bound::CompressionBound;
 pub use coefficients::Coefficients;
 pub use compressed::{Compressed, Options};
 pub use window::Window;

@@ -176,6 +176,14 @@ impl Maxwell {
         self.chains().map(|chain| chain.modulus(ln_s)).fold(Complex::ZERO, |sum, k| sum + k)
     }
 
+    /// K(s) and dK/d ln s in N/m, from ln s.
+    pub(crate) fn modulus_and_slope(&self, ln_s: Complex<f64>) -> (Complex<f64>, Complex<f64>) {
+        self.chains().fold((Complex::ZERO, Complex::ZERO), |(modulus, slope), chain| {
+            let (of_chain, its_slope) = chain.modulus_and_slope(ln_s);
+            (modulus + of_chain, slope + its_slope)
+        })
+    }
+
     /// K(s) in N/m for a real s > 0 (1/s).
     pub(crate) fn modulus_real(&self, s: f64) -> f64 {
         let ln_s = libm::log(s);
@@ -236,6 +244,18 @@ impl Chain<'_> {
         let compliance =
             self.elements.iter().map(|e| complex::exp(ln_s * -e.alpha) / e.c).fold(Complex::ZERO, |sum, j| sum + j);
         Complex::new(self.scale, 0.0) / compliance
+    }
+
+    /// The same, and its derivative by ln s.
+    fn modulus_and_slope(&self, ln_s: Complex<f64>) -> (Complex<f64>, Complex<f64>) {
+        let (mut compliance, mut falls) = (Complex::ZERO, Complex::ZERO);
+        for element in self.elements {
+            let term = complex::exp(ln_s * -element.alpha) / element.c;
+            compliance += term;
+            falls += term * element.alpha;
+        }
+        let modulus = Complex::new(self.scale, 0.0) / compliance;
+        (modulus, modulus * falls / compliance)
     }
 }
 

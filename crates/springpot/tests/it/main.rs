@@ -4,6 +4,7 @@
 
 mod coarser;
 mod compressed_memory;
+mod compression_bound;
 mod continuous_oracle;
 mod curves;
 mod dual_numbers;

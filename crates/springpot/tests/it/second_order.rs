@@ -126,6 +126,64 @@ fn published_models_are_of_second_order() {
     }
 }
 
+/// Largest error from 1 s on, over the peak, of the published models under the paper's force and of a springpot after a jump, in f32.
+fn on_a_controller<const H: usize, const F: usize, const S: usize>(rate_hz: f64, method: Method) -> [f64; 2] {
+    type Slim<const H: usize, const F: usize, const S: usize> = Law<f32, Compressed<f32, H, F, S>>;
+    let options = Options::at_step(1.0 / rate_hz).with_method(method).with_horizon(3600.0).with_tolerance(1e-3);
+    let run = |film: &Maxwell, force: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
+        let law = Slim::<H, F, S>::compressed(film, options).expect("valid");
+        let mut state = law.state();
+        force.map(|f| f64::from(law.displacement(&mut state, f as f32))).collect()
+    };
+    let smooth = ["sp", "n1", "n2"].map(|name| {
+        let x = run(&model(name), &mut paper_force(1.0 / 7.0, 155.0, rate_hz).into_iter());
+        let peak = x.iter().copied().fold(0.0, f64::max);
+        oracle()
+            .iter()
+            .filter(|row| row.model == name && row.input == "sin_el" && row.time_s >= 1.0)
+            .map(|row| (x[(row.time_s * rate_hz).round() as usize] - row.displacement_m).abs() / peak)
+            .fold(0.0, f64::max)
+    });
+    let jump =
+        run(&single(1.0, 0.2, 0.0), &mut (0..=(20.0 * rate_hz) as usize).map(|k| if k == 0 { 0.5 } else { 1.0 }));
+    let error = |time_s: f64| (jump[(time_s * rate_hz).round() as usize] / (time_s.powf(0.2) / GAMMA) - 1.0).abs();
+    [smooth.into_iter().fold(0.0, f64::max), [1.0, 5.0, 20.0].map(error).into_iter().fold(0.0, f64::max)]
+}
+
+/// A controller without an FPU: 100 steps a second of second order instead of 1000 of first, in f32, default and lean.
+#[test]
+fn a_hundred_hertz_of_second_order_beat_a_kilohertz_of_first() {
+    for (rate_hz, method) in [(1000.0, Method::Gl), (100.0, Method::Gl), (100.0, Method::Bdf2), (50.0, Method::Bdf2)] {
+        let default = on_a_controller::<12, 12, 24>(rate_hz, method);
+        let lean = on_a_controller::<8, 14, 4>(rate_hz, method);
+        println!(
+            "{method:?} at {rate_hz} Hz: 12+36 {:.1e}, jump {:.1e}; 8+18 {:.1e}, jump {:.1e}",
+            default[0], default[1], lean[0], lean[1]
+        );
+    }
+    let first = on_a_controller::<12, 12, 24>(1000.0, Method::Gl);
+    let second = on_a_controller::<12, 12, 24>(100.0, Method::Bdf2);
+    assert!(10.0 * second[0] < first[0] && 5.0 * second[1] < first[1], "{second:?}, {first:?}");
+    let (first, second) =
+        (on_a_controller::<8, 14, 4>(1000.0, Method::Gl), on_a_controller::<8, 14, 4>(100.0, Method::Bdf2));
+    assert!(10.0 * second[0] < first[0] && 5.0 * second[1] < first[1], "{second:?}, {first:?}");
+}
+
+/// Up to which frequency that is so: the error of the law's response in steady state against Eq. 11.
+#[test]
+fn a_hundred_hertz_of_second_order_are_better_up_to_a_few_hertz() {
+    let film = model("n2");
+    let laws =
+        [(1000.0, Method::Gl), (100.0, Method::Bdf2)].map(|(rate_hz, method)| law::<f64>(&film, rate_hz, method));
+    for (frequency_hz, better) in [(0.14, true), (0.5, true), (1.0, true), (2.0, true), (5.0, false), (10.0, false)] {
+        let exact = film.frequency_response(frequency_hz);
+        let [first, second] =
+            [&laws[0], &laws[1]].map(|law| (law.frequency_response(frequency_hz) / exact - 1.0).norm());
+        println!("{frequency_hz} Hz: GL at 1 kHz {first:.1e}, BDF2 at 100 Hz {second:.1e}");
+        assert_eq!(second < first, better, "{frequency_hz} Hz: {first:.1e}, {second:.1e}");
+    }
+}
+
 /// A spring, a dashpot and a heavy mass along x = sin⁴(ωt/2), whose force is closed form. Inertia is most of it.
 #[test]
 fn inertia_is_of_second_order_in_both_directions() {

@@ -14,10 +14,14 @@ use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::Observation;
 use crate::fit::{self, Settings};
 use crate::interrupt;
+use crate::report::compression::Compression;
 use crate::report::fit_page;
 use crate::report::fit_report::FitReport;
 use crate::terminal;
 use options::FitOptions;
+
+/// Rate that the compression is told for, Hz: that of `export` where none is given.
+const CONTROLLER_HZ: f64 = 1000.0;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -115,8 +119,10 @@ impl Job<'_> {
         bar.finish_and_clear();
         fit.warnings.splice(0..0, self.warnings);
         let seconds = started.elapsed().as_secs_f64();
-        let parameters = fit.parameters(settings, direction, &self.files)?.to_toml();
-        let report = FitReport::new(&fit, direction, &self.files, &self.out, seconds);
+        let parameters = fit.parameters(settings, direction, &self.files)?;
+        let compression = Compression::of(parameters.film(), CONTROLLER_HZ).ok();
+        let parameters = parameters.to_toml();
+        let report = FitReport::new(&fit, compression, direction, &self.files, &self.out, seconds);
         let mut written = vec![Staged::new(&self.out, |file| file.write_all(parameters.as_bytes()))?];
         if let Some(path) = &self.page {
             let page = fit_page::page(&report, &fit, &self.observations, direction);
