@@ -265,6 +265,7 @@ impl<'a, T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Dev
     }
 
     /// Sums over δ and q of the first steps, at most 64.
+    #[inline(never)]
     fn first_steps(&self, steps: f64) -> (Sums, Sums) {
         let mut delta = self.head;
         for (loss, weight) in self.law.memory.modes() {
@@ -274,12 +275,9 @@ impl<'a, T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Dev
                 left *= kept;
             }
         }
-        let mut exact = *self.kernel.head();
-        for (delta, g) in delta.iter_mut().zip(&exact) {
+        let exact = self.kernel.head();
+        for (delta, g) in delta.iter_mut().zip(exact) {
             *delta -= g;
-        }
-        for (exact, inertia) in exact.iter_mut().zip(self.inertia) {
-            *exact += inertia;
         }
         // q is the running sum of δ over the coefficients of full memory.
         let mut ratio = [0.0; TERMS];
@@ -288,8 +286,10 @@ impl<'a, T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Dev
             if step > steps {
                 break;
             }
-            let known: f64 = exact[1..=k].iter().zip(ratio[..k].iter().rev()).map(|(a, b)| a * b).sum();
-            ratio[k] = (delta[k] - known) / exact[0];
+            let before = || ratio[..k].iter().rev();
+            let known: f64 = exact[1..=k].iter().zip(before()).map(|(a, b)| a * b).sum();
+            let inert: f64 = self.inertia[1..].iter().zip(before()).map(|(a, b)| a * b).sum();
+            ratio[k] = (delta[k] - known - inert) / (exact[0] + self.inertia[0]);
             q += ratio[k];
             force.add(delta[k], 1.0);
             displacement.add(q, 1.0);

@@ -198,10 +198,16 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     pub fn compressed(model: &Maxwell, options: Options) -> Result<Self, LawError> {
         let Options { step_s, horizon_s, method, .. } = options.checked(HEAD)?;
         let kernel = Kernel::new(model, step_s, method);
-        let memory = Compressed::new(model, &kernel, options)?;
-        let mut law = Self::of_film(step_s, kernel.head()[0], model.mass_kg(), memory, method)?;
+        let mut law = Self::without_bound(model, &kernel, options)?;
         law.memory.bound = CompressionBound::of(&law, &kernel, horizon_s);
         Ok(law)
+    }
+
+    // Not inlined: what it needs would stay on the stack of the bound.
+    #[inline(never)]
+    fn without_bound(model: &Maxwell, kernel: &Kernel<'_>, options: Options) -> Result<Self, LawError> {
+        let memory = Compressed::new(model, kernel, options)?;
+        Self::of_film(options.step_s, kernel.head()[0], model.mass_kg(), memory, options.method)
     }
 
     /// The law of a massless `memory` for a film that carries `mass_kg`.
@@ -249,6 +255,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
     }
 
     /// The memory without inertia and bound.
+    #[inline(never)]
     fn new(model: &Maxwell, kernel: &Kernel<'_>, options: Options) -> Result<Self, LawError> {
         let () = Self::SIZES_FIT;
         let Options { step_s, horizon_s, tolerance, method } = options;
