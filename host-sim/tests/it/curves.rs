@@ -22,18 +22,18 @@ use springpot::{Actuator, CommandLimits, Curve, EPSILON_0, Maxwell, Method, Rubb
 
 /// A film whose spring stiffens with the third power, in series with Kelvin–Voigt elements, and that thins: none of this project's
 /// equations.
-pub(crate) struct StiffeningFilm {
+struct StiffeningFilm {
     /// Stiffness (N/m) and viscosity (N·s/m).
     elements: [(f64, f64); 3],
     /// x, its speed, and the extensions of the elements.
-    pub(crate) state: [f64; 5],
+    state: [f64; 5],
 }
 
-pub(crate) const FILM: Actuator =
+const FILM: Actuator =
     Actuator { length_m: 0.03, width_m: 0.02, thickness_m: 100e-6, mass_kg: 0.1, ..Actuator::KARNER_2022 };
 
 impl StiffeningFilm {
-    pub(crate) fn new() -> Self {
+    fn new() -> Self {
         let element = |stiffness: f64, time: f64| (stiffness, stiffness * time);
         Self { elements: [element(200e3, 0.3), element(150e3, 4.0), element(150e3, 40.0)], state: [0.0; 5] }
     }
@@ -50,11 +50,8 @@ impl StiffeningFilm {
 
     /// A millisecond under `volts`, by the classical Runge–Kutta method; the displacement, m.
     fn advance(&mut self, volts: f64) -> f64 {
-        self.advance_by(volts, 1e-3)
-    }
-
-    pub(crate) fn advance_by(&mut self, volts: f64, h: f64) -> f64 {
         let ahead = |slope: [f64; 5], by: f64| std::array::from_fn(|i| self.state[i] + by * slope[i]);
+        let h = 1e-3;
         let a = self.slope(volts, self.state);
         let b = self.slope(volts, ahead(a, 0.5 * h));
         let c = self.slope(volts, ahead(b, 0.5 * h));
@@ -78,7 +75,7 @@ fn observation(name: &str, input: Input, measured: Samples, rate_hz: f64) -> Obs
 }
 
 /// Sines of 3.5 kV on the stiffening film, 100 values a second with 4 µm of noise.
-pub(crate) fn recordings() -> Vec<Observation> {
+fn recordings() -> Vec<Observation> {
     let mut random = Pcg64::seed_from_u64(7);
     let noise = Normal::new(0.0, 4e-6).expect("valid");
     let mut record = |hz: f64| {

@@ -76,7 +76,7 @@ fn tracking(report: &mut impl Report, name: Name, law: Law<f32>) {
     });
 }
 
-/// In front of a law of control: a reference of 50 ms, whose blocks end within the steps, and a film that lags behind it.
+/// In front of a law of control: a reference of 50 ms, whose blocks end within the steps, and a sample in every tenth tick.
 #[inline(never)]
 fn learning(report: &mut impl Report, name: Name, law: &Law<f32>) {
     let options = LearningOptions { period_s: Some(0.05), sample_interval_s: 1e-3 };
@@ -87,5 +87,9 @@ fn learning(report: &mut impl Report, name: Name, law: &Law<f32>) {
     for k in 0..3 * STEPS {
         config.advance(&mut state, reference(f32::from(k)), sample(f32::from(k)), true);
     }
-    ticks(report, name, |k| config.advance(&mut state, reference(k), black_box(sample(k)), true));
+    let mut since = 0;
+    ticks(report, name, |k| {
+        since = if since == 9 { 0 } else { since + 1 };
+        config.advance(&mut state, reference(k), black_box(sample(k).filter(|_| since == 0)), true)
+    });
 }
