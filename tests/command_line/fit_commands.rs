@@ -260,6 +260,16 @@ fn compare_and_study_of_material_tests() {
     };
     println!("{report}");
     assert!(r2("fractional Maxwell, n = 1") > 0.9999 && r2("standard linear solid") < 0.99);
+    // From the first third the springpot foretells the rest; a relaxation time does not.
+    let foretold = json(&["compare", "--drive", "displacement", "--starts", "2", "--to", "20", text(&file)]);
+    let beyond = |name: &str| {
+        let row = foretold["models"].as_array().expect("a list").iter().find(|row| row["model"] == name);
+        number(&row.unwrap_or_else(|| panic!("no {name}"))["beyond_pct"])
+    };
+    println!("{foretold}");
+    assert!(beyond("fractional Maxwell, n = 1") < 0.5 && beyond("standard linear solid") > 2.0);
+    assert!(report["models"][0]["beyond_pct"].is_null(), "nothing is beyond all of it");
+    fails(&["compare", "--drive", "displacement", "--to", "0", text(&file)], &["--to"]);
     let study = json(&["study", "--drive", "displacement", "--out", text(&out), text(&file)]);
     let fits = study["fits"].as_array().expect("a list");
     assert_eq!(fits.len(), (5 + 1) * 2 * 2);

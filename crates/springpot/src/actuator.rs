@@ -9,6 +9,9 @@ pub const EPSILON_0: f64 = 8.854_187_812_8e-12;
 /// Standard gravity in m/s².
 pub const GRAVITY: f64 = 9.806_65;
 
+/// Largest thinning of a film, in shares of its length.
+const MOST_THINNING: f64 = 3.0;
+
 /// When the weight that stretches the film begins to act.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -56,7 +59,8 @@ pub struct Actuator {
     /// The weight that hangs on the film, and its inertia, kg; zero in a test machine, which carries it.
     pub mass_kg: f64,
     /// κ in 1/m: a film of constant volume and width thins as it lengthens, so that the force grows with 1 + κ x. Zero
-    /// is Eq. 1. Negative where a fit finds that the force falls.
+    /// is Eq. 1. Negative where a fit finds that the force falls; behind a curve a fit may find more than the film can
+    /// [thin](Self::thinning_per_m).
     pub stretch_coupling: f64,
     /// V_s in V: the force saturates as V² / (1 + (V/V_s)²), as in zipping actuators, films with lossy electrodes and films whose
     /// instantaneous elasticity stiffens. None is Eq. 1.
@@ -135,7 +139,7 @@ impl Actuator {
     /// ```
     #[must_use]
     pub fn force(&self, voltage_v: f64, displacement_m: f64) -> f64 {
-        self.electrostatic_force(voltage_v) * self.thinning(displacement_m) + self.preload_n()
+        self.electrostatic_force(voltage_v) * self.force_growth(displacement_m) + self.preload_n()
     }
 
     /// The squared voltage in V² that exerts `force_n` (N, weight included) on the film at `displacement_m` (m): the inverse
@@ -153,8 +157,8 @@ impl Actuator {
     #[must_use]
     pub fn squared_voltage(&self, force_n: f64, displacement_m: f64) -> f64 {
         // 1 + κ x ≤ 0 is beyond the model: the force needs an unbounded voltage there.
-        let thinning = self.thinning(displacement_m).max(1e-9);
-        let unsaturated = (force_n - self.preload_n()) / (self.force_per_square_volt() * thinning);
+        let growth = self.force_growth(displacement_m).max(1e-9);
+        let unsaturated = (force_n - self.preload_n()) / (self.force_per_square_volt() * growth);
         let left = 1.0 - unsaturated * self.saturation();
         if left > 0.0 { unsaturated / left } else { f64::INFINITY }
     }
@@ -175,15 +179,15 @@ impl Actuator {
         libm::sqrt(self.squared_voltage(force_n, displacement_m).max(0.0))
     }
 
-    /// The voltage in V that makes the field `field_v_per_m` (V/m) in the film at `displacement_m` (m). With coupling a film
-    /// thins by 1 + κ x as it lengthens; a shortened film is not taken as thicker than l₃.
+    /// The voltage in V that makes the field `field_v_per_m` (V/m) in the film at `displacement_m` (m). A film with coupling
+    /// [thins](Self::thinning) as it lengthens; a shortened film is not taken as thicker than l₃.
     ///
     /// ```
     /// use springpot::Actuator;
     ///
-    /// let actuator = Actuator { stretch_coupling: 100.0, ..Actuator::KARNER_2022 };
+    /// let actuator = Actuator { stretch_coupling: 50.0, ..Actuator::KARNER_2022 };
     /// assert_eq!(actuator.field_voltage(4.2e7, 0.0), 4.2e7 * 160e-6);
-    /// assert!((actuator.field_voltage(4.2e7, 2e-3) - 4.2e7 * 160e-6 / 1.2).abs() < 1e-9);
+    /// assert!((actuator.field_voltage(4.2e7, 2e-3) - 4.2e7 * 160e-6 / 1.1).abs() < 1e-9);
     /// assert_eq!(actuator.field_voltage(4.2e7, -2e-3), 4.2e7 * 160e-6);
     /// ```
     #[must_use]
@@ -199,10 +203,33 @@ impl Actuator {
         Load { force: electrostatic + self.preload_n(), slope: electrostatic * self.stretch_coupling }
     }
 
-    /// 1 + κ x: how many times thinner the film is at `displacement_m` (m) than at x = 0.
+    /// 1 + κ x: how many times larger the force of a voltage is at `displacement_m` (m) than at x = 0.
+    #[must_use]
+    pub fn force_growth(&self, displacement_m: f64) -> f64 {
+        1.0 + self.stretch_coupling * displacement_m
+    }
+
+    /// How many times thinner the film is at `displacement_m` (m) than at x = 0: 1 + t x, with t of
+    /// [`thinning_per_m`](Self::thinning_per_m).
+    ///
+    /// ```
+    /// use springpot::Actuator;
+    ///
+    /// // The force grows by more than the film can thin.
+    /// let actuator = Actuator { stretch_coupling: 500.0, ..Actuator::KARNER_2022 };
+    /// assert_eq!((actuator.force_growth(4e-3), actuator.thinning(4e-3)), (3.0, 1.3));
+    /// ```
     #[must_use]
     pub fn thinning(&self, displacement_m: f64) -> f64 {
-        1.0 + self.stretch_coupling * displacement_m
+        1.0 + self.thinning_per_m() * displacement_m
+    }
+
+    /// κ, as far as it can be the film's thinning, 1/m. A film of constant volume that is stretched to λ in both directions has
+    /// λ⁻² of its thickness: for strokes up to its length l₁ it thins by less than 1 + 3 x / l₁. A larger κ describes how the force
+    /// grows, not the thickness.
+    #[must_use]
+    pub fn thinning_per_m(&self) -> f64 {
+        self.stretch_coupling.min(MOST_THINNING / self.length_m)
     }
 
     /// Checks the values.

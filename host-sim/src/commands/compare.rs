@@ -6,12 +6,13 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::assumed_actuator;
+use super::options::{assumed_actuator, positive};
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::Settings;
-use crate::fit::observation::observe_all;
+use crate::fit::observation::{Observation, observe_all, observe_prepared};
+use crate::fit::preparation::{Preparation, Window};
 use crate::studies::compare::{self, ModelRow};
 use crate::terminal;
 
@@ -30,6 +31,9 @@ pub(super) struct Arguments {
     /// Random starts per structure.
     #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
     starts: usize,
+    /// Fit what was measured up to here, s, and foretell the rest: a column beyond, RMS error in % of the measured RMS.
+    #[arg(long, value_name = "S")]
+    to: Option<f64>,
     /// Recordings to fit.
     #[arg(value_name = "REC.csv", required = true)]
     recordings: Vec<PathBuf>,
@@ -51,12 +55,28 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     };
     let settings = Settings { seed: arguments.seed, starts: arguments.starts, actuator, ..Settings::default() };
     let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
-    let observations = observe_all(&recordings, arguments.drive)?;
+    let (observations, beyond) = match arguments.to {
+        None => (observe_all(&recordings, arguments.drive)?, Vec::new()),
+        Some(to_s) => {
+            positive("--to", to_s)?;
+            (
+                within(&recordings, arguments.drive, Window { to_s, ..Window::ALL })?,
+                within(&recordings, arguments.drive, Window { from_s: to_s, ..Window::ALL })?,
+            )
+        }
+    };
     let bar = terminal::spinner();
-    let models = compare::compare(&observations, &settings, &|message| bar.set_message(message.to_owned()))?;
+    let models = compare::compare(&observations, &beyond, &settings, &|message| bar.set_message(message.to_owned()))?;
     bar.finish_and_clear();
     let report = Report { recordings: arguments.recordings.iter().map(|path| shown(path)).collect(), models };
     terminal::report(json, &report, || text(&report))
+}
+
+/// The observations of `recordings` whose measured values lie in `window`.
+fn within(recordings: &[Recording], drive: Direction, window: Window) -> Result<Vec<Observation>> {
+    let preparation = Preparation { window, ..Preparation::NONE };
+    let observe = |recording| Ok(observe_prepared(recording, drive, 1.0, preparation)?.0);
+    recordings.iter().map(observe).collect()
 }
 
 fn text(report: &Report) -> String {
@@ -64,6 +84,10 @@ fn text(report: &Report) -> String {
         "{:34} {:>10} {:>9} {:>9} {:>19} {:>9}",
         "model", "parameters", "R²", "NRMSE %", "left out, NRMSE %", "ns/step"
     );
+    let foretold = report.models.iter().any(|row| row.beyond_pct.is_some());
+    if foretold {
+        let _ = write!(text, " {:>9}", "beyond %");
+    }
     for row in &report.models {
         let left_out = row.left_out_nrmse_pct.map_or_else(|| "–".into(), |value| format!("{value:.3}"));
         let _ = write!(
@@ -71,6 +95,10 @@ fn text(report: &Report) -> String {
             "\n{:34} {:>10} {:>9.6} {:>9.3} {left_out:>19} {:>9.1}",
             row.model, row.parameters, row.r2_mean, row.nrmse_pct, row.step_ns
         );
+        if foretold {
+            let beyond = row.beyond_pct.map_or_else(|| "–".into(), |value| format!("{value:.3}"));
+            let _ = write!(text, " {beyond:>9}");
+        }
     }
     text
 }

@@ -7,13 +7,15 @@
 use std::sync::atomic::Ordering;
 
 use clap::ValueEnum;
+use rayon::prelude::*;
 use springpot::Topology;
 
 use super::bend::Bend;
 use super::candidate::Candidate;
 use super::levenberg_marquardt::StoppingCriteria;
+use super::objective::Objective;
 use super::observation::{self, Observation, range};
-use super::search::{Context, Found};
+use super::search::{Context, Found, is_long};
 use super::selection::{self, Criteria, LeftOut, StructureFit, StructureRow};
 use super::settings::Settings;
 use super::whiteness::Whiteness;
@@ -154,8 +156,8 @@ pub fn select(
     if kinds.is_empty() || (explained && choice == CurveChoice::Auto) {
         return Ok((linear, rows));
     }
-    let Some(base) = context.coarse_best(std::slice::from_ref(&linear.candidate)) else { return Ok((linear, rows)) };
-    let bent = Bent { context, observations, progress, base, settings };
+    let Some(base) = context.coarsened(&linear.candidate) else { return Ok((linear, rows)) };
+    let bent = Bent { context, scouted: context.scouted(), observations, progress, base, settings };
     let mut fits = bent.fits(&kinds)?;
     if choice != CurveChoice::Auto && fits.len() > 1 {
         // What was asked for, not the linear film.
@@ -176,13 +178,16 @@ pub fn select(
         return Ok((linear, rows));
     }
     progress("all samples");
-    let fine = StoppingCriteria { iterations: 60, decrease: 1e-8 };
+    // Between thinned recordings and all samples of long ones the minimum moves little.
+    let fine = StoppingCriteria { iterations: 60, decrease: if is_long(context.fine) { 1e-6 } else { 1e-8 } };
     Ok((context.descend(context.fine, &fits[selected].found.candidate, fine).unwrap_or(linear), rows))
 }
 
 /// Fits of nonlinear films to thinned recordings.
 struct Bent<'a> {
     context: &'a Context<'a>,
+    /// Where kinds and numbers of branches are tried.
+    scouted: &'a Objective,
     observations: &'a [Observation],
     progress: &'a dyn Fn(&str),
     /// The linear film.
@@ -201,7 +206,22 @@ impl Bent<'_> {
         if let (Some((kind, best)), true) = (best, self.observations.len() > 1) {
             found.extend(self.larger(kind, best));
         }
-        let least = found.iter().map(cost).fold(f64::INFINITY, f64::min);
+        let mut least = found.iter().map(cost).fold(f64::INFINITY, f64::min);
+        if !std::ptr::eq(self.scouted, self.context.coarse) {
+            // The beginning of a long recording shows which kinds are worth it and come near the best. The others are left out.
+            let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
+            let linear = self.context.descend(self.scouted, &self.base.candidate, stopping);
+            let linear = linear.map_or(f64::INFINITY, |linear| linear.minimum.cost);
+            let enough = if self.settings.curve == CurveChoice::Auto { WORTH * linear } else { f64::INFINITY };
+            found.retain(|fit| cost(fit) <= (FAR * least).min(enough));
+            found.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
+            if self.observations.len() == 1 {
+                found.truncate(FINALISTS);
+            }
+            let again = |(kind, found): (Kind, Found)| Some((kind, self.context.coarsened(&found.candidate)?));
+            found = found.into_par_iter().filter_map(again).collect();
+            least = found.iter().map(cost).fold(f64::INFINITY, f64::min);
+        }
         // What is asked for is fitted even where it is worth nothing.
         if self.settings.curve == CurveChoice::Auto && least > WORTH * self.base.minimum.cost {
             found.clear();
@@ -246,7 +266,7 @@ impl Bent<'_> {
             } else {
                 context.linear_starts(base.candidate.topology, branches).iter().flat_map(bent).collect()
             };
-            let Some(found) = context.coarse_best(&starts) else { continue };
+            let Some(found) = context.best_over(self.scouted, &starts) else { continue };
             let cost = found.minimum.cost;
             fits.push((kind, found));
             // Fewer branches that are clearly too few end the descent.
@@ -268,7 +288,7 @@ impl Bent<'_> {
             let topology = Topology::Parallel;
             (self.progress)(&format!("{} with n = {}", kind.name(), last.candidate.branches() + 1));
             let starts = selection::grown(&last.candidate, topology, self.context);
-            let Some(found) = self.context.coarse_best(&starts) else { break };
+            let Some(found) = self.context.best_over(self.scouted, &starts) else { break };
             if found.minimum.cost > WORTH * last.minimum.cost {
                 break;
             }
@@ -279,6 +299,8 @@ impl Bent<'_> {
     }
 }
 
+/// Kinds of one long recording that are fitted beyond its beginning.
+const FINALISTS: usize = 2;
 /// Share of a cost to which a nonlinearity, or one more branch, must bring it: errors a twentieth smaller.
 const WORTH: f64 = 0.9;
 /// A cost so many times the least is far from it: errors 1.3 times as large.

@@ -32,8 +32,8 @@ fn too_long(name: &str, samples: f64) -> Error {
 const SMALL_SHARE: f64 = 1e-5;
 /// Change of a curve's variable by which its derivatives are taken.
 const CURVE_STEP: f64 = 1e-4;
-/// Thinning 1 + κ x below which a coupling is beyond its meaning.
-const LEAST_THINNING: f64 = 0.05;
+/// Growth 1 + κ x of the force below which a coupling is beyond its meaning.
+const LEAST_GROWTH: f64 = 0.05;
 
 /// Model minus measurement over all observations.
 pub struct Objective {
@@ -278,8 +278,8 @@ impl Objective {
                 (Some(law), None) => transfer.coupled(circle, law, &loads(actuator, squared)).ok()?,
             },
         };
-        let thins = |x: &f64| actuator.thinning(*x) > LEAST_THINNING;
-        if !record.measures_force() && !series.iter().all(thins) {
+        let grows = |x: &f64| actuator.force_growth(*x) > LEAST_GROWTH;
+        if !record.measures_force() && !series.iter().all(grows) {
             return None;
         }
         series.iter().all(|value| value.is_finite()).then(|| {
@@ -480,10 +480,10 @@ impl Linearised<'_> {
                     (Variable::StretchCoupling, _) => Some(electrostatic(&|v2, x| actuator.saturated(v2) * x)),
                     (Variable::Saturation, _) => {
                         // In 1/kV².
-                        Some(electrostatic(&|v2, x| -1e-6 * actuator.saturated(v2).powi(2) * actuator.thinning(x)))
+                        Some(electrostatic(&|v2, x| -1e-6 * actuator.saturated(v2).powi(2) * actuator.force_growth(x)))
                     }
                     (_, Some(exponent)) => {
-                        Some(electrostatic(&|v2, x| exponent * actuator.saturated(v2) * actuator.thinning(x)))
+                        Some(electrostatic(&|v2, x| exponent * actuator.saturated(v2) * actuator.force_growth(x)))
                     }
                     _ => {
                         let mut force: Spectrum = self

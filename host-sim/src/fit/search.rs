@@ -164,11 +164,24 @@ impl Context<'_> {
         (0..self.starts.div_ceil(2)).map(start).collect()
     }
 
-    /// The best candidate on the thinned recordings from `starts`, which have the same variables.
-    pub fn coarse_best(&self, starts: &[Candidate]) -> Option<Found> {
+    /// Where many structures are tried: the thinned recordings, or the beginning of long ones.
+    pub(super) fn scouted(&self) -> &Objective {
+        match self.scout {
+            Some(scout) if is_long(self.fine) => scout,
+            _ => self.coarse,
+        }
+    }
+
+    /// The best candidate over `objective` from `starts`, which have the same variables.
+    pub(super) fn best_over(&self, objective: &Objective, starts: &[Candidate]) -> Option<Found> {
         let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
-        let found = starts.par_iter().filter_map(|start| self.descend(self.coarse, start, stopping));
-        found.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))
+        self.descents(objective, starts, &self.variables_of(starts.first()?), stopping).into_iter().next()
+    }
+
+    /// `candidate` on the thinned recordings, where structures of other kinds are compared with it.
+    pub fn coarsened(&self, candidate: &Candidate) -> Option<Found> {
+        let decrease = if is_long(self.fine) { 1e-5 } else { 1e-7 };
+        self.descend(self.coarse, candidate, StoppingCriteria { iterations: 60, decrease })
     }
 
     /// The best candidate of a structure on all samples, from random starts and from those of smaller structures, `grown`.
@@ -232,7 +245,9 @@ impl Context<'_> {
         let best = found.first().map_or(0.0, |best| best.minimum.cost);
         found.dedup_by(|b, a| b.minimum.cost <= 1.001 * a.minimum.cost);
         found.truncate(if self.stop.load(Ordering::Relaxed) { 1 } else { 2 });
-        found.into_iter().filter(|f| f.minimum.cost <= 1.2 * best).map(|f| f.candidate).collect()
+        // Of long recordings a second descent costs seconds: the beginning decides unless both are nearly the same.
+        let near = if is_long(self.fine) { 1.05 } else { 1.2 };
+        found.into_iter().filter(|f| f.minimum.cost <= near * best).map(|f| f.candidate).collect()
     }
 
     /// `found` on all samples, if structures are compared on fewer.

@@ -77,7 +77,7 @@ pub fn response(
         return Err(pulled_in(coupling));
     }
     if matches!(input, Input::Voltage(_))
-        && let Some(x) = displacement_m.iter().find(|x| actuator.thinning(**x) <= 0.0)
+        && let Some(x) = displacement_m.iter().find(|x| actuator.force_growth(**x) <= 0.0)
     {
         return Err(Error::Computation(format!(
             "with stretch_coupling = {coupling:?} 1/m the force is gone at {x:.6} m, where the film is; the coupling does not hold \

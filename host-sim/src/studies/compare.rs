@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::files::recording::Input;
 use crate::fit::Settings;
 use crate::fit::candidate::{Candidate, Variable};
+use crate::fit::objective::Objective;
 use crate::fit::observation::Observation;
 use crate::fit::search::{Context, Found, PreparedObservations};
 use crate::fit::selection::{self, LeftOut};
@@ -29,6 +30,9 @@ pub struct ModelRow {
     pub nrmse_pct: f64,
     /// Mean NRMSE (%) of every recording under a fit to the others; null for a single recording.
     pub left_out_nrmse_pct: Option<f64>,
+    /// RMS error in % of the measured RMS, after the part that was fitted; null where all was fitted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub beyond_pct: Option<f64>,
     /// Time of a step on this machine, f32, ns.
     pub step_ns: f64,
 }
@@ -55,12 +59,19 @@ const MODELS: [(&str, CreepModel); 10] = [
     ("fractional Maxwell, n = 3", CreepModel::Fractional(Topology::Parallel, 3)),
 ];
 
-/// Fits every model to `observations` and to all of them but one; `progress` is called with the name of each model.
+/// Fits every model to `observations` and to all of them but one, and foretells `beyond`, the same recordings after what is fitted of
+/// them; `progress` is called with the name of each model.
 ///
 /// # Errors
 ///
 /// [`Error`] where a model cannot be fitted.
-pub fn compare(observations: &[Observation], settings: &Settings, progress: &dyn Fn(&str)) -> Result<Vec<ModelRow>> {
+pub fn compare(
+    observations: &[Observation],
+    beyond: &[Observation],
+    settings: &Settings,
+    progress: &dyn Fn(&str),
+) -> Result<Vec<ModelRow>> {
+    let foretold = if beyond.is_empty() { None } else { Some(Objective::new(beyond)?) };
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;
     // A part of a comparison is of no use: there is no early end.
     let never = AtomicBool::new(false);
@@ -82,12 +93,24 @@ pub fn compare(observations: &[Observation], settings: &Settings, progress: &dyn
             r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
             nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
             left_out_nrmse_pct: left_out.as_ref().and_then(|left_out| left_out.error(context, &found)),
+            beyond_pct: foretold.as_ref().and_then(|objective| error_pct(objective, &found.candidate)),
             step_ns: model.step_ns(&found.candidate, &observations[0].input)?,
         });
     }
     progress("Prandtl–Ishlinskii");
     rows.push(prandtl_ishlinskii(observations)?);
     Ok(rows)
+}
+
+/// RMS error of `candidate` over all of `objective`, in % of the measured RMS.
+fn error_pct(objective: &Objective, candidate: &Candidate) -> Option<f64> {
+    let evaluation = objective.evaluate(candidate)?;
+    let (mut error, mut size) = (0.0, 0.0);
+    for (measured, modelled) in objective.measured().flatten().zip(evaluation.modelled.iter().flatten()) {
+        error += (modelled - measured).powi(2);
+        size += measured.powi(2);
+    }
+    Some(100.0 * (error / size).sqrt())
 }
 
 impl CreepModel {
@@ -218,6 +241,7 @@ fn prandtl_ishlinskii(observations: &[Observation]) -> Result<ModelRow> {
         r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
         nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
         left_out_nrmse_pct: if observations.len() > 1 { Some(left_out?.iter().sum::<f64>() / n) } else { None },
+        beyond_pct: None,
         step_ns: nanoseconds(|| {
             model.steps_f32(black_box(&loads), 1000.0, |x| {
                 black_box(x);

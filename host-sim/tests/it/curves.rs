@@ -32,10 +32,14 @@ struct StiffeningFilm {
 const FILM: Actuator =
     Actuator { length_m: 0.03, width_m: 0.02, thickness_m: 100e-6, mass_kg: 0.1, ..Actuator::KARNER_2022 };
 
+/// Stiffness (N/m) and retardation time (s) of elements that creep little, a sixth of what the spring gives, and of some that creep
+/// nearly as much as the spring gives.
+const LITTLE_CREEP: [(f64, f64); 3] = [(200e3, 0.3), (150e3, 4.0), (150e3, 40.0)];
+const MUCH_CREEP: [(f64, f64); 3] = [(60e3, 0.3), (50e3, 4.0), (40e3, 40.0)];
+
 impl StiffeningFilm {
-    fn new() -> Self {
-        let element = |stiffness: f64, time: f64| (stiffness, stiffness * time);
-        Self { elements: [element(200e3, 0.3), element(150e3, 4.0), element(150e3, 40.0)], state: [0.0; 5] }
+    fn new(elements: [(f64, f64); 3]) -> Self {
+        Self { elements: elements.map(|(stiffness, time_s)| (stiffness, stiffness * time_s)), state: [0.0; 5] }
     }
 
     fn slope(&self, volts: f64, [x, speed, e0, e1, e2]: [f64; 5]) -> [f64; 5] {
@@ -75,12 +79,12 @@ fn observation(name: &str, input: Input, measured: Samples, rate_hz: f64) -> Obs
 }
 
 /// Sines of 3.5 kV on the stiffening film, 100 values a second with 4 µm of noise.
-fn recordings() -> Vec<Observation> {
+fn recordings(elements: [(f64, f64); 3]) -> Vec<Observation> {
     let mut random = Pcg64::seed_from_u64(7);
     let noise = Normal::new(0.0, 4e-6).expect("valid");
     let mut record = |hz: f64| {
         let volts = |t: f64| 1750.0 * (1.0 - (TAU * hz * t).cos());
-        let mut film = StiffeningFilm::new();
+        let mut film = StiffeningFilm::new(elements);
         let (mut time_s, mut drive, mut measured) = (Vec::new(), Vec::new(), Vec::new());
         let mut x = 0.0;
         for k in 0..80_000 {
@@ -114,7 +118,7 @@ fn nrmse_pct(fit: &Fit) -> f64 {
 /// The nonlinearity is found by itself, and feedforward follows with it on the other film.
 #[test]
 fn a_film_that_stiffens_in_series_is_fitted_and_followed() {
-    let observations = recordings();
+    let observations = recordings(LITTLE_CREEP);
     let linear = Settings {
         actuator: FILM,
         branches: vec![1, 2],
@@ -130,7 +134,39 @@ fn a_film_that_stiffens_in_series_is_fitted_and_followed() {
     assert!(nrmse_pct(&with) < 0.6 && nrmse_pct(&without) > 1.5 * nrmse_pct(&with));
     assert!(with.warnings.iter().any(|warning| warning.contains("only one amplitude")), "{:?}", with.warnings);
 
-    let parameters = parameters(&with, &settings, Direction::Force);
+    let rms_pct = feedforward_pct(&parameters(&with, &settings, Direction::Force), LITTLE_CREEP);
+    println!("feedforward: {rms_pct:.3} % of peak to peak");
+    assert!(rms_pct < 1.5, "{rms_pct}");
+}
+
+/// With much creep a curve and a saturation are not enough: the coupling raises the share of the creep with the load, by more than the
+/// film can thin. The field limit follows the thinning.
+#[test]
+fn a_film_that_stiffens_and_creeps_much_is_followed() {
+    let observations = recordings(MUCH_CREEP);
+    let linear = Settings {
+        actuator: FILM,
+        branches: vec![2],
+        topologies: vec![Topology::Parallel],
+        uncertainty: false,
+        starts: 4,
+        ..Settings::default()
+    };
+    let settings = Settings { curve: CurveChoice::Auto, ..linear.clone() };
+    let (without, with) = (fitted(&observations, &linear), fitted(&observations, &settings));
+    println!("NRMSE {:.3} % without, {:.3} % with: {:?}", nrmse_pct(&without), nrmse_pct(&with), with.structures);
+    let straight = feedforward_pct(&parameters(&without, &linear, Direction::Force), MUCH_CREEP);
+    let bent = parameters(&with, &settings, Direction::Force);
+    let rms_pct = feedforward_pct(&bent, MUCH_CREEP);
+    println!("feedforward: {straight:.3} % of peak to peak without, {rms_pct:.3} % with, {:?}", bent.actuator);
+    assert!(nrmse_pct(&with) < 0.6 && rms_pct < 1.5, "{rms_pct}");
+    assert!(bent.curve.is_some() && bent.actuator.saturation_v.is_some());
+    let most = 3.0 / FILM.length_m;
+    assert!(bent.actuator.stretch_coupling > most && bent.actuator.thinning_per_m() == most, "{:?}", bent.actuator);
+}
+
+/// Error (RMS, % of peak to peak) with which feedforward takes the film of `elements` along a sine from 1 to 2.6 mm, after 2 s.
+fn feedforward_pct(parameters: &Parameters, elements: [(f64, f64); 3]) -> f64 {
     let reference = |t: f64| {
         let rise = (t / 2.0).min(1.0);
         let low = 1e-3 * rise * rise * rise * (10.0 + rise * (6.0 * rise - 15.0));
@@ -140,12 +176,10 @@ fn a_film_that_stiffens_in_series_is_fitted_and_followed() {
     let wanted: Vec<f64> = grid.times_s().iter().map(|&t| reference(t)).collect();
     let options = RunOptions::default();
     let bar = ProgressBar::hidden();
-    let plan = feedforward::plan(&parameters, &wanted, grid, &options, CommandLimits::BENCH, &bar).expect("a plan");
-    let mut film = StiffeningFilm::new();
+    let plan = feedforward::plan(parameters, &wanted, grid, &options, CommandLimits::BENCH, &bar).expect("a plan");
+    let mut film = StiffeningFilm::new(elements);
     let errors: Vec<f64> = plan.voltage_v.iter().zip(&wanted).map(|(&volts, r)| film.advance(volts) - r).collect();
-    let rms = (errors[2000..].iter().map(|e| e * e).sum::<f64>() / (errors.len() - 2000) as f64).sqrt();
-    println!("feedforward: {:.3} % of peak to peak", 100.0 * rms / 1.6e-3);
-    assert!(rms < 0.015 * 1.6e-3, "{rms:e}");
+    100.0 / 1.6e-3 * (errors[2000..].iter().map(|e| e * e).sum::<f64>() / (errors.len() - 2000) as f64).sqrt()
 }
 
 /// Stress and stretch of Gent's rubber with a springpot's memory, from closed forms: loading at a constant rate and back is a sum of

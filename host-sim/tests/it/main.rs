@@ -6,6 +6,7 @@ mod defining_sum;
 mod film;
 mod fitting;
 mod full_memory;
+mod measured_curve;
 #[path = "../../../crates/springpot/tests/it/support/models.rs"]
 mod models;
 mod periodic;

@@ -437,7 +437,7 @@ fn thinning_per_m<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     parameters: &Parameters<HEAD, FAST, SLOW>,
 ) -> f32 {
     let actuator = &parameters.actuator;
-    actuator.stretch_coupling.max(1.0 / actuator.length_m) as f32
+    actuator.thinning_per_m().max(1.0 / actuator.length_m) as f32
 }
 
 /// Shares of the force at the largest voltage, with the film at rest, per newton.

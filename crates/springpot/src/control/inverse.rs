@@ -103,7 +103,8 @@ pub(crate) struct Inverse<T> {
     max_voltage: T,
     /// Voltage of the largest field at x = 0.
     field_voltage: T,
-    coupling: T,
+    /// Thinning with displacement, 1/m.
+    thinning: T,
     /// Largest change of voltage in a tick, V.
     slew: T,
     /// Weight of a tick in the means of the voltage.
@@ -147,7 +148,7 @@ impl<T: Real> Inverse<T> {
             max_return: T::from_f64(max_return),
             max_voltage: T::from_f64(limits.max_voltage_v),
             field_voltage: T::from_f64(limits.field_voltage(actuator)),
-            coupling: T::from_f64(actuator.stretch_coupling),
+            thinning: T::from_f64(actuator.thinning_per_m()),
             slew: T::from_f64(slew),
             averaging: T::from_f64(share_per_step(1.0 / GAIN_S, step_s)),
             gain_threshold: T::from_f64(0.02 * limits.max_voltage_v),
@@ -213,8 +214,8 @@ impl<T: Real> Inverse<T> {
         }
         let wanted = drive.voltage(force + drive.preload(), ahead) / *gain;
 
-        // The film thins as it lengthens, by the factor by which its force grows.
-        let thinning = one + self.coupling * ahead;
+        // The film thins as it lengthens.
+        let thinning = one + self.thinning * ahead;
         let field_voltage = if thinning > one { self.field_voltage / thinning } else { self.field_voltage };
         if wanted > field_voltage {
             limited |= Limited::FIELD;
