@@ -92,23 +92,6 @@ impl Options {
         self.method = method;
         self
     }
-
-    /// These options for a head of so many increments, if a law can have them.
-    fn checked(self, head: usize) -> Result<Self, LawError> {
-        let Self { step_s, horizon_s, tolerance, .. } = self;
-        if !(step_s.is_finite() && step_s > 0.0) {
-            return Err(LawError::Step(step_s));
-        }
-        #[allow(clippy::cast_precision_loss)] // a head is short
-        let head_s = (head + 2) as f64 * step_s;
-        if !(horizon_s.is_finite() && horizon_s > 2.0 * head_s) {
-            return Err(LawError::Horizon { horizon_s, head_s });
-        }
-        if tolerance.is_nan() || tolerance <= 0.0 {
-            return Err(LawError::Tolerance(tolerance));
-        }
-        Ok(self)
-    }
 }
 
 /// The memory of a film in a few dozen numbers.
@@ -196,18 +179,19 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// [`LawError`] for an invalid step, horizon or tolerance, for fewer modes than the model has discrete relaxation times,
     /// for a tail that misses the tolerance, and where the number type cannot hold the stiffness.
     pub fn compressed(model: &Maxwell, options: Options) -> Result<Self, LawError> {
-        let Options { step_s, horizon_s, method, .. } = options.checked(HEAD)?;
-        let kernel = Kernel::new(model, step_s, method);
-        let mut law = Self::without_bound(model, &kernel, options)?;
-        law.memory.bound = CompressionBound::of(&law, &kernel, horizon_s);
-        Ok(law)
+        // In place: a law more would stay on the stack of the quadrature.
+        let mut built = Self::without_bound(model, options);
+        if let Ok(law) = &mut built {
+            law.memory.bound = CompressionBound::of(law, model, options.horizon_s);
+        }
+        built
     }
 
     // Not inlined: what it needs would stay on the stack of the bound.
     #[inline(never)]
-    fn without_bound(model: &Maxwell, kernel: &Kernel<'_>, options: Options) -> Result<Self, LawError> {
-        let memory = Compressed::new(model, kernel, options)?;
-        Self::of_film(options.step_s, kernel.head()[0], model.mass_kg(), memory, options.method)
+    fn without_bound(model: &Maxwell, options: Options) -> Result<Self, LawError> {
+        let (memory, instant) = Compressed::new(model, options)?;
+        Self::of_film(options.step_s, instant, model.mass_kg(), memory, options.method)
     }
 
     /// The law of a massless `memory` for a film that carries `mass_kg`.
@@ -254,13 +238,25 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
         self.fast.iter().chain(&self.slow).map(|decay| (decay.loss, decay.weight))
     }
 
-    /// The memory without inertia and bound.
-    #[inline(never)]
-    fn new(model: &Maxwell, kernel: &Kernel<'_>, options: Options) -> Result<Self, LawError> {
+    /// The memory without inertia and bound, and g_0.
+    fn new(model: &Maxwell, options: Options) -> Result<(Self, f64), LawError> {
         let () = Self::SIZES_FIT;
         let Options { step_s, horizon_s, tolerance, method } = options;
+        if !(step_s.is_finite() && step_s > 0.0) {
+            return Err(LawError::Step(step_s));
+        }
+        #[allow(clippy::cast_precision_loss)] // a head is short
+        let head_s = (HEAD + 2) as f64 * step_s;
+        if !(horizon_s.is_finite() && horizon_s > 2.0 * head_s) {
+            return Err(LawError::Horizon { horizon_s, head_s });
+        }
+        if tolerance.is_nan() || tolerance <= 0.0 {
+            return Err(LawError::Tolerance(tolerance));
+        }
+
+        let kernel = Kernel::new(model, step_s, method);
         let modes = tail::modes(model, step_s, horizon_s, HEAD, FAST + SLOW, method)?;
-        let tail_error = tail::error(model, kernel, &modes, horizon_s, HEAD);
+        let tail_error = tail::error(model, &kernel, &modes, horizon_s, HEAD);
         if tail_error.is_nan() {
             return Err(LawError::NothingToSolve);
         }
@@ -282,7 +278,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
         let (fast, slow) = modes.split_at(modes.len() - modes.len().min(SLOW));
         let massless = [T::ZERO; INERTIA];
         let bound = CompressionBound::NONE;
-        Ok(Self { head, fast: Decay::table(fast), slow: Decay::table(slow), tail_error, bound, massless })
+        Ok((Self { head, fast: Decay::table(fast), slow: Decay::table(slow), tail_error, bound, massless }, g[0]))
     }
 
     /// The massless memory with the part of the inertia m (δ/h)² that acts on the increments before the last change of the
