@@ -90,7 +90,7 @@ impl Subject {
         } else {
             self.limits
         };
-        let settings = ControllerSettings { rate_hz: self.grid.rate_hz, limits, observer, peak_m };
+        let settings = ControllerSettings { rate_hz: self.grid.rate_hz, limits, observer, learning: None, peak_m };
         let mut controller = controllers::build(kind, &self.parameters, &settings, Precision::F32)?;
         let film = self.film.stiffened(stiffness);
         closed_loop::track(&film, bench, controller.as_mut(), &self.reference, self.grid, &ProgressBar::hidden())

@@ -197,11 +197,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         adaptation_s,
     };
     let peak_m = reference.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let learning = arguments.learn.then(|| LearningOptions {
-        period_s: arguments.period,
-        sample_interval_s: interval_s,
-        ..LearningOptions::BENCH
-    });
+    let learning =
+        arguments.learn.then_some(LearningOptions { period_s: arguments.period, sample_interval_s: interval_s });
     let settings = ControllerSettings { rate_hz: grid.rate_hz, limits, observer, learning, peak_m };
     let about = |error: Error| error.about(&arguments.params, &arguments.reference);
     let mut controller =

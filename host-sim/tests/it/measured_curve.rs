@@ -107,7 +107,13 @@ fn followed(parameters: &Parameters, reference: &Reference, kind: ControllerKind
     let grid = Grid::covering(100.0, 1000.0).expect("a grid");
     let values = reference.on(grid).expect("valid");
     let observer = ObserverOptions::at_bandwidth(0.6);
-    let settings = ControllerSettings { rate_hz: grid.rate_hz, limits: LIMITS, observer, peak_m: reference.high_m };
+    let settings = ControllerSettings {
+        rate_hz: grid.rate_hz,
+        limits: LIMITS,
+        observer,
+        learning: None,
+        peak_m: reference.high_m,
+    };
     let mut controller = controllers::build(kind, parameters, &settings, Precision::F32).expect("valid");
     let (substeps, substep_s) = closed_loop::substeps(grid);
     let plant = FullMemoryPlant::at_rest(&film(), Mismatch::NONE, substep_s, substeps * grid.samples);

@@ -16,7 +16,10 @@ pub fn run(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model:
     feedforward(report, name("feedforward"), law(model));
     observer(report, name("observer"), law(model));
     tracking(report, name("tracking"), law(model));
-    learning(report, name("learning"), &law(model));
+    // What it learns does not depend on the curve.
+    if !name("learning").film.curved {
+        learning(report, name("learning"), &law(model));
+    }
 }
 
 /// A reference of up to 1 mm, and a sensor beside it.

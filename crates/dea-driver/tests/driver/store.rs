@@ -273,6 +273,27 @@ fn the_first_set_stands_twice() {
     assert_eq!(self::store(flash).load().err(), Some(StoreError::Empty(Some(BlobError::Checksum))));
 }
 
+/// Numbers that wrap pass over those of sets that stand alone: whichever slot they are in, a set beside which another was cut off says so.
+#[test]
+fn no_number_that_wraps_tells_of_a_first_set() {
+    let [one, two] = ["one", "two"].map(|name| bytes_of(&named(name)));
+    for [first, second] in [[u32::MAX - 1, u32::MAX], [u32::MAX, u32::MAX - 1]] {
+        let bytes = [slot(first, &one), slot(second, &two)].concat();
+        let mut store = store(Flash { bytes, power: usize::MAX });
+        for name in ["three", "four", "five"] {
+            store.save(&bytes_of(&named(name))).expect("saved");
+            assert_eq!(found(&mut store), (name.to_owned(), false));
+            let flash = store.destroy();
+            let has_name = |sector: &[u8]| sector.windows(name.len()).any(|window| window == name.as_bytes());
+            let other = if has_name(&flash.bytes[..SECTOR]) { SECTOR } else { 0 };
+            let mut cut_off = flash.clone();
+            cut_off.bytes[other..other + SECTOR].fill(0xff);
+            assert_eq!(found(&mut self::store(cut_off)), (name.to_owned(), true));
+            store = self::store(flash);
+        }
+    }
+}
+
 /// A save writes one slot alone, but for the first one ever: the set before stays.
 #[test]
 fn a_save_leaves_the_other_slot() {

@@ -68,7 +68,7 @@ impl Loop {
 
     /// A tick towards `reference` (m); the error at its end.
     fn advance(&mut self, reference: f64, is_seen: bool) -> f64 {
-        let due = is_seen && self.tick % 10 == 0 && self.past.len() > self.delay;
+        let due = is_seen && self.tick.is_multiple_of(10) && self.past.len() > self.delay;
         let sample = due.then(|| {
             let noise = 2e-6 * 3f64.sqrt() * self.random.random_range(-1.0..1.0);
             let displacement = (self.past[self.past.len() - 1 - self.delay] + noise) as f32;
@@ -199,15 +199,21 @@ fn what_was_learned_is_kept_faded_or_forgotten() {
     assert!(rms(&errors[50_000..]) < 1.2e-6, "{:e}", rms(&errors[50_000..]));
 
     let held = sine(period_s, 60_000);
-    (0..3000).for_each(|_| drop(film.advance(held, true)));
+    for _ in 0..3000 {
+        film.advance(held, true);
+    }
     assert_eq!(film.state.period_ticks(), None);
     assert!(film.state.added().abs() < 1e-7);
 
     let mut film = Loop::new(Some(1.0), PLAIN, 10, 10, 6);
-    (0..20_000).for_each(|tick| drop(film.advance(sine(period_s, tick + 1), true)));
+    for tick in 0..20_000 {
+        film.advance(sine(period_s, tick + 1), true);
+    }
     assert!(film.state.added().abs() > 1e-5);
     film.state.forget();
-    (20_000..20_050).for_each(|tick| drop(film.advance(sine(period_s, tick + 1), true)));
+    for tick in 20_000..20_050 {
+        film.advance(sine(period_s, tick + 1), true);
+    }
     assert!(film.state.added().abs() < 1e-6);
 }
 
