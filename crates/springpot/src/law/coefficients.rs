@@ -114,11 +114,12 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let decay = |(loss, weight)| Decay { loss, weight };
         let massless = [T::ZERO; INERTIA];
         let memory = Compressed { head, fast: fast.map(decay), slow: slow.map(decay), tail_error, bound, massless };
-        let law = Self::of_film(step_s, instant, mass_kg, memory, method)?;
-        if curve.is_empty() {
-            return Ok(law);
+        // In place: a law takes a good part of a small controller's stack.
+        let mut law = Self::of_film(step_s, instant, mass_kg, memory, method)?;
+        if !curve.is_empty() {
+            law.bend(&Curve::of_rounded(curve)?)?;
         }
-        law.behind(&Curve::of_rounded(curve)?)
+        Ok(law)
     }
 }
 

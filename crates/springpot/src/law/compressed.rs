@@ -361,9 +361,8 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Memory<
         slow + (fast + head)
     }
 
-    fn without_inertia(mut self) -> Self {
+    fn leave_inertia(&mut self) {
         self.head = self.massless_head();
-        self
     }
 
     fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64> {

@@ -70,10 +70,16 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     ///
     /// [`LawError::NothingToSolve`] where the number type cannot hold the stiffness, [`LawError::Curve`] for knots that are not
     /// different in it.
+    pub fn behind(mut self, curve: &Curve) -> Result<Self, LawError> {
+        self.bend(curve)?;
+        Ok(self)
+    }
+
+    /// Puts the law behind `curve`, or leaves it as it is.
     // Not inlined: the curve in f64 would stay on the stack of who builds more than this law.
     #[inline(never)]
-    pub fn behind(self, curve: &Curve) -> Result<Self, LawError> {
-        let Self { step_s, instant, stiffness, mass_per_step2, method, memory, curved: _ } = self;
+    pub(crate) fn bend(&mut self, curve: &Curve) -> Result<(), LawError> {
+        let &mut Self { instant, mass_per_step2, method, .. } = self;
         let table = Table::new(curve);
         // What the rounded knots make is a curve as well.
         let rounded = table.curve()?;
@@ -94,8 +100,9 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 return Err(LawError::NothingToSolve);
             }
         }
-        let memory = memory.without_inertia();
-        Ok(Self { step_s, instant, stiffness, mass_per_step2, method, memory, curved: Some(curved) })
+        self.memory.leave_inertia();
+        self.curved = Some(curved);
+        Ok(())
     }
 
     /// Smallest force per displacement within one step over the range of the curve, N/m; without a curve

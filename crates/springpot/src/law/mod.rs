@@ -39,11 +39,8 @@ pub trait Memory<T: Scalar>: sealed::Sealed {
     /// The same number of operations every time; cannot fail.
     fn advance(&self, history: &mut Self::History, increment: T) -> T;
 
-    /// The same without the inertia that a method of second order has in its weights: a law behind a curve steps it itself.
-    #[must_use]
-    fn without_inertia(self) -> Self
-    where
-        Self: Sized;
+    /// Drops the inertia that a method of second order has in its weights: a law behind a curve steps it itself.
+    fn leave_inertia(&mut self);
 
     /// The transfer function of [`advance`](Self::advance), N/m, from the delay of one step ζ and 1 − ζ.
     fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64>;

@@ -120,9 +120,7 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Memory<T> for Window<T, B> {
         sum(near, recent) + (sum(far, old) + self.before * history.before)
     }
 
-    fn without_inertia(self) -> Self {
-        self
-    }
+    fn leave_inertia(&mut self) {}
 
     fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64> {
         let before = Complex::new(self.before.to_f64(), 0.0) / difference;
