@@ -83,7 +83,7 @@ fn tracking(report: &mut impl Report, name: Name, law: Law<f32>) {
 #[inline(never)]
 fn learning(report: &mut impl Report, name: Name, law: &Law<f32>) {
     let options = LearningOptions { period_s: Some(0.05), sample_interval_s: 1e-3 };
-    let learning: Result<Learning<f32>, _> = Learning::new(law, &name.film.actuator(), 6000.0, options);
+    let learning: Result<Learning<f32, 24>, _> = Learning::new(law, &name.film.actuator(), 6000.0, options);
     let Ok(config) = learning else { panic!("refused") };
     let mut state = config.state(0.0);
     // Until blocks have ended.
