@@ -170,7 +170,7 @@ pub struct CompressedHistory<T, const HEAD: usize, const FAST: usize, const SLOW
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
     /// The law of `model` with a compressed memory.
     ///
-    /// Evaluates the model a few thousand times in f64, more than half of them for [`compression_bound`](Self::compression_bound), with about 6 KiB
+    /// Evaluates the model a few thousand times in f64, more than half of them for [`compression_bound`](Self::compression_bound), with about 10 KiB
     /// of stack and no allocation: one to two milliseconds on a host; 2 to 3.5 s on a Cortex-M4F at 168 MHz, which has f64 in software
     /// only. Such a controller can get the [`Coefficients`](crate::Coefficients) from a host instead.
     ///
