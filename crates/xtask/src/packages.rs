@@ -1,6 +1,9 @@
 //! The libraries as packages: what a registry would get, and what their tests build.
 
-use crate::process::{Result, cargo, output, run as run_command};
+use std::path::{Path, PathBuf};
+use std::{env, fs, io};
+
+use crate::process::{Result, cargo, output, root, run as run_command};
 use crate::test::LIBRARIES;
 
 /// Files in the root of a package: its own, and those that cargo adds.
@@ -37,8 +40,44 @@ pub fn run() -> Result<()> {
         println!("the tests of {library} do not build the host tool");
     }
     // Builds them from their packages: a file that they include from outside would be missing.
+    forget_unpacked()?;
     let [springpot, driver] = LIBRARIES;
-    run_command(cargo(&["package", "--quiet", "--allow-dirty", "--package", springpot, "--package", driver]))
+    let packages = ["--package", springpot, "--package", driver, "--target-dir", TARGET];
+    run_command(cargo(&[&["package", "--quiet", "--allow-dirty"], &packages[..]].concat()))
+}
+
+/// Where the packages are built, apart from everything else.
+const TARGET: &str = "target/packages";
+
+/// Removes what an earlier run unpacked and built. Cargo takes a package of the same version for the same package: the driver would be
+/// built on what the other library was then.
+fn forget_unpacked() -> Result<()> {
+    let failed = |error: io::Error| format!("cannot remove what an earlier run unpacked: {error}");
+    let removed = |path: &Path| match fs::remove_dir_all(path) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(failed(error)),
+        _ => Ok(()),
+    };
+    removed(&root().join(TARGET))?;
+    let Some(home) = env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| Some(env::home_dir()?.join(".cargo")))
+    else {
+        return Ok(());
+    };
+    // Registries without a name are those that `cargo package` makes for itself.
+    let Ok(registries) = fs::read_dir(home.join("registry").join("src")) else { return Ok(()) };
+    for registry in registries {
+        let registry = registry.map_err(failed)?;
+        if !registry.file_name().to_string_lossy().starts_with('-') {
+            continue;
+        }
+        for package in fs::read_dir(registry.path()).map_err(failed)? {
+            let package = package.map_err(failed)?;
+            let name = package.file_name().to_string_lossy().into_owned();
+            if LIBRARIES.iter().any(|library| name.strip_prefix(library).is_some_and(|rest| rest.starts_with('-'))) {
+                removed(&package.path())?;
+            }
+        }
+    }
+    Ok(())
 }
 
 fn belongs(file: &str) -> bool {
