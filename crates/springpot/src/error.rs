@@ -312,6 +312,15 @@ pub enum ControlError {
         /// The value.
         value: f64,
     },
+    /// A quantity that is negative, not finite or too large; the name carries its unit.
+    OutOfRange {
+        /// Name of the quantity.
+        quantity: &'static str,
+        /// The value.
+        value: f64,
+        /// The largest one.
+        most: f64,
+    },
     /// A bandwidth that is too high for the sensor: interval and delay of its samples would cost too much phase margin.
     SensorTooSlow {
         /// The bandwidth, Hz.
@@ -325,6 +334,11 @@ pub enum ControlError {
         ticks: usize,
         /// Largest delay that is remembered, ticks.
         most: usize,
+    },
+    /// A number of harmonics that cannot be learned.
+    Harmonics {
+        /// The number asked for.
+        harmonics: usize,
     },
     /// A sensor that would count as lost between two samples.
     LostBetweenSamples {
@@ -360,12 +374,16 @@ impl fmt::Display for ControlError {
             Self::NotPositive { quantity, value } => {
                 write!(f, "{quantity} = {value} must be finite and greater than 0")
             }
+            Self::OutOfRange { quantity, value, most } => write!(f, "{quantity} = {value} must be from 0 to {most}"),
             Self::SensorTooSlow { bandwidth_hz, largest_hz } => write!(
                 f,
                 "bandwidth {bandwidth_hz} Hz is too much for a sensor this slow; {largest_hz:.3} Hz at the most"
             ),
             Self::SensorTooLate { ticks, most } => {
                 write!(f, "sensor samples {ticks} ticks late; {most} at the most")
+            }
+            Self::Harmonics { harmonics } => {
+                write!(f, "{harmonics} harmonics to learn; from 1 to {} are possible", crate::HARMONICS)
             }
             Self::LostBetweenSamples { lost_after_s, sample_interval_s } => write!(
                 f,

@@ -30,6 +30,8 @@ pub struct BenchModel {
     pub sensor_lost_s: Vec<(f64, f64)>,
     /// Time constant of the amplifier, s; 0 for none.
     pub amplifier_lag_s: f64,
+    /// Time constant with which its voltage falls at the most, s: of its bleeder; 0 for no such limit.
+    pub amplifier_bleeder_s: f64,
     /// Relative error of the voltage monitor; without a monitor the controller assumes its command.
     pub monitor_error: Option<f64>,
     /// Seed of the noise.
@@ -47,6 +49,7 @@ impl Default for BenchModel {
             sensor_quantum_m: instruments.displacement_quantum_m,
             sensor_lost_s: Vec::new(),
             amplifier_lag_s: 0.0,
+            amplifier_bleeder_s: 0.0,
             monitor_error: None,
             seed: 1,
         }
@@ -79,7 +82,13 @@ pub struct LoopRun {
 pub struct TrackingQuality {
     /// RMS error in % of the shaped reference's peak to peak, from t = 0; `None` for a constant reference.
     pub tracking_rms_pct: Option<f64>,
-    /// The same against the reference as given: larger where that exceeds the limits.
+    /// The largest error in % of peak to peak.
+    pub largest_pct: Option<f64>,
+    /// RMS error of the last third of the run, in % of peak to peak.
+    pub late_rms_pct: Option<f64>,
+    /// Largest error of the last third of the run, in % of peak to peak.
+    pub late_largest_pct: Option<f64>,
+    /// RMS error against the reference as given, in % of its peak to peak: larger where that exceeds the limits.
     pub asked_rms_pct: Option<f64>,
     /// RMS error, m.
     pub rms_m: f64,
@@ -120,15 +129,19 @@ impl LoopRun {
         let asked: Vec<f64> = self.displacement_m.iter().zip(&self.asked_m).map(|(x, r)| x - r).collect();
         let percent = percent_of(&self.reference_m);
         let periods = Periods::of(&self.reference_m).filter(|_| percent.is_some());
+        let late = &error[error.len() - error.len() / 3..];
         TrackingQuality {
             tracking_rms_pct: percent.map(|percent| percent * rms(&error)),
+            largest_pct: percent.map(|percent| percent * largest(&error)),
+            late_rms_pct: percent.map(|percent| percent * rms(late)),
+            late_largest_pct: percent.map(|percent| percent * largest(late)),
             asked_rms_pct: percent_of(&self.asked_m).map(|percent| percent * rms(&asked)),
             rms_m: rms(&error),
             drift_pct: periods.zip(percent).map(|(periods, percent)| percent * periods.drift(&error)),
             infeasible_pct: percent_where(&self.limited, |limited| limited.contains(Limited::BELOW_ZERO)),
             limited_pct: percent_where(&self.limited, |limited| !limited.is_none()),
             limits_met: LimitShare::of(&self.limited),
-            largest_error_m: error.iter().fold(0.0, |largest: f64, e| largest.max(e.abs())),
+            largest_error_m: largest(&error),
             largest_voltage_v: bounds(&self.voltage_v).1,
         }
     }
@@ -172,6 +185,10 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|e| e * e).sum::<f64>() / values.len() as f64).sqrt()
 }
 
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |largest, value| value.abs().max(largest))
+}
+
 /// Factor from metres to percent of a reference's peak to peak; `None` for a constant one.
 fn percent_of(reference: &[f64]) -> Option<f64> {
     let (low, high) = bounds(reference);
@@ -194,6 +211,8 @@ struct RunningBench<'a> {
     substeps: usize,
     /// Share of the remaining change that the amplifier makes in a substep.
     lag: f64,
+    /// Share of its voltage that the bleeder leaves at least.
+    left: f64,
     /// Voltage on the film, V.
     actual_v: f64,
 }
@@ -215,6 +234,7 @@ impl<'a> RunningBench<'a> {
             samples_taken: 0.0,
             substeps,
             lag,
+            left: if model.amplifier_bleeder_s > 0.0 { (-substep_s / model.amplifier_bleeder_s).exp() } else { 0.0 },
             actual_v: 0.0,
         }
     }
@@ -246,7 +266,8 @@ impl<'a> RunningBench<'a> {
     /// Advances `plant` for a tick under the `commanded` voltage (V).
     fn advance(&mut self, plant: &mut dyn Plant, commanded: f64) {
         for _ in 0..self.substeps {
-            self.actual_v += self.lag * (commanded - self.actual_v);
+            let followed_v = self.actual_v + self.lag * (commanded - self.actual_v);
+            self.actual_v = followed_v.max(self.left * self.actual_v);
             plant.advance(self.actual_v);
         }
     }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use dea_driver::Control;
 use serde::Serialize;
-use springpot::{LearningOptions, ObserverOptions};
+use springpot::{HARMONICS, LearningOptions, ObserverOptions};
 
 use super::options::{LimitOptions, at_most, positive};
 use crate::bench::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
@@ -62,11 +62,11 @@ pub(super) struct Arguments {
     /// out here and in the parameters.
     #[arg(long, value_name = "S")]
     adaptation: Option<f64>,
-    /// Learn what a periodic reference leaves of the error (feedforward and tracking).
-    #[arg(long)]
-    learn: bool,
-    /// Period of the reference for --learn; taken from the reference if left out.
-    #[arg(long, value_name = "S", requires = "learn")]
+    /// Learn mean and this many harmonics, 6 at most, of what a periodic reference leaves of the error (feedforward and tracking).
+    #[arg(long, value_name = "N")]
+    harmonics: Option<usize>,
+    /// Period of the reference for --harmonics; taken from the reference if left out.
+    #[arg(long, value_name = "S", requires = "harmonics")]
     period: Option<f64>,
     /// Stiffness of the film in units of the one that was recorded: the same as --plant-mismatch stiffness=FACTOR.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
@@ -130,6 +130,10 @@ struct SensorOptions {
     /// Time constant of the amplifier; 0 for none.
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     amplifier_lag: f64,
+    /// Time constant with which its voltage falls at the most, by its bleeder; 0 for no such limit. The controller knows of its amplifier
+    /// what the parameters say: rise_s and fall_s of board.amplifier.
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    amplifier_bleeder: f64,
     /// Give the controller a voltage monitor with this relative error (and 3 V of noise) instead of its command.
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     monitor_error: Option<f64>,
@@ -148,6 +152,7 @@ impl SensorOptions {
         at_most("--sensor-quantum", self.sensor_quantum, 1.0)?;
         at_most("--sensor-delay", self.sensor_delay, 10.0)?;
         at_most("--amplifier-lag", self.amplifier_lag, 10.0)?;
+        at_most("--amplifier-bleeder", self.amplifier_bleeder, 10.0)?;
         at_most("--monitor-error", self.monitor_error.unwrap_or(0.0).abs(), 0.5)?;
         positive("--sensor-rate", self.sensor_rate)?;
         Ok(BenchModel {
@@ -157,6 +162,7 @@ impl SensorOptions {
             sensor_quantum_m: self.sensor_quantum,
             sensor_lost_s: self.sensor_lost.clone(),
             amplifier_lag_s: self.amplifier_lag,
+            amplifier_bleeder_s: self.amplifier_bleeder,
             monitor_error: self.monitor_error,
             seed,
         })
@@ -167,6 +173,9 @@ impl SensorOptions {
 struct Report {
     controller: &'static str,
     samples: usize,
+    /// The harmonics that were learned.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    harmonics: Option<usize>,
     #[serde(flatten)]
     quality: TrackingQuality,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -197,8 +206,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         adaptation_s,
     };
     let peak_m = reference.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let learning =
-        arguments.learn.then_some(LearningOptions { period_s: arguments.period, sample_interval_s: interval_s });
+    let learning = arguments.learning(interval_s)?;
     let settings = ControllerSettings { rate_hz: grid.rate_hz, limits, observer, learning, peak_m };
     let about = |error: Error| error.about(&arguments.params, &arguments.reference);
     let mut controller =
@@ -235,6 +243,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let report = Report {
         controller: arguments.controller.name(),
         samples: grid.samples,
+        harmonics: arguments.harmonics,
         quality: run.quality(),
         out: arguments.out.as_deref().map(shown),
         plot: arguments.plot.as_deref().map(shown),
@@ -255,6 +264,24 @@ impl Arguments {
         let adaptation_s = self.adaptation.unwrap_or(as_written(control.adaptation_s));
         at_most("--adaptation", adaptation_s, 1e9)?;
         Ok((bandwidth_hz, adaptation_s))
+    }
+
+    fn learning(&self, sample_interval_s: f64) -> Result<Option<LearningOptions>> {
+        let Some(harmonics) = self.harmonics else { return Ok(None) };
+        if harmonics == 0 {
+            return Ok(None);
+        }
+        if harmonics > HARMONICS {
+            return Err(Error::option("--harmonics", format!("{harmonics}: at most {HARMONICS} are learned")));
+        }
+        if !matches!(self.controller, ControllerKind::Feedforward | ControllerKind::Tracking) {
+            let cause = format!("{} does not learn; use feedforward or tracking", self.controller.name());
+            return Err(Error::option("--harmonics", cause));
+        }
+        if let Some(period) = self.period {
+            positive("--period", period)?;
+        }
+        Ok(Some(LearningOptions { harmonics, period_s: self.period, sample_interval_s }))
     }
 
     fn mismatch(&self) -> Mismatch {
@@ -289,6 +316,10 @@ fn text(report: &Report) -> String {
         None => format!("{:.3} µm RMS (the reference is constant)", 1e6 * quality.rms_m),
     };
     // Shaping hardly changes a reference within the limits.
+    let late = match (&report.harmonics, quality.late_rms_pct, quality.late_largest_pct) {
+        (Some(_), Some(rms), Some(largest)) => format!("; {rms:.4} % RMS and {largest:.3} % at most in the last third"),
+        _ => String::new(),
+    };
     let asked = match (quality.tracking_rms_pct, quality.asked_rms_pct) {
         (Some(shaped), Some(asked)) if (asked - shaped).abs() > 0.1 => {
             format!(" of the shaped reference, {asked:.2} % of the one that was asked for")
@@ -297,7 +328,7 @@ fn text(report: &Report) -> String {
     };
     let note = report.field_note.as_ref().map(|note| format!("\nwarning: {note}")).unwrap_or_default();
     format!(
-        "{}: tracking error {error}{asked}{drift}, largest error {:.2} µm, largest voltage {:.0} V, {}{note}",
+        "{}: tracking error {error}{asked}{late}{drift}, largest error {:.2} µm, largest voltage {:.0} V, {}{note}",
         report.controller,
         1e6 * quality.largest_error_m,
         quality.largest_voltage_v,

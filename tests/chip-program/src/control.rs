@@ -82,7 +82,7 @@ fn tracking(report: &mut impl Report, name: Name, law: Law<f32>) {
 /// In front of a law of control: a reference of 50 ms, whose blocks end within the steps, and a sample in every tenth tick.
 #[inline(never)]
 fn learning(report: &mut impl Report, name: Name, law: &Law<f32>) {
-    let options = LearningOptions { period_s: Some(0.05), sample_interval_s: 1e-3 };
+    let options = LearningOptions { period_s: Some(0.05), sample_interval_s: 1e-3, ..LearningOptions::BENCH };
     let learning: Result<Learning<f32, 24>, _> = Learning::new(law, &name.film.actuator(), 6000.0, options);
     let Ok(config) = learning else { panic!("refused") };
     let mut state = config.state(0.0);

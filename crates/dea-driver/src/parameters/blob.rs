@@ -10,7 +10,7 @@ use crate::parameters::Parameters;
 use crate::safety::{LimitsError, Supervisor};
 
 /// The version of the format.
-pub const SCHEMA: u16 = 3;
+pub const SCHEMA: u16 = 4;
 
 /// Largest length of a blob, bytes.
 pub const BLOB_LEN: usize = 1016;
@@ -190,7 +190,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
         if plausible.contains(&sensor_m(0.0)) || plausible.contains(&sensor_m(converters.sensor_v)) {
             return Err(BlobError::Unplugged);
         }
-        let limits = parameters.control.command_limits(&parameters.limits);
+        let limits = parameters.control.command_limits(&parameters.limits, parameters.amplifier_lag);
         let tracking = Tracking::new(law, &parameters.actuator, limits, parameters.control.observer_options());
         let tracking = tracking.map_err(|error| match error {
             ControlError::Actuator(error) => BlobError::Actuator(error),

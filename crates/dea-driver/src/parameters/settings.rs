@@ -2,7 +2,9 @@
 
 use heapless::String;
 use serde::{Deserialize, Serialize};
-use springpot::{Actuator, Coefficients, CommandLimits, Compressed, Law, ObserverOptions};
+use springpot::{
+    Actuator, AmplifierLag, Coefficients, CommandLimits, Compressed, Law, LearningOptions, ObserverOptions,
+};
 
 use crate::chips::{Calibration, CommandRange};
 use crate::safety::Limits;
@@ -52,6 +54,8 @@ pub struct Parameters<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     pub command_range: CommandRange,
     /// Command (V) → high voltage (V).
     pub amplifier: Calibration,
+    /// How fast the amplifier follows.
+    pub amplifier_lag: AmplifierLag,
     /// Monitor (V) → high voltage (V).
     pub monitor: Calibration,
     /// Displacement sensor (V) → displacement (m).
@@ -79,6 +83,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, F
             sensor_offset_m: 0.0,
             command_range: CommandRange::TenVolts,
             amplifier: Calibration::linear(1000.0),
+            amplifier_lag: AmplifierLag::NONE,
             monitor: Calibration::linear(1000.0),
             // An unplugged sensor reads −1 mm, which is out of its range.
             sensor: Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
@@ -89,7 +94,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, F
 }
 
 /// How references are followed and the film is observed: [`CommandLimits`] and [`ObserverOptions`], apart from
-/// what the [`Limits`] state.
+/// what the [`Limits`] state, and [`LearningOptions`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -110,6 +115,12 @@ pub struct Control {
     pub lost_after_s: f32,
     /// Time over which the force scale adapts, s; 0: never.
     pub adaptation_s: f32,
+    /// Harmonics of a periodic reference that are learned, at most [`springpot::HARMONICS`]; 0: nothing is.
+    #[serde(default)]
+    pub harmonics: u8,
+    /// Period of that reference, s; 0: it is taken from the reference.
+    #[serde(default)]
+    pub period_s: f32,
 }
 
 impl Control {
@@ -123,9 +134,11 @@ impl Control {
         delay_s: 0.01,
         lost_after_s: 0.05,
         adaptation_s: 30.0,
+        harmonics: 0,
+        period_s: 0.0,
     };
 
-    pub(crate) fn command_limits(&self, limits: &Limits) -> CommandLimits {
+    pub(crate) fn command_limits(&self, limits: &Limits, amplifier: AmplifierLag) -> CommandLimits {
         CommandLimits {
             max_voltage_v: f64::from(limits.max_voltage_v),
             max_field_v_per_m: f64::from(limits.max_field_v_per_m),
@@ -133,6 +146,7 @@ impl Control {
             max_velocity_m_per_s: f64::from(self.max_velocity_m_per_s),
             max_acceleration_m_per_s2: f64::from(self.max_acceleration_m_per_s2),
             return_hz: f64::from(self.return_hz),
+            amplifier,
         }
     }
 
@@ -144,5 +158,14 @@ impl Control {
             lost_after_s: f64::from(self.lost_after_s),
             adaptation_s: f64::from(self.adaptation_s),
         }
+    }
+
+    /// How periodic references are learned, if they are.
+    pub(crate) fn learning_options(&self) -> Option<LearningOptions> {
+        (self.harmonics > 0).then(|| LearningOptions {
+            harmonics: usize::from(self.harmonics),
+            period_s: (self.period_s != 0.0).then(|| f64::from(self.period_s)),
+            sample_interval_s: f64::from(self.sample_interval_s),
+        })
     }
 }

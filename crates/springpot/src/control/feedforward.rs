@@ -109,6 +109,12 @@ impl<T: Real, M: Memory<T>> FeedforwardState<T, M> {
         self.film.position()
     }
 
+    /// The voltage on the film, V: what the amplifier has made of the commands.
+    #[must_use]
+    pub fn film_voltage(&self) -> T {
+        self.inverse.film_voltage()
+    }
+
     /// The shaped reference, m.
     #[must_use]
     pub fn reference(&self) -> T {

@@ -1,6 +1,7 @@
 //! From a reference to a voltage: the step that feedforward and tracking share.
 
 use crate::actuator::{Actuator, VoltageDrive};
+use crate::control::amplifier::AmplifierModel;
 use crate::control::limits::{CommandLimits, Limited};
 use crate::control::path::{Path, Shaper, clamp, is_finite};
 use crate::error::ControlError;
@@ -47,8 +48,10 @@ pub(crate) struct InverseState<T> {
     pub(crate) path: Path<T>,
     /// Size of the voltage that was commanded last, V.
     commanded: T,
-    /// Slow means of commanded and read voltage, V, and their ratio: the amplifier's gain.
-    commanded_mean: T,
+    /// What the amplifier has made of it, V, apart from its gain.
+    followed: T,
+    /// Slow means of that voltage and of the one that was read, V, and their ratio: the amplifier's gain.
+    followed_mean: T,
     reading_mean: T,
     gain: T,
 }
@@ -59,10 +62,18 @@ impl<T: Real> InverseState<T> {
         Self {
             path: Path::at(position),
             commanded: T::ZERO,
-            commanded_mean: T::ZERO,
+            followed: T::ZERO,
+            followed_mean: T::ZERO,
             reading_mean: T::ZERO,
             gain: T::from_f64(1.0),
         }
+    }
+}
+
+impl<T: Real> InverseState<T> {
+    /// The voltage on the film, V: behind the amplifier, with its gain.
+    pub(crate) fn film_voltage(&self) -> T {
+        self.gain * self.followed
     }
 }
 
@@ -107,6 +118,7 @@ pub(crate) struct Inverse<T> {
     thinning: T,
     /// Largest change of voltage in a tick, V.
     slew: T,
+    amplifier: AmplifierModel<T>,
     /// Weight of a tick in the means of the voltage.
     averaging: T,
     /// Mean voltage above which the amplifier's gain is estimated, V.
@@ -150,6 +162,7 @@ impl<T: Real> Inverse<T> {
             field_voltage: T::from_f64(limits.field_voltage(actuator)),
             thinning: T::from_f64(actuator.thinning_per_m()),
             slew: T::from_f64(slew),
+            amplifier: AmplifierModel::new(limits.amplifier, step_s)?,
             averaging: T::from_f64(share_per_step(1.0 / GAIN_S, step_s)),
             gain_threshold: T::from_f64(0.02 * limits.max_voltage_v),
         };
@@ -172,15 +185,16 @@ impl<T: Real> Inverse<T> {
     pub(crate) fn record(&self, state: &mut InverseState<T>, applied: Applied<T>) -> T {
         let size = |voltage: T| if voltage < T::ZERO { -voltage } else { voltage };
         state.commanded = size(applied.commanded);
+        state.followed = self.amplifier.advance(state.followed, state.commanded);
         if let Some(reading) = applied.reading.filter(|reading| is_finite(*reading)) {
-            state.commanded_mean = state.commanded_mean + self.averaging * (state.commanded - state.commanded_mean);
+            state.followed_mean = state.followed_mean + self.averaging * (state.followed - state.followed_mean);
             state.reading_mean = state.reading_mean + self.averaging * (size(reading) - state.reading_mean);
-            if state.commanded_mean > self.gain_threshold {
+            if state.followed_mean > self.gain_threshold {
                 let [low, high] = GAINS.map(T::from_f64);
-                state.gain = clamp(state.reading_mean / state.commanded_mean, low, high);
+                state.gain = clamp(state.reading_mean / state.followed_mean, low, high);
             }
         }
-        state.gain * state.commanded
+        state.film_voltage()
     }
 
     /// The command that takes `film` towards `reference` (m).
@@ -194,7 +208,7 @@ impl<T: Real> Inverse<T> {
         reference: T,
         correction: Correction<T>,
     ) -> VoltageCommand<T> {
-        let InverseState { path, commanded, gain, .. } = state;
+        let InverseState { path, commanded, followed, gain, .. } = state;
         let offset = film.position() - path.position;
         let drift = film.increment() - path.increment;
         let mut limited = self.shaper.advance(path, reference);
@@ -224,7 +238,13 @@ impl<T: Real> Inverse<T> {
             limited |= Limited::MAX_VOLTAGE;
         }
         let largest = if field_voltage < self.max_voltage { field_voltage } else { self.max_voltage };
-        let allowed = if wanted > largest { largest } else { wanted };
+        let wanted = if wanted > largest { largest } else { wanted };
+        // The command leads by as much as the amplifier lags.
+        let led = self.amplifier.lead(*followed, wanted);
+        if led > largest || wanted < self.amplifier.lowest(*followed) {
+            limited |= Limited::AMPLIFIER;
+        }
+        let allowed = if led > largest { largest } else { led };
         let slewed = clamp(allowed, *commanded - self.slew, *commanded + self.slew);
         if slewed < allowed || allowed < slewed {
             limited |= Limited::SLEW;

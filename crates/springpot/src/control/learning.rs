@@ -22,7 +22,7 @@ pub const HARMONICS: usize = 6;
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// let model = Preset::named("table3-n2").unwrap().model()?;
 /// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
-/// let wings = LearningOptions { period_s: Some(0.2), ..LearningOptions::BENCH };
+/// let wings = LearningOptions { period_s: Some(0.2), harmonics: 3, ..LearningOptions::BENCH };
 /// let learning: Learning<f32> = Learning::new(&law, &Actuator::KARNER_2022, 6000.0, wings)?;
 /// assert_eq!(learning.state(0.0).period_ticks().map(|ticks| ticks.round()), Some(200.0));
 ///
@@ -37,6 +37,8 @@ pub const HARMONICS: usize = 6;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
 pub struct LearningOptions {
+    /// How many harmonics are learned, beside the mean: 1 to [`HARMONICS`].
+    pub harmonics: usize,
     /// Period of the reference. `None`: taken from the reference, which takes three or four of its cycles, and needs one that crosses
     /// its middle upwards once in a cycle.
     pub period_s: Option<f64>,
@@ -45,10 +47,13 @@ pub struct LearningOptions {
 }
 
 impl LearningOptions {
-    /// A period that is taken from the reference, and a sensor of 100 Hz.
-    pub const BENCH: Self = Self { period_s: None, sample_interval_s: 0.01 };
+    /// All harmonics, a period that is taken from the reference, and a sensor of 100 Hz.
+    pub const BENCH: Self = Self { harmonics: HARMONICS, period_s: None, sample_interval_s: 0.01 };
 
     fn check(&self) -> Result<(), ControlError> {
+        if !(1..=HARMONICS).contains(&self.harmonics) {
+            return Err(ControlError::Harmonics { harmonics: self.harmonics });
+        }
         let values = [("period_s", self.period_s.unwrap_or(1.0)), ("sample_interval_s", self.sample_interval_s)];
         let wrong = first_not_positive(&values);
         wrong.map_or(Ok(()), |(quantity, value)| Err(ControlError::NotPositive { quantity, value }))
@@ -113,6 +118,8 @@ pub struct Learning<T, const PAST: usize = 64> {
     finder: CycleFinder<T>,
     /// The period that was given, ticks; 0 where it is taken from the reference.
     period: T,
+    /// The harmonics that are learned, beside the mean.
+    harmonics: usize,
     /// The largest angle in a tick that is learned, rad.
     largest_angle: T,
     /// Ticks in a second.
@@ -196,7 +203,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
     ///
     /// # Errors
     ///
-    /// [`ControlError::NotPositive`] for options that are not finite and positive.
+    /// [`ControlError::NotPositive`] for times that are not finite and positive, [`ControlError::Harmonics`].
     pub fn new<M: Memory<T>>(
         law: &Law<T, M>,
         actuator: &Actuator,
@@ -204,7 +211,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         options: LearningOptions,
     ) -> Result<Self, ControlError> {
         options.check()?;
-        let LearningOptions { period_s, sample_interval_s } = options;
+        let LearningOptions { harmonics, period_s, sample_interval_s } = options;
         let step_s = law.step_s();
         let largest_angle = (BELOW_SAMPLES * TAU * step_s / sample_interval_s).min(LARGEST_ANGLE);
         let stroke = actuator.electrostatic_force(max_voltage_v) / law.stiffness_at_rest();
@@ -213,6 +220,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         Ok(Self {
             finder: CycleFinder::new(LEAST_SWING * stroke, step_s),
             period: T::from_f64(period_s.map_or(0.0, |period_s| period_s / step_s)),
+            harmonics,
             largest_angle: T::from_f64(largest_angle),
             rate: T::from_f64(1.0 / step_s),
             approach: T::from_f64((visit_s / APPROACH_S).min(1.0)),
@@ -329,7 +337,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             return;
         }
         #[allow(clippy::cast_precision_loss)] // at most 6
-        let is_learned = T::from_f64(visited as f64) * state.angle <= self.largest_angle;
+        let is_learned = visited <= self.harmonics && T::from_f64(visited as f64) * state.angle <= self.largest_angle;
         // The mean has half of what a harmonic has of the sum.
         let scale = if visited == 0 { T::from_f64(0.5) * state.block.scale } else { state.block.scale };
         if is_learned && harmonic.learn(scale, state.block.variance, visited > 0) {

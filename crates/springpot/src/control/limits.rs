@@ -4,9 +4,11 @@ use core::fmt;
 use core::ops::{BitOr, BitOrAssign};
 
 use crate::actuator::Actuator;
+use crate::control::amplifier::AmplifierLag;
 use crate::error::{ControlError, first_not_positive};
 
-/// Limits of the path and of the voltage that a law commands. SI units; all must be finite and greater than 0.
+/// Limits of the path and of the voltage that a law commands, and the amplifier that carries it out. SI units; all limits must be finite
+/// and greater than 0.
 ///
 /// These limits shape commands. A supervisor that protects people and film stands behind them, with limits of its own.
 ///
@@ -45,6 +47,8 @@ pub struct CommandLimits {
     /// Speed of the return to the reference after a limit was met: two poles at this frequency, Hz. Heavy films return more
     /// slowly, as the largest force allows.
     pub return_hz: f64,
+    /// How the amplifier follows: the command leads by as much as it lags, as far as the limits allow.
+    pub amplifier: AmplifierLag,
 }
 
 impl CommandLimits {
@@ -59,6 +63,7 @@ impl CommandLimits {
         max_velocity_m_per_s: 0.05,
         max_acceleration_m_per_s2: 0.5,
         return_hz: 5.0,
+        amplifier: AmplifierLag::NONE,
     };
 
     pub(crate) fn check(&self) -> Result<(), ControlError> {
@@ -101,11 +106,15 @@ impl Limited {
     /// The largest acceleration of the shaped reference.
     pub const ACCELERATION: Self = Self(1 << 5);
 
+    /// What the amplifier can follow: up, its command would have to lead beyond the largest voltage; down, its bleeder does not take the
+    /// charge from the film as fast.
+    pub const AMPLIFIER: Self = Self(1 << 7);
+
     /// The film is beyond the stroke that its elastic curve was measured over; the curve goes on linearly there.
     pub const BEYOND_CURVE: Self = Self(1 << 6);
 
     /// All limits with their names.
-    pub const ALL: [(Self, &'static str); 7] = [
+    pub const ALL: [(Self, &'static str); 8] = [
         (Self::BELOW_ZERO, "below-zero"),
         (Self::MAX_VOLTAGE, "max-voltage"),
         (Self::FIELD, "field"),
@@ -113,6 +122,7 @@ impl Limited {
         (Self::VELOCITY, "velocity"),
         (Self::ACCELERATION, "acceleration"),
         (Self::BEYOND_CURVE, "beyond-curve"),
+        (Self::AMPLIFIER, "amplifier"),
     ];
 
     /// Whether all limits of `others` were met.
@@ -128,7 +138,7 @@ impl Limited {
     }
 
     /// The set as bits: below zero 1, largest voltage 2, field 4, slew 8, velocity 16, acceleration 32, beyond the elastic
-    /// curve 64.
+    /// curve 64, amplifier 128.
     #[must_use]
     pub const fn bits(self) -> u8 {
         self.0

@@ -1,6 +1,8 @@
 //! Control that steps one law once per tick: feedforward, observer, and tracking, which combines both.
 
+mod amplifier;
 mod cycle;
+mod fade;
 mod feedforward;
 mod harmonic;
 mod inverse;
@@ -11,6 +13,7 @@ mod path;
 mod statistics;
 mod tracking;
 
+pub use amplifier::{AmplifierLag, AmplifierModel};
 pub use feedforward::{Feedforward, FeedforwardState};
 pub use inverse::{Applied, VoltageCommand};
 pub use learning::{HARMONICS, Learning, LearningOptions, LearningState};

@@ -199,11 +199,13 @@ pub struct ObserverState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const P
     innovation: T,
     statistics: Statistics<T>,
     load: Load<T>,
+    /// Share of the correction that is in use.
+    share: T,
 }
 
 state_traits!(ObserverState<T, M, PAST> {
     film, past, newest, integral, slope, proportional, disturbance, force_scale, integral_mean, load_mean, excitation,
-    since_sample, innovation, statistics, load,
+    since_sample, innovation, statistics, load, share,
 });
 
 /// Tolerance of times in ticks: they may have been rounded to single precision.
@@ -295,6 +297,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
             innovation: T::ZERO,
             statistics: Statistics::new(),
             load: Load { force: T::ZERO, slope: T::ZERO },
+            share: T::from_f64(1.0),
         }
     }
 
@@ -331,9 +334,10 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         state.since_sample = if arrived { 0 } else { since };
         state.innovation = if arrived { innovation } else { state.innovation };
         // A film behind a curve is as much stiffer here as the curve is steeper: so are the gains.
-        let scaled = state.film.slope() * innovation;
+        let scaled = state.share * state.film.slope() * innovation;
         let proportional = if arrived { self.proportional_gain * scaled } else { state.proportional };
-        let slope = clamp(state.slope + self.slope_gain * ticks * scaled, -self.max_slope, self.max_slope);
+        let slope =
+            clamp(state.slope + self.slope_gain * ticks * state.share * scaled, -self.max_slope, self.max_slope);
         let integral = state.integral + self.integral_gain * ticks * scaled;
 
         let lost = state.since_sample > self.lost_after;
@@ -358,8 +362,9 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         let deviation = load - state.load_mean;
         state.excitation = state.excitation + (deviation * deviation - self.forgetting * state.excitation);
         let [low, high] = FORCE_SCALE_RANGE.map(T::from_f64);
-        // Without the sensor nothing is learned.
-        let adapting = if state.since_sample > self.lost_after { T::ZERO } else { self.adapting };
+        // Without the sensor nothing is learned, nor from a disturbance whose phase is lost.
+        let is_slow = state.share > T::from_f64(0.5);
+        let adapting = if state.since_sample <= self.lost_after && is_slow { self.adapting } else { T::ZERO };
         let unexplained = state.integral - state.integral_mean;
         let change = adapting * unexplained * deviation / (state.excitation + self.regularisation);
         let scale = clamp(state.force_scale + change * state.force_scale, low, high);
@@ -468,6 +473,18 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
     #[must_use]
     pub fn film(&self) -> &State<T, M> {
         &self.film
+    }
+
+    /// From now on this `share` of the correction is in use: the loop's bandwidth becomes as much lower.
+    #[inline]
+    pub(crate) fn set_share(&mut self, share: T) {
+        self.share = share;
+    }
+
+    /// Share of the correction that is in use: below 1 in [`Tracking`](crate::Tracking) of references that are faster than the bandwidth.
+    #[must_use]
+    pub fn share(&self) -> T {
+        self.share
     }
 
     pub(crate) fn correction(&self) -> Correction<T> {

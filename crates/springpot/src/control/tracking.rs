@@ -1,6 +1,7 @@
 //! Tracking: feedforward with a sensor. The observer's disturbance is subtracted from the command.
 
 use crate::actuator::Actuator;
+use crate::control::fade::{Fade, FadeState};
 use crate::control::inverse::{Applied, Inverse, InverseState, VoltageCommand};
 use crate::control::limits::CommandLimits;
 use crate::control::observer::{Observer, ObserverOptions, ObserverState, SensorSample};
@@ -54,15 +55,22 @@ use crate::scalar::{Real, Scalar};
 pub struct Tracking<T, M = crate::Compressed<T>, const PAST: usize = 64> {
     observer: Observer<T, M, PAST>,
     inverse: Inverse<T>,
+    fade: Fade<T>,
 }
 
 /// What changes with every tick of a [`Tracking`].
 pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const PAST: usize = 64> {
     observer: ObserverState<T, M, PAST>,
     inverse: InverseState<T>,
+    fade: FadeState<T>,
+    /// Whether the errors of cycles are learned.
+    is_learned: bool,
 }
 
-state_traits!(TrackingState<T, M, PAST> { observer, inverse });
+state_traits!(TrackingState<T, M, PAST> { observer, inverse, fade, is_learned });
+
+/// Share of the static stroke at the largest voltage by which a reference must move so that its frequency counts.
+const LEAST_SHARE: f64 = 2e-3;
 
 impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// Tracking for `actuator` along `law` within `limits`, with an observer of these `options`.
@@ -77,15 +85,17 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         options: ObserverOptions,
     ) -> Result<Self, ControlError> {
         let inverse = Inverse::new(actuator, &limits, law.step_s(), law.largest_stiffness())?;
+        let stroke_m = actuator.electrostatic_force(limits.max_voltage_v) / law.stiffness_at_rest();
+        let fade = Fade::new(options.bandwidth_hz, law.step_s(), LEAST_SHARE * stroke_m);
         let observer = Observer::new(law, actuator, limits.max_voltage_v, options)?;
-        Ok(Self { observer, inverse })
+        Ok(Self { observer, inverse, fade })
     }
 
     /// A state that begins with `film`, at 0 V; the reference begins where the film is.
     #[must_use]
     pub fn state(&self, film: State<T, M>) -> TrackingState<T, M, PAST> {
         let inverse = InverseState::at(film.position());
-        TrackingState { observer: self.observer.state(film), inverse }
+        TrackingState { observer: self.observer.state(film), inverse, fade: FadeState::at_rest(), is_learned: false }
     }
 
     /// Steps the film under the voltage that was really applied since the last tick and corrects it with a `sample`, if one
@@ -107,9 +117,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     #[inline(never)]
     pub fn command(&self, state: &mut TrackingState<T, M, PAST>, reference: T) -> VoltageCommand<T> {
         let correction = state.observer.correction();
-        let TrackingState { observer, inverse } = state;
+        let TrackingState { observer, inverse, fade, is_learned } = state;
         let (law, drive) = (self.observer.law(), self.observer.drive());
-        self.inverse.command(law, drive, &observer.film, inverse, reference, correction)
+        let command = self.inverse.command(law, drive, &observer.film, inverse, reference, correction);
+        self.fade.advance(fade, inverse.path.increment, *is_learned);
+        observer.set_share(fade.share());
+        command
     }
 
     /// The observer.
@@ -126,9 +139,20 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         &self.observer
     }
 
+    /// From now on the errors of cycles are learned, or not: the observer leaves them to a [`Learning`](crate::Learning).
+    pub fn leave_cycles(&mut self, to_learning: bool) {
+        self.is_learned = to_learning;
+    }
+
     /// Resets disturbance and force scale to 0 and 1: the model as it was fitted.
     pub fn forget(&mut self) {
         self.observer.forget();
+    }
+
+    /// The voltage on the film, V: what the amplifier has made of the commands.
+    #[must_use]
+    pub fn film_voltage(&self) -> T {
+        self.inverse.film_voltage()
     }
 
     /// The shaped reference, m.

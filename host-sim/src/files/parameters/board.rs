@@ -4,16 +4,16 @@ use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::wire::boards;
 use dea_driver::{BLOB_LEN, Blob, BlobError, Control, Limits, Parameters as BoardParameters};
 use heapless::String;
-use serde::{Deserialize, Serialize};
-use springpot::{Actuator, CommandLimits, Law};
+use serde::{Deserialize, Serialize, de};
+use springpot::{Actuator, AmplifierLag, CommandLimits, Law};
 
+use super::calibration::AmplifierTable;
 use super::{Parameters, calibration};
 use crate::error::{Error, Result};
 use crate::replay::memory::compressed_law;
 
-/// The `[board]` table of a parameter file.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+/// The board of a parameter file.
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Board {
     /// The board a blob is for.
     pub id: u16,
@@ -22,6 +22,9 @@ pub struct Board {
     /// Command (V) → high voltage (V).
     #[serde(with = "calibration")]
     pub amplifier: Calibration,
+    /// How fast the amplifier follows: in the table of the amplifier.
+    #[serde(skip)]
+    pub amplifier_lag: AmplifierLag,
     /// Monitor (V) → high voltage (V).
     #[serde(with = "calibration")]
     pub monitor: Calibration,
@@ -30,9 +33,53 @@ pub struct Board {
     pub sensor: Calibration,
     /// Limits of film and bench.
     pub limits: Limits,
-    /// Settings of reference, feedforward and observer.
-    #[serde(default = "Board::control")]
+    /// Settings of reference, feedforward, observer and learning.
     pub control: Control,
+}
+
+/// The `[board]` table as it is written. What is left out is that of the paper's bench.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BoardTable {
+    id: Option<u16>,
+    command_range: Option<CommandRange>,
+    #[serde(default, deserialize_with = "amplifier")]
+    amplifier: Option<(Option<Calibration>, AmplifierLag)>,
+    #[serde(default, deserialize_with = "some_calibration")]
+    monitor: Option<Calibration>,
+    #[serde(default, deserialize_with = "some_calibration")]
+    sensor: Option<Calibration>,
+    limits: Option<Limits>,
+    control: Option<Control>,
+}
+
+fn amplifier<'de, D: de::Deserializer<'de>>(
+    deserializer: D,
+) -> std::result::Result<Option<(Option<Calibration>, AmplifierLag)>, D::Error> {
+    AmplifierTable::deserialize(deserializer)?.parts().map(Some)
+}
+
+fn some_calibration<'de, D: de::Deserializer<'de>>(
+    deserializer: D,
+) -> std::result::Result<Option<Calibration>, D::Error> {
+    calibration::deserialize(deserializer).map(Some)
+}
+
+impl BoardTable {
+    /// The board, with what it leaves out from `bench`.
+    pub(super) fn board(&self, bench: Board) -> Board {
+        let (amplifier, amplifier_lag) = self.amplifier.clone().unwrap_or((None, bench.amplifier_lag));
+        Board {
+            id: self.id.unwrap_or(bench.id),
+            command_range: self.command_range.unwrap_or(bench.command_range),
+            amplifier: amplifier.unwrap_or(bench.amplifier),
+            amplifier_lag,
+            monitor: self.monitor.clone().unwrap_or(bench.monitor),
+            sensor: self.sensor.clone().unwrap_or(bench.sensor),
+            limits: self.limits.unwrap_or(bench.limits),
+            control: self.control.unwrap_or(bench.control),
+        }
+    }
 }
 
 impl Board {
@@ -43,11 +90,12 @@ impl Board {
             id: boards::STM32F405,
             command_range: CommandRange::TenVolts,
             amplifier: Calibration::linear(1000.0),
+            amplifier_lag: AmplifierLag::NONE,
             monitor: Calibration::linear(1000.0),
             // 1 V at rest: an unplugged one reads −1 mm, which is out of its range.
             sensor: Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
             limits: Limits::bench(actuator.thickness_m as f32),
-            control: Self::control(),
+            control: Control::BENCH,
         }
     }
 
@@ -60,10 +108,6 @@ impl Board {
         self
     }
 
-    fn control() -> Control {
-        Control::BENCH
-    }
-
     /// Its limits for the laws of control, in f64.
     pub fn command_limits(&self) -> CommandLimits {
         let Self { limits, control, .. } = self;
@@ -74,6 +118,7 @@ impl Board {
             max_velocity_m_per_s: as_written(control.max_velocity_m_per_s),
             max_acceleration_m_per_s2: as_written(control.max_acceleration_m_per_s2),
             return_hz: as_written(control.return_hz),
+            amplifier: self.amplifier_lag,
         }
     }
 
@@ -81,6 +126,12 @@ impl Board {
     pub(super) fn to_toml(&self) -> toml::Table {
         let mut table = toml::Table::try_from(self).unwrap_or_default();
         table.iter_mut().for_each(|(_, value)| shorten(value));
+        if let (Some(amplifier), true) =
+            (table.get_mut("amplifier").and_then(toml::Value::as_table_mut), self.amplifier_lag != AmplifierLag::NONE)
+        {
+            amplifier.insert("rise_s".into(), self.amplifier_lag.rise_s.into());
+            amplifier.insert("fall_s".into(), self.amplifier_lag.fall_s.into());
+        }
         table
     }
 }
@@ -143,6 +194,7 @@ impl Parameters {
             sensor_offset_m: self.sensor_offset_m as f32,
             command_range: board.command_range,
             amplifier: board.amplifier.clone(),
+            amplifier_lag: board.amplifier_lag,
             monitor: board.monitor.clone(),
             sensor: board.sensor.clone(),
             limits: board.limits,

@@ -7,8 +7,9 @@ use serde::Deserialize;
 use springpot::{Actuator, ActuatorError, Element, Maxwell, ModelError, Preload, Springpot, Topology};
 use toml::Spanned;
 
+use super::Parameters;
+use super::board::BoardTable;
 use super::curve::CurveTable;
-use super::{Board, Parameters};
 
 /// The versions of the format: the second has elastic curves, saturation, and couplings of either sign.
 pub(super) const SCHEMAS: [u32; 2] = [1, 2];
@@ -26,7 +27,7 @@ pub(super) struct FileTable {
     #[serde(default)]
     pub(super) sensor: Option<SensorTable>,
     #[serde(default)]
-    pub(super) board: Option<Spanned<Board>>,
+    pub(super) board: Option<Spanned<BoardTable>>,
     /// Origin of the numbers, free text.
     #[serde(default)]
     pub(super) provenance: Option<toml::Table>,

@@ -189,7 +189,6 @@ impl Parameters {
             let cause = format!("offset_m = {sensor_offset_m} must be finite");
             return Err(place.error(offset.map_or(0..0, toml::Spanned::span), cause));
         }
-        let board = file.board.as_ref().map(|board| board.get_ref().clone());
         let curve = match &file.curve {
             Some(curve) if schema == 1 => return Err(place.error(curve.span(), needs_schema_2("[curve]"))),
             Some(curve) => curve
@@ -198,7 +197,7 @@ impl Parameters {
                 .map_err(|cause| place.error(curve.span(), format!("[curve] {cause}")))?,
             None => None,
         };
-        let parameters = Self {
+        let mut parameters = Self {
             name: file.name,
             actuator,
             assumed_sizes: file.actuator.sizes_are_assumed(),
@@ -206,13 +205,15 @@ impl Parameters {
             curve,
             method: Method::Gl,
             sensor_offset_m,
-            board,
+            board: None,
             provenance: file.provenance,
         };
-        if let Some(board) = &file.board {
+        if let Some(table) = &file.board {
+            let board = table.get_ref().board(parameters.bench(1000.0));
             // What a controller would refuse of the board is refused here, where its line is known. The rate does not matter.
-            let checked = parameters.to_blob(board.get_ref(), 1000.0);
-            checked.map_err(|e| place.error(board.span(), e.to_string()))?;
+            let checked = parameters.to_blob(&board, 1000.0);
+            checked.map_err(|e| place.error(table.span(), e.to_string()))?;
+            parameters.board = Some(board);
         }
         Ok(parameters)
     }
