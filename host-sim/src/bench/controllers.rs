@@ -328,6 +328,7 @@ impl<T: Real> Controller for TrackingController<T> {
         let command = self.tracking.command(&mut self.state, target);
         let shaped = if let Some(learner) = &mut self.learner {
             learner.is_free = command.limited.is_none();
+            self.state.leave_cycles(learner.state.has_learned());
             None
         } else {
             Some(command.reference.to_f64())

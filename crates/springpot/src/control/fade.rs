@@ -8,16 +8,26 @@ use crate::scalar::Real;
 ///
 /// The loop's sensitivity passes 1 near 0.8: above that, feedback makes an error larger.
 const FADES: [f64; 2] = [0.6, 0.85];
-/// The least share: a tenth of the bandwidth for what is slow, and a sensitivity of 1 within some percent for what is not.
-pub(crate) const LEAST: f64 = 0.1;
+/// The least share: a twentieth of the bandwidth for what is slow, and a sensitivity of 1 within two percent for what is not.
+pub(crate) const LEAST: f64 = 0.05;
 /// Time over which the reference's frequency is measured, and the share changes, times the bandwidth in rad/s.
-const MEMORY: f64 = 8.0;
+const MEMORY: f64 = 4.0;
+/// The same for the distance from the mean: the time after which a move counts as the mean.
+const DISTANCE: f64 = 2.0;
+/// The same for the share.
+const FOLLOWING: f64 = 1.0;
+/// Weight of the present distance beside its mean square: a single rise is no fast cycle, though little distance has been seen yet.
+const PRESENT: f64 = 0.4;
 
 /// Measures the frequency of a reference as the ratio of speed to distance from its mean, both RMS.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fade<T> {
+    /// Share of the distance that is forgotten in a tick.
+    forgetting: T,
     /// Weight of a tick in the means.
     weight: T,
+    /// The same for the share.
+    following: T,
     /// Square of a distance from the mean that does not count, m².
     floor: T,
     /// Share that is lost per square of the frequency, and the share at 0, unbounded: of the squared angle in a tick.
@@ -41,10 +51,13 @@ impl<T: Real> Fade<T> {
     /// For an observer of `bandwidth_hz`, ticked every `step_s` (s). References that move by much less than `least_m` (m) do not count.
     pub(crate) fn new(bandwidth_hz: f64, step_s: f64, least_m: f64) -> Self {
         let angle = TAU * bandwidth_hz * step_s;
-        let [from, to] = FADES.map(|share| (share * angle) * (share * angle));
+        // Forgotten distance adds the square of its rate.
+        let [from, to] = FADES.map(|share| (share * share + 1.0 / (DISTANCE * DISTANCE)) * angle * angle);
         let falls = (1.0 - LEAST) / (to - from);
         Self {
+            forgetting: T::from_f64(angle / (angle + DISTANCE)),
             weight: T::from_f64(angle / (angle + MEMORY)),
+            following: T::from_f64(angle / (angle + FOLLOWING)),
             floor: T::from_f64(least_m * least_m),
             falls: T::from_f64(falls),
             highest: T::from_f64(1.0 + falls * from),
@@ -55,17 +68,18 @@ impl<T: Real> Fade<T> {
     #[inline]
     pub(crate) fn advance(&self, state: &mut FadeState<T>, increment: T, is_learned: bool) {
         let distance = state.distance + increment;
-        state.distance = distance - self.weight * distance;
+        state.distance = distance - self.forgetting * distance;
         state.distance_square =
             state.distance_square + self.weight * (state.distance * state.distance - state.distance_square);
         state.increment_square =
             state.increment_square + self.weight * (increment * increment - state.increment_square);
-        let square = state.increment_square / (state.distance_square + self.floor);
+        let present = T::from_f64(PRESENT) * state.distance * state.distance;
+        let square = state.increment_square / (state.distance_square + present + self.floor);
         let (one, least) = (T::from_f64(1.0), T::from_f64(LEAST));
         let share = self.highest - self.falls * square;
         let share = if share > one { one } else { share };
         let share = if share < least || is_learned { least } else { share };
-        state.share = state.share + self.weight * (share - state.share);
+        state.share = state.share + self.following * (share - state.share);
     }
 }
 

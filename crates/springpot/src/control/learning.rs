@@ -155,6 +155,8 @@ pub struct LearningState<T, const PAST: usize = 64> {
     unit: Pair<T>,
     power: Pair<T>,
     block: Block<T>,
+    /// Whether a block has shown the errors of this period.
+    has_learned: bool,
 }
 
 /// A block: some time to settle, then whole cycles.
@@ -248,6 +250,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             unit: [one, zero],
             power: [one, zero],
             block: Block::first(),
+            has_learned: false,
         };
         if given {
             state.turn_by(T::from_f64(TAU) / self.period);
@@ -286,6 +289,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         let crossed = self.finder.advance(&mut state.cycle, reference);
         let Some(period) = state.cycle.period() else {
             state.angle = T::ZERO;
+            state.has_learned = false;
             return;
         };
         let Some(late) = crossed else { return };
@@ -300,6 +304,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         } else if state.share > T::from_f64(0.01) {
             // Another period: what was learned is faded out first.
             state.angle = T::ZERO;
+            state.has_learned = false;
         } else {
             state.phase = [T::from_f64(1.0), turn * late];
             state.turn_by(turn);
@@ -344,6 +349,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             state.block.is_rough = true;
         }
         if visited == HARMONICS {
+            state.has_learned = true;
             state.begin_block();
         }
     }
@@ -398,10 +404,18 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         (self.angle > T::ZERO).then(|| T::from_f64(TAU) / self.angle)
     }
 
+    /// Whether the errors of this period have been seen: an observer may leave them to the learning
+    /// ([`TrackingState::leave_cycles`](crate::TrackingState::leave_cycles)).
+    #[must_use]
+    pub fn has_learned(&self) -> bool {
+        self.has_learned
+    }
+
     /// Forgets what was learned. What is added fades out with the two lags.
     pub fn forget(&mut self) {
         self.harmonics = [Harmonic::new(); HARMONICS + 1];
         self.block = Block::first();
+        self.has_learned = false;
         self.visited = 0;
     }
 

@@ -335,9 +335,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         state.innovation = if arrived { innovation } else { state.innovation };
         // A film behind a curve is as much stiffer here as the curve is steeper: so are the gains.
         let scaled = state.share * state.film.slope() * innovation;
-        let proportional = if arrived { self.proportional_gain * scaled } else { state.proportional };
-        let slope =
-            clamp(state.slope + self.slope_gain * ticks * state.share * scaled, -self.max_slope, self.max_slope);
+        let weak = state.share * scaled;
+        let proportional = if arrived { self.proportional_gain * weak } else { state.proportional };
+        // The slope belongs to the whole correction: with less of it, it is forgotten.
+        let forgotten = self.recovery * (T::from_f64(1.0) - state.share);
+        let slope = state.slope - forgotten * state.slope + self.slope_gain * ticks * weak;
+        let slope = clamp(slope, -self.max_slope, self.max_slope);
         let integral = state.integral + self.integral_gain * ticks * scaled;
 
         let lost = state.since_sample > self.lost_after;

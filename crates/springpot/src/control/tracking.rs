@@ -70,7 +70,7 @@ pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const P
 state_traits!(TrackingState<T, M, PAST> { observer, inverse, fade, is_learned });
 
 /// Share of the static stroke at the largest voltage by which a reference must move so that its frequency counts.
-const LEAST_SHARE: f64 = 2e-3;
+const LEAST_SHARE: f64 = 5e-3;
 
 impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// Tracking for `actuator` along `law` within `limits`, with an observer of these `options`.
