@@ -87,11 +87,9 @@ impl AmplifierLag {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AmplifierModel<T> {
-    /// Share of the distance to the command that it goes in a tick, up and down, and their inverses.
+    /// Share of the distance to the command that it goes in a tick, up and down.
     up: T,
     down: T,
-    lead_up: T,
-    lead_down: T,
     /// Share of the voltage that is left after a tick at a command of 0 V.
     left: T,
 }
@@ -111,8 +109,6 @@ impl<T: Real> AmplifierModel<T> {
         Ok(Self {
             up: T::from_f64(up),
             down: T::from_f64(down),
-            lead_up: T::from_f64(1.0 / up),
-            lead_down: T::from_f64(1.0 / down),
             left: T::from_f64(left(lag.fall_s)),
         })
     }
@@ -130,8 +126,8 @@ impl<T: Real> AmplifierModel<T> {
     /// The command that takes `voltage` (V) to `wanted` (V) by the end of a tick.
     #[inline]
     pub(crate) fn lead(&self, voltage: T, wanted: T) -> T {
-        let lead = if wanted > voltage { self.lead_up } else { self.lead_down };
-        voltage + lead * (wanted - voltage)
+        let share = if wanted > voltage { self.up } else { self.down };
+        voltage + (wanted - voltage) / share
     }
 
     /// The lowest voltage (V) to which `voltage` (V) can fall in a tick.
