@@ -7,7 +7,7 @@ use dea_driver::{
     Blob, Control, Controller, Inputs, Limits, Mode, MonitorLimits, OnSensorFault, Outputs, Parameters,
     PlausibilityLimits,
 };
-use springpot::{Actuator, Coefficients, Maxwell};
+use springpot::{Actuator, AmplifierLag, Coefficients, Maxwell};
 
 use crate::{Checksum, Name, Report, STEPS};
 
@@ -108,6 +108,7 @@ fn parameters(law: Coefficients<f32>, actuator: Actuator) -> Parameters {
         sensor_offset_m: 0.0,
         command_range: CommandRange::TenVolts,
         amplifier: Calibration::Parabola { offset: 0.0, gain: 1000.0, quadratic: -1.0 },
+        amplifier_lag: AmplifierLag::NONE,
         monitor: Calibration::Parabola { offset: 0.0, gain: 1000.0, quadratic: -1.0 },
         sensor: Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
         limits: Limits {

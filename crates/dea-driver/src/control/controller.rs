@@ -2,10 +2,11 @@
 
 use springpot::{Applied, Compressed, Law, Limited, SensorSample, State, Tracking, TrackingState};
 
+use crate::control::learner::Learner;
 #[cfg(feature = "loop-test")]
 use crate::control::loop_test::{Followed, LoopTest, Step, Target};
 use crate::control::setpoint::{Ramp, SetpointError};
-use crate::control::{Mode, Telemetry};
+use crate::control::{LearningOrder, Mode, Telemetry};
 use crate::parameters::{Blob, Parameters};
 use crate::safety::{Cause, Readings, Refusal, Supervisor};
 
@@ -93,6 +94,8 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
     /// The film as the ticks estimate it, and its reference.
     course: TrackingState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    /// None where the parameters ask for none.
+    learner: Option<Learner>,
     /// The film as the commanded voltage alone moves it: no sensor corrects it. Its law has fewer modes.
     watched: Law<f32, Watched>,
     open_loop: State<f32, Watched>,
@@ -125,14 +128,15 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     #[must_use]
     pub fn new(blob: Blob<HEAD, FAST, SLOW>) -> Self {
         let checksum = blob.checksum();
-        let (parameters, tracking, supervisor) = blob.into_parts();
-        Self::of(parameters, checksum, tracking, supervisor)
+        let (parameters, tracking, learning, supervisor) = blob.into_parts();
+        Self::of(parameters, checksum, tracking, learning.map(Learner::new), supervisor)
     }
 
     fn of(
         parameters: Parameters<HEAD, FAST, SLOW>,
         checksum: Option<u32>,
         tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+        learner: Option<Learner>,
         supervisor: Supervisor,
     ) -> Self {
         let law = tracking.observer().law();
@@ -152,6 +156,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             supervisor,
             tracking,
             course,
+            learner,
             watched,
             open_loop,
             thinning_per_m,
@@ -213,10 +218,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
 
         // Estimate: step the film under the voltage that stood since the last tick, and correct it with a sample if one is
         // due. Nothing is learned from a film that is not driven.
-        let listens = self.supervisor.runs() && self.mode != Mode::Feedforward;
-        let sample = self.sampler.next(checked.displacement_m.filter(|_| listens));
+        let sample = self.sampler.next(checked.displacement_m.filter(|_| self.supervisor.runs()));
         let applied = Applied::as_commanded(stood_v);
-        let predicted_m = self.tracking.observe(&mut self.course, applied, sample);
+        let observed = sample.filter(|_| self.mode != Mode::Feedforward);
+        let predicted_m = self.tracking.observe(&mut self.course, applied, observed);
         let load = self.course.observer().load();
         let open_loop_m = self.watched.displacement_under(&mut self.open_loop, load);
         // Finite as long as both are.
@@ -236,7 +241,20 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         // NaN until one is set, which is 0 V.
         let target = self.target.next();
         let leads = follows && !target.is_nan();
-        let wanted = self.tracking.command(&mut self.course, if leads { target } else { predicted_m });
+        let mut learned_m = 0.0;
+        let mut followed_m = predicted_m;
+        if leads {
+            followed_m = target;
+            if let Some(learner) = &mut self.learner {
+                followed_m = learner.advance(target, sample);
+                learned_m = learner.added_m();
+                self.course.leave_cycles(learner.has_learned());
+            }
+        }
+        let wanted = self.tracking.command(&mut self.course, followed_m);
+        if let Some(learner) = &mut self.learner {
+            learner.commanded(&wanted);
+        }
         let wanted_v = if leads { wanted.voltage } else { target };
         let estimated_m = if open_loop_m > predicted_m { open_loop_m } else { predicted_m };
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > estimated_m).unwrap_or(estimated_m);
@@ -255,7 +273,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             monitor_v,
             displacement_m,
             predicted_m,
-            reference_m: wanted.reference,
+            reference_m: wanted.reference - learned_m,
+            learned_m,
             disturbance_n: observer.disturbance(),
             force_scale: observer.force_scale(),
             innovation_m: observer.innovation(),
@@ -288,7 +307,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     }
 
     /// Begins a run in `mode` at 0 V, where it stays until a target is set. Feedforward uses the model as it was fitted, without
-    /// what was learned in other runs.
+    /// what was learned in other runs; what was learned of cycles begins anew, unless it is ordered to be
+    /// [carried over](Self::order_learning).
     ///
     /// # Errors
     ///
@@ -337,6 +357,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         self.supervisor.acknowledge()?;
         self.clear_target();
         self.course.forget();
+        self.order_learning(LearningOrder::Forget);
         if !self.course.observer().displacement().is_finite() {
             self.course = self.tracking.state(self.tracking.observer().law().state());
         }
@@ -394,6 +415,20 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
 
     fn clear_target(&mut self) {
         self.target = Ramp::NONE;
+        if let Some(learner) = &mut self.learner {
+            learner.end_run();
+            self.course.leave_cycles(false);
+        }
+    }
+
+    /// Orders what is to become of what was learned of a periodic reference, if anything is. In any state.
+    pub fn order_learning(&mut self, order: LearningOrder) {
+        if let Some(learner) = &mut self.learner {
+            match order {
+                LearningOrder::Forget => learner.forget(),
+                LearningOrder::CarryOver => learner.carry_over(),
+            }
+        }
     }
 
     /// Most ticks over which a new target is approached.
@@ -415,8 +450,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     #[must_use]
     pub fn at_rest(&self) -> Self {
         // The limits were accepted when this controller was made.
-        let supervisor = Supervisor::new(&self.parameters.limits, self.parameters.rate_hz).unwrap_or(self.supervisor);
-        Self::of(self.parameters.clone(), self.checksum, self.tracking.clone(), supervisor)
+        let Parameters { limits, rate_hz, amplifier_lag, .. } = &self.parameters;
+        let supervisor = Supervisor::new(limits, *rate_hz).and_then(|made| made.behind(*amplifier_lag, *rate_hz));
+        let supervisor = supervisor.unwrap_or(self.supervisor);
+        Self::of(self.parameters.clone(), self.checksum, self.tracking.clone(), self.learner.clone(), supervisor)
     }
 
     /// Steps the model under `volts` (V), and Eq. 1 back from its force to the voltage.

@@ -1,6 +1,7 @@
 //! The control tick.
 
 mod controller;
+mod learner;
 #[cfg(any(feature = "loop-test", feature = "link"))]
 mod loop_test;
 mod setpoint;
@@ -10,4 +11,4 @@ pub use controller::{Controller, Inputs, Outputs};
 #[cfg(any(feature = "loop-test", feature = "link"))]
 pub use loop_test::{Followed, Step, Target, TickCodes, Ticked};
 pub use setpoint::SetpointError;
-pub use telemetry::{Mode, Telemetry};
+pub use telemetry::{LearningOrder, Mode, Telemetry};

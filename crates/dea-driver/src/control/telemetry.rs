@@ -14,6 +14,16 @@ pub enum Mode {
     Tracking,
 }
 
+/// What is to become of what was learned of a periodic reference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum LearningOrder {
+    /// It is forgotten now; what a run adds to its reference fades out within a second.
+    Forget,
+    /// The next run begins with it, if it follows the same reference from the same phase on. Without this order a run begins with nothing.
+    CarryOver,
+}
+
 /// The record of a tick, for a host's log.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -30,8 +40,10 @@ pub struct Telemetry {
     pub displacement_m: f32,
     /// Displacement that the model predicts, corrected by the sensor, m.
     pub predicted_m: f32,
-    /// The shaped reference; of [`Mode::Voltage`] the prediction, m.
+    /// The shaped reference, without what was learned; of [`Mode::Voltage`] the prediction, m.
     pub reference_m: f32,
+    /// What was learned of the reference's cycles and is added to it, m.
+    pub learned_m: f32,
     /// Force that the model does not explain, N.
     pub disturbance_n: f32,
     /// Electrostatic force in units of the model's.

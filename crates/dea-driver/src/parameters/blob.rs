@@ -3,7 +3,7 @@
 
 use core::fmt;
 
-use springpot::{ActuatorError, Compressed, ControlError, Law, LawError, Tracking};
+use springpot::{ActuatorError, Compressed, ControlError, Law, LawError, Learning, Tracking};
 
 use crate::chips::{CalibrationError, Converters};
 use crate::parameters::Parameters;
@@ -44,9 +44,14 @@ pub const BLOB_LEN: usize = 1016;
 pub struct Blob<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
     parameters: Parameters<HEAD, FAST, SLOW>,
     tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    learning: Option<Learning<f32>>,
     supervisor: Supervisor,
     checksum: Option<u32>,
 }
+
+/// What a controller is built from.
+pub(crate) type Parts<const HEAD: usize, const FAST: usize, const SLOW: usize> =
+    (Parameters<HEAD, FAST, SLOW>, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>, Option<Learning<f32>>, Supervisor);
 
 /// Why a blob was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -183,7 +188,9 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
         let step_s = 1.0 / f64::from(parameters.rate_hz);
         let law = Law::from_coefficients(&parameters.law, step_s, parameters.actuator.mass_kg);
         let law = law.map_err(BlobError::Law)?;
-        let supervisor = Supervisor::new(&parameters.limits, parameters.rate_hz).map_err(BlobError::Limits)?;
+        let supervisor = Supervisor::new(&parameters.limits, parameters.rate_hz)
+            .and_then(|supervisor| supervisor.behind(parameters.amplifier_lag, parameters.rate_hz))
+            .map_err(BlobError::Limits)?;
         parameters.check_reach(command_v, converters.monitor_v)?;
         let sensor_m = |volts| parameters.sensor.apply(volts) - parameters.sensor_offset_m;
         let plausible = parameters.limits.sensor.low..=parameters.limits.sensor.high;
@@ -191,12 +198,18 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
             return Err(BlobError::Unplugged);
         }
         let limits = parameters.control.command_limits(&parameters.limits, parameters.amplifier_lag);
-        let tracking = Tracking::new(law, &parameters.actuator, limits, parameters.control.observer_options());
-        let tracking = tracking.map_err(|error| match error {
+        let refused = |error| match error {
             ControlError::Actuator(error) => BlobError::Actuator(error),
             error => BlobError::Control(error),
-        })?;
-        Ok(Self { parameters, tracking, supervisor, checksum: None })
+        };
+        let learning = parameters
+            .control
+            .learning_options()
+            .map(|options| Learning::new(&law, &parameters.actuator, limits.max_voltage_v, options).map_err(refused));
+        let learning = learning.transpose()?;
+        let tracking = Tracking::new(law, &parameters.actuator, limits, parameters.control.observer_options());
+        let tracking = tracking.map_err(refused)?;
+        Ok(Self { parameters, tracking, learning, supervisor, checksum: None })
     }
 
     /// The parameters.
@@ -223,11 +236,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
         &self.tracking
     }
 
-    #[allow(clippy::type_complexity)] // its three fields
-    pub(crate) fn into_parts(
-        self,
-    ) -> (Parameters<HEAD, FAST, SLOW>, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>, Supervisor) {
-        (self.parameters, self.tracking, self.supervisor)
+    pub(crate) fn into_parts(self) -> Parts<HEAD, FAST, SLOW> {
+        (self.parameters, self.tracking, self.learning, self.supervisor)
     }
 }
 

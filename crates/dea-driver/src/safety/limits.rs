@@ -44,7 +44,8 @@ pub struct Limits {
     pub on_sensor_fault: OnSensorFault,
     /// Longest time without a heartbeat or a set-point of the host that armed, s.
     pub heartbeat_s: f32,
-    /// Time from disabling the amplifier until the film is at 0 V, s: through the amplifier's bleeder, or a film's own leakage.
+    /// Time from disabling the amplifier until the film is at 0 V, s: through the amplifier's bleeder, or a film's own leakage. Longer
+    /// where the amplifier's `fall_s` takes longer from the largest voltage.
     #[serde(default = "discharge_s")]
     pub discharge_s: f32,
 }
@@ -123,6 +124,8 @@ pub enum LimitsError {
     Monitor,
     /// Sensor limits that cannot be kept.
     Sensor,
+    /// Time constants of the amplifier that are negative, not finite or above 10 s.
+    Amplifier,
     /// A limit so large that it protects nothing, on its own or beside the others.
     TooLarge(&'static str),
     /// A limit so small that it protects nothing.
@@ -136,6 +139,7 @@ impl fmt::Display for LimitsError {
             Self::Monitor => {
                 f.write_str("monitor: slew and band must be greater than 0, share and settling time not negative")
             }
+            Self::Amplifier => f.write_str("amplifier: rise_s and fall_s must be from 0 to 10"),
             Self::TooLarge(quantity) => write!(f, "{quantity} is so large that it protects nothing"),
             Self::TooSmall(quantity) => write!(f, "{quantity} is so small that it protects nothing"),
             Self::Sensor => write!(

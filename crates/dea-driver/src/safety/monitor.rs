@@ -1,8 +1,10 @@
 //! The voltage monitor against the command.
 
-use crate::safety::MonitorLimits;
+use springpot::{AmplifierLag, AmplifierModel};
 
-/// Follows the command at the amplifier's own slew and compares the monitor with it.
+use crate::safety::{LimitsError, MonitorLimits};
+
+/// Follows the command at the amplifier's own slew and lag and compares the monitor with it.
 ///
 /// ```
 /// use dea_driver::{Limits, Monitor};
@@ -18,6 +20,9 @@ pub struct Monitor {
     slew_v_per_tick: f32,
     band_v: f32,
     band_share: f32,
+    /// The amplifier at its slowest and at its fastest.
+    slow: AmplifierModel<f32>,
+    fast: AmplifierModel<f32>,
     largest_excess: i32,
     /// Where an amplifier may be that follows the command at its slew or faster, V.
     lowest_v: f32,
@@ -40,6 +45,10 @@ const OUTSIDE: i32 = 16;
 /// command rises while it is below; only one that overshoots by a quarter falls there.
 const ARC_SHARE: f32 = 0.75;
 
+/// How much slower and faster an amplifier may be than its time constants say: they change with load, temperature and supply.
+const SLOWEST: f64 = 1.5;
+const FASTEST: f64 = 0.5;
+
 /// Time after an arc and its settling time within which another one trips, s.
 const AGAIN_S: f32 = 0.5;
 
@@ -54,6 +63,8 @@ impl Monitor {
             slew_v_per_tick: limits.slew_v_per_s / rate_hz,
             band_v: limits.band_v,
             band_share: limits.band_share,
+            slow: AmplifierModel::IDEAL,
+            fast: AmplifierModel::IDEAL,
             largest_excess: settle_ticks.saturating_mul(OUTSIDE),
             lowest_v: 0.0,
             highest_v: 0.0,
@@ -65,6 +76,21 @@ impl Monitor {
         }
     }
 
+    /// The same monitor of an amplifier with this `lag`, which may be half as slow or half as fast again, ticked `rate_hz` times a second.
+    ///
+    /// # Errors
+    ///
+    /// [`LimitsError::Amplifier`] for a time constant that is negative, not finite or above 10 s.
+    pub fn behind(self, lag: AmplifierLag, rate_hz: f32) -> Result<Self, LimitsError> {
+        let step_s = 1.0 / f64::from(rate_hz);
+        let model = |by: f64| {
+            let lag = AmplifierLag { rise_s: by * lag.rise_s, fall_s: by * lag.fall_s };
+            AmplifierModel::new(lag, step_s).map_err(|_| LimitsError::Amplifier)
+        };
+        model(1.0)?;
+        Ok(Self { slow: model(SLOWEST)?, fast: model(FASTEST)?, ..self })
+    }
+
     /// Starts again at 0 V, with nothing counted.
     pub fn reset(&mut self) {
         (self.lowest_v, self.highest_v, self.excess) = (0.0, 0.0, 0);
@@ -74,8 +100,8 @@ impl Monitor {
     /// Compares the command of the last tick (V) with the monitor (V); false once they have differed for longer than the settle
     /// time, in one piece or in many: sixteen ticks of agreement make up for one without.
     ///
-    /// An amplifier may be faster than its slew: any voltage agrees that one of that slew or more can have, also where the command
-    /// has turned back meanwhile. The reading may be new or have been sampled a tick ago, as a converter has it that answers with
+    /// An amplifier may be faster than its slew: any voltage agrees that one of that slew or more can have, and that [lags](Self::behind)
+    /// no more and no less than it may, also where the command has turned back meanwhile. The reading may be new or have been sampled a tick ago, as a converter has it that answers with
     /// the sample of the frame before: so what agreed in the tick before agrees as well. Around these voltages there is the band.
     /// NaN differs.
     ///
@@ -89,8 +115,12 @@ impl Monitor {
         // The slowest from below and from above.
         let risen_v = self.lowest_v + self.slew_v_per_tick;
         let fallen_v = self.highest_v - self.slew_v_per_tick;
-        self.lowest_v = if risen_v < command_v { risen_v } else { command_v };
-        self.highest_v = if fallen_v > command_v { fallen_v } else { command_v };
+        let rises = if command_v > self.lowest_v { &self.slow } else { &self.fast };
+        let falls = if command_v < self.highest_v { &self.slow } else { &self.fast };
+        let followed_v = rises.advance(self.lowest_v, command_v);
+        self.lowest_v = if risen_v < followed_v { risen_v } else { followed_v };
+        let followed_v = falls.advance(self.highest_v, command_v);
+        self.highest_v = if fallen_v > followed_v { fallen_v } else { followed_v };
         let lowest_v = if self.lowest_v < lowest_before_v { self.lowest_v } else { lowest_before_v };
         let highest_v = if self.highest_v > highest_before_v { self.highest_v } else { highest_before_v };
         let band = self.band_v + self.band_share * highest_v;

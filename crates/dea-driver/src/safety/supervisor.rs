@@ -3,6 +3,7 @@
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
+use springpot::AmplifierLag;
 
 use crate::safety::limits::positive;
 use crate::safety::monitor::bounded;
@@ -200,6 +201,9 @@ pub struct Supervisor {
     last_fault: Option<SensorFault>,
 }
 
+/// Bound of the search for the time that a film takes to 0 V: e^16 is nine million.
+const MOST_TIME_CONSTANTS: u8 = 16;
+
 impl Supervisor {
     /// A disarmed supervisor of a loop at `rate_hz`.
     ///
@@ -237,6 +241,25 @@ impl Supervisor {
             monitor_v: f32::NAN,
             last_fault: None,
         })
+    }
+
+    /// The same supervisor of an amplifier with this `lag`, ticked `rate_hz` times a second: its monitor expects it, and a disabled film
+    /// has the time that `fall_s` takes to 0 V.
+    ///
+    /// # Errors
+    ///
+    /// As [`Monitor::behind`].
+    #[allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, clippy::cast_sign_loss)] // saturates
+    pub fn behind(self, lag: AmplifierLag, rate_hz: f32) -> Result<Self, LimitsError> {
+        let monitor = self.monitor.behind(lag, rate_hz)?;
+        // From the largest voltage into the monitor's band, and one more for a bleeder that is slower than it says.
+        let time_constants = (0..MOST_TIME_CONSTANTS).scan(self.monitored_v, |voltage_v, _| {
+            *voltage_v *= core::f32::consts::E.recip();
+            (*voltage_v > self.live_v).then_some(())
+        });
+        let time_constants = (time_constants.count() + 2) as f32;
+        let falls_ticks = (lag.fall_s as f32 * rate_hz * time_constants) as u32;
+        Ok(Self { monitor, discharge_ticks: self.discharge_ticks.max(falls_ticks), ..self })
     }
 
     /// The state.

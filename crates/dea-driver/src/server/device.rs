@@ -3,7 +3,7 @@
 use heapless::{Deque, String};
 
 use crate::chips::Drive;
-use crate::control::{Controller, Inputs, Mode, Outputs, SetpointError, Telemetry};
+use crate::control::{Controller, Inputs, LearningOrder, Mode, Outputs, SetpointError, Telemetry};
 use crate::safety::{Cause, DriverState, Refusal, Supervisor};
 use crate::wire::{Answer, Inspection, Reject, Status};
 
@@ -328,6 +328,20 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
     /// [`Reject::Value`] as there, and [`Reject::NoParameters`].
     pub fn set_reference(&mut self, metres: f32) -> Result<(), Denial> {
         Ok(self.installed()?.set_reference(metres)?)
+    }
+
+    /// [`Controller::order_learning`].
+    ///
+    /// # Errors
+    ///
+    /// [`Reject::NoParameters`], and [`Reject::Value`] where the parameters ask for no learning.
+    pub fn order_learning(&mut self, order: LearningOrder) -> Result<(), Denial> {
+        let controller = self.installed()?;
+        if controller.parameters().control.harmonics == 0 {
+            return Err(Denial::Rejected(Reject::Value));
+        }
+        controller.order_learning(order);
+        Ok(())
     }
 
     pub(super) fn installed(&mut self) -> Result<&mut Controller<HEAD, FAST, SLOW>, Denial> {

@@ -3,7 +3,7 @@
 use embedded_storage::nor_flash::NorFlash;
 use heapless::String;
 
-use crate::control::{Controller, Mode};
+use crate::control::{Controller, LearningOrder, Mode};
 use crate::parameters::{Blob, SCHEMA, Store, StoreError};
 use crate::safety::{Cause, DriverState, Refusal};
 use crate::server::{Denial, Device, Upload};
@@ -209,6 +209,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
             Command::PanicMessage => return Answer::PanicMessage(shortened(board.panic_message())),
             Command::Drill(drill) if board.drill(drill) => Ok(()),
             Command::Drill(_) => Err(Denial::Rejected(Reject::Unknown)),
+            Command::Learning(order) => self.drive(token, Act::Learning(order), board),
             Command::Reload => self.reload(board),
             Command::Inspect => {
                 let found = board.with(|device| device.inspection()).0;
@@ -293,6 +294,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
                 Act::Start(mode) => device.start(mode)?,
                 Act::SetVoltage(volts) => device.set_voltage(volts)?,
                 Act::SetReference(metres) => device.set_reference(metres)?,
+                Act::Learning(order) => device.order_learning(order)?,
             }
             device.heartbeat();
             Ok(())
@@ -376,6 +378,7 @@ enum Act {
     Start(Mode),
     SetVoltage(f32),
     SetReference(f32),
+    Learning(LearningOrder),
 }
 
 /// A token other than `last`, and not 0: which one depends on when it is drawn, so that a host that armed before a reset does

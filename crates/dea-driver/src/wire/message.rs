@@ -3,7 +3,7 @@
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Followed, Mode, Step, Target, Telemetry, TickCodes, Ticked};
+use crate::control::{Followed, LearningOrder, Mode, Step, Target, Telemetry, TickCodes, Ticked};
 use crate::safety::{DriverState, Refusal};
 use crate::wire::{FrameError, Inspection};
 
@@ -106,6 +106,8 @@ pub enum Command {
         /// Tick by tick.
         inputs: Vec<TickCodes, BATCH>,
     },
+    /// What is to become of what was learned of a periodic reference. While the amplifier is enabled, only from the host that armed.
+    Learning(LearningOrder),
 }
 
 /// Faults that an image for drills causes on purpose.

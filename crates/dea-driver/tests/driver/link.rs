@@ -79,6 +79,7 @@ fn messages() -> Vec<Message> {
         disturbance_n: 6.0,
         force_scale: 7.0,
         innovation_m: 8.0,
+        learned_m: 0.0,
         limited: u8::MAX,
     };
     let identity = Identity {

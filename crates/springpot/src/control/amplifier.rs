@@ -94,6 +94,11 @@ pub struct AmplifierModel<T> {
     left: T,
 }
 
+impl AmplifierModel<f32> {
+    /// Of an amplifier that follows at once.
+    pub const IDEAL: Self = Self { up: 1.0, down: 1.0, left: 0.0 };
+}
+
 impl<T: Real> AmplifierModel<T> {
     /// Of `lag`, in ticks of `step_s` (s).
     ///
@@ -106,11 +111,7 @@ impl<T: Real> AmplifierModel<T> {
         let left = |time_s: f64| if time_s > 0.0 { libm::exp(-step_s / time_s) } else { 0.0 };
         let up = 1.0 - left(lag.rise_s);
         let down = 1.0 - left(lag.rise_s.min(lag.fall_s));
-        Ok(Self {
-            up: T::from_f64(up),
-            down: T::from_f64(down),
-            left: T::from_f64(left(lag.fall_s)),
-        })
+        Ok(Self { up: T::from_f64(up), down: T::from_f64(down), left: T::from_f64(left(lag.fall_s)) })
     }
 
     /// The voltage (V) at the end of a tick of which `command` (V) was asked, from `voltage` (V) at its begin.

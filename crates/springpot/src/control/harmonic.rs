@@ -57,6 +57,13 @@ impl<T: Real> Harmonic<T> {
         }
     }
 
+    /// What it has learned, nothing of it added yet.
+    pub(crate) fn kept(self) -> Self {
+        let zero = [T::ZERO; 2];
+        // Nothing has changed against the block before: the film's answer stays as it was measured.
+        Self { added: zero, tried: self.target, sum: zero, ..self }
+    }
+
     /// Begins a block.
     pub(crate) fn begin(&mut self) {
         self.sum = [T::ZERO; 2];

@@ -258,6 +258,12 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         state
     }
 
+    /// A state for another run of the same reference, which begins at `position` (m), with what `learned` has learned.
+    #[must_use]
+    pub fn carried_over(&self, learned: &LearningState<T, PAST>, position: T) -> LearningState<T, PAST> {
+        LearningState { harmonics: learned.harmonics.map(Harmonic::kept), ..self.state(position) }
+    }
+
     /// The reference to follow at the end of this tick (m) instead of `reference` (m), from a `sample` if one has arrived.
     /// `is_free`: the command before met no limit; nothing is learned from blocks with limits.
     ///

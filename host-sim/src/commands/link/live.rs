@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use dea_driver::wire::{Answer, Command, Reject, Telemetry};
+use dea_driver::wire::{Answer, Command, LearningOrder, Reject, Telemetry};
 use dea_driver::{Cause, DriverState, Refusal};
 use serde::Serialize;
 
@@ -54,6 +54,9 @@ pub(super) struct Play {
     /// What the controller follows.
     #[arg(long, value_enum, default_value_t = What::Voltage)]
     mode: What,
+    /// Begin with what the run before has learned of the same periodic reference.
+    #[arg(long)]
+    carry_over: bool,
     /// With --params or --blob: plays only if the board runs these parameters.
     #[command(flatten)]
     parameters: Source,
@@ -233,6 +236,9 @@ impl Play {
     }
 
     fn play(&self, client: &mut Client, log: &mut Log, values: &[f32], stop: &AtomicBool) -> Result<()> {
+        if self.carry_over {
+            client.order(Command::Learning(LearningOrder::CarryOver))?;
+        }
         client.order(Command::Start(self.mode.into()))?;
         let mut damaged = 0;
         let mut rounds = 0;
@@ -338,7 +344,7 @@ impl Log {
 type Column = (&'static str, fn(&Telemetry) -> f64);
 
 /// Behind the time.
-const COLUMNS: [Column; 10] = [
+const COLUMNS: [Column; 11] = [
     ("tick", |sample| f64::from(sample.tick)),
     ("command_v", |sample| f64::from(sample.command_v)),
     ("voltage_v", |sample| f64::from(sample.monitor_v)),
@@ -348,5 +354,6 @@ const COLUMNS: [Column; 10] = [
     ("disturbance_n", |sample| f64::from(sample.disturbance_n)),
     ("force_scale", |sample| f64::from(sample.force_scale)),
     ("innovation_m", |sample| f64::from(sample.innovation_m)),
+    ("learned_m", |sample| f64::from(sample.learned_m)),
     ("limited", |sample| f64::from(sample.limited)),
 ];

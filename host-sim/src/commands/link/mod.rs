@@ -6,7 +6,7 @@ mod self_test;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
-use dea_driver::wire::{Answer, Command, Identity, Mode, Status};
+use dea_driver::wire::{Answer, Command, Identity, LearningOrder, Mode, Status};
 use dea_driver::{Blob, BlobHeader};
 use serde::Serialize;
 
@@ -51,6 +51,14 @@ enum Verb {
     Reload,
     /// Set the voltage or the displacement of the run.
     Set(Set),
+    /// Forget what was learned of a periodic reference, or carry it over to the next run, for parameters with board.control.harmonics.
+    Learning {
+        /// What is to become of it.
+        #[arg(value_enum)]
+        order: Order,
+        #[command(flatten)]
+        token: Token,
+    },
     /// Send parameters; they are kept over a reset.
     Upload(Upload),
     /// Write what the controller measures and predicts to a file, until Ctrl-C.
@@ -81,6 +89,24 @@ impl From<What> for Mode {
             What::Voltage => Self::Voltage,
             What::Feedforward => Self::Feedforward,
             What::Tracking => Self::Tracking,
+        }
+    }
+}
+
+/// What is to become of what was learned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Order {
+    /// It is forgotten now.
+    Forget,
+    /// The next run begins with it; it must follow the same reference from its beginning on.
+    CarryOver,
+}
+
+impl From<Order> for LearningOrder {
+    fn from(order: Order) -> Self {
+        match order {
+            Order::Forget => Self::Forget,
+            Order::CarryOver => Self::CarryOver,
         }
     }
 }
@@ -225,6 +251,14 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             client.go_on(set.token.token);
             client.order(set.target.command()).map(|()| "set")
         }
+        Verb::Learning { order, token } => {
+            client.go_on(token.token);
+            let done = match order {
+                Order::Forget => "what was learned is forgotten",
+                Order::CarryOver => "the next run begins with what was learned",
+            };
+            client.order(Command::Learning((*order).into())).map(|()| done)
+        }
         Verb::Upload(upload) => {
             client.upload(&blob.unwrap_or_default(), !upload.only_try)?;
             Ok(if upload.only_try {
@@ -254,10 +288,13 @@ impl Source {
             (Some(params), _) => {
                 let parameters = Parameters::load(params)?;
                 let board = match parameters.board.clone() {
-                    Some(board) => board,
+                    Some(board) if self.bench || !board.is_partial => board,
                     None if self.bench => parameters.bench(self.rate),
-                    None => {
-                        let cause = "no [board] table: calibrations and limits of your bench are needed (docs/formats.md), or --bench";
+                    found => {
+                        let what = found.map_or("no [board] table", |_| "the [board] table leaves something out");
+                        let cause = format!(
+                            "{what}: calibrations and limits of your bench are needed (docs/formats.md), or --bench"
+                        );
                         return Err(Error::file(params.as_ref(), cause));
                     }
                 };

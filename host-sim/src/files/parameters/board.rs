@@ -35,6 +35,9 @@ pub struct Board {
     pub limits: Limits,
     /// Settings of reference, feedforward, observer and learning.
     pub control: Control,
+    /// Whether the file leaves calibrations or limits to the paper's bench: no film is driven with them unasked.
+    #[serde(skip)]
+    pub is_partial: bool,
 }
 
 /// The `[board]` table as it is written. What is left out is that of the paper's bench.
@@ -68,6 +71,12 @@ fn some_calibration<'de, D: de::Deserializer<'de>>(
 impl BoardTable {
     /// The board, with what it leaves out from `bench`.
     pub(super) fn board(&self, bench: Board) -> Board {
+        let is_partial = self.id.is_none()
+            || self.command_range.is_none()
+            || !self.amplifier.as_ref().is_some_and(|(calibration, _)| calibration.is_some())
+            || self.monitor.is_none()
+            || self.sensor.is_none()
+            || self.limits.is_none();
         let (amplifier, amplifier_lag) = self.amplifier.clone().unwrap_or((None, bench.amplifier_lag));
         Board {
             id: self.id.unwrap_or(bench.id),
@@ -78,6 +87,7 @@ impl BoardTable {
             sensor: self.sensor.clone().unwrap_or(bench.sensor),
             limits: self.limits.unwrap_or(bench.limits),
             control: self.control.unwrap_or(bench.control),
+            is_partial,
         }
     }
 }
@@ -96,6 +106,7 @@ impl Board {
             sensor: Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
             limits: Limits::bench(actuator.thickness_m as f32),
             control: Control::BENCH,
+            is_partial: false,
         }
     }
 
