@@ -252,7 +252,9 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             }
         }
         let wanted = self.tracking.command(&mut self.course, followed_m);
-        if let Some(learner) = &mut self.learner {
+        if !leads {
+            self.course.correct_wholly();
+        } else if let Some(learner) = &mut self.learner {
             learner.commanded(&wanted);
         }
         let wanted_v = if leads { wanted.voltage } else { target };

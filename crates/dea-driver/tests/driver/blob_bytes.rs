@@ -1,9 +1,9 @@
 //! The bytes of a blob stay what they were: controllers hold blobs of earlier hosts with the same schema.
 //!
-//! The files under `blobs/` were written by `host-sim export` when the blob got schema 3.
+//! The files under `blobs/` were written by `host-sim export` when the blob got schema 4.
 
 use dea_driver::{BLOB_LEN, Blob, Parameters};
-use springpot::{Actuator, Curve, Law, Maxwell, Method, Options, Preload, Preset, Springpot, Topology};
+use springpot::{Actuator, AmplifierLag, Curve, Law, Maxwell, Method, Options, Preload, Preset, Springpot, Topology};
 
 const BOARD: u16 = 0x0405;
 const PRESET: &[u8] = include_bytes!("blobs/table3-n2.bin");
@@ -58,4 +58,6 @@ fn a_blob_carries_the_curve_and_the_method() {
     let law: Law<f32> = Law::compressed(&model, options).and_then(|law| law.behind(&curve)).expect("valid");
     assert_eq!(curved.law, law.coefficients());
     assert_eq!((curved.law.method, curved.law.curve.len()), (Method::Bdf2, 4));
+    assert_eq!(curved.amplifier_lag, AmplifierLag { rise_s: 0.1, fall_s: 0.5 });
+    assert_eq!((curved.control.harmonics, curved.control.period_s), (5, 2.5));
 }

@@ -8,29 +8,35 @@ use crate::scalar::Real;
 ///
 /// The loop's sensitivity passes 1 near 0.8: above that, feedback makes an error larger.
 const FADES: [f64; 2] = [0.6, 0.85];
-/// The least share: a twentieth of the bandwidth for what is slow, and a sensitivity of 1 within two percent for what is not.
-pub(crate) const LEAST: f64 = 0.05;
-/// Time over which the reference's frequency is measured, and the share changes, times the bandwidth in rad/s.
-const MEMORY: f64 = 4.0;
-/// The same for the distance from the mean: the time after which a move counts as the mean.
-const DISTANCE: f64 = 2.0;
-/// The same for the share.
-const FOLLOWING: f64 = 1.0;
-/// Weight of the present distance beside its mean square: a single rise is no fast cycle, though little distance has been seen yet.
-const PRESENT: f64 = 0.4;
+/// The least share: a thirtieth of the bandwidth for what is slow, and a sensitivity of 1 within a percent for what is not.
+const LEAST: f64 = 0.03;
+/// Times, in units of 1 / ω of the bandwidth: after which a move counts as the mean, over which distances are averaged, and over which
+/// the share changes.
+const FORGETS: f64 = 2.0;
+const AVERAGES: f64 = 4.0;
+const FOLLOWS: f64 = 1.0;
 
-/// Measures the frequency of a reference as the ratio of speed to distance from its mean, both RMS.
+/// Measures the frequency of a reference q by how far it goes and how far it gets.
+///
+/// With the speed v = dq/dt, a time constant T and means over some time,
+///
+/// ```text
+/// ρ = mean of T |v|, after a lag of T / mean of T |v after a lag of T|
+/// ```
+///
+/// is 1 for every step and ramp, also while it happens, and √(1 + ω² T²) for a sine. Slow cycles and moves of any speed keep the whole
+/// correction, fast cycles lose it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fade<T> {
-    /// Share of the distance that is forgotten in a tick.
-    forgetting: T,
-    /// Weight of a tick in the means.
-    weight: T,
-    /// The same for the share.
-    following: T,
-    /// Square of a distance from the mean that does not count, m².
+    /// Weights of a tick in the three lags.
+    forgets: T,
+    averages: T,
+    follows: T,
+    /// T in ticks.
+    ticks: T,
+    /// Distance from the mean that does not count, m.
     floor: T,
-    /// Share that is lost per square of the frequency, and the share at 0, unbounded: of the squared angle in a tick.
+    /// Share that is lost per ρ, and the share at ρ = 0, unbounded.
     falls: T,
     highest: T,
 }
@@ -38,11 +44,12 @@ pub(crate) struct Fade<T> {
 /// What changes with every tick of a [`Fade`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FadeState<T> {
-    /// Distance from the slow mean, m.
+    /// T times the speed after a lag: distance from the slow mean, m.
     distance: T,
-    /// Means of the squared distance (m²) and of the squared increment (m² per tick²).
-    distance_square: T,
-    increment_square: T,
+    /// Mean of its size, m.
+    gets: T,
+    /// Mean of T times the size of the speed, before and after a lag, m.
+    goes: [T; 2],
     /// The share now.
     share: T,
 }
@@ -51,43 +58,43 @@ impl<T: Real> Fade<T> {
     /// For an observer of `bandwidth_hz`, ticked every `step_s` (s). References that move by much less than `least_m` (m) do not count.
     pub(crate) fn new(bandwidth_hz: f64, step_s: f64, least_m: f64) -> Self {
         let angle = TAU * bandwidth_hz * step_s;
-        // Forgotten distance adds the square of its rate.
-        let [from, to] = FADES.map(|share| (share * share + 1.0 / (DISTANCE * DISTANCE)) * angle * angle);
+        let weight = |time: f64| T::from_f64(angle / (angle + time));
+        let [from, to] = FADES.map(|frequency| libm::sqrt(1.0 + frequency * frequency * FORGETS * FORGETS));
         let falls = (1.0 - LEAST) / (to - from);
         Self {
-            forgetting: T::from_f64(angle / (angle + DISTANCE)),
-            weight: T::from_f64(angle / (angle + MEMORY)),
-            following: T::from_f64(angle / (angle + FOLLOWING)),
-            floor: T::from_f64(least_m * least_m),
+            forgets: weight(FORGETS),
+            averages: weight(AVERAGES),
+            follows: weight(FOLLOWS),
+            ticks: T::from_f64((angle + FORGETS) / angle),
+            floor: T::from_f64(least_m),
             falls: T::from_f64(falls),
             highest: T::from_f64(1.0 + falls * from),
         }
     }
 
-    /// Takes the next `increment` (m) of the reference.
+    /// Takes the next `increment` (m) of the reference. `is_learned`: the errors of its cycles are left to a learning.
     #[inline]
     pub(crate) fn advance(&self, state: &mut FadeState<T>, increment: T, is_learned: bool) {
-        let distance = state.distance + increment;
-        state.distance = distance - self.forgetting * distance;
-        state.distance_square =
-            state.distance_square + self.weight * (state.distance * state.distance - state.distance_square);
-        state.increment_square =
-            state.increment_square + self.weight * (increment * increment - state.increment_square);
-        let present = T::from_f64(PRESENT) * state.distance * state.distance;
-        let square = state.increment_square / (state.distance_square + present + self.floor);
+        let size = |value: T| if value < T::ZERO { -value } else { value };
+        let moved = self.ticks * increment;
+        state.distance = state.distance + self.forgets * (moved - state.distance);
+        state.gets = state.gets + self.averages * (size(state.distance) - state.gets);
+        let [mean, lagged] = state.goes;
+        let mean = mean + self.averages * (size(moved) - mean);
+        let lagged = lagged + self.forgets * (mean - lagged);
+        state.goes = [mean, lagged];
         let (one, least) = (T::from_f64(1.0), T::from_f64(LEAST));
-        let share = self.highest - self.falls * square;
+        let share = self.highest - self.falls * (lagged / (state.gets + self.floor));
         let share = if share > one { one } else { share };
         let share = if share < least || is_learned { least } else { share };
-        state.share = state.share + self.following * (share - state.share);
+        state.share = state.share + self.follows * (share - state.share);
     }
 }
 
 impl<T: Real> FadeState<T> {
     /// A reference at rest.
     pub(crate) fn at_rest() -> Self {
-        let one = T::from_f64(1.0);
-        Self { distance: T::ZERO, distance_square: T::ZERO, increment_square: T::ZERO, share: one }
+        Self { distance: T::ZERO, gets: T::ZERO, goes: [T::ZERO; 2], share: T::from_f64(1.0) }
     }
 
     /// The share of the correction that is in use.

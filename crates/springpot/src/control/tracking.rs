@@ -17,6 +17,10 @@ use crate::scalar::{Real, Scalar};
 ///
 /// With Q the low-pass of the observer, a film whose response is 1 + Δ times the model's follows its reference with the
 /// error (1 − Q) Δ / (1 + Q Δ): below the bandwidth the model's error is compensated, above it the feedforward acts alone.
+/// References near the bandwidth and above it would meet that error amplified, by the phase of Q. So their frequency is measured, and
+/// above 0.6 bandwidths less and less of the correction is used: a thirtieth from 0.85 bandwidths on, which corrects their mean. Steps, ramps
+/// and slow cycles keep all of it.
+///
 /// While the sensor is lost the feedforward acts alone as well, with the disturbance and force scale learned so far.
 ///
 /// ```
@@ -70,7 +74,7 @@ pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const P
 state_traits!(TrackingState<T, M, PAST> { observer, inverse, fade, is_learned });
 
 /// Share of the static stroke at the largest voltage by which a reference must move so that its frequency counts.
-const LEAST_SHARE: f64 = 5e-3;
+const LEAST_SHARE: f64 = 2e-3;
 
 impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// Tracking for `actuator` along `law` within `limits`, with an observer of these `options`.
@@ -137,6 +141,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
     #[must_use]
     pub fn observer(&self) -> &ObserverState<T, M, PAST> {
         &self.observer
+    }
+
+    /// The whole correction is in use from now on, until the next command: for a film whose voltage does not follow the sensor.
+    pub fn correct_wholly(&mut self) {
+        self.fade = FadeState::at_rest();
+        self.observer.set_share(self.fade.share());
     }
 
     /// From now on the errors of cycles are learned, or not: the observer leaves them to a [`Learning`](crate::Learning).
