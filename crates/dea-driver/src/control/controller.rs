@@ -1,6 +1,6 @@
 //! The control tick.
 
-use springpot::{Applied, Compressed, Law, Limited, SensorSample, State, Tracking, TrackingState};
+use springpot::{Applied, Compressed, Law, Limited, SensorSample, State, Tracking, TrackingState, VoltageCommand};
 
 use crate::control::learner::Learner;
 #[cfg(feature = "loop-test")]
@@ -87,18 +87,9 @@ type Watched = Compressed<f32, 4, 11, 7>;
 /// }
 /// ```
 #[derive(Clone, Debug)]
+#[repr(C)] // what a tick needs first, within the reach of a load's offset
 pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
-    parameters: Parameters<HEAD, FAST, SLOW>,
-    checksum: Option<u32>,
     supervisor: Supervisor,
-    tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
-    /// The film as the ticks estimate it, and its reference.
-    course: TrackingState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
-    /// None where the parameters ask for none.
-    learner: Option<Learner>,
-    /// The film as the commanded voltage alone moves it: no sensor corrects it. Its law has fewer modes.
-    watched: Law<f32, Watched>,
-    open_loop: State<f32, Watched>,
     /// How the film thins with the stroke, 1/m.
     thinning_per_m: f32,
     /// Shares of the force at the largest voltage per newton.
@@ -111,6 +102,16 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     ran: bool,
     /// What this run follows: a voltage (V) or a reference (m), as its mode has it; none until one is set.
     target: Ramp,
+    parameters: Parameters<HEAD, FAST, SLOW>,
+    checksum: Option<u32>,
+    tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    /// The film as the ticks estimate it, and its reference.
+    course: TrackingState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    /// The film as the commanded voltage alone moves it: no sensor corrects it. Its law has fewer modes.
+    watched: Law<f32, Watched>,
+    open_loop: State<f32, Watched>,
+    /// None where the parameters ask for none.
+    learner: Option<Learner>,
     #[cfg(feature = "loop-test")]
     test: LoopTest<HEAD, FAST, SLOW>,
 }
@@ -241,22 +242,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         // NaN until one is set, which is 0 V.
         let target = self.target.next();
         let leads = follows && !target.is_nan();
-        let mut learned_m = 0.0;
-        let mut followed_m = predicted_m;
-        if leads {
-            followed_m = target;
-            if let Some(learner) = &mut self.learner {
-                followed_m = learner.advance(target, sample);
-                learned_m = learner.added_m();
-                self.course.leave_cycles(learner.has_learned());
-            }
-        }
-        let wanted = self.tracking.command(&mut self.course, followed_m);
-        if !leads {
-            self.course.correct_wholly();
-        } else if let Some(learner) = &mut self.learner {
-            learner.commanded(&wanted);
-        }
+        let (wanted, learned_m) = self.lead(target, leads, predicted_m, sample);
         let wanted_v = if leads { wanted.voltage } else { target };
         let estimated_m = if open_loop_m > predicted_m { open_loop_m } else { predicted_m };
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > estimated_m).unwrap_or(estimated_m);
@@ -284,6 +270,28 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             limited: wanted.limited.bits() & if follows { u8::MAX } else { Limited::BEYOND_CURVE.bits() },
         };
         Outputs { enable, dac_v, telemetry }
+    }
+
+    /// The command for `target` (m), and what was learned of it (m). Where nothing `leads`, the reference stays with the film.
+    #[inline]
+    fn lead(
+        &mut self,
+        target: f32,
+        leads: bool,
+        predicted_m: f32,
+        sample: Option<SensorSample<f32>>,
+    ) -> (VoltageCommand<f32>, f32) {
+        let Self { tracking, course, learner, .. } = self;
+        if !leads {
+            course.correct_wholly();
+            return (tracking.command(course, predicted_m), 0.0);
+        }
+        let Some(learner) = learner else { return (tracking.command(course, target), 0.0) };
+        let reference_m = learner.advance(target, sample);
+        course.leave_cycles(learner.has_learned());
+        let wanted = tracking.command(course, reference_m);
+        learner.commanded(&wanted);
+        (wanted, learner.added_m())
     }
 
     /// The host that armed is alive: its timeout starts again.

@@ -20,9 +20,8 @@ pub struct Monitor {
     slew_v_per_tick: f32,
     band_v: f32,
     band_share: f32,
-    /// The amplifier at its slowest and at its fastest.
-    slow: AmplifierModel<f32>,
-    fast: AmplifierModel<f32>,
+    /// The amplifier at its slowest and at its fastest; none that follows at once.
+    lag: Option<[AmplifierModel<f32>; 2]>,
     largest_excess: i32,
     /// Where an amplifier may be that follows the command at its slew or faster, V.
     lowest_v: f32,
@@ -63,8 +62,7 @@ impl Monitor {
             slew_v_per_tick: limits.slew_v_per_s / rate_hz,
             band_v: limits.band_v,
             band_share: limits.band_share,
-            slow: AmplifierModel::IDEAL,
-            fast: AmplifierModel::IDEAL,
+            lag: None,
             largest_excess: settle_ticks.saturating_mul(OUTSIDE),
             lowest_v: 0.0,
             highest_v: 0.0,
@@ -85,10 +83,11 @@ impl Monitor {
         let step_s = 1.0 / f64::from(rate_hz);
         let model = |by: f64| {
             let lag = AmplifierLag { rise_s: by * lag.rise_s, fall_s: by * lag.fall_s };
-            AmplifierModel::new(lag, step_s).map_err(|_| LimitsError::Amplifier)
+            AmplifierModel::lagging(lag, step_s).map_err(|_| LimitsError::Amplifier)
         };
         model(1.0)?;
-        Ok(Self { slow: model(SLOWEST)?, fast: model(FASTEST)?, ..self })
+        let lag = model(SLOWEST)?.zip(model(FASTEST)?).map(|(slow, fast)| [slow, fast]);
+        Ok(Self { lag, ..self })
     }
 
     /// Starts again at 0 V, with nothing counted.
@@ -115,12 +114,9 @@ impl Monitor {
         // The slowest from below and from above.
         let risen_v = self.lowest_v + self.slew_v_per_tick;
         let fallen_v = self.highest_v - self.slew_v_per_tick;
-        let rises = if command_v > self.lowest_v { &self.slow } else { &self.fast };
-        let falls = if command_v < self.highest_v { &self.slow } else { &self.fast };
-        let followed_v = rises.advance(self.lowest_v, command_v);
-        self.lowest_v = if risen_v < followed_v { risen_v } else { followed_v };
-        let followed_v = falls.advance(self.highest_v, command_v);
-        self.highest_v = if fallen_v > followed_v { fallen_v } else { followed_v };
+        let [low_v, high_v] = self.followed(command_v);
+        self.lowest_v = if risen_v < low_v { risen_v } else { low_v };
+        self.highest_v = if fallen_v > high_v { fallen_v } else { high_v };
         let lowest_v = if self.lowest_v < lowest_before_v { self.lowest_v } else { lowest_before_v };
         let highest_v = if self.highest_v > highest_before_v { self.highest_v } else { highest_before_v };
         let band = self.band_v + self.band_share * highest_v;
@@ -136,6 +132,17 @@ impl Monitor {
         }
         self.watched = if arcs && over { self.watch_ticks } else { less(self.watched) };
         self.excess <= self.largest_excess
+    }
+}
+
+impl Monitor {
+    /// Where the command takes the slowest and the fastest amplifier in a tick, from the lowest and from the highest voltage (V).
+    #[inline]
+    fn followed(&self, command_v: f32) -> [f32; 2] {
+        let Some([slow, fast]) = &self.lag else { return [command_v; 2] };
+        let rises = if command_v > self.lowest_v { slow } else { fast };
+        let falls = if command_v < self.highest_v { slow } else { fast };
+        [rises.advance(self.lowest_v, command_v), falls.advance(self.highest_v, command_v)]
     }
 }
 

@@ -94,11 +94,6 @@ pub struct AmplifierModel<T> {
     left: T,
 }
 
-impl AmplifierModel<f32> {
-    /// Of an amplifier that follows at once.
-    pub const IDEAL: Self = Self { up: 1.0, down: 1.0, left: 0.0 };
-}
-
 impl<T: Real> AmplifierModel<T> {
     /// Of `lag`, in ticks of `step_s` (s).
     ///
@@ -112,6 +107,16 @@ impl<T: Real> AmplifierModel<T> {
         let up = 1.0 - left(lag.rise_s);
         let down = 1.0 - left(lag.rise_s.min(lag.fall_s));
         Ok(Self { up: T::from_f64(up), down: T::from_f64(down), left: T::from_f64(left(lag.fall_s)) })
+    }
+
+    /// The same, `None` for an amplifier that follows at once: it costs nothing.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new).
+    pub fn lagging(lag: AmplifierLag, step_s: f64) -> Result<Option<Self>, ControlError> {
+        let model = Self::new(lag, step_s)?;
+        Ok((lag != AmplifierLag::NONE).then_some(model))
     }
 
     /// The voltage (V) at the end of a tick of which `command` (V) was asked, from `voltage` (V) at its begin.

@@ -7,13 +7,13 @@ use crate::scalar::Real;
 /// Frequencies of a reference, in bandwidths: below the first the whole correction is in use, above the second the least.
 ///
 /// The loop's sensitivity passes 1 near 0.8: above that, feedback makes an error larger.
-const FADES: [f64; 2] = [0.6, 0.85];
+const FADES: [f64; 2] = [0.7, 0.9];
 /// The least share: a thirtieth of the bandwidth for what is slow, and a sensitivity of 1 within a percent for what is not.
 const LEAST: f64 = 0.03;
 /// Times, in units of 1 / ω of the bandwidth: after which a move counts as the mean, over which distances are averaged, and over which
 /// the share changes.
 const FORGETS: f64 = 2.0;
-const AVERAGES: f64 = 4.0;
+const AVERAGES: f64 = 6.0;
 const FOLLOWS: f64 = 1.0;
 
 /// Measures the frequency of a reference q by how far it goes and how far it gets.
@@ -28,12 +28,12 @@ const FOLLOWS: f64 = 1.0;
 /// correction, fast cycles lose it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fade<T> {
-    /// Weights of a tick in the three lags.
+    /// Weights of a sample in the three lags.
     forgets: T,
     averages: T,
     follows: T,
-    /// T in ticks.
-    ticks: T,
+    /// T in intervals.
+    intervals: T,
     /// Distance from the mean that does not count, m.
     floor: T,
     /// Share that is lost per ρ, and the share at ρ = 0, unbounded.
@@ -44,6 +44,8 @@ pub(crate) struct Fade<T> {
 /// What changes with every tick of a [`Fade`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FadeState<T> {
+    /// The reference at the sample before, m.
+    position: T,
     /// T times the speed after a lag: distance from the slow mean, m.
     distance: T,
     /// Mean of its size, m.
@@ -55,9 +57,10 @@ pub(crate) struct FadeState<T> {
 }
 
 impl<T: Real> Fade<T> {
-    /// For an observer of `bandwidth_hz`, ticked every `step_s` (s). References that move by much less than `least_m` (m) do not count.
-    pub(crate) fn new(bandwidth_hz: f64, step_s: f64, least_m: f64) -> Self {
-        let angle = TAU * bandwidth_hz * step_s;
+    /// For an observer of `bandwidth_hz` with samples every `interval_s` (s). References that move by much less than `least_m` (m) do not
+    /// count.
+    pub(crate) fn new(bandwidth_hz: f64, interval_s: f64, least_m: f64) -> Self {
+        let angle = TAU * bandwidth_hz * interval_s;
         let weight = |time: f64| T::from_f64(angle / (angle + time));
         let [from, to] = FADES.map(|frequency| libm::sqrt(1.0 + frequency * frequency * FORGETS * FORGETS));
         let falls = (1.0 - LEAST) / (to - from);
@@ -65,18 +68,20 @@ impl<T: Real> Fade<T> {
             forgets: weight(FORGETS),
             averages: weight(AVERAGES),
             follows: weight(FOLLOWS),
-            ticks: T::from_f64((angle + FORGETS) / angle),
+            intervals: T::from_f64((angle + FORGETS) / angle),
             floor: T::from_f64(least_m),
             falls: T::from_f64(falls),
             highest: T::from_f64(1.0 + falls * from),
         }
     }
 
-    /// Takes the next `increment` (m) of the reference. `is_learned`: the errors of its cycles are left to a learning.
+    /// Takes the `position` (m) of the reference, with every sample of the sensor. `is_learned`: the errors of its cycles are left to a
+    /// learning.
     #[inline]
-    pub(crate) fn advance(&self, state: &mut FadeState<T>, increment: T, is_learned: bool) {
+    pub(crate) fn advance(&self, state: &mut FadeState<T>, position: T, is_learned: bool) {
         let size = |value: T| if value < T::ZERO { -value } else { value };
-        let moved = self.ticks * increment;
+        let moved = self.intervals * (position - state.position);
+        state.position = position;
         state.distance = state.distance + self.forgets * (moved - state.distance);
         state.gets = state.gets + self.averages * (size(state.distance) - state.gets);
         let [mean, lagged] = state.goes;
@@ -92,9 +97,9 @@ impl<T: Real> Fade<T> {
 }
 
 impl<T: Real> FadeState<T> {
-    /// A reference at rest.
-    pub(crate) fn at_rest() -> Self {
-        Self { distance: T::ZERO, gets: T::ZERO, goes: [T::ZERO; 2], share: T::from_f64(1.0) }
+    /// A reference at rest at `position` (m).
+    pub(crate) fn at(position: T) -> Self {
+        Self { position, distance: T::ZERO, gets: T::ZERO, goes: [T::ZERO; 2], share: T::from_f64(1.0) }
     }
 
     /// The share of the correction that is in use.

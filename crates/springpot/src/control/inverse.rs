@@ -118,7 +118,8 @@ pub(crate) struct Inverse<T> {
     thinning: T,
     /// Largest change of voltage in a tick, V.
     slew: T,
-    amplifier: AmplifierModel<T>,
+    /// None where it follows at once.
+    amplifier: Option<AmplifierModel<T>>,
     /// Weight of a tick in the means of the voltage.
     averaging: T,
     /// Mean voltage above which the amplifier's gain is estimated, V.
@@ -162,7 +163,7 @@ impl<T: Real> Inverse<T> {
             field_voltage: T::from_f64(limits.field_voltage(actuator)),
             thinning: T::from_f64(actuator.thinning_per_m()),
             slew: T::from_f64(slew),
-            amplifier: AmplifierModel::new(limits.amplifier, step_s)?,
+            amplifier: AmplifierModel::lagging(limits.amplifier, step_s)?,
             averaging: T::from_f64(share_per_step(1.0 / GAIN_S, step_s)),
             gain_threshold: T::from_f64(0.02 * limits.max_voltage_v),
         };
@@ -185,7 +186,10 @@ impl<T: Real> Inverse<T> {
     pub(crate) fn record(&self, state: &mut InverseState<T>, applied: Applied<T>) -> T {
         let size = |voltage: T| if voltage < T::ZERO { -voltage } else { voltage };
         state.commanded = size(applied.commanded);
-        state.followed = self.amplifier.advance(state.followed, state.commanded);
+        state.followed = match &self.amplifier {
+            Some(amplifier) => amplifier.advance(state.followed, state.commanded),
+            None => state.commanded,
+        };
         if let Some(reading) = applied.reading.filter(|reading| is_finite(*reading)) {
             state.followed_mean = state.followed_mean + self.averaging * (state.followed - state.followed_mean);
             state.reading_mean = state.reading_mean + self.averaging * (size(reading) - state.reading_mean);
@@ -240,11 +244,14 @@ impl<T: Real> Inverse<T> {
         let largest = if field_voltage < self.max_voltage { field_voltage } else { self.max_voltage };
         let wanted = if wanted > largest { largest } else { wanted };
         // The command leads by as much as the amplifier lags.
-        let led = self.amplifier.lead(*followed, wanted);
-        if led > largest || wanted < self.amplifier.lowest(*followed) {
-            limited |= Limited::AMPLIFIER;
+        let mut allowed = wanted;
+        if let Some(amplifier) = &self.amplifier {
+            let led = amplifier.lead(*followed, wanted);
+            if led > largest || wanted < amplifier.lowest(*followed) {
+                limited |= Limited::AMPLIFIER;
+            }
+            allowed = if led > largest { largest } else { led };
         }
-        let allowed = if led > largest { largest } else { led };
         let slewed = clamp(allowed, *commanded - self.slew, *commanded + self.slew);
         if slewed < allowed || allowed < slewed {
             limited |= Limited::SLEW;

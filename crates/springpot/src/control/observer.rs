@@ -152,12 +152,8 @@ pub struct SensorSample<T> {
 pub struct Observer<T, M = crate::Compressed<T>, const PAST: usize = 64> {
     law: Law<T, M>,
     drive: VoltageDrive<T>,
-    /// K_P, N/m.
-    proportional_gain: T,
-    /// K_I times the step, N/m.
-    integral_gain: T,
-    /// Gain of the double integral times the step squared, N/m.
-    slope_gain: T,
+    /// The gains of the whole correction.
+    gains: Gains<T>,
     /// Ticks without a sample after which the sensor is lost; also the largest weight of a sample.
     lost_after: u32,
     /// Coefficients of first-order lags, per tick: of the disturbance (corner at 4 ω), of its return to the mean without a
@@ -166,6 +162,8 @@ pub struct Observer<T, M = crate::Compressed<T>, const PAST: usize = 64> {
     recovery: T,
     averaging: T,
     forgetting: T,
+    /// Share of the slope that is forgotten with a sample, where none of it is in use.
+    forgetting_slope: T,
     /// 1 where the force scale adapts, otherwise 0.
     adapting: T,
     /// Added to the excitation in the least squares, N²: bounds the first steps of the force scale.
@@ -201,11 +199,23 @@ pub struct ObserverState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const P
     load: Load<T>,
     /// Share of the correction that is in use.
     share: T,
+    gains: Gains<T>,
+    /// 1 where the force scale adapts, otherwise 0.
+    adapting: T,
+}
+
+/// Gains of the share that is in use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Gains<T> {
+    /// Of the proportional action, N/m, of the integral times the step, N/m, and of the double integral times its square, N/m.
+    proportional: T,
+    integral: T,
+    slope: T,
 }
 
 state_traits!(ObserverState<T, M, PAST> {
     film, past, newest, integral, slope, proportional, disturbance, force_scale, integral_mean, load_mean, excitation,
-    since_sample, innovation, statistics, load, share,
+    since_sample, innovation, statistics, load, share, gains, adapting,
 });
 
 /// Tolerance of times in ticks: they may have been rounded to single precision.
@@ -260,13 +270,16 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         Ok(Self {
             law,
             drive,
-            proportional_gain: T::from_f64(stiffness.im.max(0.0)),
-            integral_gain: T::from_f64(omega * stiffness.re * step_s),
-            slope_gain: T::from_f64(0.5 * omega * omega * stiffness.re * step_s * step_s),
+            gains: Gains {
+                proportional: T::from_f64(stiffness.im.max(0.0)),
+                integral: T::from_f64(omega * stiffness.re * step_s),
+                slope: T::from_f64(0.5 * omega * omega * stiffness.re * step_s * step_s),
+            },
             lost_after,
             smoothing: share(4.0 * omega),
             recovery: share(omega),
             averaging: share(AVERAGING_RATE),
+            forgetting_slope: T::from_f64(share_per_step(omega, options.sample_interval_s.max(step_s))),
             forgetting: share(if adapts { 1.0 / adaptation_s } else { 0.0 }),
             adapting: T::from_f64(if adapts { 1.0 } else { 0.0 }),
             // As much as a swing of a tenth of the largest force over a tenth of a second.
@@ -298,6 +311,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
             statistics: Statistics::new(),
             load: Load { force: T::ZERO, slope: T::ZERO },
             share: T::from_f64(1.0),
+            gains: self.gains,
+            adapting: self.adapting,
         }
     }
 
@@ -320,39 +335,40 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         position
     }
 
-    /// Reads a sample, if there is one, and moves the disturbance on by a tick. Every tick does the same work: a missing
-    /// sample has the weight 0.
+    /// Reads a sample, if there is one, and moves the disturbance on by a tick.
     #[inline]
     fn correct(&self, state: &mut ObserverState<T, M, PAST>, sample: Option<SensorSample<T>>) {
-        let since = state.since_sample.saturating_add(1);
-        let found = sample.and_then(|sample| state.innovation_of(sample)).filter(|e| is_finite(*e));
-        let arrived = found.is_some();
-        let innovation = clamp(found.unwrap_or(T::ZERO), -self.max_innovation, self.max_innovation);
-        // A sample weighs as much as the time since the last one, but no more after a loss.
-        let ticks = if arrived { T::from_f64(f64::from(since.min(self.lost_after))) } else { T::ZERO };
-        state.statistics.update(innovation, if arrived { T::from_f64(1.0 / STATISTICS_SAMPLES) } else { T::ZERO });
-        state.since_sample = if arrived { 0 } else { since };
-        state.innovation = if arrived { innovation } else { state.innovation };
-        // A film behind a curve is as much stiffer here as the curve is steeper: so are the gains.
-        let scaled = state.share * state.film.slope() * innovation;
-        let weak = state.share * scaled;
-        let proportional = if arrived { self.proportional_gain * weak } else { state.proportional };
-        // The slope belongs to the whole correction: with less of it, it is forgotten.
-        let forgotten = self.recovery * (T::from_f64(1.0) - state.share);
-        let slope = state.slope - forgotten * state.slope + self.slope_gain * ticks * weak;
-        let slope = clamp(slope, -self.max_slope, self.max_slope);
-        let integral = state.integral + self.integral_gain * ticks * scaled;
-
+        state.since_sample = state.since_sample.saturating_add(1);
+        if let Some(innovation) = sample.and_then(|sample| state.innovation_of(sample)).filter(|e| is_finite(*e)) {
+            self.take(state, innovation);
+        }
         let lost = state.since_sample > self.lost_after;
-        let corrected = clamp(integral + slope, -self.max_disturbance, self.max_disturbance);
-        let recovered = integral + self.recovery * (state.integral_mean - integral);
+        let corrected = clamp(state.integral + state.slope, -self.max_disturbance, self.max_disturbance);
+        let recovered = state.integral + self.recovery * (state.integral_mean - state.integral);
         let mean = state.integral_mean + self.averaging * (corrected - state.integral_mean);
-        state.slope = if lost { T::ZERO } else { slope };
-        state.proportional = if lost { T::ZERO } else { proportional };
+        state.slope = if lost { T::ZERO } else { state.slope };
+        state.proportional = if lost { T::ZERO } else { state.proportional };
         state.integral = if lost { recovered } else { corrected };
         state.integral_mean = if lost { state.integral_mean } else { mean };
         let disturbance = state.integral + state.proportional;
         state.disturbance = state.disturbance + self.smoothing * (disturbance - state.disturbance);
+    }
+
+    /// Corrects with an `innovation` (m).
+    #[inline]
+    fn take(&self, state: &mut ObserverState<T, M, PAST>, innovation: T) {
+        let innovation = clamp(innovation, -self.max_innovation, self.max_innovation);
+        // A sample weighs as much as the time since the last one, but no more after a loss.
+        let ticks = T::from_f64(f64::from(state.since_sample.min(self.lost_after)));
+        state.since_sample = 0;
+        state.innovation = innovation;
+        state.statistics.update(innovation, T::from_f64(1.0 / STATISTICS_SAMPLES));
+        // A film behind a curve is as much stiffer here as the curve is steeper: so are the gains.
+        let scaled = state.film.slope() * innovation;
+        let Gains { proportional, integral, slope } = state.gains;
+        state.proportional = proportional * scaled;
+        state.slope = clamp(state.slope + slope * ticks * scaled, -self.max_slope, self.max_slope);
+        state.integral = state.integral + integral * ticks * scaled;
     }
 
     /// Moves the part of the disturbance that varies with the `load` (N) to the force scale.
@@ -365,9 +381,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         let deviation = load - state.load_mean;
         state.excitation = state.excitation + (deviation * deviation - self.forgetting * state.excitation);
         let [low, high] = FORCE_SCALE_RANGE.map(T::from_f64);
-        // Without the sensor nothing is learned, nor from a disturbance whose phase is lost.
-        let is_slow = state.share > T::from_f64(0.5);
-        let adapting = if state.since_sample <= self.lost_after && is_slow { self.adapting } else { T::ZERO };
+        // Without the sensor nothing is learned.
+        let adapting = if state.since_sample > self.lost_after { T::ZERO } else { state.adapting };
         let unexplained = state.integral - state.integral_mean;
         let change = adapting * unexplained * deviation / (state.excitation + self.regularisation);
         let scale = clamp(state.force_scale + change * state.force_scale, low, high);
@@ -376,6 +391,19 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         state.disturbance = state.disturbance - growth * load;
         state.integral_mean = state.integral_mean - growth * state.load_mean;
         state.force_scale = scale;
+    }
+
+    /// From now on this `share` of the correction is in use: the loop's bandwidth becomes as much lower. Called with every sample.
+    #[inline]
+    pub(crate) fn set_share(&self, state: &mut ObserverState<T, M, PAST>, share: T) {
+        state.share = share;
+        let Gains { proportional, integral, slope } = self.gains;
+        let square = share * share;
+        state.gains = Gains { proportional: square * proportional, integral: share * integral, slope: square * slope };
+        // From a disturbance whose phase is lost the force scale learns nothing.
+        state.adapting = if share > T::from_f64(0.5) { self.adapting } else { T::ZERO };
+        // The slope belongs to the whole correction: with less of it, it is forgotten.
+        state.slope = state.slope - self.forgetting_slope * (T::from_f64(1.0) - share) * state.slope;
     }
 
     /// The law.
@@ -393,7 +421,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
     /// K_P (N/m) and K_I (N/(m·s)): also the gains of a plain PI feedback with this bandwidth.
     #[must_use]
     pub fn gains(&self) -> [f64; 2] {
-        [self.proportional_gain.to_f64(), self.integral_gain.to_f64() / self.law.step_s()]
+        [self.gains.proportional.to_f64(), self.gains.integral.to_f64() / self.law.step_s()]
     }
 }
 
@@ -476,12 +504,6 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
     #[must_use]
     pub fn film(&self) -> &State<T, M> {
         &self.film
-    }
-
-    /// From now on this `share` of the correction is in use: the loop's bandwidth becomes as much lower.
-    #[inline]
-    pub(crate) fn set_share(&mut self, share: T) {
-        self.share = share;
     }
 
     /// Share of the correction that is in use: below 1 in [`Tracking`](crate::Tracking) of references that are faster than the bandwidth.

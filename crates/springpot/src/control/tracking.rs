@@ -18,7 +18,7 @@ use crate::scalar::{Real, Scalar};
 /// With Q the low-pass of the observer, a film whose response is 1 + Δ times the model's follows its reference with the
 /// error (1 − Q) Δ / (1 + Q Δ): below the bandwidth the model's error is compensated, above it the feedforward acts alone.
 /// References near the bandwidth and above it would meet that error amplified, by the phase of Q. So their frequency is measured, and
-/// above 0.6 bandwidths less and less of the correction is used: a thirtieth from 0.85 bandwidths on, which corrects their mean. Steps, ramps
+/// above 0.7 bandwidths less and less of the correction is used: a thirtieth from 0.9 bandwidths on, which corrects their mean. Steps, ramps
 /// and slow cycles keep all of it.
 ///
 /// While the sensor is lost the feedforward acts alone as well, with the disturbance and force scale learned so far.
@@ -90,7 +90,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     ) -> Result<Self, ControlError> {
         let inverse = Inverse::new(actuator, &limits, law.step_s(), law.largest_stiffness())?;
         let stroke_m = actuator.electrostatic_force(limits.max_voltage_v) / law.stiffness_at_rest();
-        let fade = Fade::new(options.bandwidth_hz, law.step_s(), LEAST_SHARE * stroke_m);
+        let interval_s = options.sample_interval_s.max(law.step_s());
+        let fade = Fade::new(options.bandwidth_hz, interval_s, LEAST_SHARE * stroke_m);
         let observer = Observer::new(law, actuator, limits.max_voltage_v, options)?;
         Ok(Self { observer, inverse, fade })
     }
@@ -99,7 +100,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     #[must_use]
     pub fn state(&self, film: State<T, M>) -> TrackingState<T, M, PAST> {
         let inverse = InverseState::at(film.position());
-        TrackingState { observer: self.observer.state(film), inverse, fade: FadeState::at_rest(), is_learned: false }
+        let fade = FadeState::at(film.position());
+        TrackingState { observer: self.observer.state(film), inverse, fade, is_learned: false }
     }
 
     /// Steps the film under the voltage that was really applied since the last tick and corrects it with a `sample`, if one
@@ -112,6 +114,10 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         sample: Option<SensorSample<T>>,
     ) -> T {
         let voltage = self.inverse.record(&mut state.inverse, applied);
+        if sample.is_some() {
+            self.fade.advance(&mut state.fade, state.inverse.path.position, state.is_learned);
+            self.observer.set_share(&mut state.observer, state.fade.share());
+        }
         self.observer.observe(&mut state.observer, voltage, sample)
     }
 
@@ -121,12 +127,9 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     #[inline(never)]
     pub fn command(&self, state: &mut TrackingState<T, M, PAST>, reference: T) -> VoltageCommand<T> {
         let correction = state.observer.correction();
-        let TrackingState { observer, inverse, fade, is_learned } = state;
+        let TrackingState { observer, inverse, .. } = state;
         let (law, drive) = (self.observer.law(), self.observer.drive());
-        let command = self.inverse.command(law, drive, &observer.film, inverse, reference, correction);
-        self.fade.advance(fade, inverse.path.increment, *is_learned);
-        observer.set_share(fade.share());
-        command
+        self.inverse.command(law, drive, &observer.film, inverse, reference, correction)
     }
 
     /// The observer.
@@ -143,10 +146,9 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         &self.observer
     }
 
-    /// The whole correction is in use from now on, until the next command: for a film whose voltage does not follow the sensor.
+    /// All of the correction is in use until the reference has moved again: for a voltage that does not follow the sensor.
     pub fn correct_wholly(&mut self) {
-        self.fade = FadeState::at_rest();
-        self.observer.set_share(self.fade.share());
+        self.fade = FadeState::at(self.inverse.path.position);
     }
 
     /// From now on the errors of cycles are learned, or not: the observer leaves them to a [`Learning`](crate::Learning).
