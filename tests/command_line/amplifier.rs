@@ -63,7 +63,7 @@ fn a_log_becomes_parameters_and_a_figure() {
 
     // The file is one that every command reads, with the times in it.
     let written = fs::read_to_string(&out).expect("written");
-    names(&written, &["[board.amplifier]", &format!("rise_s = {}", number("rise_s")), "fall_s = 0."]);
+    names(&written, &["[board.amplifier]", "rise_s = 0.", "fall_s = 0."]);
     let blob = bench.path("new.bin");
     TOOL.json(&["export", "--params", text(&out), "--rate", "1000", "--out", text(&blob)]);
 
@@ -73,6 +73,31 @@ fn a_log_becomes_parameters_and_a_figure() {
         &printed,
         &["rise_s 0.", "95 % interval", "monitor: gain 1.02", "[board.amplifier]\nrise_s = 0.", "\nfall_s = 0."],
     );
+}
+
+/// The check of a reference with the times that were identified.
+#[test]
+fn the_check_knows_what_was_identified() {
+    let bench = Bench::new();
+    let (log, params, reference) =
+        (bench.file("log.csv", log(3.0)), bench.path("lagging.toml"), bench.path("reference.csv"));
+    TOOL.json(&["amplifier", text(&log), "--params", "preset:table3-n2", "--out", text(&params)]);
+    let shape = ["reference", "--shape", "sine", "--low", "0.5e-3", "--high", "1.5e-3", "--period", "1"];
+    TOOL.json(&[&shape[..], &["--duration", "10", "--out", text(&reference)]].concat());
+    let base = ["feedforward", "--reference", text(&reference), "--check", "--params"];
+    let check = &TOOL.json(&[&base[..], &[text(&params)]].concat())["check"];
+    assert_eq!(check["feasible"], false);
+    assert!(check["amplifier"]["falls_too_fast_pct"].as_f64().expect("a share") > 1.0, "{check}");
+    let first = check["amplifier"]["falls_too_fast_s"].as_f64().expect("a time");
+    let printed = TOOL.with(&[&base[..], &[text(&params)]].concat()).assert().success().get_output().stdout.clone();
+    let printed = String::from_utf8(printed).expect("UTF-8");
+    names(
+        &printed,
+        &["not feasible", "must fall faster than the amplifier's bleeder lets it", &format!("first at {first:.3} s")],
+    );
+    // Without its times nothing is said of it.
+    let ideal = &TOOL.json(&[&base[..], &["preset:table3-n2"]].concat())["check"];
+    assert!(ideal.get("amplifier").is_none(), "{ideal}");
 }
 
 #[test]

@@ -99,7 +99,7 @@ impl Arguments {
 /// Writes `parameters` with the times (s) to `out`.
 fn write(out: &Path, mut parameters: Parameters, rise_s: f64, fall_s: f64) -> Result<()> {
     let mut board = parameters.board_or_bench(1000.0);
-    (board.amplifier_lag.rise_s, board.amplifier_lag.fall_s) = (rise_s, fall_s);
+    (board.amplifier_lag.rise_s, board.amplifier_lag.fall_s) = (written(rise_s), written(fall_s));
     parameters.board = Some(board);
     output::write_whole(out, |file| file.write_all(parameters.to_toml().as_bytes()))
 }
@@ -134,13 +134,17 @@ impl Report {
     }
 }
 
-/// A value as it is written, if the log determines it, and its interval, s.
+/// A value, if the log determines it, and its interval, s.
 fn known(time: Time) -> (Option<f64>, Interval) {
     match time {
-        // Four digits: more than any log determines.
-        Time::Known(value, interval) => (format!("{value:.3e}").parse().ok(), interval),
+        Time::Known(value, interval) => (Some(value), interval),
         Time::Open(interval) => (None, interval),
     }
+}
+
+/// A value as it goes into a parameter file: with four digits, more than an amplifier keeps.
+fn written(value: f64) -> f64 {
+    format!("{value:.3e}").parse().unwrap_or(value)
 }
 
 fn missing(time: Time, name: &str, mend: &str) -> Option<String> {
@@ -160,7 +164,7 @@ fn text(report: &Report) -> String {
             if value == 0.0 {
                 format!("{name} 0: none that rows {:.1} ms apart would show", 1e3 * report.interval_s)
             } else {
-                format!("{name} {value} s, 95 % interval {low:.5} to {high:.5} s")
+                format!("{name} {} s, 95 % interval {low:.5} to {high:.5} s", written(value))
             }
         }));
     }
@@ -174,8 +178,8 @@ fn text(report: &Report) -> String {
         Some(out) => lines.push(format!("{out}: the parameters with these times")),
         None => {
             lines.push("[board.amplifier]".into());
-            lines.extend(rise_s.map(|value| format!("rise_s = {value:?}")));
-            lines.extend(fall_s.map(|value| format!("fall_s = {value:?}")));
+            lines.extend(rise_s.map(|value| format!("rise_s = {:?}", written(value))));
+            lines.extend(fall_s.map(|value| format!("fall_s = {:?}", written(value))));
         }
     }
     lines.extend(report.warnings.iter().map(|warning| format!("warning: {warning}")));

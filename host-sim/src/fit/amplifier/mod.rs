@@ -7,7 +7,6 @@ mod response;
 mod search;
 
 use nalgebra::DMatrix;
-use serde::Serialize;
 
 use crate::error::{Error, Result};
 use crate::files::amplifier_log::AmplifierLog;
@@ -44,7 +43,7 @@ pub struct Identification {
 pub type Interval = [f64; 2];
 
 /// A time constant, as far as a log determines it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Time {
     /// Its value (s) and 95 % interval. 0: none that the row interval, the upper end, would show.
     Known(f64, Interval),
