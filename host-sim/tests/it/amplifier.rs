@@ -202,6 +202,18 @@ fn what_a_log_does_not_tell_is_open() {
     assert!(error.starts_with("log.csv: ") && error.contains("steps up and down to 0 V"), "{error}");
 }
 
+/// From 4 kV to 1 kV a bleeder of 0.133 s is as fast as a lag of 0.1 s: no more is said.
+#[test]
+fn falls_that_end_above_0_v_leave_a_range() {
+    let command = |time_s: f64| [1000.0, 4000.0][(time_s / 2.0 + 1e-9) as usize % 2];
+    for noise_v in [0.01, 3.0] {
+        let found = identify(&Bench { noise_v, ..BENCH }.log(200.0, 12.0, command)).expect("identified");
+        assert!((known(found.rise) - 0.1).abs() < 0.003);
+        let Time::Open([low, high]) = found.fall else { panic!("{:?}", found.fall) };
+        assert!((low - 0.1).abs() < 0.003 && (high - 0.1333).abs() < 0.004, "{low} to {high} s");
+    }
+}
+
 #[test]
 fn an_amplifier_without_a_lag_has_none() {
     for rate_hz in [100.0, 1000.0] {

@@ -55,7 +55,9 @@ pub enum Time {
 const CHI_SQUARE: f64 = 3.841;
 const NORMAL: f64 = 1.96;
 /// A time constant is known where the log tells it from one that differs by this factor.
-const TOLD_APART: f64 = 1.5;
+const TOLD_APART: f64 = 1.15;
+/// There is none where the log tells it from this many row intervals.
+const NONE_BELOW: f64 = 1.5;
 /// The ends of what fits as well are found to the 2 to the power of this part of that factor.
 const HALVINGS: u32 = 4;
 /// Share of the monitor's variance that the model must explain at the least.
@@ -84,9 +86,9 @@ pub fn identify(log: &AmplifierLog) -> Result<Identification> {
     let spread = Spread::of(&found, &residuals, log.span_v());
     let (rise, fall) = (spread.time(&search, &found, RISE), spread.time(&search, &found, FALL));
     if let (Time::Open([_, rise_s]), Time::Open([_, fall_s])) = (rise, fall) {
-        let most = rise_s.max(fall_s);
         return Err(fault(format!(
-            "nothing in this log is faster than the amplifier: times up to {most:.2} s fit as well; record steps up and down to 0 V"
+            "nothing in this log is faster than the amplifier: rise_s up to {rise_s:.3} s and fall_s up to {fall_s:.3} s fit as well; record \
+             steps up and down to 0 V"
         )));
     }
     let mut identified = Identification {
@@ -176,14 +178,8 @@ impl Spread {
             let cost = search.cost_with(found, index, value);
             cost.is_none_or(|cost| 2.0 * (cost - found.minimum.cost) > CHI_SQUARE * self.variance)
         };
-        let above = |value: f64| value >= LONGEST_S || told_apart(value);
-        if best < interval_s {
-            if above(TOLD_APART * interval_s) {
-                return Time::Known(0.0, [0.0, interval_s]);
-            }
-        } else if best * TOLD_APART < LONGEST_S && above(best * TOLD_APART) && told_apart(best / TOLD_APART) {
-            let [low, high] = self.interval(found, index);
-            return Time::Known(best, [low.max(0.0), high]);
+        if best < interval_s && told_apart(NONE_BELOW * interval_s) {
+            return Time::Known(0.0, [0.0, interval_s]);
         }
         let end = |factor: f64| {
             let mut same = best.max(interval_s);
@@ -197,6 +193,14 @@ impl Spread {
             }
             same
         };
+        let beyond = [best / TOLD_APART, best * TOLD_APART];
+        if best >= interval_s && beyond[1] < LONGEST_S && beyond.into_iter().all(told_apart) {
+            // Falls that end shortly above 0 V leave a small range, from the lag to the slowest bleeder that is as fast. No covariance shows it.
+            let half = self.half_width(found, index);
+            let low = if told_apart(best - 2.0 * half) { best - half } else { end(1.0 / TOLD_APART) };
+            let high = if told_apart(best + 2.0 * half) { best + half } else { end(TOLD_APART) };
+            return Time::Known(best, [low.max(0.0), high]);
+        }
         let least = end(1.0 / TOLD_APART);
         Time::Open([if least < interval_s { 0.0 } else { least }, end(TOLD_APART).min(LONGEST_S)])
     }
