@@ -5,7 +5,7 @@
 //! | [`files`] | reads and writes recordings, parameters, tables |
 //! | [`grid`], [`agreement`], [`references`], [`reduce`] | sampled series, measures of agreement, references to follow, smaller models with the same response |
 //! | [`replay`] | recordings and references through a model: the code that a microcontroller steps, or its exact full-memory reference |
-//! | [`fit`] | the parameters of the model from recordings |
+//! | [`fit`] | the parameters of the model from recordings, and of an amplifier from logs |
 //! | [`studies`] | the paper's study, and other models of creep beside this one |
 //! | [`bench`](mod@bench) | a simulated nonlinear film, controllers that make it follow a reference, the firmware in the loop |
 //! | [`link`] | the host's side of the link to a controller |

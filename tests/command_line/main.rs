@@ -1,5 +1,6 @@
 //! The commands as scripts call them: what they compute and write, and how they refuse bad input.
 
+mod amplifier;
 mod bad_input;
 mod control_commands;
 mod degenerate_input;

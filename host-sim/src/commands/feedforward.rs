@@ -134,6 +134,21 @@ fn verdict(check: &Feasibility) -> Vec<String> {
             check.below_zero_pct, check.above_largest_pct
         ));
     }
+    lines.extend(check.amplifier.iter().flat_map(|asked| {
+        let late = asked.falls_too_fast_s.map(|first| {
+            format!(
+                "must fall faster than the amplifier's bleeder lets it {:.2} % of the time, first at {first:.3} s",
+                asked.falls_too_fast_pct
+            )
+        });
+        let high = asked.leads_too_high_s.map(|first| {
+            format!(
+                "a command that leads by the amplifier's lag is above the largest voltage {:.2} % of the time, first at {first:.3} s",
+                asked.leads_too_high_pct
+            )
+        });
+        [late, high].into_iter().flatten()
+    }));
     if check.beyond_curve_pct > 0.0 {
         lines.push(format!(
             "beyond the stroke that the film's elastic curve was measured over {:.2} % of the time; it goes on linearly there",

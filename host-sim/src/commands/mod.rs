@@ -1,5 +1,6 @@
 //! The command line: one file per command.
 
+mod amplifier;
 mod closed_loop;
 mod compare;
 mod convert;
@@ -60,6 +61,8 @@ enum CliCommand {
     Observe(observe::Arguments),
     /// Let a controller follow a reference on a nonlinear film.
     ClosedLoop(Box<closed_loop::Arguments>),
+    /// Find how fast an amplifier follows, from a log of command and monitor.
+    Amplifier(amplifier::Arguments),
     /// Write a reference to follow: sine, triangle, steps or random walk.
     Reference(reference::Arguments),
     /// Fit other models of creep to the same recordings, in one table.
@@ -136,6 +139,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
         CliCommand::Feedforward(arguments) => feedforward::run(&arguments, cli.json),
         CliCommand::Observe(arguments) => observe::run(&arguments, cli.json),
         CliCommand::ClosedLoop(arguments) => closed_loop::run(&arguments, cli.json),
+        CliCommand::Amplifier(arguments) => amplifier::run(&arguments, cli.json),
         CliCommand::Reference(arguments) => reference::run(&arguments, cli.json),
         CliCommand::Compare(arguments) => compare::run(&arguments, cli.json),
         CliCommand::Study(arguments) => study::run(&arguments, cli.json),

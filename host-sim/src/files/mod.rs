@@ -1,5 +1,6 @@
-//! Files that are read and written: recordings, material tests, parameters, results.
+//! Files that are read and written: recordings, logs, material tests, parameters, results.
 
+pub mod amplifier_log;
 pub mod csv;
 pub mod journal;
 pub mod material_test;

@@ -3,8 +3,9 @@
 //! [`fit`] takes observations of recordings ([`observation`]) and [`Settings`], and returns a [`Fit`]. It minimises the
 //! [`objective`], model minus measurement, over the variables of a [`candidate`] model: from many starts for one structure
 //! (`search`), for several structures of which it selects one (`selection`), or by the paper's procedure (`pattern_search`).
-//! The `uncertainty` of the parameters comes last.
+//! The `uncertainty` of the parameters comes last. [`amplifier`] stands beside it: the amplifier in front of the film.
 
+pub mod amplifier;
 pub mod bend;
 pub mod candidate;
 pub(crate) mod levenberg_marquardt;

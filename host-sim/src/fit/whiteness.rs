@@ -31,14 +31,23 @@ impl Whiteness {
             let correlation = autocorrelation(this);
             // Four standard deviations at 20 lags: white residuals fail once in 800 fits.
             white &= correlation.iter().skip(1).take(LAGS).all(|c| c.abs() <= 4.0 / n.sqrt());
-            // Summed up to the first zero of the correlation.
-            let sum: f64 = correlation.iter().take(this.len() / 4).skip(1).take_while(|&&c| c > 0.0).sum();
-            effective += (n / (1.0 + 2.0 * sum)).max(1.0);
+            effective += independent(&correlation);
             lag_one += n * correlation.get(1).copied().unwrap_or(0.0);
             samples += n;
         }
         Self { white, lag_one: lag_one / samples, effective_samples: effective }
     }
+}
+
+/// The number of independent samples among `residuals`.
+pub fn effective_samples(residuals: &[f64]) -> f64 {
+    independent(&autocorrelation(residuals))
+}
+
+/// The same by their autocorrelation, summed up to its first zero.
+fn independent(correlation: &[f64]) -> f64 {
+    let sum: f64 = correlation.iter().take(correlation.len() / 4).skip(1).take_while(|&&c| c > 0.0).sum();
+    (correlation.len() as f64 / (1.0 + 2.0 * sum)).max(1.0)
 }
 
 /// The autocorrelation of `values` at the lags 0, 1, … , by the Fourier transform of their power.

@@ -1,7 +1,7 @@
 //! Whether a film can follow a reference at all, before any voltage is applied.
 
 use serde::Serialize;
-use springpot::{Actuator, CommandLimits, Law, Preload};
+use springpot::{Actuator, AmplifierLag, AmplifierModel, CommandLimits, Law, Preload};
 
 use crate::error::Result;
 use crate::files::parameters::Parameters;
@@ -12,7 +12,7 @@ use crate::replay::memory::compressed_law;
 /// Whether a reference can be followed, and which offset makes it so.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Feasibility {
-    /// Whether it needs no voltage below 0 or above the largest.
+    /// Whether it needs no voltage below 0 or above the largest, and no amplifier faster than the board's.
     pub feasible: bool,
     /// Whether the field was checked: not where the film's sizes are assumed.
     pub field_checked: bool,
@@ -37,10 +37,30 @@ pub struct Feasibility {
     pub least_offset_m: Option<f64>,
     /// The largest offset that needs no more than the largest voltage, m; negative for a reference that is too high.
     pub most_offset_m: Option<f64>,
+    /// What of it the amplifier cannot follow, where it lags.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub amplifier: Option<AmplifierDemand>,
+}
+
+/// What a reference needs of an amplifier that lags.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct AmplifierDemand {
+    /// Share of the time in which the voltage must fall faster than the bleeder lets it, −V / `fall_s`, %.
+    pub falls_too_fast_pct: f64,
+    /// First time at which it must, s.
+    pub falls_too_fast_s: Option<f64>,
+    /// Share of the time in which a command that leads by the lag is above the largest voltage, though the voltage itself is not, %.
+    pub leads_too_high_pct: f64,
+    /// First time at which it is, s.
+    pub leads_too_high_s: Option<f64>,
 }
 
 /// Largest offset that is tried, m: beyond any film.
 const MOST_OFFSET_M: f64 = 10.0;
+/// Offsets that are tried before the smallest is sought between two, each half the one before.
+const OFFSET_TRIALS: i32 = 16;
+/// Share of the largest voltage below which the film hardly feels it: 1e-4 of the largest force.
+const NO_FORCE: f64 = 0.01;
 /// Time in which an offset is added, s.
 const RISE_S: f64 = 2.0;
 
@@ -63,6 +83,18 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         }
         None => vec![false; reference.len()],
     };
+    let amplifier = demand.lag.map(|lag| {
+        let asked = lag.asked(&demand, 0.0, &demand.force);
+        let first = |flags: &[bool]| flags.iter().position(|flag| *flag).map(|k| grid.time_s(k));
+        AmplifierDemand {
+            falls_too_fast_pct: share(&asked.falls_too_fast),
+            falls_too_fast_s: first(&asked.falls_too_fast),
+            leads_too_high_pct: share(&asked.leads_too_high),
+            leads_too_high_s: first(&asked.leads_too_high),
+        }
+    });
+    let amplifier_follows =
+        amplifier.is_none_or(|asked| asked.falls_too_fast_s.is_none() && asked.leads_too_high_s.is_none());
     let first = (0..reference.len()).find(|&k| below[k] || above[k]);
     let settled = ((RISE_S * grid.rate_hz) as usize).min(reference.len() - 1);
     let (low_m, high_m) = reference[settled..]
@@ -72,7 +104,7 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
     let most_offset_m = demand.most_offset(low_m, high_m);
     let square = (0..reference.len()).map(|k| demand.squared_voltage(k, 0.0, demand.force[k])).fold(0.0, f64::max);
     Ok(Feasibility {
-        feasible: first.is_none(),
+        feasible: first.is_none() && amplifier_follows,
         field_checked,
         below_zero_pct: share(&below),
         above_largest_pct: share(&above),
@@ -84,6 +116,7 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         high_m,
         least_offset_m: (least.is_finite() && most_offset_m.is_none_or(|most| least <= most)).then_some(least),
         most_offset_m,
+        amplifier,
     })
 }
 
@@ -92,6 +125,8 @@ struct Demand<'a> {
     /// Without the weight, whose share is taken from the force.
     actuator: Actuator,
     limits: &'a CommandLimits,
+    /// The amplifier; none that follows at once.
+    lag: Option<Lag>,
     reference: &'a [f64],
     /// The rise of an offset, 0 to 1.
     rise: Vec<f64>,
@@ -115,6 +150,7 @@ impl<'a> Demand<'a> {
         let mut demand = Self {
             actuator: Actuator { preload: Preload::Settled, ..parameters.actuator },
             limits,
+            lag: Lag::of(limits.amplifier, grid)?,
             reference,
             rise,
             law,
@@ -154,19 +190,33 @@ impl<'a> Demand<'a> {
 
     /// Whether sample `k` of the reference with `offset` (m) needs more than the largest voltage or field for `force` (N).
     fn exceeds(&self, k: usize, offset: f64, force: f64) -> bool {
-        let field = self.actuator.field_voltage(self.limits.max_field_v_per_m, self.displacement(k, offset));
-        let largest = field.min(self.limits.max_voltage_v);
+        let largest = self.largest(k, offset);
         self.squared_voltage(k, offset, force) / (largest * largest) - 1.0 > 0.0
     }
 
-    /// The smallest offset (m) with which no sample needs a force below that at 0 V, given the samples that are below it without an
-    /// offset, for a reference between `low` and `high` (m).
+    /// The largest voltage (V) at sample `k` of the reference with `offset` (m), for the field as well.
+    fn largest(&self, k: usize, offset: f64) -> f64 {
+        let field = self.actuator.field_voltage(self.limits.max_field_v_per_m, self.displacement(k, offset));
+        field.min(self.limits.max_voltage_v)
+    }
+
+    /// The smallest offset (m) with which no sample needs a force below that at 0 V, or a faster fall than the amplifier's, given the
+    /// samples that are below it without an offset, for a reference between `low` and `high` (m).
     fn least_offset(&self, below: &[bool], low: f64, high: f64) -> f64 {
-        let Some(per_offset) = &self.per_offset else {
-            // The force grows with the offset: bisection.
-            let lacks = |offset: f64| self.force_with(offset).iter().any(|force| *force < -self.slack);
+        let (Some(per_offset), None) = (&self.per_offset, self.lag) else {
+            // The force grows with the offset, and falls by a smaller share of it: bisection.
+            let lacks = |offset: f64| {
+                let force = self.force_with(offset);
+                force.iter().any(|force| *force < -self.slack)
+                    || self.lag.is_some_and(|lag| lag.asked(self, offset, &force).falls_too_fast.contains(&true))
+            };
             let reach = reach(low, high);
-            return if lacks(MOST_OFFSET_M.min(reach)) { f64::INFINITY } else { bisected(-reach, reach, lacks).1 };
+            if self.lag.is_none() {
+                return if lacks(MOST_OFFSET_M.min(reach)) { f64::INFINITY } else { bisected(-reach, reach, lacks).1 };
+            }
+            // The way back from the rise of a large offset may be more than the amplifier follows.
+            let enough = (0..OFFSET_TRIALS).rev().map(|k| reach * 0.5_f64.powi(k)).find(|&offset| !lacks(offset));
+            return enough.map_or(f64::INFINITY, |enough| bisected(-reach, enough, lacks).1);
         };
         // Before the rise has an effect, the force must be positive by itself.
         let effective = 1e-9 * per_offset.iter().copied().fold(0.0, f64::max);
@@ -189,6 +239,7 @@ impl<'a> Demand<'a> {
         let fits = |offset: f64| {
             let force = self.force_with(offset);
             (0..force.len()).all(|k| !self.exceeds(k, offset, force[k]))
+                && !self.lag.is_some_and(|lag| lag.asked(self, offset, &force).leads_too_high.contains(&true))
         };
         // The voltage grows with the offset: bisection.
         let reach = reach(low, high);
@@ -199,6 +250,53 @@ impl<'a> Demand<'a> {
             }
             bisected(-reach, too_much, fits).0
         })
+    }
+}
+
+/// An amplifier that lags, over a step of the grid.
+#[derive(Clone, Copy)]
+struct Lag {
+    /// Share of the distance to the command that a rising voltage goes in a step.
+    up: f64,
+    /// Share of the voltage that the bleeder leaves after a step.
+    left: f64,
+}
+
+/// The steps that an amplifier cannot follow.
+struct Asked {
+    falls_too_fast: Vec<bool>,
+    leads_too_high: Vec<bool>,
+}
+
+impl Lag {
+    fn of(amplifier: AmplifierLag, grid: Grid) -> Result<Option<Self>> {
+        if amplifier == AmplifierLag::NONE {
+            return Ok(None);
+        }
+        let model: AmplifierModel<f64> = AmplifierModel::new(amplifier, grid.step_s())?;
+        Ok(Some(Self { up: model.advance(0.0, 1.0), left: model.lowest(1.0) }))
+    }
+
+    /// What the reference with `offset` (m), which needs `force` (N), asks from each sample to the next. At a voltage below
+    /// `NO_FORCE` of the largest a fall that is late does not move the film.
+    fn asked(self, demand: &Demand<'_>, offset: f64, force: &[f64]) -> Asked {
+        let voltage: Vec<f64> =
+            force.iter().enumerate().map(|(k, &f)| demand.squared_voltage(k, offset, f).max(0.0).sqrt()).collect();
+        let lowest = NO_FORCE * demand.limits.max_voltage_v;
+        let steps = || voltage.windows(2).enumerate().map(|(k, pair)| (k, pair[0], pair[1]));
+        Asked {
+            falls_too_fast: steps()
+                .map(|(_, now, next)| now > lowest && next < self.left * now * (1.0 - 1e-9))
+                .chain([false])
+                .collect(),
+            leads_too_high: steps()
+                .map(|(k, now, next)| {
+                    let largest = demand.largest(k + 1, offset);
+                    next > now && next <= largest && now + (next - now) / self.up > largest * (1.0 + 1e-9)
+                })
+                .chain([false])
+                .collect(),
+        }
     }
 }
 

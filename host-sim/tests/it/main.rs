@@ -1,5 +1,7 @@
 //! The library behind the commands, against independent answers.
 
+mod amplifier;
+mod amplifier_demand;
 mod curves;
 #[path = "../../../crates/springpot/tests/it/support/defining_sum.rs"]
 mod defining_sum;

@@ -1,0 +1,107 @@
+//! Logs of an amplifier: what was commanded, and what the voltage monitor showed.
+//!
+//! [`crate::files::csv`] reads them. `link … stream` and `play` write such logs; there the column of the monitor is `voltage_v`.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::files::csv::{Names, Table};
+
+/// A log, row by row; time from its first row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AmplifierLog {
+    path: PathBuf,
+    /// Times, s.
+    pub time_s: Vec<f64>,
+    /// High voltage that was asked for from that time on, V.
+    pub command_v: Vec<f64>,
+    /// High voltage that the monitor showed, V; NaN where it gave nothing.
+    pub monitor_v: Vec<f64>,
+}
+
+const COMMAND: &Names = &[("command_v", 1.0), ("command_kv", 1e3)];
+const MONITOR: &Names = &[("monitor_v", 1.0), ("monitor_kv", 1e3), ("voltage_v", 1.0), ("voltage_kv", 1e3)];
+
+/// Fewer rows do not tell a lag from noise.
+const LEAST_ROWS: usize = 50;
+/// A command below 0 V by more than this share of the largest is no offset of its zero.
+const BELOW_ZERO: f64 = 0.02;
+
+impl AmplifierLog {
+    /// Reads the log at `path`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming the file and line of the first thing that cannot be used.
+    pub fn read(path: &Path) -> Result<Self> {
+        if path.is_dir() {
+            return Err(Error::file(path, "is a directory; name a CSV log in it"));
+        }
+        let file = File::open(path).map_err(|e| Error::file(path, e))?;
+        Self::from_csv(path, file)
+    }
+
+    /// Reads a log from CSV text; `path` is what errors name.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
+        let Table { time_s, columns: [command, monitor], .. } =
+            Table::from_csv(path, csv, [COMMAND, MONITOR], &[&[0], &[1]])?;
+        let fault = |cause: String| Error::file(path, cause);
+        if time_s.len() < LEAST_ROWS {
+            let cause = format!("{} rows; record at least {LEAST_ROWS}, with steps up and down to 0 V", time_s.len());
+            return Err(fault(cause));
+        }
+        let command =
+            command.ok_or_else(|| fault("command_v is empty; it is what was asked of the amplifier".into()))?;
+        let monitor = monitor.ok_or_else(|| fault("the monitor's column is empty; connect the monitor".into()))?;
+        let command_v = command.complete(path, &time_s, "what was commanded must be complete")?.value;
+        let shown = monitor.present(&time_s);
+        let mut shown = shown.time_s.iter().zip(&shown.value).peekable();
+        let monitor_v =
+            time_s.iter().map(|t| shown.next_if(|(at, _)| *at == t).map_or(f64::NAN, |(_, &volts)| volts)).collect();
+        let log = Self { path: path.into(), time_s, command_v, monitor_v };
+        log.check()?;
+        Ok(log)
+    }
+
+    fn check(&self) -> Result<()> {
+        let fault = |cause: String| Err(Error::file(&self.path, cause));
+        let readings = self.monitor_v.iter().filter(|volts| !volts.is_nan());
+        let count = readings.clone().count();
+        if count < LEAST_ROWS {
+            return fault(format!("{count} rows with a reading of the monitor; at least {LEAST_ROWS} are needed"));
+        }
+        let (low, high) = range(self.command_v.iter());
+        if low < -BELOW_ZERO * high.abs().max(-low) {
+            return fault(format!("command_v goes down to {low} V; the amplifier's model is from 0 V up"));
+        }
+        if high - low <= 1e-6 * high.abs() {
+            return fault(format!("command_v stays at {high} V; record steps up and down to 0 V"));
+        }
+        let (shown_low, shown_high) = range(readings);
+        if shown_high == shown_low {
+            return fault(format!("the monitor shows {shown_high} V throughout; check its wiring and the amplifier"));
+        }
+        Ok(())
+    }
+
+    /// Where the log came from.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Largest command minus the smallest, V.
+    pub fn span_v(&self) -> f64 {
+        let (low, high) = range(self.command_v.iter());
+        high - low
+    }
+}
+
+fn range<'a>(values: impl Iterator<Item = &'a f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
+}

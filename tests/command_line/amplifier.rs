@@ -1,0 +1,162 @@
+//! `amplifier` as scripts call it.
+
+use std::fs;
+use std::path::PathBuf;
+
+use tempfile::TempDir;
+use tests::tool::{names, text};
+
+use crate::TOOL;
+
+struct Bench {
+    folder: TempDir,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self { folder: TempDir::new().expect("a folder") }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+        fs::write(self.path(name), content).expect("written");
+        self.path(name)
+    }
+}
+
+/// From 0 V to 3 kV at 1 s and back at `until_s`, behind 0.1 s up and 0.4 s down: the exponentials, with the monitor's gain and offset.
+fn log(until_s: f64) -> String {
+    let mut csv = String::from("time_s,command_v,voltage_v\n");
+    for row in 0..600_i32 {
+        let time_s = f64::from(row) / 100.0;
+        let risen = |time_s: f64| 3000.0 * -(-(time_s - 1.0).max(0.0) / 0.1).exp_m1();
+        let fallen = (-(time_s - until_s).max(0.0) / 0.4).exp();
+        let command = if time_s >= 1.0 && time_s < until_s { 3000.0 } else { 0.0 };
+        // ±2 V, so that there is a noise.
+        let volts = risen(time_s.min(until_s)) * fallen;
+        csv += &format!("{time_s},{command},{}\n", 1.02 * volts + 10.0 + f64::from(row * 7919 % 5) - 2.0);
+    }
+    csv
+}
+
+#[test]
+fn a_log_becomes_parameters_and_a_figure() {
+    let bench = Bench::new();
+    let (log, figure, out) = (bench.file("log.csv", log(3.0)), bench.path("log.svg"), bench.path("new.toml"));
+    let base = ["amplifier", text(&log)];
+    let more = ["--plot", text(&figure), "--params", "preset:table3-n2", "--out", text(&out)];
+    let report = TOOL.json(&[&base[..], &more].concat());
+    let number = |name: &str| report[name].as_f64().expect("a number");
+    assert!((number("rise_s") - 0.1).abs() < 0.003 && (number("fall_s") - 0.4).abs() < 0.012, "{report}");
+    assert!((number("gain") - 1.02).abs() < 0.002 && (number("offset_v") - 10.0).abs() < 1.0, "{report}");
+    assert!((1.0..2.0).contains(&number("residual_v")) && report["samples"] == 600, "{report}");
+    for (name, truth) in [("rise_s", 0.1), ("fall_s", 0.4), ("gain", 1.02), ("offset_v", 10.0)] {
+        let interval = &report["intervals_95_pct"][name];
+        let (low, high) = (interval[0].as_f64().expect("an end"), interval[1].as_f64().expect("an end"));
+        assert!(low < number(name) && number(name) < high && high - low < 0.1 * truth, "{name}: {low} to {high}");
+    }
+    let svg = fs::read_to_string(&figure).expect("written");
+    assert!(svg.contains("<svg") && svg.contains("Residual") && svg.contains("voltage (kV)"));
+
+    // The file is one that every command reads, with the times in it.
+    let written = fs::read_to_string(&out).expect("written");
+    names(&written, &["[board.amplifier]", "rise_s = 0.", "fall_s = 0."]);
+    let blob = bench.path("new.bin");
+    TOOL.json(&["export", "--params", text(&out), "--rate", "1000", "--out", text(&blob)]);
+
+    let printed = TOOL.with(&base).assert().success().get_output().stdout.clone();
+    let printed = String::from_utf8(printed).expect("UTF-8");
+    names(
+        &printed,
+        &["rise_s 0.", "95 % interval", "monitor: gain 1.02", "[board.amplifier]\nrise_s = 0.", "\nfall_s = 0."],
+    );
+}
+
+/// The check of a reference with the times that were identified.
+#[test]
+fn the_check_knows_what_was_identified() {
+    let bench = Bench::new();
+    let (log, params, reference) =
+        (bench.file("log.csv", log(3.0)), bench.path("lagging.toml"), bench.path("reference.csv"));
+    TOOL.json(&["amplifier", text(&log), "--params", "preset:table3-n2", "--out", text(&params)]);
+    let shape = ["reference", "--shape", "sine", "--low", "0.5e-3", "--high", "1.5e-3", "--period", "1"];
+    TOOL.json(&[&shape[..], &["--duration", "10", "--out", text(&reference)]].concat());
+    let base = ["feedforward", "--reference", text(&reference), "--check", "--params"];
+    let check = &TOOL.json(&[&base[..], &[text(&params)]].concat())["check"];
+    assert_eq!(check["feasible"], false);
+    assert!(check["amplifier"]["falls_too_fast_pct"].as_f64().expect("a share") > 1.0, "{check}");
+    let first = check["amplifier"]["falls_too_fast_s"].as_f64().expect("a time");
+    let printed = TOOL.with(&[&base[..], &[text(&params)]].concat()).assert().success().get_output().stdout.clone();
+    let printed = String::from_utf8(printed).expect("UTF-8");
+    names(
+        &printed,
+        &["not feasible", "must fall faster than the amplifier's bleeder lets it", &format!("first at {first:.3} s")],
+    );
+    // Without its times nothing is said of it.
+    let ideal = &TOOL.json(&[&base[..], &["preset:table3-n2"]].concat())["check"];
+    assert!(ideal.get("amplifier").is_none(), "{ideal}");
+}
+
+#[test]
+fn what_the_log_does_not_tell_is_not_written() {
+    let bench = Bench::new();
+    let (log, out) = (bench.file("log.csv", log(100.0)), bench.path("new.toml"));
+    let base = ["amplifier", text(&log)];
+    let report = TOOL.json(&base);
+    assert!(report["fall_s"].is_null() && report["rise_s"].is_number(), "{report}");
+    names(report["not_determined"][0].as_str().expect("a sentence"), &["fall_s", "record a step down to 0 V"]);
+    let printed = TOOL.with(&base).assert().success().get_output().stdout.clone();
+    let printed = String::from_utf8(printed).expect("UTF-8");
+    assert!(printed.contains("fall_s is not determined by this log") && !printed.contains("fall_s = "), "{printed}");
+    let line = TOOL.fails(&[&base[..], &["--params", "preset:table3-n2", "--out", text(&out)]].concat());
+    names(&line, &["log.csv", "fall_s", "record a step down to 0 V"]);
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_log_that_is_none_is_one_line() {
+    let bench = Bench::new();
+    let (figure, out) = (bench.path("never.svg"), bench.path("never.toml"));
+    let fails = |content: &str, words: &[&str]| {
+        let log = bench.file("bad.csv", content);
+        let outputs = ["--plot", text(&figure), "--params", "preset:table3-n2", "--out", text(&out)];
+        names(&TOOL.fails(&[&["amplifier", text(&log)][..], &outputs].concat()), words);
+        assert!(!figure.exists() && !out.exists());
+    };
+    let rows = |row: &dyn Fn(usize) -> String| (0..100).map(row).collect::<String>();
+    let head = "time_s,command_v,monitor_v\n";
+    fails("", &["bad.csv:1:", "time_s"]);
+    fails(head, &["bad.csv: 0 data rows"]);
+    fails("time_s,monitor_v\n0,0\n1,1\n", &["bad.csv:1:", "no column command_v"]);
+    fails("time_s,command_v\n0,0\n1,1\n", &["bad.csv:1:", "no column monitor_v", "voltage_v"]);
+    fails(&format!("{head}0,0,0\n1,1,1\n"), &["bad.csv: 2 rows", "at least 50"]);
+    fails(&format!("{head}0,0,0\n1,NaN,0\n"), &["bad.csv:3:", "command_v is NaN"]);
+    fails(&format!("{head}0,0,0\n1,0,0\n0.5,0,0\n"), &["bad.csv:4:", "goes backwards"]);
+    fails(&format!("{head}{}", rows(&|k| format!("{k},3000,{}\n", k % 3))), &["bad.csv: command_v stays at 3000 V"]);
+    fails(&format!("{head}{}", rows(&|k| format!("{k},{},5\n", 100 * (k % 20)))), &["bad.csv: the monitor shows 5 V"]);
+    fails(
+        &format!("{head}{}", rows(&|k| format!("{k},{},{k}\n", 100 - 2 * k as i32))),
+        &["bad.csv: command_v", "from 0 V up"],
+    );
+    fails(
+        &format!("{head}{}", rows(&|k| format!("{k},{},\n", 100 * (k % 20)))),
+        &["bad.csv: the monitor's column is empty"],
+    );
+    let gap = rows(&|k| format!("{k},{},{k}\n", if k == 50 { String::new() } else { k.to_string() }));
+    fails(&format!("{head}{gap}"), &["bad.csv:52:", "command_v is empty"]);
+    let noise = rows(&|k| format!("{k},{},{}\n", 100 * (k % 20), k * 7919 % 101));
+    fails(&format!("{head}{noise}"), &["bad.csv: the monitor does not follow command_v"]);
+
+    let log = bench.file("log.csv", log(3.0));
+    let base = ["amplifier", text(&log)];
+    names(&TOOL.fails(&[&base[..], &["--plot", text(&log)]].concat()), &["log.csv", "would overwrite"]);
+    let jpeg = bench.path("figure.jpeg");
+    names(&TOOL.fails(&[&base[..], &["--plot", text(&jpeg)]].concat()), &["figure.jpeg", ".svg or .png"]);
+    names(&TOOL.fails(&[&base[..], &["--out", text(&out)]].concat()), &["--params"]);
+    names(&TOOL.fails(&["amplifier", text(&bench.path("lost.csv"))]), &["lost.csv"]);
+    names(&TOOL.fails(&["amplifier", text(bench.folder.path())]), &["directory"]);
+    assert!(!jpeg.exists() && !out.exists());
+}
