@@ -221,8 +221,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         // due. Nothing is learned from a film that is not driven.
         let sample = self.sampler.next(checked.displacement_m.filter(|_| self.supervisor.runs()));
         let applied = Applied::as_commanded(stood_v);
-        let observed = sample.filter(|_| self.mode != Mode::Feedforward);
-        let predicted_m = self.tracking.observe(&mut self.course, applied, observed);
+        let heard = sample.filter(|_| self.mode != Mode::Feedforward);
+        let predicted_m = self.tracking.observe(&mut self.course, applied, heard);
         let load = self.course.observer().load();
         let open_loop_m = self.watched.displacement_under(&mut self.open_loop, load);
         // Finite as long as both are.

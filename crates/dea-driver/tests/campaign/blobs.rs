@@ -19,7 +19,7 @@ use dea_driver::chips::{Calibration, CommandRange, DacCode};
 use dea_driver::{BLOB_LEN, Blob, Controller, DriverState, Inputs, Mode, OnSensorFault, Outputs, Parameters};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use springpot::{Actuator, Curve, Law, Method, Options, Preset};
+use springpot::{Actuator, AmplifierLag, Curve, Law, Method, Options, Preset};
 
 use crate::bench::board_parameters;
 use crate::scale::{cases, grouped};
@@ -59,12 +59,15 @@ fn benches() -> Vec<Parameters> {
     let law = Law::compressed(&model, options).and_then(|law| law.behind(&stiffening)).expect("valid");
     let mut stiffening = Parameters::bench(&law, Actuator { saturation_v: Some(9e3), ..Actuator::KARNER_2022 });
     stiffening.actuator.stretch_coupling = -15.0;
+    // Through a converter that lags, with cycles that are learned.
+    stiffening.amplifier_lag = AmplifierLag { rise_s: 0.05, fall_s: 0.2 };
+    stiffening.control.harmonics = 6;
     vec![paper, slow, bent, module, stiffening]
 }
 
 /// The blob of `contents` as docs/blob.md describes it.
 fn framed(contents: &[u8]) -> Vec<u8> {
-    let mut bytes = b"DEA\x01\x03\x00".to_vec();
+    let mut bytes = b"DEA\x01\x04\x00".to_vec();
     bytes.extend(BOARD.to_le_bytes());
     bytes.extend(u16::try_from(contents.len()).expect("short").to_le_bytes());
     bytes.extend(contents);

@@ -19,6 +19,8 @@ pub struct FilmBench {
     pub noise: u32,
     /// Electrostatic force in units of the model's.
     pub force_scale: f64,
+    /// Time constants of the amplifier, s: of its lag, and of the bleeder that lets it fall.
+    pub amplifier_s: [f64; 2],
 }
 
 impl FilmBench {
@@ -42,6 +44,7 @@ impl FilmBench {
             displacement_m: 0.0,
             noise: 1,
             force_scale: 1.0,
+            amplifier_s: [0.0; 2],
         }
     }
 
@@ -61,10 +64,23 @@ impl FilmBench {
         spoil(&mut inputs);
         let outputs = self.controller.tick(inputs);
         let volts = f64::from(self.code(&outputs).volts(self.parameters.command_range)) * 1000.0;
-        self.high_voltage_v = if outputs.enable { volts } else { 0.0 };
+        self.high_voltage_v = self.amplified(if outputs.enable { volts } else { 0.0 });
         let load = self.drive.load(self.high_voltage_v * self.force_scale.sqrt());
         self.displacement_m = self.law.displacement_under(&mut self.film, load);
         outputs
+    }
+
+    /// The high voltage a millisecond later, in parts of 10 µs.
+    fn amplified(&self, command_v: f64) -> f64 {
+        let [lag_s, bleeder_s] = self.amplifier_s;
+        if lag_s == 0.0 {
+            return command_v;
+        }
+        (0..100).fold(self.high_voltage_v, |volts, _| {
+            let rate = (command_v - volts) / lag_s;
+            let slowest = if bleeder_s > 0.0 { -volts / bleeder_s } else { f64::NEG_INFINITY };
+            volts + 1e-5 * rate.max(slowest)
+        })
     }
 
     pub fn code(&self, outputs: &Outputs) -> DacCode {

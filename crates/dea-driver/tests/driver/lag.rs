@@ -1,0 +1,103 @@
+//! Amplifiers that lag: the command leads, the monitor's check expects it, and a film has the time that its bleeder takes.
+
+use std::f64::consts::TAU;
+
+use dea_driver::{Blob, BlobError, Cause, DriverState, LimitsError, Mode, Monitor};
+use springpot::AmplifierLag;
+
+use crate::bench::{bench_limits, board_parameters};
+use crate::film_bench::FilmBench as Bench;
+use crate::supervisor_bench::RATE_HZ;
+
+fn bench(amplifier_s: [f64; 2], known: AmplifierLag) -> Bench {
+    let mut parameters = dea_driver::Parameters { amplifier_lag: known, ..board_parameters() };
+    parameters.control.delay_s = 0.0;
+    Bench { amplifier_s, ..Bench::with(parameters) }
+}
+
+/// A sine of 3 s for 20 s: the largest error after 6 s in m, and the state at the end.
+fn follow(bench: &mut Bench, mode: Mode) -> (f64, DriverState) {
+    bench.start(mode);
+    let mut largest = 0.0f64;
+    for tick in 0..20_000 {
+        let time_s = f64::from(tick) / 1000.0;
+        let reference = 0.7e-3 * (time_s / 2.0).min(1.0) - 0.15e-3 * (TAU * (time_s - 2.0).max(0.0) / 3.0).sin();
+        if bench.controller.supervisor().runs() {
+            bench.set_reference(reference as f32);
+        }
+        bench.tick(|_| ());
+        if tick > 6000 {
+            largest = largest.max((bench.displacement_m - reference).abs());
+        }
+    }
+    (largest, bench.controller.supervisor().state())
+}
+
+/// 0.1 s up, 0.5 s down: 0.3 mm peak to peak are followed within 1 % where both are known. Where nothing is, the monitor does not follow
+/// the command and trips.
+#[test]
+fn the_command_leads_an_amplifier_that_lags() {
+    let known = AmplifierLag { rise_s: 0.1, fall_s: 0.5 };
+    for mode in [Mode::Feedforward, Mode::Tracking] {
+        let (error, state) = follow(&mut bench([0.1, 0.5], known), mode);
+        println!("{mode:?}: {:.2} µm", 1e6 * error);
+        assert!(state == DriverState::Running && error < 3e-6, "{mode:?}: {error} m, {state:?}");
+        let (_, state) = follow(&mut bench([0.1, 0.5], AmplifierLag::NONE), mode);
+        assert_eq!(state, DriverState::Tripped(Cause::Monitor), "{mode:?}");
+    }
+    // Of one that is a fifth faster or slower than it says nothing trips.
+    for by in [0.8, 1.2] {
+        let (_, state) = follow(&mut bench([by * 0.1, by * 0.5], known), Mode::Tracking);
+        assert_eq!(state, DriverState::Running, "{by}");
+    }
+}
+
+/// After how many ticks at 3 kV, commanded at once, a monitor that shows `shown` of a closed form trips.
+fn trips_after(lag: AmplifierLag, shown: impl Fn(f64) -> f64) -> Option<u32> {
+    let monitor = Monitor::new(bench_limits().monitor, RATE_HZ);
+    let mut monitor = monitor.behind(lag, RATE_HZ).expect("valid");
+    (0..5000).find(|&tick| !monitor.agrees(3000.0, shown(f64::from(tick) / 1000.0) as f32))
+}
+
+#[test]
+fn the_monitor_expects_the_lag() {
+    let lag = AmplifierLag { rise_s: 0.1, fall_s: 0.1 };
+    let risen = |time_constant: f64| move |time_s: f64| 3000.0 * (1.0 - (-time_s / time_constant).exp());
+    for time_constant in [0.07, 0.1, 0.14] {
+        assert_eq!(trips_after(lag, risen(time_constant)), None, "{time_constant} s");
+    }
+    // An amplifier that is dead, three times as slow, or comes up at once as only another one does.
+    for (shown, within) in [(&(|_| 0.0) as &dyn Fn(f64) -> f64, 40), (&risen(0.3), 100), (&(|_| 3000.0), 40)] {
+        let tripped = trips_after(lag, shown).expect("it trips");
+        println!("after {tripped} ticks");
+        assert!(tripped < within, "after {tripped} ticks");
+    }
+    // Nothing expected, the same amplifier trips.
+    assert!(trips_after(AmplifierLag::NONE, risen(0.1)).is_some());
+}
+
+/// With 0.5 s from 6.5 kV into 60 V takes 2.4 s: longer than the second of the limits. A film that stays live is told all the same.
+#[test]
+fn a_film_may_take_the_time_of_its_bleeder() {
+    for (bleeder_s, state) in [(0.5, DriverState::Disarmed), (1.0, DriverState::Tripped(Cause::LiveFilm))] {
+        let mut bench = bench([0.05, bleeder_s], AmplifierLag { rise_s: 0.05, fall_s: 0.5 });
+        bench.start(Mode::Voltage);
+        for _ in 0..1000 {
+            bench.set_voltage(6000.0);
+            bench.tick(|_| ());
+        }
+        assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
+        bench.ask(dea_driver::Controller::disarm).expect("it runs");
+        (0..6000).for_each(|_| drop(bench.tick(|_| ())));
+        assert_eq!(bench.controller.supervisor().state(), state, "{bleeder_s} s");
+    }
+}
+
+#[test]
+fn times_that_no_amplifier_has_are_refused() {
+    for (rise_s, fall_s) in [(-0.1, 0.0), (0.0, f64::NAN), (11.0, 0.1), (f64::INFINITY, 0.0)] {
+        let parameters =
+            dea_driver::Parameters { amplifier_lag: AmplifierLag { rise_s, fall_s }, ..board_parameters() };
+        assert_eq!(Blob::new(parameters).err(), Some(BlobError::Limits(LimitsError::Amplifier)), "{rise_s}, {fall_s}");
+    }
+}
