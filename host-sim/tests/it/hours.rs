@@ -420,7 +420,10 @@ fn hours_are_followed() {
         let [open, closed, learned] = row(case, &title, with_drift);
         let [largest, drift] = match case.film {
             Kind::Wang | Kind::LittleCreep => [1.0, 0.3],
-            _ => [11.0, 11.0],
+            // What these laws do not hold: the bars are what was measured, with a margin.
+            Kind::MuchCreep => [1.3, 0.5],
+            Kind::Hossain => [13.0, 14.0],
+            Kind::Springpot => [5.0, 5.0],
         };
         let noise = case.percent(NOISE_M);
         missed(
