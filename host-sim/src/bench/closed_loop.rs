@@ -296,15 +296,25 @@ pub fn track(
     track_plant(&mut plant, bench, controller, reference, grid, progress)
 }
 
+/// A tick of a closed loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoopTick {
+    /// The reference as given, m.
+    pub asked_m: f64,
+    /// The shaped reference, m.
+    pub reference_m: f64,
+    /// Displacement of the film, m.
+    pub displacement_m: f64,
+    /// What the controller commands from this tick on.
+    pub output: ControllerOutput,
+}
+
 /// Runs `controller` along `reference` (m, on `grid`) on `plant`, which is at rest and advances in [`substeps`] of `grid`;
-/// `progress` counts samples.
-///
-/// The tick at sample k measures the film as it is then and commands the voltage until sample k + 1, where the reference is
-/// to be met.
+/// `progress` counts samples. As [`follow`], with every tick kept.
 ///
 /// # Errors
 ///
-/// [`Error::Computation`] where the film is torn or pulled in.
+/// As [`follow`].
 pub fn track_plant(
     plant: &mut dyn Plant,
     bench: &BenchModel,
@@ -313,19 +323,48 @@ pub fn track_plant(
     grid: Grid,
     progress: &ProgressBar,
 ) -> Result<LoopRun> {
+    let mut run = LoopRun::default();
+    let asked = |k: usize| reference.get(k).or(reference.last()).copied().unwrap_or(0.0);
+    follow(plant, bench, controller, asked, grid, |k, tick| {
+        run.push(tick.asked_m, tick.reference_m, tick.displacement_m, &tick.output);
+        if k % 4096 == 4095 {
+            progress.inc(4096);
+        }
+    })?;
+    Ok(run)
+}
+
+/// Runs `controller` along `reference` (m, of the number of a sample of `grid`) on `plant`, which is at rest and advances in [`substeps`]
+/// of `grid`. `seen` is shown every tick with its number; nothing is kept, so that a run may last for days.
+///
+/// The tick at sample k measures the film as it is then and commands the voltage until sample k + 1, where the reference is
+/// to be met.
+///
+/// # Errors
+///
+/// [`Error::Computation`] where the film is torn or pulled in.
+pub fn follow(
+    plant: &mut dyn Plant,
+    bench: &BenchModel,
+    controller: &mut dyn Controller,
+    reference: impl Fn(usize) -> f64,
+    grid: Grid,
+    mut seen: impl FnMut(usize, LoopTick),
+) -> Result<()> {
     let mut bench = RunningBench::new(bench, grid);
     let mut commanded = 0.0;
-    let mut shaped = reference.first().copied().unwrap_or(0.0);
-    let mut run = LoopRun::default();
+    let mut asked = reference(0);
+    let mut shaped = asked;
     for k in 0..grid.samples {
         let now = grid.time_s(k);
         let displacement = plant.displacement_m();
         let sample = bench.sample(k, now, displacement);
         let applied = bench.applied(commanded);
-        let target = reference.get(k + 1).or(reference.last()).copied().unwrap_or(0.0);
+        let target = reference(k + 1);
         let output = controller.tick(applied, sample, target);
-        run.push(reference.get(k).copied().unwrap_or(shaped), shaped, displacement, &output);
+        seen(k, LoopTick { asked_m: asked, reference_m: shaped, displacement_m: displacement, output });
 
+        asked = target;
         shaped = output.reference_m.unwrap_or(target);
         commanded = output.voltage_v;
         bench.advance(plant, commanded);
@@ -334,9 +373,6 @@ pub fn track_plant(
                 "the film is torn or pulled in at {now:.3} s under {commanded:.0} V; lower the reference or --max-voltage"
             )));
         }
-        if k % 4096 == 4095 {
-            progress.inc(4096);
-        }
     }
-    Ok(run)
+    Ok(())
 }

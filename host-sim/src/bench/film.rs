@@ -52,6 +52,8 @@ pub struct Film {
     limit_stretch: Option<f64>,
     /// Modulus (Pa) and relaxation time (s) of the branches.
     branches: [(f64, f64); 3],
+    /// Share of the weight that pulls; its inertia stays.
+    pull: f64,
     rest_stretch: f64,
 }
 
@@ -74,12 +76,14 @@ impl Film {
                 equilibrium_pa: 10.55e3,
                 limit_stretch: None,
                 branches: [(56.4e3, 0.82), (31.5e3, 10.7), (19.8e3, 500.0)],
+                pull: 1.0,
                 rest_stretch: 1.0,
             },
             Plant::Wang => Self {
                 equilibrium_pa: 15.36e3,
                 limit_stretch: Some(5.99),
                 branches: [(26.06e3, 0.6074), (26.53e3, 6.56), (10.83e3, 61.25)],
+                pull: 1.0,
                 rest_stretch: 1.0,
             },
         };
@@ -95,6 +99,19 @@ impl Film {
             *modulus *= factor;
         }
         self.rest_stretch = self.stretch_under_weight();
+        self
+    }
+
+    /// The film at another temperature: all its stiffness times `stiffness`, all relaxation times times `times`. What stretches it softens
+    /// with it, as a film of the same material that pulls against it: it rests where it did.
+    #[must_use]
+    pub fn warmed(mut self, stiffness: f64, times: f64) -> Self {
+        self.equilibrium_pa *= stiffness;
+        for (modulus, time) in &mut self.branches {
+            *modulus *= stiffness;
+            *time *= times;
+        }
+        self.pull *= stiffness;
         self
     }
 
@@ -126,7 +143,7 @@ impl Film {
             stress += modulus * (elastic / stretch - 1.0 / (elastic * stretch));
             *flow = dashpot * (elastic - 1.0 / elastic) / (4.0 * time);
         }
-        let force = MASS_KG * GRAVITY - DRAG * LENGTH_M * speed - WIDTH_M * THICKNESS_M * stress;
+        let force = self.pull * MASS_KG * GRAVITY - DRAG * LENGTH_M * speed - WIDTH_M * THICKNESS_M * stress;
         [speed, force / (MASS_KG * LENGTH_M), flow[0], flow[1], flow[2]]
     }
 

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
+use crate::plants::{LITTLE_CREEP, MUCH_CREEP, StiffeningFilm};
 use host_sim::bench::plant::{FullMemoryPlant, Mismatch, Plant};
 use host_sim::files::parameters::{ElasticCurve, Parameters};
 use host_sim::files::recording::{Direction, Input};
@@ -18,53 +19,10 @@ use indicatif::ProgressBar;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
-use springpot::{Actuator, CommandLimits, Curve, EPSILON_0, Maxwell, Method, Rubber, Springpot, Topology};
+use springpot::{Actuator, CommandLimits, Curve, Maxwell, Method, Rubber, Springpot, Topology};
 
-/// A film whose spring stiffens with the third power, in series with Kelvin–Voigt elements, and that thins: none of this project's
-/// equations.
-struct StiffeningFilm {
-    /// Stiffness (N/m) and viscosity (N·s/m).
-    elements: [(f64, f64); 3],
-    /// x, its speed, and the extensions of the elements.
-    state: [f64; 5],
-}
-
-const FILM: Actuator =
+pub(crate) const FILM: Actuator =
     Actuator { length_m: 0.03, width_m: 0.02, thickness_m: 100e-6, mass_kg: 0.1, ..Actuator::KARNER_2022 };
-
-/// Stiffness (N/m) and retardation time (s) of elements that creep little, a sixth of what the spring gives, and of some that creep
-/// nearly as much as the spring gives.
-const LITTLE_CREEP: [(f64, f64); 3] = [(200e3, 0.3), (150e3, 4.0), (150e3, 40.0)];
-const MUCH_CREEP: [(f64, f64); 3] = [(60e3, 0.3), (50e3, 4.0), (40e3, 40.0)];
-
-impl StiffeningFilm {
-    fn new(elements: [(f64, f64); 3]) -> Self {
-        Self { elements: elements.map(|(stiffness, time_s)| (stiffness, stiffness * time_s)), state: [0.0; 5] }
-    }
-
-    fn slope(&self, volts: f64, [x, speed, e0, e1, e2]: [f64; 5]) -> [f64; 5] {
-        let spring = x - e0 - e1 - e2;
-        let force = 9e3 * spring + 6e8 * spring * spring * spring;
-        let area_m2 = 0.02 * 0.03;
-        let pull = EPSILON_0 * 4.7 * area_m2 / 1e-8 * volts * volts * (1.0 + 40.0 * x);
-        let flow = |(stiffness, viscosity): (f64, f64), e: f64| (force - stiffness * e) / viscosity;
-        let [a, b, c] = self.elements;
-        [speed, (pull - force - 2.0 * speed) / 0.1, flow(a, e0), flow(b, e1), flow(c, e2)]
-    }
-
-    /// A millisecond under `volts`, by the classical Runge–Kutta method; the displacement, m.
-    fn advance(&mut self, volts: f64) -> f64 {
-        let ahead = |slope: [f64; 5], by: f64| std::array::from_fn(|i| self.state[i] + by * slope[i]);
-        let h = 1e-3;
-        let a = self.slope(volts, self.state);
-        let b = self.slope(volts, ahead(a, 0.5 * h));
-        let c = self.slope(volts, ahead(b, 0.5 * h));
-        let d = self.slope(volts, ahead(c, h));
-        let next = std::array::from_fn(|i| self.state[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]));
-        self.state = next;
-        next[0]
-    }
-}
 
 fn observation(name: &str, input: Input, measured: Samples, rate_hz: f64) -> Observation {
     Observation {
@@ -84,7 +42,7 @@ fn recordings(elements: [(f64, f64); 3]) -> Vec<Observation> {
     let noise = Normal::new(0.0, 4e-6).expect("valid");
     let mut record = |hz: f64| {
         let volts = |t: f64| 1750.0 * (1.0 - (TAU * hz * t).cos());
-        let mut film = StiffeningFilm::new(elements);
+        let mut film = StiffeningFilm::new(elements, 1e-3);
         let (mut time_s, mut drive, mut measured) = (Vec::new(), Vec::new(), Vec::new());
         let mut x = 0.0;
         for k in 0..80_000 {
@@ -94,7 +52,7 @@ fn recordings(elements: [(f64, f64); 3]) -> Vec<Observation> {
                 drive.push(volts(t));
                 measured.push(x + noise.sample(&mut random));
             }
-            x = film.advance(volts(t + 0.5e-3));
+            x = film.step(volts(t + 0.5e-3));
         }
         let input = Input::Voltage(Samples { time_s: time_s.clone(), value: drive });
         observation(&format!("{hz} Hz"), input, Samples { time_s, value: measured }, 50.0)
@@ -115,19 +73,23 @@ fn nrmse_pct(fit: &Fit) -> f64 {
     fit.agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / fit.agreements.len() as f64
 }
 
+fn settings(curve: CurveChoice, branches: Vec<usize>) -> Settings {
+    Settings {
+        actuator: FILM,
+        branches,
+        topologies: vec![Topology::Parallel],
+        uncertainty: false,
+        starts: 4,
+        curve,
+        ..Settings::default()
+    }
+}
+
 /// The nonlinearity is found by itself, and feedforward follows with it on the other film.
 #[test]
 fn a_film_that_stiffens_in_series_is_fitted_and_followed() {
     let observations = recordings(LITTLE_CREEP);
-    let linear = Settings {
-        actuator: FILM,
-        branches: vec![1, 2],
-        topologies: vec![Topology::Parallel],
-        uncertainty: false,
-        starts: 4,
-        ..Settings::default()
-    };
-    let settings = Settings { curve: CurveChoice::Auto, ..linear.clone() };
+    let [linear, settings] = [CurveChoice::None, CurveChoice::Auto].map(|curve| settings(curve, vec![1, 2]));
     let (without, with) = (fitted(&observations, &linear), fitted(&observations, &settings));
     println!("NRMSE {:.3} % without, {:.3} % with", nrmse_pct(&without), nrmse_pct(&with));
     assert!(with.candidate.actuator.saturation_v.is_some(), "{:?}", with.structures);
@@ -144,15 +106,7 @@ fn a_film_that_stiffens_in_series_is_fitted_and_followed() {
 #[test]
 fn a_film_that_stiffens_and_creeps_much_is_followed() {
     let observations = recordings(MUCH_CREEP);
-    let linear = Settings {
-        actuator: FILM,
-        branches: vec![2],
-        topologies: vec![Topology::Parallel],
-        uncertainty: false,
-        starts: 4,
-        ..Settings::default()
-    };
-    let settings = Settings { curve: CurveChoice::Auto, ..linear.clone() };
+    let [linear, settings] = [CurveChoice::None, CurveChoice::Auto].map(|curve| settings(curve, vec![2]));
     let (without, with) = (fitted(&observations, &linear), fitted(&observations, &settings));
     println!("NRMSE {:.3} % without, {:.3} % with: {:?}", nrmse_pct(&without), nrmse_pct(&with), with.structures);
     let straight = feedforward_pct(&parameters(&without, &linear, Direction::Force), MUCH_CREEP);
@@ -177,8 +131,8 @@ fn feedforward_pct(parameters: &Parameters, elements: [(f64, f64); 3]) -> f64 {
     let options = RunOptions::default();
     let bar = ProgressBar::hidden();
     let plan = feedforward::plan(parameters, &wanted, grid, &options, CommandLimits::BENCH, &bar).expect("a plan");
-    let mut film = StiffeningFilm::new(elements);
-    let errors: Vec<f64> = plan.voltage_v.iter().zip(&wanted).map(|(&volts, r)| film.advance(volts) - r).collect();
+    let mut film = StiffeningFilm::new(elements, 1e-3);
+    let errors: Vec<f64> = plan.voltage_v.iter().zip(&wanted).map(|(&volts, r)| film.step(volts) - r).collect();
     100.0 / 1.6e-3 * (errors[2000..].iter().map(|e| e * e).sum::<f64>() / (errors.len() - 2000) as f64).sqrt()
 }
 

@@ -8,11 +8,13 @@ mod defining_sum;
 mod film;
 mod fitting;
 mod full_memory;
+mod hours;
 mod measured_curve;
 #[path = "../../../crates/springpot/tests/it/support/models.rs"]
 mod models;
 mod periodic;
 mod plant;
+mod plants;
 #[path = "../../../tests/support/recordings.rs"]
 mod recordings;
 mod reduce;

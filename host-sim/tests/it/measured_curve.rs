@@ -32,7 +32,7 @@ const AT_REST_M: f64 = 0.04;
 const REST_STRETCH: f64 = 1.4;
 
 /// Thins with its length, at constant volume and width.
-const ACTUATOR: Actuator = Actuator {
+pub(crate) const ACTUATOR: Actuator = Actuator {
     length_m: AT_REST_M,
     width_m: 0.05,
     thickness_m: 100e-6,
@@ -43,7 +43,7 @@ const ACTUATOR: Actuator = Actuator {
 
 const LIMITS: CommandLimits = CommandLimits { max_field_v_per_m: 6e7, ..CommandLimits::BENCH };
 
-fn film() -> Parameters {
+pub(crate) fn film() -> Parameters {
     let rubber =
         Rubber { share: 0.5, limit: 137.0, rest_stretch: REST_STRETCH, free_length_m: AT_REST_M / REST_STRETCH };
     let curve = ElasticCurve::rubber(rubber, -2e-3, 25e-3).expect("rises");
