@@ -57,7 +57,7 @@ fn disarmed(blob: Blob) -> Controller {
 
 #[inline(never)]
 fn blob(law: &Coefficients<f32>, actuator: Actuator) -> Blob {
-    let Ok(blob) = Blob::new(parameters(law.clone(), actuator)) else { panic!("the bench is refused") };
+    let Ok(blob) = Blob::new(parameters(law, actuator)) else { panic!("the bench is refused") };
     blob
 }
 
@@ -99,11 +99,11 @@ pub fn tick(controller: &mut Controller, command: DacCode) -> (DacCode, Outputs)
     (DacCode::from_volts(outputs.dac_v, controller.parameters().command_range), outputs)
 }
 
-fn parameters(law: Coefficients<f32>, actuator: Actuator) -> Parameters {
+fn parameters(law: &Coefficients<f32>, actuator: Actuator) -> Parameters {
     Parameters {
         name: heapless::String::new(),
         rate_hz: 1000.0,
-        law,
+        law: law.clone(),
         actuator,
         sensor_offset_m: 0.0,
         command_range: CommandRange::TenVolts,

@@ -1,6 +1,8 @@
 //! The control tick.
 
-use springpot::{Applied, Compressed, Law, Limited, SensorSample, State, Tracking, TrackingState, VoltageCommand};
+use springpot::{
+    Applied, Compressed, Law, Learning, Limited, SensorSample, State, Tracking, TrackingState, VoltageCommand,
+};
 
 use crate::control::learner::Learner;
 #[cfg(feature = "loop-test")]
@@ -127,39 +129,37 @@ struct Sampler {
 impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, FAST, SLOW> {
     /// The controller of `blob`, disarmed, its film at rest.
     #[must_use]
+    #[allow(clippy::needless_pass_by_value)] // a blob is for one controller
     pub fn new(blob: Blob<HEAD, FAST, SLOW>) -> Self {
-        let checksum = blob.checksum();
-        let (parameters, tracking, learning, supervisor) = blob.into_parts();
-        Self::of(parameters, checksum, tracking, learning.map(Learner::new), supervisor)
+        Self::of(blob.parameters(), blob.checksum(), blob.tracking(), blob.learning(), blob.supervisor())
     }
 
+    // Of references, so that nothing large is moved on the stack of a small chip.
     fn of(
-        parameters: Parameters<HEAD, FAST, SLOW>,
+        parameters: &Parameters<HEAD, FAST, SLOW>,
         checksum: Option<u32>,
-        tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
-        learner: Option<Learner>,
-        supervisor: Supervisor,
+        tracking: &Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+        learning: Option<&Learning<f32>>,
+        supervisor: &Supervisor,
     ) -> Self {
         let law = tracking.observer().law();
-        let course = tracking.state(law.state());
         let watched = law.coarser();
-        let open_loop = watched.state();
-        let shares_per_n = shares_per_n(&parameters);
-        let thinning_per_m = thinning_per_m(&parameters);
+        let shares_per_n = shares_per_n(parameters);
+        let thinning_per_m = thinning_per_m(parameters);
         let sampler =
             Sampler::new(parameters.rate_hz, parameters.control.sample_interval_s, parameters.control.delay_s);
         Self {
             softest: 1.0,
             #[cfg(feature = "loop-test")]
-            test: LoopTest::at_rest(&tracking),
-            parameters,
+            test: LoopTest::at_rest(tracking),
+            parameters: parameters.clone(),
             checksum,
-            supervisor,
-            tracking,
-            course,
-            learner,
+            supervisor: *supervisor,
+            tracking: tracking.clone(),
+            course: tracking.state(law.state()),
+            learner: learning.copied().map(Learner::new),
+            open_loop: watched.state(),
             watched,
-            open_loop,
             thinning_per_m,
             shares_per_n,
             sampler,
@@ -463,7 +463,8 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let Parameters { limits, rate_hz, amplifier_lag, .. } = &self.parameters;
         let supervisor = Supervisor::new(limits, *rate_hz).and_then(|made| made.behind(*amplifier_lag, *rate_hz));
         let supervisor = supervisor.unwrap_or(self.supervisor);
-        Self::of(self.parameters.clone(), self.checksum, self.tracking.clone(), self.learner.clone(), supervisor)
+        let learning = self.learner.as_ref().map(Learner::learning);
+        Self::of(&self.parameters, self.checksum, &self.tracking, learning, &supervisor)
     }
 
     /// Steps the model under `volts` (V), and Eq. 1 back from its force to the voltage.

@@ -21,19 +21,31 @@ impl Learner {
         Self { learning, state, is_free: true, carries_over: false, has_begun: false }
     }
 
+    /// What it learns by.
+    #[cfg(feature = "loop-test")]
+    pub(crate) fn learning(&self) -> &Learning<f32> {
+        &self.learning
+    }
+
     /// The reference (m) to follow instead of `reference` (m), from a `sample` if one is due.
     pub(crate) fn advance(&mut self, reference: f32, sample: Option<SensorSample<f32>>) -> f32 {
         if !self.has_begun {
-            self.has_begun = true;
-            self.is_free = true;
-            self.state = if self.carries_over {
-                self.learning.carried_over(&self.state, reference)
-            } else {
-                self.learning.state(reference)
-            };
-            self.carries_over = false;
+            self.begin(reference);
         }
         self.learning.advance(&mut self.state, reference, sample, self.is_free)
+    }
+
+    /// Begins a run at `reference` (m). Not inlined: a tick would need the stack for it.
+    #[inline(never)]
+    fn begin(&mut self, reference: f32) {
+        self.has_begun = true;
+        self.is_free = true;
+        self.state = if self.carries_over {
+            self.learning.carried_over(&self.state, reference)
+        } else {
+            self.learning.state(reference)
+        };
+        self.carries_over = false;
     }
 
     /// Takes note of the limits that a command met.

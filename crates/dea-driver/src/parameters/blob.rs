@@ -49,10 +49,6 @@ pub struct Blob<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usiz
     checksum: Option<u32>,
 }
 
-/// What a controller is built from.
-pub(crate) type Parts<const HEAD: usize, const FAST: usize, const SLOW: usize> =
-    (Parameters<HEAD, FAST, SLOW>, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>, Option<Learning<f32>>, Supervisor);
-
 /// Why a blob was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -236,8 +232,12 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
         &self.tracking
     }
 
-    pub(crate) fn into_parts(self) -> Parts<HEAD, FAST, SLOW> {
-        (self.parameters, self.tracking, self.learning, self.supervisor)
+    pub(crate) fn learning(&self) -> Option<&Learning<f32>> {
+        self.learning.as_ref()
+    }
+
+    pub(crate) fn supervisor(&self) -> &Supervisor {
+        &self.supervisor
     }
 }
 

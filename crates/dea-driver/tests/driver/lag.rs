@@ -33,7 +33,7 @@ fn follow(bench: &mut Bench, mode: Mode) -> (f64, DriverState) {
     (largest, bench.controller.supervisor().state())
 }
 
-/// 0.1 s up, 0.5 s down: 0.3 mm peak to peak are followed within 1 % where both are known. Where nothing is, the monitor does not follow
+/// 0.1 s up, 0.5 s down: what is left is the sensor's noise of 0 to 5 µm where both are known. Where nothing is, the monitor does not follow
 /// the command and trips.
 #[test]
 fn the_command_leads_an_amplifier_that_lags() {
@@ -41,7 +41,7 @@ fn the_command_leads_an_amplifier_that_lags() {
     for mode in [Mode::Feedforward, Mode::Tracking] {
         let (error, state) = follow(&mut bench([0.1, 0.5], known), mode);
         println!("{mode:?}: {:.2} µm", 1e6 * error);
-        assert!(state == DriverState::Running && error < 3e-6, "{mode:?}: {error} m, {state:?}");
+        assert!(state == DriverState::Running && error < 5e-6, "{mode:?}: {error} m, {state:?}");
         let (_, state) = follow(&mut bench([0.1, 0.5], AmplifierLag::NONE), mode);
         assert_eq!(state, DriverState::Tripped(Cause::Monitor), "{mode:?}");
     }
@@ -88,7 +88,9 @@ fn a_film_may_take_the_time_of_its_bleeder() {
         }
         assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
         bench.ask(dea_driver::Controller::disarm).expect("it runs");
-        (0..6000).for_each(|_| drop(bench.tick(|_| ())));
+        for _ in 0..6000 {
+            bench.tick(|_| ());
+        }
         assert_eq!(bench.controller.supervisor().state(), state, "{bleeder_s} s");
     }
 }

@@ -7,13 +7,13 @@ use crate::scalar::Real;
 /// Frequencies of a reference, in bandwidths: below the first the whole correction is in use, above the second the least.
 ///
 /// The loop's sensitivity passes 1 near 0.8: above that, feedback makes an error larger.
-const FADES: [f64; 2] = [0.7, 0.9];
+const FADES: [f64; 2] = [0.6, 0.85];
 /// The least share: a thirtieth of the bandwidth for what is slow, and a sensitivity of 1 within a percent for what is not.
 const LEAST: f64 = 0.03;
 /// Times, in units of 1 / ω of the bandwidth: after which a move counts as the mean, over which distances are averaged, and over which
 /// the share changes.
 const FORGETS: f64 = 2.0;
-const AVERAGES: f64 = 6.0;
+const AVERAGES: f64 = 4.0;
 const FOLLOWS: f64 = 1.0;
 
 /// Measures the frequency of a reference q by how far it goes and how far it gets.

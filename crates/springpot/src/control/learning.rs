@@ -234,11 +234,13 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
     pub fn state(&self, position: T) -> LearningState<T, PAST> {
         let (zero, one) = (T::ZERO, T::from_f64(1.0));
         let given = self.period > zero;
-        let mut state = LearningState {
+        // In one piece: a small chip has no room for two.
+        let (angle, turn) = if given { turning(T::from_f64(TAU) / self.period) } else { (zero, [one, zero]) };
+        LearningState {
             cycle: Cycle::at(position),
             phase: [one, zero],
-            turn: [one, zero],
-            angle: zero,
+            turn,
+            angle,
             share: if given { one } else { zero },
             lagged: [zero; 2],
             harmonics: [Harmonic::new(); HARMONICS + 1],
@@ -251,11 +253,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             power: [one, zero],
             block: Block::first(),
             has_learned: false,
-        };
-        if given {
-            state.turn_by(T::from_f64(TAU) / self.period);
         }
-        state
     }
 
     /// A state for another run of the same reference, which begins at `position` (m), with what `learned` has learned.
@@ -427,15 +425,7 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
 
     /// Turns by `angle` (rad) in every tick from now on.
     fn turn_by(&mut self, angle: T) {
-        let largest = T::from_f64(LARGEST_ANGLE);
-        let angle = if angle < largest { angle } else { largest };
-        let square = angle * angle;
-        let [one, a2, a4, a6] = [1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0].map(T::from_f64);
-        let [b2, b4, b6] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0].map(T::from_f64);
-        let cos = one + square * (a2 + square * (a4 + square * a6));
-        let sin = angle * (one + square * (b2 + square * (b4 + square * b6)));
-        self.angle = angle;
-        self.turn = [cos, sin];
+        (self.angle, self.turn) = turning(angle);
     }
 
     #[inline]
@@ -512,6 +502,18 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         }
         mean.added[0] + (one[0] * cos - two[0]) - one[1] * sin
     }
+}
+
+/// `angle` (rad) within its bound, and exp(i) of it.
+fn turning<T: Real>(angle: T) -> (T, Pair<T>) {
+    let largest = T::from_f64(LARGEST_ANGLE);
+    let angle = if angle < largest { angle } else { largest };
+    let square = angle * angle;
+    let [one, a2, a4, a6] = [1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0].map(T::from_f64);
+    let [b2, b4, b6] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0].map(T::from_f64);
+    let cos = one + square * (a2 + square * (a4 + square * a6));
+    let sin = angle * (one + square * (b2 + square * (b4 + square * b6)));
+    (angle, [cos, sin])
 }
 
 impl<T: Real> Block<T> {

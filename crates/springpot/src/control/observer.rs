@@ -401,7 +401,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         let square = share * share;
         state.gains = Gains { proportional: square * proportional, integral: share * integral, slope: square * slope };
         // From a disturbance whose phase is lost the force scale learns nothing.
-        state.adapting = if share > T::from_f64(0.5) { self.adapting } else { T::ZERO };
+        state.adapting = if share > T::from_f64(0.9) { self.adapting } else { T::ZERO };
         // The slope belongs to the whole correction: with less of it, it is forgotten.
         state.slope = state.slope - self.forgetting_slope * (T::from_f64(1.0) - share) * state.slope;
     }

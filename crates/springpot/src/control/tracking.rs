@@ -18,7 +18,7 @@ use crate::scalar::{Real, Scalar};
 /// With Q the low-pass of the observer, a film whose response is 1 + Δ times the model's follows its reference with the
 /// error (1 − Q) Δ / (1 + Q Δ): below the bandwidth the model's error is compensated, above it the feedforward acts alone.
 /// References near the bandwidth and above it would meet that error amplified, by the phase of Q. So their frequency is measured, and
-/// above 0.7 bandwidths less and less of the correction is used: a thirtieth from 0.9 bandwidths on, which corrects their mean. Steps, ramps
+/// above 0.6 bandwidths less and less of the correction is used: a thirtieth from 0.85 bandwidths on, which corrects their mean. Steps, ramps
 /// and slow cycles keep all of it.
 ///
 /// While the sensor is lost the feedforward acts alone as well, with the disturbance and force scale learned so far.

@@ -1,0 +1,107 @@
+//! Amplifiers that lag, against closed forms: e^(−t/τ) up and down, and what a command must be to follow a course.
+
+use springpot::{
+    Actuator, AmplifierLag, AmplifierModel, Applied, CommandLimits, ControlError, Feedforward, Law, Limited, Options,
+    Preset,
+};
+
+const STEP_S: f64 = 1e-3;
+
+fn model(rise_s: f64, fall_s: f64) -> AmplifierModel<f64> {
+    AmplifierModel::new(AmplifierLag { rise_s, fall_s }, STEP_S).expect("valid")
+}
+
+/// The voltage after `seconds` of `command`, from `voltage`.
+fn after(model: &AmplifierModel<f64>, voltage: f64, command: f64, seconds: f64) -> f64 {
+    (0..(seconds / STEP_S).round() as u32).fold(voltage, |voltage, _| model.advance(voltage, command))
+}
+
+#[test]
+fn rises_and_falls_as_exponentials() {
+    for (rise_s, fall_s) in [(0.1_f64, 0.1_f64), (0.05, 0.5), (0.2, 0.05)] {
+        let model = model(rise_s, fall_s);
+        let risen = after(&model, 0.0, 3000.0, 0.15);
+        assert!((risen - 3000.0 * (1.0 - (-0.15 / rise_s).exp())).abs() < 1e-9, "{rise_s}: {risen}");
+        // To 0 V: the bleeder's time constant, or the lag's where it is slower.
+        let fallen = after(&model, 3000.0, 0.0, 0.15);
+        let slower = if fall_s > rise_s { fall_s } else { rise_s.min(fall_s) };
+        assert!((fallen - 3000.0 * (-0.15 / slower).exp()).abs() < 1e-9, "{fall_s}: {fallen}");
+    }
+    // A small step down is followed with the lag, a large one at the bleeder's speed until the lag is slower.
+    let small = after(&model(0.05, 0.5), 3000.0, 2900.0, 0.1);
+    assert!((small - 2900.0 - 100.0 * (-2.0_f64).exp()).abs() < 1e-9, "{small}");
+    let large = after(&model(0.05, 0.5), 3000.0, 1000.0, 0.1);
+    assert!((large - 3000.0 * (-0.2_f64).exp()).abs() < 1e-9, "{large}");
+    // None: at once.
+    assert_eq!(model(0.0, 0.0).advance(3000.0, 17.0), 17.0);
+    assert_eq!(model(0.0, 0.5).advance(17.0, 3000.0), 3000.0);
+    assert!((model(0.0, 0.5).advance(3000.0, 0.0) - 3000.0 * (-0.002_f64).exp()).abs() < 1e-9);
+}
+
+fn feedforward(amplifier: AmplifierLag) -> Feedforward<f64> {
+    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+    let law: Law<f64> = Law::compressed(&model, Options::at_step(STEP_S)).expect("a law");
+    Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits { amplifier, ..CommandLimits::BENCH }).expect("valid")
+}
+
+/// Up 0.8 mm and down by 0.3 mm in `seconds` each, by minimum jerk: the largest error of the film whose voltage lags as an exponential in parts
+/// of a tick, in m, and what was met.
+fn follows(amplifier: AmplifierLag, known: AmplifierLag, seconds: f64) -> (f64, Limited) {
+    let feedforward = feedforward(known);
+    let ideal = self::feedforward(AmplifierLag::NONE);
+    let rest = ideal.law().state();
+    let (mut state, mut film) = (feedforward.state(rest.clone()), rest);
+    let (mut command, mut voltage, mut largest, mut met) = (0.0, 0.0_f64, 0.0_f64, Limited::NONE);
+    let rise = |s: f64| s * s * s * (10.0 - s * (15.0 - 6.0 * s));
+    for k in 0..(2.5 * seconds / STEP_S) as u32 {
+        let s = f64::from(k) * STEP_S / seconds;
+        let reference = 0.8e-3 * if s < 1.0 { rise(s) } else { 1.0 - 0.4 * rise((s - 1.0).min(1.0)) };
+        feedforward.apply(&mut state, Applied::as_commanded(command));
+        let next = feedforward.command(&mut state, reference);
+        command = next.voltage;
+        // An Euler integration of its own, in microseconds.
+        for _ in 0..1000 {
+            let rate = if amplifier.rise_s == 0.0 { f64::INFINITY } else { (command - voltage) / amplifier.rise_s };
+            let slowest = if amplifier.fall_s == 0.0 { f64::NEG_INFINITY } else { -voltage / amplifier.fall_s };
+            voltage = if rate.is_infinite() { command } else { voltage + 1e-6 * rate.max(slowest) };
+        }
+        let displacement = ideal.law().displacement_under(&mut film, ideal.drive().load(voltage));
+        // At 0 V the voltage begins as a root, faster than any amplifier.
+        if s > 0.3 {
+            largest = largest.max((displacement - reference).abs());
+            met |= next.limited;
+        }
+    }
+    (largest, met)
+}
+
+/// What lags 0.1 s is followed as if it did not, where that is known; by 1 % of the stroke and more, where it is not.
+#[test]
+fn the_command_leads() {
+    let slow = AmplifierLag { rise_s: 0.1, fall_s: 0.5 };
+    let (known, met) = follows(slow, slow, 3.0);
+    let (unknown, _) = follows(slow, AmplifierLag::NONE, 3.0);
+    println!("known {:.3} µm, unknown {:.1} µm", 1e6 * known, 1e6 * unknown);
+    assert!(known < 0.3e-6 && met.is_none(), "{known}, {met:?}");
+    assert!(unknown > 20e-6);
+}
+
+/// Faster down than the bleeder lets the voltage fall: the flag says so.
+#[test]
+fn a_fall_that_is_too_fast_is_flagged() {
+    let slow = AmplifierLag { rise_s: 0.05, fall_s: 3.0 };
+    let (error, met) = follows(slow, slow, 1.0);
+    assert!(met.contains(Limited::AMPLIFIER) && error > 20e-6, "{error}, {met:?}");
+}
+
+#[test]
+fn refuses_times_that_no_amplifier_has() {
+    for wrong in [-1e-3, 10.1, f64::NAN, f64::INFINITY] {
+        let error =
+            AmplifierModel::<f32>::new(AmplifierLag { rise_s: wrong, fall_s: 0.0 }, STEP_S).expect_err("refused");
+        assert!(matches!(error, ControlError::OutOfRange { quantity: "amplifier.rise_s", .. }), "{error}");
+        let error =
+            AmplifierModel::<f32>::new(AmplifierLag { rise_s: 0.0, fall_s: wrong }, STEP_S).expect_err("refused");
+        assert!(matches!(error, ControlError::OutOfRange { quantity: "amplifier.fall_s", .. }), "{error}");
+    }
+}
