@@ -75,12 +75,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         rate_hz: arguments.rate,
         board: board.id,
         compression,
-        own_board: parameters.board.is_some(),
+        own_board: parameters.board.as_ref().is_some_and(|board| !board.is_partial),
         field_note: parameters.field_note(),
     };
     terminal::report(json, &report, || {
         let bench =
-            if report.own_board { "" } else { "; no [board] table: calibrations and limits of the paper's bench" };
+            if report.own_board { "" } else { "; without a whole [board] table: what is missing is the paper's bench's" };
         let note = report.field_note.as_ref().map(|note| format!("\nwarning: {note}")).unwrap_or_default();
         format!(
             "{}: {} bytes for board {:#06x} at {} Hz{bench}\n{}{note}",

@@ -1,7 +1,7 @@
 //! The table of commands in `docs/link.md`, against the device: the number of each command, and the states in which it is refused.
 
 use dea_driver::wire::{Answer, CHUNK, Command, Drill, Reject, Target};
-use dea_driver::{Cause, DriverState, Mode, Refusal};
+use dea_driver::{Cause, DriverState, LearningOrder, Mode, Refusal};
 
 use crate::host::{Host, blob};
 
@@ -40,6 +40,7 @@ fn commands() -> Vec<Command> {
         Command::Inspect,
         Command::StarveWatchdog,
         Command::Tick { mode: Mode::Voltage, inputs: [].into_iter().collect() },
+        Command::Learning(LearningOrder::CarryOver),
     ]
 }
 
