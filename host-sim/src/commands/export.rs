@@ -79,8 +79,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         field_note: parameters.field_note(),
     };
     terminal::report(json, &report, || {
-        let bench =
-            if report.own_board { "" } else { "; without a whole [board] table: what is missing is the paper's bench's" };
+        let bench = if report.own_board {
+            ""
+        } else {
+            "; without a whole [board] table: what is missing is the paper's bench's"
+        };
         let note = report.field_note.as_ref().map(|note| format!("\nwarning: {note}")).unwrap_or_default();
         format!(
             "{}: {} bytes for board {:#06x} at {} Hz{bench}\n{}{note}",

@@ -4,10 +4,10 @@ use core::f64::consts::TAU;
 
 use crate::scalar::Real;
 
-/// Frequencies of a reference, in bandwidths: below the first the whole correction is in use, above the second the least.
+/// ρ below which the whole correction is in use, and above which the least: of sines of 0.6 and 0.85 bandwidths.
 ///
-/// The loop's sensitivity passes 1 near 0.8: above that, feedback makes an error larger.
-const FADES: [f64; 2] = [0.6, 0.85];
+/// The loop's sensitivity passes 1 near 0.8 bandwidths: above that, feedback makes an error larger.
+const FADES: [f64; 2] = [1.562, 1.972];
 /// The least share: a thirtieth of the bandwidth for what is slow, and a sensitivity of 1 within a percent for what is not.
 const LEAST: f64 = 0.03;
 /// Times, in units of 1 / ω of the bandwidth: after which a move counts as the mean, over which distances are averaged, and over which
@@ -32,13 +32,8 @@ pub(crate) struct Fade<T> {
     forgets: T,
     averages: T,
     follows: T,
-    /// T in intervals.
-    intervals: T,
     /// Distance from the mean that does not count, m.
     floor: T,
-    /// Share that is lost per ρ, and the share at ρ = 0, unbounded.
-    falls: T,
-    highest: T,
 }
 
 /// What changes with every tick of a [`Fade`].
@@ -62,16 +57,11 @@ impl<T: Real> Fade<T> {
     pub(crate) fn new(bandwidth_hz: f64, interval_s: f64, least_m: f64) -> Self {
         let angle = TAU * bandwidth_hz * interval_s;
         let weight = |time: f64| T::from_f64(angle / (angle + time));
-        let [from, to] = FADES.map(|frequency| libm::sqrt(1.0 + frequency * frequency * FORGETS * FORGETS));
-        let falls = (1.0 - LEAST) / (to - from);
         Self {
             forgets: weight(FORGETS),
             averages: weight(AVERAGES),
             follows: weight(FOLLOWS),
-            intervals: T::from_f64((angle + FORGETS) / angle),
             floor: T::from_f64(least_m),
-            falls: T::from_f64(falls),
-            highest: T::from_f64(1.0 + falls * from),
         }
     }
 
@@ -80,7 +70,8 @@ impl<T: Real> Fade<T> {
     #[inline]
     pub(crate) fn advance(&self, state: &mut FadeState<T>, position: T, is_learned: bool) {
         let size = |value: T| if value < T::ZERO { -value } else { value };
-        let moved = self.intervals * (position - state.position);
+        // T times the speed.
+        let moved = (position - state.position) / self.forgets;
         state.position = position;
         state.distance = state.distance + self.forgets * (moved - state.distance);
         state.gets = state.gets + self.averages * (size(state.distance) - state.gets);
@@ -89,7 +80,10 @@ impl<T: Real> Fade<T> {
         let lagged = lagged + self.forgets * (mean - lagged);
         state.goes = [mean, lagged];
         let (one, least) = (T::from_f64(1.0), T::from_f64(LEAST));
-        let share = self.highest - self.falls * (lagged / (state.gets + self.floor));
+        let [from, to] = FADES;
+        let falls = (1.0 - LEAST) / (to - from);
+        let [highest, falls] = [1.0 + falls * from, falls].map(T::from_f64);
+        let share = highest - falls * (lagged / (state.gets + self.floor));
         let share = if share > one { one } else { share };
         let share = if share < least || is_learned { least } else { share };
         state.share = state.share + self.follows * (share - state.share);

@@ -108,8 +108,7 @@ pub(crate) struct Inverse<T> {
     damping: T,
     /// (1 − p) / (1 + p): share of ε by which to approach the path, per tick.
     approach: T,
-    /// Largest increment of the approach and largest change of it, m.
-    max_approach: T,
+    /// Largest change of the increment of the approach, m.
     max_return: T,
     max_voltage: T,
     /// Voltage of the largest field at x = 0.
@@ -122,14 +121,14 @@ pub(crate) struct Inverse<T> {
     amplifier: Option<AmplifierModel<T>>,
     /// Weight of a tick in the means of the voltage.
     averaging: T,
-    /// Mean voltage above which the amplifier's gain is estimated, V.
-    gain_threshold: T,
 }
 
 /// Share of the largest force that may accelerate the film back to its path.
 const RETURN_SHARE: f64 = 0.1;
 /// Time over which the amplifier's gain is estimated, s.
 const GAIN_S: f64 = 10.0;
+/// Share of the largest voltage above which its mean shows it.
+const GAIN_SHARE: f64 = 0.02;
 /// Bounds of that gain.
 const GAINS: [f64; 2] = [0.8, 1.25];
 
@@ -157,7 +156,6 @@ impl<T: Real> Inverse<T> {
             shaper,
             damping: T::from_f64(1.0 - pole * pole),
             approach: T::from_f64(approach),
-            max_approach: T::from_f64(max_return / approach),
             max_return: T::from_f64(max_return),
             max_voltage: T::from_f64(limits.max_voltage_v),
             field_voltage: T::from_f64(limits.field_voltage(actuator)),
@@ -165,7 +163,6 @@ impl<T: Real> Inverse<T> {
             slew: T::from_f64(slew),
             amplifier: AmplifierModel::lagging(limits.amplifier, step_s)?,
             averaging: T::from_f64(share_per_step(1.0 / GAIN_S, step_s)),
-            gain_threshold: T::from_f64(0.02 * limits.max_voltage_v),
         };
         for (quantity, value, usable) in [
             ("max_velocity_m_per_s or max_acceleration_m_per_s2", limits.max_acceleration_m_per_s2, shaper.is_usable()),
@@ -193,7 +190,7 @@ impl<T: Real> Inverse<T> {
         if let Some(reading) = applied.reading.filter(|reading| is_finite(*reading)) {
             state.followed_mean = state.followed_mean + self.averaging * (state.followed - state.followed_mean);
             state.reading_mean = state.reading_mean + self.averaging * (size(reading) - state.reading_mean);
-            if state.followed_mean > self.gain_threshold {
+            if state.followed_mean > T::from_f64(GAIN_SHARE) * self.max_voltage {
                 let [low, high] = GAINS.map(T::from_f64);
                 state.gain = clamp(state.reading_mean / state.followed_mean, low, high);
             }
@@ -216,7 +213,9 @@ impl<T: Real> Inverse<T> {
         let offset = film.position() - path.position;
         let drift = film.increment() - path.increment;
         let mut limited = self.shaper.advance(path, reference);
-        let approach = clamp(-(self.approach * offset), -self.max_approach, self.max_approach);
+        // No more than it can brake.
+        let max_approach = self.max_return / self.approach;
+        let approach = clamp(-(self.approach * offset), -max_approach, max_approach);
         let correction_m = clamp(self.damping * (approach - drift), -self.max_return, self.max_return);
         let change = path.change + correction_m;
 
