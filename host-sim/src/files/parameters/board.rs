@@ -133,8 +133,24 @@ impl Board {
         }
     }
 
-    /// The table as TOML, numbers as short as they were written.
-    pub(super) fn to_toml(&self) -> toml::Table {
+    /// The table as TOML, numbers as short as they were written. A partial one stays partial: something of `bench` is left out again.
+    pub(super) fn to_toml(&self, bench: &Self) -> toml::Table {
+        let mut table = self.whole_table();
+        if self.is_partial {
+            let of_bench = bench.whole_table();
+            let is_left = |key: &&str| table.get(*key) == of_bench.get(*key);
+            let keys = ["limits", "monitor", "sensor", "amplifier", "command_range", "id"];
+            if let Some(key) = keys.into_iter().find(is_left) {
+                table.remove(key);
+            } else if let Some(amplifier) = table.get_mut("amplifier").and_then(toml::Value::as_table_mut) {
+                // Its times are the file's, its calibration is the bench's.
+                amplifier.retain(|key, _| key.ends_with("_s"));
+            }
+        }
+        table
+    }
+
+    fn whole_table(&self) -> toml::Table {
         let mut table = toml::Table::try_from(self).unwrap_or_default();
         table.iter_mut().for_each(|(_, value)| shorten(value));
         if let (Some(amplifier), true) =
