@@ -30,6 +30,9 @@ const NEXT: [&str; 9] = [
 pub fn run(port: Option<u16>, image: Option<PathBuf>) -> Result<()> {
     let toolchain = setup::run()?;
     let image = image.map_or_else(|| firmware::virtual_board(&toolchain), Ok)?;
+    if !image.is_file() {
+        return Err(format!("{}: there is no such image", image.display()));
+    }
     let port = port.map_or_else(free_port, Ok)?;
     let mut emulator = command("sh", &["firmware/emulate.sh"]);
     emulator.arg(&image).env("LINK_PORT", port.to_string()).stdin(Stdio::null()).stdout(Stdio::piped());

@@ -4,7 +4,7 @@
 const SMOOTHED_S: f64 = 0.1;
 /// The board's time is guessed beyond its last sample by no more than the time to the next one and this, s: a board that is held up, or an
 /// emulator, gets no values for times that it has not come to.
-const GUESSED_S: f64 = 0.05;
+const GUESSED_S: f64 = 0.02;
 
 /// How far a board is, by its own ticks.
 ///
