@@ -55,6 +55,21 @@ fn a_stream_without_ticks_ends() {
     assert!(!out.exists());
 }
 
+/// A board that answers and whose samples do not come: nobody knows how far it is, so the playback ends at 0 V and says so.
+#[test]
+fn a_playback_without_samples_ends_at_0_v() {
+    let folder = TempDir::new().expect("a folder");
+    let (long, out) = (folder.path().join("long.csv"), folder.path().join("out.csv"));
+    fs::write(&long, "time_s,voltage_v\n0,1000\n60,1000\n").expect("written");
+    let board = VirtualBoard::start(Scene { mute: true, ..Scene::CALM });
+    upload(&board);
+    let line = TOOL.fails(&link(&board, &["play", text(&long), "--out", text(&out)]));
+    names(&line, &["its stream has stopped"]);
+    let (largest, now) = board.voltage();
+    assert!(largest > 900.0 && now == 0.0, "{largest} V, then {now} V");
+    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "disarmed");
+}
+
 /// A playback of a minute that stands at 3 kV, and what it says on standard error.
 fn playing(board: &VirtualBoard, folder: &TempDir) -> (Child, BufReader<ChildStderr>) {
     upload(board);

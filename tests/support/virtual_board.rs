@@ -48,6 +48,8 @@ pub struct Scene {
     pub stack_peak: u32,
     /// How long a tick takes by the host's clock; a millisecond by the board's own.
     pub tick: Duration,
+    /// Whether its samples get lost.
+    pub mute: bool,
 }
 
 impl Scene {
@@ -64,6 +66,7 @@ impl Scene {
         panic_message: "",
         stack_peak: 1234,
         tick: Duration::from_millis(1),
+        mute: false,
     };
 }
 
@@ -233,7 +236,9 @@ fn run(
             continue;
         };
         while let Some(record) = bench.device.telemetry() {
-            send(line.as_mut(), &Message::Telemetry(record));
+            if !scene.mute {
+                send(line.as_mut(), &Message::Telemetry(record));
+            }
         }
         let mut bytes = [0; 512];
         match line.read(&mut bytes) {

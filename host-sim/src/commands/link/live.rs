@@ -34,7 +34,7 @@ const LOOKS: u32 = 3;
 /// A board that has sent no sample for so long does not tick.
 const SILENT_STREAM_S: f64 = 5.0;
 /// So many values in a row are sent to a board whose time stands, at the most.
-const MOST_ROUNDS_STOOD: u32 = 500;
+const MOST_ROUNDS_STOOD: u32 = 200;
 /// So many frames in a row may be lost.
 const MOST_DAMAGED: u32 = 2;
 
