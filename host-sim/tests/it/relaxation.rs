@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use host_sim::files::recording::{Direction, Recording};
 use host_sim::fit::observation;
 use host_sim::fit::preparation::Preparation;
-use host_sim::fit::{self, Fit, Settings};
+use host_sim::fit::{self, Fit, Settings, Warning};
 use springpot::{Actuator, Topology};
 
 /// The displacement that is held, m.
@@ -67,7 +67,7 @@ fn series_n(t: f64) -> f64 {
 
 /// One springpot, or one branch beside a springpot, fitted to rows of time (s), displacement (m) and force (N), with the
 /// warnings about the rows.
-fn fitted(rows: impl IntoIterator<Item = (f64, f64, f64)>, branches: usize) -> (Fit, Vec<String>) {
+fn fitted(rows: impl IntoIterator<Item = (f64, f64, f64)>, branches: usize) -> (Fit, Vec<Warning>) {
     let mut csv = "time_s,displacement_m,force_n\n".to_owned();
     for (time_s, x, force) in rows {
         writeln!(csv, "{time_s:?},{x:?},{force:?}").expect("written");
