@@ -2,7 +2,9 @@
 
 use std::f64::consts::TAU;
 
+use documents::Documents;
 use host_sim::grid::Samples;
+use host_sim::report::cost::Cost;
 use host_sim::report::course::Course;
 use host_sim::report::figure::{Line, MOST_POINTS};
 use host_sim::report::spectrum::{self, Spectrum};
@@ -71,4 +73,19 @@ fn the_course_of_a_drive_is_recognised() {
     assert_eq!(Course::of(&series(1000, 0.1, |t| t)), Course::Other);
     // A chirp: its cycles are not alike.
     assert_eq!(Course::of(&series(10_000, 0.01, |t| (TAU * (0.05 + 0.02 * t) * t).sin())), Course::Other);
+}
+
+/// What a page states of a controller's cost is what docs/results.md states, which is counted in QEMU.
+#[test]
+fn stated_costs_are_those_of_the_results() {
+    let documents = Documents::read().expect("readable");
+    let stated = |row: &str, column: &str| documents.number(&[row], column).expect("in the table");
+    for (cost, curve) in [(Cost::LINEAR, ""), (Cost::CURVED, "+curve")] {
+        let tick = format!("tick/12+36{curve}");
+        assert_eq!(f64::from(cost.instructions_per_step), stated(&format!("creep/12+36{curve}"), "Cortex-M4F"));
+        assert_eq!(f64::from(cost.instructions_per_tick), stated(&tick, "Cortex-M4F"));
+        assert_eq!(f64::from(cost.cycles_per_tick), stated(&tick, "cycles of the M4F"));
+    }
+    // 1.7 and 1.9 % of a core, as the text below the table says.
+    assert!((Cost::LINEAR.core_pct - 1.73).abs() < 0.01 && (Cost::CURVED.core_pct - 1.9).abs() < 0.01);
 }
