@@ -59,7 +59,10 @@ impl Bench {
                 &["Reference and model", "Voltage"],
             ),
             (
-                command(&of("observe", &model), &[("--out", "out.csv"), ("", "wang-5s.csv")]),
+                command(
+                    &of("observe", &["--params", "preset:table3-n2", "--rate", "100", "--bandwidth", "0.1"]),
+                    &[("--out", "out.csv"), ("", "wang-5s.csv")],
+                ),
                 &["Sensor and estimate", "Innovation", "Disturbance"],
             ),
             (

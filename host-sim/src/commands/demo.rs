@@ -28,7 +28,7 @@ use crate::replay::feasibility::{self, Feasibility};
 use crate::replay::feedforward;
 use crate::replay::memory::{Precision, RunOptions};
 use crate::report::fit_report::FitReport;
-use crate::report::numbers::Numbers;
+use crate::report::numbers::{Document, Numbers};
 use crate::report::page::Section;
 use crate::{interrupt, terminal};
 
@@ -225,7 +225,7 @@ fn fitted(recordings: &[Recording], actuator: Actuator, assumed_sizes: bool, fil
 
 /// The page: the fit, what the controller's code makes of the recordings, and the runs along the sine.
 fn stage_page(path: &Path, done: &Done, report: &Report<'_>, followed: Option<&Followed>) -> Result<Staged> {
-    let document = serde_json::to_value(report).map_err(|e| Error::file(path, e))?;
+    let document = Document::of(report)?;
     let numbers = Numbers::of(&document);
     let mut more = vec![Section::new("replay", "Replay on the controller", page::replay(&numbers))];
     if let Some((sine, runs)) = followed {

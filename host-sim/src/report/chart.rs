@@ -31,7 +31,7 @@ pub fn chart(panel: &Panel, group: &str) -> Markup {
                     }
                 }
             }
-            script type="application/json" { (PreEscaped(in_script(&data(panel)))) }
+            script type="application/json" { (PreEscaped(in_script(&data(panel).to_string()))) }
         }
     }
 }
@@ -94,6 +94,6 @@ fn digits(value: f64, count: usize) -> f64 {
 }
 
 /// JSON for a `script` element: no text in it can end the element.
-pub fn in_script(document: &Value) -> String {
-    document.to_string().replace('<', "\\u003c")
+pub fn in_script(json: &str) -> String {
+    json.replace('<', "\\u003c")
 }

@@ -74,6 +74,13 @@ fn layout(panel: &Panel, plots: &[Plot]) -> Layout {
         .with_title_size(16);
     if panel.log_x {
         layout = layout.with_log_x();
+    } else if !panel.is_path {
+        // As far as there is something to see.
+        let x = || panel.lines.iter().flat_map(|line| &line.points).map(|(x, _)| *x);
+        let (low, high) = (x().fold(f64::INFINITY, f64::min), x().fold(f64::NEG_INFINITY, f64::max));
+        if low < high && !panel.lines.iter().any(|line| line.marked) {
+            layout = layout.with_x_axis_min(low).with_x_axis_max(high);
+        }
     }
     if panel.log_y {
         layout = layout.with_log_y();

@@ -47,7 +47,7 @@ impl Colour {
 }
 
 /// Most points of a line as it is drawn: more do not show on a screen.
-pub const MOST_POINTS: usize = 2000;
+pub const MOST_POINTS: usize = 1600;
 
 /// A line of a panel.
 #[derive(Clone, Debug, PartialEq)]

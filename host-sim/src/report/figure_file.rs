@@ -7,6 +7,7 @@ use maud::html;
 use serde::Serialize;
 
 use super::figure::Figure;
+use super::numbers::Document;
 use super::page::{Page, Section};
 use super::{chart, drawing};
 use crate::error::{Error, Result};
@@ -34,13 +35,13 @@ impl PlotOption {
     /// [`Error`] naming the file.
     pub fn check(&self, inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
         let Some(path) = self.path() else { return Ok(()) };
-        format(path)?;
         let same =
             |other: &&Path| std::path::absolute(other).is_ok_and(|other| Some(other) == std::path::absolute(path).ok());
         if outputs.iter().any(same) {
             return Err(Error::option("--plot", format!("{} is written by --out; name another file", path.display())));
         }
-        output::check(path, inputs, Folders::Exist)
+        output::check(path, inputs, Folders::Exist)?;
+        format(path).map(drop)
     }
 
     /// The file, staged, of what `figure` makes, beside the `document` that `--json` prints.
@@ -76,7 +77,7 @@ fn format(path: &Path) -> Result<Format> {
 /// [`Error::File`] for another ending or where it cannot be written.
 pub fn stage<D: Serialize>(path: &Path, figure: &Figure, document: &D) -> Result<Staged> {
     let bytes = match format(path)? {
-        Format::Html => page(figure, document).into_bytes(),
+        Format::Html => page(figure, &Document::of(document)?).into_bytes(),
         Format::Svg => drawing::svg(figure).into_bytes(),
         Format::Png => drawing::png(figure).map_err(|cause| Error::file(path, cause))?,
     };
@@ -92,13 +93,12 @@ pub fn write(path: &Path, figure: &Figure) -> Result<()> {
     stage(path, figure, &())?.commit()
 }
 
-fn page<D: Serialize>(figure: &Figure, document: &D) -> String {
-    let document = serde_json::to_value(document).unwrap_or_default();
+fn page(figure: &Figure, document: &Document) -> String {
     Page {
         title: &figure.title,
         lead: html! {},
         sections: vec![Section::new("plots", "Plots", chart::figure(figure))],
-        document: Some(&document),
+        document: Some(document),
     }
     .html()
 }

@@ -1,7 +1,37 @@
 //! Numbers of a page: each is taken from the document that `--json` prints, and says where from.
 
 use maud::{Markup, html};
+use serde::Serialize;
 use serde_json::Value;
+
+use crate::error::{Error, Result};
+
+/// What `--json` prints, to the letter.
+#[derive(Clone, Debug)]
+pub struct Document {
+    text: String,
+    value: Value,
+}
+
+impl Document {
+    /// The document of `report`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Computation`] where it has no JSON.
+    pub fn of(report: &impl Serialize) -> Result<Self> {
+        let fault = |e: serde_json::Error| Error::Computation(format!("JSON: {e}"));
+        let text = serde_json::to_string(report).map_err(fault)?;
+        // Through the text, so that numbers of single precision are those that it shows.
+        let value = serde_json::from_str(&text).map_err(fault)?;
+        Ok(Self { text, value })
+    }
+
+    /// Its text.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+}
 
 /// A place in the document.
 #[derive(Clone, Debug)]
@@ -23,8 +53,8 @@ pub enum Form {
 
 impl<'a> Numbers<'a> {
     /// The whole document.
-    pub fn of(document: &'a Value) -> Self {
-        Self { document, place: String::new() }
+    pub fn of(document: &'a Document) -> Self {
+        Self { document: &document.value, place: String::new() }
     }
 
     /// What stands at `path` (a JSON pointer) beneath this place.

@@ -1,9 +1,9 @@
 //! HTML pages that hold all they need: style, script, plots and the numbers behind them.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use serde_json::Value;
 
 use super::chart::in_script;
+use super::numbers::Document;
 
 const STYLE: &str = include_str!("assets/page.css");
 const SCRIPT: &str = include_str!("assets/charts.js");
@@ -24,7 +24,7 @@ pub struct Page<'a> {
     /// Its parts.
     pub sections: Vec<Section>,
     /// The document that `--json` prints, if its numbers are in the page.
-    pub document: Option<&'a Value>,
+    pub document: Option<&'a Document>,
 }
 
 /// A part of a page.
@@ -89,7 +89,7 @@ impl Page<'_> {
                         }
                     }
                     @if let Some(document) = self.document {
-                        script type="application/json" id="document" { (PreEscaped(in_script(document))) }
+                        script type="application/json" id="document" { (PreEscaped(in_script(document.text()))) }
                     }
                     script { (PreEscaped(UPLOT)) }
                     script { (PreEscaped(SCRIPT)) }

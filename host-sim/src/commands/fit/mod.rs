@@ -18,6 +18,7 @@ use crate::interrupt;
 use crate::report::compression::Compression;
 use crate::report::fit_page::FitPage;
 use crate::report::fit_report::FitReport;
+use crate::report::numbers::Document;
 use crate::terminal;
 use options::FitOptions;
 
@@ -128,7 +129,7 @@ impl Job<'_> {
         let done = self.fit(settings, direction)?;
         let mut written = vec![done.stage_parameters(&out)?];
         if let Some(page) = &page {
-            let document = serde_json::to_value(&done.report).map_err(|e| Error::file(page, e))?;
+            let document = Document::of(&done.report)?;
             let html = done.page(&done.report).html(PAGE_TITLE, &document, "", Vec::new());
             written.push(Staged::new(page, |file| file.write_all(html.as_bytes()))?);
         }

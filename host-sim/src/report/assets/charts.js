@@ -169,6 +169,8 @@
       button.type = "button";
       button.textContent = sign;
       button.title = label;
+      // Keys do the same on the plot itself: 100 stops less on the way through a page.
+      button.tabIndex = -1;
       button.setAttribute("aria-label", `${label}: ${chart.figure.querySelector("h4").textContent}`);
       button.addEventListener("click", action);
       bar.append(button);

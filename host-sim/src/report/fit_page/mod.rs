@@ -9,10 +9,9 @@ mod recording;
 mod warnings;
 
 use maud::html;
-use serde_json::Value;
 
 use super::fit_report::FitReport;
-use super::numbers::{Form, Numbers};
+use super::numbers::{Document, Form, Numbers};
 use super::page::{Page, Section};
 use crate::files::parameters::Parameters;
 use crate::files::recording::Direction;
@@ -35,7 +34,7 @@ pub struct FitPage<'a> {
 
 impl FitPage<'_> {
     /// The page. The report stands in `document`, which `--json` prints, at `place`; `more` follows the recordings.
-    pub fn html(&self, title: &str, document: &Value, place: &str, more: Vec<Section>) -> String {
+    pub fn html(&self, title: &str, document: &Document, place: &str, more: Vec<Section>) -> String {
         let numbers = Numbers::of(document).at(place);
         let recordings = html! {
             @for (observation, modelled) in self.observations.iter().zip(&self.fit.modelled) {
