@@ -10,7 +10,8 @@ use host_sim::files::recording::Input;
 use host_sim::grid::{Grid, Samples};
 use host_sim::replay::memory::{MemoryChoice, Precision, RunOptions};
 use host_sim::replay::simulate;
-use host_sim::report::plot::{self, Line, Panel};
+use host_sim::report::figure::{Colour, Figure, Line, Panel};
+use host_sim::report::figure_file;
 use indicatif::ProgressBar;
 
 fn main() -> host_sim::Result<()> {
@@ -30,15 +31,16 @@ fn main() -> host_sim::Result<()> {
     let compressed = displacement_mm(MemoryChoice::Compressed, Precision::F32)?;
     let window = displacement_mm(MemoryChoice::Window(10.0), Precision::F32)?;
     let nanometres: Vec<f64> = compressed.iter().zip(&full).map(|(a, b)| 1e6 * (a - b)).collect();
-    plot::write(
-        &path,
-        &[
+    let figure = Figure::new(
+        "Creep",
+        vec![
             Panel::new("Creep under 0…6 kV at 1/7 Hz, Table 3, n = 2", "time (s)", "displacement (mm)")
-                .with(Line::new("full memory, f64", &time_s, &full).wide(4.0).coloured("#bdbdbd"))
-                .with(Line::new("compressed, f32: 0.7 kB", &time_s, &compressed).coloured(plot::COLOURS[1]))
-                .with(Line::new("10 s window, f32: 80 kB", &time_s, &window).coloured(plot::COLOURS[2])),
+                .with(Line::new("full memory, f64", &time_s, &full).beneath())
+                .with(Line::new("compressed, f32: 0.7 kB", &time_s, &compressed).coloured(Colour::Blue))
+                .with(Line::new("10 s window, f32: 80 kB", &time_s, &window).coloured(Colour::Vermilion)),
             Panel::new("Compressed minus full memory", "time (s)", "difference (nm)")
-                .with(Line::new("compressed, f32", &time_s, &nanometres).coloured(plot::COLOURS[1])),
+                .with(Line::new("compressed, f32", &time_s, &nanometres).coloured(Colour::Blue)),
         ],
-    )
+    );
+    figure_file::write(&path, &figure)
 }

@@ -15,7 +15,8 @@ use host_sim::fit::{self, Settings};
 use host_sim::grid::Grid;
 use host_sim::references::{Reference, Shape};
 use host_sim::replay::memory::Precision;
-use host_sim::report::plot::{self, COLOURS, Line, Panel};
+use host_sim::report::figure::{Colour, Figure, Line, Panel};
+use host_sim::report::figure_file;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{CommandLimits, Limited, ObserverOptions, Topology};
@@ -109,14 +110,14 @@ fn scaled(values: &[f64], by: f64) -> Vec<f64> {
 fn controllers(path: &Path, subject: &Subject) -> host_sim::Result<()> {
     let time = subject.time_s();
     let kinds = [
-        (ControllerKind::None, "no compensation", 0.6, COLOURS[2]),
-        (ControllerKind::Window, "10 s window", 0.6, COLOURS[5]),
-        (ControllerKind::Pi, "PI alone, 1 Hz", 1.0, COLOURS[4]),
-        (ControllerKind::Feedforward, "feedforward", 0.6, COLOURS[1]),
-        (ControllerKind::Tracking, "tracking", 0.6, COLOURS[3]),
+        (ControllerKind::None, "no compensation", 0.6, Colour::Vermilion),
+        (ControllerKind::Window, "10 s window", 0.6, Colour::Orange),
+        (ControllerKind::Pi, "PI alone, 1 Hz", 1.0, Colour::Purple),
+        (ControllerKind::Feedforward, "feedforward", 0.6, Colour::Blue),
+        (ControllerKind::Tracking, "tracking", 0.6, Colour::Green),
     ];
     let mut film = Panel::new("A sine of 1/10 Hz on the film hossain", "time (s)", "displacement (mm)")
-        .with(Line::new("reference", &time, &scaled(&subject.reference, 1e3)).wide(5.0).coloured("#bdbdbd"));
+        .with(Line::new("reference", &time, &scaled(&subject.reference, 1e3)).beneath());
     let mut error = Panel::new("Error of what compensates", "time (s)", "film − reference (µm)");
     let mut voltage = Panel::new("Voltage", "time (s)", "voltage (kV)");
     for (kind, name, bandwidth_hz, colour) in kinds {
@@ -129,7 +130,7 @@ fn controllers(path: &Path, subject: &Subject) -> host_sim::Result<()> {
             error = error.with(Line::new(name, &time, &scaled(&run.error_m(), 1e6)).coloured(colour));
         }
     }
-    plot::write(path, &[film, error, voltage])
+    figure_file::write(path, &Figure::new("Tracking", vec![film, error, voltage]))
 }
 
 /// What the one bandwidth does: error against bandwidth, on the film as it was recorded and on ones a fifth softer and
@@ -158,7 +159,7 @@ fn bandwidth(path: &Path, subjects: &[&Subject]) -> host_sim::Result<()> {
         }
         panels.push(panel.with(Line::new("bar: 0.25 %", &[0.03, 1.1], &[0.25, 0.25]).dashed()));
     }
-    plot::write(path, &panels)
+    figure_file::write(path, &Figure::new("Bandwidth", panels))
 }
 
 /// Thirty seconds without a sensor, on a film a twentieth softer than the fit.
@@ -168,22 +169,23 @@ fn lost_sensor(path: &Path, subject: &Subject) -> host_sim::Result<()> {
     let run = subject.run(ControllerKind::Tracking, 0.6, 0.95, &bench)?;
     let steps: Vec<f64> = run.voltage_v.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let error = subject.run(ControllerKind::Feedforward, 0.6, 0.95, &bench)?;
-    plot::write(
-        path,
-        &[
+    let figure = Figure::new(
+        "Sensor lost",
+        vec![
             Panel::new(
                 "Sensor lost from 60 s to 90 s, film 5 % softer than fitted",
                 "time (s)",
                 "film − reference (µm)",
             )
-            .with(Line::new("feedforward alone", &time, &scaled(&error.error_m(), 1e6)).coloured(COLOURS[1]))
-            .with(Line::new("tracking", &time, &scaled(&run.error_m(), 1e6)).coloured(COLOURS[3])),
+            .with(Line::new("feedforward alone", &time, &scaled(&error.error_m(), 1e6)).coloured(Colour::Blue))
+            .with(Line::new("tracking", &time, &scaled(&run.error_m(), 1e6)).coloured(Colour::Green)),
             Panel::new("What the observer has learned", "time (s)", "force scale")
-                .with(Line::new("force scale", &time, &run.force_scale).coloured(COLOURS[3])),
+                .with(Line::new("force scale", &time, &run.force_scale).coloured(Colour::Green)),
             Panel::new("Changes of voltage: the slew limit allows 50 V", "time (s)", "volts per tick")
-                .with(Line::new("tracking", &time[1..], &steps).coloured(COLOURS[3])),
+                .with(Line::new("tracking", &time[1..], &steps).coloured(Colour::Green)),
         ],
-    )
+    );
+    figure_file::write(path, &figure)
 }
 
 /// A reference beyond the limits: from a large displacement almost to zero, and a jump.
@@ -204,17 +206,15 @@ fn limits(path: &Path, subject: &Subject) -> host_sim::Result<()> {
     let flag = |limit: Limited, level: f64| -> Vec<f64> {
         run.limited.iter().map(|met| if met.contains(limit) { level } else { level - 0.7 }).collect()
     };
-    plot::write(
-        path,
-        &[
+    let figure = Figure::new(
+        "Limits",
+        vec![
             Panel::new("Jumps, shaped to 4 mm/s and 10 mm/s²", "time (s)", "displacement (mm)")
                 .with(Line::new("asked for", &time, &scaled(&subject.reference, 1e3)).dashed())
-                .with(
-                    Line::new("shaped reference", &time, &scaled(&run.reference_m, 1e3)).wide(4.0).coloured("#bdbdbd"),
-                )
-                .with(Line::new("film", &time, &scaled(&run.displacement_m, 1e3)).coloured(COLOURS[3])),
+                .with(Line::new("shaped reference", &time, &scaled(&run.reference_m, 1e3)).beneath())
+                .with(Line::new("film", &time, &scaled(&run.displacement_m, 1e3)).coloured(Colour::Green)),
             Panel::new("Voltage", "time (s)", "voltage (kV)")
-                .with(Line::new("command", &time, &scaled(&run.voltage_v, 1e-3)).coloured(COLOURS[1])),
+                .with(Line::new("command", &time, &scaled(&run.voltage_v, 1e-3)).coloured(Colour::Blue)),
             Panel::new("Limits met", "time (s)", "")
                 .with(Line::new("below zero", &time, &flag(Limited::BELOW_ZERO, 5.0)))
                 .with(Line::new("field", &time, &flag(Limited::FIELD, 4.0)))
@@ -222,5 +222,6 @@ fn limits(path: &Path, subject: &Subject) -> host_sim::Result<()> {
                 .with(Line::new("velocity", &time, &flag(Limited::VELOCITY, 2.0)))
                 .with(Line::new("acceleration", &time, &flag(Limited::ACCELERATION, 1.0))),
         ],
-    )
+    );
+    figure_file::write(path, &figure)
 }

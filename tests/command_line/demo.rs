@@ -8,6 +8,7 @@ use tests::recordings;
 use tests::tool::{names, text};
 
 use crate::TOOL;
+use crate::report_page::{check_numbers, check_page, document};
 
 /// The rows of a CSV, without comments.
 fn rows(path: &Path) -> Vec<String> {
@@ -56,7 +57,11 @@ fn simulated_recordings_are_fitted_replayed_and_followed() {
     {
         assert!(rows(&out.join(ours)) == rows(&path), "{ours}");
     }
-    assert!(fs::read_to_string(out.join("report.html")).expect("written").contains("<svg"));
+    let page = fs::read_to_string(out.join("report.html")).expect("written");
+    check_page(&page);
+    assert_eq!(document(&page), report);
+    assert!(check_numbers(&page, &report) > 100);
+    assert!(["no compensation", "feedforward", "tracking"].iter().all(|controller| page.contains(controller)));
 
     // `replay` prints the same with the parameters that were written.
     let files: Vec<String> = report["recordings"]

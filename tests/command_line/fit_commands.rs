@@ -50,7 +50,7 @@ fn replay_on_the_controller_agrees_with_the_fit() {
     assert!(provenance["method"].as_str().expect("text").contains("seed 1"));
     assert!(provenance["intervals_95_pct"]["main.c"].as_array().is_some_and(|ends| ends.len() == 2));
     let page = fs::read_to_string(&page).expect("written");
-    assert!(page.starts_with("<!DOCTYPE html>") && page.contains("<svg") && page.contains("wang-7s.csv"));
+    assert!(page.starts_with("<!DOCTYPE html>") && page.contains("wang-7s.csv"));
 }
 
 #[test]

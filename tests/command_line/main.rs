@@ -7,7 +7,9 @@ mod degenerate_input;
 mod demo;
 mod export;
 mod fit_commands;
+mod plots;
 mod replay_and_record;
+mod report_page;
 
 use tests::tool::Tool;
 

@@ -7,6 +7,7 @@ mod cycles;
 mod embedded;
 mod firmware;
 mod packages;
+mod page;
 mod process;
 mod recordings;
 mod setup;
@@ -55,6 +56,9 @@ enum Chore {
         /// Only this part.
         part: Option<campaign::Part>,
     },
+    /// Look at the page of a demo in Chromium: plots drawn, numbers those of --json, no console message; light, dark, phone, print.
+    /// Installs Chromium where it is missing (some 300 MB), which is why `test` does not do it.
+    Page,
     /// Check the licences of all dependencies with cargo-deny.
     Deny,
 }
@@ -72,6 +76,7 @@ fn main() -> ExitCode {
         Chore::Board { port, image } => board::run(port, image),
         Chore::Recordings => recordings::run(),
         Chore::Campaign { part } => campaign::run(part),
+        Chore::Page => page::run(),
         Chore::Deny => test::deny(),
     };
     match done {

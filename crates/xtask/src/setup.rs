@@ -129,6 +129,17 @@ pub fn cpp_compiler() -> Result<()> {
     Ok(())
 }
 
+/// A browser without a window, installed if it is missing: 300 MB with what it needs.
+pub fn chromium() -> Result<String> {
+    const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+    let there = || NAMES.into_iter().find(|name| has(name)).map(str::to_owned);
+    if let Some(browser) = there() {
+        return Ok(browser);
+    }
+    apt_install(&["chromium"], None)?;
+    there().ok_or_else(|| format!("a browser is needed: install {} and run again", NAMES.join(" or ")))
+}
+
 fn has(program: &str) -> bool {
     output(command(program, &["--version"])).is_ok()
 }

@@ -7,10 +7,11 @@ use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
 use crate::files::amplifier_log::AmplifierLog;
-use crate::files::output::{self, Folders};
+use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::fit::amplifier::{self, Identification, Interval, Time};
-use crate::report::plot::{self, Line, Panel};
+use crate::report::figure::{Colour, Figure, Line, Panel};
+use crate::report::figure_file::PlotOption;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -19,9 +20,8 @@ pub(super) struct Arguments {
     /// down to 0 V, at every tick.
     #[arg(value_name = "LOG.csv")]
     log: PathBuf,
-    /// Figure of command, monitor, model and residual, SVG or PNG by its ending.
-    #[arg(long, value_name = "FIGURE")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    plot: PlotOption,
     /// Parameter file (TOML), or preset:NAME, that gets rise_s and fall_s.
     #[arg(long, value_name = "P", requires = "out")]
     params: Option<String>,
@@ -76,23 +76,21 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     if arguments.out.is_some() && times.is_none() {
         return Err(Error::file(&arguments.log, report.not_determined.join("; ")));
     }
-    if let Some(path) = &arguments.plot {
-        plot::write(path, &panels(&log, &identified))?;
-    }
+    let figure = || Figure::new("How fast the amplifier follows", panels(&log, &identified));
+    let plot = arguments.plot.stage(&report, figure)?;
     if let (Some(parameters), Some(out), Some((rise_s, fall_s))) = (parameters, &arguments.out, times) {
         write(out, parameters, rise_s, fall_s)?;
     }
+    plot.map_or(Ok(()), Staged::commit)?;
     terminal::report(json, &report, || text(&report))
 }
 
 impl Arguments {
     fn check_outputs(&self) -> Result<()> {
-        if self.out.is_some() && self.out == self.plot {
-            return Err(Error::option("--plot", "is the file of --out; name another one"));
-        }
         let read: Vec<&Path> =
             [Some(self.log.as_path()), self.params.as_deref().map(Path::new)].into_iter().flatten().collect();
-        [&self.plot, &self.out].into_iter().flatten().try_for_each(|path| output::check(path, &read, Folders::Exist))
+        self.plot.check(&read, self.out.as_deref().as_slice())?;
+        self.out.iter().try_for_each(|path| output::check(path, &read, Folders::Exist))
     }
 }
 
@@ -128,7 +126,7 @@ impl Report {
             interval_s: identified.interval_s,
             not_determined: open.into_iter().filter_map(|(time, name, mend)| missing(time, name, mend)).collect(),
             warnings: identified.warnings.clone(),
-            plot: arguments.plot.as_deref().map(shown),
+            plot: arguments.plot.path().map(shown),
             out: arguments.out.as_deref().map(shown),
         }
     }
@@ -197,7 +195,7 @@ fn panels(log: &AmplifierLog, identified: &Identification) -> Vec<Panel> {
         voltages("Command and monitor", log, identified, rows),
         voltages("Around the largest change", log, identified, around),
         Panel::new("Residual", "time (s)", "monitor − model (V)")
-            .with(Line::new("monitor − model", &time, &residual).coloured("#0072b2")),
+            .with(Line::new("monitor − model", &time, &residual).coloured(Colour::Blue)),
     ]
 }
 
@@ -208,9 +206,9 @@ fn voltages(title: &str, log: &AmplifierLog, identified: &Identification, rows: 
         Line::new(label, &time, &kv)
     };
     Panel::new(title, "time (s)", "voltage (kV)")
-        .with(line("command", &log.command_v))
-        .with(line("monitor", &log.monitor_v).wide(4.0))
-        .with(line("model of the monitor", &identified.shown_v))
+        .with(line("monitor", &log.monitor_v).beneath())
+        .with(line("command", &log.command_v).coloured(Colour::Vermilion))
+        .with(line("model of the monitor", &identified.shown_v).coloured(Colour::Blue))
 }
 
 /// The rows around the largest change of the command within the time that the amplifier takes.

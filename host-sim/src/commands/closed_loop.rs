@@ -13,12 +13,14 @@ use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
 use crate::bench::film::{self, Film};
 use crate::bench::plant::{FullMemoryPlant, Mismatch};
 use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folders};
+use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::{Parameters, as_written};
 use crate::grid::Grid;
 use crate::references;
 use crate::replay::memory::Precision;
-use crate::report::plot::{self, Line, Panel};
+use crate::report::figure::Figure;
+use crate::report::figure_file::PlotOption;
+use crate::report::tracking_figure;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -43,9 +45,8 @@ pub(super) struct Arguments {
     /// Where the run goes: time_s, voltage_v, displacement_m, reference_m, limited, estimate_m, disturbance_n, force_scale.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
-    /// Figure of the run, SVG or PNG by its ending.
-    #[arg(long, value_name = "FIGURE")]
-    plot: Option<PathBuf>,
+    #[command(flatten)]
+    plot: PlotOption,
     /// Steps per second.
     #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
     rate: f64,
@@ -236,21 +237,20 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     };
     let run = run.map_err(about)?;
     bar.finish_and_clear();
-    if let Some(path) = &arguments.out {
-        write(path, &run, grid)?;
-    }
-    if let Some(path) = &arguments.plot {
-        plot::write(path, &panels(&run, grid, arguments.controller))?;
-    }
     let report = Report {
         controller: arguments.controller.name(),
         samples: grid.samples,
         harmonics: arguments.harmonics,
         quality: run.quality(),
         out: arguments.out.as_deref().map(shown),
-        plot: arguments.plot.as_deref().map(shown),
+        plot: arguments.plot.path().map(shown),
         field_note: parameters.field_note(),
     };
+    let out = arguments.out.as_deref().map(|path| stage(path, &run, grid)).transpose()?;
+    let name = arguments.controller.name();
+    let figure = || Figure::new(format!("Closed loop: {name}"), tracking_figure::panels(&[(name, &run)], grid));
+    let plot = arguments.plot.stage(&report, figure)?;
+    out.into_iter().chain(plot).try_for_each(Staged::commit)?;
     terminal::report(json, &report, || text(&report))
 }
 
@@ -295,18 +295,14 @@ impl Arguments {
     }
 
     fn check_outputs(&self) -> Result<()> {
-        if self.out.is_some() && self.out == self.plot {
-            return Err(Error::option("--plot", "is the file of --out; name another one"));
-        }
-        for path in [&self.out, &self.plot].into_iter().flatten() {
-            let plant = match &self.plant {
-                PlantChoice::Nonlinear(_) => None,
-                PlantChoice::Parameters(name) => Some(Path::new(name)),
-            };
-            let read: Vec<&Path> = [self.reference.as_path(), self.params.as_ref()].into_iter().chain(plant).collect();
-            output::check(path, &read, Folders::Exist)?;
-        }
-        Ok(())
+        let plant = match &self.plant {
+            PlantChoice::Nonlinear(_) => None,
+            PlantChoice::Parameters(name) => Some(Path::new(name)),
+        };
+        let read: Vec<&Path> = [self.reference.as_path(), self.params.as_ref()].into_iter().chain(plant).collect();
+        let out = self.out.as_deref();
+        self.plot.check(&read, out.as_slice())?;
+        out.map_or(Ok(()), |path| output::check(path, &read, Folders::Exist))
     }
 }
 
@@ -338,13 +334,13 @@ fn text(report: &Report) -> String {
     )
 }
 
-fn write(path: &Path, run: &LoopRun, grid: Grid) -> Result<()> {
+fn stage(path: &Path, run: &LoopRun, grid: Grid) -> Result<Staged> {
     fn known(values: &[f64]) -> Option<&[f64]> {
         values.iter().any(|value| !value.is_nan()).then_some(values)
     }
     let time = grid.times_s();
     let limited: Vec<f64> = run.limited.iter().map(|limited| f64::from(limited.bits())).collect();
-    output::write_columns(
+    output::stage_columns(
         path,
         &[],
         &[
@@ -358,24 +354,4 @@ fn write(path: &Path, run: &LoopRun, grid: Grid) -> Result<()> {
             ("force_scale", known(&run.force_scale)),
         ],
     )
-}
-
-fn panels(run: &LoopRun, grid: Grid, kind: ControllerKind) -> Vec<Panel> {
-    let time = grid.times_s();
-    let scaled = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|value| by * value).collect() };
-    vec![
-        Panel::new(format!("Reference and film: {}", kind.name()), "time (s)", "displacement (mm)")
-            .with(Line::new("reference", &time, &scaled(&run.reference_m, 1e3)).wide(3.0))
-            .with(Line::new("film", &time, &scaled(&run.displacement_m, 1e3))),
-        Panel::new("Error", "time (s)", "error (µm)").with(Line::new(
-            "film − reference",
-            &time,
-            &scaled(&run.error_m(), 1e6),
-        )),
-        Panel::new("Voltage", "time (s)", "voltage (kV)").with(Line::new(
-            "command",
-            &time,
-            &scaled(&run.voltage_v, 1e-3),
-        )),
-    ]
 }

@@ -1,18 +1,22 @@
 //! `compare`: other models of creep on the same recordings.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
 
 use super::options::{assumed_actuator, positive};
 use crate::error::{Error, Result, shown};
+use crate::files::output::Staged;
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::Settings;
 use crate::fit::observation::{Observation, observe_all, observe_prepared};
 use crate::fit::preparation::{Preparation, Window};
+use crate::report::figure::Figure;
+use crate::report::figure_file::PlotOption;
+use crate::report::model_figure;
 use crate::studies::compare::{self, ModelRow};
 use crate::terminal;
 
@@ -34,6 +38,8 @@ pub(super) struct Arguments {
     /// Fit what was measured up to here, s, and foretell the rest: a column beyond, RMS error in % of the measured RMS.
     #[arg(long, value_name = "S")]
     to: Option<f64>,
+    #[command(flatten)]
+    plot: PlotOption,
     /// Recordings to fit.
     #[arg(value_name = "REC.csv", required = true)]
     recordings: Vec<PathBuf>,
@@ -65,10 +71,15 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             )
         }
     };
+    let read = recordings.iter().map(Recording::path).chain(arguments.actuator.as_deref().map(Path::new));
+    arguments.plot.check(&read.collect::<Vec<&Path>>(), &[])?;
     let bar = terminal::spinner();
     let models = compare::compare(&observations, &beyond, &settings, &|message| bar.set_message(message.to_owned()))?;
     bar.finish_and_clear();
     let report = Report { recordings: arguments.recordings.iter().map(|path| shown(path)).collect(), models };
+    let title = "Models of creep on the same recordings";
+    let plot = arguments.plot.stage(&report, || Figure::new(title, model_figure::panels(&report.models)))?;
+    plot.map_or(Ok(()), Staged::commit)?;
     terminal::report(json, &report, || text(&report))
 }
 

@@ -1,5 +1,6 @@
 //! Everything once: recordings fitted together, replayed through the controller's code, and a reference followed.
 
+mod page;
 mod table;
 
 use std::path::{Path, PathBuf};
@@ -9,9 +10,9 @@ use clap::Args;
 use serde::Serialize;
 use springpot::{Actuator, CommandLimits, ObserverOptions, Topology};
 
-use super::fit::Job;
+use super::fit::{Done, Job};
 use super::{feedforward as feedforward_command, replay};
-use crate::bench::closed_loop::{self, BenchModel, TrackingQuality};
+use crate::bench::closed_loop::{self, BenchModel, LoopRun, TrackingQuality};
 use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
 use crate::bench::film::{Film, Instruments, Plant, Waveform};
 use crate::bench::film_recording::FilmRecording;
@@ -27,6 +28,8 @@ use crate::replay::feasibility::{self, Feasibility};
 use crate::replay::feedforward;
 use crate::replay::memory::{Precision, RunOptions};
 use crate::report::fit_report::FitReport;
+use crate::report::numbers::{Document, Numbers};
+use crate::report::page::Section;
 use crate::{interrupt, terminal};
 
 #[derive(Debug, Args)]
@@ -57,9 +60,9 @@ const BANDWIDTH_HZ: f64 = 0.6;
 
 /// The results of a demo, for people and machines.
 #[derive(Serialize)]
-struct Report {
+struct Report<'a> {
     simulated: bool,
-    fit: FitReport,
+    fit: &'a FitReport,
     #[serde(flatten)]
     replay: replay::Report,
     /// The sine; none where no voltage was recorded or the film can follow none.
@@ -100,14 +103,15 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let simulated = given.is_empty();
     let recordings = if simulated { simulated_recordings(&arguments.out)? } else { given };
 
-    let fit = fitted(&recordings, actuator, assumed_sizes, &files)?;
+    let done = fitted(&recordings, actuator, assumed_sizes, &files)?;
     // The parameters as they were written: `replay` gives the same.
     let parameters = Parameters::read(&files.parameters)?;
     let (replay, peak_m) = replayed(&recordings, &parameters)?;
     let mut staged = Vec::new();
+    let mut followed = None;
     let mut report = Report {
         simulated,
-        fit,
+        fit: &done.report,
         replay,
         reference: None,
         closed_loop: Vec::new(),
@@ -118,16 +122,18 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let duration_s = recordings.iter().map(Recording::duration_s).fold(0.0, f64::max);
         if let Some(sine) = Sine::followable(&parameters, peak_m, duration_s, &limits)? {
             staged.extend(files.stage_reference(&parameters, &sine, &limits)?);
-            if simulated {
-                report.closed_loop = closed_loops(&parameters, &sine, limits, stop)?;
-            }
+            let runs = if simulated { closed_loops(&parameters, &sine, limits, stop)? } else { Vec::new() };
+            report.closed_loop =
+                runs.iter().map(|(controller, run)| LoopRow { controller, quality: run.quality() }).collect();
             report.reference = Some(sine.row());
+            followed = Some((sine, runs));
         }
     }
     report.interrupted = stop.load(Ordering::Relaxed);
     let written =
         [&files.parameters, &files.page].into_iter().map(PathBuf::as_path).chain(staged.iter().map(Staged::path));
     report.files = written.map(shown).collect();
+    staged.push(stage_page(&files.page, &done, &report, followed.as_ref())?);
     staged.into_iter().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || table::text(&report))
 }
@@ -192,8 +198,8 @@ fn simulated_recordings(folder: &Path) -> Result<Vec<Recording>> {
     Ok(recordings)
 }
 
-/// Fits `recordings` together; writes the parameters and the page.
-fn fitted(recordings: &[Recording], actuator: Actuator, assumed_sizes: bool, files: &OutputFiles) -> Result<FitReport> {
+/// Fits `recordings` together; writes the parameters.
+fn fitted(recordings: &[Recording], actuator: Actuator, assumed_sizes: bool, files: &OutputFiles) -> Result<Done> {
     // One structure. The search over all of them takes twenty times as long and finds little more on these recordings.
     let settings = Settings {
         branches: vec![2],
@@ -207,12 +213,28 @@ fn fitted(recordings: &[Recording], actuator: Actuator, assumed_sizes: bool, fil
     let (observations, warnings): (Vec<_>, Vec<_>) = observed.into_iter().unzip();
     let job = Job {
         out: files.parameters.clone(),
-        page: Some(files.page.clone()),
+        page: None,
         files: recordings.iter().map(Recording::path).collect(),
         observations,
         warnings: warnings.concat(),
     };
-    job.run(&settings, Direction::Force)
+    let done = job.fit(&settings, Direction::Force)?;
+    done.stage_parameters(&files.parameters)?.commit()?;
+    Ok(done)
+}
+
+/// The page: the fit, what the controller's code makes of the recordings, and the runs along the sine.
+fn stage_page(path: &Path, done: &Done, report: &Report<'_>, followed: Option<&Followed>) -> Result<Staged> {
+    let document = Document::of(report)?;
+    let numbers = Numbers::of(&document);
+    let mut more = vec![Section::new("replay", "Replay on the controller", page::replay(&numbers))];
+    if let Some((sine, runs)) = followed {
+        more.push(Section::new("following", "Following a reference", page::following(&numbers, sine, runs)));
+    }
+    let title =
+        if report.simulated { "Demo on simulated recordings of a nonlinear film" } else { "Demo on recordings" };
+    let html = done.page(report.fit).html(title, &document, "/fit", more);
+    Staged::new(path, |file| file.write_all(html.as_bytes()))
 }
 
 /// The recordings through the controller's code, and the largest displacement there, m.
@@ -249,6 +271,9 @@ fn limits_of(recordings: &[Recording], actuator: &Actuator, peak_m: f64) -> Resu
         ..CommandLimits::BENCH
     }))
 }
+
+/// A sine, and the runs along it by their controllers.
+type Followed = (Sine, Vec<(&'static str, LoopRun)>);
 
 /// A sine that the film can follow.
 struct Sine {
@@ -307,7 +332,7 @@ fn closed_loops(
     sine: &Sine,
     limits: CommandLimits,
     stop: &AtomicBool,
-) -> Result<Vec<LoopRow>> {
+) -> Result<Vec<(&'static str, LoopRun)>> {
     let film = Film::new(PLANT);
     let settings = ControllerSettings {
         rate_hz: sine.grid.rate_hz,
@@ -316,7 +341,7 @@ fn closed_loops(
         learning: None,
         peak_m: sine.reference.high_m,
     };
-    let mut rows = Vec::new();
+    let mut runs = Vec::new();
     for kind in CONTROLLERS {
         if stop.load(Ordering::Relaxed) {
             break;
@@ -326,7 +351,7 @@ fn closed_loops(
         let bench = BenchModel::default();
         let run = closed_loop::track(&film, &bench, controller.as_mut(), &sine.values, sine.grid, &bar)?;
         bar.finish_and_clear();
-        rows.push(LoopRow { controller: kind.name(), quality: run.quality() });
+        runs.push((kind.name(), run));
     }
-    Ok(rows)
+    Ok(runs)
 }

@@ -14,6 +14,9 @@ use crate::grid::Grid;
 use crate::references;
 use crate::replay::feasibility::{self, Feasibility};
 use crate::replay::feedforward::{self, VoltagePlan};
+use crate::report::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
+use crate::report::figure::{Colour, Figure, Line, Panel};
+use crate::report::figure_file::PlotOption;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -31,6 +34,8 @@ pub(super) struct Arguments {
     /// Report whether the reference can be followed, and which offset makes it so, before any voltage is applied.
     #[arg(long)]
     check: bool,
+    #[command(flatten)]
+    plot: PlotOption,
 }
 
 #[derive(Serialize)]
@@ -68,13 +73,18 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         check: check.map_err(about)?,
         field_note: parameters.field_note(),
     };
-    if let Some(out) = &arguments.out {
-        output::check(out, &[&arguments.reference, arguments.model.params.as_ref()], Folders::Exist)?;
+    let inputs = [arguments.reference.as_path(), arguments.model.params.as_ref()];
+    arguments.plot.check(&inputs, arguments.out.as_deref().as_slice())?;
+    arguments.out.iter().try_for_each(|out| output::check(out, &inputs, Folders::Exist))?;
+    if arguments.out.is_some() || arguments.plot.path().is_some() {
         let bar = terminal::progress(grid.samples as u64, "feedforward");
         let plan = feedforward::plan(&parameters, &reference, grid, &options, limits, &bar).map_err(about)?;
         bar.finish_and_clear();
         report.add(&plan);
-        stage(out, grid, &plan)?.commit()?;
+        let table = arguments.out.as_deref().map(|out| stage(out, grid, &plan)).transpose()?;
+        let title = format!("Feedforward along {}", shown(&arguments.reference));
+        let plot = arguments.plot.stage(&report, || Figure::new(title, panels(&reference, &plan, grid)))?;
+        table.into_iter().chain(plot).try_for_each(Staged::commit)?;
     }
     terminal::report(json, &report, || text(&report))
 }
@@ -166,4 +176,19 @@ fn verdict(check: &Feasibility) -> Vec<String> {
         _ => "no offset makes it feasible: it needs a smaller stroke or a slower way back".into(),
     });
     lines
+}
+
+/// Reference and model, their difference, and the voltage.
+fn panels(reference: &[f64], plan: &VoltagePlan, grid: Grid) -> Vec<Panel> {
+    let time = grid.times_s();
+    let error: Vec<f64> = plan.displacement_m.iter().zip(reference).map(|(x, r)| x - r).collect();
+    vec![
+        Panel::new("Reference and model", "time (s)", DISPLACEMENT.label())
+            .with(Line::new("reference", &time, &DISPLACEMENT.of(reference)).beneath())
+            .with(Line::new("model", &time, &DISPLACEMENT.of(&plan.displacement_m))),
+        Panel::new("Model minus reference", "time (s)", "difference (µm)")
+            .with(Line::new("model − reference", &time, &MICROMETRES.of(&error)).coloured(Colour::Vermilion)),
+        Panel::new("Voltage", "time (s)", VOLTAGE.label())
+            .with(Line::new("voltage", &time, &VOLTAGE.of(&plan.voltage_v)).coloured(Colour::Green)),
+    ]
 }

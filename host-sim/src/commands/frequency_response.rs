@@ -1,16 +1,17 @@
 //! `frequency-response`: displacement over force against frequency.
 
-use std::f64::consts::TAU;
 use std::path::PathBuf;
 
 use clap::Args;
-use num_complex::Complex;
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folders};
+use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
-use crate::replay::memory;
+use crate::replay::{frequency_response, memory};
+use crate::report::figure::Figure;
+use crate::report::figure_file::PlotOption;
+use crate::report::response_figure;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -39,6 +40,8 @@ pub(super) struct Arguments {
     /// Steps per second of the law (1000 if left out).
     #[arg(long, value_name = "HZ", requires = "discrete")]
     rate: Option<f64>,
+    #[command(flatten)]
+    plot: PlotOption,
 }
 
 #[derive(Serialize)]
@@ -57,42 +60,36 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let rate = arguments.checked_rate()?;
     let parameters = Parameters::load(&arguments.params)?;
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
+    arguments.plot.check(&[arguments.params.as_ref()], &[&arguments.out])?;
     let law = arguments
         .discrete
         .then(|| memory::compressed_law::<f32>(parameters.film(), rate))
         .transpose()
         .map_err(|e| e.about(&arguments.params, &arguments.out))?;
-    let frequency = arguments.frequencies();
+    let frequency = frequency_response::logarithmic(arguments.from, arguments.to, arguments.points);
     let (magnitude, phase): (Vec<f64>, Vec<f64>) = frequency
         .iter()
         .map(|&f| match &law {
             Some(law) => law.frequency_response_about(f, arguments.at),
-            None => response_about(&parameters, f, arguments.at),
+            None => frequency_response::continuous(&parameters, f, arguments.at),
         })
         .map(|response| response.to_polar())
         .unzip();
-    output::write_columns(
+    let table = output::stage_columns(
         &arguments.out,
         &[],
         &[("frequency_hz", Some(&frequency)), ("magnitude_m_per_n", Some(&magnitude)), ("phase_rad", Some(&phase))],
     )?;
     let report = Report { out: shown(&arguments.out), points: arguments.points, discrete: arguments.discrete };
+    let title = format!("Frequency response of {}", parameters.name);
+    let plot = arguments
+        .plot
+        .stage(&report, || Figure::new(title, response_figure::of(&frequency, &magnitude, &phase).into()))?;
+    [Some(table), plot].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || {
         let kind = if report.discrete { format!("the law at {rate} Hz") } else { "Eq. 11".into() };
         format!("{}: {} frequencies of {kind}", report.out, report.points)
     })
-}
-
-/// Of the continuous model for small oscillations about `at_m`: displacement over force, m/N.
-fn response_about(parameters: &Parameters, frequency_hz: f64, at_m: f64) -> Complex<f64> {
-    let model = &parameters.model;
-    match &parameters.curve {
-        Some(curve) => {
-            let s = Complex::new(0.0, TAU * frequency_hz);
-            (s * s * model.mass_kg() + model.modulus(s) * curve.pieces().slope(at_m)).inv()
-        }
-        None => model.frequency_response(frequency_hz),
-    }
 }
 
 impl Arguments {
@@ -123,12 +120,5 @@ impl Arguments {
             return Err(Error::option("--to", cause));
         }
         Ok(rate)
-    }
-
-    /// The frequencies (Hz), spaced evenly on a logarithmic scale.
-    fn frequencies(&self) -> Vec<f64> {
-        let Self { from, to, points, .. } = *self;
-        let spacing = (to / from).ln() / (points.max(2) - 1) as f64;
-        (0..points).map(|k| if k + 1 == points { to } else { from * (spacing * k as f64).exp() }).collect()
     }
 }

@@ -7,12 +7,15 @@ use serde::Serialize;
 
 use super::options::{at_most, positive};
 use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folders};
+use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Input, Recording};
 use crate::grid::Grid;
 use crate::replay::memory::{MethodName, Precision};
 use crate::replay::observer::{self, Estimates, ObserverSummary};
+use crate::report::axis::{DISPLACEMENT, MICROMETRES};
+use crate::report::figure::{Colour, Figure, Line, Panel};
+use crate::report::figure_file::PlotOption;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -27,6 +30,8 @@ pub(super) struct Arguments {
     /// innovation_mean_m, innovation_std_m.
     #[arg(long, value_name = "OUT.csv")]
     out: PathBuf,
+    #[command(flatten)]
+    plot: PlotOption,
     /// Up to here the estimate follows the sensor, beyond it the model.
     #[arg(long, value_name = "HZ", default_value_t = 0.6)]
     bandwidth: f64,
@@ -57,7 +62,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     at_most("--adaptation", arguments.adaptation, 1e9)?;
     let parameters = Parameters::load(&arguments.params)?.with_method(arguments.method.into());
     let recording = Recording::read(&arguments.recording)?;
-    output::check(&arguments.out, &[&arguments.recording, arguments.params.as_ref()], Folders::Exist)?;
+    let inputs = [arguments.recording.as_path(), arguments.params.as_ref()];
+    output::check(&arguments.out, &inputs, Folders::Exist)?;
+    arguments.plot.check(&inputs, &[&arguments.out])?;
     let grid = recording.grid(arguments.rate)?;
     let Input::Voltage(voltage) = recording.drive()? else {
         return Err(Error::file(
@@ -73,9 +80,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let estimates =
         observer::estimate(&parameters, &volts, &measured, grid, options, arguments.precision, &bar).map_err(about)?;
     bar.finish_and_clear();
-    write(&arguments.out, grid, &volts, &estimates)?;
+    let table = stage(&arguments.out, grid, &volts, &estimates)?;
     let observed = estimates.summary();
     let report = Report { out: shown(&arguments.out), rate_hz: grid.rate_hz, observed };
+    let title = format!("Observer over {}", shown(&arguments.recording));
+    let plot = arguments.plot.stage(&report, || Figure::new(title, panels(&parameters, &estimates, grid)))?;
+    [Some(table), plot].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || {
         format!(
             "{}: {} sensor samples, innovation {:.2} µm RMS, at the end disturbance {:.3} N and force scale {:.4}",
@@ -88,9 +98,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     })
 }
 
-fn write(path: &Path, grid: Grid, volts: &[f64], estimates: &Estimates) -> Result<()> {
+fn stage(path: &Path, grid: Grid, volts: &[f64], estimates: &Estimates) -> Result<Staged> {
     let time = grid.times_s();
-    output::write_columns(
+    output::stage_columns(
         path,
         &[],
         &[
@@ -105,4 +115,22 @@ fn write(path: &Path, grid: Grid, volts: &[f64], estimates: &Estimates) -> Resul
             ("innovation_std_m", Some(&estimates.innovation_std_m)),
         ],
     )
+}
+
+/// Sensor and estimate, what the observer makes of their difference, and what is left.
+fn panels(parameters: &Parameters, estimates: &Estimates, grid: Grid) -> Vec<Panel> {
+    let time = grid.times_s();
+    let sensor = parameters.sensor();
+    let sampled: Vec<f64> = estimates.sample_m.iter().map(|reading| sensor.film_displacement_m(*reading)).collect();
+    vec![
+        Panel::new("Sensor and estimate", "time (s)", DISPLACEMENT.label())
+            .with(Line::new("sensor", &time, &DISPLACEMENT.of(&sampled)).beneath())
+            .with(Line::new("estimate", &time, &DISPLACEMENT.of(&estimates.displacement_m))),
+        Panel::new("Innovation: sensor minus prediction", "time (s)", "innovation (µm)")
+            .with(Line::new("innovation", &time, &MICROMETRES.of(&estimates.innovation_m)).coloured(Colour::Vermilion)),
+        Panel::new("Disturbance force", "time (s)", "disturbance (N)")
+            .with(Line::new("disturbance", &time, &estimates.disturbance_n).coloured(Colour::Green)),
+        Panel::new("Force scale", "time (s)", "force scale")
+            .with(Line::new("force scale", &time, &estimates.force_scale).coloured(Colour::Purple)),
+    ]
 }

@@ -7,9 +7,12 @@ use serde::Serialize;
 
 use super::options::positive;
 use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folders};
+use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
 use crate::references::{Reference, Shape};
+use crate::report::axis::DISPLACEMENT;
+use crate::report::figure::{Figure, Line, Panel};
+use crate::report::figure_file::PlotOption;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -41,6 +44,8 @@ pub(super) struct Arguments {
     /// Where the reference goes: time_s, displacement_m.
     #[arg(long, value_name = "REF.csv")]
     out: PathBuf,
+    #[command(flatten)]
+    plot: PlotOption,
 }
 
 #[derive(Serialize)]
@@ -67,12 +72,19 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     };
     let values = reference.on(grid)?;
     output::check(&arguments.out, &[], Folders::Exist)?;
+    arguments.plot.check(&[], &[&arguments.out])?;
     let time = grid.times_s();
-    output::write_columns(
+    let table = output::stage_columns(
         &arguments.out,
         &[],
         &[("time_s", Some(time.as_slice())), ("displacement_m", Some(values.as_slice()))],
     )?;
     let report = Report { out: shown(&arguments.out), samples: grid.samples };
+    let plot = arguments.plot.stage(&report, || {
+        let line = Line::new("reference", &time, &DISPLACEMENT.of(&values));
+        let panel = Panel::new("Reference", "time (s)", DISPLACEMENT.label()).with(line);
+        Figure::new(format!("Reference {}", report.out), vec![panel])
+    })?;
+    [Some(table), plot].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || format!("{}: {} samples", report.out, report.samples))
 }

@@ -13,6 +13,10 @@ use crate::files::output::{self, Folders, Staged};
 use crate::files::recording::{Direction, Recording};
 use crate::replay::comparison::Comparison;
 use crate::replay::simulate::Response;
+use crate::report::axis::{DISPLACEMENT, FORCE, MICROMETRES, MILLINEWTONS};
+use crate::report::comparison_figure;
+use crate::report::figure::{Figure, Panel};
+use crate::report::figure_file::PlotOption;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -26,6 +30,8 @@ pub(super) struct Arguments {
     /// Folder for the responses, one CSV per recording.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    plot: PlotOption,
     /// Recordings to replay.
     #[arg(value_name = "REC.csv", required = true)]
     recordings: Vec<PathBuf>,
@@ -89,15 +95,24 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         None => vec![None; comparisons.len()],
     };
 
+    let inputs: Vec<&Path> =
+        recordings.iter().map(Recording::path).chain([Path::new(&arguments.model.params)]).collect();
+    let written: Vec<&Path> = outputs.iter().flatten().map(PathBuf::as_path).collect();
+    arguments.plot.check(&inputs, &written)?;
+
     let bar = terminal::progress(comparisons.iter().map(|comparison| comparison.grid.samples as u64).sum(), "replay");
     let mut rows = Vec::new();
     let mut written = Vec::new();
+    let mut panels = Vec::new();
     for (comparison, path) in comparisons.iter().zip(outputs) {
         let recording = comparison.recording();
         let (response, agreement) = comparison
             .run(&parameters, &options, &bar)
             .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
         rows.push(RecordingAgreement::new(recording, arguments.drive, &agreement));
+        if arguments.plot.path().is_some() {
+            panels.extend(compared(comparison, arguments.drive, &comparison.readings(&parameters, &response)));
+        }
         if let Some(path) = path {
             if let Some(folder) = path.parent() {
                 output::make_folder(folder)?;
@@ -106,9 +121,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         }
     }
     bar.finish_and_clear();
-    written.into_iter().try_for_each(Staged::commit)?;
     let mut report = Report::of(rows);
     report.field_note = parameters.field_note().filter(|_| arguments.drive == Direction::Force);
+    written.extend(arguments.plot.stage(&report, || Figure::new(format!("Replay of {}", parameters.name), panels))?);
+    written.into_iter().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || table(&report))
 }
 
@@ -133,6 +149,17 @@ fn stage(path: &Path, drive: Direction, response: &Response, comparison: &Compar
         Direction::Displacement => "measured_force_n",
     };
     response.stage(path, comparison.grid, &[(name, Some(&measured))])
+}
+
+/// A recording beside the response, and their difference.
+fn compared(comparison: &Comparison<'_>, drive: Direction, readings: &[f64]) -> [Panel; 2] {
+    let (axis, fine) = match drive {
+        Direction::Force => (DISPLACEMENT, MICROMETRES),
+        Direction::Displacement => (FORCE, MILLINEWTONS),
+    };
+    let name = comparison.recording().path().file_name().unwrap_or_default().to_string_lossy().into_owned();
+    comparison_figure::panels(&comparison.measured, readings, axis, fine)
+        .map(|panel| Panel { title: format!("{name}: {}", panel.title.to_lowercase()), ..panel })
 }
 
 pub(super) fn table(report: &Report) -> String {

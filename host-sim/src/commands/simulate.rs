@@ -7,9 +7,13 @@ use serde::Serialize;
 
 use super::ModelOptions;
 use crate::error::{Result, shown};
-use crate::files::output::{self, Folders};
+use crate::files::output::{self, Folders, Staged};
 use crate::files::recording::Recording;
-use crate::replay::simulate;
+use crate::grid::Grid;
+use crate::replay::simulate::{self, Response};
+use crate::report::axis::{DISPLACEMENT, FORCE, VOLTAGE};
+use crate::report::figure::{Colour, Figure, Line, Panel};
+use crate::report::figure_file::PlotOption;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -22,6 +26,8 @@ pub(super) struct Arguments {
     /// Where the response goes: time_s, voltage_v, force_n, displacement_m.
     #[arg(long, value_name = "OUT.csv")]
     out: PathBuf,
+    #[command(flatten)]
+    plot: PlotOption,
 }
 
 #[derive(Serialize)]
@@ -37,19 +43,24 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
     let parameters = arguments.model.parameters()?;
     let recording = Recording::read(&arguments.profile)?;
-    output::check(&arguments.out, &[&arguments.profile, arguments.model.params.as_ref()], Folders::Exist)?;
+    let inputs = [arguments.profile.as_path(), arguments.model.params.as_ref()];
+    output::check(&arguments.out, &inputs, Folders::Exist)?;
+    arguments.plot.check(&inputs, &[&arguments.out])?;
     let grid = recording.grid(options.rate_hz)?;
     let bar = terminal::progress(grid.samples as u64, "simulate");
     let response = simulate::response(&parameters, &recording.drive()?, grid, &options, &bar)
         .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
     bar.finish_and_clear();
-    response.stage(&arguments.out, grid, &[])?.commit()?;
+    let table = response.stage(&arguments.out, grid, &[])?;
     let report = Report {
         out: shown(&arguments.out),
         samples: grid.samples,
         rate_hz: grid.rate_hz,
         peak_displacement_m: response.displacement_m.iter().copied().fold(f64::NEG_INFINITY, f64::max),
     };
+    let title = format!("Response of {} to {}", parameters.name, shown(&arguments.profile));
+    let plot = arguments.plot.stage(&report, || Figure::new(title, panels(&response, grid)))?;
+    [Some(table), plot].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || {
         format!(
             "{}: {} samples at {} Hz, largest displacement {:.4} mm",
@@ -59,4 +70,21 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             1e3 * report.peak_displacement_m
         )
     })
+}
+
+/// What drives the model, and what follows.
+fn panels(response: &Response, grid: Grid) -> Vec<Panel> {
+    let time = grid.times_s();
+    let voltage = response.voltage_v.as_ref().map(|volts| {
+        Panel::new("Voltage", "time (s)", VOLTAGE.label())
+            .with(Line::new("voltage", &time, &VOLTAGE.of(volts)).coloured(Colour::Green))
+    });
+    let force = Panel::new("Force on the film", "time (s)", FORCE.label())
+        .with(Line::new("force", &time, &response.force_n).coloured(Colour::Vermilion));
+    let displacement = Panel::new("Displacement", "time (s)", DISPLACEMENT.label()).with(Line::new(
+        "displacement",
+        &time,
+        &DISPLACEMENT.of(&response.displacement_m),
+    ));
+    voltage.into_iter().chain([force, displacement]).collect()
 }

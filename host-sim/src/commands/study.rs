@@ -11,7 +11,7 @@ use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::observe_all;
-use crate::report::plot;
+use crate::report::figure_file;
 use crate::report::study_page::StudyPage;
 use crate::studies::paper::{self, StudyFitRow, StudyOptions};
 use crate::terminal;
@@ -90,7 +90,7 @@ fn write(page: &StudyPage, folder: &Path) -> Result<Vec<PathBuf>> {
     for figure in &page.figures {
         for ending in ["svg", "png"] {
             let path = folder.join(format!("{}.{ending}", figure.name));
-            plot::write(&path, &figure.panels)?;
+            figure_file::write(&path, &figure.figure)?;
             files.push(path);
         }
     }

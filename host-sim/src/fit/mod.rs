@@ -7,6 +7,7 @@
 
 pub mod amplifier;
 pub mod bend;
+pub mod branches;
 pub mod candidate;
 pub(crate) mod levenberg_marquardt;
 pub(crate) mod loss;
@@ -25,7 +26,7 @@ pub mod settings;
 mod starts;
 mod transfer;
 pub(crate) mod uncertainty;
-mod warnings;
+pub mod warnings;
 mod whiteness;
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -39,6 +40,7 @@ use search::{Context, Found, PreparedObservations};
 pub use selection::StructureRow;
 pub use settings::{Method, Settings};
 pub use uncertainty::{Estimate, Uncertainty};
+pub use warnings::{Severity, Warning};
 
 /// Fits `observations`. `progress` is called with the name of each stage; `stop` ends the search early with the best so far.
 ///

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::candidate::Variable;
 use super::preparation::{Gaps, Preparation, Window, sample_weights};
+use super::warnings::{Severity, Warning};
 use crate::error::{Error, Result};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::grid::{Grid, Samples};
@@ -55,7 +56,7 @@ fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
 /// # Errors
 ///
 /// [`Error`] naming a recording that cannot be fitted.
-pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Result<(Observation, Vec<String>)> {
+pub fn observe(recording: &Recording, direction: Direction, weight: f64) -> Result<(Observation, Vec<Warning>)> {
     observe_prepared(recording, direction, weight, Preparation::NONE)
 }
 
@@ -69,7 +70,7 @@ pub fn observe_prepared(
     direction: Direction,
     weight: f64,
     preparation: Preparation,
-) -> Result<(Observation, Vec<String>)> {
+) -> Result<(Observation, Vec<Warning>)> {
     let path = recording.path();
     let (input, mut measured) = match direction {
         Direction::Force => (recording.drive()?, recording.displacement()?),
@@ -91,13 +92,15 @@ pub fn observe_prepared(
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let (rate_hz, uneven) = rate(&steps, median_step_s, drive);
     let gap = if preparation.gaps == Gaps::Interpolate { gap(&steps, median_step_s, drive) } else { skipped };
+    let of = |severity: Severity| move |text: String| (severity, text);
     let warnings = gap
         .into_iter()
         .chain(saturation(direction, &measured.value))
-        .chain(uneven)
-        .chain(between_steps(drive, rate_hz))
-        .chain(turned(&input, &measured));
-    let warnings = warnings.map(|warning| format!("{name}: {warning}")).collect();
+        .map(of(Severity::Caution))
+        .chain(uneven.map(of(Severity::Note)))
+        .chain(between_steps(drive, rate_hz).map(of(Severity::Caution)))
+        .chain(turned(&input, &measured).map(of(Severity::Serious)));
+    let warnings = warnings.map(|(severity, text)| severity.warning(format!("{name}: {text}"))).collect();
     let sample_weights = sample_weights(recording, &measured, preparation.log_time)?;
     let reading = Reading::default();
     Ok((Observation { name, input, measured, rate_hz, weight, sample_weights, reading }, warnings))

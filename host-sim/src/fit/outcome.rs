@@ -9,7 +9,7 @@ use super::search::{Context, Found};
 use super::selection::StructureRow;
 use super::settings::Settings;
 use super::uncertainty::Uncertainty;
-use super::warnings::{self, Misfit};
+use super::warnings::{self, Misfit, Warning};
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
@@ -34,7 +34,7 @@ pub struct Fit {
     /// Uncertainty of the parameters, if it was computed.
     pub uncertainty: Option<Uncertainty>,
     /// Warnings to the user.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
     /// Number of residual evaluations.
     pub evaluations: usize,
     /// Whether the search was ended early.

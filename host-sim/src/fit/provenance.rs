@@ -48,7 +48,7 @@ impl Fit {
             Loss::Huber => "huber",
         };
         let recordings = files.iter().zip(&self.agreements).map(|(file, agreement)| recording(file, agreement));
-        let warnings = self.warnings.iter().map(|warning| Value::from(warning.as_str()));
+        let warnings = self.warnings.iter().map(|warning| Value::from(warning.text.as_str()));
         let mut table = Table::new();
         let mut put = |key: &str, value: Value| {
             table.insert(key.into(), value);

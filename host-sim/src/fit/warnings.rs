@@ -1,11 +1,13 @@
 //! Warnings to the user of a fit.
 
-use std::f64::consts::FRAC_PI_2;
+use std::fmt;
+use std::ops::Deref;
 
-use num_complex::Complex;
-use springpot::{Actuator, Springpot, Topology};
+use serde::{Serialize, Serializer};
+use springpot::Actuator;
 
 use super::bend::Bend;
+use super::branches;
 use super::candidate::Candidate;
 use super::loss::{self, Loss};
 use super::observation::{Excitation, Observation, median};
@@ -13,42 +15,87 @@ use super::settings::Settings;
 use super::uncertainty::Uncertainty;
 use crate::files::recording::Input;
 
+/// How much a warning matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Severity {
+    /// To be settled before anything is built on the result.
+    Serious,
+    /// The result can be used within what it says.
+    Caution,
+    /// It changes nothing in what the result is used for.
+    Note,
+}
+
+/// A warning, which reads and is written as its text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    /// How much it matters.
+    pub severity: Severity,
+    /// What is the matter, and what to do.
+    pub text: String,
+}
+
+impl Severity {
+    /// A warning of this severity.
+    pub fn warning(self, text: impl Into<String>) -> Warning {
+        Warning { severity: self, text: text.into() }
+    }
+}
+
+impl Deref for Warning {
+    type Target = str;
+
+    fn deref(&self) -> &str {
+        &self.text
+    }
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl Serialize for Warning {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.text)
+    }
+}
+
 /// Sizes that are not the film's own: only a voltage needs them.
-pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<String>) {
+pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<Warning>) {
     if settings.assumed_sizes && excitation.voltage_driven {
         let Actuator { length_m, width_m, thickness_m, .. } = settings.actuator;
-        warnings.push(format!(
+        warnings.push(Severity::Serious.warning(format!(
             "THE FILM'S SIZES ARE ASSUMED ({:.0} mm x {:.0} mm x {:.0} um, the paper's): displacements are right all the same, forces \
              and c are only in proportion, and no field limit can be checked. Give the film's own sizes with --actuator",
             1e3 * length_m,
             1e3 * width_m,
             1e6 * thickness_m
-        ));
+        )));
     }
 }
 
 /// Inputs that do not vary.
-pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<String>) {
+pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<Warning>) {
     if !excitation.varies {
         let shown =
             if excitation.displacement_fitted { "creep under one load" } else { "relaxation at one displacement" };
-        warnings.push(format!("the input is constant: the recordings show {shown} only"));
+        warnings.push(Severity::Note.warning(format!("the input is constant: the recordings show {shown} only")));
     }
 }
 
 /// A curve or a saturation that one amplitude alone determines.
-pub fn of_amplitudes(observations: &[Observation], candidate: &Candidate, warnings: &mut Vec<String>) {
+pub fn of_amplitudes(observations: &[Observation], candidate: &Candidate, warnings: &mut Vec<Warning>) {
     let bent = candidate.bend != Bend::Straight || candidate.actuator.saturation_v.is_some();
     let mut peaks: Vec<f64> = observations.iter().flat_map(|o| peaks(&o.input.samples().value)).collect();
     peaks.sort_by(f64::total_cmp);
     let (Some(least), Some(most)) = (peaks.first(), peaks.last()) else { return };
     // Several cycles, all as large.
     if bent && peaks.len() > observations.len() && *least > 0.8 * most {
-        warnings.push(
+        warnings.push(Severity::Caution.warning(
             "only one amplitude was recorded: the curve is open, since creep and stiffening look alike there; record a second \
-             amplitude, half as large"
-                .into(),
-        );
+             amplitude, half as large"));
     }
 }
 
@@ -76,17 +123,21 @@ fn peaks(values: &[f64]) -> Vec<f64> {
 }
 
 /// A search that did not converge.
-pub fn of_convergence(converged: bool, warnings: &mut Vec<String>) {
+pub fn of_convergence(converged: bool, warnings: &mut Vec<Warning>) {
     if !converged {
-        warnings.push("the search ran out of iterations; continue it with --start and this result".into());
+        warnings.push(
+            Severity::Caution.warning("the search ran out of iterations; continue it with --start and this result"),
+        );
     }
 }
 
 /// What the data do not determine about `candidate`.
-pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings: &mut Vec<String>) {
+pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings: &mut Vec<Warning>) {
     for set in &uncertainty.undetermined {
         let branches = described_branches(candidate, &|branch| set.contains(&format!("branches[{branch}]")));
-        warnings.push(format!("the recordings leave {set} free: other values fit as well{branches}"));
+        warnings.push(
+            Severity::Note.warning(format!("the recordings leave {set} free: other values fit as well{branches}")),
+        );
     }
     let at_bound = |branch: usize, quantity: &str| {
         let of_branch = format!("branches[{branch}]");
@@ -95,10 +146,14 @@ pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings
     };
     let idle = described_branches(candidate, &|branch| at_bound(branch, ".c"));
     if !idle.is_empty() {
-        warnings.push(format!("a branch whose c is on its bound has no effect: fewer branches will do{idle}"));
+        warnings.push(
+            Severity::Note
+                .warning(format!("a branch whose c is on its bound has no effect: fewer branches will do{idle}")),
+        );
     }
     if uncertainty.estimates.iter().any(|estimate| estimate.at_bound && estimate.name == "main.c") {
-        warnings.push("main.c is on its bound: the springpot beside the branches has no effect".into());
+        warnings
+            .push(Severity::Note.warning("main.c is on its bound: the springpot beside the branches has no effect"));
     }
     let others: Vec<String> = uncertainty
         .estimates
@@ -107,50 +162,17 @@ pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings
         .map(|e| format!("{} = {}", e.name, e.value))
         .collect();
     if !others.is_empty() {
-        warnings.push(format!("on their bounds: {}", others.join(", ")));
+        warnings.push(Severity::Caution.warning(format!("on their bounds: {}", others.join(", "))));
     }
 }
 
 /// The branches of `candidate` that `concerns` names, each with its relaxation time and its share of the stiffness, in brackets;
 /// empty if there are none.
 fn described_branches(candidate: &Candidate, concerns: &dyn Fn(usize) -> bool) -> String {
-    let described: Vec<String> = (0..candidate.branches())
-        .filter(|&branch| concerns(branch))
-        .map(|branch| described(candidate, branch))
-        .collect();
+    let all = branches::of(candidate).into_iter().enumerate();
+    let described: Vec<String> =
+        all.filter(|(branch, _)| concerns(*branch)).map(|(_, branch)| branch.to_string()).collect();
     if described.is_empty() { String::new() } else { format!(" ({})", described.join("; ")) }
-}
-
-fn described(candidate: &Candidate, branch: usize) -> String {
-    let [first, second] = [1, 2].map(|k| candidate.elements[2 * branch + k]);
-    let name = format!("branch {}", branch + 1);
-    // Both springpots are as stiff at s = 1/τ: c_1 τ^-a = c_2 τ^-b.
-    let time_s = (second.c / first.c).powf(1.0 / (second.alpha - first.alpha));
-    if !(time_s.is_finite() && time_s > 0.0) {
-        return format!("{name}: no relaxation time, its springpots have the same order");
-    }
-    let share = candidate.model().ok().map(|model| {
-        let ln_s = Complex::new(-time_s.ln(), FRAC_PI_2);
-        let stiffness = model.modulus_of_ln(ln_s);
-        let of = |e: &Springpot| (ln_s * e.alpha).exp() * e.c;
-        let compliance = |branch: usize| {
-            let pair = &candidate.elements[2 * branch + 1..][..2];
-            pair.iter().map(|e| of(e).inv()).sum::<Complex<f64>>()
-        };
-        match candidate.topology {
-            Topology::Parallel => (compliance(branch).inv() / stiffness).norm(),
-            // Their share of the chain's compliance.
-            Topology::Eq11 => {
-                (compliance(branch) / (0..candidate.branches()).map(compliance).sum::<Complex<f64>>()).norm()
-            }
-        }
-    });
-    let of = match candidate.topology {
-        Topology::Parallel => "stiffness",
-        Topology::Eq11 => "compliance of all branches",
-    };
-    let share = share.map_or_else(String::new, |share| format!(", {:.2} % of the {of} there", 100.0 * share));
-    format!("{name}: relaxation time {time_s:.3e} s{share}")
 }
 
 /// What a model leaves of a measurement, in % of its stroke: of the range between the 2nd and the 98th percentile.
@@ -183,16 +205,16 @@ pub fn of_whiteness(
     drive: &Input,
     left_out_pct: Option<f64>,
     samples: usize,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) {
     if uncertainty.white {
         return;
     }
-    let severity = match misfit.systematic_pct {
-        small if small < 0.1 => "negligible",
-        small if small < 0.5 => "small",
-        medium if medium < 2.0 => "notable",
-        _ => "large",
+    let (severity, size) = match misfit.systematic_pct {
+        small if small < 0.1 => (Severity::Note, "negligible"),
+        small if small < 0.5 => (Severity::Note, "small"),
+        medium if medium < 2.0 => (Severity::Caution, "notable"),
+        _ => (Severity::Serious, "large"),
     };
     let expected = left_out_pct.unwrap_or(misfit.systematic_pct).max(misfit.systematic_pct);
     let (range, follows) = match drive {
@@ -201,16 +223,16 @@ pub fn of_whiteness(
         Input::Displacement(_) => ("range of the force", "a predicted force"),
     };
     let from = if left_out_pct.is_some() { ", from recordings that were left out" } else { " on paths like these" };
-    warnings.push(format!(
-        "{severity}: the residuals are not white (autocorrelation {:.2} at lag one). They are {:.3} % of the {range} RMS, and about \
+    warnings.push(severity.warning(format!(
+        "{size}: the residuals are not white (autocorrelation {:.2} at lag one). They are {:.3} % of the {range} RMS, and about \
          {:.3} % is not noise but what the model does not follow: expect {follows} to be off by {expected:.2} % RMS{from}. \
          Intervals count {:.0} independent samples instead of {samples}",
         uncertainty.lag_one, misfit.rms_pct, misfit.systematic_pct, uncertainty.effective_samples
-    ));
+    )));
 }
 
 /// Outliers.
-pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<String>) {
+pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<Warning>) {
     // Outliers shift the fit, so that the mean of the other residuals is not zero.
     let middle = median(residuals);
     let centred: Vec<f64> = residuals.iter().map(|r| r - middle).collect();
@@ -219,8 +241,9 @@ pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<String>) {
     if outliers > 0 && limit > 0.0 {
         let mend = if loss == Loss::Square { "; --loss huber reduces their effect" } else { "" };
         let share = 100.0 * outliers as f64 / residuals.len() as f64;
-        warnings
-            .push(format!("{outliers} outliers ({share:.2} % of the values, more than 6 standard deviations){mend}"));
+        warnings.push(Severity::Caution.warning(format!(
+            "{outliers} outliers ({share:.2} % of the values, more than 6 standard deviations){mend}"
+        )));
     }
 }
 
@@ -233,7 +256,7 @@ pub fn of_units(
     actuator: &Actuator,
     r2_mean: f64,
     loss: Loss,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) {
     for observation in observations {
         let name = &observation.name;
@@ -241,10 +264,10 @@ pub fn of_units(
             let peak = voltage.value.iter().fold(0.0, |peak: f64, v| peak.max(v.abs()));
             let field = peak / actuator.thickness_m;
             if field > HIGHEST_FIELD {
-                warnings.push(format!(
+                warnings.push(Severity::Serious.warning(format!(
                     "{name}: {peak} V over {} m are {field:.1e} V/m; check the units",
                     actuator.thickness_m
-                ));
+                )));
             }
         }
         // Only a voltage needs the film's size.
@@ -252,7 +275,10 @@ pub fn of_units(
             let stroke = loss::percentile_range(observation.measured.value.iter().copied());
             let size = actuator.length_m.max(actuator.width_m);
             if stroke > 2.0 * size {
-                warnings.push(format!("{name}: a stroke of {stroke:.3} m of a film of {size} m; check the units"));
+                warnings.push(
+                    Severity::Serious
+                        .warning(format!("{name}: a stroke of {stroke:.3} m of a film of {size} m; check the units")),
+                );
             }
         }
     }
@@ -262,6 +288,9 @@ pub fn of_units(
             Some(Input::Displacement(_)) => "force grows with displacement",
             _ => "displacement grows with voltage",
         };
-        warnings.push(format!("the model explains little (R² {r2_mean:.3}): check the units, and that {grows}"));
+        warnings.push(
+            Severity::Serious
+                .warning(format!("the model explains little (R² {r2_mean:.3}): check the units, and that {grows}")),
+        );
     }
 }

@@ -55,16 +55,21 @@ impl<'a> Comparison<'a> {
         progress: &ProgressBar,
     ) -> Result<(Response, Agreement)> {
         let response = simulate::response(parameters, &self.input, self.grid, options, progress)?;
-        let modelled = match self.direction {
-            Direction::Force => self.grid.at(&response.displacement_m, &self.measured.time_s),
-            Direction::Displacement => self.grid.at(&response.force_n, &self.measured.time_s),
-        };
-        let sensor = parameters.sensor();
-        let read: Vec<f64> = match self.direction {
-            Direction::Force => modelled.into_iter().map(|x| sensor.reading_m(x)).collect(),
-            Direction::Displacement => modelled,
-        };
-        Ok((response, Agreement::of(&self.measured.value, &read)))
+        let agreement = Agreement::of(&self.measured.value, &self.readings(parameters, &response));
+        Ok((response, agreement))
+    }
+
+    /// The output of `response`, as its sensor reads it, at the measured times.
+    pub fn readings(&self, parameters: &Parameters, response: &Response) -> Vec<f64> {
+        let times = &self.measured.time_s;
+        match self.direction {
+            Direction::Force => {
+                let sensor = parameters.sensor();
+                let displacement = self.grid.at(&response.displacement_m, times);
+                displacement.into_iter().map(|x| sensor.reading_m(x)).collect()
+            }
+            Direction::Displacement => self.grid.at(&response.force_n, times),
+        }
     }
 }
 

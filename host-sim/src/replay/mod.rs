@@ -4,6 +4,7 @@ pub mod comparison;
 pub mod coupling;
 pub mod feasibility;
 pub mod feedforward;
+pub mod frequency_response;
 pub mod full_memory;
 pub mod memory;
 pub mod nonlinear;

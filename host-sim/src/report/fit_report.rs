@@ -4,15 +4,20 @@ use std::fmt::Write;
 use std::path::Path;
 
 use serde::Serialize;
+use springpot::Actuator;
 
 use super::compression::Compression;
+use super::cost::Cost;
+use super::origin::Origin;
 use crate::agreement::Agreement;
 use crate::error::shown;
+use crate::files::parameters::Parameters;
 use crate::files::recording::Direction;
-use crate::fit::Fit;
+use crate::fit::branches::{self, BranchRow};
 use crate::fit::selection::StructureRow;
 use crate::fit::settings::topology_name;
 use crate::fit::uncertainty::Uncertainty;
+use crate::fit::{Fit, Warning};
 
 /// The report of a fit, as `fit --json` prints it.
 #[derive(Serialize)]
@@ -41,8 +46,30 @@ pub struct FitReport {
     /// What the compression of the law's memory costs at the controller's usual rate; none if there is no law at that rate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compression: Option<Compression>,
+    /// What the law costs on a controller.
+    pub cost: Cost,
+    /// Relaxation times of the branches.
+    pub relaxations: Vec<BranchRow>,
+    /// The film and its actuator.
+    pub film: FilmRow,
+    /// When, by what, by which command.
+    pub made: Origin,
     /// Warnings to the user.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Warning>,
+}
+
+/// A film and its actuator.
+#[derive(Serialize)]
+pub struct FilmRow {
+    /// The actuator.
+    #[serde(flatten)]
+    pub actuator: Actuator,
+    /// Reading of the displacement sensor at x = 0, m.
+    pub sensor_offset_m: f64,
+    /// Whether length, width and thickness are assumed.
+    pub sizes_assumed: bool,
+    /// The elastic curve: `linear` for none.
+    pub curve: String,
 }
 
 /// Agreement of a fit with a recording.
@@ -62,6 +89,8 @@ pub struct RecordingRow {
     pub rmse_n: Option<f64>,
     /// Number of measured values.
     pub samples: usize,
+    /// SHA-256 of the file.
+    pub sha256: String,
     /// Rate of the model along the recording, Hz.
     pub rate_hz: f64,
     /// Offset of its readings where it has its own, m or N.
@@ -73,15 +102,17 @@ pub struct RecordingRow {
 }
 
 impl FitReport {
-    /// The report of `fit` to the recordings in `files`, which took `seconds` and is written to `out`.
+    /// The report of `fit` to the recordings in `files`, which took `seconds`; its `parameters` are written to `out`.
     pub fn new(
         fit: &Fit,
+        parameters: &Parameters,
         compression: Option<Compression>,
         direction: Direction,
         files: &[&Path],
         out: &Path,
         seconds: f64,
     ) -> Self {
+        let digests = digests(parameters);
         let row = |(index, (file, agreement)): (usize, (&&Path, &Agreement))| RecordingRow {
             file: shown(file),
             r2: agreement.r2,
@@ -89,6 +120,7 @@ impl FitReport {
             rmse_m: (direction == Direction::Force).then_some(agreement.rmse),
             rmse_n: (direction == Direction::Displacement).then_some(agreement.rmse),
             samples: agreement.samples,
+            sha256: digests.get(index).cloned().unwrap_or_default(),
             rate_hz: fit.rates_hz[index],
             offset: fit.readings[index].own_offset(),
             gain: fit.readings[index].own_gain(),
@@ -105,6 +137,15 @@ impl FitReport {
             structures: fit.structures.clone(),
             uncertainty: fit.uncertainty.clone(),
             compression,
+            cost: Cost::of(parameters.film()),
+            relaxations: branches::of(&fit.candidate),
+            film: FilmRow {
+                actuator: parameters.actuator,
+                sensor_offset_m: parameters.sensor_offset_m,
+                sizes_assumed: parameters.assumed_sizes,
+                curve: fit.candidate.bend.name(),
+            },
+            made: Origin::now(),
             warnings: fit.warnings.clone(),
         }
     }
@@ -157,6 +198,13 @@ impl FitReport {
         );
         text
     }
+}
+
+/// The digests of the recordings behind `parameters`, which their provenance holds.
+fn digests(parameters: &Parameters) -> Vec<String> {
+    let recordings = parameters.provenance.as_ref().and_then(|table| table.get("recordings")?.as_array());
+    let digest = |row: &toml::Value| row.get("sha256").and_then(toml::Value::as_str).unwrap_or_default().to_owned();
+    recordings.into_iter().flatten().map(digest).collect()
 }
 
 /// A rate with at most six digits.

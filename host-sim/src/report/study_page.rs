@@ -2,11 +2,12 @@
 
 use std::fmt::Write;
 
-use maud::html;
+use maud::{Markup, html};
 use springpot::Topology;
 
-use super::html;
-use super::plot::{COLOURS, Line, Panel};
+use super::chart;
+use super::figure::{Colour, Figure, Line, Panel};
+use super::page::{self, Page, Row, Section};
 use crate::files::recording::Input;
 use crate::fit::Method;
 use crate::fit::observation::Observation;
@@ -28,9 +29,8 @@ pub struct StudyPage {
 pub struct StudyFigure {
     /// Name of its files, without the ending.
     pub name: &'static str,
-    title: &'static str,
-    /// Its panels, one per recording.
-    pub panels: Vec<Panel>,
+    /// The figure, a panel per recording.
+    pub figure: Figure,
 }
 
 /// A table: title, header, rows.
@@ -44,7 +44,10 @@ impl StudyPage {
     /// The page of `fits` to `observations`; `thinned` if pattern search saw thinned recordings.
     pub fn new(fits: &[StudyFit], observations: &[Observation], thinned: bool) -> Self {
         let names: Vec<String> = observations.iter().map(|o| o.name.clone()).collect();
-        let figure = |name, title, alone| StudyFigure { name, title, panels: panels(fits, observations, alone) };
+        let figure = |name, title: &str, alone| StudyFigure {
+            name,
+            figure: Figure::new(title, panels(fits, observations, alone)),
+        };
         Self {
             tables: [table_2(fits, &names), table_3(fits), table_4(fits, &names)],
             figures: [
@@ -63,24 +66,26 @@ impl StudyPage {
 
     /// The page as HTML.
     pub fn html(&self) -> String {
-        let body = html! {
+        let tables = html! {
+            @for table in &self.tables { (table.html()) }
+            p { (self.why_eq9_stops) }
+        };
+        let figures = html! {
+            @for figure in &self.figures { h3 { (figure.figure.title) } (chart::figure(&figure.figure)) }
+        };
+        let lead = html! {
             p {
                 (self.drive)
                 @if self.thinned { "Pattern search saw thinned recordings; R² is of all samples." }
             }
-            @for table in &self.tables {
-                h2 { (table.title) }
-                @let header: Vec<&str> = table.header.iter().map(String::as_str).collect();
-                @let rows: Vec<(bool, Vec<String>)> = table.rows.iter().map(|row| (false, row.clone())).collect();
-                (html::table(&header, &rows))
-            }
-            p { (self.why_eq9_stops) }
-            @for figure in &self.figures {
-                h2 { (figure.title) }
-                (html::figure(&figure.panels))
-            }
         };
-        html::page("The study of Karner et al. 2022 on these recordings", &body)
+        Page {
+            title: "The study of Karner et al. 2022 on these recordings",
+            lead,
+            sections: vec![Section::new("tables", "Tables", tables), Section::new("figures", "Figures", figures)],
+            document: None,
+        }
+        .html()
     }
 
     /// The tables as Markdown.
@@ -101,6 +106,14 @@ impl StudyPage {
             text.push_str("Pattern search saw thinned recordings; R² is of all samples.\n");
         }
         text
+    }
+}
+
+impl Table {
+    fn html(&self) -> Markup {
+        let header: Vec<&str> = self.header.iter().map(String::as_str).collect();
+        let rows: Vec<Row> = self.rows.iter().map(|row| Row::new(row.iter().map(page::text).collect())).collect();
+        page::table(&self.title, &header, &rows)
     }
 }
 
@@ -180,11 +193,11 @@ fn panels(fits: &[StudyFit], observations: &[Observation], alone: bool) -> Vec<P
         .map(|(index, observation)| {
             let time = &observation.measured.time_s;
             let measured = Line::new("measured", time, &scaled(&observation.measured.value));
-            let mut panel =
-                Panel::new(&observation.name, "time (s)", axis).with(measured.wide(4.0).coloured("#bdbdbd"));
-            for (method, topology, colour) in
-                [(Method::PatternSearch, Topology::Eq11, COLOURS[2]), (Method::Lm, Topology::Parallel, COLOURS[1])]
-            {
+            let mut panel = Panel::new(&observation.name, "time (s)", axis).with(measured.beneath());
+            for (method, topology, colour) in [
+                (Method::PatternSearch, Topology::Eq11, Colour::Vermilion),
+                (Method::Lm, Topology::Parallel, Colour::Blue),
+            ] {
                 let wanted = |e: &&StudyFit| {
                     e.method == method
                         && e.topology == topology

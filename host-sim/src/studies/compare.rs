@@ -22,6 +22,8 @@ use crate::studies::prandtl_ishlinskii::PrandtlIshlinskii;
 pub struct ModelRow {
     /// Name of the model.
     pub model: String,
+    /// The kind of model.
+    pub family: &'static str,
     /// Number of fitted quantities.
     pub parameters: usize,
     /// Mean of the recordings' R².
@@ -45,6 +47,9 @@ enum CreepModel {
     /// Springpots.
     Fractional(Topology, usize),
 }
+
+/// The kinds of models.
+pub const FAMILIES: [&str; 4] = ["springs and dashpots", "springpots in parallel", "Eq. 11", "Prandtl–Ishlinskii"];
 
 const MODELS: [(&str, CreepModel); 10] = [
     ("single springpot", CreepModel::Fractional(Topology::Parallel, 0)),
@@ -89,6 +94,7 @@ pub fn compare(
         let n = agreements.len() as f64;
         rows.push(ModelRow {
             model: name.into(),
+            family: model.family(),
             parameters: found.variables.len(),
             r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
             nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
@@ -114,6 +120,14 @@ fn error_pct(objective: &Objective, candidate: &Candidate) -> Option<f64> {
 }
 
 impl CreepModel {
+    fn family(self) -> &'static str {
+        match self {
+            Self::Prony(_) => FAMILIES[0],
+            Self::Fractional(Topology::Parallel, _) => FAMILIES[1],
+            Self::Fractional(Topology::Eq11, _) => FAMILIES[2],
+        }
+    }
+
     /// The best candidate of this model; `smaller` is the fit before, from which a Prony series starts as well.
     fn best(self, context: &Context<'_>, smaller: Option<&Candidate>) -> Option<Found> {
         match self {
@@ -237,6 +251,7 @@ fn prandtl_ishlinskii(observations: &[Observation]) -> Result<ModelRow> {
     let loads: Vec<f32> = (0..STEPS).map(|k| (6000.0 * (k % 5000) as f32 / 5000.0).powi(2)).collect();
     Ok(ModelRow {
         model: "Prandtl–Ishlinskii, rate-dependent".into(),
+        family: FAMILIES[3],
         parameters: PrandtlIshlinskii::PARAMETERS,
         r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
         nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,

@@ -11,7 +11,7 @@ use host_sim::fit::bend::Bend;
 use host_sim::fit::candidate::{Candidate, Variable};
 use host_sim::fit::objective::Objective;
 use host_sim::fit::observation::{self, Observation, Reading};
-use host_sim::fit::{self, Fit, Method, Settings};
+use host_sim::fit::{self, Fit, Method, Settings, Severity, Warning};
 use host_sim::grid::Samples;
 use springpot::{Actuator, Preload, Springpot, Topology};
 
@@ -124,17 +124,22 @@ fn warnings_say_what_follows() {
     let white = |branches: usize| {
         let fit = fitted(&all, &structure(Topology::Parallel, branches));
         println!("n = {branches}: {:?}", fit.warnings);
-        fit.warnings.into_iter().find(|warning| warning.contains("not white")).unwrap_or_else(|| "negligible".into())
+        fit.warnings
+            .into_iter()
+            .find(|warning| warning.contains("not white"))
+            .map_or((Severity::Note, "negligible".into()), |w| (w.severity, w.text))
     };
-    let poor = white(0);
+    let (severity, poor) = white(0);
+    assert_eq!(severity, Severity::Serious);
     assert!(["large: ", "% of the stroke", "expect feedforward to be off by"].iter().all(|words| poor.contains(words)));
-    let good = white(4);
+    let (severity, good) = white(4);
+    assert_eq!(severity, Severity::Note);
     assert!(good.starts_with("negligible") || good.starts_with("small"), "{good}");
 
     // A branch that says nothing is described by what it does, not by its name alone.
     let spring = Candidate { elements: vec![Springpot::new(4e4, 0.0)], ..truth() };
     let fit = fitted(&synthetic(&spring, 5e-6), &structure(Topology::Parallel, 1));
-    let named: Vec<&String> = fit.warnings.iter().filter(|w| w.contains("branch")).collect();
+    let named: Vec<&Warning> = fit.warnings.iter().filter(|w| w.contains("branch")).collect();
     assert!(
         !named.is_empty() && named.iter().all(|w| w.contains("branch 1") && w.contains("relaxation time")),
         "{named:?}"

@@ -5,6 +5,7 @@ mod amplifier_demand;
 mod curves;
 #[path = "../../../crates/springpot/tests/it/support/defining_sum.rs"]
 mod defining_sum;
+mod figures;
 mod film;
 mod fitting;
 mod full_memory;

@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use host_sim::files::recording::{Direction, Recording};
 use host_sim::fit::observation;
 use host_sim::fit::preparation::Preparation;
-use host_sim::fit::{self, Fit, Settings};
+use host_sim::fit::{self, Fit, Settings, Warning};
 use springpot::{Actuator, Topology};
 
 /// The displacement that is held, m.
@@ -67,7 +67,7 @@ fn series_n(t: f64) -> f64 {
 
 /// One springpot, or one branch beside a springpot, fitted to rows of time (s), displacement (m) and force (N), with the
 /// warnings about the rows.
-fn fitted(rows: impl IntoIterator<Item = (f64, f64, f64)>, branches: usize) -> (Fit, Vec<String>) {
+fn fitted(rows: impl IntoIterator<Item = (f64, f64, f64)>, branches: usize) -> (Fit, Vec<Warning>) {
     let mut csv = "time_s,displacement_m,force_n\n".to_owned();
     for (time_s, x, force) in rows {
         writeln!(csv, "{time_s:?},{x:?},{force:?}").expect("written");
@@ -91,7 +91,7 @@ fn close(value: f64, truth: f64, share: f64) {
 }
 
 /// The springpot alone, found within 2 %.
-fn finds_the_springpot(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<String> {
+fn finds_the_springpot(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<Warning> {
     let (fit, warnings) = fitted(rows, 0);
     assert!(fit.r2_mean >= LEAST_R2, "{}", fit.r2_mean);
     close(fit.candidate.elements[0].c, C, 0.02);
@@ -100,7 +100,7 @@ fn finds_the_springpot(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<S
 }
 
 /// Spring and springpot in series, found within 5 %: the spring is the stiffer element of the branch.
-fn finds_the_series(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<String> {
+fn finds_the_series(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<Warning> {
     let (fit, warnings) = fitted(rows, 1);
     assert!(fit.r2_mean >= LEAST_R2, "{}", fit.r2_mean);
     let [_, spring, springpot] = fit.candidate.elements[..] else { panic!("one branch") };
@@ -113,7 +113,7 @@ fn finds_the_series(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<Stri
 
 /// Spring and springpot in series, followed from the sample of the step itself, whose force the law spreads over a step. The
 /// springpot beside them takes up the difference, so that parameters are not compared.
-fn follows_the_series(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<String> {
+fn follows_the_series(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<Warning> {
     let (fit, warnings) = fitted(rows, 1);
     assert!(fit.r2_mean >= LEAST_R2, "{}", fit.r2_mean);
     warnings

@@ -6,7 +6,7 @@ use super::Report;
 use crate::commands::replay;
 
 /// The results of a demo in some twenty lines.
-pub(super) fn text(report: &Report) -> String {
+pub(super) fn text(report: &Report<'_>) -> String {
     let mut text = String::new();
     let what = if report.simulated { "simulated recordings of a nonlinear film" } else { "recordings" };
     let fit = &report.fit;

@@ -10,18 +10,22 @@ use clap::Args;
 
 use crate::error::{Error, Result};
 use crate::files::output::{self, Folders, Staged};
+use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::Observation;
-use crate::fit::{self, Settings};
+use crate::fit::{self, Fit, Settings, Warning};
 use crate::interrupt;
 use crate::report::compression::Compression;
-use crate::report::fit_page;
+use crate::report::fit_page::FitPage;
 use crate::report::fit_report::FitReport;
+use crate::report::numbers::Document;
 use crate::terminal;
 use options::FitOptions;
 
 /// Rate that the compression is told for, Hz: that of `export` where none is given.
 const CONTROLLER_HZ: f64 = 1000.0;
+
+const PAGE_TITLE: &str = "Fit of the fully fractional generalised Maxwell model";
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -33,7 +37,7 @@ pub(super) struct Arguments {
     /// Fit each recording alone; writes one file per recording beside --out.
     #[arg(long)]
     each: bool,
-    /// Where a page with tables and figures goes.
+    /// Where a page with the results, tables and plots goes; it opens in any browser, offline.
     #[arg(long, value_name = "R.html")]
     report: Option<PathBuf>,
     /// Recordings to fit.
@@ -71,18 +75,18 @@ pub(super) struct Job<'a> {
     pub(super) files: Vec<&'a Path>,
     pub(super) observations: Vec<Observation>,
     /// Warnings about the recordings.
-    pub(super) warnings: Vec<String>,
+    pub(super) warnings: Vec<Warning>,
 }
 
 impl Arguments {
     /// The fits that are asked for: one, or with `--each` one per recording. Their outputs are checked.
-    fn jobs<'a>(&self, recordings: &'a [Recording], observed: &[(Observation, Vec<String>)]) -> Result<Vec<Job<'a>>> {
+    fn jobs<'a>(&self, recordings: &'a [Recording], observed: &[(Observation, Vec<Warning>)]) -> Result<Vec<Job<'a>>> {
         let job = |out: PathBuf, page: Option<PathBuf>, recordings: &'a [Recording], observed: &[_]| Job {
             out,
             page,
             files: recordings.iter().map(Recording::path).collect(),
             observations: observed.iter().map(|(observation, _): &(Observation, _)| observation.clone()).collect(),
-            warnings: observed.iter().flat_map(|(_, warnings): &(_, Vec<String>)| warnings.clone()).collect(),
+            warnings: observed.iter().flat_map(|(_, warnings): &(_, Vec<Warning>)| warnings.clone()).collect(),
         };
         let mut jobs = Vec::new();
         if self.each {
@@ -109,9 +113,32 @@ impl Arguments {
     }
 }
 
+/// A fit that is done: its report and what its files are made of.
+pub(super) struct Done {
+    pub(super) report: FitReport,
+    fit: Fit,
+    observations: Vec<Observation>,
+    parameters: Parameters,
+    direction: Direction,
+}
+
 impl Job<'_> {
     /// Fits, and writes the parameters and the page.
-    pub(super) fn run(self, settings: &Settings, direction: Direction) -> Result<FitReport> {
+    fn run(self, settings: &Settings, direction: Direction) -> Result<FitReport> {
+        let (out, page) = (self.out.clone(), self.page.clone());
+        let done = self.fit(settings, direction)?;
+        let mut written = vec![done.stage_parameters(&out)?];
+        if let Some(page) = &page {
+            let document = Document::of(&done.report)?;
+            let html = done.page(&done.report).html(PAGE_TITLE, &document, "", Vec::new());
+            written.push(Staged::new(page, |file| file.write_all(html.as_bytes()))?);
+        }
+        written.into_iter().try_for_each(Staged::commit)?;
+        Ok(done.report)
+    }
+
+    /// Fits.
+    pub(super) fn fit(self, settings: &Settings, direction: Direction) -> Result<Done> {
         let started = Instant::now();
         let bar = terminal::spinner();
         let progress = |message: &str| bar.set_message(message.to_owned());
@@ -121,15 +148,22 @@ impl Job<'_> {
         let seconds = started.elapsed().as_secs_f64();
         let parameters = fit.parameters(settings, direction, &self.files)?;
         let compression = Compression::of(parameters.film(), CONTROLLER_HZ).ok();
-        let parameters = parameters.to_toml();
-        let report = FitReport::new(&fit, compression, direction, &self.files, &self.out, seconds);
-        let mut written = vec![Staged::new(&self.out, |file| file.write_all(parameters.as_bytes()))?];
-        if let Some(path) = &self.page {
-            let page = fit_page::page(&report, &fit, &self.observations, direction);
-            written.push(Staged::new(path, |file| file.write_all(page.as_bytes()))?);
-        }
-        written.into_iter().try_for_each(Staged::commit)?;
-        Ok(report)
+        let report = FitReport::new(&fit, &parameters, compression, direction, &self.files, &self.out, seconds);
+        Ok(Done { report, fit, observations: self.observations, parameters, direction })
+    }
+}
+
+impl Done {
+    /// The parameters for `path`, staged.
+    pub(super) fn stage_parameters(&self, path: &Path) -> Result<Staged> {
+        let parameters = self.parameters.to_toml();
+        Staged::new(path, |file| file.write_all(parameters.as_bytes()))
+    }
+
+    /// The page of the fit with this `report`.
+    pub(super) fn page<'a>(&'a self, report: &'a FitReport) -> FitPage<'a> {
+        let Self { fit, observations, parameters, direction, .. } = self;
+        FitPage { report, fit, observations, parameters, direction: *direction }
     }
 }
 

@@ -14,7 +14,7 @@ use crate::fit::candidate::{Candidate, Variable};
 use crate::fit::nonlinearity::CurveChoice;
 use crate::fit::observation::{self, Observation, Reading};
 use crate::fit::preparation::{Gaps, Preparation, Window};
-use crate::fit::{Loss, Method, Settings};
+use crate::fit::{Loss, Method, Settings, Warning};
 
 /// Options of a fit.
 #[derive(Clone, Debug, Args)]
@@ -245,7 +245,7 @@ impl FitOptions {
     }
 
     /// The observations, each with warnings about it.
-    pub(super) fn observations(&self, recordings: &[Recording]) -> Result<Vec<(Observation, Vec<String>)>> {
+    pub(super) fn observations(&self, recordings: &[Recording]) -> Result<Vec<(Observation, Vec<Warning>)>> {
         let log_time = self.weights.as_slice() == [Weight::LogTime];
         let weights: Vec<f64> = self
             .weights

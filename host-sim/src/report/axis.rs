@@ -1,0 +1,39 @@
+//! Quantities on axes.
+
+/// A quantity on an axis: its name, its unit, and how many of that unit an SI unit is.
+#[derive(Clone, Copy, Debug)]
+pub struct Axis {
+    /// Name of the quantity.
+    pub name: &'static str,
+    /// Its unit on the axis.
+    pub unit: &'static str,
+    /// That unit per SI unit.
+    pub per_si: f64,
+}
+
+impl Axis {
+    const fn new(name: &'static str, unit: &'static str, per_si: f64) -> Self {
+        Self { name, unit, per_si }
+    }
+
+    /// Its label.
+    pub fn label(self) -> String {
+        format!("{} ({})", self.name, self.unit)
+    }
+
+    /// `values` in SI units on this axis.
+    pub fn of(self, values: &[f64]) -> Vec<f64> {
+        values.iter().map(|value| self.per_si * value).collect()
+    }
+}
+
+/// Displacement.
+pub const DISPLACEMENT: Axis = Axis::new("displacement", "mm", 1e3);
+/// Differences of displacement.
+pub const MICROMETRES: Axis = Axis::new("displacement", "µm", 1e6);
+/// Force.
+pub const FORCE: Axis = Axis::new("force", "N", 1.0);
+/// Differences of force.
+pub const MILLINEWTONS: Axis = Axis::new("force", "mN", 1e3);
+/// Voltage.
+pub const VOLTAGE: Axis = Axis::new("voltage", "kV", 1e-3);

@@ -1,0 +1,49 @@
+//! What a law costs on a controller.
+
+use serde::Serialize;
+use springpot::{Law, State};
+
+use crate::files::parameters::Film;
+
+/// Costs of the default law on a Cortex-M4F. Instructions and cycles are those that docs/results.md states.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Cost {
+    /// Instructions of a step of the law.
+    pub instructions_per_step: u32,
+    /// Instructions of a whole control tick, with tracking.
+    pub instructions_per_tick: u32,
+    /// Cycles of a whole control tick, modelled.
+    pub cycles_per_tick: u32,
+    /// Share of a core at 168 MHz with 1000 ticks a second, %.
+    pub core_pct: f64,
+    /// Size of the law, bytes.
+    pub law_bytes: usize,
+    /// Size of its state, bytes.
+    pub state_bytes: usize,
+}
+
+const CORE_HZ: f64 = 168e6;
+const TICKS_PER_S: f64 = 1000.0;
+
+impl Cost {
+    /// A linear film.
+    pub const LINEAR: Self = Self::stated(527, 1795, 2900);
+    /// A film behind an elastic curve.
+    pub const CURVED: Self = Self::stated(615, 1993, 3200);
+
+    /// The cost of `film`.
+    pub fn of(film: Film<'_>) -> Self {
+        if film.curve.is_some() { Self::CURVED } else { Self::LINEAR }
+    }
+
+    const fn stated(instructions_per_step: u32, instructions_per_tick: u32, cycles_per_tick: u32) -> Self {
+        Self {
+            instructions_per_step,
+            instructions_per_tick,
+            cycles_per_tick,
+            core_pct: 100.0 * cycles_per_tick as f64 * TICKS_PER_S / CORE_HZ,
+            law_bytes: size_of::<Law<f32>>(),
+            state_bytes: size_of::<State<f32>>(),
+        }
+    }
+}

@@ -1,0 +1,262 @@
+//! Figures: panels of lines with their axes. [`drawing`](super::drawing) makes SVG and PNG of them, [`chart`](super::chart) plots of a page.
+
+/// Colours that colour-blind people can tell apart (Okabe and Ito).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Colour {
+    /// What was measured or asked for, beneath other lines.
+    Grey,
+    /// The first of the lines on top.
+    Blue,
+    /// The second.
+    Vermilion,
+    /// The third.
+    Green,
+    /// The fourth.
+    Purple,
+    /// The fifth.
+    Orange,
+}
+
+impl Colour {
+    /// Colours of lines that name none, in their order.
+    const CYCLE: [Self; 5] = [Self::Blue, Self::Vermilion, Self::Green, Self::Purple, Self::Orange];
+
+    /// On white.
+    pub fn on_white(self) -> &'static str {
+        match self {
+            Self::Grey => "#9a9a9a",
+            Self::Blue => "#0072b2",
+            Self::Vermilion => "#d55e00",
+            Self::Green => "#009e73",
+            Self::Purple => "#cc79a7",
+            Self::Orange => "#e69f00",
+        }
+    }
+
+    /// Its name in a page's style sheet.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Grey => "grey",
+            Self::Blue => "blue",
+            Self::Vermilion => "vermilion",
+            Self::Green => "green",
+            Self::Purple => "purple",
+            Self::Orange => "orange",
+        }
+    }
+}
+
+/// Most points of a line as it is drawn: more do not show on a screen.
+pub const MOST_POINTS: usize = 1600;
+
+/// A line of a panel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// Its name in the legend.
+    pub label: String,
+    /// Its points, thinned.
+    pub points: Vec<(f64, f64)>,
+    /// Number of points before they were thinned.
+    pub all: usize,
+    /// Its width in pixels.
+    pub width: f64,
+    /// Whether it is dashed.
+    pub dashed: bool,
+    /// Whether its points are marked.
+    pub marked: bool,
+    /// Its colour, if it is not the next one.
+    pub colour: Option<Colour>,
+}
+
+impl Line {
+    /// The line through `y` at `x`, which increases; points without a value are left out.
+    pub fn new(label: impl Into<String>, x: &[f64], y: &[f64]) -> Self {
+        Self::of_points(label, thinned, x, y)
+    }
+
+    /// The line through `y` at `x` of any order, such as a loop.
+    pub fn path(label: impl Into<String>, x: &[f64], y: &[f64]) -> Self {
+        Self::of_points(label, every_nth, x, y)
+    }
+
+    fn of_points(label: impl Into<String>, thin: fn(Vec<(f64, f64)>) -> Vec<(f64, f64)>, x: &[f64], y: &[f64]) -> Self {
+        let finite = |(x, y): &(f64, f64)| x.is_finite() && y.is_finite();
+        let points: Vec<(f64, f64)> = x.iter().copied().zip(y.iter().copied()).filter(finite).collect();
+        let all = points.len();
+        Self { label: label.into(), points: thin(points), all, width: 1.5, dashed: false, marked: false, colour: None }
+    }
+
+    /// The same, `width` pixels wide.
+    #[must_use]
+    pub fn wide(mut self, width: f64) -> Self {
+        self.width = width;
+        self
+    }
+
+    /// The same, dashed.
+    #[must_use]
+    pub fn dashed(mut self) -> Self {
+        self.dashed = true;
+        self
+    }
+
+    /// The same with a mark at every point.
+    #[must_use]
+    pub fn marked(mut self) -> Self {
+        self.marked = true;
+        self
+    }
+
+    /// The same in a colour of its own.
+    #[must_use]
+    pub fn coloured(mut self, colour: Colour) -> Self {
+        self.colour = Some(colour);
+        self
+    }
+
+    /// What lies beneath: wide and grey, so that a thin line on top leaves both visible.
+    #[must_use]
+    pub fn beneath(self) -> Self {
+        self.wide(4.5).coloured(Colour::Grey)
+    }
+}
+
+/// Values of x that are marked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Band {
+    /// What they are.
+    pub label: String,
+    /// The lowest.
+    pub from: f64,
+    /// The highest.
+    pub to: f64,
+}
+
+/// A chart with its axes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// Its title.
+    pub title: String,
+    /// Quantity and unit of x.
+    pub x_label: String,
+    /// Quantity and unit of y.
+    pub y_label: String,
+    /// Its lines, the lowest first.
+    pub lines: Vec<Line>,
+    /// Whether x is logarithmic.
+    pub log_x: bool,
+    /// Whether y is logarithmic.
+    pub log_y: bool,
+    /// Whether x goes back and forth along a line.
+    pub is_path: bool,
+    /// Values of x that are marked.
+    pub band: Option<Band>,
+    /// What the reader should see, in a sentence or two.
+    pub caption: String,
+}
+
+impl Panel {
+    /// A panel with a title and labelled axes.
+    pub fn new(title: impl Into<String>, x_label: impl Into<String>, y_label: impl Into<String>) -> Self {
+        Self {
+            title: title.into(),
+            x_label: x_label.into(),
+            y_label: y_label.into(),
+            lines: Vec::new(),
+            log_x: false,
+            log_y: false,
+            is_path: false,
+            band: None,
+            caption: String::new(),
+        }
+    }
+
+    /// A panel of loops, whose lines are [`Line::path`]s.
+    pub fn loops(title: impl Into<String>, x_label: impl Into<String>, y_label: impl Into<String>) -> Self {
+        Self { is_path: true, ..Self::new(title, x_label, y_label) }
+    }
+
+    /// The same with one more line on top.
+    #[must_use]
+    pub fn with(mut self, line: Line) -> Self {
+        self.lines.push(line);
+        self
+    }
+
+    /// The same with logarithmic axes.
+    #[must_use]
+    pub fn logarithmic(mut self, x: bool, y: bool) -> Self {
+        (self.log_x, self.log_y) = (x, y);
+        self
+    }
+
+    /// The same with values of x marked.
+    #[must_use]
+    pub fn banded(mut self, label: impl Into<String>, from: f64, to: f64) -> Self {
+        self.band = Some(Band { label: label.into(), from, to });
+        self
+    }
+
+    /// The same with a caption.
+    #[must_use]
+    pub fn captioned(mut self, caption: impl Into<String>) -> Self {
+        self.caption = caption.into();
+        self
+    }
+
+    /// Its lines with their colours and the points that its axes can show.
+    pub fn drawn(&self) -> impl Iterator<Item = (&Line, Colour, Vec<(f64, f64)>)> {
+        let mut cycle = Colour::CYCLE.into_iter().cycle();
+        self.lines.iter().map(move |line| {
+            let colour = line.colour.or_else(|| cycle.next()).unwrap_or(Colour::Blue);
+            let shows = |(x, y): &(f64, f64)| (!self.log_x || *x > 0.0) && (!self.log_y || *y > 0.0);
+            (line, colour, line.points.iter().copied().filter(shows).collect())
+        })
+    }
+
+    /// Whether a line has fewer points than were given.
+    pub fn is_thinned(&self) -> bool {
+        self.lines.iter().any(|line| line.points.len() < line.all)
+    }
+}
+
+/// Panels, one above the other.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// What it shows.
+    pub title: String,
+    /// Its panels.
+    pub panels: Vec<Panel>,
+}
+
+impl Figure {
+    /// A figure of `panels`.
+    pub fn new(title: impl Into<String>, panels: Vec<Panel>) -> Self {
+        Self { title: title.into(), panels }
+    }
+}
+
+/// Every chunk of points becomes its lowest and its highest, so that no peak is lost; the ends stay.
+fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let [first, inner @ .., last] = points.as_slice() else { return points };
+    let length = inner.len().div_ceil(MOST_POINTS / 2 - 1);
+    if length <= 2 {
+        return points;
+    }
+    let by_value = |a: &(usize, &(f64, f64)), b: &(usize, &(f64, f64))| a.1.1.total_cmp(&b.1.1);
+    let extremes = inner.chunks(length).flat_map(|chunk| {
+        let lowest = chunk.iter().enumerate().min_by(by_value);
+        let highest = chunk.iter().enumerate().max_by(by_value);
+        let mut both: Vec<(usize, &(f64, f64))> = lowest.into_iter().chain(highest).collect();
+        both.sort_unstable_by_key(|(row, _)| *row);
+        both.dedup_by_key(|(row, _)| *row);
+        both.into_iter().map(|(_, point)| *point)
+    });
+    [*first].into_iter().chain(extremes).chain([*last]).collect()
+}
+
+/// Every so many points of a path: lowest and highest mean nothing there.
+fn every_nth(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+    let every = points.len().div_ceil(MOST_POINTS).max(1);
+    points.into_iter().step_by(every).collect()
+}

@@ -1,0 +1,69 @@
+//! The page of a fit: how well it follows the recordings, what it is, and how far it can be relied on.
+
+mod agreement;
+mod controller;
+mod model;
+mod origin;
+mod parameters;
+mod recording;
+mod warnings;
+
+use maud::html;
+
+use super::fit_report::FitReport;
+use super::numbers::{Document, Form, Numbers};
+use super::page::{Page, Section};
+use crate::files::parameters::Parameters;
+use crate::files::recording::Direction;
+use crate::fit::Fit;
+use crate::fit::observation::Observation;
+
+/// What a page of a fit shows.
+pub struct FitPage<'a> {
+    /// The report.
+    pub report: &'a FitReport,
+    /// The fit.
+    pub fit: &'a Fit,
+    /// The recordings as they were fitted.
+    pub observations: &'a [Observation],
+    /// The parameters as they are written.
+    pub parameters: &'a Parameters,
+    /// Input of the model.
+    pub direction: Direction,
+}
+
+impl FitPage<'_> {
+    /// The page. The report stands in `document`, which `--json` prints, at `place`; `more` follows the recordings.
+    pub fn html(&self, title: &str, document: &Document, place: &str, more: Vec<Section>) -> String {
+        let numbers = Numbers::of(document).at(place);
+        let recordings = html! {
+            @for (observation, modelled) in self.observations.iter().zip(&self.fit.modelled) {
+                (recording::charts(observation, modelled))
+            }
+        };
+        let mut sections = vec![
+            Section::new("warnings", "Warnings", warnings::list(&self.report.warnings)),
+            Section::new("agreement", "Agreement", agreement::tables(&numbers)),
+            Section::new("recordings", "Recordings", recordings),
+        ];
+        sections.extend(more);
+        sections.extend([
+            Section::new("model", "Model", model::body(&numbers, self.parameters, self.observations)),
+            Section::new("parameters", "Parameters", parameters::tables(&numbers)),
+            Section::new("controller", "On a controller", controller::body(&numbers)),
+            Section::new("origin", "Files and origin", origin::body(&numbers, self.direction)),
+        ]);
+        let lead = html! {
+            p.verdict {
+                (self.report.topology) " with n = " (numbers.number("/branches", Form::Fixed(0)))
+                @if self.report.branches == 1 { " branch" } @else { " branches" }
+                ": R² mean " (numbers.number("/r2_mean", Form::Fixed(6))) " over "
+                (self.report.recordings.len())
+                @if self.report.recordings.len() == 1 { " recording" } @else { " recordings" }
+                "; " (warnings::count(&self.report.warnings)) "."
+                @if self.report.interrupted { " The search was interrupted: this is the best so far." }
+            }
+        };
+        Page { title, lead, sections, document: Some(document) }.html()
+    }
+}

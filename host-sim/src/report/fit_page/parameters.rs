@@ -1,0 +1,78 @@
+//! Fitted values with their intervals, and the film that they belong to.
+
+use maud::{Markup, html};
+
+use super::super::numbers::{Form, Numbers};
+use super::super::page::{Row, table, text};
+
+/// The tables of the fit at `numbers`.
+pub fn tables(numbers: &Numbers<'_>) -> Markup {
+    html! { (estimates(&numbers.at("/trust"))) (film(&numbers.at("/film"))) }
+}
+
+fn estimates(trust: &Numbers<'_>) -> Markup {
+    let rows: Vec<Row> = trust
+        .at("/estimates")
+        .rows()
+        .iter()
+        .map(|row| {
+            let end = |path: &str| match row.at(path).value().is_null() {
+                true => text("open"),
+                false => row.number(path, Form::Digits(5)),
+            };
+            let name = row.text("/name");
+            let bound = if row.at("/at_bound").value() == true { "on its bound" } else { "" };
+            Row::new(vec![
+                html! { code { (name) } },
+                row.number("/value", Form::Digits(6)),
+                end("/low"),
+                end("/high"),
+                text(unit(name)),
+                text(bound),
+            ])
+        })
+        .collect();
+    if rows.is_empty() {
+        return html! { p { "Intervals were not computed." } };
+    }
+    html! {
+        (table("Fitted parameters with 95 % intervals from the profile likelihood", &["parameter", "value", "from", "to", "unit", ""], &rows))
+        p { "An end that the recordings do not set is open, or for an order 0 or 1." }
+    }
+}
+
+/// The unit of a fitted quantity.
+fn unit(name: &str) -> &'static str {
+    match name {
+        _ if name.ends_with(".c") => "N·s^α/m",
+        "stretch_coupling" => "1/m",
+        _ if name.ends_with("_m") => "m",
+        _ if name.ends_with("_v") => "V",
+        _ if name.ends_with("_kg") => "kg",
+        _ => "1",
+    }
+}
+
+fn film(film: &Numbers<'_>) -> Markup {
+    let mut rows: Vec<Row> = [
+        ("length", "/length_m", Form::In(1e3, 3, "mm")),
+        ("width", "/width_m", Form::In(1e3, 3, "mm")),
+        ("thickness", "/thickness_m", Form::In(1e6, 2, "µm")),
+        ("relative permittivity", "/relative_permittivity", Form::Fixed(3)),
+        ("mass", "/mass_kg", Form::In(1e3, 2, "g")),
+        ("stretch coupling", "/stretch_coupling", Form::In(1.0, 3, "1/m")),
+        ("saturation", "/saturation_v", Form::In(1.0, 1, "V")),
+        ("sensor's reading at rest", "/sensor_offset_m", Form::In(1e6, 2, "µm")),
+    ]
+    .into_iter()
+    .filter(|(_, path, _)| !film.at(path).value().is_null())
+    .map(|(name, path, form)| Row::new(vec![text(name), film.number(path, form)]))
+    .collect();
+    rows.push(Row::new(vec![text("weight"), text(film.text("/preload"))]));
+    rows.push(Row::new(vec![text("elastic curve"), text(film.text("/curve"))]));
+    let assumed = film.at("/sizes_assumed").value() == true;
+    html! {
+        (table("The film and its actuator", &["quantity", "value"], &rows))
+        @if assumed { p { "Length, width and thickness are assumed, not measured: nothing is known of the electric field." } }
+    }
+}

@@ -1,0 +1,45 @@
+//! Where a result comes from: when, by what, by which command.
+
+use std::env;
+use std::ffi::OsString;
+
+use chrono::Utc;
+use serde::Serialize;
+
+/// Time, program and command of a result.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Origin {
+    /// Date and time, UTC.
+    pub date: String,
+    /// Program and version.
+    pub tool: String,
+    /// The command as a shell takes it.
+    pub command: String,
+}
+
+impl Origin {
+    /// Of the running program, now.
+    pub fn now() -> Self {
+        Self {
+            date: Utc::now().format("%Y-%m-%d %H:%M:%S UTC").to_string(),
+            tool: format!("host-sim {}", env!("CARGO_PKG_VERSION")),
+            command: command(env::args_os().skip(1)),
+        }
+    }
+}
+
+/// `host-sim` with `arguments`, quoted for a shell.
+fn command(arguments: impl Iterator<Item = OsString>) -> String {
+    let mut words = vec!["host-sim".to_owned()];
+    words.extend(arguments.map(|argument| quoted(&argument.to_string_lossy())));
+    words.join(" ")
+}
+
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}

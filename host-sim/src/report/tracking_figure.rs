@@ -1,0 +1,73 @@
+//! Films that follow a reference: figures and tables of closed loops.
+
+use maud::{Markup, html};
+
+use super::chart;
+use super::figure::{Colour, Figure, Line, Panel};
+use super::numbers::{Form, Numbers};
+use super::page::{Row, table, text};
+use crate::bench::closed_loop::LoopRun;
+use crate::grid::Grid;
+
+/// Colours of runs side by side.
+const COLOURS: [Colour; 4] = [Colour::Vermilion, Colour::Blue, Colour::Green, Colour::Purple];
+
+/// The run without compensation, in words.
+const UNCOMPENSATED: &str = "no compensation";
+
+/// Film and reference, error and voltage of `runs` of one reference on `grid`, by the names of their controllers.
+pub fn panels(runs: &[(&str, &LoopRun)], grid: Grid) -> Vec<Panel> {
+    let time = grid.times_s();
+    let scaled = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|value| by * value).collect() };
+    let mut film = Panel::new("Reference and film", "time (s)", "displacement (mm)");
+    let mut error = Panel::new("Error", "time (s)", "film − reference (µm)");
+    let mut voltage = Panel::new("Voltage", "time (s)", "voltage (kV)");
+    if let Some((_, run)) = runs.first() {
+        film = film.with(Line::new("reference", &time, &scaled(&run.reference_m, 1e3)).beneath());
+    }
+    for ((name, run), colour) in runs.iter().zip(COLOURS.into_iter().cycle()) {
+        let line = |values: &[f64]| Line::new(*name, &time, values).coloured(colour);
+        film = film.with(line(&scaled(&run.displacement_m, 1e3)));
+        error = error.with(line(&scaled(&run.error_m(), 1e6)));
+        voltage = voltage.with(line(&scaled(&run.voltage_v, 1e-3)));
+    }
+    let mut panels = vec![film, error, voltage];
+    // Beside an error that is not compensated the others are a straight line.
+    let compensated: Vec<Line> = panels[1].lines.iter().filter(|line| line.label != UNCOMPENSATED).cloned().collect();
+    if (1..runs.len()).contains(&compensated.len()) {
+        let panel = Panel::new("Error with compensation", "time (s)", "film − reference (µm)");
+        panels.insert(2, compensated.into_iter().fold(panel, Panel::with));
+    }
+    panels
+}
+
+/// The runs of the list at `numbers`, in a table and a figure.
+pub fn comparison(numbers: &Numbers<'_>, runs: &[(&str, &LoopRun)], grid: Grid) -> Markup {
+    let rows: Vec<Row> = numbers
+        .rows()
+        .iter()
+        .map(|row| {
+            Row::new(vec![
+                text(words(row.text("/controller"))),
+                row.number("/tracking_rms_pct", Form::Fixed(3)),
+                row.number("/largest_error_m", Form::In(1e6, 1, "µm")),
+                row.number("/drift_pct", Form::Fixed(3)),
+                row.number("/largest_voltage_v", Form::In(1.0, 0, "V")),
+            ])
+        })
+        .collect();
+    let named: Vec<(&str, &LoopRun)> = runs.iter().map(|(name, run)| (words(name), *run)).collect();
+    html! {
+        (table(
+            "Error of the film from t = 0",
+            &["controller", "RMS, % of p-p", "largest error", "drift, % of p-p", "largest voltage"],
+            &rows,
+        ))
+        (chart::figure(&Figure::new("Closed loop", panels(&named, grid))))
+    }
+}
+
+/// A controller's name in words.
+fn words(name: &str) -> &str {
+    if name == "none" { UNCOMPENSATED } else { name }
+}
