@@ -7,6 +7,7 @@ mod degenerate_input;
 mod demo;
 mod export;
 mod fit_commands;
+mod import;
 mod replay_and_record;
 
 use tests::tool::Tool;

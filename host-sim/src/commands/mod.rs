@@ -9,11 +9,13 @@ mod export;
 mod feedforward;
 mod fit;
 mod frequency_response;
+mod import;
 mod link;
 mod observe;
 mod options;
 mod pil;
 mod plant;
+mod recordings;
 mod reduce;
 mod reference;
 mod replay;
@@ -49,6 +51,8 @@ struct Cli {
 enum CliCommand {
     /// Do everything once: fit recordings, replay them, follow a sine; three simulated recordings if none are given.
     Demo(demo::Arguments),
+    /// Turn files of other programs (text of any dialect, .xlsx, .mat) into recordings, and tell what was understood.
+    Import(import::Arguments),
     /// Compute the response to a recorded input.
     Simulate(simulate::Arguments),
     /// Compute the response to recorded inputs and compare it with what was measured.
@@ -133,6 +137,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
     interrupt::install();
     match cli.command {
         CliCommand::Demo(arguments) => demo::run(&arguments, cli.json),
+        CliCommand::Import(arguments) => import::run(&arguments, cli.json),
         CliCommand::Simulate(arguments) => simulate::run(&arguments, cli.json),
         CliCommand::Replay(arguments) => replay::run(&arguments, cli.json),
         CliCommand::Fit(arguments) => fit::run(&arguments, cli.json),

@@ -6,9 +6,9 @@ use clap::Args;
 use serde::Serialize;
 
 use super::ModelOptions;
+use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders};
-use crate::files::recording::Recording;
 use crate::replay::simulate;
 use crate::terminal;
 
@@ -19,6 +19,8 @@ pub(super) struct Arguments {
     /// Recording whose voltage or force is the input of the model.
     #[arg(long, value_name = "REC.csv")]
     profile: PathBuf,
+    #[command(flatten)]
+    reading: RecordingOptions,
     /// Where the response goes: time_s, voltage_v, force_n, displacement_m.
     #[arg(long, value_name = "OUT.csv")]
     out: PathBuf,
@@ -36,7 +38,7 @@ struct Report {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
     let parameters = arguments.model.parameters()?;
-    let recording = Recording::read(&arguments.profile)?;
+    let recording = arguments.reading.read_one(&arguments.profile)?;
     output::check(&arguments.out, &[&arguments.profile, arguments.model.params.as_ref()], Folders::Exist)?;
     let grid = recording.grid(options.rate_hz)?;
     let bar = terminal::progress(grid.samples as u64, "simulate");
