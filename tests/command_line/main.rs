@@ -5,6 +5,7 @@ mod bad_input;
 mod control_commands;
 mod degenerate_input;
 mod demo;
+mod excitation;
 mod export;
 mod fit_commands;
 mod import;
