@@ -11,10 +11,11 @@ use serde::Serialize;
 
 use super::board_time::BoardTime;
 use super::{Source, What, digits, parameters_of};
+use crate::commands::recordings::RecordingOptions;
 use crate::error::{Error, Result, shown};
 use crate::files::journal::{Journal, Recovered};
 use crate::files::output::{self, Folders};
-use crate::files::recording::{Input, Recording};
+use crate::files::recording::Input;
 use crate::grid::Grid;
 use crate::interrupt;
 use crate::link::{Client, named};
@@ -193,7 +194,7 @@ impl Play {
             let (reference, _) = references::read(&self.recording, SENT_HZ)?;
             return Ok(reference.into_iter().map(|metres| metres as f32).collect());
         }
-        let recording = Recording::read(&self.recording)?;
+        let recording = RecordingOptions::default().read_one(&self.recording)?;
         let Input::Voltage(voltage) = recording.drive()? else {
             return Err(Error::file(&self.recording, "a column voltage_v or voltage_kv is needed"));
         };
