@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod board;
+mod book;
 mod campaign;
 mod cycles;
 mod embedded;
@@ -59,6 +60,8 @@ enum Chore {
     /// Look at the page of a demo in Chromium: plots drawn, numbers those of --json, no console message; light, dark, phone, print.
     /// Installs Chromium where it is missing (some 300 MB), which is why `test` does not do it.
     Page,
+    /// Build the book of docs/ into target/book, and follow its links. Installs mdBook where it is missing, which takes minutes.
+    Book,
     /// Check the licences of all dependencies with cargo-deny.
     Deny,
 }
@@ -77,6 +80,7 @@ fn main() -> ExitCode {
         Chore::Recordings => recordings::run(),
         Chore::Campaign { part } => campaign::run(part),
         Chore::Page => page::run(),
+        Chore::Book => book::run(),
         Chore::Deny => test::deny(),
     };
     match done {

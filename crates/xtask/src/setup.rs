@@ -140,6 +140,23 @@ pub fn chromium() -> Result<String> {
     there().ok_or_else(|| format!("a browser is needed: install {} and run again", NAMES.join(" or ")))
 }
 
+/// What makes a book of Markdown, installed within the project if it is missing.
+pub fn mdbook() -> Result<String> {
+    const VERSION: &str = "0.4.52";
+    if has("mdbook") {
+        return Ok("mdbook".into());
+    }
+    let tools = root().join("target").join("tools");
+    let program = tools.join("bin").join("mdbook").to_string_lossy().into_owned();
+    if !has(&program) {
+        // Without its server and its search, which a book that opens from the disk does not have.
+        let folder = tools.to_string_lossy().into_owned();
+        let package = format!("mdbook@{VERSION}");
+        run_command(cargo(&["install", "--quiet", "--locked", "--no-default-features", "--root", &folder, &package]))?;
+    }
+    Ok(program)
+}
+
 fn has(program: &str) -> bool {
     output(command(program, &["--version"])).is_ok()
 }

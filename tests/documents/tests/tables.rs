@@ -45,23 +45,64 @@ fn numbers_are_found_by_row_and_title() {
     assert!(!Tolerance::COUNT.holds(f64::NAN, 100.0));
 }
 
-/// Links to files of the project, relative to the document.
+/// Headings of a page as GitHub and as the book name them: only where both do alike can a link lead there in both.
+fn anchors(page: &str) -> Vec<String> {
+    let mut in_code = false;
+    let headings = page.lines().filter(|line| {
+        in_code ^= line.starts_with("```");
+        !in_code && line.starts_with('#')
+    });
+    let named = |keeps: fn(char) -> bool| {
+        move |heading: &str| -> String {
+            let kept = heading.trim_start_matches('#').trim().to_lowercase();
+            kept.chars()
+                .filter(|&letter| keeps(letter) || "-_ ".contains(letter))
+                .map(|letter| if letter == ' ' { '-' } else { letter })
+                .collect()
+        }
+    };
+    let github = named(|letter| letter.is_alphabetic() || letter.is_ascii_digit());
+    let book = named(char::is_alphanumeric);
+    headings.filter(|heading| github(heading) == book(heading)).map(github).collect()
+}
+
+/// Links to files of the project, relative to the document, and to headings within them.
 #[test]
-fn links_lead_to_files() {
-    let mut count = 0;
+fn links_lead_to_files_and_headings() {
+    let (mut count, mut broken) = (0, Vec::new());
     for path in files().expect("readable") {
         let text = fs::read_to_string(&path).expect("readable");
         for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
-            if link.contains("://") || link.starts_with('#') {
+            if link.contains("://") {
                 continue;
             }
             count += 1;
-            let file = link.split('#').next().unwrap_or(link);
-            let target = path.parent().unwrap_or(root()).join(file);
-            assert!(target.exists(), "{}: {link} is missing", path.display());
+            let (file, heading) = link.split_once('#').map_or((link, None), |(file, heading)| (file, Some(heading)));
+            let target = if file.is_empty() { path.clone() } else { path.parent().unwrap_or(root()).join(file) };
+            let leads = target.exists()
+                && heading.is_none_or(|heading| {
+                    let page = fs::read_to_string(&target).expect("readable");
+                    anchors(&page).iter().any(|anchor| anchor == heading)
+                });
+            if !leads {
+                broken.push(format!("{}: {link}", path.display()));
+            }
         }
     }
+    assert!(broken.is_empty(), "{broken:#?}");
     assert!(count > 5);
+}
+
+/// The book has every page of docs, each once.
+#[test]
+fn the_book_has_every_page() {
+    let summary = fs::read_to_string(root().join("docs/SUMMARY.md")).expect("readable");
+    for path in files().expect("readable") {
+        let name = path.file_name().and_then(|name| name.to_str()).expect("a name");
+        if path.parent() == Some(&root().join("docs")) && name != "SUMMARY.md" {
+            assert_eq!(summary.matches(&format!("]({name})")).count(), 1, "docs/SUMMARY.md: {name}");
+        }
+    }
 }
 
 /// The numbers that measurements are compared with are where those look for them: they need minutes to find that out.

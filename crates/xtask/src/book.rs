@@ -1,0 +1,121 @@
+//! The book of docs/: built with mdBook, and every link in its pages leads to a page and a heading of it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::process::{Result, command, root, run as run_command};
+use crate::setup;
+
+/// Builds the book into target/book and follows its links.
+pub fn run() -> Result<()> {
+    let mdbook = setup::mdbook()?;
+    let source = root().join("target").join("book-source");
+    lay_out(&root().join("docs"), &source)?;
+    let built = root().join("target").join("book");
+    run_command(command(&mdbook, &["build", &source.to_string_lossy(), "--dest-dir", &built.to_string_lossy()]))?;
+    let (pages, links) = follow(&built)?;
+    println!("{}: {pages} pages, {links} links", built.join("start.html").display());
+    Ok(())
+}
+
+/// A page that stands elsewhere, under the name that it has in the book: `../firmware/README.md` is `firmware-README.md`.
+fn flat(link: &str) -> String {
+    link.trim_start_matches("../").replace('/', "-")
+}
+
+/// Copies `docs` to `source`, with the pages of other folders that SUMMARY.md lists.
+fn lay_out(docs: &Path, source: &Path) -> Result<()> {
+    let _ = fs::remove_dir_all(source);
+    make(source)?;
+    let summary = read(&docs.join("SUMMARY.md"))?;
+    let elsewhere: Vec<&str> = summary
+        .split("](")
+        .skip(1)
+        .filter_map(|rest| rest.split(')').next())
+        .filter(|link| link.starts_with("../"))
+        .collect();
+    let moved = |text: String| {
+        elsewhere.iter().fold(text, |text, link| text.replace(&format!("]({link}"), &format!("]({}", flat(link))))
+    };
+    for path in entries(docs)? {
+        let Some(name) = path.file_name() else { continue };
+        let to = source.join(name);
+        if path.extension().is_some_and(|extension| extension == "md") {
+            write(&to, &moved(read(&path)?))?;
+        } else if path.is_file() {
+            fs::copy(&path, &to).map_err(|error| at(&path, &error))?;
+        }
+    }
+    for link in &elsewhere {
+        let text = read(&docs.join(link))?.replace("](../docs/", "](").replace("](../../docs/", "](");
+        write(&source.join(flat(link)), &text)?;
+    }
+    Ok(())
+}
+
+/// Follows the links between the pages in `built`: how many pages, and how many links.
+fn follow(built: &Path) -> Result<(usize, usize)> {
+    let mut pages = BTreeMap::new();
+    for path in entries(built)? {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        if name.ends_with(".html") && name != "print.html" && name != "404.html" {
+            pages.insert(name, read(&path)?);
+        }
+    }
+    let of = |page: &str, attribute: &str| -> Vec<String> {
+        let values = page.split(&format!(" {attribute}=\"")).skip(1);
+        values.filter_map(|rest| rest.split('"').next()).map(str::to_owned).collect()
+    };
+    let headings: BTreeMap<&str, BTreeSet<String>> =
+        pages.iter().map(|(name, page)| (name.as_str(), of(page, "id").into_iter().collect())).collect();
+    let (mut count, mut broken) = (0, Vec::new());
+    for (name, page) in &pages {
+        for link in of(page, "href") {
+            let (file, heading) = link.split_once('#').unwrap_or((&link, ""));
+            if file.contains("://") {
+                continue;
+            }
+            count += 1;
+            let file = if file.is_empty() { name } else { file };
+            let leads = match headings.get(file) {
+                Some(there) => heading.is_empty() || there.contains(heading),
+                None => built.join(file).is_file(),
+            };
+            if !leads {
+                broken.push(format!("{name}: {link}"));
+            }
+        }
+    }
+    if broken.is_empty() {
+        Ok((pages.len(), count))
+    } else {
+        Err(format!("links lead nowhere:\n{}", broken.join("\n")))
+    }
+}
+
+fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = fs::read_dir(folder).map_err(|error| at(folder, &error))?;
+    let mut paths = entries
+        .map(|entry| entry.map(|entry| entry.path()))
+        .collect::<std::io::Result<Vec<_>>>()
+        .map_err(|error| at(folder, &error))?;
+    paths.sort();
+    Ok(paths)
+}
+
+fn make(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder).map_err(|error| at(folder, &error))
+}
+
+fn read(path: &Path) -> Result<String> {
+    fs::read_to_string(path).map_err(|error| at(path, &error))
+}
+
+fn write(path: &Path, text: &str) -> Result<()> {
+    fs::write(path, text).map_err(|error| at(path, &error))
+}
+
+fn at(path: &Path, error: &dyn std::fmt::Display) -> String {
+    format!("{}: {error}", path.display())
+}
