@@ -16,8 +16,8 @@ pub(super) struct BoardTime {
     rate_hz: f64,
     /// From one sample to the next, s.
     interval_s: f64,
-    /// Tick of the first sample, and the board's time then, s.
-    first: Option<(u32, f64)>,
+    /// Tick of the first sample, at 0 s.
+    first: Option<u32>,
     /// Of the last sample, s.
     sampled_s: f64,
     /// The host's time when it was last looked for samples, and when there were some, s.
@@ -50,14 +50,17 @@ impl BoardTime {
         self.looked_s = host_s;
         let Some(tick) = newest else { return };
         self.heard_s = host_s;
-        let (first, first_s) = *self.first.get_or_insert((tick, self.now_s));
-        self.sampled_s = first_s + f64::from(tick.wrapping_sub(first)) / self.rate_hz;
+        let Some(first) = self.first else {
+            (self.first, self.behind_s) = (Some(tick), host_s);
+            return;
+        };
+        self.sampled_s = f64::from(tick.wrapping_sub(first)) / self.rate_hz;
         self.behind_s += (host_s - self.sampled_s - self.behind_s) * (passed_s / SMOOTHED_S).min(1.0);
     }
 
-    /// The board's time when the host's is `host_s`, s. It never runs back.
+    /// The board's time when the host's is `host_s`, s: 0 until the first sample. It never runs back.
     pub(super) fn now_s(&mut self, host_s: f64) -> f64 {
-        let latest_s = self.sampled_s + self.interval_s + GUESSED_S;
+        let latest_s = if self.first.is_some() { self.sampled_s + self.interval_s + GUESSED_S } else { 0.0 };
         self.now_s = self.now_s.max((host_s - self.behind_s).min(latest_s));
         self.now_s
     }

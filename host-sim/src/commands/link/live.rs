@@ -33,9 +33,9 @@ const SILENT_MONITOR: Duration = Duration::from_secs(2);
 /// So many looks in a row find the film at 0 V.
 const LOOKS: u32 = 3;
 /// A board that has sent no sample for so long does not tick.
-const SILENT_STREAM_S: f64 = 5.0;
-/// So many values in a row are sent to a board whose time stands, at the most.
-const MOST_ROUNDS_STOOD: u32 = 200;
+const SILENT_STREAM_S: f64 = 2.0;
+/// So many values in a row are sent at the most to a board whose time stands, and those that fit between two samples.
+const MOST_ROUNDS_STOOD: f64 = 200.0;
 /// So many frames in a row may be lost.
 const MOST_DAMAGED: u32 = 2;
 
@@ -137,7 +137,8 @@ impl Stream {
             let now_s = time.now_s(host_s);
             // A board that does not tick has no time of its own.
             let is_silent = time.silent_s() > SILENT_STREAM_S;
-            if self.duration.is_some_and(|seconds| now_s >= seconds || (is_silent && host_s >= seconds)) {
+            let is_over = |seconds| now_s >= seconds || (is_silent && host_s >= seconds);
+            if self.duration.is_some_and(is_over) {
                 break;
             }
             next = start.elapsed() + Duration::from_secs_f64(1.0 / SENT_HZ);
@@ -253,11 +254,12 @@ impl Play {
         client.order(Command::Start(self.mode.into()))?;
         let mut damaged = 0;
         let mut rounds = 0;
-        let (mut before_s, mut stood) = (f64::NAN, 0);
+        let most_stood = MOST_ROUNDS_STOOD + SENT_HZ * f64::from(self.stream.every) / log.rate_hz;
+        let (mut before_s, mut stood) = (f64::NAN, 0.0);
         self.stream.talk(client, log, stop, |now_s, client| {
-            stood = if now_s == before_s { stood + 1 } else { 0 };
+            stood = if now_s == before_s { stood + 1.0 } else { 0.0 };
             before_s = now_s;
-            if stood > MOST_ROUNDS_STOOD {
+            if stood > most_stood {
                 return Err(client.silent_stream());
             }
             let Some(&value) = values.get((now_s * SENT_HZ) as usize) else { return Ok(false) };
@@ -341,7 +343,7 @@ impl Log {
             eprintln!("host-sim: an earlier run for {out} was killed: its {rows} samples are kept in {path}");
         }
         // Without parameters there are no ticks, so no samples either.
-        let rate_hz = f64::from(client.status()?.rate_hz.max(1.0));
+        let rate_hz = Some(f64::from(client.status()?.rate_hz)).filter(|&rate_hz| rate_hz > 0.0).unwrap_or(1000.0);
         Ok(Self { rate_hz, every: u32::from(stream.every), first: None, last: None, samples: 0, dropped: 0, journal })
     }
 
