@@ -181,7 +181,7 @@ fn a_clock_that_counts_from_the_step() {
 /// Rows of material tests are often logarithmic: the fit says at which rate it runs, and which rows that leaves out.
 #[test]
 fn logarithmic_rows() {
-    let says = |warnings: &[String], what: &str| warnings.iter().any(|warning| warning.contains(what));
+    let says = |warnings: &[Warning], what: &str| warnings.iter().any(|warning| warning.contains(what));
     // Four decades: more steps than a fit takes at the rate of the first rows.
     let warnings = finds_the_springpot(logarithmic(200, springpot_n));
     assert!(says(&warnings, "the model runs at") && says(&warnings, "10 rows fall between"), "{warnings:?}");
