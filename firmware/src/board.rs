@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
 use dea_driver::server::Board;
-#[cfg(feature = "drills")]
+#[cfg(feature = "virtual-bench")]
 use dea_driver::wire::Drill;
 use dea_driver::wire::boards;
 use dea_driver::{Device, Store, StoreError};
@@ -152,10 +152,9 @@ impl<D: Mutex<T = Device>, W: Mutex<T = IndependentWatchdog>> Board for Backgrou
         true
     }
 
-    #[cfg(feature = "drills")]
+    #[cfg(feature = "virtual-bench")]
     fn drill(&mut self, drill: Drill) -> bool {
-        crate::drills::ask(drill);
-        true
+        crate::virtual_bench::ask(drill)
     }
 }
 

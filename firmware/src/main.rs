@@ -19,27 +19,33 @@
 compile_error!("one log at a time: --no-default-features --features rtt for a board");
 #[cfg(not(any(feature = "rtt", feature = "semihosting")))]
 compile_error!("the log needs a way out: --features rtt for a board, --features semihosting for QEMU");
+#[cfg(all(feature = "virtual-bench", not(feature = "semihosting")))]
+compile_error!(
+    "the virtual bench drives no pins: it is for QEMU alone; leave --features virtual-bench out for a board"
+);
 
 #[cfg(feature = "rtt")]
 use defmt_rtt as _;
 #[cfg(feature = "semihosting")]
 use defmt_semihosting as _;
 
-#[cfg(all(feature = "semihosting", not(feature = "drills")))]
+#[cfg(all(feature = "semihosting", not(feature = "virtual-bench")))]
 mod absent;
 #[cfg(not(feature = "semihosting"))]
 mod bench;
 mod board;
 mod clock;
-#[cfg(feature = "drills")]
-mod drills;
 #[cfg(feature = "semihosting")]
 mod emulated;
+#[cfg(feature = "virtual-bench")]
+mod film;
 mod flash;
 mod outputs;
 mod panic;
 mod reset;
 mod serial;
+#[cfg(feature = "virtual-bench")]
+mod virtual_bench;
 
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
@@ -55,14 +61,12 @@ mod app {
     use stm32f4xx_hal::serial::{Event, Serial};
     use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
-    #[cfg(all(feature = "semihosting", not(feature = "drills")))]
+    #[cfg(all(feature = "semihosting", not(feature = "virtual-bench")))]
     use crate::absent::{AdcBus, Bench};
     #[cfg(not(feature = "semihosting"))]
     use crate::bench::{AdcBus, Bench, Pins};
     use crate::board::{self, Background, Ticker};
     use crate::clock;
-    #[cfg(feature = "drills")]
-    use crate::drills::{AdcBus, Bench};
     #[cfg(feature = "semihosting")]
     use crate::emulated;
     use crate::flash::ParameterFlash;
@@ -70,6 +74,8 @@ mod app {
     use crate::panic::Message as PanicMessage;
     use crate::reset;
     use crate::serial;
+    #[cfg(feature = "virtual-bench")]
+    use crate::virtual_bench::{AdcBus, Bench};
 
     /// Until there are parameters.
     const RATE_HZ: f32 = 1000.0;
@@ -119,6 +125,10 @@ mod app {
         let core_hz = if cfg!(feature = "semihosting") { clock::CORE_HZ } else { rcc.clocks.hclk().raw() };
         defmt::info!("firmware {}, core at {} Hz", env!("CARGO_PKG_VERSION"), core_hz);
         if let Some(fault) = fault {
+            // QEMU has no crystal: there it is no fault.
+            #[cfg(feature = "semihosting")]
+            defmt::debug!("clock: {}", fault);
+            #[cfg(not(feature = "semihosting"))]
             defmt::error!("clock: {}; the internal oscillator serves", fault);
         }
 
@@ -162,6 +172,8 @@ mod app {
         emulated::begin_tick();
         board::outlive_debugger(debug);
         let (state, is_served, rate_hz) = cx.shared.device.lock(|device| {
+            #[cfg(feature = "virtual-bench")]
+            bench.mount(device.controller());
             let drive = device.tick(bench.sample());
             if bench.apply(drive).is_err() {
                 device.trip(Cause::Bus);
@@ -226,6 +238,9 @@ mod app {
         match session.begin(&mut board) {
             Ok(()) => defmt::info!("runs the parameters that it keeps"),
             Err(StartError::Store(StoreError::Empty(None))) => defmt::info!("waits for parameters"),
+            // QEMU's flash reads 0 where nothing was loaded, which no erased flash does.
+            #[cfg(feature = "semihosting")]
+            Err(StartError::Store(StoreError::Empty(_))) => defmt::info!("waits for parameters"),
             Err(error) => defmt::error!("waits for parameters; those it keeps: {}", error),
         }
         loop {

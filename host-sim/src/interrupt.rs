@@ -4,11 +4,14 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{self, ChildStderr};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 static SEARCHING: AtomicBool = AtomicBool::new(false);
 static STOP: AtomicBool = AtomicBool::new(false);
+static FILM_IS_LIVE: AtomicBool = AtomicBool::new(false);
+/// How often Ctrl-C has come while a film was live.
+static CAME: AtomicU8 = AtomicU8::new(0);
 static HALF_WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 static CHILDREN: Mutex<Vec<Arc<Mutex<process::Child>>>> = Mutex::new(Vec::new());
 
@@ -16,6 +19,10 @@ static CHILDREN: Mutex<Vec<Arc<Mutex<process::Child>>>> = Mutex::new(Vec::new())
 pub fn install() {
     // An error means that this handler is already installed.
     let _ = ctrlc::set_handler(|| {
+        if FILM_IS_LIVE.load(Ordering::Relaxed) && goes_on_to_0_v() {
+            STOP.store(true, Ordering::Relaxed);
+            return;
+        }
         if SEARCHING.load(Ordering::Relaxed) && !STOP.swap(true, Ordering::Relaxed) {
             eprintln!("host-sim: comes to an end; once more to end at once");
             return;
@@ -28,6 +35,28 @@ pub fn install() {
         }
         process::exit(130);
     });
+}
+
+/// Says what becomes of a film that this program keeps live. Only the third Ctrl-C ends the program, and leaves the film to its board.
+fn goes_on_to_0_v() -> bool {
+    let times = CAME.fetch_add(1, Ordering::Relaxed);
+    eprintln!(
+        "host-sim: {}",
+        match times {
+            0 => "brings the film to 0 V and ends",
+            1 => "still brings the film to 0 V, and tells if it stays live; once more leaves it as it is",
+            _ =>
+                "leaves a film that may be live: its board disables the amplifier once it has heard nothing for heartbeat_s. \
+                 Measure before you touch it",
+        }
+    );
+    times < 2
+}
+
+/// As [`stop_flag`], of who keeps a film live: a second Ctrl-C does not keep it from bringing the film to 0 V.
+pub fn live_film() -> &'static AtomicBool {
+    FILM_IS_LIVE.store(true, Ordering::Relaxed);
+    &STOP
 }
 
 /// A flag that Ctrl-C sets from now on, instead of ending the program.

@@ -1,5 +1,6 @@
 //! `host-sim link` against a board that runs in this process.
 
+mod playing;
 mod self_test;
 
 use std::fs;
@@ -40,12 +41,37 @@ fn a_board_reports_identity_and_status() {
     assert_eq!(how["state"], "disarmed");
     assert!(how["rate_hz"].is_null());
     assert_eq!(how["stack_peak_bytes"], 1234);
+    let parts = &how["parts"];
+    assert_eq!((&parts["interlock_closed"], &parts["sensor"]), (&true.into(), &"answers".into()));
+    assert!((0.99..1.01).contains(&parts["sensor_adc_v"].as_f64().expect("a number")), "{parts}");
+    assert_eq!(parts["monitor_adc_v"], 0.0);
+    let line = TOOL.with(&link(&board, &["status"])).assert().success().get_output().stdout.clone();
+    names(
+        &String::from_utf8(line).expect("UTF-8"),
+        &["interlock closed", "sensor: 1.0", "monitor: 0.000 V", "damaged"],
+    );
     names(&TOOL.fails(&link(&board, &["arm"])), &[&board.port, "no parameters yet", "upload"]);
 
     upload(&board);
     assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table3-n2");
     assert_eq!(TOOL.json(&link(&board, &["status"]))["rate_hz"], 1000.0);
     assert!(TOOL.json(&link(&board, &["panic"]))["message"].is_null());
+    // It is no board for drills: what was armed for one ends at 0 V.
+    names(&TOOL.fails(&link(&board, &["drill", "bus"])), &["bus", "no faults on purpose", "cargo xtask board"]);
+    assert_eq!(board.voltage().1, 0.0);
+    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "disarmed");
+    names(&TOOL.fails(&link(&board, &["drill", "--voltage", "5"])), &["--voltage", "100"]);
+}
+
+/// What is not connected is shown as such.
+#[test]
+fn the_status_tells_what_does_not_answer() {
+    let parts = [dea_driver::wire::Part::Answers, dea_driver::wire::Part::Bus, dea_driver::wire::Part::Answers];
+    let board = VirtualBoard::start(Scene { interlock_closed: false, parts, ..Scene::CALM });
+    let line = TOOL.with(&link(&board, &["status"])).assert().success().get_output().stdout.clone();
+    names(&String::from_utf8(line).expect("UTF-8"), &["interlock open", "monitor: does not answer"]);
+    let parts = TOOL.json(&link(&board, &["status"]))["parts"].clone();
+    assert_eq!((&parts["interlock_closed"], &parts["monitor_adc_v"]), (&false.into(), &serde_json::Value::Null));
 }
 
 #[test]

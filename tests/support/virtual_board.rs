@@ -46,6 +46,10 @@ pub struct Scene {
     pub panic_message: &'static str,
     /// Stack that was used, bytes.
     pub stack_peak: u32,
+    /// How long a tick takes by the host's clock; a millisecond by the board's own.
+    pub tick: Duration,
+    /// Whether its samples get lost.
+    pub mute: bool,
 }
 
 impl Scene {
@@ -61,6 +65,8 @@ impl Scene {
         watchdog: true,
         panic_message: "",
         stack_peak: 1234,
+        tick: Duration::from_millis(1),
+        mute: false,
     };
 }
 
@@ -200,12 +206,12 @@ fn run(
     let mut due = Instant::now();
     let mut ticks: u32 = 0;
     while !ended.load(Ordering::Relaxed) {
-        // A tick per millisecond. Those that this machine is late with are made up for as long as they are few; more of them
+        // A tick per millisecond, or as slow as the scene has it. Those that this machine is late with are made up for as long as they are few; more of them
         // in a row, while what the host has sent waits, would look like a host that is silent.
         let now = Instant::now();
         due = due.max(now.checked_sub(MOST_LATE).unwrap_or(now));
         while due <= now {
-            due += Duration::from_millis(1);
+            due += scene.tick;
             ticks += 1;
             let closed = scene.interlock_closed && !opened.load(Ordering::Relaxed);
             let scene = Scene { interlock_closed: closed, ..scene };
@@ -230,7 +236,9 @@ fn run(
             continue;
         };
         while let Some(record) = bench.device.telemetry() {
-            send(line.as_mut(), &Message::Telemetry(record));
+            if !scene.mute {
+                send(line.as_mut(), &Message::Telemetry(record));
+            }
         }
         let mut bytes = [0; 512];
         match line.read(&mut bytes) {

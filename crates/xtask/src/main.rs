@@ -1,6 +1,7 @@
 //! Chores of the project: `cargo xtask help`.
 #![forbid(unsafe_code)]
 
+mod board;
 mod campaign;
 mod cycles;
 mod embedded;
@@ -38,6 +39,15 @@ enum Chore {
     Image,
     /// Build the firmware for QEMU and for a board, and run it in QEMU: the host's bits, and how faults end.
     Firmware,
+    /// Start the virtual board: the firmware in QEMU with a simulated film, for host-sim link. Installs what is missing.
+    Board {
+        /// TCP port of its link; 4050 by default, or another one if that is taken.
+        #[arg(long, value_name = "PORT")]
+        port: Option<u16>,
+        /// Start this image instead of building one.
+        #[arg(long, value_name = "ELF")]
+        image: Option<std::path::PathBuf>,
+    },
     /// Make the recordings under tests/recordings again.
     Recordings,
     /// Run what takes too long for every change: all simulated faults, the fuzzers, and mutants of the driver. Installs
@@ -63,6 +73,7 @@ fn main() -> ExitCode {
         }
         Chore::Image => setup::toolchain().and_then(|toolchain| firmware::image(&toolchain)),
         Chore::Firmware => setup::run().and_then(|toolchain| firmware::run(&toolchain)),
+        Chore::Board { port, image } => board::run(port, image),
         Chore::Recordings => recordings::run(),
         Chore::Campaign { part } => campaign::run(part),
         Chore::Page => page::run(),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use dea_driver::Control;
 use serde::Serialize;
-use springpot::{HARMONICS, LearningOptions, ObserverOptions};
+use springpot::{AmplifierLag, CommandLimits, HARMONICS, LearningOptions, ObserverOptions};
 
 use super::options::{LimitOptions, at_most, positive};
 use crate::bench::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
@@ -135,7 +135,8 @@ struct SensorOptions {
     /// what the parameters say: rise_s and fall_s of board.amplifier.
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     amplifier_bleeder: f64,
-    /// Give the controller a voltage monitor with this relative error (and 3 V of noise) instead of its command.
+    /// Relative error of a voltage monitor with 3 V of noise, beside the command. Left out: the controller has none, but on a board
+    /// whose amplifier lags (0).
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     monitor_error: Option<f64>,
 }
@@ -148,7 +149,8 @@ fn interval(text: &str) -> std::result::Result<(f64, f64), String> {
 }
 
 impl SensorOptions {
-    fn bench(&self, seed: u64) -> Result<BenchModel> {
+    /// The bench of a controller within `limits`, which reads its monitor where the amplifier lags, as the driver does.
+    fn bench(&self, limits: &CommandLimits, seed: u64) -> Result<BenchModel> {
         at_most("--sensor-noise", self.sensor_noise, 1.0)?;
         at_most("--sensor-quantum", self.sensor_quantum, 1.0)?;
         at_most("--sensor-delay", self.sensor_delay, 10.0)?;
@@ -164,7 +166,7 @@ impl SensorOptions {
             sensor_lost_s: self.sensor_lost.clone(),
             amplifier_lag_s: self.amplifier_lag,
             amplifier_bleeder_s: self.amplifier_bleeder,
-            monitor_error: self.monitor_error,
+            monitor_error: self.monitor_error.or((limits.amplifier != AmplifierLag::NONE).then_some(0.0)),
             seed,
         })
     }
@@ -189,12 +191,12 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let bench = arguments.sensor.bench(arguments.seed)?;
     if !(0.2..=5.0).contains(&arguments.stiffness) {
         return Err(Error::option("--stiffness", format!("{:?} must be from 0.2 to 5", arguments.stiffness)));
     }
     let parameters = Parameters::load(&arguments.params)?;
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
+    let bench = arguments.sensor.bench(&limits, arguments.seed)?;
     let (bandwidth_hz, adaptation_s) = arguments.tuning(&parameters)?;
     let (reference, grid) = references::read(&arguments.reference, arguments.rate)?;
     arguments.check_outputs()?;

@@ -7,6 +7,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::{assumed_actuator, positive};
+use super::recordings::RecordingOptions;
 use crate::error::{Error, Result, shown};
 use crate::files::output::Staged;
 use crate::files::parameters::Parameters;
@@ -40,6 +41,8 @@ pub(super) struct Arguments {
     to: Option<f64>,
     #[command(flatten)]
     plot: PlotOption,
+    #[command(flatten)]
+    reading: RecordingOptions,
     /// Recordings to fit.
     #[arg(value_name = "REC.csv", required = true)]
     recordings: Vec<PathBuf>,
@@ -60,7 +63,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         None => assumed_actuator(arguments.drive),
     };
     let settings = Settings { seed: arguments.seed, starts: arguments.starts, actuator, ..Settings::default() };
-    let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
+    let recordings = arguments.reading.read(&arguments.recordings)?;
     let (observations, beyond) = match arguments.to {
         None => (observe_all(&recordings, arguments.drive)?, Vec::new()),
         Some(to_s) => {

@@ -11,6 +11,7 @@ use serde::Serialize;
 use springpot::{Actuator, CommandLimits, ObserverOptions, Topology};
 
 use super::fit::{Done, Job};
+use super::recordings::RecordingOptions;
 use super::{feedforward as feedforward_command, replay};
 use crate::bench::closed_loop::{self, BenchModel, LoopRun, TrackingQuality};
 use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
@@ -40,6 +41,8 @@ pub(super) struct Arguments {
     /// Recordings of your own film; three simulated ones if left out.
     #[arg(long, value_name = "REC.csv", num_args = 1..)]
     recordings: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: RecordingOptions,
     /// File with the table `[actuator]` of that film; the paper's if left out.
     #[arg(long, value_name = "F.toml", requires = "recordings")]
     actuator: Option<String>,
@@ -95,7 +98,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         // The simulated recordings are of the paper's sizes.
         None => (Actuator::KARNER_2022, !arguments.recordings.is_empty()),
     };
-    let given = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
+    let given = arguments.reading.read(&arguments.recordings)?;
     let files = OutputFiles::in_folder(&arguments.out);
     let inputs: Vec<&Path> =
         arguments.recordings.iter().map(PathBuf::as_path).chain(arguments.actuator.as_deref().map(Path::new)).collect();

@@ -1,6 +1,7 @@
 //! The command line: one file per command.
 
 mod amplifier;
+mod check;
 mod closed_loop;
 mod compare;
 mod convert;
@@ -9,11 +10,14 @@ mod export;
 mod feedforward;
 mod fit;
 mod frequency_response;
+mod import;
 mod link;
 mod observe;
 mod options;
 mod pil;
 mod plant;
+mod profile;
+mod recordings;
 mod reduce;
 mod reference;
 mod replay;
@@ -45,10 +49,25 @@ struct Cli {
     json: bool,
 }
 
+/// What a command found, for scripts: the exit status is 0 for yes and 1 for no.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The work is done, and what was asked for holds.
+    Yes,
+    /// The work is done, and what was asked for does not hold.
+    No,
+}
+
 #[derive(Debug, Subcommand)]
 enum CliCommand {
     /// Do everything once: fit recordings, replay them, follow a sine; three simulated recordings if none are given.
     Demo(demo::Arguments),
+    /// Turn files of other programs (text of any dialect, .xlsx, .mat) into recordings, and tell what was understood.
+    Import(import::Arguments),
+    /// Tell whether recordings identify a film, and what to record instead. Exit status 1 if they do not.
+    Check(check::Arguments),
+    /// Write a voltage over time that identifies a film, within a board's limits.
+    Profile(profile::Arguments),
     /// Compute the response to a recorded input.
     Simulate(simulate::Arguments),
     /// Compute the response to recorded inputs and compare it with what was measured.
@@ -122,17 +141,21 @@ impl ModelOptions {
 /// # Errors
 ///
 /// [`Error`], one line that names the place and the remedy.
-pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<Verdict> {
     let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         Err(error) if error.use_stderr() => return Err(Error::Usage(one_line(&error))),
         Err(help) => {
-            return terminal::print(help.render().to_string().trim_end());
+            terminal::print(help.render().to_string().trim_end())?;
+            return Ok(Verdict::Yes);
         }
     };
     interrupt::install();
     match cli.command {
+        CliCommand::Check(arguments) => return check::run(&arguments, cli.json),
         CliCommand::Demo(arguments) => demo::run(&arguments, cli.json),
+        CliCommand::Import(arguments) => import::run(&arguments, cli.json),
+        CliCommand::Profile(arguments) => profile::run(&arguments, cli.json),
         CliCommand::Simulate(arguments) => simulate::run(&arguments, cli.json),
         CliCommand::Replay(arguments) => replay::run(&arguments, cli.json),
         CliCommand::Fit(arguments) => fit::run(&arguments, cli.json),
@@ -151,6 +174,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
         CliCommand::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
         CliCommand::Plant(arguments) => plant::run(&arguments, cli.json),
     }
+    .map(|()| Verdict::Yes)
 }
 
 /// Checks the rate (Hz) of a controller and rounds it to single precision, as the controller stores it.

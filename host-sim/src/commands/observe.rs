@@ -6,10 +6,11 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::{at_most, positive};
+use super::recordings::RecordingOptions;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
-use crate::files::recording::{Input, Recording};
+use crate::files::recording::Input;
 use crate::grid::Grid;
 use crate::replay::memory::{MethodName, Precision};
 use crate::replay::observer::{self, Estimates, ObserverSummary};
@@ -26,6 +27,8 @@ pub(super) struct Arguments {
     /// Recording of voltage and displacement.
     #[arg(value_name = "REC.csv")]
     recording: PathBuf,
+    #[command(flatten)]
+    reading: RecordingOptions,
     /// Where the estimates go: time_s, voltage_v, displacement_m, sample_m, disturbance_n, force_scale, innovation_m,
     /// innovation_mean_m, innovation_std_m.
     #[arg(long, value_name = "OUT.csv")]
@@ -61,7 +64,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     positive("--bandwidth", arguments.bandwidth)?;
     at_most("--adaptation", arguments.adaptation, 1e9)?;
     let parameters = Parameters::load(&arguments.params)?.with_method(arguments.method.into());
-    let recording = Recording::read(&arguments.recording)?;
+    let recording = arguments.reading.read_one(&arguments.recording)?;
     let inputs = [arguments.recording.as_path(), arguments.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;
     arguments.plot.check(&inputs, &[&arguments.out])?;

@@ -7,6 +7,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::ModelOptions;
+use super::recordings::RecordingOptions;
 use crate::agreement::Agreement;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
@@ -32,6 +33,8 @@ pub(super) struct Arguments {
     out: Option<PathBuf>,
     #[command(flatten)]
     plot: PlotOption,
+    #[command(flatten)]
+    reading: RecordingOptions,
     /// Recordings to replay.
     #[arg(value_name = "REC.csv", required = true)]
     recordings: Vec<PathBuf>,
@@ -84,8 +87,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
     let parameters = arguments.model.parameters()?;
     // All are read before any is run: a bad one is refused at once.
-    let recordings =
-        arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<Recording>>>()?;
+    let recordings = arguments.reading.read(&arguments.recordings)?;
     let comparisons = recordings
         .iter()
         .map(|recording| Comparison::new(recording, arguments.drive, &parameters, options.rate_hz))
@@ -132,7 +134,11 @@ fn output_paths(folder: &Path, recordings: &[Recording], parameters: &str) -> Re
     let inputs: Vec<&Path> = recordings.iter().map(Recording::path).chain([Path::new(parameters)]).collect();
     let mut paths = Vec::new();
     for recording in recordings {
-        let path = folder.join(recording.path().file_name().unwrap_or_default());
+        let mut path = folder.join(recording.path().file_name().unwrap_or_default());
+        if recording.understood().is_some() {
+            // A response is CSV, whatever the recording was.
+            path.set_extension("csv");
+        }
         if paths.contains(&path) {
             return Err(Error::option("--out", format!("two recordings would be written to {}", shown(&path))));
         }

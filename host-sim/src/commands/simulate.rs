@@ -6,9 +6,9 @@ use clap::Args;
 use serde::Serialize;
 
 use super::ModelOptions;
+use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders, Staged};
-use crate::files::recording::Recording;
 use crate::grid::Grid;
 use crate::replay::simulate::{self, Response};
 use crate::report::axis::{DISPLACEMENT, FORCE, VOLTAGE};
@@ -23,6 +23,8 @@ pub(super) struct Arguments {
     /// Recording whose voltage or force is the input of the model.
     #[arg(long, value_name = "REC.csv")]
     profile: PathBuf,
+    #[command(flatten)]
+    reading: RecordingOptions,
     /// Where the response goes: time_s, voltage_v, force_n, displacement_m.
     #[arg(long, value_name = "OUT.csv")]
     out: PathBuf,
@@ -42,7 +44,7 @@ struct Report {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
     let parameters = arguments.model.parameters()?;
-    let recording = Recording::read(&arguments.profile)?;
+    let recording = arguments.reading.read_one(&arguments.profile)?;
     let inputs = [arguments.profile.as_path(), arguments.model.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;
     arguments.plot.check(&inputs, &[&arguments.out])?;

@@ -6,6 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::assumed_actuator;
+use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
@@ -34,6 +35,8 @@ pub(super) struct Arguments {
     /// Let pattern search see thinned recordings only: some ten times faster, but not the paper's procedure.
     #[arg(long)]
     thinned: bool,
+    #[command(flatten)]
+    reading: RecordingOptions,
     /// Recordings, one per frequency.
     #[arg(value_name = "REC.csv", required = true)]
     recordings: Vec<PathBuf>,
@@ -55,7 +58,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Some(name) => Parameters::load_actuator(name)?,
         None => assumed_actuator(arguments.drive),
     };
-    let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
+    let recordings = arguments.reading.read(&arguments.recordings)?;
     let observations = observe_all(&recordings, arguments.drive)?;
     let inputs: Vec<&Path> = recordings.iter().map(Recording::path).collect();
     for name in FILES {

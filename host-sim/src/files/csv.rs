@@ -9,6 +9,7 @@ use std::io::{self, Read};
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::files::import::{Separator, more_cells};
 use crate::grid::Samples;
 
 /// Names that a column may have, with their factors to SI units.
@@ -18,7 +19,7 @@ pub type Names = [(&'static str, f64)];
 const TIME: &Names = &[("time_s", 1.0), ("time_ms", 1e-3), ("Time (s)", 1.0)];
 
 /// Largest value, in any unit.
-const LARGEST: f64 = 1e15;
+pub(super) const LARGEST: f64 = 1e15;
 
 /// Columns in SI units, time from the first row.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +35,7 @@ pub struct Table<const N: usize> {
 /// One quantity over the rows; a cell may be empty where nothing was measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
-    name: &'static str,
+    name: String,
     cells: Vec<Option<f64>>,
     /// Line of the first empty cell.
     first_gap: Option<u64>,
@@ -76,9 +77,10 @@ impl<const N: usize> Table<N> {
         }
 
         let mut time_s = Vec::new();
-        let mut columns = fields.map(|field| field.map(|field| (field, Column::empty(field.name))));
+        let mut columns = fields.map(|field| field.map(|field| (field, Column::empty(field.name.to_owned()))));
         while let Some(line) = records.next()? {
             let at = |cause: String| Error::line(path, line, cause);
+            header.refuse_more_cells(&records.record).map_err(at)?;
             let now = time.time(&records.record, time_s.last().copied()).map_err(at)?;
             time_s.push(now);
             for (field, column) in columns.iter_mut().flatten() {
@@ -90,8 +92,7 @@ impl<const N: usize> Table<N> {
         }
         let start_s = time_s[0];
         time_s.iter_mut().for_each(|t| *t -= start_s);
-        let columns = columns
-            .map(|found| found.map(|(_, column)| column).filter(|column| column.cells.iter().any(Option::is_some)));
+        let columns = columns.map(|found| found.map(|(_, column)| column).filter(Column::has_values));
         Ok(Self { time_s, start_s, columns })
     }
 }
@@ -155,6 +156,15 @@ impl<'a> Header<'a> {
         Ok(found)
     }
 
+    /// Refuses a record in which a value stands behind the last column: its values are not those of the names.
+    fn refuse_more_cells(&self, record: &csv::ByteRecord) -> std::result::Result<(), String> {
+        let names = self.names.len();
+        if record.iter().skip(names).all(<[u8]>::is_empty) {
+            return Ok(());
+        }
+        Err(more_cells(record.len(), names, Separator::Comma))
+    }
+
     /// The error where all columns of `groups` are missing.
     fn missing(&self, groups: &[&Names]) -> Error {
         let names: Vec<&str> = groups.iter().flat_map(|group| group.iter().map(|(name, _)| *name)).collect();
@@ -164,15 +174,38 @@ impl<'a> Header<'a> {
 }
 
 impl Column {
-    fn empty(name: &'static str) -> Self {
+    /// A column without cells yet.
+    pub(super) fn empty(name: String) -> Self {
         Self { name, cells: Vec::new(), first_gap: None }
     }
 
-    fn push(&mut self, cell: Option<f64>, line: u64) {
+    /// Adds the cell of `line`.
+    pub(super) fn push(&mut self, cell: Option<f64>, line: u64) {
         if cell.is_none() && self.first_gap.is_none() {
             self.first_gap = Some(line);
         }
         self.cells.push(cell);
+    }
+
+    /// Whether any cell has a value.
+    pub(super) fn has_values(&self) -> bool {
+        self.cells.iter().any(Option::is_some)
+    }
+
+    /// Its name in the file.
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The cells, row by row.
+    pub(super) fn cells(&self) -> &[Option<f64>] {
+        &self.cells
+    }
+
+    /// The same column with other cells, whose gaps are at no line of the file.
+    pub(super) fn with_cells(&self, cells: Vec<Option<f64>>) -> Self {
+        let first_gap = cells.iter().any(Option::is_none).then_some(self.first_gap).flatten();
+        Self { name: self.name.clone(), cells, first_gap }
     }
 
     /// The cells that are not empty, at their times.
@@ -187,11 +220,36 @@ impl Column {
     ///
     /// [`Error::Line`] where a cell is empty; `why` is the reason that it must not be.
     pub fn complete(&self, path: &Path, time_s: &[f64], why: &str) -> Result<Samples> {
-        match self.first_gap {
-            Some(line) => Err(Error::line(path, line, format!("{} is empty; {why}", self.name))),
-            None => Ok(self.present(time_s)),
+        let empty = |at: &str| format!("{} is empty{at}; {why}", self.name);
+        match (self.first_gap, self.cells.iter().position(Option::is_none)) {
+            (_, None) => Ok(self.present(time_s)),
+            (Some(line), _) => Err(Error::line(path, line, empty(""))),
+            (None, Some(row)) => Err(Error::file(path, empty(&format!(" at {} s", time_s[row])))),
         }
     }
+}
+
+/// Whether a file that begins with `head` has the names of a recording: a time and one of `needed`, with numbers below them and
+/// below `others`. What has other names, separators or encodings is for [`crate::files::import`].
+pub fn has_names(head: &[u8], needed: &[&Names], others: &[&Names]) -> bool {
+    let mut records = Records::new(Path::new(""), head);
+    let Ok(header) = Header::read(&mut records) else { return false };
+    // Two columns of a kind are an error of a recording.
+    let Ok(time) = header.find(TIME) else { return true };
+    let find = |groups: &[&Names]| groups.iter().map(|names| header.find(names)).collect::<Result<Vec<_>>>();
+    let (Ok(needed), Ok(others)) = (find(needed), find(others)) else { return true };
+    if time.is_none() || needed.iter().all(Option::is_none) {
+        return false;
+    }
+    let fields: Vec<Field> = [time].into_iter().chain(needed).chain(others).flatten().collect();
+    if !matches!(records.next(), Ok(Some(_))) {
+        return true;
+    }
+    let is_number = |field: &Field| {
+        let cell = records.record.get(field.index).map(String::from_utf8_lossy);
+        cell.is_none_or(|cell| cell.is_empty() || cell.parse::<f64>().is_ok())
+    };
+    fields.iter().all(is_number)
 }
 
 /// A column of the file.

@@ -7,7 +7,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::files::csv::{Column, Names, Table};
+use crate::files::csv::{self, Column, Names, Table};
+use crate::files::import::{self, Hints, Quantity, Request, Series, Understood};
 use crate::grid::{Grid, Samples};
 
 /// A recording in SI units, time from its first sample.
@@ -21,6 +22,8 @@ pub struct Recording {
     force_n: Option<Column>,
     displacement_m: Option<Column>,
     weight: Option<Column>,
+    /// What was understood of a file with other names.
+    understood: Option<Understood>,
 }
 
 /// The input of a model with its values: [`Samples`] as recorded, or another form of them such as a series on a grid.
@@ -49,6 +52,29 @@ const FORCE: &Names = &[("force_n", 1.0)];
 const WEIGHT: &Names = &[("weight", 1.0)];
 const DISPLACEMENT: &Names = &[("displacement_m", 1.0), ("displacement_mm", 1e-3), ("displacement_um", 1e-6)];
 
+/// What is asked of a file with other names.
+pub(crate) const REQUEST: Request<'_> = Request {
+    wanted: &[Quantity::Time, Quantity::Voltage, Quantity::Force, Quantity::Displacement, Quantity::Weight],
+    needed: &[&[Quantity::Time], &[Quantity::Voltage, Quantity::Force]],
+};
+const REFERENCE: Request<'_> = Request {
+    wanted: &[Quantity::Time, Quantity::Displacement],
+    needed: &[&[Quantity::Time], &[Quantity::Displacement]],
+};
+
+/// Opens the file at `path` and reads its first bytes.
+fn open(path: &Path) -> Result<(Vec<u8>, File)> {
+    const HEAD: u64 = 1 << 16;
+    if path.is_dir() {
+        return Err(Error::file(path, "is a directory; name a CSV recording in it"));
+    }
+    let fault = |error: std::io::Error| Error::file(path, error);
+    let mut file = File::open(path).map_err(fault)?;
+    let mut head = Vec::new();
+    file.by_ref().take(HEAD).read_to_end(&mut head).map_err(fault)?;
+    Ok((head, file))
+}
+
 /// Largest time on the clock of a held recording's first row that is still the time since its load was applied, as a share of
 /// its duration; a recording that begins later was cut out of a longer one.
 const LONGEST_LEAD: f64 = 0.01;
@@ -59,17 +85,26 @@ fn is_held(values: &[f64]) -> bool {
 }
 
 impl Recording {
-    /// Reads the recording at `path`.
+    /// Reads the recording at `path`: a file with the names of recordings, or any that [`crate::files::import`] understands.
     ///
     /// # Errors
     ///
     /// [`Error`] naming the file and line of the first thing that cannot be used.
     pub fn read(path: &Path) -> Result<Self> {
-        if path.is_dir() {
-            return Err(Error::file(path, "is a directory; name a CSV recording in it"));
+        Self::read_with(path, &Hints::default())
+    }
+
+    /// Reads the recording at `path`, of which a person says `hints`.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn read_with(path: &Path, hints: &Hints) -> Result<Self> {
+        let (head, rest) = open(path)?;
+        if *hints == Hints::default() && csv::has_names(&head, &[VOLTAGE, FORCE], &[DISPLACEMENT, WEIGHT]) {
+            return Self::from_csv(path, head.chain(rest));
         }
-        let file = File::open(path).map_err(|e| Error::file(path, e))?;
-        Self::from_csv(path, file)
+        Ok(Self::of(path, import::read(path, &head, rest, &REQUEST, hints)?))
     }
 
     /// Reads a recording from CSV text; `path` is what errors name.
@@ -79,16 +114,35 @@ impl Recording {
     /// As [`read`](Self::read).
     pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
         let table = Table::from_csv(path, csv, [VOLTAGE, FORCE, DISPLACEMENT, WEIGHT], &[&[0, 1]])?;
-        let (mut time_s, start_s) = (table.time_s, table.start_s);
+        Ok(Self::new(path, table.time_s, table.start_s, table.columns, None))
+    }
+
+    /// The recording of the `series` in the file at `path`.
+    pub fn of(path: &Path, series: Series) -> Self {
+        let start_s = series.clock_s.first().copied().unwrap_or(0.0);
+        let time_s = series.clock_s.iter().map(|t| t - start_s).collect();
+        let [voltage, force, displacement, weight] =
+            [Quantity::Voltage, Quantity::Force, Quantity::Displacement, Quantity::Weight]
+                .map(|q| series.column(q).cloned());
+        Self::new(path, time_s, start_s, [voltage, force, displacement, weight], Some(series.understood))
+    }
+
+    fn new(
+        path: &Path,
+        mut time_s: Vec<f64>,
+        start_s: f64,
+        columns: [Option<Column>; 4],
+        understood: Option<Understood>,
+    ) -> Self {
         // A voltage drives; without one, force or displacement may.
-        let inputs = if table.columns[0].is_some() { &table.columns[..1] } else { &table.columns[..3] };
+        let inputs = if columns[0].is_some() { &columns[..1] } else { &columns[..3] };
         let held = inputs.iter().flatten().any(|column| is_held(&column.present(&time_s).value));
         let duration_s = time_s.last().copied().unwrap_or(0.0);
         if held && start_s > 0.0 && start_s <= LONGEST_LEAD * duration_s {
             time_s.iter_mut().for_each(|t| *t += start_s);
         }
-        let [voltage_v, force_n, displacement_m, weight] = table.columns;
-        Ok(Self { path: path.into(), time_s, voltage_v, force_n, displacement_m, weight })
+        let [voltage_v, force_n, displacement_m, weight] = columns;
+        Self { path: path.into(), time_s, voltage_v, force_n, displacement_m, weight, understood }
     }
 
     /// Reads a reference at `path`: displacement over time, no voltage needed.
@@ -97,16 +151,58 @@ impl Recording {
     ///
     /// As [`read`](Self::read).
     pub fn read_reference(path: &Path) -> Result<Self> {
-        let table = Table::read(path, [DISPLACEMENT], &[&[0]])?;
-        let [displacement_m] = table.columns;
-        Ok(Self {
-            path: path.into(),
-            time_s: table.time_s,
-            voltage_v: None,
-            force_n: None,
-            displacement_m,
-            weight: None,
-        })
+        let (head, rest) = open(path)?;
+        let (time_s, displacement_m, understood) = if csv::has_names(&head, &[DISPLACEMENT], &[]) {
+            let Table { time_s, columns: [displacement_m], .. } =
+                Table::from_csv(path, head.chain(rest), [DISPLACEMENT], &[&[0]])?;
+            (time_s, displacement_m, None)
+        } else {
+            let series = import::read(path, &head, rest, &REFERENCE, &Hints::default())?;
+            let start_s = series.clock_s.first().copied().unwrap_or(0.0);
+            let displacement_m = series.column(Quantity::Displacement).cloned();
+            (series.clock_s.iter().map(|t| t - start_s).collect(), displacement_m, Some(series.understood))
+        };
+        Ok(Self { path: path.into(), time_s, voltage_v: None, force_n: None, displacement_m, weight: None, understood })
+    }
+
+    /// The series of the recording, with their times.
+    pub fn into_series(self) -> Series {
+        let columns: Vec<(Quantity, Column)> = [
+            (Quantity::Voltage, self.voltage_v),
+            (Quantity::Force, self.force_n),
+            (Quantity::Displacement, self.displacement_m),
+            (Quantity::Weight, self.weight),
+        ]
+        .into_iter()
+        .filter_map(|(quantity, column)| Some((quantity, column?)))
+        .collect();
+        let understood = self.understood.unwrap_or_else(|| {
+            let names: Vec<&str> = columns.iter().map(|(_, column)| column.name()).collect();
+            Understood::of_recording(&self.path, &names)
+        });
+        Series { clock_s: self.time_s, columns, understood }
+    }
+
+    /// What was understood of the file, where it has not the names of recordings.
+    pub fn understood(&self) -> Option<&Understood> {
+        self.understood.as_ref()
+    }
+
+    /// Times of all rows, s.
+    pub fn time_s(&self) -> &[f64] {
+        &self.time_s
+    }
+
+    /// All columns by their names, NaN in empty cells, as they are written.
+    pub fn columns(&self) -> Vec<(&'static str, Vec<f64>)> {
+        let columns = [
+            ("voltage_v", &self.voltage_v),
+            ("force_n", &self.force_n),
+            ("displacement_m", &self.displacement_m),
+            ("weight", &self.weight),
+        ];
+        let values = |column: &Column| column.cells().iter().map(|cell| cell.unwrap_or(f64::NAN)).collect();
+        columns.into_iter().filter_map(|(name, column)| Some((name, values(column.as_ref()?)))).collect()
     }
 
     /// Where the recording came from.

@@ -274,6 +274,11 @@ impl Client {
         self.fault("the voltage monitor does not answer: take the film for live, and measure before you touch it")
     }
 
+    /// It answers, and sends no samples of its ticks.
+    pub fn silent_stream(&self) -> Error {
+        self.fault("it answers, but its stream has stopped: without its ticks nobody knows how far it is")
+    }
+
     /// What an answer other than the one hoped for means.
     pub fn unexpected(&self, answer: &Answer) -> Error {
         self.fault(match answer {

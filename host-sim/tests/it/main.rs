@@ -10,6 +10,7 @@ mod film;
 mod fitting;
 mod full_memory;
 mod hours;
+mod lab_files;
 mod measured_curve;
 #[path = "../../../crates/springpot/tests/it/support/models.rs"]
 mod models;

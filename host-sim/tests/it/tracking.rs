@@ -23,7 +23,7 @@ use host_sim::replay::feasibility;
 use host_sim::replay::memory::Precision;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
-use springpot::{CommandLimits, ObserverOptions, Topology};
+use springpot::{AmplifierLag, CommandLimits, ObserverOptions, Topology};
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
@@ -316,6 +316,44 @@ fn the_bench_may_be_imperfect() {
         println!("{name}: {error:.4} %");
     }
     assert!(errors.iter().all(|(_, error)| *error <= 0.25), "{errors:?}");
+}
+
+/// An amplifier of 0.1 s, and 0.5 s down, that is known within a fifth: sines of 10 and 3 s, feedforward and tracking, % RMS from t = 0.
+#[test]
+fn a_lag_that_is_known_within_a_fifth_costs_next_to_nothing() {
+    let parameters = fitted("hossain");
+    let bench = BenchModel {
+        amplifier_lag_s: 0.1,
+        amplifier_bleeder_s: 0.5,
+        monitor_error: Some(0.0),
+        ..BenchModel::default()
+    };
+    let bars = [
+        (10.0, ControllerKind::Feedforward, 0.45),
+        (10.0, ControllerKind::Tracking, 0.05),
+        (3.0, ControllerKind::Feedforward, 0.9),
+        (3.0, ControllerKind::Tracking, 0.5),
+    ];
+    let cases: Vec<_> = [0.8, 1.2].into_iter().flat_map(|by| bars.map(|bar| (by, bar))).collect();
+    let errors: Vec<String> = cases
+        .into_par_iter()
+        .filter_map(|(by, (period_s, kind, bar))| {
+            let values = Reference::new(Shape::Sine, 1.5e-3, 4e-3, period_s).on(grid()).expect("valid");
+            let amplifier = AmplifierLag { rise_s: by * 0.1, fall_s: by * 0.5 };
+            let trial = Trial {
+                parameters: &parameters,
+                film: Film::new(Plant::Hossain),
+                reference: &values,
+                limits: CommandLimits { amplifier, ..CommandLimits::BENCH },
+                bench: bench.clone(),
+                bandwidth_hz: BANDWIDTH_HZ,
+            };
+            let error = trial.rms(kind);
+            println!("{by} of the times, {period_s} s, {}: {error:.3} %", kind.name());
+            (error > bar).then(|| format!("{by}, {period_s} s, {}: {error}", kind.name()))
+        })
+        .collect();
+    assert!(errors.is_empty(), "{errors:#?}");
 }
 
 /// The fixed-step integration of the closed loop, against the adaptive one of the recordings.

@@ -1,4 +1,4 @@
-//! Tables of README.md and docs/*.md, for the checks that compare their numbers with measured ones.
+//! Tables of README.md, docs/*.md and firmware/README.md, for the checks that compare their numbers with measured ones.
 //!
 //! A row is found by its first cell, a number by the title of its column.
 #![forbid(unsafe_code)]
@@ -13,7 +13,7 @@ pub fn root() -> &'static Path {
     here.ancestors().nth(2).unwrap_or(here)
 }
 
-/// README.md and docs/*.md, in the order of their names.
+/// README.md, docs/*.md in the order of their names, and firmware/README.md.
 ///
 /// # Errors
 /// The folder cannot be read.
@@ -26,6 +26,7 @@ pub fn files() -> Result<Vec<PathBuf>, String> {
         .collect();
     files.sort();
     files.insert(0, root().join("README.md"));
+    files.push(root().join("firmware/README.md"));
     Ok(files)
 }
 
@@ -67,7 +68,7 @@ impl Tolerance {
 }
 
 impl Documents {
-    /// Reads README.md and docs/*.md.
+    /// Reads README.md, docs/*.md and firmware/README.md.
     ///
     /// # Errors
     /// One of them cannot be read.

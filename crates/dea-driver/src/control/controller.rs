@@ -1,7 +1,8 @@
 //! The control tick.
 
 use springpot::{
-    Applied, Compressed, Law, Learning, Limited, SensorSample, State, Tracking, TrackingState, VoltageCommand,
+    AmplifierLag, Applied, Compressed, Law, Learning, Limited, SensorSample, State, Tracking, TrackingState,
+    VoltageCommand,
 };
 
 use crate::control::learner::Learner;
@@ -102,6 +103,8 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     mode: Mode,
     /// Whether the law commanded the voltage in the last tick, or has been started since.
     ran: bool,
+    /// Whether the amplifier lags: how fast it is, its monitor tells.
+    lags: bool,
     /// What this run follows: a voltage (V) or a reference (m), as its mode has it; none until one is set.
     target: Ramp,
     parameters: Parameters<HEAD, FAST, SLOW>,
@@ -165,6 +168,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             sampler,
             mode: Mode::Voltage,
             ran: false,
+            lags: parameters.amplifier_lag != AmplifierLag::NONE,
             target: Ramp::NONE,
         }
     }
@@ -220,7 +224,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         // Estimate: step the film under the voltage that stood since the last tick, and correct it with a sample if one is
         // due. Nothing is learned from a film that is not driven.
         let sample = self.sampler.next(checked.displacement_m.filter(|_| self.supervisor.runs()));
-        let applied = Applied::as_commanded(stood_v);
+        let applied = Applied { commanded: stood_v, reading: self.lags.then_some(monitor_v) };
         let heard = sample.filter(|_| self.mode != Mode::Feedforward);
         let predicted_m = self.tracking.observe(&mut self.course, applied, heard);
         let load = self.course.observer().load();

@@ -61,7 +61,7 @@ pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usiz
         false
     }
 
-    /// Causes a fault on purpose, in an image for drills; false in any other.
+    /// Causes a fault on purpose, in an image with a virtual bench; false in any other, and for one that it cannot cause.
     fn drill(&mut self, drill: Drill) -> bool {
         let _ = drill;
         false

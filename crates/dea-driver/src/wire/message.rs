@@ -81,7 +81,7 @@ pub enum Command {
     },
     /// Answered by [`Answer::PanicMessage`].
     PanicMessage,
-    /// Cause a fault on purpose. Only an image for drills does; others reject it.
+    /// Cause a fault on purpose. Only an image with a virtual bench does; others reject it.
     Drill(Drill),
     /// Tick the control on the film of the loop test, without hardware. Only while the amplifier is disabled.
     /// Answered by [`Answer::Followed`]; rejected as unknown by an image without the feature `loop-test`.
@@ -110,7 +110,7 @@ pub enum Command {
     Learning(LearningOrder),
 }
 
-/// Faults that an image for drills causes on purpose.
+/// Faults that an image with a virtual bench causes on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Drill {

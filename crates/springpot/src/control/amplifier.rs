@@ -88,10 +88,10 @@ impl AmplifierLag {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AmplifierModel<T> {
     /// Share of the distance to the command that it goes in a tick, up and down.
-    up: T,
-    down: T,
+    pub(super) up: T,
+    pub(super) down: T,
     /// Share of the voltage that is left after a tick at a command of 0 V.
-    left: T,
+    pub(super) left: T,
 }
 
 impl<T: Real> AmplifierModel<T> {

@@ -1,8 +1,8 @@
 //! From a reference to a voltage: the step that feedforward and tracking share.
 
 use crate::actuator::{Actuator, VoltageDrive};
-use crate::control::amplifier::AmplifierModel;
 use crate::control::limits::{CommandLimits, Limited};
+use crate::control::pace::{Pace, PacedAmplifier};
 use crate::control::path::{Path, Shaper, clamp, is_finite};
 use crate::error::ControlError;
 use crate::law::{Law, Memory, State};
@@ -26,7 +26,8 @@ pub struct VoltageCommand<T> {
 pub struct Applied<T> {
     /// The voltage that was commanded in the end, after all limits and supervisors.
     pub commanded: T,
-    /// The voltage that a monitor measured, if there is one. Non-finite readings are ignored.
+    /// The voltage that a monitor measured at the end of that time, or a tick before, if there is one. It tells the amplifier's gain and, of
+    /// an [`AmplifierLag`](crate::AmplifierLag), how much faster it is. Non-finite readings are ignored.
     pub reading: Option<T>,
 }
 
@@ -54,6 +55,8 @@ pub(crate) struct InverseState<T> {
     followed_mean: T,
     reading_mean: T,
     gain: T,
+    /// How fast the amplifier is, where it lags.
+    pace: Pace<T>,
 }
 
 impl<T: Real> InverseState<T> {
@@ -66,6 +69,7 @@ impl<T: Real> InverseState<T> {
             followed_mean: T::ZERO,
             reading_mean: T::ZERO,
             gain: T::from_f64(1.0),
+            pace: Pace::nominal(),
         }
     }
 }
@@ -118,7 +122,7 @@ pub(crate) struct Inverse<T> {
     /// Largest change of voltage in a tick, V.
     slew: T,
     /// None where it follows at once.
-    amplifier: Option<AmplifierModel<T>>,
+    amplifier: Option<PacedAmplifier<T>>,
     /// Weight of a tick in the means of the voltage.
     averaging: T,
 }
@@ -131,6 +135,11 @@ const GAIN_S: f64 = 10.0;
 const GAIN_SHARE: f64 = 0.02;
 /// Bounds of that gain.
 const GAINS: [f64; 2] = [0.8, 1.25];
+
+/// The size of a voltage of either sign.
+fn size<T: Real>(voltage: T) -> T {
+    if voltage < T::ZERO { -voltage } else { voltage }
+}
 
 /// Weight of the input in one step of a first-order lag of `rate` (1/s): backward Euler, stable at any rate.
 pub(crate) fn share_per_step(rate: f64, step_s: f64) -> f64 {
@@ -161,7 +170,7 @@ impl<T: Real> Inverse<T> {
             field_voltage: T::from_f64(limits.field_voltage(actuator)),
             thinning: T::from_f64(actuator.thinning_per_m()),
             slew: T::from_f64(slew),
-            amplifier: AmplifierModel::lagging(limits.amplifier, step_s)?,
+            amplifier: PacedAmplifier::lagging(limits.amplifier, limits.max_voltage_v, step_s)?,
             averaging: T::from_f64(share_per_step(1.0 / GAIN_S, step_s)),
         };
         for (quantity, value, usable) in [
@@ -178,18 +187,21 @@ impl<T: Real> Inverse<T> {
     /// Records what was applied, and returns the voltage that acted on the film (V).
     ///
     /// A command is relative to the force of the last tick. A monitor that is 1 % off would therefore accumulate tick by tick,
-    /// and its noise would return as commands. So the monitor only estimates the amplifier's gain, slowly.
+    /// and its noise would return as commands. So the monitor only estimates the amplifier's gain and, where it lags, its pace, slowly.
     #[inline]
     pub(crate) fn record(&self, state: &mut InverseState<T>, applied: Applied<T>) -> T {
-        let size = |voltage: T| if voltage < T::ZERO { -voltage } else { voltage };
         state.commanded = size(applied.commanded);
+        let reading = applied.reading.filter(|reading| is_finite(*reading)).map(size);
         state.followed = match &self.amplifier {
-            Some(amplifier) => amplifier.advance(state.followed, state.commanded),
+            Some(amplifier) => {
+                let reading = reading.map(|reading| reading / state.gain);
+                amplifier.advance(&mut state.pace, state.followed, state.commanded, reading)
+            }
             None => state.commanded,
         };
-        if let Some(reading) = applied.reading.filter(|reading| is_finite(*reading)) {
+        if let Some(reading) = reading {
             state.followed_mean = state.followed_mean + self.averaging * (state.followed - state.followed_mean);
-            state.reading_mean = state.reading_mean + self.averaging * (size(reading) - state.reading_mean);
+            state.reading_mean = state.reading_mean + self.averaging * (reading - state.reading_mean);
             if state.followed_mean > T::from_f64(GAIN_SHARE) * self.max_voltage {
                 let [low, high] = GAINS.map(T::from_f64);
                 state.gain = clamp(state.reading_mean / state.followed_mean, low, high);
@@ -209,7 +221,7 @@ impl<T: Real> Inverse<T> {
         reference: T,
         correction: Correction<T>,
     ) -> VoltageCommand<T> {
-        let InverseState { path, commanded, followed, gain, .. } = state;
+        let InverseState { path, commanded, followed, gain, pace, .. } = state;
         let offset = film.position() - path.position;
         let drift = film.increment() - path.increment;
         let mut limited = self.shaper.advance(path, reference);
@@ -245,6 +257,7 @@ impl<T: Real> Inverse<T> {
         // The command leads by as much as the amplifier lags.
         let mut allowed = wanted;
         if let Some(amplifier) = &self.amplifier {
+            let amplifier = amplifier.at(pace);
             let led = amplifier.lead(*followed, wanted);
             if led > largest || wanted < amplifier.lowest(*followed) {
                 limited |= Limited::AMPLIFIER;

@@ -9,6 +9,7 @@ mod inverse;
 mod learning;
 mod limits;
 mod observer;
+mod pace;
 mod path;
 mod statistics;
 mod tracking;

@@ -8,6 +8,7 @@ use std::time::Instant;
 
 use clap::Args;
 
+use super::recordings::RecordingOptions;
 use crate::error::{Error, Result};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
@@ -40,6 +41,8 @@ pub(super) struct Arguments {
     /// Where a page with the results, tables and plots goes; it opens in any browser, offline.
     #[arg(long, value_name = "R.html")]
     report: Option<PathBuf>,
+    #[command(flatten)]
+    reading: RecordingOptions,
     /// Recordings to fit.
     #[arg(value_name = "REC.csv", required = true)]
     recordings: Vec<PathBuf>,
@@ -48,7 +51,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let settings = arguments.options.settings()?;
     let direction = arguments.options.direction();
-    let recordings = arguments.recordings.iter().map(|path| Recording::read(path)).collect::<Result<Vec<_>>>()?;
+    let recordings = arguments.reading.read(&arguments.recordings)?;
     let observed = arguments.options.observations(&recordings)?;
     let jobs = arguments.jobs(&recordings, &observed)?;
     let all = jobs.len();

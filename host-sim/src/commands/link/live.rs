@@ -9,11 +9,13 @@ use dea_driver::wire::{Answer, Command, LearningOrder, Reject, Telemetry};
 use dea_driver::{Cause, DriverState, Refusal};
 use serde::Serialize;
 
+use super::board_time::BoardTime;
 use super::{Source, What, digits, parameters_of};
+use crate::commands::recordings::RecordingOptions;
 use crate::error::{Error, Result, shown};
 use crate::files::journal::{Journal, Recovered};
 use crate::files::output::{self, Folders};
-use crate::files::recording::{Input, Recording};
+use crate::files::recording::Input;
 use crate::grid::Grid;
 use crate::interrupt;
 use crate::link::{Client, named};
@@ -30,6 +32,10 @@ const DISCHARGE: Duration = Duration::from_secs(70);
 const SILENT_MONITOR: Duration = Duration::from_secs(2);
 /// So many looks in a row find the film at 0 V.
 const LOOKS: u32 = 3;
+/// A board that has sent no sample for so long does not tick.
+const SILENT_STREAM_S: f64 = 5.0;
+/// So many values in a row are sent to a board whose time stands, at the most.
+const MOST_ROUNDS_STOOD: u32 = 200;
 /// So many frames in a row may be lost.
 const MOST_DAMAGED: u32 = 2;
 
@@ -41,7 +47,7 @@ pub(super) struct Stream {
     /// Ticks per sample.
     #[arg(long, value_name = "TICKS", default_value_t = 10)]
     every: u16,
-    /// End after so many seconds instead of at Ctrl-C.
+    /// End after so many seconds of the board's time instead of at Ctrl-C.
     #[arg(long, value_name = "SECONDS")]
     duration: Option<f64>,
 }
@@ -100,7 +106,7 @@ impl Stream {
         client.order(Command::Stream { every: self.every })
     }
 
-    /// Listens, letting `say` talk for the time (s) a hundred times a second, until it is done, time is up or Ctrl-C comes.
+    /// Listens, letting `say` talk for the board's time (s) a hundred times a second, until it is done, time is up or Ctrl-C comes.
     fn talk(
         &self,
         client: &mut Client,
@@ -110,28 +116,33 @@ impl Stream {
     ) -> Result<()> {
         let bar = terminal::spinner();
         let start = Instant::now();
+        let mut time = BoardTime::new(log.rate_hz, self.every);
         let mut next = Duration::ZERO;
         while !stop.load(Ordering::Relaxed) {
-            let now = start.elapsed();
-            if self.duration.is_some_and(|seconds| now.as_secs_f64() >= seconds) {
-                break;
-            }
-            if now >= next {
-                next = now + Duration::from_secs_f64(1.0 / SENT_HZ);
-                if !say(now.as_secs_f64(), client)? {
-                    break;
-                }
-            }
             log.journal.flush_if_due()?;
             // What has come, until the next value is due.
+            let mut newest = None;
             while let Some(sample) = client.sample(start + next)? {
                 log.push(&sample)?;
+                newest = Some(sample.tick);
                 let Telemetry { command_v, monitor_v, displacement_m, predicted_m, .. } = sample;
                 bar.set_message(format!(
                     "{command_v:.0} V, monitor {monitor_v:.0} V; {:.4} mm, model {:.4} mm",
                     1e3 * displacement_m,
                     1e3 * predicted_m
                 ));
+            }
+            let host_s = start.elapsed().as_secs_f64();
+            time.heard(newest, host_s);
+            let now_s = time.now_s(host_s);
+            // A board that does not tick has no time of its own.
+            let is_silent = time.silent_s() > SILENT_STREAM_S;
+            if self.duration.is_some_and(|seconds| now_s >= seconds || (is_silent && host_s >= seconds)) {
+                break;
+            }
+            next = start.elapsed() + Duration::from_secs_f64(1.0 / SENT_HZ);
+            if !say(now_s, client)? {
+                break;
             }
         }
         bar.finish_and_clear();
@@ -183,7 +194,7 @@ impl Play {
             let (reference, _) = references::read(&self.recording, SENT_HZ)?;
             return Ok(reference.into_iter().map(|metres| metres as f32).collect());
         }
-        let recording = Recording::read(&self.recording)?;
+        let recording = RecordingOptions::default().read_one(&self.recording)?;
         let Input::Voltage(voltage) = recording.drive()? else {
             return Err(Error::file(&self.recording, "a column voltage_v or voltage_kv is needed"));
         };
@@ -204,7 +215,7 @@ impl Play {
             client.expect_parameters(u32::from_le_bytes(*expected))?;
         }
         // Before anything is enabled: from here on Ctrl-C comes to an end at 0 V.
-        let stop = interrupt::stop_flag();
+        let stop = interrupt::live_film();
         let values = self.values()?;
         let mut log = Log::begin(&mut client, &self.stream)?;
         let armed = self.arm(&mut client, &values);
@@ -242,7 +253,13 @@ impl Play {
         client.order(Command::Start(self.mode.into()))?;
         let mut damaged = 0;
         let mut rounds = 0;
+        let (mut before_s, mut stood) = (f64::NAN, 0);
         self.stream.talk(client, log, stop, |now_s, client| {
+            stood = if now_s == before_s { stood + 1 } else { 0 };
+            before_s = now_s;
+            if stood > MOST_ROUNDS_STOOD {
+                return Err(client.silent_stream());
+            }
             let Some(&value) = values.get((now_s * SENT_HZ) as usize) else { return Ok(false) };
             // A frame that is lost on the way is made up for by the next; many in a row are a broken line.
             match client.order(self.set(value)) {

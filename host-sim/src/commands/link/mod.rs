@@ -1,18 +1,22 @@
 //! The link for people: one verb per request, and two that keep talking.
 
+mod asking;
+mod board_time;
+mod drill;
 mod live;
 mod self_test;
+mod status;
 
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
-use dea_driver::wire::{Answer, Command, Identity, LearningOrder, Mode, Status};
+use dea_driver::wire::{Answer, Command, Identity, LearningOrder, Mode};
 use dea_driver::{Blob, BlobHeader};
 use serde::Serialize;
 
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
-use crate::link::{Client, Port, named};
+use crate::link::{Client, Port};
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -67,6 +71,8 @@ enum Verb {
     Play(live::Play),
     /// What the firmware said when it panicked last.
     Panic,
+    /// Cause faults on purpose, one after another, and show that each ends at 0 V: on the virtual board (`cargo xtask board`) alone.
+    Drill(drill::Drills),
     /// Check buses, converters, enable output, interlock and monitor, at 50 V at the most: the first thing to run on a new board, and
     /// before a film is connected.
     SelfTest(self_test::SelfTest),
@@ -190,24 +196,6 @@ struct Who {
     checksum: Option<String>,
 }
 
-#[derive(Serialize)]
-struct How {
-    port: String,
-    state: String,
-    /// Ticks per second; none without parameters.
-    rate_hz: Option<f32>,
-    ticks: u32,
-    tripped_at: u32,
-    command_v: f32,
-    /// By the voltage monitor; none if it does not answer.
-    monitor_v: Option<f32>,
-    /// Whether the monitor shows voltage.
-    live: bool,
-    damaged_frames: u32,
-    unknown_frames: u32,
-    stack_peak_bytes: u32,
-}
-
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     // What is wrong with files shows before anybody is talked to.
     let blob = match &arguments.verb {
@@ -224,16 +212,21 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             test.check()?;
             None
         }
+        Verb::Drill(drills) => {
+            drills.check()?;
+            None
+        }
         _ => None,
     };
     let (mut client, identity) = Client::new(Port::open(&arguments.port)?)?;
     let port = arguments.port.clone();
     let done = match &arguments.verb {
         Verb::Identify => return identify(client, &identity, port, json),
-        Verb::Status => return status(client, port, json),
+        Verb::Status => return status::report(client, port, json),
         Verb::Panic => return panicked(client, port, json),
         Verb::Stream(stream) => return stream.run(client, json),
         Verb::SelfTest(test) => return test.run(client, &identity, port, json),
+        Verb::Drill(drills) => return drills.run(client, port, json),
         Verb::Play(play) => return play.run(client, blob.as_deref(), json),
         Verb::Arm => {
             let armed = Armed { port, done: "armed", token: client.arm()? };
@@ -344,35 +337,6 @@ fn identify(mut client: Client, identity: &Identity, port: String, json: bool) -
             .as_deref()
             .map_or("no parameters yet".into(), |name| format!("parameters {name}, checksum {checksum}"));
         format!("{}: firmware {} on board {:#06x}, {parameters}", who.port, who.firmware, who.board)
-    })
-}
-
-fn status(mut client: Client, port: String, json: bool) -> Result<()> {
-    let status = client.status()?;
-    let Status { state, rate_hz, ticks, tripped_at, command_v, damaged_frames, unknown_frames, .. } = status;
-    let how = How {
-        port,
-        state: named(state),
-        rate_hz: Some(rate_hz).filter(|&rate_hz| rate_hz > 0.0),
-        ticks,
-        tripped_at,
-        command_v,
-        monitor_v: Some(status.monitor_v).filter(|volts| volts.is_finite()),
-        live: status.live,
-        damaged_frames,
-        unknown_frames,
-        stack_peak_bytes: status.stack_peak,
-    };
-    terminal::report(json, &how, || {
-        let parameters = how.rate_hz.map_or("no parameters yet".into(), |rate_hz| format!("{rate_hz} Hz"));
-        let trip = if tripped_at > 0 { format!(", last trip at tick {tripped_at}") } else { String::new() };
-        let monitor = how.monitor_v.map_or("unknown".into(), |volts| format!("{volts:.0} V"));
-        let live = if how.live { ", the film is live" } else { "" };
-        format!(
-            "{}: {}, {parameters}, {command_v:.0} V commanded, monitor {monitor}{live}, tick {ticks}{trip}; frames: \
-             {damaged_frames} damaged, {unknown_frames} not understood; stack: {} bytes at the most",
-            how.port, how.state, how.stack_peak_bytes
-        )
     })
 }
 

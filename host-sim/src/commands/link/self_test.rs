@@ -1,28 +1,20 @@
 //! `link self-test`: what a board finds of itself and its bench, step by step, before a film is connected.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use clap::Args;
-use dea_driver::wire::{Answer, Command, Identity, Inspection, Mode, Part, Status};
-use dea_driver::{Cause, DriverState, Refusal};
+use dea_driver::wire::{Command, Identity, Mode, Part, Status};
+use dea_driver::{Cause, DriverState};
 use serde::Serialize;
 
+use super::asking::{answer, going_on, inspect, some_ticks, stand, wait};
 use super::live;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::link::{Client, named};
 use crate::terminal;
 
-/// Time of the board after which a voltage that stands is measured, and for which, s. The board's, since an emulator may be slow.
-const SETTLES_S: f32 = 0.1;
-const MEASURED_S: f32 = 0.3;
-/// So many looks are taken at the least.
-const LOOKS: f64 = 5.0;
-/// A board that is slower than this does not tick.
-const PATIENCE: Duration = Duration::from_secs(60);
-/// How often it is asked.
-const EVERY: Duration = Duration::from_millis(20);
 /// What a board may take to come back from a reset.
 const COMES_BACK: Duration = Duration::from_secs(5);
 /// What a person may take to open an interlock, and to close it.
@@ -105,7 +97,7 @@ impl SelfTest {
     }
 
     pub(super) fn run(&self, mut client: Client, identity: &Identity, port: String, json: bool) -> Result<()> {
-        let stop = interrupt::stop_flag();
+        let stop = interrupt::live_film();
         let mut checks = Checks::default();
         let ended = self.all(&mut client, identity, &mut checks, stop);
         let report = Report { port, passed: ended.is_ok() && checks.passed(), checks: checks.0 };
@@ -261,43 +253,6 @@ fn at_rest(client: &mut Client, checks: &mut Checks) -> Result<f64> {
     Ok(f64::from(monitor_v))
 }
 
-/// Holds `volts`, or 0 V, and returns what the monitor shows once it stands, V.
-fn stand(client: &mut Client, volts: Option<f32>, stop: &AtomicBool) -> Result<f64> {
-    let (mut sum_v, mut count, mut stands_since) = (0.0, 0.0, None);
-    let wanted_v = volts.unwrap_or(0.0);
-    let measured = wait(client, PATIENCE, stop, |client| {
-        client.order(volts.map_or(Command::Heartbeat, Command::SetVoltage))?;
-        let Status { state, rate_hz, ticks, command_v, monitor_v, .. } = client.status()?;
-        if let DriverState::Tripped(_) = state {
-            return Err(client.unexpected(&Answer::Refused(Refusal::State(state))));
-        }
-        if (command_v - wanted_v).abs() > 0.5 {
-            return Ok(false);
-        }
-        let stood_s = ticks.wrapping_sub(*stands_since.get_or_insert(ticks)) as f32 / rate_hz;
-        if stood_s >= SETTLES_S {
-            sum_v += f64::from(monitor_v);
-            count += 1.0;
-        }
-        Ok(stood_s >= SETTLES_S + MEASURED_S && count >= LOOKS)
-    })?;
-    if measured {
-        Ok(sum_v / count)
-    } else {
-        Err(Error::Computation(format!("{wanted_v} V were not commanded in time")))
-    }
-}
-
-/// Lets the board tick a few times, so that what it found is of now.
-fn some_ticks(client: &mut Client, stop: &AtomicBool) -> Result<()> {
-    let before = client.status()?.ticks;
-    if wait(client, PATIENCE, stop, |client| Ok(client.status()?.ticks.wrapping_sub(before) > 5))? {
-        Ok(())
-    } else {
-        Err(Error::Computation("the board does not tick".into()))
-    }
-}
-
 /// The watchdog resets the board, which tells so once it is back.
 fn starve(client: &mut Client, checks: &mut Checks) -> Result<()> {
     client.order(Command::StarveWatchdog)?;
@@ -311,48 +266,8 @@ fn starve(client: &mut Client, checks: &mut Checks) -> Result<()> {
     if came { client.order(Command::Acknowledge) } else { Ok(()) }
 }
 
-/// Asks until it is so, or `most` is over, or Ctrl-C comes.
-fn wait(
-    client: &mut Client,
-    most: Duration,
-    stop: &AtomicBool,
-    mut is_so: impl FnMut(&mut Client) -> Result<bool>,
-) -> Result<bool> {
-    let start = Instant::now();
-    while start.elapsed() < most {
-        going_on(stop)?;
-        if is_so(client)? {
-            return Ok(true);
-        }
-        std::thread::sleep(EVERY);
-    }
-    Ok(false)
-}
-
-/// An error once Ctrl-C has come: what was asked for is not shown then.
-fn going_on(stop: &AtomicBool) -> Result<()> {
-    if stop.load(Ordering::Relaxed) { Err(Error::Computation("stopped by Ctrl-C".into())) } else { Ok(()) }
-}
-
-fn inspect(client: &mut Client) -> Result<Inspection> {
-    match client.ask(Command::Inspect)? {
-        Answer::Inspection(found) => Ok(found),
-        other => Err(client.unexpected(&other)),
-    }
-}
-
 fn level(high: bool) -> &'static str {
     if high { "high" } else { "low" }
-}
-
-fn answer(part: Part) -> String {
-    match part {
-        Part::Answers => "answers".into(),
-        Part::Wrong { wanted, found } => format!("{found:#06x} for {wanted:#06x}"),
-        Part::Starting => "is being set up".into(),
-        Part::Pin => "its pin does not switch".into(),
-        _ => "does not answer".into(),
-    }
 }
 
 /// What the answer of a converter hints at.

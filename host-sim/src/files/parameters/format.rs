@@ -53,6 +53,12 @@ pub(super) struct ActuatorFileTable {
     _provenance: Option<toml::Value>,
 }
 
+/// A parameter file of which only the board is wanted.
+#[derive(Deserialize)]
+pub(super) struct BoardFileTable {
+    pub(super) board: Option<BoardTable>,
+}
+
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ActuatorTable {

@@ -17,7 +17,7 @@ use toml::Spanned;
 use crate::error::{Error, Result};
 pub use board::{Board, as_written};
 pub use curve::{ElasticCurve, Shape};
-use format::{ActuatorFileTable, ActuatorTable, FileTable, SCHEMAS};
+use format::{ActuatorFileTable, ActuatorTable, BoardFileTable, FileTable, SCHEMAS};
 
 /// An actuator and the model of its film.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,6 +151,24 @@ impl Parameters {
         let file: ActuatorFileTable = place.parse()?;
         place.check_schema(&file.schema)?;
         Ok((place.actuator(&file.actuator, *file.schema.get_ref())?, file.actuator.sizes_are_assumed()))
+    }
+
+    /// Loads the actuator and the board of a parameter file, which may lack the model; the board of the paper's bench where there
+    /// is none. The last is whether the film's sizes are assumed.
+    ///
+    /// # Errors
+    ///
+    /// As [`load`](Self::load).
+    pub fn load_board(name: &str) -> Result<(Actuator, Board, bool)> {
+        let (actuator, assumed_sizes) = Self::load_sized_actuator(name)?;
+        let bench = Board::bench(&actuator);
+        if name.starts_with("preset:") {
+            return Ok((actuator, bench, assumed_sizes));
+        }
+        let path = Path::new(name);
+        let text = text_of(path)?;
+        let file: BoardFileTable = Place { path, text: &text }.parse()?;
+        Ok((actuator, file.board.map_or(bench.clone(), |table| table.board(bench)), assumed_sizes))
     }
 
     /// What to say of the electric field where the film's sizes are assumed.

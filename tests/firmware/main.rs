@@ -2,6 +2,8 @@
 //!
 //! `cargo xtask firmware` builds the images and runs this.
 
+mod readme;
+
 use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -25,7 +27,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the project")
 }
 
-/// The image that `cargo xtask firmware` has built, or its sibling for drills.
+/// The image that `cargo xtask firmware` has built, or one of its siblings.
 fn image(folder: &str) -> PathBuf {
     root().join(folder).join("thumbv7em-none-eabihf/release/firmware")
 }
@@ -245,7 +247,7 @@ const SHORT_SILENCE_S: f32 = 3.0;
 /// Ticks between two samples while a test waits for that trip.
 const EVERY: u16 = 20;
 
-/// Parameters of the drills' bench, with the silence of the host that ends in a trip.
+/// Parameters of the virtual bench, with the silence of the host that ends in a trip.
 fn blob(heartbeat_s: f32) -> Vec<u8> {
     let parameters = Parameters::preset("table3-n2").expect("a preset");
     let limits = dea_driver::Limits { heartbeat_s, ..bench_limits() };
@@ -254,9 +256,9 @@ fn blob(heartbeat_s: f32) -> Vec<u8> {
     parameters.to_blob(&board, 1000.0).expect("valid")
 }
 
-/// The image for drills with 3 kV on its simulated film.
+/// The virtual board with 3 kV on its simulated film.
 fn live(heartbeat_s: f32) -> (Emulator, Client) {
-    let (emulator, port) = Emulator::start(&image("firmware/target/drills")).expect("starts");
+    let (emulator, port) = Emulator::start(&image("firmware/target/virtual-board")).expect("starts");
     let (mut client, _) = Client::new(port).expect("answers");
     client.upload(&blob(heartbeat_s), false).expect("taken");
     let status = start(&mut client);
@@ -352,13 +354,13 @@ fn every_fault_ends_at_0_v_with_its_cause() {
     }
 }
 
-/// The self-test of a board, on the image with a simulated bench; QEMU has no watchdog, so that is found missing.
+/// The self-test of a board, on the virtual one; QEMU has no watchdog, so that is found missing.
 #[test]
 fn the_self_test_ends_in_a_table() {
     let folder = tempfile::TempDir::new().expect("a folder");
     let parameters = folder.path().join("bench.bin");
     std::fs::write(&parameters, blob(ANY_SILENCE_S)).expect("written");
-    let (_emulator, port) = emulator_at_a_port(&image("firmware/target/drills"));
+    let (_emulator, port) = emulator_at_a_port(&image("firmware/target/virtual-board"));
     let link = |more: &[&str]| TOOL.with(&[["link", "--port", &port, "--json"].as_slice(), more].concat());
     let start = Instant::now();
     while !link(&["identify"]).output().expect("runs").status.success() {
@@ -415,7 +417,7 @@ fn a_panic_resets_and_is_remembered() {
         panic!("no message")
     };
     println!("{message}");
-    assert!(message.starts_with("a drill at src/drills.rs:"), "{message}");
+    assert!(message.starts_with("a drill at src/virtual_bench.rs:"), "{message}");
     client.upload(&blob(ANY_SILENCE_S), false).expect("taken");
     assert!(client.arm().is_err(), "not before it is acknowledged");
     client.order(Command::Acknowledge).expect("done");
@@ -440,7 +442,7 @@ fn a_silent_host_ends_at_0_v() {
 /// as silent.
 #[test]
 fn garbage_is_not_obeyed() {
-    let (_emulator, port) = Emulator::start(&image("firmware/target/drills")).expect("starts");
+    let (_emulator, port) = Emulator::start(&image("firmware/target/virtual-board")).expect("starts");
     let (mut client, _) = Client::new(port).expect("answers");
     let mut random = Pcg64::seed_from_u64(4);
     client.upload(&blob(SHORT_SILENCE_S), false).expect("taken");
@@ -477,7 +479,7 @@ fn flood(port: &mut Port, random: &mut Pcg64, bytes: usize) {
 /// An upload that ends early, or with another length, is not taken.
 #[test]
 fn a_truncated_upload_changes_nothing() {
-    let (_emulator, port) = Emulator::start(&image("firmware/target/drills")).expect("starts");
+    let (_emulator, port) = Emulator::start(&image("firmware/target/virtual-board")).expect("starts");
     let (mut client, _) = Client::new(port).expect("answers");
     let blob = blob(ANY_SILENCE_S);
     client.upload(&blob, false).expect("taken");

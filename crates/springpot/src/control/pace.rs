@@ -1,0 +1,104 @@
+//! How fast an amplifier is, told from its monitor.
+
+use crate::control::amplifier::{AmplifierLag, AmplifierModel};
+use crate::control::inverse::share_per_step;
+use crate::control::path::clamp;
+use crate::error::ControlError;
+use crate::scalar::Real;
+
+/// An amplifier that lags, and is faster or slower than its time constants say by a factor p, its pace: recursive least squares of one
+/// number.
+///
+/// The sensitivity w = ∂V/∂p of the modelled voltage V obeys V's own recursion. A reading R of the monitor differs from V by
+/// w (p − p_true), and
+///
+/// ```text
+/// Λ ← λ Λ + w²,      p ← p − w (V − R) / (Λ₀ + Λ)
+/// ```
+///
+/// A reading between the voltages of two ticks is no difference: a converter may answer with the sample of the frame before. Readings are
+/// used for p alone, so that their noise does not return in commands.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct PacedAmplifier<T> {
+    nominal: AmplifierModel<T>,
+    /// λ.
+    kept: T,
+    /// Λ₀, V².
+    initial: T,
+}
+
+/// What changes with every tick of a [`PacedAmplifier`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Pace<T> {
+    /// p.
+    factor: T,
+    /// w, V.
+    slope: T,
+    /// Λ, V².
+    information: T,
+}
+
+/// Time over which the pace is estimated, s: a few cycles of a slow reference.
+const PACE_S: f64 = 10.0;
+/// How far the pace is believed to be from 1 before anything is read, and the errors of readings, as a share of the largest voltage.
+const DEVIATION: f64 = 0.3;
+const READING_SHARE: f64 = 0.004;
+/// Bounds of the pace: those within which the driver's monitor lets an amplifier be.
+const PACES: [f64; 2] = [1.0 / 1.5, 2.0];
+
+impl<T: Real> Pace<T> {
+    pub(crate) fn nominal() -> Self {
+        Self { factor: T::from_f64(1.0), slope: T::ZERO, information: T::ZERO }
+    }
+}
+
+impl<T: Real> PacedAmplifier<T> {
+    /// Of `lag`, up to `max_voltage_v`, in ticks of `step_s`; none that follows at once, which costs nothing.
+    pub(crate) fn lagging(lag: AmplifierLag, max_voltage_v: f64, step_s: f64) -> Result<Option<Self>, ControlError> {
+        let Some(nominal) = AmplifierModel::lagging(lag, step_s)? else { return Ok(None) };
+        let error_v = READING_SHARE / DEVIATION * max_voltage_v;
+        // Errors of readings last: those of a second tell no more than one.
+        let initial = error_v * error_v / step_s;
+        let forgotten = share_per_step(1.0 / PACE_S, step_s);
+        Ok(Some(Self { nominal, kept: T::from_f64(1.0 - forgotten), initial: T::from_f64(initial) }))
+    }
+
+    /// The amplifier, as fast as its monitor has shown it to be.
+    #[inline]
+    pub(crate) fn at(&self, pace: &Pace<T>) -> AmplifierModel<T> {
+        let one = T::from_f64(1.0);
+        let faster = |share: T| {
+            let share = pace.factor * share;
+            if share < one { share } else { one }
+        };
+        let AmplifierModel { up, down, left } = self.nominal;
+        AmplifierModel { up: faster(up), down: faster(down), left: one - faster(one - left) }
+    }
+
+    /// The voltage (V) at the end of a tick under `command` (V), from `voltage` (V) at its begin. Learns from `reading` (V, at its end) how
+    /// fast the amplifier is.
+    #[inline]
+    pub(crate) fn advance(&self, state: &mut Pace<T>, voltage: T, command: T, reading: Option<T>) -> T {
+        let one = T::from_f64(1.0);
+        let model = self.at(state);
+        let next = model.advance(voltage, command);
+        let rises = command > voltage;
+        let (share, nominal) = if rises { (model.up, self.nominal.up) } else { (model.down, self.nominal.down) };
+        state.slope = if !rises && next <= model.lowest(voltage) {
+            model.left * state.slope - (one - self.nominal.left) * voltage
+        } else if share < one {
+            (one - share) * state.slope + nominal * (command - voltage)
+        } else {
+            // At once is as fast as it gets.
+            T::ZERO
+        };
+        let Some(reading) = reading else { return next };
+        let (low, high) = if next > voltage { (voltage, next) } else { (next, voltage) };
+        let difference = clamp(reading, low, high) - reading;
+        state.information = self.kept * state.information + state.slope * state.slope;
+        let step = state.slope * difference / (self.initial + state.information);
+        let [slowest, fastest] = PACES.map(T::from_f64);
+        state.factor = clamp(state.factor - step, slowest, fastest);
+        next
+    }
+}

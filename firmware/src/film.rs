@@ -1,0 +1,85 @@
+//! The film on the virtual bench: the one that the parameters describe, stepped by the law of Eq. 11, behind their amplifier and in
+//! front of their monitor and sensor.
+
+use dea_driver::chips::{Calibration, DacCode};
+use dea_driver::{Controller, Drive};
+use springpot::{AmplifierModel, Law, State, VoltageDrive};
+
+/// The film feels its voltage times this: it pulls 3 % harder than its model. Feedforward misses by that, tracking finds it.
+const STRONGER: f32 = 1.014_889;
+/// Displacements that are kept, for a sensor whose samples are late: 256 ms at 1 kHz. A longer delay is cut to this.
+const KEPT: usize = 256;
+
+/// A film at rest once there are parameters for one.
+pub struct Film {
+    /// Of the parameters that it was made of.
+    checksum: Option<u32>,
+    law: Law<f32>,
+    drive: VoltageDrive<f32>,
+    state: State<f32>,
+    amplifier: Calibration,
+    lag: Option<AmplifierModel<f32>>,
+    monitor: Calibration,
+    sensor: Calibration,
+    sensor_offset_m: f32,
+    /// Between the film's electrodes, V.
+    voltage_v: f32,
+    /// The last displacements, m, and where the newest stands.
+    past: [f32; KEPT],
+    newest: usize,
+    /// Ticks by which a sample of the sensor is late.
+    late: usize,
+}
+
+impl Film {
+    /// The film that `controller` is for; none for parameters that no film has.
+    pub fn of(controller: &Controller) -> Option<Self> {
+        let parameters = controller.parameters();
+        let step_s = 1.0 / f64::from(parameters.rate_hz);
+        let law = Law::from_coefficients(&parameters.law, step_s, parameters.actuator.mass_kg).ok()?;
+        let largest_v = STRONGER * parameters.amplifier.apply(parameters.command_range.full_scale_v());
+        let drive = VoltageDrive::new(&parameters.actuator, f64::from(largest_v), law.stiffness()).ok()?;
+        Some(Self {
+            checksum: controller.checksum(),
+            drive,
+            state: law.state(),
+            law,
+            amplifier: parameters.amplifier.clone(),
+            lag: AmplifierModel::lagging(parameters.amplifier_lag, step_s).ok()?,
+            monitor: parameters.monitor.clone(),
+            sensor: parameters.sensor.clone(),
+            sensor_offset_m: parameters.sensor_offset_m,
+            voltage_v: 0.0,
+            past: [0.0; KEPT],
+            newest: 0,
+            late: ((parameters.control.delay_s * parameters.rate_hz + 0.5) as usize).min(KEPT - 1),
+        })
+    }
+
+    /// Whether it was made of the parameters that `controller` has now.
+    pub fn is_of(&self, controller: &Controller) -> bool {
+        self.checksum == controller.checksum()
+    }
+
+    /// A tick under what the amplifier makes of `drive`.
+    pub fn advance(&mut self, drive: Drive) {
+        let code = DacCode::from_volts(drive.dac_v, drive.range);
+        let given_v = self.amplifier.apply(code.volts(drive.range));
+        let command_v = if drive.enable && given_v > 0.0 { given_v } else { 0.0 };
+        self.voltage_v = self.lag.map_or(command_v, |lag| lag.advance(self.voltage_v, command_v));
+        let load = self.drive.load(STRONGER * self.voltage_v);
+        self.newest = (self.newest + 1) % KEPT;
+        self.past[self.newest] = self.law.displacement_under(&mut self.state, load);
+    }
+
+    /// The output of its voltage monitor, V.
+    pub fn monitor_v(&self) -> f32 {
+        self.monitor.invert(self.voltage_v)
+    }
+
+    /// The output of its displacement sensor, V.
+    pub fn sensor_v(&self) -> f32 {
+        let displacement_m = self.past[(self.newest + KEPT - self.late) % KEPT];
+        self.sensor.invert(displacement_m + self.sensor_offset_m)
+    }
+}

@@ -1,0 +1,73 @@
+//! `check`: whether recordings identify a film.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Verdict;
+use super::recordings::RecordingOptions;
+use crate::error::Result;
+use crate::excitation::check::{self, Facts, Report, Severity};
+use crate::terminal;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    reading: RecordingOptions,
+    /// Recordings of one film.
+    #[arg(value_name = "REC.csv", required = true)]
+    recordings: Vec<PathBuf>,
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
+    let recordings = arguments.reading.read(&arguments.recordings)?;
+    let report = check::check(&recordings);
+    terminal::report(json, &report, || text(&report))?;
+    Ok(if report.identifies { Verdict::Yes } else { Verdict::No })
+}
+
+fn text(report: &Report) -> String {
+    let mut text: String = report.recordings.iter().map(line).collect();
+    for finding in &report.findings {
+        let kind = match finding.severity {
+            Severity::Prevents => "prevents a fit",
+            Severity::Weakens => "weakens a fit",
+        };
+        // A message of a fit names its file.
+        let file = finding.file.as_ref().filter(|_| !finding.advice.is_empty());
+        let place = file.map_or_else(String::new, |file| format!("{file}: "));
+        let _ = write!(text, "{kind}: {place}{}", finding.finding);
+        text.push_str(if finding.advice.is_empty() { "\n" } else { "\n    " });
+        if !finding.advice.is_empty() {
+            let _ = writeln!(text, "{}", finding.advice);
+        }
+    }
+    text.push_str(match (report.identifies, report.findings.is_empty()) {
+        (true, true) => "these recordings identify a film",
+        (true, false) => "these recordings identify a film, with what is said above",
+        (false, _) => "these recordings do not identify a film",
+    });
+    text
+}
+
+fn line(facts: &Facts) -> String {
+    let drive = &facts.drive;
+    let list = |values: &[f64]| values.iter().map(|value| format!("{value:.4}")).collect::<Vec<_>>().join(", ");
+    let unit = if facts.driven_by == "voltage" { "V" } else { "N" };
+    let mut text = format!(
+        "{}: {:.1} s at {:.1} Hz; {} up to {:.1} {unit}, {:.1} s of rest first",
+        facts.file, facts.duration_s, facts.rate_hz, facts.driven_by, drive.peak, drive.rest_s
+    );
+    if !drive.frequencies_hz.is_empty() {
+        let _ = write!(text, "; cycles of {} Hz", list(&drive.frequencies_hz));
+    }
+    if drive.hold_s >= 1.0 {
+        let _ = write!(text, "; a hold of {:.1} s", drive.hold_s);
+    }
+    if let Some([low, high]) = facts.displacement_m {
+        let _ = write!(text, "; stroke {:.4} to {:.4} mm", 1e3 * low, 1e3 * high);
+    }
+    text.push('\n');
+    text
+}

@@ -1,0 +1,287 @@
+//! `import`: files of other programs as recordings.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+
+use super::options::positive;
+use super::recordings::RecordingOptions;
+use crate::error::{Error, Result, shown};
+use crate::files::import::{Blank, By, Edits, Quantity, Series, Understood, UnderstoodColumn};
+use crate::files::output::{self, Folders, Staged};
+use crate::files::recording::Recording;
+use crate::fit::observation::median;
+use crate::terminal;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    options: RecordingOptions,
+    /// Keep rows from here on, s from the first. What the film remembers of the rows before is lost: begin at rest.
+    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    from: f64,
+    /// Keep rows up to here, s from the first. The default is the end.
+    #[arg(long, value_name = "S", default_value_t = f64::INFINITY, hide_default_value = true)]
+    to: f64,
+    /// Make one row of N: the mean of each column.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    decimate: usize,
+    /// Empty the cells of drop-outs: displacement=-9999, "displacement>12" (numbers of the file) or 12.5..13 (s). May be repeated.
+    #[arg(long, value_name = "WHAT")]
+    blank: Vec<Blank>,
+    /// Folder for the recordings, one CSV per file.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Text with any separator and decimal sign, .xlsx or .mat.
+    #[arg(value_name = "FILE", required = true)]
+    files: Vec<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Report {
+    files: Vec<Imported>,
+}
+
+/// A file and what became of it.
+#[derive(Serialize)]
+struct Imported {
+    #[serde(flatten)]
+    understood: Understood,
+    out: String,
+    rows: usize,
+    /// Of the median interval.
+    rate_hz: f64,
+    duration_s: f64,
+    /// Readings that `--blank` emptied.
+    blanked: usize,
+    ranges: Vec<Range>,
+    /// Intervals of more than five medians, and the longest.
+    gaps: usize,
+    longest_gap_s: f64,
+    warnings: Vec<String>,
+}
+
+/// Values of a column, SI.
+#[derive(Serialize)]
+struct Range {
+    quantity: Quantity,
+    low: f64,
+    high: f64,
+    empty: usize,
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    let edits = arguments.edits()?;
+    let outputs = arguments.outputs()?;
+    let hints = arguments.options.hints();
+    let mut imported = Vec::new();
+    for (path, out) in arguments.files.iter().zip(&outputs) {
+        let series = Recording::read_with(path, &hints)?.into_series();
+        let starts_at_rest = edits.from_s == 0.0 || at_rest(&series, edits.from_s);
+        let (series, blanked) = series.edited(&edits).map_err(|cause| Error::file(path, cause))?;
+        let understood = series.understood.clone();
+        let recording = Recording::of(path, series);
+        // A drive with gaps is no recording: told now, not when it is fitted.
+        recording.drive()?;
+        imported.push((Imported::of(&recording, understood, out, blanked, starts_at_rest), recording));
+    }
+    output::make_folder(&arguments.out)?;
+    let mut staged = Vec::new();
+    for ((report, recording), out) in imported.iter().zip(&outputs) {
+        staged.push(stage(out, report, recording)?);
+    }
+    staged.into_iter().try_for_each(Staged::commit)?;
+    let report = Report { files: imported.into_iter().map(|(report, _)| report).collect() };
+    terminal::report(json, &report, || report.files.iter().map(text).collect::<Vec<_>>().join("\n\n"))
+}
+
+impl Arguments {
+    fn edits(&self) -> Result<Edits> {
+        if !(self.from.is_finite() && self.from >= 0.0) {
+            return Err(Error::option("--from", format!("{:?} must be finite and at least 0", self.from)));
+        }
+        if self.to.is_finite() {
+            positive("--to", self.to)?;
+        }
+        if self.to.is_nan() || self.to <= self.from {
+            return Err(Error::option("--to", format!("{:?} must lie above --from", self.to)));
+        }
+        if self.decimate == 0 {
+            return Err(Error::option("--decimate", "1 keeps every row"));
+        }
+        Ok(Edits { blanks: self.blank.clone(), from_s: self.from, to_s: self.to, decimate: self.decimate })
+    }
+
+    /// Where the recordings go. Refused are two of one name, and files that are read.
+    fn outputs(&self) -> Result<Vec<PathBuf>> {
+        let inputs: Vec<&Path> = self.files.iter().map(PathBuf::as_path).collect();
+        let mut outputs: Vec<PathBuf> = Vec::new();
+        for file in &self.files {
+            let name = file.file_stem().ok_or_else(|| Error::file(file, "is no file; name files to import"))?;
+            let mut out = self.out.join(name);
+            out.as_mut_os_string().push(".csv");
+            if outputs.contains(&out) {
+                let cause =
+                    format!("two files would be written to {}; import them into different folders", shown(&out));
+                return Err(Error::option("--out", cause));
+            }
+            output::check(&out, &inputs, Folders::AreMade)?;
+            outputs.push(out);
+        }
+        Ok(outputs)
+    }
+}
+
+/// Whether nothing drives the film at `from_s`.
+fn at_rest(series: &Series, from_s: f64) -> bool {
+    let start = series.clock_s[0];
+    let recording = Recording::of(Path::new(""), series.clone());
+    let Ok(drive) = recording.drive() else { return true };
+    let drive = drive.samples();
+    let largest = drive.value.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    let first = series.clock_s.iter().position(|t| t - start >= from_s).unwrap_or(0);
+    drive.value.get(first).is_none_or(|value| value.abs() <= 0.01 * largest)
+}
+
+impl Imported {
+    fn of(recording: &Recording, understood: Understood, out: &Path, blanked: usize, starts_at_rest: bool) -> Self {
+        let steps: Vec<f64> = recording.time_s().windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let step = median(&steps);
+        let gaps = || steps.iter().copied().filter(|length| *length > 5.0 * step);
+        let ranges: Vec<Range> =
+            recording.columns().iter().filter_map(|(name, values)| Range::of(name, values)).collect();
+        let mut warnings = Vec::new();
+        if !starts_at_rest {
+            warnings
+                .push("the drive is not 0 at --from: what the film remembers of the rows before is lost".to_owned());
+        }
+        if let Some(voltage) = ranges.iter().find(|range| range.quantity == Quantity::Voltage) {
+            let largest = voltage.high.abs().max(voltage.low.abs());
+            if largest > 0.0 && largest < 50.0 {
+                warnings.push(format!(
+                    "the largest voltage is {largest} V: a monitor's output? Multiply it, as in --columns voltage={}*1000",
+                    understood.columns.iter().find(|c| c.quantity == Quantity::Voltage).and_then(|c| c.column).unwrap_or(2)
+                ));
+            }
+        }
+        if let Some(displacement) = ranges.iter().find(|range| range.quantity == Quantity::Displacement) {
+            let largest = if displacement.high > -displacement.low { displacement.high } else { displacement.low };
+            if largest.abs() > 0.1 {
+                warnings.push(format!(
+                    "a displacement of {} m: a drop-out of the sensor (--blank), or another unit?",
+                    Number(largest)
+                ));
+            }
+        }
+        Self {
+            out: shown(out),
+            rows: recording.time_s().len(),
+            rate_hz: 1.0 / step,
+            duration_s: recording.duration_s(),
+            blanked,
+            ranges,
+            gaps: gaps().count(),
+            longest_gap_s: gaps().fold(0.0, f64::max),
+            warnings,
+            understood,
+        }
+    }
+
+    fn range(&self, quantity: Quantity) -> Option<&Range> {
+        self.ranges.iter().find(|range| range.quantity == quantity)
+    }
+}
+
+impl Range {
+    fn of(name: &str, values: &[f64]) -> Option<Self> {
+        let quantity = Quantity::ALL.into_iter().find(|quantity| name.starts_with(quantity.name()))?;
+        let present = values.iter().copied().filter(|value| !value.is_nan());
+        let (low, high) = present.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+        let empty = values.iter().filter(|value| value.is_nan()).count();
+        (low <= high).then_some(Self { quantity, low, high, empty })
+    }
+}
+
+fn stage(out: &Path, report: &Imported, recording: &Recording) -> Result<Staged> {
+    let time = recording.time_s();
+    let columns = recording.columns();
+    let mut named: Vec<(&str, Option<&[f64]>)> = vec![("time_s", Some(time))];
+    named.extend(columns.iter().map(|(name, values)| (*name, Some(values.as_slice()))));
+    let comment = |column: &UnderstoodColumn| format!("{}: {}", column.quantity.name(), origin(column));
+    let mut comments = vec![format!("imported from {}", report.understood.file)];
+    comments.extend(report.understood.columns.iter().map(comment));
+    // A name may hold a line end; a comment must not.
+    let comments: Vec<String> = comments.into_iter().map(|line| line.replace(char::is_control, " ")).collect();
+    output::stage_columns(out, &comments, &named)
+}
+
+/// Where a column comes from: `column 2 "U [kV]", × 1000`.
+fn origin(column: &UnderstoodColumn) -> String {
+    let number = column.column.map_or_else(String::new, |number| format!("column {number} "));
+    let unit = if column.unit.is_empty() { String::new() } else { format!(" in {}", column.unit) };
+    let by = match column.by {
+        By::Unit => ", by its unit alone",
+        By::Choice => ", as chosen",
+        By::Name => "",
+    };
+    format!("{number}{:?}{unit}, × {}{by}", column.name, column.factor)
+}
+
+fn text(file: &Imported) -> String {
+    let mut text = format!("{}: {}", file.understood.file, file.understood.format);
+    if file.understood.preamble_lines > 0 {
+        let _ = write!(text, ", {} lines above the header", file.understood.preamble_lines);
+    }
+    for column in &file.understood.columns {
+        let _ = write!(text, "\n  {:12} {}", column.quantity.name(), origin(column));
+        let si = column.quantity.si_unit();
+        match file.range(column.quantity) {
+            _ if column.quantity == Quantity::Time => {
+                let _ =
+                    write!(text, ": {} rows at {} Hz, {} s", file.rows, Number(file.rate_hz), Number(file.duration_s));
+            }
+            Some(range) => {
+                let _ = write!(text, ": {} to {} {si}", Number(range.low), Number(range.high));
+                if range.empty > 0 {
+                    let _ = write!(text, ", {} empty", range.empty);
+                }
+            }
+            None => text.push_str(": empty"),
+        }
+    }
+    if !file.understood.ignored.is_empty() {
+        let _ = write!(text, "\n  {:12} {}", "ignored", file.understood.ignored.join(", "));
+    }
+    if file.gaps > 0 {
+        let _ = write!(
+            text,
+            "\n  {:12} {} in the rows, the longest of {} s",
+            "gaps",
+            file.gaps,
+            Number(file.longest_gap_s)
+        );
+    }
+    if file.blanked > 0 {
+        let _ = write!(text, "\n  {:12} {} readings", "blanked", file.blanked);
+    }
+    for warning in &file.warnings {
+        let _ = write!(text, "\n  warning: {warning}");
+    }
+    let _ = write!(text, "\n  {:12} {}", "written", file.out);
+    text
+}
+
+/// A value with six digits at most.
+struct Number(f64);
+
+impl std::fmt::Display for Number {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        const DIGITS: i32 = 6;
+        let size = if self.0 == 0.0 { 0 } else { self.0.abs().log10().floor() as i32 };
+        let scale = 10_f64.powi(DIGITS - 1 - size);
+        let rounded = (self.0 * scale).round() / scale;
+        if (-5..15).contains(&size) { write!(f, "{rounded}") } else { write!(f, "{rounded:e}") }
+    }
+}

@@ -1,0 +1,234 @@
+//! `link drill`: faults that the virtual board causes on purpose, and how each of them ends.
+
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+use dea_driver::wire::{Answer, Command, Drill, Mode, Reject, Status};
+use dea_driver::{Cause, DriverState, SensorFault};
+use serde::Serialize;
+
+use super::asking::{PATIENCE, going_on, some_ticks, stand, wait};
+use super::live;
+use crate::error::{Error, Result};
+use crate::interrupt;
+use crate::link::{Client, named};
+use crate::terminal;
+
+/// What a board that panics may take to answer again.
+const COMES_BACK: Duration = Duration::from_secs(60);
+
+#[derive(Debug, Args)]
+pub(super) struct Drills {
+    /// Which faults; all but `hang` by default, which needs a watchdog that QEMU does not have.
+    #[arg(value_enum, value_name = "FAULT")]
+    faults: Vec<Fault>,
+    /// The voltage at which the fault comes, V.
+    #[arg(long, value_name = "V", default_value_t = 1000.0)]
+    voltage: f32,
+}
+
+/// A fault that is caused on purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Fault {
+    /// The interlock opens.
+    Interlock,
+    /// The voltage monitor stays where it is.
+    Monitor,
+    /// The displacement sensor is unplugged.
+    Sensor,
+    /// The monitor's converter does not answer.
+    Bus,
+    /// A tick takes longer than it may.
+    Overrun,
+    /// The firmware panics: the chip starts again, and parameters that were only tried are gone.
+    Panic,
+    /// The tick hangs, which the watchdog ends.
+    Hang,
+}
+
+impl Fault {
+    /// By default, in this order: the panic takes parameters along that were only tried.
+    const ALL: [Self; 6] = [Self::Interlock, Self::Monitor, Self::Sensor, Self::Bus, Self::Overrun, Self::Panic];
+
+    fn drill(self) -> Drill {
+        match self {
+            Self::Interlock => Drill::Interlock,
+            Self::Monitor => Drill::Monitor,
+            Self::Sensor => Drill::Sensor,
+            Self::Bus => Drill::Bus,
+            Self::Overrun => Drill::Overrun,
+            Self::Panic => Drill::Panic,
+            Self::Hang => Drill::Hang,
+        }
+    }
+
+    /// What it ends in.
+    fn cause(self) -> Cause {
+        match self {
+            Self::Interlock => Cause::Interlock,
+            Self::Monitor => Cause::Monitor,
+            Self::Sensor => Cause::Sensor(SensorFault::Range),
+            Self::Bus => Cause::Bus,
+            Self::Overrun => Cause::Overrun,
+            Self::Panic => Cause::Panic,
+            Self::Hang => Cause::Watchdog,
+        }
+    }
+
+    /// Whether the chip starts again.
+    fn resets(self) -> bool {
+        matches!(self, Self::Panic | Self::Hang)
+    }
+
+    fn name(self) -> String {
+        self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
+    }
+}
+
+/// How a fault ended.
+#[derive(Serialize)]
+struct Ended {
+    fault: String,
+    /// By the monitor, before it.
+    stood_v: f64,
+    wanted: String,
+    state: String,
+    command_v: f32,
+    passed: bool,
+}
+
+#[derive(Serialize)]
+struct Report {
+    port: String,
+    passed: bool,
+    drills: Vec<Ended>,
+}
+
+impl Report {
+    fn table(&self) -> String {
+        let mut text = format!("        {:10} {:>8}  {:26} then", "fault", "at", "ended in");
+        for Ended { fault, stood_v, state, command_v, passed, .. } in &self.drills {
+            let mark = if *passed { "ok" } else { "FAILED" };
+            text += &format!("\n{mark:6}  {fault:10} {stood_v:6.0} V  {state:26} {command_v:.0} V");
+        }
+        text
+    }
+}
+
+impl Drills {
+    pub(super) fn check(&self) -> Result<()> {
+        if (100.0..=10e3).contains(&self.voltage) {
+            Ok(())
+        } else {
+            Err(Error::option("--voltage", "must be from 100 to 10000 V: enough to be seen at the monitor"))
+        }
+    }
+
+    pub(super) fn run(&self, mut client: Client, port: String, json: bool) -> Result<()> {
+        let stop = interrupt::live_film();
+        let faults = if self.faults.is_empty() { Fault::ALL.as_slice() } else { &self.faults };
+        let mut drills = Vec::new();
+        let ended: Result<()> = faults.iter().try_for_each(|&fault| {
+            drills.push(self.drill(fault, &mut client, stop)?);
+            Ok(())
+        });
+        let report = Report { port, passed: ended.is_ok() && drills.iter().all(|ended| ended.passed), drills };
+        let failed: Vec<&str> = report.drills.iter().filter(|e| !e.passed).map(|e| e.fault.as_str()).collect();
+        let failed = failed.join(", ");
+        if ended.is_ok() || !report.drills.is_empty() {
+            terminal::report(json, &report, || report.table())?;
+        }
+        ended?;
+        if client.status()?.rate_hz == 0.0 {
+            eprintln!(
+                "host-sim: the board has started again, without the parameters that were only tried: upload them anew"
+            );
+        }
+        if failed.is_empty() { Ok(()) } else { Err(Error::Computation(format!("drills that failed: {failed}"))) }
+    }
+
+    /// Brings the film to the voltage, causes the fault, and acknowledges what it ended in.
+    fn drill(&self, fault: Fault, client: &mut Client, stop: &AtomicBool) -> Result<Ended> {
+        going_on(stop)?;
+        if client.status()?.rate_hz > 0.0 {
+            // What is refused is refused for what a tick has found since the last drill.
+            some_ticks(client, stop)?;
+        }
+        // What another host has armed meanwhile is its own.
+        client.arm()?;
+        let ended = self.cause(fault, client, stop);
+        if ended.is_err() {
+            // 0 V before anything else.
+            live::disarm(client)?;
+        }
+        let ended = ended?;
+        if let DriverState::Tripped(_) = client.status()?.state {
+            at_0_v(client, stop)?;
+            client.order(Command::Acknowledge)?;
+        } else {
+            live::disarm(client)?;
+        }
+        Ok(ended)
+    }
+
+    /// With the amplifier enabled.
+    fn cause(&self, fault: Fault, client: &mut Client, stop: &AtomicBool) -> Result<Ended> {
+        client.order(Command::Start(Mode::Voltage))?;
+        let stood_v = stand(client, Some(self.voltage), stop)?;
+        match client.ask(Command::Drill(fault.drill())) {
+            Ok(Answer::Done) => {}
+            Ok(Answer::Rejected(Reject::Unknown)) => return Err(unknown(fault)),
+            Ok(other) => return Err(client.unexpected(&other)),
+            // The answer may be lost with what was on its way when the chip started again.
+            Err(_) if fault.resets() => {}
+            Err(error) => return Err(error),
+        }
+        if fault == Fault::Monitor {
+            // It stays where it is, which shows once the voltage changes.
+            client.order(Command::SetVoltage(0.5 * self.voltage))?;
+        }
+        let patience = if fault.resets() { COMES_BACK } else { PATIENCE };
+        let mut status: Option<Status> = None;
+        wait(client, patience, stop, |client| {
+            status = match client.status() {
+                Ok(status) => Some(status),
+                // Between a reset and its start nobody answers, which is no fault.
+                Err(_) if fault.resets() => None,
+                Err(error) => return Err(error),
+            };
+            Ok(status.is_some_and(|status| matches!(status.state, DriverState::Tripped(_))))
+        })?;
+        let Some(status) = status else { return Err(Error::Computation("the board does not come back".into())) };
+        let wanted = DriverState::Tripped(fault.cause());
+        Ok(Ended {
+            fault: fault.name(),
+            stood_v,
+            wanted: named(wanted),
+            state: named(status.state),
+            command_v: status.command_v,
+            passed: status.state == wanted && status.command_v == 0.0,
+        })
+    }
+}
+
+/// Waits until the monitor answers and shows 0 V: only then is a trip acknowledged.
+fn at_0_v(client: &mut Client, stop: &AtomicBool) -> Result<()> {
+    let fell = wait(client, PATIENCE, stop, |client| {
+        let Status { rate_hz, monitor_v, live, .. } = client.status()?;
+        // Without parameters nothing ticks, and nothing is enabled.
+        Ok(rate_hz == 0.0 || (monitor_v.is_finite() && !live))
+    })?;
+    let status = client.status()?;
+    if fell { Ok(()) } else { Err(client.film_is_live(&status)) }
+}
+
+/// An image that does not cause this fault.
+fn unknown(fault: Fault) -> Error {
+    let cause = if fault == Fault::Hang {
+        "this board does not cause it: a tick that hangs is ended by the watchdog, which QEMU does not have"
+    } else {
+        "this board causes no faults on purpose; the virtual board does: cargo xtask board"
+    };
+    Error::Computation(format!("{}: {cause}", fault.name()))
+}

@@ -1,0 +1,110 @@
+//! `link status`: how a controller and what is connected to it are.
+
+use dea_driver::wire::{Answer, Command, Inspection, Reject, Status};
+use serde::Serialize;
+
+use super::asking::answer;
+use crate::error::Result;
+use crate::link::{Client, named};
+use crate::terminal;
+
+#[derive(Serialize)]
+struct How {
+    port: String,
+    state: String,
+    /// Ticks per second; none without parameters.
+    rate_hz: Option<f32>,
+    ticks: u32,
+    tripped_at: u32,
+    command_v: f32,
+    /// By the voltage monitor; none if it does not answer.
+    monitor_v: Option<f32>,
+    /// Whether the monitor shows voltage.
+    live: bool,
+    /// None of a board that does not tell of its parts.
+    parts: Option<Parts>,
+    damaged_frames: u32,
+    unknown_frames: u32,
+    stack_peak_bytes: u32,
+}
+
+/// What the last tick has found, as `self-test` names it.
+#[derive(Serialize)]
+struct Parts {
+    interlock_closed: bool,
+    enable_high: bool,
+    dac: String,
+    monitor: String,
+    sensor: String,
+    /// At the ADC; none if it does not answer.
+    monitor_adc_v: Option<f32>,
+    sensor_adc_v: Option<f32>,
+}
+
+impl From<Inspection> for Parts {
+    fn from(found: Inspection) -> Self {
+        let shown = |volts: f32| Some(volts).filter(|volts| volts.is_finite());
+        Self {
+            interlock_closed: found.interlock_closed,
+            enable_high: found.enable_high,
+            dac: answer(found.dac),
+            monitor: answer(found.monitor),
+            sensor: answer(found.sensor),
+            monitor_adc_v: shown(found.monitor_adc_v),
+            sensor_adc_v: shown(found.sensor_adc_v),
+        }
+    }
+}
+
+impl Parts {
+    fn line(&self) -> String {
+        let interlock = if self.interlock_closed { "closed" } else { "open" };
+        let enable = if self.enable_high { "high" } else { "low" };
+        let adc = |part: &str, volts: Option<f32>| match volts {
+            Some(volts) => format!("{volts:.3} V at its ADC"),
+            None => part.to_owned(),
+        };
+        format!(
+            "interlock {interlock}, enable output {enable}; sensor: {}; monitor: {}; DAC {}",
+            adc(&self.sensor, self.sensor_adc_v),
+            adc(&self.monitor, self.monitor_adc_v),
+            self.dac
+        )
+    }
+}
+
+pub(super) fn report(mut client: Client, port: String, json: bool) -> Result<()> {
+    let status = client.status()?;
+    let parts = match client.ask(Command::Inspect)? {
+        Answer::Inspection(found) => Some(Parts::from(found)),
+        Answer::Rejected(Reject::Unknown) => None,
+        other => return Err(client.unexpected(&other)),
+    };
+    let Status { state, rate_hz, ticks, tripped_at, command_v, damaged_frames, unknown_frames, .. } = status;
+    let how = How {
+        port,
+        state: named(state),
+        rate_hz: Some(rate_hz).filter(|&rate_hz| rate_hz > 0.0),
+        ticks,
+        tripped_at,
+        command_v,
+        monitor_v: Some(status.monitor_v).filter(|volts| volts.is_finite()),
+        live: status.live,
+        parts,
+        damaged_frames,
+        unknown_frames,
+        stack_peak_bytes: status.stack_peak,
+    };
+    terminal::report(json, &how, || {
+        let parameters = how.rate_hz.map_or("no parameters yet".into(), |rate_hz| format!("{rate_hz} Hz"));
+        let trip = if tripped_at > 0 { format!(", last trip at tick {tripped_at}") } else { String::new() };
+        let monitor = how.monitor_v.map_or("unknown".into(), |volts| format!("{volts:.0} V"));
+        let live = if how.live { ", the film is live" } else { "" };
+        let parts = how.parts.as_ref().map_or("this board does not tell of its parts".into(), Parts::line);
+        format!(
+            "{}: {}, {parameters}, {command_v:.0} V commanded, monitor {monitor}{live}, tick {ticks}{trip}\n{parts}\n\
+             frames: {damaged_frames} damaged, {unknown_frames} not understood; stack: {} bytes at the most",
+            how.port, how.state, how.stack_peak_bytes
+        )
+    })
+}

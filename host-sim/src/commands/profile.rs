@@ -1,0 +1,154 @@
+//! `profile`: a voltage over time that identifies a film, within a board's limits.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde::Serialize;
+
+use super::options::{at_most, positive};
+use crate::error::{Error, Result, shown};
+use crate::excitation::profile::{self, Part, PartShape, Profile, USUAL_SHARE, Wishes};
+use crate::files::output::{self, Folders};
+use crate::files::parameters::Parameters;
+use crate::grid::Grid;
+use crate::terminal;
+
+#[derive(Debug, Args)]
+pub(super) struct Arguments {
+    /// File with the tables `[actuator]` and `[board]`; a model need not be there. Without `[board]` the paper's bench is assumed.
+    #[arg(long, value_name = "B.toml")]
+    board: String,
+    /// Largest voltage; 0.9 of what the limits of voltage and field allow if left out.
+    #[arg(long, value_name = "V")]
+    peak: Option<f64>,
+    /// Frequencies of the sines: the band that the film will be used in, around its middle.
+    #[arg(long, value_name = "HZ,HZ,…", value_delimiter = ',', default_values_t = [0.2, 1.0 / 7.0, 1.0 / 13.0])]
+    frequencies: Vec<f64>,
+    /// Cycles of each.
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    cycles: u32,
+    /// Length of the hold that shows the creep; 0 for none.
+    #[arg(long, value_name = "S", default_value_t = 60.0)]
+    hold: f64,
+    /// Length of the rest at the start.
+    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    rest: f64,
+    /// Samples per second.
+    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
+    rate: f64,
+    /// Where the profile goes: time_s, voltage_v.
+    #[arg(long, value_name = "P.csv")]
+    out: PathBuf,
+}
+
+#[derive(Serialize)]
+struct Report {
+    out: String,
+    samples: usize,
+    rate_hz: f64,
+    duration_s: f64,
+    peak_v: f64,
+    /// What the limits allow on the undeformed film, and which of them.
+    largest_v: f64,
+    limit: &'static str,
+    largest_slew_v_per_s: f64,
+    parts: Vec<Part>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    note: Option<String>,
+}
+
+/// Longest profile, s.
+const LONGEST_S: f64 = 1e5;
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    positive("--rate", arguments.rate)?;
+    at_most("--hold", arguments.hold, LONGEST_S)?;
+    at_most("--rest", arguments.rest, LONGEST_S)?;
+    for frequency_hz in &arguments.frequencies {
+        positive("--frequencies", *frequency_hz)?;
+        if 20.0 * frequency_hz > arguments.rate {
+            let cause = format!("{} Hz are fewer than 20 samples per cycle of {frequency_hz} Hz", arguments.rate);
+            return Err(Error::option("--rate", cause));
+        }
+    }
+    if arguments.cycles == 0 {
+        return Err(Error::option("--cycles", "at least 1 is needed"));
+    }
+    if let Some(peak) = arguments.peak {
+        positive("--peak", peak)?;
+    }
+    let (actuator, board, assumed_sizes) = Parameters::load_board(&arguments.board)?;
+    let limits = board.command_limits();
+    let (largest_v, limit) = profile::largest_voltage(&limits, actuator.thickness_m);
+    let wishes = Wishes {
+        // Whole volts: they are read by people.
+        peak_v: arguments.peak.unwrap_or((USUAL_SHARE * largest_v).floor()),
+        frequencies_hz: arguments.frequencies.clone(),
+        cycles: arguments.cycles,
+        hold_s: arguments.hold,
+        rest_s: arguments.rest,
+    };
+    let made = Profile::new(&wishes, &limits, actuator.thickness_m)?;
+    at_most("--cycles", made.duration_s(), LONGEST_S)?;
+    let grid = Grid::covering(made.duration_s(), arguments.rate)?;
+    let voltage = made.on(grid);
+    output::check(&arguments.out, &[Path::new(&arguments.board)], Folders::Exist)?;
+    let time = grid.times_s();
+    let comments: Vec<String> = made.parts.iter().map(described).collect();
+    output::write_columns(
+        &arguments.out,
+        &comments,
+        &[("time_s", Some(time.as_slice())), ("voltage_v", Some(voltage.as_slice()))],
+    )?;
+    let slew = voltage.windows(2).map(|pair| (pair[1] - pair[0]).abs() * arguments.rate).fold(0.0, f64::max);
+    let note = assumed_sizes.then(|| {
+        format!(
+            "the film's sizes are assumed ({:.0} µm thick): whether the field stays within its limit is not known",
+            1e6 * actuator.thickness_m
+        )
+    });
+    let report = Report {
+        out: shown(&arguments.out),
+        samples: grid.samples,
+        rate_hz: arguments.rate,
+        duration_s: made.duration_s(),
+        peak_v: wishes.peak_v,
+        largest_v,
+        limit,
+        largest_slew_v_per_s: slew,
+        parts: made.parts,
+        note,
+    };
+    terminal::report(json, &report, || text(&report))
+}
+
+fn described(part: &Part) -> String {
+    let what = match part.shape {
+        PartShape::Rest => "rest at 0 V".into(),
+        PartShape::Sine { frequency_hz, peak_v } => format!("sine of {frequency_hz:.4} Hz up to {peak_v:.0} V"),
+        PartShape::Hold { peak_v, ramp_s } => format!("hold of {peak_v:.0} V, ramps of {ramp_s:.2} s"),
+    };
+    format!("{:.1} to {:.1} s: {what}", part.from_s, part.to_s)
+}
+
+fn text(report: &Report) -> String {
+    let mut text = format!(
+        "{}: {} samples at {} Hz, {:.1} s, up to {} V ({} allows {:.0} V) and {:.0} V/s",
+        report.out,
+        report.samples,
+        report.rate_hz,
+        report.duration_s,
+        report.peak_v,
+        report.limit,
+        report.largest_v,
+        report.largest_slew_v_per_s
+    );
+    for part in &report.parts {
+        let _ = write!(text, "\n  {}", described(part));
+    }
+    if let Some(note) = &report.note {
+        let _ = write!(text, "\nwarning: {note}");
+    }
+    text
+}

@@ -1,0 +1,49 @@
+//! Recordings as commands take them: read in the laboratory's own dialect, and told how.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use crate::error::Result;
+use crate::files::import::{Choices, Hints};
+use crate::files::recording::Recording;
+
+/// What is said about files that have not the names of recordings.
+#[derive(Clone, Debug, Default, Args)]
+pub(super) struct RecordingOptions {
+    /// Which column is what, by its name or number, with a unit and a factor if need be:
+    /// time=Zeit:s,voltage="HV mon"*2000,displacement=3:mm. What is left out goes by names and units; force=none leaves it out.
+    #[arg(long, value_name = "COLUMNS")]
+    columns: Option<Choices>,
+    /// Spreadsheet of a workbook.
+    #[arg(long, value_name = "NAME")]
+    sheet: Option<String>,
+}
+
+impl RecordingOptions {
+    pub(super) fn hints(&self) -> Hints {
+        Hints { choices: self.columns.clone().unwrap_or_default(), sheet: self.sheet.clone() }
+    }
+
+    /// Reads all `paths`; what was understood of files with other names than those of recordings goes to standard error.
+    pub(super) fn read(&self, paths: &[PathBuf]) -> Result<Vec<Recording>> {
+        let hints = self.hints();
+        let recordings =
+            paths.iter().map(|path| Recording::read_with(path, &hints)).collect::<Result<Vec<Recording>>>()?;
+        recordings.iter().for_each(tell);
+        Ok(recordings)
+    }
+
+    /// Reads the recording at `path`, as [`read`](Self::read).
+    pub(super) fn read_one(&self, path: &Path) -> Result<Recording> {
+        let recording = Recording::read_with(path, &self.hints())?;
+        tell(&recording);
+        Ok(recording)
+    }
+}
+
+fn tell(recording: &Recording) {
+    if let Some(understood) = recording.understood() {
+        eprintln!("host-sim: {}", understood.line());
+    }
+}

@@ -1,0 +1,143 @@
+//! What is taken of the rows of a file: a part of the time, without drop-outs, fewer rows.
+
+use super::{Quantity, Series};
+
+/// Changes to the rows of a file, in the order in which they are made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Edits {
+    /// Readings that are none.
+    pub blanks: Vec<Blank>,
+    /// First time that is kept, s from the first row.
+    pub from_s: f64,
+    /// Last time that is kept.
+    pub to_s: f64,
+    /// Rows that become one: their mean.
+    pub decimate: usize,
+}
+
+impl Edits {
+    /// The rows as they are.
+    pub const NONE: Self = Self { blanks: Vec::new(), from_s: 0.0, to_s: f64::INFINITY, decimate: 1 };
+}
+
+/// Readings that are none: drop-outs of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Blank {
+    /// Those of a quantity that are exactly this number of the file.
+    Equal(Quantity, f64),
+    /// Those above this number of the file.
+    Above(Quantity, f64),
+    /// Those below it.
+    Below(Quantity, f64),
+    /// Displacements between these times, s from the first row.
+    During(f64, f64),
+}
+
+impl std::str::FromStr for Blank {
+    type Err = String;
+
+    /// `displacement=-9999`, `displacement>12`, `displacement<-1` or `12.5..13`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |part: &str| part.trim().parse::<f64>().ok().filter(|value| value.is_finite());
+        let fault = || format!("{text:?}: use such as displacement=-9999, \"displacement>12\" or 12.5..13 (s)");
+        if let Some((from, to)) = text.split_once("..") {
+            return match (number(from), number(to)) {
+                (Some(from), Some(to)) if from <= to => Ok(Self::During(from, to)),
+                _ => Err(fault()),
+            };
+        }
+        let at = text.find(['=', '<', '>']).ok_or_else(fault)?;
+        let quantity = [Quantity::Displacement, Quantity::Force, Quantity::Voltage]
+            .into_iter()
+            .find(|quantity| quantity.name() == text[..at].trim())
+            .ok_or_else(fault)?;
+        let value = number(&text[at + 1..]).ok_or_else(fault)?;
+        Ok(match &text[at..=at] {
+            "=" => Self::Equal(quantity, value),
+            ">" => Self::Above(quantity, value),
+            _ => Self::Below(quantity, value),
+        })
+    }
+}
+
+impl Series {
+    /// The same, edited; and how many readings were blanked.
+    ///
+    /// # Errors
+    ///
+    /// What leaves too few rows.
+    pub fn edited(mut self, edits: &Edits) -> Result<(Self, usize), String> {
+        let mut blanked = 0;
+        for blank in &edits.blanks {
+            blanked += self.blank(*blank)?;
+        }
+        let start = self.clock_s[0];
+        let inside = |t: f64| (edits.from_s..=edits.to_s).contains(&(t - start));
+        if !self.clock_s.iter().all(|t| inside(*t)) {
+            let kept: Vec<usize> = (0..self.clock_s.len()).filter(|k| inside(self.clock_s[*k])).collect();
+            self = self.with_rows(kept.len(), |values, row| values[kept[row]], |cells, row| cells[kept[row]]);
+        }
+        if edits.decimate > 1 {
+            let every = edits.decimate;
+            let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+            let rows = self.clock_s.len() / every;
+            self = self.with_rows(
+                rows,
+                |values, row| mean(&values[row * every..][..every]),
+                |cells, row| {
+                    let present: Vec<f64> = cells[row * every..][..every].iter().copied().flatten().collect();
+                    (!present.is_empty()).then(|| mean(&present))
+                },
+            );
+        }
+        match self.clock_s.len() {
+            rows @ (0 | 1) => Err(format!("{rows} rows are left; a recording needs at least 2")),
+            _ => Ok((self, blanked)),
+        }
+    }
+
+    /// Empties the cells of `blank` and counts them.
+    fn blank(&mut self, blank: Blank) -> Result<usize, String> {
+        let (quantity, value) = match blank {
+            Blank::Equal(quantity, value) | Blank::Above(quantity, value) | Blank::Below(quantity, value) => {
+                (quantity, value)
+            }
+            Blank::During(..) => (Quantity::Displacement, 0.0),
+        };
+        let start = self.clock_s[0];
+        // As the numbers of the file were taken: the same product is the same number.
+        let factor = self.understood.factor(quantity).unwrap_or(1.0);
+        let (limit, turned) = (value * factor, factor < 0.0);
+        let clock_s = &self.clock_s;
+        let column = self.columns.iter_mut().find(|(which, _)| *which == quantity);
+        let (_, column) = column.ok_or_else(|| format!("no {} to blank", quantity.name()))?;
+        let is_none = |(row, cell): (usize, &Option<f64>)| {
+            cell.is_some_and(|cell| match blank {
+                Blank::Equal(..) => cell == limit,
+                Blank::Above(..) => (cell > limit) != turned && cell != limit,
+                Blank::Below(..) => (cell < limit) != turned && cell != limit,
+                Blank::During(from, to) => (from..=to).contains(&(clock_s[row] - start)),
+            })
+        };
+        let cells: Vec<Option<f64>> =
+            column.cells().iter().enumerate().map(|entry| if is_none(entry) { None } else { *entry.1 }).collect();
+        let count =
+            cells.iter().zip(column.cells()).filter(|(after, before)| after.is_none() && before.is_some()).count();
+        *column = column.with_cells(cells);
+        Ok(count)
+    }
+
+    /// The same with `rows` other rows, made from all times and all cells of a column.
+    fn with_rows(
+        self,
+        rows: usize,
+        time: impl Fn(&[f64], usize) -> f64,
+        cell: impl Fn(&[Option<f64>], usize) -> Option<f64>,
+    ) -> Self {
+        let clock_s = (0..rows).map(|row| time(&self.clock_s, row)).collect();
+        let columns = self.columns.iter().map(|(quantity, column)| {
+            (*quantity, column.with_cells((0..rows).map(|row| cell(column.cells(), row)).collect()))
+        });
+        Self { clock_s, columns: columns.collect(), understood: self.understood.clone() }
+    }
+}

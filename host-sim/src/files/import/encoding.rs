@@ -1,0 +1,62 @@
+//! Text in the encodings of other programs.
+
+use encoding_rs::{Encoding, GBK, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
+
+/// The text of a file in one encoding.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decoded {
+    /// Name of the encoding.
+    pub encoding: &'static str,
+    /// The text, without a byte order mark.
+    pub text: String,
+}
+
+/// The texts that `bytes` may be: one, or two where no mark and no rule of an encoding tells them apart.
+///
+/// # Errors
+///
+/// What the bytes are instead of text.
+pub fn readings(bytes: &[u8]) -> Result<Vec<Decoded>, String> {
+    if let Some((encoding, mark)) = Encoding::for_bom(bytes) {
+        return Ok(vec![decoded(encoding, &bytes[mark..]).ok_or_else(|| {
+            format!("begins as {} text and is not that throughout; save it as UTF-8", shown(encoding))
+        })?]);
+    }
+    if let Some(encoding) = utf_16_without_mark(bytes) {
+        return Ok(vec![decoded(encoding, bytes).ok_or("is half UTF-16 text; save it as UTF-8")?]);
+    }
+    if bytes.contains(&0) {
+        return Err("not a CSV recording: it has bytes that no text has".into());
+    }
+    if let Some(text) = decoded(UTF_8, bytes) {
+        return Ok(vec![text]);
+    }
+    let found: Vec<Decoded> = [GBK, WINDOWS_1252].into_iter().filter_map(|encoding| decoded(encoding, bytes)).collect();
+    if found.is_empty() { Err("is text in no encoding that is known here; save it as UTF-8".into()) } else { Ok(found) }
+}
+
+fn decoded(encoding: &'static Encoding, bytes: &[u8]) -> Option<Decoded> {
+    let text = encoding.decode_without_bom_handling_and_without_replacement(bytes)?;
+    Some(Decoded { encoding: shown(encoding), text: text.into_owned() })
+}
+
+fn shown(encoding: &'static Encoding) -> &'static str {
+    // As programs call it that write it.
+    if encoding == WINDOWS_1252 { "Latin-1" } else { encoding.name() }
+}
+
+/// UTF-16 text of mostly Latin letters has a zero in every other byte.
+fn utf_16_without_mark(bytes: &[u8]) -> Option<&'static Encoding> {
+    const SAMPLE: usize = 4096;
+    let sample = &bytes[..bytes.len().min(SAMPLE) & !1];
+    if sample.len() < 8 {
+        return None;
+    }
+    let zeros = |from: usize| sample.iter().skip(from).step_by(2).filter(|byte| **byte == 0).count();
+    let (first, second, half) = (zeros(0), zeros(1), sample.len() / 2);
+    match (10 * first, 10 * second) {
+        (0, many) if many > 8 * half => Some(UTF_16LE),
+        (many, 0) if many > 8 * half => Some(UTF_16BE),
+        _ => None,
+    }
+}

@@ -1,0 +1,69 @@
+//! Kinds of files, by their first bytes.
+
+/// What is read here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Text in some encoding.
+    Text,
+    /// A workbook of spreadsheets (.xlsx).
+    Workbook,
+    /// Variables of MATLAB, version 5 to 7 (.mat).
+    Mat,
+}
+
+/// First bytes of files that are not read, what they are, and what to do.
+const REFUSED: &[(&[u8], &str)] = &[
+    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "this is a spreadsheet of the old format (.xls); save it as .xlsx or as CSV"),
+    (b"\x89HDF\r\n\x1a\n", HDF5),
+    (b"MATLAB 7.3 MAT-file", HDF5),
+    (b"TDSm", "this is a LabVIEW measurement (TDMS); export it as text or .xlsx"),
+    (b"PAR1", "this is a Parquet file; export it as CSV"),
+    (b"\x93NUMPY", "this is a NumPy array; write it with numpy.savetxt and a header, or scipy.io.savemat"),
+    (b"SQLite format 3\0", "this is a database; export a table of it as CSV"),
+    (b"%PDF", "this is a PDF document; export the measurement as CSV"),
+    (b"\x1f\x8b", "this is compressed (gzip); unpack it first"),
+    (b"BZh", "this is compressed (bzip2); unpack it first"),
+    (b"\xfd7zXZ", "this is compressed (xz); unpack it first"),
+    (b"7z\xbc\xaf", "this is a 7-Zip archive; unpack it first"),
+    (b"Rar!", "this is an archive (RAR); unpack it first"),
+    (b"\x89PNG", "this is a picture; name the file of the numbers"),
+    (b"\xff\xd8\xff", "this is a picture; name the file of the numbers"),
+    (b"\x7fELF", "this is a program; name the file of the numbers"),
+];
+
+const HDF5: &str = "this is a MATLAB file of version 7.3 (HDF5), which is not read here; in MATLAB `save -v7`, or `writetable` \
+                    to a CSV file";
+
+/// The kind of a file that begins with `head`.
+///
+/// # Errors
+///
+/// What the file is, and what to do.
+pub fn of(head: &[u8]) -> Result<Kind, String> {
+    if head.is_empty() {
+        return Err(
+            "is empty; a recording has a header, such as time_s,voltage_v,displacement_m, and rows of numbers".into()
+        );
+    }
+    if let Some((_, cause)) = REFUSED.iter().find(|(mark, _)| head.starts_with(mark)) {
+        return Err((*cause).into());
+    }
+    if head.get(512..520) == Some(b"\x89HDF\r\n\x1a\n") {
+        return Err(HDF5.into());
+    }
+    if head.starts_with(b"PK\x03\x04") {
+        return Ok(Kind::Workbook);
+    }
+    if head.len() >= 128 && matches!(&head[126..128], b"IM" | b"MI") && head.starts_with(b"MATLAB") {
+        return Ok(Kind::Mat);
+    }
+    let first = head.iter().copied().find(|byte| !byte.is_ascii_whitespace());
+    let text = head.trim_ascii_start();
+    if text.starts_with(b"<?xml") || text.to_ascii_lowercase().starts_with(b"<!doctype") || text.starts_with(b"<html") {
+        return Err("this is a page or a document (XML, HTML); export the measurement as CSV".into());
+    }
+    if first == Some(b'{') {
+        return Err("this is a JSON document; write its series as columns of a CSV file".into());
+    }
+    Ok(Kind::Text)
+}

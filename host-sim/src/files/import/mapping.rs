@@ -1,0 +1,319 @@
+//! Which column is what: from the titles, and from what a person chose.
+//!
+//! Words name a quantity, units confirm it. A column whose words name nothing is taken by its unit alone where that is the only
+//! one; a plain voltage is not, because sensors give volts as well. Two columns that may be the same quantity are an error.
+
+use super::choice::{Choice, Choices, Column};
+use super::names::{Sense, Title, UnitSense};
+use super::units;
+use super::{Quantity, Request};
+
+/// A column that was understood.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chosen {
+    /// What it is.
+    pub quantity: Quantity,
+    /// Its index, from 0.
+    pub index: usize,
+    /// Its unit, as it is written here.
+    pub unit: String,
+    /// From the file's numbers to SI.
+    pub factor: f64,
+    /// What says so.
+    pub by: By,
+}
+
+/// What says what a column is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum By {
+    /// Its name.
+    Name,
+    /// Its unit alone.
+    Unit,
+    /// `--columns`.
+    Choice,
+}
+
+/// Names of recordings, with unit and factor.
+const RECORDING: &[(&str, Quantity, &str, f64)] = &[
+    ("time_s", Quantity::Time, "s", 1.0),
+    ("time_ms", Quantity::Time, "ms", 1e-3),
+    ("Time (s)", Quantity::Time, "s", 1.0),
+    ("voltage_v", Quantity::Voltage, "V", 1.0),
+    ("voltage_kv", Quantity::Voltage, "kV", 1e3),
+    ("force_n", Quantity::Force, "N", 1.0),
+    ("displacement_m", Quantity::Displacement, "m", 1.0),
+    ("displacement_mm", Quantity::Displacement, "mm", 1e-3),
+    ("displacement_um", Quantity::Displacement, "µm", 1e-6),
+    ("weight", Quantity::Weight, "", 1.0),
+];
+
+/// Quantity, unit and factor of a column of a recording.
+pub fn of_recording(name: &str) -> Option<(Quantity, &'static str, f64)> {
+    RECORDING.iter().find(|(known, ..)| *known == name).map(|(_, quantity, unit, factor)| (*quantity, *unit, *factor))
+}
+
+/// The columns with `titles` that `request` asks for.
+///
+/// # Errors
+///
+/// What is missing, or what may be read in two ways, and what to give with `--columns`.
+pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices) -> Result<Vec<Chosen>, String> {
+    let titles = Titles { titles, senses: titles.iter().map(Title::sense).collect() };
+    if let (true, Some(found)) = (choices.is_empty(), titles.of_a_recording(request)) {
+        return found;
+    }
+    let mut chosen: Vec<Chosen> = Vec::new();
+    for quantity in request.wanted {
+        if let Some(choice) = choices.of(*quantity) {
+            chosen.extend(titles.chosen(choice)?);
+        }
+    }
+    let mut missing = Vec::new();
+    for quantity in request.wanted.iter().copied().filter(|quantity| choices.of(*quantity).is_none()) {
+        let taken: Vec<usize> = chosen.iter().map(|column| column.index).collect();
+        match titles.named(quantity, &taken)? {
+            Some(column) => chosen.push(column),
+            None => missing.push(quantity),
+        }
+    }
+    // The unit alone counts for what is needed and for the displacement, which most recordings have.
+    for quantity in missing {
+        let has = |wanted: Quantity| chosen.iter().any(|column| column.quantity == wanted);
+        let needed = request.needed.iter().any(|set| set.contains(&quantity) && !set.iter().any(|q| has(*q)));
+        if needed || quantity == Quantity::Displacement {
+            let taken: Vec<usize> = chosen.iter().map(|column| column.index).collect();
+            match titles.by_unit(quantity, &taken)? {
+                Some(column) => chosen.push(column),
+                None => titles.refuse_other_unit(quantity, &taken)?,
+            }
+        }
+    }
+    for set in request.needed {
+        if !chosen.iter().any(|column| set.contains(&column.quantity)) {
+            return Err(titles.missing(set));
+        }
+    }
+    chosen.sort_by_key(|column| column.quantity);
+    Ok(chosen)
+}
+
+struct Titles<'a> {
+    titles: &'a [Title],
+    senses: Vec<Sense>,
+}
+
+impl Titles<'_> {
+    /// The columns of a recording, where the names are those of recordings. No other column counts then, as in any recording.
+    fn of_a_recording(&self, request: &Request<'_>) -> Option<Result<Vec<Chosen>, String>> {
+        let mut found: Vec<Chosen> = Vec::new();
+        for (index, title) in self.titles.iter().enumerate() {
+            let known = RECORDING.iter().find(|(name, ..)| *name == title.name && title.unit.is_none());
+            let Some((name, quantity, unit, factor)) = known else { continue };
+            if let Some(other) = found.iter().find(|column| column.quantity == *quantity) {
+                let first = &self.titles[other.index].name;
+                return Some(Err(format!("both {first} and {name}; leave one of them")));
+            }
+            let (unit, factor) = ((*unit).to_owned(), *factor);
+            found.push(Chosen { quantity: *quantity, index, unit, factor, by: By::Name });
+        }
+        let has = |quantity: Quantity| found.iter().any(|column| column.quantity == quantity);
+        let complete = request.needed.iter().all(|set| set.iter().any(|quantity| has(*quantity)))
+            && (has(Quantity::Displacement) || !request.wanted.contains(&Quantity::Displacement));
+        found.retain(|column| request.wanted.contains(&column.quantity));
+        found.sort_by_key(|column| column.quantity);
+        complete.then_some(Ok(found))
+    }
+
+    /// The column that a person chose.
+    fn chosen(&self, choice: &Choice) -> Result<Option<Chosen>, String> {
+        let quantity = choice.quantity;
+        let index = match &choice.column {
+            None => return Ok(None),
+            Some(Column::Number(number)) if *number <= self.titles.len() => number - 1,
+            Some(Column::Number(number)) => {
+                return Err(format!("--columns {}={number}: there are {} columns", quantity.name(), self.titles.len()));
+            }
+            Some(Column::Name(name)) => self.by_name(quantity, name)?,
+        };
+        let known = match self.senses[index].unit {
+            UnitSense::Known(unit) if unit.quantity == quantity => Some(unit),
+            _ => None,
+        };
+        let unit = choice.unit.or(known);
+        if unit.is_none() && choice.factor.is_none() && quantity != Quantity::Weight {
+            return Err(format!(
+                "--columns {}: column {} has no unit; add one of {}, as in {}={}:{}, or a factor to SI",
+                quantity.name(),
+                self.shown(index),
+                units::usual(quantity),
+                quantity.name(),
+                index + 1,
+                quantity.example_unit()
+            ));
+        }
+        let name = unit.map_or("", |unit| unit.name).to_owned();
+        let factor = unit.map_or(1.0, |unit| unit.factor) * choice.factor.unwrap_or(1.0);
+        Ok(Some(Chosen { quantity, index, unit: name, factor, by: By::Choice }))
+    }
+
+    /// The index of the column with a `name`: as it stands, or else without its unit.
+    fn by_name(&self, quantity: Quantity, name: &str) -> Result<usize, String> {
+        let having = |test: &dyn Fn(&str) -> bool| -> Vec<usize> {
+            (0..self.titles.len()).filter(|&k| test(&self.titles[k].name)).collect()
+        };
+        let begins = |title: &str| {
+            let rest = title.to_lowercase();
+            rest.strip_prefix(&name.to_lowercase()).is_some_and(|rest| rest.starts_with([' ', '(', '[', '_', '/', ',']))
+        };
+        let found =
+            [having(&|title| title == name), having(&|title| title.eq_ignore_ascii_case(name)), having(&begins)];
+        match found.iter().find(|found| !found.is_empty()).map(Vec::as_slice) {
+            Some([one]) => Ok(*one),
+            Some([first, second, ..]) => Err(format!(
+                "--columns {}={name:?} may be column {} or {}; give the number",
+                quantity.name(),
+                self.shown(*first),
+                self.shown(*second)
+            )),
+            _ => Err(format!("--columns: no column {name:?}; there are {}", self.list())),
+        }
+    }
+
+    /// The column whose words name `quantity`, with a unit of it.
+    fn named(&self, quantity: Quantity, taken: &[usize]) -> Result<Option<Chosen>, String> {
+        let named: Vec<usize> =
+            (0..self.titles.len()).filter(|k| !taken.contains(k) && self.senses[*k].named == Some(quantity)).collect();
+        if quantity == Quantity::Weight {
+            let weight = |index| Chosen { quantity, index, unit: String::new(), factor: 1.0, by: By::Name };
+            return Ok(named.first().copied().map(weight));
+        }
+        let of_unit = |k: &usize| matches!(self.senses[*k].unit, UnitSense::Known(unit) if unit.quantity == quantity);
+        let without: Vec<usize> =
+            named.iter().copied().filter(|k| self.senses[*k].unit == UnitSense::Missing).collect();
+        let with: Vec<usize> = named.iter().copied().filter(of_unit).collect();
+        match (with.as_slice(), without.as_slice()) {
+            ([one], []) => Ok(self.with_unit(*one, By::Name)),
+            ([], []) => match named.iter().find(|k| self.senses[**k].unit == UnitSense::MilliOrMega) {
+                Some(&index) => Err(self.no_unit(quantity, index, "has a unit that may be milli or mega")),
+                None => Ok(None),
+            },
+            ([], [one]) => Err(self.no_unit(quantity, *one, "has no unit")),
+            _ => {
+                let mut all = [with.as_slice(), without.as_slice()].concat();
+                all.sort_unstable();
+                Err(self.several(quantity, &all))
+            }
+        }
+    }
+
+    /// The only column without a name that is known here and with a unit of `quantity`.
+    fn by_unit(&self, quantity: Quantity, taken: &[usize]) -> Result<Option<Chosen>, String> {
+        let fits = |k: &usize| {
+            let sense = &self.senses[*k];
+            let is_unit = matches!(sense.unit, UnitSense::Known(unit) if unit.quantity == quantity
+                && !(quantity == Quantity::Voltage && unit.factor <= 1.0));
+            !taken.contains(k) && sense.named.is_none() && is_unit
+        };
+        let found: Vec<usize> = (0..self.titles.len()).filter(fits).collect();
+        match found.as_slice() {
+            [] => Ok(None),
+            [one] => Ok(self.with_unit(*one, By::Unit)),
+            several => Err(self.several(quantity, several)),
+        }
+    }
+
+    /// Refuses a column that is `quantity` by its name and something else by its unit: a laser in volts.
+    fn refuse_other_unit(&self, quantity: Quantity, taken: &[usize]) -> Result<(), String> {
+        let named = |k: &usize| self.senses[*k].named == Some(quantity) && !taken.contains(k);
+        match (0..self.titles.len()).find(named) {
+            Some(index) => Err(format!(
+                "column {} is the {} by its name, and its unit is none of {}; say what one of its numbers is in SI units, as in \
+                 --columns {}={}*0.001",
+                self.shown(index),
+                quantity.name(),
+                units::usual(quantity),
+                quantity.name(),
+                index + 1
+            )),
+            None => Ok(()),
+        }
+    }
+
+    fn with_unit(&self, index: usize, by: By) -> Option<Chosen> {
+        match self.senses[index].unit {
+            UnitSense::Known(unit) => {
+                Some(Chosen { quantity: unit.quantity, index, unit: unit.name.into(), factor: unit.factor, by })
+            }
+            _ => None,
+        }
+    }
+
+    fn no_unit(&self, quantity: Quantity, index: usize, why: &str) -> String {
+        format!(
+            "column {} {why}: {}? Say it with --columns {}={}:{}",
+            self.shown(index),
+            units::usual(quantity),
+            quantity.name(),
+            index + 1,
+            quantity.example_unit()
+        )
+    }
+
+    fn several(&self, quantity: Quantity, indices: &[usize]) -> String {
+        let shown: Vec<String> = indices.iter().map(|index| self.shown(*index)).collect();
+        format!(
+            "{} columns may be the {}: {}; choose one with --columns {}={}",
+            indices.len(),
+            quantity.name(),
+            shown.join(" and "),
+            quantity.name(),
+            match indices.last() {
+                Some(&index) if !matches!(self.senses[index].unit, UnitSense::Known(unit) if unit.quantity == quantity) =>
+                {
+                    format!("{}:{}", index + 1, quantity.example_unit())
+                }
+                last => last.map_or(0, |last| last + 1).to_string(),
+            }
+        )
+    }
+
+    fn missing(&self, set: &[Quantity]) -> String {
+        let names: Vec<String> = set.iter().map(|quantity| quantity.expected().to_owned()).collect();
+        let example: Vec<String> = set
+            .iter()
+            .take(1)
+            .map(|quantity| format!("{}=NUMBER:{}", quantity.name(), quantity.example_unit()))
+            .collect();
+        if self.titles.iter().all(|title| title.name.is_empty()) {
+            return format!(
+                "no header above {} columns; name them by number, as in --columns time=1:s,voltage=2:V,displacement=3:mm",
+                self.titles.len()
+            );
+        }
+        format!(
+            "no column {}; there are {}; name it with --columns {}",
+            names.join(" or "),
+            self.list(),
+            example.join(",")
+        )
+    }
+
+    /// `2 "HV mon (V)"`.
+    fn shown(&self, index: usize) -> String {
+        let title = &self.titles[index];
+        let unit = title.unit.as_deref().filter(|unit| !unit.trim().is_empty());
+        let unit = unit.map_or_else(String::new, |unit| format!(" {}", unit.trim()));
+        format!("{} {:?}{unit}", index + 1, title.name.chars().take(40).collect::<String>())
+    }
+
+    fn list(&self) -> String {
+        const MOST: usize = 8;
+        let mut shown: Vec<String> = (0..self.titles.len().min(MOST)).map(|index| self.shown(index)).collect();
+        if self.titles.len() > MOST {
+            shown.push("…".into());
+        }
+        shown.join(", ")
+    }
+}

@@ -1,0 +1,196 @@
+//! `profile` and `check`: voltages that identify a film, and whether recordings do.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+use tempfile::TempDir;
+use tests::tool::{names, text};
+
+use crate::TOOL;
+
+/// A film that is not fitted yet: no model. 4.2e7 V/m on 100 µm are 4200 V, below the 6000 V of the amplifier.
+const BOARD: &str = "schema = 1\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.04\nwidth_m = 0.06\nthickness_m = 100e-6\n\
+    mass_kg = 0.3\n[board.limits]\nmax_voltage_v = 6000.0\nmax_field_v_per_m = 4.2e7\nthickness_m = 100e-6\n\
+    max_slew_v_per_s = 5000.0\nmax_displacement_m = 8e-3\non_sensor_fault = \"trip\"\nheartbeat_s = 0.5\n\
+    monitor = { slew_v_per_s = 1e5, band_v = 60.0, band_share = 0.03, settle_s = 0.02 }\n\
+    sensor = { low = -0.5e-3, high = 9e-3, jump = 0.5e-3, stuck_ticks = 500, stuck_band = 2e-6 }\n";
+
+struct Bench(TempDir);
+
+impl Bench {
+    fn new() -> Self {
+        Self(TempDir::new().expect("a folder"))
+    }
+
+    fn path(&self, name: &str) -> String {
+        text(&self.0.path().join(name)).to_owned()
+    }
+
+    fn file(&self, name: &str, content: &str) -> String {
+        let path = self.path(name);
+        fs::write(&path, content).expect("written");
+        path
+    }
+
+    /// What `check` prints of a recording with this content, and its exit status.
+    fn check(&self, content: &str) -> (Value, i32) {
+        checked(&[&self.file("film.csv", content)])
+    }
+}
+
+fn checked(files: &[&str]) -> (Value, i32) {
+    let output = TOOL.with(&[&["check", "--json"], files].concat()).output().expect("runs");
+    let report = serde_json::from_slice(&output.stdout).expect("one document");
+    (report, output.status.code().expect("ends"))
+}
+
+/// Columns of a written file.
+fn columns(path: &str) -> Vec<Vec<f64>> {
+    let text = fs::read_to_string(path).expect("written");
+    let rows = text.lines().filter(|line| !line.starts_with('#')).skip(1);
+    let rows: Vec<Vec<f64>> =
+        rows.map(|row| row.split(',').map(|cell| cell.parse().unwrap_or(f64::NAN)).collect()).collect();
+    (0..rows[0].len()).map(|k| rows.iter().map(|row| row[k]).collect()).collect()
+}
+
+#[test]
+fn a_profile_keeps_the_limits_of_its_board() {
+    let bench = Bench::new();
+    let (board, out) = (bench.file("board.toml", BOARD), bench.path("profile.csv"));
+    let report = TOOL.json(&["profile", "--board", &board, "--out", &out]);
+    assert_eq!((&report["limit"], &report["peak_v"]), (&"max_field_v_per_m".into(), &3780.0.into()));
+    let [time, voltage] = columns(&out).try_into().expect("two columns");
+    assert!(voltage.iter().all(|volts| (0.0..=3780.0).contains(volts)));
+    let slew = voltage.windows(2).map(|pair| (pair[1] - pair[0]).abs() * 100.0).fold(0.0, f64::max);
+    assert!(slew <= 5000.0 && slew > 1000.0, "{slew}");
+    // 5 s of rest, then V/2 (1 - cos 2 pi f t) of 0.2 Hz.
+    let at = |t: f64| voltage[time.iter().position(|time| (time - t).abs() < 1e-9).expect("a row")];
+    assert!(voltage[..=500].iter().all(|volts| *volts == 0.0));
+    assert!((at(6.25) - 1890.0).abs() < 1e-6 && (at(7.5) - 3780.0).abs() < 1e-6 && at(10.0).abs() < 1e-6);
+    // A hold of a minute at one voltage, and rest at the end.
+    let held = voltage.iter().filter(|volts| (**volts - 0.8 * 3780.0).abs() < 1e-9).count();
+    assert!((6000..=6200).contains(&held), "{held}");
+    assert_eq!(voltage.last(), Some(&0.0));
+}
+
+#[test]
+fn a_profile_beyond_the_limits_names_the_limit_and_a_mend() {
+    let bench = Bench::new();
+    let (board, out) = (bench.file("board.toml", BOARD), bench.path("profile.csv"));
+    let fails = |more: &[&str]| {
+        let line = TOOL.fails(&[&["profile", "--board", &board, "--out", &out], more].concat());
+        assert!(!Path::new(&out).exists());
+        line
+    };
+    names(&fails(&["--peak", "5000"]), &["--peak", "4200 V", "max_field_v_per_m", "3780"]);
+    names(&fails(&["--frequencies", "1,2"]), &["--frequencies", "max_slew_v_per_s = 5000", "at most 0.421 Hz"]);
+    names(&fails(&["--frequencies", "0"]), &["--frequencies"]);
+    names(&fails(&["--rate", "3"]), &["--rate", "20 samples per cycle"]);
+    names(&fails(&["--cycles", "0"]), &["--cycles"]);
+    names(&fails(&["--hold=-1"]), &["--hold"]);
+    let lagging = bench.file("lagging.toml", &format!("{BOARD}[board.amplifier]\nrise_s = 0.1\nfall_s = 2.0\n"));
+    let line = TOOL.fails(&["profile", "--board", &lagging, "--out", &out]);
+    names(&line, &["lags by 2 s", "0.2 Hz", "at most 0.080 Hz"]);
+}
+
+/// The whole way: a profile, played to a film, identifies it.
+#[test]
+fn what_a_profile_excites_identifies_a_film() {
+    let bench = Bench::new();
+    let (board, profile) = (bench.file("board.toml", BOARD), bench.path("profile.csv"));
+    TOOL.with(&["profile", "--board", &board, "--out", &profile]).assert().success();
+    let recording = bench.path("recording.csv");
+    let simulate =
+        ["simulate", "--params", "preset:table3-n2", "--rate", "100", "--profile", &profile, "--out", &recording];
+    TOOL.with(&simulate).assert().success();
+    let (report, status) = checked(&[&recording]);
+    assert_eq!((&report["identifies"], status), (&true.into(), 0), "{report}");
+    assert_eq!(report["findings"], serde_json::json!([]));
+    let drive = &report["recordings"][0]["drive"];
+    let frequencies: Vec<f64> =
+        drive["frequencies_hz"].as_array().expect("a list").iter().filter_map(Value::as_f64).collect();
+    assert_eq!(frequencies.len(), 3, "{drive}");
+    for (found, made) in frequencies.iter().zip([1.0 / 13.0, 1.0 / 7.0, 0.2]) {
+        assert!((found / made - 1.0).abs() < 0.02, "{found} {made}");
+    }
+    assert!((drive["rest_s"].as_f64().expect("a number") - 5.0).abs() < 0.3, "{drive}");
+    assert!((drive["hold_s"].as_f64().expect("a number") - 61.0).abs() < 2.0, "{drive}");
+    let said = TOOL.with(&["check", &recording]).assert().success().get_output().stdout.clone();
+    names(
+        &String::from_utf8(said).expect("UTF-8"),
+        &["these recordings identify a film", "cycles of 0.0769, 0.1429, 0.2000 Hz"],
+    );
+}
+
+/// 40 s of a sine of 0.2 Hz at 20 Hz after 2 s of rest, and a stroke with V² that creeps.
+fn film(voltage: impl Fn(f64, f64) -> f64, stroke_mm: impl Fn(usize, f64) -> String) -> String {
+    let mut text = "time_s,voltage_v,displacement_mm\n".to_owned();
+    for k in 0..=840_u32 {
+        let t = f64::from(k) / 20.0;
+        let sine = if t < 2.0 { 0.0 } else { 1500.0 * (1.0 - (std::f64::consts::TAU * 0.2 * (t - 2.0)).cos()) };
+        let stroke = 2.0 * (sine / 3000.0).powi(2) + 0.002 * t;
+        let _ = writeln!(text, "{t},{},{}", voltage(t, sine), stroke_mm(k as usize, stroke));
+    }
+    text
+}
+
+#[test]
+fn what_prevents_a_fit_is_told_with_what_to_record() {
+    let bench = Bench::new();
+    let plain = |_: usize, stroke: f64| stroke.to_string();
+    let two_sizes = |t: f64, volts: f64| if t < 22.0 { volts } else { 0.5 * volts };
+    let says = |content: &str, severity: &str, words: &[&str]| {
+        let (report, status) = bench.check(content);
+        let found = report["findings"].as_array().expect("a list").iter().any(|finding| {
+            let line = finding.to_string();
+            finding["severity"] == severity && words.iter().all(|word| line.contains(word))
+        });
+        assert!(found, "{severity} {words:?}: {report}");
+        assert_eq!(status, i32::from(report["identifies"] == false), "{report}");
+        if severity == "prevents" {
+            assert_eq!(status, 1);
+        }
+    };
+    says(&film(|_, v| v, plain), "prevents", &["one frequency (0.2", "one amplitude", "second frequency"]);
+    says(&film(two_sizes, plain), "weakens", &["one frequency only"]);
+    says(&film(|t, v| two_sizes(t, v) / 1000.0, plain), "prevents", &["output of a monitor", "*1000"]);
+    says(&film(|t, v| two_sizes(t, v) + 2000.0, plain), "prevents", &["first row", "ten minutes"]);
+    says(&film(two_sizes, |_, _| String::new()), "prevents", &["no displacement"]);
+    says(&film(two_sizes, |_, stroke| (1e3 * stroke).to_string()), "prevents", &["a stroke of 2", "unit"]);
+    says(&film(two_sizes, |_, stroke| (-stroke).to_string()), "prevents", &["--invert"]);
+    let drop_outs = |k: usize, stroke: f64| if k % 100 == 50 { "9.5".into() } else { stroke.to_string() };
+    says(&film(two_sizes, drop_outs), "weakens", &["8 readings", "--blank"]);
+    says(
+        &film(two_sizes, |_, stroke| (stroke + 12.0).to_string()),
+        "weakens",
+        &["12.000 mm at rest", "zero the sensor"],
+    );
+    let missing = |k: usize, stroke: f64| if k % 3 == 0 { String::new() } else { stroke.to_string() };
+    says(&film(two_sizes, missing), "weakens", &["281 of 841 rows have no reading"]);
+    let every = |n: usize| {
+        film(two_sizes, plain)
+            .lines()
+            .enumerate()
+            .filter(|(k, _)| k % n == 1 || *k == 0)
+            .map(|(_, line)| format!("{line}\n"))
+            .collect::<String>()
+    };
+    says(&every(10), "weakens", &["10.0 rows per cycle"]);
+    says(&every(20), "prevents", &["5.2 rows per cycle"]);
+}
+
+/// The committed recordings: three frequencies of one amplitude together, one frequency alone.
+#[test]
+fn recordings_are_judged_together() {
+    let recordings = tests::recordings("wang");
+    let paths: Vec<&str> = recordings.iter().map(|path| text(path)).collect();
+    let (report, status) = checked(&paths);
+    assert_eq!((&report["identifies"], status), (&true.into(), 0), "{report}");
+    names(&report["findings"].to_string(), &["one amplitude only"]);
+    let (report, status) = checked(&paths[..1]);
+    assert_eq!((&report["identifies"], status), (&false.into(), 1), "{report}");
+    // Bad input is no verdict.
+    names(&TOOL.fails(&["check", "nowhere.csv"]), &["nowhere.csv"]);
+}

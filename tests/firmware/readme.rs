@@ -1,0 +1,212 @@
+//! The virtual board as `firmware/README.md` shows it: every command in its order, and what it answers.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
+
+use host_sim::files::parameters::Parameters;
+use tempfile::TempDir;
+use tests::tool::text;
+
+use crate::{DEADLINE, TOOL, image, root};
+
+/// How the page calls the tool.
+const HOST_SIM: &str = "cargo run --release -p host-sim --";
+/// The port in the page.
+const PORT: &str = "tcp:127.0.0.1:4050";
+
+/// `cargo xtask board`, with all that it has started, until this is dropped.
+struct Board {
+    started: Child,
+    log: Receiver<String>,
+}
+
+impl Board {
+    fn start() -> Self {
+        let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
+        let mut started = Command::new(cargo)
+            .args(["xtask", "board", "--image"])
+            .arg(image("firmware/target/virtual-board"))
+            .current_dir(root())
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .process_group(0)
+            .spawn()
+            .expect("runs");
+        let log = BufReader::new(started.stdout.take().expect("piped"));
+        let (sender, receiver) = channel();
+        // What it says is taken to its end, so that it never waits to say it.
+        thread::spawn(move || log.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
+        Self { started, log: receiver }
+    }
+
+    /// What it says up to the line that holds `what`.
+    fn said_until(&self, what: &str) -> Vec<String> {
+        let mut said = Vec::new();
+        while !said.last().is_some_and(|line: &String| line.contains(what)) {
+            said.push(self.log.recv_timeout(DEADLINE).unwrap_or_else(|_| panic!("{what:?} is missing in {said:?}")));
+        }
+        said
+    }
+
+    /// Ctrl-C in its terminal. Returns what was left to say.
+    fn interrupt(&mut self) -> Vec<String> {
+        let group = format!("-{}", self.started.id());
+        assert!(Command::new("kill").args(["-INT", "--", &group]).status().expect("runs").success());
+        self.started.wait().expect("ends");
+        // Its end of the line is closed once the emulator has ended as well.
+        std::iter::from_fn(|| self.log.recv_timeout(DEADLINE).ok()).collect()
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        if thread::panicking() {
+            let group = format!("-{}", self.started.id());
+            let _ = Command::new("kill").args(["-KILL", "--", &group]).status();
+            let _ = self.started.wait();
+        }
+    }
+}
+
+/// A command of the page, and its answer.
+struct Shown {
+    command: String,
+    answer: Vec<String>,
+}
+
+/// The blocks of the page that begin with a `fence`.
+fn blocks<'a>(page: &'a str, fence: &str) -> Vec<&'a str> {
+    let rest = page.split(fence).skip(1);
+    rest.filter_map(|rest| rest.split("```").next()).collect()
+}
+
+fn shown(page: &str) -> Vec<Shown> {
+    let mut all: Vec<Shown> = Vec::new();
+    for line in blocks(page, "```console\n").concat().lines() {
+        match (line.strip_prefix("$ "), all.last_mut()) {
+            (Some(command), _) => all.push(Shown { command: command.into(), answer: Vec::new() }),
+            (None, Some(last)) => last.answer.push(line.into()),
+            (None, None) => panic!("{line:?} answers no command"),
+        }
+    }
+    all
+}
+
+/// The words of an answer, those with a digit as `#`: what differs from run to run.
+fn words(line: &str) -> Vec<&str> {
+    let is_number = |word: &&str| word.chars().any(|letter| letter.is_ascii_digit());
+    line.split_whitespace().map(|word| if is_number(&word) { "#" } else { word }).collect()
+}
+
+/// The values of a column of a log.
+fn column(log: &str, name: &str) -> Vec<f64> {
+    let mut lines = log.lines();
+    let index = lines.next().and_then(|header| header.split(',').position(|title| title == name)).expect("a column");
+    lines.map(|line| line.split(',').nth(index).and_then(|cell| cell.parse().ok()).expect("a number")).collect()
+}
+
+/// Does `work` beside a busy loop on every core.
+fn beside_busy_loops<R>(work: impl FnOnce() -> R) -> R {
+    let done = AtomicBool::new(false);
+    thread::scope(|scope| {
+        for _ in 0..thread::available_parallelism().map_or(2, usize::from) {
+            scope.spawn(|| {
+                while !done.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
+        }
+        // Also if it panics, or the loops would never end.
+        struct Done<'a>(&'a AtomicBool);
+        impl Drop for Done<'_> {
+            fn drop(&mut self) {
+                self.0.store(true, Ordering::Relaxed);
+            }
+        }
+        let _done = Done(&done);
+        work()
+    })
+}
+
+/// NRMSE (%) of the model with full memory in f64 under the voltage of a log, of a film that pulls `stronger` than its parameters say. The
+/// sensor's samples are 10 ms late, which is one row.
+fn replay_pct(folder: &TempDir, log: &str, stronger: f64) -> f64 {
+    let (time_s, volts, metres) = (column(log, "time_s"), column(log, "voltage_v"), column(log, "displacement_m"));
+    let rows = time_s.iter().zip(&volts).zip(&metres[1..]);
+    let rows: String = rows.map(|((time_s, volts), metres)| format!("{time_s},{volts},{metres}\n")).collect();
+    let (recording, film) = (folder.path().join("film.csv"), folder.path().join("film.toml"));
+    fs::write(&recording, format!("time_s,voltage_v,displacement_m\n{rows}")).expect("written");
+    let mut parameters = Parameters::preset("table3-n2").expect("a preset");
+    parameters.actuator.relative_permittivity *= stronger;
+    fs::write(&film, parameters.to_toml()).expect("written");
+    let exact = ["--memory", "full", "--precision", "f64", text(&recording)];
+    let report = TOOL.json(&[&["replay", "--params", text(&film)], exact.as_slice()].concat());
+    report["recordings"][0]["nrmse_pct"].as_f64().expect("compared")
+}
+
+/// A newcomer's first quarter of an hour: `cargo xtask board`, and every command of the page with its answer. What is played has its
+/// own length by the log, and tracking follows a film that is not quite its model, whatever else the machine does.
+#[test]
+fn the_readme_works_as_written() {
+    let page = fs::read_to_string(root().join("firmware/README.md")).expect("readable");
+    let folder = TempDir::new().expect("a folder");
+    let mut board = Board::start();
+    let begin = board.said_until("In another terminal:");
+    println!("{}", begin.join("\n"));
+    let listens = begin.last().expect("said");
+    let port = listens.split("listens at ").nth(1).and_then(|rest| rest.split(". ").next()).expect("a port");
+    // The log is the page's, and so are the commands below it.
+    let log: Vec<&str> = begin.iter().map(String::as_str).skip_while(|line| !line.contains("firmware")).collect();
+    let log = log.join("\n").replace(port, PORT);
+    assert_eq!(blocks(&page, "```text\n")[0].trim_end(), log);
+    let shown = shown(&page);
+    assert!(shown.len() >= 9, "{} commands", shown.len());
+    let next = board.said_until(&shown.last().expect("some").command.replace(PORT, port));
+    let next: Vec<&str> = next.iter().map(|line| line.trim()).filter(|line| !line.is_empty()).collect();
+    let commands: Vec<String> = shown.iter().map(|shown| shown.command.replace(PORT, port)).collect();
+    assert_eq!(next, commands);
+
+    for Shown { command, answer } in &shown {
+        let line = command.replace(HOST_SIM, &format!("'{}'", TOOL.0)).replace(PORT, port);
+        let run = || Command::new("sh").args(["-c", &line]).current_dir(&folder).output().expect("runs");
+        let output = if command.contains(" play ") { beside_busy_loops(run) } else { run() };
+        let (said, complained) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        println!("$ {command}\n{said}{complained}");
+        assert!(output.status.success(), "{command}: {complained}");
+        let (found, wanted): (Vec<_>, Vec<_>) =
+            (said.lines().map(words).collect(), answer.iter().map(|line| words(line)).collect());
+        assert_eq!(found, wanted, "{command}");
+    }
+
+    let log = |name: &str| fs::read_to_string(folder.path().join(name)).expect("written");
+    let (ramp, sine) = (log("ramp-log.csv"), log("sine-log.csv"));
+    for (log, length_s) in [(&ramp, 1.0), (&sine, 3.0)] {
+        let last_s = column(log, "time_s").last().copied().expect("samples");
+        // Arming and disarming are in the log as well.
+        assert!((length_s - 0.1..length_s + 0.5).contains(&last_s), "{last_s} s");
+    }
+    assert!(column(&ramp, "voltage_v").iter().any(|&volts| volts > 2900.0));
+    // From the second period on. A film 3 % stronger than its model would leave 2 to 3 % of the stroke without the sensor.
+    let settled = column(&sine, "time_s").iter().position(|&time_s| time_s > 1.5).expect("a second period");
+    let (reference, measured) = (column(&sine, "reference_m"), column(&sine, "displacement_m"));
+    let runs = column(&sine, "command_v").iter().rposition(|&volts| volts > 0.0).expect("runs");
+    let errors = reference[settled..runs].iter().zip(&measured[settled..runs]).map(|(r, y)| (r - y).powi(2));
+    let rms_pct = 100.0 * (errors.sum::<f64>() / (runs - settled) as f64).sqrt() / 0.6e-3;
+    println!("tracking: {rms_pct:.2} % of the stroke");
+    assert!(rms_pct < 2.0, "{rms_pct} %");
+
+    let errors_pct = [1.0, 1.03].map(|stronger| replay_pct(&folder, &ramp, stronger));
+    println!("the film against full memory on the host: {errors_pct:?} % of the stroke, as modelled and 3 % stronger");
+    assert!(errors_pct[0] > 2.0 * errors_pct[1] && errors_pct[1] < 1.0, "{errors_pct:?}");
+
+    let end = board.interrupt();
+    assert!(end.iter().any(|line| line.contains("the last run panicked: a drill")), "{end:?}");
+    assert!(!end.iter().any(|line| line.contains("clock")), "{end:?}");
+    // Nobody listens any more.
+    TOOL.fails(&["link", "--port", port, "status"]);
+}

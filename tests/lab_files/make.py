@@ -1,0 +1,74 @@
+"""Writes the binary files of this folder: scipy for .mat, openpyxl for .xlsx, h5py for the version that is refused.
+
+    pip install scipy==1.17.1 openpyxl==3.1.5 h5py
+    python make.py
+
+The numbers are those of `Sample` in host-sim/tests/it/lab_files.rs.
+"""
+
+import pathlib
+import tempfile
+import zipfile
+
+import h5py
+import numpy
+import openpyxl
+import scipy.io
+
+HERE = pathlib.Path(__file__).parent
+k = numpy.arange(24.0)
+time_s = k / 8
+voltage_kv = 0.0125 * k * k
+laser_mm = 0.05 + 0.003 * k * k
+
+
+def mat(name, variables, **options):
+    scipy.io.savemat(HERE / name, variables, **options)
+
+
+vectors = {"time_s": time_s, "voltage_kV": voltage_kv, "laser_mm": laser_mm}
+mat("vectors.mat", vectors, do_compression=False)
+mat("compressed.mat", vectors, do_compression=True, oned_as="column")
+mat("bare-names.mat", {"t": time_s, "V": 1000 * voltage_kv, "x": laser_mm, "operator": "AB", "rate": 8.0})
+mat("structure.mat", {"run": {"Time_s": time_s, "HV_kV": voltage_kv, "Laser_mm": laser_mm, "note": "third film"}})
+mat("matrix.mat", {"data": numpy.column_stack([time_s, voltage_kv, laser_mm])}, do_compression=True)
+mat("integers.mat", {"time_ms": (1000 * time_s).astype("int32"), "voltage_V": (1000 * voltage_kv).astype("float32"),
+                     "laser_um": laser_mm * 1000})
+mat("two-voltages.mat", {**vectors, "hv_set_kV": voltage_kv})
+mat("lengths.mat", {**vectors, "laser_mm": laser_mm[:20]})
+
+with h5py.File(HERE / "version-7.3.mat", "w", userblock_size=512) as file:
+    file["t"] = time_s[:2]
+with open(HERE / "version-7.3.mat", "r+b") as file:
+    file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Nov 23 2026".ljust(124) + b"\0\2IM")
+
+def save(book, name):
+    """Leaves out theme and document properties: no reader of numbers needs these 3 kB."""
+    with tempfile.TemporaryFile() as whole:
+        book.save(whole)
+        with zipfile.ZipFile(whole) as parts, zipfile.ZipFile(HERE / name, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as file:
+            for part in parts.namelist():
+                if not part.startswith(("xl/theme", "docProps")):
+                    file.writestr(part, parts.read(part))
+
+
+book = openpyxl.Workbook()
+sheet = book.active
+sheet.title = "Run 3"
+sheet.append(["Film 3, first run"])
+sheet.append(["Operator", "AB"])
+sheet.append([])
+sheet.append(["Time", "High voltage", "Laser", "Room"])
+sheet.append(["s", "kV", "mm", "°C"])
+for row in zip(time_s, voltage_kv, laser_mm, 21 + 0 * k):
+    sheet.append([float(value) for value in row])
+sheet["C10"] = None
+book.create_sheet("Notes").append(["the laser was cleaned before"])
+save(book, "workbook.xlsx")
+
+other = book.copy_worksheet(sheet)
+other.title = "Run 4"
+save(book, "two-runs.xlsx")
+
+with zipfile.ZipFile(HERE / "archive.zip", "w") as file:
+    file.writestr("film.csv", "time_s,voltage_v\n0,0\n1,1\n")

@@ -1,0 +1,144 @@
+//! `host-sim link play` on a board that is slow, and on one that is left with Ctrl-C.
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, ChildStderr, Command, Stdio};
+use std::time::Duration;
+
+use tempfile::TempDir;
+use tests::tool::{names, text};
+use tests::virtual_board::{Scene, VirtualBoard};
+
+use crate::{TOOL, link, upload};
+
+/// The values of a column of a log.
+fn column(log: &Path, name: &str) -> Vec<f64> {
+    let log = fs::read_to_string(log).expect("written");
+    let mut lines = log.lines();
+    let index = lines.next().and_then(|header| header.split(',').position(|title| title == name)).expect("a column");
+    lines.map(|line| line.split(',').nth(index).and_then(|cell| cell.parse().ok()).expect("a number")).collect()
+}
+
+/// A board whose clock is half as slow again plays what a recording says in its own time: the log lasts as long as the recording, and
+/// the peak is where it is there.
+#[test]
+fn a_slow_board_is_played_to_in_its_own_time() {
+    let folder = TempDir::new().expect("a folder");
+    let (played, out) = (folder.path().join("profile.csv"), folder.path().join("out.csv"));
+    fs::write(&played, "time_s,voltage_v\n0,0\n1,3000\n2,0\n").expect("written");
+    let board = VirtualBoard::start(Scene { tick: Duration::from_micros(1500), ..Scene::CALM });
+    upload(&board);
+    TOOL.json(&link(&board, &["play", text(&played), "--out", text(&out)]));
+    let (time_s, command_v) = (column(&out, "time_s"), column(&out, "command_v"));
+    let (last_s, peak_v) = (time_s[time_s.len() - 1], command_v.iter().copied().fold(0.0, f64::max));
+    let at_peak = command_v.iter().position(|&volts| volts == peak_v).expect("a peak");
+    println!("{last_s} s, {peak_v} V at {} s", time_s[at_peak]);
+    // By the host's clock they would be 1.33 s and 0.67 s. Disarming and the first values take some ticks more.
+    assert!((1.9..2.4).contains(&last_s), "{last_s} s");
+    assert!((0.9..1.3).contains(&time_s[at_peak]) && peak_v > 2900.0, "{peak_v} V at {} s", time_s[at_peak]);
+
+    // What only listens does so for as long by the board's time.
+    TOOL.json(&link(&board, &["stream", "--out", text(&out), "--duration", "0.6"]));
+    let last_s = column(&out, "time_s").last().copied().expect("samples");
+    assert!((0.5..0.8).contains(&last_s), "{last_s} s");
+}
+
+/// A board without parameters does not tick, and has no time: a stream ends by the host's.
+#[test]
+fn a_stream_without_ticks_ends() {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("out.csv");
+    let board = VirtualBoard::start(Scene::CALM);
+    let report = TOOL.json(&link(&board, &["stream", "--out", text(&out), "--duration", "0.1"]));
+    assert_eq!(report["samples"], 0);
+    assert!(!out.exists());
+}
+
+/// A board that answers and whose samples do not come: nobody knows how far it is, so the playback ends at 0 V and says so.
+#[test]
+fn a_playback_without_samples_ends_at_0_v() {
+    let folder = TempDir::new().expect("a folder");
+    let (long, out) = (folder.path().join("long.csv"), folder.path().join("out.csv"));
+    fs::write(&long, "time_s,voltage_v\n0,1000\n60,1000\n").expect("written");
+    let board = VirtualBoard::start(Scene { mute: true, ..Scene::CALM });
+    upload(&board);
+    let line = TOOL.fails(&link(&board, &["play", text(&long), "--out", text(&out)]));
+    names(&line, &["its stream has stopped"]);
+    let (largest, now) = board.voltage();
+    assert!(largest > 900.0 && now == 0.0, "{largest} V, then {now} V");
+    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "disarmed");
+}
+
+/// A playback of a minute that stands at 3 kV, and what it says on standard error.
+fn playing(board: &VirtualBoard, folder: &TempDir) -> (Child, BufReader<ChildStderr>) {
+    upload(board);
+    let (long, out) = (folder.path().join("long.csv"), folder.path().join("out.csv"));
+    fs::write(&long, "time_s,voltage_v\n0,0\n0.1,3000\n60,3000\n").expect("written");
+    let mut player = Command::new(TOOL.0)
+        .args(link(board, &["play", text(&long), "--out", text(&out)]))
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("runs");
+    let said = BufReader::new(player.stderr.take().expect("piped"));
+    let mut looks = 0;
+    while board.voltage().1 < 3000.0 {
+        looks += 1;
+        assert!(looks < 1000, "{:?}", board.voltage());
+    }
+    (player, said)
+}
+
+fn ctrl_c(player: &Child) {
+    assert!(Command::new("kill").args(["-INT", &player.id().to_string()]).status().expect("runs").success());
+}
+
+/// The second Ctrl-C neither ends a playback before the film is at 0 V nor keeps it from telling that it stays live.
+#[test]
+fn a_second_ctrl_c_does_not_leave_a_live_film() {
+    let folder = TempDir::new().expect("a folder");
+    let board = VirtualBoard::start(Scene { enable_welded: true, ..Scene::CALM });
+    let (mut player, mut said) = playing(&board, &folder);
+    ctrl_c(&player);
+    let mut line = String::new();
+    said.read_line(&mut line).expect("UTF-8");
+    names(&line, &["brings the film to 0 V"]);
+    // The board takes a second of its time until it is sure that the film stays live.
+    ctrl_c(&player);
+    let rest: Vec<String> = said.lines().map(|line| line.expect("UTF-8")).collect();
+    assert_eq!(player.wait().expect("ends").code(), Some(2), "{rest:?}");
+    names(&rest[0], &["still brings the film to 0 V", "once more"]);
+    names(rest.last().expect("said"), &["the film is live", "Do not touch it"]);
+    assert!(folder.path().join("out.csv").exists(), "what was measured is kept");
+}
+
+/// Only the third leaves, and says what it leaves.
+#[test]
+fn a_third_ctrl_c_says_what_it_leaves() {
+    let folder = TempDir::new().expect("a folder");
+    // Its discharge is watched for five seconds.
+    let board = VirtualBoard::start(Scene { tick: Duration::from_millis(5), enable_welded: true, ..Scene::CALM });
+    let (mut player, said) = playing(&board, &folder);
+    let mut lines = said.lines().map(|line| line.expect("UTF-8"));
+    for told in ["brings the film to 0 V", "still brings the film", "leaves a film that may be live"] {
+        ctrl_c(&player);
+        names(&lines.next().expect("said"), &[told]);
+    }
+    assert_eq!(player.wait().expect("ends").code(), Some(130));
+}
+
+/// Where all is well, any number of them ends at 0 V, disarmed, and not by the board's heartbeat.
+#[test]
+fn ctrl_c_twice_ends_at_0_v() {
+    let folder = TempDir::new().expect("a folder");
+    let board = VirtualBoard::start(Scene::CALM);
+    let (mut player, mut said) = playing(&board, &folder);
+    ctrl_c(&player);
+    let mut line = String::new();
+    said.read_line(&mut line).expect("UTF-8");
+    // It may have ended already.
+    let _ = Command::new("kill").args(["-INT", &player.id().to_string()]).status().expect("runs");
+    assert_eq!(player.wait().expect("ends").code(), Some(130));
+    assert_eq!(board.voltage().1, 0.0);
+    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "disarmed");
+}
