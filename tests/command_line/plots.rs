@@ -63,7 +63,7 @@ impl Bench {
                     &of("observe", &["--params", "preset:table3-n2", "--rate", "100", "--bandwidth", "0.1"]),
                     &[("--out", "out.csv"), ("", "wang-5s.csv")],
                 ),
-                &["Sensor and estimate", "Innovation", "Disturbance"],
+                &["Sensor and estimate", "Innovation", "Disturbance force"],
             ),
             (
                 command(&of("simulate", &model), &[("--profile", "wang-5s.csv"), ("--out", "out.csv")]),

@@ -52,7 +52,7 @@ pub fn check_numbers(page: &str, document: &Value) -> usize {
 pub fn check_page(page: &str) {
     assert!(page.len() <= MOST_BYTES, "{} bytes", page.len());
     let own = page.replace("https://github.com/leeoniya/uPlot", "");
-    for loaded in ["src=", "href=\"http", "url(", "@import", "<link", "<img", "<iframe"] {
+    for loaded in [" src=\"", "href=\"http", "url(", "@import", "<link", "<img", "<iframe"] {
         assert!(!own.contains(loaded), "{loaded}");
     }
     assert!(page.contains("default-src 'none'") && page.contains("Copyright (c) 2022 Leon Sorokin"));

@@ -49,13 +49,16 @@ impl Colour {
 /// Most points of a line as it is drawn: more do not show on a screen.
 pub const MOST_POINTS: usize = 1600;
 
+/// Points of a line.
+pub type Points = Vec<(f64, f64)>;
+
 /// A line of a panel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
     /// Its name in the legend.
     pub label: String,
     /// Its points, thinned.
-    pub points: Vec<(f64, f64)>,
+    pub points: Points,
     /// Number of points before they were thinned.
     pub all: usize,
     /// Its width in pixels.
@@ -79,9 +82,9 @@ impl Line {
         Self::of_points(label, every_nth, x, y)
     }
 
-    fn of_points(label: impl Into<String>, thin: fn(Vec<(f64, f64)>) -> Vec<(f64, f64)>, x: &[f64], y: &[f64]) -> Self {
+    fn of_points(label: impl Into<String>, thin: fn(Points) -> Points, x: &[f64], y: &[f64]) -> Self {
         let finite = |(x, y): &(f64, f64)| x.is_finite() && y.is_finite();
-        let points: Vec<(f64, f64)> = x.iter().copied().zip(y.iter().copied()).filter(finite).collect();
+        let points: Points = x.iter().copied().zip(y.iter().copied()).filter(finite).collect();
         let all = points.len();
         Self { label: label.into(), points: thin(points), all, width: 1.5, dashed: false, marked: false, colour: None }
     }
@@ -205,7 +208,7 @@ impl Panel {
     }
 
     /// Its lines with their colours and the points that its axes can show.
-    pub fn drawn(&self) -> impl Iterator<Item = (&Line, Colour, Vec<(f64, f64)>)> {
+    pub fn drawn(&self) -> impl Iterator<Item = (&Line, Colour, Points)> {
         let mut cycle = Colour::CYCLE.into_iter().cycle();
         self.lines.iter().map(move |line| {
             let colour = line.colour.or_else(|| cycle.next()).unwrap_or(Colour::Blue);
@@ -237,7 +240,7 @@ impl Figure {
 }
 
 /// Every chunk of points becomes its lowest and its highest, so that no peak is lost; the ends stay.
-fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+fn thinned(points: Points) -> Points {
     let [first, inner @ .., last] = points.as_slice() else { return points };
     let length = inner.len().div_ceil(MOST_POINTS / 2 - 1);
     if length <= 2 {
@@ -256,7 +259,7 @@ fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
 }
 
 /// Every so many points of a path: lowest and highest mean nothing there.
-fn every_nth(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
+fn every_nth(points: Points) -> Points {
     let every = points.len().div_ceil(MOST_POINTS).max(1);
     points.into_iter().step_by(every).collect()
 }
