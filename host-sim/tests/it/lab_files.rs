@@ -373,7 +373,7 @@ fn hostile_files_are_refused_with_their_cause() {
     has(&folder.refused(b"\x1f\x8b\x08", ""), &["gzip"]);
     has(&folder.refused("{\"time\":[0,1]}", ""), &["JSON"]);
     has(&folder.refused("<?xml version=\"1.0\"?>", ""), &["XML"]);
-    has(&folder.refused(vec![7, 0, 3, 1].repeat(100), ""), &["not a CSV recording"]);
+    has(&folder.refused([7, 0, 3, 1].repeat(100), ""), &["not a CSV recording"]);
     has(&read(&fixture("version-7.3.mat"), "").expect_err("HDF5").to_string(), &["7.3", "save -v7", "writetable"]);
     has(&read(&fixture("archive.zip"), "").expect_err("no book").to_string(), &["ZIP", ".xlsx"]);
     has(&read(&fixture("lengths.mat"), "").expect_err("lengths").to_string(), &["24 numbers", "20"]);
@@ -401,6 +401,16 @@ fn damaged_binary_files_never_panic() {
         }
     }
     assert!(refused > 200, "{refused}");
+}
+
+/// A recording whose displacement has a name of its own: it is ignored as ever, and the error says what to do.
+#[test]
+fn a_recording_with_another_displacement_says_how_to_name_it() {
+    let folder = Folder::new();
+    let text = format!("time_s,voltage_kv,Laser (mm)\n{}", rows(",", '.', usual));
+    let error = folder.read(&text, "").expect("a drive").displacement().expect_err("ignored").to_string();
+    has(&error, &["film.txt", "displacement_mm", "--columns displacement=3:mm"]);
+    gives_the_samples(&folder.read(&text, "displacement=3:mm").expect("named"), "named");
 }
 
 /// A recording means what it ever did, to the bit: names in a file with commas are read as before, others are ignored.
