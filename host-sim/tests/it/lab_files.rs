@@ -403,6 +403,37 @@ fn damaged_binary_files_never_panic() {
     assert!(refused > 200, "{refused}");
 }
 
+/// Text with any byte changed, or cut anywhere: an answer, never a panic, and what is read has times that rise.
+#[test]
+fn damaged_text_never_panics() {
+    let folder = Folder::new();
+    let german = format!("Film 3\nZeit [s];U [kV];\"Laser, µ\" (mm)\n{}", rows(";", ',', usual));
+    let texts =
+        [german.clone().into_bytes(), latin_1(&german), utf_16(&german, true), rows(" ", '.', usual).into_bytes()];
+    let (mut read, mut refused) = (0, 0);
+    for text in &texts {
+        for (k, change) in
+            (0..text.len()).step_by(5).zip([b';', b',', b'"', b'\n', b'\r', b'-', 0xff, 0, b'.', 0xb5].iter().cycle())
+        {
+            let mut damaged = text.clone();
+            damaged[k] = *change;
+            for content in [&damaged[..], &text[..k]] {
+                match folder.read(content, "") {
+                    Ok(recording) => {
+                        assert!(recording.time_s().windows(2).all(|pair| pair[0] < pair[1]));
+                        read += 1;
+                    }
+                    Err(error) => {
+                        assert_eq!(error.to_string().lines().count(), 1, "{error}");
+                        refused += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(read > 50 && refused > 50, "{read} {refused}");
+}
+
 /// A recording whose displacement has a name of its own: it is ignored as ever, and the error says what to do.
 #[test]
 fn a_recording_with_another_displacement_says_how_to_name_it() {
