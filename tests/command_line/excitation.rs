@@ -167,7 +167,7 @@ fn what_prevents_a_fit_is_told_with_what_to_record() {
         "weakens",
         &["12.000 mm at rest", "zero the sensor"],
     );
-    let missing = |k: usize, stroke: f64| if k % 3 == 0 { String::new() } else { stroke.to_string() };
+    let missing = |k: usize, stroke: f64| if k.is_multiple_of(3) { String::new() } else { stroke.to_string() };
     says(&film(two_sizes, missing), "weakens", &["281 of 841 rows have no reading"]);
     let every = |n: usize| {
         film(two_sizes, plain)

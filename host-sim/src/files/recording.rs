@@ -268,7 +268,9 @@ impl Recording {
     }
 
     fn no_displacement(&self) -> Error {
-        Error::file(&self.path, "no column displacement_m, displacement_mm or displacement_um with values")
+        let cause = "no column displacement_m, displacement_mm or displacement_um with values; if another column is the \
+                     displacement, name it, as in --columns displacement=3:mm";
+        Error::file(&self.path, cause)
     }
 
     fn present(&self, column: &Column) -> Samples {

@@ -373,7 +373,7 @@ fn hostile_files_are_refused_with_their_cause() {
     has(&folder.refused(b"\x1f\x8b\x08", ""), &["gzip"]);
     has(&folder.refused("{\"time\":[0,1]}", ""), &["JSON"]);
     has(&folder.refused("<?xml version=\"1.0\"?>", ""), &["XML"]);
-    has(&folder.refused(vec![7, 0, 3, 1].repeat(100), ""), &["not a CSV recording"]);
+    has(&folder.refused([7, 0, 3, 1].repeat(100), ""), &["not a CSV recording"]);
     has(&read(&fixture("version-7.3.mat"), "").expect_err("HDF5").to_string(), &["7.3", "save -v7", "writetable"]);
     has(&read(&fixture("archive.zip"), "").expect_err("no book").to_string(), &["ZIP", ".xlsx"]);
     has(&read(&fixture("lengths.mat"), "").expect_err("lengths").to_string(), &["24 numbers", "20"]);
@@ -401,6 +401,47 @@ fn damaged_binary_files_never_panic() {
         }
     }
     assert!(refused > 200, "{refused}");
+}
+
+/// Text with any byte changed, or cut anywhere: an answer, never a panic, and what is read has times that rise.
+#[test]
+fn damaged_text_never_panics() {
+    let folder = Folder::new();
+    let german = format!("Film 3\nZeit [s];U [kV];\"Laser, µ\" (mm)\n{}", rows(";", ',', usual));
+    let texts =
+        [german.clone().into_bytes(), latin_1(&german), utf_16(&german, true), rows(" ", '.', usual).into_bytes()];
+    let (mut read, mut refused) = (0, 0);
+    for text in &texts {
+        for (k, change) in
+            (0..text.len()).step_by(5).zip([b';', b',', b'"', b'\n', b'\r', b'-', 0xff, 0, b'.', 0xb5].iter().cycle())
+        {
+            let mut damaged = text.clone();
+            damaged[k] = *change;
+            for content in [&damaged[..], &text[..k]] {
+                match folder.read(content, "") {
+                    Ok(recording) => {
+                        assert!(recording.time_s().windows(2).all(|pair| pair[0] < pair[1]));
+                        read += 1;
+                    }
+                    Err(error) => {
+                        assert_eq!(error.to_string().lines().count(), 1, "{error}");
+                        refused += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(read > 50 && refused > 50, "{read} {refused}");
+}
+
+/// A recording whose displacement has a name of its own: it is ignored as ever, and the error says what to do.
+#[test]
+fn a_recording_with_another_displacement_says_how_to_name_it() {
+    let folder = Folder::new();
+    let text = format!("time_s,voltage_kv,Laser (mm)\n{}", rows(",", '.', usual));
+    let error = folder.read(&text, "").expect("a drive").displacement().expect_err("ignored").to_string();
+    has(&error, &["film.txt", "displacement_mm", "--columns displacement=3:mm"]);
+    gives_the_samples(&folder.read(&text, "displacement=3:mm").expect("named"), "named");
 }
 
 /// A recording means what it ever did, to the bit: names in a file with commas are read as before, others are ignored.

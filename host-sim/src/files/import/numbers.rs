@@ -23,12 +23,13 @@ pub enum Cell<'a> {
 /// Reads the cell `text`.
 pub fn cell(text: &str, decimal: Decimal) -> Cell<'_> {
     let text = text.trim();
-    if text.is_empty()
-        || matches!(text.to_ascii_lowercase().as_str(), "nan" | "na" | "n/a" | "#n/a" | "-" | "--" | "---")
-    {
-        return Cell::Nothing;
+    if let Some(value) = number(text, decimal) {
+        return Cell::Number(value);
     }
-    number(text, decimal).map_or(Cell::Text(text), Cell::Number)
+    match text.to_ascii_lowercase().as_str() {
+        "" | "nan" | "na" | "n/a" | "#n/a" | "-" | "--" | "---" => Cell::Nothing,
+        _ => Cell::Text(text),
+    }
 }
 
 /// Digits with at most one decimal sign, and an exponent.
