@@ -173,7 +173,7 @@ impl Quantity {
         if unit.is_empty() {
             return Ok(1.0);
         }
-        let plain = unit.replace(['µ', 'μ'], "u").replace('²', "2").replace('^', "").replace(' ', "");
+        let plain = unit.replace(['µ', 'μ'], "u").replace('²', "2").replace(['^', ' '], "");
         if let Some((_, size)) = self.units.iter().find(|(name, _)| *name == plain) {
             return Ok(*size);
         }
