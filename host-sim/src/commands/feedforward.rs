@@ -216,7 +216,7 @@ fn limit(binding: &Binding) -> String {
     let volts = |volts: f64| format!("{} V", figure(volts, 0));
     let (what, needed, allowed) = match limit {
         Limit::Force => {
-            ("force", format!("{} N", figure(needed, 3)), "0 N or more, since voltage only stretches the film".into())
+            ("force", format!("{} N", figure(needed, 3)), "0 N or more (voltage only stretches a film)".into())
         }
         Limit::Voltage => ("voltage", volts(needed), format!("{} (--max-voltage)", volts(allowed))),
         Limit::Field => {
