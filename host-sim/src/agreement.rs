@@ -26,7 +26,8 @@ impl Agreement {
         let (low, high) =
             measured.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &y| (low.min(y), high.max(y)));
         let rmse = (residual / n).sqrt();
-        let changes = high > low;
+        // So small a change that its square is 0 is none.
+        let changes = high > low && total > 0.0;
         Self {
             r2: if changes { 1.0 - residual / total } else { f64::NAN },
             nrmse_pct: if changes { 100.0 * rmse / (high - low) } else { f64::NAN },

@@ -1,5 +1,6 @@
 //! Errors: one line each, with the place, the cause and the remedy.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 use springpot::{ActuatorError, ControlError, LawError, ModelError};
@@ -49,13 +50,13 @@ pub enum Error {
         cause: String,
     },
     /// A model that was refused.
-    #[error("model: {0}")]
+    #[error("model: {}", short(.0))]
     Model(#[from] ModelError),
     /// A law that was refused.
-    #[error("law: {0}")]
+    #[error("law: {}", short(.0))]
     Law(#[from] LawError),
     /// An actuator that was refused.
-    #[error("actuator: {0}")]
+    #[error("actuator: {}", short(.0))]
     Actuator(#[from] ActuatorError),
     /// A controller that does not answer, or that refuses.
     #[error("{port}: {cause}")]
@@ -66,7 +67,7 @@ pub enum Error {
         cause: String,
     },
     /// A controller's settings that were refused.
-    #[error("control: {0}")]
+    #[error("control: {}", short(.0))]
     Control(#[from] ControlError),
     /// A computation that has no result.
     #[error("{0}")]
@@ -105,6 +106,31 @@ impl Error {
         };
         Self::At { place, error: Box::new(self) }
     }
+}
+
+/// The text of an error without numbers that nobody reads: a long one is written with a power of ten, and one of single precision
+/// with its own digits. The laws' errors are those of a microcontroller, which spends no memory on that.
+pub(crate) fn short(error: &impl fmt::Display) -> String {
+    const LONGEST: usize = 12;
+    let text = error.to_string();
+    let is_digit = |c: char| c.is_ascii_digit() || c == '.';
+    let mut short = String::new();
+    let mut rest = text.as_str();
+    while let Some(start) = rest.find(is_digit) {
+        let (before, number) = rest.split_at(start);
+        let (number, after) = number.split_at(number.find(|c| !is_digit(c)).unwrap_or(number.len()));
+        short.push_str(before);
+        match number.parse::<f64>() {
+            Ok(value) if number.len() > LONGEST => {
+                let single = value as f32;
+                let digits = if f64::from(single) == value { format!("{single:?}") } else { format!("{value:?}") };
+                short.push_str(&digits);
+            }
+            _ => short.push_str(number),
+        }
+        rest = after;
+    }
+    short + rest
 }
 
 /// A path for an error or a report: on one line, control characters escaped.

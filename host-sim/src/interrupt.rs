@@ -1,55 +1,91 @@
-//! Ctrl-C: a search ends with the best result so far, a film is brought to 0 V, anything else ends at once. Incomplete files
+//! Ctrl-C and the system's signals to end: a search ends with the best result so far, a film is brought to 0 V, anything else ends at once. Incomplete files
 //! are removed, and child processes end as well.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{self, ChildStderr};
-use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use crate::terminal;
 
 static SEARCHING: AtomicBool = AtomicBool::new(false);
 static STOP: AtomicBool = AtomicBool::new(false);
 static FILM_IS_LIVE: AtomicBool = AtomicBool::new(false);
 /// How often Ctrl-C has come while a film was live.
 static CAME: AtomicU8 = AtomicU8::new(0);
+/// The signal that set it.
+static SIGNAL: AtomicI32 = AtomicI32::new(0);
 static HALF_WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 static CHILDREN: Mutex<Vec<Arc<Mutex<process::Child>>>> = Mutex::new(Vec::new());
 
-/// Installs the handler of Ctrl-C and of the system's termination signals.
+/// Installs the handler of Ctrl-C and of the system's termination signals. A hang-up that is ignored, as under `nohup`, stays ignored.
 pub fn install() {
-    // An error means that this handler is already installed.
-    let _ = ctrlc::set_handler(|| {
-        if FILM_IS_LIVE.load(Ordering::Relaxed) && goes_on_to_0_v() {
-            STOP.store(true, Ordering::Relaxed);
-            return;
+    #[cfg(unix)]
+    {
+        use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+        let signals = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|&signal| signal != SIGHUP || !is_ignored(signal));
+        // An error means that the system has no such signals.
+        if let Ok(mut signals) = signal_hook::iterator::Signals::new(signals) {
+            std::thread::spawn(move || signals.forever().for_each(handle));
         }
-        if SEARCHING.load(Ordering::Relaxed) && !STOP.swap(true, Ordering::Relaxed) {
-            eprintln!("host-sim: comes to an end; once more to end at once");
-            return;
-        }
-        for path in locked(&HALF_WRITTEN).iter() {
-            let _ = fs::remove_file(path);
-        }
-        for child in locked(&CHILDREN).iter() {
-            let _ = locked(child).kill();
-        }
-        process::exit(130);
-    });
+    }
+    #[cfg(not(unix))]
+    {
+        /// Ctrl-C where signals have no numbers.
+        const INTERRUPT: i32 = 2;
+        // An error means that this handler is already installed.
+        let _ = ctrlc::set_handler(|| handle(INTERRUPT));
+    }
+}
+
+/// Whether this program was started with `signal` ignored, where the system tells it.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    mask >> (signal - 1) & 1 == 1
+}
+
+/// Lets a search come to an end at the first `signal`, and ends the program at the second, or where nothing is searched.
+fn handle(signal: i32) {
+    if FILM_IS_LIVE.load(Ordering::Relaxed) && goes_on_to_0_v() {
+        SIGNAL.store(signal, Ordering::Relaxed);
+        STOP.store(true, Ordering::Relaxed);
+        return;
+    }
+    if SEARCHING.load(Ordering::Relaxed) && !STOP.swap(true, Ordering::Relaxed) {
+        SIGNAL.store(signal, Ordering::Relaxed);
+        terminal::message("comes to an end; once more to end at once");
+        return;
+    }
+    for path in locked(&HALF_WRITTEN).iter().rev() {
+        // What has come into a folder meanwhile stays.
+        let _ = if path.is_dir() { fs::remove_dir(path) } else { fs::remove_file(path) };
+    }
+    for child in locked(&CHILDREN).iter() {
+        let _ = locked(child).kill();
+    }
+    process::exit(exit_status(signal).into());
+}
+
+/// What shells expect of a program that `signal` ended: 130 for Ctrl-C, 143 for TERM, 129 for HUP.
+fn exit_status(signal: i32) -> u8 {
+    128_u8.saturating_add(u8::try_from(signal).unwrap_or(u8::MAX))
 }
 
 /// Says what becomes of a film that this program keeps live. Only the third Ctrl-C ends the program, and leaves the film to its board.
 fn goes_on_to_0_v() -> bool {
     let times = CAME.fetch_add(1, Ordering::Relaxed);
-    eprintln!(
-        "host-sim: {}",
-        match times {
-            0 => "brings the film to 0 V and ends",
-            1 => "still brings the film to 0 V, and tells if it stays live; once more leaves it as it is",
-            _ =>
-                "leaves a film that may be live: its board disables the amplifier once it has heard nothing for heartbeat_s. \
-                 Measure before you touch it",
+    terminal::message(match times {
+        0 => "brings the film to 0 V and ends",
+        1 => "still brings the film to 0 V, and tells if it stays live; once more leaves it as it is",
+        _ => {
+            "leaves a film that may be live: its board disables the amplifier once it has heard nothing for heartbeat_s. \
+                 Measure before you touch it"
         }
-    );
+    });
     times < 2
 }
 
@@ -65,17 +101,17 @@ pub fn stop_flag() -> &'static AtomicBool {
     &STOP
 }
 
-/// Whether a search was ended by Ctrl-C.
-pub fn came() -> bool {
-    STOP.load(Ordering::Relaxed)
+/// The exit status where a signal ended a search.
+pub fn came() -> Option<u8> {
+    STOP.load(Ordering::Relaxed).then(|| exit_status(SIGNAL.load(Ordering::Relaxed)))
 }
 
-/// A file that is removed if the program is ended while this stands.
+/// A file, or an empty folder, that is removed if the program is ended while this stands.
 #[derive(Debug)]
 pub struct HalfWritten(PathBuf);
 
 impl HalfWritten {
-    /// Registers the file at `path`.
+    /// Registers the file or the folder at `path`.
     pub fn new(path: &Path) -> Self {
         locked(&HALF_WRITTEN).push(path.into());
         Self(path.into())

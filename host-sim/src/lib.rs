@@ -14,7 +14,7 @@
 //! | [`commands`] | the command line, one file per command |
 //!
 //! Imports point downwards, without a circle: commands, report, studies, excitation, fit, replay, references, files, grid, and at the bottom
-//! [`error`](mod@error), [`interrupt`] and [`terminal`]. [`bench`](mod@bench) stands on replay, and on [`link`] for the firmware in the loop.
+//! [`error`](mod@error), [`interrupt`], [`progress`], [`quantity`] and [`terminal`]. [`bench`](mod@bench) stands on replay, and on [`link`] for the firmware in the loop.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
@@ -28,6 +28,8 @@ pub mod fit;
 pub mod grid;
 pub mod interrupt;
 pub mod link;
+pub mod progress;
+pub mod quantity;
 pub mod reduce;
 pub mod references;
 pub mod replay;

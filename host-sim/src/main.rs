@@ -3,15 +3,16 @@
 use std::process::ExitCode;
 
 use host_sim::commands::Verdict;
+use host_sim::{interrupt, terminal};
 
 fn main() -> ExitCode {
-    match host_sim::commands::run(std::env::args_os()) {
+    match (host_sim::commands::run(std::env::args_os()), interrupt::came()) {
         // The best so far is written, but scripts should know.
-        Ok(_) if host_sim::interrupt::came() => ExitCode::from(130),
-        Ok(Verdict::Yes) => ExitCode::SUCCESS,
-        Ok(Verdict::No) => ExitCode::from(1),
-        Err(error) => {
-            eprintln!("host-sim: {error}");
+        (Ok(_), Some(status)) => ExitCode::from(status),
+        (Ok(Verdict::Yes), None) => ExitCode::SUCCESS,
+        (Ok(Verdict::No), None) => ExitCode::from(1),
+        (Err(error), _) => {
+            terminal::error(&error);
             ExitCode::from(2)
         }
     }

@@ -21,7 +21,7 @@ pub fn read(path: &Path, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
     let recording = Recording::read_reference(path)?;
     let grid = recording.grid(rate_hz)?;
     if grid.samples < 2 {
-        return Err(Error::file(path, format!("shorter than a step at {rate_hz} Hz; raise --rate")));
+        return Err(Error::file(path, format!("shorter than a step at {rate_hz:?} Hz; raise --rate")));
     }
     let values = grid.resample(recording.displacement_drive()?.samples());
     if values.iter().any(|x| x.abs() > 1.0) {

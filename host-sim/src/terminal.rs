@@ -1,12 +1,43 @@
-//! Output: results on standard output, progress on standard error.
+//! Output: results on standard output, messages and warnings on standard error.
+//!
+//! Colours are left out where the output is no terminal, or where `NO_COLOR` or `CLICOLOR` ask for that.
 
-use std::io::{self, ErrorKind, IsTerminal, Write};
-use std::time::Duration;
+use std::fmt::Display;
+use std::io::{self, ErrorKind, Write};
+use std::sync::atomic::{AtomicU8, Ordering};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
+
+/// How much is told on standard error besides errors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Verbosity {
+    /// Nothing.
+    Quiet,
+    /// Warnings and progress.
+    #[default]
+    Normal,
+    /// Each stage as well.
+    Verbose,
+}
+
+static VERBOSITY: AtomicU8 = AtomicU8::new(Verbosity::Normal as u8);
+
+/// Sets how much is told.
+pub fn set_verbosity(verbosity: Verbosity) {
+    VERBOSITY.store(verbosity as u8, Ordering::Relaxed);
+}
+
+/// How much is told.
+pub fn verbosity() -> Verbosity {
+    match VERBOSITY.load(Ordering::Relaxed) {
+        0 => Verbosity::Quiet,
+        1 => Verbosity::Normal,
+        _ => Verbosity::Verbose,
+    }
+}
 
 /// Prints `text` on standard output. A closed pipe is no error.
 ///
@@ -14,7 +45,7 @@ use crate::error::{Error, Result};
 ///
 /// [`Error::Computation`] where standard output cannot be written.
 pub fn print(text: &str) -> Result<()> {
-    let mut out = io::stdout().lock();
+    let mut out = anstream::AutoStream::auto(io::stdout()).lock();
     let written = out.write_all(text.as_bytes()).and_then(|()| out.write_all(b"\n")).and_then(|()| out.flush());
     match written {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(Error::Computation(format!("standard output: {e}"))),
@@ -35,22 +66,60 @@ pub fn report<D: Serialize>(json: bool, document: &D, text: impl FnOnce() -> Str
     }
 }
 
-/// A progress bar over `length` units of work: on standard error, and only where that is a terminal.
-pub fn progress(length: u64, what: &str) -> ProgressBar {
-    styled(Some(length), "{msg} [{bar:30}] {percent:>3} % {eta}").with_message(what.to_owned())
-}
-
-/// A spinner for work of unknown length: on standard error, and only where that is a terminal.
-pub fn spinner() -> ProgressBar {
-    styled(None, "{spinner} {msg} {elapsed}")
-}
-
-fn styled(length: Option<u64>, template: &str) -> ProgressBar {
-    let target = if io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-    let bar = ProgressBar::with_draw_target(length, target);
-    if let Ok(style) = ProgressStyle::with_template(template) {
-        bar.set_style(style.progress_chars("=> "));
+/// A figure for people with `digits` behind the point; with a power of ten where nobody would count its digits, and a dash where
+/// there is none.
+pub fn figure(value: f64, digits: usize) -> String {
+    const LARGEST: f64 = 1e9;
+    match value {
+        _ if value.is_nan() => "–".into(),
+        _ if value.is_infinite() => if value > 0.0 { "∞" } else { "-∞" }.into(),
+        _ if value.abs() < LARGEST => format!("{value:.digits$}"),
+        _ => format!("{value:.2e}"),
     }
-    bar.enable_steady_tick(Duration::from_millis(250));
-    bar
+}
+
+/// A number that a person chose, such as a rate, with six digits at the most.
+pub fn rounded(value: f64) -> String {
+    let six: f64 = format!("{value:.5e}").parse().unwrap_or(value);
+    if six == 0.0 || (1e-4..1e9).contains(&six.abs()) { format!("{six}") } else { format!("{six:e}") }
+}
+
+/// Prints `warnings` on standard error, unless they are in the JSON that is printed.
+pub fn warnings<W: Display>(json: bool, warnings: impl IntoIterator<Item = W>) {
+    if json || verbosity() == Verbosity::Quiet {
+        return;
+    }
+    for warning in warnings {
+        line(&format!("\x1b[1;33mwarning:\x1b[0m {warning}"));
+    }
+}
+
+/// Prints `error` on standard error.
+pub fn error(error: &Error) {
+    line(&format!("\x1b[1;31mhost-sim:\x1b[0m {error}"));
+}
+
+/// Tells what the user must know now, even where quiet is asked for.
+pub fn message(text: impl Display) {
+    line(&format!("host-sim: {text}"));
+}
+
+/// Tells how something was understood, unless quiet is asked for.
+pub fn told(text: impl Display) {
+    if verbosity() >= Verbosity::Normal {
+        message(text);
+    }
+}
+
+/// Tells what only who asks for more wants to know.
+pub fn note(text: impl Display) {
+    if verbosity() == Verbosity::Verbose {
+        message(text);
+    }
+}
+
+/// A line on standard error. Where that is gone, as after a hang-up, there is nobody to tell.
+fn line(text: &str) {
+    let mut stderr = anstream::AutoStream::auto(io::stderr()).lock();
+    let _ = writeln!(stderr, "{text}");
 }

@@ -8,8 +8,11 @@ mod demo;
 mod excitation;
 mod export;
 mod fit_commands;
+mod help;
 mod import;
+mod manners;
 mod plots;
+mod quantities;
 mod replay_and_record;
 mod report_page;
 

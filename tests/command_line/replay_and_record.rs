@@ -202,7 +202,8 @@ fn documents_show_what_replay_prints() {
     let mut command = TOOL.with(&["replay", "--params", "preset:table3-n2"]);
     let printed = command.args(files).current_dir(documents::root()).assert().success().get_output().stdout.clone();
     let printed = String::from_utf8(printed).expect("UTF-8");
-    assert_eq!(printed.lines().count(), 8);
+    assert_eq!(printed.lines().count(), 9);
+    assert_eq!(printed.lines().last(), Some("at 1000 Hz, memory compressed, f32"));
     let texts: Vec<String> =
         documents::files().expect("readable").iter().map(|path| fs::read_to_string(path).expect("readable")).collect();
     let shown = |name: &str| -> Vec<&str> {

@@ -80,7 +80,7 @@ fn each_verb_has_its_effect() {
     upload(&board);
     names(&TOOL.fails(&link(&board, &["start", "voltage"])), &["not while it is disarmed"]);
     names(&TOOL.fails(&link(&board, &["set", "--voltage", "6300"])), &["beyond the limits"]);
-    names(&TOOL.fails(&link(&board, &["set", "--voltage", "NaN"])), &["beyond the limits"]);
+    names(&TOOL.fails(&link(&board, &["set", "--voltage", "NaN"])), &["--voltage", "must be finite"]);
     names(&TOOL.fails(&link(&board, &["set"])), &["--voltage", "--reference"]);
     names(&TOOL.fails(&link(&board, &["set", "--voltage", "1", "--reference", "1"])), &["cannot be used with"]);
     // What would act in a later run is not taken.
@@ -192,6 +192,17 @@ fn files_of_earlier_runs_stay() {
     names(&TOOL.fails(&play), &["the interlock is open"]);
     assert_eq!(fs::read_to_string(&out).expect("kept"), "an earlier run");
     let part = folder.path().join("out.csv.part");
+    assert!(!part.exists());
+    // Refused before it is armed, and after that: samples of a film at rest are no run.
+    let high = folder.path().join("high.csv");
+    fs::write(&high, "time_s,voltage_v\n0,0\n1,6500\n2,0\n").expect("written");
+    let calm = VirtualBoard::start(Scene::CALM);
+    upload(&calm);
+    names(&TOOL.fails(&link(&calm, &["play", text(&high), "--out", text(&out)])), &["6500", "limits"]);
+    let carried = ["play", text(&played), "--out", text(&out), "--carry-over", "--every", "1"];
+    names(&TOOL.fails(&link(&calm, &carried)), &[&calm.port]);
+    assert_eq!(calm.voltage(), (0.0, 0.0));
+    assert_eq!(fs::read_to_string(&out).expect("kept"), "an earlier run");
     assert!(!part.exists());
     fs::write(&part, "notes\nof somebody else\n").expect("written");
     names(&TOOL.fails(&play), &["out.csv.part", "move it away"]);
@@ -312,7 +323,7 @@ fn blobs_are_checked_before_they_are_sent_and_after() {
     assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table4-f7", "the old ones stay");
 }
 
-/// A peer that sends without end, but no valid frame, ends in a timeout after a few seconds.
+/// A peer that sends without end, but no valid frame, ends in a timeout after a few seconds. It is another device, not nobody.
 #[test]
 fn a_port_that_sends_garbage_ends_in_a_timeout() {
     let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a port");
@@ -324,7 +335,10 @@ fn a_port_that_sends_garbage_ends_in_a_timeout() {
             std::thread::sleep(std::time::Duration::from_millis(2));
         }
     });
-    names(&TOOL.fails(&["link", "--port", &port, "status"]), &[&port, "nobody answers"]);
+    names(
+        &TOOL.fails(&["link", "--port", &port, "status"]),
+        &[&port, "no controller with this link", "bytes such as", "ABCDEFG"],
+    );
     garbage.join().expect("the connection was closed");
 }
 

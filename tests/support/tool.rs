@@ -13,7 +13,8 @@ impl Tool {
     /// The tool with `arguments`, not yet run.
     pub fn with(self, arguments: &[&str]) -> Command {
         let mut command = Command::new(self.0);
-        command.args(arguments);
+        // On a busy machine no line of progress comes between what is tested.
+        command.args(arguments).env("HOST_SIM_PROGRESS_S", "86400");
         command
     }
 

@@ -10,6 +10,7 @@ use crate::files::amplifier_log::AmplifierLog;
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::fit::amplifier::{self, Identification, Interval, Time};
+use crate::progress::Progress;
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
 use crate::terminal;
@@ -66,8 +67,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let log = AmplifierLog::read(&arguments.log)?;
     let parameters = arguments.params.as_deref().map(Parameters::load).transpose()?;
     arguments.check_outputs()?;
-    let bar = terminal::spinner();
-    bar.set_message("identifies the amplifier");
+    let bar = Progress::unknown("identify the amplifier");
     let identified = amplifier::identify(&log)?;
     bar.finish_and_clear();
 
@@ -82,6 +82,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         write(out, parameters, rise_s, fall_s)?;
     }
     plot.map_or(Ok(()), Staged::commit)?;
+    terminal::warnings(json, &report.warnings);
     terminal::report(json, &report, || text(&report))
 }
 
@@ -180,7 +181,6 @@ fn text(report: &Report) -> String {
             lines.extend(fall_s.map(|value| format!("fall_s = {:?}", written(value))));
         }
     }
-    lines.extend(report.warnings.iter().map(|warning| format!("warning: {warning}")));
     lines.join("\n")
 }
 

@@ -16,12 +16,14 @@ use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::{Parameters, as_written};
 use crate::grid::Grid;
+use crate::progress::Progress;
+use crate::quantity;
 use crate::references;
 use crate::replay::memory::Precision;
 use crate::report::figure::Figure;
 use crate::report::figure_file::PlotOption;
 use crate::report::tracking_figure;
-use crate::terminal;
+use crate::terminal::{self, figure};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -48,7 +50,7 @@ pub(super) struct Arguments {
     #[command(flatten)]
     plot: PlotOption,
     /// Steps per second.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
     rate: f64,
     /// Arithmetic of the controller.
     #[arg(long, value_enum, default_value_t = Precision::F32)]
@@ -57,20 +59,20 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// The one bandwidth of tracking (the parameters' or 0.6 if left out), or of pi (0.8).
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
     bandwidth: Option<f64>,
     /// Time over which a disturbance that swings with the load becomes a change of the force scale; 0 for never, 30 if left
     /// out here and in the parameters.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds)]
     adaptation: Option<f64>,
     /// Learn mean and this many harmonics, 6 at most, of what a periodic reference leaves of the error (feedforward and tracking).
     #[arg(long, value_name = "N")]
     harmonics: Option<usize>,
     /// Period of the reference for --harmonics; taken from the reference if left out.
-    #[arg(long, value_name = "S", requires = "harmonics")]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, requires = "harmonics")]
     period: Option<f64>,
     /// Stiffness of the film in units of the one that was recorded: the same as --plant-mismatch stiffness=FACTOR.
-    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    #[arg(long, value_name = "FACTOR", value_parser = quantity::number, default_value_t = 1.0)]
     stiffness: f64,
     #[command(flatten)]
     limits: LimitOptions,
@@ -103,7 +105,7 @@ enum MismatchFactor {
 fn mismatch_factor(text: &str) -> std::result::Result<MismatchFactor, String> {
     let usage = || "use stiffness=FACTOR or alpha=FACTOR, from 0.2 to 5".to_owned();
     let (name, factor) = text.split_once('=').ok_or_else(usage)?;
-    let factor = factor.parse().ok().filter(|factor| (0.2..=5.0).contains(factor)).ok_or_else(usage)?;
+    let factor = quantity::number(factor).ok().filter(|factor| (0.2..=5.0).contains(factor)).ok_or_else(usage)?;
     match name {
         "stiffness" => Ok(MismatchFactor::Stiffness(factor)),
         "alpha" => Ok(MismatchFactor::Alpha(factor)),
@@ -114,38 +116,38 @@ fn mismatch_factor(text: &str) -> std::result::Result<MismatchFactor, String> {
 #[derive(Clone, Debug, Args)]
 struct SensorOptions {
     /// RMS noise of the displacement sensor.
-    #[arg(long, value_name = "M", default_value_t = BenchModel::default().sensor_noise_m)]
+    #[arg(long, value_name = "M", value_parser = quantity::metres, default_value_t = BenchModel::default().sensor_noise_m)]
     sensor_noise: f64,
     /// Samples of the displacement sensor per second.
-    #[arg(long, value_name = "HZ", default_value_t = BenchModel::default().sensor_rate_hz)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = BenchModel::default().sensor_rate_hz)]
     sensor_rate: f64,
     /// Time until a sample arrives.
-    #[arg(long, value_name = "S", default_value_t = BenchModel::default().sensor_delay_s)]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = BenchModel::default().sensor_delay_s)]
     sensor_delay: f64,
     /// Resolution of the sensor; 0 for none.
-    #[arg(long, value_name = "M", default_value_t = BenchModel::default().sensor_quantum_m)]
+    #[arg(long, value_name = "M", value_parser = quantity::metres, default_value_t = BenchModel::default().sensor_quantum_m)]
     sensor_quantum: f64,
     /// Times from which and to which the sensor is lost, such as 60:90; may be given more than once.
     #[arg(long, value_name = "FROM:TO", value_parser = interval)]
     sensor_lost: Vec<(f64, f64)>,
     /// Time constant of the amplifier; 0 for none.
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 0.0)]
     amplifier_lag: f64,
     /// Time constant with which its voltage falls at the most, by its bleeder; 0 for no such limit. The controller knows of its amplifier
     /// what the parameters say: rise_s and fall_s of board.amplifier.
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 0.0)]
     amplifier_bleeder: f64,
     /// Relative error of a voltage monitor with 3 V of noise, beside the command. Left out: the controller has none, but on a board
     /// whose amplifier lags (0).
-    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
+    #[arg(long, value_name = "SHARE", value_parser = quantity::share)]
     monitor_error: Option<f64>,
 }
 
 fn interval(text: &str) -> std::result::Result<(f64, f64), String> {
     text.split_once(':')
-        .and_then(|(from, to)| Some((from.parse::<f64>().ok()?, to.parse::<f64>().ok()?)))
-        .filter(|(from, to)| from.is_finite() && to.is_finite() && from < to)
-        .ok_or_else(|| "use FROM:TO in seconds, FROM before TO".into())
+        .and_then(|(from, to)| Some((quantity::seconds(from).ok()?, quantity::seconds(to).ok()?)))
+        .filter(|(from, to)| from < to)
+        .ok_or_else(|| "use FROM:TO, such as 60s:90s, FROM before TO".into())
 }
 
 impl SensorOptions {
@@ -215,7 +217,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let mut controller =
         controllers::build(arguments.controller, &parameters, &settings, arguments.precision).map_err(about)?;
 
-    let bar = terminal::progress(grid.samples as u64, "closed loop");
+    let bar = Progress::over(grid.samples as u64, "closed loop");
     let mismatch = arguments.mismatch();
     let (substeps, substep_s) = closed_loop::substeps(grid);
     let run = match &arguments.plant {
@@ -251,6 +253,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let figure = || Figure::new(format!("Closed loop: {name}"), tracking_figure::panels(&[(name, &run)], grid));
     let plot = arguments.plot.stage(&report, figure)?;
     out.into_iter().chain(plot).try_for_each(Staged::commit)?;
+    terminal::warnings(json, &report.field_note);
     terminal::report(json, &report, || text(&report))
 }
 
@@ -308,28 +311,29 @@ impl Arguments {
 
 fn text(report: &Report) -> String {
     let quality = &report.quality;
-    let drift = quality.drift_pct.map(|drift| format!(", drift {drift:.3} %")).unwrap_or_default();
+    let drift = quality.drift_pct.map(|drift| format!(", drift {} %", figure(drift, 3))).unwrap_or_default();
     let error = match quality.tracking_rms_pct {
-        Some(percent) => format!("{percent:.4} % RMS"),
-        None => format!("{:.3} µm RMS (the reference is constant)", 1e6 * quality.rms_m),
+        Some(percent) => format!("{} % RMS", figure(percent, 4)),
+        None => format!("{} µm RMS (the reference is constant)", figure(1e6 * quality.rms_m, 3)),
     };
     // Shaping hardly changes a reference within the limits.
     let late = match (&report.harmonics, quality.late_rms_pct, quality.late_largest_pct) {
-        (Some(_), Some(rms), Some(largest)) => format!("; {rms:.4} % RMS and {largest:.3} % at most in the last third"),
+        (Some(_), Some(rms), Some(largest)) => {
+            format!("; {} % RMS and {} % at most in the last third", figure(rms, 4), figure(largest, 3))
+        }
         _ => String::new(),
     };
     let asked = match (quality.tracking_rms_pct, quality.asked_rms_pct) {
         (Some(shaped), Some(asked)) if (asked - shaped).abs() > 0.1 => {
-            format!(" of the shaped reference, {asked:.2} % of the one that was asked for")
+            format!(" of the shaped reference, {} % of the one that was asked for", figure(asked, 2))
         }
         _ => String::new(),
     };
-    let note = report.field_note.as_ref().map(|note| format!("\nwarning: {note}")).unwrap_or_default();
     format!(
-        "{}: tracking error {error}{asked}{late}{drift}, largest error {:.2} µm, largest voltage {:.0} V, {}{note}",
+        "{}: tracking error {error}{asked}{late}{drift}, largest error {} µm, largest voltage {} V, {}",
         report.controller,
-        1e6 * quality.largest_error_m,
-        quality.largest_voltage_v,
+        figure(1e6 * quality.largest_error_m, 2),
+        figure(quality.largest_voltage_v, 0),
         LimitShare::text(&quality.limits_met)
     )
 }

@@ -6,15 +6,17 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{assumed_actuator, positive};
+use super::options::{assumed_actuator, checked_starts, positive};
 use super::recordings::RecordingOptions;
-use crate::error::{Error, Result, shown};
+use crate::error::{Result, shown};
 use crate::files::output::Staged;
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::Settings;
 use crate::fit::observation::{Observation, observe_all, observe_prepared};
 use crate::fit::preparation::{Preparation, Window};
+use crate::progress::Progress;
+use crate::quantity;
 use crate::report::figure::Figure;
 use crate::report::figure_file::PlotOption;
 use crate::report::model_figure;
@@ -37,7 +39,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
     starts: usize,
     /// Fit what was measured up to here, s, and foretell the rest: a column beyond, RMS error in % of the measured RMS.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds)]
     to: Option<f64>,
     #[command(flatten)]
     plot: PlotOption,
@@ -55,9 +57,7 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    if arguments.starts == 0 {
-        return Err(Error::option("--starts", "at least 1 is needed"));
-    }
+    checked_starts(arguments.starts)?;
     let actuator = match &arguments.actuator {
         Some(name) => Parameters::load_actuator(name)?,
         None => assumed_actuator(arguments.drive),
@@ -76,8 +76,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     };
     let read = recordings.iter().map(Recording::path).chain(arguments.actuator.as_deref().map(Path::new));
     arguments.plot.check(&read.collect::<Vec<&Path>>(), &[])?;
-    let bar = terminal::spinner();
-    let models = compare::compare(&observations, &beyond, &settings, &|message| bar.set_message(message.to_owned()))?;
+    let bar = Progress::unknown("compare");
+    let models = compare::compare(&observations, &beyond, &settings, &|stage| bar.enter(stage))?;
     bar.finish_and_clear();
     let report = Report { recordings: arguments.recordings.iter().map(|path| shown(path)).collect(), models };
     let title = "Models of creep on the same recordings";

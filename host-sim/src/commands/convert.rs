@@ -8,16 +8,17 @@ use serde::Serialize;
 use crate::error::{Error, Result, shown};
 use crate::files::material_test::{MaterialTest, Strain};
 use crate::files::output::{self, Folders};
-use crate::terminal;
+use crate::quantity;
+use crate::terminal::{self, figure};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     /// Length L of the unstretched body along the load (Eqs. 12–13). Needed for stretches, and for other strains than
     /// engineering.
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = quantity::metres)]
     length: Option<f64>,
     /// Cross-section A of the unstretched body across the load. Needed for stresses.
-    #[arg(long, value_name = "M2")]
+    #[arg(long, value_name = "M2", value_parser = quantity::square_metres)]
     area: Option<f64>,
     /// Strain that times L is the displacement: engineering (stretch − 1), neo-hookean ((stretch − stretch⁻²)/3) or hencky (its
     /// logarithm). All agree for small strains.
@@ -70,11 +71,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     };
     terminal::report(json, &report, || {
         format!(
-            "{}: {} samples, up to {:.3} mm and {:.4} N",
+            "{}: {} samples, up to {} mm and {} N",
             report.out,
             report.samples,
-            1e3 * report.largest_displacement_m,
-            report.largest_force_n
+            figure(1e3 * report.largest_displacement_m, 3),
+            figure(report.largest_force_n, 4)
         )
     })
 }

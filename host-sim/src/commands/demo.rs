@@ -18,11 +18,12 @@ use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
 use crate::bench::film::{Film, Instruments, Plant, Waveform};
 use crate::bench::film_recording::FilmRecording;
 use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folders, Staged};
+use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Input, Recording};
 use crate::fit::{Settings, observation};
 use crate::grid::Grid;
+use crate::progress::Progress;
 use crate::references::{Reference, Shape};
 use crate::replay::comparison::Comparison;
 use crate::replay::feasibility::{self, Feasibility};
@@ -102,7 +103,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let files = OutputFiles::in_folder(&arguments.out);
     let inputs: Vec<&Path> =
         arguments.recordings.iter().map(PathBuf::as_path).chain(arguments.actuator.as_deref().map(Path::new)).collect();
-    files.check(&arguments.out, &inputs)?;
+    // An empty one goes again.
+    let _folder = files.check(&arguments.out, &inputs)?;
     let simulated = given.is_empty();
     let recordings = if simulated { simulated_recordings(&arguments.out)? } else { given };
 
@@ -138,6 +140,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     report.files = written.map(shown).collect();
     staged.push(stage_page(&files.page, &done, &report, followed.as_ref())?);
     staged.into_iter().try_for_each(Staged::commit)?;
+    // The page shows them all. Of a user's own film they matter at once.
+    terminal::warnings(json, report.fit.warnings.iter().filter(|_| !report.simulated));
     terminal::report(json, &report, || table::text(&report))
 }
 
@@ -161,20 +165,20 @@ impl OutputFiles {
     }
 
     /// Refuses a folder in which they cannot be written, or `inputs` among them; makes the folder.
-    fn check(&self, folder: &Path, inputs: &[&Path]) -> Result<()> {
+    fn check(&self, folder: &Path, inputs: &[&Path]) -> Result<Folder> {
         if folder.is_file() {
             return Err(Error::file(folder, "is a file; name a folder"));
         }
         let all = [&self.parameters, &self.page, &self.reference, &self.voltage];
         all.into_iter().try_for_each(|path| output::check(path, inputs, Folders::AreMade))?;
-        output::make_folder(folder)
+        Folder::at(folder)
     }
 
     /// The reference, and the voltage that makes the model follow it.
     fn stage_reference(&self, parameters: &Parameters, sine: &Sine, limits: &CommandLimits) -> Result<[Staged; 2]> {
         let Sine { grid, values, .. } = sine;
         let options = RunOptions::default();
-        let bar = terminal::progress(grid.samples as u64, "feedforward");
+        let bar = Progress::over(grid.samples as u64, "feedforward");
         let plan = feedforward::plan(parameters, values, *grid, &options, *limits, &bar)?;
         bar.finish_and_clear();
         let time = grid.times_s();
@@ -247,7 +251,7 @@ fn replayed(recordings: &[Recording], parameters: &Parameters) -> Result<(replay
     let mut peak_m = 0.0_f64;
     for recording in recordings {
         let comparison = Comparison::new(recording, Direction::Force, parameters, options.rate_hz)?;
-        let bar = terminal::progress(comparison.grid.samples as u64, "replay");
+        let bar = Progress::over(comparison.grid.samples as u64, "replay");
         let about = |error: Error| error.about(&parameters.name, recording.path());
         let (response, agreement) = comparison.run(parameters, &options, &bar).map_err(about)?;
         bar.finish_and_clear();
@@ -325,7 +329,13 @@ impl Sine {
 
     fn row(&self) -> ReferenceRow {
         let Reference { low_m, high_m, period_s, .. } = self.reference;
-        ReferenceRow { low_m, high_m, period_s, duration_s: self.grid.time_s(self.grid.samples - 1), check: self.check }
+        ReferenceRow {
+            low_m,
+            high_m,
+            period_s,
+            duration_s: self.grid.time_s(self.grid.samples - 1),
+            check: self.check.clone(),
+        }
     }
 }
 
@@ -350,7 +360,7 @@ fn closed_loops(
             break;
         }
         let mut controller = controllers::build(kind, parameters, &settings, Precision::F32)?;
-        let bar = terminal::progress(sine.grid.samples as u64, kind.name());
+        let bar = Progress::over(sine.grid.samples as u64, kind.name());
         let bench = BenchModel::default();
         let run = closed_loop::track(&film, &bench, controller.as_mut(), &sine.values, sine.grid, &bar)?;
         bar.finish_and_clear();

@@ -9,9 +9,10 @@ use serde::Serialize;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
+use crate::quantity;
 use crate::replay::memory::MethodName;
 use crate::report::compression::Compression;
-use crate::terminal;
+use crate::terminal::{self, rounded};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -19,7 +20,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "P")]
     params: String,
     /// Ticks per second of the controller.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
     rate: f64,
     /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
     #[arg(long, value_enum, default_value_t = MethodName::Gl)]
@@ -78,19 +79,19 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         own_board: parameters.board.as_ref().is_some_and(|board| !board.is_partial),
         field_note: parameters.field_note(),
     };
+    terminal::warnings(json, &report.field_note);
     terminal::report(json, &report, || {
         let bench = if report.own_board {
             ""
         } else {
             "; without a whole [board] table: what is missing is the paper's bench's"
         };
-        let note = report.field_note.as_ref().map(|note| format!("\nwarning: {note}")).unwrap_or_default();
         format!(
-            "{}: {} bytes for board {:#06x} at {} Hz{bench}\n{}{note}",
+            "{}: {} bytes for board {:#06x} at {} Hz{bench}\n{}",
             report.out,
             report.bytes,
             report.board,
-            report.rate_hz,
+            rounded(report.rate_hz),
             report.compression.text()
         )
     })

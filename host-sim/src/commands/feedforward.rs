@@ -5,19 +5,20 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::ModelOptions;
 use super::options::LimitOptions;
+use super::{ModelOptions, Verdict};
 use crate::bench::closed_loop::LimitShare;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
+use crate::progress::Progress;
 use crate::references;
-use crate::replay::feasibility::{self, Feasibility};
+use crate::replay::feasibility::{self, Binding, Feasibility, Limit, Smaller};
 use crate::replay::feedforward::{self, VoltagePlan};
 use crate::report::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal;
+use crate::terminal::{self, figure};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -31,7 +32,8 @@ pub(super) struct Arguments {
     /// Where the voltage goes: time_s, voltage_v, displacement_m, limited, reference_m.
     #[arg(long, value_name = "V.csv", required_unless_present = "check")]
     out: Option<PathBuf>,
-    /// Report whether the reference can be followed, and which offset makes it so, before any voltage is applied.
+    /// Report whether the reference can be followed, which limit is in the way, and what would make it so, before any voltage is
+    /// applied. The exit status is 1 where it cannot be followed.
     #[arg(long)]
     check: bool,
     #[command(flatten)]
@@ -56,13 +58,14 @@ struct Report {
     field_note: Option<String>,
 }
 
-pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     let options = arguments.model.run_options();
     let parameters = arguments.model.parameters()?;
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
     let (reference, grid) = references::read(&arguments.reference, options.rate_hz)?;
     let about = |error: Error| error.about(&arguments.model.params, &arguments.reference);
-    let check = arguments.check.then(|| feasibility::check(&parameters, &reference, grid, &limits)).transpose();
+    let check =
+        arguments.check.then(|| feasibility::check_and_mend(&parameters, &reference, grid, &limits)).transpose();
     let mut report = Report {
         out: arguments.out.as_deref().map(shown),
         samples: grid.samples,
@@ -77,7 +80,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     arguments.plot.check(&inputs, arguments.out.as_deref().as_slice())?;
     arguments.out.iter().try_for_each(|out| output::check(out, &inputs, Folders::Exist))?;
     if arguments.out.is_some() || arguments.plot.path().is_some() {
-        let bar = terminal::progress(grid.samples as u64, "feedforward");
+        let bar = Progress::over(grid.samples as u64, "feedforward");
         let plan = feedforward::plan(&parameters, &reference, grid, &options, limits, &bar).map_err(about)?;
         bar.finish_and_clear();
         report.add(&plan);
@@ -86,7 +89,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let plot = arguments.plot.stage(&report, || Figure::new(title, panels(&reference, &plan, grid)))?;
         table.into_iter().chain(plot).try_for_each(Staged::commit)?;
     }
-    terminal::report(json, &report, || text(&report))
+    terminal::warnings(json, &report.field_note);
+    terminal::report(json, &report, || text(&report))?;
+    Ok(if report.check.is_none_or(|check| check.feasible) { Verdict::Yes } else { Verdict::No })
 }
 
 impl Report {
@@ -122,21 +127,23 @@ fn text(report: &Report) -> String {
     }
     if let (Some(out), Some(largest), Some(met)) = (&report.out, report.largest_voltage_v, &report.limits_met) {
         let met = LimitShare::text(met);
-        lines.push(format!("{out}: {} samples, largest voltage {largest:.0} V, {met}", report.samples));
+        lines.push(format!("{out}: {} samples, largest voltage {} V, {met}", report.samples, figure(largest, 0)));
     }
-    lines.extend(report.field_note.iter().map(|note| format!("warning: {note}")));
     lines.join("\n")
 }
 
 fn verdict(check: &Feasibility) -> Vec<String> {
     let mm = 1e3;
-    let band = |offset: f64| format!("{:.3} … {:.3} mm", mm * (check.low_m + offset), mm * (check.high_m + offset));
+    let band = |offset: f64| {
+        let [low, high] = [check.low_m, check.high_m].map(|end| figure(mm * (end + offset), 3));
+        format!("{low} … {high} mm")
+    };
     let mut lines = vec![format!(
-        "{}: {} from 2 s on, largest voltage {:.0} V, lowest force {:.3} N",
+        "{}: {} from 2 s on, largest voltage {} V, lowest force {} N",
         if check.feasible { "feasible" } else { "not feasible" },
         band(0.0),
-        check.largest_voltage_v,
-        check.lowest_force_n
+        figure(check.largest_voltage_v, 0),
+        figure(check.lowest_force_n, 3)
     )];
     if let Some(first) = check.first_s {
         lines.push(format!(
@@ -144,6 +151,7 @@ fn verdict(check: &Feasibility) -> Vec<String> {
             check.below_zero_pct, check.above_largest_pct
         ));
     }
+    lines.extend(check.binding.iter().map(limit));
     lines.extend(check.amplifier.iter().flat_map(|asked| {
         let late = asked.falls_too_fast_s.map(|first| {
             format!(
@@ -165,15 +173,24 @@ fn verdict(check: &Feasibility) -> Vec<String> {
             check.beyond_curve_pct
         ));
     }
-    lines.push(match (check.least_offset_m, check.most_offset_m) {
-        (Some(least), Some(most)) => format!(
+    lines.push(match (check.least_offset_m, check.most_offset_m, check.smaller) {
+        (Some(least), Some(most), _) => format!(
             "feasible with an offset of {:.3} to {:.3} mm: {} to {}",
             mm * least,
             mm * most,
             band(least),
             band(most)
         ),
-        _ => "no offset makes it feasible: it needs a smaller stroke or a slower way back".into(),
+        (.., Some(Smaller { factor, offset_m })) => format!(
+            "no offset makes it feasible; {factor:.1} of it with an offset of {:.3} mm is: {}",
+            mm * offset_m,
+            format_args!(
+                "{:.3} … {:.3} mm",
+                mm * (factor * check.low_m + offset_m),
+                mm * (factor * check.high_m + offset_m)
+            )
+        ),
+        _ => "neither an offset nor a smaller stroke makes it feasible: it needs a slower way back".into(),
     });
     lines
 }
@@ -191,4 +208,32 @@ fn panels(reference: &[f64], plan: &VoltagePlan, grid: Grid) -> Vec<Panel> {
         Panel::new("Voltage", "time (s)", VOLTAGE.label())
             .with(Line::new("voltage", &time, &VOLTAGE.of(&plan.voltage_v)).coloured(Colour::Green)),
     ]
+}
+
+/// A limit that is not kept, in a line.
+fn limit(binding: &Binding) -> String {
+    let Binding { limit, needed, allowed, at_s } = *binding;
+    let volts = |volts: f64| format!("{} V", figure(volts, 0));
+    let (what, needed, allowed) = match limit {
+        Limit::Force => {
+            ("force", format!("{} N", figure(needed, 3)), "0 N or more (voltage only stretches a film)".into())
+        }
+        Limit::Voltage => ("voltage", volts(needed), format!("{} (--max-voltage)", volts(allowed))),
+        Limit::Field => {
+            let mega = |field: f64| format!("{} MV/m", figure(1e-6 * field, 2));
+            ("field", mega(needed), format!("{} (--max-field)", mega(allowed)))
+        }
+        Limit::Fall => {
+            let kilo = |slew: f64| format!("{} kV/s", figure(1e-3 * slew, 2));
+            (
+                "fall of the voltage",
+                kilo(needed),
+                format!("{} by the bleeder (fall_s of board.amplifier)", kilo(allowed)),
+            )
+        }
+        Limit::Lead => {
+            ("command ahead of the amplifier's lag", volts(needed), format!("{} (--max-voltage)", volts(allowed)))
+        }
+    };
+    format!("limit: {what}: {needed} needed at {at_s:.3} s, {allowed} allowed")
 }

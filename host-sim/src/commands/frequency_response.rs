@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
+use crate::quantity;
 use crate::replay::{frequency_response, memory};
 use crate::report::figure::Figure;
 use crate::report::figure_file::PlotOption;
@@ -20,10 +21,10 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "P")]
     params: String,
     /// Lowest frequency.
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
     from: f64,
     /// Highest frequency.
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
     to: f64,
     /// Number of frequencies, spaced evenly on a logarithmic scale.
     #[arg(long, value_name = "N")]
@@ -32,13 +33,13 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FR.csv")]
     out: PathBuf,
     /// Displacement about which a film with an elastic curve oscillates, m.
-    #[arg(long, value_name = "M", default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "M", value_parser = quantity::metres, default_value_t = 0.0)]
     at: f64,
     /// Of the law that the controller steps (f32, compressed), instead of the continuous Eq. 11.
     #[arg(long)]
     discrete: bool,
     /// Steps per second of the law (1000 if left out).
-    #[arg(long, value_name = "HZ", requires = "discrete")]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, requires = "discrete")]
     rate: Option<f64>,
     #[command(flatten)]
     plot: PlotOption,

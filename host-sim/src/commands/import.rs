@@ -10,9 +10,10 @@ use super::options::positive;
 use super::recordings::RecordingOptions;
 use crate::error::{Error, Result, shown};
 use crate::files::import::{Blank, By, Edits, Quantity, Series, Understood, UnderstoodColumn};
-use crate::files::output::{self, Folders, Staged};
+use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::Recording;
 use crate::fit::observation::median;
+use crate::quantity;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -20,11 +21,11 @@ pub(super) struct Arguments {
     #[command(flatten)]
     options: RecordingOptions,
     /// Keep rows from here on, s from the first. What the film remembers of the rows before is lost: begin at rest.
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 0.0)]
     from: f64,
     /// Keep rows up to here, s from the first. The default is the end.
-    #[arg(long, value_name = "S", default_value_t = f64::INFINITY, hide_default_value = true)]
-    to: f64,
+    #[arg(long, value_name = "S", value_parser = quantity::seconds)]
+    to: Option<f64>,
     /// Make one row of N: the mean of each column.
     #[arg(long, value_name = "N", default_value_t = 1)]
     decimate: usize,
@@ -87,7 +88,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         recording.drive()?;
         imported.push((Imported::of(&recording, understood, out, blanked, starts_at_rest), recording));
     }
-    output::make_folder(&arguments.out)?;
+    // An empty one goes again.
+    let _folder = Folder::at(&arguments.out)?;
     let mut staged = Vec::new();
     for ((report, recording), out) in imported.iter().zip(&outputs) {
         staged.push(stage(out, report, recording)?);
@@ -99,19 +101,24 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 
 impl Arguments {
     fn edits(&self) -> Result<Edits> {
-        if !(self.from.is_finite() && self.from >= 0.0) {
-            return Err(Error::option("--from", format!("{:?} must be finite and at least 0", self.from)));
+        if self.from < 0.0 {
+            return Err(Error::option("--from", format!("{:?} must be at least 0", self.from)));
         }
-        if self.to.is_finite() {
-            positive("--to", self.to)?;
-        }
-        if self.to.is_nan() || self.to <= self.from {
-            return Err(Error::option("--to", format!("{:?} must lie above --from", self.to)));
+        if let Some(to) = self.to {
+            positive("--to", to)?;
+            if to <= self.from {
+                return Err(Error::option("--to", format!("{to:?} must lie above --from")));
+            }
         }
         if self.decimate == 0 {
             return Err(Error::option("--decimate", "1 keeps every row"));
         }
-        Ok(Edits { blanks: self.blank.clone(), from_s: self.from, to_s: self.to, decimate: self.decimate })
+        Ok(Edits {
+            blanks: self.blank.clone(),
+            from_s: self.from,
+            to_s: self.to.unwrap_or(f64::INFINITY),
+            decimate: self.decimate,
+        })
     }
 
     /// Where the recordings go. Refused are two of one name, and files that are read.

@@ -4,14 +4,17 @@ mod amplifier;
 mod check;
 mod closed_loop;
 mod compare;
+mod completions;
 mod convert;
 mod demo;
+mod examples;
 mod export;
 mod feedforward;
 mod fit;
 mod frequency_response;
 mod import;
 mod link;
+mod man;
 mod observe;
 mod options;
 mod pil;
@@ -23,22 +26,23 @@ mod reference;
 mod replay;
 mod simulate;
 mod study;
+mod usage;
 
 use std::ffi::OsString;
 
-use clap::error::ErrorKind;
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::interrupt;
+use crate::quantity;
 use crate::replay::memory::{MemoryChoice, MethodName, Precision, RunOptions};
-use crate::terminal;
+use crate::terminal::{self, Verbosity};
 
 /// Creep compensation for dielectric elastomer actuators, on the bench.
 ///
 /// Runs the controller's own code against recordings of high-voltage runs. Files and options are in SI units: metres,
-/// newtons, volts, seconds, kilograms.
+/// newtons, volts, seconds, kilograms. Options take units as well: 6kV, 2.5mm, 10s, 1kHz, 50kV/s.
 #[derive(Debug, Parser)]
 #[command(name = "host-sim", version)]
 struct Cli {
@@ -47,6 +51,12 @@ struct Cli {
     /// Print one JSON document on standard output, and nothing else there.
     #[arg(long, global = true)]
     json: bool,
+    /// No progress and no warnings on standard error: errors alone.
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// Tell each stage of the work on standard error.
+    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    verbose: bool,
 }
 
 /// What a command found, for scripts: the exit status is 0 for yes and 1 for no.
@@ -103,6 +113,10 @@ enum CliCommand {
     /// Simulate a recording of a nonlinear film.
     #[command(visible_alias = "twin")]
     Plant(plant::Arguments),
+    /// Print what makes a shell complete the options of this tool.
+    Completions(completions::Arguments),
+    /// Print the man page, or write those of all commands into a folder.
+    Man(man::Arguments),
 }
 
 /// Options of every command that steps a model.
@@ -112,7 +126,7 @@ struct ModelOptions {
     #[arg(long, value_name = "P")]
     params: String,
     /// Steps per second.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
     rate: f64,
     /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
     #[arg(long, value_enum, default_value_t = MethodName::Gl)]
@@ -136,30 +150,42 @@ impl ModelOptions {
     }
 }
 
+/// The command line with its examples, for help, completions and man pages.
+pub fn command_line() -> clap::Command {
+    examples::added_to(usage::with_signed_numbers(Cli::command()))
+}
+
 /// Runs the command line `arguments`, the program's name first.
 ///
 /// # Errors
 ///
 /// [`Error`], one line that names the place and the remedy.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<Verdict> {
-    let cli = match Cli::try_parse_from(arguments) {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let parsed = command_line().try_get_matches_from(&arguments).and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = match parsed {
         Ok(cli) => cli,
-        Err(error) if error.use_stderr() => return Err(Error::Usage(one_line(&error))),
+        Err(error) if error.use_stderr() => return Err(usage::error(&error, &arguments)),
         Err(help) => {
-            terminal::print(help.render().to_string().trim_end())?;
+            terminal::print(help.render().ansi().to_string().trim_end())?;
             return Ok(Verdict::Yes);
         }
     };
+    terminal::set_verbosity(match (cli.quiet, cli.verbose) {
+        (true, _) => Verbosity::Quiet,
+        (false, false) => Verbosity::Normal,
+        (false, true) => Verbosity::Verbose,
+    });
     interrupt::install();
     match cli.command {
         CliCommand::Check(arguments) => return check::run(&arguments, cli.json),
+        CliCommand::Feedforward(arguments) => return feedforward::run(&arguments, cli.json),
         CliCommand::Demo(arguments) => demo::run(&arguments, cli.json),
         CliCommand::Import(arguments) => import::run(&arguments, cli.json),
         CliCommand::Profile(arguments) => profile::run(&arguments, cli.json),
         CliCommand::Simulate(arguments) => simulate::run(&arguments, cli.json),
         CliCommand::Replay(arguments) => replay::run(&arguments, cli.json),
         CliCommand::Fit(arguments) => fit::run(&arguments, cli.json),
-        CliCommand::Feedforward(arguments) => feedforward::run(&arguments, cli.json),
         CliCommand::Observe(arguments) => observe::run(&arguments, cli.json),
         CliCommand::ClosedLoop(arguments) => closed_loop::run(&arguments, cli.json),
         CliCommand::Amplifier(arguments) => amplifier::run(&arguments, cli.json),
@@ -173,6 +199,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<Verdict> {
         CliCommand::Reduce(arguments) => reduce::run(&arguments, cli.json),
         CliCommand::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
         CliCommand::Plant(arguments) => plant::run(&arguments, cli.json),
+        CliCommand::Completions(arguments) => completions::run(&arguments, cli.json),
+        CliCommand::Man(arguments) => man::run(&arguments, cli.json),
     }
     .map(|()| Verdict::Yes)
 }
@@ -183,16 +211,4 @@ fn board_rate(rate_hz: f64) -> Result<f64> {
         return Err(Error::option("--rate", format!("{rate_hz:?} Hz must be from 1 to 100000")));
     }
     Ok(f64::from(rate_hz as f32))
-}
-
-/// What is wrong with a command line, without the usage that follows.
-fn one_line(error: &clap::Error) -> String {
-    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        return "no command given (host-sim --help lists them)".into();
-    }
-    let text = error.render().to_string();
-    let lines = text.lines().take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
-    let words: Vec<&str> = lines.flat_map(str::split_whitespace).collect();
-    let cause = words.join(" ");
-    format!("{} (host-sim --help tells the usage)", cause.strip_prefix("error: ").unwrap_or(&cause))
 }

@@ -12,12 +12,14 @@ use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::Input;
 use crate::grid::Grid;
+use crate::progress::Progress;
+use crate::quantity;
 use crate::replay::memory::{MethodName, Precision};
 use crate::replay::observer::{self, Estimates, ObserverSummary};
 use crate::report::axis::{DISPLACEMENT, MICROMETRES};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal;
+use crate::terminal::{self, figure};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -36,13 +38,13 @@ pub(super) struct Arguments {
     #[command(flatten)]
     plot: PlotOption,
     /// Up to here the estimate follows the sensor, beyond it the model.
-    #[arg(long, value_name = "HZ", default_value_t = 0.6)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 0.6)]
     bandwidth: f64,
     /// Time over which a disturbance that swings with the load becomes a change of the force scale; 0 for never.
-    #[arg(long, value_name = "S", default_value_t = 30.0)]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 30.0)]
     adaptation: f64,
     /// Steps per second.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
     rate: f64,
     /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
     #[arg(long, value_enum, default_value_t = MethodName::Gl)]
@@ -78,7 +80,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let measured = recording.displacement()?;
     let about = |error: Error| error.about(&arguments.params, recording.path());
     let options = observer::options(arguments.bandwidth, arguments.adaptation, &measured, grid).map_err(about)?;
-    let bar = terminal::progress(grid.samples as u64, "observe");
+    let bar = Progress::over(grid.samples as u64, "observe");
     let volts = grid.resample(&voltage);
     let estimates =
         observer::estimate(&parameters, &volts, &measured, grid, options, arguments.precision, &bar).map_err(about)?;
@@ -91,12 +93,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     [Some(table), plot].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || {
         format!(
-            "{}: {} sensor samples, innovation {:.2} µm RMS, at the end disturbance {:.3} N and force scale {:.4}",
+            "{}: {} sensor samples, innovation {} µm RMS, at the end disturbance {} N and force scale {}",
             report.out,
             observed.samples,
-            1e6 * observed.innovation_rms_m,
-            observed.disturbance_n,
-            observed.force_scale
+            figure(1e6 * observed.innovation_rms_m, 2),
+            figure(observed.disturbance_n, 3),
+            figure(observed.force_scale, 4)
         )
     })
 }

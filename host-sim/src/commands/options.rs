@@ -6,24 +6,25 @@ use springpot::{Actuator, CommandLimits};
 use crate::error::{Error, Result};
 use crate::files::parameters::Board;
 use crate::files::recording::Direction;
+use crate::quantity;
 
 /// Limits of the command. Defaults are those of the board, or without one those of the paper's bench.
 #[derive(Clone, Debug, Args)]
 pub(super) struct LimitOptions {
     /// Largest voltage; the parameters' or 6000 if left out.
-    #[arg(long, value_name = "V")]
+    #[arg(long, value_name = "V", value_parser = quantity::volts)]
     max_voltage: Option<f64>,
     /// Largest electric field in the film as it thins, V/m; the parameters' or 4.2e7 if left out.
-    #[arg(long, value_name = "V/M")]
+    #[arg(long, value_name = "V/M", value_parser = quantity::volts_per_metre)]
     max_field: Option<f64>,
     /// Largest change of voltage, V/s; the parameters' or 50e3 if left out.
-    #[arg(long, value_name = "V/S")]
+    #[arg(long, value_name = "V/S", value_parser = quantity::volts_per_second)]
     max_slew: Option<f64>,
     /// Largest speed of the shaped reference, m/s; the parameters' or 0.05 if left out.
-    #[arg(long, value_name = "M/S")]
+    #[arg(long, value_name = "M/S", value_parser = quantity::metres_per_second)]
     max_velocity: Option<f64>,
     /// Largest acceleration of the shaped reference, m/s²; the parameters' or 0.5 if left out.
-    #[arg(long, value_name = "M/S2")]
+    #[arg(long, value_name = "M/S2", value_parser = quantity::metres_per_second_squared)]
     max_acceleration: Option<f64>,
 }
 
@@ -53,6 +54,18 @@ pub(super) fn assumed_actuator(drive: Direction) -> Actuator {
     match drive {
         Direction::Force => Actuator::KARNER_2022,
         Direction::Displacement => Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 },
+    }
+}
+
+/// Most random starts of a structure: their memory alone would be gigabytes.
+const MOST_STARTS: usize = 100_000;
+
+/// Refuses a number of random starts of a structure with which no search could begin, or end.
+pub(super) fn checked_starts(starts: usize) -> Result<()> {
+    if (1..=MOST_STARTS).contains(&starts) {
+        Ok(())
+    } else {
+        Err(Error::option("--starts", format!("{starts} must be from 1 to {MOST_STARTS}; the default is 8")))
     }
 }
 

@@ -10,6 +10,8 @@ use crate::bench::processor::{BitComparison, FirmwareLaw, ProcessorTest, Task, T
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
 use crate::link::Emulator;
+use crate::progress::Progress;
+use crate::quantity;
 use crate::replay::memory::MethodName;
 use crate::terminal;
 
@@ -25,13 +27,13 @@ pub(super) struct Arguments {
     #[arg(long, value_enum)]
     plant: Option<Plant>,
     /// Steps per second.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
     rate: f64,
     /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
     #[arg(long, value_enum, default_value_t = MethodName::Gl)]
     method: MethodName,
     /// Length of every file that is used; all of it if not given.
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = quantity::seconds)]
     duration: Option<f64>,
     /// A real board instead of QEMU: a serial port, or tcp:HOST:PORT.
     #[arg(long, value_name = "PORT", conflicts_with = "image")]
@@ -85,14 +87,14 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         .map(|path| Task::read(path, &options, parameters.sensor()))
         .collect::<Result<Vec<Task>>>()?;
 
-    let bar = terminal::progress(tasks.iter().map(|task| task.steps() as u64).sum(), "pil");
-    let test = ProcessorTest::new(blob, board.id, bar)?;
+    let bar = Progress::over(tasks.iter().map(|task| task.steps() as u64).sum(), "pil");
+    let test = ProcessorTest::new(blob, board.id, bar.clone())?;
     let comparisons = match &arguments.port {
         // There is one board.
         Some(port) => test.on_board(port, &tasks)?,
         None => test.in_emulator(arguments.image.as_deref(), &tasks)?,
     };
-    test.progress.finish_and_clear();
+    bar.finish_and_clear();
     arguments.report(&comparisons, json)
 }
 

@@ -11,6 +11,8 @@ use crate::bench::film_recording::FilmRecording;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
 use crate::grid::Grid;
+use crate::progress::Progress;
+use crate::quantity;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -19,31 +21,31 @@ pub(super) struct Arguments {
     #[arg(long, value_enum)]
     plant: Plant,
     /// Frequency of the unipolar voltage V̂/2 (1 − cos 2πft); give it more than once for several tones.
-    #[arg(long, value_name = "HZ", required = true)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, required = true)]
     frequency: Vec<f64>,
     /// Length of the recording.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds)]
     duration: f64,
     /// Samples per second.
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
     rate: f64,
     /// Where the recording goes: time_s, voltage_v, displacement_m.
     #[arg(long, value_name = "REC.csv")]
     out: PathBuf,
     /// Peak of the voltage.
-    #[arg(long, value_name = "V", default_value_t = 6000.0)]
+    #[arg(long, value_name = "V", value_parser = quantity::volts, default_value_t = 6000.0)]
     peak_voltage: f64,
     /// Seed of the sensors' noise.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// RMS noise of the displacement sensor, m.
-    #[arg(long, value_name = "M", default_value_t = Instruments::default().displacement_noise_m)]
+    #[arg(long, value_name = "M", value_parser = quantity::metres, default_value_t = Instruments::default().displacement_noise_m)]
     noise: f64,
     /// Resolution of the displacement sensor, m; 0 for none.
-    #[arg(long, value_name = "M", default_value_t = Instruments::default().displacement_quantum_m)]
+    #[arg(long, value_name = "M", value_parser = quantity::metres, default_value_t = Instruments::default().displacement_quantum_m)]
     quantum: f64,
     /// RMS noise of the voltage monitor, V.
-    #[arg(long, value_name = "V", default_value_t = Instruments::default().monitor_noise_v)]
+    #[arg(long, value_name = "V", value_parser = quantity::volts, default_value_t = Instruments::default().monitor_noise_v)]
     monitor_noise: f64,
 }
 
@@ -72,8 +74,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         displacement_quantum_m: arguments.quantum,
         monitor_noise_v: arguments.monitor_noise,
     };
-    let bar = terminal::spinner();
-    bar.set_message("integrate the film");
+    let bar = Progress::unknown("integrate the film");
     let recording = FilmRecording::new(&film, &waveform, grid, instruments, arguments.seed)?;
     bar.finish_and_clear();
     let comments =

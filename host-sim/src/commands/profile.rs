@@ -12,6 +12,7 @@ use crate::excitation::profile::{self, Part, PartShape, Profile, USUAL_SHARE, Wi
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
+use crate::quantity;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -20,22 +21,22 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "B.toml")]
     board: String,
     /// Largest voltage; 0.9 of what the limits of voltage and field allow if left out.
-    #[arg(long, value_name = "V")]
+    #[arg(long, value_name = "V", value_parser = quantity::volts)]
     peak: Option<f64>,
     /// Frequencies of the sines: the band that the film will be used in, around its middle.
-    #[arg(long, value_name = "HZ,HZ,…", value_delimiter = ',', default_values_t = [0.2, 1.0 / 7.0, 1.0 / 13.0])]
+    #[arg(long, value_name = "HZ,HZ,…", value_parser = quantity::hertz, value_delimiter = ',', default_values_t = [0.2, 1.0 / 7.0, 1.0 / 13.0])]
     frequencies: Vec<f64>,
     /// Cycles of each.
     #[arg(long, value_name = "N", default_value_t = 4)]
     cycles: u32,
     /// Length of the hold that shows the creep; 0 for none.
-    #[arg(long, value_name = "S", default_value_t = 60.0)]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 60.0)]
     hold: f64,
     /// Length of the rest at the start.
-    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 5.0)]
     rest: f64,
     /// Samples per second.
-    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 100.0)]
     rate: f64,
     /// Where the profile goes: time_s, voltage_v.
     #[arg(long, value_name = "P.csv")]
@@ -120,6 +121,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         parts: made.parts,
         note,
     };
+    terminal::warnings(json, &report.note);
     terminal::report(json, &report, || text(&report))
 }
 
@@ -146,9 +148,6 @@ fn text(report: &Report) -> String {
     );
     for part in &report.parts {
         let _ = write!(text, "\n  {}", described(part));
-    }
-    if let Some(note) = &report.note {
-        let _ = write!(text, "\nwarning: {note}");
     }
     text
 }

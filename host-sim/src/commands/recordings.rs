@@ -7,6 +7,7 @@ use clap::Args;
 use crate::error::Result;
 use crate::files::import::{Choices, Hints};
 use crate::files::recording::Recording;
+use crate::terminal;
 
 /// What is said about files that have not the names of recordings.
 #[derive(Clone, Debug, Default, Args)]
@@ -44,6 +45,6 @@ impl RecordingOptions {
 
 fn tell(recording: &Recording) {
     if let Some(understood) = recording.understood() {
-        eprintln!("host-sim: {}", understood.line());
+        terminal::told(understood.line());
     }
 }

@@ -8,8 +8,9 @@ use serde::Serialize;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
+use crate::quantity;
 use crate::reduce::{self, Criterion};
-use crate::terminal;
+use crate::terminal::{self, rounded};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -20,13 +21,13 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "P.toml")]
     out: PathBuf,
     /// Lowest frequency at which the response must stay the same.
-    #[arg(long, value_name = "HZ", default_value_t = Criterion::default().from_hz)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = Criterion::default().from_hz)]
     from: f64,
     /// Highest frequency at which the response must stay the same.
-    #[arg(long, value_name = "HZ", default_value_t = Criterion::default().to_hz)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = Criterion::default().to_hz)]
     to: f64,
     /// Largest relative change of the dynamic modulus between them.
-    #[arg(long, value_name = "SHARE", default_value_t = Criterion::default().tolerance)]
+    #[arg(long, value_name = "SHARE", value_parser = quantity::share, default_value_t = Criterion::default().tolerance)]
     tolerance: f64,
 }
 
@@ -76,8 +77,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             report.branches_before,
             report.branches,
             report.largest_change,
-            criterion.from_hz,
-            criterion.to_hz
+            rounded(criterion.from_hz),
+            rounded(criterion.to_hz)
         ));
         lines.join("\n")
     })

@@ -9,6 +9,7 @@ use super::options::positive;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
+use crate::quantity;
 use crate::references::{Reference, Shape};
 use crate::report::axis::DISPLACEMENT;
 use crate::report::figure::{Figure, Line, Panel};
@@ -21,22 +22,22 @@ pub(super) struct Arguments {
     #[arg(long, value_enum)]
     shape: Shape,
     /// Lowest displacement after the rise from 0.
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = quantity::metres)]
     low: f64,
     /// Highest displacement.
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = quantity::metres)]
     high: f64,
     /// Length of a period; of a plateau with its edge (steps); or the period beyond which a random walk hardly moves.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds)]
     period: f64,
-    /// Length of the rise at the start and of edges, with the least jerk.
-    #[arg(long, value_name = "S", default_value_t = 5.0)]
-    rise: f64,
+    /// Length of the rise at the start and of edges, with the least jerk; 5 if left out.
+    #[arg(long, value_name = "S", value_parser = quantity::seconds)]
+    rise: Option<f64>,
     /// Length of the reference.
-    #[arg(long, value_name = "S", default_value_t = 155.0)]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 155.0)]
     duration: f64,
     /// Samples per second.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0)]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
     rate: f64,
     /// Seed of a random walk.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -65,11 +66,18 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let cause = format!("{} samples at this rate; from 2 to {MOST_SAMPLES} are possible", grid.samples);
         return Err(Error::option("--duration", cause));
     }
-    let reference = Reference {
-        rise_s: arguments.rise,
-        seed: arguments.seed,
-        ..Reference::new(arguments.shape, arguments.low, arguments.high, arguments.period)
-    };
+    if let Some(rise) = arguments.rise.filter(|rise| *rise > arguments.duration) {
+        let cause =
+            format!("{rise:?} s is longer than the reference, {:?} s: it would never arrive", arguments.duration);
+        return Err(Error::option("--rise", cause));
+    }
+    if let (Shape::Steps, Some(rise)) = (arguments.shape, arguments.rise.filter(|rise| *rise > arguments.period)) {
+        let cause =
+            format!("{rise:?} s is longer than a plateau with its edge, {:?} s: it would jump", arguments.period);
+        return Err(Error::option("--rise", cause));
+    }
+    let usual = Reference::new(arguments.shape, arguments.low, arguments.high, arguments.period);
+    let reference = Reference { rise_s: arguments.rise.unwrap_or(usual.rise_s), seed: arguments.seed, ..usual };
     let values = reference.on(grid)?;
     output::check(&arguments.out, &[], Folders::Exist)?;
     arguments.plot.check(&[], &[&arguments.out])?;

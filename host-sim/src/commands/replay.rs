@@ -10,15 +10,17 @@ use super::ModelOptions;
 use super::recordings::RecordingOptions;
 use crate::agreement::Agreement;
 use crate::error::{Error, Result, shown};
-use crate::files::output::{self, Folders, Staged};
+use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::{Direction, Recording};
+use crate::progress::Progress;
 use crate::replay::comparison::Comparison;
+use crate::replay::memory::{Precision, RunOptions};
 use crate::replay::simulate::Response;
 use crate::report::axis::{DISPLACEMENT, FORCE, MICROMETRES, MILLINEWTONS};
 use crate::report::comparison_figure;
 use crate::report::figure::{Figure, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal;
+use crate::terminal::{self, figure, rounded};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -102,12 +104,15 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let written: Vec<&Path> = outputs.iter().flatten().map(PathBuf::as_path).collect();
     arguments.plot.check(&inputs, &written)?;
 
-    let bar = terminal::progress(comparisons.iter().map(|comparison| comparison.grid.samples as u64).sum(), "replay");
+    let bar = Progress::over(comparisons.iter().map(|comparison| comparison.grid.samples as u64).sum(), "replay");
+    // An empty one goes again.
+    let _folder = arguments.out.as_deref().map(Folder::at).transpose()?;
     let mut rows = Vec::new();
     let mut written = Vec::new();
     let mut panels = Vec::new();
-    for (comparison, path) in comparisons.iter().zip(outputs) {
+    for (number, (comparison, path)) in comparisons.iter().zip(outputs).enumerate() {
         let recording = comparison.recording();
+        bar.set_message(format!("replay {} ({} of {})", shown(recording.path()), number + 1, comparisons.len()));
         let (response, agreement) = comparison
             .run(&parameters, &options, &bar)
             .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
@@ -116,9 +121,6 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             panels.extend(compared(comparison, arguments.drive, &comparison.readings(&parameters, &response)));
         }
         if let Some(path) = path {
-            if let Some(folder) = path.parent() {
-                output::make_folder(folder)?;
-            }
             written.push(stage(&path, arguments.drive, &response, comparison)?);
         }
     }
@@ -127,7 +129,17 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     report.field_note = parameters.field_note().filter(|_| arguments.drive == Direction::Force);
     written.extend(arguments.plot.stage(&report, || Figure::new(format!("Replay of {}", parameters.name), panels))?);
     written.into_iter().try_for_each(Staged::commit)?;
-    terminal::report(json, &report, || table(&report))
+    terminal::warnings(json, &report.field_note);
+    terminal::report(json, &report, || format!("{}\n{}", table(&report), how(&options)))
+}
+
+/// How the model was run: a fit runs it at the recording's own rate, and with full memory.
+fn how(options: &RunOptions) -> String {
+    let precision = match options.precision {
+        Precision::F32 => "f32",
+        Precision::F64 => "f64",
+    };
+    format!("at {} Hz, memory {}, {precision}", rounded(options.rate_hz), options.memory)
 }
 
 fn output_paths(folder: &Path, recordings: &[Recording], parameters: &str) -> Result<Vec<PathBuf>> {
@@ -178,13 +190,17 @@ pub(super) fn table(report: &Report) -> String {
         let rmse = row.rmse_m.map(|m| 1e6 * m).or(row.rmse_n.map(|n| 1e3 * n)).unwrap_or(f64::NAN);
         let _ = writeln!(
             text,
-            "{:width$}  {:>9.5}  {:>9.3}  {rmse:>10.2}  {:>7}",
-            row.file, row.r2, row.nrmse_pct, row.samples
+            "{:width$}  {:>9}  {:>9}  {:>10}  {:>7}",
+            row.file,
+            figure(row.r2, 5),
+            figure(row.nrmse_pct, 3),
+            figure(rmse, 2),
+            row.samples
         );
     }
-    let _ = write!(text, "{:width$}  {:>9.5}", "mean", report.r2_mean);
-    if let Some(note) = &report.field_note {
-        let _ = write!(text, "\nwarning: {note}");
+    let _ = write!(text, "{:width$}  {:>9}", "mean", figure(report.r2_mean, 5));
+    if rows.iter().any(|row| row.r2.is_nan()) {
+        text.push_str("\n– : the measurement does not change, so its spread and its range are 0");
     }
     text
 }

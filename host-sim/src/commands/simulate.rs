@@ -10,11 +10,12 @@ use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
+use crate::progress::Progress;
 use crate::replay::simulate::{self, Response};
 use crate::report::axis::{DISPLACEMENT, FORCE, VOLTAGE};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal;
+use crate::terminal::{self, figure, rounded};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -49,7 +50,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     output::check(&arguments.out, &inputs, Folders::Exist)?;
     arguments.plot.check(&inputs, &[&arguments.out])?;
     let grid = recording.grid(options.rate_hz)?;
-    let bar = terminal::progress(grid.samples as u64, "simulate");
+    let bar = Progress::over(grid.samples as u64, "simulate");
     let response = simulate::response(&parameters, &recording.drive()?, grid, &options, &bar)
         .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
     bar.finish_and_clear();
@@ -65,11 +66,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     [Some(table), plot].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || {
         format!(
-            "{}: {} samples at {} Hz, largest displacement {:.4} mm",
+            "{}: {} samples at {} Hz, largest displacement {} mm",
             report.out,
             report.samples,
-            report.rate_hz,
-            1e3 * report.peak_displacement_m
+            rounded(report.rate_hz),
+            figure(1e3 * report.peak_displacement_m, 4)
         )
     })
 }

@@ -8,10 +8,11 @@ use serde::Serialize;
 use super::options::assumed_actuator;
 use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
-use crate::files::output::{self, Folders};
+use crate::files::output::{self, Folder, Folders};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::observe_all;
+use crate::progress::Progress;
 use crate::report::figure_file;
 use crate::report::study_page::StudyPage;
 use crate::studies::paper::{self, StudyFitRow, StudyOptions};
@@ -66,15 +67,17 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     }
 
     let options = StudyOptions { actuator, seed: arguments.seed, thinned: arguments.thinned };
-    let bar = terminal::progress(0, "study");
+    let bar = Progress::over(1, "study");
     let fits = paper::study(&observations, &options, &|all| {
         bar.set_length(all as u64);
         bar.inc(1);
+        bar.set_message(format!("study ({} of {all} fits)", bar.position()));
     })?;
     bar.finish_and_clear();
 
     let page = StudyPage::new(&fits, &observations, arguments.thinned);
-    output::make_folder(&arguments.out)?;
+    // An empty one goes again.
+    let _folder = Folder::at(&arguments.out)?;
     let files = write(&page, &arguments.out)?;
     let names: Vec<String> = observations.into_iter().map(|o| o.name).collect();
     let report = Report {

@@ -157,14 +157,45 @@ pub fn stage_columns(path: &Path, comments: &[String], columns: &[(&str, Option<
     })
 }
 
-/// Makes a folder for results, if it is not there.
-///
-/// # Errors
-///
-/// [`Error::File`] where it cannot be made.
-pub fn make_folder(path: &Path) -> Result<()> {
-    if path.is_file() {
-        return Err(Error::file(path, "is a file; name a folder"));
+/// A folder for results. If it was made here and is still empty when this is dropped, it goes again: a run that is refused, or
+/// that finds the disk full, leaves nothing behind.
+#[derive(Debug)]
+#[must_use]
+pub struct Folder {
+    /// The folders that were made, the outermost first.
+    made: Vec<(PathBuf, HalfWritten)>,
+}
+
+impl Folder {
+    /// The folder at `path`; it and those around it are made where they are missing.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] where it cannot be made.
+    pub fn at(path: &Path) -> Result<Self> {
+        if path.is_file() {
+            return Err(Error::file(path, "is a file; name a folder"));
+        }
+        let missing: Vec<&Path> =
+            path.ancestors().take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists()).collect();
+        let mut folder = Self { made: Vec::new() };
+        for missing in missing.into_iter().rev() {
+            match fs::create_dir(missing) {
+                Ok(()) => folder.made.push((missing.into(), HalfWritten::new(missing))),
+                // Somebody else was faster, or the path names one twice.
+                Err(_) if missing.is_dir() => {}
+                Err(e) => return Err(Error::file(missing, e)),
+            }
+        }
+        Ok(folder)
     }
-    fs::create_dir_all(path).map_err(|e| Error::file(path, e))
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        while let Some((path, _half_written)) = self.made.pop() {
+            // Only an empty one can be removed.
+            let _ = fs::remove_dir(path);
+        }
+    }
 }

@@ -23,6 +23,7 @@ mod readings;
 pub(crate) mod search;
 pub(crate) mod selection;
 pub mod settings;
+mod stages;
 mod starts;
 mod transfer;
 pub(crate) mod uncertainty;
@@ -32,6 +33,7 @@ mod whiteness;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
+use crate::progress::Stage;
 pub use loss::Loss;
 use observation::Observation;
 pub use outcome::Fit;
@@ -39,10 +41,11 @@ pub use readings::ReadingFit;
 use search::{Context, Found, PreparedObservations};
 pub use selection::StructureRow;
 pub use settings::{Method, Settings};
+use stages::Stages;
 pub use uncertainty::{Estimate, Uncertainty};
 pub use warnings::{Severity, Warning};
 
-/// Fits `observations`. `progress` is called with the name of each stage; `stop` ends the search early with the best so far.
+/// Fits `observations`. `progress` is called with each stage as it begins; `stop` ends the search early with the best so far.
 ///
 /// # Errors
 ///
@@ -51,18 +54,19 @@ pub fn fit(
     observations: &[Observation],
     settings: &Settings,
     stop: &AtomicBool,
-    progress: &dyn Fn(&str),
+    progress: &dyn Fn(&Stage),
 ) -> Result<Fit> {
     settings.check()?;
+    let stages = &Stages::of(settings, nonlinearity::kinds(settings.curve, observations), progress);
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;
     let context = prepared.context(settings, stop);
     if settings.branches.iter().all(|&branches| context.variables(branches).is_empty()) {
         return Err(Error::option("--hold", "nothing is left to fit"));
     }
-    let linear = find(&context, observations, settings, progress)?;
+    let linear = find(&context, observations, settings, stages)?;
     let given = settings.start.as_ref().is_some_and(|start| start.bend != bend::Bend::Straight);
     let (found, structures) = if settings.method == Method::Lm && !given {
-        nonlinearity::select(&context, observations, settings, progress, linear)?
+        nonlinearity::select(&context, observations, settings, stages, linear)?
     } else {
         linear
     };
@@ -70,7 +74,7 @@ pub fn fit(
     let interrupted = stop.load(Ordering::Relaxed);
     let mut uncertainty = None;
     if settings.uncertainty && settings.method == Method::Lm && !interrupted {
-        progress("uncertainty of the parameters");
+        stages.tell("uncertainty of the parameters");
         uncertainty = Uncertainty::of(&context, &found);
     }
     Fit::of(&context, observations, settings, found, structures, uncertainty, interrupted)
@@ -81,18 +85,18 @@ fn find(
     context: &Context<'_>,
     observations: &[Observation],
     settings: &Settings,
-    progress: &dyn Fn(&str),
+    stages: &Stages<'_>,
 ) -> Result<(Found, Vec<StructureRow>)> {
     if settings.method == Method::PatternSearch {
-        return Ok((pattern_search::best_structure(context, settings, progress)?, Vec::new()));
+        return Ok((pattern_search::best_structure(context, settings, stages)?, Vec::new()));
     }
     let Some((topology, branches)) = settings.single_structure() else {
-        return selection::select(context, observations, settings, progress);
+        return selection::select(context, observations, settings, stages);
     };
     if let Some(start) = &settings.start {
         return Ok((context.refined(start, topology)?, Vec::new()));
     }
-    progress("fit");
+    stages.tell("fit");
     let no_fit = || {
         let names: Vec<&str> = observations.iter().map(|o| o.name.as_str()).collect();
         Error::Computation(format!(

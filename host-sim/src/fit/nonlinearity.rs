@@ -18,6 +18,7 @@ use super::observation::{self, Observation, range};
 use super::search::{Context, Found, is_long};
 use super::selection::{self, Criteria, LeftOut, StructureFit, StructureRow};
 use super::settings::Settings;
+use super::stages::{self, Stages};
 use super::whiteness::Whiteness;
 use crate::error::Result;
 use crate::files::recording::Input;
@@ -113,6 +114,11 @@ impl Kind {
     }
 }
 
+/// Number of the kinds that `choice` names for these observations.
+pub(super) fn kinds(choice: CurveChoice, observations: &[Observation]) -> usize {
+    Kind::of(choice, observations).len()
+}
+
 /// The stroke of all `observations` with a margin, and the largest voltage (V).
 fn reach(observations: &[Observation], offset_m: f64) -> ((f64, f64), f64) {
     let (mut low, mut high, mut largest_v) = (0f64, 0f64, 0f64);
@@ -145,7 +151,7 @@ pub fn select(
     context: &Context<'_>,
     observations: &[Observation],
     settings: &Settings,
-    progress: &dyn Fn(&str),
+    stages: &Stages<'_>,
     (linear, rows): (Found, Vec<StructureRow>),
 ) -> Result<(Found, Vec<StructureRow>)> {
     let choice = settings.curve;
@@ -157,7 +163,7 @@ pub fn select(
         return Ok((linear, rows));
     }
     let Some(base) = context.coarsened(&linear.candidate) else { return Ok((linear, rows)) };
-    let bent = Bent { context, scouted: context.scouted(), observations, progress, base, settings };
+    let bent = Bent { context, scouted: context.scouted(), observations, stages, base, settings };
     let mut fits = bent.fits(&kinds)?;
     if choice != CurveChoice::Auto && fits.len() > 1 {
         // What was asked for, not the linear film.
@@ -177,7 +183,7 @@ pub fn select(
     if stays {
         return Ok((linear, rows));
     }
-    progress("all samples");
+    stages.tell("all samples");
     // Between thinned recordings and all samples of long ones the minimum moves little.
     let fine = StoppingCriteria { iterations: 60, decrease: if is_long(context.fine) { 1e-6 } else { 1e-8 } };
     Ok((context.descend(context.fine, &fits[selected].found.candidate, fine).unwrap_or(linear), rows))
@@ -189,7 +195,7 @@ struct Bent<'a> {
     /// Where kinds and numbers of branches are tried.
     scouted: &'a Objective,
     observations: &'a [Observation],
-    progress: &'a dyn Fn(&str),
+    stages: &'a Stages<'a>,
     /// The linear film.
     base: Found,
     settings: &'a Settings,
@@ -198,6 +204,8 @@ struct Bent<'a> {
 impl Bent<'_> {
     /// The linear film, and the films of `kinds` that come near the best of them.
     fn fits(self, kinds: &[Kind]) -> Result<Vec<StructureFit>> {
+        let smaller = || self.settings.branches.iter().filter(|&&n| n <= self.base.candidate.branches());
+        self.stages.expect(kinds.iter().flat_map(|_| smaller().map(|&branches| stages::work(branches))));
         let mut found: Vec<(Kind, Found)> = kinds.iter().flat_map(|&kind| self.smaller(kind)).collect();
         let cost = |(_, found): &(Kind, Found)| found.minimum.cost;
         // What a linear film cannot show, because its error hides it, may need more branches. One recording alone cannot tell them
@@ -238,12 +246,14 @@ impl Bent<'_> {
             fit.left_out_nrmse_pct = left_out.as_ref().and_then(|left_out| left_out.error(self.context, &fit.found));
             Some(fit)
         };
+        self.stages.expect(found.iter().map(|(_, found)| stages::work(found.candidate.branches())));
         let mut fits: Vec<StructureFit> = fit(self.base).into_iter().collect();
         for (kind, found) in found {
             if self.context.stop.load(Ordering::Relaxed) {
                 break;
             }
-            (self.progress)(&format!("{} with n = {}, left out", kind.name(), found.candidate.branches()));
+            let branches = found.candidate.branches();
+            self.stages.begin(format!("{} with n = {branches}, left out", kind.name()), branches);
             fits.extend(fit(found));
         }
         Ok(fits)
@@ -260,7 +270,7 @@ impl Bent<'_> {
             if context.stop.load(Ordering::Relaxed) {
                 break;
             }
-            (self.progress)(&format!("{} with n = {branches}", kind.name()));
+            self.stages.begin(format!("{} with n = {branches}", kind.name()), branches);
             let starts = if branches == base.candidate.branches() {
                 bent(&base.candidate)
             } else {
@@ -286,7 +296,8 @@ impl Bent<'_> {
             && !self.context.stop.load(Ordering::Relaxed)
         {
             let topology = Topology::Parallel;
-            (self.progress)(&format!("{} with n = {}", kind.name(), last.candidate.branches() + 1));
+            let branches = last.candidate.branches() + 1;
+            self.stages.begin(format!("{} with n = {branches}", kind.name()), branches);
             let starts = selection::grown(&last.candidate, topology, self.context);
             let Some(found) = self.context.best_over(self.scouted, &starts) else { break };
             if found.minimum.cost > WORTH * last.minimum.cost {

@@ -13,6 +13,7 @@ use super::levenberg_marquardt::{Minimum, half_square};
 use super::objective::Objective;
 use super::search::{Context, Found};
 use super::settings::{Settings, topology_name};
+use super::stages::Stages;
 use crate::error::{Error, Result};
 
 /// Coefficients in the paper's unit, N·s^α/mm.
@@ -79,11 +80,11 @@ pub fn search(
 /// # Errors
 ///
 /// [`Error::Computation`] if no start has a response.
-pub fn best_structure(context: &Context<'_>, settings: &Settings, progress: &dyn Fn(&str)) -> Result<Found> {
+pub fn best_structure(context: &Context<'_>, settings: &Settings, stages: &Stages<'_>) -> Result<Found> {
     let mut best: Option<Outcome> = None;
     for &topology in &settings.topologies {
         for &branches in &settings.branches {
-            progress(&format!("pattern search, {} with n = {branches}", topology_name(topology)));
+            stages.begin(format!("pattern search, {} with n = {branches}", topology_name(topology)), branches);
             let start = settings.start.clone().unwrap_or_else(|| paper_start(settings.actuator, topology, branches));
             let count = || {
                 context.evaluations.fetch_add(1, Ordering::Relaxed);

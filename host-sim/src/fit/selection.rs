@@ -13,6 +13,7 @@ use super::objective::Objective;
 use super::observation::{self, Observation};
 use super::search::{Context, Found, is_long};
 use super::settings::{Settings, topology_name};
+use super::stages::Stages;
 use super::whiteness::Whiteness;
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
@@ -83,13 +84,13 @@ pub fn select(
     context: &Context<'_>,
     observations: &[Observation],
     settings: &Settings,
-    progress: &dyn Fn(&str),
+    stages: &Stages<'_>,
 ) -> Result<(Found, Vec<StructureRow>)> {
-    let mut fits = fit_structures(context, observations, settings, progress)?;
+    let mut fits = fit_structures(context, observations, settings, stages)?;
     let criteria = Criteria::of(context.compared, &fits);
     let selected = criteria.smallest_that_is_not_worse(&fits);
     let rows = fits.iter().enumerate().map(|(k, fit)| criteria.row(fit, k, k == selected)).collect();
-    progress("the chosen structure on all samples");
+    stages.tell("the chosen structure on all samples");
     Ok((context.finished(fits.swap_remove(selected).found), rows))
 }
 
@@ -147,7 +148,7 @@ fn fit_structures(
     context: &Context<'_>,
     observations: &[Observation],
     settings: &Settings,
-    progress: &dyn Fn(&str),
+    stages: &Stages<'_>,
 ) -> Result<Vec<StructureFit>> {
     let left_out = if is_long(context.fine) {
         LeftOut::new(&observations.iter().map(observation::thinned).collect::<Vec<_>>())?
@@ -166,7 +167,7 @@ fn fit_structures(
             if context.stop.load(Ordering::Relaxed) && !fits.is_empty() {
                 break 'structures;
             }
-            progress(&format!("{} with n = {n}", topology_name(topology)));
+            stages.begin(format!("{} with n = {n}", topology_name(topology)), n);
             let before = smaller.map(|k| &fits[k]);
             let starts = before.map_or_else(Vec::new, |fit| grown(&fit.found.candidate, topology, context));
             let found = context.explored(topology, n, &starts);

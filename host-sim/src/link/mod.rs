@@ -7,8 +7,8 @@ use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use dea_driver::wire::{
-    Answer, BATCH, CHUNK, Command, FRAME_LEN, Identity, Message, Mode, Receiver, Reject, Request, Status, Step,
-    Telemetry, TickCodes, Ticked, VERSION, encode,
+    Answer, BATCH, CHUNK, Command, FRAME_LEN, FrameError, Identity, Message, Mode, Receiver, Reject, Request, Status,
+    Step, Telemetry, TickCodes, Ticked, VERSION, encode,
 };
 use dea_driver::{Cause, DriverState, Refusal, SCHEMA};
 
@@ -34,6 +34,44 @@ pub struct Client {
     /// Of the arming that this conversation goes on; 0 if none.
     token: u16,
     samples: VecDeque<Telemetry>,
+    /// What has come since the last message.
+    noise: Noise,
+}
+
+/// Bytes that are no message: of another device, at another baud rate, or of other firmware.
+#[derive(Debug, Default)]
+struct Noise {
+    bytes: usize,
+    /// The first of them.
+    first: Vec<u8>,
+    /// Version of the link that an intact frame named.
+    version: Option<u8>,
+}
+
+impl Noise {
+    /// So many of the first bytes are shown.
+    const SHOWN: usize = 16;
+
+    fn push(&mut self, byte: u8) {
+        self.bytes += 1;
+        if self.first.len() < Self::SHOWN {
+            self.first.push(byte);
+        }
+    }
+
+    /// Why no answer was understood.
+    fn cause(&self) -> String {
+        match (self.version, self.bytes) {
+            (Some(version), _) => {
+                format!("it speaks version {version} of the link, this tool {VERSION}; flash the firmware of this tool")
+            }
+            (None, 0) => "nobody answers; is the board powered, and is this its port?".into(),
+            (None, bytes) => format!(
+                "something answers, but it is no controller with this link: {bytes} bytes such as \"{}\"; is this its port?",
+                self.first.escape_ascii()
+            ),
+        }
+    }
 }
 
 impl Client {
@@ -43,7 +81,14 @@ impl Client {
     ///
     /// [`Error::Link`] where nobody answers, or somebody of another version.
     pub fn new(port: Port) -> Result<(Self, Identity)> {
-        let mut client = Self { port, receiver: Receiver::new(), sequence: 0, token: 0, samples: VecDeque::new() };
+        let mut client = Self {
+            port,
+            receiver: Receiver::new(),
+            sequence: 0,
+            token: 0,
+            samples: VecDeque::new(),
+            noise: Noise::default(),
+        };
         // What an earlier conversation left half said ends here.
         client.port.write(&[0])?;
         let identity = match client.ask(Command::Identify)? {
@@ -106,7 +151,7 @@ impl Client {
             if !repeats || Instant::now() >= deadline {
                 return Err(self.fault(match rejected {
                     Some(reject) => format!("the request did not arrive as it was sent ({reject:?}); check the wire"),
-                    None => "nobody answers; is the board powered, and is this its port?".into(),
+                    None => self.noise.cause(),
                 }));
             }
         }
@@ -227,9 +272,15 @@ impl Client {
     /// The next message; nothing if none comes before `deadline`.
     fn receive(&mut self, deadline: Instant) -> Result<Option<Message>> {
         while let Some(byte) = self.port.byte(deadline)? {
-            // A message that was damaged on its way is missed by whoever waits for it.
-            if let Some(Ok(message)) = self.receiver.push(byte) {
-                return Ok(Some(message));
+            self.noise.push(byte);
+            match self.receiver.push(byte) {
+                Some(Ok(message)) => {
+                    self.noise = Noise::default();
+                    return Ok(Some(message));
+                }
+                Some(Err(FrameError::Version(version))) => self.noise.version = Some(version),
+                // A message that was damaged on its way is missed by whoever waits for it.
+                Some(Err(_)) | None => {}
             }
         }
         Ok(None)

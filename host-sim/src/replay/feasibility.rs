@@ -10,7 +10,7 @@ use crate::references::minimum_jerk;
 use crate::replay::memory::compressed_law;
 
 /// Whether a reference can be followed, and which offset makes it so.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Feasibility {
     /// Whether it needs no voltage below 0 or above the largest, and no amplifier faster than the board's.
     pub feasible: bool,
@@ -40,6 +40,49 @@ pub struct Feasibility {
     /// What of it the amplifier cannot follow, where it lags.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub amplifier: Option<AmplifierDemand>,
+    /// The limits that are not kept, each with what is needed and what is allowed where it is exceeded most.
+    pub binding: Vec<Binding>,
+    /// A smaller reference that can be followed, where no offset makes this one so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub smaller: Option<Smaller>,
+}
+
+/// A limit that a reference does not keep.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Binding {
+    /// Which one.
+    pub limit: Limit,
+    /// What the reference needs, where it exceeds the limit most, in the limit's unit.
+    pub needed: f64,
+    /// What is allowed there.
+    pub allowed: f64,
+    /// When that is, s.
+    pub at_s: f64,
+}
+
+/// What a reference may ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Limit {
+    /// An electrostatic force that is not negative, N: voltage only stretches a film.
+    Force,
+    /// The largest voltage, V.
+    Voltage,
+    /// The largest electric field, V/m.
+    Field,
+    /// The fastest fall of the amplifier's voltage, V/s.
+    Fall,
+    /// The command that leads by the amplifier's lag, V.
+    Lead,
+}
+
+/// A smaller reference.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Smaller {
+    /// Factor of the reference.
+    pub factor: f64,
+    /// Offset to add to it then, m: a rise of 2 s, then a constant.
+    pub offset_m: f64,
 }
 
 /// What a reference needs of an amplifier that lags.
@@ -103,8 +146,11 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
     let least = demand.least_offset(&below, low_m, high_m);
     let most_offset_m = demand.most_offset(low_m, high_m);
     let square = (0..reference.len()).map(|k| demand.squared_voltage(k, 0.0, demand.force[k])).fold(0.0, f64::max);
+    let least_offset_m = (least.is_finite() && most_offset_m.is_none_or(|most| least <= most)).then_some(least);
+    let feasible = first.is_none() && amplifier_follows;
+    let binding = if feasible { Vec::new() } else { demand.binding(grid) };
     Ok(Feasibility {
-        feasible: first.is_none() && amplifier_follows,
+        feasible,
         field_checked,
         below_zero_pct: share(&below),
         above_largest_pct: share(&above),
@@ -114,10 +160,69 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         largest_voltage_v: square.sqrt(),
         low_m,
         high_m,
-        least_offset_m: (least.is_finite() && most_offset_m.is_none_or(|most| least <= most)).then_some(least),
+        least_offset_m,
         most_offset_m,
         amplifier,
+        binding,
+        smaller: None,
     })
+}
+
+/// As [`check`], and where no offset makes the reference feasible, the largest tenth of it that one does.
+///
+/// # Errors
+///
+/// As [`check`].
+pub fn check_and_mend(
+    parameters: &Parameters,
+    reference: &[f64],
+    grid: Grid,
+    limits: &CommandLimits,
+) -> Result<Feasibility> {
+    let mut found = check(parameters, reference, grid, limits)?;
+    if found.feasible || found.has_offset() {
+        return Ok(found);
+    }
+    let (mut fits, mut too_large) = (0, 10);
+    while too_large - fits > 1 {
+        let tenths = (fits + too_large) / 2;
+        match smaller(parameters, reference, grid, limits, 0.1 * f64::from(tenths))? {
+            Some(smaller) => {
+                fits = tenths;
+                found.smaller = Some(smaller);
+            }
+            None => too_large = tenths,
+        }
+    }
+    Ok(found)
+}
+
+/// The reference times `factor` with an offset that makes it feasible, if there is one: it is checked.
+fn smaller(
+    parameters: &Parameters,
+    reference: &[f64],
+    grid: Grid,
+    limits: &CommandLimits,
+    factor: f64,
+) -> Result<Option<Smaller>> {
+    let scaled: Vec<f64> = reference.iter().map(|x| factor * x).collect();
+    let found = check(parameters, &scaled, grid, limits)?;
+    let offset_m = match (found.least_offset_m, found.most_offset_m) {
+        _ if found.feasible => 0.0,
+        (Some(least), Some(most)) => 0.5 * (least + most),
+        _ => return Ok(None),
+    };
+    let raised: Vec<f64> =
+        scaled.iter().enumerate().map(|(k, x)| x + offset_m * minimum_jerk(grid.time_s(k) / RISE_S)).collect();
+    let feasible = found.feasible || check(parameters, &raised, grid, limits)?.feasible;
+    Ok(feasible.then_some(Smaller { factor, offset_m }))
+}
+
+impl Feasibility {
+    /// Whether an offset makes the reference feasible.
+    pub fn has_offset(&self) -> bool {
+        self.least_offset_m.is_some() && self.most_offset_m.is_some()
+    }
 }
 
 /// What a reference with an offset asks of the actuator.
@@ -192,6 +297,42 @@ impl<'a> Demand<'a> {
     fn exceeds(&self, k: usize, offset: f64, force: f64) -> bool {
         let largest = self.largest(k, offset);
         self.squared_voltage(k, offset, force) / (largest * largest) - 1.0 > 0.0
+    }
+
+    /// The limits that the reference does not keep, each where it is exceeded most.
+    fn binding(&self, grid: Grid) -> Vec<Binding> {
+        let worst = |limit, over: &dyn Fn(usize) -> Option<(f64, f64)>| {
+            let excess = |&(_, (needed, allowed)): &(usize, (f64, f64))| f64::abs(needed - allowed);
+            let most = (0..self.force.len())
+                .filter_map(|k| Some((k, over(k)?)))
+                .max_by(|a, b| excess(a).total_cmp(&excess(b)))?;
+            let (k, (needed, allowed)) = most;
+            Some(Binding { limit, needed, allowed, at_s: grid.time_s(k) })
+        };
+        let voltage = |k: usize| self.squared_voltage(k, 0.0, self.force[k]).max(0.0).sqrt();
+        let field_v = |k: usize| self.actuator.field_voltage(self.limits.max_field_v_per_m, self.displacement(k, 0.0));
+        let (largest_v, largest_field) = (self.limits.max_voltage_v, self.limits.max_field_v_per_m);
+        let over = |needed: f64, allowed: f64| (needed > allowed).then_some((needed, allowed));
+        let mut binding = vec![
+            worst(Limit::Force, &|k| (self.force[k] < -self.slack).then_some((self.force[k], 0.0))),
+            worst(Limit::Voltage, &|k| over(voltage(k), largest_v)),
+            worst(Limit::Field, &|k| over(largest_field * voltage(k) / field_v(k), largest_field)),
+        ];
+        if let Some(lag) = self.lag {
+            let asked = lag.asked(self, 0.0, &self.force);
+            let next = |k: usize| voltage((k + 1).min(self.force.len() - 1));
+            binding.push(worst(Limit::Fall, &|k| {
+                asked.falls_too_fast[k].then(|| {
+                    let fall = |share: f64| share * grid.rate_hz;
+                    (fall(voltage(k) - next(k)), fall(voltage(k) * (1.0 - lag.left)))
+                })
+            }));
+            binding.push(worst(Limit::Lead, &|k| {
+                asked.leads_too_high[k]
+                    .then(|| (voltage(k) + (next(k) - voltage(k)) / lag.up, self.largest(k + 1, 0.0)))
+            }));
+        }
+        binding.into_iter().flatten().collect()
     }
 
     /// The largest voltage (V) at sample `k` of the reference with `offset` (m), for the field as well.

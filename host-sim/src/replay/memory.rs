@@ -8,6 +8,7 @@ use springpot::{Compressed, Law, LawError, Memory, Method, Options, Real, State,
 use crate::error::{Error, Result};
 use crate::files::parameters::Film;
 use crate::grid::Grid;
+use crate::quantity;
 
 /// How much of the past a run remembers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,10 +30,12 @@ impl FromStr for MemoryChoice {
             "full" => Ok(Self::Full),
             _ => text
                 .strip_prefix("window:")
-                .and_then(|seconds| seconds.parse().ok())
-                .filter(|seconds: &f64| seconds.is_finite() && *seconds > 0.0)
+                .and_then(|text| quantity::seconds(text).ok())
+                .filter(|seconds| *seconds > 0.0)
                 .map(Self::Window)
-                .ok_or_else(|| "use compressed, full or window:SECONDS with seconds above 0".into()),
+                .ok_or_else(|| {
+                    "use compressed, full or window:SECONDS with seconds above 0, such as window:10s".into()
+                }),
         }
     }
 }
@@ -181,12 +184,19 @@ pub type VecWindow<T> = Window<T, Vec<T>>;
 /// A law with its state at rest.
 pub type AtRest<T, M> = (Law<T, M>, State<T, M>);
 
+/// Most steps per second of a law.
+const FASTEST_HZ: f64 = 1e9;
+
 /// The law that the controller steps at `rate_hz`.
 ///
 /// # Errors
 ///
 /// [`Error`] for a rate or a model that is refused.
 pub fn compressed_law<T: Real>(film: Film<'_>, rate_hz: f64) -> Result<Law<T, Compressed<T>>> {
+    // Beyond, a horizon has more steps than can be counted.
+    if rate_hz > FASTEST_HZ {
+        return Err(Error::option("--rate", format!("{rate_hz:?} Hz; a law takes at most {FASTEST_HZ:e} Hz")));
+    }
     let options = Options::at_step(1.0 / rate_hz).with_method(film.method);
     let law = Law::compressed(film.model, options).map_err(|error| match error {
         LawError::Step(_) | LawError::Horizon { .. } => {

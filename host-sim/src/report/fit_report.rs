@@ -150,7 +150,7 @@ impl FitReport {
         }
     }
 
-    /// The report as text.
+    /// The report as text, without the warnings.
     pub fn text(&self) -> String {
         let mut text = String::new();
         if !self.structures.is_empty() {
@@ -181,9 +181,6 @@ impl FitReport {
         }
         if let Some(compression) = &self.compression {
             let _ = writeln!(text, "{}", compression.text());
-        }
-        for warning in &self.warnings {
-            let _ = writeln!(text, "warning: {warning}");
         }
         let _ = write!(
             text,

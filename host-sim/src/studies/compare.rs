@@ -15,6 +15,7 @@ use crate::fit::objective::Objective;
 use crate::fit::observation::Observation;
 use crate::fit::search::{Context, Found, PreparedObservations};
 use crate::fit::selection::{self, LeftOut};
+use crate::progress::Stage;
 use crate::studies::prandtl_ishlinskii::PrandtlIshlinskii;
 
 /// A model of the comparison, as `compare --json` prints it.
@@ -65,7 +66,7 @@ const MODELS: [(&str, CreepModel); 10] = [
 ];
 
 /// Fits every model to `observations` and to all of them but one, and foretells `beyond`, the same recordings after what is fitted of
-/// them; `progress` is called with the name of each model.
+/// them; `progress` is called with each model as it begins.
 ///
 /// # Errors
 ///
@@ -74,7 +75,7 @@ pub fn compare(
     observations: &[Observation],
     beyond: &[Observation],
     settings: &Settings,
-    progress: &dyn Fn(&str),
+    progress: &dyn Fn(&Stage),
 ) -> Result<Vec<ModelRow>> {
     let foretold = if beyond.is_empty() { None } else { Some(Objective::new(beyond)?) };
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;
@@ -84,8 +85,8 @@ pub fn compare(
     let left_out = LeftOut::new(observations)?;
     let mut rows = Vec::new();
     let mut smaller: Option<Candidate> = None;
-    for (name, model) in MODELS {
-        progress(name);
+    for (index, (name, model)) in MODELS.into_iter().enumerate() {
+        progress(&Stage::of(name, index + 1, MODELS.len() + 1));
         let found = model
             .best(context, smaller.as_ref())
             .ok_or_else(|| Error::Computation(format!("{name}: no fit was found")))?;
@@ -103,7 +104,7 @@ pub fn compare(
             step_ns: model.step_ns(&found.candidate, &observations[0].input)?,
         });
     }
-    progress("Prandtl–Ishlinskii");
+    progress(&Stage::of("Prandtl–Ishlinskii", MODELS.len() + 1, MODELS.len() + 1));
     rows.push(prandtl_ishlinskii(observations)?);
     Ok(rows)
 }

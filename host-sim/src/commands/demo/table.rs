@@ -18,10 +18,6 @@ pub(super) fn text(report: &Report<'_>) -> String {
         fit.topology,
         fit.branches
     );
-    // The page shows them all. Of a user's own film they matter at once.
-    for warning in fit.warnings.iter().filter(|_| !report.simulated) {
-        let _ = writeln!(text, "warning: {warning}");
-    }
     let _ =
         writeln!(text, "\nreplayed through the controller's code, f32 at 1 kHz:\n{}", replay::table(&report.replay));
     match &report.reference {

@@ -16,6 +16,7 @@ use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::Observation;
 use crate::fit::{self, Fit, Settings, Warning};
 use crate::interrupt;
+use crate::progress::Progress;
 use crate::report::compression::Compression;
 use crate::report::fit_page::FitPage;
 use crate::report::fit_report::FitReport;
@@ -60,10 +61,14 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     for job in jobs {
         // A fit that was not begun is not written.
         if stop.load(Ordering::Relaxed) && !reports.is_empty() {
-            eprintln!("host-sim: interrupted: {} of {all} recordings are fitted", reports.len());
+            terminal::message(format!("interrupted: {} of {all} recordings are fitted", reports.len()));
             break;
         }
         reports.push(job.run(&settings, direction)?);
+    }
+    for report in &reports {
+        let of = if arguments.each { format!("{}: ", report.parameters_file) } else { String::new() };
+        terminal::warnings(json, report.warnings.iter().map(|warning| format!("{of}{warning}")));
     }
     match reports.as_slice() {
         [report] if !arguments.each => terminal::report(json, report, || report.text()),
@@ -143,9 +148,8 @@ impl Job<'_> {
     /// Fits.
     pub(super) fn fit(self, settings: &Settings, direction: Direction) -> Result<Done> {
         let started = Instant::now();
-        let bar = terminal::spinner();
-        let progress = |message: &str| bar.set_message(message.to_owned());
-        let mut fit = fit::fit(&self.observations, settings, interrupt::stop_flag(), &progress)?;
+        let bar = Progress::unknown("fit");
+        let mut fit = fit::fit(&self.observations, settings, interrupt::stop_flag(), &|stage| bar.enter(stage))?;
         bar.finish_and_clear();
         fit.warnings.splice(0..0, self.warnings);
         let seconds = started.elapsed().as_secs_f64();

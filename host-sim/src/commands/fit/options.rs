@@ -5,7 +5,7 @@ use std::path::Path;
 use clap::{Args, ValueEnum};
 use springpot::{Actuator, MAX_BRANCHES, Topology};
 
-use crate::commands::options::assumed_actuator;
+use crate::commands::options::{assumed_actuator, checked_starts};
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
@@ -15,6 +15,7 @@ use crate::fit::nonlinearity::CurveChoice;
 use crate::fit::observation::{self, Observation, Reading};
 use crate::fit::preparation::{Gaps, Preparation, Window};
 use crate::fit::{Loss, Method, Settings, Warning};
+use crate::quantity;
 
 /// Options of a fit.
 #[derive(Clone, Debug, Args)]
@@ -62,7 +63,7 @@ pub(super) struct FitOptions {
     #[arg(long, value_enum, default_value_t = Sharing::Joint)]
     gain: Sharing,
     /// Time without rows, s, beyond which --at-gap applies. By default the input is interpolated.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds)]
     gap: Option<f64>,
     /// What is done at a gap: end the recording there, or skip as much time after it as it lasted.
     #[arg(long, value_enum, default_value_t = AtGap::End, requires = "gap")]
@@ -71,11 +72,11 @@ pub(super) struct FitOptions {
     #[arg(long)]
     invert: bool,
     /// Fit what was measured from here on, s; the model still runs from the first row.
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 0.0)]
     from: f64,
     /// Fit what was measured up to here, s. The default is the end.
-    #[arg(long, value_name = "S", default_value_t = f64::INFINITY, hide_default_value = true)]
-    to: f64,
+    #[arg(long, value_name = "S", value_parser = quantity::seconds)]
+    to: Option<f64>,
     /// Seed of the random starts.
     #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
     seed: u64,
@@ -111,7 +112,7 @@ fn weight(text: &str) -> std::result::Result<Weight, String> {
     if text == "log-time" {
         return Ok(Weight::LogTime);
     }
-    text.parse().map(Weight::Recording).map_err(|_| "use a number for each recording, or log-time".into())
+    quantity::number(text).map(Weight::Recording).map_err(|cause| format!("{cause}; or use log-time"))
 }
 
 /// Whether the recordings share a quantity of their readings.
@@ -146,9 +147,8 @@ impl FitOptions {
             offset_m: parameters.sensor_offset_m,
             bend: parameters.curve.as_ref().map_or(Bend::Straight, Bend::of),
         });
-        if self.starts == 0 && start.is_none() {
-            return Err(Error::option("--starts", "at least 1 is needed"));
-        }
+        // From a given start no random one is needed.
+        checked_starts(self.starts.max(usize::from(start.is_some())))?;
         let (mut freed, held) = self.freed_and_held(&actuator, start.as_ref())?;
         if self.offset == Sharing::PerRecording {
             freed.retain(|variable| *variable != Variable::Offset);
@@ -265,11 +265,11 @@ impl FitOptions {
         if let Some(weight) = weights.iter().find(|w| !(1e-6..=1e6).contains(*w)) {
             return Err(Error::option("--weights", format!("{weight:?} must be from 1e-6 to 1e6")));
         }
-        if !(self.from >= 0.0 && self.from.is_finite()) {
-            return Err(Error::option("--from", format!("{:?} s must be finite and at least 0", self.from)));
+        if self.from < 0.0 {
+            return Err(Error::option("--from", format!("{:?} s must be at least 0", self.from)));
         }
-        if self.to.is_nan() || self.to <= self.from {
-            return Err(Error::option("--to", format!("{:?} s must be after --from, {:?} s", self.to, self.from)));
+        if let Some(to) = self.to.filter(|to| *to <= self.from) {
+            return Err(Error::option("--to", format!("{to:?} s must be after --from, {:?} s", self.from)));
         }
         let gaps = match (self.gap, self.at_gap) {
             (None, _) => Gaps::Interpolate,
@@ -279,7 +279,7 @@ impl FitOptions {
             (Some(gap), AtGap::End) => Gaps::End(gap),
             (Some(gap), AtGap::Skip) => Gaps::Skip(gap),
         };
-        let window = Window { from_s: self.from, to_s: self.to };
+        let window = Window { from_s: self.from, to_s: self.to.unwrap_or(f64::INFINITY) };
         let preparation = Preparation { window, gaps, inverted: self.invert, log_time };
         // The mean is 1, so that residuals keep their unit.
         let mean = weights.iter().sum::<f64>() / weights.len().max(1) as f64;

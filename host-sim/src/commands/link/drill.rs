@@ -13,6 +13,7 @@ use super::live;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::link::{Client, named};
+use crate::quantity;
 use crate::terminal;
 
 /// What a board that panics may take to answer again.
@@ -24,8 +25,8 @@ pub(super) struct Drills {
     #[arg(value_enum, value_name = "FAULT")]
     faults: Vec<Fault>,
     /// The voltage at which the fault comes, V.
-    #[arg(long, value_name = "V", default_value_t = 1000.0)]
-    voltage: f32,
+    #[arg(long, value_name = "V", value_parser = quantity::volts, default_value_t = 1000.0)]
+    voltage: f64,
 }
 
 /// A fault that is caused on purpose.
@@ -141,8 +142,8 @@ impl Drills {
         }
         ended?;
         if client.status()?.rate_hz == 0.0 {
-            eprintln!(
-                "host-sim: the board has started again, without the parameters that were only tried: upload them anew"
+            terminal::message(
+                "the board has started again, without the parameters that were only tried: upload them anew",
             );
         }
         if failed.is_empty() { Ok(()) } else { Err(Error::Computation(format!("drills that failed: {failed}"))) }
@@ -175,7 +176,7 @@ impl Drills {
     /// With the amplifier enabled.
     fn cause(&self, fault: Fault, client: &mut Client, stop: &AtomicBool) -> Result<Ended> {
         client.order(Command::Start(Mode::Voltage))?;
-        let stood_v = stand(client, Some(self.voltage), stop)?;
+        let stood_v = stand(client, Some(self.voltage as f32), stop)?;
         match client.ask(Command::Drill(fault.drill())) {
             Ok(Answer::Done) => {}
             Ok(Answer::Rejected(Reject::Unknown)) => return Err(unknown(fault)),
@@ -186,7 +187,7 @@ impl Drills {
         }
         if fault == Fault::Monitor {
             // It stays where it is, which shows once the voltage changes.
-            client.order(Command::SetVoltage(0.5 * self.voltage))?;
+            client.order(Command::SetVoltage(0.5 * self.voltage as f32))?;
         }
         let patience = if fault.resets() { COMES_BACK } else { PATIENCE };
         let mut status: Option<Status> = None;

@@ -15,10 +15,13 @@ use crate::commands::recordings::RecordingOptions;
 use crate::error::{Error, Result, shown};
 use crate::files::journal::{Journal, Recovered};
 use crate::files::output::{self, Folders};
+use crate::files::parameters::as_written;
 use crate::files::recording::Input;
 use crate::grid::Grid;
 use crate::interrupt;
 use crate::link::{Client, named};
+use crate::progress::Progress;
+use crate::quantity;
 use crate::references;
 use crate::terminal;
 
@@ -48,7 +51,7 @@ pub(super) struct Stream {
     #[arg(long, value_name = "TICKS", default_value_t = 10)]
     every: u16,
     /// End after so many seconds of the board's time instead of at Ctrl-C.
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = quantity::seconds)]
     duration: Option<f64>,
 }
 
@@ -98,7 +101,7 @@ impl Stream {
         let mut log = Log::begin(&mut client, self)?;
         // It listens: whoever armed keeps the amplifier enabled, not this.
         let ended = self.begin(&mut client).and_then(|()| self.talk(&mut client, &mut log, stop, |_, _| Ok(true)));
-        self.finish(client, log, ended, json)
+        self.finish(client, log, true, ended, json)
     }
 
     /// Lets the board stream.
@@ -114,7 +117,7 @@ impl Stream {
         stop: &AtomicBool,
         mut say: impl FnMut(f64, &mut Client) -> Result<bool>,
     ) -> Result<()> {
-        let bar = terminal::spinner();
+        let bar = Progress::unknown("no samples yet");
         let start = Instant::now();
         let mut time = BoardTime::new(log.rate_hz, self.every);
         let mut next = Duration::ZERO;
@@ -150,14 +153,15 @@ impl Stream {
         Ok(())
     }
 
-    /// Ends the stream and keeps what came, whatever ended it: that is told before anything else.
-    fn finish(&self, mut client: Client, mut log: Log, ended: Result<()>, json: bool) -> Result<()> {
+    /// Ends the stream and keeps what came, whatever ended it: that is told before anything else. A run that has not `begun` leaves
+    /// the file as it is.
+    fn finish(&self, mut client: Client, mut log: Log, begun: bool, ended: Result<()>, json: bool) -> Result<()> {
         let state = client.order(Command::Stream { every: 0 }).and_then(|()| client.status());
         let parameters = parameters_of(&mut client);
         // What came while something else was waited for.
         let rest = client.waiting_samples().iter().try_for_each(|sample| log.push(sample));
         let Log { samples, dropped, journal, .. } = log;
-        let written = rest.and(if samples > 0 { journal.finish() } else { journal.discard() });
+        let written = rest.and(if begun && samples > 0 { journal.finish() } else { journal.discard() });
         ended?;
         written?;
         let (parameters, checksum) = parameters?.unzip();
@@ -222,15 +226,17 @@ impl Play {
         let armed = self.arm(&mut client, &values);
         if armed.is_err() {
             // What another host has armed is its own.
-            return self.stream.finish(client, log, armed, json);
+            return self.stream.finish(client, log, false, armed, json);
         }
-        let played = self.play(&mut client, &mut log, &values, stop);
+        let started = self.start(&mut client);
+        let begun = started.is_ok();
+        let played = started.and_then(|()| self.play(&mut client, &mut log, &values, stop));
         // 0 V before anything else, whatever has happened. After a trip it is there already.
         let disarmed = disarm(&mut client);
         let live = client.status().is_ok_and(|status| status.state == DriverState::Tripped(Cause::LiveFilm));
         // A live film is told before what led to it.
         let ended = if live { disarmed.and(played) } else { played.and(disarmed) };
-        self.stream.finish(client, log, ended, json)
+        self.stream.finish(client, log, begun, ended, json)
     }
 
     /// Arms, with values that the board accepts.
@@ -240,18 +246,22 @@ impl Play {
         if let Some(&value) = values.iter().max_by(by_size) {
             let answer = client.ask(self.set(value))?;
             if answer == Answer::Rejected(Reject::Value) {
-                return Err(client.unexpected(&answer).about_value(&self.recording, f64::from(value)));
+                return Err(client.unexpected(&answer).about_value(&self.recording, as_written(value)));
             }
         }
         self.stream.begin(client)?;
         client.arm().map(drop)
     }
 
-    fn play(&self, client: &mut Client, log: &mut Log, values: &[f32], stop: &AtomicBool) -> Result<()> {
+    /// Begins the run.
+    fn start(&self, client: &mut Client) -> Result<()> {
         if self.carry_over {
             client.order(Command::Learning(LearningOrder::CarryOver))?;
         }
-        client.order(Command::Start(self.mode.into()))?;
+        client.order(Command::Start(self.mode.into()))
+    }
+
+    fn play(&self, client: &mut Client, log: &mut Log, values: &[f32], stop: &AtomicBool) -> Result<()> {
         let mut damaged = 0;
         let mut rounds = 0;
         let most_stood = MOST_ROUNDS_STOOD + SENT_HZ * f64::from(self.stream.every) / log.rate_hz;
@@ -291,8 +301,7 @@ impl Play {
 pub(super) fn disarm(client: &mut Client) -> Result<()> {
     let mut done = client.order(Command::Disarm);
     let start = Instant::now();
-    let bar = terminal::spinner();
-    bar.set_message("waits until the film is at 0 V");
+    let bar = Progress::unknown("waits until the film is at 0 V");
     let mut at_0_v = 0;
     loop {
         let status = client.status()?;
@@ -340,7 +349,7 @@ impl Log {
         let (journal, recovered) = Journal::begin(out, &columns)?;
         if let Some(Recovered { path, rows }) = recovered {
             let (out, path) = (shown(out), shown(&path));
-            eprintln!("host-sim: an earlier run for {out} was killed: its {rows} samples are kept in {path}");
+            terminal::message(format!("an earlier run for {out} was killed: its {rows} samples are kept in {path}"));
         }
         // Without parameters there are no ticks, so no samples either.
         let rate_hz = Some(f64::from(client.status()?.rate_hz)).filter(|&rate_hz| rate_hz > 0.0).unwrap_or(1000.0);
@@ -365,14 +374,14 @@ type Column = (&'static str, fn(&Telemetry) -> f64);
 /// Behind the time.
 const COLUMNS: [Column; 11] = [
     ("tick", |sample| f64::from(sample.tick)),
-    ("command_v", |sample| f64::from(sample.command_v)),
-    ("voltage_v", |sample| f64::from(sample.monitor_v)),
-    ("displacement_m", |sample| f64::from(sample.displacement_m)),
-    ("predicted_m", |sample| f64::from(sample.predicted_m)),
-    ("reference_m", |sample| f64::from(sample.reference_m)),
-    ("disturbance_n", |sample| f64::from(sample.disturbance_n)),
-    ("force_scale", |sample| f64::from(sample.force_scale)),
-    ("innovation_m", |sample| f64::from(sample.innovation_m)),
-    ("learned_m", |sample| f64::from(sample.learned_m)),
+    ("command_v", |sample| as_written(sample.command_v)),
+    ("voltage_v", |sample| as_written(sample.monitor_v)),
+    ("displacement_m", |sample| as_written(sample.displacement_m)),
+    ("predicted_m", |sample| as_written(sample.predicted_m)),
+    ("reference_m", |sample| as_written(sample.reference_m)),
+    ("disturbance_n", |sample| as_written(sample.disturbance_n)),
+    ("force_scale", |sample| as_written(sample.force_scale)),
+    ("innovation_m", |sample| as_written(sample.innovation_m)),
+    ("learned_m", |sample| as_written(sample.learned_m)),
     ("limited", |sample| f64::from(sample.limited)),
 ];

@@ -17,6 +17,7 @@ use serde::Serialize;
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
 use crate::link::{Client, Port};
+use crate::quantity;
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -129,11 +130,11 @@ struct Set {
 #[group(required = true, multiple = false)]
 struct Target {
     /// Voltage at the film, V.
-    #[arg(long, value_name = "V", allow_hyphen_values = true)]
-    voltage: Option<f32>,
+    #[arg(long, value_name = "V", value_parser = quantity::volts)]
+    voltage: Option<f64>,
     /// Displacement, m.
-    #[arg(long, value_name = "M", allow_hyphen_values = true)]
-    reference: Option<f32>,
+    #[arg(long, value_name = "M", value_parser = quantity::metres)]
+    reference: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, Args)]
@@ -169,7 +170,7 @@ struct Source {
     #[arg(long, value_name = "P.bin")]
     blob: Option<PathBuf>,
     /// Ticks per second.
-    #[arg(long, value_name = "HZ", default_value_t = 1000.0, conflicts_with = "blob")]
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0, conflicts_with = "blob")]
     rate: f64,
     /// Take calibrations and limits of the paper's bench (10 V for 10 kV, 6 kV at the most) where the file tells none.
     #[arg(long)]
@@ -267,8 +268,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 impl Target {
     fn command(&self) -> Command {
         match (self.voltage, self.reference) {
-            (Some(volts), _) => Command::SetVoltage(volts),
-            (None, metres) => Command::SetReference(metres.unwrap_or_default()),
+            (Some(volts), _) => Command::SetVoltage(volts as f32),
+            (None, metres) => Command::SetReference(metres.unwrap_or_default() as f32),
         }
     }
 }

@@ -13,6 +13,7 @@ use super::live;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::link::{Client, named};
+use crate::quantity;
 use crate::terminal;
 
 /// What a board may take to come back from a reset.
@@ -30,8 +31,8 @@ const PLUGGED_V: std::ops::RangeInclusive<f32> = 0.05..=10.2;
 #[derive(Debug, Args)]
 pub(super) struct SelfTest {
     /// The voltage that is commanded and looked for at the monitor, V.
-    #[arg(long, value_name = "V", default_value_t = 50.0)]
-    voltage: f32,
+    #[arg(long, value_name = "V", value_parser = quantity::volts, default_value_t = 50.0)]
+    voltage: f64,
     /// Ask for the interlock to be opened and closed by hand while the amplifier is enabled at 0 V.
     #[arg(long)]
     interlock: bool,
@@ -137,7 +138,7 @@ impl SelfTest {
 
     /// Whether `volts` are within what is allowed of `wanted_v`.
     fn agree(&self, volts: f64, wanted_v: f64) -> bool {
-        (volts - wanted_v).abs() <= SHARE * f64::from(self.voltage)
+        (volts - wanted_v).abs() <= SHARE * self.voltage
     }
 
     /// With the amplifier enabled: its pin, the DAC, a voltage, and the interlock.
@@ -157,8 +158,8 @@ impl SelfTest {
             parts.dac == Part::Answers,
         );
         client.order(Command::Start(Mode::Voltage))?;
-        let stood_v = stand(client, Some(self.voltage), stop)?;
-        let (rise_v, wanted_v) = (stood_v - zero_v, f64::from(self.voltage));
+        let stood_v = stand(client, Some(self.voltage as f32), stop)?;
+        let (rise_v, wanted_v) = (stood_v - zero_v, self.voltage);
         checks.add(
             "monitor",
             format!("{rise_v:.1} V above {zero_v:.1} V at a command of 0 V"),
@@ -207,7 +208,7 @@ impl SelfTest {
         ) {
             return Ok(());
         }
-        eprintln!("host-sim: open the interlock now");
+        terminal::message("open the interlock now");
         let trip = DriverState::Tripped(Cause::Interlock);
         let opened = wait(client, BY_HAND, stop, |client| {
             // What keeps it armed; once it has tripped it is refused.
@@ -219,7 +220,7 @@ impl SelfTest {
         if !checks.add("interlock, opened", found, "a trip: the contact opens, and is wired here", state == trip) {
             return Ok(());
         }
-        eprintln!("host-sim: close it again");
+        terminal::message("close it again");
         let closed = wait(client, BY_HAND, stop, |client| Ok(inspect(client)?.interlock_closed))?;
         checks.add("interlock, closed again", if closed { "closed" } else { "open" }, "closed", closed);
         client.order(Command::Acknowledge)

@@ -9,7 +9,7 @@ use springpot::{Actuator, AmplifierLag, CommandLimits, Law};
 
 use super::calibration::AmplifierTable;
 use super::{Parameters, calibration};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, short};
 use crate::replay::memory::compressed_law;
 
 /// The board of a parameter file.
@@ -201,7 +201,7 @@ impl Parameters {
     pub fn checked_blob(&self, rate_hz: f64) -> Result<(Vec<u8>, Board)> {
         let board = self.board_or_bench(rate_hz);
         let blob = self.to_blob(&board, rate_hz)?;
-        <Blob>::decode(&blob, board.id).map_err(|e| Error::Computation(e.to_string()))?;
+        <Blob>::decode(&blob, board.id).map_err(|e| Error::Computation(short(&e)))?;
         Ok((blob, board))
     }
 
@@ -228,7 +228,7 @@ impl Parameters {
             control: board.control,
         };
         let mut bytes = vec![0; BLOB_LEN];
-        let refused = |error: BlobError| Error::Computation(error.to_string());
+        let refused = |error: BlobError| Error::Computation(short(&error));
         let length = parameters.encode(board.id, &mut bytes).map_err(refused)?;
         bytes.truncate(length);
         Ok(bytes)

@@ -6,6 +6,8 @@ use serde::Deserialize;
 use springpot::{Actuator, Curve, CurveError, Knot, Rubber};
 use toml::Spanned;
 
+use crate::error::short;
+
 /// An elastic curve as it is written, and as the pieces that a controller runs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ElasticCurve {
@@ -151,7 +153,7 @@ impl CurveTable {
                 };
                 let rubber = Rubber { share: needed("share", self.share)?, limit, rest_stretch, free_length_m };
                 let range = (needed("from_m", self.from_m)?, needed("to_m", self.to_m)?);
-                ElasticCurve::rubber(rubber, range.0, range.1).map(Some).map_err(|e| e.to_string())
+                ElasticCurve::rubber(rubber, range.0, range.1).map(Some).map_err(|e| short(&e))
             }
             ElasticName::Free => self.free().map(Some),
         }
@@ -180,6 +182,6 @@ impl CurveTable {
                 Curve::new(&knots).or_else(|_| Curve::scaled(&knots))
             }
         };
-        curve.map(ElasticCurve::free).map_err(|e| e.to_string())
+        curve.map(ElasticCurve::free).map_err(|e| short(&e))
     }
 }

@@ -14,7 +14,7 @@ use serde::de::DeserializeOwned;
 use springpot::{Actuator, Curve, Maxwell, Method, Preset};
 use toml::Spanned;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, short};
 pub use board::{Board, as_written};
 pub use curve::{ElasticCurve, Shape};
 use format::{ActuatorFileTable, ActuatorTable, BoardFileTable, FileTable, SCHEMAS};
@@ -200,7 +200,7 @@ impl Parameters {
         let model = file
             .model
             .model(actuator.mass_kg)
-            .map_err(|e| place.error(file.model.place_of(&e).unwrap_or(0..0), e.to_string()))?;
+            .map_err(|e| place.error(file.model.place_of(&e).unwrap_or(0..0), short(&e)))?;
         let offset = file.sensor.as_ref().map(|sensor| &sensor.offset_m);
         let sensor_offset_m = offset.map_or(0.0, |offset| *offset.get_ref());
         if !sensor_offset_m.is_finite() {
@@ -230,7 +230,7 @@ impl Parameters {
             let board = table.get_ref().board(parameters.bench(1000.0));
             // What a controller would refuse of the board is refused here, where its line is known. The rate does not matter.
             let checked = parameters.to_blob(&board, 1000.0);
-            checked.map_err(|e| place.error(table.span(), e.to_string()))?;
+            checked.map_err(|e| place.error(table.span(), short(&e)))?;
             parameters.board = Some(board);
         }
         Ok(parameters)
@@ -318,7 +318,7 @@ impl Place<'_> {
         if let (1, Some((span, name))) = (schema, table.place_of_new()) {
             return Err(self.error(span, needs_schema_2(name)));
         }
-        actuator.check().map_err(|e| self.error(table.place_of(&e).unwrap_or(0..0), e.to_string()))?;
+        actuator.check().map_err(|e| self.error(table.place_of(&e).unwrap_or(0..0), short(&e)))?;
         Ok(actuator)
     }
 }

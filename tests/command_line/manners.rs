@@ -1,0 +1,296 @@
+//! What the tool says while it works and how it ends: exit statuses, warnings, progress, figures, folders.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+use serde_json::Value;
+use tempfile::TempDir;
+use tests::recordings;
+use tests::tool::{names, text};
+
+use crate::TOOL;
+
+fn run(arguments: &[&str]) -> Output {
+    TOOL.with(arguments).output().expect("runs")
+}
+
+fn utf8(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).expect("UTF-8")
+}
+
+/// A shell that runs the tool with `arguments` after `before`.
+#[cfg(target_os = "linux")]
+fn shell(before: &str, arguments: &[&str]) -> Command {
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("{before}; exec \"$0\" \"$@\""), TOOL.0]).args(arguments);
+    command
+}
+
+/// Shells and schedulers tell Ctrl-C, TERM and HUP apart by the exit status. Under `nohup` a hang-up ends nothing.
+#[cfg(target_os = "linux")]
+#[test]
+fn each_signal_has_its_exit_status() {
+    let folder = TempDir::new().expect("a folder");
+    let profile = folder.path().join("long.csv");
+    fs::write(&profile, "time_s,voltage_v\n0,0\n6000,6000\n").expect("written");
+    let out = folder.path().join("out.csv");
+    let arguments = ["simulate", "--params", "preset:table3-n2", "--profile", text(&profile), "--out", text(&out)];
+    let files = || fs::read_dir(folder.path()).expect("a folder").count();
+    for (signals, before, status) in [
+        (["TERM"].as_slice(), ":", 143),
+        (&["HUP"], ":", 129),
+        (&["INT"], ":", 130),
+        (&["HUP", "TERM"], "trap '' HUP", 143),
+    ] {
+        let mut running = shell(before, &arguments).stdout(Stdio::null()).spawn().expect("runs");
+        while files() < 2 {
+            assert!(running.try_wait().expect("waits").is_none(), "it is done before it wrote anything");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        for signal in signals {
+            let kill = Command::new("kill").args([&format!("-{signal}"), &running.id().to_string()]).status();
+            assert!(kill.expect("kills").success());
+        }
+        assert_eq!(running.wait().expect("ends").code(), Some(status), "{signals:?} after {before}");
+        assert_eq!(files(), 1, "only the profile is left");
+    }
+}
+
+/// A full disk: what could not be written leaves no folder either.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_leaves_no_folder() {
+    let folder = TempDir::new().expect("a folder");
+    let [recording, ..] = recordings("wang");
+    let new = folder.path().join("new/results");
+    for arguments in [
+        ["replay", "--params", "preset:table3-n2", text(&recording), "--out", text(&new)].as_slice(),
+        &["demo", "--out", text(&new)],
+        &["man", "--out", text(&new)],
+    ] {
+        // No file may hold a byte; the write fails as it does on a full disk.
+        let output = shell("trap '' XFSZ; ulimit -f 0", arguments).output().expect("runs");
+        let line = utf8(&output.stderr);
+        assert_eq!((output.status.code(), line.lines().count()), (Some(2), 1), "{line}");
+        names(&line, &["new/results", "too large"]);
+        assert!(!folder.path().join("new").exists(), "{arguments:?}");
+    }
+    // A folder that was there stays.
+    fs::create_dir_all(&new).expect("made");
+    let arguments = ["replay", "--params", "preset:table3-n2", text(&recording), "--out", text(&new)];
+    assert_eq!(shell("trap '' XFSZ; ulimit -f 0", &arguments).output().expect("runs").status.code(), Some(2));
+    assert_eq!(fs::read_dir(&new).expect("it stays").count(), 0);
+}
+
+/// Of a measurement that does not change there is no R²: a dash, and the reason, in place of NaN.
+#[test]
+fn no_nan_is_printed() {
+    let folder = TempDir::new().expect("a folder");
+    let head = "time_s,voltage_v,displacement_m\n";
+    for rows in ["0,0,1e-3\n1,1000,1e-3\n2,0,1e-3\n", "0,0,0\n1,1000,0\n", "0,0,1e-170\n1,1000,2e-170\n"] {
+        let file = folder.path().join("rec.csv");
+        fs::write(&file, head.to_owned() + rows).expect("written");
+        let arguments = ["replay", "--params", "preset:table3-n2", text(&file)];
+        let output = run(&arguments);
+        let table = utf8(&output.stdout);
+        assert!(output.status.success() && !table.contains("NaN") && !table.contains("inf"), "{table}");
+        names(&table, &["–", "the measurement does not change"]);
+        let row = &TOOL.json(&arguments)["recordings"][0];
+        assert!(row["r2"].is_null() && row["nrmse_pct"].is_null() && row["rmse_m"].is_number(), "{row}");
+    }
+}
+
+#[test]
+fn what_cannot_be_is_refused_before_the_memory_is_full() {
+    let folder = TempDir::new().expect("a folder");
+    let [recording, ..] = recordings("wang");
+    let out = folder.path().join("p.toml");
+    for starts in ["1000000000000", "100001", "0"] {
+        names(&TOOL.fails(&["fit", text(&recording), "--out", text(&out), "--starts", starts]), &["--starts", starts]);
+        names(&TOOL.fails(&["compare", text(&recording), "--starts", starts]), &["--starts", starts]);
+    }
+    let start = ["--start", "preset:table3-n1", "--starts", "1000000000000"];
+    names(&TOOL.fails(&[&["fit", text(&recording), "--out", text(&out)][..], &start].concat()), &["--starts"]);
+    let sine =
+        ["reference", "--low", "0", "--high", "1mm", "--period", "10s", "--duration", "20s", "--out", text(&out)];
+    let rise = |shape: &str, rise: &str| TOOL.fails(&[&sine[..], &["--shape", shape, "--rise", rise]].concat());
+    for shape in ["sine", "triangle", "random-walk", "steps"] {
+        names(&rise(shape, "1e9"), &["--rise", "1000000000", "20"]);
+    }
+    names(&rise("sine", "20.1s"), &["--rise", "never arrive"]);
+    names(&rise("steps", "11s"), &["--rise", "plateau"]);
+    assert!(!out.exists());
+}
+
+/// Warnings go to standard error: what is piped on is the result alone.
+#[test]
+fn warnings_are_no_results() {
+    let folder = TempDir::new().expect("a folder");
+    let [recording, ..] = recordings("wang");
+    let film = folder.path().join("film.toml");
+    let fit = ["fit", text(&recording), "--branches", "0", "--curve", "none", "--out", text(&film)];
+    let replay = ["replay", "--params", text(&film), text(&recording)];
+    let export = ["export", "--params", text(&film), "--out", text(&folder.path().join("film.bin"))].map(str::to_owned);
+    let export: Vec<&str> = export.iter().map(String::as_str).collect();
+    for arguments in [&fit[..], &replay, &export] {
+        let output = run(arguments);
+        let (results, told) = (utf8(&output.stdout), utf8(&output.stderr));
+        assert!(output.status.success() && !results.contains("warning"), "{results}");
+        assert!(told.lines().count() > 0 && told.lines().all(|line| line.starts_with("warning: ")), "{told}");
+        let quiet = run(&[&["-q"][..], arguments].concat());
+        assert!(quiet.status.success() && quiet.stderr.is_empty(), "{}", utf8(&quiet.stderr));
+        let json = run(&[arguments, &["--json"]].concat());
+        assert!(json.stderr.is_empty() && serde_json::from_slice::<Value>(&json.stdout).is_ok());
+    }
+    // What is wrong is told all the same.
+    names(&TOOL.fails(&["--quiet", "replay", "--params", text(&film), "none.csv"]), &["none.csv"]);
+}
+
+/// Where standard error is no terminal, progress is a line now and then, with share, count and the time that is left; the share
+/// does not fall. `-v` tells each stage.
+#[test]
+fn long_work_tells_how_far_it_is() {
+    let folder = TempDir::new().expect("a folder");
+    let film = folder.path().join("film.toml");
+    let [recording, ..] = recordings("wang");
+    let structures = ["--topology", "parallel", "--curve", "none", "--starts", "2"];
+    let arguments = [&["fit", "--json", "--out", text(&film), text(&recording)][..], &structures].concat();
+    let output = TOOL.with(&arguments).env("HOST_SIM_PROGRESS_S", "0.02").output().expect("runs");
+    assert!(serde_json::from_slice::<Value>(&output.stdout).is_ok(), "one document and nothing else");
+    let told = utf8(&output.stderr);
+    let lines: Vec<&str> = told.lines().filter(|line| line.contains(" of ") && line.contains(" % after ")).collect();
+    assert!(lines.iter().any(|line| line.contains("parallel with n = ") && line.ends_with(" left")), "{told}");
+    let share = |line: &str| -> u64 {
+        let before = line.split(" % after ").next().expect("a share");
+        before.rsplit(' ').next().expect("a number").parse().expect("a whole number")
+    };
+    assert!(lines.is_sorted_by_key(|line| share(line)) && lines.iter().all(|line| share(line) <= 100), "{told}");
+    let quiet = [&arguments[..], &["--quiet"]].concat();
+    let output = TOOL.with(&quiet).env("HOST_SIM_PROGRESS_S", "0.02").output().expect("runs");
+    assert!(output.stderr.is_empty(), "{}", utf8(&output.stderr));
+
+    let verbose = run(&["-v", "fit", "--branches", "0", "--out", text(&film), text(&recording)]);
+    names(&utf8(&verbose.stderr), &["host-sim: ", "with n = 0"]);
+}
+
+/// `replay` runs a model as the controller does. As `fit` runs it, it gives the errors of the fit.
+#[test]
+fn fit_and_replay_give_the_same_error() {
+    let folder = TempDir::new().expect("a folder");
+    let film = folder.path().join("film.toml");
+    let [recording, ..] = recordings("hossain");
+    let structure = ["--branches", "1", "--topology", "parallel", "--curve", "none"];
+    let fit = TOOL.json(&[&["fit", "--out", text(&film), text(&recording)][..], &structure].concat());
+    let row = &fit["recordings"][0];
+    let rate = row["rate_hz"].to_string();
+    let replay = |more: &[&str]| {
+        let report = TOOL.json(&[&["replay", "--params", text(&film), text(&recording)][..], more].concat());
+        report["recordings"][0]["nrmse_pct"].as_f64().expect("a number")
+    };
+    let same = replay(&["--rate", &rate, "--memory", "full", "--precision", "f64"]);
+    let fitted = row["nrmse_pct"].as_f64().expect("a number");
+    let controller = replay(&[]);
+    println!("fit {fitted} %, replay likewise {same} %, as on the controller {controller} %");
+    assert!((same - fitted).abs() <= 1e-6 * fitted, "{same} {fitted}");
+    assert!(controller != fitted);
+    let printed = utf8(&run(&["replay", "--params", text(&film), text(&recording)]).stdout);
+    names(&printed, &["at 1000 Hz, memory compressed, f32"]);
+}
+
+/// Longest run of digits in `text`.
+fn digits(text: &str) -> usize {
+    text.split(|c: char| !c.is_ascii_digit()).map(str::len).max().unwrap_or(0)
+}
+
+/// Figures for people have few digits, whatever the model makes of its input.
+#[test]
+fn figures_are_short() {
+    let folder = TempDir::new().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    // A film so soft that it moves by 1e150 m, and a force likewise.
+    let soft = "schema = 1\nname = \"soft\"\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.04\nwidth_m = 0.06\n\
+        thickness_m = 160e-6\nmass_kg = 0.316\n[model]\ntopology = \"parallel\"\nmain = { c = 1e-150, alpha = 0.0 }\nbranches = []\n";
+    fs::write(path("soft.toml"), soft).expect("written");
+    fs::write(path("force.csv"), "time_s,force_n,displacement_m\n0,0,0\n1,1,1e-3\n2,2,2e-3\n").expect("written");
+    let (params, profile, out) = (path("soft.toml"), path("force.csv"), path("out.csv"));
+    let simulate = ["simulate", "--params", text(&params), "--profile", text(&profile), "--out", text(&out)];
+    let replay = ["replay", "--params", text(&params), text(&profile)];
+    for arguments in [&simulate[..], &replay] {
+        let output = run(&[arguments, &["--precision", "f64"]].concat());
+        let (results, told) = (utf8(&output.stdout), utf8(&output.stderr));
+        println!("{results}{told}");
+        assert!(digits(&results).max(digits(&told)) <= 17, "{results}{told}");
+    }
+}
+
+/// Files beside each other that a test writes.
+fn sine(folder: &Path, name: &str, low: &str, high: &str) -> String {
+    let out = folder.join(name);
+    let shape = ["--shape", "sine", "--low", low, "--high", high, "--period", "10s", "--duration", "30s"];
+    TOOL.json(&[&["reference"][..], &shape, &["--out", text(&out)]].concat());
+    text(&out).to_owned()
+}
+
+/// The check answers by its exit status, names what is in the way with what is needed and what is allowed, and its mend holds.
+#[test]
+fn a_check_answers_and_mends() {
+    let folder = TempDir::new().expect("a folder");
+    let check = |reference: &str, more: &[&str]| {
+        let base = ["feedforward", "--params", "preset:table3-n2", "--reference", reference, "--check"];
+        let arguments = [&base[..], more].concat();
+        let (output, json) = (run(&arguments), run(&[&arguments[..], &["--json"]].concat()));
+        assert_eq!(output.status.code(), json.status.code());
+        let report: Value = serde_json::from_slice(&json.stdout).expect("one document");
+        (output.status.code().expect("ends"), utf8(&output.stdout), report["check"].clone())
+    };
+    let fits = sine(folder.path(), "fits.csv", "0.5mm", "0.6mm");
+    let (status, _, report) = check(&fits, &[]);
+    assert_eq!((status, &report["feasible"]), (0, &true.into()));
+    assert_eq!(report["binding"], Value::Array(Vec::new()));
+
+    // Above a voltage that is too low: needed and allowed are told, and the needed one is enough.
+    let (status, said, report) = check(&fits, &["--max-voltage", "2kV"]);
+    assert_eq!(status, 1);
+    names(&said, &["not feasible", "limit: voltage", "2000 V (--max-voltage) allowed"]);
+    let binding = &report["binding"][0];
+    assert_eq!((&binding["limit"], binding["allowed"].as_f64()), (&"voltage".into(), Some(2000.0)));
+    let needed = binding["needed"].as_f64().expect("V");
+    assert!((needed - report["largest_voltage_v"].as_f64().expect("V")).abs() < 1e-6);
+    assert_eq!(check(&fits, &["--max-voltage", &format!("{}", 1.0001 * needed)]).0, 0);
+    assert_eq!(check(&fits, &["--max-voltage", &format!("{}", 0.9999 * needed)]).0, 1);
+
+    // A field: the same.
+    let (status, said, report) = check(&fits, &["--max-field", "12MV/m"]);
+    names(&said, &["limit: field", "12.00 MV/m (--max-field) allowed"]);
+    let needed = report["binding"][0]["needed"].as_f64().expect("V/m");
+    assert_eq!((status, check(&fits, &["--max-field", &format!("{}", 1.0001 * needed)]).0), (1, 0));
+
+    // A stroke that no offset makes feasible: a smaller one is named, with its offset, and is feasible.
+    let wide = sine(folder.path(), "wide.csv", "0mm", "2.5mm");
+    let (status, said, report) = check(&wide, &["--max-voltage", "5kV"]);
+    println!("{said}");
+    assert_eq!(status, 1);
+    names(
+        &said,
+        &["limit: force", "0 N or more", "limit: voltage", "no offset makes it feasible", "of it with an offset of"],
+    );
+    let factor = report["smaller"]["factor"].as_f64().expect("a factor");
+    let offset = report["smaller"]["offset_m"].as_f64().expect("m");
+    assert!((0.1..1.0).contains(&factor), "{factor}");
+    let rows: Vec<String> = fs::read_to_string(&wide)
+        .expect("written")
+        .lines()
+        .skip(1)
+        .map(|line| {
+            let (time, x) = line.split_once(',').expect("two cells");
+            let (t, x): (f64, f64) = (time.parse().expect("s"), x.parse().expect("m"));
+            let s = (t / 2.0).min(1.0);
+            format!("{time},{}\n", factor * x + offset * s * s * s * (10.0 + s * (6.0 * s - 15.0)))
+        })
+        .collect();
+    let mended = folder.path().join("mended.csv");
+    fs::write(&mended, "time_s,displacement_m\n".to_owned() + &rows.concat()).expect("written");
+    assert_eq!(check(text(&mended), &["--max-voltage", "5kV"]).0, 0);
+}
