@@ -64,7 +64,8 @@ fn follow(built: &Path) -> Result<(usize, usize)> {
         }
     }
     let of = |page: &str, attribute: &str| -> Vec<String> {
-        let values = page.split(&format!(" {attribute}=\"")).skip(1);
+        let begin = format!(" {attribute}=\"");
+        let values = page.split(begin.as_str()).skip(1);
         values.filter_map(|rest| rest.split('"').next()).map(str::to_owned).collect()
     };
     let headings: BTreeMap<&str, BTreeSet<String>> =

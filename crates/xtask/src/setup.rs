@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::process::{Result, cargo, command, output, run as run_command};
+use crate::process::{Result, cargo, command, output, root, run as run_command};
 
 /// The chips: Cortex-M4F (hard float) and Cortex-M0 (soft float, no compare-and-swap).
 pub const TARGETS: [&str; 2] = ["thumbv7em-none-eabihf", "thumbv6m-none-eabi"];
