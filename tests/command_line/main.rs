@@ -15,6 +15,7 @@ mod plots;
 mod quantities;
 mod replay_and_record;
 mod report_page;
+mod start;
 
 use tests::tool::Tool;
 

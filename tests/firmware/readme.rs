@@ -11,6 +11,7 @@ use std::thread;
 use host_sim::files::parameters::Parameters;
 use tempfile::TempDir;
 use tests::tool::text;
+use tests::transcript::{Shown, blocks, shown, words};
 
 use crate::{DEADLINE, TOOL, image, root};
 
@@ -71,36 +72,6 @@ impl Drop for Board {
             let _ = self.started.wait();
         }
     }
-}
-
-/// A command of the page, and its answer.
-struct Shown {
-    command: String,
-    answer: Vec<String>,
-}
-
-/// The blocks of the page that begin with a `fence`.
-fn blocks<'a>(page: &'a str, fence: &str) -> Vec<&'a str> {
-    let rest = page.split(fence).skip(1);
-    rest.filter_map(|rest| rest.split("```").next()).collect()
-}
-
-fn shown(page: &str) -> Vec<Shown> {
-    let mut all: Vec<Shown> = Vec::new();
-    for line in blocks(page, "```console\n").concat().lines() {
-        match (line.strip_prefix("$ "), all.last_mut()) {
-            (Some(command), _) => all.push(Shown { command: command.into(), answer: Vec::new() }),
-            (None, Some(last)) => last.answer.push(line.into()),
-            (None, None) => panic!("{line:?} answers no command"),
-        }
-    }
-    all
-}
-
-/// The words of an answer, those with a digit as `#`: what differs from run to run.
-fn words(line: &str) -> Vec<&str> {
-    let is_number = |word: &&str| word.chars().any(|letter| letter.is_ascii_digit());
-    line.split_whitespace().map(|word| if is_number(&word) { "#" } else { word }).collect()
 }
 
 /// The values of a column of a log.

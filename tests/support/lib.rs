@@ -13,6 +13,7 @@ mod recordings;
 #[path = "../../crates/springpot/tests/it/support/sweep.rs"]
 pub mod sweep;
 pub mod tool;
+pub mod transcript;
 pub mod virtual_board;
 
 pub use models::{hard_models, paper_force, presets, random_models};

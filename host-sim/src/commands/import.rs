@@ -239,7 +239,8 @@ fn origin(column: &UnderstoodColumn) -> String {
 fn text(file: &Imported) -> String {
     let mut text = format!("{}: {}", file.understood.file, file.understood.format);
     if file.understood.preamble_lines > 0 {
-        let _ = write!(text, ", {} lines above the header", file.understood.preamble_lines);
+        let lines = file.understood.preamble_lines;
+        let _ = write!(text, ", {lines} {} above the header", if lines == 1 { "line" } else { "lines" });
     }
     for column in &file.understood.columns {
         let _ = write!(text, "\n  {:12} {}", column.quantity.name(), origin(column));
