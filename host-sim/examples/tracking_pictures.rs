@@ -141,7 +141,7 @@ fn bandwidth(path: &Path, subjects: &[&Subject]) -> host_sim::Result<()> {
     for subject in subjects {
         let title = format!("Tracking error against bandwidth: {}, 1/10 Hz", subject.name);
         let mut panel =
-            Panel::new(title, "bandwidth (Hz)", "RMS error (% of p-p), 10 at the most").logarithmic(true, true);
+            Panel::new(title, "bandwidth (Hz)", "RMS error (% of p-p)").logarithmic(true, true);
         for (stiffness, name) in [(1.0, "film as fitted"), (0.8, "20 % softer"), (1.2, "20 % stiffer")] {
             let errors = bandwidths
                 .par_iter()

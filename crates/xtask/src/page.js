@@ -25,7 +25,8 @@
     const unit = 10 ** (Number(exponent) - (mantissa.split(".")[1] ?? "").length);
     return (
       typeof value === "number" &&
-      Number(element.getAttribute("value")) === value &&
+      // The page's writer reads numbers to within their last binary digit.
+      Math.abs(Number(element.getAttribute("value")) - value) <= 1e-14 * Math.abs(value) &&
       Math.abs(Number(shown) - value * Number(element.dataset.factor)) <= 0.500001 * unit
     );
   };

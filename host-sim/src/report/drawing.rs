@@ -63,6 +63,16 @@ fn plots(panel: &Panel) -> Vec<Plot> {
         .collect()
 }
 
+/// Columns of a legend: as many as have room for the longest name.
+fn legend_columns(panel: &Panel) -> usize {
+    /// In pixels: the plot itself at the least, a letter and a line's sample with its gaps at the most.
+    const PLOT: usize = 850;
+    const LETTER: usize = 8;
+    const SAMPLE: usize = 40;
+    let longest = panel.lines.iter().map(|line| line.label.chars().count()).max().unwrap_or(0);
+    (PLOT / (SAMPLE + LETTER * longest)).clamp(1, panel.lines.len().max(1))
+}
+
 fn layout(panel: &Panel, plots: &[Plot]) -> Layout {
     let mut layout = Layout::auto_from_plots(plots)
         .with_title(&panel.title)
@@ -70,6 +80,7 @@ fn layout(panel: &Panel, plots: &[Plot]) -> Layout {
         .with_y_label(&panel.y_label)
         .with_clamp_axis()
         .with_legend_position(LegendPosition::OutsideBottomColumns)
+        .with_legend_col_limit(legend_columns(panel))
         .with_legend_box(false)
         .with_title_size(16);
     if panel.log_x {

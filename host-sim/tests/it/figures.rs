@@ -6,7 +6,8 @@ use documents::Documents;
 use host_sim::grid::Samples;
 use host_sim::report::cost::Cost;
 use host_sim::report::course::Course;
-use host_sim::report::figure::{Line, MOST_POINTS};
+use host_sim::report::drawing;
+use host_sim::report::figure::{Figure, Line, MOST_POINTS, Panel};
 use host_sim::report::spectrum::{self, Spectrum};
 
 fn series(count: usize, step_s: f64, value: impl Fn(f64) -> f64) -> Samples {
@@ -73,6 +74,35 @@ fn the_course_of_a_drive_is_recognised() {
     assert_eq!(Course::of(&series(1000, 0.1, |t| t)), Course::Other);
     // A chirp: its cycles are not alike.
     assert_eq!(Course::of(&series(10_000, 0.01, |t| (TAU * (0.05 + 0.02 * t) * t).sin())), Course::Other);
+}
+
+/// Names in a legend of an SVG stand beside or below one another, not over one another.
+#[test]
+fn names_in_a_legend_do_not_overlap() {
+    for count in 2..=6 {
+        let names: Vec<String> = (0..count).map(|k| format!("line {k}, with a name of some length")).collect();
+        let panel = names
+            .iter()
+            .fold(Panel::new("title", "x", "y"), |panel, name| panel.with(Line::new(name, &[0.0, 1.0], &[0.0, 1.0])));
+        let svg = drawing::svg(&Figure::new("figure", vec![panel]));
+        let place = |name: &String| -> (f64, f64) {
+            let (before, _) = svg.split_once(&format!(">{name}<")).expect("in the legend");
+            let element = &before[before.rfind("<text").expect("a text")..];
+            let number = |key: &str| {
+                let (_, rest) = element.split_once(&format!(" {key}=\"")).expect("a place");
+                rest.split('"').next().and_then(|number| number.parse().ok()).expect("a number")
+            };
+            (number("x"), number("y"))
+        };
+        let places: Vec<(f64, f64)> = names.iter().map(place).collect();
+        for (k, a) in places.iter().enumerate() {
+            for b in &places[..k] {
+                // Six pixels a letter is what the narrowest fonts take.
+                let apart = (a.0 - b.0).abs() > 6.0 * names[0].len() as f64 || (a.1 - b.1).abs() > 8.0;
+                assert!(apart, "{count} names: {places:?}");
+            }
+        }
+    }
 }
 
 /// What a page states of a controller's cost is what docs/results.md states, which is counted in QEMU.
