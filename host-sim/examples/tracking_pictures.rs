@@ -140,8 +140,7 @@ fn bandwidth(path: &Path, subjects: &[&Subject]) -> host_sim::Result<()> {
     let mut panels = Vec::new();
     for subject in subjects {
         let title = format!("Tracking error against bandwidth: {}, 1/10 Hz", subject.name);
-        let mut panel =
-            Panel::new(title, "bandwidth (Hz)", "RMS error (% of p-p)").logarithmic(true, true);
+        let mut panel = Panel::new(title, "bandwidth (Hz)", "RMS error (% of p-p)").logarithmic(true, true);
         for (stiffness, name) in [(1.0, "film as fitted"), (0.8, "20 % softer"), (1.2, "20 % stiffer")] {
             let errors = bandwidths
                 .par_iter()
