@@ -1,5 +1,6 @@
 //! Everything once: recordings fitted together, replayed through the controller's code, and a reference followed.
 
+mod firmware;
 mod page;
 mod table;
 
@@ -10,6 +11,7 @@ use clap::Args;
 use serde::Serialize;
 use springpot::{Actuator, CommandLimits, ObserverOptions, Topology};
 
+use self::firmware::Firmware;
 use super::fit::{Done, Job};
 use super::recordings::RecordingOptions;
 use super::{feedforward as feedforward_command, replay};
@@ -36,7 +38,7 @@ use crate::{interrupt, terminal};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Folder for film.toml, report.html, reference.csv, voltage.csv and, without --recordings, the simulated recordings.
+    /// Folder for film.toml, film.bin, report.html, reference.csv, voltage.csv and, without --recordings, the simulated recordings.
     #[arg(long, value_name = "DIR", default_value = "demo")]
     out: PathBuf,
     /// Recordings of your own film; three simulated ones if left out.
@@ -72,6 +74,8 @@ struct Report<'a> {
     /// The sine; none where no voltage was recorded or the film can follow none.
     reference: Option<ReferenceRow>,
     closed_loop: Vec<LoopRow>,
+    /// The firmware's image in QEMU, where a voltage was recorded.
+    firmware: Option<Firmware>,
     files: Vec<String>,
     interrupted: bool,
 }
@@ -120,6 +124,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         replay,
         reference: None,
         closed_loop: Vec::new(),
+        firmware: None,
         files: Vec::new(),
         interrupted: false,
     };
@@ -132,6 +137,13 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
                 runs.iter().map(|(controller, run)| LoopRow { controller, quality: run.quality() }).collect();
             report.reference = Some(sine.row());
             followed = Some((sine, runs));
+        }
+    }
+    if let Some(recording) = recordings.first().filter(|_| report.reference.is_some()) {
+        let blob = firmware::blob(&parameters)?;
+        staged.push(Staged::new(&files.blob, |file| file.write_all(&blob))?);
+        if !stop.load(Ordering::Relaxed) {
+            report.firmware = Some(firmware::run(&parameters, recording));
         }
     }
     report.interrupted = stop.load(Ordering::Relaxed);
@@ -151,6 +163,7 @@ struct OutputFiles {
     page: PathBuf,
     reference: PathBuf,
     voltage: PathBuf,
+    blob: PathBuf,
 }
 
 impl OutputFiles {
@@ -161,6 +174,7 @@ impl OutputFiles {
             page: file("report.html"),
             reference: file("reference.csv"),
             voltage: file("voltage.csv"),
+            blob: file("film.bin"),
         }
     }
 
@@ -169,7 +183,7 @@ impl OutputFiles {
         if folder.is_file() {
             return Err(Error::file(folder, "is a file; name a folder"));
         }
-        let all = [&self.parameters, &self.page, &self.reference, &self.voltage];
+        let all = [&self.parameters, &self.page, &self.reference, &self.voltage, &self.blob];
         all.into_iter().try_for_each(|path| output::check(path, inputs, Folders::AreMade))?;
         Folder::at(folder)
     }

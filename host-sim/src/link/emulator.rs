@@ -85,6 +85,13 @@ impl Emulator {
         }
     }
 
+    /// Whether QEMU is there.
+    pub fn is_installed() -> bool {
+        let mut version = Command::new(QEMU);
+        version.arg("--version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        version.status().is_ok_and(|status| status.success())
+    }
+
     /// The image that this repository builds.
     pub fn default_image() -> PathBuf {
         root().join("firmware/target/thumbv7em-none-eabihf/release/firmware")

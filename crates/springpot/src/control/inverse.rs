@@ -257,9 +257,8 @@ impl<T: Real> Inverse<T> {
         // The command leads by as much as the amplifier lags.
         let mut allowed = wanted;
         if let Some(amplifier) = &self.amplifier {
-            let amplifier = amplifier.at(pace);
-            let led = amplifier.lead(*followed, wanted);
-            if led > largest || wanted < amplifier.lowest(*followed) {
+            let (led, can_follow) = amplifier.lead(pace, *followed, wanted);
+            if led > largest || !can_follow {
                 limited |= Limited::AMPLIFIER;
             }
             allowed = if led > largest { largest } else { led };

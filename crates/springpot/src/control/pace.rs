@@ -65,7 +65,7 @@ impl<T: Real> PacedAmplifier<T> {
 
     /// The amplifier, as fast as its monitor has shown it to be.
     #[inline]
-    pub(crate) fn at(&self, pace: &Pace<T>) -> AmplifierModel<T> {
+    fn at(&self, pace: &Pace<T>) -> AmplifierModel<T> {
         let one = T::from_f64(1.0);
         let faster = |share: T| {
             let share = pace.factor * share;
@@ -75,9 +75,16 @@ impl<T: Real> PacedAmplifier<T> {
         AmplifierModel { up: faster(up), down: faster(down), left: one - faster(one - left) }
     }
 
+    /// The command that takes `voltage` (V) to `wanted` (V) by the end of a tick, and whether it can fall that fast.
+    #[inline(never)] // what does not lag pays nothing for it
+    pub(crate) fn lead(&self, state: &Pace<T>, voltage: T, wanted: T) -> (T, bool) {
+        let model = self.at(state);
+        (model.lead(voltage, wanted), wanted >= model.lowest(voltage))
+    }
+
     /// The voltage (V) at the end of a tick under `command` (V), from `voltage` (V) at its begin. Learns from `reading` (V, at its end) how
     /// fast the amplifier is.
-    #[inline]
+    #[inline(never)]
     pub(crate) fn advance(&self, state: &mut Pace<T>, voltage: T, command: T, reading: Option<T>) -> T {
         let one = T::from_f64(1.0);
         let model = self.at(state);

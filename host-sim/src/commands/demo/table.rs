@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::Report;
+use super::firmware::Firmware;
 use crate::commands::replay;
 
 /// The results of a demo in some twenty lines.
@@ -44,9 +45,34 @@ pub(super) fn text(report: &Report<'_>) -> String {
             let _ = writeln!(text, "{:12}  {rms:>22.3}  {:>10.1}", row.controller, 1e6 * row.quality.largest_error_m);
         }
     }
+    match &report.firmware {
+        None => {}
+        Some(Firmware::LeftOut(why)) => {
+            let _ = writeln!(text, "\nthe firmware was not run: {why}");
+        }
+        Some(Firmware::Ran(run)) => {
+            let _ = writeln!(
+                text,
+                "\nthe firmware in QEMU: {} of {} steps of the first recording have this host's bits",
+                run.steps - run.mismatches,
+                run.steps
+            );
+        }
+    }
     let _ = write!(text, "\nwritten: {}", report.files.join(", "));
     if report.interrupted {
         text.push_str("\ninterrupted: the best so far");
+    }
+    if let Some(page) = report.files.iter().find(|file| file.ends_with(".html")) {
+        let _ = write!(text, "\nopen {page} in a browser");
+    }
+    if report.simulated {
+        text.push_str("; with recordings of your own: demo --recordings A.csv B.csv --actuator film-size.toml");
+    } else if report.reference.is_some() {
+        text.push_str(
+            "; any signal source can play voltage.csv. film.bin has the paper's bench: before a controller drives a film, give film.toml \
+             the [board] of yours",
+        );
     }
     text
 }
