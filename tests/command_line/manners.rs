@@ -267,6 +267,19 @@ fn a_check_answers_and_mends() {
     let needed = report["binding"][0]["needed"].as_f64().expect("V/m");
     assert_eq!((status, check(&fits, &["--max-field", &format!("{}", 1.0001 * needed)]).0), (1, 0));
 
+    // A film whose sizes are assumed has no field that could be in the way, however high the voltage.
+    let film = folder.path().join("film.toml");
+    let recording = &tests::recordings("wang")[0];
+    let fit =
+        ["fit", text(recording), "--out", text(&film), "--branches", "1", "--topology", "parallel", "--curve", "none"];
+    TOOL.json(&fit);
+    let high = sine(folder.path(), "high.csv", "1mm", "50mm");
+    let output = run(&["feedforward", "--params", text(&film), "--reference", &high, "--check"]);
+    let said = utf8(&output.stdout);
+    assert_eq!(output.status.code(), Some(1));
+    names(&said, &["limit: voltage"]);
+    assert!(!said.contains("limit: field") && !said.contains('∞'), "{said}");
+
     // A stroke that no offset makes feasible: a smaller one is named, with its offset, and is feasible.
     let wide = sine(folder.path(), "wide.csv", "0mm", "2.5mm");
     let (status, said, report) = check(&wide, &["--max-voltage", "5kV"]);

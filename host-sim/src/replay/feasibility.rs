@@ -316,7 +316,7 @@ impl<'a> Demand<'a> {
         let mut binding = vec![
             worst(Limit::Force, &|k| (self.force[k] < -self.slack).then_some((self.force[k], 0.0))),
             worst(Limit::Voltage, &|k| over(voltage(k), largest_v)),
-            worst(Limit::Field, &|k| over(largest_field * voltage(k) / field_v(k), largest_field)),
+            worst(Limit::Field, &|k| over(largest_field * (voltage(k) / field_v(k)), largest_field)),
         ];
         if let Some(lag) = self.lag {
             let asked = lag.asked(self, 0.0, &self.force);
