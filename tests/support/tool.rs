@@ -24,6 +24,12 @@ impl Tool {
         serde_json::from_slice(&output).expect("one JSON document and nothing else")
     }
 
+    /// What it prints with `--json` where the answer to what it was asked is no: exit status 1.
+    pub fn says_no(self, arguments: &[&str]) -> Value {
+        let output = self.with(arguments).arg("--json").assert().code(1).get_output().stdout.clone();
+        serde_json::from_slice(&output).expect("one JSON document and nothing else")
+    }
+
     /// Its one line on standard error, where it must fail: exit status 2, nothing on standard output.
     pub fn fails(self, arguments: &[&str]) -> String {
         let output = self.with(arguments).assert().code(2).get_output().clone();

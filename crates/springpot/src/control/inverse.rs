@@ -2,7 +2,7 @@
 
 use crate::actuator::{Actuator, VoltageDrive};
 use crate::control::limits::{CommandLimits, Limited};
-use crate::control::pace::{Pace, PacedAmplifier};
+use crate::control::pace::{Pace, PacedAmplifier, Reading};
 use crate::control::path::{Path, Shaper, clamp, is_finite};
 use crate::error::ControlError;
 use crate::law::{Law, Memory, State};
@@ -129,8 +129,8 @@ pub(crate) struct Inverse<T> {
 
 /// Share of the largest force that may accelerate the film back to its path.
 const RETURN_SHARE: f64 = 0.1;
-/// Time over which the amplifier's gain is estimated, s.
-const GAIN_S: f64 = 10.0;
+/// Time over which the amplifier's gain and pace are estimated, s: a few cycles of a slow reference.
+pub(crate) const GAIN_S: f64 = 10.0;
 /// Share of the largest voltage above which its mean shows it.
 const GAIN_SHARE: f64 = 0.02;
 /// Bounds of that gain.
@@ -170,7 +170,7 @@ impl<T: Real> Inverse<T> {
             field_voltage: T::from_f64(limits.field_voltage(actuator)),
             thinning: T::from_f64(actuator.thinning_per_m()),
             slew: T::from_f64(slew),
-            amplifier: PacedAmplifier::lagging(limits.amplifier, limits.max_voltage_v, step_s)?,
+            amplifier: PacedAmplifier::lagging(limits.amplifier, step_s)?,
             averaging: T::from_f64(share_per_step(1.0 / GAIN_S, step_s)),
         };
         for (quantity, value, usable) in [
@@ -194,7 +194,11 @@ impl<T: Real> Inverse<T> {
         let reading = applied.reading.filter(|reading| is_finite(*reading)).map(size);
         state.followed = match &self.amplifier {
             Some(amplifier) => {
-                let reading = reading.map(|reading| reading / state.gain);
+                let reading = reading.map(|reading| Reading {
+                    voltage: reading / state.gain,
+                    forgotten: self.averaging,
+                    max_voltage: self.max_voltage,
+                });
                 amplifier.advance(&mut state.pace, state.followed, state.commanded, reading)
             }
             None => state.commanded,

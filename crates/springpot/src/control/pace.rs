@@ -1,7 +1,7 @@
 //! How fast an amplifier is, told from its monitor.
 
 use crate::control::amplifier::{AmplifierLag, AmplifierModel};
-use crate::control::inverse::share_per_step;
+use crate::control::inverse::GAIN_S;
 use crate::control::path::clamp;
 use crate::error::ControlError;
 use crate::scalar::Real;
@@ -21,10 +21,6 @@ use crate::scalar::Real;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct PacedAmplifier<T> {
     nominal: AmplifierModel<T>,
-    /// λ.
-    kept: T,
-    /// Λ₀, V².
-    initial: T,
 }
 
 /// What changes with every tick of a [`PacedAmplifier`].
@@ -38,13 +34,31 @@ pub(crate) struct Pace<T> {
     information: T,
 }
 
-/// Time over which the pace is estimated, s: a few cycles of a slow reference.
-const PACE_S: f64 = 10.0;
+/// A reading of the monitor, and how much it tells.
+pub(crate) struct Reading<T> {
+    /// V, apart from the amplifier's gain.
+    pub(crate) voltage: T,
+    /// 1 − λ: the weight of a tick in means over [`GAIN_S`].
+    pub(crate) forgotten: T,
+    /// V.
+    pub(crate) max_voltage: T,
+}
+
 /// How far the pace is believed to be from 1 before anything is read, and the errors of readings, as a share of the largest voltage.
 const DEVIATION: f64 = 0.3;
 const READING_SHARE: f64 = 0.004;
 /// Bounds of the pace: those within which the driver's monitor lets an amplifier be.
 const PACES: [f64; 2] = [1.0 / 1.5, 2.0];
+
+impl<T: Real> Reading<T> {
+    /// Λ₀ (V²): errors of readings last, so those of a second tell no more than one.
+    fn initial_information(&self) -> T {
+        let error = T::from_f64(READING_SHARE / DEVIATION) * self.max_voltage;
+        // 1 − λ is h / (GAIN_S + h), with h the duration of a tick.
+        let ticks_per_s = (T::from_f64(1.0) - self.forgotten) / (T::from_f64(GAIN_S) * self.forgotten);
+        error * error * ticks_per_s
+    }
+}
 
 impl<T: Real> Pace<T> {
     pub(crate) fn nominal() -> Self {
@@ -53,14 +67,9 @@ impl<T: Real> Pace<T> {
 }
 
 impl<T: Real> PacedAmplifier<T> {
-    /// Of `lag`, up to `max_voltage_v`, in ticks of `step_s`; none that follows at once, which costs nothing.
-    pub(crate) fn lagging(lag: AmplifierLag, max_voltage_v: f64, step_s: f64) -> Result<Option<Self>, ControlError> {
-        let Some(nominal) = AmplifierModel::lagging(lag, step_s)? else { return Ok(None) };
-        let error_v = READING_SHARE / DEVIATION * max_voltage_v;
-        // Errors of readings last: those of a second tell no more than one.
-        let initial = error_v * error_v / step_s;
-        let forgotten = share_per_step(1.0 / PACE_S, step_s);
-        Ok(Some(Self { nominal, kept: T::from_f64(1.0 - forgotten), initial: T::from_f64(initial) }))
+    /// Of `lag`, in ticks of `step_s`; none that follows at once, which costs nothing.
+    pub(crate) fn lagging(lag: AmplifierLag, step_s: f64) -> Result<Option<Self>, ControlError> {
+        Ok(AmplifierModel::lagging(lag, step_s)?.map(|nominal| Self { nominal }))
     }
 
     /// The amplifier, as fast as its monitor has shown it to be.
@@ -82,10 +91,10 @@ impl<T: Real> PacedAmplifier<T> {
         (model.lead(voltage, wanted), wanted >= model.lowest(voltage))
     }
 
-    /// The voltage (V) at the end of a tick under `command` (V), from `voltage` (V) at its begin. Learns from `reading` (V, at its end) how
+    /// The voltage (V) at the end of a tick under `command` (V), from `voltage` (V) at its begin. Learns from the reading (V, at its end) how
     /// fast the amplifier is.
     #[inline(never)]
-    pub(crate) fn advance(&self, state: &mut Pace<T>, voltage: T, command: T, reading: Option<T>) -> T {
+    pub(crate) fn advance(&self, state: &mut Pace<T>, voltage: T, command: T, reading: Option<Reading<T>>) -> T {
         let one = T::from_f64(1.0);
         let model = self.at(state);
         let next = model.advance(voltage, command);
@@ -101,9 +110,9 @@ impl<T: Real> PacedAmplifier<T> {
         };
         let Some(reading) = reading else { return next };
         let (low, high) = if next > voltage { (voltage, next) } else { (next, voltage) };
-        let difference = clamp(reading, low, high) - reading;
-        state.information = self.kept * state.information + state.slope * state.slope;
-        let step = state.slope * difference / (self.initial + state.information);
+        let difference = clamp(reading.voltage, low, high) - reading.voltage;
+        state.information = (one - reading.forgotten) * state.information + state.slope * state.slope;
+        let step = state.slope * difference / (reading.initial_information() + state.information);
         let [slowest, fastest] = PACES.map(T::from_f64);
         state.factor = clamp(state.factor - step, slowest, fastest);
         next
