@@ -7,8 +7,8 @@ use springpot::{AmplifierModel, Law, State, VoltageDrive};
 
 /// The film feels its voltage times this: it pulls 3 % harder than its model. Feedforward misses by that, tracking finds it.
 const STRONGER: f32 = 1.014_889;
-/// Displacements that are kept, for a sensor whose samples are late: 256 ms at 1 kHz. A longer delay is cut to this.
-const KEPT: usize = 256;
+/// Displacements that are kept, for a sensor whose samples are late: parameters allow a delay of 63 ticks.
+const KEPT: usize = 64;
 
 /// A film at rest once there are parameters for one.
 pub struct Film {

@@ -42,5 +42,5 @@ fn main() -> host_sim::Result<()> {
                 .with(Line::new("compressed, f32", &time_s, &nanometres).coloured(Colour::Blue)),
         ],
     );
-    figure_file::write(&path, &figure)
+    figure_file::stage_image(&path, &figure)?.commit()
 }

@@ -130,7 +130,7 @@ fn controllers(path: &Path, subject: &Subject) -> host_sim::Result<()> {
             error = error.with(Line::new(name, &time, &scaled(&run.error_m(), 1e6)).coloured(colour));
         }
     }
-    figure_file::write(path, &Figure::new("Tracking", vec![film, error, voltage]))
+    figure_file::stage_image(path, &Figure::new("Tracking", vec![film, error, voltage]))?.commit()
 }
 
 /// What the one bandwidth does: error against bandwidth, on the film as it was recorded and on ones a fifth softer and
@@ -158,7 +158,7 @@ fn bandwidth(path: &Path, subjects: &[&Subject]) -> host_sim::Result<()> {
         }
         panels.push(panel.with(Line::new("bar: 0.25 %", &[0.03, 1.1], &[0.25, 0.25]).dashed()));
     }
-    figure_file::write(path, &Figure::new("Bandwidth", panels))
+    figure_file::stage_image(path, &Figure::new("Bandwidth", panels))?.commit()
 }
 
 /// Thirty seconds without a sensor, on a film a twentieth softer than the fit.
@@ -184,7 +184,7 @@ fn lost_sensor(path: &Path, subject: &Subject) -> host_sim::Result<()> {
                 .with(Line::new("tracking", &time[1..], &steps).coloured(Colour::Green)),
         ],
     );
-    figure_file::write(path, &figure)
+    figure_file::stage_image(path, &figure)?.commit()
 }
 
 /// A reference beyond the limits: from a large displacement almost to zero, and a jump.
@@ -222,5 +222,5 @@ fn limits(path: &Path, subject: &Subject) -> host_sim::Result<()> {
                 .with(Line::new("acceleration", &time, &flag(Limited::ACCELERATION, 1.0))),
         ],
     );
-    figure_file::write(path, &figure)
+    figure_file::stage_image(path, &figure)?.commit()
 }

@@ -108,8 +108,7 @@ impl Error {
     }
 }
 
-/// The text of an error without numbers that nobody reads: a long one is written with a power of ten, and one of single precision
-/// with its own digits. The laws' errors are those of a microcontroller, which spends no memory on that.
+/// The text of an error with its long numbers shortened: scientific notation, and single precision with its own digits. The laws' errors are those of a microcontroller, which spends no memory on that.
 pub(crate) fn short(error: &impl fmt::Display) -> String {
     const LONGEST: usize = 12;
     let text = error.to_string();

@@ -14,7 +14,7 @@ static STOP: AtomicBool = AtomicBool::new(false);
 static FILM_IS_LIVE: AtomicBool = AtomicBool::new(false);
 /// How often Ctrl-C has come while a film was live.
 static CAME: AtomicU8 = AtomicU8::new(0);
-/// The signal that set it.
+/// The signal that set [`STOP`].
 static SIGNAL: AtomicI32 = AtomicI32::new(0);
 static HALF_WRITTEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 static CHILDREN: Mutex<Vec<Arc<Mutex<process::Child>>>> = Mutex::new(Vec::new());
@@ -32,7 +32,7 @@ pub fn install() {
     }
     #[cfg(not(unix))]
     {
-        /// Ctrl-C where signals have no numbers.
+        /// The number of SIGINT on Unix: the exit status is the same on every system.
         const INTERRUPT: i32 = 2;
         // An error means that this handler is already installed.
         let _ = ctrlc::set_handler(|| handle(INTERRUPT));
@@ -57,7 +57,7 @@ fn handle(signal: i32) {
     }
     if SEARCHING.load(Ordering::Relaxed) && !STOP.swap(true, Ordering::Relaxed) {
         SIGNAL.store(signal, Ordering::Relaxed);
-        terminal::message("comes to an end; once more to end at once");
+        terminal::message("stopping with the best result so far; press Ctrl-C again to stop at once");
         return;
     }
     for path in locked(&HALF_WRITTEN).iter().rev() {
@@ -79,10 +79,10 @@ fn exit_status(signal: i32) -> u8 {
 fn goes_on_to_0_v() -> bool {
     let times = CAME.fetch_add(1, Ordering::Relaxed);
     terminal::message(match times {
-        0 => "brings the film to 0 V and ends",
-        1 => "still brings the film to 0 V, and tells if it stays live; once more leaves it as it is",
+        0 => "bringing the film to 0 V, then exiting",
+        1 => "still bringing the film to 0 V; press Ctrl-C again to leave it as it is",
         _ => {
-            "leaves a film that may be live: its board disables the amplifier once it has heard nothing for heartbeat_s. \
+            "leaving a film that may be live: its board disables the amplifier once it has heard nothing for heartbeat_s. \
                  Measure before you touch it"
         }
     });

@@ -77,7 +77,7 @@ impl Progress {
             Some((number, of)) => format!("{what} ({number} of {of})"),
             None => what.clone(),
         };
-        terminal::note(&text);
+        self.bar.suspend(|| terminal::note(&text));
         if *all > 0 {
             // Where more is planned on the way the share stands still.
             let share = self.bar.position() as f64 / self.bar.length().unwrap_or(0).max(1) as f64;

@@ -141,7 +141,7 @@ impl Quantity {
     fn parse(&self, text: &str) -> Parsed {
         let text = text.trim();
         let (digits, unit) = text.split_at(number_length(text));
-        let value: f64 = digits.parse().map_err(|_| self.no_number(text))?;
+        let value: f64 = digits.parse().map_err(|_| self.not_a_number(text))?;
         let unit = unit.trim();
         if unit.starts_with(',') {
             return Err("write a point for the decimals, no comma".into());
@@ -179,25 +179,26 @@ impl Quantity {
         }
         let names: Vec<&str> = self.units.iter().map(|(name, _)| *name).collect();
         if names.is_empty() {
-            return Err(format!("{unit:?} after the number; it has no unit"));
+            return Err(format!("{unit:?} follows the number; this option takes a plain number"));
         }
-        let same = |name: &&&str| name.eq_ignore_ascii_case(&plain);
+        // A capital M is a millionfold and no misspelt m.
+        let same = |name: &&&str| name.eq_ignore_ascii_case(&plain) && name.starts_with('m') != plain.starts_with('M');
         let mut alike = names.iter().filter(same);
         let meant = match (alike.next(), alike.next()) {
             (Some(name), None) => format!("; did you mean {name}?"),
             _ => String::new(),
         };
-        let si = if self.si.is_empty() { String::new() } else { format!("a plain number in {}, or ", self.si) };
-        Err(format!("no unit {unit:?} here: {si}with {}{meant}", names.join(", ")))
+        let si = if self.si.is_empty() { "".into() } else { format!("a plain number in {}, or ", self.si) };
+        Err(format!("unknown unit {unit:?}: write {si}one of {}{meant}", names.join(", ")))
     }
 
-    fn no_number(&self, text: &str) -> String {
+    fn not_a_number(&self, text: &str) -> String {
         let word = text.trim_start_matches(['+', '-']).to_ascii_lowercase();
         if ["nan", "inf", "infinity"].contains(&word.as_str()) {
             return "must be finite".into();
         }
         if text.starts_with("--") {
-            return "a value is missing before it".into();
+            return "the value is missing".into();
         }
         let example = self.units.iter().find(|(name, _)| *name != self.si);
         match example {

@@ -1,7 +1,6 @@
 //! References to follow: sines, triangles, steps and a random walk, with smooth starts and edges.
 
 use std::f64::consts::TAU;
-use std::path::Path;
 
 use clap::ValueEnum;
 use rand::SeedableRng;
@@ -12,13 +11,13 @@ use crate::error::{Error, Result};
 use crate::files::recording::Recording;
 use crate::grid::Grid;
 
-/// The reference in the file at `path`, from its `displacement_m` (or `_mm`, `_um`), on its grid at `rate_hz`.
+/// The displacement of `recording` as a reference, on its grid at `rate_hz`.
 ///
 /// # Errors
 ///
-/// [`Error`] naming the file and line of the first thing that cannot be used.
-pub fn read(path: &Path, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
-    let recording = Recording::read_reference(path)?;
+/// [`Error`] naming the file where it has no displacement, gaps, or one that no film reaches.
+pub fn of(recording: &Recording, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
+    let path = recording.path();
     let grid = recording.grid(rate_hz)?;
     if grid.samples < 2 {
         return Err(Error::file(path, format!("shorter than a step at {rate_hz:?} Hz; raise --rate")));
@@ -87,6 +86,17 @@ impl Reference {
         if !(2.0 * grid.step_s()..=MOST_PERIOD_S).contains(&period_s) {
             let cause = format!("{period_s:?} s must be from two samples to {MOST_PERIOD_S} s");
             return Err(Error::option("--period", cause));
+        }
+        let duration_s = grid.time_s(grid.samples - 1);
+        if rise_s > duration_s {
+            let cause = format!("{rise_s:?} s is longer than the reference, {duration_s:?} s: it would never arrive");
+            return Err(Error::option("--rise", cause));
+        }
+        if self.shape == Shape::Steps && rise_s > period_s {
+            let cause = format!(
+                "{rise_s:?} s is longer than a plateau with its edge, {period_s:?} s: it would jump; use at most {period_s:?} s"
+            );
+            return Err(Error::option("--rise", cause));
         }
         let span = high_m - low_m;
         if self.shape == Shape::RandomWalk {

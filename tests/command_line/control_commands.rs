@@ -5,16 +5,10 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use tests::recordings;
+use tests::table::column;
 use tests::tool::{names, text};
 
 use crate::TOOL;
-
-fn column(path: &Path, name: &str) -> Vec<f64> {
-    let content = fs::read_to_string(path).expect("written");
-    let mut lines = content.lines().filter(|line| !line.starts_with('#'));
-    let index = lines.next().expect("a header").split(',').position(|column| column == name).expect("the column");
-    lines.map(|line| line.split(',').nth(index).expect("a cell").parse().unwrap_or(f64::NAN)).collect()
-}
 
 /// A folder with parameters of a film like the first simulated film, and references that it can and cannot follow.
 struct Bench {

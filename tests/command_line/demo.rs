@@ -5,7 +5,9 @@ use std::path::Path;
 
 use tempfile::TempDir;
 use tests::recordings;
+use tests::table::column;
 use tests::tool::{names, text};
+use tests::transcript::{depends_on_qemu, same};
 
 use crate::TOOL;
 use crate::report_page::{check_numbers, check_page, document};
@@ -16,8 +18,7 @@ fn rows(path: &Path) -> Vec<String> {
     content.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
 }
 
-/// The README shows what its first command prints. Numbers may differ by 3 % and one in the third decimal: the fit's last digits depend on
-/// the processor's rounding. The time of the fit may be any.
+/// The README shows what its first command prints.
 #[test]
 fn the_readme_shows_what_the_demo_prints() {
     let folder = TempDir::new().expect("a folder");
@@ -27,25 +28,12 @@ fn the_readme_shows_what_the_demo_prints() {
     let readme = include_str!("../../README.md");
     let (_, shown) = readme.split_once("The first prints\n\n```text\n").expect("the README shows it");
     let (shown, _) = shown.split_once("```").expect("the block ends");
-    // Whether QEMU and the image are there is the machine's matter.
-    let lines = |text: &str| -> Vec<String> {
-        text.lines().filter(|line| !line.starts_with("the firmware")).map(str::to_owned).collect()
-    };
+    let lines =
+        |text: &str| -> Vec<String> { text.lines().filter(|line| !depends_on_qemu(line)).map(str::to_owned).collect() };
     let (printed, shown) = (lines(&printed), lines(shown));
     assert_eq!(printed.len(), shown.len());
     for (printed, shown) in printed.iter().zip(&shown) {
-        let (here, there): (Vec<&str>, Vec<&str>) =
-            (printed.split_whitespace().collect(), shown.split_whitespace().collect());
-        assert_eq!(here.len(), there.len(), "{printed}\n{shown}");
-        let seconds = here.iter().position(|word| *word == "together").map(|word| word + 2);
-        for (index, (here, there)) in here.iter().zip(&there).enumerate() {
-            let same = match (here.parse::<f64>(), there.parse::<f64>()) {
-                _ if Some(index) == seconds => true,
-                (Ok(here), Ok(there)) => (here - there).abs() <= 0.03 * there.abs() + 0.001,
-                _ => here == there,
-            };
-            assert!(same, "{printed}\n{shown}");
-        }
+        assert!(same(printed, shown), "{printed}\n{shown}");
     }
 }
 
@@ -81,12 +69,10 @@ fn simulated_recordings_are_fitted_replayed_and_followed() {
     let replayed = TOOL.json(&replay);
     assert_eq!((&replayed["recordings"], &replayed["r2_mean"]), (&report["recordings"], &report["r2_mean"]));
 
-    // The chip's bits, or why they were not seen.
+    // That it runs where QEMU and the image are there is a test of `tests/firmware`.
     let firmware = &report["firmware"];
-    match firmware.get("ran") {
-        Some(run) => assert_eq!((&run["steps"], &run["mismatches"]), (&10_001.into(), &0.into()), "{firmware}"),
-        None => assert!(firmware["left_out"].as_str().is_some_and(|why| why.len() > 10), "{firmware}"),
-    }
+    let left_out = || firmware["left_out"].as_str().expect("a reason").contains("cargo xtask");
+    assert!(firmware.get("ran").is_some() || left_out(), "{firmware}");
     let blob = fs::read(out.join("film.bin")).expect("written");
     let again = folder.path().join("again.bin");
     TOOL.json(&["export", "--params", text(&out.join("film.toml")), "--rate", "1000", "--out", text(&again)]);
@@ -103,11 +89,8 @@ fn simulated_recordings_are_fitted_replayed_and_followed() {
     assert!(none > 10.0 && feedforward < 1.0 && tracking < 0.25, "{errors:?}");
 
     // The voltage leads the model along the reference.
-    let column = |file: &str, index: usize| -> Vec<f64> {
-        let rows = rows(&out.join(file));
-        rows[1..].iter().map(|row| row.split(',').nth(index).expect("a cell").parse().expect("a number")).collect()
-    };
-    let (reference, reached) = (column("reference.csv", 1), column("voltage.csv", 2));
+    let reference = column(&out.join("reference.csv"), "displacement_m");
+    let reached = column(&out.join("voltage.csv"), "displacement_m");
     assert_eq!(reference.len(), reached.len());
     assert!(reference.iter().zip(&reached).all(|(r, x)| (r - x).abs() < 1e-7));
 }

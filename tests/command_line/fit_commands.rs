@@ -260,7 +260,7 @@ fn compare_and_study_of_material_tests() {
     };
     println!("{report}");
     assert!(r2("fractional Maxwell, n = 1") > 0.9999 && r2("standard linear solid") < 0.99);
-    // From the first third the springpot foretells the rest; a relaxation time does not.
+    // From the first third the springpot predicts the rest; a relaxation time does not.
     let foretold = json(&["compare", "--drive", "displacement", "--starts", "2", "--to", "20", text(&file)]);
     let beyond = |name: &str| {
         let row = foretold["models"].as_array().expect("a list").iter().find(|row| row["model"] == name);

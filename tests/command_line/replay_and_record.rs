@@ -221,26 +221,6 @@ fn documents_show_what_replay_prints() {
     }
 }
 
-/// Ctrl-C leaves nothing half written.
-#[test]
-fn an_interrupted_run_leaves_nothing_behind() {
-    let folder = TempDir::new().expect("a folder");
-    let profile = folder.path().join("long.csv");
-    fs::write(&profile, "time_s,voltage_v\n0,0\n6000,6000\n").expect("written");
-    let out = folder.path().join("out.csv");
-    let arguments = ["simulate", "--params", "preset:table3-n2", "--profile", text(&profile), "--out", text(&out)];
-    let mut running = std::process::Command::new(TOOL.0).args(arguments).spawn().expect("runs");
-    let files = || fs::read_dir(folder.path()).expect("a folder").count();
-    while files() < 2 {
-        assert!(running.try_wait().expect("waits").is_none(), "it is done before it wrote anything");
-        std::thread::sleep(std::time::Duration::from_millis(2));
-    }
-    let kill = std::process::Command::new("kill").args(["-INT", &running.id().to_string()]).status().expect("kills");
-    assert!(kill.success());
-    assert_eq!(running.wait().expect("ends").code(), Some(130));
-    assert_eq!(files(), 1, "only the profile is left");
-}
-
 #[cfg(target_os = "linux")]
 #[test]
 fn results_that_cannot_be_printed_are_an_error() {

@@ -64,6 +64,15 @@ fn every_step_of_three_recordings_has_the_hosts_bits() {
     assert!(Tolerance::COUNT.holds(counted, stated), "{stated} instructions are stated, counted {counted}");
 }
 
+/// The demo runs the image where it is: all steps have the host's bits.
+#[test]
+fn the_demo_runs_the_image() {
+    let folder = tempfile::TempDir::new().expect("a folder");
+    let report = TOOL.json(&["demo", "--out", text(folder.path())]);
+    let ran = &report["firmware"]["ran"];
+    assert_eq!((&ran["steps"], &ran["mismatches"]), (&10_001.into(), &0.into()), "{}", report["firmware"]);
+}
+
 /// Whole ticks, codes of the converters in and out, along three recordings: command, state and estimate are the host's, bit for bit, and
 /// the run is still on at its end. The first 20 s of each, and in a full sweep all 155 s.
 #[test]

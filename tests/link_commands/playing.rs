@@ -2,39 +2,31 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::path::Path;
 use std::process::{Child, ChildStderr, Command, Stdio};
 use std::time::Duration;
 
 use tempfile::TempDir;
+use tests::table::column;
 use tests::tool::{names, text};
 use tests::virtual_board::{Scene, VirtualBoard};
 
 use crate::{TOOL, link, upload};
 
-/// The values of a column of a log.
-fn column(log: &Path, name: &str) -> Vec<f64> {
-    let log = fs::read_to_string(log).expect("written");
-    let mut lines = log.lines();
-    let index = lines.next().and_then(|header| header.split(',').position(|title| title == name)).expect("a column");
-    lines.map(|line| line.split(',').nth(index).and_then(|cell| cell.parse().ok()).expect("a number")).collect()
-}
-
-/// A board whose clock is half as slow again plays what a recording says in its own time: the log lasts as long as the recording, and
+/// A board whose clock is five times as slow plays what a recording says in its own time: the log lasts as long as the recording, and
 /// the peak is where it is there.
 #[test]
 fn a_slow_board_is_played_to_in_its_own_time() {
     let folder = TempDir::new().expect("a folder");
     let (played, out) = (folder.path().join("profile.csv"), folder.path().join("out.csv"));
     fs::write(&played, "time_s,voltage_v\n0,0\n1,3000\n2,0\n").expect("written");
-    let board = VirtualBoard::start(Scene { tick: Duration::from_micros(1500), ..Scene::CALM });
+    let board = VirtualBoard::start(Scene { tick: Duration::from_millis(5), ..Scene::CALM });
     upload(&board);
     TOOL.json(&link(&board, &["play", text(&played), "--out", text(&out)]));
     let (time_s, command_v) = (column(&out, "time_s"), column(&out, "command_v"));
     let (last_s, peak_v) = (time_s[time_s.len() - 1], command_v.iter().copied().fold(0.0, f64::max));
     let at_peak = command_v.iter().position(|&volts| volts == peak_v).expect("a peak");
     println!("{last_s} s, {peak_v} V at {} s", time_s[at_peak]);
-    // By the host's clock they would be 1.33 s and 0.67 s. Disarming and the first values take some ticks more.
+    // By the host's clock they would be 0.4 s and 0.2 s. Disarming and the first values take some ticks more.
     assert!((1.9..2.4).contains(&last_s), "{last_s} s");
     assert!((0.9..1.3).contains(&time_s[at_peak]) && peak_v > 2900.0, "{peak_v} V at {} s", time_s[at_peak]);
 
@@ -97,17 +89,17 @@ fn ctrl_c(player: &Child) {
 #[test]
 fn a_second_ctrl_c_does_not_leave_a_live_film() {
     let folder = TempDir::new().expect("a folder");
-    let board = VirtualBoard::start(Scene { enable_welded: true, ..Scene::CALM });
+    // Its discharge is watched for a second of its time, five of the host's.
+    let board = VirtualBoard::start(Scene { tick: Duration::from_millis(5), enable_welded: true, ..Scene::CALM });
     let (mut player, mut said) = playing(&board, &folder);
     ctrl_c(&player);
     let mut line = String::new();
     said.read_line(&mut line).expect("UTF-8");
-    names(&line, &["brings the film to 0 V"]);
-    // The board takes a second of its time until it is sure that the film stays live.
+    names(&line, &["bringing the film to 0 V"]);
     ctrl_c(&player);
     let rest: Vec<String> = said.lines().map(|line| line.expect("UTF-8")).collect();
     assert_eq!(player.wait().expect("ends").code(), Some(2), "{rest:?}");
-    names(&rest[0], &["still brings the film to 0 V", "once more"]);
+    names(&rest[0], &["still bringing the film to 0 V", "again to leave it"]);
     names(rest.last().expect("said"), &["the film is live", "Do not touch it"]);
     assert!(folder.path().join("out.csv").exists(), "what was measured is kept");
 }
@@ -120,7 +112,7 @@ fn a_third_ctrl_c_says_what_it_leaves() {
     let board = VirtualBoard::start(Scene { tick: Duration::from_millis(5), enable_welded: true, ..Scene::CALM });
     let (mut player, said) = playing(&board, &folder);
     let mut lines = said.lines().map(|line| line.expect("UTF-8"));
-    for told in ["brings the film to 0 V", "still brings the film", "leaves a film that may be live"] {
+    for told in ["bringing the film to 0 V", "still bringing the film", "leaving a film that may be live"] {
         ctrl_c(&player);
         names(&lines.next().expect("said"), &[told]);
     }

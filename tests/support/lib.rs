@@ -12,6 +12,7 @@ mod models;
 mod recordings;
 #[path = "../../crates/springpot/tests/it/support/sweep.rs"]
 pub mod sweep;
+pub mod table;
 pub mod tool;
 pub mod transcript;
 pub mod virtual_board;

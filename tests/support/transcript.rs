@@ -1,5 +1,7 @@
 //! Pages that show commands and their answers.
 
+use std::iter::zip;
+
 /// A command of the page, and its answer.
 pub struct Shown {
     /// As it is typed.
@@ -35,4 +37,33 @@ pub fn shown(page: &str) -> Vec<Shown> {
 pub fn words(line: &str) -> Vec<&str> {
     let is_number = |word: &&str| word.chars().any(|letter| letter.is_ascii_digit());
     line.split_whitespace().map(|word| if is_number(&word) { "#" } else { word }).collect()
+}
+
+/// Whether a line depends on what the machine has: QEMU and the firmware's image.
+pub fn depends_on_qemu(line: &str) -> bool {
+    line.starts_with("the firmware")
+}
+
+/// Whether two lines say the same: the same words, and numbers that differ by 3 % at the most and, written without an exponent, by 0.001:
+/// the last digits of a fit depend on the processor's rounding. How long something took, and how many evaluations, may be any number.
+pub fn same(line: &str, other: &str) -> bool {
+    let (here, there): (Vec<&str>, Vec<&str>) = (line.split_whitespace().collect(), other.split_whitespace().collect());
+    let is_free = |index: usize| {
+        index > 0 && here[index - 1] == "in" || here.get(index + 1).is_some_and(|next| next.starts_with("evaluation"))
+    };
+    here.len() == there.len()
+        && zip(&here, &there).enumerate().all(|(index, (here, there))| match (number(here), number(there)) {
+            (Some(_), Some(_)) if is_free(index) => true,
+            (Some((a, end)), Some((b, other_end))) => {
+                let rounding = if there.contains('e') { 0.0 } else { 0.001 };
+                end == other_end && (a - b).abs() <= 0.03 * b.abs() + rounding
+            }
+            _ => here == there,
+        })
+}
+
+/// A number, and the punctuation and units behind it.
+fn number(word: &str) -> Option<(f64, &str)> {
+    let end = word.rfind(|c: char| c.is_ascii_digit())? + 1;
+    Some((word[..end].parse().ok()?, &word[end..]))
 }

@@ -28,11 +28,11 @@ const NEXT: [&str; 9] = [
 
 /// Builds the image unless one is given, starts it, and says what to type next. Ends with QEMU, or at Ctrl-C.
 pub fn run(port: Option<u16>, image: Option<PathBuf>) -> Result<()> {
-    let toolchain = setup::run()?;
-    let image = image.map_or_else(|| firmware::virtual_board(&toolchain), Ok)?;
-    if !image.is_file() {
-        return Err(format!("{}: there is no such image", image.display()));
-    }
+    let image = match image {
+        Some(image) if image.is_file() => image,
+        Some(image) => return Err(format!("{}: there is no such image", image.display())),
+        None => firmware::virtual_board(&setup::run()?)?,
+    };
     let port = port.map_or_else(free_port, Ok)?;
     let mut emulator = command("sh", &["firmware/emulate.sh"]);
     emulator.arg(&image).env("LINK_PORT", port.to_string()).stdin(Stdio::null()).stdout(Stdio::piped());

@@ -38,6 +38,13 @@ pub enum FirmwareLaw {
     Tick,
 }
 
+impl FirmwareLaw {
+    /// Whether it follows references: the files are those, not recordings.
+    pub fn follows_references(self) -> bool {
+        matches!(self, Self::Feedforward | Self::Tracking)
+    }
+}
+
 /// A task for the firmware and for the host.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Task {
@@ -75,28 +82,18 @@ pub struct TaskOptions {
 }
 
 impl Task {
-    /// The task for the file at `path`: a recording to step or observe, or a reference to follow. `sensor` is the displacement
-    /// sensor that made the recording.
+    /// The task of `recording`: to step or observe it, or to follow it as a reference, as [`FirmwareLaw::follows_references`] tells.
+    /// `sensor` is the displacement sensor that made the recording.
     ///
     /// # Errors
     ///
     /// [`Error`] naming the file or the option that cannot be used.
-    pub fn read(path: &Path, options: &TaskOptions, sensor: DisplacementSensor) -> Result<Self> {
+    pub fn of(recording: &Recording, options: &TaskOptions, sensor: DisplacementSensor) -> Result<Self> {
         match options.law {
-            FirmwareLaw::Step | FirmwareLaw::Observer | FirmwareLaw::Tick => {
-                Self::of_recording(&Recording::read(path)?, options, sensor)
-            }
-            FirmwareLaw::Feedforward => Self::along(path, options, Mode::Feedforward),
-            FirmwareLaw::Tracking => Self::along(path, options, Mode::Tracking),
+            FirmwareLaw::Feedforward => return Self::along(recording, options, Mode::Feedforward),
+            FirmwareLaw::Tracking => return Self::along(recording, options, Mode::Tracking),
+            FirmwareLaw::Step | FirmwareLaw::Observer | FirmwareLaw::Tick => {}
         }
-    }
-
-    /// The task to step or observe `recording`.
-    ///
-    /// # Errors
-    ///
-    /// As [`read`](Self::read).
-    pub fn of_recording(recording: &Recording, options: &TaskOptions, sensor: DisplacementSensor) -> Result<Self> {
         if options.plant.is_some() {
             let cause = "a recording is its own film; use --law feedforward or tracking";
             return Err(Error::option("--plant", cause));
@@ -118,9 +115,9 @@ impl Task {
         })
     }
 
-    fn along(path: &Path, options: &TaskOptions, mode: Mode) -> Result<Self> {
+    fn along(recording: &Recording, options: &TaskOptions, mode: Mode) -> Result<Self> {
         let plant = options.plant.ok_or_else(|| Error::option("--plant", "a film is needed: hossain or wang"))?;
-        let (mut reference, grid) = references::read(path, options.rate_hz)?;
+        let (mut reference, grid) = references::of(recording, options.rate_hz)?;
         let duration_s = options.shortened((grid.samples - 1) as f64 / options.rate_hz);
         let samples = Grid::covering(duration_s, options.rate_hz)?.samples;
         reference.truncate(samples);

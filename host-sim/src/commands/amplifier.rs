@@ -12,7 +12,7 @@ use crate::files::parameters::Parameters;
 use crate::fit::amplifier::{self, Identification, Interval, Time};
 use crate::progress::Progress;
 use crate::report::figure::{Colour, Figure, Line, Panel};
-use crate::report::figure_file::PlotOption;
+use crate::report::figure_file::{Plot, PlotOption};
 use crate::terminal;
 
 #[derive(Debug, Args)]
@@ -66,7 +66,7 @@ struct Intervals {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let log = AmplifierLog::read(&arguments.log)?;
     let parameters = arguments.params.as_deref().map(Parameters::load).transpose()?;
-    arguments.check_outputs()?;
+    let plot = arguments.check_outputs()?;
     let bar = Progress::unknown("identify the amplifier");
     let identified = amplifier::identify(&log)?;
     bar.finish_and_clear();
@@ -77,21 +77,23 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         return Err(Error::file(&arguments.log, report.not_determined.join("; ")));
     }
     let figure = || Figure::new("How fast the amplifier follows", panels(&log, &identified));
-    let plot = arguments.plot.stage(&report, figure)?;
+    let drawn = plot.stage(&report, figure)?;
     if let (Some(parameters), Some(out), Some((rise_s, fall_s))) = (parameters, &arguments.out, times) {
         write(out, parameters, rise_s, fall_s)?;
     }
-    plot.map_or(Ok(()), Staged::commit)?;
+    drawn.map_or(Ok(()), Staged::commit)?;
     terminal::warnings(json, &report.warnings);
     terminal::report(json, &report, || text(&report))
 }
 
 impl Arguments {
-    fn check_outputs(&self) -> Result<()> {
+    /// Refuses outputs that could not be written; the figure to draw.
+    fn check_outputs(&self) -> Result<Plot> {
         let read: Vec<&Path> =
             [Some(self.log.as_path()), self.params.as_deref().map(Path::new)].into_iter().flatten().collect();
-        self.plot.check(&read, self.out.as_deref().as_slice())?;
-        self.out.iter().try_for_each(|path| output::check(path, &read, Folders::Exist))
+        let plot = self.plot.check(&read, self.out.as_deref().as_slice())?;
+        self.out.iter().try_for_each(|path| output::check(path, &read, Folders::Exist))?;
+        Ok(plot)
     }
 }
 

@@ -34,8 +34,8 @@ fn text(report: &Report) -> String {
             Severity::Prevents => "prevents a fit",
             Severity::Weakens => "weakens a fit",
         };
-        // A message of a fit names its file.
-        let file = finding.file.as_ref().filter(|_| !finding.advice.is_empty());
+        // The messages of readers and of fits name it already.
+        let file = finding.file.as_ref().filter(|file| !finding.finding.starts_with(file.as_str()));
         let place = file.map_or_else(String::new, |file| format!("{file}: "));
         let _ = write!(text, "{kind}: {place}{}", finding.finding);
         text.push_str(if finding.advice.is_empty() { "\n" } else { "\n    " });
@@ -45,7 +45,7 @@ fn text(report: &Report) -> String {
     }
     text.push_str(match (report.identifies, report.findings.is_empty()) {
         (true, true) => "these recordings identify a film",
-        (true, false) => "these recordings identify a film, with what is said above",
+        (true, false) => "these recordings identify a film, with the reservations above",
         (false, _) => "these recordings do not identify a film",
     });
     text

@@ -8,6 +8,7 @@ use serde::Serialize;
 use springpot::{AmplifierLag, CommandLimits, HARMONICS, LearningOptions, ObserverOptions};
 
 use super::options::{LimitOptions, at_most, positive};
+use super::recordings;
 use crate::bench::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
 use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
 use crate::bench::film::{self, Film};
@@ -18,10 +19,9 @@ use crate::files::parameters::{Parameters, as_written};
 use crate::grid::Grid;
 use crate::progress::Progress;
 use crate::quantity;
-use crate::references;
 use crate::replay::memory::Precision;
 use crate::report::figure::Figure;
-use crate::report::figure_file::PlotOption;
+use crate::report::figure_file::{Plot, PlotOption};
 use crate::report::tracking_figure;
 use crate::terminal::{self, figure};
 
@@ -200,8 +200,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
     let bench = arguments.sensor.bench(&limits, arguments.seed)?;
     let (bandwidth_hz, adaptation_s) = arguments.tuning(&parameters)?;
-    let (reference, grid) = references::read(&arguments.reference, arguments.rate)?;
-    arguments.check_outputs()?;
+    let (reference, grid) = recordings::read_reference(&arguments.reference, arguments.rate)?;
+    let plot = arguments.check_outputs()?;
     let interval_s = (1.0 / bench.sensor_rate_hz).max(grid.step_s());
     let observer = ObserverOptions {
         bandwidth_hz,
@@ -251,8 +251,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let out = arguments.out.as_deref().map(|path| stage(path, &run, grid)).transpose()?;
     let name = arguments.controller.name();
     let figure = || Figure::new(format!("Closed loop: {name}"), tracking_figure::panels(&[(name, &run)], grid));
-    let plot = arguments.plot.stage(&report, figure)?;
-    out.into_iter().chain(plot).try_for_each(Staged::commit)?;
+    let drawn = plot.stage(&report, figure)?;
+    out.into_iter().chain(drawn).try_for_each(Staged::commit)?;
     terminal::warnings(json, &report.field_note);
     terminal::report(json, &report, || text(&report))
 }
@@ -297,15 +297,17 @@ impl Arguments {
         })
     }
 
-    fn check_outputs(&self) -> Result<()> {
+    /// Refuses outputs that could not be written; the figure to draw.
+    fn check_outputs(&self) -> Result<Plot> {
         let plant = match &self.plant {
             PlantChoice::Nonlinear(_) => None,
             PlantChoice::Parameters(name) => Some(Path::new(name)),
         };
         let read: Vec<&Path> = [self.reference.as_path(), self.params.as_ref()].into_iter().chain(plant).collect();
         let out = self.out.as_deref();
-        self.plot.check(&read, out.as_slice())?;
-        out.map_or(Ok(()), |path| output::check(path, &read, Folders::Exist))
+        let plot = self.plot.check(&read, out.as_slice())?;
+        out.map_or(Ok(()), |path| output::check(path, &read, Folders::Exist))?;
+        Ok(plot)
     }
 }
 

@@ -1,6 +1,7 @@
 //! `compare`: other models of creep on the same recordings.
 
 use std::fmt::Write;
+use std::iter;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -20,6 +21,8 @@ use crate::quantity;
 use crate::report::figure::Figure;
 use crate::report::figure_file::PlotOption;
 use crate::report::model_figure;
+use crate::report::numbers::{Form, Numbers};
+use crate::report::page::{self, Row, Section};
 use crate::studies::compare::{self, ModelRow};
 use crate::terminal;
 
@@ -38,7 +41,7 @@ pub(super) struct Arguments {
     /// Random starts per structure.
     #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
     starts: usize,
-    /// Fit what was measured up to here, s, and foretell the rest: a column beyond, RMS error in % of the measured RMS.
+    /// Fit what was measured up to here, s, and predict the rest: a column beyond, RMS error in % of the measured RMS.
     #[arg(long, value_name = "S", value_parser = quantity::seconds)]
     to: Option<f64>,
     #[command(flatten)]
@@ -75,14 +78,15 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         }
     };
     let read = recordings.iter().map(Recording::path).chain(arguments.actuator.as_deref().map(Path::new));
-    arguments.plot.check(&read.collect::<Vec<&Path>>(), &[])?;
+    let plot = arguments.plot.check(&read.collect::<Vec<&Path>>(), &[])?;
     let bar = Progress::unknown("compare");
     let models = compare::compare(&observations, &beyond, &settings, &|stage| bar.enter(stage))?;
     bar.finish_and_clear();
     let report = Report { recordings: arguments.recordings.iter().map(|path| shown(path)).collect(), models };
     let title = "Models of creep on the same recordings";
-    let plot = arguments.plot.stage(&report, || Figure::new(title, model_figure::panels(&report.models)))?;
-    plot.map_or(Ok(()), Staged::commit)?;
+    let figure = || Figure::new(title, model_figure::panels(&report.models));
+    let drawn = plot.stage_with(&report, |numbers| vec![section(numbers)], figure)?;
+    drawn.map_or(Ok(()), Staged::commit)?;
     terminal::report(json, &report, || text(&report))
 }
 
@@ -91,6 +95,29 @@ fn within(recordings: &[Recording], drive: Direction, window: Window) -> Result<
     let preparation = Preparation { window, ..Preparation::NONE };
     let observe = |recording| Ok(observe_prepared(recording, drive, 1.0, preparation)?.0);
     recordings.iter().map(observe).collect()
+}
+
+/// The table of the models on a page.
+fn section(numbers: &Numbers<'_>) -> Section {
+    let columns = [
+        ("parameters", "/parameters", Form::Fixed(0)),
+        ("R²", "/r2_mean", Form::Fixed(6)),
+        ("NRMSE %", "/nrmse_pct", Form::Fixed(3)),
+        ("left out, NRMSE %", "/left_out_nrmse_pct", Form::Fixed(3)),
+        ("beyond, %", "/beyond_pct", Form::Fixed(3)),
+        ("ns/step", "/step_ns", Form::Fixed(1)),
+    ];
+    let models = numbers.at("/models").rows();
+    // What is known of no model has no column.
+    let is_known = |path: &str| models.iter().any(|model| !model.at(path).value().is_null());
+    let columns: Vec<_> = columns.into_iter().filter(|(_, path, _)| is_known(path)).collect();
+    let row = |model: &Numbers<'_>| {
+        let cells = columns.iter().map(|(_, path, form)| model.number(path, *form));
+        Row::new(iter::once(page::text(model.text("/model"))).chain(cells).collect())
+    };
+    let header: Vec<&str> = iter::once("model").chain(columns.iter().map(|(name, ..)| *name)).collect();
+    let rows: Vec<Row> = models.iter().map(row).collect();
+    Section::new("models", "Models", page::table("Models of creep", &header, &rows))
 }
 
 fn text(report: &Report) -> String {

@@ -104,13 +104,13 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         None => (Actuator::KARNER_2022, !arguments.recordings.is_empty()),
     };
     let given = arguments.reading.read(&arguments.recordings)?;
-    let files = OutputFiles::in_folder(&arguments.out);
+    let simulated = given.is_empty();
+    let files = OutputFiles::in_folder(&arguments.out, simulated);
     let inputs: Vec<&Path> =
         arguments.recordings.iter().map(PathBuf::as_path).chain(arguments.actuator.as_deref().map(Path::new)).collect();
-    // An empty one goes again.
+    // Removed again if it stays empty.
     let _folder = files.check(&arguments.out, &inputs)?;
-    let simulated = given.is_empty();
-    let recordings = if simulated { simulated_recordings(&arguments.out)? } else { given };
+    let recordings = if simulated { files.simulated_recordings()? } else { given };
 
     let done = fitted(&recordings, actuator, assumed_sizes, &files)?;
     // The parameters as they were written: `replay` gives the same.
@@ -147,8 +147,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         }
     }
     report.interrupted = stop.load(Ordering::Relaxed);
-    let written =
-        [&files.parameters, &files.page].into_iter().map(PathBuf::as_path).chain(staged.iter().map(Staged::path));
+    let written = files
+        .recordings
+        .iter()
+        .chain([&files.parameters, &files.page])
+        .map(PathBuf::as_path)
+        .chain(staged.iter().map(Staged::path));
     report.files = written.map(shown).collect();
     staged.push(stage_page(&files.page, &done, &report, followed.as_ref())?);
     staged.into_iter().try_for_each(Staged::commit)?;
@@ -159,6 +163,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 
 /// The files of a demo.
 struct OutputFiles {
+    /// Of the simulated film, if that is recorded.
+    recordings: Vec<PathBuf>,
     parameters: PathBuf,
     page: PathBuf,
     reference: PathBuf,
@@ -167,9 +173,11 @@ struct OutputFiles {
 }
 
 impl OutputFiles {
-    fn in_folder(folder: &Path) -> Self {
+    fn in_folder(folder: &Path, simulated: bool) -> Self {
         let file = |name| folder.join(name);
+        let periods = SIMULATED.iter().filter(|_| simulated);
         Self {
+            recordings: periods.map(|(period_s, _)| folder.join(format!("recording-{period_s}s.csv"))).collect(),
             parameters: file("film.toml"),
             page: file("report.html"),
             reference: file("reference.csv"),
@@ -184,8 +192,22 @@ impl OutputFiles {
             return Err(Error::file(folder, "is a file; name a folder"));
         }
         let all = [&self.parameters, &self.page, &self.reference, &self.voltage, &self.blob];
-        all.into_iter().try_for_each(|path| output::check(path, inputs, Folders::AreMade))?;
+        self.recordings.iter().chain(all).try_for_each(|path| output::check(path, inputs, Folders::AreMade))?;
         Folder::at(folder)
+    }
+
+    /// Records the simulated film under sines of three frequencies, and reads the recordings as any others.
+    fn simulated_recordings(&self) -> Result<Vec<Recording>> {
+        let film = Film::new(PLANT);
+        let grid = Grid::covering(SIMULATED_S, SIMULATED_HZ)?;
+        let mut recordings = Vec::new();
+        for ((period_s, seed), path) in SIMULATED.into_iter().zip(&self.recordings) {
+            let waveform = Waveform { peak_v: SIMULATED_PEAK_V, frequencies_hz: vec![1.0 / period_s] };
+            let comment = "a nonlinear film, simulated; not a measurement".to_owned();
+            FilmRecording::new(&film, &waveform, grid, Instruments::default(), seed)?.write(path, &[comment])?;
+            recordings.push(Recording::read(path)?);
+        }
+        Ok(recordings)
     }
 
     /// The reference, and the voltage that makes the model follow it.
@@ -202,21 +224,6 @@ impl OutputFiles {
             feedforward_command::stage(&self.voltage, *grid, &plan)?,
         ])
     }
-}
-
-/// Records the simulated film under sines of three frequencies, and reads the recordings as any others.
-fn simulated_recordings(folder: &Path) -> Result<Vec<Recording>> {
-    let film = Film::new(PLANT);
-    let grid = Grid::covering(SIMULATED_S, SIMULATED_HZ)?;
-    let mut recordings = Vec::new();
-    for (period_s, seed) in SIMULATED {
-        let waveform = Waveform { peak_v: SIMULATED_PEAK_V, frequencies_hz: vec![1.0 / period_s] };
-        let path = folder.join(format!("recording-{period_s}s.csv"));
-        let comment = "a nonlinear film, simulated; not a measurement".to_owned();
-        FilmRecording::new(&film, &waveform, grid, Instruments::default(), seed)?.write(&path, &[comment])?;
-        recordings.push(Recording::read(&path)?);
-    }
-    Ok(recordings)
 }
 
 /// Fits `recordings` together; writes the parameters.
@@ -305,7 +312,7 @@ struct Sine {
 }
 
 impl Sine {
-    /// A sine of a third of the stroke `peak_m` (m), or less, about its upper middle, or where the check says that it fits.
+    /// A sine of 45 %, or else of 25 or 10 % of the stroke `peak_m` (m), about its middle, moved by an offset where the check finds one.
     fn followable(
         parameters: &Parameters,
         peak_m: f64,

@@ -130,7 +130,7 @@ const EXAMPLES: &[Examples] = &[
         &["compare"],
         &[
             ("Other models of creep", "compare rec-5s.csv rec-7s.csv"),
-            ("What they foretell beyond 60 s", "compare rec-5s.csv --to 60s"),
+            ("What they predict beyond 60 s", "compare rec-5s.csv --to 60s"),
         ],
     ),
     (&["study"], &[("The paper's study", "study rec-5s.csv rec-7s.csv rec-13s.csv --out study")]),
@@ -202,8 +202,8 @@ const EXAMPLES: &[Examples] = &[
     (
         &["link", "drill"],
         &[
-            ("All of them, on an image for drills", "link --port tcp:127.0.0.1:5555 drill"),
-            ("At another voltage", "link --port tcp:127.0.0.1:5555 drill --voltage 500V"),
+            ("All of them, on the virtual board", "link --port tcp:127.0.0.1:4050 drill"),
+            ("At another voltage", "link --port tcp:127.0.0.1:4050 drill --voltage 500V"),
         ],
     ),
     (&["link", "self-test"], &[("Before a film is connected", "link --port /dev/ttyUSB0 self-test --voltage 50V")]),

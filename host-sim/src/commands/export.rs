@@ -76,7 +76,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         rate_hz: arguments.rate,
         board: board.id,
         compression,
-        own_board: parameters.board.as_ref().is_some_and(|board| !board.is_partial),
+        own_board: parameters.board.as_ref().is_some_and(|board| board.lacks().is_empty()),
         field_note: parameters.field_note(),
     };
     terminal::warnings(json, &report.field_note);

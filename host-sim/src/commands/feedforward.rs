@@ -6,13 +6,12 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::LimitOptions;
-use super::{ModelOptions, Verdict};
+use super::{ModelOptions, Verdict, recordings};
 use crate::bench::closed_loop::LimitShare;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
 use crate::progress::Progress;
-use crate::references;
 use crate::replay::feasibility::{self, Binding, Feasibility, Limit, Smaller};
 use crate::replay::feedforward::{self, VoltagePlan};
 use crate::report::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
@@ -62,8 +61,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     let options = arguments.model.run_options();
     let parameters = arguments.model.parameters()?;
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
-    let (reference, grid) = references::read(&arguments.reference, options.rate_hz)?;
+    let (reference, grid) = recordings::read_reference(&arguments.reference, options.rate_hz)?;
     let about = |error: Error| error.about(&arguments.model.params, &arguments.reference);
+    let inputs = [arguments.reference.as_path(), arguments.model.params.as_ref()];
+    let plot = arguments.plot.check(&inputs, arguments.out.as_deref().as_slice())?;
+    arguments.out.iter().try_for_each(|out| output::check(out, &inputs, Folders::Exist))?;
     let check =
         arguments.check.then(|| feasibility::check_and_mend(&parameters, &reference, grid, &limits)).transpose();
     let mut report = Report {
@@ -76,18 +78,15 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
         check: check.map_err(about)?,
         field_note: parameters.field_note(),
     };
-    let inputs = [arguments.reference.as_path(), arguments.model.params.as_ref()];
-    arguments.plot.check(&inputs, arguments.out.as_deref().as_slice())?;
-    arguments.out.iter().try_for_each(|out| output::check(out, &inputs, Folders::Exist))?;
-    if arguments.out.is_some() || arguments.plot.path().is_some() {
+    if arguments.out.is_some() || plot.is_wanted() {
         let bar = Progress::over(grid.samples as u64, "feedforward");
         let plan = feedforward::plan(&parameters, &reference, grid, &options, limits, &bar).map_err(about)?;
         bar.finish_and_clear();
         report.add(&plan);
         let table = arguments.out.as_deref().map(|out| stage(out, grid, &plan)).transpose()?;
         let title = format!("Feedforward along {}", shown(&arguments.reference));
-        let plot = arguments.plot.stage(&report, || Figure::new(title, panels(&reference, &plan, grid)))?;
-        table.into_iter().chain(plot).try_for_each(Staged::commit)?;
+        let drawn = plot.stage(&report, || Figure::new(title, panels(&reference, &plan, grid)))?;
+        table.into_iter().chain(drawn).try_for_each(Staged::commit)?;
     }
     terminal::warnings(json, &report.field_note);
     terminal::report(json, &report, || text(&report))?;
@@ -173,15 +172,15 @@ fn verdict(check: &Feasibility) -> Vec<String> {
             check.beyond_curve_pct
         ));
     }
-    lines.push(match (check.least_offset_m, check.most_offset_m, check.smaller) {
-        (Some(least), Some(most), _) => format!(
+    lines.extend(match (check.least_offset_m, check.most_offset_m, check.smaller) {
+        (Some(least), Some(most), _) => Some(format!(
             "feasible with an offset of {:.3} to {:.3} mm: {} to {}",
             mm * least,
             mm * most,
             band(least),
             band(most)
-        ),
-        (.., Some(Smaller { factor, offset_m })) => format!(
+        )),
+        (.., Some(Smaller { factor, offset_m })) => Some(format!(
             "no offset makes it feasible; {factor:.1} of it with an offset of {:.3} mm is: {}",
             mm * offset_m,
             format_args!(
@@ -189,8 +188,9 @@ fn verdict(check: &Feasibility) -> Vec<String> {
                 mm * (factor * check.low_m + offset_m),
                 mm * (factor * check.high_m + offset_m)
             )
-        ),
-        _ => "neither an offset nor a smaller stroke makes it feasible: it needs a slower way back".into(),
+        )),
+        _ if check.feasible => None,
+        _ => Some("neither an offset nor a smaller stroke makes it feasible: it must be slower".into()),
     });
     lines
 }
@@ -214,6 +214,7 @@ fn panels(reference: &[f64], plan: &VoltagePlan, grid: Grid) -> Vec<Panel> {
 fn limit(binding: &Binding) -> String {
     let Binding { limit, needed, allowed, at_s } = *binding;
     let volts = |volts: f64| format!("{} V", figure(volts, 0));
+    let kilo = |slew: f64| format!("{} kV/s", figure(1e-3 * slew, 2));
     let (what, needed, allowed) = match limit {
         Limit::Force => {
             ("force", format!("{} N", figure(needed, 3)), "0 N or more (voltage only stretches a film)".into())
@@ -223,14 +224,16 @@ fn limit(binding: &Binding) -> String {
             let mega = |field: f64| format!("{} MV/m", figure(1e-6 * field, 2));
             ("field", mega(needed), format!("{} (--max-field)", mega(allowed)))
         }
-        Limit::Fall => {
-            let kilo = |slew: f64| format!("{} kV/s", figure(1e-3 * slew, 2));
-            (
-                "fall of the voltage",
-                kilo(needed),
-                format!("{} by the bleeder (fall_s of board.amplifier)", kilo(allowed)),
-            )
+        Limit::Slew => ("change of the voltage", kilo(needed), format!("{} (--max-slew)", kilo(allowed))),
+        Limit::Velocity => {
+            let milli = |speed: f64| format!("{} mm/s", figure(1e3 * speed, 1));
+            ("speed", milli(needed), format!("{} (--max-velocity)", milli(allowed)))
         }
+        Limit::Fall => (
+            "fall of the voltage",
+            kilo(needed),
+            format!("{} by the bleeder (fall_s of board.amplifier)", kilo(allowed)),
+        ),
         Limit::Lead => {
             ("command ahead of the amplifier's lag", volts(needed), format!("{} (--max-voltage)", volts(allowed)))
         }

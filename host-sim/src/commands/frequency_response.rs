@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let rate = arguments.checked_rate()?;
     let parameters = Parameters::load(&arguments.params)?;
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
-    arguments.plot.check(&[arguments.params.as_ref()], &[&arguments.out])?;
+    let plot = arguments.plot.check(&[arguments.params.as_ref()], &[&arguments.out])?;
     let law = arguments
         .discrete
         .then(|| memory::compressed_law::<f32>(parameters.film(), rate))
@@ -83,10 +83,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     )?;
     let report = Report { out: shown(&arguments.out), points: arguments.points, discrete: arguments.discrete };
     let title = format!("Frequency response of {}", parameters.name);
-    let plot = arguments
-        .plot
-        .stage(&report, || Figure::new(title, response_figure::of(&frequency, &magnitude, &phase).into()))?;
-    [Some(table), plot].into_iter().flatten().try_for_each(Staged::commit)?;
+    let drawn =
+        plot.stage(&report, || Figure::new(title, response_figure::of(&frequency, &magnitude, &phase).into()))?;
+    [Some(table), drawn].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || {
         let kind = if report.discrete { format!("the law at {rate} Hz") } else { "Eq. 11".into() };
         format!("{}: {} frequencies of {kind}", report.out, report.points)

@@ -88,7 +88,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         recording.drive()?;
         imported.push((Imported::of(&recording, understood, out, blanked, starts_at_rest), recording));
     }
-    // An empty one goes again.
+    // Removed again if it stays empty.
     let _folder = Folder::at(&arguments.out)?;
     let mut staged = Vec::new();
     for ((report, recording), out) in imported.iter().zip(&outputs) {
@@ -126,7 +126,7 @@ impl Arguments {
         let inputs: Vec<&Path> = self.files.iter().map(PathBuf::as_path).collect();
         let mut outputs: Vec<PathBuf> = Vec::new();
         for file in &self.files {
-            let name = file.file_stem().ok_or_else(|| Error::file(file, "is no file; name files to import"))?;
+            let name = file.file_stem().ok_or_else(|| Error::file(file, "is not a file; name files to import"))?;
             let mut out = self.out.join(name);
             out.as_mut_os_string().push(".csv");
             if outputs.contains(&out) {
@@ -167,9 +167,16 @@ impl Imported {
         if let Some(voltage) = ranges.iter().find(|range| range.quantity == Quantity::Voltage) {
             let largest = voltage.high.abs().max(voltage.low.abs());
             if largest > 0.0 && largest < 50.0 {
+                let column = understood.columns.iter().find(|column| column.quantity == Quantity::Voltage);
+                let column = column.map_or_else(
+                    || "NAME".into(),
+                    |column| match column.column {
+                        Some(number) => number.to_string(),
+                        None => format!("{:?}", column.name),
+                    },
+                );
                 warnings.push(format!(
-                    "the largest voltage is {largest} V: a monitor's output? Multiply it, as in --columns voltage={}*1000",
-                    understood.columns.iter().find(|c| c.quantity == Quantity::Voltage).and_then(|c| c.column).unwrap_or(2)
+                    "the largest voltage is {largest} V: a monitor's output? Multiply it, as in --columns voltage={column}*1000"
                 ));
             }
         }

@@ -54,7 +54,7 @@ fn write(command: Command, folder: &Path) -> Result<Vec<String>> {
         output::check(&path, &[], Folders::AreMade)?;
         pages.push((path, page(command)?));
     }
-    // An empty one goes again.
+    // Removed again if it stays empty.
     let _folder = Folder::at(folder)?;
     let staged: Vec<Staged> = pages
         .iter()

@@ -69,7 +69,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let recording = arguments.reading.read_one(&arguments.recording)?;
     let inputs = [arguments.recording.as_path(), arguments.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;
-    arguments.plot.check(&inputs, &[&arguments.out])?;
+    let plot = arguments.plot.check(&inputs, &[&arguments.out])?;
     let grid = recording.grid(arguments.rate)?;
     let Input::Voltage(voltage) = recording.drive()? else {
         return Err(Error::file(
@@ -89,8 +89,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let observed = estimates.summary();
     let report = Report { out: shown(&arguments.out), rate_hz: grid.rate_hz, observed };
     let title = format!("Observer over {}", shown(&arguments.recording));
-    let plot = arguments.plot.stage(&report, || Figure::new(title, panels(&parameters, &estimates, grid)))?;
-    [Some(table), plot].into_iter().flatten().try_for_each(Staged::commit)?;
+    let drawn = plot.stage(&report, || Figure::new(title, panels(&parameters, &estimates, grid)))?;
+    [Some(table), drawn].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || {
         format!(
             "{}: {} sensor samples, innovation {} µm RMS, at the end disturbance {} N and force scale {}",

@@ -5,10 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::recordings;
 use crate::bench::film::Plant;
 use crate::bench::processor::{BitComparison, FirmwareLaw, ProcessorTest, Task, TaskOptions};
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
+use crate::files::recording::Recording;
 use crate::link::Emulator;
 use crate::progress::Progress;
 use crate::quantity;
@@ -84,7 +86,15 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let tasks = arguments
         .files
         .iter()
-        .map(|path| Task::read(path, &options, parameters.sensor()))
+        .map(|path| {
+            let recording = if arguments.law.follows_references() {
+                Recording::read_reference(path)?
+            } else {
+                Recording::read(path)?
+            };
+            recordings::tell(&recording);
+            Task::of(&recording, &options, parameters.sensor())
+        })
         .collect::<Result<Vec<Task>>>()?;
 
     let bar = Progress::over(tasks.iter().map(|task| task.steps() as u64).sum(), "pil");

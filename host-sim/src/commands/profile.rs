@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::options::{at_most, positive};
 use crate::error::{Error, Result, shown};
-use crate::excitation::profile::{self, Part, PartShape, Profile, USUAL_SHARE, Wishes};
+use crate::excitation::profile::{self, Part, PartShape, Profile, ProfileOptions, USUAL_SHARE};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
@@ -23,8 +23,8 @@ pub(super) struct Arguments {
     /// Largest voltage; 0.9 of what the limits of voltage and field allow if left out.
     #[arg(long, value_name = "V", value_parser = quantity::volts)]
     peak: Option<f64>,
-    /// Frequencies of the sines: the band that the film will be used in, around its middle.
-    #[arg(long, value_name = "HZ,HZ,…", value_parser = quantity::hertz, value_delimiter = ',', default_values_t = [0.2, 1.0 / 7.0, 1.0 / 13.0])]
+    /// Frequencies of the sines, in the band that the film will be used in.
+    #[arg(long, value_name = "HZ,HZ,…", value_parser = quantity::hertz, value_delimiter = ',', default_values_t = [0.2, 0.14, 0.077])]
     frequencies: Vec<f64>,
     /// Cycles of each.
     #[arg(long, value_name = "N", default_value_t = 4)]
@@ -55,8 +55,9 @@ struct Report {
     limit: &'static str,
     largest_slew_v_per_s: f64,
     parts: Vec<Part>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    note: Option<String>,
+    /// What is assumed.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    notes: Vec<String>,
 }
 
 /// Longest profile, s.
@@ -69,7 +70,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     for frequency_hz in &arguments.frequencies {
         positive("--frequencies", *frequency_hz)?;
         if 20.0 * frequency_hz > arguments.rate {
-            let cause = format!("{} Hz are fewer than 20 samples per cycle of {frequency_hz} Hz", arguments.rate);
+            let cause = format!(
+                "{} Hz are fewer than 20 samples per cycle of {frequency_hz} Hz; use at least {} Hz",
+                arguments.rate,
+                20.0 * frequency_hz
+            );
             return Err(Error::option("--rate", cause));
         }
     }
@@ -82,7 +87,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let (actuator, board, assumed_sizes) = Parameters::load_board(&arguments.board)?;
     let limits = board.command_limits();
     let (largest_v, limit) = profile::largest_voltage(&limits, actuator.thickness_m);
-    let wishes = Wishes {
+    let options = ProfileOptions {
         // Whole volts: they are read by people.
         peak_v: arguments.peak.unwrap_or((USUAL_SHARE * largest_v).floor()),
         frequencies_hz: arguments.frequencies.clone(),
@@ -90,8 +95,14 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         hold_s: arguments.hold,
         rest_s: arguments.rest,
     };
-    let made = Profile::new(&wishes, &limits, actuator.thickness_m)?;
-    at_most("--cycles", made.duration_s(), LONGEST_S)?;
+    let made = Profile::new(&options, &limits, actuator.thickness_m)?;
+    let duration_s = made.duration_s();
+    if duration_s > LONGEST_S {
+        let cause = format!(
+            "the profile lasts {duration_s:.0} s, at most {LONGEST_S:.0} s are possible; use fewer, or higher --frequencies"
+        );
+        return Err(Error::option("--cycles", cause));
+    }
     let grid = Grid::covering(made.duration_s(), arguments.rate)?;
     let voltage = made.on(grid);
     output::check(&arguments.out, &[Path::new(&arguments.board)], Folders::Exist)?;
@@ -103,10 +114,16 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         &[("time_s", Some(time.as_slice())), ("voltage_v", Some(voltage.as_slice()))],
     )?;
     let slew = voltage.windows(2).map(|pair| (pair[1] - pair[0]).abs() * arguments.rate).fold(0.0, f64::max);
-    let note = assumed_sizes.then(|| {
+    let sizes = assumed_sizes.then(|| {
         format!(
             "the film's sizes are assumed ({:.0} µm thick): whether the field stays within its limit is not known",
             1e6 * actuator.thickness_m
+        )
+    });
+    let bench = board.lacks().contains(&"limits").then(|| {
+        format!(
+            "{} has no [board.limits]: the limits are those of the paper's bench, {largest_v:.0} V",
+            arguments.board
         )
     });
     let report = Report {
@@ -114,14 +131,14 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         samples: grid.samples,
         rate_hz: arguments.rate,
         duration_s: made.duration_s(),
-        peak_v: wishes.peak_v,
+        peak_v: options.peak_v,
         largest_v,
         limit,
         largest_slew_v_per_s: slew,
         parts: made.parts,
-        note,
+        notes: sizes.into_iter().chain(bench).collect(),
     };
-    terminal::warnings(json, &report.note);
+    terminal::warnings(json, &report.notes);
     terminal::report(json, &report, || text(&report))
 }
 

@@ -7,6 +7,8 @@ use clap::Args;
 use crate::error::Result;
 use crate::files::import::{Choices, Hints};
 use crate::files::recording::Recording;
+use crate::grid::Grid;
+use crate::references;
 use crate::terminal;
 
 /// What is said about files that have not the names of recordings.
@@ -43,7 +45,15 @@ impl RecordingOptions {
     }
 }
 
-fn tell(recording: &Recording) {
+/// Reads the reference at `path`, on its grid at `rate_hz`, and tells what was understood of it.
+pub(super) fn read_reference(path: &Path, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
+    let recording = Recording::read_reference(path)?;
+    tell(&recording);
+    references::of(&recording, rate_hz)
+}
+
+/// Tells what was understood of a `recording` that has other names.
+pub(super) fn tell(recording: &Recording) {
     if let Some(understood) = recording.understood() {
         terminal::told(understood.line());
     }

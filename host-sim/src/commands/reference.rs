@@ -66,21 +66,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let cause = format!("{} samples at this rate; from 2 to {MOST_SAMPLES} are possible", grid.samples);
         return Err(Error::option("--duration", cause));
     }
-    if let Some(rise) = arguments.rise.filter(|rise| *rise > arguments.duration) {
-        let cause =
-            format!("{rise:?} s is longer than the reference, {:?} s: it would never arrive", arguments.duration);
-        return Err(Error::option("--rise", cause));
-    }
-    if let (Shape::Steps, Some(rise)) = (arguments.shape, arguments.rise.filter(|rise| *rise > arguments.period)) {
-        let cause =
-            format!("{rise:?} s is longer than a plateau with its edge, {:?} s: it would jump", arguments.period);
-        return Err(Error::option("--rise", cause));
-    }
     let usual = Reference::new(arguments.shape, arguments.low, arguments.high, arguments.period);
     let reference = Reference { rise_s: arguments.rise.unwrap_or(usual.rise_s), seed: arguments.seed, ..usual };
     let values = reference.on(grid)?;
     output::check(&arguments.out, &[], Folders::Exist)?;
-    arguments.plot.check(&[], &[&arguments.out])?;
+    let plot = arguments.plot.check(&[], &[&arguments.out])?;
     let time = grid.times_s();
     let table = output::stage_columns(
         &arguments.out,
@@ -88,11 +78,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         &[("time_s", Some(time.as_slice())), ("displacement_m", Some(values.as_slice()))],
     )?;
     let report = Report { out: shown(&arguments.out), samples: grid.samples };
-    let plot = arguments.plot.stage(&report, || {
+    let drawn = plot.stage(&report, || {
         let line = Line::new("reference", &time, &DISPLACEMENT.of(&values));
         let panel = Panel::new("Reference", "time (s)", DISPLACEMENT.label()).with(line);
         Figure::new(format!("Reference {}", report.out), vec![panel])
     })?;
-    [Some(table), plot].into_iter().flatten().try_for_each(Staged::commit)?;
+    [Some(table), drawn].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || format!("{}: {} samples", report.out, report.samples))
 }

@@ -102,10 +102,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let inputs: Vec<&Path> =
         recordings.iter().map(Recording::path).chain([Path::new(&arguments.model.params)]).collect();
     let written: Vec<&Path> = outputs.iter().flatten().map(PathBuf::as_path).collect();
-    arguments.plot.check(&inputs, &written)?;
+    let plot = arguments.plot.check(&inputs, &written)?;
 
     let bar = Progress::over(comparisons.iter().map(|comparison| comparison.grid.samples as u64).sum(), "replay");
-    // An empty one goes again.
+    // Removed again if it stays empty.
     let _folder = arguments.out.as_deref().map(Folder::at).transpose()?;
     let mut rows = Vec::new();
     let mut written = Vec::new();
@@ -117,7 +117,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             .run(&parameters, &options, &bar)
             .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
         rows.push(RecordingAgreement::new(recording, arguments.drive, &agreement));
-        if arguments.plot.path().is_some() {
+        if plot.is_wanted() {
             panels.extend(compared(comparison, arguments.drive, &comparison.readings(&parameters, &response)));
         }
         if let Some(path) = path {
@@ -127,7 +127,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     bar.finish_and_clear();
     let mut report = Report::of(rows);
     report.field_note = parameters.field_note().filter(|_| arguments.drive == Direction::Force);
-    written.extend(arguments.plot.stage(&report, || Figure::new(format!("Replay of {}", parameters.name), panels))?);
+    written.extend(plot.stage(&report, || Figure::new(format!("Replay of {}", parameters.name), panels))?);
     written.into_iter().try_for_each(Staged::commit)?;
     terminal::warnings(json, &report.field_note);
     terminal::report(json, &report, || format!("{}\n{}", table(&report), how(&options)))

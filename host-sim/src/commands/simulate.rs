@@ -48,7 +48,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let recording = arguments.reading.read_one(&arguments.profile)?;
     let inputs = [arguments.profile.as_path(), arguments.model.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;
-    arguments.plot.check(&inputs, &[&arguments.out])?;
+    let plot = arguments.plot.check(&inputs, &[&arguments.out])?;
     let grid = recording.grid(options.rate_hz)?;
     let bar = Progress::over(grid.samples as u64, "simulate");
     let response = simulate::response(&parameters, &recording.drive()?, grid, &options, &bar)
@@ -62,8 +62,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         peak_displacement_m: response.displacement_m.iter().copied().fold(f64::NEG_INFINITY, f64::max),
     };
     let title = format!("Response of {} to {}", parameters.name, shown(&arguments.profile));
-    let plot = arguments.plot.stage(&report, || Figure::new(title, panels(&response, grid)))?;
-    [Some(table), plot].into_iter().flatten().try_for_each(Staged::commit)?;
+    let drawn = plot.stage(&report, || Figure::new(title, panels(&response, grid)))?;
+    [Some(table), drawn].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || {
         format!(
             "{}: {} samples at {} Hz, largest displacement {} mm",

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::options::assumed_actuator;
 use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
-use crate::files::output::{self, Folder, Folders};
+use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::observe_all;
@@ -76,34 +76,33 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     bar.finish_and_clear();
 
     let page = StudyPage::new(&fits, &observations, arguments.thinned);
-    // An empty one goes again.
+    // Removed again if it stays empty.
     let _folder = Folder::at(&arguments.out)?;
-    let files = write(&page, &arguments.out)?;
+    let staged = stage(&page, &arguments.out)?;
+    let files = staged.iter().map(|file| shown(file.path())).collect();
     let names: Vec<String> = observations.into_iter().map(|o| o.name).collect();
     let report = Report {
         fits: fits.iter().map(|fit| StudyFitRow::new(fit, &names)).collect(),
         recordings: names,
         why_eq9_stops: paper::why_eq9_stops(&fits),
-        files: files.iter().map(|path| shown(path)).collect(),
+        files,
     };
+    staged.into_iter().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || format!("{}\nwritten: {}", page.markdown(), report.files.join(", ")))
 }
 
-/// Writes figures and pages into `folder`.
-fn write(page: &StudyPage, folder: &Path) -> Result<Vec<PathBuf>> {
+/// Figures and pages for `folder`: all of them are written before the first one appears there.
+fn stage(page: &StudyPage, folder: &Path) -> Result<Vec<Staged>> {
     let texts = [("study.html", page.html()), ("study.md", page.markdown())];
     let mut files = Vec::new();
     for figure in &page.figures {
         for ending in ["svg", "png"] {
             let path = folder.join(format!("{}.{ending}", figure.name));
-            figure_file::write(&path, &figure.figure)?;
-            files.push(path);
+            files.push(figure_file::stage_image(&path, &figure.figure)?);
         }
     }
     for (name, text) in texts {
-        let path = folder.join(name);
-        output::write_whole(&path, |file| file.write_all(text.as_bytes()))?;
-        files.push(path);
+        files.push(Staged::new(&folder.join(name), |file| file.write_all(text.as_bytes()))?);
     }
     Ok(files)
 }

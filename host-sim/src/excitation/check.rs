@@ -5,7 +5,10 @@ use serde::Serialize;
 use super::drive::{DriveFacts, distinct};
 use crate::error::shown;
 use crate::files::recording::{Direction, Input, Recording};
-use crate::fit::observation::{self, median};
+use crate::fit::{
+    self,
+    observation::{self, median},
+};
 use crate::grid::Samples;
 
 /// What was found in recordings.
@@ -30,7 +33,7 @@ pub struct Facts {
     pub rate_hz: f64,
     /// Length, s.
     pub duration_s: f64,
-    /// What drives it, and its unit.
+    /// What drives it: `voltage` (V) or `force` (N).
     pub driven_by: &'static str,
     /// The drive, in V or N.
     pub drive: DriveFacts,
@@ -223,8 +226,10 @@ impl Facts {
             match observation::observe(recording, Direction::Force, 1.0) {
                 Ok((_, warnings)) => {
                     for warning in warnings {
-                        let severity =
-                            if warning.contains("--invert") { Severity::Prevents } else { Severity::Weakens };
+                        let severity = match warning.severity {
+                            fit::Severity::Serious => Severity::Prevents,
+                            fit::Severity::Caution | fit::Severity::Note => Severity::Weakens,
+                        };
                         add(severity, warning.text, "");
                     }
                 }
@@ -271,7 +276,7 @@ impl Facts {
                 format!("a stroke of {stroke:.3e} m"),
                 "check the unit of the displacement and the sensor's target",
             );
-        } else if self.start_m.is_some_and(|start| (start - low).abs() > 0.5 * stroke && self.drive.rest_s > 0.0) {
+        } else if self.start_m.is_some_and(|start| start - low > 0.5 * stroke && self.drive.rest_s > 0.0) {
             add(
                 Severity::Weakens,
                 "the film begins in the upper half of its stroke although nothing drives it".into(),
@@ -284,7 +289,7 @@ impl Facts {
                     "the sensor reads {:.3} mm at rest, more than twice the stroke",
                     1e3 * self.start_m.unwrap_or(0.0)
                 ),
-                "zero the sensor on the film at rest; fit finds an offset, and loses it as something to find",
+                "zero the sensor on the film at rest; otherwise fit must identify the offset as well",
             );
         }
     }

@@ -34,6 +34,8 @@ pub struct Cycle {
     pub period_s: f64,
     /// Its largest size.
     pub peak: f64,
+    /// From its trough to below its half height, s.
+    pub span_s: (f64, f64),
 }
 
 impl DriveFacts {
@@ -46,7 +48,7 @@ impl DriveFacts {
         let begins = size.iter().position(|value| *value > REST * peak);
         let rest_s = begins.map_or(0.0, |k| time[k.saturating_sub(1)] - first);
         let cycles = cycles(time, &size, peak);
-        let (hold_s, held_at) = longest_hold(time, &size, peak);
+        let (hold_s, held_at) = longest_hold(time, &size, peak, &cycles);
         let frequencies_hz = distinct(cycles.iter().map(|cycle| 1.0 / cycle.period_s).collect());
         // A hold is an amplitude as well.
         let amplitudes = distinct(cycles.iter().map(|cycle| cycle.peak).chain(held_at).collect());
@@ -88,11 +90,13 @@ fn cycle(time: &[f64], size: &[f64]) -> Option<Cycle> {
     let width_s = crossing(size.len() - 1) - crossing(up);
     let on_top = |k: usize| size[k] > highest - 0.02 * height;
     let top_s: f64 = (1..size.len()).filter(|&k| on_top(k - 1) && on_top(k)).map(|k| time[k] - time[k - 1]).sum();
-    (width_s > 0.0 && top_s < 0.5 * width_s).then_some(Cycle { period_s: 2.0 * width_s, peak: highest })
+    let span_s = (time[0], time[time.len() - 1]);
+    (width_s > 0.0 && top_s < 0.5 * width_s).then_some(Cycle { period_s: 2.0 * width_s, peak: highest, span_s })
 }
 
-/// The longest time at one level, and that level.
-fn longest_hold(time: &[f64], size: &[f64], peak: f64) -> (f64, Option<f64>) {
+/// The longest time at one level, and that level. The top of a cycle is none.
+fn longest_hold(time: &[f64], size: &[f64], peak: f64, cycles: &[Cycle]) -> (f64, Option<f64>) {
+    let in_a_cycle = |from: f64, to: f64| cycles.iter().any(|cycle| cycle.span_s.0 <= from && to <= cycle.span_s.1);
     let (mut start, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
     let mut longest = (0.0, None);
     for (k, value) in size.iter().enumerate() {
@@ -101,7 +105,7 @@ fn longest_hold(time: &[f64], size: &[f64], peak: f64) -> (f64, Option<f64>) {
             (start, low, high) = (k, *value, *value);
         }
         let held = time[k] - time[start];
-        if held > longest.0 && size[start] >= 0.1 * peak {
+        if held > longest.0 && size[start] >= 0.1 * peak && !in_a_cycle(time[start], time[k]) {
             longest = (held, Some(*value));
         }
     }

@@ -56,7 +56,7 @@ pub enum PartShape {
 
 /// What a profile is made of.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Wishes {
+pub struct ProfileOptions {
     /// Largest voltage, V.
     pub peak_v: f64,
     /// Frequencies of the sines, Hz.
@@ -65,11 +65,11 @@ pub struct Wishes {
     pub cycles: u32,
     /// Length of the hold, s.
     pub hold_s: f64,
-    /// Length of the rest at the start, s; behind the hold it is half as long as that.
+    /// Length of the rest at the start, s. The rest after the hold is half as long as the hold.
     pub rest_s: f64,
 }
 
-/// The share of the largest voltage that a profile uses unasked: the field grows as the film thins.
+/// The share of the largest voltage that a profile uses by default: the field grows as the film thins.
 pub const USUAL_SHARE: f64 = 0.9;
 /// The second amplitude, a share of the peak: a quarter of the force.
 const SECOND: f64 = 0.5;
@@ -89,13 +89,13 @@ pub fn largest_voltage(limits: &CommandLimits, thickness_m: f64) -> (f64, &'stat
 }
 
 impl Profile {
-    /// The profile of `wishes` within `limits` on a film of `thickness_m`.
+    /// The profile of `options` within `limits` on a film of `thickness_m`.
     ///
     /// # Errors
     ///
     /// [`Error::Option`] naming the limit that is not kept, and what would keep it.
-    pub fn new(wishes: &Wishes, limits: &CommandLimits, thickness_m: f64) -> Result<Self> {
-        let Wishes { peak_v, frequencies_hz, cycles, hold_s, rest_s } = wishes;
+    pub fn new(options: &ProfileOptions, limits: &CommandLimits, thickness_m: f64) -> Result<Self> {
+        let ProfileOptions { peak_v, frequencies_hz, cycles, hold_s, rest_s } = options;
         let (largest_v, limit) = largest_voltage(limits, thickness_m);
         if *peak_v > largest_v {
             let cause = format!("{peak_v} V is above {largest_v:.0} V ({limit}); use {:.0}", USUAL_SHARE * largest_v);

@@ -2,6 +2,7 @@
 
 pub mod amplifier_log;
 pub mod csv;
+pub mod digest;
 pub mod import;
 pub mod journal;
 pub mod material_test;

@@ -57,7 +57,10 @@ pub enum Folders {
 #[derive(Debug)]
 pub struct Staged {
     file: NamedTempFile,
+    /// As it was asked for.
     path: PathBuf,
+    /// What it is or links to.
+    target: PathBuf,
     half_written: HalfWritten,
 }
 
@@ -71,7 +74,7 @@ impl Staged {
         check(path, &[], Folders::Exist)?;
         let fault = |e: io::Error| Error::file(path, e);
         // A link stays, and its target is replaced.
-        let path = path.canonicalize().unwrap_or_else(|_| path.into());
+        let target = path.canonicalize().unwrap_or_else(|_| path.into());
         let mut builder = tempfile::Builder::new();
         #[cfg(unix)]
         {
@@ -79,16 +82,16 @@ impl Staged {
             use std::os::unix::fs::PermissionsExt;
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
-        let mut file = builder.prefix(".host-sim-").tempfile_in(folder_of(&path)).map_err(fault)?;
+        let mut file = builder.prefix(".host-sim-").tempfile_in(folder_of(&target)).map_err(fault)?;
         let half_written = HalfWritten::new(file.path());
         {
             let mut writer = BufWriter::new(file.as_file_mut());
             fill(&mut writer).and_then(|()| writer.flush()).map_err(fault)?;
         }
-        Ok(Self { file, path, half_written })
+        Ok(Self { file, path: path.into(), target, half_written })
     }
 
-    /// Path of the complete file.
+    /// Path of the complete file, as it was asked for.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -99,7 +102,7 @@ impl Staged {
     ///
     /// [`Error::File`] where that fails.
     pub fn commit(self) -> Result<()> {
-        self.file.persist(&self.path).map_err(|e| Error::file(&self.path, e.error))?;
+        self.file.persist(&self.target).map_err(|e| Error::file(&self.path, e.error))?;
         drop(self.half_written);
         Ok(())
     }

@@ -12,9 +12,9 @@ use super::candidate::Candidate;
 /// A branch in words and numbers.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct BranchRow {
-    /// Counted from one.
+    /// Its index in the parameter file, from 0.
     pub branch: usize,
-    /// Time at which both of its springpots are as stiff, s; null where they have the same order.
+    /// Time at which both of its springpots are equally stiff, s; null where they have the same order.
     pub relaxation_time_s: Option<f64>,
     /// Its share there, %; null without a time or a model.
     pub share_pct: Option<f64>,
@@ -28,11 +28,12 @@ pub fn of(candidate: &Candidate) -> Vec<BranchRow> {
     (0..candidate.branches())
         .map(|branch| {
             let [first, second] = pair(candidate, branch);
-            // Both springpots are as stiff at s = 1/τ: c_1 τ^-a = c_2 τ^-b.
-            let time_s = (second.c / first.c).powf(1.0 / (second.alpha - first.alpha));
-            let time_s = Some(time_s).filter(|time_s| time_s.is_finite() && *time_s > 0.0);
+            // Both springpots are equally stiff at s = 1/τ: c_1 τ^-a = c_2 τ^-b.
+            let time_s =
+                (second.alpha != first.alpha).then(|| (second.c / first.c).powf(1.0 / (second.alpha - first.alpha)));
+            let time_s = time_s.filter(|time_s| time_s.is_finite() && *time_s > 0.0);
             BranchRow {
-                branch: branch + 1,
+                branch,
                 relaxation_time_s: time_s,
                 share_pct: time_s
                     .zip(model.as_ref())
@@ -48,7 +49,7 @@ pub fn of(candidate: &Candidate) -> Vec<BranchRow> {
 
 impl fmt::Display for BranchRow {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "branch {}: ", self.branch)?;
+        write!(f, "branches[{}]: ", self.branch)?;
         let Some(time_s) = self.relaxation_time_s else {
             return f.write_str("no relaxation time, its springpots have the same order");
         };

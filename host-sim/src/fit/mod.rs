@@ -96,7 +96,7 @@ fn find(
     if let Some(start) = &settings.start {
         return Ok((context.refined(start, topology)?, Vec::new()));
     }
-    stages.tell("fit");
+    stages.begin("fit", branches);
     let no_fit = || {
         let names: Vec<&str> = observations.iter().map(|o| o.name.as_str()).collect();
         Error::Computation(format!(

@@ -1,10 +1,7 @@
 //! The parameter file of a fit: the model, and where it comes from.
 
-use std::fmt::Write;
-use std::fs;
 use std::path::Path;
 
-use sha2::{Digest, Sha256};
 use toml::{Table, Value};
 
 use super::loss::Loss;
@@ -12,7 +9,8 @@ use super::outcome::Fit;
 use super::settings::Settings;
 use super::uncertainty::Uncertainty;
 use crate::agreement::Agreement;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::files::digest;
 use crate::files::parameters::Parameters;
 use crate::files::recording::Direction;
 
@@ -75,7 +73,7 @@ impl Fit {
 fn recording(file: &Path, agreement: &Agreement) -> Result<Value> {
     let mut table = Table::new();
     table.insert("file".into(), file.display().to_string().into());
-    table.insert("sha256".into(), sha256(file)?.into());
+    table.insert("sha256".into(), digest::sha256(file)?.into());
     table.insert("r2".into(), agreement.r2.into());
     table.insert("nrmse_pct".into(), agreement.nrmse_pct.into());
     table.insert("samples".into(), integer(agreement.samples));
@@ -96,12 +94,4 @@ fn intervals(uncertainty: &Uncertainty) -> Table {
 
 fn integer(count: usize) -> Value {
     i64::try_from(count).unwrap_or(i64::MAX).into()
-}
-
-fn sha256(path: &Path) -> Result<String> {
-    let bytes = fs::read(path).map_err(|e| Error::file(path, e))?;
-    Ok(Sha256::digest(&bytes).iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    }))
 }

@@ -34,10 +34,15 @@ impl<'a> Stages<'a> {
     /// The stages of a fit with `settings` that tries so many `kinds` of nonlinearity, of which `report` is told.
     pub fn of(settings: &Settings, kinds: usize, report: &'a dyn Fn(&Stage)) -> Self {
         let stages = Self { report, plan: Cell::default() };
-        if settings.single_structure().is_none() {
-            let bent = || settings.branches.iter().copied().filter(|&n| n <= USUAL_BRANCHES);
-            let bent = (0..kinds).flat_map(|_| bent());
-            stages.expect(structures(settings).chain(bent).map(work));
+        match settings.single_structure() {
+            // One stage has no share worth telling.
+            Some(_) if kinds == 0 || settings.start.is_some() => {}
+            Some((_, branches)) => stages.expect((0..=kinds).map(|_| work(branches))),
+            None => {
+                let bent = || settings.branches.iter().copied().filter(|&n| n <= USUAL_BRANCHES);
+                let bent = (0..kinds).flat_map(|_| bent());
+                stages.expect(structures(settings).chain(bent).map(work));
+            }
         }
         stages
     }
@@ -83,7 +88,7 @@ fn structures(settings: &Settings) -> impl Iterator<Item = usize> {
         .flat_map(move |&topology| settings.branches.iter().copied().filter(move |&n| fitted(topology, n)))
 }
 
-/// Work of a fit with `branches` branches, in units of that with none: more variables, more evaluations, each dearer.
+/// Work of a fit with `branches` branches, in units of that with none: more variables, more evaluations, each more expensive.
 pub(super) fn work(branches: usize) -> u64 {
     let variables = 2 * branches as u64 + 3;
     variables * variables

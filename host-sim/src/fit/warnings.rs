@@ -180,7 +180,7 @@ fn described_branches(candidate: &Candidate, concerns: &dyn Fn(usize) -> bool) -
 pub struct Misfit {
     /// RMS of all residuals, %.
     pub rms_pct: f64,
-    /// RMS of the part that is no noise, %: what is left of the residuals at a distance of one sample.
+    /// RMS of the part that is not noise, %: what is left of the residuals at a distance of one sample.
     pub systematic_pct: f64,
 }
 
@@ -222,7 +222,10 @@ pub fn of_whiteness(
         Input::Force(_) => ("stroke", "a predicted stroke"),
         Input::Displacement(_) => ("range of the force", "a predicted force"),
     };
-    let from = if left_out_pct.is_some() { ", from recordings that were left out" } else { " on paths like these" };
+    let from = match left_out_pct {
+        Some(pct) if pct >= misfit.systematic_pct => ", from recordings that were left out",
+        _ => " on paths like these",
+    };
     warnings.push(severity.warning(format!(
         "{size}: the residuals are not white (autocorrelation {:.2} at lag one). They are {:.3} % of the {range} RMS, and about \
          {:.3} % is not noise but what the model does not follow: expect {follows} to be off by {expected:.2} % RMS{from}. \

@@ -66,13 +66,14 @@ fn data(panel: &Panel) -> Value {
     let lines: Vec<Value> = panel
         .drawn()
         .map(|(line, colour, points)| {
+            let count = x_digits(&points);
             json!({
                 "label": line.label,
                 "colour": colour.name(),
                 "width": line.width,
                 "dashed": line.dashed,
                 "marked": line.marked,
-                "x": points.iter().map(|(x, _)| digits(*x, 6)).collect::<Vec<f64>>(),
+                "x": points.iter().map(|(x, _)| digits(*x, count)).collect::<Vec<f64>>(),
                 "y": points.iter().map(|(_, y)| digits(*y, 5)).collect::<Vec<f64>>(),
             })
         })
@@ -86,6 +87,13 @@ fn data(panel: &Panel) -> Value {
         "band": panel.band.as_ref().map(|band| json!({"label": band.label, "from": band.from, "to": band.to})),
         "lines": lines,
     })
+}
+
+/// Digits that tell values of x apart as finely as six do on an axis that begins at 0.
+fn x_digits(points: &[(f64, f64)]) -> usize {
+    let (low, high) = points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (x, _)| (l.min(*x), h.max(*x)));
+    let more = (low.abs().max(high.abs()) / (high - low)).log10().ceil();
+    6 + if more.is_finite() && more > 0.0 { (more as usize).min(9) } else { 0 }
 }
 
 /// `value` with at most `count` digits.

@@ -77,6 +77,11 @@ impl Line {
         Self::of_points(label, thinned, x, y)
     }
 
+    /// The same for a logarithmic axis of x, where points at or below 0 cannot be shown.
+    pub fn on_logarithmic(label: impl Into<String>, x: &[f64], y: &[f64]) -> Self {
+        Self::of_points(label, logarithmically_thinned, x, y)
+    }
+
     /// The line through `y` at `x` of any order, such as a loop.
     pub fn path(label: impl Into<String>, x: &[f64], y: &[f64]) -> Self {
         Self::of_points(label, every_nth, x, y)
@@ -242,12 +247,31 @@ impl Figure {
 /// Every chunk of points becomes its lowest and its highest, so that no peak is lost; the ends stay.
 fn thinned(points: Points) -> Points {
     let [first, inner @ .., last] = points.as_slice() else { return points };
-    let length = inner.len().div_ceil(MOST_POINTS / 2 - 1);
+    let length = inner.len().div_ceil(CHUNKS);
     if length <= 2 {
         return points;
     }
+    extremes(*first, inner.chunks(length), *last)
+}
+
+/// The same with chunks that are equally long on a logarithmic axis.
+fn logarithmically_thinned(mut points: Points) -> Points {
+    points.retain(|(x, _)| *x > 0.0);
+    let [first, inner @ .., last] = points.as_slice() else { return points };
+    if inner.len() <= 2 * CHUNKS {
+        return points;
+    }
+    let per_e_fold = CHUNKS as f64 / (last.0 / first.0).ln();
+    let chunk = |point: &(f64, f64)| ((point.0 / first.0).ln() * per_e_fold) as usize;
+    extremes(*first, inner.chunk_by(|a, b| chunk(a) == chunk(b)), *last)
+}
+
+/// Chunks of a thinned line: each has two points.
+const CHUNKS: usize = MOST_POINTS / 2 - 1;
+
+fn extremes<'a>(first: (f64, f64), chunks: impl Iterator<Item = &'a [(f64, f64)]>, last: (f64, f64)) -> Points {
     let by_value = |a: &(usize, &(f64, f64)), b: &(usize, &(f64, f64))| a.1.1.total_cmp(&b.1.1);
-    let extremes = inner.chunks(length).flat_map(|chunk| {
+    let both = chunks.flat_map(|chunk| {
         let lowest = chunk.iter().enumerate().min_by(by_value);
         let highest = chunk.iter().enumerate().max_by(by_value);
         let mut both: Vec<(usize, &(f64, f64))> = lowest.into_iter().chain(highest).collect();
@@ -255,7 +279,7 @@ fn thinned(points: Points) -> Points {
         both.dedup_by_key(|(row, _)| *row);
         both.into_iter().map(|(_, point)| *point)
     });
-    [*first].into_iter().chain(extremes).chain([*last]).collect()
+    [first].into_iter().chain(both).chain([last]).collect()
 }
 
 /// Every so many points of a path: lowest and highest mean nothing there.

@@ -3,14 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use maud::html;
+use maud::{Markup, html};
 use serde::Serialize;
 
 use super::figure::Figure;
-use super::numbers::Document;
-use super::page::{Page, Section};
-use super::{chart, drawing};
-use crate::error::{Error, Result};
+use super::numbers::{Document, Numbers};
+use super::origin::Origin;
+use super::page::{Page, Section, table};
+use super::{chart, drawing, origin};
+use crate::error::{Error, Result, shown};
+use crate::files::digest;
 use crate::files::output::{self, Folders, Staged};
 
 /// The option of commands that draw what they computed.
@@ -27,30 +29,86 @@ impl PlotOption {
         self.plot.as_deref()
     }
 
-    /// Refuses, before long work begins, an ending that is none, a file that could not be written, one of `inputs`, and one of the
+    /// The figure to draw. Refuses, before long work begins, an ending that is none, a file that could not be written, one of `inputs`, and one of the
     /// command's own `outputs`.
     ///
     /// # Errors
     ///
     /// [`Error`] naming the file.
-    pub fn check(&self, inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
-        let Some(path) = self.path() else { return Ok(()) };
+    pub fn check(&self, inputs: &[&Path], outputs: &[&Path]) -> Result<Plot> {
+        let Some(path) = self.path() else { return Ok(Plot { path: None, inputs: Vec::new() }) };
         let same =
             |other: &&Path| std::path::absolute(other).is_ok_and(|other| Some(other) == std::path::absolute(path).ok());
         if outputs.iter().any(same) {
             return Err(Error::option("--plot", format!("{} is written by --out; name another file", path.display())));
         }
         output::check(path, inputs, Folders::Exist)?;
-        format(path).map(drop)
+        format(path)?;
+        let inputs = inputs.iter().map(|input| input.to_path_buf()).collect();
+        Ok(Plot { path: Some(path.into()), inputs })
+    }
+}
+
+/// A figure to draw, if one was asked for, of what a command makes of its inputs.
+#[derive(Clone, Debug)]
+#[must_use]
+pub struct Plot {
+    path: Option<PathBuf>,
+    /// What is read; a preset among them is no file.
+    inputs: Vec<PathBuf>,
+}
+
+impl Plot {
+    /// Whether there is one to draw.
+    pub fn is_wanted(&self) -> bool {
+        self.path.is_some()
     }
 
     /// The file, staged, of what `figure` makes, beside the `document` that `--json` prints.
     ///
     /// # Errors
     ///
-    /// [`Error::File`] where it cannot be written.
+    /// [`Error::File`] where it cannot be written, or where an input is gone.
     pub fn stage<D: Serialize>(&self, document: &D, figure: impl FnOnce() -> Figure) -> Result<Option<Staged>> {
-        self.path().map(|path| stage(path, &figure(), document)).transpose()
+        self.stage_with(document, |_| Vec::new(), figure)
+    }
+
+    /// As [`stage`](Self::stage); a page has the `sections` of the document's numbers as well.
+    ///
+    /// # Errors
+    ///
+    /// As [`stage`](Self::stage).
+    pub fn stage_with<D: Serialize>(
+        &self,
+        document: &D,
+        sections: impl FnOnce(&Numbers<'_>) -> Vec<Section>,
+        figure: impl FnOnce() -> Figure,
+    ) -> Result<Option<Staged>> {
+        let Some(path) = self.path.as_deref() else { return Ok(None) };
+        let figure = figure();
+        if !matches!(format(path)?, Format::Html) {
+            return stage_image(path, &figure).map(Some);
+        }
+        let document = Document::of(document)?;
+        let mut all = vec![Section::new("plots", "Plots", chart::figure(&figure))];
+        all.extend(sections(&Numbers::of(&document)));
+        all.push(Section::new("origin", "Where this comes from", self.origin()?));
+        let page = Page { title: &figure.title, lead: html! {}, sections: all, document: Some(&document) };
+        Staged::new(path, |file| file.write_all(page.html().as_bytes())).map(Some)
+    }
+
+    /// Date, version and command, and the files that were read with their digests.
+    fn origin(&self) -> Result<Markup> {
+        let Origin { date, tool, command } = Origin::now();
+        let files = self.inputs.iter().filter(|input| input.is_file());
+        let files: Vec<(String, String)> =
+            files.map(|input| Ok((shown(input), digest::sha256(input)?))).collect::<Result<_>>()?;
+        Ok(html! {
+            @if !files.is_empty() {
+                (origin::files_table("Files that were read", files.iter().map(|(file, sha256)| (file.as_str(), sha256.as_str()))))
+            }
+            (table("This page", &["", ""], &origin::rows([&date, &tool, &command])))
+        })
     }
 }
 
@@ -70,35 +128,16 @@ fn format(path: &Path) -> Result<Format> {
     }
 }
 
-/// `figure` for `path`, staged; a page holds `document` as well.
+/// `figure` for `path`, staged as SVG or PNG.
 ///
 /// # Errors
 ///
 /// [`Error::File`] for another ending or where it cannot be written.
-pub fn stage<D: Serialize>(path: &Path, figure: &Figure, document: &D) -> Result<Staged> {
+pub fn stage_image(path: &Path, figure: &Figure) -> Result<Staged> {
     let bytes = match format(path)? {
-        Format::Html => page(figure, &Document::of(document)?).into_bytes(),
+        Format::Html => return Err(Error::file(path, "a picture ends in .svg or .png")),
         Format::Svg => drawing::svg(figure).into_bytes(),
         Format::Png => drawing::png(figure).map_err(|cause| Error::file(path, cause))?,
     };
     Staged::new(path, |file| file.write_all(&bytes))
-}
-
-/// `figure` written to `path`.
-///
-/// # Errors
-///
-/// As [`stage`].
-pub fn write(path: &Path, figure: &Figure) -> Result<()> {
-    stage(path, figure, &())?.commit()
-}
-
-fn page(figure: &Figure, document: &Document) -> String {
-    Page {
-        title: &figure.title,
-        lead: html! {},
-        sections: vec![Section::new("plots", "Plots", chart::figure(figure))],
-        document: Some(document),
-    }
-    .html()
 }

@@ -4,7 +4,10 @@ use std::env;
 use std::ffi::OsString;
 
 use chrono::Utc;
+use maud::{Markup, html};
 use serde::Serialize;
+
+use super::page::{Row, table, text};
 
 /// Time, program and command of a result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -26,6 +29,18 @@ impl Origin {
             command: command(env::args_os().skip(1)),
         }
     }
+}
+
+/// The table of `files`, each with its SHA-256.
+pub fn files_table<'a>(caption: &str, files: impl IntoIterator<Item = (&'a str, &'a str)>) -> Markup {
+    let row = |(file, sha256): (&str, &str)| Row::new(vec![text(file), html! { code.digest { (sha256) } }]);
+    table(caption, &["file", "SHA-256"], &files.into_iter().map(row).collect::<Vec<Row>>())
+}
+
+/// Rows that tell when something was made (`date`), by which `tool` and by which `command`.
+pub fn rows([date, tool, command]: [&str; 3]) -> [Row; 3] {
+    [("made", date), ("by", tool), ("command", command)]
+        .map(|(name, value)| Row::new(vec![text(name), html! { code { (value) } }]))
 }
 
 /// `host-sim` with `arguments`, quoted for a shell.

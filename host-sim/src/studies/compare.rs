@@ -65,7 +65,7 @@ const MODELS: [(&str, CreepModel); 10] = [
     ("fractional Maxwell, n = 3", CreepModel::Fractional(Topology::Parallel, 3)),
 ];
 
-/// Fits every model to `observations` and to all of them but one, and foretells `beyond`, the same recordings after what is fitted of
+/// Fits every model to `observations` and to all of them but one, and predicts `beyond`, the same recordings after what is fitted of
 /// them; `progress` is called with each model as it begins.
 ///
 /// # Errors

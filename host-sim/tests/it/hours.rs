@@ -387,12 +387,15 @@ fn tracking_is_never_worse_than_feedforward() {
         let noise = case.percent(NOISE_M);
         let stiffens = matches!(case.film, Kind::LittleCreep | Kind::MuchCreep);
         let most = if case.period_s >= 3.0 { 0.3 } else { 1.0 };
+        // Where the law knows the resonance, 1.35; hossain at 0.5 s, near a resonance that it does not know, had 1.60: the observer takes
+        // two or three swings to see that a reference is fast.
+        let swings = if matches!(case.film, Kind::Hossain | Kind::Wang) { 1.65 } else { 1.35 };
         missed(
             case,
             &[
                 ("over the last third", closed.late_rms <= 1.02 * open.late_rms + noise),
                 ("over all", closed.rms <= 1.02 * open.rms + noise),
-                ("largest", closed.largest <= 1.65 * open.largest + 4.0 * noise),
+                ("largest", closed.largest <= swings * open.largest + 4.0 * noise),
                 ("behind a curve", !stiffens || case.period_s < 1.0 || closed.rms <= most),
             ],
         )

@@ -328,13 +328,14 @@ fn a_lag_that_is_known_within_a_fifth_costs_next_to_nothing() {
         monitor_error: Some(0.0),
         ..BenchModel::default()
     };
+    // What docs/tracking.md states (largest 0.445, 0.034, 0.604, 0.082), with a margin for other machines' fits.
     let bars = [
         (10.0, ControllerKind::Feedforward, 0.45),
-        (10.0, ControllerKind::Tracking, 0.05),
-        (3.0, ControllerKind::Feedforward, 0.9),
-        (3.0, ControllerKind::Tracking, 0.5),
+        (10.0, ControllerKind::Tracking, 0.045),
+        (3.0, ControllerKind::Feedforward, 0.65),
+        (3.0, ControllerKind::Tracking, 0.11),
     ];
-    let cases: Vec<_> = [0.8, 1.2].into_iter().flat_map(|by| bars.map(|bar| (by, bar))).collect();
+    let cases: Vec<_> = [0.8, 1.0, 1.2].into_iter().flat_map(|by| bars.map(|bar| (by, bar))).collect();
     let errors: Vec<String> = cases
         .into_par_iter()
         .filter_map(|(by, (period_s, kind, bar))| {

@@ -23,7 +23,7 @@ pub(super) fn text(report: &Report<'_>) -> String {
         writeln!(text, "\nreplayed through the controller's code, f32 at 1 kHz:\n{}", replay::table(&report.replay));
     match &report.reference {
         None => {
-            text.push_str("\nno sine is shown: it needs recorded voltages and a stroke that voltage can lead back\n")
+            text.push_str("\nno sine is followed: that needs recorded voltages, and a sine that stays within them\n")
         }
         Some(sine) => {
             let _ = writeln!(
@@ -53,7 +53,7 @@ pub(super) fn text(report: &Report<'_>) -> String {
         Some(Firmware::Ran(run)) => {
             let _ = writeln!(
                 text,
-                "\nthe firmware in QEMU: {} of {} steps of the first recording have this host's bits",
+                "\nthe firmware in QEMU: {} of {} steps of the first recording match this host bit for bit",
                 run.steps - run.mismatches,
                 run.steps
             );

@@ -61,6 +61,7 @@ pub(super) fn stand(client: &mut Client, volts: Option<f32>, stop: &AtomicBool) 
             return Err(client.unexpected(&Answer::Refused(Refusal::State(state))));
         }
         if (command_v - wanted_v).abs() > 0.5 {
+            (sum_v, count, stands_since) = (0.0, 0.0, None);
             return Ok(false);
         }
         let stood_s = ticks.wrapping_sub(*stands_since.get_or_insert(ticks)) as f32 / rate_hz;
@@ -73,7 +74,10 @@ pub(super) fn stand(client: &mut Client, volts: Option<f32>, stop: &AtomicBool) 
     if measured {
         Ok(sum_v / count)
     } else {
-        Err(Error::Computation(format!("{wanted_v} V were not commanded in time")))
+        Err(Error::Computation(format!(
+            "{wanted_v} V were not commanded within {} s; check limits and slew with `link status`",
+            PATIENCE.as_secs()
+        )))
     }
 }
 

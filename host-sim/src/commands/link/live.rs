@@ -11,12 +11,12 @@ use serde::Serialize;
 
 use super::board_time::BoardTime;
 use super::{Source, What, digits, parameters_of};
-use crate::commands::recordings::RecordingOptions;
+use crate::commands::recordings;
 use crate::error::{Error, Result, shown};
 use crate::files::journal::{Journal, Recovered};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::as_written;
-use crate::files::recording::Input;
+use crate::files::recording::{Input, Recording};
 use crate::grid::Grid;
 use crate::interrupt;
 use crate::link::{Client, named};
@@ -184,22 +184,40 @@ impl Stream {
     }
 }
 
+/// Whether a voltage goes below 0 by more than a monitor's noise, a hundredth of its peak.
+fn has_both_signs(recording: &Recording) -> bool {
+    let Ok(Input::Voltage(voltage)) = recording.drive() else { return false };
+    let (low, high) = voltage.value.iter().fold((0.0_f64, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
+    -low > 0.01 * high && high > -0.01 * low
+}
+
 impl Play {
     /// Checks what is wrong without a board, and returns the parameters that it should run.
     pub(super) fn check(&self) -> Result<Option<Vec<u8>>> {
-        self.values()?;
+        let recording = self.read()?;
+        recordings::tell(&recording);
+        self.values(&recording)?;
+        if self.mode == What::Voltage && has_both_signs(&recording) {
+            terminal::told(format!("{}: the voltage has both signs; its magnitude is played", shown(&self.recording)));
+        }
         self.stream.check()?;
         output::check(&self.stream.out, &[&self.recording], Folders::Exist)?;
         self.parameters.blob()
     }
 
-    /// What is played, `SENT_HZ` times a second.
-    fn values(&self) -> Result<Vec<f32>> {
+    fn read(&self) -> Result<Recording> {
+        match self.mode {
+            What::Voltage => Recording::read(&self.recording),
+            What::Feedforward | What::Tracking => Recording::read_reference(&self.recording),
+        }
+    }
+
+    /// What is played of `recording`, `SENT_HZ` times a second.
+    fn values(&self, recording: &Recording) -> Result<Vec<f32>> {
         if self.mode != What::Voltage {
-            let (reference, _) = references::read(&self.recording, SENT_HZ)?;
+            let (reference, _) = references::of(recording, SENT_HZ)?;
             return Ok(reference.into_iter().map(|metres| metres as f32).collect());
         }
-        let recording = RecordingOptions::default().read_one(&self.recording)?;
         let Input::Voltage(voltage) = recording.drive()? else {
             return Err(Error::file(&self.recording, "a column voltage_v or voltage_kv is needed"));
         };
@@ -221,7 +239,7 @@ impl Play {
         }
         // Before anything is enabled: from here on Ctrl-C comes to an end at 0 V.
         let stop = interrupt::live_film();
-        let values = self.values()?;
+        let values = self.values(&self.read()?)?;
         let mut log = Log::begin(&mut client, &self.stream)?;
         let armed = self.arm(&mut client, &values);
         if armed.is_err() {

@@ -282,10 +282,12 @@ impl Source {
             (Some(params), _) => {
                 let parameters = Parameters::load(params)?;
                 let board = match parameters.board.clone() {
-                    Some(board) if self.bench || !board.is_partial => board,
+                    Some(board) if self.bench || board.lacks().is_empty() => board,
                     None if self.bench => parameters.bench(self.rate),
                     found => {
-                        let what = found.map_or("no [board] table", |_| "the [board] table leaves something out");
+                        let what = found.map_or("no [board] table".to_owned(), |board| {
+                            format!("the [board] table has no {}", board.lacks().join(", "))
+                        });
                         let cause = format!(
                             "{what}: calibrations and limits of your bench are needed (docs/formats.md), or --bench"
                         );

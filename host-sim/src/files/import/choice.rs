@@ -63,12 +63,12 @@ fn choice(item: &str) -> Result<Choice, String> {
     let (key, column) = item.split_once('=').ok_or_else(|| format!("{item:?}: use quantity=column, {example}"))?;
     let quantity = Quantity::ALL.into_iter().find(|quantity| quantity.name() == key.trim()).ok_or_else(|| {
         let names: Vec<&str> = Quantity::ALL.iter().map(|quantity| quantity.name()).collect();
-        format!("{:?} is none of {}", key.trim(), names.join(", "))
+        format!("{:?} is not one of {}", key.trim(), names.join(", "))
     })?;
     let (column, factor) = match last_part(column, '*')? {
         (column, Some(factor)) => {
             let value = factor.trim().parse::<f64>().ok().filter(|value| value.is_finite() && *value != 0.0);
-            (column, Some(value.ok_or_else(|| format!("{factor:?} is no factor, {example}"))?))
+            (column, Some(value.ok_or_else(|| format!("{factor:?} is not a factor, {example}"))?))
         }
         (column, None) => (column, None),
     };
@@ -91,7 +91,7 @@ fn choice(item: &str) -> Result<Choice, String> {
 fn unit_of(quantity: Quantity, text: &str) -> Result<Unit, String> {
     match units::read(text) {
         units::Read::Unit(unit) if unit.quantity == quantity => Ok(unit),
-        _ => Err(format!("{text:?} is no unit of {}: {}", quantity.name(), units::usual(quantity))),
+        _ => Err(format!("{text:?} is not a unit of {}: {}", quantity.name(), units::usual(quantity))),
     }
 }
 

@@ -26,7 +26,7 @@ pub fn readings(bytes: &[u8]) -> Result<Vec<Decoded>, String> {
         return Ok(vec![decoded(encoding, bytes).ok_or("is half UTF-16 text; save it as UTF-8")?]);
     }
     if bytes.contains(&0) {
-        return Err("not a CSV recording: it has bytes that no text has".into());
+        return Err("not text: it contains null bytes; name the file that holds the numbers".into());
     }
     if let Some(text) = decoded(UTF_8, bytes) {
         return Ok(vec![text]);

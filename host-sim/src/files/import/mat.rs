@@ -83,6 +83,9 @@ pub fn contents(bytes: &[u8]) -> Result<Contents, String> {
                 // Eight bytes a number and something for names.
                 let limit = 8 * MOST as u64 + (1 << 20);
                 ZlibDecoder::new(data.bytes).take(limit).read_to_end(&mut inflated).map_err(|_| DAMAGED)?;
+                if inflated.len() as u64 == limit {
+                    return Err(too_many());
+                }
                 let mut inside = Bytes { bytes: &inflated, little };
                 let (kind, data) = inside.element()?;
                 if kind == element::MATRIX {
@@ -96,6 +99,10 @@ pub fn contents(bytes: &[u8]) -> Result<Contents, String> {
         }
     }
     Ok(contents)
+}
+
+fn too_many() -> String {
+    format!("more than {MOST} numbers; save only what belongs to the recording")
 }
 
 impl Contents {
@@ -116,6 +123,9 @@ impl Contents {
         let (_, sizes) = data.element()?;
         let sizes = sizes.numbers(element::INT32)?;
         let count = sizes.iter().try_fold(1_usize, |all, size| all.checked_mul(*size as usize)).ok_or(DAMAGED)?;
+        if count > MOST {
+            return Err(too_many());
+        }
         let (_, own) = data.element()?;
         let name = name.map_or_else(|| own.text(), str::to_owned);
         match class {
@@ -173,7 +183,7 @@ impl Contents {
     fn take(&mut self, name: &str, sizes: &[f64], values: Vec<f64>) -> Result<(), String> {
         let held: usize = self.series.iter().map(|series| series.values.len()).sum();
         if held + values.len() > MOST {
-            return Err(format!("more than {MOST} numbers; save only what belongs to the recording"));
+            return Err(too_many());
         }
         let rows = sizes.first().map_or(0, |rows| *rows as usize);
         if values.len() < 2 {

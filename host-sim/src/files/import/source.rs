@@ -23,7 +23,7 @@ pub enum Value<'a> {
     Nothing,
     /// A number.
     Number(f64),
-    /// No number.
+    /// Not a number.
     Text(&'a str),
     /// The row ends before it.
     Ended,

@@ -1,7 +1,7 @@
 //! Workbooks of spreadsheets (.xlsx).
 
 use std::io::Cursor;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{self, AssertUnwindSafe};
 
 use calamine::{DataRef, Reader, Xlsx};
 
@@ -16,7 +16,7 @@ pub enum SheetCell {
     Nothing,
     /// A number.
     Number(f64),
-    /// Text, or what is no number.
+    /// Text, or anything else that is not a number.
     Text(String),
 }
 
@@ -39,9 +39,13 @@ const MOST_COLUMNS: u32 = 1000;
 ///
 /// What is wrong with the file.
 pub fn sheets(bytes: Vec<u8>, only: Option<&str>) -> Result<Vec<Sheet>, String> {
-    // The reader of the workbook is another's, and a damaged one may be more than it expects.
-    catch_unwind(AssertUnwindSafe(|| read(bytes, only)))
-        .unwrap_or_else(|_| Err("a damaged workbook; save it again".into()))
+    // The reader of the workbook is another's, and some damaged ones make it panic: that is a finding here, and no report of it is
+    // printed.
+    let hook = panic::take_hook();
+    panic::set_hook(Box::new(|_| {}));
+    let sheets = panic::catch_unwind(AssertUnwindSafe(|| read(bytes, only)));
+    panic::set_hook(hook);
+    sheets.unwrap_or_else(|_| Err("a damaged workbook; save it again".into()))
 }
 
 fn read(bytes: Vec<u8>, only: Option<&str>) -> Result<Vec<Sheet>, String> {

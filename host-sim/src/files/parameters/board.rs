@@ -12,6 +12,9 @@ use super::{Parameters, calibration};
 use crate::error::{Error, Result, short};
 use crate::replay::memory::compressed_law;
 
+/// The settings of control, which a board may leave out.
+const CONTROL: &str = "control";
+
 /// The board of a parameter file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Board {
@@ -35,9 +38,9 @@ pub struct Board {
     pub limits: Limits,
     /// Settings of reference, feedforward, observer and learning.
     pub control: Control,
-    /// Whether the file leaves calibrations or limits to the paper's bench: no film is driven with them unasked.
+    /// Keys of [`Board::KEYS`] that the file leaves to the paper's bench; of `amplifier`, the calibration.
     #[serde(skip)]
-    pub is_partial: bool,
+    pub missing: Vec<&'static str>,
 }
 
 /// The `[board]` table as it is written. What is left out is that of the paper's bench.
@@ -71,12 +74,16 @@ fn some_calibration<'de, D: de::Deserializer<'de>>(
 impl BoardTable {
     /// The board, with what it leaves out from `bench`.
     pub(super) fn board(&self, bench: Board) -> Board {
-        let is_partial = self.id.is_none()
-            || self.command_range.is_none()
-            || !self.amplifier.as_ref().is_some_and(|(calibration, _)| calibration.is_some())
-            || self.monitor.is_none()
-            || self.sensor.is_none()
-            || self.limits.is_none();
+        let given = [
+            self.id.is_some(),
+            self.command_range.is_some(),
+            self.amplifier.as_ref().is_some_and(|(calibration, _)| calibration.is_some()),
+            self.monitor.is_some(),
+            self.sensor.is_some(),
+            self.limits.is_some(),
+            self.control.is_some(),
+        ];
+        let missing = Board::KEYS.into_iter().zip(given).filter(|(_, given)| !given).map(|(key, _)| key).collect();
         let (amplifier, amplifier_lag) = self.amplifier.clone().unwrap_or((None, bench.amplifier_lag));
         Board {
             id: self.id.unwrap_or(bench.id),
@@ -87,12 +94,21 @@ impl BoardTable {
             sensor: self.sensor.clone().unwrap_or(bench.sensor),
             limits: self.limits.unwrap_or(bench.limits),
             control: self.control.unwrap_or(bench.control),
-            is_partial,
+            missing,
         }
     }
 }
 
 impl Board {
+    /// The keys of a `[board]` table.
+    pub const KEYS: [&str; 7] = ["id", "command_range", "amplifier", "monitor", "sensor", "limits", CONTROL];
+
+    /// What this board lacks to drive a film: calibrations or limits that are those of the paper's bench, with which no film is driven by
+    /// default. The settings of control may be left out.
+    pub fn lacks(&self) -> Vec<&'static str> {
+        self.missing.iter().copied().filter(|key| *key != CONTROL).collect()
+    }
+
     /// A bench like the paper's around `actuator`: 6 kV from an amplifier and a monitor of 1000:1 on 0…10 V, a sensor of
     /// 1 mm/V, and limits on the safe side of them.
     pub fn bench(actuator: &Actuator) -> Self {
@@ -106,7 +122,7 @@ impl Board {
             sensor: Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
             limits: Limits::bench(actuator.thickness_m as f32),
             control: Control::BENCH,
-            is_partial: false,
+            missing: Vec::new(),
         }
     }
 
@@ -133,18 +149,18 @@ impl Board {
         }
     }
 
-    /// The table as TOML, numbers as short as they were written. A partial one stays partial: something of `bench` is left out again.
-    pub(super) fn to_toml(&self, bench: &Self) -> toml::Table {
+    /// The table as TOML, numbers as short as they were written, without what is [`missing`](Self::missing).
+    pub(super) fn to_toml(&self) -> toml::Table {
         let mut table = self.whole_table();
-        if self.is_partial {
-            let of_bench = bench.whole_table();
-            let is_left = |key: &&str| table.get(*key) == of_bench.get(*key);
-            let keys = ["limits", "monitor", "sensor", "amplifier", "command_range", "id"];
-            if let Some(key) = keys.into_iter().find(is_left) {
-                table.remove(key);
-            } else if let Some(amplifier) = table.get_mut("amplifier").and_then(toml::Value::as_table_mut) {
+        for key in &self.missing {
+            match table.get_mut(*key).and_then(toml::Value::as_table_mut) {
                 // Its times are the file's, its calibration is the bench's.
-                amplifier.retain(|key, _| key.ends_with("_s"));
+                Some(amplifier) if *key == "amplifier" && self.amplifier_lag != AmplifierLag::NONE => {
+                    amplifier.retain(|key, _| key.ends_with("_s"));
+                }
+                _ => {
+                    table.remove(*key);
+                }
             }
         }
         table
@@ -179,9 +195,9 @@ fn shorten(value: &mut toml::Value) {
 }
 
 impl Parameters {
-    /// The board of these parameters, or else that of the paper's bench at `rate_hz`.
+    /// The board of these parameters, or else that of the paper's bench at `rate_hz`, which lacks all of its own.
     pub fn board_or_bench(&self, rate_hz: f64) -> Board {
-        self.board.clone().unwrap_or_else(|| self.bench(rate_hz))
+        self.board.clone().unwrap_or_else(|| Board { missing: Board::KEYS.into(), ..self.bench(rate_hz) })
     }
 
     /// The paper's bench around these parameters' actuator, at `rate_hz`: at rest its sensor gives 1 V, which it reads as

@@ -266,10 +266,7 @@ pub(super) fn write(parameters: &Parameters) -> String {
             write!(text, "\n[sensor]\noffset_m = {:?} # what it reads of a film at rest\n", parameters.sensor_offset_m);
     }
     if let Some(board) = &parameters.board {
-        let table = toml::Table::from_iter([(
-            "board".to_owned(),
-            toml::Value::Table(board.to_toml(&parameters.bench(1000.0))),
-        )]);
+        let table = toml::Table::from_iter([("board".to_owned(), toml::Value::Table(board.to_toml()))]);
         let _ = write!(text, "\n{table}");
     }
     if let Some(provenance) = &parameters.provenance {

@@ -161,7 +161,7 @@ impl Parameters {
     /// As [`load`](Self::load).
     pub fn load_board(name: &str) -> Result<(Actuator, Board, bool)> {
         let (actuator, assumed_sizes) = Self::load_sized_actuator(name)?;
-        let bench = Board::bench(&actuator);
+        let bench = Board { missing: Board::KEYS.into(), ..Board::bench(&actuator) };
         if name.starts_with("preset:") {
             return Ok((actuator, bench, assumed_sizes));
         }

@@ -42,7 +42,11 @@ impl FitPage<'_> {
             }
         };
         let mut sections = vec![
-            Section::new("warnings", "Warnings", warnings::list(&self.report.warnings)),
+            Section::new(
+                "warnings",
+                "Warnings",
+                warnings::list(&self.report.warnings, self.report.uncertainty.is_some()),
+            ),
             Section::new("agreement", "Agreement", agreement::tables(&numbers)),
             Section::new("recordings", "Recordings", recordings),
         ];

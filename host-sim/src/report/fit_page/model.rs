@@ -85,7 +85,7 @@ fn branches(numbers: &Numbers<'_>) -> Markup {
         .iter()
         .map(|row| {
             Row::new(vec![
-                html! { "branch " (row.number("/branch", Form::Fixed(0))) },
+                html! { code { "branches[" (row.number("/branch", Form::Fixed(0))) "]" } },
                 row.number("/relaxation_time_s", Form::Digits(4)),
                 row.number("/share_pct", Form::Fixed(2)),
                 text(row.text("/share_of")),

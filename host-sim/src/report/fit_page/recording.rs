@@ -70,8 +70,8 @@ impl Shown<'_> {
         let time: Vec<f64> = time_s.iter().map(|t| t - since_s).collect();
         let what = if self.axis.name == "force" { "Relaxation" } else { "Creep" };
         Panel::new(format!("{what} on logarithmic time"), "time since the load is held (s)", self.axis.label())
-            .with(Line::new("measured", &time, &self.axis.of(value)).beneath())
-            .with(Line::new("model", &time, &self.axis.of(self.modelled)))
+            .with(Line::on_logarithmic("measured", &time, &self.axis.of(value)).beneath())
+            .with(Line::on_logarithmic("model", &time, &self.axis.of(self.modelled)))
             .logarithmic(true, false)
             .captioned(format!("The load is held from {since_s:.3} s on."))
     }

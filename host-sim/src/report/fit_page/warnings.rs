@@ -11,10 +11,16 @@ const SEVERITIES: [(Severity, &str, &str, &str); 3] = [
     (Severity::Note, "note", "Note", "These change nothing in what a controller does with the fit."),
 ];
 
-/// The warnings in groups.
-pub fn list(warnings: &[Warning]) -> Markup {
+/// The warnings in groups; `tested` if the uncertainty was computed, which finds most of them.
+pub fn list(warnings: &[Warning], tested: bool) -> Markup {
     html! {
-        @if warnings.is_empty() { p { "None: the recordings determine the model, and it follows them." } }
+        @if warnings.is_empty() {
+            @if tested {
+                p { "None: the recordings determine the model, and it follows them." }
+            } @else {
+                p { "None. The uncertainty was not computed, so it is not known whether the recordings determine the model." }
+            }
+        }
         @for (severity, class, word, follows) in SEVERITIES {
             @let group: Vec<&Warning> = warnings.iter().filter(|warning| warning.severity == severity).collect();
             @if !group.is_empty() {

@@ -2,7 +2,7 @@
 
 use dea_driver::chips::DacCode;
 use dea_driver::{
-    BLOB_LEN, Blob, BlobHeader, Controller, DriverState, Inputs, Mode, Outputs, Parameters, Store, StoreError,
+    BLOB_LEN, Blob, BlobHeader, Controller, DriverState, Inputs, Mode, Outputs, Parameters, SCHEMA, Store, StoreError,
 };
 
 use crate::flash::{Flash, SECTOR};
@@ -44,7 +44,8 @@ pub fn run(data: &[u8]) -> bool {
 fn sealed(contents: &[u8]) -> Vec<u8> {
     let contents = &contents[..contents.len().min(2000)];
     let mut blob =
-        [b"DEA\x01\x04\x00".as_slice(), &BOARD.to_le_bytes(), &(contents.len() as u16).to_le_bytes()].concat();
+        [b"DEA\x01".as_slice(), &SCHEMA.to_le_bytes(), &BOARD.to_le_bytes(), &(contents.len() as u16).to_le_bytes()]
+            .concat();
     blob.extend(contents);
     blob.extend(crc32(&blob).to_le_bytes());
     blob

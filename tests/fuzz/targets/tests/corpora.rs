@@ -47,6 +47,18 @@ fn parameter_files() {
     replay("parameter-files", fuzz_targets::parameter_files);
 }
 
+/// Blobs and slots that the targets seal are accepted as well as those that are in the corpus as they are: otherwise the header of an
+/// older schema would refuse them all.
+#[test]
+fn every_kind_of_blob_has_one_that_is_accepted() {
+    for kind in 0..4 {
+        let of_kind =
+            corpus("blobs").into_iter().filter(|(_, data)| data.first().is_some_and(|first| first % 4 == kind));
+        let accepted = of_kind.filter(|(_, data)| fuzz_targets::blobs(data)).count();
+        assert!(accepted > 0, "kind {kind}");
+    }
+}
+
 /// The frames of these tests, written from docs/link.md, are those of the driver, byte by byte; so is the checksum, that of CRC-32's
 /// definition.
 #[test]

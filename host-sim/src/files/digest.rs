@@ -1,0 +1,22 @@
+//! Digests that tell whether a file is the one that was read.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+
+use crate::error::{Error, Result};
+
+/// SHA-256 of the file at `path`, in hexadecimal digits.
+///
+/// # Errors
+///
+/// [`Error::File`] where it cannot be read.
+pub fn sha256(path: &Path) -> Result<String> {
+    let bytes = fs::read(path).map_err(|e| Error::file(path, e))?;
+    Ok(Sha256::digest(&bytes).iter().fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    }))
+}
