@@ -129,7 +129,7 @@ fn a_gigabyte_of_garbage() {
     let path = bench.path("garbage.csv");
     let file = fs::File::create(&path).expect("created");
     file.set_len(1 << 30).expect("a sparse file");
-    names(&bench.fails(&["replay", "--params", "preset:table3-n2", &path]), &["garbage.csv", "not a CSV recording"]);
+    names(&bench.fails(&["replay", "--params", "preset:table3-n2", &path]), &["garbage.csv", "not text"]);
     names(&bench.fails(&["replay", "--params", &path, "x.csv"]), &["garbage.csv", "not a parameter file"]);
     names(&bench.fails(&["replay", "--params", "/dev/zero", "x.csv"]), &["/dev/zero", "not a parameter file"]);
     // Lines, but no recording; and a recording that turns to garbage half way.

@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::Path;
 
+use host_sim::files::recording::{Input, Recording};
+use host_sim::grid::Samples;
 use serde_json::Value;
 use tempfile::TempDir;
 use tests::recordings;
@@ -240,5 +242,36 @@ fn help_and_version_are_no_errors() {
     for arguments in [["--help"].as_slice(), &["--version"], &["replay", "--help"]] {
         let output = TOOL.with(arguments).assert().success().get_output().clone();
         assert!(!output.stdout.is_empty() && output.stderr.is_empty());
+    }
+}
+
+fn voltage(recording: &Recording) -> Samples {
+    match recording.drive() {
+        Ok(Input::Voltage(voltage)) => voltage,
+        other => panic!("no voltage: {other:?}"),
+    }
+}
+
+/// The committed recordings are what the commands in their headers record, up to the sensor's last digit.
+#[test]
+fn recordings_are_reproducible() {
+    let folder = TempDir::new().expect("a folder");
+    for path in ["hossain", "wang"].into_iter().flat_map(recordings) {
+        let committed = fs::read_to_string(&path).expect("committed");
+        let command = committed.lines().nth(1).and_then(|line| line.strip_prefix("# host-sim ")).expect("the command");
+        let again = folder.path().join("again.csv");
+        let arguments: Vec<&str> = command.split(' ').map_while(|word| (word != "--out").then_some(word)).collect();
+        TOOL.with(&arguments).arg("--out").arg(&again).assert().success();
+        let (old, new) = (Recording::read(&path).expect("committed"), Recording::read(&again).expect("written"));
+        for (old, new, quantum) in [
+            (old.displacement().expect("measured"), new.displacement().expect("measured"), 1e-6),
+            (voltage(&old), voltage(&new), 0.01),
+        ] {
+            assert_eq!(old.time_s, new.time_s);
+            let pairs = old.value.iter().zip(&new.value);
+            let differ = pairs.filter(|(old, new)| (*old - *new).abs() > 0.01 * quantum).count();
+            // Another machine's sines may round a cell the other way.
+            assert!(differ * 1000 <= old.value.len(), "{}: {differ} cells differ", path.display());
+        }
     }
 }

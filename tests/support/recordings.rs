@@ -3,10 +3,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The recordings of one plant, fast to slow. For packages that stand one folder below the project's root.
+/// The recordings of one plant, fast to slow, for a package anywhere in the project.
 pub fn recordings(plant: &str) -> [PathBuf; 3] {
-    ["5", "7", "13"]
-        .map(|period| Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../tests/recordings/{plant}-{period}s.csv")))
+    let mut folders = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().map(|folder| folder.join("tests/recordings"));
+    let folder = folders.find(|folder| folder.is_dir()).expect("the project has recordings");
+    ["5", "7", "13"].map(|period| folder.join(format!("{plant}-{period}s.csv")))
 }
 
 /// The same with every `step`th row only, written to `folder`.

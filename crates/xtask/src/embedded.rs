@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use chip_program::{Checksum, Name, Report};
+use chip_program::{Checksum, FEW, FILMS, Film, Name, Report};
 use documents::{Documents, Tolerance};
 
 use crate::cycles;
@@ -27,11 +27,18 @@ pub fn libraries(toolchain: &Toolchain) -> Result<()> {
     Ok(())
 }
 
+/// Which films the chip without an FPU steps. The other one steps all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SmallChip {
+    /// Those of each kind, in a minute.
+    Few,
+    /// All of them, in three.
+    All,
+}
+
 /// Builds images of the libraries, runs them and compares them with the host and with what the documents state.
-pub fn run(toolchain: &Toolchain) -> Result<()> {
+pub fn run(toolchain: &Toolchain, small_chip: SmallChip) -> Result<()> {
     let folder = root().join("tests/embedded");
-    let mut host = Host::default();
-    chip_program::run(&mut host);
     let mut columns = Vec::new();
     let mut format = cargo(&["fmt", "--check"]);
     format.current_dir(&folder);
@@ -41,10 +48,15 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
             run_command(toolchain.cargo(&folder, target, &["clippy", "--quiet", "--", "-D", "warnings"]))?;
         }
         panic_free(toolchain, target, &folder)?;
-        let image = ["--quiet", "--release", "--bin", "steps"];
+        let is_few = target == TARGETS[1] && small_chip == SmallChip::Few;
+        let (films, features): (&[Film], &[&str]) =
+            if is_few { (&FEW, &["--features", "few-films"]) } else { (&FILMS, &[]) };
+        let image = [&["--quiet", "--release", "--bin", "steps"], features].concat();
         run_command(toolchain.cargo(&folder, target, &[&["build"], image.as_slice()].concat()))?;
         let text = output(toolchain.cargo(&folder, target, &[&["run"], image.as_slice()].concat()))?;
         let printed = parse(&text)?;
+        let mut host = Host::default();
+        chip_program::run(&mut host, films);
         compare_bits(target, &host.0, &printed.bits)?;
         println!("{target}: {} checksums of laws, steps and both directions are the host's", printed.bits.len());
         columns.push(printed.costs);

@@ -18,6 +18,8 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
+use embedded::SmallChip;
+
 /// Chores of the project.
 #[derive(Parser)]
 #[command(name = "cargo xtask")]
@@ -72,7 +74,9 @@ fn main() -> ExitCode {
         Chore::Sweep => test::sweep(),
         Chore::Setup => setup::run().map(drop),
         Chore::Embedded => {
-            setup::run().and_then(|toolchain| embedded::libraries(&toolchain).and_then(|()| embedded::run(&toolchain)))
+            let run =
+                |toolchain| embedded::libraries(&toolchain).and_then(|()| embedded::run(&toolchain, SmallChip::All));
+            setup::run().and_then(run)
         }
         Chore::Image => setup::toolchain().and_then(|toolchain| firmware::image(&toolchain)),
         Chore::Firmware => setup::run().and_then(|toolchain| firmware::run(&toolchain)),

@@ -5,6 +5,7 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::thread;
 
 use crate::process::{Result, cargo, command, output, root, run as run_command};
 
@@ -50,18 +51,29 @@ impl Toolchain {
 
 /// Installs what is missing and says what it took.
 pub fn run() -> Result<Toolchain> {
-    let toolchain = toolchain()?;
+    // What decodes the firmware's log is compiled while packages are fetched.
+    let (toolchain, decoder) = thread::scope(|scope| {
+        let decoder = scope.spawn(decoder);
+        let toolchain = toolchain().and_then(|toolchain| qemu().map(|()| toolchain));
+        (toolchain, decoder.join().unwrap_or_else(|_| Err("installing defmt-print panicked".into())))
+    });
+    let toolchain = toolchain?;
+    decoder?;
     match &toolchain {
         Toolchain::Rustup => println!("images are compiled by this toolchain, with rustup's targets"),
         Toolchain::Debian { .. } => {
             println!("images are compiled by Debian's rustc-web, with the core library from source")
         }
     }
-    qemu()?;
-    if !has("defmt-print") {
-        run_command(cargo(&["install", "--quiet", "--locked", "defmt-print"]))?;
-    }
     Ok(toolchain)
+}
+
+/// Installs what decodes the firmware's log, if it is missing.
+fn decoder() -> Result<()> {
+    if has("defmt-print") {
+        return Ok(());
+    }
+    run_command(cargo(&["install", "--quiet", "--locked", "defmt-print"]))
 }
 
 /// What images are compiled with, installed if it is missing.

@@ -9,7 +9,7 @@ use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::quantity;
-use crate::replay::{frequency_response, memory};
+use crate::replay::frequency_response;
 use crate::report::figure::Figure;
 use crate::report::figure_file::PlotOption;
 use crate::report::response_figure;
@@ -64,7 +64,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let plot = arguments.plot.check(&[arguments.params.as_ref()], &[&arguments.out])?;
     let law = arguments
         .discrete
-        .then(|| memory::compressed_law::<f32>(parameters.film(), rate))
+        .then(|| parameters.film().compressed_law::<f32>(rate))
         .transpose()
         .map_err(|e| e.about(&arguments.params, &arguments.out))?;
     let frequency = frequency_response::logarithmic(arguments.from, arguments.to, arguments.points);

@@ -30,7 +30,7 @@ pub(super) struct Arguments {
     /// Length of a period; of a plateau with its edge (steps); or the period beyond which a random walk hardly moves.
     #[arg(long, value_name = "S", value_parser = quantity::seconds)]
     period: f64,
-    /// Length of the rise at the start and of edges, with the least jerk; 5 if left out.
+    /// Length of the rise at the start and of edges, with the least jerk. If left out, 5, or a quarter of a shorter reference and half a plateau.
     #[arg(long, value_name = "S", value_parser = quantity::seconds)]
     rise: Option<f64>,
     /// Length of the reference.
@@ -67,7 +67,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         return Err(Error::option("--duration", cause));
     }
     let usual = Reference::new(arguments.shape, arguments.low, arguments.high, arguments.period);
-    let reference = Reference { rise_s: arguments.rise.unwrap_or(usual.rise_s), seed: arguments.seed, ..usual };
+    let plateau = if arguments.shape == Shape::Steps { 0.5 * arguments.period } else { f64::INFINITY };
+    let rise_s = arguments.rise.unwrap_or_else(|| usual.rise_s.min(0.25 * arguments.duration).min(plateau));
+    let reference = Reference { rise_s, seed: arguments.seed, ..usual };
     let values = reference.on(grid)?;
     output::check(&arguments.out, &[], Folders::Exist)?;
     let plot = arguments.plot.check(&[], &[&arguments.out])?;

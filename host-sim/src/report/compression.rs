@@ -5,7 +5,6 @@ use springpot::CompressionBound;
 
 use crate::error::Result;
 use crate::files::parameters::Film;
-use crate::replay::memory::compressed_law;
 
 /// The bounds of the law that a controller steps.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -22,9 +21,9 @@ impl Compression {
     ///
     /// # Errors
     ///
-    /// As [`compressed_law`].
+    /// As [`Film::compressed_law`].
     pub fn of(film: Film<'_>, rate_hz: f64) -> Result<Self> {
-        let law = compressed_law::<f32>(film, rate_hz)?;
+        let law = film.compressed_law::<f32>(rate_hz)?;
         Ok(Self { rate_hz, bound: law.compression_bound() })
     }
 

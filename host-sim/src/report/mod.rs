@@ -18,6 +18,5 @@ pub mod numbers;
 pub mod origin;
 pub mod page;
 pub mod response_figure;
-pub mod spectrum;
 pub mod study_page;
 pub mod tracking_figure;

@@ -5,7 +5,7 @@
 #![no_std]
 #![no_main]
 
-use chip_program::{Checksum, Name, Report};
+use chip_program::{Checksum, FEW, FILMS, Name, Report};
 use cortex_m::Peripherals;
 use cortex_m_rt::entry;
 use cortex_m_semihosting::debug::{self, EXIT_SUCCESS};
@@ -41,7 +41,8 @@ impl Report for Printer {
 #[entry]
 fn main() -> ! {
     let Some(peripherals) = Peripherals::take() else { panic!("peripherals are taken once") };
-    chip_program::run(&mut Printer { counter: Counter::start(peripherals.SYST) });
+    let films = if cfg!(feature = "few-films") { &FEW[..] } else { &FILMS };
+    chip_program::run(&mut Printer { counter: Counter::start(peripherals.SYST) }, films);
     loop {
         debug::exit(EXIT_SUCCESS);
     }

@@ -8,6 +8,7 @@ use springpot::{
 use crate::control::learner::Learner;
 #[cfg(feature = "loop-test")]
 use crate::control::loop_test::{Followed, LoopTest, Step, Target};
+use crate::control::sampler::Sampler;
 use crate::control::setpoint::{Ramp, SetpointError};
 use crate::control::{LearningOrder, Mode, Telemetry};
 use crate::parameters::{Blob, Parameters};
@@ -119,14 +120,6 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     learner: Option<Learner>,
     #[cfg(feature = "loop-test")]
     test: LoopTest<HEAD, FAST, SLOW>,
-}
-
-/// Uses a sample of the sensor from time to time.
-#[derive(Clone, Copy, Debug)]
-struct Sampler {
-    every: u32,
-    since: u32,
-    age_ticks: usize,
 }
 
 impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, FAST, SLOW> {
@@ -498,23 +491,4 @@ fn shares_per_n<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     parameters: &Parameters<HEAD, FAST, SLOW>,
 ) -> f32 {
     (1.0 / parameters.actuator.electrostatic_force(f64::from(parameters.limits.max_voltage_v))) as f32
-}
-
-impl Sampler {
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
-    fn new(rate_hz: f32, interval_s: f32, delay_s: f32) -> Self {
-        let ticks = |seconds: f32| (seconds * rate_hz + 0.5) as u32;
-        let every = ticks(interval_s).max(1);
-        Self { every, since: every, age_ticks: ticks(delay_s) as usize }
-    }
-
-    /// The sample of this tick, if one is due and the sensor is plausible.
-    fn next(&mut self, displacement_m: Option<f32>) -> Option<SensorSample<f32>> {
-        self.since = self.since.saturating_add(1);
-        if self.since < self.every {
-            return None;
-        }
-        self.since = 0;
-        displacement_m.map(|displacement| SensorSample { displacement, age_ticks: self.age_ticks })
-    }
 }

@@ -4,6 +4,7 @@ mod controller;
 mod learner;
 #[cfg(any(feature = "loop-test", feature = "link"))]
 mod loop_test;
+mod sampler;
 mod setpoint;
 mod telemetry;
 

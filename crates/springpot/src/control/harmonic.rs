@@ -2,6 +2,9 @@
 
 use crate::scalar::Real;
 
+/// Harmonics that are learned, beside the mean.
+pub const HARMONICS: usize = 6;
+
 /// Share of the way to the value that the first block shows, where nothing is known of the film's answer yet.
 const FIRST_SHARE: f64 = 0.6;
 /// The same once the answer was seen.

@@ -3,16 +3,14 @@
 use core::f64::consts::TAU;
 
 use crate::actuator::Actuator;
+use crate::control::block::Block;
 use crate::control::cycle::{Cycle, CycleFinder};
-use crate::control::harmonic::{Harmonic, Pair};
+use crate::control::harmonic::{HARMONICS, Harmonic, Pair};
 use crate::control::observer::SensorSample;
 use crate::control::path::is_finite;
 use crate::error::{ControlError, first_not_positive};
 use crate::law::{Law, Memory};
 use crate::scalar::Real;
-
-/// Harmonics that are learned, beside the mean.
-pub const HARMONICS: usize = 6;
 
 /// How a [`Learning`] learns. Times in s.
 ///
@@ -157,26 +155,6 @@ pub struct LearningState<T, const PAST: usize = 64> {
     block: Block<T>,
     /// Whether a block has shown the errors of this period.
     has_learned: bool,
-}
-
-/// A block: some time to settle, then whole cycles.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Block<T> {
-    /// Ticks since its begin, and since the last block ended.
-    ticks: T,
-    unended: T,
-    /// Angle that the cycles have turned since the film settled, and where the next one ends, rad.
-    turned: T,
-    end: T,
-    samples: T,
-    /// Σ e², m².
-    squares: T,
-    /// Once it has ended: what makes E of the sums, and the variance of each part of E by noise, m².
-    scale: T,
-    variance: T,
-    has_ended: bool,
-    /// Whether the block before showed more than noise: then this one is short.
-    is_rough: bool,
 }
 
 /// Share of the sensor's rate below which harmonics are learned.
@@ -514,35 +492,4 @@ fn turning<T: Real>(angle: T) -> (T, Pair<T>) {
     let cos = one + square * (a2 + square * (a4 + square * a6));
     let sin = angle * (one + square * (b2 + square * (b4 + square * b6)));
     (angle, [cos, sin])
-}
-
-impl<T: Real> Block<T> {
-    /// The first one.
-    fn first() -> Self {
-        let zero = T::ZERO;
-        Self {
-            ticks: zero,
-            unended: zero,
-            turned: zero,
-            end: T::from_f64(TAU),
-            samples: zero,
-            squares: zero,
-            scale: zero,
-            variance: zero,
-            has_ended: false,
-            is_rough: true,
-        }
-    }
-
-    /// Ends it. What the harmonics do not explain of e is noise.
-    fn close(&mut self, harmonics: &[Harmonic<T>; HARMONICS + 1]) {
-        self.scale = T::from_f64(2.0) / self.samples;
-        let [mean, harmonics @ ..] = harmonics;
-        let explained = harmonics.iter().fold(T::from_f64(0.5) * mean.power(), |sum, harmonic| sum + harmonic.power());
-        let left = self.squares - self.scale * explained;
-        self.variance = if left > T::ZERO { self.scale * left / self.samples } else { T::ZERO };
-        self.has_ended = true;
-        self.is_rough = false;
-        self.unended = T::ZERO;
-    }
 }

@@ -1,6 +1,7 @@
 //! Control that steps one law once per tick: feedforward, observer, and tracking, which combines both.
 
 mod amplifier;
+mod block;
 mod cycle;
 mod fade;
 mod feedforward;
@@ -9,6 +10,7 @@ mod inverse;
 mod learning;
 mod limits;
 mod observer;
+mod observer_options;
 mod pace;
 mod path;
 mod statistics;
@@ -16,9 +18,11 @@ mod tracking;
 
 pub use amplifier::{AmplifierLag, AmplifierModel};
 pub use feedforward::{Feedforward, FeedforwardState};
+pub use harmonic::HARMONICS;
 pub use inverse::{Applied, VoltageCommand};
-pub use learning::{HARMONICS, Learning, LearningOptions, LearningState};
+pub use learning::{Learning, LearningOptions, LearningState};
 pub use limits::{CommandLimits, Limited};
-pub use observer::{Observer, ObserverOptions, ObserverState, SensorSample};
+pub use observer::{Observer, ObserverState, SensorSample};
+pub use observer_options::ObserverOptions;
 pub use statistics::Statistics;
 pub use tracking::{Tracking, TrackingState};

@@ -7,11 +7,11 @@ use super::super::figure::Figure;
 use super::super::numbers::{Form, Numbers};
 use super::super::page::{Row, table, text};
 use super::super::response_figure;
-use super::super::spectrum;
 use crate::files::parameters::Parameters;
 use crate::files::recording::Input;
 use crate::fit::observation::Observation;
 use crate::grid::Samples;
+use crate::spectrum;
 
 /// Frequencies at which the drive has less than this share of its largest amplitude are not recorded.
 const LEAST_SHARE: f64 = 0.01;

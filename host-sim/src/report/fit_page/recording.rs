@@ -9,10 +9,10 @@ use super::super::chart;
 use super::super::comparison_figure;
 use super::super::course::Course;
 use super::super::figure::{Colour, Line, Panel};
-use super::super::spectrum::Spectrum;
 use crate::files::recording::Input;
 use crate::fit::observation::Observation;
 use crate::grid::Samples;
+use crate::spectrum::Spectrum;
 
 /// A recording with its axes.
 struct Shown<'a> {

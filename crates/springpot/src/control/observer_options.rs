@@ -1,0 +1,77 @@
+//! What an observer is asked for, and what its sensor allows.
+
+use core::f64::consts::TAU;
+
+use crate::error::{ControlError, first_not_positive};
+
+/// Largest ω (interval + delay): phase lag of the samples at the bandwidth, rad.
+const MAX_PHASE: f64 = 0.35;
+
+/// How an [`Observer`](crate::Observer) corrects. Times in s.
+///
+/// ```
+/// use springpot::{Actuator, ControlError, Law, Observer, ObserverOptions, Options, Preset};
+///
+/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// // A camera of 50 Hz, 15 ms late.
+/// let camera = ObserverOptions { sample_interval_s: 0.02, delay_s: 0.015, ..ObserverOptions::at_bandwidth(0.5) };
+/// let observer: Observer<f32> = Observer::new(law.clone(), &Actuator::KARNER_2022, 6000.0, camera)?;
+///
+/// // It is too slow for more bandwidth.
+/// let fast = ObserverOptions { bandwidth_hz: 2.0, ..camera };
+/// let refused = Observer::<f32>::new(law, &Actuator::KARNER_2022, 6000.0, fast).err();
+/// assert!(matches!(refused, Some(ControlError::SensorTooSlow { .. })));
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
+pub struct ObserverOptions {
+    /// Bandwidth of the correction, Hz: below it the estimate follows the sensor, above it the model.
+    pub bandwidth_hz: f64,
+    /// Time from one sensor sample to the next.
+    pub sample_interval_s: f64,
+    /// Time from a measurement until its sample arrives; may be 0.
+    pub delay_s: f64,
+    /// Time without a sample after which the sensor counts as lost.
+    pub lost_after_s: f64,
+    /// Time over which a disturbance that varies with the load becomes a change of the force scale. Infinite: nothing is
+    /// forgotten; 0: the force scale stays 1.
+    pub adaptation_s: f64,
+}
+
+impl ObserverOptions {
+    /// A sensor of 100 Hz whose samples come 10 ms late, and counts as lost after 50 ms; adaptation over 30 s.
+    #[must_use]
+    pub const fn at_bandwidth(bandwidth_hz: f64) -> Self {
+        Self { bandwidth_hz, sample_interval_s: 0.01, delay_s: 0.01, lost_after_s: 0.05, adaptation_s: 30.0 }
+    }
+
+    pub(super) fn check(&self) -> Result<(), ControlError> {
+        let Self { bandwidth_hz, sample_interval_s, delay_s, lost_after_s, adaptation_s } = *self;
+        let values =
+            [("bandwidth_hz", bandwidth_hz), ("sample_interval_s", sample_interval_s), ("lost_after_s", lost_after_s)];
+        if let Some((quantity, value)) = first_not_positive(&values) {
+            return Err(ControlError::NotPositive { quantity, value });
+        }
+        if !(delay_s.is_finite() && delay_s >= 0.0) {
+            return Err(ControlError::NotPositive { quantity: "delay_s", value: delay_s });
+        }
+        // Infinite is as long as one likes.
+        if adaptation_s.is_nan() || adaptation_s < 0.0 {
+            return Err(ControlError::NotPositive { quantity: "adaptation_s", value: adaptation_s });
+        }
+        if lost_after_s < sample_interval_s {
+            return Err(ControlError::LostBetweenSamples { lost_after_s, sample_interval_s });
+        }
+        let largest_hz = MAX_PHASE / (TAU * (sample_interval_s + delay_s));
+        if bandwidth_hz > largest_hz {
+            return Err(ControlError::SensorTooSlow { bandwidth_hz, largest_hz });
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,262 @@
+//! The `[board]` table: converters, limits and control, and the blob that a controller reads.
+
+use dea_driver::chips::{Calibration, CommandRange};
+use dea_driver::wire::boards;
+use dea_driver::{BLOB_LEN, Blob, BlobError, Control, Limits, Parameters as BoardParameters};
+use heapless::String;
+use serde::{Deserialize, Serialize, de};
+use springpot::{Actuator, AmplifierLag, CommandLimits, Law};
+
+use super::calibration::AmplifierTable;
+use super::{Parameters, calibration};
+use crate::error::{Error, Result, short};
+
+/// The settings of control, which a board may leave out.
+const CONTROL: &str = "control";
+
+/// The board of a parameter file.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Board {
+    /// The board a blob is for.
+    pub id: u16,
+    /// Range of the amplifier's command, at the DAC.
+    pub command_range: CommandRange,
+    /// Command (V) → high voltage (V).
+    #[serde(with = "calibration")]
+    pub amplifier: Calibration,
+    /// How fast the amplifier follows: in the table of the amplifier.
+    #[serde(skip)]
+    pub amplifier_lag: AmplifierLag,
+    /// Monitor (V) → high voltage (V).
+    #[serde(with = "calibration")]
+    pub monitor: Calibration,
+    /// Displacement sensor (V) → displacement (m).
+    #[serde(with = "calibration")]
+    pub sensor: Calibration,
+    /// Limits of film and bench.
+    pub limits: Limits,
+    /// Settings of reference, feedforward, observer and learning.
+    pub control: Control,
+    /// Keys of [`Board::KEYS`] that the file leaves to the paper's bench; of `amplifier`, the calibration.
+    #[serde(skip)]
+    pub missing: Vec<&'static str>,
+}
+
+/// The `[board]` table as it is written. What is left out is that of the paper's bench.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BoardTable {
+    id: Option<u16>,
+    command_range: Option<CommandRange>,
+    #[serde(default, deserialize_with = "amplifier")]
+    amplifier: Option<(Option<Calibration>, AmplifierLag)>,
+    #[serde(default, deserialize_with = "some_calibration")]
+    monitor: Option<Calibration>,
+    #[serde(default, deserialize_with = "some_calibration")]
+    sensor: Option<Calibration>,
+    limits: Option<Limits>,
+    control: Option<Control>,
+}
+
+fn amplifier<'de, D: de::Deserializer<'de>>(
+    deserializer: D,
+) -> std::result::Result<Option<(Option<Calibration>, AmplifierLag)>, D::Error> {
+    AmplifierTable::deserialize(deserializer)?.parts().map(Some)
+}
+
+fn some_calibration<'de, D: de::Deserializer<'de>>(
+    deserializer: D,
+) -> std::result::Result<Option<Calibration>, D::Error> {
+    calibration::deserialize(deserializer).map(Some)
+}
+
+impl BoardTable {
+    /// The board, with what it leaves out from `bench`.
+    pub(super) fn board(&self, bench: Board) -> Board {
+        let given = [
+            self.id.is_some(),
+            self.command_range.is_some(),
+            self.amplifier.as_ref().is_some_and(|(calibration, _)| calibration.is_some()),
+            self.monitor.is_some(),
+            self.sensor.is_some(),
+            self.limits.is_some(),
+            self.control.is_some(),
+        ];
+        let missing = Board::KEYS.into_iter().zip(given).filter(|(_, given)| !given).map(|(key, _)| key).collect();
+        let (amplifier, amplifier_lag) = self.amplifier.clone().unwrap_or((None, bench.amplifier_lag));
+        Board {
+            id: self.id.unwrap_or(bench.id),
+            command_range: self.command_range.unwrap_or(bench.command_range),
+            amplifier: amplifier.unwrap_or(bench.amplifier),
+            amplifier_lag,
+            monitor: self.monitor.clone().unwrap_or(bench.monitor),
+            sensor: self.sensor.clone().unwrap_or(bench.sensor),
+            limits: self.limits.unwrap_or(bench.limits),
+            control: self.control.unwrap_or(bench.control),
+            missing,
+        }
+    }
+}
+
+impl Board {
+    /// The keys of a `[board]` table.
+    pub const KEYS: [&str; 7] = ["id", "command_range", "amplifier", "monitor", "sensor", "limits", CONTROL];
+
+    /// What this board lacks to drive a film: calibrations or limits that are those of the paper's bench, with which no film is driven by
+    /// default. The settings of control may be left out.
+    pub fn lacks(&self) -> Vec<&'static str> {
+        self.missing.iter().copied().filter(|key| *key != CONTROL).collect()
+    }
+
+    /// A bench like the paper's around `actuator`: 6 kV from an amplifier and a monitor of 1000:1 on 0…10 V, a sensor of
+    /// 1 mm/V, and limits on the safe side of them.
+    pub fn bench(actuator: &Actuator) -> Self {
+        Self {
+            id: boards::STM32F405,
+            command_range: CommandRange::TenVolts,
+            amplifier: Calibration::linear(1000.0),
+            amplifier_lag: AmplifierLag::NONE,
+            monitor: Calibration::linear(1000.0),
+            // 1 V at rest: an unplugged one reads −1 mm, which is out of its range.
+            sensor: Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
+            limits: Limits::bench(actuator.thickness_m as f32),
+            control: Control::BENCH,
+            missing: Vec::new(),
+        }
+    }
+
+    /// The same at `rate_hz`: a sensor is stuck after as many seconds as at 1 kHz.
+    #[must_use]
+    pub fn at_rate(mut self, rate_hz: f64) -> Self {
+        let ticks_at_1_khz = f64::from(self.limits.sensor.stuck_ticks);
+        // Fewer cannot be told apart from a sensor that is late.
+        self.limits.sensor.stuck_ticks = (ticks_at_1_khz * rate_hz / 1000.0).ceil().max(5.0) as u32;
+        self
+    }
+
+    /// Its limits for the laws of control, in f64.
+    pub fn command_limits(&self) -> CommandLimits {
+        let Self { limits, control, .. } = self;
+        CommandLimits {
+            max_voltage_v: as_written(limits.max_voltage_v),
+            max_field_v_per_m: as_written(limits.max_field_v_per_m),
+            max_slew_v_per_s: as_written(limits.max_slew_v_per_s),
+            max_velocity_m_per_s: as_written(control.max_velocity_m_per_s),
+            max_acceleration_m_per_s2: as_written(control.max_acceleration_m_per_s2),
+            return_hz: as_written(control.return_hz),
+            amplifier: self.amplifier_lag,
+        }
+    }
+
+    /// The table as TOML, numbers as short as they were written, without what is [`missing`](Self::missing).
+    pub(super) fn to_toml(&self) -> toml::Table {
+        let mut table = self.whole_table();
+        for key in &self.missing {
+            match table.get_mut(*key).and_then(toml::Value::as_table_mut) {
+                // Its times are the file's, its calibration is the bench's.
+                Some(amplifier) if *key == "amplifier" && self.amplifier_lag != AmplifierLag::NONE => {
+                    amplifier.retain(|key, _| key.ends_with("_s"));
+                }
+                _ => {
+                    table.remove(*key);
+                }
+            }
+        }
+        table
+    }
+
+    fn whole_table(&self) -> toml::Table {
+        let mut table = toml::Table::try_from(self).unwrap_or_default();
+        table.iter_mut().for_each(|(_, value)| shorten(value));
+        if let (Some(amplifier), true) =
+            (table.get_mut("amplifier").and_then(toml::Value::as_table_mut), self.amplifier_lag != AmplifierLag::NONE)
+        {
+            amplifier.insert("rise_s".into(), self.amplifier_lag.rise_s.into());
+            amplifier.insert("fall_s".into(), self.amplifier_lag.fall_s.into());
+        }
+        table
+    }
+}
+
+/// A single-precision number of a controller in f64 as it was written in decimal, without the digits of its binary fraction:
+/// 0.1 instead of 0.10000000149011612.
+pub fn as_written(number: f32) -> f64 {
+    number.to_string().parse().unwrap_or(f64::from(number))
+}
+
+fn shorten(value: &mut toml::Value) {
+    match value {
+        toml::Value::Float(number) => *number = as_written(*number as f32),
+        toml::Value::Table(table) => table.iter_mut().for_each(|(_, value)| shorten(value)),
+        toml::Value::Array(values) => values.iter_mut().for_each(shorten),
+        _ => {}
+    }
+}
+
+impl Parameters {
+    /// The board of these parameters, or else that of the paper's bench at `rate_hz`, which lacks all of its own.
+    pub fn board_or_bench(&self, rate_hz: f64) -> Board {
+        self.board.clone().unwrap_or_else(|| Board { missing: Board::KEYS.into(), ..self.bench(rate_hz) })
+    }
+
+    /// The paper's bench around these parameters' actuator, at `rate_hz`: at rest its sensor gives 1 V, which it reads as
+    /// `sensor_offset_m`.
+    pub fn bench(&self, rate_hz: f64) -> Board {
+        // 1 V at rest, as Board::bench has it.
+        let sensor = Calibration::Parabola { offset: -1e-3 + self.sensor_offset_m as f32, gain: 1e-3, quadratic: 0.0 };
+        Board { sensor, ..Board::bench(&self.actuator).at_rate(rate_hz) }
+    }
+
+    /// The blob of these parameters for a controller that ticks at `rate_hz`, on [`board_or_bench`](Self::board_or_bench),
+    /// decoded once as the controller will: what it would refuse is refused here.
+    ///
+    /// # Errors
+    ///
+    /// As [`to_blob`](Self::to_blob).
+    pub fn checked_blob(&self, rate_hz: f64) -> Result<(Vec<u8>, Board)> {
+        let board = self.board_or_bench(rate_hz);
+        let blob = self.to_blob(&board, rate_hz)?;
+        <Blob>::decode(&blob, board.id).map_err(|e| Error::Computation(short(&e)))?;
+        Ok((blob, board))
+    }
+
+    /// The blob of these parameters for a controller that ticks at `rate_hz`, on `board`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Law`] for a model that has no law at this rate, [`Error::Computation`] for what a controller would refuse.
+    pub fn to_blob(&self, board: &Board, rate_hz: f64) -> Result<Vec<u8>> {
+        let rate_hz = rate_hz as f32;
+        let law: Law<f32> = self.film().compressed_law(f64::from(rate_hz))?;
+        let parameters = BoardParameters {
+            name: shortened(&self.name),
+            rate_hz,
+            law: law.coefficients(),
+            actuator: self.actuator,
+            sensor_offset_m: self.sensor_offset_m as f32,
+            command_range: board.command_range,
+            amplifier: board.amplifier.clone(),
+            amplifier_lag: board.amplifier_lag,
+            monitor: board.monitor.clone(),
+            sensor: board.sensor.clone(),
+            limits: board.limits,
+            control: board.control,
+        };
+        let mut bytes = vec![0; BLOB_LEN];
+        let refused = |error: BlobError| Error::Computation(short(&error));
+        let length = parameters.encode(board.id, &mut bytes).map_err(refused)?;
+        bytes.truncate(length);
+        Ok(bytes)
+    }
+}
+
+/// The first letters of a name, as many as a blob has room for.
+fn shortened(name: &str) -> String<32> {
+    let mut short = String::new();
+    for letter in name.chars() {
+        if short.push(letter).is_err() {
+            break;
+        }
+    }
+    short
+}

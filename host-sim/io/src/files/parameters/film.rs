@@ -1,0 +1,60 @@
+//! A film as a law is made of it.
+
+use springpot::{Compressed, Curve, Law, LawError, Maxwell, Memory, Method, Options, Real};
+
+use crate::error::{Error, Result};
+
+/// What of parameters makes a law: the model, and the elastic curve in front of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Film<'a> {
+    /// Eq. 11.
+    pub model: &'a Maxwell,
+    /// The curve; none for a linear film.
+    pub curve: Option<&'a Curve>,
+    /// How s is discretised.
+    pub method: Method,
+}
+
+/// Most steps per second of a law.
+const FASTEST_HZ: f64 = 1e9;
+
+impl Film<'_> {
+    /// The law that the controller steps at `rate_hz`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a rate or a model that is refused.
+    pub fn compressed_law<T: Real>(self, rate_hz: f64) -> Result<Law<T, Compressed<T>>> {
+        // Beyond, a horizon has more steps than can be counted.
+        if rate_hz > FASTEST_HZ {
+            return Err(Error::option("--rate", format!("{rate_hz:?} Hz; a law takes at most {FASTEST_HZ:e} Hz")));
+        }
+        let options = Options::at_step(1.0 / rate_hz).with_method(self.method);
+        let law = Law::compressed(self.model, options).map_err(|error| match error {
+            LawError::Step(_) | LawError::Horizon { .. } => {
+                Error::option("--rate", format!("{rate_hz:?} Hz; a law needs at least 1e-3 Hz"))
+            }
+            error => error.into(),
+        })?;
+        self.behind(law)
+    }
+
+    /// `law` behind the curve of this film, if it has one.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a curve that the law is refused behind.
+    pub fn behind<T: Real, M: Memory<T>>(self, law: Law<T, M>) -> Result<Law<T, M>> {
+        Ok(match self.curve {
+            Some(curve) => law.behind(curve)?,
+            None => law,
+        })
+    }
+}
+
+impl<'a> From<&'a Maxwell> for Film<'a> {
+    /// A linear film, stepped as in the paper.
+    fn from(model: &'a Maxwell) -> Self {
+        Self { model, curve: None, method: Method::Gl }
+    }
+}

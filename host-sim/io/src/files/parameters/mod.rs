@@ -1,0 +1,308 @@
+//! Parameter files: an actuator and its model, as TOML in SI units.
+
+mod board;
+mod calibration;
+mod curve;
+mod film;
+mod format;
+
+use std::fs::File;
+use std::io::Read;
+use std::ops::Range;
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+use springpot::{Actuator, Maxwell, Method, Preset};
+use toml::Spanned;
+
+use crate::error::{Error, Result, short};
+pub use board::{Board, as_written};
+pub use curve::{ElasticCurve, Shape};
+pub use film::Film;
+use format::{ActuatorFileTable, ActuatorTable, BoardFileTable, FileTable, SCHEMAS};
+
+/// An actuator and the model of its film.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    /// Name of the set.
+    pub name: String,
+    /// The actuator.
+    pub actuator: Actuator,
+    /// Whether length, width and thickness are assumed, not the film's own: then nothing is known of the electric field.
+    pub assumed_sizes: bool,
+    /// The model of the film.
+    pub model: Maxwell,
+    /// The elastic curve of the film, if it has one.
+    pub curve: Option<ElasticCurve>,
+    /// How s is discretised in their laws: not in the file, but chosen with the rate.
+    pub method: Method,
+    /// Reading of the displacement sensor at x = 0, m; see [`sensor`](Self::sensor).
+    pub sensor_offset_m: f64,
+    /// The board that runs them, if the file names one.
+    pub board: Option<Board>,
+    /// Origin of the numbers, free text.
+    pub provenance: Option<toml::Table>,
+}
+
+/// A displacement sensor as it is mounted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DisplacementSensor {
+    /// Reading of a film at x = 0, m.
+    pub offset_m: f64,
+}
+
+impl DisplacementSensor {
+    /// The reading (m) of a film at `displacement_m`.
+    pub fn reading_m(&self, displacement_m: f64) -> f64 {
+        displacement_m + self.offset_m
+    }
+
+    /// The displacement (m) of the film at a `reading_m`.
+    pub fn film_displacement_m(&self, reading_m: f64) -> f64 {
+        reading_m - self.offset_m
+    }
+}
+
+/// Largest size of a parameter file, bytes.
+const LONGEST: u64 = 1 << 20;
+
+impl Parameters {
+    /// The parameters named on a command line: a path, or `preset:NAME`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming the file and line, or the presets there are.
+    pub fn load(name: &str) -> Result<Self> {
+        match name.strip_prefix("preset:") {
+            Some(preset) => Self::preset(preset),
+            None => Self::read(Path::new(name)),
+        }
+    }
+
+    /// A published set of parameters.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] for a name that is not among the presets.
+    pub fn preset(name: &str) -> Result<Self> {
+        let preset = Preset::named(name).ok_or_else(|| {
+            let names: Vec<&str> = Preset::ALL.iter().map(Preset::name).collect();
+            Error::option("--params", format!("no preset {name:?}; there are {}", names.join(", ")))
+        })?;
+        Ok(Self {
+            name: format!("karner-2022-{}", preset.name()),
+            actuator: Actuator::KARNER_2022,
+            assumed_sizes: false,
+            model: preset.model()?,
+            curve: None,
+            method: Method::Gl,
+            sensor_offset_m: 0.0,
+            board: None,
+            provenance: None,
+        })
+    }
+
+    /// Reads a parameter file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming the file, the line and the value that cannot be used.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::from_toml(path, &text_of(path)?)
+    }
+
+    /// The actuator named on a command line: of a file that may hold nothing else, or of `preset:NAME`.
+    ///
+    /// # Errors
+    ///
+    /// As [`load`](Self::load).
+    pub fn load_actuator(name: &str) -> Result<Actuator> {
+        Ok(Self::load_sized_actuator(name)?.0)
+    }
+
+    /// The same, and whether its sizes are assumed.
+    ///
+    /// # Errors
+    ///
+    /// As [`load`](Self::load).
+    pub fn load_sized_actuator(name: &str) -> Result<(Actuator, bool)> {
+        if name.starts_with("preset:") {
+            return Ok((Self::load(name)?.actuator, false));
+        }
+        let path = Path::new(name);
+        let text = text_of(path)?;
+        let place = Place { path, text: &text };
+        let file: ActuatorFileTable = place.parse()?;
+        place.check_schema(&file.schema)?;
+        Ok((place.actuator(&file.actuator, *file.schema.get_ref())?, file.actuator.sizes_are_assumed()))
+    }
+
+    /// Loads the actuator and the board of a parameter file, which may lack the model; the board of the paper's bench where there
+    /// is none. The last is whether the film's sizes are assumed.
+    ///
+    /// # Errors
+    ///
+    /// As [`load`](Self::load).
+    pub fn load_board(name: &str) -> Result<(Actuator, Board, bool)> {
+        let (actuator, assumed_sizes) = Self::load_sized_actuator(name)?;
+        let bench = Board { missing: Board::KEYS.into(), ..Board::bench(&actuator) };
+        if name.starts_with("preset:") {
+            return Ok((actuator, bench, assumed_sizes));
+        }
+        let path = Path::new(name);
+        let text = text_of(path)?;
+        let file: BoardFileTable = Place { path, text: &text }.parse()?;
+        Ok((actuator, file.board.map_or(bench.clone(), |table| table.board(bench)), assumed_sizes))
+    }
+
+    /// What to say of the electric field where the film's sizes are assumed.
+    pub fn field_note(&self) -> Option<String> {
+        self.assumed_sizes.then(|| {
+            format!(
+                "the film's sizes are assumed ({:.0} µm thick): whether the field stays within its limit is not known; fit with \
+                 --actuator and the film's own sizes",
+                1e6 * self.actuator.thickness_m
+            )
+        })
+    }
+
+    /// Reads parameters from TOML text; `path` is what errors name.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn from_toml(path: &Path, text: &str) -> Result<Self> {
+        let place = Place { path, text };
+        let file: FileTable = place.parse()?;
+        place.check_schema(&file.schema)?;
+        let schema = *file.schema.get_ref();
+        let actuator = place.actuator(&file.actuator, schema)?;
+        if let Some(branch) = file.model.branches.iter().find(|branch| branch.get_ref().len() != 2) {
+            let cause = format!("a branch of {} springpots; it has exactly two", branch.get_ref().len());
+            return Err(place.error(branch.span(), cause));
+        }
+        let model = file
+            .model
+            .model(actuator.mass_kg)
+            .map_err(|e| place.error(file.model.place_of(&e).unwrap_or(0..0), short(&e)))?;
+        let offset = file.sensor.as_ref().map(|sensor| &sensor.offset_m);
+        let sensor_offset_m = offset.map_or(0.0, |offset| *offset.get_ref());
+        if !sensor_offset_m.is_finite() {
+            let cause = format!("offset_m = {sensor_offset_m} must be finite");
+            return Err(place.error(offset.map_or(0..0, toml::Spanned::span), cause));
+        }
+        let curve = match &file.curve {
+            Some(curve) if schema == 1 => return Err(place.error(curve.span(), needs_schema_2("[curve]"))),
+            Some(curve) => curve
+                .get_ref()
+                .curve(&actuator)
+                .map_err(|cause| place.error(curve.span(), format!("[curve] {cause}")))?,
+            None => None,
+        };
+        let mut parameters = Self {
+            name: file.name,
+            actuator,
+            assumed_sizes: file.actuator.sizes_are_assumed(),
+            model,
+            curve,
+            method: Method::Gl,
+            sensor_offset_m,
+            board: None,
+            provenance: file.provenance,
+        };
+        if let Some(table) = &file.board {
+            let board = table.get_ref().board(parameters.bench(1000.0));
+            // What a controller would refuse of the board is refused here, where its line is known. The rate does not matter.
+            let checked = parameters.to_blob(&board, 1000.0);
+            checked.map_err(|e| place.error(table.span(), short(&e)))?;
+            parameters.board = Some(board);
+        }
+        Ok(parameters)
+    }
+
+    /// The displacement sensor: the one conversion between its readings and the displacement of the film.
+    pub fn sensor(&self) -> DisplacementSensor {
+        DisplacementSensor { offset_m: self.sensor_offset_m }
+    }
+
+    /// The model behind its elastic curve.
+    pub fn film(&self) -> Film<'_> {
+        Film { model: &self.model, curve: self.curve.as_ref().map(ElasticCurve::pieces), method: self.method }
+    }
+
+    /// The same, stepped by `method`.
+    #[must_use]
+    pub fn with_method(mut self, method: Method) -> Self {
+        self.method = method;
+        self
+    }
+
+    /// The parameters as TOML text.
+    pub fn to_toml(&self) -> String {
+        format::write(self)
+    }
+}
+
+fn needs_schema_2(name: &str) -> String {
+    format!("{name} needs schema = 2")
+}
+
+/// The text of a parameter file.
+fn text_of(path: &Path) -> Result<String> {
+    if path.is_dir() {
+        return Err(Error::file(path, "is a directory; name a parameter file (TOML) or preset:NAME"));
+    }
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(|e| Error::file(path, e))?;
+    // A pipe has no length beforehand.
+    file.take(LONGEST + 1).read_to_end(&mut bytes).map_err(|e| Error::file(path, e))?;
+    if bytes.len() as u64 > LONGEST {
+        return Err(Error::file(path, format!("more than {LONGEST} bytes; this is not a parameter file")));
+    }
+    String::from_utf8(bytes).map_err(|e| {
+        let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+        Error::line(path, line as u64, "not UTF-8 text; this is not a TOML parameter file")
+    })
+}
+
+/// A text whose errors name its lines.
+struct Place<'a> {
+    path: &'a Path,
+    text: &'a str,
+}
+
+impl Place<'_> {
+    fn error(&self, span: Range<usize>, cause: String) -> Error {
+        let before = &self.text.as_bytes()[..span.start.min(self.text.len())];
+        let line = 1 + before.iter().filter(|&&b| b == b'\n').count();
+        Error::line(self.path, line as u64, cause)
+    }
+
+    fn parse<T: DeserializeOwned>(&self) -> Result<T> {
+        toml::from_str(self.text).map_err(|e| {
+            let cause = e.message().trim().replace('\n', "; ");
+            match e.span() {
+                Some(span) => self.error(span, cause),
+                None => Error::file(self.path, cause),
+            }
+        })
+    }
+
+    fn check_schema(&self, schema: &Spanned<u32>) -> Result<()> {
+        if SCHEMAS.contains(schema.get_ref()) {
+            return Ok(());
+        }
+        let [first, second] = SCHEMAS;
+        let cause = format!("schema = {}; this version reads schema = {first} and {second}", schema.get_ref());
+        Err(self.error(schema.span(), cause))
+    }
+
+    fn actuator(&self, table: &ActuatorTable, schema: u32) -> Result<Actuator> {
+        let actuator = table.actuator();
+        if let (1, Some((span, name))) = (schema, table.place_of_new()) {
+            return Err(self.error(span, needs_schema_2(name)));
+        }
+        actuator.check().map_err(|e| self.error(table.place_of(&e).unwrap_or(0..0), short(&e)))?;
+        Ok(actuator)
+    }
+}

@@ -1,0 +1,301 @@
+//! Recordings: CSV files of what was applied and what was measured.
+//!
+//! [`crate::files::csv`] reads them.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::files::csv::{self, Column, Names, Table};
+use crate::files::import::{self, Hints, Quantity, Request, Series, Understood};
+use crate::grid::{Grid, Samples};
+
+/// A recording in SI units, time from its first sample.
+///
+/// A relaxation or creep test whose clock begins shortly after 0 keeps its clock: the load was applied at 0.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    path: PathBuf,
+    time_s: Vec<f64>,
+    voltage_v: Option<Column>,
+    force_n: Option<Column>,
+    displacement_m: Option<Column>,
+    weight: Option<Column>,
+    /// What was understood of a file with other names.
+    understood: Option<Understood>,
+}
+
+/// The input of a model with its values: [`Samples`] as recorded, or another form of them such as a series on a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Input<S = Samples> {
+    /// Voltage on the electrodes, V.
+    Voltage(S),
+    /// Total force on the film, N.
+    Force(S),
+    /// Displacement of the film, m.
+    Displacement(S),
+}
+
+/// Which of a recording's columns is the input of the model, and which is its output (`--drive`).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Direction {
+    /// Voltage or force is the input, displacement the output.
+    Force,
+    /// Displacement is the input, force the output.
+    Displacement,
+}
+
+/// Column names with the factor to SI units.
+const VOLTAGE: &Names = &[("voltage_v", 1.0), ("voltage_kv", 1e3)];
+const FORCE: &Names = &[("force_n", 1.0)];
+const WEIGHT: &Names = &[("weight", 1.0)];
+const DISPLACEMENT: &Names = &[("displacement_m", 1.0), ("displacement_mm", 1e-3), ("displacement_um", 1e-6)];
+
+/// What is asked of a file with other names.
+pub const REQUEST: Request<'_> = Request {
+    wanted: &[Quantity::Time, Quantity::Voltage, Quantity::Force, Quantity::Displacement, Quantity::Weight],
+    needed: &[&[Quantity::Time], &[Quantity::Voltage, Quantity::Force]],
+};
+const REFERENCE: Request<'_> = Request {
+    wanted: &[Quantity::Time, Quantity::Displacement],
+    needed: &[&[Quantity::Time], &[Quantity::Displacement]],
+};
+
+/// Opens the file at `path` and reads its first bytes.
+fn open(path: &Path) -> Result<(Vec<u8>, File)> {
+    const HEAD: u64 = 1 << 16;
+    if path.is_dir() {
+        return Err(Error::file(path, "is a directory; name a CSV recording in it"));
+    }
+    let fault = |error: std::io::Error| Error::file(path, error);
+    let mut file = File::open(path).map_err(fault)?;
+    let mut head = Vec::new();
+    file.by_ref().take(HEAD).read_to_end(&mut head).map_err(fault)?;
+    Ok((head, file))
+}
+
+/// Largest time on the clock of a held recording's first row that is still the time since its load was applied, as a share of
+/// its duration; a recording that begins later was cut out of a longer one.
+const LONGEST_LEAD: f64 = 0.01;
+
+/// Whether `values` are a load that is held: none is further than 1 % from the first.
+fn is_held(values: &[f64]) -> bool {
+    values.first().is_some_and(|first| *first != 0.0 && values.iter().all(|v| (v - first).abs() <= 0.01 * first.abs()))
+}
+
+impl Recording {
+    /// Reads the recording at `path`: a file with the names of recordings, or any that [`crate::files::import`] understands.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming the file and line of the first thing that cannot be used.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::read_with(path, &Hints::default())
+    }
+
+    /// Reads the recording at `path`, of which a person says `hints`.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn read_with(path: &Path, hints: &Hints) -> Result<Self> {
+        let (head, rest) = open(path)?;
+        if *hints == Hints::default() && csv::has_names(&head, &[VOLTAGE, FORCE], &[DISPLACEMENT, WEIGHT]) {
+            return Self::from_csv(path, head.chain(rest));
+        }
+        Ok(Self::of(path, import::read(path, &head, rest, &REQUEST, hints)?))
+    }
+
+    /// Reads a recording from CSV text; `path` is what errors name.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
+        let table = Table::from_csv(path, csv, [VOLTAGE, FORCE, DISPLACEMENT, WEIGHT], &[&[0, 1]])?;
+        Ok(Self::new(path, table.time_s, table.start_s, table.columns, None))
+    }
+
+    /// The recording of the `series` in the file at `path`.
+    pub fn of(path: &Path, series: Series) -> Self {
+        let start_s = series.clock_s.first().copied().unwrap_or(0.0);
+        let time_s = series.clock_s.iter().map(|t| t - start_s).collect();
+        let [voltage, force, displacement, weight] =
+            [Quantity::Voltage, Quantity::Force, Quantity::Displacement, Quantity::Weight]
+                .map(|q| series.column(q).cloned());
+        Self::new(path, time_s, start_s, [voltage, force, displacement, weight], Some(series.understood))
+    }
+
+    fn new(
+        path: &Path,
+        mut time_s: Vec<f64>,
+        start_s: f64,
+        columns: [Option<Column>; 4],
+        understood: Option<Understood>,
+    ) -> Self {
+        // A voltage drives; without one, force or displacement may.
+        let inputs = if columns[0].is_some() { &columns[..1] } else { &columns[..3] };
+        let held = inputs.iter().flatten().any(|column| is_held(&column.present(&time_s).value));
+        let duration_s = time_s.last().copied().unwrap_or(0.0);
+        if held && start_s > 0.0 && start_s <= LONGEST_LEAD * duration_s {
+            time_s.iter_mut().for_each(|t| *t += start_s);
+        }
+        let [voltage_v, force_n, displacement_m, weight] = columns;
+        Self { path: path.into(), time_s, voltage_v, force_n, displacement_m, weight, understood }
+    }
+
+    /// Reads a reference at `path`: displacement over time, no voltage needed.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn read_reference(path: &Path) -> Result<Self> {
+        let (head, rest) = open(path)?;
+        let (time_s, displacement_m, understood) = if csv::has_names(&head, &[DISPLACEMENT], &[]) {
+            let Table { time_s, columns: [displacement_m], .. } =
+                Table::from_csv(path, head.chain(rest), [DISPLACEMENT], &[&[0]])?;
+            (time_s, displacement_m, None)
+        } else {
+            let series = import::read(path, &head, rest, &REFERENCE, &Hints::default())?;
+            let start_s = series.clock_s.first().copied().unwrap_or(0.0);
+            let displacement_m = series.column(Quantity::Displacement).cloned();
+            (series.clock_s.iter().map(|t| t - start_s).collect(), displacement_m, Some(series.understood))
+        };
+        Ok(Self { path: path.into(), time_s, voltage_v: None, force_n: None, displacement_m, weight: None, understood })
+    }
+
+    /// The series of the recording, with their times.
+    pub fn into_series(self) -> Series {
+        let columns: Vec<(Quantity, Column)> = [
+            (Quantity::Voltage, self.voltage_v),
+            (Quantity::Force, self.force_n),
+            (Quantity::Displacement, self.displacement_m),
+            (Quantity::Weight, self.weight),
+        ]
+        .into_iter()
+        .filter_map(|(quantity, column)| Some((quantity, column?)))
+        .collect();
+        let understood = self.understood.unwrap_or_else(|| {
+            let names: Vec<&str> = columns.iter().map(|(_, column)| column.name()).collect();
+            Understood::of_recording(&self.path, &names)
+        });
+        Series { clock_s: self.time_s, columns, understood }
+    }
+
+    /// What was understood of the file, where it has not the names of recordings.
+    pub fn understood(&self) -> Option<&Understood> {
+        self.understood.as_ref()
+    }
+
+    /// Times of all rows, s.
+    pub fn time_s(&self) -> &[f64] {
+        &self.time_s
+    }
+
+    /// All columns by their names, NaN in empty cells, as they are written.
+    pub fn columns(&self) -> Vec<(&'static str, Vec<f64>)> {
+        let columns = [
+            ("voltage_v", &self.voltage_v),
+            ("force_n", &self.force_n),
+            ("displacement_m", &self.displacement_m),
+            ("weight", &self.weight),
+        ];
+        let values = |column: &Column| column.cells().iter().map(|cell| cell.unwrap_or(f64::NAN)).collect();
+        columns.into_iter().filter_map(|(name, column)| Some((name, values(column.as_ref()?)))).collect()
+    }
+
+    /// Where the recording came from.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Length in seconds.
+    pub fn duration_s(&self) -> f64 {
+        self.time_s.last().copied().unwrap_or(0.0)
+    }
+
+    /// The grid at `rate_hz` that covers the recording.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a rate that is not positive and finite, or a recording that is too long for it.
+    pub fn grid(&self, rate_hz: f64) -> Result<Grid> {
+        Grid::covering(self.duration_s(), rate_hz)
+            .map_err(|error| if rate_hz > 0.0 && rate_hz.is_finite() { Error::file(&self.path, error) } else { error })
+    }
+
+    /// The input of the film: the voltage, or the force where there is no voltage.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a column with gaps.
+    pub fn drive(&self) -> Result<Input> {
+        match (&self.voltage_v, &self.force_n) {
+            (Some(voltage), _) => Ok(Input::Voltage(self.complete(voltage)?)),
+            (None, Some(force)) => Ok(Input::Force(self.complete(force)?)),
+            (None, None) => Err(Error::file(&self.path, "neither voltage_v nor force_n has a value")),
+        }
+    }
+
+    /// The displacement as the input of a model.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] where there is none or it has gaps.
+    pub fn displacement_drive(&self) -> Result<Input> {
+        let column = self.displacement_m.as_ref().ok_or_else(|| self.no_displacement())?;
+        Ok(Input::Displacement(self.complete(column)?))
+    }
+
+    /// The measured displacement in m.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] where there is none.
+    pub fn displacement(&self) -> Result<Samples> {
+        self.displacement_m.as_ref().map(|column| self.present(column)).ok_or_else(|| self.no_displacement())
+    }
+
+    /// The force in N, where it was measured.
+    pub fn force(&self) -> Option<Samples> {
+        self.force_n.as_ref().map(|column| self.present(column))
+    }
+
+    /// Weights of the squared residuals in a fit, where there is a column of them; an empty cell counts 1.
+    pub fn weights(&self) -> Option<Samples> {
+        self.weight.as_ref().map(|column| self.present(column))
+    }
+
+    fn no_displacement(&self) -> Error {
+        let cause = "no column displacement_m, displacement_mm or displacement_um with values; if another column is the \
+                     displacement, name it, as in --columns displacement=3:mm";
+        Error::file(&self.path, cause)
+    }
+
+    fn present(&self, column: &Column) -> Samples {
+        column.present(&self.time_s)
+    }
+
+    fn complete(&self, column: &Column) -> Result<Samples> {
+        column.complete(&self.path, &self.time_s, "what drives the film must be complete")
+    }
+}
+
+impl<S> Input<S> {
+    /// The values, whatever they are of.
+    pub fn samples(&self) -> &S {
+        match self {
+            Self::Voltage(samples) | Self::Force(samples) | Self::Displacement(samples) => samples,
+        }
+    }
+
+    /// The same input with its values in another form.
+    pub fn map<U>(&self, form: impl FnOnce(&S) -> U) -> Input<U> {
+        match self {
+            Self::Voltage(samples) => Input::Voltage(form(samples)),
+            Self::Force(samples) => Input::Force(form(samples)),
+            Self::Displacement(samples) => Input::Displacement(form(samples)),
+        }
+    }
+}

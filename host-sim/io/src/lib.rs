@@ -1,0 +1,24 @@
+//! What the bench tool reads and writes.
+//!
+//! | room | what it does |
+//! | --- | --- |
+//! | [`files`] | reads and writes recordings, parameters, tables |
+//! | [`link`] | the host's side of the link to a controller |
+//! | [`grid`] | sampled series |
+//! | [`quantity`], [`progress`], [`terminal`], [`interrupt`] | what people type; progress; what is printed; signals |
+//! | [`error`](mod@error) | errors that name the place and the mend |
+//!
+//! Imports point downwards, without a circle.
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod error;
+pub mod files;
+pub mod grid;
+pub mod interrupt;
+pub mod link;
+pub mod progress;
+pub mod quantity;
+pub mod terminal;
+
+pub use error::{Error, Result};

@@ -1,0 +1,229 @@
+//! Quantities as a person types them: `6kV`, `2.5mm`, `10s`, or the plain number in SI units.
+//!
+//! One parser per quantity, for every option of every command. What is not finite is refused here, before any work.
+
+/// A quantity that options take.
+struct Quantity {
+    /// The unit of a plain number.
+    si: &'static str,
+    /// Units and their sizes in SI units. `u` stands for `µ` and `2` for `²`.
+    units: &'static [(&'static str, f64)],
+}
+
+const VOLTAGE: Quantity = Quantity { si: "V", units: &[("V", 1.0), ("mV", 1e-3), ("kV", 1e3)] };
+const LENGTH: Quantity =
+    Quantity { si: "m", units: &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9)] };
+const TIME: Quantity = Quantity {
+    si: "s",
+    units: &[("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0), ("d", 86_400.0)],
+};
+const FREQUENCY: Quantity = Quantity { si: "Hz", units: &[("Hz", 1.0), ("mHz", 1e-3), ("kHz", 1e3), ("MHz", 1e6)] };
+const FIELD: Quantity = Quantity {
+    si: "V/m",
+    units: &[("V/m", 1.0), ("kV/m", 1e3), ("MV/m", 1e6), ("V/mm", 1e3), ("kV/mm", 1e6), ("V/um", 1e6)],
+};
+const SLEW: Quantity =
+    Quantity { si: "V/s", units: &[("V/s", 1.0), ("kV/s", 1e3), ("MV/s", 1e6), ("V/ms", 1e3), ("kV/ms", 1e6)] };
+const VELOCITY: Quantity =
+    Quantity { si: "m/s", units: &[("m/s", 1.0), ("cm/s", 1e-2), ("mm/s", 1e-3), ("um/s", 1e-6)] };
+const ACCELERATION: Quantity =
+    Quantity { si: "m/s2", units: &[("m/s2", 1.0), ("cm/s2", 1e-2), ("mm/s2", 1e-3), ("um/s2", 1e-6)] };
+const AREA: Quantity = Quantity { si: "m2", units: &[("m2", 1.0), ("cm2", 1e-4), ("mm2", 1e-6), ("um2", 1e-12)] };
+const SHARE: Quantity = Quantity { si: "", units: &[("%", 1e-2)] };
+const NUMBER: Quantity = Quantity { si: "", units: &[] };
+
+/// Sizes of the numbers that are taken, beside 0: no instrument of this field is beyond.
+const SIZES: std::ops::RangeInclusive<f64> = 1e-15..=1e15;
+
+/// What a parser gives: the value in SI units, or what is wrong with the text.
+pub type Parsed = std::result::Result<f64, String>;
+
+/// A voltage, V.
+///
+/// # Errors
+///
+/// Text that is not a finite number with a unit of this quantity; so are those of all parsers here.
+pub fn volts(text: &str) -> Parsed {
+    VOLTAGE.parse(text)
+}
+
+/// A length, m.
+///
+/// # Errors
+///
+/// As [`volts`].
+pub fn metres(text: &str) -> Parsed {
+    LENGTH.parse(text)
+}
+
+/// A time, s.
+///
+/// # Errors
+///
+/// As [`volts`].
+pub fn seconds(text: &str) -> Parsed {
+    TIME.parse(text)
+}
+
+/// A frequency or a rate, Hz.
+///
+/// # Errors
+///
+/// As [`volts`].
+pub fn hertz(text: &str) -> Parsed {
+    FREQUENCY.parse(text)
+}
+
+/// An electric field, V/m.
+///
+/// # Errors
+///
+/// As [`volts`].
+pub fn volts_per_metre(text: &str) -> Parsed {
+    FIELD.parse(text)
+}
+
+/// A change of voltage, V/s.
+///
+/// # Errors
+///
+/// As [`volts`].
+pub fn volts_per_second(text: &str) -> Parsed {
+    SLEW.parse(text)
+}
+
+/// A speed, m/s.
+///
+/// # Errors
+///
+/// As [`volts`].
+pub fn metres_per_second(text: &str) -> Parsed {
+    VELOCITY.parse(text)
+}
+
+/// An acceleration, m/s².
+///
+/// # Errors
+///
+/// As [`volts`].
+pub fn metres_per_second_squared(text: &str) -> Parsed {
+    ACCELERATION.parse(text)
+}
+
+/// An area, m².
+///
+/// # Errors
+///
+/// As [`volts`].
+pub fn square_metres(text: &str) -> Parsed {
+    AREA.parse(text)
+}
+
+/// A share of 1, or in %.
+///
+/// # Errors
+///
+/// As [`volts`].
+pub fn share(text: &str) -> Parsed {
+    SHARE.parse(text)
+}
+
+/// A number without a unit.
+///
+/// # Errors
+///
+/// As [`volts`].
+pub fn number(text: &str) -> Parsed {
+    NUMBER.parse(text)
+}
+
+impl Quantity {
+    fn parse(&self, text: &str) -> Parsed {
+        let text = text.trim();
+        let (digits, unit) = text.split_at(number_length(text));
+        let value: f64 = digits.parse().map_err(|_| self.not_a_number(text))?;
+        let unit = unit.trim();
+        if unit.starts_with(',') {
+            return Err("write a point for the decimals, no comma".into());
+        }
+        let value = value * self.factor(unit)?;
+        if value == 0.0 || SIZES.contains(&value.abs()) {
+            // 2.5 mm is 0.0025 m, not the product's 0.0025000000000000001.
+            Ok(self.decimal(digits, unit).unwrap_or(value))
+        } else if value.is_finite() {
+            Err(format!("{value:e} must be 0, or from {:e} to {:e} in size", SIZES.start(), SIZES.end()))
+        } else {
+            Err("must be finite".into())
+        }
+    }
+
+    /// The value through decimal digits where the unit is a power of ten: rounded once, as the plain number would be.
+    fn decimal(&self, digits: &str, unit: &str) -> Option<f64> {
+        let size = self.factor(unit).ok()?;
+        let power = size.log10().round();
+        let is_decimal = format!("1e{power}").parse() == Ok(size);
+        if !is_decimal || digits.contains(['e', 'E']) {
+            return None;
+        }
+        format!("{digits}e{power}").parse().ok()
+    }
+
+    /// The size of `unit`; a plain number is in SI units.
+    fn factor(&self, unit: &str) -> Parsed {
+        if unit.is_empty() {
+            return Ok(1.0);
+        }
+        let plain = unit.replace(['µ', 'μ'], "u").replace('²', "2").replace(['^', ' '], "");
+        if let Some((_, size)) = self.units.iter().find(|(name, _)| *name == plain) {
+            return Ok(*size);
+        }
+        let names: Vec<&str> = self.units.iter().map(|(name, _)| *name).collect();
+        if names.is_empty() {
+            return Err(format!("{unit:?} follows the number; this option takes a plain number"));
+        }
+        // A capital M is a millionfold and no misspelt m.
+        let same =
+            |name: &&&str| name.eq_ignore_ascii_case(&plain) && !(name.starts_with('m') && plain.starts_with('M'));
+        let mut alike = names.iter().filter(same);
+        let meant = match (alike.next(), alike.next()) {
+            (Some(name), None) => format!("; did you mean {name}?"),
+            _ => String::new(),
+        };
+        let si = if self.si.is_empty() { "".into() } else { format!("a plain number in {}, or ", self.si) };
+        Err(format!("unknown unit {unit:?}: write {si}one of {}{meant}", names.join(", ")))
+    }
+
+    fn not_a_number(&self, text: &str) -> String {
+        let word = text.trim_start_matches(['+', '-']).to_ascii_lowercase();
+        if ["nan", "inf", "infinity"].contains(&word.as_str()) {
+            return "must be finite".into();
+        }
+        if text.starts_with("--") {
+            return "the value is missing".into();
+        }
+        let example = self.units.iter().find(|(name, _)| *name != self.si);
+        match example {
+            Some((name, _)) => format!("a number is needed, such as 2 or 2{name}"),
+            None => "a number is needed, such as 2".into(),
+        }
+    }
+}
+
+/// Length of the number that `text` begins with, bytes.
+fn number_length(text: &str) -> usize {
+    let bytes = text.as_bytes();
+    let digits = |from: usize| from + bytes[from..].iter().take_while(|byte| byte.is_ascii_digit()).count();
+    let sign = |at: usize| at + usize::from(bytes.get(at).is_some_and(|byte| matches!(byte, b'+' | b'-')));
+    let mut end = digits(sign(0));
+    if bytes.get(end) == Some(&b'.') {
+        end = digits(end + 1);
+    }
+    if matches!(bytes.get(end), Some(b'e' | b'E')) {
+        let from = sign(end + 1);
+        let after = digits(from);
+        if after > from {
+            end = after;
+        }
+    }
+    end
+}

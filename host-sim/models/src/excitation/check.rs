@@ -1,0 +1,296 @@
+//! Whether recordings identify a film, and what to record instead.
+
+use serde::Serialize;
+
+use super::drive::{DriveFacts, HOLD_S, distinct};
+use crate::error::shown;
+use crate::files::recording::{Direction, Input, Recording};
+use crate::fit::{
+    self,
+    observation::{self, median},
+};
+use crate::grid::Samples;
+
+/// What was found in recordings.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Whether they identify a film: nothing that was found prevents it.
+    pub identifies: bool,
+    /// Each of them.
+    pub recordings: Vec<Facts>,
+    /// What is wrong, worst first.
+    pub findings: Vec<Finding>,
+}
+
+/// What a recording has.
+#[derive(Clone, Debug, Serialize)]
+pub struct Facts {
+    /// The file.
+    pub file: String,
+    /// Rows.
+    pub rows: usize,
+    /// Of the median interval.
+    pub rate_hz: f64,
+    /// Length, s.
+    pub duration_s: f64,
+    /// What drives it: `voltage` (V) or `force` (N).
+    pub driven_by: &'static str,
+    /// The drive, in V or N.
+    pub drive: DriveFacts,
+    /// Smallest and largest displacement, m.
+    pub displacement_m: Option<[f64; 2]>,
+    /// Displacement at the start, m.
+    pub start_m: Option<f64>,
+    /// Readings far from those before and after them.
+    pub outliers: usize,
+    /// Rows without a reading.
+    pub empty: usize,
+}
+
+/// Something that is wrong with recordings.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// The file; none where it is about all of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// What was found.
+    pub finding: String,
+    /// What to do, or to record instead; empty where the finding says it.
+    pub advice: String,
+}
+
+/// How bad a finding is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Severity {
+    /// A film is not identified.
+    Prevents,
+    /// It is, with more error or wider intervals.
+    Weakens,
+}
+
+/// Rest that a film needs before a recording, in words.
+const RECORD_REST: &str = "begin with 2 s at 0 V, after ten minutes without voltage (`profile` does)";
+
+/// Checks `recordings` of one film.
+pub fn check(recordings: &[Recording]) -> Report {
+    let mut findings = Vec::new();
+    let facts: Vec<Facts> = recordings.iter().filter_map(|recording| Facts::of(recording, &mut findings)).collect();
+    of_all(&facts, &mut findings);
+    findings.sort_by_key(|finding| finding.severity);
+    let identifies = findings.iter().all(|finding| finding.severity != Severity::Prevents);
+    Report { identifies, recordings: facts, findings }
+}
+
+/// What the recordings have together.
+fn of_all(facts: &[Facts], findings: &mut Vec<Finding>) {
+    if facts.is_empty() {
+        return;
+    }
+    let mut add = |severity, finding: String, advice: &str| {
+        findings.push(Finding { severity, file: None, finding, advice: advice.into() });
+    };
+    let frequencies = distinct(facts.iter().flat_map(|facts| facts.drive.frequencies_hz.clone()).collect());
+    let amplitudes = distinct(facts.iter().flat_map(|facts| facts.drive.amplitudes.clone()).collect());
+    let hold_s = facts.iter().map(|facts| facts.drive.hold_s).fold(0.0, f64::max);
+    match frequencies.as_slice() {
+        [] if hold_s < HOLD_S => add(
+            Severity::Prevents,
+            "no full cycle and no hold of 10 s".into(),
+            "record sines of two or three frequencies for minutes, and a hold (`profile` makes them)",
+        ),
+        [] => add(
+            Severity::Weakens,
+            format!("a hold of {hold_s:.0} s and no cycle: creep under one load only"),
+            "record sines of two or three frequencies of the band that you will use as well",
+        ),
+        [one] if hold_s < HOLD_S && amplitudes.len() < 2 => add(
+            Severity::Prevents,
+            format!(
+                "one frequency ({one:.3} Hz) at one amplitude, and no hold: the orders of the springpots stay open"
+            ),
+            "record a second frequency, or a hold of 60 s, and a second amplitude, half as large",
+        ),
+        [one] => add(
+            Severity::Weakens,
+            format!("one frequency only ({one:.3} Hz)"),
+            "record a second one, two or three times as fast or as slow",
+        ),
+        _ => {}
+    }
+    if amplitudes.len() == 1 && !frequencies.is_empty() {
+        add(
+            Severity::Weakens,
+            "one amplitude only: creep and stiffening look alike there".into(),
+            "record a second amplitude, half as large",
+        );
+    }
+    let slowest_s = frequencies.first().map_or(0.0, |slowest| 1.0 / slowest);
+    let longest_s = facts.iter().map(|facts| facts.duration_s).fold(0.0, f64::max);
+    if slowest_s > 0.0 && hold_s < HOLD_S && longest_s < 5.0 * slowest_s {
+        add(
+            Severity::Weakens,
+            format!(
+                "{longest_s:.0} s are {:.1} periods of the slowest cycle: creep over minutes is not seen",
+                longest_s / slowest_s
+            ),
+            "record two minutes of each frequency, or a hold of 60 s",
+        );
+    }
+}
+
+impl Facts {
+    /// What `recording` has; what is wrong with it goes to `findings`. None where nothing can be told.
+    fn of(recording: &Recording, findings: &mut Vec<Finding>) -> Option<Self> {
+        let file = shown(recording.path());
+        let mut add = |severity, finding: String, advice: &str| {
+            findings.push(Finding { severity, file: Some(file.clone()), finding, advice: advice.into() });
+        };
+        let drive = match recording.drive() {
+            Ok(drive) => drive,
+            Err(error) => {
+                add(Severity::Prevents, error.to_string(), "record the voltage on the electrodes in every row");
+                return None;
+            }
+        };
+        let (driven_by, unit) = match drive {
+            Input::Voltage(_) => ("voltage", "V"),
+            _ => ("force", "N"),
+        };
+        let facts = DriveFacts::of(drive.samples());
+        let steps: Vec<f64> = recording.time_s().windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let rate_hz = 1.0 / median(&steps);
+        if facts.peak == 0.0 {
+            add(
+                Severity::Prevents,
+                format!("the {driven_by} is 0 throughout"),
+                "name the column of the voltage on the film",
+            );
+            return None;
+        }
+        if driven_by == "voltage" && facts.peak < 50.0 {
+            add(
+                Severity::Prevents,
+                format!(
+                    "the largest voltage is {:.3} V: the output of a monitor, not the voltage on the film",
+                    facts.peak
+                ),
+                "multiply it with the monitor's scale, as in --columns voltage=2*1000",
+            );
+        }
+        let first = drive.samples().value.first().map_or(0.0, |value| value.abs());
+        if facts.cycles.is_empty() && facts.hold_s > 0.9 * recording.duration_s() {
+            // A held load: the step itself is left out.
+        } else if first > 0.2 * facts.peak {
+            add(
+                Severity::Prevents,
+                format!(
+                    "the {driven_by} is {first:.4} {unit} in the first row: what the film remembers of before is not known"
+                ),
+                RECORD_REST,
+            );
+        } else if first > 0.02 * facts.peak {
+            add(Severity::Weakens, format!("the {driven_by} is {first:.4} {unit} in the first row"), RECORD_REST);
+        }
+        let fastest = facts.frequencies_hz.last().copied().unwrap_or(0.0);
+        if fastest > 0.0 && rate_hz < 20.0 * fastest {
+            let severity = if rate_hz < 8.0 * fastest { Severity::Prevents } else { Severity::Weakens };
+            let finding = format!("{:.1} rows per cycle of {fastest:.3} Hz", rate_hz / fastest);
+            add(severity, finding, "record at 20 rows per cycle at least; 100 Hz serves well");
+        }
+        let measured = recording.displacement().ok().filter(|measured| !measured.value.is_empty());
+        let mut row = Self {
+            file: file.clone(),
+            rows: recording.time_s().len(),
+            rate_hz,
+            duration_s: recording.duration_s(),
+            driven_by,
+            drive: facts,
+            displacement_m: None,
+            start_m: None,
+            outliers: 0,
+            empty: recording.time_s().len() - measured.as_ref().map_or(0, |measured| measured.value.len()),
+        };
+        match measured {
+            Some(measured) => row.judge(&measured, &mut add),
+            None => add(
+                Severity::Prevents,
+                "no displacement".into(),
+                "record the stroke beside the voltage, or name its column",
+            ),
+        }
+        // Gaps, saturation and a turned sign, as a fit tells them.
+        if row.displacement_m.is_some() {
+            match observation::observe(recording, Direction::Force, 1.0) {
+                Ok((_, warnings)) => {
+                    for warning in warnings {
+                        let severity = match warning.severity {
+                            fit::Severity::Serious => Severity::Prevents,
+                            fit::Severity::Caution | fit::Severity::Note => Severity::Weakens,
+                        };
+                        add(severity, warning.text, "");
+                    }
+                }
+                Err(error) => add(Severity::Prevents, error.to_string(), "record at least a full cycle"),
+            }
+        }
+        Some(row)
+    }
+
+    /// Judges the `measured` displacement.
+    fn judge(&mut self, measured: &Samples, add: &mut impl FnMut(Severity, String, &str)) {
+        let values = &measured.value;
+        let mut sorted = values.clone();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share).round() as usize];
+        // Without the outermost hundredth at both ends, which drop-outs may be.
+        let (low, high) = (at(0.01), at(0.99));
+        let stroke = high - low;
+        self.displacement_m = Some([low, high]);
+        self.start_m = values.first().copied();
+        let is_outlier = |&k: &usize| {
+            let far = values[k] > high + stroke || values[k] < low - stroke;
+            let jumps = k > 0 && k + 1 < values.len() && {
+                let (before, after) = (values[k] - values[k - 1], values[k] - values[k + 1]);
+                before * after > 0.0 && before.abs().min(after.abs()) > 0.3 * stroke
+            };
+            stroke > 0.0 && (far || jumps)
+        };
+        self.outliers = (0..values.len()).filter(is_outlier).count();
+        if self.outliers > 0 {
+            add(
+                Severity::Weakens,
+                format!("{} readings of the sensor jump by more than a third of the stroke: drop-outs", self.outliers),
+                "empty them with import --blank, or fit with --loss huber",
+            );
+        }
+        if 10 * self.empty > self.rows {
+            let finding = format!("{} of {} rows have no reading", self.empty, self.rows);
+            add(Severity::Weakens, finding, "check the sensor's range and its target");
+        }
+        if !(1e-6..=0.1).contains(&stroke) {
+            add(
+                Severity::Prevents,
+                format!("a stroke of {stroke:.3e} m"),
+                "check the unit of the displacement and the sensor's target",
+            );
+        } else if self.start_m.is_some_and(|start| start - low > 0.5 * stroke && self.drive.rest_s > 0.0) {
+            add(
+                Severity::Weakens,
+                "the film begins in the upper half of its stroke although nothing drives it".into(),
+                "rest for ten minutes before recording, and check the sensor's sign",
+            );
+        } else if self.start_m.is_some_and(|start| start.abs() > 2.0 * stroke) {
+            add(
+                Severity::Weakens,
+                format!(
+                    "the sensor reads {:.3} mm at rest, more than twice the stroke",
+                    1e3 * self.start_m.unwrap_or(0.0)
+                ),
+                "zero the sensor on the film at rest; otherwise fit must identify the offset as well",
+            );
+        }
+    }
+}

@@ -1,0 +1,325 @@
+//! The objective of a fit: model minus measurement over all recordings, with its exact derivatives.
+//!
+//! Responses are computed with full memory in the frequency domain. Without coupling a response is a product there, and so
+//! are its derivatives with respect to every c and α. With coupling the force depends on the response,
+//! `x = H (F (1 + κ x) + W)`: the compressed recursion approximates it in one pass over the samples, and corrections with full
+//! memory remove the remaining error. The derivatives obey the same equation with other right-hand sides.
+
+mod linearised;
+
+use num_complex::Complex;
+use rayon::prelude::*;
+use springpot::{Actuator, Curve, Load};
+
+use super::candidate::Candidate;
+use super::nodes::Nodes;
+use super::observation::Observation;
+use super::readings::{ReadingFit, Readings};
+use super::transfer::{Spectrum, Transfer};
+use crate::error::{Error, Result};
+use crate::files::recording::Input;
+use crate::grid::Grid;
+use crate::replay::full_memory::FullMemory;
+
+/// Most steps of a recording in a fit: each costs about a kilobyte.
+const MOST_SAMPLES: usize = 1 << 22;
+
+fn too_long(name: &str, samples: f64) -> Error {
+    Error::Computation(format!(
+        "{name}: {samples:.0} steps at its median rate; a fit is limited to {MOST_SAMPLES}, cut the recording or thin it"
+    ))
+}
+
+/// Growth 1 + κ x of the force below which a coupling is beyond its meaning.
+const LEAST_GROWTH: f64 = 0.05;
+
+/// Model minus measurement over all observations.
+pub struct Objective {
+    circles: Vec<FullMemory>,
+    /// Nodes of every circle.
+    nodes: Vec<Nodes>,
+    /// Steps of every circle, s.
+    steps: Vec<f64>,
+    records: Vec<Record>,
+}
+
+/// An observation on its grid.
+struct Record {
+    circle: usize,
+    samples: usize,
+    drive: DriveSpectra,
+    readings: Readings,
+    measured_at: Places,
+}
+
+/// The input of an observation on its circle.
+enum DriveSpectra {
+    /// Squared voltage (V²) over time and as a spectrum, and the spectrum of a constant 1.
+    Voltage { squared: Vec<f64>, spectrum: Spectrum, ones: Spectrum },
+    /// Force, N, over time and as a spectrum.
+    Force { force: Vec<f64>, spectrum: Spectrum },
+    /// Displacement, m, likewise.
+    Displacement { path: Vec<f64>, spectrum: Spectrum },
+}
+
+impl DriveSpectra {
+    fn new(input: &Input, grid: Grid, circle: &FullMemory) -> Self {
+        let values = grid.resample(input.samples());
+        match input {
+            Input::Voltage(_) => {
+                let squared: Vec<f64> = values.iter().map(|v| v * v).collect();
+                let spectrum = circle.spectrum(&squared);
+                Self::Voltage { squared, spectrum, ones: circle.spectrum(&vec![1.0; grid.samples]) }
+            }
+            Input::Force(_) => Self::Force { spectrum: circle.spectrum(&values), force: values },
+            Input::Displacement(_) => Self::Displacement { spectrum: circle.spectrum(&values), path: values },
+        }
+    }
+}
+
+/// Eq. 1 with coupling and saturation: F = `force_per_square_volt` V² / (1 + (V/V_s)²) (1 + κ x) plus the weight of the preload.
+fn loads(actuator: &Actuator, squared: &[f64]) -> Vec<Load<f64>> {
+    let (scale, weight) = (actuator.force_per_square_volt(), actuator.preload_n());
+    let slope = scale * actuator.stretch_coupling;
+    let load = |v2: f64| Load { force: scale * v2 + weight, slope: slope * v2 };
+    squared.iter().map(|&v2| load(actuator.saturated(v2))).collect()
+}
+
+/// Times of the measured samples on the grid.
+enum Places {
+    /// One sample at every grid point.
+    All,
+    /// A grid point for every sample, and the fraction of the step after it.
+    Between(Vec<(usize, f64)>),
+}
+
+impl Places {
+    fn new(times: &[f64], grid: Grid) -> Self {
+        let places: Vec<(usize, f64)> = times
+            .iter()
+            .map(|t| {
+                let place = (t * grid.rate_hz).clamp(0.0, (grid.samples - 1) as f64);
+                let before = (place as usize).min(grid.samples.saturating_sub(2));
+                (before, place - before as f64)
+            })
+            .collect();
+        let on_the_grid =
+            |(k, &(before, share)): (usize, &(usize, f64))| (before as f64 + share - k as f64).abs() < 1e-6;
+        if places.len() == grid.samples && places.iter().enumerate().all(on_the_grid) {
+            Self::All
+        } else {
+            Self::Between(places)
+        }
+    }
+
+    fn pick(&self, series: &[f64]) -> Vec<f64> {
+        match self {
+            Self::All => series.to_vec(),
+            Self::Between(places) => places
+                .iter()
+                .map(|&(before, share)| {
+                    let after = series[(before + 1).min(series.len() - 1)];
+                    series[before] + share * (after - series[before])
+                })
+                .collect(),
+        }
+    }
+}
+
+/// A candidate's responses, with what its derivatives need.
+pub struct Evaluation {
+    /// Modelled values at the measured times, one series per observation.
+    pub modelled: Vec<Vec<f64>>,
+    /// Offset and gain of every observation's readings.
+    pub readings: Vec<ReadingFit>,
+    transfers: Vec<Transfer>,
+    /// The elastic curve.
+    curve: Option<Curve>,
+    /// Responses on the grid.
+    responses: Vec<Response>,
+}
+
+/// A response on the grid.
+struct Response {
+    /// Displacement (m), or force (N).
+    series: Vec<f64>,
+    /// What drives the law along it, behind a curve.
+    driven: Vec<Load<f64>>,
+}
+
+impl Objective {
+    /// The objective over `observations`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for no observations, or one that is too long for its rate.
+    pub fn new(observations: &[Observation]) -> Result<Self> {
+        if observations.is_empty() {
+            return Err(Error::Computation("there is nothing to fit".into()));
+        }
+        let grids = observations
+            .iter()
+            .map(|o| {
+                let duration_s = o.input.samples().time_s.last().copied().unwrap_or(0.0);
+                Grid::covering(duration_s, o.rate_hz).map_err(|_| too_long(&o.name, duration_s * o.rate_hz))
+            })
+            .collect::<Result<Vec<Grid>>>()?;
+        if let Some((long, grid)) = observations.iter().zip(&grids).find(|(_, grid)| grid.samples > MOST_SAMPLES) {
+            return Err(too_long(&long.name, grid.samples as f64));
+        }
+        let (circles, steps) = circles(&grids);
+        let records = observations
+            .iter()
+            .zip(grids)
+            .map(|(observation, grid)| {
+                let circle = steps.iter().position(|&step| step == grid.step_s()).unwrap_or(0);
+                Record {
+                    circle,
+                    samples: grid.samples,
+                    drive: DriveSpectra::new(&observation.input, grid, &circles[circle]),
+                    readings: Readings::of(observation),
+                    measured_at: Places::new(&observation.measured.time_s, grid),
+                }
+            })
+            .collect();
+        let nodes = circles.iter().map(Nodes::of).collect();
+        Ok(Self { circles, nodes, steps, records })
+    }
+
+    /// Measured values of every observation.
+    pub fn measured(&self) -> impl Iterator<Item = &[f64]> {
+        self.records.iter().map(|record| record.readings.measured.as_slice())
+    }
+
+    /// Number of measured values.
+    pub fn samples(&self) -> usize {
+        self.records.iter().map(|record| record.readings.measured.len()).sum()
+    }
+
+    /// The responses of `candidate`; none where elements are out of range, the film is pulled in, or numbers overflow.
+    pub fn evaluate(&self, candidate: &Candidate) -> Option<Evaluation> {
+        let model = candidate.model().ok()?;
+        candidate.actuator.check().ok()?;
+        let curve = candidate.bend.curve().ok()?;
+        let coupled = candidate.actuator.stretch_coupling != 0.0;
+        let transfers = self
+            .circles
+            .iter()
+            .zip(&self.nodes)
+            .zip(&self.steps)
+            .map(|(place, &step)| Transfer::new(&model, place, step, coupled, curve.as_ref()))
+            .collect::<Option<Vec<Transfer>>>()?;
+        let responses = self
+            .records
+            .par_iter()
+            .map(|record| self.respond(record, candidate, curve.as_ref(), &transfers[record.circle]))
+            .collect::<Option<Vec<(Vec<f64>, Response)>>>()?;
+        let (mut modelled, responses): (Vec<Vec<f64>>, Vec<Response>) = responses.into_iter().unzip();
+        let solve = |(record, modelled): (&Record, &mut Vec<f64>)| record.readings.solve(modelled);
+        let readings = self.records.iter().zip(&mut modelled).map(solve).collect();
+        Some(Evaluation { modelled, readings, transfers, curve, responses })
+    }
+
+    /// Modelled values at the measured times, and the same response on the grid.
+    fn respond(
+        &self,
+        record: &Record,
+        candidate: &Candidate,
+        curve: Option<&Curve>,
+        transfer: &Transfer,
+    ) -> Option<(Vec<f64>, Response)> {
+        let circle = &self.circles[record.circle];
+        let actuator = &candidate.actuator;
+        let mut driven = Vec::new();
+        let mut bent = |loads: Vec<Load<f64>>, curve: &Curve| -> Option<Vec<f64>> {
+            let (series, loads) = transfer.bent(circle, transfer.law.as_ref()?, curve, &loads).ok()?;
+            driven = loads;
+            Some(series)
+        };
+        let series = match &record.drive {
+            DriveSpectra::Displacement { path, spectrum } => match curve {
+                None => circle.series(product(spectrum, &transfer.stiffness), record.samples),
+                Some(curve) => {
+                    let force = product(&stretched(circle, curve, path), &transfer.kernel);
+                    let inertia = product(spectrum, &transfer.inertia);
+                    circle.series(force.iter().zip(inertia).map(|(f, m)| f + m).collect(), record.samples)
+                }
+            },
+            DriveSpectra::Force { force, spectrum } => match curve {
+                None => circle.series(product(spectrum, &transfer.compliance), record.samples),
+                Some(curve) => bent(force.iter().map(|&force| Load { force, slope: 0.0 }).collect(), curve)?,
+            },
+            DriveSpectra::Voltage { squared, spectrum, ones } => match (&transfer.law, curve) {
+                (_, Some(curve)) => bent(loads(actuator, squared), curve)?,
+                (None, None) => {
+                    let (scale, weight) = (actuator.force_per_square_volt(), actuator.preload_n());
+                    let saturated;
+                    let spectrum = if actuator.saturation_v.is_some() {
+                        saturated =
+                            circle.spectrum(&squared.iter().map(|&v2| actuator.saturated(v2)).collect::<Vec<_>>());
+                        &saturated
+                    } else {
+                        spectrum
+                    };
+                    let force: Spectrum = spectrum.iter().zip(ones).map(|(f, one)| f * scale + one * weight).collect();
+                    circle.series(product(&force, &transfer.compliance), record.samples)
+                }
+                (Some(law), None) => transfer.coupled(circle, law, &loads(actuator, squared)).ok()?,
+            },
+        };
+        let grows = |x: &f64| actuator.force_growth(*x) > LEAST_GROWTH;
+        if !record.measures_force() && !series.iter().all(grows) {
+            return None;
+        }
+        series.iter().all(|value| value.is_finite()).then(|| {
+            let modelled = record.measured_at.pick(&series);
+            let modelled = if record.measures_force() {
+                modelled
+            } else {
+                modelled.into_iter().map(|x| candidate.sensor().reading_m(x)).collect()
+            };
+            (modelled, Response { series, driven })
+        })
+    }
+
+    /// Model minus measurement, weighted, one observation after another.
+    pub fn residuals(&self, evaluation: &Evaluation) -> Vec<f64> {
+        let mut residuals = Vec::with_capacity(self.samples());
+        for (record, modelled) in self.records.iter().zip(&evaluation.modelled) {
+            let pairs = modelled.iter().zip(&record.readings.measured).enumerate();
+            residuals.extend(pairs.map(|(k, (model, y))| record.readings.weight(k) * (model - y)));
+        }
+        residuals
+    }
+}
+
+impl Record {
+    fn measures_force(&self) -> bool {
+        matches!(self.drive, DriveSpectra::Displacement { .. })
+    }
+}
+
+/// The spectrum of T(x) along `displacement` (m).
+fn stretched(circle: &FullMemory, curve: &Curve, displacement: &[f64]) -> Spectrum {
+    circle.spectrum(&displacement.iter().map(|&x| curve.value(x)).collect::<Vec<_>>())
+}
+
+/// The product of two spectra.
+fn product(a: &[Complex<f64>], b: &[Complex<f64>]) -> Spectrum {
+    a.iter().zip(b).map(|(a, b)| a * b).collect()
+}
+
+/// A circle for every rate, as long as the longest recording of that rate, and the steps (s) of these circles.
+fn circles(grids: &[Grid]) -> (Vec<FullMemory>, Vec<f64>) {
+    let mut circles: Vec<FullMemory> = Vec::new();
+    let mut steps: Vec<f64> = Vec::new();
+    for grid in grids {
+        if !steps.contains(&grid.step_s()) {
+            let same = grids.iter().filter(|other| other.rate_hz == grid.rate_hz);
+            let longest = same.map(|other| other.samples).max().unwrap_or(grid.samples);
+            circles.push(FullMemory::with_oversampling(longest, grid.step_s(), 2));
+            steps.push(grid.step_s());
+        }
+    }
+    (circles, steps)
+}

@@ -1,0 +1,127 @@
+//! Films behind an elastic curve with full memory: F = K T(x) + m s² x.
+//!
+//! Along a displacement that is given this is a product in the frequency domain. Under a given force it is implicit: the recursion of
+//! a controller is close, and the force that is missing along its answer, computed with full memory, is added to what drives it until
+//! nothing is missing.
+
+use num_complex::Complex;
+use springpot::{Compressed, Curve, Law, Load};
+
+use super::coupling::{PullIn, coupled_displacement};
+use super::full_memory::FullMemory;
+use crate::error::{Error, Result};
+use crate::files::parameters::Film;
+
+/// Passes after which a solution is given up. Each gains three digits or more.
+const MOST_PASSES: usize = 60;
+/// Change of the displacement in a pass at which it has converged (RMS, relative).
+const TOLERANCE: f64 = 1e-11;
+
+impl FullMemory {
+    /// Force (N) of `film` along `displacement` (m), one value per step from rest.
+    pub fn force_along(&self, film: Film<'_>, displacement: &[f64]) -> Vec<f64> {
+        let Some(curve) = film.curve else { return self.force(film.model, displacement) };
+        let (kernel, inertia) = (self.kernel(film), self.inertia(film));
+        BentFilm { kernel: &kernel, inertia: &inertia, curve }.force(self, displacement)
+    }
+
+    /// Displacement (m) of `film` under `loads` (N, N/m), one per step from rest.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Computation`] for pull-in, and [`Error`] where the law is refused.
+    pub fn displacement_under(&self, film: Film<'_>, loads: &[Load<f64>], step_s: f64) -> Result<Vec<f64>> {
+        let Some(curve) = film.curve else {
+            let start = vec![0.0; loads.len()];
+            return coupled_displacement(self, &self.dynamic_stiffness(film.model), loads, start, self.rounding())
+                .map_err(|PullIn| pulled_in());
+        };
+        let (kernel, inertia) = (self.kernel(film), self.inertia(film));
+        let law = film.compressed_law::<f64>(1.0 / step_s)?;
+        let bent = BentFilm { kernel: &kernel, inertia: &inertia, curve };
+        let found = bent_displacement(self, &bent, &law, loads, TOLERANCE);
+        found.map(|(displacement, _)| displacement).map_err(|PullIn| pulled_in())
+    }
+
+    fn kernel(&self, film: Film<'_>) -> Vec<Complex<f64>> {
+        self.ln_s().iter().map(|&ln_s| film.model.modulus_of_ln(ln_s)).collect()
+    }
+
+    fn inertia(&self, film: Film<'_>) -> Vec<Complex<f64>> {
+        let mass_kg = film.model.mass_kg();
+        self.ln_s().iter().map(|&ln_s| (2.0 * ln_s).exp() * mass_kg).collect()
+    }
+}
+
+/// A film behind a curve on a circle.
+pub struct BentFilm<'a> {
+    /// K(s) on the circle, N/m.
+    pub kernel: &'a [Complex<f64>],
+    /// m s² on the circle, N/m.
+    pub inertia: &'a [Complex<f64>],
+    /// T.
+    pub curve: &'a Curve,
+}
+
+impl BentFilm<'_> {
+    /// Force (N) along `displacement` (m).
+    pub fn force(&self, circle: &FullMemory, displacement: &[f64]) -> Vec<f64> {
+        let stretched: Vec<f64> = displacement.iter().map(|&x| self.curve.value(x)).collect();
+        let (s, x) = (circle.spectrum(&stretched), circle.spectrum(displacement));
+        let force = s.iter().zip(self.kernel).zip(x.iter().zip(self.inertia));
+        circle.series(force.map(|((s, k), (x, m))| s * k + x * m).collect(), displacement.len())
+    }
+}
+
+/// The displacement (m) under `loads`, one per step: that of `law`, which is behind the same curve, corrected by passes through the
+/// full-memory force of `film`; with it the loads that drive the law along it. It has converged when a pass changes it by at most `tolerance` (RMS, relative).
+///
+/// # Errors
+///
+/// [`PullIn`] where the passes do not converge.
+pub fn bent_displacement<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    circle: &FullMemory,
+    film: &BentFilm<'_>,
+    law: &Law<f64, Compressed<f64, HEAD, FAST, SLOW>>,
+    loads: &[Load<f64>],
+    tolerance: f64,
+) -> std::result::Result<(Vec<f64>, Vec<Load<f64>>), PullIn> {
+    let mut driven = loads.to_vec();
+    let mut displacement = stepped(law, &driven);
+    for _ in 0..MOST_PASSES {
+        let shown = film.force(circle, &displacement);
+        for (((driven, load), x), shown) in driven.iter_mut().zip(loads).zip(&displacement).zip(&shown) {
+            driven.force += load.force + load.slope * x - shown;
+        }
+        let next = stepped(law, &driven);
+        let (mut change, mut size) = (0.0, 0.0);
+        for (before, after) in displacement.iter().zip(&next) {
+            change += (before - after) * (before - after);
+            size += after * after;
+        }
+        displacement = next;
+        if !size.is_finite() {
+            return Err(PullIn);
+        }
+        if change <= tolerance * tolerance * size {
+            return Ok((displacement, driven));
+        }
+    }
+    Err(PullIn)
+}
+
+/// Displacements (m) of `law` under `loads`, from rest.
+fn stepped<const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    law: &Law<f64, Compressed<f64, HEAD, FAST, SLOW>>,
+    loads: &[Load<f64>],
+) -> Vec<f64> {
+    let mut state = law.state();
+    loads.iter().map(|&load| law.displacement_under(&mut state, load)).collect()
+}
+
+fn pulled_in() -> Error {
+    Error::Computation(
+        "pull-in: the force grows faster with displacement than the film resists; lower stretch_coupling or the voltage"
+            .into(),
+    )
+}

@@ -1,0 +1,464 @@
+//! Files as laboratories have them: every dialect gives the samples from which it was written.
+//!
+//! Text is written here; `tests/lab_files` has files of SciPy and openpyxl, with the script that wrote them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use bench_io::Error;
+use bench_io::files::import::Hints;
+use bench_io::files::recording::Recording;
+
+/// A row of the samples.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    time_s: f64,
+    voltage_kv: f64,
+    laser_mm: f64,
+}
+
+fn samples() -> Vec<Sample> {
+    (0..24)
+        .map(|k| {
+            let k = f64::from(k);
+            Sample { time_s: k / 8.0, voltage_kv: 0.0125 * k * k, laser_mm: 0.05 + 0.003 * k * k }
+        })
+        .collect()
+}
+
+/// Writes the rows: the numbers of `columns` between `separator`, with the `decimal` sign.
+fn rows(separator: &str, decimal: char, columns: impl Fn(&Sample) -> Vec<f64>) -> String {
+    let mut text = String::new();
+    for sample in samples() {
+        let cells: Vec<String> =
+            columns(&sample).iter().map(|value| value.to_string().replace('.', &decimal.to_string())).collect();
+        text += &cells.join(separator);
+        text += "\n";
+    }
+    text
+}
+
+/// s, kV, mm.
+fn usual(sample: &Sample) -> Vec<f64> {
+    vec![sample.time_s, sample.voltage_kv, sample.laser_mm]
+}
+
+fn utf_16(text: &str, little: bool) -> Vec<u8> {
+    text.encode_utf16().flat_map(|unit| if little { unit.to_le_bytes() } else { unit.to_be_bytes() }).collect()
+}
+
+fn latin_1(text: &str) -> Vec<u8> {
+    text.chars().map(|c| u8::try_from(u32::from(c)).expect("Latin-1")).collect()
+}
+
+/// Asserts that the file is read as the samples.
+fn gives_the_samples(recording: &Recording, name: &str) {
+    let close = |read: f64, written: f64| (read - written).abs() <= 1e-12 * written.abs();
+    let samples = samples();
+    let columns = recording.columns();
+    let column = |wanted: &str| {
+        let found = columns.iter().find(|(name, _)| *name == wanted);
+        &found.unwrap_or_else(|| panic!("{name}: no {wanted}")).1
+    };
+    assert_eq!(recording.time_s().len(), samples.len(), "{name}: rows");
+    let (voltage, displacement) = (column("voltage_v"), column("displacement_m"));
+    for (k, sample) in samples.iter().enumerate() {
+        assert!(close(recording.time_s()[k], sample.time_s), "{name}: time {k}: {}", recording.time_s()[k]);
+        assert!(close(voltage[k], 1e3 * sample.voltage_kv), "{name}: voltage {k}: {}", voltage[k]);
+        assert!(close(displacement[k], 1e-3 * sample.laser_mm), "{name}: displacement {k}: {}", displacement[k]);
+    }
+}
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::TempDir::new().expect("a folder"))
+    }
+
+    fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.0.path().join(name);
+        fs::write(&path, content).expect("written");
+        path
+    }
+
+    fn read(&self, content: impl AsRef<[u8]>, columns: &str) -> Result<Recording, Error> {
+        read(&self.file("film.txt", content), columns)
+    }
+
+    /// The error of a file that must be refused, on one line that names the file.
+    fn refused(&self, content: impl AsRef<[u8]>, columns: &str) -> String {
+        let error = self.read(content, columns).expect_err("refused").to_string();
+        assert!(error.contains("film.txt") && error.lines().count() == 1 && error.len() < 600, "{error}");
+        println!("{error}");
+        error
+    }
+}
+
+fn read(path: &Path, columns: &str) -> Result<Recording, Error> {
+    let choices = if columns.is_empty() { Default::default() } else { columns.parse().expect("columns") };
+    Recording::read_with(path, &Hints { choices, sheet: None })
+}
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/lab_files").join(name)
+}
+
+fn has(error: &str, words: &[&str]) {
+    for word in words {
+        assert!(error.contains(word), "{word:?} is missing in: {error}");
+    }
+}
+
+/// Every dialect of text, and no more than its text says what the columns are.
+#[test]
+fn text_of_every_dialect_gives_the_samples() {
+    let folder = Folder::new();
+    let comma = rows(",", '.', usual);
+    let semicolons = rows(";", ',', usual);
+    let mut dialects: Vec<(&str, Vec<u8>)> = vec![
+        ("a recording", format!("time_s,voltage_kv,displacement_mm\n{comma}").into()),
+        ("names of an oscilloscope", format!("Time (s),Voltage (kV),Laser (mm)\n{comma}").into()),
+        ("brackets", format!("t [s],U [kV],x [mm]\n{comma}").into()),
+        ("slashes", format!("t/s;U/kV;Weg/mm\n{semicolons}").into()),
+        ("underscores", format!("Time_s,HV_kV,laser_mm\n{comma}").into()),
+        ("words", format!("Time in s,High voltage in kV,Stroke in mm\n{comma}").into()),
+        ("German", format!("Zeit [s];Hochspannung [kV];Auslenkung [mm]\n{semicolons}").into()),
+        ("French", format!("Temps (s);Tension (kV);Déplacement (mm)\n{semicolons}").into()),
+        ("semicolons and points", format!("Time (s);Voltage (kV);Laser (mm)\n{}", rows(";", '.', usual)).into()),
+        ("tabs", format!("Time (s)\tVoltage (kV)\tLaser (mm)\n{}", rows("\t", '.', usual)).into()),
+        ("tabs and decimal commas", format!("Zeit (s)\tU (kV)\tLaser (mm)\n{}", rows("\t", ',', usual)).into()),
+        ("blanks", format!("time_s voltage_kv laser_mm\n{}", rows("   ", '.', usual)).into()),
+        ("blanks and decimal commas", format!("t/s U/kV x/mm\n{}", rows(" ", ',', usual)).into()),
+        ("units after blanks", format!("Time (s)   HV (kV)   Laser (mm)\n{}", rows("  ", '.', usual)).into()),
+        ("commas and blanks", format!("Time (s), Voltage (kV), Laser (mm)\n{}", rows(" , ", '.', usual)).into()),
+        ("a row of units", format!("Zeit;Spannung;Laser\ns;kV;mm\n{semicolons}").into()),
+        ("a row of units in brackets", format!("Time,Voltage,Laser\n(s),(kV),(mm)\n\n{comma}").into()),
+        ("units only", format!("s;kV;mm\n{semicolons}").into()),
+        ("a preamble", format!("Film 3\nOperator: AB\nRate;8;Hz\n\nZeit [s];U [kV];Laser [mm]\n{semicolons}").into()),
+        ("comments", format!("% rig 2\n# warm\nTime (s),U (kV),Laser (mm)\n{comma}").into()),
+        ("a commented header", format!("# time_s voltage_kv laser_mm\n{}", rows(" ", '.', usual)).into()),
+        ("quotes", format!("\"Time (s)\",\"Voltage, HV (kV)\",\"Laser (mm)\"\n{comma}").into()),
+        (
+            "quoted decimal commas",
+            format!(
+                "Time (s),Voltage (kV),Laser (mm)\n\"{}\"\n",
+                semicolons.trim_end().replace(';', "\",\"").replace('\n', "\"\n\"")
+            )
+            .into(),
+        ),
+        (
+            "quoted decimal commas of a recording",
+            format!(
+                "time_s,voltage_kv,displacement_mm\n\"{}\"\n",
+                semicolons.trim_end().replace(';', "\",\"").replace('\n', "\"\n\"")
+            )
+            .into(),
+        ),
+        ("lines of Windows", format!("Time (s),U (kV),Laser (mm)\n{comma}").replace('\n', "\r\n").into()),
+        ("lines of an old Mac", format!("Time (s),U (kV),Laser (mm)\n{comma}").replace('\n', "\r").into()),
+        ("separators at the end", format!("Time (s);U (kV);Laser (mm);\n{}", semicolons.replace('\n', ";\n")).into()),
+        (
+            "a column of text",
+            format!("No;Time (s);U (kV);Laser (mm);State\n{}", numbered(&rows(";", '.', usual), ";ok")).into(),
+        ),
+        ("capitals", format!("TIME (S),VOLTAGE (KV),LASER (MM)\n{comma}").into()),
+        (
+            "minutes, volts, micrometres",
+            format!(
+                "time [min]\tvoltage [V]\tlaser [µm]\n{}",
+                rows("\t", '.', |s| vec![s.time_s / 60.0, s.voltage_kv * 1e3, s.laser_mm * 1e3])
+            )
+            .into(),
+        ),
+        (
+            "milliseconds, kilovolts, nanometres",
+            format!(
+                "t (ms),hv (kV),laser (nm)\n{}",
+                rows(",", '.', |s| vec![s.time_s * 1e3, s.voltage_kv, s.laser_mm * 1e6])
+            )
+            .into(),
+        ),
+        ("by the unit", format!("Time (s),Output 1 (kV),Gauge (mm)\n{comma}").into()),
+        (
+            "exponents of Fortran",
+            format!("time_s hv_kV laser_mm\n{}", rows(" ", '.', usual).replace('\n', "D+00\n")).into(),
+        ),
+        (
+            "a name beside a unit of another",
+            format!(
+                "Time (s),U (kV),Laser (V),Stroke (mm)\n{}",
+                rows(",", '.', |s| vec![s.time_s, s.voltage_kv, 7.5, s.laser_mm])
+            )
+            .into(),
+        ),
+        (
+            "a log in another dialect",
+            format!(
+                "time_s;voltage_kv;displacement_mm;predicted_m;force_scale\n{}",
+                rows(";", ',', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 7.0, 1.5])
+            )
+            .into(),
+        ),
+    ];
+    let german = format!(
+        "Zeit [s];Spannung [kV];Länge µ;Laser [mm]\n{}",
+        rows(";", ',', |s| vec![s.time_s, s.voltage_kv, 3.5, s.laser_mm])
+    );
+    let mut gbk = b"\xca\xb1\xbc\xe4(s),\xb5\xe7\xd1\xb9(kV),\xce\xbb\xd2\xc6(mm)\n".to_vec();
+    gbk.extend(comma.bytes());
+    dialects.extend([
+        ("UTF-8 with a mark", [b"\xef\xbb\xbf".as_slice(), german.as_bytes()].concat()),
+        ("UTF-16 LE with a mark", [b"\xff\xfe".as_slice(), &utf_16(&german, true)].concat()),
+        ("UTF-16 BE with a mark", [b"\xfe\xff".as_slice(), &utf_16(&german, false)].concat()),
+        ("UTF-16 LE", utf_16(&german, true)),
+        ("UTF-16 BE", utf_16(&german, false)),
+        ("Latin-1", latin_1(&german)),
+        (
+            "Latin-1 with a unit of its own",
+            latin_1(&format!(
+                "Zeit (s)\tU (kV)\tLaser (µm)\n{}",
+                rows("\t", ',', |s| vec![s.time_s, s.voltage_kv, s.laser_mm * 1e3])
+            )),
+        ),
+        ("GBK", gbk),
+    ]);
+    for (name, content) in &dialects {
+        let recording = folder.read(content, "").unwrap_or_else(|error| panic!("{name}: {error}"));
+        gives_the_samples(&recording, name);
+    }
+}
+
+/// Rows with their number before and `after` behind.
+fn numbered(rows: &str, after: &str) -> String {
+    rows.lines().enumerate().map(|(k, row)| format!("{k};{row}{after}\n")).collect()
+}
+
+/// What another program wrote: SciPy, compressed or not, and openpyxl.
+#[test]
+fn files_of_matlab_and_spreadsheets_give_the_samples() {
+    for (name, columns) in [
+        ("vectors.mat", ""),
+        ("compressed.mat", ""),
+        ("structure.mat", ""),
+        ("bare-names.mat", "time=t:s,voltage=V:V,displacement=x:mm"),
+        ("matrix.mat", "time=1:s,voltage=2:kV,displacement=3:mm"),
+        ("two-voltages.mat", "voltage=voltage_kV"),
+    ] {
+        gives_the_samples(&read(&fixture(name), columns).unwrap_or_else(|error| panic!("{error}")), name);
+    }
+    // Single precision is what this file has.
+    let recording = read(&fixture("integers.mat"), "").expect("read");
+    let voltage = &recording.columns()[0].1;
+    for (read, sample) in voltage.iter().zip(samples()) {
+        assert_eq!(*read, f64::from((1e3 * sample.voltage_kv) as f32));
+    }
+    // One reading is missing in the sheet.
+    let recording = read(&fixture("workbook.xlsx"), "").expect("read");
+    let displacement = recording.displacement().expect("a laser");
+    assert_eq!((displacement.value.len(), recording.time_s().len()), (23, 24));
+    for (time, value) in displacement.time_s.iter().zip(&displacement.value) {
+        let sample = samples().into_iter().find(|sample| sample.time_s == *time).expect("a row");
+        assert!((value - 1e-3 * sample.laser_mm).abs() <= 1e-12 * value);
+    }
+    let sheet = |name: &str| Hints { sheet: Some(name.into()), ..Hints::default() };
+    let chosen = Recording::read_with(&fixture("two-runs.xlsx"), &sheet("Run 4")).expect("chosen");
+    assert_eq!(chosen.displacement().expect("a laser"), displacement);
+    let error = Recording::read_with(&fixture("two-runs.xlsx"), &sheet("Run 5")).expect_err("not there").to_string();
+    has(&error, &["Run 5", "Run 3, Notes, Run 4"]);
+}
+
+/// What may be read in two ways shows both, and is not guessed.
+#[test]
+fn two_readings_are_an_error_that_shows_both() {
+    let folder = Folder::new();
+    let two = format!(
+        "Time (s),HV set (kV),HV mon (kV),Laser (mm)\n{}",
+        rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.voltage_kv, s.laser_mm])
+    );
+    let error = folder.refused(&two, "");
+    has(&error, &["film.txt:1:", "HV set (kV)", "HV mon (kV)", "--columns voltage="]);
+    gives_the_samples(&folder.read(&two, "voltage=3").expect("chosen"), "by number");
+    gives_the_samples(&folder.read(&two, "voltage=HV mon").expect("chosen"), "by name");
+    let thousands = "Time (s);Voltage (V);Laser (mm)\n1,000;1,234;2,500\n2,000;2,345;2,600\n3,000;3,456;2,700\n";
+    has(&folder.refused(thousands, ""), &["1.234", "1234", "two ways"]);
+    let bare = format!("Time,Voltage,Laser\n{}", rows(",", '.', usual));
+    has(&folder.refused(&bare, ""), &["\"Time\" has no unit", "s, ms", "--columns time=1:s"]);
+    gives_the_samples(
+        &folder.read(&bare, "time=Time:s,voltage=2*1000,displacement=Laser:mm").expect("chosen"),
+        "units",
+    );
+    has(&folder.refused(bare.replace("Time,Voltage", "Time (s),U (MV)"), ""), &["milli or mega"]);
+    has(
+        &read(&fixture("two-voltages.mat"), "").expect_err("two").to_string(),
+        &["voltage_kV", "hv_set_kV", "voltage="],
+    );
+    has(&read(&fixture("bare-names.mat"), "").expect_err("no units").to_string(), &["\"t\" has no unit"]);
+    has(&read(&fixture("two-runs.xlsx"), "").expect_err("two sheets").to_string(), &["Run 3", "Run 4", "--sheet"]);
+    // French in Latin-1 and Chinese in GBK: each encoding knows another column.
+    let mut both = b"Time (s),U (kV),D\xe9placement (mm),\xce\xbb\xd2\xc6(mm)\n".to_vec();
+    both.extend(rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 7.0]).bytes());
+    has(&folder.refused(&both, ""), &["two ways", "GBK", "位移", "Latin-1", "Déplacement", "by number"]);
+    gives_the_samples(&folder.read(&both, "displacement=3").expect("by number"), "two encodings");
+}
+
+/// Chosen columns: names, numbers, units, factors, quantities left out.
+#[test]
+fn columns_are_chosen_by_name_number_unit_and_factor() {
+    let folder = Folder::new();
+    let file = format!(
+        "Zeit;HV mon;Laser (V);F [mN]\n{}",
+        rows(";", ',', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 250.0])
+    );
+    let chosen = "time=Zeit:s,voltage=\"HV mon\"*1000,displacement=3*0.001";
+    let recording = folder.read(&file, chosen).expect("chosen");
+    gives_the_samples(&recording, "chosen");
+    assert_eq!(recording.force().expect("by its name").value, vec![0.25; 24]);
+    assert!(folder.read(&file, &format!("{chosen},force=none")).expect("chosen").force().is_none());
+    let headless = rows("\t", '.', usual);
+    gives_the_samples(&folder.read(&headless, "time=1:s,voltage=2:kV,displacement=3:mm").expect("numbers"), "headless");
+    has(&folder.refused(&headless, ""), &["no header", "--columns time=1:s"]);
+    has(&folder.refused(&file, "voltage=9:V"), &["voltage=9", "4 columns"]);
+    has(&folder.refused(&file, "voltage=Monitor"), &["\"Monitor\"", "HV mon"]);
+    has(&folder.refused(&file, "time=Zeit"), &["Zeit", "no unit"]);
+    has(&folder.refused(&file, "time=Zeit:s,voltage=2*1000"), &["Laser (V)", "none of m", "displacement=3*0.001"]);
+    for (columns, word) in [
+        ("volts=1", "not one of time, voltage"),
+        ("voltage", "quantity=column"),
+        ("voltage=2:mm", "not a unit of voltage"),
+        ("voltage=2*much", "not a factor"),
+        ("voltage=0", "from 1"),
+        ("voltage=1,voltage=2", "twice"),
+        ("voltage=\"HV", "quote"),
+    ] {
+        let error = columns.parse::<bench_io::files::import::Choices>().expect_err(columns);
+        assert!(error.contains(word), "{columns}: {error}");
+    }
+}
+
+/// The same values as `0,5,1,5` in a file separated by commas shift every value: refused, whatever the names are.
+#[test]
+fn rows_with_more_cells_than_the_header_are_refused() {
+    let folder = Folder::new();
+    let shifted = rows(",", ',', usual);
+    for header in ["time_s,voltage_kv,displacement_mm", "Time (s),U (kV),Laser (mm)"] {
+        let error = folder.refused(format!("{header}\n{shifted}"), "");
+        has(&error, &["film.txt:", "header of 3", "decimal comma", "semicolons"]);
+    }
+    // A separator at the end of a row shifts nothing.
+    let recording = folder.read("time_s,voltage_v,displacement_m\n0,0,0,\n1,5,2e-3,\n", "").expect("as ever");
+    assert_eq!(recording.displacement().expect("there").value, [0.0, 2e-3]);
+}
+
+/// Files that are no recordings, or damaged ones: one line with the cause, no panic.
+#[test]
+fn hostile_files_are_refused_with_their_cause() {
+    let folder = Folder::new();
+    has(&folder.refused("", ""), &["is empty", "time_s"]);
+    has(&folder.refused("Film 3\nOperator;AB\n\n", ""), &["no rows of numbers", "Film 3"]);
+    has(&folder.refused("Time (s);U (kV)\n0;0\n", ""), &["1 data rows"]);
+    has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\n1;3\n", ""), &["film.txt:4:", "stands still"]);
+    has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\n0,5;3\n", ""), &["film.txt:4:", "backwards"]);
+    has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\nNaN;3\n", ""), &["film.txt:4:", "every row needs its time"]);
+    has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\n2;high\n", ""), &["film.txt:4:", "high", "not a number"]);
+    has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\n2;1e200\n", ""), &["film.txt:4:", "no instrument"]);
+    has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\n2;3\n3\n", ""), &["film.txt:5:", "ends before U (kV)"]);
+    has(&folder.refused("Zeit (s);U (kV);x (mm)\n10:00:01;0;0\n10:00:02;1;1\n", ""), &["film.txt:2:", "time of day"]);
+    has(&folder.refused("Time (s);U (kV)\n0;1.234,5\n1;2.345,6\n2;3.456,7\n", ""), &["no rows of numbers"]);
+    has(&folder.refused("Time (s);U (kV)\n0.5;1\n1;2,5\n2;3\n", ""), &["decimal points and decimal commas"]);
+    has(&folder.refused("frequency;gain\n1;2\n3;4\n", ""), &["film.txt:1:", "time_s", "frequency", "gain"]);
+    has(&folder.refused(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1old", ""), &["spreadsheet", ".xlsx"]);
+    has(&folder.refused(b"%PDF-1.7", ""), &["PDF"]);
+    has(&folder.refused(b"\x1f\x8b\x08", ""), &["gzip"]);
+    has(&folder.refused("{\"time\":[0,1]}", ""), &["JSON"]);
+    has(&folder.refused("<?xml version=\"1.0\"?>", ""), &["XML"]);
+    has(&folder.refused([7, 0, 3, 1].repeat(100), ""), &["not text"]);
+    has(&read(&fixture("version-7.3.mat"), "").expect_err("HDF5").to_string(), &["7.3", "save -v7", "writetable"]);
+    has(&read(&fixture("archive.zip"), "").expect_err("no book").to_string(), &["ZIP", ".xlsx"]);
+    has(&read(&fixture("lengths.mat"), "").expect_err("lengths").to_string(), &["24 numbers", "20"]);
+    // A gap in what is measured is a gap; in what drives it is an error.
+    let gap = folder.read("Time (s);U (kV);x (mm)\n0;0;1\n1;1;NaN\n2;2;\n3;3;4\n", "").expect("read");
+    assert_eq!(gap.displacement().expect("two").time_s, [0.0, 3.0]);
+    let error = folder.read("Time (s);U (kV);x (mm)\n0;0;1\n1;;2\n2;NaN;3\n", "").expect("read").drive();
+    has(&error.expect_err("a gap").to_string(), &["film.txt:3:", "U (kV) is empty"]);
+}
+
+/// Every beginning of a file of MATLAB and of a workbook, and every byte changed: an answer, never a panic.
+#[test]
+fn damaged_binary_files_never_panic() {
+    let folder = Folder::new();
+    let mut refused = 0;
+    for name in ["vectors.mat", "compressed.mat", "structure.mat", "matrix.mat", "workbook.xlsx"] {
+        let whole = fs::read(fixture(name)).expect("committed");
+        for end in (0..whole.len()).step_by(29) {
+            refused += usize::from(folder.read(&whole[..end], "").is_err());
+        }
+        for at in (0..whole.len()).step_by(17) {
+            let mut damaged = whole.clone();
+            damaged[at] ^= 0x81;
+            refused += usize::from(folder.read(&damaged, "").is_err());
+        }
+    }
+    assert!(refused > 200, "{refused}");
+}
+
+/// Text with any byte changed, or cut anywhere: an answer, never a panic, and what is read has times that rise.
+#[test]
+fn damaged_text_never_panics() {
+    let folder = Folder::new();
+    let german = format!("Film 3\nZeit [s];U [kV];\"Laser, µ\" (mm)\n{}", rows(";", ',', usual));
+    let texts =
+        [german.clone().into_bytes(), latin_1(&german), utf_16(&german, true), rows(" ", '.', usual).into_bytes()];
+    let (mut read, mut refused) = (0, 0);
+    for text in &texts {
+        for (k, change) in
+            (0..text.len()).step_by(5).zip([b';', b',', b'"', b'\n', b'\r', b'-', 0xff, 0, b'.', 0xb5].iter().cycle())
+        {
+            let mut damaged = text.clone();
+            damaged[k] = *change;
+            for content in [&damaged[..], &text[..k]] {
+                match folder.read(content, "") {
+                    Ok(recording) => {
+                        assert!(recording.time_s().windows(2).all(|pair| pair[0] < pair[1]));
+                        read += 1;
+                    }
+                    Err(error) => {
+                        assert_eq!(error.to_string().lines().count(), 1, "{error}");
+                        refused += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(read > 50 && refused > 50, "{read} {refused}");
+}
+
+/// A recording whose displacement has a name of its own: it is ignored, and the error says what to do.
+#[test]
+fn a_recording_with_another_displacement_says_how_to_name_it() {
+    let folder = Folder::new();
+    let text = format!("time_s,voltage_kv,Laser (mm)\n{}", rows(",", '.', usual));
+    let error = folder.read(&text, "").expect("a drive").displacement().expect_err("ignored").to_string();
+    has(&error, &["film.txt", "displacement_mm", "--columns displacement=3:mm"]);
+    gives_the_samples(&folder.read(&text, "displacement=3:mm").expect("named"), "named");
+}
+
+/// Columns with the names of recordings are read to the bit as by the reader of recordings, and others are ignored.
+#[test]
+fn names_of_recordings_are_read_unchanged() {
+    let folder = Folder::new();
+    let text = format!(
+        "time_s,voltage_kv,displacement_mm,Laser (mm),HV (kV)\n{}",
+        rows(",", '.', |s| { vec![s.time_s, s.voltage_kv, s.laser_mm, 99.0, 99.0] })
+    );
+    let recording = folder.read(&text, "").expect("read");
+    assert!(recording.understood().is_none());
+    let again = Recording::from_csv(recording.path(), text.as_bytes()).expect("read");
+    assert_eq!(recording, again);
+    for ((read, sample), voltage) in
+        recording.displacement().expect("there").value.iter().zip(samples()).zip(&recording.columns()[0].1)
+    {
+        assert_eq!(*read, sample.laser_mm.to_string().parse::<f64>().expect("a number") * 1e-3);
+        assert_eq!(*voltage, sample.voltage_kv.to_string().parse::<f64>().expect("a number") * 1e3);
+    }
+}

@@ -1,0 +1,28 @@
+//! The library behind the commands, against independent answers.
+
+mod amplifier;
+mod amplifier_demand;
+mod curves;
+#[path = "../../../../crates/springpot/tests/it/support/defining_sum.rs"]
+mod defining_sum;
+mod film;
+mod fitting;
+mod full_memory;
+mod hours;
+mod lab_files;
+mod measured_curve;
+#[path = "../../../../crates/springpot/tests/it/support/models.rs"]
+mod models;
+mod periodic;
+mod plant;
+mod plants;
+#[path = "../../../../tests/support/recordings.rs"]
+mod recordings;
+mod reduce;
+mod refused_recordings;
+mod relaxation;
+mod sensor_offset;
+#[allow(dead_code)] // samples of cases are for springpot's own sweeps
+#[path = "../../../../crates/springpot/tests/it/support/sweep.rs"]
+mod sweep;
+mod tracking;

@@ -1,0 +1,318 @@
+//! How faults end on the virtual board: at 0 V, with their cause latched.
+
+use std::path::Path;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use dea_driver::wire::{Answer, BAUD, Command, Drill, Mode, Reject, Status, boards};
+use dea_driver::{Cause, DriverState, SensorFault};
+use host_sim::files::parameters::{Board, Parameters};
+use host_sim::link::{Client, Emulator, Port};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use tests::bench::bench_limits;
+use tests::tool::text;
+
+use crate::{DEADLINE, TOOL, image, root, stated};
+
+/// The image for use, without anything connected: it says so, refuses to be armed, and rejects drills. QEMU's flash cannot be
+/// written: the parameters are refused as the flash refuses them, and what ran before goes on.
+#[test]
+fn without_a_bench_nothing_is_enabled() {
+    let (_emulator, port) = Emulator::start(&image("firmware/target")).expect("starts");
+    let (mut client, identity) = Client::new(port).expect("answers");
+    assert_eq!(identity.board, boards::STM32F405);
+    assert_eq!(client.ask(Command::Arm).expect("answers"), Answer::Rejected(Reject::NoParameters));
+    client.upload(&blob(ANY_SILENCE_S), false).expect("taken");
+    let before = client.ask(Command::Query).expect("answers");
+    let refused = client.upload(&blob(ANY_SILENCE_S), true).expect_err("QEMU's flash cannot be written").to_string();
+    assert!(refused.contains("flash"), "{refused}");
+    assert_eq!(client.ask(Command::Query).expect("answers"), before);
+    let open = client.ask(Command::Arm).expect("answers");
+    assert_eq!(open, Answer::Refused(dea_driver::Refusal::InterlockOpen));
+    assert_eq!(client.ask(Command::Drill(Drill::Panic)).expect("answers"), Answer::Rejected(Reject::Unknown));
+    assert_eq!(client.ask(Command::PanicMessage).expect("answers"), Answer::PanicMessage(Default::default()));
+
+    // The stack, after all that the link can ask for.
+    client.step(&[1000.0; 24]).expect("steps");
+    let peak = f64::from(client.status().expect("answers").stack_peak);
+    println!("stack: {peak} bytes at the most");
+    let stated = stated("stack", "bytes");
+    assert!(peak <= stated, "{stated} bytes of stack are stated, {peak} were used");
+}
+
+/// The longest silence of a host that parameters may allow, s. A host that is silent for as long as that has been stopped: no
+/// test that is about something else ends in a trip because this machine is busy with other work.
+const ANY_SILENCE_S: f32 = 60.0;
+/// The silence that ends in a trip where a test is about it, s. The board has been armed and started by then, in four exchanges
+/// which may take so long each.
+const SHORT_SILENCE_S: f32 = 3.0;
+/// Ticks between two samples while a test waits for that trip.
+const EVERY: u16 = 20;
+
+/// Parameters of the virtual bench, with the silence of the host that ends in a trip.
+fn blob(heartbeat_s: f32) -> Vec<u8> {
+    let parameters = Parameters::preset("table3-n2").expect("a preset");
+    let limits = dea_driver::Limits { heartbeat_s, ..bench_limits() };
+    let sensor = dea_driver::chips::Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 };
+    let board = Board { limits, sensor, ..Board::bench(&parameters.actuator) };
+    parameters.to_blob(&board, 1000.0).expect("valid")
+}
+
+/// The virtual board with 3 kV on its simulated film.
+fn live(heartbeat_s: f32) -> (Emulator, Client) {
+    let (emulator, port) = Emulator::start(&image("firmware/target/virtual-board")).expect("starts");
+    let (mut client, _) = Client::new(port).expect("answers");
+    client.upload(&blob(heartbeat_s), false).expect("taken");
+    let status = start(&mut client);
+    assert_eq!(status.state, DriverState::Running);
+    (emulator, client)
+}
+
+/// 3 kV, once the sensors have been looked at.
+fn start(client: &mut Client) -> Status {
+    wait(client, |status| status.ticks > 1);
+    client.arm().expect("done");
+    client.order(Command::Start(Mode::Voltage)).expect("done");
+    client.order(Command::SetVoltage(3000.0)).expect("done");
+    wait(client, |status| status.command_v == 3000.0)
+}
+
+/// Asks until the board is as it should be. What is waited for takes ticks, not time on this machine: the deadline only ends a
+/// test that has failed.
+fn wait(client: &mut Client, until: impl Fn(&Status) -> bool) -> Status {
+    let start = Instant::now();
+    loop {
+        let status = client.status().expect("answers");
+        if until(&status) {
+            return status;
+        }
+        assert!(start.elapsed() < DEADLINE, "still {status:?}");
+        // The board gets the time to tick.
+        thread::sleep(Duration::from_millis(2));
+    }
+}
+
+/// Ticks between which the board has received the last heartbeat of the host.
+struct LastHeartbeat {
+    earliest: u32,
+    latest: u32,
+}
+
+impl LastHeartbeat {
+    fn send(client: &mut Client) -> Self {
+        let earliest = client.status().expect("answers").ticks;
+        client.order(Command::Heartbeat).expect("done");
+        Self { earliest, latest: client.status().expect("answers").ticks }
+    }
+
+    /// The silence since then ended in `tick`, or up to `EVERY` ticks before.
+    fn is_followed_by_silence_until(&self, tick: u32) {
+        let allowed = (SHORT_SILENCE_S * 1000.0) as u32;
+        let (longest, shortest) = (tick - self.earliest, tick - self.latest);
+        assert!(longest >= allowed && shortest <= allowed + u32::from(EVERY) + 1, "{shortest} to {longest} ticks");
+    }
+}
+
+/// Watches the stream until the board is at 0 V, and gives that tick. `meanwhile` is done at every sample, with the ticks since
+/// the one before.
+fn wait_for_0_v(client: &mut Client, mut meanwhile: impl FnMut(&mut Client, u32)) -> u32 {
+    client.order(Command::Stream { every: EVERY }).expect("done");
+    let deadline = Instant::now() + DEADLINE;
+    let mut last = None;
+    while let Some(sample) = client.sample(deadline).expect("read") {
+        if sample.command_v == 0.0 {
+            return sample.tick;
+        }
+        meanwhile(client, sample.tick - last.replace(sample.tick).unwrap_or(sample.tick));
+    }
+    panic!("still not at 0 V");
+}
+
+#[test]
+fn every_fault_ends_at_0_v_with_its_cause() {
+    let drills = [
+        (Drill::Interlock, Cause::Interlock),
+        (Drill::Monitor, Cause::Monitor),
+        (Drill::Sensor, Cause::Sensor(SensorFault::Range)),
+        (Drill::Bus, Cause::Bus),
+        (Drill::Overrun, Cause::Overrun),
+    ];
+    for (drill, cause) in drills {
+        let (_emulator, mut client) = live(ANY_SILENCE_S);
+        if drill == Drill::Monitor {
+            // It stays where it is, which shows once the voltage is to change.
+            client.order(Command::Drill(drill)).expect("done");
+            client.order(Command::SetVoltage(1000.0)).expect("done");
+        } else {
+            client.order(Command::Drill(drill)).expect("done");
+        }
+        let status = wait(&mut client, |status| matches!(status.state, DriverState::Tripped(_)));
+        println!("{drill:?}: {:?} at tick {}, {} V", status.state, status.tripped_at, status.command_v);
+        assert_eq!((status.state, status.command_v), (DriverState::Tripped(cause), 0.0));
+        // The cause stays although the fault is gone, until it is acknowledged.
+        assert!(client.arm().is_err());
+        client.order(Command::Acknowledge).expect("done");
+        wait(&mut client, |status| status.state == DriverState::Disarmed);
+    }
+}
+
+/// The self-test of a board, on the virtual one; QEMU has no watchdog, so that is found missing.
+#[test]
+fn the_self_test_ends_in_a_table() {
+    let folder = tempfile::TempDir::new().expect("a folder");
+    let parameters = folder.path().join("bench.bin");
+    std::fs::write(&parameters, blob(ANY_SILENCE_S)).expect("written");
+    let (_emulator, port) = emulator_at_a_port(&image("firmware/target/virtual-board"));
+    let link = |more: &[&str]| TOOL.with(&[["link", "--port", &port, "--json"].as_slice(), more].concat());
+    let start = Instant::now();
+    while !link(&["identify"]).output().expect("runs").status.success() {
+        assert!(start.elapsed() < DEADLINE, "QEMU does not listen");
+        thread::sleep(Duration::from_millis(20));
+    }
+    link(&["upload", "--try", "--blob", text(&parameters)]).assert().success();
+    let sound = link(&["self-test"]).assert().success().get_output().stdout.clone();
+    println!("{}", String::from_utf8_lossy(&sound));
+    let report: serde_json::Value = serde_json::from_slice(&sound).expect("a report");
+    let whats: Vec<&str> =
+        report["checks"].as_array().expect("checks").iter().filter_map(|c| c["what"].as_str()).collect();
+    assert_eq!(whats.len(), 15, "{whats:?}");
+    assert!(["DAC, armed", "monitor", "monitor, at the end"].iter().all(|what| whats.contains(what)), "{whats:?}");
+    let starved = link(&["self-test", "--watchdog"]).assert().code(2).get_output().clone();
+    assert!(String::from_utf8_lossy(&starved.stderr).contains("the self-test failed: watchdog"), "{starved:?}");
+}
+
+/// QEMU, ended with this value.
+struct Qemu(std::process::Child);
+
+impl Drop for Qemu {
+    fn drop(&mut self) {
+        self.0.kill().expect("runs");
+        self.0.wait().expect("ends");
+    }
+}
+
+/// An image in QEMU as `firmware/emulate.sh` runs it, at a port of its own.
+fn emulator_at_a_port(image: &Path) -> (Qemu, String) {
+    // Free now; whoever takes it before QEMU does makes that end.
+    let free =
+        std::net::TcpListener::bind(("127.0.0.1", 0)).and_then(|listener| listener.local_addr()).expect("a port");
+    let arguments = std::fs::read_to_string(root().join("firmware/qemu.args")).expect("readable");
+    let qemu = std::process::Command::new("qemu-system-arm")
+        .args(arguments.split_whitespace())
+        .args(["-serial", &format!("tcp:{free},server=on,wait=off,nodelay=on"), "-kernel"])
+        .arg(image)
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .expect("installed by cargo xtask setup");
+    (Qemu(qemu), format!("tcp:{free}"))
+}
+
+/// A panic resets the chip; the next start keeps its message, and the trip until it is acknowledged.
+#[test]
+fn a_panic_resets_and_is_remembered() {
+    let (_emulator, mut client) = live(ANY_SILENCE_S);
+    client.order(Command::Drill(Drill::Panic)).expect("done");
+    let status = wait(&mut client, |status| matches!(status.state, DriverState::Tripped(_)));
+    assert_eq!((status.state, status.command_v), (DriverState::Tripped(Cause::Panic), 0.0));
+    assert_eq!(status.rate_hz, 0.0, "it has started again: parameters that were only tried are gone");
+    let Answer::PanicMessage(message) = client.ask(Command::PanicMessage).expect("answers") else {
+        panic!("no message")
+    };
+    println!("{message}");
+    assert!(message.starts_with("a drill at src/virtual_bench.rs:"), "{message}");
+    client.upload(&blob(ANY_SILENCE_S), false).expect("taken");
+    assert!(client.arm().is_err(), "not before it is acknowledged");
+    client.order(Command::Acknowledge).expect("done");
+    wait(&mut client, |status| status.ticks > 1);
+    client.arm().expect("done");
+}
+
+/// The board goes on for as long as the parameters say, then it is at 0 V, although it is asked all the time how it is.
+#[test]
+fn a_silent_host_ends_at_0_v() {
+    let (_emulator, mut client) = live(SHORT_SILENCE_S);
+    let heartbeat = LastHeartbeat::send(&mut client);
+    let tick = wait_for_0_v(&mut client, |client, _| {
+        client.status().expect("answers");
+    });
+    heartbeat.is_followed_by_silence_until(tick);
+    let status = client.status().expect("answers");
+    assert_eq!((status.state, status.command_v), (DriverState::Tripped(Cause::Heartbeat), 0.0));
+}
+
+/// Garbage as fast as the line takes it: nothing of it is obeyed, the ticks go on, and with nothing but garbage the host counts
+/// as silent.
+#[test]
+fn garbage_is_not_obeyed() {
+    let (_emulator, port) = Emulator::start(&image("firmware/target/virtual-board")).expect("starts");
+    let (mut client, _) = Client::new(port).expect("answers");
+    let mut random = Pcg64::seed_from_u64(4);
+    client.upload(&blob(SHORT_SILENCE_S), false).expect("taken");
+    let before = wait(&mut client, |status| status.ticks > 1);
+    flood(client.port_mut(), &mut random, 100 * BYTES_PER_TICK);
+    let after = client.status().expect("answers");
+    assert!(after.damaged_frames > before.damaged_frames + 10, "{after:?}");
+    // As slow as the line, whatever the machine: the ticks that it takes to bring that many bytes, less the first and the last.
+    assert!(after.ticks - before.ticks >= 98, "{} ticks", after.ticks - before.ticks);
+
+    let running = start(&mut client);
+    let keep_it_busy = |client: &mut Client, ticks| {
+        flood(client.port_mut(), &mut random, ticks as usize * (BYTES_PER_TICK + 1));
+    };
+    let heartbeat = LastHeartbeat::send(&mut client);
+    let tick = wait_for_0_v(&mut client, keep_it_busy);
+    let status = client.status().expect("answers");
+    println!("{status:?}");
+    heartbeat.is_followed_by_silence_until(tick);
+    assert_eq!((status.state, status.command_v), (DriverState::Tripped(Cause::Heartbeat), 0.0));
+    // A frame every 30 bytes, so more than one a tick.
+    assert!(status.damaged_frames - running.damaged_frames > tick - heartbeat.latest, "{status:?}");
+}
+
+/// What the line brings in a tick of a millisecond, ten bits to a byte.
+const BYTES_PER_TICK: usize = BAUD as usize / 10_000;
+
+fn flood(port: &mut Port, random: &mut Pcg64, bytes: usize) {
+    // Every thirtieth byte ends a frame.
+    let garbage: Vec<u8> = (0..bytes).map(|_| if random.random_ratio(1, 30) { 0 } else { random.random() }).collect();
+    port.write(&[garbage.as_slice(), &[0]].concat()).expect("sent");
+}
+
+/// An upload that ends early, or with another length, is not taken.
+#[test]
+fn a_truncated_upload_changes_nothing() {
+    let (_emulator, port) = Emulator::start(&image("firmware/target/virtual-board")).expect("starts");
+    let (mut client, _) = Client::new(port).expect("answers");
+    let blob = blob(ANY_SILENCE_S);
+    client.upload(&blob, false).expect("taken");
+    let piece: heapless::Vec<u8, { dea_driver::wire::CHUNK }> = blob[..100].iter().copied().collect();
+    for length in [100, 99, blob.len() as u16] {
+        client.order(Command::Upload { offset: 0, bytes: piece.clone() }).expect("done");
+        let answer = client.ask(Command::Try { length }).expect("answers");
+        let expected = if length == 100 { Reject::Blob } else { Reject::Upload };
+        assert_eq!(answer, Answer::Rejected(expected), "{length} bytes");
+        let Answer::Parameters { name, .. } = client.ask(Command::Query).expect("answers") else { panic!("no name") };
+        assert_eq!(name, "karner-2022-table3-n2");
+    }
+    // NaN in the parameters, with a checksum that holds, is refused by the board as well.
+    let mut parameters = <dea_driver::Blob>::decode(&blob, boards::STM32F405).expect("valid").into_parameters();
+    parameters.law.head[2] = f32::NAN;
+    let spoiled = unchecked(&parameters);
+    assert!(client.upload(&spoiled, false).is_err());
+    wait(&mut client, |status| status.ticks > 1);
+    client.arm().expect("the old parameters are in force");
+}
+
+/// A blob whose contents nobody has checked.
+fn unchecked(parameters: &dea_driver::Parameters) -> Vec<u8> {
+    let body = postcard::to_vec::<_, { dea_driver::BLOB_LEN }>(parameters).expect("fits");
+    let mut bytes = b"DEA\x01".to_vec();
+    bytes.extend(dea_driver::SCHEMA.to_le_bytes());
+    bytes.extend(boards::STM32F405.to_le_bytes());
+    bytes.extend((body.len() as u16).to_le_bytes());
+    bytes.extend(body.iter());
+    let checksum = tests::crc32(&bytes).to_le_bytes();
+    bytes.extend(checksum);
+    bytes
+}

@@ -1,0 +1,46 @@
+//! What the images take.
+
+use documents::Tolerance;
+
+use crate::{image, stated};
+
+/// What docs/results.md states of flash and RAM is what the images take, within 2 %: the one for a board, and the one for QEMU, which
+/// has the loop test as well. The linker holds the budget of both.
+#[test]
+fn the_images_take_what_is_stated() {
+    for (folder, rows) in [("firmware/target", ["flash/qemu", "ram/qemu"]), ("firmware/target/board", ["flash", "ram"])]
+    {
+        let elf = std::fs::read(image(folder)).expect("built");
+        let (flash, ram) = taken(&elf);
+        println!("{folder}: {flash} bytes of flash, {ram} of RAM");
+        assert!(flash <= 98_304.0 && ram <= 20_480.0);
+        for (row, taken) in rows.into_iter().zip([flash, ram]) {
+            let stated = stated(row, "bytes");
+            assert!(
+                Tolerance::COUNT.holds(taken, stated),
+                "{stated} bytes of {row} are stated, {folder} takes {taken}"
+            );
+        }
+    }
+}
+
+/// Bytes of flash and of RAM in an image: 32-bit ELF, little-endian, its section headers.
+fn taken(elf: &[u8]) -> (f64, f64) {
+    let word = |at: usize| u32::from_le_bytes([elf[at], elf[at + 1], elf[at + 2], elf[at + 3]]);
+    let half = |at: usize| usize::from(u16::from_le_bytes([elf[at], elf[at + 1]]));
+    let (start, size, count) = (word(0x20) as usize, half(0x2e), half(0x30));
+    let (mut flash, mut ram) = (0, 0);
+    for section in (0..count).map(|index| start + index * size) {
+        let (kind, flags, address, bytes) =
+            (word(section + 4), word(section + 8), word(section + 12), word(section + 20));
+        // What is loaded is allocated and has contents; statics are allocated in the SRAM.
+        let allocated = flags & 2 != 0;
+        if allocated && kind == 1 {
+            flash += bytes;
+        }
+        if allocated && (0x2000_0000..0x2001_fc00).contains(&address) {
+            ram += bytes;
+        }
+    }
+    (f64::from(flash), f64::from(ram))
+}
