@@ -77,7 +77,7 @@ fn what_is_no_quantity_is_refused_at_once() {
         ("0x10", ["unknown unit \"x10\"", "--period"]),
         ("1e-300", ["1e-300", "1e-15"]),
         ("1e300", ["1e300", "1e15"]),
-        ("--rise", ["a value is missing", "--period"]),
+        ("--rise", ["the value is missing", "--period"]),
         ("-5s", ["--period", "greater than 0"]),
     ] {
         names(&fails(text), &words);
