@@ -57,6 +57,27 @@ fn a_spectrum_holds_the_power_where_it_is() {
     assert!(Spectrum::of(&series(5, 0.1, |t| t)).is_none());
 }
 
+/// White noise of 1 at 100 Hz has a density of √(2 / 100 Hz), however many samples of it there are.
+#[test]
+fn noise_of_long_recordings_does_not_fold_into_the_band() {
+    for count in [10_000, 600_000] {
+        // SplitMix64.
+        let noise = |k: u64| {
+            let z = k.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            if (z ^ (z >> 31)) >> 63 == 0 { 1.0 } else { -1.0 }
+        };
+        let samples = series(count, 0.01, |t| noise((100.0 * t).round() as u64 + 1));
+        let Spectrum { frequency_hz, density } = Spectrum::of(&samples).expect("enough samples");
+        // Far below the rate, where the mean of a few samples takes nothing away.
+        let band = frequency_hz.iter().zip(&density).filter(|(hz, _)| (0.5..5.0).contains(*hz)).map(|(_, d)| d * d);
+        let (sum, lines) = band.fold((0.0, 0), |(sum, lines), power| (sum + power, lines + 1));
+        let found = (sum / f64::from(lines)).sqrt();
+        assert!((found / 0.02_f64.sqrt() - 1.0).abs() < 0.15, "{count} samples: {found}");
+    }
+}
+
 /// A step that is held, cycles, and what is neither.
 #[test]
 fn the_course_of_a_drive_is_recognised() {

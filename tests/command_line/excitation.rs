@@ -67,6 +67,23 @@ fn a_profile_keeps_the_limits_of_its_board() {
     assert_eq!(voltage.last(), Some(&0.0));
 }
 
+/// The file that the page shows to copy makes a profile, within its own limit: 3.5e7 V/m on 100 µm.
+#[test]
+fn the_bench_file_of_the_page_makes_a_profile() {
+    let page = include_str!("../../docs/matlab.md");
+    let (_, toml) = page.split_once("```toml\n# bench.toml\n").expect("the page shows it");
+    let (toml, _) = toml.split_once("```").expect("the block ends");
+    let bench = Bench::new();
+    let (board, out) = (bench.file("bench.toml", toml), bench.path("profile.csv"));
+    let report = TOOL.json(&["profile", "--board", &board, "--out", &out]);
+    assert_eq!((&report["limit"], &report["peak_v"]), (&"max_field_v_per_m".into(), &3150.0.into()), "{report}");
+    assert!(report.get("notes").is_none(), "{report}");
+    // Without the limits they are those of the paper's bench, which is said.
+    let (film, _) = toml.split_once("[board.limits]").expect("limits");
+    let report = TOOL.json(&["profile", "--board", &bench.file("film.toml", film), "--out", &out]);
+    names(&report["notes"].to_string(), &["no [board.limits]", "the paper's bench", "4200 V"]);
+}
+
 #[test]
 fn a_profile_beyond_the_limits_names_the_limit_and_a_mend() {
     let bench = Bench::new();

@@ -171,13 +171,13 @@ fn assumed_sizes_are_told_and_no_field_is_claimed() {
             .as_array()
             .expect("a list")
             .iter()
-            .any(|w| w.as_str().expect("text").contains("SIZES ARE ASSUMED"))
+            .any(|w| w.as_str().expect("text").contains("sizes are assumed"))
     };
     assert!(fit(&["--out", text(&assumed)]));
     assert!(!fit(&["--actuator", text(&own), "--out", text(&sized)]));
     // What was assumed stays assumed.
     let start = json(&["fit", "--start", text(&assumed), "--out", text(&again), text(&a)]);
-    assert!(start["warnings"].to_string().contains("SIZES ARE ASSUMED"), "{start}");
+    assert!(start["warnings"].to_string().contains("sizes are assumed"), "{start}");
     assert!(Parameters::read(&again).expect("readable").assumed_sizes);
     assert!(!Parameters::read(&sized).expect("readable").assumed_sizes);
 

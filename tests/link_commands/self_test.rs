@@ -109,7 +109,7 @@ fn waiting_for_a_hand(board: &VirtualBoard) -> (Child, impl Iterator<Item = std:
         .spawn()
         .expect("runs");
     let mut lines = BufReader::new(test.stderr.take().expect("piped")).lines();
-    said(&mut lines, "open the interlock now");
+    said(&mut lines, "open the interlock within");
     (test, lines)
 }
 
@@ -119,7 +119,7 @@ fn the_interlock_is_tried_by_hand() {
     let board = VirtualBoard::start(Scene::CALM);
     let (test, mut lines) = waiting_for_a_hand(&board);
     board.open_interlock(true);
-    said(&mut lines, "close it again");
+    said(&mut lines, "close the interlock within");
     board.open_interlock(false);
     let output = test.wait_with_output().expect("ends");
     let report: Value = serde_json::from_slice(&output.stdout).expect("a report");

@@ -10,7 +10,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use crate::terminal::{self, Verbosity};
 
-/// Time from one line to the next where standard error is no terminal, s.
+/// Time from one line to the next where standard error is not a terminal, s.
 pub const LINE_EVERY_S: f64 = 10.0;
 
 /// Progress of one piece of work; ends with this value.

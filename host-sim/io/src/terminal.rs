@@ -1,6 +1,6 @@
 //! Output: results on standard output, messages and warnings on standard error.
 //!
-//! Colours are left out where the output is no terminal, or where `NO_COLOR` or `CLICOLOR` ask for that.
+//! Colours are left out where the output is not a terminal, or where `NO_COLOR` or `CLICOLOR` ask for that.
 
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write};
@@ -66,9 +66,8 @@ pub fn report<D: Serialize>(json: bool, document: &D, text: impl FnOnce() -> Str
     }
 }
 
-/// A figure for people with `digits` behind the point; with a power of ten where nobody would count its digits, and a dash where
-/// there is none.
-pub fn figure(value: f64, digits: usize) -> String {
+/// `value` with `digits` decimals; in scientific notation from 1e9 on; a dash for NaN.
+pub fn decimals(value: f64, digits: usize) -> String {
     const LARGEST: f64 = 1e9;
     match value {
         _ if value.is_nan() => "–".into(),

@@ -7,7 +7,7 @@ use realfft::RealFftPlanner;
 use crate::grid::{Grid, Samples};
 
 /// Most samples of a transform.
-const MOST: f64 = 262_144.0;
+const MOST: usize = 262_144;
 /// Points of a drawn spectrum, evenly spaced on a logarithmic axis.
 const POINTS: usize = 160;
 
@@ -52,13 +52,17 @@ pub fn highest_hz(samples: &Samples, share: f64) -> Option<f64> {
 fn power(samples: &Samples) -> Option<(Vec<f64>, f64)> {
     let (&first_s, &last_s) = (samples.time_s.first()?, samples.time_s.last()?);
     let duration_s = last_s - first_s;
-    let rate_hz = ((samples.value.len() - 1) as f64 / duration_s).min(MOST / duration_s);
-    if samples.value.len() < 16 || !rate_hz.is_finite() {
+    let own_hz = (samples.value.len() - 1) as f64 / duration_s;
+    if samples.value.len() < 16 || !own_hz.is_finite() {
         return None;
     }
     let from_zero =
         Samples { time_s: samples.time_s.iter().map(|t| t - first_s).collect(), value: samples.value.clone() };
-    let even = Grid::covering(duration_s, rate_hz).ok()?.resample(&from_zero);
+    let even = Grid::covering(duration_s, own_hz).ok()?.resample(&from_zero);
+    // Of too many samples the means of a few: noise above half of their rate does not fold into the band below.
+    let few = even.len().div_ceil(MOST);
+    let even: Vec<f64> = even.chunks_exact(few).map(|chunk| chunk.iter().sum::<f64>() / few as f64).collect();
+    let rate_hz = own_hz / few as f64;
     let mean = even.iter().sum::<f64>() / even.len() as f64;
     let plan = RealFftPlanner::new().plan_fft_forward(even.len());
     // Hann's window keeps what is strong at one frequency from the others.

@@ -8,7 +8,7 @@ use serde::Serialize;
 use springpot::{AmplifierLag, CommandLimits, HARMONICS, LearningOptions, ObserverOptions};
 
 use super::options::{LimitOptions, at_most, positive};
-use super::recordings;
+use super::recordings::RecordingOptions;
 use crate::bench::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
 use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
 use crate::bench::film::{self, Film};
@@ -23,7 +23,7 @@ use crate::replay::memory::Precision;
 use crate::report::figure::Figure;
 use crate::report::figure_file::{Plot, PlotOption};
 use crate::report::tracking_figure;
-use crate::terminal::{self, figure};
+use crate::terminal::{self, decimals};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -47,6 +47,8 @@ pub(super) struct Arguments {
     /// Where the run goes: time_s, voltage_v, displacement_m, reference_m, limited, estimate_m, disturbance_n, force_scale.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
+    #[command(flatten)]
+    reading: RecordingOptions,
     #[command(flatten)]
     plot: PlotOption,
     /// Steps per second.
@@ -137,8 +139,8 @@ struct SensorOptions {
     /// what the parameters say: rise_s and fall_s of board.amplifier.
     #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 0.0)]
     amplifier_bleeder: f64,
-    /// Relative error of a voltage monitor with 3 V of noise, beside the command. Left out: the controller has none, but on a board
-    /// whose amplifier lags (0).
+    /// Relative error of the voltage monitor, which has 3 V of noise. If left out, the controller reads no monitor; where the board's
+    /// amplifier lags it reads one without error.
     #[arg(long, value_name = "SHARE", value_parser = quantity::share)]
     monitor_error: Option<f64>,
 }
@@ -200,7 +202,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
     let bench = arguments.sensor.bench(&limits, arguments.seed)?;
     let (bandwidth_hz, adaptation_s) = arguments.tuning(&parameters)?;
-    let (reference, grid) = recordings::read_reference(&arguments.reference, arguments.rate)?;
+    let (reference, grid) = arguments.reading.reference(&arguments.reference, arguments.rate)?;
     let plot = arguments.check_outputs()?;
     let interval_s = (1.0 / bench.sensor_rate_hz).max(grid.step_s());
     let observer = ObserverOptions {
@@ -313,29 +315,29 @@ impl Arguments {
 
 fn text(report: &Report) -> String {
     let quality = &report.quality;
-    let drift = quality.drift_pct.map(|drift| format!(", drift {} %", figure(drift, 3))).unwrap_or_default();
+    let drift = quality.drift_pct.map(|drift| format!(", drift {} %", decimals(drift, 3))).unwrap_or_default();
     let error = match quality.tracking_rms_pct {
-        Some(percent) => format!("{} % RMS", figure(percent, 4)),
-        None => format!("{} µm RMS (the reference is constant)", figure(1e6 * quality.rms_m, 3)),
+        Some(percent) => format!("{} % RMS", decimals(percent, 4)),
+        None => format!("{} µm RMS (the reference is constant)", decimals(1e6 * quality.rms_m, 3)),
     };
     // Shaping hardly changes a reference within the limits.
     let late = match (&report.harmonics, quality.late_rms_pct, quality.late_largest_pct) {
         (Some(_), Some(rms), Some(largest)) => {
-            format!("; {} % RMS and {} % at most in the last third", figure(rms, 4), figure(largest, 3))
+            format!("; {} % RMS and {} % at most in the last third", decimals(rms, 4), decimals(largest, 3))
         }
         _ => String::new(),
     };
     let asked = match (quality.tracking_rms_pct, quality.asked_rms_pct) {
         (Some(shaped), Some(asked)) if (asked - shaped).abs() > 0.1 => {
-            format!(" of the shaped reference, {} % of the one that was asked for", figure(asked, 2))
+            format!(" of the shaped reference, {} % of the one that was asked for", decimals(asked, 2))
         }
         _ => String::new(),
     };
     format!(
         "{}: tracking error {error}{asked}{late}{drift}, largest error {} µm, largest voltage {} V, {}",
         report.controller,
-        figure(1e6 * quality.largest_error_m, 2),
-        figure(quality.largest_voltage_v, 0),
+        decimals(1e6 * quality.largest_error_m, 2),
+        decimals(quality.largest_voltage_v, 0),
         LimitShare::text(&quality.limits_met)
     )
 }

@@ -9,7 +9,7 @@ use crate::error::{Error, Result, shown};
 use crate::files::material_test::{MaterialTest, Strain};
 use crate::files::output::{self, Folders};
 use crate::quantity;
-use crate::terminal::{self, figure};
+use crate::terminal::{self, decimals};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -74,8 +74,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             "{}: {} samples, up to {} mm and {} N",
             report.out,
             report.samples,
-            figure(1e3 * report.largest_displacement_m, 3),
-            figure(report.largest_force_n, 4)
+            decimals(1e3 * report.largest_displacement_m, 3),
+            decimals(report.largest_force_n, 4)
         )
     })
 }

@@ -6,7 +6,8 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options::LimitOptions;
-use super::{ModelOptions, Verdict, recordings};
+use super::recordings::RecordingOptions;
+use super::{ModelOptions, Verdict};
 use crate::bench::closed_loop::LimitShare;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
@@ -17,7 +18,7 @@ use crate::replay::feedforward::{self, VoltagePlan};
 use crate::report::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal::{self, figure};
+use crate::terminal::{self, decimals};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -35,6 +36,8 @@ pub(super) struct Arguments {
     /// applied. The exit status is 1 where it cannot be followed.
     #[arg(long)]
     check: bool,
+    #[command(flatten)]
+    reading: RecordingOptions,
     #[command(flatten)]
     plot: PlotOption,
 }
@@ -61,7 +64,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     let options = arguments.model.run_options();
     let parameters = arguments.model.parameters()?;
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
-    let (reference, grid) = recordings::read_reference(&arguments.reference, options.rate_hz)?;
+    let (reference, grid) = arguments.reading.reference(&arguments.reference, options.rate_hz)?;
     let about = |error: Error| error.about(&arguments.model.params, &arguments.reference);
     let inputs = [arguments.reference.as_path(), arguments.model.params.as_ref()];
     let plot = arguments.plot.check(&inputs, arguments.out.as_deref().as_slice())?;
@@ -126,7 +129,7 @@ fn text(report: &Report) -> String {
     }
     if let (Some(out), Some(largest), Some(met)) = (&report.out, report.largest_voltage_v, &report.limits_met) {
         let met = LimitShare::text(met);
-        lines.push(format!("{out}: {} samples, largest voltage {} V, {met}", report.samples, figure(largest, 0)));
+        lines.push(format!("{out}: {} samples, largest voltage {} V, {met}", report.samples, decimals(largest, 0)));
     }
     lines.join("\n")
 }
@@ -134,15 +137,15 @@ fn text(report: &Report) -> String {
 fn verdict(check: &Feasibility) -> Vec<String> {
     let mm = 1e3;
     let band = |offset: f64| {
-        let [low, high] = [check.low_m, check.high_m].map(|end| figure(mm * (end + offset), 3));
+        let [low, high] = [check.low_m, check.high_m].map(|end| decimals(mm * (end + offset), 3));
         format!("{low} … {high} mm")
     };
     let mut lines = vec![format!(
         "{}: {} from 2 s on, largest voltage {} V, lowest force {} N",
         if check.feasible { "feasible" } else { "not feasible" },
         band(0.0),
-        figure(check.largest_voltage_v, 0),
-        figure(check.lowest_force_n, 3)
+        decimals(check.largest_voltage_v, 0),
+        decimals(check.lowest_force_n, 3)
     )];
     if let Some(first) = check.first_s {
         lines.push(format!(
@@ -213,20 +216,20 @@ fn panels(reference: &[f64], plan: &VoltagePlan, grid: Grid) -> Vec<Panel> {
 /// A limit that is not kept, in a line.
 fn limit(binding: &Binding) -> String {
     let Binding { limit, needed, allowed, at_s } = *binding;
-    let volts = |volts: f64| format!("{} V", figure(volts, 0));
-    let kilo = |slew: f64| format!("{} kV/s", figure(1e-3 * slew, 2));
+    let volts = |volts: f64| format!("{} V", decimals(volts, 0));
+    let kilo = |slew: f64| format!("{} kV/s", decimals(1e-3 * slew, 2));
     let (what, needed, allowed) = match limit {
         Limit::Force => {
-            ("force", format!("{} N", figure(needed, 3)), "0 N or more (voltage only stretches a film)".into())
+            ("force", format!("{} N", decimals(needed, 3)), "0 N or more (voltage only stretches a film)".into())
         }
         Limit::Voltage => ("voltage", volts(needed), format!("{} (--max-voltage)", volts(allowed))),
         Limit::Field => {
-            let mega = |field: f64| format!("{} MV/m", figure(1e-6 * field, 2));
+            let mega = |field: f64| format!("{} MV/m", decimals(1e-6 * field, 2));
             ("field", mega(needed), format!("{} (--max-field)", mega(allowed)))
         }
         Limit::Slew => ("change of the voltage", kilo(needed), format!("{} (--max-slew)", kilo(allowed))),
         Limit::Velocity => {
-            let milli = |speed: f64| format!("{} mm/s", figure(1e3 * speed, 1));
+            let milli = |speed: f64| format!("{} mm/s", decimals(1e3 * speed, 1));
             ("speed", milli(needed), format!("{} (--max-velocity)", milli(allowed)))
         }
         Limit::Fall => (

@@ -103,9 +103,6 @@ impl Arguments {
         if !(from..=HIGHEST).contains(&to) {
             return Err(Error::option("--to", format!("{to:?} Hz must be from --from to {HIGHEST:?}")));
         }
-        if !self.at.is_finite() {
-            return Err(Error::option("--at", format!("{:?} m must be finite", self.at)));
-        }
         if !(1..=10_000_000).contains(&points) {
             return Err(Error::option("--points", format!("{points} must be from 1 to 10000000")));
         }

@@ -14,7 +14,7 @@ use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::Recording;
 use crate::fit::observation::median;
 use crate::quantity;
-use crate::terminal;
+use crate::terminal::{self, rounded};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -26,10 +26,10 @@ pub(super) struct Arguments {
     /// Keep rows up to here, s from the first. The default is the end.
     #[arg(long, value_name = "S", value_parser = quantity::seconds)]
     to: Option<f64>,
-    /// Make one row of N: the mean of each column.
+    /// Average every N rows into one.
     #[arg(long, value_name = "N", default_value_t = 1)]
     decimate: usize,
-    /// Empty the cells of drop-outs: displacement=-9999, "displacement>12" (numbers of the file) or 12.5..13 (s). May be repeated.
+    /// Discard drop-outs: displacement=-9999, "displacement>12" (numbers of the file) or 12.5..13 (s). May be repeated.
     #[arg(long, value_name = "WHAT")]
     blank: Vec<Blank>,
     /// Folder for the recordings, one CSV per file.
@@ -185,7 +185,7 @@ impl Imported {
             if largest.abs() > 0.1 {
                 warnings.push(format!(
                     "a displacement of {} m: a drop-out of the sensor (--blank), or another unit?",
-                    Number(largest)
+                    rounded(largest)
                 ));
             }
         }
@@ -254,11 +254,16 @@ fn text(file: &Imported) -> String {
         let si = column.quantity.si_unit();
         match file.range(column.quantity) {
             _ if column.quantity == Quantity::Time => {
-                let _ =
-                    write!(text, ": {} rows at {} Hz, {} s", file.rows, Number(file.rate_hz), Number(file.duration_s));
+                let _ = write!(
+                    text,
+                    ": {} rows at {} Hz, {} s",
+                    file.rows,
+                    rounded(file.rate_hz),
+                    rounded(file.duration_s)
+                );
             }
             Some(range) => {
-                let _ = write!(text, ": {} to {} {si}", Number(range.low), Number(range.high));
+                let _ = write!(text, ": {} to {} {si}", rounded(range.low), rounded(range.high));
                 if range.empty > 0 {
                     let _ = write!(text, ", {} empty", range.empty);
                 }
@@ -275,7 +280,7 @@ fn text(file: &Imported) -> String {
             "\n  {:12} {} in the rows, the longest of {} s",
             "gaps",
             file.gaps,
-            Number(file.longest_gap_s)
+            rounded(file.longest_gap_s)
         );
     }
     if file.blanked > 0 {
@@ -286,17 +291,4 @@ fn text(file: &Imported) -> String {
     }
     let _ = write!(text, "\n  {:12} {}", "written", file.out);
     text
-}
-
-/// A value with six digits at most.
-struct Number(f64);
-
-impl std::fmt::Display for Number {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        const DIGITS: i32 = 6;
-        let size = if self.0 == 0.0 { 0 } else { self.0.abs().log10().floor() as i32 };
-        let scale = 10_f64.powi(DIGITS - 1 - size);
-        let rounded = (self.0 * scale).round() / scale;
-        if (-5..15).contains(&size) { write!(f, "{rounded}") } else { write!(f, "{rounded:e}") }
-    }
 }

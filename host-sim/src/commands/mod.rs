@@ -72,7 +72,7 @@ pub enum Verdict {
 enum CliCommand {
     /// Do everything once: fit recordings, replay them, follow a sine; three simulated recordings if none are given.
     Demo(demo::Arguments),
-    /// Turn files of other programs (text of any dialect, .xlsx, .mat) into recordings, and tell what was understood.
+    /// Turn files of other programs (text, .xlsx, .mat) into recordings, and tell what was understood.
     Import(import::Arguments),
     /// Tell whether recordings identify a film, and what to record instead. Exit status 1 if they do not.
     Check(check::Arguments),

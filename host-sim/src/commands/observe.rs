@@ -19,7 +19,7 @@ use crate::replay::observer::{self, Estimates, ObserverSummary};
 use crate::report::axis::{DISPLACEMENT, MICROMETRES};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal::{self, figure};
+use crate::terminal::{self, decimals};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -96,9 +96,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             "{}: {} sensor samples, innovation {} µm RMS, at the end disturbance {} N and force scale {}",
             report.out,
             observed.samples,
-            figure(1e6 * observed.innovation_rms_m, 2),
-            figure(observed.disturbance_n, 3),
-            figure(observed.force_scale, 4)
+            decimals(1e6 * observed.innovation_rms_m, 2),
+            decimals(observed.disturbance_n, 3),
+            decimals(observed.force_scale, 4)
         )
     })
 }

@@ -5,12 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::recordings;
+use super::recordings::RecordingOptions;
 use crate::bench::film::Plant;
 use crate::bench::processor::{BitComparison, FirmwareLaw, ProcessorTest, Task, TaskOptions};
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
-use crate::files::recording::Recording;
 use crate::link::Emulator;
 use crate::progress::Progress;
 use crate::quantity;
@@ -43,6 +42,8 @@ pub(super) struct Arguments {
     /// Firmware image for QEMU; this project's if not given, built where necessary.
     #[arg(long, value_name = "ELF")]
     image: Option<PathBuf>,
+    #[command(flatten)]
+    reading: RecordingOptions,
     /// Recordings to step or observe, or references to follow.
     #[arg(value_name = "REC.csv", required = true)]
     files: Vec<PathBuf>,
@@ -88,11 +89,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         .iter()
         .map(|path| {
             let recording = if arguments.law.follows_references() {
-                Recording::read_reference(path)?
+                arguments.reading.read_reference(path)?
             } else {
-                Recording::read(path)?
+                arguments.reading.read_one(path)?
             };
-            recordings::tell(&recording);
             Task::of(&recording, &options, parameters.sensor())
         })
         .collect::<Result<Vec<Task>>>()?;

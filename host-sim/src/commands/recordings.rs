@@ -43,13 +43,18 @@ impl RecordingOptions {
         tell(&recording);
         Ok(recording)
     }
-}
 
-/// Reads the reference at `path`, on its grid at `rate_hz`, and tells what was understood of it.
-pub(super) fn read_reference(path: &Path, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
-    let recording = Recording::read_reference(path)?;
-    tell(&recording);
-    references::of(&recording, rate_hz)
+    /// Reads the reference at `path`, as [`read`](Self::read).
+    pub(super) fn read_reference(&self, path: &Path) -> Result<Recording> {
+        let recording = Recording::read_reference(path, &self.hints())?;
+        tell(&recording);
+        Ok(recording)
+    }
+
+    /// The same, on its grid at `rate_hz`.
+    pub(super) fn reference(&self, path: &Path, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
+        references::of(&self.read_reference(path)?, rate_hz)
+    }
 }
 
 /// Tells what was understood of a `recording` that has other names.

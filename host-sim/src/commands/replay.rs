@@ -20,7 +20,7 @@ use crate::report::axis::{DISPLACEMENT, FORCE, MICROMETRES, MILLINEWTONS};
 use crate::report::comparison_figure;
 use crate::report::figure::{Figure, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal::{self, figure, rounded};
+use crate::terminal::{self, decimals, rounded};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -192,13 +192,13 @@ pub(super) fn table(report: &Report) -> String {
             text,
             "{:width$}  {:>9}  {:>9}  {:>10}  {:>7}",
             row.file,
-            figure(row.r2, 5),
-            figure(row.nrmse_pct, 3),
-            figure(rmse, 2),
+            decimals(row.r2, 5),
+            decimals(row.nrmse_pct, 3),
+            decimals(rmse, 2),
             row.samples
         );
     }
-    let _ = write!(text, "{:width$}  {:>9}", "mean", figure(report.r2_mean, 5));
+    let _ = write!(text, "{:width$}  {:>9}", "mean", decimals(report.r2_mean, 5));
     if rows.iter().any(|row| row.r2.is_nan()) {
         text.push_str("\n– : the measurement does not change, so its spread and its range are 0");
     }

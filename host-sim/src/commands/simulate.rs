@@ -15,7 +15,7 @@ use crate::replay::simulate::{self, Response};
 use crate::report::axis::{DISPLACEMENT, FORCE, VOLTAGE};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
-use crate::terminal::{self, figure, rounded};
+use crate::terminal::{self, decimals, rounded};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -70,7 +70,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             report.out,
             report.samples,
             rounded(report.rate_hz),
-            figure(1e3 * report.peak_displacement_m, 4)
+            decimals(1e3 * report.peak_displacement_m, 4)
         )
     })
 }

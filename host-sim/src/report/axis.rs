@@ -12,10 +12,6 @@ pub struct Axis {
 }
 
 impl Axis {
-    const fn new(name: &'static str, unit: &'static str, per_si: f64) -> Self {
-        Self { name, unit, per_si }
-    }
-
     /// Its label.
     pub fn label(self) -> String {
         format!("{} ({})", self.name, self.unit)
@@ -28,12 +24,12 @@ impl Axis {
 }
 
 /// Displacement.
-pub const DISPLACEMENT: Axis = Axis::new("displacement", "mm", 1e3);
+pub const DISPLACEMENT: Axis = Axis { name: "displacement", unit: "mm", per_si: 1e3 };
 /// Differences of displacement.
-pub const MICROMETRES: Axis = Axis::new("displacement", "µm", 1e6);
+pub const MICROMETRES: Axis = Axis { name: "displacement", unit: "µm", per_si: 1e6 };
 /// Force.
-pub const FORCE: Axis = Axis::new("force", "N", 1.0);
+pub const FORCE: Axis = Axis { name: "force", unit: "N", per_si: 1.0 };
 /// Differences of force.
-pub const MILLINEWTONS: Axis = Axis::new("force", "mN", 1e3);
+pub const MILLINEWTONS: Axis = Axis { name: "force", unit: "mN", per_si: 1e3 };
 /// Voltage.
-pub const VOLTAGE: Axis = Axis::new("voltage", "kV", 1e-3);
+pub const VOLTAGE: Axis = Axis { name: "voltage", unit: "kV", per_si: 1e-3 };

@@ -18,6 +18,7 @@ use crate::fit::selection::StructureRow;
 use crate::fit::settings::topology_name;
 use crate::fit::uncertainty::Uncertainty;
 use crate::fit::{Fit, Warning};
+use crate::terminal::rounded;
 
 /// The report of a fit, as `fit --json` prints it.
 #[derive(Serialize)]
@@ -168,7 +169,7 @@ impl FitReport {
                 row.file,
                 row.r2,
                 row.nrmse_pct,
-                short(row.rate_hz)
+                rounded(row.rate_hz)
             );
             let (scale, unit) = if row.rmse_n.is_some() { (1e3, "mN") } else { (1e6, "µm") };
             if let Some(offset) = row.offset {
@@ -202,12 +203,6 @@ fn digests(parameters: &Parameters) -> Vec<String> {
     let recordings = parameters.provenance.as_ref().and_then(|table| table.get("recordings")?.as_array());
     let digest = |row: &toml::Value| row.get("sha256").and_then(toml::Value::as_str).unwrap_or_default().to_owned();
     recordings.into_iter().flatten().map(digest).collect()
-}
-
-/// A rate with at most six digits.
-fn short(rate_hz: f64) -> String {
-    let rounded = (1e3 * rate_hz).round() / 1e3;
-    if rounded > 0.0 { format!("{rounded}") } else { format!("{rate_hz:.3e}") }
 }
 
 fn structures(rows: &[StructureRow], text: &mut String) {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, shown};
 use crate::interrupt::HalfWritten;
 
 /// Refuses, before long work begins, a file that could not be written later or that is one of `inputs`. With
@@ -19,7 +19,7 @@ pub fn check(path: &Path, inputs: &[&Path], made: Folders) -> Result<()> {
     if let Ok(target) = path.canonicalize()
         && let Some(input) = inputs.iter().find(|input| input.canonicalize().is_ok_and(|input| input == target))
     {
-        return Err(Error::file(path, format!("would overwrite {}, which is read", input.display())));
+        return Err(Error::file(path, format!("would overwrite {}, which is read", shown(input))));
     }
     if let Ok(there) = fs::metadata(path) {
         if there.is_dir() {
@@ -39,7 +39,7 @@ pub fn check(path: &Path, inputs: &[&Path], made: Folders) -> Result<()> {
     };
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     if !folder.is_dir() {
-        return Err(Error::file(path, format!("there is no folder {}; make it first", folder.display())));
+        return Err(Error::file(path, format!("there is no folder {}; make it first", shown(folder))));
     }
     tempfile::tempfile_in(folder).map(drop).map_err(|e| Error::file(path, e))
 }
@@ -160,7 +160,7 @@ pub fn stage_columns(path: &Path, comments: &[String], columns: &[(&str, Option<
     })
 }
 
-/// A folder for results. If it was made here and is still empty when this is dropped, it goes again: a run that is refused, or
+/// A folder for results. If it was made here and is still empty when this is dropped, it is removed again: a run that is refused, or
 /// that finds the disk full, leaves nothing behind.
 #[derive(Debug)]
 #[must_use]

@@ -145,19 +145,20 @@ impl Recording {
         Self { path: path.into(), time_s, voltage_v, force_n, displacement_m, weight, understood }
     }
 
-    /// Reads a reference at `path`: displacement over time, no voltage needed.
+    /// Reads a reference at `path`, of which a person says `hints`: displacement over time, no voltage needed.
     ///
     /// # Errors
     ///
     /// As [`read`](Self::read).
-    pub fn read_reference(path: &Path) -> Result<Self> {
+    pub fn read_reference(path: &Path, hints: &Hints) -> Result<Self> {
         let (head, rest) = open(path)?;
-        let (time_s, displacement_m, understood) = if csv::has_names(&head, &[DISPLACEMENT], &[]) {
+        let plain = *hints == Hints::default();
+        let (time_s, displacement_m, understood) = if plain && csv::has_names(&head, &[DISPLACEMENT], &[]) {
             let Table { time_s, columns: [displacement_m], .. } =
                 Table::from_csv(path, head.chain(rest), [DISPLACEMENT], &[&[0]])?;
             (time_s, displacement_m, None)
         } else {
-            let series = import::read(path, &head, rest, &REFERENCE, &Hints::default())?;
+            let series = import::read(path, &head, rest, &REFERENCE, hints)?;
             let start_s = series.clock_s.first().copied().unwrap_or(0.0);
             let displacement_m = series.column(Quantity::Displacement).cloned();
             (series.clock_s.iter().map(|t| t - start_s).collect(), displacement_m, Some(series.understood))

@@ -97,7 +97,7 @@ const STATIC_HZ: f64 = 1.0 / 7.0;
 ///
 /// # Errors
 ///
-/// [`Error`](crate::Error) where a law is refused.
+/// [`Error`](crate::error::Error) where a law is refused.
 pub fn build(
     kind: ControllerKind,
     parameters: &Parameters,

@@ -146,7 +146,7 @@ fn reach(observations: &[Observation], offset_m: f64) -> ((f64, f64), f64) {
 ///
 /// # Errors
 ///
-/// [`Error`](crate::Error) for recordings that cannot be fitted.
+/// [`Error`](crate::error::Error) for recordings that cannot be fitted.
 pub fn select(
     context: &Context<'_>,
     observations: &[Observation],

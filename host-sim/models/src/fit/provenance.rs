@@ -19,7 +19,7 @@ impl Fit {
     ///
     /// # Errors
     ///
-    /// [`Error`] for a file that cannot be read again, or elements out of range.
+    /// [`Error`](crate::error::Error) for a file that cannot be read again, or elements out of range.
     pub fn parameters(&self, settings: &Settings, direction: Direction, files: &[&Path]) -> Result<Parameters> {
         let name = |file: &&Path| file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let names: Vec<String> = files.iter().map(name).collect();

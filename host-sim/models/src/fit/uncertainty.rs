@@ -49,8 +49,8 @@ pub struct Estimate {
 /// changes the response by less than 1e-5 of what others do.
 const RANK: f64 = 1e-5;
 /// Quantiles of χ² with one degree of freedom and of the normal distribution at 95 %.
-const CHI_SQUARE: f64 = 3.841;
-const NORMAL: f64 = 1.96;
+pub(super) const CHI_SQUARE: f64 = 3.841;
+pub(super) const NORMAL: f64 = 1.96;
 
 impl Uncertainty {
     /// The uncertainty of `found` on all samples, with profiles on the thinned recordings; none where `found` has no

@@ -67,8 +67,8 @@ pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<
     if settings.assumed_sizes && excitation.voltage_driven {
         let Actuator { length_m, width_m, thickness_m, .. } = settings.actuator;
         warnings.push(Severity::Serious.warning(format!(
-            "THE FILM'S SIZES ARE ASSUMED ({:.0} mm x {:.0} mm x {:.0} um, the paper's): displacements are right all the same, forces \
-             and c are only in proportion, and no field limit can be checked. Give the film's own sizes with --actuator",
+            "the film's sizes are assumed ({:.0} mm × {:.0} mm × {:.0} µm, the paper's): displacements hold well below the resonance, \
+             forces and c are only proportional, and no field limit is checked; give the film's own sizes with --actuator",
             1e3 * length_m,
             1e3 * width_m,
             1e6 * thickness_m

@@ -111,7 +111,7 @@ const RISE_S: f64 = 2.0;
 ///
 /// # Errors
 ///
-/// [`Error`](crate::Error) where a law is refused.
+/// [`Error`](crate::error::Error) where a law is refused.
 pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &CommandLimits) -> Result<Feasibility> {
     let field_checked = !parameters.assumed_sizes;
     let unlimited = CommandLimits { max_field_v_per_m: f64::MAX, ..*limits };

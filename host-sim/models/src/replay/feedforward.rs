@@ -30,7 +30,7 @@ pub struct VoltagePlan {
 ///
 /// # Errors
 ///
-/// [`Error`](crate::Error) where a law is refused.
+/// [`Error`](crate::error::Error) where a law is refused.
 pub fn plan(
     parameters: &Parameters,
     reference: &[f64],

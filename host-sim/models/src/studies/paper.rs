@@ -61,7 +61,7 @@ pub struct StudyOptions {
 ///
 /// # Errors
 ///
-/// [`crate::Error`] for observations that cannot be fitted.
+/// [`Error`](crate::error::Error) for observations that cannot be fitted.
 pub fn study(
     observations: &[Observation],
     options: &StudyOptions,

@@ -91,7 +91,7 @@ impl PrandtlIshlinskii {
     ///
     /// # Errors
     ///
-    /// [`crate::Error`] for an observation that is too long for its rate.
+    /// [`Error`](crate::error::Error) for an observation that is too long for its rate.
     pub fn fit(observations: &[Observation]) -> Result<Self> {
         let loaded = observations.iter().map(LoadedObservation::new).collect::<Result<Vec<_>>>()?;
         let largest = loaded

@@ -99,7 +99,7 @@ impl Kind {
         };
         let drive = |share: f64, low, hz, seconds, rate_hz| Drive { peak_v: share * peak_v, low, hz, seconds, rate_hz };
         let drives = [
-            drive(1.0, 0.6, 0.1, 1800.0, 10.0),
+            drive(1.0, 0.6, 0.1, 1800.0, if self == Self::Springpot { 50.0 } else { 10.0 }),
             drive(1.0, 0.0, 0.3, 60.0, 50.0),
             drive(0.65, 0.0, 0.2, 60.0, 50.0),
             drive(1.0, 0.5, 1.0, 40.0, 100.0),

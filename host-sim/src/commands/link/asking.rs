@@ -1,4 +1,4 @@
-//! Asks a board until it is as it should be.
+//! Polls a board until a condition holds.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -9,17 +9,17 @@ use dea_driver::{DriverState, Refusal};
 use crate::error::{Error, Result};
 use crate::link::Client;
 
-/// A board that is slower than this does not tick.
+/// A board that takes longer is not ticking.
 pub(super) const PATIENCE: Duration = Duration::from_secs(60);
 /// How often it is asked.
 const EVERY: Duration = Duration::from_millis(20);
 /// Time of the board after which a voltage that stands is measured, and for which, s. The board's, since an emulator may be slow.
 const SETTLES_S: f32 = 0.1;
 const MEASURED_S: f32 = 0.3;
-/// So many looks are taken at the least.
-const LOOKS: f64 = 5.0;
+/// Fewest readings that are averaged.
+const READINGS: f64 = 5.0;
 
-/// Asks until it is so, or `most` is over, or Ctrl-C comes.
+/// Polls until the condition holds, `most` has passed, or Ctrl-C comes.
 pub(super) fn wait(
     client: &mut Client,
     most: Duration,
@@ -37,7 +37,7 @@ pub(super) fn wait(
     Ok(false)
 }
 
-/// An error once Ctrl-C has come: what was asked for is not shown then.
+/// An error once Ctrl-C has come.
 pub(super) fn going_on(stop: &AtomicBool) -> Result<()> {
     if stop.load(Ordering::Relaxed) { Err(Error::Computation("stopped by Ctrl-C".into())) } else { Ok(()) }
 }
@@ -69,7 +69,7 @@ pub(super) fn stand(client: &mut Client, volts: Option<f32>, stop: &AtomicBool) 
             sum_v += f64::from(monitor_v);
             count += 1.0;
         }
-        Ok(stood_s >= SETTLES_S + MEASURED_S && count >= LOOKS)
+        Ok(stood_s >= SETTLES_S + MEASURED_S && count >= READINGS)
     })?;
     if measured {
         Ok(sum_v / count)

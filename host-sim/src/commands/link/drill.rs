@@ -3,7 +3,8 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use dea_driver::wire::{Answer, Command, Drill, Mode, Reject, Status};
 use dea_driver::{Cause, DriverState, SensorFault};
 use serde::Serialize;
@@ -22,75 +23,67 @@ const COMES_BACK: Duration = Duration::from_secs(60);
 #[derive(Debug, Args)]
 pub(super) struct Drills {
     /// Which faults; all but `hang` by default, which needs a watchdog that QEMU does not have.
-    #[arg(value_enum, value_name = "FAULT")]
-    faults: Vec<Fault>,
+    #[arg(value_parser = fault(), value_name = "FAULT")]
+    faults: Vec<&'static Fault>,
     /// The voltage at which the fault comes, V.
     #[arg(long, value_name = "V", value_parser = quantity::volts, default_value_t = 1000.0)]
     voltage: f64,
 }
 
 /// A fault that is caused on purpose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Fault {
-    /// The interlock opens.
-    Interlock,
-    /// The voltage monitor stays where it is.
-    Monitor,
-    /// The displacement sensor is unplugged.
-    Sensor,
-    /// The monitor's converter does not answer.
-    Bus,
-    /// A tick takes longer than it may.
-    Overrun,
-    /// The firmware panics: the chip starts again, and parameters that were only tried are gone.
-    Panic,
-    /// The tick hangs, which the watchdog ends.
-    Hang,
+#[derive(Debug, PartialEq)]
+struct Fault {
+    name: &'static str,
+    drill: Drill,
+    /// What it ends in.
+    cause: Cause,
+    help: &'static str,
 }
 
+/// In the order in which they are caused: the panic takes parameters along that were only tried.
+static FAULTS: [Fault; 7] = [
+    Fault { name: "interlock", drill: Drill::Interlock, cause: Cause::Interlock, help: "The interlock opens" },
+    Fault {
+        name: "monitor",
+        drill: Drill::Monitor,
+        cause: Cause::Monitor,
+        help: "The voltage monitor stays where it is",
+    },
+    Fault {
+        name: "sensor",
+        drill: Drill::Sensor,
+        cause: Cause::Sensor(SensorFault::Range),
+        help: "The displacement sensor is unplugged",
+    },
+    Fault { name: "bus", drill: Drill::Bus, cause: Cause::Bus, help: "The monitor's converter does not answer" },
+    Fault { name: "overrun", drill: Drill::Overrun, cause: Cause::Overrun, help: "A tick takes longer than it may" },
+    Fault {
+        name: "panic",
+        drill: Drill::Panic,
+        cause: Cause::Panic,
+        help: "The firmware panics: the chip starts again, and parameters that were only tried are gone",
+    },
+    Fault { name: "hang", drill: Drill::Hang, cause: Cause::Watchdog, help: "The tick hangs, which the watchdog ends" },
+];
+
 impl Fault {
-    /// By default, in this order: the panic takes parameters along that were only tried.
-    const ALL: [Self; 6] = [Self::Interlock, Self::Monitor, Self::Sensor, Self::Bus, Self::Overrun, Self::Panic];
-
-    fn drill(self) -> Drill {
-        match self {
-            Self::Interlock => Drill::Interlock,
-            Self::Monitor => Drill::Monitor,
-            Self::Sensor => Drill::Sensor,
-            Self::Bus => Drill::Bus,
-            Self::Overrun => Drill::Overrun,
-            Self::Panic => Drill::Panic,
-            Self::Hang => Drill::Hang,
-        }
-    }
-
-    /// What it ends in.
-    fn cause(self) -> Cause {
-        match self {
-            Self::Interlock => Cause::Interlock,
-            Self::Monitor => Cause::Monitor,
-            Self::Sensor => Cause::Sensor(SensorFault::Range),
-            Self::Bus => Cause::Bus,
-            Self::Overrun => Cause::Overrun,
-            Self::Panic => Cause::Panic,
-            Self::Hang => Cause::Watchdog,
-        }
-    }
-
     /// Whether the chip starts again.
-    fn resets(self) -> bool {
-        matches!(self, Self::Panic | Self::Hang)
+    fn resets(&self) -> bool {
+        matches!(self.drill, Drill::Panic | Drill::Hang)
     }
+}
 
-    fn name(self) -> String {
-        self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
-    }
+/// Reads the name of a fault.
+fn fault() -> impl TypedValueParser<Value = &'static Fault> {
+    let names = FAULTS.iter().map(|fault| PossibleValue::new(fault.name).help(fault.help));
+    PossibleValuesParser::new(names)
+        .try_map(|name| FAULTS.iter().find(|fault| fault.name == name).ok_or("no such fault"))
 }
 
 /// How a fault ended.
 #[derive(Serialize)]
 struct Ended {
-    fault: String,
+    fault: &'static str,
     /// By the monitor, before it.
     stood_v: f64,
     wanted: String,
@@ -109,9 +102,10 @@ struct Report {
 impl Report {
     fn table(&self) -> String {
         let mut text = format!("        {:10} {:>8}  {:26} then", "fault", "at", "ended in");
-        for Ended { fault, stood_v, state, command_v, passed, .. } in &self.drills {
+        for Ended { fault, stood_v, wanted, state, command_v, passed } in &self.drills {
             let mark = if *passed { "ok" } else { "FAILED" };
-            text += &format!("\n{mark:6}  {fault:10} {stood_v:6.0} V  {state:26} {command_v:.0} V");
+            let wanted = if *passed { String::new() } else { format!(" (wanted: {wanted})") };
+            text += &format!("\n{mark:6}  {fault:10} {stood_v:6.0} V  {state:26} {command_v:.0} V{wanted}");
         }
         text
     }
@@ -128,14 +122,15 @@ impl Drills {
 
     pub(super) fn run(&self, mut client: Client, port: String, json: bool) -> Result<()> {
         let stop = interrupt::live_film();
-        let faults = if self.faults.is_empty() { Fault::ALL.as_slice() } else { &self.faults };
+        let by_default = || FAULTS.iter().filter(|fault| fault.drill != Drill::Hang).collect();
+        let faults: Vec<&Fault> = if self.faults.is_empty() { by_default() } else { self.faults.clone() };
         let mut drills = Vec::new();
-        let ended: Result<()> = faults.iter().try_for_each(|&fault| {
+        let ended: Result<()> = faults.iter().try_for_each(|fault| {
             drills.push(self.drill(fault, &mut client, stop)?);
             Ok(())
         });
         let report = Report { port, passed: ended.is_ok() && drills.iter().all(|ended| ended.passed), drills };
-        let failed: Vec<&str> = report.drills.iter().filter(|e| !e.passed).map(|e| e.fault.as_str()).collect();
+        let failed: Vec<&str> = report.drills.iter().filter(|e| !e.passed).map(|e| e.fault).collect();
         let failed = failed.join(", ");
         if ended.is_ok() || !report.drills.is_empty() {
             terminal::report(json, &report, || report.table())?;
@@ -150,7 +145,7 @@ impl Drills {
     }
 
     /// Brings the film to the voltage, causes the fault, and acknowledges what it ended in.
-    fn drill(&self, fault: Fault, client: &mut Client, stop: &AtomicBool) -> Result<Ended> {
+    fn drill(&self, fault: &Fault, client: &mut Client, stop: &AtomicBool) -> Result<Ended> {
         going_on(stop)?;
         if client.status()?.rate_hz > 0.0 {
             // What is refused is refused for what a tick has found since the last drill.
@@ -174,10 +169,10 @@ impl Drills {
     }
 
     /// With the amplifier enabled.
-    fn cause(&self, fault: Fault, client: &mut Client, stop: &AtomicBool) -> Result<Ended> {
+    fn cause(&self, fault: &Fault, client: &mut Client, stop: &AtomicBool) -> Result<Ended> {
         client.order(Command::Start(Mode::Voltage))?;
         let stood_v = stand(client, Some(self.voltage as f32), stop)?;
-        match client.ask(Command::Drill(fault.drill())) {
+        match client.ask(Command::Drill(fault.drill)) {
             Ok(Answer::Done) => {}
             Ok(Answer::Rejected(Reject::Unknown)) => return Err(unknown(fault)),
             Ok(other) => return Err(client.unexpected(&other)),
@@ -185,7 +180,7 @@ impl Drills {
             Err(_) if fault.resets() => {}
             Err(error) => return Err(error),
         }
-        if fault == Fault::Monitor {
+        if fault.drill == Drill::Monitor {
             // It stays where it is, which shows once the voltage changes.
             client.order(Command::SetVoltage(0.5 * self.voltage as f32))?;
         }
@@ -201,9 +196,9 @@ impl Drills {
             Ok(status.is_some_and(|status| matches!(status.state, DriverState::Tripped(_))))
         })?;
         let Some(status) = status else { return Err(Error::Computation("the board does not come back".into())) };
-        let wanted = DriverState::Tripped(fault.cause());
+        let wanted = DriverState::Tripped(fault.cause);
         Ok(Ended {
-            fault: fault.name(),
+            fault: fault.name,
             stood_v,
             wanted: named(wanted),
             state: named(status.state),
@@ -225,11 +220,11 @@ fn at_0_v(client: &mut Client, stop: &AtomicBool) -> Result<()> {
 }
 
 /// An image that does not cause this fault.
-fn unknown(fault: Fault) -> Error {
-    let cause = if fault == Fault::Hang {
+fn unknown(fault: &Fault) -> Error {
+    let cause = if fault.drill == Drill::Hang {
         "this board does not cause it: a tick that hangs is ended by the watchdog, which QEMU does not have"
     } else {
         "this board causes no faults on purpose; the virtual board does: cargo xtask board"
     };
-    Error::Computation(format!("{}: {cause}", fault.name()))
+    Error::Computation(format!("{}: {cause}", fault.name))
 }

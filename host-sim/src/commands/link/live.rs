@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::board_time::BoardTime;
 use super::{Source, What, digits, parameters_of};
-use crate::commands::recordings;
+use crate::commands::recordings::{self, RecordingOptions};
 use crate::error::{Error, Result, shown};
 use crate::files::journal::{Journal, Recovered};
 use crate::files::output::{self, Folders};
@@ -57,7 +57,7 @@ pub(super) struct Stream {
 
 #[derive(Debug, Args)]
 pub(super) struct Play {
-    /// Recording whose voltage, or displacement, is played.
+    /// Recording whose voltage (its magnitude), or whose displacement, is played.
     #[arg(value_name = "REC.csv")]
     recording: PathBuf,
     /// What the controller follows.
@@ -71,6 +71,8 @@ pub(super) struct Play {
     parameters: Source,
     #[command(flatten)]
     stream: Stream,
+    #[command(flatten)]
+    reading: RecordingOptions,
 }
 
 #[derive(Serialize)]
@@ -90,8 +92,8 @@ impl Stream {
         if self.every == 0 {
             return Err(Error::option("--every", "must be at least 1 tick"));
         }
-        if self.duration.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
-            return Err(Error::option("--duration", "must be finite and greater than 0 s"));
+        if self.duration.is_some_and(|seconds| seconds <= 0.0) {
+            return Err(Error::option("--duration", "must be greater than 0 s"));
         }
         output::check(&self.out, &[], Folders::Exist)
     }
@@ -207,8 +209,8 @@ impl Play {
 
     fn read(&self) -> Result<Recording> {
         match self.mode {
-            What::Voltage => Recording::read(&self.recording),
-            What::Feedforward | What::Tracking => Recording::read_reference(&self.recording),
+            What::Voltage => Recording::read_with(&self.recording, &self.reading.hints()),
+            What::Feedforward | What::Tracking => Recording::read_reference(&self.recording, &self.reading.hints()),
         }
     }
 

@@ -208,7 +208,7 @@ impl SelfTest {
         ) {
             return Ok(());
         }
-        terminal::message("open the interlock now");
+        terminal::message(format!("open the interlock within {} s", BY_HAND.as_secs()));
         let trip = DriverState::Tripped(Cause::Interlock);
         let opened = wait(client, BY_HAND, stop, |client| {
             // What keeps it armed; once it has tripped it is refused.
@@ -220,7 +220,7 @@ impl SelfTest {
         if !checks.add("interlock, opened", found, "a trip: the contact opens, and is wired here", state == trip) {
             return Ok(());
         }
-        terminal::message("close it again");
+        terminal::message(format!("close the interlock within {} s", BY_HAND.as_secs()));
         let closed = wait(client, BY_HAND, stop, |client| Ok(inspect(client)?.interlock_closed))?;
         checks.add("interlock, closed again", if closed { "closed" } else { "open" }, "closed", closed);
         client.order(Command::Acknowledge)

@@ -5,7 +5,7 @@ use super::{Quantity, Series};
 /// Changes to the rows of a file, in the order in which they are made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edits {
-    /// Readings that are none.
+    /// Readings to discard.
     pub blanks: Vec<Blank>,
     /// First time that is kept, s from the first row.
     pub from_s: f64,
@@ -20,7 +20,7 @@ impl Edits {
     pub const NONE: Self = Self { blanks: Vec::new(), from_s: 0.0, to_s: f64::INFINITY, decimate: 1 };
 }
 
-/// Readings that are none: drop-outs of a sensor.
+/// Readings to discard: drop-outs of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Blank {
     /// Those of a quantity that are exactly this number of the file.
@@ -111,7 +111,7 @@ impl Series {
         let clock_s = &self.clock_s;
         let column = self.columns.iter_mut().find(|(which, _)| *which == quantity);
         let (_, column) = column.ok_or_else(|| format!("no {} to blank", quantity.name()))?;
-        let is_none = |(row, cell): (usize, &Option<f64>)| {
+        let is_blanked = |(row, cell): (usize, &Option<f64>)| {
             cell.is_some_and(|cell| match blank {
                 Blank::Equal(..) => cell == limit,
                 Blank::Above(..) => (cell > limit) != turned && cell != limit,
@@ -120,7 +120,7 @@ impl Series {
             })
         };
         let cells: Vec<Option<f64>> =
-            column.cells().iter().enumerate().map(|entry| if is_none(entry) { None } else { *entry.1 }).collect();
+            column.cells().iter().enumerate().map(|entry| if is_blanked(entry) { None } else { *entry.1 }).collect();
         let count =
             cells.iter().zip(column.cells()).filter(|(after, before)| after.is_none() && before.is_some()).count();
         *column = column.with_cells(cells);

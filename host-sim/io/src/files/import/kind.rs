@@ -57,12 +57,11 @@ pub fn of(head: &[u8]) -> Result<Kind, String> {
     if head.len() >= 128 && matches!(&head[126..128], b"IM" | b"MI") && head.starts_with(b"MATLAB") {
         return Ok(Kind::Mat);
     }
-    let first = head.iter().copied().find(|byte| !byte.is_ascii_whitespace());
     let text = head.trim_ascii_start();
     if text.starts_with(b"<?xml") || text.to_ascii_lowercase().starts_with(b"<!doctype") || text.starts_with(b"<html") {
         return Err("this is a page or a document (XML, HTML); export the measurement as CSV".into());
     }
-    if first == Some(b'{') {
+    if text.first() == Some(&b'{') {
         return Err("this is a JSON document; write its series as columns of a CSV file".into());
     }
     Ok(Kind::Text)

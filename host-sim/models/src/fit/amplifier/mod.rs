@@ -10,6 +10,7 @@ use nalgebra::DMatrix;
 
 use crate::error::{Error, Result};
 use crate::files::amplifier_log::AmplifierLog;
+use crate::fit::uncertainty::{CHI_SQUARE, NORMAL};
 use crate::fit::whiteness::effective_samples;
 use response::Fall;
 use search::{FALL, Found, GAIN, LONGEST_S, OFFSET, RISE, Search};
@@ -51,9 +52,6 @@ pub enum Time {
     Open(Interval),
 }
 
-/// Quantiles of χ² with one degree of freedom and of the normal distribution at 95 %.
-const CHI_SQUARE: f64 = 3.841;
-const NORMAL: f64 = 1.96;
 /// A time constant is known where the log tells it from one that differs by this factor.
 const TOLD_APART: f64 = 1.15;
 /// There is none where the log tells it from this many row intervals.
