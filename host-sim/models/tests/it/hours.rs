@@ -98,8 +98,10 @@ impl Kind {
             Self::Springpot => (2600.0, measured_curve::ACTUATOR, 0, CurveChoice::Gent),
         };
         let drive = |share: f64, low, hz, seconds, rate_hz| Drive { peak_v: share * peak_v, low, hz, seconds, rate_hz };
+        // A springpot's first steps are coarse at 10 steps a second: it would drift by 1.8 % in half an hour, at 50 by 0.5 %.
+        let long_hz = if self == Self::Springpot { 200.0 } else { 10.0 };
         let drives = [
-            drive(1.0, 0.6, 0.1, 1800.0, if self == Self::Springpot { 50.0 } else { 10.0 }),
+            drive(1.0, 0.6, 0.1, 1800.0, long_hz),
             drive(1.0, 0.0, 0.3, 60.0, 50.0),
             drive(0.65, 0.0, 0.2, 60.0, 50.0),
             drive(1.0, 0.5, 1.0, 40.0, 100.0),
@@ -418,11 +420,10 @@ fn hours_are_followed() {
         let title = if case.seconds > 1e4 { "24 h".into() } else { format!("{} s", case.seconds) };
         let [open, closed, learned] = row(case, &title, with_drift);
         let [largest, drift] = match case.film {
-            Kind::Wang | Kind::LittleCreep => [1.0, 0.3],
+            Kind::Wang | Kind::LittleCreep | Kind::Springpot => [1.0, 0.3],
             // What these laws do not hold: the bars are what was measured, with a margin.
             Kind::MuchCreep => [1.3, 0.5],
             Kind::Hossain => [13.0, 14.0],
-            Kind::Springpot => [5.0, 5.0],
         };
         let noise = case.percent(NOISE_M);
         missed(
