@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use realfft::RealFftPlanner;
+use bench_fft::Planner;
 
 use crate::grid::{Grid, Samples};
 
@@ -64,7 +64,7 @@ fn power(samples: &Samples) -> Option<(Vec<f64>, f64)> {
     let even: Vec<f64> = even.chunks_exact(few).map(|chunk| chunk.iter().sum::<f64>() / few as f64).collect();
     let rate_hz = own_hz / few as f64;
     let mean = even.iter().sum::<f64>() / even.len() as f64;
-    let plan = RealFftPlanner::new().plan_fft_forward(even.len());
+    let plan = Planner::new().forward(even.len());
     // Hann's window keeps what is strong at one frequency from the others.
     let window = |k: usize| 0.5 - 0.5 * (TAU * k as f64 / even.len() as f64).cos();
     let mut time: Vec<f64> = even.iter().enumerate().map(|(k, value)| window(k) * (value - mean)).collect();

@@ -62,6 +62,12 @@ impl FilmBench {
     pub fn tick(&mut self, spoil: impl FnOnce(&mut Inputs)) -> Outputs {
         let mut inputs = self.inputs();
         spoil(&mut inputs);
+        self.follow(inputs)
+    }
+
+    /// Compiled once, not for each way to spoil what is measured.
+    #[inline(never)]
+    fn follow(&mut self, inputs: Inputs) -> Outputs {
         let outputs = self.controller.tick(inputs);
         let volts = f64::from(self.code(&outputs).volts(self.parameters.command_range)) * 1000.0;
         self.high_voltage_v = self.amplified(if outputs.enable { volts } else { 0.0 });

@@ -1,6 +1,6 @@
 //! Plants that a loop is closed around: a simulated nonlinear film, or the model of a parameter file with full memory.
 
-use realfft::RealFftPlanner;
+use bench_fft::Planner;
 use springpot::{Actuator, Curve, Maxwell, Springpot};
 
 use crate::bench::film::{Film, FilmState};
@@ -107,7 +107,7 @@ pub struct FullMemoryPlant {
     /// Force that complete blocks leave in the substeps to come, N.
     past_n: Vec<f64>,
     displacement_m: f64,
-    planner: RealFftPlanner<f64>,
+    planner: Planner,
 }
 
 impl FullMemoryPlant {
@@ -136,7 +136,7 @@ impl FullMemoryPlant {
             increments: Vec::with_capacity(substeps),
             past_n: vec![0.0; substeps],
             displacement_m: 0.0,
-            planner: RealFftPlanner::new(),
+            planner: Planner::new(),
         })
     }
 
@@ -171,7 +171,7 @@ impl FullMemoryPlant {
             return;
         }
         let points = 2 * length;
-        let (forward, backward) = (self.planner.plan_fft_forward(points), self.planner.plan_fft_inverse(points));
+        let (forward, backward) = (self.planner.forward(points), self.planner.backward(points));
         let spectrum_of = |values: &[f64]| {
             let mut time = forward.make_input_vec();
             time[..values.len()].copy_from_slice(values);

@@ -1,6 +1,6 @@
 //! Autocorrelation of the residuals of a fit.
 
-use realfft::RealFftPlanner;
+use bench_fft::Planner;
 
 use super::objective::Objective;
 
@@ -56,8 +56,8 @@ fn autocorrelation(values: &[f64]) -> Vec<f64> {
     let mean = values.iter().sum::<f64>() / n as f64;
     // Zeros behind the values keep their end from touching their beginning.
     let points = (2 * n).next_power_of_two();
-    let mut planner = RealFftPlanner::new();
-    let (forward, backward) = (planner.plan_fft_forward(points), planner.plan_fft_inverse(points));
+    let mut planner = Planner::new();
+    let (forward, backward) = (planner.forward(points), planner.backward(points));
     let mut time = forward.make_input_vec();
     time.iter_mut().zip(values).for_each(|(slot, value)| *slot = value - mean);
     let mut power = forward.make_output_vec();

@@ -5,8 +5,8 @@
 
 use std::sync::Arc;
 
+use bench_fft::{ComplexToReal, Planner, RealToComplex};
 use num_complex::Complex;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use springpot::{Maxwell, Method};
 
 /// A circle of points |ζ| = radius on which responses of a given length are computed.
@@ -56,7 +56,7 @@ impl FullMemory {
         // Wrapped parts shrink by radius^points, rounding grows by radius^−samples: both equal.
         let ln_radius = f64::EPSILON.ln() * ratio / (ratio + 1.0) / points as f64;
         let ln_s = (0..=points / 2).map(|k| ln_s_at(k as f64 / points as f64, ln_radius, step, method)).collect();
-        let mut planner = RealFftPlanner::new();
+        let mut planner = Planner::new();
         Self {
             samples,
             step,
@@ -66,8 +66,8 @@ impl FullMemory {
             ln_s,
             rounding: (ln_radius * points as f64).exp(),
             damping: (0..samples).map(|k| (ln_radius * k as f64).exp()).collect(),
-            forward: planner.plan_fft_forward(points),
-            backward: planner.plan_fft_inverse(points),
+            forward: planner.forward(points),
+            backward: planner.backward(points),
         }
     }
 

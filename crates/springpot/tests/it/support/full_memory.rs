@@ -4,8 +4,8 @@
 //! slightly inside the unit circle these are Fourier transforms of r^k times the samples, and (1 − ζ)/h is s. The model's
 //! K(s) is evaluated here from its springpots, not by the library.
 
+use bench_fft::Planner;
 use num_complex::Complex;
-use realfft::RealFftPlanner;
 use springpot::{Maxwell, Springpot, Topology};
 
 /// A circle for responses of up to `samples` samples.
@@ -57,17 +57,17 @@ impl FullMemory {
 
     fn filter(&self, input: &[f64], transfer: impl Fn(Complex<f64>) -> Complex<f64>) -> Vec<f64> {
         assert!(input.len() <= self.samples);
-        let mut planner = RealFftPlanner::new();
+        let mut planner = Planner::new();
         let damping = |k: usize| (self.ln_radius * k as f64).exp();
         let mut time: Vec<f64> = input.iter().enumerate().map(|(k, value)| value * damping(k)).collect();
         time.resize(self.points, 0.0);
         let mut spectrum = vec![Complex::ZERO; self.points / 2 + 1];
-        planner.plan_fft_forward(self.points).process(&mut time, &mut spectrum).expect("lengths fit");
+        planner.forward(self.points).process(&mut time, &mut spectrum).expect("lengths fit");
         spectrum.iter_mut().zip(&self.ln_s).for_each(|(value, &ln_s)| *value *= transfer(ln_s));
         // Both ends are real, up to rounding.
         spectrum[0].im = 0.0;
         spectrum[self.points / 2].im = 0.0;
-        planner.plan_fft_inverse(self.points).process(&mut spectrum, &mut time).expect("lengths fit");
+        planner.backward(self.points).process(&mut spectrum, &mut time).expect("lengths fit");
         let unscaled = self.points as f64;
         time.iter().take(input.len()).enumerate().map(|(k, value)| value / (unscaled * damping(k))).collect()
     }
