@@ -128,7 +128,7 @@ fn a_log_that_is_none_is_one_line() {
     };
     let rows = |row: &dyn Fn(usize) -> String| (0..100).map(row).collect::<String>();
     let head = "time_s,command_v,monitor_v\n";
-    fails("", &["bad.csv:1:", "time_s"]);
+    fails("", &["bad.csv: is empty", "time_s"]);
     fails(head, &["bad.csv: 0 data rows"]);
     fails("time_s,monitor_v\n0,0\n1,1\n", &["bad.csv:1:", "no column command_v"]);
     fails("time_s,command_v\n0,0\n1,1\n", &["bad.csv:1:", "no column monitor_v", "voltage_v"]);

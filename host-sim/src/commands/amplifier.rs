@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
+use super::recordings::{self, RecordingOptions};
 use crate::error::{Error, Result, shown};
 use crate::files::amplifier_log::AmplifierLog;
 use crate::files::output::{self, Folders, Staged};
@@ -17,10 +18,13 @@ use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Log of the amplifier: time_s, command_v, and monitor_v (or voltage_v, as `link … stream` and `play` write it). Best are steps up and
+    /// Log of the amplifier: time_s, command_v, and monitor_v (or voltage_v, as `link … stream` and `play` write it); or a laboratory's own
+    /// file of these. Best are steps up and
     /// down to 0 V, at every tick.
     #[arg(value_name = "LOG.csv")]
     log: PathBuf,
+    #[command(flatten)]
+    reading: RecordingOptions,
     #[command(flatten)]
     plot: PlotOption,
     /// Parameter file (TOML), or preset:NAME, that gets rise_s and fall_s.
@@ -64,7 +68,8 @@ struct Intervals {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let log = AmplifierLog::read(&arguments.log)?;
+    let log = AmplifierLog::read(&arguments.log, &arguments.reading.hints())?;
+    recordings::tell_of(log.understood.as_ref());
     let parameters = arguments.params.as_deref().map(Parameters::load).transpose()?;
     let plot = arguments.check_outputs()?;
     let bar = Progress::unknown("identify the amplifier");

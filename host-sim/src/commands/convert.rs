@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
+use super::recordings::{self, RecordingOptions};
 use crate::error::{Error, Result, shown};
 use crate::files::material_test::{MaterialTest, Strain};
 use crate::files::output::{self, Folders};
@@ -24,11 +25,13 @@ pub(super) struct Arguments {
     /// logarithm). All agree for small strains.
     #[arg(long, value_enum, default_value_t = Strain::Engineering)]
     strain: Strain,
+    #[command(flatten)]
+    reading: RecordingOptions,
     /// Where the recording goes: time_s, displacement_m, force_n.
     #[arg(long, value_name = "REC.csv")]
     out: PathBuf,
     /// Material test: time_s (or time_ms); stretch, or displacement_mm as of a testing machine; nominal_stress_pa (or _kpa, _mpa),
-    /// or force_n.
+    /// or force_n; or a laboratory's own file of these.
     #[arg(value_name = "TEST.csv")]
     test: PathBuf,
 }
@@ -49,7 +52,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     }
     output::check(&arguments.out, &[&arguments.test], Folders::Exist)?;
     let path = &arguments.test;
-    let test = MaterialTest::read(path)?;
+    let test = MaterialTest::read(path, &arguments.reading.hints())?;
+    recordings::tell_of(test.understood.as_ref());
     let (displacement, force) =
         (test.displacement_m(arguments.length, arguments.strain)?, test.force_n(arguments.area)?);
     let size = |name: &str, value: Option<f64>, unit: &str| value.map(|value| format!(", {name} = {value} {unit}"));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use crate::error::Result;
-use crate::files::import::{Choices, Hints};
+use crate::files::import::{Choices, Hints, Understood};
 use crate::files::recording::Recording;
 use crate::grid::Grid;
 use crate::references;
@@ -16,6 +16,7 @@ use crate::terminal;
 pub(super) struct RecordingOptions {
     /// Which column is what, by its name or number, with a unit and a factor if need be:
     /// time=Zeit:s,voltage="HV mon"*2000,displacement=3:mm. What is left out goes by names and units; force=none leaves it out.
+    /// Logs of an amplifier have a command beside the voltage, material tests stretch and stress.
     #[arg(long, value_name = "COLUMNS")]
     columns: Option<Choices>,
     /// Spreadsheet of a workbook.
@@ -59,7 +60,12 @@ impl RecordingOptions {
 
 /// Tells what was understood of a `recording` that has other names.
 pub(super) fn tell(recording: &Recording) {
-    if let Some(understood) = recording.understood() {
+    tell_of(recording.understood());
+}
+
+/// Tells what was understood of a file that has other names.
+pub(super) fn tell_of(understood: Option<&Understood>) {
+    if let Some(understood) = understood {
         terminal::told(understood.line());
     }
 }

@@ -1,13 +1,14 @@
 //! Logs of an amplifier: what was commanded, and what the voltage monitor showed.
 //!
-//! [`crate::files::csv`] reads them. `link … stream` and `play` write such logs; there the column of the monitor is `voltage_v`.
+//! [`crate::files::layout`] reads them. `link … stream` and `play` write such logs; there the column of the monitor is `voltage_v`.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::files::csv::{Names, Table};
+use crate::files::import::{Hints, Quantity, Understood};
+use crate::files::layout::Layout;
 
 /// A log, row by row; time from its first row.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,10 +20,18 @@ pub struct AmplifierLog {
     pub command_v: Vec<f64>,
     /// High voltage that the monitor showed, V; NaN where it gave nothing.
     pub monitor_v: Vec<f64>,
+    /// What was understood of a file with other names.
+    pub understood: Option<Understood>,
 }
 
 const COMMAND: &Names = &[("command_v", 1.0), ("command_kv", 1e3)];
 const MONITOR: &Names = &[("monitor_v", 1.0), ("monitor_kv", 1e3), ("voltage_v", 1.0), ("voltage_kv", 1e3)];
+
+const LOG: Layout<2> = Layout {
+    what: "a CSV log",
+    columns: [(Quantity::Command, COMMAND), (Quantity::Voltage, MONITOR)],
+    needed: &[&[0], &[1]],
+};
 
 /// Fewer rows do not tell a lag from noise.
 const LEAST_ROWS: usize = 50;
@@ -30,17 +39,14 @@ const LEAST_ROWS: usize = 50;
 const BELOW_ZERO: f64 = 0.02;
 
 impl AmplifierLog {
-    /// Reads the log at `path`.
+    /// Reads the log at `path`, of which a person says `hints`.
     ///
     /// # Errors
     ///
     /// [`Error`] naming the file and line of the first thing that cannot be used.
-    pub fn read(path: &Path) -> Result<Self> {
-        if path.is_dir() {
-            return Err(Error::file(path, "is a directory; name a CSV log in it"));
-        }
-        let file = File::open(path).map_err(|e| Error::file(path, e))?;
-        Self::from_csv(path, file)
+    pub fn read(path: &Path, hints: &Hints) -> Result<Self> {
+        let (table, understood) = LOG.read(path, hints)?;
+        Self::new(path, table, understood)
     }
 
     /// Reads a log from CSV text; `path` is what errors name.
@@ -49,8 +55,11 @@ impl AmplifierLog {
     ///
     /// As [`read`](Self::read).
     pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
-        let Table { time_s, columns: [command, monitor], .. } =
-            Table::from_csv(path, csv, [COMMAND, MONITOR], &[&[0], &[1]])?;
+        Self::new(path, LOG.from_csv(path, csv)?, None)
+    }
+
+    fn new(path: &Path, table: Table<2>, understood: Option<Understood>) -> Result<Self> {
+        let Table { time_s, columns: [command, monitor], .. } = table;
         let fault = |cause: String| Error::file(path, cause);
         if time_s.len() < LEAST_ROWS {
             let cause = format!("{} rows; record at least {LEAST_ROWS}, with steps up and down to 0 V", time_s.len());
@@ -64,7 +73,7 @@ impl AmplifierLog {
         let mut shown = shown.time_s.iter().zip(&shown.value).peekable();
         let monitor_v =
             time_s.iter().map(|t| shown.next_if(|(at, _)| *at == t).map_or(f64::NAN, |(_, &volts)| volts)).collect();
-        let log = Self { path: path.into(), time_s, command_v, monitor_v };
+        let log = Self { path: path.into(), time_s, command_v, monitor_v, understood };
         log.check()?;
         Ok(log)
     }

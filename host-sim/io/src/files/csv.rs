@@ -4,7 +4,6 @@
 //! A file is checked while it is read: the first fault ends the reading, and its line is reported.
 
 use std::collections::VecDeque;
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -42,19 +41,6 @@ pub struct Column {
 }
 
 impl<const N: usize> Table<N> {
-    /// Reads the columns `names` of the file at `path`.
-    ///
-    /// # Errors
-    ///
-    /// As [`from_csv`](Self::from_csv).
-    pub fn read(path: &Path, names: [&Names; N], needed: &[&[usize]]) -> Result<Self> {
-        if path.is_dir() {
-            return Err(Error::file(path, "is a directory; name a CSV recording in it"));
-        }
-        let file = File::open(path).map_err(|e| Error::file(path, e))?;
-        Self::from_csv(path, file, names, needed)
-    }
-
     /// Reads the columns `names` from CSV text; `path` is what errors name. Of every set in `needed` at least one
     /// column must be there.
     ///
@@ -229,19 +215,18 @@ impl Column {
     }
 }
 
-/// Whether a file that begins with `head` has the names of a recording: a time and one of `needed`, with numbers below them and
-/// below `others`. What has other names, separators or encodings is for [`crate::files::import`].
-pub fn has_names(head: &[u8], needed: &[&Names], others: &[&Names]) -> bool {
+/// Whether a file that begins with `head` has a time and, of every set in `needed`, one of the columns `names`, with numbers below them
+/// and below the others that it has.
+pub fn has_names<const N: usize>(head: &[u8], names: [&Names; N], needed: &[&[usize]]) -> bool {
     let mut records = Records::new(Path::new(""), head);
     let Ok(header) = Header::read(&mut records) else { return false };
     // Two columns of a kind are an error of a recording.
     let Ok(time) = header.find(TIME) else { return true };
-    let find = |groups: &[&Names]| groups.iter().map(|names| header.find(names)).collect::<Result<Vec<_>>>();
-    let (Ok(needed), Ok(others)) = (find(needed), find(others)) else { return true };
-    if time.is_none() || needed.iter().all(Option::is_none) {
+    let Ok(fields) = names.iter().map(|names| header.find(names)).collect::<Result<Vec<_>>>() else { return true };
+    if time.is_none() || needed.iter().any(|set| set.iter().all(|&index| fields[index].is_none())) {
         return false;
     }
-    let fields: Vec<Field> = [time].into_iter().chain(needed).chain(others).flatten().collect();
+    let fields: Vec<Field> = [time].into_iter().chain(fields).flatten().collect();
     if !matches!(records.next(), Ok(Some(_))) {
         return true;
     }

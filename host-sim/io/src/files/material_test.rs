@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::csv::{Names, Table};
+use crate::files::csv::Names;
+use crate::files::import::{Hints, Quantity, Understood};
+use crate::files::layout::Layout;
 
 const STRETCH: &Names = &[("stretch", 1.0)];
 const STRESS: &Names = &[("nominal_stress_pa", 1.0), ("nominal_stress_kpa", 1e3), ("nominal_stress_mpa", 1e6)];
@@ -17,6 +19,17 @@ const DISPLACEMENT: &Names = &[
 ];
 const FORCE: &Names =
     &[("force_n", 1.0), ("force_kn", 1e3), ("load_n", 1.0), ("Load (N)", 1.0), ("Force (N)", 1.0), ("Load (kN)", 1e3)];
+
+const TEST: Layout<4> = Layout {
+    what: "a CSV table of a material test",
+    columns: [
+        (Quantity::Stretch, STRETCH),
+        (Quantity::Stress, STRESS),
+        (Quantity::Displacement, DISPLACEMENT),
+        (Quantity::Force, FORCE),
+    ],
+    needed: &[&[0, 2], &[1, 3]],
+};
 
 /// How a stretch λ is written as a strain. All agree for small strains, so that coefficients keep their meaning there.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -46,6 +59,8 @@ impl Strain {
 pub struct MaterialTest {
     /// Times in s, increasing from 0.
     pub time_s: Vec<f64>,
+    /// What was understood of a file with other names.
+    pub understood: Option<Understood>,
     deformation: Deformation,
     load: Load,
 }
@@ -67,13 +82,13 @@ enum Load {
 }
 
 impl MaterialTest {
-    /// Reads the test at `path`: stretch or displacement, and nominal stress or force.
+    /// Reads the test at `path`, of which a person says `hints`: stretch or displacement, and nominal stress or force.
     ///
     /// # Errors
     ///
     /// [`Error`] naming the file and line of the first value that cannot be used.
-    pub fn read(path: &Path) -> Result<Self> {
-        let table = Table::read(path, [STRETCH, STRESS, DISPLACEMENT, FORCE], &[&[0, 2], &[1, 3]])?;
+    pub fn read(path: &Path, hints: &Hints) -> Result<Self> {
+        let (table, understood) = TEST.read(path, hints)?;
         let one_of = |first: usize, second: usize, what: &str| -> Result<(bool, Vec<f64>)> {
             let (index, column) = match (&table.columns[first], &table.columns[second]) {
                 (Some(_), Some(_)) => {
@@ -101,7 +116,7 @@ impl MaterialTest {
             (true, stress) => Load::NominalStress(stress),
             (false, force) => Load::Force(force),
         };
-        Ok(Self { time_s: table.time_s, deformation, load })
+        Ok(Self { time_s: table.time_s, understood, deformation, load })
     }
 
     /// Displacement (m) of a body of `length_m`, unstretched, along the load: its `strain` times its length.

@@ -5,6 +5,7 @@ pub mod csv;
 pub mod digest;
 pub mod import;
 pub mod journal;
+pub mod layout;
 pub mod material_test;
 pub mod output;
 pub mod parameters;

@@ -1,14 +1,14 @@
 //! Recordings: CSV files of what was applied and what was measured.
 //!
-//! [`crate::files::csv`] reads them.
+//! [`crate::files::layout`] reads them.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::files::csv::{self, Column, Names, Table};
-use crate::files::import::{self, Hints, Quantity, Request, Series, Understood};
+use crate::files::csv::{Column, Names, Table};
+use crate::files::import::{Hints, Quantity, Series, Understood};
+use crate::files::layout::Layout;
 use crate::grid::{Grid, Samples};
 
 /// A recording in SI units, time from its first sample.
@@ -52,28 +52,20 @@ const FORCE: &Names = &[("force_n", 1.0)];
 const WEIGHT: &Names = &[("weight", 1.0)];
 const DISPLACEMENT: &Names = &[("displacement_m", 1.0), ("displacement_mm", 1e-3), ("displacement_um", 1e-6)];
 
-/// What is asked of a file with other names.
-pub const REQUEST: Request<'_> = Request {
-    wanted: &[Quantity::Time, Quantity::Voltage, Quantity::Force, Quantity::Displacement, Quantity::Weight],
-    needed: &[&[Quantity::Time], &[Quantity::Voltage, Quantity::Force]],
+/// What a recording has: a voltage or a force.
+const RECORDING: Layout<4> = Layout {
+    what: "a CSV recording",
+    columns: [
+        (Quantity::Voltage, VOLTAGE),
+        (Quantity::Force, FORCE),
+        (Quantity::Displacement, DISPLACEMENT),
+        (Quantity::Weight, WEIGHT),
+    ],
+    needed: &[&[0, 1]],
 };
-const REFERENCE: Request<'_> = Request {
-    wanted: &[Quantity::Time, Quantity::Displacement],
-    needed: &[&[Quantity::Time], &[Quantity::Displacement]],
-};
-
-/// Opens the file at `path` and reads its first bytes.
-fn open(path: &Path) -> Result<(Vec<u8>, File)> {
-    const HEAD: u64 = 1 << 16;
-    if path.is_dir() {
-        return Err(Error::file(path, "is a directory; name a CSV recording in it"));
-    }
-    let fault = |error: std::io::Error| Error::file(path, error);
-    let mut file = File::open(path).map_err(fault)?;
-    let mut head = Vec::new();
-    file.by_ref().take(HEAD).read_to_end(&mut head).map_err(fault)?;
-    Ok((head, file))
-}
+/// What a reference has.
+const REFERENCE: Layout<1> =
+    Layout { what: "a CSV reference", columns: [(Quantity::Displacement, DISPLACEMENT)], needed: &[&[0]] };
 
 /// Largest time on the clock of a held recording's first row that is still the time since its load was applied, as a share of
 /// its duration; a recording that begins later was cut out of a longer one.
@@ -100,11 +92,8 @@ impl Recording {
     ///
     /// As [`read`](Self::read).
     pub fn read_with(path: &Path, hints: &Hints) -> Result<Self> {
-        let (head, rest) = open(path)?;
-        if *hints == Hints::default() && csv::has_names(&head, &[VOLTAGE, FORCE], &[DISPLACEMENT, WEIGHT]) {
-            return Self::from_csv(path, head.chain(rest));
-        }
-        Ok(Self::of(path, import::read(path, &head, rest, &REQUEST, hints)?))
+        let (table, understood) = RECORDING.read(path, hints)?;
+        Ok(Self::new(path, table, understood))
     }
 
     /// Reads a recording from CSV text; `path` is what errors name.
@@ -113,27 +102,16 @@ impl Recording {
     ///
     /// As [`read`](Self::read).
     pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
-        let table = Table::from_csv(path, csv, [VOLTAGE, FORCE, DISPLACEMENT, WEIGHT], &[&[0, 1]])?;
-        Ok(Self::new(path, table.time_s, table.start_s, table.columns, None))
+        Ok(Self::new(path, RECORDING.from_csv(path, csv)?, None))
     }
 
     /// The recording of the `series` in the file at `path`.
     pub fn of(path: &Path, series: Series) -> Self {
-        let start_s = series.clock_s.first().copied().unwrap_or(0.0);
-        let time_s = series.clock_s.iter().map(|t| t - start_s).collect();
-        let [voltage, force, displacement, weight] =
-            [Quantity::Voltage, Quantity::Force, Quantity::Displacement, Quantity::Weight]
-                .map(|q| series.column(q).cloned());
-        Self::new(path, time_s, start_s, [voltage, force, displacement, weight], Some(series.understood))
+        Self::new(path, RECORDING.table(&series), Some(series.understood))
     }
 
-    fn new(
-        path: &Path,
-        mut time_s: Vec<f64>,
-        start_s: f64,
-        columns: [Option<Column>; 4],
-        understood: Option<Understood>,
-    ) -> Self {
+    fn new(path: &Path, table: Table<4>, understood: Option<Understood>) -> Self {
+        let Table { mut time_s, start_s, columns } = table;
         // A voltage drives; without one, force or displacement may.
         let inputs = if columns[0].is_some() { &columns[..1] } else { &columns[..3] };
         let held = inputs.iter().flatten().any(|column| is_held(&column.present(&time_s).value));
@@ -151,18 +129,7 @@ impl Recording {
     ///
     /// As [`read`](Self::read).
     pub fn read_reference(path: &Path, hints: &Hints) -> Result<Self> {
-        let (head, rest) = open(path)?;
-        let plain = *hints == Hints::default();
-        let (time_s, displacement_m, understood) = if plain && csv::has_names(&head, &[DISPLACEMENT], &[]) {
-            let Table { time_s, columns: [displacement_m], .. } =
-                Table::from_csv(path, head.chain(rest), [DISPLACEMENT], &[&[0]])?;
-            (time_s, displacement_m, None)
-        } else {
-            let series = import::read(path, &head, rest, &REFERENCE, hints)?;
-            let start_s = series.clock_s.first().copied().unwrap_or(0.0);
-            let displacement_m = series.column(Quantity::Displacement).cloned();
-            (series.clock_s.iter().map(|t| t - start_s).collect(), displacement_m, Some(series.understood))
-        };
+        let (Table { time_s, columns: [displacement_m], .. }, understood) = REFERENCE.read(path, hints)?;
         Ok(Self { path: path.into(), time_s, voltage_v: None, force_n: None, displacement_m, weight: None, understood })
     }
 

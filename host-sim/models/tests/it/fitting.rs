@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use crate::recordings::recordings;
+use bench_io::files::import::Hints;
 use bench_io::files::material_test::{MaterialTest, Strain};
 use bench_io::files::output;
 use bench_io::files::recording::{Direction, Input, Recording};
@@ -405,7 +406,7 @@ fn measured_vhb_4910() {
     }
     let folder = tempfile::TempDir::new().expect("a folder");
     let body = folder.path().join("body.csv");
-    let test = MaterialTest::read(&data).expect("readable");
+    let test = MaterialTest::read(&data, &Hints::default()).expect("readable");
     // L = 60 mm, A = 49 mm × 0.16 mm.
     let displacement = test.displacement_m(Some(0.06), Strain::Engineering).expect("a stretch");
     let force = test.force_n(Some(7.84e-6)).expect("a stress");

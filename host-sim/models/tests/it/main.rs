@@ -13,6 +13,7 @@ mod lab_files;
 mod measured_curve;
 #[path = "../../../../crates/springpot/tests/it/support/models.rs"]
 mod models;
+mod other_files;
 mod periodic;
 mod plant;
 mod plants;

@@ -199,7 +199,7 @@ fn spreadsheet(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints
         (several, _) => {
             let names: Vec<String> = several.iter().map(|(name, ..)| format!("{name:?}")).collect();
             let cause = format!(
-                "{} spreadsheets may be the recording: {}; choose one with --sheet NAME",
+                "{} spreadsheets may be meant: {}; choose one with --sheet NAME",
                 names.len(),
                 names.join(", ")
             );
@@ -263,7 +263,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen]) -> Result<Series
             .map_err(|(line, cause)| at(path, line, cause))?;
     }
     if rows < 2 {
-        return Err(Error::file(path, format!("{rows} data rows; a recording needs at least 2")));
+        return Err(Error::file(path, format!("{rows} data rows; at least 2 are needed")));
     }
     let used = |index: &usize| !indices.contains(index);
     let head = source.head();

@@ -42,7 +42,7 @@ const HDF5: &str = "this is a MATLAB file of version 7.3 (HDF5), which is not re
 pub fn of(head: &[u8]) -> Result<Kind, String> {
     if head.is_empty() {
         return Err(
-            "is empty; a recording has a header, such as time_s,voltage_v,displacement_m, and rows of numbers".into()
+            "is empty; there must be a header, such as time_s,voltage_v,displacement_m of a recording, and rows of numbers".into()
         );
     }
     if let Some((_, cause)) = REFUSED.iter().find(|(mark, _)| head.starts_with(mark)) {

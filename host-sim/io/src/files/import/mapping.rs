@@ -60,9 +60,14 @@ pub fn of_recording(name: &str) -> Option<(Quantity, &'static str, f64)> {
 ///
 /// What is missing, or what may be read in two ways, and what to give with `--columns`.
 pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices) -> Result<Vec<Chosen>, String> {
-    let titles = Titles { titles, senses: titles.iter().map(Title::sense).collect() };
+    let titles = Titles { titles, senses: titles.iter().map(|title| title.sense(request.wanted)).collect() };
     if let (true, Some(found)) = (choices.is_empty(), titles.of_a_recording(request)) {
         return found;
+    }
+    let other = |quantity: &Quantity| !request.wanted.contains(quantity) && choices.of(*quantity).is_some();
+    if let Some(other) = [Quantity::Command, Quantity::Stretch, Quantity::Stress].iter().find(|q| other(q)) {
+        let names: Vec<&str> = request.wanted.iter().map(|quantity| quantity.name()).collect();
+        return Err(format!("--columns {}: what is read here is {}", other.name(), names.join(", ")));
     }
     let mut chosen: Vec<Chosen> = Vec::new();
     for quantity in request.wanted {
@@ -92,7 +97,7 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices) -> Result
     }
     for set in request.needed {
         if !chosen.iter().any(|column| set.contains(&column.quantity)) {
-            return Err(titles.missing(set));
+            return Err(titles.missing(set, request));
         }
     }
     chosen.sort_by_key(|column| column.quantity);
@@ -138,11 +143,11 @@ impl Titles<'_> {
             Some(Column::Name(name)) => self.by_name(quantity, name)?,
         };
         let known = match self.senses[index].unit {
-            UnitSense::Known(unit) if unit.quantity == quantity => Some(unit),
+            UnitSense::Known(unit) if unit.quantity == quantity.measure() => Some(unit),
             _ => None,
         };
         let unit = choice.unit.or(known);
-        if unit.is_none() && choice.factor.is_none() && quantity != Quantity::Weight {
+        if unit.is_none() && choice.factor.is_none() && !quantity.is_bare() {
             return Err(format!(
                 "--columns {}: column {} has no unit; add one of {}, as in {}={}:{}, or a factor to SI",
                 quantity.name(),
@@ -185,16 +190,17 @@ impl Titles<'_> {
     fn named(&self, quantity: Quantity, taken: &[usize]) -> Result<Option<Chosen>, String> {
         let named: Vec<usize> =
             (0..self.titles.len()).filter(|k| !taken.contains(k) && self.senses[*k].named == Some(quantity)).collect();
-        if quantity == Quantity::Weight {
-            let weight = |index| Chosen { quantity, index, unit: String::new(), factor: 1.0, by: By::Name };
-            return Ok(named.first().copied().map(weight));
+        if quantity.is_bare() {
+            let bare = |index| Chosen { quantity, index, unit: String::new(), factor: 1.0, by: By::Name };
+            return Ok(named.first().copied().map(bare));
         }
-        let of_unit = |k: &usize| matches!(self.senses[*k].unit, UnitSense::Known(unit) if unit.quantity == quantity);
+        let of_unit =
+            |k: &usize| matches!(self.senses[*k].unit, UnitSense::Known(unit) if unit.quantity == quantity.measure());
         let without: Vec<usize> =
             named.iter().copied().filter(|k| self.senses[*k].unit == UnitSense::Missing).collect();
         let with: Vec<usize> = named.iter().copied().filter(of_unit).collect();
         match (with.as_slice(), without.as_slice()) {
-            ([one], []) => Ok(self.with_unit(*one, By::Name)),
+            ([one], []) => Ok(self.with_unit(quantity, *one, By::Name)),
             ([], []) => match named.iter().find(|k| self.senses[**k].unit == UnitSense::MilliOrMega) {
                 Some(&index) => Err(self.no_unit(quantity, index, "has a unit that may be milli or mega")),
                 None => Ok(None),
@@ -212,14 +218,14 @@ impl Titles<'_> {
     fn by_unit(&self, quantity: Quantity, taken: &[usize]) -> Result<Option<Chosen>, String> {
         let fits = |k: &usize| {
             let sense = &self.senses[*k];
-            let is_unit = matches!(sense.unit, UnitSense::Known(unit) if unit.quantity == quantity
-                && !(quantity == Quantity::Voltage && unit.factor <= 1.0));
+            let is_unit = matches!(sense.unit, UnitSense::Known(unit) if unit.quantity == quantity.measure()
+                && !(unit.quantity == Quantity::Voltage && unit.factor <= 1.0));
             !taken.contains(k) && sense.named.is_none() && is_unit
         };
         let found: Vec<usize> = (0..self.titles.len()).filter(fits).collect();
         match found.as_slice() {
             [] => Ok(None),
-            [one] => Ok(self.with_unit(*one, By::Unit)),
+            [one] => Ok(self.with_unit(quantity, *one, By::Unit)),
             several => Err(self.several(quantity, several)),
         }
     }
@@ -241,11 +247,9 @@ impl Titles<'_> {
         }
     }
 
-    fn with_unit(&self, index: usize, by: By) -> Option<Chosen> {
+    fn with_unit(&self, quantity: Quantity, index: usize, by: By) -> Option<Chosen> {
         match self.senses[index].unit {
-            UnitSense::Known(unit) => {
-                Some(Chosen { quantity: unit.quantity, index, unit: unit.name.into(), factor: unit.factor, by })
-            }
+            UnitSense::Known(unit) => Some(Chosen { quantity, index, unit: unit.name.into(), factor: unit.factor, by }),
             _ => None,
         }
     }
@@ -270,7 +274,7 @@ impl Titles<'_> {
             shown.join(" and "),
             quantity.name(),
             match indices.last() {
-                Some(&index) if !matches!(self.senses[index].unit, UnitSense::Known(unit) if unit.quantity == quantity) =>
+                Some(&index) if !matches!(self.senses[index].unit, UnitSense::Known(unit) if unit.quantity == quantity.measure()) =>
                 {
                     format!("{}:{}", index + 1, quantity.example_unit())
                 }
@@ -279,24 +283,26 @@ impl Titles<'_> {
         )
     }
 
-    fn missing(&self, set: &[Quantity]) -> String {
+    fn missing(&self, set: &[Quantity], request: &Request<'_>) -> String {
+        let choice = |quantity: Quantity, column: &str| match quantity.example_unit() {
+            "" => format!("{}={column}", quantity.name()),
+            unit => format!("{}={column}:{unit}", quantity.name()),
+        };
         let names: Vec<String> = set.iter().map(|quantity| quantity.expected().to_owned()).collect();
-        let example: Vec<String> = set
-            .iter()
-            .take(1)
-            .map(|quantity| format!("{}=NUMBER:{}", quantity.name(), quantity.example_unit()))
-            .collect();
         if self.titles.iter().all(|title| title.name.is_empty()) {
+            let first = request.needed.iter().filter_map(|set| set.first());
+            let all: Vec<String> = first.zip(1..).map(|(quantity, k)| choice(*quantity, &k.to_string())).collect();
+            let columns = self.titles.len();
             return format!(
-                "no header above {} columns; name them by number, as in --columns time=1:s,voltage=2:V,displacement=3:mm",
-                self.titles.len()
+                "no header above {columns} columns; name them by number, as in --columns {}",
+                all.join(",")
             );
         }
         format!(
             "no column {}; there are {}; name it with --columns {}",
             names.join(" or "),
             self.list(),
-            example.join(",")
+            set.first().map_or_else(String::new, |quantity| choice(*quantity, "NUMBER"))
         )
     }
 

@@ -24,7 +24,7 @@ pub use extract::{Series, Understood, UnderstoodColumn, read};
 pub use mapping::By;
 pub(super) use text::{Separator, more_cells};
 
-/// What a column of a recording is.
+/// What a column is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Quantity {
@@ -38,11 +38,26 @@ pub enum Quantity {
     Displacement,
     /// Weight of a row in a fit.
     Weight,
+    /// High voltage that was asked of an amplifier.
+    Command,
+    /// Length of a specimen over its original length.
+    Stretch,
+    /// Force on a specimen over its original cross-section.
+    Stress,
 }
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Time, Self::Voltage, Self::Force, Self::Displacement, Self::Weight];
+    pub const ALL: [Self; 8] = [
+        Self::Time,
+        Self::Voltage,
+        Self::Force,
+        Self::Displacement,
+        Self::Weight,
+        Self::Command,
+        Self::Stretch,
+        Self::Stress,
+    ];
 
     /// As `--columns` names it.
     pub fn name(self) -> &'static str {
@@ -52,17 +67,31 @@ impl Quantity {
             Self::Force => "force",
             Self::Displacement => "displacement",
             Self::Weight => "weight",
+            Self::Command => "command",
+            Self::Stretch => "stretch",
+            Self::Stress => "stress",
         }
+    }
+
+    /// What its units are units of: a command is a voltage.
+    fn measure(self) -> Self {
+        if self == Self::Command { Self::Voltage } else { self }
+    }
+
+    /// Whether it is a number without a unit.
+    fn is_bare(self) -> bool {
+        matches!(self, Self::Weight | Self::Stretch)
     }
 
     /// The unit of its values here.
     pub fn si_unit(self) -> &'static str {
         match self {
             Self::Time => "s",
-            Self::Voltage => "V",
+            Self::Voltage | Self::Command => "V",
             Self::Force => "N",
             Self::Displacement => "m",
-            Self::Weight => "",
+            Self::Weight | Self::Stretch => "",
+            Self::Stress => "Pa",
         }
     }
 
@@ -70,10 +99,11 @@ impl Quantity {
     fn example_unit(self) -> &'static str {
         match self {
             Self::Time => "s",
-            Self::Voltage => "kV",
+            Self::Voltage | Self::Command => "kV",
             Self::Force => "N",
             Self::Displacement => "mm",
-            Self::Weight => "",
+            Self::Weight | Self::Stretch => "",
+            Self::Stress => "kPa",
         }
     }
 
@@ -85,6 +115,9 @@ impl Quantity {
             Self::Force => "force_n",
             Self::Displacement => "displacement_m (or such as \"Laser (mm)\")",
             Self::Weight => "weight",
+            Self::Command => "command_v (or such as \"Command (kV)\")",
+            Self::Stretch => "stretch",
+            Self::Stress => "nominal_stress_pa (or such as \"Stress (kPa)\")",
         }
     }
 }

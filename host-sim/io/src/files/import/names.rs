@@ -81,6 +81,22 @@ const WORDS: &[(Quantity, &[&str])] = &[
     ),
 ];
 
+/// Words for what is not in recordings, which count where such a quantity is asked for.
+const OTHER_WORDS: &[(Quantity, &[&str])] =
+    &[(Quantity::Stretch, &["stretch", "lambda", "λ"]), (Quantity::Stress, &["stress", "zugspannung", "contrainte"])];
+
+/// Words that tell which of an amplifier's two voltages a column is.
+const OF_TWO_VOLTAGES: &[(Quantity, &[&str])] = &[
+    (
+        Quantity::Command,
+        &["command", "cmd", "setpoint", "set", "demand", "target", "input", "control", "soll", "sollwert"],
+    ),
+    (
+        Quantity::Voltage,
+        &["monitor", "mon", "vmon", "umon", "readback", "measured", "actual", "output", "ist", "istwert"],
+    ),
+];
+
 /// Letters that name a quantity where they are all of a name.
 const LETTERS: &[(Quantity, &[&str])] = &[
     (Quantity::Time, &["t"]),
@@ -98,13 +114,13 @@ impl Title {
         Self { name: name.into(), unit: None }
     }
 
-    /// What the title says.
-    pub fn sense(&self) -> Sense {
+    /// What the title says where the quantities `wanted` are asked for.
+    pub fn sense(&self, wanted: &[Quantity]) -> Sense {
         let (base, unit) = match &self.unit {
             Some(text) if !text.trim().is_empty() => (self.name.clone(), unit_cell(text)),
             _ => split(&self.name),
         };
-        Sense { named: quantity(&base), unit }
+        Sense { named: quantity(&base, wanted), unit }
     }
 }
 
@@ -185,8 +201,8 @@ fn letter_quantity(name: &str) -> Option<Quantity> {
     LETTERS.iter().find(|(_, letters)| letters.contains(&name.as_str())).map(|(quantity, _)| *quantity)
 }
 
-/// The quantity that the words of `name` tell.
-fn quantity(name: &str) -> Option<Quantity> {
+/// The quantity that the words of `name` tell where `wanted` are asked for.
+fn quantity(name: &str, wanted: &[Quantity]) -> Option<Quantity> {
     let lower = name.to_lowercase();
     let all = lower.trim();
     if all == "weight" {
@@ -203,9 +219,14 @@ fn quantity(name: &str) -> Option<Quantity> {
                 || (!candidate.is_ascii() && candidate.chars().all(|c| c > '\u{2e80}') && all.contains(candidate))
         })
     };
-    let mut named = WORDS.iter().filter(|(_, candidates)| says(candidates)).map(|(quantity, _)| *quantity);
-    match (named.next(), named.next()) {
-        (Some(quantity), None) => Some(quantity),
+    let only = |named: &mut dyn Iterator<Item = &(Quantity, &[&str])>| match (named.next(), named.next()) {
+        (Some((quantity, _)), None) => Some(*quantity),
         _ => None,
+    };
+    let of_two = |(_, candidates): &&(Quantity, &[&str])| wanted.contains(&Quantity::Command) && says(candidates);
+    if let Some(quantity) = only(&mut OF_TWO_VOLTAGES.iter().filter(of_two)) {
+        return Some(quantity);
     }
+    let others = OTHER_WORDS.iter().filter(|(quantity, _)| wanted.contains(quantity));
+    only(&mut WORDS.iter().chain(others).filter(|(_, candidates)| says(candidates)))
 }

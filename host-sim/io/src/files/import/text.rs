@@ -333,7 +333,7 @@ fn no_rows(lines: &[Line<'_>]) -> String {
     let first = lines.first().map_or("", |line| line.text.trim());
     let begin: String = first.chars().take(60).collect();
     format!(
-        "no rows of numbers; a recording has a header, such as time_s,voltage_v,displacement_m, and two rows of numbers at \
+        "no rows of numbers; there must be a header, such as time_s,voltage_v,displacement_m of a recording, and two rows of numbers at \
          least, separated by commas, semicolons, tabs or blanks; this begins with {begin:?}"
     )
 }

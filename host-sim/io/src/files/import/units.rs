@@ -2,7 +2,7 @@
 
 use super::Quantity;
 
-/// A unit of one of the quantities of a recording.
+/// A unit of one of the quantities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
     /// What is measured in it.
@@ -39,6 +39,10 @@ const UNITS: &[(Unit, &[&str])] = &[
     ),
     (unit(Quantity::Displacement, "µm", 1e-6), &["µm", "um", "micron", "microns", "micrometer", "micrometre", "微米"]),
     (unit(Quantity::Displacement, "nm", 1e-9), &["nm", "nanometer", "nanometre"]),
+    (unit(Quantity::Stress, "Pa", 1.0), &["Pa", "pa", "pascal"]),
+    (unit(Quantity::Stress, "kPa", 1e3), &["kPa", "kpa"]),
+    // Nobody records millipascals: capitals or not, it is mega.
+    (unit(Quantity::Stress, "MPa", 1e6), &["MPa", "mpa", "N/mm²", "n/mm²", "N/mm2", "n/mm2"]),
 ];
 
 /// What a text may be as a unit.
@@ -70,9 +74,10 @@ pub fn read(text: &str) -> Read {
 pub fn usual(quantity: Quantity) -> &'static str {
     match quantity {
         Quantity::Time => "s, ms, µs, min or h",
-        Quantity::Voltage => "V, kV or mV",
+        Quantity::Voltage | Quantity::Command => "V, kV or mV",
         Quantity::Force => "N, mN, µN or kN",
         Quantity::Displacement => "m, cm, mm, µm or nm",
-        Quantity::Weight => "none",
+        Quantity::Stress => "Pa, kPa or MPa",
+        Quantity::Weight | Quantity::Stretch => "none",
     }
 }

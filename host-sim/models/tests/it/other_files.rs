@@ -1,0 +1,134 @@
+//! Logs of amplifiers and material tests as laboratories have them: the same reader as for recordings.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::PathBuf;
+
+use bench_io::Error;
+use bench_io::files::amplifier_log::AmplifierLog;
+use bench_io::files::import::Hints;
+use bench_io::files::material_test::{MaterialTest, Strain};
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().expect("a folder"))
+    }
+
+    fn file(&self, content: &[u8]) -> PathBuf {
+        let path = self.0.path().join("file.txt");
+        fs::write(&path, content).expect("written");
+        path
+    }
+
+    fn log(&self, text: &str, columns: &str) -> Result<AmplifierLog, Error> {
+        AmplifierLog::read(&self.file(text.as_bytes()), &hints(columns))
+    }
+
+    fn test(&self, text: &str, columns: &str) -> Result<MaterialTest, Error> {
+        MaterialTest::read(&self.file(text.as_bytes()), &hints(columns))
+    }
+}
+
+fn hints(columns: &str) -> Hints {
+    let choices = if columns.is_empty() { Ok(Default::default()) } else { columns.parse() };
+    Hints { choices: choices.expect("columns"), sheet: None }
+}
+
+/// Command and monitor in kV: up at once, the monitor a fifth of the way later; both with a decimal comma.
+fn volts(k: u32) -> [f64; 2] {
+    let command = if k % 40 < 20 { 0.0 } else { 3.5 };
+    [command, 0.2 * f64::from(k % 5) + 0.1 * command]
+}
+
+fn german(header: &str) -> String {
+    let mut text = format!("Scope 7\n{header}\n");
+    for k in 0..120 {
+        let [command, monitor] = volts(k);
+        let row = format!("{};{command};{monitor}", 0.5 * f64::from(k));
+        writeln!(text, "{}", row.replace('.', ",")).expect("written");
+    }
+    text
+}
+
+#[test]
+fn an_amplifiers_log_is_read_in_the_labs_dialect() {
+    let folder = Folder::new();
+    for (header, columns) in [
+        ("Zeit [ms];HV Soll [kV];HV Ist [kV]", ""),
+        ("Time (ms);Command voltage (kV);Voltage monitor (kV)", ""),
+        ("Time (ms);Setpoint (kV);HV (kV)", ""),
+        ("t/ms;U/kV;CH2", "command=2,voltage=CH2:kV"),
+        ("t/ms;CH1;CH2", "command=CH1*1000,voltage=3*1000"),
+    ] {
+        let log = folder.log(&german(header), columns).unwrap_or_else(|error| panic!("{header}: {error}"));
+        assert_eq!(log.time_s.len(), 120, "{header}");
+        for k in 0..120 {
+            let [command, monitor] = volts(k).map(|kilovolts| 1e3 * kilovolts);
+            let row = k as usize;
+            assert!((log.time_s[row] - 0.5e-3 * f64::from(k)).abs() < 1e-12, "{header}: time {k}");
+            assert!((log.command_v[row] - command).abs() < 1e-9, "{header}: command {k}: {}", log.command_v[row]);
+            assert!((log.monitor_v[row] - monitor).abs() < 1e-9, "{header}: monitor {k}: {}", log.monitor_v[row]);
+        }
+        let understood = log.understood.expect("other names").line();
+        assert!(understood.contains("command = ") && understood.contains("voltage = "), "{understood}");
+    }
+}
+
+#[test]
+fn two_voltages_without_words_are_not_guessed() {
+    let folder = Folder::new();
+    for (header, named) in [
+        ("Time (ms);CH1 (kV);CH2 (kV)", ["columns may be the", "CH1"]),
+        ("Time (ms);HV Soll (kV);Temp (°C)", ["voltage_v", "--columns voltage=NUMBER:kV"]),
+        ("Time (ms);Command;HV Ist (kV)", ["\"Command\" has no unit", "--columns command=2:kV"]),
+    ] {
+        let error = folder.log(&german(header), "").expect_err(header).to_string();
+        assert!(named.iter().all(|part| error.contains(part)), "{header}: {error}");
+    }
+}
+
+/// 100 × 10 mm² of film, 2 % more stretch a row, stress in proportion.
+fn machine(header: &str, row: impl Fn(f64) -> [f64; 2]) -> String {
+    let mut text = format!("Machine;Z010\nSpecimen;7\n\n{header}\n");
+    for k in 0..40 {
+        let [first, second] = row(f64::from(k));
+        let line = format!("{};{first};{second}", 0.25 * f64::from(k));
+        writeln!(text, "{}", line.replace('.', ",")).expect("written");
+    }
+    text
+}
+
+#[test]
+fn a_material_test_is_read_in_the_labs_dialect() {
+    let folder = Folder::new();
+    let of_stretch = |k: f64| [1.0 + 0.02 * k, 0.01 * k];
+    let of_specimen = |k: f64| [2.0 * k, 0.1 * k];
+    for (text, columns) in [
+        (machine("Prüfzeit Zeit [s];Stretch;Stress [MPa]", of_stretch), ""),
+        (machine("Zeit (s);λ;Nominal stress (N/mm²)", of_stretch), ""),
+        (machine("Zeit (s);a;b", of_stretch), "stretch=2,stress=3:MPa"),
+        (machine("Zeit (s);Traverse Weg (mm);Kraft (N)", of_specimen), ""),
+    ] {
+        let test = folder.test(&text, columns).unwrap_or_else(|error| panic!("{text}: {error}"));
+        let displacement = test.displacement_m(Some(0.1), Strain::Engineering).expect("a length");
+        let force = test.force_n(Some(1e-5)).expect("an area");
+        for k in 0..40 {
+            let row = f64::from(k);
+            let k = k as usize;
+            assert!((test.time_s[k] - 0.25 * row).abs() < 1e-12);
+            assert!((displacement[k] - 2e-3 * row).abs() < 1e-12, "{text}: {} in row {k}", displacement[k]);
+            assert!((force[k] - 0.1 * row).abs() < 1e-9, "{text}: {} in row {k}", force[k]);
+        }
+    }
+}
+
+#[test]
+fn what_is_not_read_here_is_refused_with_what_is() {
+    let folder = Folder::new();
+    let error = folder.log(&german("Time (ms);Command (kV);HV (kV)"), "stress=2:MPa").expect_err("no stress");
+    assert!(error.to_string().ends_with("--columns stress: what is read here is time, command, voltage"), "{error}");
+    let error = folder.test(&machine("Time (s);a;b", |k| [k, k]), "").expect_err("no names").to_string();
+    assert!(error.contains("no column stretch or displacement_m") && error.contains("stretch=NUMBER"), "{error}");
+}
