@@ -288,7 +288,7 @@ impl Titles<'_> {
             "" => format!("{}={column}", quantity.name()),
             unit => format!("{}={column}:{unit}", quantity.name()),
         };
-        let names: Vec<String> = set.iter().map(|quantity| quantity.expected().to_owned()).collect();
+        let names: Vec<String> = set.iter().map(|quantity| quantity.expected(request.wanted).to_owned()).collect();
         if self.titles.iter().all(|title| title.name.is_empty()) {
             let first = request.needed.iter().filter_map(|set| set.first());
             let all: Vec<String> = first.zip(1..).map(|(quantity, k)| choice(*quantity, &k.to_string())).collect();

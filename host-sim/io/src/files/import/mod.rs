@@ -107,9 +107,12 @@ impl Quantity {
         }
     }
 
-    /// The names that are expected first.
-    fn expected(self) -> &'static str {
+    /// The names that are expected first where the quantities `wanted` are asked for.
+    fn expected(self, wanted: &[Self]) -> &'static str {
         match self {
+            Self::Voltage if wanted.contains(&Self::Command) => {
+                "monitor_v or voltage_v (or such as \"HV monitor (kV)\")"
+            }
             Self::Time => "time_s (or such as \"Time (s)\")",
             Self::Voltage => "voltage_v (or such as \"Voltage (kV)\")",
             Self::Force => "force_n",
