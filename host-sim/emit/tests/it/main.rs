@@ -1,0 +1,11 @@
+//! The emitted C against the crate `springpot`: the truth is the Rust law in the same test.
+
+mod bits;
+mod films;
+mod job;
+mod program;
+
+#[path = "../../../../crates/springpot/tests/it/support/models.rs"]
+mod models;
+#[path = "../../../../tests/support/recordings.rs"]
+mod recordings;
