@@ -47,7 +47,8 @@ fn published() -> Maxwell {
 
 /// The paper's film on the paper's bench: no curve, an amplifier that follows at once, nothing learned.
 pub fn plain() -> Case {
-    let setup = Setup { actuator: Actuator::KARNER_2022, limits: CommandLimits::BENCH, learning: None, bandwidths: &[0.6] };
+    let setup =
+        Setup { actuator: Actuator::KARNER_2022, limits: CommandLimits::BENCH, learning: None, bandwidths: &[0.6] };
     let law = Law::compressed(&published(), Options::at_step(1e-3)).expect("valid");
     Case::new("karner-2022-table3-n2", law, &setup).expect("accepted")
 }
@@ -74,7 +75,7 @@ pub fn rich() -> Case {
 
 /// A film whose period is given, at another rate.
 pub fn periodic() -> Case {
-    let learning = LearningOptions { period_s: Some(5.0), harmonics: 4, ..LearningOptions::BENCH };
+    let learning = LearningOptions { period_s: Some(10.0), harmonics: 4, ..LearningOptions::BENCH };
     let setup = Setup {
         actuator: Actuator::KARNER_2022,
         limits: CommandLimits::BENCH,
@@ -103,8 +104,7 @@ pub fn random(count: usize) -> Vec<Case> {
         let method = if k % 3 == 2 { Method::Bdf2 } else { Method::Gl };
         let law: Law<f32> = Law::compressed(model, Options::at_step(1e-3).with_method(method)).ok()?;
         let law = if k % 2 == 1 { law.behind(&random_curve(k)).ok()? } else { law };
-        let amplifier =
-            if k % 5 == 4 { AmplifierLag { rise_s: 0.05, fall_s: 0.05 } } else { AmplifierLag::NONE };
+        let amplifier = if k % 5 == 4 { AmplifierLag { rise_s: 0.05, fall_s: 0.05 } } else { AmplifierLag::NONE };
         let setup = Setup {
             actuator: Actuator { saturation_v: (k % 4 == 3).then_some(8000.0), ..Actuator::KARNER_2022 },
             limits: CommandLimits { amplifier, ..CommandLimits::BENCH },

@@ -6,6 +6,8 @@ mod job;
 mod program;
 
 #[path = "../../../../crates/springpot/tests/it/support/models.rs"]
+#[allow(dead_code)] // not all of them
 mod models;
 #[path = "../../../../tests/support/recordings.rs"]
+#[allow(dead_code)]
 mod recordings;
