@@ -14,7 +14,7 @@ use crate::program::{STRICT, Sources};
 use crate::recordings::recordings;
 
 /// Voltage and displacement of a recording every millisecond, linear between its rows, for `seconds`.
-fn recorded(path: &Path, seconds: usize) -> Vec<(f32, f32)> {
+pub fn recorded(path: &Path, seconds: usize) -> Vec<(f32, f32)> {
     let text = fs::read_to_string(path).expect("committed");
     let rows: Vec<[f32; 3]> = text
         .lines()

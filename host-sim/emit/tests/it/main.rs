@@ -1,6 +1,7 @@
 //! The emitted C against the crate `springpot`: the truth is the Rust law in the same test.
 
 mod bits;
+mod builds;
 mod films;
 mod job;
 mod program;
