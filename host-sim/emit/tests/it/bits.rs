@@ -85,18 +85,12 @@ pub fn compare(kind: Kind, case: &Case, inputs: &[Input], written: &[u8]) -> Vec
     rust
 }
 
-/// Runs every kind along `recorded` in the program, started by `command`, and here. Returns what `Rust` computed, flags of all limits that
-/// were met, and how many steps added something that was learned.
-pub fn all_kinds(
-    sources: &Sources,
-    command: impl Fn() -> Command,
-    (index, case): (usize, &Case),
-    recorded: &[(f32, f32)],
-) -> Shown {
+/// Runs every kind along `recorded` by `run`, from the job's bytes to rows of it, and here. Returns what was shown on the way.
+pub fn all_kinds(run: impl Fn(&[u8]) -> Vec<u8>, (index, case): (usize, &Case), recorded: &[(f32, f32)]) -> Shown {
     let mut shown = Shown::default();
     for kind in Kind::ALL {
         let inputs = inputs(kind, recorded);
-        let written = sources.run(&mut command(), &job::bytes(kind, index, &inputs));
+        let written = run(&job::bytes(kind, index, &inputs));
         let rows = compare(kind, case, &inputs, &written);
         if matches!(kind, Kind::Feedforward | Kind::Tracking | Kind::Learning) {
             shown.limits |= rows.iter().fold(0, |all, row| all | row[5]);
@@ -125,7 +119,7 @@ fn three_recordings_have_the_bits_of_rust() {
     for path in recordings("hossain") {
         let recorded = recorded(&path, 155);
         for (index, case) in cases.iter().enumerate() {
-            let shown = all_kinds(&sources, || Command::new(&program), (index, case), &recorded);
+            let shown = all_kinds(|job| sources.run(&mut Command::new(&program), job), (index, case), &recorded);
             limits |= shown.limits;
             learned[index] += shown.learned;
         }

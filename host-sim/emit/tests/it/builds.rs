@@ -23,7 +23,7 @@ fn has_the_bits(compiler: &str, options: &[&str]) {
     let [fast, ..] = recordings("hossain");
     let recorded = recorded(&fast, 10);
     for (index, case) in cases.iter().enumerate() {
-        all_kinds(&sources, || Command::new(&program), (index, case), &recorded);
+        all_kinds(|job| sources.run(&mut Command::new(&program), job), (index, case), &recorded);
     }
 }
 

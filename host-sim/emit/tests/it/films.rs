@@ -86,6 +86,22 @@ pub fn periodic() -> Case {
     Case::new("periodic", law, &setup).expect("accepted")
 }
 
+/// A film of the chip program: what its laws of control are built of.
+pub fn of_program(film: chip_program::Film) -> Case {
+    let model = Preset::named(film.preset).expect("a preset").model().expect("valid").with_topology(film.topology);
+    let options = Options::at_step(film.step_s).with_method(film.method);
+    let law: Law<f32> = Law::compressed(&model, options).expect("valid");
+    let (law, actuator) = if film.curved {
+        (law.behind(&chip_program::curve()).expect("valid"), chip_program::SATURATING)
+    } else {
+        (law, Actuator::KARNER_2022)
+    };
+    let learning = LearningOptions { period_s: Some(0.05), sample_interval_s: 1e-3, ..LearningOptions::BENCH };
+    let learning = (!film.curved).then_some(learning);
+    let setup = Setup { actuator, limits: CommandLimits::BENCH, learning, bandwidths: &[0.6] };
+    Case::new(film.preset, law, &setup).expect("accepted")
+}
+
 /// 16 pieces from −1 mm to 3 mm, softer by a tenth, then stiffer.
 fn curve() -> Curve {
     let points: Vec<(f64, f64)> = (0..17)

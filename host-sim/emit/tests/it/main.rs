@@ -2,6 +2,7 @@
 
 mod bits;
 mod builds;
+mod chips;
 mod films;
 mod job;
 mod program;

@@ -40,8 +40,9 @@ impl Sources {
         for k in 0..cases.len() {
             let _ = writeln!(list, "    &film_{}_{},", k / 50, k % 50);
         }
-        fs::write(path("job_films.c"), list + "};\n").expect("written");
-        for name in ["job.h", "host.c"] {
+        let _ = writeln!(list, "}};\nextern const uint32_t job_count;\nconst uint32_t job_count = {}U;", cases.len());
+        fs::write(path("job_films.c"), list).expect("written");
+        for name in ["job.h", "host.c", "chip.h", "chip_jobs.c", "chip_costs.c"] {
             fs::copy(source(name), path(name)).expect("copied");
         }
         Self { folder, films: cases.len().div_ceil(50) }

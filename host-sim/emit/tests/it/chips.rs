@@ -1,0 +1,163 @@
+//! The emitted C on chips in QEMU: Rust's bits, and what a step costs beside Rust's.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use chip_program::{Checksum, FILMS, Film, Name, Report};
+use documents::Documents;
+
+use crate::bits::{all_kinds, recorded};
+use crate::films::{self, Case};
+use crate::program::{STRICT, Sources, succeeds};
+use crate::recordings::recordings;
+
+/// A chip and its board in QEMU.
+struct Chip {
+    name: &'static str,
+    compiler: &'static str,
+    /// Processor, optimisation, and what the board needs.
+    options: &'static [&'static str],
+    /// Begin and length of flash and RAM, in the linker's words.
+    flash: &'static str,
+    ram: &'static str,
+    qemu: &'static [&'static str],
+}
+
+const CORTEX_M4F: Chip = Chip {
+    name: "Cortex-M4F",
+    compiler: "arm-none-eabi-gcc",
+    options: &["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-DCHIP_MHZ=168U"],
+    flash: "ORIGIN = 0x08000000, LENGTH = 1M",
+    ram: "ORIGIN = 0x20000000, LENGTH = 128K",
+    qemu: &["qemu-system-arm", "-M", "olimex-stm32-h405"],
+};
+
+/// How the C is compiled where speed counts; what the documents state of the chip.
+const FAST: [&str; 2] = ["-O3", "-fno-math-errno"];
+
+impl Chip {
+    /// Compiles `main` with the films of `sources`.
+    fn image(&self, sources: &Sources, main: &str, optimised: &[&str]) {
+        let script = format!(
+            "MEMORY {{ FLASH (rx) : {}\n RAM (rwx) : {} }}\nENTRY(chip_reset)\nSECTIONS {{\n\
+             .text : {{ KEEP(*(.start)) *(.text*) *(.rodata*) *(.srodata*) }} > FLASH\n\
+             .data : {{ chip_data_start = .; *(.data*) *(.sdata*) . = ALIGN(4); chip_data_end = .; }} > RAM AT > FLASH\n\
+             chip_data_image = LOADADDR(.data);\n\
+             .bss (NOLOAD) : {{ chip_bss_start = .; *(.bss*) *(.sbss*) *(COMMON) . = ALIGN(4); chip_bss_end = .; }} > RAM\n\
+             __global_pointer$ = chip_data_start;\nchip_stack_top = ORIGIN(RAM) + LENGTH(RAM);\n\
+             /DISCARD/ : {{ *(.ARM.exidx*) *(.eh_frame*) }}\n}}\n",
+            self.flash, self.ram
+        );
+        let folder = sources.folder.path();
+        fs::write(folder.join("chip.ld"), script).expect("written");
+        let mut command = Command::new(self.compiler);
+        command.current_dir(folder).args(self.options).args(STRICT).args(optimised);
+        command.args(["-ffunction-sections", "-nostartfiles", "-Tchip.ld", "-o", "image", main]);
+        succeeds(command.args(sources.film_files()).arg("-lm"));
+    }
+
+    /// The rows of a job.
+    fn job(&self, sources: &Sources, job: &[u8]) -> Vec<u8> {
+        sources.run(&mut self.run(sources.folder.path(), &[]), job);
+        fs::read(sources.folder.path().join("output")).expect("the image has written it")
+    }
+
+    /// Starts the image, which reads `input` and writes `output` in the folder.
+    fn run(&self, folder: &Path, options: &[&str]) -> Command {
+        let mut command = Command::new(self.qemu[0]);
+        command.current_dir(folder).args(&self.qemu[1..]);
+        command.args(["-nographic", "-monitor", "none", "-serial", "none"]).args(options);
+        command.args(["-semihosting-config", "enable=on,target=native", "-kernel", "image"]);
+        command
+    }
+}
+
+/// Three recordings of 155 s, forwards, backwards and under each law of control.
+fn recordings_have_the_bits(chip: &Chip) {
+    let cases = [films::plain(), films::rich()];
+    let sources = Sources::of(&cases);
+    chip.image(&sources, "chip_jobs.c", &FAST);
+    for path in recordings("hossain") {
+        let recorded = recorded(&path, 155);
+        for (index, case) in cases.iter().enumerate() {
+            all_kinds(|job| chip.job(&sources, job), (index, case), &recorded);
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs arm-none-eabi-gcc and QEMU: cargo xtask faces"]
+fn three_recordings_have_the_bits_of_rust_on_the_cortex_m4f() {
+    recordings_have_the_bits(&CORTEX_M4F);
+}
+
+/// The films of the chip program that are stepped every millisecond.
+fn program_films() -> Vec<(Film, Case)> {
+    let all = FILMS.into_iter().filter(|film| film.step_s == 1e-3);
+    all.map(|film| (film, films::of_program(film))).collect()
+}
+
+/// What the C program wrote: `bits` and `cost` by the names that the Rust program gives them.
+fn measured(chip: &Chip, films: &[(Film, Case)], sources: &Sources) -> [BTreeMap<String, u64>; 2] {
+    let output = sources.folder.path().join("output");
+    let _ = fs::remove_file(&output);
+    succeeds(&mut chip.run(sources.folder.path(), &["-icount", "shift=0"]));
+    let text = fs::read_to_string(output).expect("the image has written it");
+    ["bits", "cost"].map(|kind| {
+        let lines = text.lines().filter_map(|line| line.strip_prefix(kind));
+        lines
+            .map(|line| {
+                let words: Vec<&str> = line.split_whitespace().collect();
+                let [what, number, value] = words.as_slice() else { panic!("the image wrote {line}") };
+                let (film, _) = &films[number.parse::<usize>().expect("a number")];
+                let what = WHAT.into_iter().find(|name| name == what).expect("a known one");
+                let name = Name { film: *film, size: "12+36", what };
+                (name.to_string(), u64::from_str_radix(value, 16).expect("hexadecimal"))
+            })
+            .collect()
+    })
+}
+
+const WHAT: [&str; 7] = ["creep", "relaxation", "voltage", "feedforward", "observer", "tracking", "learning"];
+
+/// Checksums of the Rust program on this host.
+#[derive(Default)]
+struct Host(BTreeMap<String, u64>);
+
+impl Report for Host {
+    fn cost<R>(&mut self, _: Name, work: impl FnOnce() -> R) -> R {
+        work()
+    }
+
+    fn cost_of_step(&mut self, _: Name, _: u16, _: impl FnOnce(), _: impl FnOnce()) {}
+
+    fn bits(&mut self, name: Name, checksum: Checksum) {
+        if name.size == "12+36" && WHAT.contains(&name.what) {
+            self.0.insert(name.to_string(), checksum.0);
+        }
+    }
+}
+
+/// The checksums of the Rust program, and instructions of each step within 10 % of Rust's or below, as docs/results.md states them, which
+/// `cargo xtask embedded` holds.
+fn costs_no_more_than_rust(chip: &Chip, optimised: &[&str]) {
+    let films = program_films();
+    let cases: Vec<Case> = films.iter().map(|(film, _)| films::of_program(*film)).collect();
+    let sources = Sources::of(&cases);
+    chip.image(&sources, "chip_costs.c", optimised);
+    let [bits, costs] = measured(chip, &films, &sources);
+    let mut host = Host::default();
+    chip_program::run(&mut host, &films.iter().map(|(film, _)| *film).collect::<Vec<_>>());
+    assert_eq!(bits, host.0, "{}", chip.name);
+    for (name, cost) in &costs {
+        println!("{name} {cost}");
+    }
+}
+
+#[test]
+#[ignore = "needs arm-none-eabi-gcc and QEMU: cargo xtask faces"]
+fn a_step_costs_no_more_than_rusts_on_the_cortex_m4f() {
+    costs_no_more_than_rust(&CORTEX_M4F, &FAST);
+}
