@@ -101,6 +101,17 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
+/* Loops over modes are unrolled, a sixth of the instructions of a step, unless small code is asked for. */
+#if defined(__OPTIMIZE_SIZE__)
+#define SPRINGPOT_UNROLL
+#elif defined(__clang__)
+#define SPRINGPOT_UNROLL _Pragma("clang loop unroll(full)")
+#elif defined(__GNUC__) && (__GNUC__ >= 8)
+#define SPRINGPOT_UNROLL _Pragma("GCC unroll 24")
+#else
+#define SPRINGPOT_UNROLL
+#endif
+
 /* The version of the tables: a film must be of the same. */
 #define SPRINGPOT_FORMAT 1U
 

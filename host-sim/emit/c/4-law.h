@@ -72,6 +72,7 @@ static inline float springpot_remember(
     state->increments[newest + SPRINGPOT_HEAD] = increment;
     state->left_surplus = (left - left_before) - left_addend;
     state->left = left;
+    SPRINGPOT_UNROLL
     for (i = 0U; i < SPRINGPOT_SLOW; i++) {
         springpot_dashpot *dashpot = &state->slow[i];
         const float start = dashpot->displacement;
@@ -81,11 +82,13 @@ static inline float springpot_remember(
         dashpot->displacement = displacement;
         slow = slow + (law->slow[i].weight * (left - displacement));
     }
+    SPRINGPOT_UNROLL
     for (i = 0U; i < SPRINGPOT_FAST; i++) {
         const float extension = state->fast[i] + (oldest - (law->fast[i].loss * state->fast[i]));
         state->fast[i] = extension;
         fast = fast + (law->fast[i].weight * extension);
     }
+    SPRINGPOT_UNROLL
     for (i = 0U; i < SPRINGPOT_HEAD; i++) {
         head = head + (law->head[i] * recent[i]);
     }

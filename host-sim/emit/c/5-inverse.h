@@ -22,7 +22,7 @@ static inline float springpot_size(float value)
 static inline bool springpot_is_finite(float value)
 {
     const float difference = value - value;
-    return (difference >= 0.0F) && (difference <= 0.0F);
+    return difference == 0.0F;
 }
 
 /* The load of `voltage` (V, either sign; clamped to the largest), weight included. */

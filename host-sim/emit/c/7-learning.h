@@ -454,6 +454,7 @@ static inline float springpot_sum(const springpot_learning_state *state)
     float two[2] = {0.0F, 0.0F};
     uint32_t i;
 
+    SPRINGPOT_UNROLL
     for (i = SPRINGPOT_HARMONICS; i > 0U; i--) {
         const float re = (state->harmonics[i].added[0] + (twice * one[0])) - two[0];
         const float im = (state->harmonics[i].added[1] + (twice * one[1])) - two[1];

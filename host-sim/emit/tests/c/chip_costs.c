@@ -59,10 +59,14 @@ static void print(const char *kind, const char *what, uint32_t film, uint64_t va
     chip_write(out_file, line, at + 1U);
 }
 
-typedef float (*step)(float k);
+/* As the Rust program: laws are called, ticks of control stand in the loop that is counted. */
+#define CALLED __attribute__((noinline))
+#define IN_PLACE inline __attribute__((always_inline))
+
+typedef float (*step)(const springpot_film *film, float k);
 
 /* Instructions of a step beyond those of its loop, which computes what goes in. */
-static void cost(const char *what, uint32_t film, step one, float scale)
+static IN_PLACE void cost(const char *what, uint32_t number, const springpot_film *film, step one, float scale)
 {
     uint32_t start;
     uint32_t idle;
@@ -75,13 +79,12 @@ static void cost(const char *what, uint32_t film, step one, float scale)
     idle = chip_instructions() - start;
     start = chip_instructions();
     for (k = 0U; k < STEPS; k++) {
-        sink = one(scale * (float)k);
+        sink = one(film, scale * (float)k);
     }
     work = chip_instructions() - start;
-    print("cost", what, film, (work - idle) / STEPS);
+    print("cost", what, number, (work - idle) / STEPS);
 }
 
-static const springpot_film *film;
 static springpot_state law;
 static springpot_feedforward_state feedforward;
 static springpot_observer_state observer;
@@ -90,17 +93,17 @@ static springpot_learning_state learning;
 static float voltage;
 static uint32_t since;
 
-static float creep(float force)
+static CALLED float creep(const springpot_film *film, float force)
 {
     return springpot_displacement(film, &law, force);
 }
 
-static float relaxation(float displacement)
+static CALLED float relaxation(const springpot_film *film, float displacement)
 {
     return springpot_force(film, &law, displacement);
 }
 
-static float voltage_of(float force)
+static CALLED float voltage_of(const springpot_film *film, float force)
 {
     return springpot_voltage_of(&film->drive, force, 0.001F);
 }
@@ -118,7 +121,7 @@ static springpot_sample sample_of(float k)
     return sample;
 }
 
-static float feedforward_tick(float k)
+static IN_PLACE float feedforward_tick(const springpot_film *film, float k)
 {
     springpot_command command;
     (void)springpot_feedforward_apply(film, &feedforward, voltage, SPRINGPOT_NO_READING);
@@ -127,13 +130,13 @@ static float feedforward_tick(float k)
     return voltage;
 }
 
-static float observer_tick(float k)
+static IN_PLACE float observer_tick(const springpot_film *film, float k)
 {
     const springpot_sample sample = sample_of(k);
     return springpot_observer_observe(film, &observer, 5.0F * k, &sample);
 }
 
-static float tracking_tick(float k)
+static IN_PLACE float tracking_tick(const springpot_film *film, float k)
 {
     const springpot_sample sample = sample_of(k);
     springpot_command command;
@@ -143,7 +146,7 @@ static float tracking_tick(float k)
     return voltage;
 }
 
-static float learning_tick(float k)
+static IN_PLACE float learning_tick(const springpot_film *film, float k)
 {
     const springpot_sample sample = sample_of(k);
     since = (since == 9U) ? 0U : (since + 1U);
@@ -151,54 +154,54 @@ static float learning_tick(float k)
 }
 
 /* Bits along the way, then what a step costs. */
-static void ticks(const char *what, uint32_t number, step one)
+static IN_PLACE void ticks(const char *what, uint32_t number, const springpot_film *film, step one)
 {
     uint32_t k;
     begin();
     for (k = 0U; k < STEPS; k++) {
-        add(one((float)k));
+        add(one(film, (float)k));
     }
     print("bits", what, number, checksum);
-    cost(what, number, one, 1.0F);
+    cost(what, number, film, one, 1.0F);
 }
 
 static void run(uint32_t number)
 {
+    const springpot_film *const film = job_films[number];
     uint32_t k;
-    film = job_films[number];
 
     springpot_init(film, &law);
     begin();
     for (k = 0U; k < STEPS; k++) {
-        add(creep(1e-4F * ((float)k * (float)k)));
+        add(creep(film, 1e-4F * ((float)k * (float)k)));
     }
     print("bits", "creep", number, checksum);
     springpot_init(film, &law);
     begin();
     for (k = 0U; k < STEPS; k++) {
-        add(relaxation(1e-9F * ((float)k * (float)k)));
+        add(relaxation(film, 1e-9F * ((float)k * (float)k)));
     }
     print("bits", "relaxation", number, checksum);
     springpot_init(film, &law);
-    cost("creep", number, creep, 0.1F);
+    cost("creep", number, film, creep, 0.1F);
     springpot_init(film, &law);
-    cost("relaxation", number, relaxation, 1e-6F);
+    cost("relaxation", number, film, relaxation, 1e-6F);
 
     begin();
     for (k = 0U; k < STEPS; k++) {
-        add(voltage_of(0.1F * (float)k));
+        add(voltage_of(film, 0.1F * (float)k));
     }
     print("bits", "voltage", number, checksum);
-    cost("voltage", number, voltage_of, 0.1F);
+    cost("voltage", number, film, voltage_of, 0.1F);
 
     voltage = 0.0F;
     springpot_feedforward_init(film, &feedforward);
-    ticks("feedforward", number, feedforward_tick);
+    ticks("feedforward", number, film, feedforward_tick);
     springpot_observer_init(film, &observer);
-    ticks("observer", number, observer_tick);
+    ticks("observer", number, film, observer_tick);
     voltage = 0.0F;
     springpot_tracking_init(film, &tracking);
-    ticks("tracking", number, tracking_tick);
+    ticks("tracking", number, film, tracking_tick);
     if (film->learning != NULL) {
         springpot_learning_init(film, &learning, 0.0F);
         since = 0U;
@@ -206,7 +209,7 @@ static void run(uint32_t number)
             const springpot_sample sample = sample_of((float)k);
             (void)springpot_learning_advance(film, &learning, reference((float)k), &sample, true);
         }
-        ticks("learning", number, learning_tick);
+        ticks("learning", number, film, learning_tick);
     }
 }
 
