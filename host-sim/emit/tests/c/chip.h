@@ -7,23 +7,22 @@ int chip_main(void);
 
 #if defined(__riscv)
 
-static inline uint32_t chip_call(uint32_t operation, const void *arguments)
-{
-    register uint32_t a0 __asm__("a0") = operation;
-    register const void *a1 __asm__("a1") = arguments;
-    __asm__ volatile(".option push\n.option norvc\n.balign 16\nslli x0, x0, 0x1f\nebreak\nsrai x0, x0, 7\n.option pop"
-                     : "+r"(a0)
-                     : "r"(a1)
-                     : "memory");
-    return a0;
-}
+/* The three instructions that a debugger looks for, which must be uncompressed and on one page. */
+uint32_t chip_call(uint32_t operation, const void *arguments);
+__asm__(".section .text.chip_call, \"ax\"\n.option push\n.option norvc\n.option norelax\n.balign 16\n"
+        ".globl chip_call\nchip_call:\nslli x0, x0, 0x1f\nebreak\nsrai x0, x0, 7\nret\n.option pop\n.text");
 
-/* Instructions since some time. */
-static inline uint32_t chip_instructions(void)
+/* A moment, and the instructions between two of them. */
+static inline uint32_t chip_moment(void)
 {
     uint32_t count;
-    __asm__ volatile("csrr %0, minstret" : "=r"(count));
+    __asm__ volatile(".option push\n.option arch, +zicsr\ncsrr %0, minstret\n.option pop" : "=r"(count));
     return count;
+}
+
+static inline uint32_t chip_between(uint32_t start, uint32_t end)
+{
+    return end - start;
 }
 
 static inline void chip_counter(void)
@@ -31,7 +30,7 @@ static inline void chip_counter(void)
 }
 
 void chip_reset(void);
-__asm__(".section .start, \"ax\"\n.globl _start\n_start:\nla sp, chip_stack_top\nla gp, __global_pointer$\nj chip_reset\n.text");
+__asm__(".section .start, \"ax\"\n.globl _start\n_start:\nla sp, chip_stack_top\nj chip_reset\n.text");
 
 #else
 
@@ -43,11 +42,15 @@ static inline uint32_t chip_call(uint32_t operation, const void *arguments)
     return r0;
 }
 
-/* SysTick counts periods of the core's clock down, a nanosecond being an instruction. */
-static inline uint32_t chip_instructions(void)
+/* A moment: SysTick counts periods of the core's clock down, a nanosecond being an instruction. At most 2^24 periods lie between two. */
+static inline uint32_t chip_moment(void)
 {
-    const uint32_t period = 0x00FFFFFFU - *(volatile uint32_t *)0xE000E018U;
-    return (uint32_t)(((uint64_t)period * 1000U) / CHIP_MHZ);
+    return *(volatile uint32_t *)0xE000E018U;
+}
+
+static inline uint32_t chip_between(uint32_t start, uint32_t end)
+{
+    return (uint32_t)(((uint64_t)((start - end) & 0x00FFFFFFU) * 1000U) / CHIP_MHZ);
 }
 
 static inline void chip_counter(void)
@@ -111,8 +114,6 @@ void chip_reset(void)
 #if defined(__ARM_FP)
     *(volatile uint32_t *)0xE000ED88U |= 0x00F00000U;
     __asm__ volatile("dsb\nisb");
-#elif defined(__riscv_flen)
-    __asm__ volatile("li t0, 0x2000\ncsrs mstatus, t0\ncsrw fcsr, x0" ::: "t0");
 #endif
     for (word = chip_data_start; word < chip_data_end; word++) {
         *word = *image;

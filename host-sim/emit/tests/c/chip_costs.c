@@ -72,16 +72,16 @@ static IN_PLACE void cost(const char *what, uint32_t number, const springpot_fil
     uint32_t idle;
     uint32_t work;
     uint32_t k;
-    start = chip_instructions();
+    start = chip_moment();
     for (k = 0U; k < STEPS; k++) {
         sink = scale * (float)k;
     }
-    idle = chip_instructions() - start;
-    start = chip_instructions();
+    idle = chip_between(start, chip_moment());
+    start = chip_moment();
     for (k = 0U; k < STEPS; k++) {
         sink = one(film, scale * (float)k);
     }
-    work = chip_instructions() - start;
+    work = chip_between(start, chip_moment());
     print("cost", what, number, (work - idle) / STEPS);
 }
 
