@@ -6,7 +6,7 @@ use std::process::Command;
 
 use dea_driver::Blob;
 use host_sim::files::parameters::Parameters;
-use springpot::{Applied, SensorSample};
+use springpot::{Applied, CommandLimits, Feedforward, Load, SensorSample};
 use tempfile::TempDir;
 use tests::tool::{names, text};
 use tests::transcript::blocks;
@@ -59,18 +59,20 @@ fn the_program_of_the_page_runs() {
 
     let blob = controllers(&Parameters::preset("table3-n2").expect("there"));
     let tracking = blob.tracking();
-    let mut state = tracking.state(tracking.observer().law().state());
+    let (law, drive) = (tracking.observer().law(), tracking.observer().drive());
+    let (mut state, mut real) = (tracking.state(law.state()), law.state());
     let (mut voltage, mut limited) = (0.0, 0);
     for tick in 0..10_000_u16 {
-        let displacement = 1.03 * state.observer().displacement();
+        let load = drive.load(voltage);
+        let displacement = law.displacement_under(&mut real, Load { force: 1.03 * load.force, ..load });
         let sample = (tick % 10 == 0).then_some(SensorSample { displacement, age_ticks: 0 });
         tracking.observe(&mut state, Applied::as_commanded(voltage), sample);
         let reference_m = 1.1e-3 - 0.1e-3 * (6.283_185_3 * 1e-4 * f32::from(tick)).cos();
         let command = tracking.command(&mut state, reference_m);
         (voltage, limited) = (command.voltage, command.limited.bits());
     }
-    let displacement_mm = 1e3 * f64::from(state.observer().displacement());
-    assert_eq!(printed, format!("{displacement_mm:.4} mm, {voltage:.0} V, limits {limited}\n"));
+    let displacement_mm = 1e3 * f64::from(real.position());
+    assert_eq!(printed, format!("{displacement_mm:.3} mm, {voltage:.0} V, limits {limited}\n"));
 }
 
 /// A file with all that a film can have: curve, saturation, an amplifier that lags, learning.
@@ -105,10 +107,10 @@ fn two_exported_films_have_the_controllers_bits() {
          static springpot_feedforward_state state;\n        static springpot_learning_state learned;\n\
          springpot_command command = {0.0F, 0.0F, 0.0F, 0U};\n        springpot_feedforward_init(films[f], &state);\n\
          springpot_learning_init(films[f], &learned, 0.0F);\n        for (uint32_t k = 0U; k < 12000U; k++) {\n\
-         const uint32_t turn = k % 1000U;\n            const float saw = (float)((turn < 500U) ? turn : (1000U - turn));\n\
+         const uint32_t turn = k % 1000U;\n            const float u = (float)((turn < 500U) ? turn : (1000U - turn)) / 500.0F;\n\
          springpot_sample sample;\n            float reference;\n            uint32_t bits;\n\
          sample.displacement = 1.04F * springpot_feedforward_apply(films[f], &state, command.voltage, 1.02F * command.voltage);\n\
-         sample.age_ticks = 0U;\n            reference = 0.6e-3F + (1e-9F * (saw * saw));\n\
+         sample.age_ticks = 0U;\n            reference = 0.6e-3F + (0.2e-3F * ((u * u) * (3.0F - (2.0F * u))));\n\
          reference = springpot_learning_advance(films[f], &learned, reference, (k % 10U == 0U) ? &sample : NULL, command.limited == 0U);\n\
          command = springpot_feedforward_command(films[f], &state, reference);\n            memcpy(&bits, &command.voltage, sizeof bits);\n\
          printf(\"%08x\\n\", (unsigned)bits);\n        }\n    }\n    return 0;\n}\n";
@@ -123,7 +125,7 @@ fn two_exported_films_have_the_controllers_bits() {
         let board = parameters.board_or_bench(1000.0);
         let single = |value: f64| f64::from(value as f32);
         let limits = board.command_limits();
-        let limits = springpot::CommandLimits {
+        let limits = CommandLimits {
             max_voltage_v: single(limits.max_voltage_v),
             max_field_v_per_m: single(limits.max_field_v_per_m),
             max_slew_v_per_s: single(limits.max_slew_v_per_s),
@@ -132,17 +134,17 @@ fn two_exported_films_have_the_controllers_bits() {
             return_hz: single(limits.return_hz),
             amplifier: limits.amplifier,
         };
-        let feedforward = springpot::Feedforward::new(law, &parameters.actuator, limits).expect("valid");
+        let feedforward = Feedforward::new(law, &parameters.actuator, limits).expect("valid");
         let mut state = feedforward.state(rest);
         let mut learned = blob.learning().map(|learning| learning.state(0.0));
         assert_eq!(learned.is_some(), params.ends_with("rich.toml"));
         let (mut voltage, mut is_free) = (0.0, true);
         for k in 0..12_000_u16 {
             let turn = k % 1000;
-            let saw = f32::from(if turn < 500 { turn } else { 1000 - turn });
+            let u = f32::from(if turn < 500 { turn } else { 1000 - turn }) / 500.0;
             let moved = feedforward.apply(&mut state, Applied::as_monitored(voltage, 1.02 * voltage));
             let sample = (k % 10 == 0).then_some(SensorSample { displacement: 1.04 * moved, age_ticks: 0 });
-            let mut reference = 0.6e-3 + 1e-9 * (saw * saw);
+            let mut reference = 0.6e-3 + 0.2e-3 * ((u * u) * (3.0 - 2.0 * u));
             if let Some((learning, learned)) = blob.learning().zip(learned.as_mut()) {
                 reference = learning.advance(learned, reference, sample, is_free);
             }
