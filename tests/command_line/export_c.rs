@@ -67,7 +67,7 @@ fn the_program_of_the_page_runs() {
         let displacement = law.displacement_under(&mut real, Load { force: 1.03 * load.force, ..load });
         let sample = (tick % 10 == 0).then_some(SensorSample { displacement, age_ticks: 0 });
         tracking.observe(&mut state, Applied::as_commanded(voltage), sample);
-        let reference_m = 1.1e-3 - 0.1e-3 * (6.283_185_3 * 1e-4 * f32::from(tick)).cos();
+        let reference_m = 1.1e-3 - 0.1e-3 * (std::f32::consts::TAU * 1e-4 * f32::from(tick)).cos();
         let command = tracking.command(&mut state, reference_m);
         (voltage, limited) = (command.voltage, command.limited.bits());
     }

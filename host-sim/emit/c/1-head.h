@@ -44,8 +44,9 @@
  *
  * Any optimisation from -O0 to -O3, any -mcpu or -march with single-precision IEEE 754 arithmetic. Subnormal numbers must not be
  * flushed to zero. Fused multiply-add changes bits: this file switches it off for gcc and clang; give other compilers the option
- * that does (gcc and clang call it -ffp-contract=off). -ffast-math, -Ofast and their parts are refused below, as far as the compiler shows
- * them: do not hide -funsafe-math-optimizations, -ffinite-math-only, -fassociative-math or -freciprocal-math from it. Link with -lm.
+ * that does (gcc and clang call it -ffp-contract=off). -ffast-math, -Ofast, -funsafe-math-optimizations, -ffinite-math-only,
+ * -fassociative-math and -freciprocal-math change bits: gcc 12 and later shows all of them, and they are refused below; clang shows the
+ * first two and -ffinite-math-only. -fno-math-errno spares the call of sqrtf. Link with -lm.
  */
 #ifndef SPRINGPOT_H
 #define SPRINGPOT_H
@@ -91,7 +92,7 @@
 #define SPRINGPOT_RESTRICT restrict
 #endif
 
-/* No fused multiply-add between here and the end of this file. */
+/* No fused multiply-add from here to the end of this file; of clang, to the end of the file that includes it. */
 #if defined(__clang__)
 #pragma clang fp contract(off)
 #elif defined(__GNUC__)

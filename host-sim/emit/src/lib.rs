@@ -29,6 +29,7 @@ pub const HEADER: &str = concat!(
     include_str!("../c/4-law.h"),
     include_str!("../c/5-inverse.h"),
     include_str!("../c/6-control.h"),
-    include_str!("../c/7-learning.h"),
-    include_str!("../c/8-tail.h"),
+    include_str!("../c/7-cycles.h"),
+    include_str!("../c/8-learning.h"),
+    include_str!("../c/9-tail.h"),
 );

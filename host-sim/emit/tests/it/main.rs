@@ -6,6 +6,7 @@ mod chips;
 mod films;
 mod job;
 mod program;
+mod text;
 
 #[path = "../../../../crates/springpot/tests/it/support/models.rs"]
 #[allow(dead_code)] // not all of them
