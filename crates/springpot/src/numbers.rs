@@ -5,7 +5,7 @@
 ///
 /// Names are those of the fields, behind the name of what they belong to, such as `law.stiffness`. The numbers of an array come one
 /// after the other under one name. What a construction computed in f64 comes as the step has it, rounded to `T`; constants of the step
-/// other than 0, ½, 1, 2, 4 and 8 come as well, so that they stand in one place.
+/// other than 0, ½, 1, 1½, 2, 4 and 8 come as well, so that they stand in one place.
 ///
 /// ```
 /// use springpot::{Law, Numbers, Options, Preset};

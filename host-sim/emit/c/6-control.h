@@ -173,7 +173,8 @@ static inline void springpot_fade_init(springpot_fade_state *state, float positi
     state->share = 1.0F;
 }
 
-/* A film at rest, 0 V, the reference where the film is. */
+/* A film at rest, 0 V, the reference where the film is. A film that has been loaded before: as for springpot_feedforward_init, with
+ * `state->observer.film`. */
 static inline void springpot_tracking_init(const springpot_film *film, springpot_tracking_state *state)
 {
     springpot_observer_init(film, &state->observer);
