@@ -147,8 +147,11 @@ static inline void springpot_visit(const springpot_learning *learning, springpot
             && (((float)visited * state->angle) <= learning->largest_angle);
         /* The mean has half of what a harmonic has of the sum. */
         const float scale = (visited == 0U) ? (0.5F * state->block.scale) : state->block.scale;
-        if (is_learned && springpot_learn(learning, harmonic, scale, state->block.variance, visited > 0U)) {
-            state->block.is_rough = 1U;
+        if (is_learned) {
+            const bool is_more = springpot_learn(learning, harmonic, scale, state->block.variance, visited > 0U);
+            if (is_more) {
+                state->block.is_rough = 1U;
+            }
         }
         if (visited == SPRINGPOT_HARMONICS) {
             state->has_learned = 1U;

@@ -67,7 +67,12 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
         arrived = (in.age == UINT32_MAX) ? NULL : &sample;
         if (kind == 0U) {
             const float x = springpot_displacement(film, &law, in.a);
-            job_row(x, law.base, law.increment, 0.0F, 0.0F, springpot_beyond_curve(&law) ? 1U : 0U);
+            const float to = springpot_force_to(film, &law, 1.001F * x);
+            float held = 0.0F;
+            if (in.flags != 0U) {
+                held = springpot_force(film, &law, x);
+            }
+            job_row(x, law.base, law.increment, to, held, springpot_beyond_curve(&law) ? 1U : 0U);
         } else if (kind == 1U) {
             const float to = springpot_force_to(film, &law, in.b);
             const float force = springpot_force(film, &law, in.a);

@@ -69,7 +69,10 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
             .iter()
             .map(|input| {
                 let x = law.displacement(&mut state, input.a);
-                row([x, state.base_force(), state.increment(), 0.0, 0.0], u32::from(state.beyond_curve()))
+                let to = law.force_to(&state, 1.001 * x);
+                // In the middle of a creep it is held for a step.
+                let held = if input.flags != 0 { law.force(&mut state, x) } else { 0.0 };
+                row([x, state.base_force(), state.increment(), to, held], u32::from(state.beyond_curve()))
             })
             .collect(),
         Kind::Force => inputs
