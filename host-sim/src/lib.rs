@@ -5,6 +5,7 @@
 //! | [`commands`] | the command line, one file per command |
 //! | [`report`] | figures and HTML pages |
 //! | [`bench_models`] | what the tool computes: replay, fits, studies, simulated films and closed loops |
+//! | [`bench_emit`] | the law of a film in C |
 //! | [`bench_io`] | what it reads and writes: files, the link to a controller, the terminal |
 //!
 //! Imports point downwards, without a circle. What computes is compiled for speed, everything else for a short build.

@@ -7,6 +7,7 @@ mod degenerate_input;
 mod demo;
 mod excitation;
 mod export;
+mod export_c;
 mod fit_commands;
 mod help;
 mod import;

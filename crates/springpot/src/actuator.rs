@@ -1,6 +1,7 @@
 //! From voltage to force and back: Eq. 1.
 
 use crate::error::{ActuatorError, first_not_positive};
+use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 /// Permittivity of free space in F/m.
@@ -369,6 +370,16 @@ impl<T: Real> VoltageDrive<T> {
         } else {
             T::ZERO
         }
+    }
+
+    /// Hands out `drive.force_per_square_volt` (N/V²), `drive.coupling` (1/m), `drive.saturation` (1/V²), `drive.preload` (N) and
+    /// `drive.max_voltage` (V).
+    pub fn numbers(&self, take: &mut impl Numbers<T>) {
+        take.number("drive.force_per_square_volt", self.force_per_square_volt);
+        take.number("drive.coupling", self.coupling);
+        take.number("drive.saturation", self.saturation);
+        take.number("drive.preload", self.preload);
+        take.number("drive.max_voltage", self.max_voltage);
     }
 
     /// The weight's share of the force, N.

@@ -14,6 +14,7 @@ mod error;
 mod kernel;
 mod law;
 mod model;
+mod numbers;
 mod scalar;
 
 pub use actuator::{Actuator, EPSILON_0, GRAVITY, Load, Preload, VoltageDrive};
@@ -29,4 +30,5 @@ pub use law::{Coefficients, Compressed, CompressionBound, Law, Memory, Options, 
 pub use model::{Chain, Maxwell, Preset, Springpot, Topology};
 /// The complex number of [`Maxwell::modulus`] and of the frequency responses, from the crate `num-complex`.
 pub use num_complex::Complex;
+pub use numbers::Numbers;
 pub use scalar::{Real, Scalar};

@@ -141,6 +141,39 @@ pub fn cpp_compiler() -> Result<()> {
     Ok(())
 }
 
+/// What compiles the emitted C and runs it: gcc and clang with their sanitizers, cross-compilers for Cortex-M and RISC-V with their C
+/// libraries, QEMU with boards of both.
+pub fn c_compilers() -> Result<()> {
+    cpp_compiler()?;
+    // Clang's sanitizers are a package of their own.
+    let sanitizes = || {
+        let folder = output(command("clang", &["-print-runtime-dir"])).unwrap_or_default();
+        has("clang++") && Path::new(folder.trim()).exists()
+    };
+    if !sanitizes() {
+        apt_install(&["clang", "libclang-rt-dev"], None)?;
+    }
+    for (program, packages) in [
+        ("arm-none-eabi-gcc", ["gcc-arm-none-eabi", "libnewlib-arm-none-eabi"]),
+        ("riscv64-unknown-elf-gcc", ["gcc-riscv64-unknown-elf", "picolibc-riscv64-unknown-elf"]),
+    ] {
+        if !has(program) {
+            apt_install(&packages, None)?;
+        }
+    }
+    qemu()?;
+    if !has("qemu-system-riscv32") {
+        // Of the release that QEMU for Arm is of: they share files. Older ones have it in another package.
+        apt_install(&["qemu-system-riscv"], None)
+            .or_else(|_| apt_install(&["qemu-system-riscv"], Some("backports")))?;
+    }
+    if has("qemu-system-riscv32") {
+        Ok(())
+    } else {
+        Err("qemu-system-riscv32 is needed: install it and run again".into())
+    }
+}
+
 /// A browser without a window, installed if it is missing: 300 MB with what it needs.
 pub fn chromium() -> Result<String> {
     const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];

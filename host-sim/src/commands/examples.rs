@@ -146,6 +146,8 @@ const EXAMPLES: &[Examples] = &[
         &[
             ("For a board, by the link or the flash", "export --params film.toml --rate 1kHz --out film.bin"),
             ("For a program", "export --params film.toml --emit rust --out film.rs"),
+            ("The law in C, with springpot.h", "export --params film.toml --emit c --out film.c"),
+            ("A library for Arduino", "export --params film.toml --emit arduino --out film_arduino"),
         ],
     ),
     (

@@ -1,18 +1,23 @@
-//! `export`: writes the parameter blob for the firmware.
+//! `export`: writes the parameter blob for the firmware, or the law of a film in another language.
+
+mod source;
 
 use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use dea_driver::Blob;
 use serde::Serialize;
 
-use crate::error::{Error, Result, shown};
+use crate::error::{Error, Result, short, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
 use crate::quantity;
 use crate::replay::memory::MethodName;
 use crate::report::compression::Compression;
 use crate::terminal::{self, rounded};
+
+use source::Source;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
@@ -25,10 +30,10 @@ pub(super) struct Arguments {
     /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
     #[arg(long, value_enum, default_value_t = MethodName::Gl)]
     method: MethodName,
-    /// What is written: the blob itself, or a constant for a program.
+    /// What is written: the blob itself, a constant for a program, or the law in another language.
     #[arg(long, value_enum, default_value_t = Emit::Blob)]
     emit: Emit,
-    /// Where it goes.
+    /// Where it goes: a file, of --emit c a NAME.c, of --emit arduino a folder.
     #[arg(long, value_name = "P.bin")]
     out: PathBuf,
 }
@@ -39,6 +44,10 @@ enum Emit {
     Blob,
     /// Rust source: `pub const BLOB: [u8; N]`.
     Rust,
+    /// C99 and C++11 source: the numbers of the film, with springpot.h beside it.
+    C,
+    /// A library for Arduino and `PlatformIO`, with an example: both in a folder.
+    Arduino,
 }
 
 #[derive(Serialize)]
@@ -51,6 +60,11 @@ struct Report {
     compression: Compression,
     /// Whether the file has a board; otherwise that of the paper's bench is used.
     own_board: bool,
+    /// The film's name in C.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    symbol: Option<String>,
+    /// All files.
+    written: Vec<String>,
     /// What is not known of the electric field.
     #[serde(skip_serializing_if = "Option::is_none")]
     field_note: Option<String>,
@@ -58,24 +72,44 @@ struct Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let parameters = Parameters::load(&arguments.params)?.with_method(arguments.method.into());
-    output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
+    let inputs = [arguments.params.as_ref()];
+    let source = match arguments.emit {
+        Emit::C => Some(Source::c(&arguments.out, &inputs)?),
+        Emit::Arduino => Some(Source::arduino(&arguments.out, &inputs)?),
+        Emit::Blob | Emit::Rust => {
+            output::check(&arguments.out, &inputs, Folders::Exist)?;
+            None
+        }
+    };
     super::board_rate(arguments.rate)?;
     let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());
     let (blob, board) = parameters.checked_blob(arguments.rate).map_err(refused)?;
 
     let compression = Compression::of(parameters.film(), arguments.rate)?;
 
-    let content = match arguments.emit {
-        Emit::Blob => blob.clone(),
-        Emit::Rust => rust_constant(&parameters.name, &blob).into_bytes(),
+    let files = match &source {
+        Some(source) => {
+            // What the controller runs, from the bytes that it would get.
+            let blob = Blob::decode(&blob, board.id).map_err(|e| Error::Computation(short(&e)))?;
+            source.write(&parameters.name, &blob, &inputs)?
+        }
+        None => {
+            let content = match arguments.emit {
+                Emit::Rust => rust_constant(&parameters.name, &blob).into_bytes(),
+                _ => blob.clone(),
+            };
+            output::write_whole(&arguments.out, |file| file.write_all(&content))?;
+            vec![(arguments.out.clone(), blob.len())]
+        }
     };
-    output::write_whole(&arguments.out, |file| file.write_all(&content))?;
     let report = Report {
         out: shown(&arguments.out),
-        bytes: blob.len(),
+        bytes: files.iter().map(|(_, bytes)| bytes).sum(),
         rate_hz: arguments.rate,
         board: board.id,
         compression,
+        symbol: source.map(|source| source.symbol),
+        written: files.iter().map(|(path, _)| shown(path)).collect(),
         own_board: parameters.board.as_ref().is_some_and(|board| board.lacks().is_empty()),
         field_note: parameters.field_note(),
     };
@@ -86,14 +120,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         } else {
             "; without a whole [board] table: what is missing is the paper's bench's"
         };
-        format!(
-            "{}: {} bytes for board {:#06x} at {} Hz{bench}\n{}",
-            report.out,
-            report.bytes,
-            report.board,
-            rounded(report.rate_hz),
-            report.compression.text()
-        )
+        let rate_hz = rounded(report.rate_hz);
+        let what = match &report.symbol {
+            Some(symbol) => format!("{}: the film {symbol} at {rate_hz} Hz", report.written.join(", ")),
+            None => format!("{}: {} bytes for board {:#06x} at {rate_hz} Hz", report.out, report.bytes, report.board),
+        };
+        format!("{what}{bench}\n{}", report.compression.text())
     })
 }
 

@@ -232,7 +232,9 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
         &self.tracking
     }
 
-    pub(crate) fn learning(&self) -> Option<&Learning<f32>> {
+    /// What learns periodic references, if the parameters ask for it.
+    #[must_use]
+    pub fn learning(&self) -> Option<&Learning<f32>> {
         self.learning.as_ref()
     }
 

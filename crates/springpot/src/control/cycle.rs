@@ -1,5 +1,6 @@
 //! The period of a reference, found from its own crossings.
 
+use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 /// Share of the last swing by which a reference must turn back before its extreme counts as a turning point.
@@ -50,6 +51,15 @@ impl<T: Real> CycleFinder<T> {
     /// For swings of at least `least_m` (m), ticked every `step_s` (s).
     pub(crate) fn new(least_m: f64, step_s: f64) -> Self {
         Self { least: T::from_f64(least_m), forgetting: T::from_f64(step_s / (step_s + FORGETTING_S)) }
+    }
+
+    /// Hands out what a period is found with.
+    pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
+        take.number("learning.least_swing", self.least);
+        take.number("learning.swing_forgetting", self.forgetting);
+        take.number("learning.hysteresis", T::from_f64(HYSTERESIS));
+        take.number("learning.missed", T::from_f64(MISSED));
+        take.number("learning.agreement", T::from_f64(AGREEMENT));
     }
 
     /// Takes the next `reference` (m). Returns the ticks since a crossing upwards, 0 to 1, where there was one in this tick.

@@ -2,6 +2,7 @@
 
 use core::f64::consts::TAU;
 
+use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 /// ρ below which the whole correction is in use, and above which the least: of sines of 0.6 and 0.85 bandwidths.
@@ -51,6 +52,13 @@ pub(crate) struct FadeState<T> {
     share: T,
 }
 
+/// The share as a straight line of ρ: at ρ = 0, and how much it falls with ρ.
+fn line<T: Real>() -> [T; 2] {
+    let [from, to] = FADES;
+    let falls = (1.0 - LEAST) / (to - from);
+    [1.0 + falls * from, falls].map(T::from_f64)
+}
+
 impl<T: Real> Fade<T> {
     /// For an observer of `bandwidth_hz` with samples every `interval_s` (s). References that move by much less than `least_m` (m) do not
     /// count.
@@ -63,6 +71,18 @@ impl<T: Real> Fade<T> {
             follows: weight(FOLLOWS),
             floor: T::from_f64(least_m),
         }
+    }
+
+    /// Hands out what the share is computed with.
+    pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
+        let [highest, falls] = line::<T>();
+        take.number("fade.forgets", self.forgets);
+        take.number("fade.averages", self.averages);
+        take.number("fade.follows", self.follows);
+        take.number("fade.floor", self.floor);
+        take.number("fade.highest", highest);
+        take.number("fade.falls", falls);
+        take.number("fade.least", T::from_f64(LEAST));
     }
 
     /// Takes the `position` (m) of the reference, with every sample of the sensor. `is_learned`: the errors of its cycles are left to a
@@ -80,9 +100,7 @@ impl<T: Real> Fade<T> {
         let lagged = lagged + self.forgets * (mean - lagged);
         state.goes = [mean, lagged];
         let (one, least) = (T::from_f64(1.0), T::from_f64(LEAST));
-        let [from, to] = FADES;
-        let falls = (1.0 - LEAST) / (to - from);
-        let [highest, falls] = [1.0 + falls * from, falls].map(T::from_f64);
+        let [highest, falls] = line::<T>();
         let share = highest - falls * (lagged / (state.gets + self.floor));
         let share = if share > one { one } else { share };
         let share = if share < least || is_learned { least } else { share };

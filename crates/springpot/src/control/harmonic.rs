@@ -1,5 +1,6 @@
 //! A harmonic of the error, and how the film answers to what is added for it.
 
+use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 /// Harmonics that are learned, beside the mean.
@@ -45,6 +46,15 @@ pub(crate) struct Harmonic<T> {
 }
 
 impl<T: Real> Harmonic<T> {
+    /// Hands out what a harmonic is learned with.
+    pub(crate) fn numbers(take: &mut impl Numbers<T>) {
+        take.number("learning.first_share", T::from_f64(FIRST_SHARE));
+        take.number("learning.largest_share", T::from_f64(LARGEST_SHARE));
+        take.array("learning.gains", GAINS.map(T::from_f64));
+        take.number("learning.seen", T::from_f64(SEEN));
+        take.count("learning.silent_blocks", u32::from(SILENT_BLOCKS));
+    }
+
     /// Nothing added, of a film that answers as its law says.
     pub(crate) fn new() -> Self {
         let (zero, one) = ([T::ZERO; 2], T::from_f64(1.0));

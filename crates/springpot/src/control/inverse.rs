@@ -6,6 +6,7 @@ use crate::control::pace::{Pace, PacedAmplifier, Reading};
 use crate::control::path::{Path, Shaper, clamp, is_finite};
 use crate::error::ControlError;
 use crate::law::{Law, Memory, State};
+use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 /// The command of a tick.
@@ -182,6 +183,24 @@ impl<T: Real> Inverse<T> {
             }
         }
         Ok(inverse)
+    }
+
+    /// Hands out what a command is computed with.
+    pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
+        self.shaper.numbers(take);
+        take.number("inverse.damping", self.damping);
+        take.number("inverse.approach", self.approach);
+        take.number("inverse.max_return", self.max_return);
+        take.number("inverse.max_voltage", self.max_voltage);
+        take.number("inverse.field_voltage", self.field_voltage);
+        take.number("inverse.thinning", self.thinning);
+        take.number("inverse.slew", self.slew);
+        take.number("inverse.averaging", self.averaging);
+        take.number("inverse.gain_share", T::from_f64(GAIN_SHARE));
+        take.array("inverse.gains", GAINS.map(T::from_f64));
+        if let Some(amplifier) = &self.amplifier {
+            amplifier.numbers(take);
+        }
     }
 
     /// Records what was applied, and returns the voltage that acted on the film (V).

@@ -1,5 +1,7 @@
 //! Learning of periodic references: the opposite of what is left of the error in every cycle is added to the reference.
 
+mod numbers;
+
 use core::f64::consts::TAU;
 
 use crate::actuator::Actuator;
@@ -175,6 +177,13 @@ const APPROACH_S: f64 = 0.1;
 const SMOOTHING: f64 = 0.2;
 /// Share of the distance by which what is added fades in a round of visits.
 const FADING: f64 = 0.1;
+/// Share of what was learned below which it counts as faded out.
+const FADED: f64 = 0.01;
+/// Blocks of the longest kind without an end, in their least time, after which what is added is halved.
+const UNENDED: f64 = 4.0;
+/// Taylor's series of cosine and of sine over the angle, in its square.
+const COSINE: [f64; 4] = [1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0];
+const SINE: [f64; 4] = [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0];
 /// sin of the angle by which a crossing may miss its phase and still belong to the same period.
 const SAME_PERIOD: f64 = 0.3;
 
@@ -283,7 +292,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         if state.angle > T::ZERO && cos > T::ZERO && behind < same && -behind < same {
             // The next cycle makes up for what is left.
             state.turn_by(turn - turn * behind / T::from_f64(TAU));
-        } else if state.share > T::from_f64(0.01) {
+        } else if state.share > T::from_f64(FADED) {
             // Another period: what was learned is faded out first.
             state.angle = T::ZERO;
             state.has_learned = false;
@@ -299,7 +308,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         if !state.block.has_ended {
             state.begin_block();
         }
-        let longest = T::from_f64(4.0 * LEAST_S[1]) * self.rate;
+        let longest = T::from_f64(UNENDED * LEAST_S[1]) * self.rate;
         if state.block.unended > longest {
             state.block.unended = T::ZERO;
             state.harmonics.iter_mut().for_each(Harmonic::halve);
@@ -487,8 +496,8 @@ fn turning<T: Real>(angle: T) -> (T, Pair<T>) {
     let largest = T::from_f64(LARGEST_ANGLE);
     let angle = if angle < largest { angle } else { largest };
     let square = angle * angle;
-    let [one, a2, a4, a6] = [1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0].map(T::from_f64);
-    let [b2, b4, b6] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0].map(T::from_f64);
+    let [one, a2, a4, a6] = COSINE.map(T::from_f64);
+    let [_, b2, b4, b6] = SINE.map(T::from_f64);
     let cos = one + square * (a2 + square * (a4 + square * a6));
     let sin = angle * (one + square * (b2 + square * (b4 + square * b6)));
     (angle, [cos, sin])

@@ -10,6 +10,7 @@ use crate::control::path::{clamp, is_finite};
 use crate::control::statistics::Statistics;
 use crate::error::ControlError;
 use crate::law::{Law, Memory, State, state_traits};
+use crate::numbers::Numbers;
 use crate::scalar::{Real, Scalar};
 
 /// A sample of the displacement sensor.
@@ -159,6 +160,8 @@ const STATISTICS_SAMPLES: f64 = 200.0;
 /// Smallest resonance of the model in bandwidths. On the films of Hossain and Wang, with a resonance near 3 Hz, the loop begins to
 /// ring at 0.9 to 1 Hz and is unstable from 1.2 Hz.
 const RESONANCE_MARGIN: f64 = 3.0;
+/// Share of the correction above which the force scale adapts.
+const FULL_SHARE: f64 = 0.9;
 /// Bounds of the force scale.
 const FORCE_SCALE_RANGE: [f64; 2] = [0.25, 4.0];
 
@@ -331,9 +334,29 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         let square = share * share;
         state.gains = Gains { proportional: square * proportional, integral: share * integral, slope: square * slope };
         // From a disturbance whose phase is lost the force scale learns nothing.
-        state.adapting = if share > T::from_f64(0.9) { self.adapting } else { T::ZERO };
+        state.adapting = if share > T::from_f64(FULL_SHARE) { self.adapting } else { T::ZERO };
         // The slope belongs to the whole correction: with less of it, it is forgotten.
         state.slope = state.slope - self.forgetting_slope * (T::from_f64(1.0) - share) * state.slope;
+    }
+
+    /// Hands out what it computes with besides its law and drive.
+    pub(super) fn own_numbers(&self, take: &mut impl Numbers<T>) {
+        let Gains { proportional, integral, slope } = self.gains;
+        take.array("observer.gains", [proportional, integral, slope]);
+        take.count("observer.lost_after", self.lost_after);
+        take.number("observer.smoothing", self.smoothing);
+        take.number("observer.recovery", self.recovery);
+        take.number("observer.averaging", self.averaging);
+        take.number("observer.forgetting", self.forgetting);
+        take.number("observer.forgetting_slope", self.forgetting_slope);
+        take.number("observer.adapting", self.adapting);
+        take.number("observer.regularisation", self.regularisation);
+        take.number("observer.max_disturbance", self.max_disturbance);
+        take.number("observer.max_slope", self.max_slope);
+        take.number("observer.max_innovation", self.max_innovation);
+        take.number("observer.statistics", T::from_f64(1.0 / STATISTICS_SAMPLES));
+        take.number("observer.full_share", T::from_f64(FULL_SHARE));
+        take.array("observer.scales", FORCE_SCALE_RANGE.map(T::from_f64));
     }
 
     /// The law.

@@ -4,6 +4,7 @@ use crate::control::amplifier::{AmplifierLag, AmplifierModel};
 use crate::control::inverse::GAIN_S;
 use crate::control::path::clamp;
 use crate::error::ControlError;
+use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 /// An amplifier that lags, and is faster or slower than its time constants say by a factor p, its pace: recursive least squares of one
@@ -70,6 +71,16 @@ impl<T: Real> PacedAmplifier<T> {
     /// Of `lag`, in ticks of `step_s`; none that follows at once, which costs nothing.
     pub(crate) fn lagging(lag: AmplifierLag, step_s: f64) -> Result<Option<Self>, ControlError> {
         Ok(AmplifierModel::lagging(lag, step_s)?.map(|nominal| Self { nominal }))
+    }
+
+    /// Hands out what the voltage is computed with.
+    pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
+        take.number("amplifier.up", self.nominal.up);
+        take.number("amplifier.down", self.nominal.down);
+        take.number("amplifier.left", self.nominal.left);
+        take.number("amplifier.reading_share", T::from_f64(READING_SHARE / DEVIATION));
+        take.number("amplifier.gain_s", T::from_f64(GAIN_S));
+        take.array("amplifier.paces", PACES.map(T::from_f64));
     }
 
     /// The amplifier, as fast as its monitor has shown it to be.

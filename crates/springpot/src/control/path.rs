@@ -1,6 +1,7 @@
 //! A reference that a film can follow: bounded speed and acceleration.
 
 use crate::control::limits::Limited;
+use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 /// Bounds of the path, per tick.
@@ -51,6 +52,12 @@ impl<T: Real> Shaper<T> {
         self.increment > T::ZERO
             && self.change > T::ZERO
             && T::from_f64(1.0 / self.change.to_f64()).to_f64().is_finite()
+    }
+
+    /// Hands out its bounds.
+    pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
+        take.number("inverse.max_increment", self.increment);
+        take.number("inverse.max_change", self.change);
     }
 
     /// Moves `path` by one tick towards `target` (m). After a non-finite target the last one stays.

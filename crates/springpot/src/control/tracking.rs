@@ -7,7 +7,8 @@ use crate::control::limits::CommandLimits;
 use crate::control::observer::{Observer, ObserverState, SensorSample};
 use crate::control::observer_options::ObserverOptions;
 use crate::error::ControlError;
-use crate::law::{Law, Memory, State, state_traits};
+use crate::law::{Compressed, Law, Memory, State, state_traits};
+use crate::numbers::Numbers;
 use crate::scalar::{Real, Scalar};
 
 /// Compensation with a sensor: [`Feedforward`](crate::Feedforward) from the [`Observer`]'s estimate of the film, with its
@@ -137,6 +138,21 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     #[must_use]
     pub fn observer(&self) -> &Observer<T, M, PAST> {
         &self.observer
+    }
+}
+
+impl<T: Real, const HEAD: usize, const FAST: usize, const SLOW: usize, const PAST: usize>
+    Tracking<T, Compressed<T, HEAD, FAST, SLOW>, PAST>
+{
+    /// Hands out what a tick computes with: the numbers of its [law](Law::numbers) and [drive](crate::VoltageDrive::numbers), and of
+    /// `inverse` (shaping and limits, with those of an `amplifier` that lags), `observer` and `fade`. A
+    /// [`Feedforward`](crate::Feedforward) of the same law, actuator and limits computes with the same law, drive and inverse.
+    pub fn numbers(&self, take: &mut impl Numbers<T>) {
+        self.observer.law().numbers(take);
+        self.observer.drive().numbers(take);
+        self.inverse.numbers(take);
+        self.observer.own_numbers(take);
+        self.fade.numbers(take);
     }
 }
 

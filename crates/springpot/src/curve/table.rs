@@ -5,6 +5,7 @@ use heapless::Vec;
 use crate::curve::knots::Cubic;
 use crate::curve::{Curve, Knot, MAX_KNOTS};
 use crate::error::CurveError;
+use crate::numbers::Numbers;
 use crate::scalar::Scalar;
 
 /// A [`Curve`] as a step evaluates it: the same number of operations everywhere.
@@ -101,6 +102,18 @@ impl<T: Scalar> Table<T> {
         pieces
             .map(|piece| Knot { displacement: piece.at, value: piece.value, slope: piece.slope })
             .chain(core::iter::once(self.last))
+    }
+
+    /// Hands out what a place is computed with.
+    pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
+        let pieces = self.pieces.as_flattened().as_flattened().as_flattened();
+        take.number("curve.low", self.low);
+        take.number("curve.high", self.high);
+        take.array("curve.piece.at", pieces.iter().map(|piece| piece.at));
+        take.array("curve.piece.value", pieces.iter().map(|piece| piece.value));
+        take.array("curve.piece.slope", pieces.iter().map(|piece| piece.slope));
+        take.array("curve.piece.second", pieces.iter().map(|piece| piece.second));
+        take.array("curve.piece.third", pieces.iter().map(|piece| piece.third));
     }
 
     /// The curve of the rounded knots.

@@ -10,6 +10,7 @@ use crate::kernel::quadrature::MAX_NODES;
 use crate::kernel::tail::{self, DecayMode};
 use crate::law::{CompressionBound, Law, Memory, State};
 use crate::model::Maxwell;
+use crate::numbers::Numbers;
 use crate::scalar::Scalar;
 
 /// Step, horizon, tolerance and discretisation of a compressed memory.
@@ -217,6 +218,23 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
             fast: [T::ZERO; FAST],
             slow: [Dashpot { displacement: T::ZERO, surplus: T::ZERO }; SLOW],
         }))
+    }
+}
+
+impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
+    /// Hands out what a step computes with: `law.stiffness`, `law.head`, `law.fast.loss`, `law.fast.weight`, `law.slow.loss` and
+    /// `law.slow.weight`, in N/m or without a unit, and behind a curve those of `curve`: `instant`, `inertia`, `past_inertia` (N/m),
+    /// `low`, `high` and 16 pieces, `piece.at`, `piece.value`, `piece.slope`, `piece.second` and `piece.third` (powers of m), of which
+    /// unused ones begin at infinity.
+    pub fn numbers(&self, take: &mut impl Numbers<T>) {
+        let Compressed { head, fast, slow, .. } = self.memory();
+        take.number("law.stiffness", self.stiffness());
+        take.array("law.head", *head);
+        take.array("law.fast.loss", fast.map(|decay| decay.loss));
+        take.array("law.fast.weight", fast.map(|decay| decay.weight));
+        take.array("law.slow.loss", slow.map(|decay| decay.loss));
+        take.array("law.slow.weight", slow.map(|decay| decay.weight));
+        self.curve_numbers(take);
     }
 }
 

@@ -4,6 +4,7 @@ use crate::curve::{Curve, Knot, Place, Table};
 use crate::error::LawError;
 use crate::kernel::Method;
 use crate::law::{Law, Memory, State};
+use crate::numbers::Numbers;
 use crate::scalar::Scalar;
 
 /// What a law behind a curve needs besides its memory.
@@ -121,6 +122,15 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// The knots of the law's curve; none without one.
     pub(crate) fn knots(&self) -> impl Iterator<Item = Knot<T>> + '_ {
         self.curved.iter().flat_map(|curved| curved.table.knots())
+    }
+
+    /// Hands out what a step behind a curve computes with.
+    pub(crate) fn curve_numbers(&self, take: &mut impl Numbers<T>) {
+        let Some(Curved { table, instant, inertia, past_inertia, .. }) = &self.curved else { return };
+        take.number("curve.instant", *instant);
+        take.number("curve.inertia", *inertia);
+        take.array("curve.past_inertia", *past_inertia);
+        table.numbers(take);
     }
 
     /// The curve, as the number type holds it.

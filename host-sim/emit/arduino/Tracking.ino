@@ -1,0 +1,52 @@
+// Follows a sine of 2 to 2.5 mm with a displacement sensor.
+//
+// HIGH VOLTAGE. This shows the calls and their order, no more: it has no interlock, no watch on voltage and film, and no emergency
+// stop. Try it with the amplifier switched off, and put a supervisor in front of the amplifier before it is switched on.
+#include <springpot.h>
+
+SPRINGPOT_FILM(@SYMBOL@);
+
+// The bench: pins and scales. Adjust them to yours.
+static const int COMMAND_PIN = 9;                  // the amplifier's command
+static const int SENSOR_PIN = A0;                  // the displacement sensor
+static const float VOLTS_PER_CODE = 6000.0F / 255.0F;
+static const float METRES_PER_CODE = 10e-3F / 1023.0F;
+static const float METRES_AT_REST = 1e-3F;         // reading of the film at rest
+
+static springpot_tracking_state state;
+static float commanded_v = 0.0F;
+static float angle = 0.0F;
+static uint32_t next_us = 0U;
+
+void setup()
+{
+    springpot_tracking_init(&@SYMBOL@, &state);
+    next_us = micros();
+}
+
+void loop()
+{
+    // One tick every step_s: the law is right at this rate and at no other.
+    const uint32_t step_us = (uint32_t)((@SYMBOL@.step_s * 1e6F) + 0.5F);
+    if ((int32_t)(micros() - next_us) < 0) {
+        return;
+    }
+    next_us += step_us;
+
+    springpot_sample sample;
+    sample.displacement = (METRES_PER_CODE * (float)analogRead(SENSOR_PIN)) - METRES_AT_REST;
+    sample.age_ticks = 0U;
+    (void)springpot_tracking_observe(&@SYMBOL@, &state, commanded_v, SPRINGPOT_NO_READING, &sample);
+
+    angle += 6.2831853F * 0.1F * @SYMBOL@.step_s;  // 0.1 Hz
+    if (angle > 6.2831853F) {
+        angle -= 6.2831853F;
+    }
+    const springpot_command command =
+        springpot_tracking_command(&@SYMBOL@, &state, 2.25e-3F - (0.25e-3F * cosf(angle)));
+
+    // What is really applied goes into the next tick: here the voltage of the code, as it was rounded.
+    const int code = (int)(command.voltage / VOLTS_PER_CODE);
+    analogWrite(COMMAND_PIN, code);
+    commanded_v = VOLTS_PER_CODE * (float)code;
+}

@@ -1,0 +1,151 @@
+/* ---- A film: computed by the host, constant. Its values are for the functions below; read step_s and the limits if you like. */
+
+/* A mode of the memory: a Maxwell element. */
+typedef struct {
+    float loss;   /* 1 - rho, what it forgets in a step */
+    float weight; /* stiffness of its spring, N/m */
+} springpot_decay;
+
+/* The law of a film: F_k = sum over g_j dx_(k-j), the inertia included. */
+typedef struct {
+    float stiffness;                      /* force per displacement within one step, N/m */
+    float head[SPRINGPOT_HEAD];           /* g_0 + g_1, g_2, ..., N/m */
+    springpot_decay fast[SPRINGPOT_FAST]; /* fastest first */
+    springpot_decay slow[SPRINGPOT_SLOW];
+} springpot_law;
+
+/* A cubic from `at` on: value + slope u + second u^2 + third u^3. */
+typedef struct {
+    float at;    /* m; infinite where the piece is not used */
+    float value; /* m */
+    float slope;
+    float second; /* 1/m */
+    float third;  /* 1/m^2 */
+} springpot_piece;
+
+/* An elastic curve T in front of a law: its memory acts on T(x), the inertia on x. */
+typedef struct {
+    float instant;         /* force per T within one step, N/m */
+    float inertia;         /* of the change of the increment, N/m */
+    float past_inertia[3]; /* of the last three increments, newest first, N/m */
+    float low;             /* where the curve begins, m */
+    float high;            /* where it ends, m */
+    springpot_piece pieces[SPRINGPOT_PIECES];
+} springpot_curve;
+
+/* Voltage to force and back: F = force_per_square_volt V^2 / (1 + saturation V^2) (1 + coupling x) + preload. */
+typedef struct {
+    float force_per_square_volt; /* N/V^2 */
+    float coupling;              /* 1/m */
+    float saturation;            /* 1/V^2 */
+    float preload;               /* N */
+    float max_voltage;           /* V; larger ones count as this */
+} springpot_drive;
+
+/* Shaping of references, and the limits of a command. */
+typedef struct {
+    float max_increment; /* of the shaped reference in a tick, m */
+    float max_change;    /* of that increment in a tick, m */
+    float damping;
+    float approach;
+    float max_return;    /* m */
+    float max_voltage;   /* V */
+    float field_voltage; /* at which the field is largest at x = 0, V */
+    float thinning;      /* of the film with displacement, 1/m */
+    float slew;          /* largest change of voltage in a tick, V */
+    float averaging;     /* weight of a tick in the means of the voltage */
+    float gain_share;    /* of the largest voltage, above which the amplifier's gain is seen */
+    float gains[2];      /* bounds of that gain */
+} springpot_inverse;
+
+/* An amplifier that lags. */
+typedef struct {
+    float up;   /* share of the distance to the command that it goes in a tick, upwards */
+    float down; /* and downwards */
+    float left; /* share of the voltage that is left after a tick at a command of 0 V */
+    float reading_share;
+    float gain_s;   /* s */
+    float paces[2]; /* bounds of how much faster it may be */
+} springpot_amplifier;
+
+/* Gains of the observer on an innovation. */
+typedef struct {
+    float proportional; /* N/m */
+    float integral;     /* N/m in a tick */
+    float slope;        /* N/m in a tick, squared */
+} springpot_gains;
+
+/* The observer. */
+typedef struct {
+    springpot_gains gains;
+    uint32_t lost_after; /* ticks without a sample after which the sensor counts as lost */
+    float smoothing;
+    float recovery;
+    float averaging;
+    float forgetting;
+    float forgetting_slope;
+    float adapting;        /* 1: the force scale adapts; 0: it stays 1 */
+    float regularisation;  /* N^2 */
+    float max_disturbance; /* N */
+    float max_slope;       /* N in a tick */
+    float max_innovation;  /* m */
+    float statistics;      /* weight of a sample in the statistics */
+    float full_share;      /* of the correction, above which the force scale adapts */
+    float scales[2];       /* bounds of the force scale */
+} springpot_observer;
+
+/* How much of the correction is in use for references that are faster than the observer. */
+typedef struct {
+    float forgets;
+    float averages;
+    float follows;
+    float floor; /* m */
+    float highest;
+    float falls;
+    float least;
+} springpot_fade;
+
+/* Learning of periodic references. */
+typedef struct {
+    float least_swing;      /* of a reference that counts, m */
+    float swing_forgetting; /* share of a swing that is forgotten in a tick */
+    float hysteresis;
+    float missed; /* periods without a crossing after which there is none */
+    float agreement;
+    float period;        /* ticks; 0 where it is taken from the reference */
+    uint32_t harmonics;  /* that are learned, beside the mean */
+    float largest_angle; /* in a tick, of a harmonic that is learned, rad */
+    float rate;          /* ticks in a second */
+    float approach;
+    float first_share;
+    float largest_share;
+    float gains[2];
+    float seen;
+    uint32_t silent_blocks;
+    float series_angle; /* largest angle of the series of cosine and sine, rad */
+    float cosine[4];
+    float sine[4];
+    float settling_s[2];
+    float least_s[2];
+    float longest_s;
+    float least_samples;
+    float smoothing;
+    float fading;
+    float same_period;
+    float faded;
+    float turn; /* 2 pi */
+} springpot_learning;
+
+/* All numbers of a film at its rate. */
+typedef struct {
+    float step_s; /* duration of a tick, s: call a tick at this rate and no other */
+    springpot_drive drive;
+    springpot_inverse inverse;
+    springpot_observer observer;
+    springpot_fade fade;
+    const springpot_curve *curve;         /* NULL: force follows x itself */
+    const springpot_amplifier *amplifier; /* NULL: it follows at once */
+    const springpot_learning *learning;   /* NULL: nothing is learned */
+    springpot_law law;
+} springpot_film;
+

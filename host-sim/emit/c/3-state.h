@@ -1,0 +1,136 @@
+/* ---- States: what changes with every tick. The caller owns them; `init` sets all of one. */
+
+/* Where a film stands on its curve. */
+typedef struct {
+    float knot;    /* T at the knot below, m */
+    float beyond;  /* T minus that, m */
+    float slope;   /* T' */
+    float outside; /* how far the film is beyond the ends of the curve, m; 0 within them */
+} springpot_place;
+
+typedef struct {
+    float displacement; /* m */
+    float surplus;      /* what rounding added to it, m */
+} springpot_dashpot;
+
+/* The state of a law. */
+typedef struct {
+    float position;         /* displacement at the last step, m */
+    float position_surplus; /* what rounding added to it, m */
+    float increment;        /* of displacement in the last step, m */
+    float base;             /* force at the next step if the increment stays, N */
+    float origin;           /* where position 0 lies on the curve, m */
+    springpot_place ahead;  /* the place at the next step if the increment stays */
+    float predicted;        /* T there minus T at the last step, m */
+    float past;             /* the increment before the last, m */
+    uint32_t newest;        /* of the increments below */
+    float left;             /* displacement that has left the head, m */
+    float left_surplus;     /* what rounding added to it, m */
+    float increments[2U * SPRINGPOT_HEAD]; /* the last ones, twice */
+    float fast[SPRINGPOT_FAST];            /* extensions of the fast springs, m */
+    springpot_dashpot slow[SPRINGPOT_SLOW];
+} springpot_state;
+
+/* The shaped reference. */
+typedef struct {
+    float target;    /* the reference of the last tick, m */
+    float position;  /* the shaped one, m */
+    float increment; /* its last increment, m */
+    float change;    /* of the increment in the last tick, m */
+} springpot_path;
+
+/* What inverse and amplifier remember. */
+typedef struct {
+    springpot_path path;
+    float commanded; /* size of the voltage that was commanded last, V */
+    float followed;  /* what the amplifier has made of it, apart from its gain, V */
+    float followed_mean;
+    float reading_mean;
+    float gain;        /* of the amplifier, as its monitor shows it */
+    float pace;        /* how much faster it is than its time constants say */
+    float pace_slope;  /* V */
+    float information; /* V^2 */
+} springpot_inverse_state;
+
+typedef struct {
+    springpot_state film;
+    springpot_inverse_state inverse;
+} springpot_feedforward_state;
+
+/* A force that depends on where the film is: force + slope x. */
+typedef struct {
+    float force; /* N */
+    float slope; /* N/m */
+} springpot_load;
+
+/* Read what you like: film.position is the estimate (m), disturbance the force that the model does not know (N), force_scale the effect
+ * of the electrostatic force over the model's, innovation the last sample minus its prediction (m). */
+typedef struct {
+    springpot_state film;
+    float integral;     /* N */
+    float slope;        /* N in a tick */
+    float proportional; /* N */
+    float disturbance;  /* N */
+    float force_scale;
+    float integral_mean; /* N */
+    float load_mean;     /* N */
+    float excitation;    /* N^2 */
+    uint32_t since_sample; /* ticks since the last sample arrived */
+    float innovation;      /* m */
+    float innovation_mean; /* over the last few hundred samples, m */
+    float innovation_variance; /* likewise, m^2 */
+    springpot_load load;   /* of the voltage that acted in the last tick */
+    float share;           /* of the correction that is in use */
+    springpot_gains gains;
+    float adapting;
+    uint32_t newest;
+    float past[SPRINGPOT_PAST]; /* predictions of the last ticks, m */
+} springpot_observer_state;
+
+typedef struct {
+    float position; /* m */
+    float distance; /* m */
+    float gets;     /* m */
+    float goes[2];  /* m */
+    float share;
+} springpot_fade_state;
+
+typedef struct {
+    springpot_observer_state observer;
+    springpot_inverse_state inverse;
+    springpot_fade_state fade;
+    uint32_t is_learned; /* 1: the errors of cycles are left to a learning */
+} springpot_tracking_state;
+
+/* Sizes on every target: nothing is padded. */
+SPRINGPOT_ASSERT(sizeof(springpot_state) == 392U, a_state_of_a_law_takes_392_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_feedforward_state) == 440U, a_state_of_feedforward_takes_440_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_observer_state) == 728U, a_state_of_an_observer_takes_728_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 804U, a_state_of_tracking_takes_804_bytes);
+
+/* ---- What goes in and comes out. */
+
+/* A sample of the displacement sensor. */
+typedef struct {
+    float displacement;  /* m; one that is not finite is ignored */
+    uint32_t age_ticks;  /* how many ticks ago it was measured; 0 is now */
+} springpot_sample;
+
+/* Limits that a command met: bits of `limited`. */
+#define SPRINGPOT_BELOW_ZERO 1U     /* a force below that of 0 V: voltage can only lengthen the film */
+#define SPRINGPOT_MAX_VOLTAGE 2U    /* the largest voltage */
+#define SPRINGPOT_FIELD 4U          /* the largest field */
+#define SPRINGPOT_SLEW 8U           /* the largest change of voltage in a tick */
+#define SPRINGPOT_VELOCITY 16U      /* the largest speed of the shaped reference */
+#define SPRINGPOT_ACCELERATION 32U  /* the largest acceleration of the shaped reference */
+#define SPRINGPOT_BEYOND_CURVE 64U  /* the film is beyond the stroke that its curve was measured over */
+#define SPRINGPOT_AMPLIFIER 128U    /* what the amplifier can follow */
+
+/* The command of a tick. */
+typedef struct {
+    float voltage;    /* V, 0 to the largest */
+    float reference;  /* the shaped reference at the end of this tick, m */
+    float force;      /* the electrostatic force that it needs, N; negative where no voltage can give it */
+    uint32_t limited; /* the limits that were met */
+} springpot_command;
+

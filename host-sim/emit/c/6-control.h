@@ -1,0 +1,263 @@
+/* ---- Feedforward: a voltage for a reference, without a sensor. */
+
+/* A film at rest, 0 V, the reference where the film is. For a film that has been loaded before, warm up `state->film` with
+ * springpot_displacement, one call for each step of its history, then zero the displacement with springpot_move_origin. */
+static inline void springpot_feedforward_init(const springpot_film *film, springpot_feedforward_state *state)
+{
+    springpot_init(film, &state->film);
+    springpot_inverse_init(&state->inverse, state->film.position);
+}
+
+/* First in a tick: steps the film under the voltage `commanded_v` (V, either sign) that was really applied since the last tick, after
+ * all limits and supervisors; 0 V before the first. `reading_v`: what a monitor measured at the end of that time, or
+ * SPRINGPOT_NO_READING. Returns the displacement (m). */
+static inline float springpot_feedforward_apply(
+    const springpot_film *film, springpot_feedforward_state *state, float commanded_v, float reading_v)
+{
+    const float voltage = springpot_record(film, &state->inverse, commanded_v, reading_v);
+    return springpot_displacement_under(film, &state->film, springpot_load_of(&film->drive, voltage));
+}
+
+/* Then: the voltage that takes the film to `reference_m` (m) at the end of this tick, as far as the limits allow. A reference that is
+ * not finite is ignored: the last one stays. */
+static inline springpot_command springpot_feedforward_command(
+    const springpot_film *film, springpot_feedforward_state *state, float reference_m)
+{
+    return springpot_invert(film, &state->film, &state->inverse, reference_m, 0.0F, 1.0F);
+}
+
+/* ---- The observer: an estimate of the film from voltage and samples of its displacement. */
+
+/* A film at rest, without disturbance. */
+static inline void springpot_observer_init(const springpot_film *film, springpot_observer_state *state)
+{
+    uint32_t i;
+
+    springpot_init(film, &state->film);
+    state->integral = 0.0F;
+    state->slope = 0.0F;
+    state->proportional = 0.0F;
+    state->disturbance = 0.0F;
+    state->force_scale = 1.0F;
+    state->integral_mean = 0.0F;
+    state->load_mean = 0.0F;
+    state->excitation = 0.0F;
+    state->since_sample = 0U;
+    state->innovation = 0.0F;
+    state->innovation_mean = 0.0F;
+    state->innovation_variance = 0.0F;
+    state->load.force = 0.0F;
+    state->load.slope = 0.0F;
+    state->share = 1.0F;
+    state->gains = film->observer.gains;
+    state->adapting = film->observer.adapting;
+    state->newest = 0U;
+    for (i = 0U; i < SPRINGPOT_PAST; i++) {
+        state->past[i] = state->film.position;
+    }
+}
+
+/* Corrects with an innovation (m): a sample minus the prediction for its time. */
+static inline void springpot_take(
+    const springpot_observer *observer, springpot_observer_state *state, float innovation)
+{
+    const float bounded = springpot_clamp(innovation, -observer->max_innovation, observer->max_innovation);
+    /* A sample weighs as much as the time since the last one, but no more after a loss. */
+    const float ticks =
+        (float)((state->since_sample < observer->lost_after) ? state->since_sample : observer->lost_after);
+    const float share = observer->statistics;
+    const float difference = bounded - state->innovation_mean;
+    const float step = share * difference;
+    /* A film behind a curve is as much stiffer here as the curve is steeper: so are the gains. */
+    const float scaled = state->film.ahead.slope * bounded;
+
+    state->since_sample = 0U;
+    state->innovation = bounded;
+    state->innovation_mean = state->innovation_mean + step;
+    state->innovation_variance = state->innovation_variance
+        + (((difference * (difference - step)) * share) - (share * state->innovation_variance));
+    state->proportional = state->gains.proportional * scaled;
+    state->slope = springpot_clamp(
+        state->slope + ((state->gains.slope * ticks) * scaled), -observer->max_slope, observer->max_slope);
+    state->integral = state->integral + ((state->gains.integral * ticks) * scaled);
+}
+
+/* Reads a sample, if there is one, and moves the disturbance on by a tick. */
+static inline void springpot_correct(
+    const springpot_observer *observer, springpot_observer_state *state, const springpot_sample *sample)
+{
+    bool lost;
+
+    if (state->since_sample < UINT32_MAX) {
+        state->since_sample = state->since_sample + 1U;
+    }
+    if ((sample != NULL) && (sample->age_ticks < SPRINGPOT_PAST)) {
+        const uint32_t place = (state->newest + sample->age_ticks) % SPRINGPOT_PAST;
+        const float innovation = sample->displacement - state->past[place];
+        if (springpot_is_finite(innovation)) {
+            springpot_take(observer, state, innovation);
+        }
+    }
+    lost = state->since_sample > observer->lost_after;
+    if (lost) {
+        state->slope = 0.0F;
+        state->proportional = 0.0F;
+        state->integral = state->integral + (observer->recovery * (state->integral_mean - state->integral));
+    } else {
+        const float corrected = springpot_clamp(
+            state->integral + state->slope, -observer->max_disturbance, observer->max_disturbance);
+        state->integral_mean = state->integral_mean + (observer->averaging * (corrected - state->integral_mean));
+        state->integral = corrected;
+    }
+    state->disturbance = state->disturbance
+        + (observer->smoothing * ((state->integral + state->proportional) - state->disturbance));
+}
+
+/* Moves the part of the disturbance that varies with the load (N) to the force scale: recursive least squares of one number. */
+static inline void springpot_adapt(const springpot_observer *observer, springpot_observer_state *state, float load)
+{
+    float deviation;
+    float adapting;
+    float unexplained;
+    float change;
+    float scale;
+    float growth;
+
+    state->load_mean = state->load_mean + (observer->averaging * (load - state->load_mean));
+    deviation = load - state->load_mean;
+    state->excitation =
+        state->excitation + ((deviation * deviation) - (observer->forgetting * state->excitation));
+    /* Without the sensor nothing is learned. */
+    adapting = (state->since_sample > observer->lost_after) ? 0.0F : state->adapting;
+    unexplained = state->integral - state->integral_mean;
+    change = ((adapting * unexplained) * deviation) / (state->excitation + observer->regularisation);
+    scale = springpot_clamp(
+        state->force_scale + (change * state->force_scale), observer->scales[0], observer->scales[1]);
+    growth = (scale - state->force_scale) / state->force_scale;
+    state->integral = state->integral - (growth * load);
+    state->disturbance = state->disturbance - (growth * load);
+    state->integral_mean = state->integral_mean - (growth * state->load_mean);
+    state->force_scale = scale;
+}
+
+/* In every tick: steps the film under the voltage `voltage_v` (V, either sign) that was applied since the last tick, and corrects it with
+ * a sample, or NULL where none has arrived. Returns the estimated displacement (m). */
+static inline float springpot_observer_observe(const springpot_film *film, springpot_observer_state *state, float voltage_v,
+    const springpot_sample *sample)
+{
+    const springpot_load load = springpot_load_of(&film->drive, voltage_v);
+    const float electrostatic = (load.force - film->drive.preload) * state->force_scale;
+    springpot_load forced;
+    float position;
+
+    state->load = load;
+    forced.force = (electrostatic + film->drive.preload) + state->disturbance;
+    forced.slope = load.slope * state->force_scale;
+    position = springpot_displacement_under(film, &state->film, forced);
+    state->newest = ((state->newest == 0U) || (state->newest >= SPRINGPOT_PAST)) ? (SPRINGPOT_PAST - 1U) : (state->newest - 1U);
+    state->past[state->newest] = position;
+    springpot_correct(&film->observer, state, sample);
+    springpot_adapt(&film->observer, state, electrostatic + (forced.slope * position));
+    return position;
+}
+
+/* ---- Tracking: a voltage for a reference, with a sensor. */
+
+static inline void springpot_fade_init(springpot_fade_state *state, float position)
+{
+    state->position = position;
+    state->distance = 0.0F;
+    state->gets = 0.0F;
+    state->goes[0] = 0.0F;
+    state->goes[1] = 0.0F;
+    state->share = 1.0F;
+}
+
+/* A film at rest, 0 V, the reference where the film is. A film that has been loaded before: as for springpot_feedforward_init, with
+ * `state->observer.film`. */
+static inline void springpot_tracking_init(const springpot_film *film, springpot_tracking_state *state)
+{
+    springpot_observer_init(film, &state->observer);
+    springpot_inverse_init(&state->inverse, state->observer.film.position);
+    springpot_fade_init(&state->fade, state->observer.film.position);
+    state->is_learned = 0U;
+}
+
+/* How much of the correction is in use: less for references that are faster than the observer. */
+static inline void springpot_fade_advance(
+    const springpot_fade *fade, springpot_fade_state *state, float position, bool is_learned)
+{
+    const float moved = (position - state->position) / fade->forgets;
+    float share;
+
+    state->position = position;
+    state->distance = state->distance + (fade->forgets * (moved - state->distance));
+    state->gets = state->gets + (fade->averages * (springpot_size(state->distance) - state->gets));
+    state->goes[0] = state->goes[0] + (fade->averages * (springpot_size(moved) - state->goes[0]));
+    state->goes[1] = state->goes[1] + (fade->forgets * (state->goes[0] - state->goes[1]));
+    share = fade->highest - (fade->falls * (state->goes[1] / (state->gets + fade->floor)));
+    share = (share > 1.0F) ? 1.0F : share;
+    share = ((share < fade->least) || is_learned) ? fade->least : share;
+    state->share = state->share + (fade->follows * (share - state->share));
+}
+
+/* From now on this share of the correction is in use. */
+static inline void springpot_set_share(
+    const springpot_observer *observer, springpot_observer_state *state, float share)
+{
+    const float square = share * share;
+    state->share = share;
+    state->gains.proportional = square * observer->gains.proportional;
+    state->gains.integral = share * observer->gains.integral;
+    state->gains.slope = square * observer->gains.slope;
+    state->adapting = (share > observer->full_share) ? observer->adapting : 0.0F;
+    state->slope = state->slope - ((observer->forgetting_slope * (1.0F - share)) * state->slope);
+}
+
+/* First in a tick: as springpot_feedforward_apply, corrected with a sample, or NULL where none has arrived. Returns the estimated
+ * displacement (m). */
+static inline float springpot_tracking_observe(const springpot_film *film, springpot_tracking_state *state, float commanded_v,
+    float reading_v, const springpot_sample *sample)
+{
+    const float voltage = springpot_record(film, &state->inverse, commanded_v, reading_v);
+    if (sample != NULL) {
+        springpot_fade_advance(&film->fade, &state->fade, state->inverse.path.position, state->is_learned != 0U);
+        springpot_set_share(&film->observer, &state->observer, state->fade.share);
+    }
+    return springpot_observer_observe(film, &state->observer, voltage, sample);
+}
+
+/* Then: as springpot_feedforward_command, with the observer's disturbance subtracted. */
+static inline springpot_command springpot_tracking_command(
+    const springpot_film *film, springpot_tracking_state *state, float reference_m)
+{
+    return springpot_invert(film, &state->observer.film, &state->inverse, reference_m, state->observer.disturbance,
+        state->observer.force_scale);
+}
+
+/* All of the correction is in use until the reference has moved again: for a voltage that does not follow the sensor. */
+static inline void springpot_tracking_correct_wholly(springpot_tracking_state *state)
+{
+    springpot_fade_init(&state->fade, state->inverse.path.position);
+}
+
+/* From now on the errors of cycles are learned, or not: the observer leaves them to springpot_learning_advance. */
+static inline void springpot_tracking_leave_cycles(springpot_tracking_state *state, bool to_learning)
+{
+    state->is_learned = to_learning ? 1U : 0U;
+}
+
+/* Resets disturbance and force scale to 0 and 1: the model as it was fitted. */
+static inline void springpot_tracking_forget(springpot_tracking_state *state)
+{
+    springpot_observer_state *observer = &state->observer;
+    observer->integral = 0.0F;
+    observer->slope = 0.0F;
+    observer->proportional = 0.0F;
+    observer->disturbance = 0.0F;
+    observer->force_scale = 1.0F;
+    observer->integral_mean = 0.0F;
+    observer->load_mean = 0.0F;
+    observer->excitation = 0.0F;
+}
+

@@ -1,0 +1,287 @@
+/* ---- Learning: the opposite of what is left of the error in every cycle is added to a periodic reference. For a film whose
+ * `learning` is not NULL; with others the reference passes as it is. */
+
+/* Turning points and crossings of a reference. */
+typedef struct {
+    float before;  /* m */
+    float extreme; /* m */
+    float upper;   /* m */
+    float lower;   /* m */
+    float swing;   /* m */
+    float since;   /* ticks */
+    float interval; /* ticks */
+    uint32_t rises;
+    uint32_t armed;
+    uint32_t agrees;
+} springpot_cycle;
+
+/* A harmonic of the error, complex amplitudes in m. */
+typedef struct {
+    float added[2];
+    float target[2];
+    float tried[2];
+    float sum[2];
+    float error[2];
+    float gain[2];
+    float share;
+    uint32_t silent;
+} springpot_harmonic;
+
+/* The cycles over which harmonics are measured. */
+typedef struct {
+    float ticks;
+    float unended;
+    float turned; /* rad */
+    float end;    /* rad */
+    float samples;
+    float squares;  /* m^2 */
+    float scale;
+    float variance; /* m^2 */
+    uint32_t has_ended;
+    uint32_t is_rough;
+} springpot_block;
+
+/* A reference and its phase. */
+typedef struct {
+    float reference; /* m */
+    float phase[2];
+} springpot_turn;
+
+/* Read what you like: lagged[1] is what is added to the reference now (m), angle what a tick turns (rad; 0 without a period),
+ * has_learned whether the errors of this period have been seen. */
+typedef struct {
+    springpot_cycle cycle;
+    float phase[2];
+    float turn[2];
+    float angle; /* rad */
+    float share;
+    float lagged[2]; /* m */
+    springpot_harmonic harmonics[SPRINGPOT_HARMONICS + 1U];
+    uint32_t has_arrived;
+    float arrived;        /* m */
+    uint32_t arrived_at;
+    uint32_t visited;
+    float error; /* m */
+    float unit[2];
+    float power[2];
+    springpot_block block;
+    uint32_t has_learned;
+    uint32_t newest;
+    springpot_turn past[SPRINGPOT_PAST];
+} springpot_learning_state;
+
+SPRINGPOT_ASSERT(sizeof(springpot_learning_state) == 1316U, a_state_of_learning_takes_1316_bytes);
+
+/* `angle` (rad) within its bound, and exp(i) of it. */
+static inline void springpot_turn_by(const springpot_learning *learning, springpot_learning_state *state, float angle)
+{
+    const float bounded = (angle < learning->series_angle) ? angle : learning->series_angle;
+    const float square = bounded * bounded;
+    const float *a = learning->cosine;
+    const float *b = learning->sine;
+    state->angle = bounded;
+    state->turn[0] = a[0] + (square * (a[1] + (square * (a[2] + (square * a[3])))));
+    state->turn[1] = bounded * (b[0] + (square * (b[1] + (square * (b[2] + (square * b[3]))))));
+}
+
+/* Begins a block, as rough as the one before. */
+static inline void springpot_begin_block(const springpot_learning *learning, springpot_learning_state *state)
+{
+    uint32_t i;
+    state->block.ticks = 0.0F;
+    state->block.turned = 0.0F;
+    state->block.end = learning->turn;
+    state->block.samples = 0.0F;
+    state->block.squares = 0.0F;
+    state->block.scale = 0.0F;
+    state->block.variance = 0.0F;
+    state->block.has_ended = 0U;
+    for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
+        state->harmonics[i].sum[0] = 0.0F;
+        state->harmonics[i].sum[1] = 0.0F;
+    }
+}
+
+/* Forgets what was learned. What is added fades out. */
+static inline void springpot_learning_forget(const springpot_film *film, springpot_learning_state *state)
+{
+    uint32_t i;
+    uint32_t part;
+    if (film->learning != NULL) {
+        for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
+            springpot_harmonic *harmonic = &state->harmonics[i];
+            for (part = 0U; part < 2U; part++) {
+                harmonic->added[part] = 0.0F;
+                harmonic->target[part] = 0.0F;
+                harmonic->tried[part] = 0.0F;
+                harmonic->error[part] = 0.0F;
+            }
+            harmonic->gain[0] = 1.0F;
+            harmonic->gain[1] = 0.0F;
+            harmonic->share = film->learning->first_share;
+            harmonic->silent = 0U;
+        }
+        springpot_begin_block(film->learning, state);
+        state->block.unended = 0.0F;
+        state->block.is_rough = 1U;
+        state->has_learned = 0U;
+        state->visited = 0U;
+    }
+}
+
+/* Another run of the same reference, which begins at `position` (m), with what was learned. */
+static inline void springpot_learning_carry_over(
+    const springpot_film *film, springpot_learning_state *state, float position)
+{
+    const springpot_learning *learning = film->learning;
+    uint32_t i;
+
+    if (learning != NULL) {
+        const bool given = learning->period > 0.0F;
+        state->cycle.before = position;
+        state->cycle.extreme = position;
+        state->cycle.upper = position;
+        state->cycle.lower = position;
+        state->cycle.swing = 0.0F;
+        state->cycle.since = 0.0F;
+        state->cycle.interval = 0.0F;
+        state->cycle.rises = 1U;
+        state->cycle.armed = 0U;
+        state->cycle.agrees = 0U;
+        state->phase[0] = 1.0F;
+        state->phase[1] = 0.0F;
+        state->angle = 0.0F;
+        state->turn[0] = 1.0F;
+        state->turn[1] = 0.0F;
+        if (given) {
+            springpot_turn_by(learning, state, learning->turn / learning->period);
+        }
+        state->share = given ? 1.0F : 0.0F;
+        state->lagged[0] = 0.0F;
+        state->lagged[1] = 0.0F;
+        for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
+            springpot_harmonic *harmonic = &state->harmonics[i];
+            harmonic->added[0] = 0.0F;
+            harmonic->added[1] = 0.0F;
+            /* Nothing has changed against the block before: the film's answer stays as it was measured. */
+            harmonic->tried[0] = harmonic->target[0];
+            harmonic->tried[1] = harmonic->target[1];
+        }
+        for (i = 0U; i < SPRINGPOT_PAST; i++) {
+            state->past[i].reference = position;
+            state->past[i].phase[0] = 1.0F;
+            state->past[i].phase[1] = 0.0F;
+        }
+        state->newest = 0U;
+        state->has_arrived = 0U;
+        state->arrived = 0.0F;
+        state->arrived_at = 0U;
+        state->visited = 0U;
+        state->error = 0.0F;
+        state->unit[0] = 1.0F;
+        state->unit[1] = 0.0F;
+        state->power[0] = 1.0F;
+        state->power[1] = 0.0F;
+        springpot_begin_block(learning, state);
+        state->block.unended = 0.0F;
+        state->block.is_rough = 1U;
+        state->has_learned = 0U;
+    }
+}
+
+/* Nothing learned yet, of a reference that begins at `position` (m). */
+static inline void springpot_learning_init(const springpot_film *film, springpot_learning_state *state, float position)
+{
+    springpot_learning_forget(film, state);
+    springpot_learning_carry_over(film, state, position);
+}
+
+static inline float springpot_square(const float *pair)
+{
+    return (pair[0] * pair[0]) + (pair[1] * pair[1]);
+}
+
+/* Takes the next reference (m). Whether it crossed its middle upwards in this tick; `late`: how many ticks ago, 0 to 1. */
+static inline bool springpot_find_cycle(
+    const springpot_learning *learning, springpot_cycle *cycle, float reference, float *late)
+{
+    const float before = cycle->before;
+    const bool rises = cycle->rises != 0U;
+    float hysteresis;
+    float back;
+    float middle;
+    bool crossed;
+
+    cycle->swing = cycle->swing - (learning->swing_forgetting * cycle->swing);
+    hysteresis = learning->hysteresis * cycle->swing;
+    hysteresis = (hysteresis > learning->least_swing) ? hysteresis : learning->least_swing;
+    if (rises ? (reference > cycle->extreme) : (reference < cycle->extreme)) {
+        cycle->extreme = reference;
+    }
+    back = rises ? (cycle->extreme - reference) : (reference - cycle->extreme);
+    if (back > hysteresis) {
+        if (rises) {
+            cycle->upper = cycle->extreme;
+        } else {
+            cycle->lower = cycle->extreme;
+            cycle->armed = 1U;
+        }
+        cycle->swing = cycle->upper - cycle->lower;
+        cycle->rises = rises ? 0U : 1U;
+        cycle->extreme = reference;
+    }
+    cycle->before = reference;
+    cycle->since = cycle->since + 1.0F;
+    if (cycle->since > (learning->missed * cycle->interval)) {
+        cycle->agrees = 0U;
+    }
+    middle = 0.5F * (cycle->upper + cycle->lower);
+    crossed = (cycle->armed != 0U) && (before < middle) && (reference >= middle);
+    if (crossed) {
+        const float ago = (reference - middle) / (reference - before);
+        const float interval = cycle->since - ago;
+        const float difference = interval - cycle->interval;
+        const float tolerance = learning->agreement * interval;
+        cycle->armed = 0U;
+        cycle->agrees = ((difference < tolerance) && (-difference < tolerance)) ? 1U : 0U;
+        cycle->interval = interval;
+        cycle->since = ago;
+        *late = ago;
+    }
+    return crossed;
+}
+
+/* Takes the period from the reference. */
+static inline void springpot_follow_period(
+    const springpot_learning *learning, springpot_learning_state *state, float reference)
+{
+    float late = 0.0F;
+    const bool crossed = springpot_find_cycle(learning, &state->cycle, reference, &late);
+
+    if (state->cycle.agrees == 0U) {
+        state->angle = 0.0F;
+        state->has_learned = 0U;
+    } else if (crossed) {
+        const float turn = learning->turn / state->cycle.interval;
+        const float cosine = state->phase[0];
+        /* The crossing is where the phase is 0: `late` ticks ago. */
+        const float behind = state->phase[1] - ((turn * late) * cosine);
+        if ((state->angle > 0.0F) && (cosine > 0.0F) && (behind < learning->same_period)
+            && (-behind < learning->same_period)) {
+            /* The next cycle makes up for what is left. */
+            springpot_turn_by(learning, state, turn - ((turn * behind) / learning->turn));
+        } else if (state->share > learning->faded) {
+            /* Another period: what was learned is faded out first. */
+            state->angle = 0.0F;
+            state->has_learned = 0U;
+        } else {
+            state->phase[0] = 1.0F;
+            state->phase[1] = turn * late;
+            springpot_turn_by(learning, state, turn);
+            springpot_begin_block(learning, state);
+        }
+    } else {
+        /* nothing new */
+    }
+}
+

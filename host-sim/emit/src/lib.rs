@@ -1,0 +1,35 @@
+//! The law of a film in other languages: what Rust computes at construction as tables, what a step does as code.
+//!
+//! | file | what it holds |
+//! | --- | --- |
+//! | `c/*.h` | the steps in C99, written by hand, in the order of [`HEADER`]: the same file for every film |
+//! | [`film()`] | the numbers of a film as a C source |
+//! | [`arduino`] | both as a library for Arduino and PlatformIO, with an example |
+//!
+//! The C computes with the operations of the crate `springpot` in their order, so that it gives the same bits.
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod arduino;
+mod film;
+mod symbol;
+mod table;
+
+pub use film::{Film, film};
+pub use symbol::symbol;
+
+/// The version of the tables, which header and film must share: `SPRINGPOT_FORMAT` in C.
+pub const FORMAT: u32 = 1;
+
+/// `springpot.h`: the same for every film.
+pub const HEADER: &str = concat!(
+    include_str!("../c/1-head.h"),
+    include_str!("../c/2-film.h"),
+    include_str!("../c/3-state.h"),
+    include_str!("../c/4-law.h"),
+    include_str!("../c/5-inverse.h"),
+    include_str!("../c/6-control.h"),
+    include_str!("../c/7-cycles.h"),
+    include_str!("../c/8-learning.h"),
+    include_str!("../c/9-tail.h"),
+);

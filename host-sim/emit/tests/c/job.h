@@ -1,0 +1,126 @@
+/* A job: a law or a law of control along given inputs. Rows of words in and out, as tests/it/job.rs writes and reads them. */
+#include <string.h>
+
+#include "springpot.h"
+
+#define JOB_INPUTS 5U
+#define JOB_OUTPUTS 6U
+
+/* The platform's: whole pieces, false at the end. */
+static bool job_read(void *to, uint32_t bytes);
+static void job_write(const void *from, uint32_t bytes);
+
+extern const springpot_film *const job_films[];
+
+typedef struct {
+    float a;
+    float b;
+    float sample;
+    uint32_t age; /* UINT32_MAX without a sample */
+    uint32_t flags;
+} job_input;
+
+static uint32_t job_bits(float value)
+{
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return bits;
+}
+
+static void job_row(float o0, float o1, float o2, float o3, float o4, uint32_t o5)
+{
+    uint32_t row[JOB_OUTPUTS];
+    row[0] = job_bits(o0);
+    row[1] = job_bits(o1);
+    row[2] = job_bits(o2);
+    row[3] = job_bits(o3);
+    row[4] = job_bits(o4);
+    row[5] = o5;
+    job_write(row, (uint32_t)sizeof row);
+}
+
+static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
+{
+    static springpot_state law;
+    static springpot_feedforward_state feedforward;
+    static springpot_observer_state observer;
+    static springpot_tracking_state tracking;
+    static springpot_learning_state learning;
+    float commanded = 0.0F;
+    bool is_free = true;
+    uint32_t k;
+
+    springpot_init(film, &law);
+    springpot_feedforward_init(film, &feedforward);
+    springpot_observer_init(film, &observer);
+    springpot_tracking_init(film, &tracking);
+    springpot_learning_init(film, &learning, 0.0F);
+    for (k = 0U; k < steps; k++) {
+        job_input in;
+        springpot_sample sample;
+        const springpot_sample *arrived;
+        if (!job_read(&in, (uint32_t)sizeof in)) {
+            return;
+        }
+        sample.displacement = in.sample;
+        sample.age_ticks = in.age;
+        arrived = (in.age == UINT32_MAX) ? NULL : &sample;
+        if (kind == 0U) {
+            const float x = springpot_displacement(film, &law, in.a);
+            const float to = springpot_force_to(film, &law, 1.001F * x);
+            float held = 0.0F;
+            if (in.flags != 0U) {
+                held = springpot_force(film, &law, x);
+            }
+            job_row(x, law.base, law.increment, to, held, springpot_beyond_curve(&law) ? 1U : 0U);
+        } else if (kind == 1U) {
+            const float to = springpot_force_to(film, &law, in.b);
+            const float force = springpot_force(film, &law, in.a);
+            if (in.flags != 0U) {
+                springpot_move_origin(&law, in.b);
+            }
+            job_row(force, law.base, law.increment, to, law.position, springpot_beyond_curve(&law) ? 1U : 0U);
+        } else if (kind == 2U) {
+            const float x = springpot_feedforward_apply(film, &feedforward, commanded, in.b * commanded);
+            const springpot_command command = springpot_feedforward_command(film, &feedforward, in.a);
+            commanded = command.voltage;
+            job_row(x, command.voltage, command.reference, command.force,
+                springpot_film_voltage(&feedforward.inverse), command.limited);
+        } else if (kind == 3U) {
+            const float x = springpot_observer_observe(film, &observer, in.a, arrived);
+            job_row(x, observer.disturbance, observer.force_scale, observer.innovation_mean,
+                observer.innovation_variance, observer.since_sample);
+        } else {
+            float reference = in.a;
+            float x;
+            springpot_command command;
+            if ((in.flags & 1U) != 0U) {
+                springpot_tracking_forget(&tracking);
+                springpot_learning_carry_over(film, &learning, in.a);
+            }
+            if ((in.flags & 2U) != 0U) {
+                springpot_tracking_correct_wholly(&tracking);
+                springpot_learning_forget(film, &learning);
+            }
+            x = springpot_tracking_observe(film, &tracking, commanded, in.b * commanded, arrived);
+            if (kind == 5U) {
+                reference = springpot_learning_advance(film, &learning, in.a, arrived, is_free);
+                springpot_tracking_leave_cycles(&tracking, learning.has_learned != 0U);
+            }
+            command = springpot_tracking_command(film, &tracking, reference);
+            commanded = command.voltage;
+            is_free = command.limited == 0U;
+            job_row(x, command.voltage, reference, tracking.observer.disturbance, tracking.observer.share,
+                command.limited);
+        }
+    }
+}
+
+static int job_all(void)
+{
+    uint32_t head[3];
+    while (job_read(head, (uint32_t)sizeof head)) {
+        job_run(head[0], job_films[head[1]], head[2]);
+    }
+    return 0;
+}

@@ -1,0 +1,148 @@
+//! Equal bits on this host.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use springpot::SensorSample;
+
+use crate::films::{self, Case};
+use crate::job::{self, Input, Kind};
+use crate::program::{STRICT, Sources};
+use crate::recordings::recordings;
+
+/// Voltage and displacement of a recording every millisecond, linear between its rows, for `seconds`.
+pub fn recorded(path: &Path, seconds: usize) -> Vec<(f32, f32)> {
+    let text = fs::read_to_string(path).expect("committed");
+    let rows: Vec<[f32; 3]> = text
+        .lines()
+        .filter(|line| !line.starts_with(['#', 't']))
+        .map(|line| {
+            let mut cells = line.split(',').map(|cell| cell.parse().expect("a number"));
+            std::array::from_fn(|_| cells.next().expect("three cells"))
+        })
+        .collect();
+    // Recorded at 100 Hz.
+    let (count, steps) = (10_usize, 1000 * seconds);
+    let between = |k: usize, column: usize| {
+        let (row, share) = (k / count, (k % count) as f32 / count as f32);
+        let next = (row + 1).min(rows.len() - 1);
+        rows[row][column] + share * (rows[next][column] - rows[row][column])
+    };
+    (0..steps).map(|k| (between(k, 1), between(k, 2))).collect()
+}
+
+/// A reference along the displacement of a recording: its mean over 0.2 s, so that its noise does not meet the limits, less and higher.
+fn smoothed(recorded: &[(f32, f32)]) -> Vec<f32> {
+    let mean = |rows: &[(f32, f32)]| rows.iter().map(|row| row.1).sum::<f32>() / rows.len() as f32;
+    (0..recorded.len()).map(|k| 0.8e-3 + 0.15 * mean(&recorded[k.saturating_sub(200)..=k])).collect()
+}
+
+/// Inputs of `kind` along a recording: what a bench would give, with a sensor that is late and lost for a while, an amplifier that is off
+/// by a percent, values that are not finite, and orders now and then.
+fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
+    let mut random = Pcg64::seed_from_u64(5);
+    let mut noise = |size: f32| size * random.random_range(-1.0..1.0_f32);
+    let steps = recorded.len();
+    // A stroke that a film can follow, and what a sensor shows of a film that is a little stiffer.
+    let wanted = smoothed(recorded);
+    recorded
+        .iter()
+        .enumerate()
+        .map(|(k, &(voltage, displacement))| {
+            let lost = (steps * 3 / 5..steps * 5 / 8).contains(&k);
+            let sample = (k % 10 == 3 && !lost).then(|| SensorSample {
+                displacement: if k % 7000 == 13 { f32::NAN } else { 0.97 * wanted[k.saturating_sub(10)] + noise(4e-6) },
+                age_ticks: if k % 9000 == 23 { 64 } else { 10 },
+            });
+            let order = u32::from(k == steps / 2) + 2 * u32::from(k == steps * 2 / 3);
+            let (a, b) = match kind {
+                Kind::Displacement => (4e-6 * voltage * voltage, 0.0),
+                Kind::Force => (displacement, displacement + 1e-5),
+                Kind::Observer => (voltage, 0.0),
+                // Beyond what 6 kV can do for a while, and a jump.
+                _ => {
+                    let wanted = if k > steps * 3 / 4 { 1.5 * displacement } else { wanted[k] };
+                    let read = if k % 11 == 5 { f32::NAN } else { 1.01 + noise(1e-3) };
+                    (if k % 8000 == 77 { f32::NAN } else { wanted }, read)
+                }
+            };
+            Input { a, b, sample, flags: order }
+        })
+        .collect()
+}
+
+/// Compares what C wrote with what Rust computes, and returns that.
+pub fn compare(kind: Kind, case: &Case, inputs: &[Input], written: &[u8]) -> Vec<job::Row> {
+    let (c, rust) = (job::rows(written), job::run(kind, case, inputs));
+    assert_eq!(c.len(), rust.len(), "{kind:?}, {}", case.name);
+    for (k, (c, rust)) in c.iter().zip(&rust).enumerate() {
+        let numbers = |row: &job::Row| row.map(f32::from_bits);
+        assert!(c == rust, "{kind:?} of {}, step {k}: C {:?}, Rust {:?}", case.name, numbers(c), numbers(rust));
+    }
+    rust
+}
+
+/// Runs every kind along `recorded` by `run`, from the job's bytes to rows of it, and here. Returns what was shown on the way.
+pub fn all_kinds(run: impl Fn(&[u8]) -> Vec<u8>, (index, case): (usize, &Case), recorded: &[(f32, f32)]) -> Shown {
+    let mut shown = Shown::default();
+    for kind in Kind::ALL {
+        let inputs = inputs(kind, recorded);
+        let written = run(&job::bytes(kind, index, &inputs));
+        let rows = compare(kind, case, &inputs, &written);
+        if matches!(kind, Kind::Feedforward | Kind::Tracking | Kind::Learning) {
+            shown.limits |= rows.iter().fold(0, |all, row| all | row[5]);
+        }
+        if kind == Kind::Learning {
+            shown.learned += rows.iter().zip(&inputs).filter(|(row, input)| row[2] != input.a.to_bits()).count();
+        }
+    }
+    shown
+}
+
+/// What runs have shown, so that no branch goes unseen.
+#[derive(Default)]
+pub struct Shown {
+    limits: u32,
+    learned: usize,
+}
+
+/// Three recordings of 155 s, forwards, backwards and under each law of control: the bits of every step.
+#[test]
+fn three_recordings_have_the_bits_of_rust() {
+    let cases = [films::plain(), films::rich(), films::periodic()];
+    let sources = Sources::of(&cases);
+    let program = sources.compile("gcc", &[STRICT.as_slice(), &["-O2"]].concat(), &["host.c"]);
+    let (mut limits, mut learned) = (0, [0; 3]);
+    for path in recordings("hossain") {
+        let recorded = recorded(&path, 155);
+        for (index, case) in cases.iter().enumerate() {
+            let shown = all_kinds(|job| sources.run(&mut Command::new(&program), job), (index, case), &recorded);
+            limits |= shown.limits;
+            learned[index] += shown.learned;
+        }
+    }
+    assert_eq!(limits, 0xff, "all limits were met somewhere");
+    let [plain, found, given] = learned;
+    assert!(plain == 0 && found > 20_000 && given > 20_000, "ticks with something learned: {learned:?}");
+}
+
+/// 200 random laws, with and without curves, of first and second order, with amplifiers that lag and with learning: the bits of 2 s each.
+#[test]
+fn two_hundred_random_laws_have_the_bits_of_rust() {
+    let cases = films::random(200);
+    let sources = Sources::of(&cases);
+    let program = sources.compile("gcc", &[STRICT.as_slice(), &["-O1"]].concat(), &["host.c"]);
+    let [fast, ..] = recordings("wang");
+    let recorded = recorded(&fast, 2);
+    for kind in Kind::ALL {
+        let inputs = inputs(kind, &recorded);
+        let jobs: Vec<u8> = (0..cases.len()).flat_map(|index| job::bytes(kind, index, &inputs)).collect();
+        let written = sources.run(&mut Command::new(&program), &jobs);
+        for (case, written) in cases.iter().zip(written.chunks(24 * inputs.len())) {
+            compare(kind, case, &inputs, written);
+        }
+    }
+}

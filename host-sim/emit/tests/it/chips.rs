@@ -1,0 +1,297 @@
+//! The emitted C on chips in QEMU: Rust's bits, and what a step costs beside Rust's.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use bench_emit::{HEADER, film};
+use chip_program::{Checksum, FILMS, Film, Name, Report};
+use documents::{Documents, Tolerance};
+
+use crate::bits::{all_kinds, recorded};
+use crate::films::{self, Case};
+use crate::program::{STRICT, Sources, source, succeeds};
+use crate::recordings::recordings;
+
+/// A chip and its board in QEMU.
+struct Chip {
+    /// As the title of its column in docs/faces.md names it.
+    name: &'static str,
+    /// The column of docs/results.md that states what Rust takes, where there is one to compare with.
+    rust: Option<&'static str>,
+    compiler: &'static str,
+    /// Processor, optimisation, and what the board needs.
+    options: &'static [&'static str],
+    /// Begin and length of flash and RAM, in the linker's words.
+    flash: &'static str,
+    ram: &'static str,
+    qemu: &'static [&'static str],
+}
+
+/// Soft float, as most microcontrollers with this instruction set.
+const RISCV: Chip = Chip {
+    name: "riscv32imac",
+    rust: None,
+    compiler: "riscv64-unknown-elf-gcc",
+    options: &[
+        "-march=rv32imac",
+        "-mabi=ilp32",
+        "-mcmodel=medany",
+        "-msmall-data-limit=0",
+        "--specs=picolibc.specs",
+        "-Wl,-e,_start",
+    ],
+    flash: "ORIGIN = 0x80000000, LENGTH = 1M",
+    ram: "ORIGIN = 0x80100000, LENGTH = 128K",
+    qemu: &["qemu-system-riscv32", "-M", "virt", "-bios", "none"],
+};
+
+const CORTEX_M4F: Chip = Chip {
+    name: "M4F",
+    rust: Some("Cortex-M4F"),
+    compiler: "arm-none-eabi-gcc",
+    options: &[
+        "-mcpu=cortex-m4",
+        "-mthumb",
+        "-mfpu=fpv4-sp-d16",
+        "-mfloat-abi=hard",
+        "-DCHIP_MHZ=168U",
+        "-Wl,-e,chip_reset",
+    ],
+    flash: "ORIGIN = 0x08000000, LENGTH = 1M",
+    ram: "ORIGIN = 0x20000000, LENGTH = 128K",
+    qemu: &["qemu-system-arm", "-M", "olimex-stm32-h405"],
+};
+
+/// Without an FPU, in 16 KiB.
+const CORTEX_M0: Chip = Chip {
+    name: "M0",
+    rust: None,
+    compiler: "arm-none-eabi-gcc",
+    options: &["-mcpu=cortex-m0", "-mthumb", "-mfloat-abi=soft", "-DCHIP_MHZ=16U", "-Wl,-e,chip_reset"],
+    flash: "ORIGIN = 0x00000000, LENGTH = 256K",
+    ram: "ORIGIN = 0x20000000, LENGTH = 16K",
+    qemu: &["qemu-system-arm", "-M", "microbit"],
+};
+
+const CORTEX_M33: Chip = Chip {
+    name: "M33",
+    rust: None,
+    compiler: "arm-none-eabi-gcc",
+    options: &[
+        "-mcpu=cortex-m33",
+        "-mthumb",
+        "-mfpu=fpv5-sp-d16",
+        "-mfloat-abi=hard",
+        "-DCHIP_MHZ=20U",
+        "-Wl,-e,chip_reset",
+    ],
+    flash: "ORIGIN = 0x10000000, LENGTH = 4M",
+    ram: "ORIGIN = 0x38000000, LENGTH = 128K",
+    qemu: &["qemu-system-arm", "-M", "mps2-an505"],
+};
+
+/// How the C is compiled where speed counts; what the documents state of the chip.
+const FAST: [&str; 2] = ["-O2", "-fno-math-errno"];
+
+impl Chip {
+    /// Compiles `main` with the films of `sources`.
+    fn image(&self, sources: &Sources, main: &str, optimised: &[&str]) {
+        let script = format!(
+            "MEMORY {{ FLASH (rx) : {}\n RAM (rwx) : {} }}\nSECTIONS {{\n\
+             .text : {{ KEEP(*(.start)) *(.text*) *(.rodata*) }} > FLASH\n\
+             .data : {{ chip_data_start = .; *(.data*) . = ALIGN(4); chip_data_end = .; }} > RAM AT > FLASH\n\
+             chip_data_image = LOADADDR(.data);\n\
+             .bss (NOLOAD) : {{ chip_bss_start = .; *(.bss*) *(COMMON) . = ALIGN(4); chip_bss_end = .; }} > RAM\n\
+             chip_stack_top = ORIGIN(RAM) + LENGTH(RAM);\n\
+             /DISCARD/ : {{ *(.ARM.exidx*) *(.eh_frame*) }}\n}}\n",
+            self.flash, self.ram
+        );
+        let folder = sources.folder.path();
+        fs::write(folder.join("chip.ld"), script).expect("written");
+        let mut command = Command::new(self.compiler);
+        command.current_dir(folder).args(self.options).args(STRICT).args(optimised);
+        command.args(["-ffunction-sections", "-nostartfiles", "-Tchip.ld", "-o", "image", main]);
+        succeeds(command.args(sources.film_files()).arg("-lm"));
+    }
+
+    /// The rows of a job.
+    fn job(&self, sources: &Sources, job: &[u8]) -> Vec<u8> {
+        sources.run(&mut self.run(sources.folder.path(), &[]), job);
+        fs::read(sources.folder.path().join("output")).expect("the image has written it")
+    }
+
+    /// Starts the image, which reads `input` and writes `output` in the folder.
+    fn run(&self, folder: &Path, options: &[&str]) -> Command {
+        let mut command = Command::new(self.qemu[0]);
+        command.current_dir(folder).args(&self.qemu[1..]);
+        command.args(["-nographic", "-monitor", "none", "-serial", "none"]).args(options);
+        command.args(["-semihosting-config", "enable=on,target=native", "-kernel", "image"]);
+        command
+    }
+}
+
+/// Three recordings of 155 s, forwards, backwards and under each law of control.
+fn recordings_have_the_bits(chip: &Chip) {
+    let cases = [films::plain(), films::rich()];
+    let sources = Sources::of(&cases);
+    chip.image(&sources, "chip_jobs.c", &FAST);
+    for path in recordings("hossain") {
+        let recorded = recorded(&path, 155);
+        for (index, case) in cases.iter().enumerate() {
+            all_kinds(|job| chip.job(&sources, job), (index, case), &recorded);
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs arm-none-eabi-gcc and QEMU: cargo xtask faces"]
+fn three_recordings_have_the_bits_of_rust_on_the_cortex_m4f() {
+    recordings_have_the_bits(&CORTEX_M4F);
+}
+
+/// The films of the chip program that are stepped every millisecond.
+fn program_films() -> Vec<(Film, Case)> {
+    let all = FILMS.into_iter().filter(|film| film.step_s == 1e-3);
+    all.map(|film| (film, films::of_program(film))).collect()
+}
+
+/// What the C program wrote: `bits` and `cost` by the names that the Rust program gives them.
+fn measured(chip: &Chip, films: &[(Film, Case)], sources: &Sources) -> [BTreeMap<String, u64>; 2] {
+    let output = sources.folder.path().join("output");
+    let _ = fs::remove_file(&output);
+    succeeds(&mut chip.run(sources.folder.path(), &["-icount", "shift=0"]));
+    let text = fs::read_to_string(output).expect("the image has written it");
+    ["bits", "cost"].map(|kind| {
+        let lines = text.lines().filter_map(|line| line.strip_prefix(kind));
+        lines
+            .map(|line| {
+                let words: Vec<&str> = line.split_whitespace().collect();
+                let [what, number, value] = words.as_slice() else { panic!("the image wrote {line}") };
+                let (film, _) = &films[number.parse::<usize>().expect("a number")];
+                let what = WHAT.into_iter().find(|name| name == what).expect("a known one");
+                let name = Name { film: *film, size: "12+36", what };
+                (name.to_string(), u64::from_str_radix(value, 16).expect("hexadecimal"))
+            })
+            .collect()
+    })
+}
+
+const WHAT: [&str; 7] = ["creep", "relaxation", "voltage", "feedforward", "observer", "tracking", "learning"];
+
+/// Checksums of the Rust program on this host.
+#[derive(Default)]
+struct Host(BTreeMap<String, u64>);
+
+impl Report for Host {
+    fn cost<R>(&mut self, _: Name, work: impl FnOnce() -> R) -> R {
+        work()
+    }
+
+    fn cost_of_step(&mut self, _: Name, _: u16, _: impl FnOnce(), _: impl FnOnce()) {}
+
+    fn bits(&mut self, name: Name, checksum: Checksum) {
+        if name.size == "12+36" && WHAT.contains(&name.what) {
+            self.0.insert(name.to_string(), checksum.0);
+        }
+    }
+}
+
+/// In gcc's default mode, which fuses multiplication and addition where it may: the checksums of the Rust program, and instructions of each
+/// step within 10 % of Rust's or below, as docs/results.md states them, which `cargo xtask embedded` holds.
+fn steps_have_the_bits(chip: &Chip) {
+    let films = program_films();
+    let cases: Vec<Case> = films.iter().map(|(film, _)| films::of_program(*film)).collect();
+    let sources = Sources::of(&cases);
+    chip.image(&sources, "chip_costs.c", &[FAST[0], FAST[1], "-std=gnu99"]);
+    let [bits, costs] = measured(chip, &films, &sources);
+    let mut host = Host::default();
+    chip_program::run(&mut host, &films.iter().map(|(film, _)| *film).collect::<Vec<_>>());
+    assert_eq!(bits, host.0, "{}", chip.name);
+    let documents = Documents::read().expect("readable");
+    let mut off = Vec::new();
+    let cell = |row, column: &str| documents.number(&[row], column);
+    assert_eq!(cell("C99, C++11", "cost"), cell("creep/12+36", "C on the M4F"), "one page, one number");
+    // A voltage from a force is an instruction more or less than 27, as its numbers have it.
+    for (name, &cost) in costs.iter().filter(|(name, _)| !name.starts_with("voltage")) {
+        println!("{}: {name} {cost}", chip.name);
+        // A row is about all presets.
+        let row = name.split("/table").next().unwrap_or_default();
+        if let Some(column) = chip.rust {
+            let rust = documents.number(&[row], column).expect("docs/results.md states what Rust takes");
+            // Learning is short, and gcc multiplies and adds where Rust's compiler has one instruction; it runs in front of tracking.
+            let bar = if row.starts_with("learning") { 1.15 } else { 1.10 };
+            if cost as f64 > bar * rust {
+                off.push(format!("{name}: {cost} instructions, Rust {rust}"));
+            }
+        }
+        match documents.number(&[row], &format!("C on the {}", chip.name)) {
+            Some(stated) if Tolerance::COUNT.holds(cost as f64, stated) => {}
+            stated => off.push(format!("{name}: {cost} instructions, docs/faces.md states {stated:?}")),
+        }
+    }
+    assert!(off.is_empty(), "{}", off.join("\n"));
+}
+
+#[test]
+#[ignore = "needs arm-none-eabi-gcc and QEMU: cargo xtask faces"]
+fn steps_have_the_bits_of_rust_on_the_cortex_m4f() {
+    steps_have_the_bits(&CORTEX_M4F);
+}
+
+#[test]
+#[ignore = "needs arm-none-eabi-gcc and QEMU: cargo xtask faces"]
+fn steps_have_the_bits_of_rust_on_the_cortex_m0() {
+    steps_have_the_bits(&CORTEX_M0);
+}
+
+#[test]
+#[ignore = "needs arm-none-eabi-gcc and QEMU: cargo xtask faces"]
+fn steps_have_the_bits_of_rust_on_the_cortex_m33() {
+    steps_have_the_bits(&CORTEX_M33);
+}
+
+#[test]
+#[ignore = "needs riscv64-unknown-elf-gcc and QEMU: cargo xtask faces"]
+fn steps_have_the_bits_of_rust_on_riscv32imac() {
+    steps_have_the_bits(&RISCV);
+}
+
+/// Bytes of code and of constants, as docs/faces.md states them.
+#[test]
+#[ignore = "needs arm-none-eabi-gcc: cargo xtask faces"]
+fn sizes_are_those_of_the_page() {
+    let cases = [films::plain(), films::rich()];
+    let folder = tempfile::TempDir::new().expect("a folder");
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("written");
+    write("springpot.h", HEADER);
+    write("plain.c", &film(&cases[0].film("film_plain")));
+    write("rich.c", &film(&cases[1].film("film_rich")));
+    fs::copy(source("tick.c"), folder.path().join("tick.c")).expect("copied");
+    let documents = Documents::read().expect("readable");
+    let cell = |row, column: &str| documents.number(&[row], column);
+    assert_eq!(cell("C99, C++11", "size"), cell("a tick of tracking, -O2", "bytes"), "one page, one number");
+    let mut off = Vec::new();
+    for (row, file, level) in [
+        ("a tick of tracking, -O2", "tick.c", "-O2"),
+        ("a tick of tracking, -Os", "tick.c", "-Os"),
+        ("a film", "plain.c", "-O2"),
+        ("a film with curve, amplifier and learning", "rich.c", "-O2"),
+    ] {
+        let mut gcc = Command::new(CORTEX_M4F.compiler);
+        gcc.current_dir(folder.path()).args(CORTEX_M4F.options).args(["-std=c99", level, FAST[1], "-c", file]);
+        succeeds(gcc.args(["-o", "sized.o"]));
+        let mut size = Command::new("arm-none-eabi-size");
+        let text = String::from_utf8(succeeds(size.current_dir(folder.path()).arg("sized.o"))).expect("text");
+        // Code and constants: the first column of the second line.
+        let bytes = text.lines().nth(1).and_then(|line| line.split_whitespace().next()?.parse::<f64>().ok());
+        let bytes = bytes.unwrap_or_else(|| panic!("arm-none-eabi-size printed {text}"));
+        println!("{row}: {bytes}");
+        let stated = documents.number(&[row], "bytes");
+        if !stated.is_some_and(|stated| Tolerance::COUNT.holds(bytes, stated)) {
+            off.push(format!("{row}: {bytes} bytes, docs/faces.md states {stated:?}"));
+        }
+    }
+    assert!(off.is_empty(), "{}", off.join("\n"));
+}

@@ -1,0 +1,146 @@
+//! Films to emit, and what drives them.
+
+use springpot::{
+    Actuator, AmplifierLag, CommandLimits, Curve, Feedforward, Law, Learning, LearningOptions, Maxwell, Method,
+    ObserverOptions, Options, Preload, Preset, Tracking,
+};
+
+use bench_emit::Film;
+
+/// All that a film's C is made of, and what it is compared with.
+pub struct Case {
+    pub name: String,
+    pub law: Law<f32>,
+    pub feedforward: Feedforward<f32>,
+    pub tracking: Tracking<f32>,
+    pub learning: Option<Learning<f32>>,
+}
+
+impl Case {
+    /// The film as C, under `symbol`.
+    pub fn film<'a>(&'a self, symbol: &'a str) -> Film<'a> {
+        Film { symbol, name: &self.name, tracking: &self.tracking, learning: self.learning.as_ref() }
+    }
+
+    fn new(name: &str, law: Law<f32>, setup: &Setup) -> Option<Self> {
+        let Setup { actuator, limits, learning, bandwidths } = setup;
+        let tracking = bandwidths.iter().find_map(|&bandwidth_hz| {
+            Tracking::new(law.clone(), actuator, *limits, ObserverOptions::at_bandwidth(bandwidth_hz)).ok()
+        })?;
+        let learning = learning
+            .map(|options| Learning::new(&law, actuator, limits.max_voltage_v, options).expect("options of learning"));
+        let feedforward = Feedforward::new(law.clone(), actuator, *limits).expect("as tracking");
+        Some(Self { name: name.into(), law, feedforward, tracking, learning })
+    }
+}
+
+struct Setup {
+    actuator: Actuator,
+    limits: CommandLimits,
+    learning: Option<LearningOptions>,
+    bandwidths: &'static [f64],
+}
+
+fn published() -> Maxwell {
+    Preset::named("table3-n2").expect("a preset").model().expect("valid")
+}
+
+/// The paper's film on the paper's bench: no curve, an amplifier that follows at once, nothing learned.
+pub fn plain() -> Case {
+    let setup =
+        Setup { actuator: Actuator::KARNER_2022, limits: CommandLimits::BENCH, learning: None, bandwidths: &[0.6] };
+    let law = Law::compressed(&published(), Options::at_step(1e-3)).expect("valid");
+    Case::new("karner-2022-table3-n2", law, &setup).expect("accepted")
+}
+
+/// Everything that a film can have: a curve that ends within the stroke, second order, saturation, coupling, a weight from the start,
+/// an amplifier that lags, a period that is learned and was not given.
+pub fn rich() -> Case {
+    let actuator = Actuator {
+        stretch_coupling: 20.0,
+        saturation_v: Some(9000.0),
+        preload: Preload::FromStart,
+        ..Actuator::KARNER_2022
+    };
+    let amplifier = AmplifierLag { rise_s: 0.03, fall_s: 0.2 };
+    let setup = Setup {
+        actuator,
+        limits: CommandLimits { amplifier, ..CommandLimits::BENCH },
+        learning: Some(LearningOptions::BENCH),
+        bandwidths: &[0.6],
+    };
+    let law = Law::compressed(&published(), Options::at_step(1e-3).with_method(Method::Bdf2)).expect("valid");
+    Case::new("rich */ film", law.behind(&curve()).expect("a curve"), &setup).expect("accepted")
+}
+
+/// A film whose period is given, at another rate.
+pub fn periodic() -> Case {
+    let learning = LearningOptions { period_s: Some(10.0), harmonics: 4, ..LearningOptions::BENCH };
+    let setup = Setup {
+        actuator: Actuator::KARNER_2022,
+        limits: CommandLimits::BENCH,
+        learning: Some(learning),
+        bandwidths: &[0.4],
+    };
+    let law = Law::compressed(&published(), Options::at_step(2e-3)).expect("valid");
+    Case::new("periodic", law, &setup).expect("accepted")
+}
+
+/// A film of the chip program: what its laws of control are built of.
+pub fn of_program(film: chip_program::Film) -> Case {
+    let model = Preset::named(film.preset).expect("a preset").model().expect("valid").with_topology(film.topology);
+    let options = Options::at_step(film.step_s).with_method(film.method);
+    let law: Law<f32> = Law::compressed(&model, options).expect("valid");
+    let (law, actuator) = if film.curved {
+        (law.behind(&chip_program::curve()).expect("valid"), chip_program::SATURATING)
+    } else {
+        (law, Actuator::KARNER_2022)
+    };
+    let learning = LearningOptions { period_s: Some(0.05), sample_interval_s: 1e-3, ..LearningOptions::BENCH };
+    let learning = (!film.curved).then_some(learning);
+    let setup = Setup { actuator, limits: CommandLimits::BENCH, learning, bandwidths: &[0.6] };
+    Case::new(film.preset, law, &setup).expect("accepted")
+}
+
+/// 16 pieces from −1 mm to 3 mm, softer by a tenth, then stiffer.
+fn curve() -> Curve {
+    let points: Vec<(f64, f64)> = (0..17)
+        .map(|k| {
+            let x = 2.5e-4 * (f64::from(k) - 4.0);
+            (x, x * (1.0 + x * (4e4 * x - 80.0)))
+        })
+        .collect();
+    Curve::through(&points).expect("it rises")
+}
+
+/// `count` films of random models, every second behind a random curve, every third of second order.
+pub fn random(count: usize) -> Vec<Case> {
+    let models = crate::models::random_models(16, 2 * count);
+    let cases = models.iter().enumerate().filter_map(|(k, (name, model))| {
+        let method = if k % 3 == 2 { Method::Bdf2 } else { Method::Gl };
+        let law: Law<f32> = Law::compressed(model, Options::at_step(1e-3).with_method(method)).ok()?;
+        let law = if k % 2 == 1 { law.behind(&random_curve(k)).ok()? } else { law };
+        let amplifier = if k % 5 == 4 { AmplifierLag { rise_s: 0.05, fall_s: 0.05 } } else { AmplifierLag::NONE };
+        let setup = Setup {
+            actuator: Actuator { saturation_v: (k % 4 == 3).then_some(8000.0), ..Actuator::KARNER_2022 },
+            limits: CommandLimits { amplifier, ..CommandLimits::BENCH },
+            learning: (k % 7 == 6).then_some(LearningOptions { period_s: Some(0.5), ..LearningOptions::BENCH }),
+            bandwidths: &[0.6, 0.1, 0.02, 0.004, 0.001],
+        };
+        Case::new(name, law, &setup)
+    });
+    let cases: Vec<Case> = cases.take(count).collect();
+    assert_eq!(cases.len(), count, "too few of the random models have a law and an observer");
+    cases
+}
+
+fn random_curve(seed: usize) -> Curve {
+    let pieces = 2 + seed % 15;
+    let points: Vec<(f64, f64)> = (0..=pieces)
+        .map(|k| {
+            let x = 4e-3 * (k as f64 / pieces as f64 - 0.3);
+            (x, x * (1.0 + x * ((seed % 50) as f64 - 25.0)))
+        })
+        .collect();
+    Curve::through(&points).expect("it rises")
+}

@@ -1,0 +1,158 @@
+//! Jobs: a law or a law of control along given inputs, in Rust and for the C of `tests/c/job.h`.
+
+use springpot::{Applied, SensorSample};
+
+use crate::films::Case;
+
+/// What is stepped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Kind {
+    Displacement = 0,
+    Force = 1,
+    Feedforward = 2,
+    Observer = 3,
+    Tracking = 4,
+    Learning = 5,
+}
+
+impl Kind {
+    pub const ALL: [Self; 6] =
+        [Self::Displacement, Self::Force, Self::Feedforward, Self::Observer, Self::Tracking, Self::Learning];
+}
+
+/// What goes into a step: a force, a displacement, a voltage or a reference; a second number; a sample; orders.
+#[derive(Clone, Copy, Debug)]
+pub struct Input {
+    pub a: f32,
+    pub b: f32,
+    pub sample: Option<SensorSample<f32>>,
+    pub flags: u32,
+}
+
+/// What comes out: five numbers by their bits, and flags or a count.
+pub type Row = [u32; 6];
+
+/// The job for the C program: film `index`.
+pub fn bytes(kind: Kind, index: usize, inputs: &[Input]) -> Vec<u8> {
+    let word = |value: usize| u32::try_from(value).expect("few");
+    let mut words = vec![kind as u32, word(index), word(inputs.len())];
+    for Input { a, b, sample, flags } in inputs {
+        let (displacement, age) = sample.map_or((0.0, u32::MAX), |s| (s.displacement, word(s.age_ticks)));
+        words.extend([a.to_bits(), b.to_bits(), displacement.to_bits(), age, *flags]);
+    }
+    words.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+/// What the C program wrote.
+pub fn rows(bytes: &[u8]) -> Vec<Row> {
+    let (rows, rest) = bytes.as_chunks::<24>();
+    assert!(rest.is_empty(), "the program ended within a row");
+    rows.iter()
+        .map(|row| {
+            let (words, _) = row.as_chunks::<4>();
+            std::array::from_fn(|k| u32::from_le_bytes(words[k]))
+        })
+        .collect()
+}
+
+/// The same by the Rust laws.
+pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
+    let row = |numbers: [f32; 5], last: u32| {
+        let [a, b, c, d, e] = numbers.map(f32::to_bits);
+        [a, b, c, d, e, last]
+    };
+    let Case { law, feedforward, tracking, learning, .. } = case;
+    let mut state = law.state();
+    match kind {
+        Kind::Displacement => inputs
+            .iter()
+            .map(|input| {
+                let x = law.displacement(&mut state, input.a);
+                let to = law.force_to(&state, 1.001 * x);
+                // In the middle of a creep it is held for a step.
+                let held = if input.flags != 0 { law.force(&mut state, x) } else { 0.0 };
+                row([x, state.base_force(), state.increment(), to, held], u32::from(state.beyond_curve()))
+            })
+            .collect(),
+        Kind::Force => inputs
+            .iter()
+            .map(|input| {
+                let to = law.force_to(&state, input.b);
+                let force = law.force(&mut state, input.a);
+                if input.flags != 0 {
+                    state.move_origin(input.b);
+                }
+                let numbers = [force, state.base_force(), state.increment(), to, state.position()];
+                row(numbers, u32::from(state.beyond_curve()))
+            })
+            .collect(),
+        Kind::Feedforward => {
+            let mut state = feedforward.state(state);
+            let mut commanded = 0.0;
+            inputs
+                .iter()
+                .map(|input| {
+                    let applied = Applied::as_monitored(commanded, input.b * commanded);
+                    let x = feedforward.apply(&mut state, applied);
+                    let command = feedforward.command(&mut state, input.a);
+                    commanded = command.voltage;
+                    let numbers = [x, command.voltage, command.reference, command.force, state.film_voltage()];
+                    row(numbers, command.limited.bits().into())
+                })
+                .collect()
+        }
+        Kind::Observer => {
+            let observer = tracking.observer();
+            let mut state = observer.state(state);
+            inputs
+                .iter()
+                .map(|input| {
+                    let x = observer.observe(&mut state, input.a, input.sample);
+                    let statistics = state.statistics();
+                    let numbers =
+                        [x, state.disturbance(), state.force_scale(), statistics.mean(), statistics.variance()];
+                    row(numbers, state.ticks_since_sample())
+                })
+                .collect()
+        }
+        Kind::Tracking | Kind::Learning => {
+            let mut state = tracking.state(state);
+            let mut learned = learning.as_ref().map(|learning| learning.state(0.0));
+            let (mut commanded, mut is_free) = (0.0, true);
+            inputs
+                .iter()
+                .map(|input| {
+                    let learns = learning.as_ref().zip(learned.as_mut());
+                    if input.flags & 1 != 0 {
+                        state.forget();
+                    }
+                    if input.flags & 2 != 0 {
+                        state.correct_wholly();
+                    }
+                    let applied = Applied::as_monitored(commanded, input.b * commanded);
+                    let x = tracking.observe(&mut state, applied, input.sample);
+                    let mut reference = input.a;
+                    if let Some((learning, learned)) = learns {
+                        if input.flags & 1 != 0 {
+                            *learned = learning.carried_over(learned, input.a);
+                        }
+                        if input.flags & 2 != 0 {
+                            learned.forget();
+                        }
+                        if kind == Kind::Learning {
+                            reference = learning.advance(learned, input.a, input.sample, is_free);
+                            state.leave_cycles(learned.has_learned());
+                        }
+                    }
+                    let command = tracking.command(&mut state, reference);
+                    commanded = command.voltage;
+                    is_free = command.limited.is_none();
+                    let observer = state.observer();
+                    let numbers = [x, command.voltage, reference, observer.disturbance(), observer.share()];
+                    row(numbers, command.limited.bits().into())
+                })
+                .collect()
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! What is written: every number to its last bit, and names that a program can have.
+
+use bench_emit::{film, symbol};
+use springpot::Numbers;
+
+use crate::films::{plain, rich};
+
+/// The bits of all numbers, sorted.
+#[derive(Default)]
+struct Listed(Vec<u32>);
+
+impl Numbers<f32> for Listed {
+    fn number(&mut self, _: &'static str, value: f32) {
+        self.0.push(value.to_bits());
+    }
+
+    fn count(&mut self, _: &'static str, value: u32) {
+        self.0.push(value);
+    }
+}
+
+/// Each number of the laws stands in the text, read back with its own bits, and no other.
+#[test]
+fn every_number_is_written_to_its_last_bit() {
+    for case in [plain(), rich()] {
+        let mut listed = Listed::default();
+        case.tracking.numbers(&mut listed);
+        if let Some(learning) = &case.learning {
+            learning.numbers(&mut listed);
+        }
+        let text = film(&case.film("film_x"));
+        let (_, tables) = text.split_once("#endif").expect("a guard");
+        let words = tables.split(|c: char| !(c.is_ascii_alphanumeric() || ".-+".contains(c)));
+        let mut written: Vec<u32> = words
+            .filter_map(|word| match (word.strip_suffix('F'), word.strip_suffix('U'), word) {
+                (Some(number), ..) => number.parse::<f32>().ok().map(f32::to_bits),
+                (_, Some(count), _) => count.parse().ok(),
+                (.., "INFINITY") => Some(f32::INFINITY.to_bits()),
+                _ => None,
+            })
+            .collect();
+        listed.0.push(1e-3_f32.to_bits()); // the step
+        written.sort_unstable();
+        listed.0.sort_unstable();
+        assert!(written.len() > 120 && written == listed.0, "{}", case.name);
+    }
+}
+
+/// Nine digits give every number back: all exponents, and the ends of the range.
+#[test]
+fn nine_digits_are_enough() {
+    let patterns = (0..=u32::MAX).step_by(65_537).chain([1, 0x007f_ffff, 0x0080_0000, 0x7f7f_ffff]);
+    for number in patterns.map(f32::from_bits).filter(|number| number.is_finite()) {
+        let back: f32 = format!("{number:.8e}").parse().expect("a number");
+        assert_eq!(back.to_bits(), number.to_bits(), "{number:e}");
+    }
+}
+
+#[test]
+fn names_of_films_are_names_in_c() {
+    for (stem, expected) in [
+        ("film", "film"),
+        ("film-5s", "film_5s"),
+        ("vhb 4910", "film_vhb_4910"),
+        ("int", "film_int"),
+        ("2", "film_2"),
+        ("main", "film_main"),
+        ("Größe", "film_Gr__e"),
+        ("", "film_"),
+    ] {
+        assert_eq!(symbol(stem), expected);
+    }
+}

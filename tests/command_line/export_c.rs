@@ -1,0 +1,264 @@
+//! `export --emit c` and `--emit arduino`: what is written compiles, and is what the controller runs.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use dea_driver::Blob;
+use host_sim::files::parameters::Parameters;
+use springpot::{Applied, CommandLimits, Feedforward, Load, SensorSample};
+use tempfile::TempDir;
+use tests::tool::{names, text};
+use tests::transcript::blocks;
+
+use crate::TOOL;
+
+const STRICT: [&str; 7] = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"];
+
+/// Runs `program` with `arguments` in `folder`, which must succeed, and returns what it printed.
+fn ran(folder: &Path, program: &str, arguments: &[&str]) -> String {
+    let output = Command::new(program).current_dir(folder).args(arguments).output().expect(program);
+    assert!(output.status.success(), "{program} {arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("text")
+}
+
+/// Compiles `main` with `films` as strictly as can be, runs it and returns what it printed.
+fn compiled_and_ran(folder: &Path, main: &str, films: &[&str]) -> String {
+    fs::write(folder.join("main.c"), main).expect("written");
+    ran(folder, "gcc", &[&STRICT, ["main.c"].as_slice(), films, &["-lm", "-o", "main"]].concat());
+    ran(folder, "./main", &[])
+}
+
+/// What the controller runs of `parameters` at 1 kHz.
+fn controllers(parameters: &Parameters) -> Blob {
+    let (bytes, board) = parameters.checked_blob(1000.0).expect("valid");
+    Blob::decode(&bytes, board.id).expect("its own")
+}
+
+/// The program of docs/faces.md with its command: it prints what the page says, and what the Rust law gives.
+#[test]
+fn the_program_of_the_page_runs() {
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/faces.md")).expect("there");
+    let folder = TempDir::new().expect("a folder");
+    let commands = blocks(&page, "```sh\n").concat();
+    let mut lines = commands.lines();
+    let export = lines.next().and_then(|line| line.strip_prefix("host-sim ")).expect("an export");
+    let arguments: Vec<&str> = export.split_whitespace().collect();
+    TOOL.with(&arguments).current_dir(folder.path()).assert().success();
+    assert!(folder.path().join("springpot.h").is_file());
+
+    fs::write(folder.path().join("main.c"), blocks(&page, "```c\n").concat()).expect("written");
+    let compile = lines.next().and_then(|line| line.strip_prefix("gcc ")).expect("a compiler");
+    ran(
+        folder.path(),
+        "gcc",
+        &[compile.split_whitespace().collect::<Vec<_>>().as_slice(), &["-Wconversion", "-Werror"]].concat(),
+    );
+    let printed = ran(folder.path(), lines.next().expect("the program"), &[]);
+    assert_eq!(printed, blocks(&page, "```text\n").concat());
+
+    let blob = controllers(&Parameters::preset("table3-n2").expect("there"));
+    let tracking = blob.tracking();
+    let (law, drive) = (tracking.observer().law(), tracking.observer().drive());
+    let (mut state, mut real) = (tracking.state(law.state()), law.state());
+    let (mut voltage, mut limited) = (0.0, 0);
+    for tick in 0..10_000_u16 {
+        let load = drive.load(voltage);
+        let displacement = law.displacement_under(&mut real, Load { force: 1.03 * load.force, ..load });
+        let sample = (tick % 10 == 0).then_some(SensorSample { displacement, age_ticks: 0 });
+        tracking.observe(&mut state, Applied::as_commanded(voltage), sample);
+        let reference_m = 1.1e-3 - 0.1e-3 * (std::f32::consts::TAU * 1e-4 * f32::from(tick)).cos();
+        let command = tracking.command(&mut state, reference_m);
+        (voltage, limited) = (command.voltage, command.limited.bits());
+    }
+    let displacement_mm = 1e3 * f64::from(real.position());
+    assert_eq!(printed, format!("{displacement_mm:.3} mm, {voltage:.0} V, limits {limited}\n"));
+}
+
+/// A file with all that a film can have: curve, saturation, an amplifier that lags, learning.
+fn rich() -> String {
+    "schema = 2\nname = \"rich\"\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.04\nwidth_m = 0.06\nthickness_m = 160e-6\n\
+     mass_kg = 0.316\npreload = \"settled\"\nstretch_coupling = 15.0\nsaturation_v = 9000.0\n[model]\ntopology = \"parallel\"\n\
+     main = { c = 62740.0, alpha = 0.2 }\nbranches = [[{ c = 47958.0, alpha = 1.0 }, { c = 173210.0, alpha = 1.0 }]]\n\
+     [curve]\nelastic = \"free\"\ndisplacement_m = [-0.0005, 0.0, 0.002]\nvalue_m = [-0.00045, 0.0, 0.003]\n\
+     [board]\nid = 7\ncommand_range = \"ten-volts\"\nmonitor = { offset = 0.0, gain = 1000.0, quadratic = 0.0 }\n\
+     amplifier = { offset = 0.0, gain = 1000.0, quadratic = 0.0, rise_s = 0.02, fall_s = 0.1 }\n\
+     [board.control]\nmax_velocity_m_per_s = 0.05\nmax_acceleration_m_per_s2 = 0.5\nreturn_hz = 5.0\nbandwidth_hz = 0.4\n\
+     sample_interval_s = 0.01\ndelay_s = 0.01\nlost_after_s = 0.05\nadaptation_s = 30.0\nharmonics = 6\nperiod_s = 1.0\n"
+        .into()
+}
+
+/// Two exported films in one program, ticked with learning in front of feedforward: the bits of every voltage are the controller's.
+#[test]
+fn two_exported_films_have_the_controllers_bits() {
+    let folder = TempDir::new().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("rich.toml"), rich()).expect("written");
+    let sources = [(text(&path("rich.toml")).to_owned(), "rich-1.c"), ("preset:table3-n1".to_owned(), "n1.c")];
+    for (params, out) in &sources {
+        let report = TOOL.json(&["export", "--params", params, "--emit", "c", "--out", text(&path(out))]);
+        let symbol = format!("film_{}", out.trim_end_matches(".c").replace('-', "_"));
+        assert_eq!(report["symbol"], symbol, "{report}");
+        let [film, header] = [path(out), path("springpot.h")].map(|file| text(&file).to_owned());
+        assert_eq!(report["written"], serde_json::json!([film, header]), "{report}");
+    }
+    let main = "#include <stdio.h>\n#include <string.h>\n#include \"springpot.h\"\nSPRINGPOT_FILM(film_rich_1);\nSPRINGPOT_FILM(film_n1);\n\
+         int main(void)\n{\n    const springpot_film *const films[2] = {&film_rich_1, &film_n1};\n    for (uint32_t f = 0U; f < 2U; f++) {\n\
+         static springpot_feedforward_state state;\n        static springpot_learning_state learned;\n\
+         springpot_command command = {0.0F, 0.0F, 0.0F, 0U};\n        springpot_feedforward_init(films[f], &state);\n\
+         springpot_learning_init(films[f], &learned, 0.0F);\n        for (uint32_t k = 0U; k < 12000U; k++) {\n\
+         const uint32_t turn = k % 1000U;\n            const float u = (float)((turn < 500U) ? turn : (1000U - turn)) / 500.0F;\n\
+         springpot_sample sample;\n            float reference;\n            uint32_t bits;\n\
+         sample.displacement = 1.04F * springpot_feedforward_apply(films[f], &state, command.voltage, 1.02F * command.voltage);\n\
+         sample.age_ticks = 0U;\n            reference = 0.6e-3F + (0.2e-3F * ((u * u) * (3.0F - (2.0F * u))));\n\
+         reference = springpot_learning_advance(films[f], &learned, reference, (k % 10U == 0U) ? &sample : NULL, command.limited == 0U);\n\
+         command = springpot_feedforward_command(films[f], &state, reference);\n            memcpy(&bits, &command.voltage, sizeof bits);\n\
+         printf(\"%08x\\n\", (unsigned)bits);\n        }\n    }\n    return 0;\n}\n";
+    let printed = compiled_and_ran(folder.path(), main, &["rich-1.c", "n1.c"]);
+    let mut lines = printed.lines();
+    for (params, _) in &sources {
+        let parameters = Parameters::load(params).expect("valid");
+        let blob = controllers(&parameters);
+        let law = blob.tracking().observer().law().clone();
+        let rest = law.state();
+        // Limits as the controller has them, in single precision.
+        let board = parameters.board_or_bench(1000.0);
+        let single = |value: f64| f64::from(value as f32);
+        let limits = board.command_limits();
+        let limits = CommandLimits {
+            max_voltage_v: single(limits.max_voltage_v),
+            max_field_v_per_m: single(limits.max_field_v_per_m),
+            max_slew_v_per_s: single(limits.max_slew_v_per_s),
+            max_velocity_m_per_s: single(limits.max_velocity_m_per_s),
+            max_acceleration_m_per_s2: single(limits.max_acceleration_m_per_s2),
+            return_hz: single(limits.return_hz),
+            amplifier: limits.amplifier,
+        };
+        let feedforward = Feedforward::new(law, &parameters.actuator, limits).expect("valid");
+        let mut state = feedforward.state(rest);
+        let mut learned = blob.learning().map(|learning| learning.state(0.0));
+        assert_eq!(learned.is_some(), params.ends_with("rich.toml"));
+        let (mut voltage, mut is_free) = (0.0, true);
+        for k in 0..12_000_u16 {
+            let turn = k % 1000;
+            let u = f32::from(if turn < 500 { turn } else { 1000 - turn }) / 500.0;
+            let moved = feedforward.apply(&mut state, Applied::as_monitored(voltage, 1.02 * voltage));
+            let sample = (k % 10 == 0).then_some(SensorSample { displacement: 1.04 * moved, age_ticks: 0 });
+            let mut reference = 0.6e-3 + 0.2e-3 * ((u * u) * (3.0 - 2.0 * u));
+            if let Some((learning, learned)) = blob.learning().zip(learned.as_mut()) {
+                reference = learning.advance(learned, reference, sample, is_free);
+            }
+            let command = feedforward.command(&mut state, reference);
+            (voltage, is_free) = (command.voltage, command.limited.is_none());
+            assert_eq!(lines.next(), Some(format!("{:08x}", voltage.to_bits()).as_str()), "{params}, tick {k}");
+        }
+        if let Some(learned) = learned {
+            assert!(learned.added().abs() > 1e-6, "something was learned");
+        }
+    }
+    assert_eq!(lines.next(), None);
+}
+
+/// Whatever is refused, nothing is written and nothing is lost.
+#[test]
+fn c_is_written_whole_or_not_at_all() {
+    let folder = TempDir::new().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let export =
+        |params: &str, out: &str| ["export", "--params", params, "--emit", "c", "--out", out].map(str::to_owned);
+    let refused = |params: &str, out: &Path, words: &[&str]| {
+        let arguments = export(params, text(out));
+        names(&TOOL.fails(&arguments.each_ref().map(String::as_str)), words);
+    };
+    let preset = "preset:table3-n2";
+    refused(preset, &path("film.bin"), &["--out", "film.c"]);
+    refused(preset, &path("there/film.c"), &["film.c", "no folder"]);
+    fs::create_dir(path("film.c")).expect("made");
+    refused(preset, &path("film.c"), &["film.c", "directory"]);
+    refused("preset:table9", &path("film-2.c"), &["preset"]);
+    // Somebody else's header stays.
+    assert!(!path("springpot.h").exists() && !path("film-2.c").exists());
+    fs::write(path("springpot.h"), "/* mine */").expect("written");
+    refused(preset, &path("film-2.c"), &["springpot.h", "another folder"]);
+    assert_eq!(fs::read_to_string(path("springpot.h")).expect("there"), "/* mine */");
+    assert!(!path("film-2.c").exists());
+    fs::remove_file(path("springpot.h")).expect("removed");
+    // What is read is not overwritten.
+    let film = Parameters::preset("table3-n2").expect("there").to_toml();
+    fs::write(path("read.c"), &film).expect("written");
+    refused(text(&path("read.c")), &path("read.c"), &["overwrite"]);
+    fs::write(path("springpot.h"), &film).expect("written");
+    refused(text(&path("springpot.h")), &path("other.c"), &["overwrite"]);
+    assert_eq!(fs::read_to_string(path("read.c")).expect("there"), film);
+    // A file stands where the library's folder would.
+    let file = path("read.c");
+    names(
+        &TOOL.fails(&["export", "--params", preset, "--emit", "arduino", "--out", text(&file)]),
+        &["read.c", "folder"],
+    );
+    // The header of this tool is replaced.
+    fs::remove_file(path("springpot.h")).expect("removed");
+    for _ in 0..2 {
+        TOOL.json(&export(preset, text(&path("film-2.c"))).each_ref().map(String::as_str));
+    }
+}
+
+/// The library has what Arduino and PlatformIO ask for.
+#[test]
+fn the_arduino_library_is_described() {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("libraries/vhb 5 s");
+    let report = TOOL.json(&["export", "--params", "preset:table3-n2", "--emit", "arduino", "--out", text(&out)]);
+    assert_eq!(report["symbol"], "film_vhb_5_s", "{report}");
+    let read = |name: &str| fs::read_to_string(out.join(name)).expect(name);
+    for file in report["written"].as_array().expect("files") {
+        assert!(Path::new(file.as_str().expect("a path")).is_file(), "{file}");
+    }
+    let properties = read("library.properties");
+    for key in ["name", "version", "author", "maintainer", "sentence", "paragraph", "category", "url", "architectures"]
+    {
+        assert!(properties.lines().any(|line| line.starts_with(&format!("{key}="))), "{key}: {properties}");
+    }
+    let described: serde_json::Value = serde_json::from_str(&read("library.json")).expect("JSON");
+    assert_eq!(described["name"], "springpot_film_vhb_5_s");
+    for text in [properties, read("library.json"), read("examples/Tracking/Tracking.ino")] {
+        assert!(text.contains("film_vhb_5_s") && !text.contains('@'), "{text}");
+    }
+}
+
+/// The example sketch, built as the Arduino IDE does, against pins that are not there: it ticks, and commands a voltage.
+#[test]
+#[ignore = "needs g++: cargo xtask faces"]
+fn the_arduino_library_compiles() {
+    let folder = TempDir::new().expect("a folder");
+    let out = folder.path().join("vhb");
+    TOOL.json(&["export", "--params", "preset:table3-n2", "--emit", "arduino", "--out", text(&out)]);
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("written");
+    write(
+        "Arduino.h",
+        "#pragma once\n#include <stdint.h>\n#include <math.h>\n#define A0 14\nunsigned long micros();\nint analogRead(int pin);\n\
+         void analogWrite(int pin, int code);\nvoid setup();\nvoid loop();\n",
+    );
+    let sketch = fs::read_to_string(out.join("examples/Tracking/Tracking.ino")).expect("there");
+    write("sketch.cpp", &format!("#include <Arduino.h>\n{sketch}"));
+    write(
+        "board.cpp",
+        "#include <Arduino.h>\n#include <stdio.h>\nstatic unsigned long now;\nstatic int writes, largest;\n\
+         unsigned long micros() { return now; }\nint analogRead(int) { return 102 + (int)(2.0e-3 * largest); }\n\
+         void analogWrite(int, int code) { ++writes; if (code > largest) { largest = code; } }\n\
+         int main() { setup(); for (; now < 1000000UL; now += 100UL) { loop(); } printf(\"%d %d\\n\", writes, largest); }\n",
+    );
+    let src = out.join("src");
+    let include = format!("-I{}", text(&src));
+    ran(
+        folder.path(),
+        "gcc",
+        &["-std=gnu11", "-Os", "-Wall", "-Wextra", "-Werror", "-c", text(&src.join("film_vhb.c"))],
+    );
+    let cpp = ["-std=gnu++11", "-Os", "-Wall", "-Wextra", "-Werror", "-I.", &include, "sketch.cpp", "board.cpp"];
+    ran(folder.path(), "g++", &[cpp.as_slice(), &["film_vhb.o", "-lm", "-o", "board"]].concat());
+    let printed = ran(folder.path(), "./board", &[]);
+    let numbers: Vec<i32> = printed.split_whitespace().map(|word| word.parse().expect("a number")).collect();
+    assert_eq!(numbers[0], 1000, "a tick every millisecond of a second");
+    assert!((20..=255).contains(&numbers[1]), "codes up to {}", numbers[1]);
+}
