@@ -7,7 +7,6 @@ use dea_driver::Control;
 use serde::Serialize;
 use springpot::{AmplifierLag, CommandLimits, HARMONICS, LearningOptions, ObserverOptions};
 
-use super::options::{LimitOptions, at_most, positive};
 use super::recordings::RecordingOptions;
 use crate::bench::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
 use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
@@ -18,7 +17,8 @@ use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::{Parameters, as_written};
 use crate::grid::Grid;
 use crate::progress::Progress;
-use crate::quantity;
+use crate::quantity::{self, at_most, positive};
+use crate::replay::limits::LimitOptions;
 use crate::replay::memory::Precision;
 use crate::report::figure::Figure;
 use crate::report::figure_file::{Plot, PlotOption};

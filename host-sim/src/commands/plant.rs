@@ -5,14 +5,13 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{at_most, positive};
 use crate::bench::film::{Film, Instruments, Plant, Waveform};
 use crate::bench::film_recording::FilmRecording;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
 use crate::grid::Grid;
 use crate::progress::Progress;
-use crate::quantity;
+use crate::quantity::{self, at_most, positive};
 use crate::terminal;
 
 #[derive(Debug, Args)]

@@ -5,11 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::positive;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
-use crate::quantity;
+use crate::quantity::{self, positive};
 use crate::references::{Reference, Shape};
 use crate::report::axis::DISPLACEMENT;
 use crate::report::figure::{Figure, Line, Panel};
