@@ -6,6 +6,7 @@ mod book;
 mod campaign;
 mod cycles;
 mod embedded;
+mod faces;
 mod firmware;
 mod packages;
 mod page;
@@ -51,6 +52,11 @@ enum Chore {
         #[arg(long, value_name = "ELF")]
         image: Option<std::path::PathBuf>,
     },
+    /// Test the law in other languages (docs/faces.md). Installs what is missing.
+    Faces {
+        /// Only this one.
+        face: Option<faces::Face>,
+    },
     /// Make the recordings under tests/recordings again.
     Recordings,
     /// Run what takes too long for every change: all simulated faults, the fuzzers, and mutants of the driver. Installs
@@ -81,6 +87,7 @@ fn main() -> ExitCode {
         Chore::Image => setup::toolchain().and_then(|toolchain| firmware::image(&toolchain)),
         Chore::Firmware => setup::run().and_then(|toolchain| firmware::run(&toolchain)),
         Chore::Board { port, image } => board::run(port, image),
+        Chore::Faces { face } => faces::run(face),
         Chore::Recordings => recordings::run(),
         Chore::Campaign { part } => campaign::run(part),
         Chore::Page => page::run(),

@@ -212,8 +212,8 @@ pub fn deny() -> Result<()> {
     }
     let checks = ["check", "licenses", "bans", "sources"];
     run_command(cargo(&[["deny", "--workspace", "--all-features"].as_slice(), &checks].concat()))?;
-    // The images are workspaces of their own.
-    for manifest in ["firmware/Cargo.toml", "tests/embedded/Cargo.toml", "tests/fuzz/Cargo.toml"] {
+    // The images and the Python package are workspaces of their own.
+    for manifest in ["firmware/Cargo.toml", "python/Cargo.toml", "tests/embedded/Cargo.toml", "tests/fuzz/Cargo.toml"] {
         let of_images = ["deny", "--manifest-path", manifest, "--config", "deny.toml", "--log-level", "error"];
         run_command(cargo(&[of_images.as_slice(), &checks].concat()))?;
     }

@@ -288,7 +288,7 @@ impl FitOptions {
     /// # Errors
     ///
     /// [`Error`] naming the option or the recording that cannot be used.
-    pub fn observations(&self, recordings: &[Recording]) -> Result<Vec<(Observation, Vec<Warning>)>> {
+    pub fn observations(&self, recordings: &[&Recording]) -> Result<Vec<(Observation, Vec<Warning>)>> {
         let log_time = self.weights.as_slice() == [Weight::LogTime];
         let weights: Vec<f64> = self
             .weights

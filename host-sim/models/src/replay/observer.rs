@@ -172,7 +172,7 @@ pub fn estimate(
 }
 
 /// An observer's refusal, as an error about its bandwidth or about the actuator.
-pub(crate) fn refused(error: ControlError) -> Error {
+pub fn refused(error: ControlError) -> Error {
     match error {
         ControlError::Actuator(error) => error.into(),
         error => Error::option("--bandwidth", error.to_string()),

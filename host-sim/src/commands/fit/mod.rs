@@ -50,7 +50,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let settings = arguments.options.settings()?;
     let direction = arguments.options.direction();
     let recordings = arguments.reading.read(&arguments.recordings)?;
-    let observed = arguments.options.observations(&recordings)?;
+    let observed = arguments.options.observations(&recordings.iter().collect::<Vec<_>>())?;
     let jobs = arguments.jobs(&recordings, &observed)?;
     let all = jobs.len();
     let stop = interrupt::stop_flag();
