@@ -51,6 +51,13 @@ pub(crate) fn read_only(py: Python<'_>, values: Vec<f64>) -> PyResult<Bound<'_, 
     Ok(array)
 }
 
+/// The number in `value`, if it is one and not an array of numbers.
+fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
+    // NumPy's arrays of one number can be made a number; they stay arrays.
+    let is_array = value.getattr("ndim").and_then(|dimensions| dimensions.extract()).is_ok_and(|n: usize| n > 0);
+    if is_array { None } else { value.extract().ok() }
+}
+
 /// `function` of a number, or of every number of an array.
 pub(crate) fn each<'py>(
     name: &str,
@@ -58,7 +65,7 @@ pub(crate) fn each<'py>(
     mut function: impl FnMut(f64) -> f64 + Send,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = value.py();
-    if let Ok(number) = value.extract::<f64>() {
+    if let Some(number) = number(value) {
         return Ok(function(number).into_pyobject(py)?.into_any());
     }
     let values = series(name, value)?;
@@ -73,11 +80,54 @@ pub(crate) fn each_complex<'py>(
     function: impl Fn(f64) -> Complex64 + Send,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = value.py();
-    if let Ok(number) = value.extract::<f64>() {
+    if let Some(number) = number(value) {
         let result = function(number);
         return Ok(PyComplex::from_doubles(py, result.re, result.im).into_any());
     }
     let values = series(name, value)?;
     let results: Vec<Complex64> = py.detach(move || values.into_iter().map(function).collect());
     Ok(PyArray1::from_vec(py, results).into_any())
+}
+
+/// Values between two looks for a signal: some 20 ms.
+const LOOK_EVERY: usize = 1 << 18;
+
+/// `state` stepped once by a number, or by every number of an array. What is not finite is refused, and Ctrl-C is heard: then `state` is as it was.
+pub(crate) fn steps<'py, S: Clone + Send>(
+    name: &str,
+    value: &Bound<'py, PyAny>,
+    state: &mut S,
+    step: impl Fn(&mut S, f64) -> f64 + Sync,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = value.py();
+    if let Some(number) = number(value) {
+        finite(name, number)?;
+        return Ok(step(state, number).into_pyobject(py)?.into_any());
+    }
+    let mut values = series(name, value)?;
+    if let Some(at) = values.iter().position(|value| !(-LARGEST..=LARGEST).contains(value)) {
+        finite(&format!("{name}[{at}]"), values[at])?;
+    }
+    let before = state.clone();
+    for part in values.chunks_mut(LOOK_EVERY) {
+        let state = &mut *state;
+        py.detach(|| part.iter_mut().for_each(|value| *value = step(state, *value)));
+        if let Err(raised) = py.check_signals() {
+            *state = before;
+            return Err(raised);
+        }
+    }
+    Ok(array(py, values).into_any())
+}
+
+/// Largest number of a step, as of a recording: its square is finite in single precision.
+const LARGEST: f64 = 1e15;
+
+/// Refuses a number that is not finite, or not within 1e15: a state would never recover from it.
+pub(crate) fn finite(name: &str, number: f64) -> PyResult<()> {
+    match number.abs() {
+        size if size <= LARGEST => Ok(()),
+        size if size.is_finite() => Err(refused(name, format!("{number:e} must be within {LARGEST:e}"))),
+        _ => Err(refused(name, format!("{number} must be finite"))),
+    }
 }

@@ -12,6 +12,7 @@ use bench_models::replay::observer::refused as observer_refused;
 use pyo3::prelude::*;
 use springpot::{Applied, CommandLimits, Limited, Observer, ObserverOptions, ObserverState, Real, SensorSample};
 
+use crate::arrays::finite;
 use crate::errors::{Raise, refused};
 use crate::model::PyModel;
 use crate::names::choice;
@@ -119,12 +120,15 @@ impl Loop {
         Ok(Mutex::new(Self { controller, sensor: parameters.sensor(), rate_hz, delay_s, commanded_v: 0.0 }))
     }
 
-    fn tick(&mut self, reference_m: f64, since: Since) -> PyTick {
+    fn tick(&mut self, reference_m: f64, since: Since) -> PyResult<PyTick> {
+        if let Some(applied_v) = since.applied_v {
+            finite("applied_v", applied_v)?;
+        }
         let applied = Applied { commanded: since.applied_v.unwrap_or(self.commanded_v), reading: since.monitor_v };
         let sample = sample(self.sensor, since, self.delay_s, self.rate_hz);
         let output = self.controller.tick(applied, sample, reference_m);
         self.commanded_v = output.voltage_v;
-        output.into()
+        Ok(output.into())
     }
 }
 
@@ -187,6 +191,8 @@ impl PyTracking {
     ///
     /// `sample_m` (m) is the sensor's reading that has arrived, None or NaN for none, taken `age_s` (s) ago. `applied_v` (V) is what was
     /// commanded in the end, if not the last tick's voltage; `monitor_v` (V) what a monitor measured of it.
+    ///
+    /// Raises InputError for an `applied_v` that is not finite; nothing has changed then.
     #[pyo3(signature = (reference_m, sample_m=None, *, applied_v=None, monitor_v=None, age_s=None))]
     fn tick(
         &self,
@@ -195,7 +201,7 @@ impl PyTracking {
         applied_v: Option<f64>,
         monitor_v: Option<f64>,
         age_s: Option<f64>,
-    ) -> PyTick {
+    ) -> PyResult<PyTick> {
         locked(&self.0).tick(reference_m, Since { applied_v, monitor_v, sample_m, age_s })
     }
 }
@@ -221,7 +227,7 @@ impl PyFeedforward {
 
     /// One tick, as of Tracking, without a sensor.
     #[pyo3(signature = (reference_m, *, applied_v=None, monitor_v=None))]
-    fn tick(&self, reference_m: f64, applied_v: Option<f64>, monitor_v: Option<f64>) -> PyTick {
+    fn tick(&self, reference_m: f64, applied_v: Option<f64>, monitor_v: Option<f64>) -> PyResult<PyTick> {
         locked(&self.0).tick(reference_m, Since { applied_v, monitor_v, sample_m: None, age_s: None })
     }
 }
@@ -336,13 +342,16 @@ impl PyObserver {
 
     /// One tick: the film under `voltage_v` (V) since the last, and the reading `sample_m` (m) that has arrived, taken `age_s` (s) ago; None or NaN
     /// for none.
+    ///
+    /// Raises InputError for a voltage that is not finite; nothing has changed then.
     #[pyo3(signature = (voltage_v, sample_m=None, *, age_s=None))]
-    fn tick(&self, voltage_v: f64, sample_m: Option<f64>, age_s: Option<f64>) -> PyEstimate {
+    fn tick(&self, voltage_v: f64, sample_m: Option<f64>, age_s: Option<f64>) -> PyResult<PyEstimate> {
+        finite("voltage_v", voltage_v)?;
         let since = Since { applied_v: None, monitor_v: None, sample_m, age_s };
         let sample = sample(self.sensor, since, self.delay_s, self.rate_hz);
-        match &mut *locked(&self.observer) {
+        Ok(match &mut *locked(&self.observer) {
             AnyObserver::F32(observer) => observed(observer, voltage_v, sample),
             AnyObserver::F64(observer) => observed(observer, voltage_v, sample),
-        }
+        })
     }
 }

@@ -8,6 +8,7 @@ use bench_models::bench::film_recording::Session;
 use bench_models::references::{Reference, Shape};
 use pyo3::prelude::*;
 
+use crate::arrays::finite;
 use crate::errors::{Raise, refused};
 use crate::names::choice;
 use crate::recording::PyRecording;
@@ -104,9 +105,7 @@ impl PySimulatedFilm {
     ///
     /// Raises ComputationError for a film that is torn or pulled in; its state stays.
     fn advance(&mut self, voltage_v: f64, duration_s: f64) -> PyResult<f64> {
-        if !voltage_v.is_finite() {
-            return Err(refused("voltage_v", format!("{voltage_v} must be finite")));
-        }
+        finite("voltage_v", voltage_v)?;
         if !(0.0..=1e3).contains(&duration_s) {
             return Err(refused("duration_s", format!("{duration_s:?} s must be from 0 to 1000")));
         }

@@ -5,7 +5,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use springpot::{Compressed, Law, Method, State};
 
-use crate::arrays::{each, each_complex};
+use crate::arrays::{each_complex, finite, steps};
 use crate::errors::{Raise, refused};
 use crate::model::PyModel;
 use crate::names::{choice, name_of};
@@ -109,11 +109,8 @@ impl PyLaw {
 
     /// The state of a film that has crept under `force_n` (N) for `duration_s` (s).
     fn settled(&self, py: Python<'_>, force_n: f64, duration_s: f64) -> PyResult<PyState> {
-        for (name, value) in [("force_n", force_n), ("duration_s", duration_s)] {
-            if !value.is_finite() {
-                return Err(refused(name, format!("{value} must be finite")));
-            }
-        }
+        finite("force_n", force_n)?;
+        finite("duration_s", duration_s)?;
         Ok(PyState(py.detach(|| match &self.law {
             AnyLaw::F32(law) => AnyState::F32(law.clone(), law.settled(force_n as f32, duration_s)),
             AnyLaw::F64(law) => AnyState::F64(law.clone(), law.settled(force_n, duration_s)),
@@ -165,21 +162,25 @@ impl PyState {
 
     /// Steps the film under `force_n` (N): once for a number, once for every value of an array. Its displacement (m), of the same shape.
     ///
-    /// Raises InputError for an array of more dimensions or of no numbers.
+    /// Raises InputError for an array of more dimensions or with values that are not finite; the state stays, as it does after Ctrl-C.
     fn displacement<'py>(&mut self, force_n: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         match &mut self.0 {
-            AnyState::F32(law, state) => each("force_n", force_n, |f| law.displacement(state, f as f32).into()),
-            AnyState::F64(law, state) => each("force_n", force_n, |f| law.displacement(state, f)),
+            AnyState::F32(law, state) => {
+                steps("force_n", force_n, state, |state, f| law.displacement(state, f as f32).into())
+            }
+            AnyState::F64(law, state) => steps("force_n", force_n, state, |state, f| law.displacement(state, f)),
         }
     }
 
     /// Steps the film to `displacement_m` (m): once for a number, once for every value of an array. The force (N) that it takes, likewise.
     ///
-    /// Raises InputError for an array of more dimensions or of no numbers.
+    /// Raises InputError for an array of more dimensions or with values that are not finite; the state stays, as it does after Ctrl-C.
     fn force<'py>(&mut self, displacement_m: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
         match &mut self.0 {
-            AnyState::F32(law, state) => each("displacement_m", displacement_m, |x| law.force(state, x as f32).into()),
-            AnyState::F64(law, state) => each("displacement_m", displacement_m, |x| law.force(state, x)),
+            AnyState::F32(law, state) => {
+                steps("displacement_m", displacement_m, state, |state, x| law.force(state, x as f32).into())
+            }
+            AnyState::F64(law, state) => steps("displacement_m", displacement_m, state, |state, x| law.force(state, x)),
         }
     }
 

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use springpot::{Maxwell, Method, Preset, Springpot, Topology};
 
 use crate::actuator::PyActuator;
-use crate::arrays::each;
+use crate::arrays::{each, finite};
 use crate::errors::{Raise, refused};
 use crate::names::choice;
 
@@ -63,9 +63,7 @@ impl PyModel {
             "eq11" => Topology::Eq11,
             _ => return Err(refused("topology", format!("{topology:?} is not one of parallel, eq11"))),
         };
-        if !sensor_offset_m.is_finite() {
-            return Err(refused("sensor_offset_m", format!("{sensor_offset_m} must be finite")));
-        }
+        finite("sensor_offset_m", sensor_offset_m)?;
         let springpot = |(c, alpha): Element| Springpot::new(c, alpha);
         let branches: Vec<[Springpot; 2]> = branches.into_iter().map(|(a, b)| [springpot(a), springpot(b)]).collect();
         let model = Maxwell::new(springpot(main), &branches, topology, actuator.mass_kg)

@@ -153,6 +153,29 @@ def test_signals_are_heard_within_calls(name: str) -> None:
     assert within.is_set()
 
 
+def test_a_state_stays_where_it_was_interrupted() -> None:
+    law = sp.Law(sp.load("preset:table3-n2"))
+    state, other = law.at_rest(), law.at_rest()
+    state.displacement(10.0)
+    other.displacement(10.0)
+
+    def handler(number: int, frame: object) -> None:
+        raise Alarm
+
+    before = signal.signal(signal.SIGALRM, handler)
+    forces = np.full(20_000_000, 20.0)
+    signal.setitimer(signal.ITIMER_REAL, 0.1)
+    try:
+        with pytest.raises(Alarm):
+            state.displacement(forces)
+            # So fast a machine does not get here; one that does has the alarm yet to come.
+            time.sleep(DEADLINE_S)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert state.displacement(5.0) == other.displacement(5.0)
+
+
 def test_ctrl_c_ends_a_fit(films: list[Path]) -> None:
     program = (
         "import springpot as sp\n"

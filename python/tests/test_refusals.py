@@ -136,6 +136,43 @@ def test_refused_arguments(line: str) -> None:
     assert str(refusal.value) == line
 
 
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_steps_of_no_number_change_nothing(precision: Any) -> None:
+    law = sp.Law(sp.load("preset:table3-n2"), precision=precision)
+    state, other = law.at_rest(), law.at_rest()
+    state.displacement(10.0)
+    other.displacement(10.0)
+    gappy = np.array([1.0, np.nan, 2.0])
+    for call, line in (
+        (lambda: state.displacement(math.nan), "force_n: NaN must be finite"),
+        (lambda: state.displacement(gappy), "force_n[1]: NaN must be finite"),
+        (lambda: state.force(np.array([0.0, 0.0, -np.inf])), "displacement_m[2]: -inf must be finite"),
+        (lambda: state.displacement(-1e20), "force_n: -1e20 must be within 1e15"),
+    ):
+        with pytest.raises(sp.InputError) as refusal:
+            call()
+        assert str(refusal.value) == line
+    assert state.displacement(5.0) == other.displacement(5.0)
+    # One number in an array is an array.
+    one = state.displacement(np.array([5.0]))
+    assert one.shape == (1,) and one[0] == other.displacement(5.0)
+    assert state.displacement([]).shape == (0,)
+
+
+def test_ticks_of_no_number_change_nothing() -> None:
+    model = sp.load("preset:table3-n2")
+    tracking, other = sp.Tracking(model), sp.Tracking(model)
+    observer, alone = sp.Observer(model), sp.Observer(model)
+    for k in range(100):
+        with pytest.raises(sp.InputError, match="^applied_v: NaN must be finite$"):
+            tracking.tick(1e-3, applied_v=math.nan)
+        with pytest.raises(sp.InputError, match="^voltage_v: inf must be finite$"):
+            observer.tick(math.inf)
+        # What a monitor or a sensor reads may be anything.
+        assert tracking.tick(1e-3, math.inf, monitor_v=math.nan).voltage_v == other.tick(1e-3).voltage_v
+        assert observer.tick(10.0 * k, math.nan).displacement_m == alone.tick(10.0 * k).displacement_m
+
+
 def test_states_come_from_laws() -> None:
     with pytest.raises(TypeError, match="comes from a Law"):
         sp.State()

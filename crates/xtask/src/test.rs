@@ -122,10 +122,11 @@ fn tests(options: &[&str]) -> Command {
 }
 
 /// Sources of libraries whose manifest says `test = false`: a test in them would never run.
-const WITHOUT_TESTS: [&str; 9] = [
+const WITHOUT_TESTS: [&str; 10] = [
     "host-sim/src",
     "host-sim/io/src",
     "host-sim/models/src",
+    "python/src",
     "tests/board/src",
     "tests/support",
     "tests/chip-program/src",

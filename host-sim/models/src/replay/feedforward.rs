@@ -77,12 +77,13 @@ impl OnLaw for Inversion<'_> {
 
 impl OnMemory for Inversion<'_> {
     fn with_full_memory(self) -> Result<VoltagePlan> {
-        let Self { parameters, reference, grid, limits, .. } = self;
+        let Self { parameters, reference, grid, limits, progress } = self;
         check_full(grid)?;
         let actuator = &parameters.actuator;
         actuator.check()?;
         let film = parameters.film();
         let memory = FullMemory::with_method(grid.samples, grid.step_s(), film.method);
+        progress.advance(0)?;
         let force = memory.force_along(film, reference);
         let mut plan = VoltagePlan { reference_m: reference.to_vec(), ..VoltagePlan::default() };
         let mut clipped = Vec::with_capacity(force.len());

@@ -152,6 +152,8 @@ impl OnMemory for ModelRun<'_> {
     fn with_full_memory(self) -> Result<Columns> {
         check_full(self.grid)?;
         let memory = FullMemory::with_method(self.grid.samples, self.grid.step_s(), self.film.method);
+        // Between its transforms; there is no end within one.
+        self.progress.advance(0)?;
         let step_s = self.grid.step_s();
         let (mut force, mut displacement) = match self.input {
             Input::Force(force) => {
