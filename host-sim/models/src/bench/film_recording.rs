@@ -45,7 +45,7 @@ impl FilmRecording {
     ///
     /// # Errors
     ///
-    /// [`Error::File`](crate::error::Error::File) where it cannot be written.
+    /// [`Error::File`] where it cannot be written.
     pub fn write(&self, path: &Path, comments: &[String]) -> Result<()> {
         let time = self.grid.times_s();
         output::write_columns(
