@@ -1,8 +1,12 @@
 //! The law in other languages: what its tests need beyond the default run, installed, and those tests.
 
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
 use clap::ValueEnum;
 
-use crate::process::{Result, cargo, run as run_command};
+use crate::process::{Result, cargo, command, root, run as run_command};
 use crate::setup;
 
 /// A language.
@@ -10,6 +14,8 @@ use crate::setup;
 pub enum Face {
     /// The emitted C: gcc and clang, sanitizers, Cortex-M0, M4F, M33 and RISC-V in QEMU.
     C,
+    /// The Python package: installed into an environment of its own, against the command line, its types and its notebook.
+    Python,
 }
 
 /// Installs what is missing and runs the tests of `only` this face, or of all.
@@ -17,6 +23,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
     for face in Face::value_variants().iter().filter(|face| only.is_none_or(|only| only == **face)) {
         match face {
             Face::C => c()?,
+            Face::Python => python()?,
         }
     }
     Ok(())
@@ -29,4 +36,62 @@ pub fn c() -> Result<()> {
     run_command(cargo(&["test", "--package", "bench-emit", "--", "--include-ignored", "--test-threads=1"]))?;
     let of_the_tool = ["test", "--package", "tests", "--test", "command_line", "export_c", "--", "--include-ignored"];
     run_command(cargo(&of_the_tool))
+}
+
+/// The Python package, as `pip install .` installs it.
+pub fn python() -> Result<()> {
+    let package = root().join("python");
+    let built = root().join("target").join("faces");
+    let python = environment(&built.join("python"))?;
+    // The workspace's own checks do not come here.
+    let here = |mut command: Command| {
+        command.current_dir(&package).env("CARGO_TARGET_DIR", built.join("rust"));
+        command
+    };
+    same_versions(&package)?;
+    run_command(here(cargo(&["fmt", "--check"])))?;
+    run_command(here(cargo(&["clippy", "--quiet", "--release", "--locked", "--", "-D", "warnings"])))?;
+    run_command(cargo(&["build", "--quiet", "--release", "--package", "host-sim"]))?;
+    let pip = |arguments: &[&str]| {
+        let pip = ["-m", "pip", "--quiet", "--disable-pip-version-check", "install"];
+        here(command(&python, &[&pip, arguments].concat()))
+    };
+    run_command(pip(&["--requirement", "requirements.txt"]))?;
+    // A version that is there already is another build of it.
+    run_command(pip(&["--force-reinstall", "--no-deps", "."]))?;
+    let mut tests = here(command(&python, &["-m", "pytest"]));
+    tests.env("SPRINGPOT_HOST_SIM", root().join("target").join("release").join("host-sim"));
+    run_command(tests)
+}
+
+/// The package's lock file and the project's name the same versions of what both have: its figures are those of the command line.
+fn same_versions(package: &Path) -> Result<()> {
+    let (own, project) = (locked(&package.join("Cargo.lock"))?, locked(&root().join("Cargo.lock"))?);
+    let other = own.iter().find(|(name, version)| {
+        let versions: Vec<&String> =
+            project.iter().filter(|(known, _)| known == name).map(|(_, known)| known).collect();
+        !versions.is_empty() && !versions.contains(&version)
+    });
+    let Some((name, version)) = other else { return Ok(()) };
+    let known = project.iter().find(|(known, _)| known == name).map_or("", |(_, known)| known);
+    Err(format!("python/Cargo.lock has {name} {version}: cargo update --precise {known} {name}@{version} there"))
+}
+
+/// Names and versions in a lock file.
+fn locked(path: &Path) -> Result<Vec<(String, String)>> {
+    let text = fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let value =
+        |line: &str, key: &str| Some(line.strip_prefix(key)?.strip_prefix(" = \"")?.trim_end_matches('"').to_owned());
+    let lines: Vec<&str> = text.lines().collect();
+    Ok(lines.windows(2).filter_map(|pair| Some((value(pair[0], "name")?, value(pair[1], "version")?))).collect())
+}
+
+/// The interpreter of the environment in `folder`, which is made if it is missing.
+fn environment(folder: &Path) -> Result<String> {
+    let program: PathBuf = folder.join("bin").join("python");
+    if !program.exists() {
+        let python = setup::python()?;
+        run_command(command(python, &["-m", "venv", "--clear", &folder.to_string_lossy()]))?;
+    }
+    Ok(program.to_string_lossy().into_owned())
 }

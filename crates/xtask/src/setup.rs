@@ -174,6 +174,22 @@ pub fn c_compilers() -> Result<()> {
     }
 }
 
+/// A Python that makes environments, installed if it is missing.
+pub fn python() -> Result<&'static str> {
+    const PYTHON: &str = "python3";
+    // Debian has what an environment needs in a package of its own.
+    let makes_environments = || output(command(PYTHON, &["-c", "import ensurepip, venv"])).is_ok();
+    if !makes_environments() {
+        apt_install(&["python3", "python3-venv"], None)?;
+    }
+    let is_new = output(command(PYTHON, &["-c", "import sys; assert sys.version_info >= (3, 11)"])).is_ok();
+    if makes_environments() && is_new {
+        Ok(PYTHON)
+    } else {
+        Err("Python 3.11 or newer with venv is needed; install it".into())
+    }
+}
+
 /// A browser without a window, installed if it is missing: 300 MB with what it needs.
 pub fn chromium() -> Result<String> {
     const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];

@@ -122,12 +122,13 @@ fn tests(options: &[&str]) -> Command {
 }
 
 /// Sources of libraries whose manifest says `test = false`: a test in them would never run.
-const WITHOUT_TESTS: [&str; 11] = [
+const WITHOUT_TESTS: [&str; 12] = [
     "host-sim/src",
     "host-sim/fft/src",
     "host-sim/emit/src",
     "host-sim/io/src",
     "host-sim/models/src",
+    "python/src",
     "tests/board/src",
     "tests/support",
     "tests/chip-program/src",
@@ -214,8 +215,8 @@ pub fn deny() -> Result<()> {
     }
     let checks = ["check", "licenses", "bans", "sources"];
     run_command(cargo(&[["deny", "--workspace", "--all-features"].as_slice(), &checks].concat()))?;
-    // The images are workspaces of their own.
-    for manifest in ["firmware/Cargo.toml", "tests/embedded/Cargo.toml", "tests/fuzz/Cargo.toml"] {
+    // The images and the Python package are workspaces of their own.
+    for manifest in ["firmware/Cargo.toml", "python/Cargo.toml", "tests/embedded/Cargo.toml", "tests/fuzz/Cargo.toml"] {
         let of_images = ["deny", "--manifest-path", manifest, "--config", "deny.toml", "--log-level", "error"];
         run_command(cargo(&[of_images.as_slice(), &checks].concat()))?;
     }

@@ -72,6 +72,9 @@ pub enum Error {
     /// A computation that has no result.
     #[error("{0}")]
     Computation(String),
+    /// Work that its caller ended.
+    #[error("interrupted")]
+    Interrupted,
 }
 
 impl Error {

@@ -1,4 +1,5 @@
-//! Progress on standard error: a bar on a terminal, elsewhere a line every 10 s.
+//! Progress on standard error: a bar on a terminal, elsewhere a line every 10 s. A caller that shows it otherwise, or that may end
+//! the work, is a [`Watch`].
 
 use std::io::{self, IsTerminal};
 use std::ops::Deref;
@@ -8,6 +9,7 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
+use crate::error::Result;
 use crate::terminal::{self, Verbosity};
 
 /// Time from one line to the next where standard error is not a terminal, s.
@@ -18,6 +20,29 @@ pub struct Progress {
     bar: ProgressBar,
     /// Ends the thread of the lines when it is dropped.
     _lines: Option<Sender<()>>,
+}
+
+/// Who is told how far work has come, and may end it.
+pub trait Watch: Sync {
+    /// Counts `units` of work that are done.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Interrupted`](crate::error::Error::Interrupted) where the work is to end here, without a result.
+    fn advance(&self, units: u64) -> Result<()>;
+}
+
+impl Watch for ProgressBar {
+    fn advance(&self, units: u64) -> Result<()> {
+        self.inc(units);
+        Ok(())
+    }
+}
+
+impl Watch for Progress {
+    fn advance(&self, units: u64) -> Result<()> {
+        self.bar.advance(units)
+    }
 }
 
 /// How far a piece of work has come.

@@ -2,6 +2,8 @@
 //!
 //! One parser per quantity, for every option of every command. What is not finite is refused here, before any work.
 
+use crate::error::{Error, Result};
+
 /// A quantity that options take.
 struct Quantity {
     /// The unit of a plain number.
@@ -226,4 +228,30 @@ fn number_length(text: &str) -> usize {
         }
     }
     end
+}
+
+/// Refuses a value that is not finite and greater than 0.
+///
+/// # Errors
+///
+/// [`Error::Option`].
+pub fn positive(option: &'static str, value: f64) -> Result<()> {
+    if value.is_finite() && value > 0.0 {
+        Ok(())
+    } else {
+        Err(Error::option(option, format!("{value:?} must be finite and greater than 0")))
+    }
+}
+
+/// Refuses a value outside 0 to `most`.
+///
+/// # Errors
+///
+/// [`Error::Option`].
+pub fn at_most(option: &'static str, value: f64, most: f64) -> Result<()> {
+    if (0.0..=most).contains(&value) {
+        Ok(())
+    } else {
+        Err(Error::option(option, format!("{value:?} must be from 0 to {most}")))
+    }
 }

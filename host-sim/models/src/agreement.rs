@@ -37,6 +37,11 @@ impl Agreement {
     }
 }
 
+/// Mean of R² over recordings, each counted alike.
+pub fn mean_r2(agreements: &[Agreement]) -> f64 {
+    agreements.iter().map(|agreement| agreement.r2).sum::<f64>() / agreements.len() as f64
+}
+
 /// RMS of the difference of two series over the standard deviation of the second.
 pub fn relative_rms(series: &[f64], reference: &[f64]) -> f64 {
     let mean = reference.iter().sum::<f64>() / reference.len() as f64;

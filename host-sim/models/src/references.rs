@@ -10,6 +10,7 @@ use rand_pcg::Pcg64;
 use crate::error::{Error, Result};
 use crate::files::recording::Recording;
 use crate::grid::Grid;
+use crate::quantity::positive;
 
 /// The displacement of `recording` as a reference, on its grid at `rate_hz`.
 ///
@@ -59,6 +60,8 @@ pub struct Reference {
     pub seed: u64,
 }
 
+/// Largest number of samples of a reference.
+const MOST_SAMPLES: usize = 20_000_000;
 /// The longest period, s. A random walk runs for twenty periods before its first sample.
 const MOST_PERIOD_S: f64 = 1e5;
 
@@ -66,6 +69,25 @@ impl Reference {
     /// A reference with a rise of 5 s.
     pub fn new(shape: Shape, low_m: f64, high_m: f64, period_s: f64) -> Self {
         Self { shape, low_m, high_m, period_s, rise_s: 5.0, seed: 1 }
+    }
+
+    /// Its values (m) over `duration_s` at `rate_hz`, with a rise of `rise_s`; if that is left out, as long as usual, or a quarter of a
+    /// shorter reference and half a plateau.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] for sizes and times that make no sense.
+    pub fn over(self, duration_s: f64, rate_hz: f64, rise_s: Option<f64>) -> Result<(Vec<f64>, Grid)> {
+        positive("--duration", duration_s)?;
+        positive("--rate", rate_hz)?;
+        let grid = Grid::covering(duration_s, rate_hz)?;
+        if !(2..=MOST_SAMPLES).contains(&grid.samples) {
+            let cause = format!("{} samples at this rate; from 2 to {MOST_SAMPLES} are possible", grid.samples);
+            return Err(Error::option("--duration", cause));
+        }
+        let plateau = if self.shape == Shape::Steps { 0.5 * self.period_s } else { f64::INFINITY };
+        let rise_s = rise_s.unwrap_or_else(|| self.rise_s.min(0.25 * duration_s).min(plateau));
+        Ok((Self { rise_s, ..self }.on(grid)?, grid))
     }
 
     /// Its values on `grid`, m.

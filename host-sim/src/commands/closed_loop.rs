@@ -3,22 +3,22 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use dea_driver::Control;
 use serde::Serialize;
-use springpot::{AmplifierLag, CommandLimits, HARMONICS, LearningOptions, ObserverOptions};
+use springpot::{AmplifierLag, CommandLimits};
 
-use super::options::{LimitOptions, at_most, positive};
 use super::recordings::RecordingOptions;
 use crate::bench::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
-use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
+use crate::bench::controllers::{self, ControllerKind};
 use crate::bench::film::{self, Film};
 use crate::bench::plant::{FullMemoryPlant, Mismatch};
+use crate::bench::tuning::ControllerTuning;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
-use crate::files::parameters::{Parameters, as_written};
+use crate::files::parameters::Parameters;
 use crate::grid::Grid;
 use crate::progress::Progress;
-use crate::quantity;
+use crate::quantity::{self, at_most, positive};
+use crate::replay::limits::LimitOptions;
 use crate::replay::memory::Precision;
 use crate::report::figure::Figure;
 use crate::report::figure_file::{Plot, PlotOption};
@@ -201,20 +201,19 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let parameters = Parameters::load(&arguments.params)?;
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
     let bench = arguments.sensor.bench(&limits, arguments.seed)?;
-    let (bandwidth_hz, adaptation_s) = arguments.tuning(&parameters)?;
+    let tuning = ControllerTuning {
+        rate_hz: arguments.rate,
+        bandwidth_hz: arguments.bandwidth,
+        adaptation_s: arguments.adaptation,
+        sensor_rate_hz: bench.sensor_rate_hz,
+        sensor_delay_s: bench.sensor_delay_s,
+        harmonics: arguments.harmonics,
+        period_s: arguments.period,
+    };
+    let mut settings = tuning.settings(arguments.controller, &parameters, limits)?;
     let (reference, grid) = arguments.reading.reference(&arguments.reference, arguments.rate)?;
     let plot = arguments.check_outputs()?;
-    let interval_s = (1.0 / bench.sensor_rate_hz).max(grid.step_s());
-    let observer = ObserverOptions {
-        bandwidth_hz,
-        sample_interval_s: interval_s,
-        delay_s: bench.sensor_delay_s,
-        lost_after_s: 5.0 * interval_s,
-        adaptation_s,
-    };
-    let peak_m = reference.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let learning = arguments.learning(interval_s)?;
-    let settings = ControllerSettings { rate_hz: grid.rate_hz, limits, observer, learning, peak_m };
+    settings.peak_m = reference.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let about = |error: Error| error.about(&arguments.params, &arguments.reference);
     let mut controller =
         controllers::build(arguments.controller, &parameters, &settings, arguments.precision).map_err(about)?;
@@ -260,37 +259,6 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 }
 
 impl Arguments {
-    /// Bandwidth (Hz) and adaptation time (s): the options, or else those of the parameters' board or of the paper's bench.
-    fn tuning(&self, parameters: &Parameters) -> Result<(f64, f64)> {
-        let control = parameters.board.as_ref().map_or(Control::BENCH, |board| board.control);
-        let bandwidth_hz = self.bandwidth.unwrap_or(match self.controller {
-            ControllerKind::Pi => controllers::PI_HZ,
-            _ => as_written(control.bandwidth_hz),
-        });
-        positive("--bandwidth", bandwidth_hz)?;
-        let adaptation_s = self.adaptation.unwrap_or(as_written(control.adaptation_s));
-        at_most("--adaptation", adaptation_s, 1e9)?;
-        Ok((bandwidth_hz, adaptation_s))
-    }
-
-    fn learning(&self, sample_interval_s: f64) -> Result<Option<LearningOptions>> {
-        let Some(harmonics) = self.harmonics else { return Ok(None) };
-        if harmonics == 0 {
-            return Ok(None);
-        }
-        if harmonics > HARMONICS {
-            return Err(Error::option("--harmonics", format!("{harmonics}: at most {HARMONICS} are learned")));
-        }
-        if !matches!(self.controller, ControllerKind::Feedforward | ControllerKind::Tracking) {
-            let cause = format!("{} does not learn; use feedforward or tracking", self.controller.name());
-            return Err(Error::option("--harmonics", cause));
-        }
-        if let Some(period) = self.period {
-            positive("--period", period)?;
-        }
-        Ok(Some(LearningOptions { harmonics, period_s: self.period, sample_interval_s }))
-    }
-
     fn mismatch(&self) -> Mismatch {
         let start = Mismatch { stiffness: self.stiffness, ..Mismatch::NONE };
         self.plant_mismatch.iter().fold(start, |so_far, factor| match *factor {

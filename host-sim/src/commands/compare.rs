@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{assumed_actuator, checked_starts, positive};
 use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
 use crate::files::output::Staged;
@@ -16,8 +15,9 @@ use crate::files::recording::{Direction, Recording};
 use crate::fit::Settings;
 use crate::fit::observation::{Observation, observe_all, observe_prepared};
 use crate::fit::preparation::{Preparation, Window};
+use crate::fit::settings::{assumed_actuator, checked_starts};
 use crate::progress::Progress;
-use crate::quantity;
+use crate::quantity::{self, positive};
 use crate::report::figure::Figure;
 use crate::report::figure_file::PlotOption;
 use crate::report::model_figure;

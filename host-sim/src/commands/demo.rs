@@ -242,7 +242,7 @@ fn fitted(recordings: &[Recording], actuator: Actuator, assumed_sizes: bool, fil
     let job = Job {
         out: files.parameters.clone(),
         page: None,
-        files: recordings.iter().map(Recording::path).collect(),
+        recordings: recordings.iter().collect(),
         observations,
         warnings: warnings.concat(),
     };

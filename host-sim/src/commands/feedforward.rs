@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::options::LimitOptions;
 use super::recordings::RecordingOptions;
 use super::{ModelOptions, Verdict};
 use crate::bench::closed_loop::LimitShare;
@@ -15,6 +14,7 @@ use crate::grid::Grid;
 use crate::progress::Progress;
 use crate::replay::feasibility::{self, Binding, Feasibility, Limit, Smaller};
 use crate::replay::feedforward::{self, VoltagePlan};
+use crate::replay::limits::LimitOptions;
 use crate::report::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;

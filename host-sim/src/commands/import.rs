@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::options::positive;
 use super::recordings::RecordingOptions;
 use crate::error::{Error, Result, shown};
 use crate::files::import::{Blank, By, Edits, Quantity, Series, Understood, UnderstoodColumn};
@@ -74,7 +73,7 @@ struct Range {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let edits = arguments.edits()?;
+    let edits = Edits::new(arguments.blank.clone(), arguments.from, arguments.to, arguments.decimate)?;
     let outputs = arguments.outputs()?;
     let hints = arguments.options.hints();
     let mut imported = Vec::new();
@@ -100,27 +99,6 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 }
 
 impl Arguments {
-    fn edits(&self) -> Result<Edits> {
-        if self.from < 0.0 {
-            return Err(Error::option("--from", format!("{:?} must be at least 0", self.from)));
-        }
-        if let Some(to) = self.to {
-            positive("--to", to)?;
-            if to <= self.from {
-                return Err(Error::option("--to", format!("{to:?} must lie above --from")));
-            }
-        }
-        if self.decimate == 0 {
-            return Err(Error::option("--decimate", "1 keeps every row"));
-        }
-        Ok(Edits {
-            blanks: self.blank.clone(),
-            from_s: self.from,
-            to_s: self.to.unwrap_or(f64::INFINITY),
-            decimate: self.decimate,
-        })
-    }
-
     /// Where the recordings go. Refused are two of one name, and files that are read.
     fn outputs(&self) -> Result<Vec<PathBuf>> {
         let inputs: Vec<&Path> = self.files.iter().map(PathBuf::as_path).collect();

@@ -16,7 +16,6 @@ mod import;
 mod link;
 mod man;
 mod observe;
-mod options;
 mod pil;
 mod plant;
 mod profile;

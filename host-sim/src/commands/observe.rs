@@ -5,17 +5,15 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{at_most, positive};
 use super::recordings::RecordingOptions;
-use crate::error::{Error, Result, shown};
+use crate::error::{Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
-use crate::files::recording::Input;
 use crate::grid::Grid;
 use crate::progress::Progress;
 use crate::quantity;
 use crate::replay::memory::{MethodName, Precision};
-use crate::replay::observer::{self, Estimates, ObserverSummary};
+use crate::replay::observer::{Estimates, ObservedRecording, ObserverSummary, Tuning};
 use crate::report::axis::{DISPLACEMENT, MICROMETRES};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
@@ -63,29 +61,20 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    positive("--bandwidth", arguments.bandwidth)?;
-    at_most("--adaptation", arguments.adaptation, 1e9)?;
+    let tuning = Tuning::new(arguments.bandwidth, arguments.adaptation)?;
     let parameters = Parameters::load(&arguments.params)?.with_method(arguments.method.into());
     let recording = arguments.reading.read_one(&arguments.recording)?;
     let inputs = [arguments.recording.as_path(), arguments.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;
     let plot = arguments.plot.check(&inputs, &[&arguments.out])?;
-    let grid = recording.grid(arguments.rate)?;
-    let Input::Voltage(voltage) = recording.drive()? else {
-        return Err(Error::file(
-            &arguments.recording,
-            "no column voltage_v or voltage_kv; the observer needs the voltage",
-        ));
-    };
-    let measured = recording.displacement()?;
-    let about = |error: Error| error.about(&arguments.params, recording.path());
-    let options = observer::options(arguments.bandwidth, arguments.adaptation, &measured, grid).map_err(about)?;
+    let run = ObservedRecording::of(&recording, arguments.rate)?;
+    let grid = run.grid;
     let bar = Progress::over(grid.samples as u64, "observe");
-    let volts = grid.resample(&voltage);
-    let estimates =
-        observer::estimate(&parameters, &volts, &measured, grid, options, arguments.precision, &bar).map_err(about)?;
+    let estimates = run
+        .estimate(&parameters, tuning, arguments.precision, &bar)
+        .map_err(|e| e.about(&arguments.params, recording.path()))?;
     bar.finish_and_clear();
-    let table = stage(&arguments.out, grid, &volts, &estimates)?;
+    let table = stage(&arguments.out, grid, &run.voltage_v, &estimates)?;
     let observed = estimates.summary();
     let report = Report { out: shown(&arguments.out), rate_hz: grid.rate_hz, observed };
     let title = format!("Observer over {}", shown(&arguments.recording));

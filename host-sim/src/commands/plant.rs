@@ -5,12 +5,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{at_most, positive};
 use crate::bench::film::{Film, Instruments, Plant, Waveform};
-use crate::bench::film_recording::FilmRecording;
-use crate::error::{Error, Result, shown};
+use crate::bench::film_recording::Session;
+use crate::error::{Result, shown};
 use crate::files::output::{self, Folders};
-use crate::grid::Grid;
 use crate::progress::Progress;
 use crate::quantity;
 use crate::terminal;
@@ -61,21 +59,13 @@ struct Report {
     last_peak_m: f64,
 }
 
-/// Largest number of samples of a recording: the film's states at all of them are kept in memory.
-const MOST_SAMPLES: usize = 20_000_000;
-
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let grid = arguments.grid()?;
+    let session = arguments.session();
+    let grid = session.grid()?;
     output::check(&arguments.out, &[], Folders::Exist)?;
     let film = Film::new(arguments.plant);
-    let waveform = Waveform { peak_v: arguments.peak_voltage, frequencies_hz: arguments.frequency.clone() };
-    let instruments = Instruments {
-        displacement_noise_m: arguments.noise,
-        displacement_quantum_m: arguments.quantum,
-        monitor_noise_v: arguments.monitor_noise,
-    };
     let bar = Progress::unknown("integrate the film");
-    let recording = FilmRecording::new(&film, &waveform, grid, instruments, arguments.seed)?;
+    let recording = session.record(&film)?;
     bar.finish_and_clear();
     let comments =
         ["a nonlinear film, simulated; not a measurement".to_owned(), format!("host-sim {}", arguments.command())];
@@ -103,27 +93,18 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 }
 
 impl Arguments {
-    /// The grid of the recording, once all options are checked.
-    fn grid(&self) -> Result<Grid> {
-        positive("--duration", self.duration)?;
-        positive("--rate", self.rate)?;
-        for &frequency in &self.frequency {
-            positive("--frequency", frequency)?;
-            if frequency > 0.5 * self.rate {
-                let cause = format!("{frequency:?} Hz is above half the rate; a recording cannot show it");
-                return Err(Error::option("--frequency", cause));
-            }
+    fn session(&self) -> Session {
+        Session {
+            waveform: Waveform { peak_v: self.peak_voltage, frequencies_hz: self.frequency.clone() },
+            duration_s: self.duration,
+            rate_hz: self.rate,
+            instruments: Instruments {
+                displacement_noise_m: self.noise,
+                displacement_quantum_m: self.quantum,
+                monitor_noise_v: self.monitor_noise,
+            },
+            seed: self.seed,
         }
-        at_most("--peak-voltage", self.peak_voltage, 1e6)?;
-        at_most("--noise", self.noise, 1.0)?;
-        at_most("--quantum", self.quantum, 1.0)?;
-        at_most("--monitor-noise", self.monitor_noise, 1e6)?;
-        let grid = Grid::covering(self.duration, self.rate)?;
-        if !(2..=MOST_SAMPLES).contains(&grid.samples) {
-            let cause = format!("{} samples at this rate; from 2 to {MOST_SAMPLES} are possible", grid.samples);
-            return Err(Error::option("--duration", cause));
-        }
-        Ok(grid)
     }
 
     /// The command that makes this recording again. It says `twin`, which every version of this tool understands.

@@ -6,13 +6,12 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::options::{at_most, positive};
 use crate::error::{Error, Result, shown};
 use crate::excitation::profile::{self, Part, PartShape, Profile, ProfileOptions, USUAL_SHARE};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
-use crate::quantity;
+use crate::quantity::{self, at_most, positive};
 use crate::terminal;
 
 #[derive(Debug, Args)]

@@ -5,10 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::options::positive;
-use crate::error::{Error, Result, shown};
+use crate::error::{Result, shown};
 use crate::files::output::{self, Folders, Staged};
-use crate::grid::Grid;
 use crate::quantity;
 use crate::references::{Reference, Shape};
 use crate::report::axis::DISPLACEMENT;
@@ -55,22 +53,10 @@ struct Report {
     samples: usize,
 }
 
-/// Largest number of samples of a reference.
-const MOST_SAMPLES: usize = 20_000_000;
-
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    positive("--duration", arguments.duration)?;
-    positive("--rate", arguments.rate)?;
-    let grid = Grid::covering(arguments.duration, arguments.rate)?;
-    if !(2..=MOST_SAMPLES).contains(&grid.samples) {
-        let cause = format!("{} samples at this rate; from 2 to {MOST_SAMPLES} are possible", grid.samples);
-        return Err(Error::option("--duration", cause));
-    }
-    let usual = Reference::new(arguments.shape, arguments.low, arguments.high, arguments.period);
-    let plateau = if arguments.shape == Shape::Steps { 0.5 * arguments.period } else { f64::INFINITY };
-    let rise_s = arguments.rise.unwrap_or_else(|| usual.rise_s.min(0.25 * arguments.duration).min(plateau));
-    let reference = Reference { rise_s, seed: arguments.seed, ..usual };
-    let values = reference.on(grid)?;
+    let Arguments { shape, low, high, period, rise, duration, rate, seed, .. } = *arguments;
+    let usual = Reference::new(shape, low, high, period);
+    let (values, grid) = Reference { seed, ..usual }.over(duration, rate, rise)?;
     output::check(&arguments.out, &[], Folders::Exist)?;
     let plot = arguments.plot.check(&[], &[&arguments.out])?;
     let time = grid.times_s();

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::options::assumed_actuator;
 use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::observe_all;
+use crate::fit::settings::assumed_actuator;
 use crate::progress::Progress;
 use crate::report::figure_file;
 use crate::report::study_page::StudyPage;

@@ -132,12 +132,12 @@ fn what_measurements_are_compared_with_is_there() {
 /// The project's sources: the names of the module and of the folder of each, its path, and what stands there.
 fn sources() -> Vec<([String; 2], PathBuf, String)> {
     let mut sources = Vec::new();
-    let mut folders: Vec<_> = ["crates", "host-sim", "tests"].map(|folder| root().join(folder)).into();
+    let mut folders: Vec<_> = ["crates", "host-sim", "python", "tests"].map(|folder| root().join(folder)).into();
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(&folder).expect("readable").map(|entry| entry.expect("readable").path()) {
             if entry.is_dir() && !entry.ends_with("target") {
                 folders.push(entry);
-            } else if entry.extension().is_some_and(|extension| extension == "rs") {
+            } else if entry.extension().is_some_and(|extension| extension == "rs" || extension == "py") {
                 let names = [entry.file_stem(), folder.file_name()];
                 let names = names.map(|name| name.expect("a name").to_string_lossy().into_owned());
                 let text = fs::read_to_string(&entry).expect("readable");
@@ -169,7 +169,8 @@ fn tests_that_are_cited_exist() {
                 continue;
             }
             count += 1;
-            let (defined, file) = (["(", "<"].map(|next| format!("fn {name}{next}")), format!("{module}/{name}.rs"));
+            let defined = ["fn NAME(", "fn NAME<", "def NAME("].map(|defined| defined.replace("NAME", name));
+            let file = format!("{module}/{name}.rs");
             let found = there.iter().any(|(_, path, source)| {
                 path.ends_with(&file) || defined.iter().any(|defined| source.contains(defined))
             });

@@ -6,7 +6,8 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::files::csv::{Column, Names, Table};
+use crate::files::csv::{self, Column, Names, Table};
+use crate::files::digest;
 use crate::files::import::{Hints, Quantity, Series, Understood};
 use crate::files::layout::Layout;
 use crate::grid::{Grid, Samples};
@@ -17,6 +18,8 @@ use crate::grid::{Grid, Samples};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     path: PathBuf,
+    /// Whether it came from a file, not from values at hand.
+    is_file: bool,
     time_s: Vec<f64>,
     voltage_v: Option<Column>,
     force_n: Option<Column>,
@@ -110,6 +113,60 @@ impl Recording {
         Self::new(path, RECORDING.table(&series), Some(series.understood))
     }
 
+    /// A recording of values that are at hand, in SI units: its rows are at `time_s` (s), the `columns` are of one length with them,
+    /// NaN where nothing was measured. Errors call it `name`; there is no such file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] naming the column and the row, from 0, that cannot be used.
+    pub fn of_values(name: &str, time_s: Vec<f64>, columns: Vec<(Quantity, Vec<f64>)>) -> Result<Self> {
+        let fault = |cause: String| Error::file(Path::new(name), cause);
+        if time_s.len() < 2 {
+            return Err(fault(format!("{} rows; a recording needs at least 2", time_s.len())));
+        }
+        if let Some(row) = time_s.iter().position(|t| t.is_nan() || t.abs() > csv::LARGEST) {
+            return Err(fault(format!("time_s[{row}] is {}; no clock shows that", time_s[row])));
+        }
+        if let Some(row) = (1..time_s.len()).find(|&row| time_s[row] <= time_s[row - 1]) {
+            let cause = format!("time_s[{row}] is {:?} after {:?}; times must increase", time_s[row], time_s[row - 1]);
+            return Err(fault(cause));
+        }
+        let start_s = time_s[0];
+        let mut found = [const { None }; 4];
+        for (quantity, values) in columns {
+            let (slot, name) = match quantity {
+                Quantity::Voltage => (0, VOLTAGE[0].0),
+                Quantity::Force => (1, FORCE[0].0),
+                Quantity::Displacement => (2, DISPLACEMENT[0].0),
+                Quantity::Weight => (3, WEIGHT[0].0),
+                Quantity::Time => return Err(fault("two columns of times".into())),
+                Quantity::Command | Quantity::Stretch | Quantity::Stress => {
+                    return Err(fault(format!("a {} is in no recording", quantity.name())));
+                }
+            };
+            if values.len() != time_s.len() {
+                return Err(fault(format!("{} values of {name} at {} times", values.len(), time_s.len())));
+            }
+            if let Some(row) = values.iter().position(|value| value.abs() > csv::LARGEST) {
+                return Err(fault(format!("{name}[{row}] is {}; no instrument reads that", values[row])));
+            }
+            let cells = values.into_iter().map(|value| (!value.is_nan()).then_some(value)).collect();
+            let column = Column::empty(name.into()).with_cells(cells);
+            found[slot] = column.has_values().then_some(column);
+        }
+        let time_s = time_s.into_iter().map(|t| t - start_s).collect();
+        Ok(Self { is_file: false, ..Self::new(Path::new(name), Table { time_s, start_s, columns: found }, None) })
+    }
+
+    /// SHA-256 of its file in hexadecimal digits; none of a recording that is no file.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] where it cannot be read again.
+    pub fn sha256(&self) -> Result<Option<String>> {
+        self.is_file.then(|| digest::sha256(&self.path)).transpose()
+    }
+
     fn new(path: &Path, table: Table<4>, understood: Option<Understood>) -> Self {
         let Table { mut time_s, start_s, columns } = table;
         // A voltage drives; without one, force or displacement may.
@@ -120,7 +177,7 @@ impl Recording {
             time_s.iter_mut().for_each(|t| *t += start_s);
         }
         let [voltage_v, force_n, displacement_m, weight] = columns;
-        Self { path: path.into(), time_s, voltage_v, force_n, displacement_m, weight, understood }
+        Self { path: path.into(), is_file: true, time_s, voltage_v, force_n, displacement_m, weight, understood }
     }
 
     /// Reads a reference at `path`, of which a person says `hints`: displacement over time, no voltage needed.
@@ -130,7 +187,16 @@ impl Recording {
     /// As [`read`](Self::read).
     pub fn read_reference(path: &Path, hints: &Hints) -> Result<Self> {
         let (Table { time_s, columns: [displacement_m], .. }, understood) = REFERENCE.read(path, hints)?;
-        Ok(Self { path: path.into(), time_s, voltage_v: None, force_n: None, displacement_m, weight: None, understood })
+        Ok(Self {
+            path: path.into(),
+            is_file: true,
+            time_s,
+            voltage_v: None,
+            force_n: None,
+            displacement_m,
+            weight: None,
+            understood,
+        })
     }
 
     /// The series of the recording, with their times.

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use crate::bench::film::{Film, Instruments, Readings, Waveform};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::files::output;
 use crate::grid::Grid;
+use crate::quantity::{at_most, positive};
 
 /// A film under a voltage: what its instruments recorded, and its displacement without their noise.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,7 +45,7 @@ impl FilmRecording {
     ///
     /// # Errors
     ///
-    /// [`Error::File`](crate::error::Error::File) where it cannot be written.
+    /// [`Error::File`] where it cannot be written.
     pub fn write(&self, path: &Path, comments: &[String]) -> Result<()> {
         let time = self.grid.times_s();
         output::write_columns(
@@ -58,6 +59,11 @@ impl FilmRecording {
         )
     }
 
+    /// Its samples.
+    pub fn grid(&self) -> Grid {
+        self.grid
+    }
+
     /// Largest displacement of the film (m) in the first and in the last full period of `frequency_hz`.
     pub fn peaks_m(&self, frequency_hz: f64) -> [f64; 2] {
         let samples = self.grid.samples;
@@ -65,5 +71,65 @@ impl FilmRecording {
         let last_full = (samples / period - 1) * period;
         [0, last_full]
             .map(|from| self.film_displacement_m[from..][..period].iter().copied().fold(f64::NEG_INFINITY, f64::max))
+    }
+}
+
+/// What is played to a film at rest, and with what it is recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Session {
+    /// The voltage.
+    pub waveform: Waveform,
+    /// Length of the recording, s.
+    pub duration_s: f64,
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Sensor and monitor.
+    pub instruments: Instruments,
+    /// Seed of their noise.
+    pub seed: u64,
+}
+
+/// Largest number of samples of a recording: the film's states at all of them are kept in memory.
+const MOST_SAMPLES: usize = 20_000_000;
+
+impl Session {
+    /// The grid of the recording.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] naming what no bench has.
+    pub fn grid(&self) -> Result<Grid> {
+        let Self { waveform, duration_s, rate_hz, instruments, .. } = self;
+        positive("--duration", *duration_s)?;
+        positive("--rate", *rate_hz)?;
+        if waveform.frequencies_hz.is_empty() {
+            return Err(Error::option("--frequency", "none is given; a voltage has at least one"));
+        }
+        for &frequency in &waveform.frequencies_hz {
+            positive("--frequency", frequency)?;
+            if frequency > 0.5 * rate_hz {
+                let cause = format!("{frequency:?} Hz is above half the rate; a recording cannot show it");
+                return Err(Error::option("--frequency", cause));
+            }
+        }
+        at_most("--peak-voltage", waveform.peak_v, 1e6)?;
+        at_most("--noise", instruments.displacement_noise_m, 1.0)?;
+        at_most("--quantum", instruments.displacement_quantum_m, 1.0)?;
+        at_most("--monitor-noise", instruments.monitor_noise_v, 1e6)?;
+        let grid = Grid::covering(*duration_s, *rate_hz)?;
+        if !(2..=MOST_SAMPLES).contains(&grid.samples) {
+            let cause = format!("{} samples at this rate; from 2 to {MOST_SAMPLES} are possible", grid.samples);
+            return Err(Error::option("--duration", cause));
+        }
+        Ok(grid)
+    }
+
+    /// The recording of `film`.
+    ///
+    /// # Errors
+    ///
+    /// As [`grid`](Self::grid) and [`FilmRecording::new`].
+    pub fn record(&self, film: &Film) -> Result<FilmRecording> {
+        FilmRecording::new(film, &self.waveform, self.grid()?, self.instruments, self.seed)
     }
 }

@@ -7,3 +7,4 @@ pub mod film;
 pub mod film_recording;
 pub mod plant;
 pub mod processor;
+pub mod tuning;

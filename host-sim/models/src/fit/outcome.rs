@@ -10,7 +10,7 @@ use super::selection::StructureRow;
 use super::settings::Settings;
 use super::uncertainty::Uncertainty;
 use super::warnings::{self, Misfit, Warning};
-use crate::agreement::Agreement;
+use crate::agreement::{Agreement, mean_r2};
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
 
@@ -70,7 +70,7 @@ impl Fit {
         }
         let pairs = || objective.measured().zip(&modelled);
         let agreements: Vec<Agreement> = pairs().map(|(y, x)| Agreement::of(y, x)).collect();
-        let r2_mean = agreements.iter().map(|a| a.r2).sum::<f64>() / agreements.len() as f64;
+        let r2_mean = mean_r2(&agreements);
         let residuals: Vec<Vec<f64>> = pairs().map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y).collect()).collect();
         let left_out_pct = structures.iter().find(|row| row.chosen).and_then(|row| row.left_out_nrmse_pct);
 

@@ -1,7 +1,5 @@
 //! The parameter file of a fit: the model, and where it comes from.
 
-use std::path::Path;
-
 use toml::{Table, Value};
 
 use super::loss::Loss;
@@ -10,19 +8,24 @@ use super::settings::Settings;
 use super::uncertainty::Uncertainty;
 use crate::agreement::Agreement;
 use crate::error::Result;
-use crate::files::digest;
 use crate::files::parameters::Parameters;
-use crate::files::recording::Direction;
+use crate::files::recording::{Direction, Recording};
 
 impl Fit {
-    /// The parameters of this fit to the recordings in `files`, with their provenance.
+    /// The parameters of this fit to `recordings`, with their provenance.
     ///
     /// # Errors
     ///
     /// [`Error`](crate::error::Error) for a file that cannot be read again, or elements out of range.
-    pub fn parameters(&self, settings: &Settings, direction: Direction, files: &[&Path]) -> Result<Parameters> {
-        let name = |file: &&Path| file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let names: Vec<String> = files.iter().map(name).collect();
+    pub fn parameters(
+        &self,
+        settings: &Settings,
+        direction: Direction,
+        recordings: &[&Recording],
+    ) -> Result<Parameters> {
+        let name =
+            |recording: &&Recording| recording.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let names: Vec<String> = recordings.iter().map(name).collect();
         Ok(Parameters {
             curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
             method: springpot::Method::Gl,
@@ -32,11 +35,11 @@ impl Fit {
             model: self.candidate.model()?,
             sensor_offset_m: self.candidate.offset_m,
             board: None,
-            provenance: Some(self.provenance(settings, direction, files)?),
+            provenance: Some(self.provenance(settings, direction, recordings)?),
         })
     }
 
-    fn provenance(&self, settings: &Settings, direction: Direction, files: &[&Path]) -> Result<Table> {
+    fn provenance(&self, settings: &Settings, direction: Direction, recordings: &[&Recording]) -> Result<Table> {
         let drive = match direction {
             Direction::Force => "force",
             Direction::Displacement => "displacement",
@@ -45,7 +48,8 @@ impl Fit {
             Loss::Square => "square",
             Loss::Huber => "huber",
         };
-        let recordings = files.iter().zip(&self.agreements).map(|(file, agreement)| recording(file, agreement));
+        let recordings =
+            recordings.iter().zip(&self.agreements).map(|(source, agreement)| recording(source, agreement));
         let warnings = self.warnings.iter().map(|warning| Value::from(warning.text.as_str()));
         let mut table = Table::new();
         let mut put = |key: &str, value: Value| {
@@ -69,11 +73,13 @@ impl Fit {
     }
 }
 
-/// A recording with its digest and the agreement with it.
-fn recording(file: &Path, agreement: &Agreement) -> Result<Value> {
+/// A recording with the digest of its file, and the agreement with it.
+fn recording(source: &Recording, agreement: &Agreement) -> Result<Value> {
     let mut table = Table::new();
-    table.insert("file".into(), file.display().to_string().into());
-    table.insert("sha256".into(), digest::sha256(file)?.into());
+    table.insert("file".into(), source.path().display().to_string().into());
+    if let Some(digest) = source.sha256()? {
+        table.insert("sha256".into(), digest.into());
+    }
     table.insert("r2".into(), agreement.r2.into());
     table.insert("nrmse_pct".into(), agreement.nrmse_pct.into());
     table.insert("samples".into(), integer(agreement.samples));

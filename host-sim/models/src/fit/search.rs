@@ -24,6 +24,9 @@ const MOST_SCOUTED_STEPS: f64 = 8_192.0;
 /// Measured values up to which structures are compared on all of them.
 const MOST_COMPARED_VALUES: usize = 1 << 16;
 
+/// Starts that an interrupted search goes on from all the same: one of them leads to a result.
+const FEWEST_STARTS: usize = 8;
+
 /// Observations with what every search needs of them.
 pub struct PreparedObservations {
     scout: Option<Objective>,
@@ -234,8 +237,11 @@ impl Context<'_> {
         variables: &[Variable],
         stopping: StoppingCriteria,
     ) -> Vec<Found> {
+        // An interrupted search begins no further ones, once it has had a chance of a result.
+        let is_begun = |index: usize| index < FEWEST_STARTS || !self.stop.load(Ordering::Relaxed);
         let descent = |start| self.descend_over(objective, start, variables.to_vec(), stopping);
-        let mut found: Vec<Found> = starts.par_iter().filter_map(descent).collect();
+        let begun = starts.par_iter().enumerate().filter(|(index, _)| is_begun(*index));
+        let mut found: Vec<Found> = begun.filter_map(|(_, start)| descent(start)).collect();
         found.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
         found
     }

@@ -6,6 +6,7 @@ use super::candidate::{Candidate, Variable};
 use super::loss::Loss;
 use super::nonlinearity::CurveChoice;
 use crate::error::{Error, Result};
+use crate::files::recording::Direction;
 
 /// How parameters are searched for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -109,5 +110,30 @@ pub fn topology_name(topology: Topology) -> &'static str {
     match topology {
         Topology::Eq11 => "eq11",
         Topology::Parallel => "parallel",
+    }
+}
+
+/// The actuator of recordings without one: the paper's, without mass if displacement drives, because a test machine carries the
+/// weight.
+pub fn assumed_actuator(drive: Direction) -> Actuator {
+    match drive {
+        Direction::Force => Actuator::KARNER_2022,
+        Direction::Displacement => Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 },
+    }
+}
+
+/// Most random starts of a structure: their memory alone would be gigabytes.
+const MOST_STARTS: usize = 100_000;
+
+/// Refuses a number of random starts of a structure with which no search could begin, or end.
+///
+/// # Errors
+///
+/// [`Error::Option`] with the range.
+pub fn checked_starts(starts: usize) -> Result<()> {
+    if (1..=MOST_STARTS).contains(&starts) {
+        Ok(())
+    } else {
+        Err(Error::option("--starts", format!("{starts} must be from 1 to {MOST_STARTS}; the default is 8")))
     }
 }

@@ -1,12 +1,11 @@
 //! A model beside a recording: what is compared, and how well it agrees.
 
-use indicatif::ProgressBar;
-
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Input, Recording};
 use crate::grid::{Grid, Samples};
+use crate::progress::Watch;
 use crate::replay::memory::RunOptions;
 use crate::replay::simulate::{self, Response};
 
@@ -52,7 +51,7 @@ impl<'a> Comparison<'a> {
         &self,
         parameters: &Parameters,
         options: &RunOptions,
-        progress: &ProgressBar,
+        progress: &dyn Watch,
     ) -> Result<(Response, Agreement)> {
         let response = simulate::response(parameters, &self.input, self.grid, options, progress)?;
         let agreement = Agreement::of(&self.measured.value, &self.readings(parameters, &response));

@@ -1,11 +1,11 @@
 //! The voltage that makes a film follow a reference.
 
-use indicatif::ProgressBar;
 use springpot::{Applied, CommandLimits, Feedforward, Law, Limited, Memory, Real, State};
 
 use crate::error::Result;
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
+use crate::progress::Watch;
 use crate::replay::full_memory::FullMemory;
 use crate::replay::memory::{OnLaw, OnMemory, RunOptions, on_memory};
 use crate::replay::simulate::check_full;
@@ -37,7 +37,7 @@ pub fn plan(
     grid: Grid,
     options: &RunOptions,
     limits: CommandLimits,
-    progress: &ProgressBar,
+    progress: &dyn Watch,
 ) -> Result<VoltagePlan> {
     let inversion = Inversion { parameters, reference, grid, limits, progress };
     on_memory(parameters.film(), grid, options, inversion)
@@ -49,7 +49,7 @@ struct Inversion<'a> {
     reference: &'a [f64],
     grid: Grid,
     limits: CommandLimits,
-    progress: &'a ProgressBar,
+    progress: &'a dyn Watch,
 }
 
 impl OnLaw for Inversion<'_> {
@@ -68,7 +68,7 @@ impl OnLaw for Inversion<'_> {
             plan.reference_m.push(command.reference.to_f64());
             plan.limited.push(command.limited);
             if k % 4096 == 4095 {
-                self.progress.inc(4096);
+                self.progress.advance(4096)?;
             }
         }
         Ok(plan)
@@ -77,12 +77,13 @@ impl OnLaw for Inversion<'_> {
 
 impl OnMemory for Inversion<'_> {
     fn with_full_memory(self) -> Result<VoltagePlan> {
-        let Self { parameters, reference, grid, limits, .. } = self;
+        let Self { parameters, reference, grid, limits, progress } = self;
         check_full(grid)?;
         let actuator = &parameters.actuator;
         actuator.check()?;
         let film = parameters.film();
         let memory = FullMemory::with_method(grid.samples, grid.step_s(), film.method);
+        progress.advance(0)?;
         let force = memory.force_along(film, reference);
         let mut plan = VoltagePlan { reference_m: reference.to_vec(), ..VoltagePlan::default() };
         let mut clipped = Vec::with_capacity(force.len());

@@ -1,9 +1,10 @@
-//! Displacement over force of the continuous model, against frequency.
+//! Displacement over force against frequency, of the continuous model or of a law.
 
 use std::f64::consts::TAU;
 
 use num_complex::Complex;
 
+use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 
 /// Of `parameters` for small oscillations about `at_m`, m/N.
@@ -22,4 +23,87 @@ pub fn continuous(parameters: &Parameters, frequency_hz: f64, at_m: f64) -> Comp
 pub fn logarithmic(from_hz: f64, to_hz: f64, count: usize) -> Vec<f64> {
     let spacing = (to_hz / from_hz).ln() / (count.max(2) - 1) as f64;
     (0..count).map(|k| if k + 1 == count { to_hz } else { from_hz * (spacing * k as f64).exp() }).collect()
+}
+
+/// Lowest frequency (Hz) at which every model has a response.
+const LOWEST: f64 = 1e-12;
+/// Highest such frequency, Hz.
+const HIGHEST: f64 = 1e12;
+
+/// Frequencies at which a response is computed, and of what.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sweep {
+    /// Lowest frequency.
+    pub from_hz: f64,
+    /// Highest frequency.
+    pub to_hz: f64,
+    /// Number of frequencies, spaced evenly on a logarithmic scale.
+    pub points: usize,
+    /// Displacement about which a film with an elastic curve oscillates, m.
+    pub at_m: f64,
+    /// Steps per second of the law (f32, compressed); none for the continuous Eq. 11.
+    pub law_hz: Option<f64>,
+}
+
+/// Displacement over force.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Response {
+    /// Hz.
+    pub frequency_hz: Vec<f64>,
+    /// m/N.
+    pub magnitude_m_per_n: Vec<f64>,
+    /// Negative where the displacement lags, rad.
+    pub phase_rad: Vec<f64>,
+}
+
+impl Sweep {
+    /// Refuses frequencies at which there is no response.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] with the range.
+    pub fn check(&self) -> Result<()> {
+        let Self { from_hz: from, to_hz: to, points, law_hz, .. } = *self;
+        if !(LOWEST..=HIGHEST).contains(&from) {
+            return Err(Error::option("--from", format!("{from:?} Hz must be from {LOWEST:?} to {HIGHEST:?}")));
+        }
+        if !(from..=HIGHEST).contains(&to) {
+            return Err(Error::option("--to", format!("{to:?} Hz must be from --from to {HIGHEST:?}")));
+        }
+        if !(1..=10_000_000).contains(&points) {
+            return Err(Error::option("--points", format!("{points} must be from 1 to 10000000")));
+        }
+        if points == 1 && from != to {
+            return Err(Error::option("--points", "1 is one frequency, but --from and --to are two"));
+        }
+        let Some(rate) = law_hz else { return Ok(()) };
+        if !(rate.is_finite() && rate > 0.0) {
+            return Err(Error::option("--rate", format!("{rate:?} Hz must be finite and greater than 0")));
+        }
+        if to > 0.5 * rate {
+            let cause = format!("{to} Hz is above half the rate; a law at {rate} Hz has no such frequency");
+            return Err(Error::option("--to", cause));
+        }
+        Ok(())
+    }
+
+    /// The response of `parameters`.
+    ///
+    /// # Errors
+    ///
+    /// As [`check`](Self::check), and where the law is refused.
+    pub fn of(&self, parameters: &Parameters) -> Result<Response> {
+        self.check()?;
+        let law = self.law_hz.map(|rate_hz| parameters.film().compressed_law::<f32>(rate_hz)).transpose()?;
+        let frequency_hz = logarithmic(self.from_hz, self.to_hz, self.points);
+        let (magnitude_m_per_n, phase_rad) = frequency_hz
+            .iter()
+            .map(|&f| match &law {
+                Some(law) => law.frequency_response_about(f, self.at_m),
+                None => continuous(parameters, f, self.at_m),
+            })
+            .map(|response| response.to_polar())
+            .unzip();
+        Ok(Response { frequency_hz, magnitude_m_per_n, phase_rad })
+    }
 }

@@ -6,6 +6,7 @@ pub mod feasibility;
 pub mod feedforward;
 pub mod frequency_response;
 pub mod full_memory;
+pub mod limits;
 pub mod memory;
 pub mod nonlinear;
 pub mod observer;

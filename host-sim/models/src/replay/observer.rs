@@ -1,12 +1,14 @@
 //! The observer over a recording: what a controller would have estimated.
 
-use indicatif::ProgressBar;
 use serde::Serialize;
 use springpot::{ControlError, Law, Memory, Observer, ObserverOptions, Real, SensorSample, State};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
+use crate::files::recording::{Input, Recording};
 use crate::grid::{Grid, Samples};
+use crate::progress::Watch;
+use crate::quantity::{at_most, positive};
 use crate::replay::memory::{OnLaw, Precision, on_compressed};
 
 /// Estimates, one value per sample of the grid.
@@ -78,6 +80,71 @@ pub fn options(bandwidth_hz: f64, adaptation_s: f64, measured: &Samples, grid: G
     })
 }
 
+/// How an observer of a recording is tuned.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tuning {
+    /// Up to here the estimate follows the sensor, beyond it the model, Hz.
+    bandwidth_hz: f64,
+    /// Time over which a disturbance that swings with the load becomes a change of the force scale, s; 0 for never.
+    adaptation_s: f64,
+}
+
+impl Tuning {
+    /// The bandwidth above 0 Hz, the adaptation from 0 to 1e9 s.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] naming the one that is not.
+    pub fn new(bandwidth_hz: f64, adaptation_s: f64) -> Result<Self> {
+        positive("--bandwidth", bandwidth_hz)?;
+        at_most("--adaptation", adaptation_s, 1e9)?;
+        Ok(Self { bandwidth_hz, adaptation_s })
+    }
+}
+
+/// What an observer takes of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObservedRecording {
+    /// The observer's ticks.
+    pub grid: Grid,
+    /// The voltage at each of them, V.
+    pub voltage_v: Vec<f64>,
+    /// The sensor's readings, when they were measured, m.
+    pub measured: Samples,
+}
+
+impl ObservedRecording {
+    /// Of `recording`, for ticks at `rate_hz`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming a recording without voltage or displacement.
+    pub fn of(recording: &Recording, rate_hz: f64) -> Result<Self> {
+        let grid = recording.grid(rate_hz)?;
+        let Input::Voltage(voltage) = recording.drive()? else {
+            let cause = "no column voltage_v or voltage_kv; the observer needs the voltage";
+            return Err(Error::file(recording.path(), cause));
+        };
+        Ok(Self { grid, voltage_v: grid.resample(&voltage), measured: recording.displacement()? })
+    }
+
+    /// Runs the observer of `parameters`, tuned to the times of the readings by [`options`].
+    ///
+    /// # Errors
+    ///
+    /// As [`options`] and [`estimate`].
+    pub fn estimate(
+        &self,
+        parameters: &Parameters,
+        tuning: Tuning,
+        precision: Precision,
+        progress: &dyn Watch,
+    ) -> Result<Estimates> {
+        let options = options(tuning.bandwidth_hz, tuning.adaptation_s, &self.measured, self.grid)?;
+        estimate(parameters, &self.voltage_v, &self.measured, self.grid, options, precision, progress)
+    }
+}
+
 /// Runs the observer of `parameters` under `voltage_v` (on `grid`) with the sensor's readings `measured` at the times at
 /// which they were measured.
 ///
@@ -91,7 +158,7 @@ pub fn estimate(
     grid: Grid,
     options: ObserverOptions,
     precision: Precision,
-    progress: &ProgressBar,
+    progress: &dyn Watch,
 ) -> Result<Estimates> {
     let run = ObserverRun { parameters, voltage_v, measured, grid, options, progress };
     let estimates = on_compressed(parameters.film(), grid.rate_hz, precision, run)?;
@@ -105,7 +172,7 @@ pub fn estimate(
 }
 
 /// An observer's refusal, as an error about its bandwidth or about the actuator.
-pub(crate) fn refused(error: ControlError) -> Error {
+pub fn refused(error: ControlError) -> Error {
     match error {
         ControlError::Actuator(error) => error.into(),
         error => Error::option("--bandwidth", error.to_string()),
@@ -118,7 +185,7 @@ struct ObserverRun<'a> {
     measured: &'a Samples,
     grid: Grid,
     options: ObserverOptions,
-    progress: &'a ProgressBar,
+    progress: &'a dyn Watch,
 }
 
 impl OnLaw for ObserverRun<'_> {
@@ -150,7 +217,7 @@ impl OnLaw for ObserverRun<'_> {
             estimates.innovation_mean_m.push(state.statistics().mean().to_f64());
             estimates.innovation_std_m.push(state.statistics().variance().to_f64().max(0.0).sqrt());
             if k % 4096 == 4095 {
-                self.progress.inc(4096);
+                self.progress.advance(4096)?;
             }
         }
         Ok(estimates)

@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use indicatif::ProgressBar;
 use springpot::{Actuator, Law, Load, Memory, Real, State, VoltageDrive};
 
 use crate::error::{Error, Result};
@@ -10,6 +9,7 @@ use crate::files::output::{self, Staged};
 use crate::files::parameters::{Film, Parameters};
 use crate::files::recording::Input;
 use crate::grid::Grid;
+use crate::progress::Watch;
 use crate::replay::full_memory::FullMemory;
 use crate::replay::memory::{OnLaw, OnMemory, Precision, RunOptions, on_memory};
 
@@ -59,13 +59,13 @@ pub(super) fn check_full(grid: Grid) -> Result<()> {
 ///
 /// # Errors
 ///
-/// [`Error`] for a law or an input that is refused, and where full memory with coupling has no solution.
+/// [`Error`] for a law or an input that is refused, where full memory with coupling has no solution, and where `progress` ends it.
 pub fn response(
     parameters: &Parameters,
     input: &Input,
     grid: Grid,
     options: &RunOptions,
-    progress: &ProgressBar,
+    progress: &dyn Watch,
 ) -> Result<Response> {
     let input = input.map(|samples| grid.resample(samples));
     let actuator = &parameters.actuator;
@@ -106,7 +106,7 @@ struct ModelRun<'a> {
     input: &'a Input<Vec<f64>>,
     grid: Grid,
     precision: Precision,
-    progress: &'a ProgressBar,
+    progress: &'a dyn Watch,
 }
 
 impl OnLaw for ModelRun<'_> {
@@ -119,9 +119,7 @@ impl OnLaw for ModelRun<'_> {
         let mut push = |f: T, x: T| {
             force.push(f.to_f64());
             displacement.push(x.to_f64());
-            if force.len() % 4096 == 0 {
-                self.progress.inc(4096);
-            }
+            if force.len() % 4096 == 0 { self.progress.advance(4096) } else { Ok(()) }
         };
         match self.input {
             Input::Voltage(voltage) => {
@@ -130,19 +128,19 @@ impl OnLaw for ModelRun<'_> {
                 for &v in voltage {
                     let load: Load<T> = volts.load(T::from_f64(v));
                     let x = law.displacement_under(&mut state, load);
-                    push(load.force + load.slope * x, x);
+                    push(load.force + load.slope * x, x)?;
                 }
             }
             Input::Force(total) => {
                 for &f in total {
                     let f = T::from_f64(f);
-                    push(f, law.displacement(&mut state, f));
+                    push(f, law.displacement(&mut state, f))?;
                 }
             }
             Input::Displacement(path) => {
                 for &x in path {
                     let x = T::from_f64(x);
-                    push(law.force(&mut state, x), x);
+                    push(law.force(&mut state, x), x)?;
                 }
             }
         }
@@ -154,6 +152,8 @@ impl OnMemory for ModelRun<'_> {
     fn with_full_memory(self) -> Result<Columns> {
         check_full(self.grid)?;
         let memory = FullMemory::with_method(self.grid.samples, self.grid.step_s(), self.film.method);
+        // Between its transforms; there is no end within one.
+        self.progress.advance(0)?;
         let step_s = self.grid.step_s();
         let (mut force, mut displacement) = match self.input {
             Input::Force(force) => {

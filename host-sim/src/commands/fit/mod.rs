@@ -1,7 +1,5 @@
 //! `fit`: parameters of the model from recordings.
 
-mod options;
-
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -14,7 +12,7 @@ use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::Observation;
-use crate::fit::{self, Fit, Settings, Warning};
+use crate::fit::{self, Fit, FitOptions, Settings, Warning};
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::report::compression::Compression;
@@ -22,7 +20,6 @@ use crate::report::fit_page::FitPage;
 use crate::report::fit_report::FitReport;
 use crate::report::numbers::Document;
 use crate::terminal;
-use options::FitOptions;
 
 /// Rate that the compression is told for, Hz: that of `export` where none is given.
 const CONTROLLER_HZ: f64 = 1000.0;
@@ -53,7 +50,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let settings = arguments.options.settings()?;
     let direction = arguments.options.direction();
     let recordings = arguments.reading.read(&arguments.recordings)?;
-    let observed = arguments.options.observations(&recordings)?;
+    let observed = arguments.options.observations(&recordings.iter().collect::<Vec<_>>())?;
     let jobs = arguments.jobs(&recordings, &observed)?;
     let all = jobs.len();
     let stop = interrupt::stop_flag();
@@ -80,7 +77,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 pub(super) struct Job<'a> {
     pub(super) out: PathBuf,
     pub(super) page: Option<PathBuf>,
-    pub(super) files: Vec<&'a Path>,
+    pub(super) recordings: Vec<&'a Recording>,
     pub(super) observations: Vec<Observation>,
     /// Warnings about the recordings.
     pub(super) warnings: Vec<Warning>,
@@ -92,7 +89,7 @@ impl Arguments {
         let job = |out: PathBuf, page: Option<PathBuf>, recordings: &'a [Recording], observed: &[_]| Job {
             out,
             page,
-            files: recordings.iter().map(Recording::path).collect(),
+            recordings: recordings.iter().collect(),
             observations: observed.iter().map(|(observation, _): &(Observation, _)| observation.clone()).collect(),
             warnings: observed.iter().flat_map(|(_, warnings): &(_, Vec<Warning>)| warnings.clone()).collect(),
         };
@@ -153,9 +150,10 @@ impl Job<'_> {
         bar.finish_and_clear();
         fit.warnings.splice(0..0, self.warnings);
         let seconds = started.elapsed().as_secs_f64();
-        let parameters = fit.parameters(settings, direction, &self.files)?;
+        let parameters = fit.parameters(settings, direction, &self.recordings)?;
+        let files: Vec<&Path> = self.recordings.iter().map(|recording| recording.path()).collect();
         let compression = Compression::of(parameters.film(), CONTROLLER_HZ).ok();
-        let report = FitReport::new(&fit, &parameters, compression, direction, &self.files, &self.out, seconds);
+        let report = FitReport::new(&fit, &parameters, compression, direction, &files, &self.out, seconds);
         Ok(Done { report, fit, observations: self.observations, parameters, direction })
     }
 }

@@ -1,6 +1,8 @@
 //! What is taken of the rows of a file: a part of the time, without drop-outs, fewer rows.
 
 use super::{Quantity, Series};
+use crate::error::{Error, Result};
+use crate::quantity::positive;
 
 /// Changes to the rows of a file, in the order in which they are made.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,6 +20,27 @@ pub struct Edits {
 impl Edits {
     /// The rows as they are.
     pub const NONE: Self = Self { blanks: Vec::new(), from_s: 0.0, to_s: f64::INFINITY, decimate: 1 };
+
+    /// Without `blanks`, from `from_s` to `to_s` or the end, `decimate` rows to one.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Option`] for what leaves no rows.
+    pub fn new(blanks: Vec<Blank>, from_s: f64, to_s: Option<f64>, decimate: usize) -> Result<Self> {
+        if !(from_s.is_finite() && from_s >= 0.0) {
+            return Err(Error::option("--from", format!("{from_s:?} must be at least 0")));
+        }
+        if let Some(to_s) = to_s {
+            positive("--to", to_s)?;
+            if to_s <= from_s {
+                return Err(Error::option("--to", format!("{to_s:?} must lie above --from")));
+            }
+        }
+        if decimate == 0 {
+            return Err(Error::option("--decimate", "1 keeps every row"));
+        }
+        Ok(Self { blanks, from_s, to_s: to_s.unwrap_or(f64::INFINITY), decimate })
+    }
 }
 
 /// Readings to discard: drop-outs of a sensor.
@@ -37,7 +60,7 @@ impl std::str::FromStr for Blank {
     type Err = String;
 
     /// `displacement=-9999`, `displacement>12`, `displacement<-1` or `12.5..13`.
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
         let number = |part: &str| part.trim().parse::<f64>().ok().filter(|value| value.is_finite());
         let fault = || format!("{text:?}: use such as displacement=-9999, \"displacement>12\" or 12.5..13 (s)");
         if let Some((from, to)) = text.split_once("..") {
@@ -66,7 +89,7 @@ impl Series {
     /// # Errors
     ///
     /// What leaves too few rows.
-    pub fn edited(mut self, edits: &Edits) -> Result<(Self, usize), String> {
+    pub fn edited(mut self, edits: &Edits) -> std::result::Result<(Self, usize), String> {
         let mut blanked = 0;
         for blank in &edits.blanks {
             blanked += self.blank(*blank)?;
@@ -97,7 +120,7 @@ impl Series {
     }
 
     /// Empties the cells of `blank` and counts them.
-    fn blank(&mut self, blank: Blank) -> Result<usize, String> {
+    fn blank(&mut self, blank: Blank) -> std::result::Result<usize, String> {
         let (quantity, value) = match blank {
             Blank::Equal(quantity, value) | Blank::Above(quantity, value) | Blank::Below(quantity, value) => {
                 (quantity, value)

@@ -1,97 +1,106 @@
-//! Options of `fit`.
+//! What may be asked of a fit: as options of a command line, or set one by one.
 
 use std::path::Path;
 
-use clap::{Args, ValueEnum};
+use clap::{Args, FromArgMatches, ValueEnum};
 use springpot::{Actuator, MAX_BRANCHES, Topology};
 
-use crate::commands::options::{assumed_actuator, checked_starts};
+use super::bend::Bend;
+use super::candidate::{Candidate, Variable};
+use super::loss::Loss;
+use super::nonlinearity::CurveChoice;
+use super::observation::{self, Observation, Reading};
+use super::preparation::{Gaps, Preparation, Window};
+use super::settings::{Method, Settings, assumed_actuator, checked_starts};
+use super::warnings::Warning;
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
-use crate::fit::bend::Bend;
-use crate::fit::candidate::{Candidate, Variable};
-use crate::fit::nonlinearity::CurveChoice;
-use crate::fit::observation::{self, Observation, Reading};
-use crate::fit::preparation::{Gaps, Preparation, Window};
-use crate::fit::{Loss, Method, Settings, Warning};
 use crate::quantity;
 
 /// Options of a fit.
 #[derive(Clone, Debug, Args)]
-pub(super) struct FitOptions {
+pub struct FitOptions {
     /// Branches of two springpots, 0 to 5, or auto.
     #[arg(long, value_name = "N|auto", default_value = "auto", value_parser = branches)]
-    branches: Branches,
+    pub branches: Branches,
     /// How branches are connected.
     #[arg(long, value_enum, default_value_t = TopologyChoice::Auto)]
-    topology: TopologyChoice,
+    pub topology: TopologyChoice,
     /// What is fitted beyond a linear film: an elastic curve, a drive that saturates, both, or what left-out recordings ask for.
     #[arg(long, value_enum, default_value_t = CurveChoice::Auto)]
-    curve: CurveChoice,
+    pub curve: CurveChoice,
     /// How parameters are searched for.
     #[arg(long, value_enum, default_value_t = Method::Lm)]
-    method: Method,
+    pub method: Method,
     /// Input of the model.
     #[arg(long, value_enum, default_value_t = Direction::Force)]
-    drive: Direction,
+    pub drive: Direction,
     /// Fit this too: stretch_coupling and offset_m (freed by default), mass_kg, or one of relative_permittivity,
     /// length_m, width_m and thickness_m.
     #[arg(long, value_name = "NAME")]
-    free: Vec<String>,
+    pub free: Vec<String>,
     /// Do not fit this: stretch_coupling, offset_m, or with --start an element as warnings name it, such as main.alpha.
     #[arg(long, value_name = "NAME")]
-    hold: Vec<String>,
+    pub hold: Vec<String>,
     /// File with the actuator table: geometry, permittivity, mass, preload, coupling. Without it the paper's sizes are assumed
     /// (40 mm x 60 mm x 160 um), and no field limit is claimed; without mass if displacement drives.
     #[arg(long, value_name = "P")]
-    actuator: Option<String>,
+    pub actuator: Option<String>,
     /// Start parameters, instead of random starts; they also give branches and topology.
     #[arg(long, value_name = "P", conflicts_with_all = ["actuator", "branches"])]
-    start: Option<String>,
+    pub start: Option<String>,
     /// Loss function of the residuals.
     #[arg(long, value_enum, default_value_t = Loss::Square)]
-    loss: Loss,
+    pub loss: Loss,
     /// Weight of each recording, in their order; or log-time: every decade of time since the recording's start counts the same.
     /// A column weight of a recording weighs its rows.
     #[arg(long, value_name = "W,W,…|log-time", value_delimiter = ',', value_parser = weight)]
-    weights: Vec<Weight>,
+    pub weights: Vec<Weight>,
     /// The sensor's offset: one for all recordings, or per-recording, where it was zeroed anew.
     #[arg(long, value_enum, default_value_t = Sharing::Joint)]
-    offset: Sharing,
+    pub offset: Sharing,
     /// The size of the readings: one for all recordings, or per-recording, for other specimens; relative to the first.
     #[arg(long, value_enum, default_value_t = Sharing::Joint)]
-    gain: Sharing,
+    pub gain: Sharing,
     /// Time without rows, s, beyond which --at-gap applies. By default the input is interpolated.
     #[arg(long, value_name = "S", value_parser = quantity::seconds)]
-    gap: Option<f64>,
+    pub gap: Option<f64>,
     /// What is done at a gap: end the recording there, or skip as much time after it as it lasted.
     #[arg(long, value_enum, default_value_t = AtGap::End, requires = "gap")]
-    at_gap: AtGap,
+    pub at_gap: AtGap,
     /// Turn the sign of what is measured.
     #[arg(long)]
-    invert: bool,
+    pub invert: bool,
     /// Fit what was measured from here on, s; the model still runs from the first row.
     #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 0.0)]
-    from: f64,
+    pub from: f64,
     /// Fit what was measured up to here, s. The default is the end.
     #[arg(long, value_name = "S", value_parser = quantity::seconds)]
-    to: Option<f64>,
+    pub to: Option<f64>,
     /// Seed of the random starts.
     #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
-    seed: u64,
+    pub seed: u64,
     /// Random starts per structure.
     #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
-    starts: usize,
+    pub starts: usize,
 }
 
+/// How many branches a model has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Branches {
+pub enum Branches {
+    /// As many as left-out recordings ask for.
     Auto,
+    /// This many, at most [`MAX_BRANCHES`].
     Number(usize),
 }
 
-fn branches(text: &str) -> std::result::Result<Branches, String> {
+/// The branches that `text` names: a number or `auto`.
+///
+/// # Errors
+///
+/// What is wrong, and what would be right.
+pub fn branches(text: &str) -> std::result::Result<Branches, String> {
     if text == "auto" {
         return Ok(Branches::Auto);
     }
@@ -102,9 +111,12 @@ fn branches(text: &str) -> std::result::Result<Branches, String> {
         .ok_or_else(|| format!("use auto or a number from 0 to {MAX_BRANCHES}"))
 }
 
+/// A weight of residuals.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Weight {
+pub enum Weight {
+    /// Of a recording.
     Recording(f64),
+    /// Of every decade of time: the same.
     LogTime,
 }
 
@@ -117,29 +129,65 @@ fn weight(text: &str) -> std::result::Result<Weight, String> {
 
 /// Whether the recordings share a quantity of their readings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Sharing {
+pub enum Sharing {
+    /// One for all.
     Joint,
+    /// Each has its own.
     PerRecording,
 }
 
+/// What is done where rows are missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum AtGap {
+pub enum AtGap {
+    /// The recording ends there.
     End,
+    /// As much time after it is skipped as it lasted.
     Skip,
 }
 
+/// Which topologies are tried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum TopologyChoice {
+pub enum TopologyChoice {
+    /// As published.
     Eq11,
+    /// The generalised Maxwell model.
     Parallel,
+    /// Both.
     Auto,
 }
 
+impl Default for FitOptions {
+    /// Those of a command line on which nothing is said.
+    fn default() -> Self {
+        let nothing = Self::augment_args(clap::Command::new("fit")).try_get_matches_from(["fit"]);
+        nothing.and_then(|matches| Self::from_arg_matches(&matches)).expect("every option has a default")
+    }
+}
+
 impl FitOptions {
-    /// The settings that the options give.
-    pub(super) fn settings(&self) -> Result<Settings> {
+    /// The settings that the options give; the files that they name are read.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming the option or the file that cannot be used.
+    pub fn settings(&self) -> Result<Settings> {
         let start = self.start.as_deref().map(Parameters::load).transpose()?;
-        let (actuator, assumed_sizes) = self.actuator(start.as_ref())?;
+        let actuator = self.actuator.as_deref().map(Parameters::load_sized_actuator).transpose()?;
+        self.settings_with(start, actuator)
+    }
+
+    /// The same from a `start` and an `actuator` that are at hand, the latter with whether its sizes are assumed; the files that the
+    /// options name are not read.
+    ///
+    /// # Errors
+    ///
+    /// As [`settings`](Self::settings).
+    pub fn settings_with(&self, start: Option<Parameters>, actuator: Option<(Actuator, bool)>) -> Result<Settings> {
+        let (actuator, assumed_sizes) = match (actuator, &start) {
+            (Some(given), _) => given,
+            (None, Some(start)) => (start.actuator, start.assumed_sizes),
+            (None, None) => (assumed_actuator(self.drive), true),
+        };
         let start = start.map(|parameters| Candidate {
             actuator,
             elements: Candidate::elements_of(&parameters.model),
@@ -185,15 +233,6 @@ impl FitOptions {
             starts: self.starts,
             ..Settings::default()
         })
-    }
-
-    /// The actuator, and whether its sizes are assumed.
-    fn actuator(&self, start: Option<&Parameters>) -> Result<(Actuator, bool)> {
-        match (&self.actuator, start) {
-            (Some(name), _) => Parameters::load_sized_actuator(name),
-            (None, Some(start)) => Ok((start.actuator, start.assumed_sizes)),
-            (None, None) => Ok((assumed_actuator(self.drive), true)),
-        }
     }
 
     /// Quantities of the actuator and the sensor that are fitted, and variables of the elements that are not.
@@ -245,7 +284,11 @@ impl FitOptions {
     }
 
     /// The observations, each with warnings about it.
-    pub(super) fn observations(&self, recordings: &[Recording]) -> Result<Vec<(Observation, Vec<Warning>)>> {
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] naming the option or the recording that cannot be used.
+    pub fn observations(&self, recordings: &[&Recording]) -> Result<Vec<(Observation, Vec<Warning>)>> {
         let log_time = self.weights.as_slice() == [Weight::LogTime];
         let weights: Vec<f64> = self
             .weights
@@ -302,12 +345,12 @@ impl FitOptions {
     }
 
     /// Input and output of the model.
-    pub(super) fn direction(&self) -> Direction {
+    pub fn direction(&self) -> Direction {
         self.drive
     }
 
     /// Parameter files that are read.
-    pub(super) fn parameter_files(&self) -> impl Iterator<Item = &Path> {
+    pub fn parameter_files(&self) -> impl Iterator<Item = &Path> {
         self.actuator.iter().chain(&self.start).map(Path::new)
     }
 }

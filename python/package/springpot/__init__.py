@@ -1,0 +1,88 @@
+"""Creep compensation for dielectric elastomer actuators: the law that is flashed, with the same bits.
+
+Everything is in SI units: metres, newtons, volts, seconds, kilograms. Arrays come in as anything that NumPy makes an array of one
+dimension of, and go out as float64. What goes wrong raises a :class:`springpot.Error` with the line that the command line prints.
+"""
+
+from ._native import (
+    Actuator,
+    Estimate,
+    Feedforward,
+    Law,
+    Model,
+    Observer,
+    Recording,
+    SimulatedFilm,
+    Stage,
+    State,
+    Tick,
+    Tracking,
+    __version__,
+    load,
+    presets,
+    read_recording,
+    read_reference,
+    record_film,
+    reference,
+    save,
+)
+from .errors import ComputationError, Error, FileError, InputError
+from .functions import check_reference, feedforward, fit, frequency_response, observe, replay, simulate
+from .limits import Limits
+from .results import (
+    FitRecording,
+    FitResult,
+    FitWarning,
+    FrequencyResponse,
+    Observation,
+    Parameter,
+    Replay,
+    ReplayRecording,
+    Response,
+    VoltagePlan,
+)
+
+__all__ = [
+    "Actuator",
+    "ComputationError",
+    "Error",
+    "Estimate",
+    "Feedforward",
+    "FileError",
+    "FitRecording",
+    "FitResult",
+    "FitWarning",
+    "FrequencyResponse",
+    "InputError",
+    "Law",
+    "Limits",
+    "Model",
+    "Observation",
+    "Observer",
+    "Parameter",
+    "Recording",
+    "Replay",
+    "ReplayRecording",
+    "Response",
+    "SimulatedFilm",
+    "Stage",
+    "State",
+    "Tick",
+    "Tracking",
+    "VoltagePlan",
+    "__version__",
+    "check_reference",
+    "feedforward",
+    "fit",
+    "frequency_response",
+    "load",
+    "observe",
+    "presets",
+    "read_recording",
+    "read_reference",
+    "record_film",
+    "reference",
+    "replay",
+    "save",
+    "simulate",
+]

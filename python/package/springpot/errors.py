@@ -1,0 +1,19 @@
+"""Exceptions. Each carries the one line that the command line prints: the place, the cause and the mend."""
+
+__all__ = ["ComputationError", "Error", "FileError", "InputError"]
+
+
+class Error(Exception):
+    """What this package refuses or cannot do."""
+
+
+class InputError(Error, ValueError):
+    """An argument, a model or a law that cannot be used."""
+
+
+class FileError(Error, OSError, ValueError):
+    """A file, or a recording made of arrays, that cannot be read, written or used."""
+
+
+class ComputationError(Error, ArithmeticError):
+    """A computation that has no result, such as a film that is pulled in."""

@@ -1,0 +1,269 @@
+"""What the functions of this package return: arrays of one dimension, float64, one value per sample, in SI units.
+
+Every result that has columns gives them as a dictionary with ``columns()``, which ``pandas.DataFrame`` takes as it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ._native import Model
+
+__all__ = [
+    "FitRecording",
+    "FitResult",
+    "FitWarning",
+    "FrequencyResponse",
+    "Observation",
+    "Parameter",
+    "Replay",
+    "ReplayRecording",
+    "Response",
+    "VoltagePlan",
+]
+
+FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+
+def _columns(result: Any) -> dict[str, npt.NDArray[Any]]:
+    """The arrays of a dataclass by their names."""
+    values = ((entry.name, getattr(result, entry.name)) for entry in fields(result))
+    return {name: value for name, value in values if isinstance(value, np.ndarray)}
+
+
+@dataclass(frozen=True, repr=False)
+class Response:
+    """The response of a model: every array has one value per step of the law.
+
+    ``time_s`` (s), ``voltage_v`` (V; None where the input is no voltage), ``force_n`` (N, what drives the law) and
+    ``displacement_m`` (m), at ``rate_hz`` steps per second.
+    """
+
+    time_s: FloatArray
+    voltage_v: FloatArray | None
+    force_n: FloatArray
+    displacement_m: FloatArray
+    rate_hz: float
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The arrays by their names, for ``pandas.DataFrame``."""
+        return _columns(self)
+
+    def __repr__(self) -> str:
+        return f"<springpot.Response: {len(self.time_s)} samples at {self.rate_hz:g} Hz>"
+
+
+@dataclass(frozen=True, repr=False)
+class ReplayRecording:
+    """A recording beside the response of a model.
+
+    ``r2`` (Eq. 14; NaN where the measurement does not change), ``nrmse_pct`` (% of peak to peak), ``rmse`` (m, or N where
+    displacement drives) over ``samples`` measured values. ``time_s``, ``measured`` and ``modelled`` have one value per
+    measured one; ``response`` has one per step.
+    """
+
+    file: str
+    r2: float
+    nrmse_pct: float
+    rmse: float
+    samples: int
+    time_s: FloatArray
+    measured: FloatArray
+    modelled: FloatArray
+    response: Response
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """``time_s``, ``measured`` and ``modelled``, for ``pandas.DataFrame``."""
+        return _columns(self)
+
+    def __repr__(self) -> str:
+        return f"<springpot.ReplayRecording {self.file!r}: R² {self.r2:.5f}, NRMSE {self.nrmse_pct:.3f} %>"
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Recordings beside the responses of a model, and the plain mean of their R²."""
+
+    r2_mean: float
+    recordings: list[ReplayRecording]
+
+    def columns(self) -> dict[str, list[Any]]:
+        """One row per recording, for ``pandas.DataFrame``."""
+        names = ("file", "r2", "nrmse_pct", "rmse", "samples")
+        return {name: [getattr(row, name) for row in self.recordings] for name in names}
+
+
+@dataclass(frozen=True, repr=False)
+class VoltagePlan:
+    """Voltages along a reference, one value per tick.
+
+    ``voltage_v`` (V), ``displacement_m`` (m, of the model under it), ``reference_m`` (m, shaped) and ``limited`` (uint8, a set of
+    bits: below zero 1, largest voltage 2, field 4, slew 8, velocity 16, acceleration 32, beyond the elastic curve 64, amplifier
+    128). ``limits_met`` has the share of the time in % by limit.
+    """
+
+    time_s: FloatArray
+    voltage_v: FloatArray
+    displacement_m: FloatArray
+    reference_m: FloatArray
+    limited: npt.NDArray[np.uint8]
+    limits_met: dict[str, float]
+    rate_hz: float
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The arrays by their names, for ``pandas.DataFrame``."""
+        return _columns(self)
+
+    def __repr__(self) -> str:
+        return f"<springpot.VoltagePlan: {len(self.time_s)} samples, up to {self.voltage_v.max():.0f} V>"
+
+
+@dataclass(frozen=True, repr=False)
+class Observation:
+    """What an observer made of a recording, one value per tick.
+
+    ``displacement_m`` is the estimate (m), ``sample_m`` the reading that arrived (m, NaN where none did), ``disturbance_n`` the
+    force that the model does not know (N), ``force_scale`` its factor, ``innovation_m`` sensor minus prediction (m) with running mean and
+    standard deviation. ``samples`` readings were used; ``innovation_rms_m`` is over all of them.
+    """
+
+    time_s: FloatArray
+    voltage_v: FloatArray
+    displacement_m: FloatArray
+    sample_m: FloatArray
+    disturbance_n: FloatArray
+    force_scale: FloatArray
+    innovation_m: FloatArray
+    innovation_mean_m: FloatArray
+    innovation_std_m: FloatArray
+    samples: int
+    innovation_rms_m: float
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The arrays by their names, for ``pandas.DataFrame``."""
+        return _columns(self)
+
+    def __repr__(self) -> str:
+        return f"<springpot.Observation: {self.samples} readings, innovation {1e6 * self.innovation_rms_m:.2f} µm RMS>"
+
+
+@dataclass(frozen=True, repr=False)
+class FrequencyResponse:
+    """Displacement over force: ``frequency_hz`` (Hz), ``magnitude_m_per_n`` (m/N), ``phase_rad`` (rad, negative where displacement lags)."""
+
+    frequency_hz: FloatArray
+    magnitude_m_per_n: FloatArray
+    phase_rad: FloatArray
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The arrays by their names, for ``pandas.DataFrame``."""
+        return _columns(self)
+
+    def __repr__(self) -> str:
+        return f"<springpot.FrequencyResponse: {len(self.frequency_hz)} frequencies>"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A fitted value in SI units with its 95 % interval.
+
+    ``low`` and ``high`` are of the profile likelihood, None where the recordings set no end. ``linear`` is the interval of the
+    covariance, where there is one. ``at_bound`` says that the value is on the bound of what it may be.
+    """
+
+    name: str
+    value: float
+    low: float | None
+    high: float | None
+    linear: tuple[float, float] | None
+    at_bound: bool
+
+
+@dataclass(frozen=True)
+class FitWarning:
+    """A warning about a fit: ``severity`` is serious, caution or note."""
+
+    severity: str
+    text: str
+
+
+@dataclass(frozen=True, repr=False)
+class FitRecording:
+    """A recording beside the fitted model: as :class:`ReplayRecording`, with full memory at ``rate_hz`` (Hz).
+
+    ``offset`` (m or N) and ``gain`` are its own, None where it shares those of the others.
+    """
+
+    file: str
+    r2: float
+    nrmse_pct: float
+    rmse: float
+    samples: int
+    rate_hz: float
+    offset: float | None
+    gain: float | None
+    time_s: FloatArray
+    measured: FloatArray
+    modelled: FloatArray
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """``time_s``, ``measured`` and ``modelled``, for ``pandas.DataFrame``."""
+        return _columns(self)
+
+    def __repr__(self) -> str:
+        return f"<springpot.FitRecording {self.file!r}: R² {self.r2:.5f}, NRMSE {self.nrmse_pct:.3f} %>"
+
+
+@dataclass(frozen=True, repr=False)
+class FitResult:
+    """A fit: the model, how well it agrees, and how far its parameters are known.
+
+    ``parameters`` is empty where no uncertainty was computed (pattern search, or a search that was ended early: then ``interrupted``).
+    ``undetermined`` names sets of parameters that the recordings do not tell apart. ``structures`` has a dictionary for every structure that
+    was compared, ``relaxations`` one for every branch, as ``fit --json`` prints them.
+    """
+
+    model: Model
+    r2_mean: float
+    recordings: list[FitRecording]
+    parameters: list[Parameter]
+    undetermined: list[str]
+    warnings: list[FitWarning]
+    topology: str
+    branches: int
+    curve: str
+    drive: str
+    evaluations: int
+    seconds: float
+    interrupted: bool
+    structures: list[dict[str, Any]] = field(default_factory=list)
+    relaxations: list[dict[str, Any]] = field(default_factory=list)
+
+    def columns(self) -> dict[str, list[Any]]:
+        """One row per parameter, for ``pandas.DataFrame``; an end that is open is infinite."""
+        inf = float("inf")
+        return {
+            "name": [row.name for row in self.parameters],
+            "value": [row.value for row in self.parameters],
+            "low": [-inf if row.low is None else row.low for row in self.parameters],
+            "high": [inf if row.high is None else row.high for row in self.parameters],
+            "at_bound": [row.at_bound for row in self.parameters],
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything but the model and the series, as plain numbers, strings, lists and dictionaries."""
+        series = {"time_s", "measured", "modelled"}
+        plain = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name != "model"}
+        for name in ("recordings", "parameters", "warnings"):
+            plain[name] = [
+                {entry.name: getattr(row, entry.name) for entry in fields(row) if entry.name not in series} for row in plain[name]
+            ]
+        return plain
+
+    def __repr__(self) -> str:
+        early = ", ended early" if self.interrupted else ""
+        return f"<springpot.FitResult: {self.topology} with n = {self.branches}, R² {self.r2_mean:.6f}{early}>"

@@ -1,0 +1,47 @@
+//! Errors of the bench tool as exceptions with the same one line.
+
+use bench_io::Error;
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::{PyErr, PyResult};
+
+/// The exceptions, which Python defines: each has two bases.
+mod raised {
+    pyo3::import_exception!(springpot.errors, ComputationError);
+    pyo3::import_exception!(springpot.errors, FileError);
+    pyo3::import_exception!(springpot.errors, InputError);
+}
+
+/// Turns a result of the bench tool into one of Python.
+pub(crate) trait Raise<T> {
+    /// The value, or the exception.
+    fn raise(self) -> PyResult<T>;
+}
+
+impl<T> Raise<T> for bench_io::Result<T> {
+    fn raise(self) -> PyResult<T> {
+        self.map_err(|error| exception(&error))
+    }
+}
+
+/// The exception of `error`.
+fn exception(error: &Error) -> PyErr {
+    let line = error.to_string();
+    match innermost(error) {
+        Error::File { .. } | Error::Line { .. } => raised::FileError::new_err(line),
+        Error::Computation(_) => raised::ComputationError::new_err(line),
+        Error::Interrupted => PyKeyboardInterrupt::new_err(line),
+        _ => raised::InputError::new_err(line),
+    }
+}
+
+fn innermost(error: &Error) -> &Error {
+    match error {
+        Error::At { error, .. } => innermost(error),
+        error => error,
+    }
+}
+
+/// The exception of an argument that cannot be used: `name: cause`.
+pub(crate) fn refused(name: &str, cause: impl std::fmt::Display) -> PyErr {
+    raised::InputError::new_err(format!("{name}: {cause}"))
+}

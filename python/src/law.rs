@@ -1,0 +1,195 @@
+//! `Law` and `State`: the step of the controller, sample by sample or along an array.
+
+use bench_models::replay::memory::{MethodName, Precision};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use springpot::{Compressed, Law, Method, State};
+
+use crate::arrays::{each_complex, finite, steps};
+use crate::errors::{Raise, refused};
+use crate::model::PyModel;
+use crate::names::{choice, name_of};
+
+/// A law in the arithmetic of the controller, or in twice as many digits.
+#[derive(Clone)]
+#[allow(clippy::large_enum_variant)] // a handful live at a time
+enum AnyLaw {
+    F32(Law<f32>),
+    F64(Law<f64>),
+}
+
+/// The state of such a law.
+#[derive(Clone)]
+#[allow(clippy::large_enum_variant)] // a handful live at a time
+enum AnyState {
+    F32(Law<f32>, State<f32, Compressed<f32>>),
+    F64(Law<f64>, State<f64, Compressed<f64>>),
+}
+
+/// The law of a model at `rate_hz` steps per second: what a controller steps, in constant time and memory. It does not change.
+///
+/// `precision` is "f32" (the bits of the controller) or "f64"; `method` is "gl" (of first order, as in the paper) or "bdf2" (of second).
+///
+/// Raises InputError for a rate or a model that is refused.
+#[pyclass(frozen, name = "Law", module = "springpot")]
+pub(crate) struct PyLaw {
+    law: AnyLaw,
+    rate_hz: f64,
+}
+
+#[pymethods]
+impl PyLaw {
+    #[new]
+    #[pyo3(signature = (model, rate_hz=1000.0, *, method="gl", precision="f32"))]
+    fn new(py: Python<'_>, model: &Bound<'_, PyModel>, rate_hz: f64, method: &str, precision: &str) -> PyResult<Self> {
+        if !(rate_hz.is_finite() && rate_hz > 0.0) {
+            return Err(refused("rate_hz", format!("{rate_hz:?} Hz must be finite and greater than 0")));
+        }
+        let source = &model.get().source;
+        let parameters = model.get().with_method(method)?;
+        let precision = choice("precision", precision)?;
+        let built = py.detach(|| match precision {
+            Precision::F32 => parameters.film().compressed_law(rate_hz).map(AnyLaw::F32),
+            Precision::F64 => parameters.film().compressed_law(rate_hz).map(AnyLaw::F64),
+        });
+        Ok(Self { law: built.map_err(|e| e.about(source, source.as_ref())).raise()?, rate_hz })
+    }
+
+    /// Steps per second.
+    #[getter]
+    fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// How a derivative becomes a difference: gl or bdf2.
+    #[getter]
+    fn method(&self) -> String {
+        let method = match &self.law {
+            AnyLaw::F32(law) => law.method(),
+            AnyLaw::F64(law) => law.method(),
+        };
+        name_of(&if method == Method::Bdf2 { MethodName::Bdf2 } else { MethodName::Gl })
+    }
+
+    /// Arithmetic of a step: f32 or f64.
+    #[getter]
+    fn precision(&self) -> String {
+        name_of(&match self.law {
+            AnyLaw::F32(_) => Precision::F32,
+            AnyLaw::F64(_) => Precision::F64,
+        })
+    }
+
+    /// Force of a step of displacement within one step, N/m.
+    #[getter]
+    fn stiffness_n_per_m(&self) -> f64 {
+        match &self.law {
+            AnyLaw::F32(law) => law.stiffness().into(),
+            AnyLaw::F64(law) => law.stiffness(),
+        }
+    }
+
+    /// Bound of the displacement's error through compressed memory, over the largest displacement.
+    #[getter]
+    fn bound_per_stroke(&self) -> f64 {
+        let bound = match &self.law {
+            AnyLaw::F32(law) => law.compression_bound(),
+            AnyLaw::F64(law) => law.compression_bound(),
+        };
+        bound.displacement_per_stroke.into()
+    }
+
+    /// The state of a film that was never moved.
+    fn at_rest(&self) -> PyState {
+        PyState(match &self.law {
+            AnyLaw::F32(law) => AnyState::F32(law.clone(), law.state()),
+            AnyLaw::F64(law) => AnyState::F64(law.clone(), law.state()),
+        })
+    }
+
+    /// The state of a film that has crept under `force_n` (N) for `duration_s` (s).
+    fn settled(&self, py: Python<'_>, force_n: f64, duration_s: f64) -> PyResult<PyState> {
+        finite("force_n", force_n)?;
+        finite("duration_s", duration_s)?;
+        Ok(PyState(py.detach(|| match &self.law {
+            AnyLaw::F32(law) => AnyState::F32(law.clone(), law.settled(force_n as f32, duration_s)),
+            AnyLaw::F64(law) => AnyState::F64(law.clone(), law.settled(force_n, duration_s)),
+        })))
+    }
+
+    /// Displacement over force (m/N, complex) at `frequency_hz` (Hz; a number or an array), for small oscillations about `at_m` (m).
+    #[pyo3(signature = (frequency_hz, at_m=0.0))]
+    fn frequency_response<'py>(&self, frequency_hz: &Bound<'py, PyAny>, at_m: f64) -> PyResult<Bound<'py, PyAny>> {
+        each_complex("frequency_hz", frequency_hz, |f| match &self.law {
+            AnyLaw::F32(law) => law.frequency_response_about(f, at_m),
+            AnyLaw::F64(law) => law.frequency_response_about(f, at_m),
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<springpot.Law at {:?} Hz, {}, {}>", self.rate_hz, self.method(), self.precision())
+    }
+}
+
+/// A film that a law steps: it remembers what was done to it. One thread at a time; `copy` makes another.
+#[pyclass(name = "State", module = "springpot")]
+pub(crate) struct PyState(AnyState);
+
+#[pymethods]
+impl PyState {
+    #[new]
+    fn new() -> PyResult<Self> {
+        Err(PyTypeError::new_err("a State comes from a Law: law.at_rest() or law.settled(force_n, duration_s)"))
+    }
+
+    /// Displacement after the last step, m.
+    #[getter]
+    fn displacement_m(&self) -> f64 {
+        match &self.0 {
+            AnyState::F32(_, state) => state.position().into(),
+            AnyState::F64(_, state) => state.position(),
+        }
+    }
+
+    /// Whether the film is beyond the stroke that its elastic curve was measured over.
+    #[getter]
+    fn beyond_curve(&self) -> bool {
+        match &self.0 {
+            AnyState::F32(_, state) => state.beyond_curve(),
+            AnyState::F64(_, state) => state.beyond_curve(),
+        }
+    }
+
+    /// Steps the film under `force_n` (N): once for a number, once for every value of an array. Its displacement (m), of the same shape.
+    ///
+    /// Raises InputError for an array of more dimensions or with values that are not finite; the state stays, as it does after Ctrl-C.
+    fn displacement<'py>(&mut self, force_n: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        match &mut self.0 {
+            AnyState::F32(law, state) => {
+                steps("force_n", force_n, state, |state, f| law.displacement(state, f as f32).into())
+            }
+            AnyState::F64(law, state) => steps("force_n", force_n, state, |state, f| law.displacement(state, f)),
+        }
+    }
+
+    /// Steps the film to `displacement_m` (m): once for a number, once for every value of an array. The force (N) that it takes, likewise.
+    ///
+    /// Raises InputError for an array of more dimensions or with values that are not finite; the state stays, as it does after Ctrl-C.
+    fn force<'py>(&mut self, displacement_m: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        match &mut self.0 {
+            AnyState::F32(law, state) => {
+                steps("displacement_m", displacement_m, state, |state, x| law.force(state, x as f32).into())
+            }
+            AnyState::F64(law, state) => steps("displacement_m", displacement_m, state, |state, x| law.force(state, x)),
+        }
+    }
+
+    /// The same film once more.
+    fn copy(&self) -> Self {
+        Self(self.0.clone())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<springpot.State at {:?} m>", self.displacement_m())
+    }
+}

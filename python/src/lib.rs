@@ -1,0 +1,47 @@
+//! The Python package's native part: what `springpot` and the bench tool compute, called from Python.
+//!
+//! Nothing is computed here. A file is a class or a group of functions; `springpot/` beside it holds what is written in Python, and
+//! the stubs `_native.pyi` say shapes and units. Long calls run on a thread of their own without the interpreter's lock (`watch`).
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+mod actuator;
+mod arrays;
+mod control;
+mod errors;
+mod film;
+mod fit;
+mod law;
+mod model;
+mod names;
+mod recording;
+mod replay;
+mod watch;
+
+/// The module `springpot._native`.
+#[pyo3::pymodule]
+mod _native {
+    /// Version of the package.
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)] // Python's name
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+
+    #[pymodule_export]
+    use crate::actuator::PyActuator;
+    #[pymodule_export]
+    use crate::control::{PyEstimate, PyFeedforward, PyObserver, PyTick, PyTracking};
+    #[pymodule_export]
+    use crate::film::{PySimulatedFilm, record_film, reference};
+    #[pymodule_export]
+    use crate::fit::fit;
+    #[pymodule_export]
+    use crate::law::{PyLaw, PyState};
+    #[pymodule_export]
+    use crate::model::{PyModel, load, presets, save};
+    #[pymodule_export]
+    use crate::recording::{PyRecording, read_recording, read_reference};
+    #[pymodule_export]
+    use crate::replay::{check_reference, feedforward, frequency_response, observe, replay, simulate};
+    #[pymodule_export]
+    use crate::watch::PyStage;
+}

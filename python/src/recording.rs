@@ -1,0 +1,199 @@
+//! `Recording`: what was applied and what was measured.
+
+use std::path::PathBuf;
+
+use bench_io::Error;
+use bench_io::error::shown;
+use bench_io::files::import::{Blank, Choices, Edits, Hints, Quantity, Understood};
+use bench_io::files::output;
+use bench_io::files::recording::Recording;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+
+use crate::arrays::{read_only, series};
+use crate::errors::Raise;
+
+/// Columns as arrays, by their names.
+type Columns = Vec<(&'static str, Py<PyArray1<f64>>)>;
+
+/// What was applied and what was measured: read from a file (`read_recording`), or made of arrays.
+///
+/// The arrays are of one dimension and one length: `time_s` (s, increasing), `voltage_v` (V) or `force_n` (N, the total force on the
+/// film), `displacement_m` (m), `weight` (of the squared residuals in a fit). NaN and masked cells are empty; what drives a film
+/// must have none. The values are copied. `name` is what errors and reports call it.
+///
+/// Raises InputError for an array of another shape or kind, FileError for values that no recording has.
+#[pyclass(frozen, name = "Recording", module = "springpot")]
+pub(crate) struct PyRecording {
+    pub(crate) recording: Recording,
+    /// Times and columns, once they were asked for.
+    time_s: PyOnceLock<Py<PyArray1<f64>>>,
+    columns: PyOnceLock<Columns>,
+}
+
+impl From<Recording> for PyRecording {
+    fn from(recording: Recording) -> Self {
+        Self { recording, time_s: PyOnceLock::new(), columns: PyOnceLock::new() }
+    }
+}
+
+impl PyRecording {
+    /// The column of that name, NaN where nothing was measured.
+    fn column(&self, py: Python<'_>, name: &str) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        let columns = self.columns.get_or_try_init(py, || {
+            let columns = self.recording.columns().into_iter();
+            columns
+                .map(|(name, values)| PyResult::Ok((name, read_only(py, values)?.unbind())))
+                .collect::<PyResult<Vec<_>>>()
+        })?;
+        Ok(columns.iter().find(|(which, _)| *which == name).map(|(_, values)| values.clone_ref(py)))
+    }
+}
+
+#[pymethods]
+impl PyRecording {
+    #[new]
+    #[pyo3(signature = (time_s, *, voltage_v=None, force_n=None, displacement_m=None, weight=None, name="recording"))]
+    fn new(
+        time_s: &Bound<'_, PyAny>,
+        voltage_v: Option<&Bound<'_, PyAny>>,
+        force_n: Option<&Bound<'_, PyAny>>,
+        displacement_m: Option<&Bound<'_, PyAny>>,
+        weight: Option<&Bound<'_, PyAny>>,
+        name: &str,
+    ) -> PyResult<Self> {
+        let columns = [
+            (Quantity::Voltage, "voltage_v", voltage_v),
+            (Quantity::Force, "force_n", force_n),
+            (Quantity::Displacement, "displacement_m", displacement_m),
+            (Quantity::Weight, "weight", weight),
+        ];
+        let columns = columns
+            .into_iter()
+            .filter_map(|(quantity, name, values)| Some((quantity, name, values?)))
+            .map(|(quantity, name, values)| Ok((quantity, series(name, values)?)))
+            .collect::<PyResult<Vec<_>>>()?;
+        Ok(Recording::of_values(name, series("time_s", time_s)?, columns).raise()?.into())
+    }
+
+    /// Times of the rows, s, from 0. The array cannot be written to.
+    #[getter]
+    fn time_s(&self, py: Python<'_>) -> PyResult<Py<PyArray1<f64>>> {
+        let made = || read_only(py, self.recording.time_s().to_vec()).map(Bound::unbind);
+        Ok(self.time_s.get_or_try_init(py, made)?.clone_ref(py))
+    }
+
+    /// Voltage on the electrodes, V; None if there is none.
+    #[getter]
+    fn voltage_v(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        self.column(py, "voltage_v")
+    }
+
+    /// Total force on the film, N; None if there is none.
+    #[getter]
+    fn force_n(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        self.column(py, "force_n")
+    }
+
+    /// Measured displacement, m; None if there is none.
+    #[getter]
+    fn displacement_m(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        self.column(py, "displacement_m")
+    }
+
+    /// Weights of the squared residuals; None if there are none.
+    #[getter]
+    fn weight(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        self.column(py, "weight")
+    }
+
+    /// The file, or the name.
+    #[getter]
+    fn path(&self) -> String {
+        shown(self.recording.path())
+    }
+
+    /// Length, s.
+    #[getter]
+    fn duration_s(&self) -> f64 {
+        self.recording.duration_s()
+    }
+
+    /// What was understood of a file with other names than those of recordings; None otherwise.
+    #[getter]
+    fn understood(&self) -> Option<String> {
+        self.recording.understood().map(Understood::line)
+    }
+
+    /// Writes the recording as CSV with the names of recordings, whole or not at all.
+    ///
+    /// Raises FileError where it cannot be written.
+    fn save(&self, path: PathBuf) -> PyResult<()> {
+        let columns = self.recording.columns();
+        let mut written = vec![("time_s", Some(self.recording.time_s()))];
+        written.extend(columns.iter().map(|(name, values)| (*name, Some(values.as_slice()))));
+        output::write_columns(&path, &[], &written).raise()
+    }
+
+    fn __len__(&self) -> usize {
+        self.recording.time_s().len()
+    }
+
+    fn __repr__(&self) -> String {
+        let names: Vec<&str> = self.recording.columns().iter().map(|(name, _)| *name).collect();
+        format!("<springpot.Recording {:?}: {} rows, {}>", self.path(), self.__len__(), names.join(", "))
+    }
+}
+
+/// What is said about a file with other names.
+fn hints(columns: Option<&str>, sheet: Option<String>) -> bench_io::Result<Hints> {
+    let choices = columns.map(|text| text.parse::<Choices>().map_err(|cause| Error::option("--columns", cause)));
+    Ok(Hints { choices: choices.transpose()?.unwrap_or_default(), sheet })
+}
+
+/// Reads a recording: text with any separator, decimal sign and encoding, .xlsx, or .mat of version 5 to 7.
+///
+/// `columns` says which column is what, as `--columns` does: 'time=Zeit:s,voltage="HV mon"*2000,displacement=3:mm'. What is left
+/// out goes by names and units. `sheet` is the spreadsheet of a workbook. Rows from `from_s` to `to_s` (s from the first) are kept,
+/// every `decimate` of them are averaged into one, and readings such as 'displacement=-9999' are emptied by `blank`.
+///
+/// Raises FileError naming the file, the line and what would be right; InputError for an option that cannot be used.
+#[pyfunction]
+#[pyo3(signature = (path, *, columns=None, sheet=None, from_s=0.0, to_s=None, decimate=1, blank=Vec::new()))]
+#[allow(clippy::too_many_arguments)] // keyword arguments
+pub(crate) fn read_recording(
+    py: Python<'_>,
+    path: PathBuf,
+    columns: Option<&str>,
+    sheet: Option<String>,
+    from_s: f64,
+    to_s: Option<f64>,
+    decimate: usize,
+    blank: Vec<String>,
+) -> PyResult<PyRecording> {
+    let read = || {
+        let blanks = blank.iter().map(|text| text.parse::<Blank>().map_err(|cause| Error::option("--blank", cause)));
+        let edits = Edits::new(blanks.collect::<bench_io::Result<Vec<_>>>()?, from_s, to_s, decimate)?;
+        let recording = Recording::read_with(&path, &hints(columns, sheet)?)?;
+        if edits == Edits::NONE {
+            return Ok(recording);
+        }
+        let (series, _) = recording.into_series().edited(&edits).map_err(|cause| Error::file(&path, cause))?;
+        Ok(Recording::of(&path, series))
+    };
+    Ok(py.detach(read).raise()?.into())
+}
+
+/// Reads a reference: displacement over time, no voltage needed. `columns`, `sheet` and errors as `read_recording`.
+#[pyfunction]
+#[pyo3(signature = (path, *, columns=None, sheet=None))]
+pub(crate) fn read_reference(
+    py: Python<'_>,
+    path: PathBuf,
+    columns: Option<&str>,
+    sheet: Option<String>,
+) -> PyResult<PyRecording> {
+    let read = || Recording::read_reference(&path, &hints(columns, sheet)?);
+    Ok(py.detach(read).raise()?.into())
+}

@@ -1,0 +1,170 @@
+"""Actuators, models, laws and their states."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import springpot as sp
+
+
+def test_eq_1() -> None:
+    """F = ε0 εr (V / l3)² l1 l2 at 6 kV, by hand: 140 N."""
+    actuator = sp.Actuator()
+    by_hand = 8.8541878128e-12 * 4.7 * (6000 / 160e-6) ** 2 * 0.04 * 0.06
+    assert actuator.force(6000.0) == pytest.approx(by_hand, rel=1e-12)
+    volts = np.array([0.0, 3000.0, 6000.0])
+    assert actuator.force(volts) == pytest.approx([0, by_hand / 4, by_hand], rel=1e-12)
+    assert actuator.voltage(actuator.force(volts)) == pytest.approx(volts, rel=1e-12)
+    # The weight from t = 0.
+    hung = sp.Actuator(preload="from-start")
+    assert hung.force(0.0) == pytest.approx(0.316 * 9.80665, rel=1e-12)
+    assert sp.Actuator(saturation_v=6000).force(6000.0) == pytest.approx(by_hand / 2, rel=1e-12)
+    assert sp.Actuator(stretch_coupling=10).force(6000.0, 0.01) == pytest.approx(1.1 * by_hand, rel=1e-12)
+
+
+def test_a_springpot_creeps_as_a_power() -> None:
+    """One springpot: J(t) = t^α / (c Γ(1 + α)), G(t) = c t^−α / Γ(1 − α)."""
+    model = sp.Model((60e3, 0.2))
+    time = np.array([0.1, 1.0, 100.0])
+    assert model.creep_compliance(time) == pytest.approx(time**0.2 / (60e3 * math.gamma(1.2)), rel=1e-10)
+    assert model.relaxation_modulus(1.0) == pytest.approx(60e3 / math.gamma(0.8), rel=1e-10)
+    assert math.isnan(model.creep_compliance(0.0))
+
+
+def test_a_law_is_its_defining_sum() -> None:
+    """Grünwald–Letnikov by its weights: a springpot in f64 against Σ w_j x_{k−j} / h^α."""
+    alpha, c, step = 0.3, 50e3, 1e-2
+    law = sp.Law(sp.Model((c, alpha), actuator=sp.Actuator(mass_kg=0)), 100, precision="f64")
+    weights = np.cumprod(np.concatenate([[1.0], 1 - (alpha + 1) / np.arange(1, 400)]))
+    x = 1e-3 * np.sin(np.arange(400) / 30) ** 2
+    expected = c * np.convolve(weights, x)[:400] / step**alpha
+    state = law.at_rest()
+    force = state.force(x)
+    # What the compression of the memory costs.
+    assert force == pytest.approx(expected, abs=1e-7 * np.abs(expected).max())
+    # And back.
+    assert law.at_rest().displacement(force) == pytest.approx(x, abs=1e-9 * x.max())
+    assert state.displacement_m == x[-1]
+
+
+def test_a_step_is_a_step() -> None:
+    """Sample by sample, in parts or along an array: the same bits; a copy goes its own way."""
+    law = sp.Law(sp.load("preset:table3-n2"))
+    force = 100 * np.sin(np.arange(2000) / 300) ** 2
+    whole = law.at_rest().displacement(force)
+    single, parts = law.at_rest(), law.at_rest()
+    assert [single.displacement(float(f)) for f in force] == whole.tolist()
+    assert np.concatenate([parts.displacement(force[:700]), parts.displacement(force[700:])]).tolist() == whole.tolist()
+    fork = parts.copy()
+    assert fork.displacement(50.0) == parts.displacement(50.0)
+    fork.displacement(np.full(100, 200.0))
+    assert fork.displacement_m > parts.displacement_m
+    # In f32 as on the controller: every value is one of single precision.
+    assert np.array_equal(whole.astype(np.float32).astype(np.float64), whole)
+
+
+def test_a_law_settles() -> None:
+    """Under a constant force: as that many steps."""
+    law = sp.Law(sp.load("preset:table3-n2"), 100, precision="f64")
+    stepped = law.at_rest()
+    stepped.displacement(np.full(100_000, 10.0))
+    # The law's settling has no inertia, and is equal to 1e-6.
+    assert law.settled(10.0, 1000.0).displacement_m == pytest.approx(stepped.displacement_m, rel=1e-5)
+
+
+def test_frequency_responses_agree() -> None:
+    model = sp.load("preset:table3-n2")
+    frequency = np.array([0.01, 0.1, 1.0])
+    discrete = sp.Law(model).frequency_response(frequency)
+    continuous = sp.frequency_response(model, 0.01, 1.0, 3)
+    # First order at 1 kHz: α π f / rate at most.
+    assert np.abs(discrete) == pytest.approx(continuous.magnitude_m_per_n, rel=5e-3)
+    assert np.angle(discrete) == pytest.approx(continuous.phase_rad, abs=5e-3)
+    assert isinstance(sp.Law(model).frequency_response(0.1), complex)
+
+
+def test_models_go_through_files(tmp_path: Path) -> None:
+    model = sp.Model(
+        (62740.0, 0.2),
+        [((47958.0, 1.0), (173210.0, 1.0)), ((430381.0, 0.523), (215.0, 0.046))],
+        topology="eq11",
+        actuator=sp.Actuator(thickness_m=100e-6, stretch_coupling=-1.5, saturation_v=9000),
+        sensor_offset_m=2e-6,
+        name="film é",
+    )
+    sp.save(model, tmp_path / "film.toml")
+    again = sp.load(tmp_path / "film.toml")
+    assert again.to_toml() == model.to_toml()
+    for name in ("name", "topology", "main", "branches", "actuator", "sensor_offset_m", "curve", "sizes_assumed"):
+        assert getattr(again, name) == getattr(model, name), name
+    for other in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model)):
+        assert other.to_toml() == model.to_toml()
+    presets = [sp.load(name) for name in sp.presets()]
+    assert [len(preset.branches) for preset in presets] == [1, 2, 3, 4, 5, 2, 2, 2]
+
+
+def test_curves_are_kept() -> None:
+    """A film behind an elastic curve is read, run and written."""
+    text = sp.load("preset:table3-n1").to_toml().replace("schema = 1", "schema = 2")
+    text += '\n[curve]\nelastic = "mooney-rivlin"\nshare = 0.5\nfree_length_m = 0.05\nfrom_m = -0.002\nto_m = 0.02\n'
+    model = sp.Model.from_toml(text)
+    assert model.curve == "mooney-rivlin" and sp.Model.from_toml(model.to_toml()).to_toml() == model.to_toml()
+    state = sp.Law(model).at_rest()
+    state.force(0.05)
+    assert state.beyond_curve
+
+
+def test_loops_follow() -> None:
+    """A sine on the simulated film: tracking within 1 % of peak to peak, feedforward alone with the same rough model far off."""
+    recording = sp.record_film(frequency_hz=[0.2], duration_s=30, rate_hz=50)
+    model = sp.fit(recording, branches=0, topology="parallel", curve="none", hold=["offset_m"]).model
+    sine = sp.reference("sine", low_m=1.5e-3, high_m=2.5e-3, period_s=10, duration_s=40, rate_hz=200).displacement_m
+    assert sine is not None
+    rms = {}
+    for kind in ("tracking", "feedforward"):
+        film, tracking, feedforward = sp.SimulatedFilm(), sp.Tracking(model, rate_hz=200), sp.Feedforward(model, rate_hz=200)
+        reached = [film.displacement_m]
+        for k, target in enumerate(sine[1:]):
+            sample = film.displacement_m if k % 2 == 0 else None
+            tick = tracking.tick(target, sample, age_s=0.0) if kind == "tracking" else feedforward.tick(target)
+            reached.append(film.advance(tick.voltage_v, 1 / 200))
+        late = slice(20 * 200, None)
+        rms[kind] = float(np.sqrt(np.mean((np.array(reached) - sine)[late] ** 2)))
+    assert rms["tracking"] < 0.01 * 1e-3
+    assert rms["feedforward"] > 5 * rms["tracking"]
+
+
+def test_a_tick_says_what_limits_it() -> None:
+    controller = sp.Feedforward(sp.load("preset:table3-n2"), limits={"max_voltage_v": 1000})
+    ticks = [controller.tick(5e-3) for _ in range(2000)]
+    assert max(tick.voltage_v for tick in ticks) == 1000.0
+    assert "max-voltage" in ticks[-1].limited and ticks[-1].disturbance_n is None
+    assert "velocity" in {name for tick in ticks for name in tick.limited} or "acceleration" in ticks[0].limited
+
+
+def test_lost_samples_are_none() -> None:
+    """NaN is no sample, a reference that is not finite is ignored: the same bits as without."""
+    model = sp.load("preset:table3-n2")
+    one, other = sp.Tracking(model), sp.Tracking(model)
+    for k in range(3000):
+        sample = 1e-4 if k % 10 == 0 else None
+        first = one.tick(1e-3 if k % 7 or k == 0 else math.nan, sample)
+        second = other.tick(1e-3, math.nan if sample is None else sample)
+        assert first.voltage_v == second.voltage_v
+
+
+def test_every_name_says_what_it_is() -> None:
+    """Docstrings on everything that is public."""
+    for name in sp.__all__:
+        if name == "__version__":
+            continue
+        public = getattr(sp, name)
+        assert public.__doc__, name
+        for member, value in vars(public).items() if isinstance(public, type) else ():
+            if not member.startswith("_") and not isinstance(value, (str, float, int, list, type(None))):
+                assert value.__doc__, f"{name}.{member}"

@@ -1,0 +1,233 @@
+"""What is refused, with which exception, and that its line is that of the command line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import springpot as sp
+
+from conftest import Tool
+
+TIME = np.arange(100) / 10
+VOLTS = 1000 * np.sin(TIME) ** 2
+METRES = 1e-3 * np.sin(TIME) ** 2
+
+
+def test_exceptions_are_the_usual_ones() -> None:
+    assert issubclass(sp.InputError, ValueError)
+    assert issubclass(sp.FileError, OSError) and issubclass(sp.FileError, ValueError)
+    assert issubclass(sp.ComputationError, ArithmeticError)
+    for family in (sp.InputError, sp.FileError, sp.ComputationError):
+        assert issubclass(family, sp.Error)
+
+
+NO_ARRAYS: dict[str, tuple[Any, str]] = {
+    "two dimensions": (np.zeros((2, 3)), "voltage_v: an array of shape (2, 3); one dimension is needed"),
+    "no dimension": (np.float64(1), "voltage_v: an array of shape (); one dimension is needed"),
+    "text": (["a", "b"], "voltage_v: dtype <U1; real numbers are needed"),
+    "complex": (VOLTS * 1j, "voltage_v: dtype complex128; real numbers are needed"),
+    "truth": (VOLTS > 0, "voltage_v: dtype bool; real numbers are needed"),
+    "objects": ([None, 1], "voltage_v: dtype object; real numbers are needed"),
+    "ragged": ([[1.0], [2.0, 3.0]], "voltage_v: not an array of numbers"),
+}
+
+
+@pytest.mark.parametrize("name", NO_ARRAYS)
+def test_no_arrays(name: str) -> None:
+    value, line = NO_ARRAYS[name]
+    with pytest.raises(sp.InputError) as refusal:
+        sp.Recording(TIME, voltage_v=value)
+    assert str(refusal.value) == line
+
+
+BROKEN: dict[str, tuple[dict[str, Any], str]] = {
+    "too short": ({"time_s": [0.0], "voltage_v": [1.0]}, "log: 1 rows; a recording needs at least 2"),
+    "other length": ({"voltage_v": VOLTS[:-1]}, "log: 99 values of voltage_v at 100 times"),
+    "time is NaN": ({"time_s": np.where(TIME == 5, np.nan, TIME)}, "log: time_s[50] is NaN; no clock shows that"),
+    "time goes back": ({"time_s": TIME[::-1]}, "log: time_s[1] is 9.8 after 9.9; times must increase"),
+    "infinite": ({"voltage_v": np.where(TIME == 5, np.inf, VOLTS)}, "log: voltage_v[50] is inf; no instrument reads that"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_recordings(name: str) -> None:
+    changes, line = BROKEN[name]
+    with pytest.raises(sp.FileError) as refusal:
+        sp.Recording(**{"time_s": TIME, "voltage_v": VOLTS, "name": "log", **changes})
+    assert str(refusal.value) == line
+
+
+def test_gaps_in_what_drives() -> None:
+    gappy = sp.Recording(TIME, voltage_v=np.where(TIME == 5, np.nan, VOLTS), displacement_m=METRES, name="log")
+    with pytest.raises(sp.FileError, match=r"^log: voltage_v is empty at 5 s; what drives the film must be complete$"):
+        sp.simulate(sp.load("preset:table3-n2"), gappy)
+    none = sp.Recording(TIME, voltage_v=np.full(100, np.nan), displacement_m=METRES, name="log")
+    with pytest.raises(sp.FileError, match=r"^log: neither voltage_v nor force_n has a value$"):
+        sp.fit(none)
+
+
+STRANGE: dict[str, Callable[[npt.NDArray[np.float64]], Any]] = {
+    "every other": lambda values: np.repeat(values, 2)[::2],
+    "backwards": lambda values: np.ascontiguousarray(values[::-1])[::-1],
+    "a column": lambda values: np.column_stack([values, values])[:, 1],
+    "big-endian": lambda values: values.astype(">f8"),
+    "a list": lambda values: values.tolist(),
+    "read-only": lambda values: np.frombuffer(values.tobytes()),
+}
+
+
+@pytest.mark.parametrize("name", STRANGE)
+def test_strange_arrays_are_read(name: str) -> None:
+    recording = sp.Recording(TIME, voltage_v=STRANGE[name](VOLTS.copy()))
+    assert np.array_equal(recording.voltage_v, VOLTS)
+    law = sp.Law(sp.load("preset:table3-n2"), precision="f64")
+    assert np.array_equal(law.at_rest().force(STRANGE[name](METRES.copy())), law.at_rest().force(METRES))
+
+
+def test_other_numbers_are_read() -> None:
+    whole = sp.Recording(np.arange(100), voltage_v=np.arange(100, dtype=np.uint8), displacement_m=METRES.astype(np.float32))
+    assert whole.voltage_v.tolist() == list(range(100))
+    masked = np.ma.masked_array(METRES, mask=TIME == 5)
+    recording = sp.Recording(TIME, voltage_v=VOLTS, displacement_m=masked)
+    assert np.flatnonzero(np.isnan(recording.displacement_m)).tolist() == [50]
+
+
+def test_arrays_are_apart() -> None:
+    """What was read does not change with its source, and cannot be written to."""
+    volts = VOLTS.copy()
+    recording = sp.Recording(TIME, voltage_v=volts)
+    volts[:] = 0
+    assert np.array_equal(recording.voltage_v, VOLTS)
+    assert recording.voltage_v is recording.voltage_v
+    with pytest.raises(ValueError, match="read-only"):
+        recording.voltage_v[0] = 1
+
+
+WRONG: Any = {"max_volts": 1.0}
+LAWS: dict[str, Callable[[], object]] = {
+    "model: main springpot: alpha = 1.5 must be within 0 and 1": lambda: sp.Model((60e3, 1.5)),
+    "rate_hz: NaN Hz must be finite and greater than 0": lambda: sp.Law(sp.Model((6e4, 0.2)), math.nan),
+    'topology: "ring" is not one of parallel, eq11': lambda: sp.Model((6e4, 0.2), topology="ring"),  # type: ignore[arg-type]
+    'precision: "f16" is not one of f32, f64': lambda: sp.Law(sp.Model((6e4, 0.2)), precision="f16"),  # type: ignore[arg-type]
+    'memory: use compressed, full or window:SECONDS with seconds above 0, such as window:10s': lambda: sp.simulate(
+        sp.Model((6e4, 0.2)), sp.Recording(TIME, voltage_v=VOLTS), memory="short"
+    ),
+    'limits: no limit "max_volts"; there are max_voltage_v, max_field_v_per_m, max_slew_v_per_s, max_velocity_m_per_s, '
+    "max_acceleration_m_per_s2": lambda: sp.Feedforward(sp.Model((6e4, 0.2)), limits=WRONG),
+    "--max-voltage: -1.0 must be finite and greater than 0": lambda: sp.Feedforward(sp.Model((6e4, 0.2)), limits={"max_voltage_v": -1}),
+    "sensor_offset_m: NaN must be finite": lambda: sp.Model((6e4, 0.2), sensor_offset_m=math.nan),
+    "start: gives actuator as well; leave one of them out": lambda: sp.fit(
+        sp.Recording(TIME, voltage_v=VOLTS, displacement_m=METRES), start=sp.Model((6e4, 0.2)), actuator=sp.Actuator()
+    ),
+    "recordings: none is given": lambda: sp.fit([]),
+}
+
+
+@pytest.mark.parametrize("line", LAWS)
+def test_refused_arguments(line: str) -> None:
+    with pytest.raises(sp.InputError) as refusal:
+        LAWS[line]()
+    assert str(refusal.value) == line
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_steps_of_no_number_change_nothing(precision: Any) -> None:
+    law = sp.Law(sp.load("preset:table3-n2"), precision=precision)
+    state, other = law.at_rest(), law.at_rest()
+    state.displacement(10.0)
+    other.displacement(10.0)
+    gappy = np.array([1.0, np.nan, 2.0])
+    for call, line in (
+        (lambda: state.displacement(math.nan), "force_n: NaN must be finite"),
+        (lambda: state.displacement(gappy), "force_n[1]: NaN must be finite"),
+        (lambda: state.force(np.array([0.0, 0.0, -np.inf])), "displacement_m[2]: -inf must be finite"),
+        (lambda: state.displacement(-1e20), "force_n: -1e20 must be within 1e15"),
+    ):
+        with pytest.raises(sp.InputError) as refusal:
+            call()
+        assert str(refusal.value) == line
+    assert state.displacement(5.0) == other.displacement(5.0)
+    # One number in an array is an array.
+    one = state.displacement(np.array([5.0]))
+    assert one.shape == (1,) and one[0] == other.displacement(5.0)
+    assert state.displacement([]).shape == (0,)
+
+
+def test_ticks_of_no_number_change_nothing() -> None:
+    model = sp.load("preset:table3-n2")
+    tracking, other = sp.Tracking(model), sp.Tracking(model)
+    observer, alone = sp.Observer(model), sp.Observer(model)
+    for k in range(100):
+        with pytest.raises(sp.InputError, match="^applied_v: NaN must be finite$"):
+            tracking.tick(1e-3, applied_v=math.nan)
+        with pytest.raises(sp.InputError, match="^voltage_v: inf must be finite$"):
+            observer.tick(math.inf)
+        # What a monitor or a sensor reads may be anything.
+        assert tracking.tick(1e-3, math.inf, monitor_v=math.nan).voltage_v == other.tick(1e-3).voltage_v
+        assert observer.tick(10.0 * k, math.nan).displacement_m == alone.tick(10.0 * k).displacement_m
+
+
+def test_states_come_from_laws() -> None:
+    with pytest.raises(TypeError, match="comes from a Law"):
+        sp.State()
+    with pytest.raises(TypeError):
+        sp.Law("film.toml")  # type: ignore[arg-type]
+
+
+def same_line(tool: Tool, arguments: Sequence[object], family: type[sp.Error], call: Callable[[], object]) -> None:
+    """``call`` is refused with what the command says."""
+    line = tool.refusal(*arguments)
+    with pytest.raises(family) as refusal:
+        call()
+    assert str(refusal.value) == line
+
+
+def test_lines_are_those_of_the_command_line(tool: Tool, films: list[Path], sine: Path, tmp_path: Path) -> None:
+    out = ["--out", "x.csv"]
+    missing = tmp_path / "missing.csv"
+    same_line(tool, ["replay", "--params", "preset:table3-n2", missing], sp.FileError, lambda: sp.read_recording(missing))
+    same_line(tool, ["replay", "--params", missing, films[0]], sp.FileError, lambda: sp.load(missing))
+    same_line(tool, ["replay", "--params", "preset:x", films[0]], sp.InputError, lambda: sp.load("preset:x"))
+    model = sp.load("preset:table3-n2")
+
+    broken = tmp_path / "broken.csv"
+    broken.write_text("time_s,voltage_v,displacement_m\n0,0,0\n1,x,0\n", encoding="utf-8")
+    same_line(tool, ["replay", "--params", "preset:table3-n2", broken], sp.FileError, lambda: sp.replay(model, broken))
+    short = tmp_path / "short.csv"
+    short.write_text("time_s,voltage_v,displacement_m\n0,0,0\n1,5,1e-5\n", encoding="utf-8")
+    same_line(tool, ["fit", short, "--out", "x.toml"], sp.FileError, lambda: sp.fit(short))
+    closed = tmp_path / "closed.toml"
+    closed.write_text(model.to_toml().replace("alpha = 0.2", "alpha = 2.0"), encoding="utf-8")
+    same_line(tool, ["replay", "--params", closed, films[0]], sp.FileError, lambda: sp.load(closed))
+
+    # A law that no rate serves, one without an inverse, and a film that is pulled in.
+    run = ["simulate", "--params", "preset:table3-n2", "--profile", films[0], *out]
+    same_line(tool, [*run, "--rate", "1e-5"], sp.InputError, lambda: sp.simulate(model, films[0], rate_hz=1e-5))
+    pulled = tmp_path / "pulled.toml"
+    pulled.write_text(model.to_toml().replace("stretch_coupling = 0.0", "stretch_coupling = 5000.0"), encoding="utf-8")
+    arguments = ["simulate", "--params", pulled, "--profile", films[0], *out]
+    same_line(tool, arguments, sp.InputError, lambda: sp.simulate(sp.load(pulled), films[0]))
+    arguments = [*arguments, "--memory", "full"]
+    same_line(tool, arguments, sp.ComputationError, lambda: sp.simulate(sp.load(pulled), films[0], memory="full"))
+
+    fit = ["fit", films[0], "--out", "x.toml"]
+    same_line(tool, [*fit, "--free", "colour"], sp.InputError, lambda: sp.fit(films[0], free=["colour"]))
+    same_line(tool, [*fit, "--weights", "1,2"], sp.InputError, lambda: sp.fit(films[0], weights=[1, 2]))
+    same_line(tool, [*fit, "--starts", "0"], sp.InputError, lambda: sp.fit(films[0], starts=0))
+    same_line(tool, [*fit, "--from", "50s"], sp.FileError, lambda: sp.fit(films[0], from_s=50))
+    observe = ["observe", "--params", "preset:table3-n2", films[0], "--bandwidth", "9", *out]
+    same_line(tool, observe, sp.InputError, lambda: sp.observe(model, films[0], bandwidth_hz=9))
+    sweep = ["frequency-response", "--params", "preset:table3-n2", "--from", "1", "--to", "0.1", "--points", "5", *out]
+    same_line(tool, sweep, sp.InputError, lambda: sp.frequency_response(model, 1, 0.1, 5))
+    loop = ["closed-loop", "--plant", "hossain", "--params", "preset:table3-n2", "--reference", sine, "--controller", "tracking"]
+    same_line(tool, [*loop, "--bandwidth", "8"], sp.InputError, lambda: sp.Tracking(model, bandwidth_hz=8))
+    gone = tmp_path / "no" / "film.toml"
+    with pytest.raises(sp.FileError, match="film.toml"):
+        sp.save(model, gone)
+    assert not gone.parent.exists()
