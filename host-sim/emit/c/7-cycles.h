@@ -90,7 +90,7 @@ static inline void springpot_begin_block(const springpot_learning *learning, spr
     uint32_t i;
     state->block.ticks = 0.0F;
     state->block.turned = 0.0F;
-    state->block.end = learning->turn;
+    state->block.end = (learning != NULL) ? learning->turn : 0.0F;
     state->block.samples = 0.0F;
     state->block.squares = 0.0F;
     state->block.scale = 0.0F;
@@ -107,26 +107,25 @@ static inline void springpot_learning_forget(const springpot_film *film, springp
 {
     uint32_t i;
     uint32_t part;
-    if (film->learning != NULL) {
-        for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
-            springpot_harmonic *harmonic = &state->harmonics[i];
-            for (part = 0U; part < 2U; part++) {
-                harmonic->added[part] = 0.0F;
-                harmonic->target[part] = 0.0F;
-                harmonic->tried[part] = 0.0F;
-                harmonic->error[part] = 0.0F;
-            }
-            harmonic->gain[0] = 1.0F;
-            harmonic->gain[1] = 0.0F;
-            harmonic->share = film->learning->first_share;
-            harmonic->silent = 0U;
+
+    for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
+        springpot_harmonic *harmonic = &state->harmonics[i];
+        for (part = 0U; part < 2U; part++) {
+            harmonic->added[part] = 0.0F;
+            harmonic->target[part] = 0.0F;
+            harmonic->tried[part] = 0.0F;
+            harmonic->error[part] = 0.0F;
         }
-        springpot_begin_block(film->learning, state);
-        state->block.unended = 0.0F;
-        state->block.is_rough = 1U;
-        state->has_learned = 0U;
-        state->visited = 0U;
+        harmonic->gain[0] = 1.0F;
+        harmonic->gain[1] = 0.0F;
+        harmonic->share = (film->learning != NULL) ? film->learning->first_share : 0.0F;
+        harmonic->silent = 0U;
     }
+    springpot_begin_block(film->learning, state);
+    state->block.unended = 0.0F;
+    state->block.is_rough = 1U;
+    state->has_learned = 0U;
+    state->visited = 0U;
 }
 
 /* Another run of the same reference, which begins at `position` (m), with what was learned. */
@@ -134,59 +133,57 @@ static inline void springpot_learning_carry_over(
     const springpot_film *film, springpot_learning_state *state, float position)
 {
     const springpot_learning *learning = film->learning;
+    const bool given = (learning != NULL) && (learning->period > 0.0F);
     uint32_t i;
 
-    if (learning != NULL) {
-        const bool given = learning->period > 0.0F;
-        state->cycle.before = position;
-        state->cycle.extreme = position;
-        state->cycle.upper = position;
-        state->cycle.lower = position;
-        state->cycle.swing = 0.0F;
-        state->cycle.since = 0.0F;
-        state->cycle.interval = 0.0F;
-        state->cycle.rises = 1U;
-        state->cycle.armed = 0U;
-        state->cycle.agrees = 0U;
-        state->phase[0] = 1.0F;
-        state->phase[1] = 0.0F;
-        state->angle = 0.0F;
-        state->turn[0] = 1.0F;
-        state->turn[1] = 0.0F;
-        if (given) {
-            springpot_turn_by(learning, state, learning->turn / learning->period);
-        }
-        state->share = given ? 1.0F : 0.0F;
-        state->lagged[0] = 0.0F;
-        state->lagged[1] = 0.0F;
-        for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
-            springpot_harmonic *harmonic = &state->harmonics[i];
-            harmonic->added[0] = 0.0F;
-            harmonic->added[1] = 0.0F;
-            /* Nothing has changed against the block before: the film's answer stays as it was measured. */
-            harmonic->tried[0] = harmonic->target[0];
-            harmonic->tried[1] = harmonic->target[1];
-        }
-        for (i = 0U; i < SPRINGPOT_PAST; i++) {
-            state->past[i].reference = position;
-            state->past[i].phase[0] = 1.0F;
-            state->past[i].phase[1] = 0.0F;
-        }
-        state->newest = 0U;
-        state->has_arrived = 0U;
-        state->arrived = 0.0F;
-        state->arrived_at = 0U;
-        state->visited = 0U;
-        state->error = 0.0F;
-        state->unit[0] = 1.0F;
-        state->unit[1] = 0.0F;
-        state->power[0] = 1.0F;
-        state->power[1] = 0.0F;
-        springpot_begin_block(learning, state);
-        state->block.unended = 0.0F;
-        state->block.is_rough = 1U;
-        state->has_learned = 0U;
+    state->cycle.before = position;
+    state->cycle.extreme = position;
+    state->cycle.upper = position;
+    state->cycle.lower = position;
+    state->cycle.swing = 0.0F;
+    state->cycle.since = 0.0F;
+    state->cycle.interval = 0.0F;
+    state->cycle.rises = 1U;
+    state->cycle.armed = 0U;
+    state->cycle.agrees = 0U;
+    state->phase[0] = 1.0F;
+    state->phase[1] = 0.0F;
+    state->angle = 0.0F;
+    state->turn[0] = 1.0F;
+    state->turn[1] = 0.0F;
+    if (given) {
+        springpot_turn_by(learning, state, learning->turn / learning->period);
     }
+    state->share = given ? 1.0F : 0.0F;
+    state->lagged[0] = 0.0F;
+    state->lagged[1] = 0.0F;
+    for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
+        springpot_harmonic *harmonic = &state->harmonics[i];
+        harmonic->added[0] = 0.0F;
+        harmonic->added[1] = 0.0F;
+        /* Nothing has changed against the block before: the film's answer stays as it was measured. */
+        harmonic->tried[0] = harmonic->target[0];
+        harmonic->tried[1] = harmonic->target[1];
+    }
+    for (i = 0U; i < SPRINGPOT_PAST; i++) {
+        state->past[i].reference = position;
+        state->past[i].phase[0] = 1.0F;
+        state->past[i].phase[1] = 0.0F;
+    }
+    state->newest = 0U;
+    state->has_arrived = 0U;
+    state->arrived = 0.0F;
+    state->arrived_at = 0U;
+    state->visited = 0U;
+    state->error = 0.0F;
+    state->unit[0] = 1.0F;
+    state->unit[1] = 0.0F;
+    state->power[0] = 1.0F;
+    state->power[1] = 0.0F;
+    springpot_begin_block(learning, state);
+    state->block.unended = 0.0F;
+    state->block.is_rough = 1U;
+    state->has_learned = 0U;
 }
 
 /* Nothing learned yet, of a reference that begins at `position` (m). */

@@ -50,6 +50,12 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
     bool is_free = true;
     uint32_t k;
 
+    /* What stood there before must not matter. */
+    memset(&law, 0xa5, sizeof law);
+    memset(&feedforward, 0xa5, sizeof feedforward);
+    memset(&observer, 0xa5, sizeof observer);
+    memset(&tracking, 0xa5, sizeof tracking);
+    memset(&learning, 0xa5, sizeof learning);
     springpot_init(film, &law);
     springpot_feedforward_init(film, &feedforward);
     springpot_observer_init(film, &observer);
