@@ -8,7 +8,7 @@ use documents::{Documents, Tolerance};
 
 use crate::cycles;
 use crate::process::{Result, cargo, output, root, run as run_command};
-use crate::setup::{TARGETS, Toolchain};
+use crate::setup::{OTHER_TARGETS, TARGETS, Toolchain};
 
 /// What an image printed: lines of `cost NAME INSTRUCTIONS` and `bits NAME CHECKSUM`.
 #[derive(Default)]
@@ -27,9 +27,9 @@ pub fn libraries(toolchain: &Toolchain) -> Result<()> {
     Ok(())
 }
 
-/// Which films the chip without an FPU steps. The other one steps all of them.
+/// Which films are stepped. A chip without an FPU needs long for all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SmallChip {
+pub enum Films {
     /// Those of each kind, in a minute.
     Few,
     /// All of them, in three.
@@ -37,44 +37,61 @@ pub enum SmallChip {
 }
 
 /// Builds images of the libraries, runs them and compares them with the host and with what the documents state.
-pub fn run(toolchain: &Toolchain, small_chip: SmallChip) -> Result<()> {
-    let folder = root().join("tests/embedded");
-    let mut columns = Vec::new();
+pub fn run(toolchain: &Toolchain, of_small_chip: Films) -> Result<()> {
     let mut format = cargo(&["fmt", "--check"]);
-    format.current_dir(&folder);
+    format.current_dir(root().join("tests/embedded"));
     run_command(format)?;
-    for target in TARGETS {
-        if matches!(toolchain, Toolchain::Rustup) {
-            run_command(toolchain.cargo(&folder, target, &["clippy", "--quiet", "--", "-D", "warnings"]))?;
-        }
-        panic_free(toolchain, target, &folder)?;
-        let is_few = target == TARGETS[1] && small_chip == SmallChip::Few;
-        let (films, features): (&[Film], &[&str]) =
-            if is_few { (&FEW, &["--features", "few-films"]) } else { (&FILMS, &[]) };
-        let image = [&["--quiet", "--release", "--bin", "steps"], features].concat();
-        run_command(toolchain.cargo(&folder, target, &[&["build"], image.as_slice()].concat()))?;
-        let text = output(toolchain.cargo(&folder, target, &[&["run"], image.as_slice()].concat()))?;
-        let printed = parse(&text)?;
-        let mut host = Host::default();
-        chip_program::run(&mut host, films);
-        compare_bits(target, &host.0, &printed.bits)?;
-        println!("{target}: {} checksums of laws, steps and both directions are the host's", printed.bits.len());
-        columns.push(printed.costs);
-    }
-    within_bars(&columns[0])?;
+    let costs = steps(toolchain, TARGETS[0], Films::All)?;
+    within_bars(&costs)?;
     let documents = Documents::read()?;
-    let mut off = compare(&documents, "Cortex-M4F", &columns[0]);
-    off.extend(compare(&documents, "Cortex-M0", &columns[1]));
+    let mut off = compare(&documents, "Cortex-M4F", &costs);
+    off.extend(compare(&documents, "Cortex-M0", &steps(toolchain, TARGETS[1], of_small_chip)?));
     let cycles = cycles::modelled(toolchain)?;
     let cycles: BTreeMap<String, u64> =
         cycles.into_iter().map(|(row, cycles)| (row.to_owned(), cycles as u64)).collect();
     off.extend(compare(&documents, "cycles", &cycles));
+    judge(&off)
+}
+
+/// The same for cores of other boards: a Cortex-M33 with all films, and RISC-V, which has no FPU either, with those of each kind.
+pub fn other_cores(toolchain: &Toolchain) -> Result<()> {
+    let [cortex_m33, risc_v] = OTHER_TARGETS;
+    let documents = Documents::read()?;
+    let mut off = compare(&documents, "Cortex-M33", &steps(toolchain, cortex_m33, Films::All)?);
+    off.extend(compare(&documents, "riscv32imac", &steps(toolchain, risc_v, Films::Few)?));
+    judge(&off)
+}
+
+/// Fails with what the documents do not state, if there is any.
+fn judge(off: &[String]) -> Result<()> {
     if off.is_empty() {
-        println!("the instruction counts and modelled cycles that the documents state hold within 2 %");
+        println!("the costs that the documents state hold within 2 %");
         Ok(())
     } else {
         Err(format!("docs/results.md, costs:\n  {}", off.join("\n  ")))
     }
+}
+
+/// Builds the images for `target`, runs them, compares the bits with the host's, and gives the costs.
+fn steps(toolchain: &Toolchain, target: &str, films: Films) -> Result<BTreeMap<String, u64>> {
+    let folder = root().join("tests/embedded");
+    if matches!(toolchain, Toolchain::Rustup) {
+        run_command(toolchain.cargo(&folder, target, &["clippy", "--quiet", "--", "-D", "warnings"]))?;
+    }
+    panic_free(toolchain, target, &folder)?;
+    let (films, features): (&[Film], &[&str]) = match films {
+        Films::Few => (&FEW, &["--features", "few-films"]),
+        Films::All => (&FILMS, &[]),
+    };
+    let image = [&["--quiet", "--release", "--bin", "steps"], features].concat();
+    run_command(toolchain.cargo(&folder, target, &[&["build"], image.as_slice()].concat()))?;
+    let text = output(toolchain.cargo(&folder, target, &[&["run"], image.as_slice()].concat()))?;
+    let printed = parse(&text)?;
+    let mut host = Host::default();
+    chip_program::run(&mut host, films);
+    compare_bits(target, &host.0, &printed.bits)?;
+    println!("{target}: {} checksums of laws, steps and both directions are the host's", printed.bits.len());
+    Ok(printed.costs)
 }
 
 /// Links a program that cannot be linked if a step or a tick can panic, and sees that it does not link with one that can.

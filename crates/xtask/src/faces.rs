@@ -1,4 +1,4 @@
-//! The law in other languages: what its tests need beyond the default run, installed, and those tests.
+//! The law in other languages and on other boards: what its tests need beyond the default run, installed, and those tests.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,13 +7,16 @@ use std::process::Command;
 use clap::ValueEnum;
 
 use crate::process::{Result, cargo, command, root, run as run_command};
-use crate::setup;
+use crate::setup::{self, OTHER_TARGETS};
+use crate::{embedded, other_board};
 
-/// A language.
+/// A language, or the crates on other boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Face {
     /// The emitted C: gcc and clang, sanitizers, Cortex-M0, M4F, M33 and RISC-V in QEMU.
     C,
+    /// The Rust crates on other boards: Cortex-M33 and RISC-V in QEMU, with the example firmware.
+    Rust,
     /// The Python package: installed into an environment of its own, against the command line, its types and its notebook.
     Python,
 }
@@ -23,6 +26,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
     for face in Face::value_variants().iter().filter(|face| only.is_none_or(|only| only == **face)) {
         match face {
             Face::C => c()?,
+            Face::Rust => rust()?,
             Face::Python => python()?,
         }
     }
@@ -36,6 +40,14 @@ pub fn c() -> Result<()> {
     run_command(cargo(&["test", "--package", "bench-emit", "--", "--include-ignored", "--test-threads=1"]))?;
     let of_the_tool = ["test", "--package", "tests", "--test", "command_line", "export_c", "--", "--include-ignored"];
     run_command(cargo(&of_the_tool))
+}
+
+/// The Rust crates on cores that are not the firmware's, and the example firmware for boards of these.
+pub fn rust() -> Result<()> {
+    let toolchain = setup::toolchain()?;
+    setup::qemu_for_both()?;
+    embedded::other_cores(&toolchain)?;
+    other_board::run(&toolchain, &OTHER_TARGETS)
 }
 
 /// The Python package, as `pip install .` installs it.
