@@ -9,6 +9,7 @@ use documents::{Documents, Tolerance};
 use crate::cycles;
 use crate::process::{Result, cargo, output, root, run as run_command};
 use crate::setup::{OTHER_TARGETS, TARGETS, Toolchain};
+use crate::test::LIBRARIES;
 
 /// What an image printed: lines of `cost NAME INSTRUCTIONS` and `bits NAME CHECKSUM`.
 #[derive(Default)]
@@ -17,35 +18,31 @@ struct Printed {
     bits: BTreeMap<String, String>,
 }
 
-/// Checks the libraries with all features for both chips.
+/// Checks the libraries with all features for the smaller chip: the other one can all that it can, and the images are built for both.
 pub fn libraries(toolchain: &Toolchain) -> Result<()> {
-    for target in TARGETS {
-        for library in ["crates/springpot", "crates/dea-driver"] {
-            run_command(toolchain.cargo(&root().join(library), target, &["check", "--quiet", "--all-features"]))?;
-        }
-    }
-    Ok(())
+    let packages = LIBRARIES.map(|library| ["--package", library]).concat();
+    let check = [["check", "--quiet", "--release", "--all-features"].as_slice(), &packages].concat();
+    run_command(toolchain.cargo(&root(), TARGETS[1], &check))
 }
 
-/// Which films are stepped. A chip without an FPU needs long for all of them.
+/// Which films are stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Films {
-    /// Those of each kind, in a minute.
+    /// Those of each kind: on a core without an FPU half a minute.
     Few,
-    /// All of them, in three.
+    /// All of them: on a core with an FPU most of a minute, on the other one two.
     All,
 }
 
-/// Builds images of the libraries, runs them and compares them with the host and with what the documents state.
-pub fn run(toolchain: &Toolchain, of_small_chip: Films) -> Result<()> {
-    let mut format = cargo(&["fmt", "--check"]);
-    format.current_dir(root().join("tests/embedded"));
-    run_command(format)?;
-    let costs = steps(toolchain, TARGETS[0], Films::All)?;
+/// Builds images of the libraries for both chips, runs them and compares them with the host and with what the documents state.
+pub fn run(toolchain: &Toolchain, films: Films) -> Result<()> {
+    let [cortex_m4f, cortex_m0] = TARGETS;
+    check_sources(toolchain, cortex_m4f)?;
+    let costs = steps(toolchain, cortex_m4f, films)?;
     within_bars(&costs)?;
     let documents = Documents::read()?;
     let mut off = compare(&documents, "Cortex-M4F", &costs);
-    off.extend(compare(&documents, "Cortex-M0", &steps(toolchain, TARGETS[1], of_small_chip)?));
+    off.extend(compare(&documents, "Cortex-M0", &steps(toolchain, cortex_m0, films)?));
     let cycles = cycles::modelled(toolchain)?;
     let cycles: BTreeMap<String, u64> =
         cycles.into_iter().map(|(row, cycles)| (row.to_owned(), cycles as u64)).collect();
@@ -53,12 +50,19 @@ pub fn run(toolchain: &Toolchain, of_small_chip: Films) -> Result<()> {
     judge(&off)
 }
 
-/// The same for cores of other boards: a Cortex-M33 with all films, and RISC-V, which has no FPU either, with those of each kind.
-pub fn other_cores(toolchain: &Toolchain) -> Result<()> {
+/// The same for the firmware's core and those of other boards: with an FPU all films, on RISC-V those of each kind.
+pub fn all_cores(toolchain: &Toolchain) -> Result<()> {
     let [cortex_m33, risc_v] = OTHER_TARGETS;
+    check_sources(toolchain, risc_v)?;
     let documents = Documents::read()?;
-    let mut off = compare(&documents, "Cortex-M33", &steps(toolchain, cortex_m33, Films::All)?);
-    off.extend(compare(&documents, "riscv32imac", &steps(toolchain, risc_v, Films::Few)?));
+    let mut off = Vec::new();
+    for (column, target, films) in [
+        ("Cortex-M4F", TARGETS[0], Films::All),
+        ("Cortex-M33", cortex_m33, Films::All),
+        ("riscv32imac", risc_v, Films::Few),
+    ] {
+        off.extend(compare(&documents, column, &steps(toolchain, target, films)?));
+    }
     judge(&off)
 }
 
@@ -72,12 +76,18 @@ fn judge(off: &[String]) -> Result<()> {
     }
 }
 
+/// Format and lints of the images, for an architecture: its other cores are given the same sources.
+fn check_sources(toolchain: &Toolchain, target: &str) -> Result<()> {
+    let folder = root().join("tests/embedded");
+    let mut format = cargo(&["fmt", "--check"]);
+    format.current_dir(&folder);
+    run_command(format)?;
+    toolchain.lint(&folder, target, &[])
+}
+
 /// Builds the images for `target`, runs them, compares the bits with the host's, and gives the costs.
 fn steps(toolchain: &Toolchain, target: &str, films: Films) -> Result<BTreeMap<String, u64>> {
     let folder = root().join("tests/embedded");
-    if matches!(toolchain, Toolchain::Rustup) {
-        run_command(toolchain.cargo(&folder, target, &["clippy", "--quiet", "--", "-D", "warnings"]))?;
-    }
     panic_free(toolchain, target, &folder)?;
     let (films, features): (&[Film], &[&str]) = match films {
         Films::Few => (&FEW, &["--features", "few-films"]),

@@ -7,8 +7,7 @@ use std::process::Command;
 use clap::ValueEnum;
 
 use crate::process::{Result, cargo, command, root, run as run_command};
-use crate::setup::{self, OTHER_TARGETS};
-use crate::{embedded, other_board};
+use crate::{embedded, other_board, setup};
 
 /// A language, or the crates on other boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -42,12 +41,12 @@ pub fn c() -> Result<()> {
     run_command(cargo(&of_the_tool))
 }
 
-/// The Rust crates on cores that are not the firmware's, and the example firmware for boards of these.
+/// The Rust crates on cores that are not the firmware's, with all films on that one too, and the example firmware for boards of these.
 pub fn rust() -> Result<()> {
     let toolchain = setup::toolchain()?;
     setup::qemu_for_both()?;
-    embedded::other_cores(&toolchain)?;
-    other_board::run(&toolchain, &OTHER_TARGETS)
+    embedded::all_cores(&toolchain)?;
+    other_board::everywhere(&toolchain)
 }
 
 /// The Python package, as `pip install .` installs it.

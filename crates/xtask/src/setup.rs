@@ -26,6 +26,11 @@ pub enum Toolchain {
     },
 }
 
+/// Where all images are built, whatever folder they are of: what they depend on is compiled once.
+pub fn built() -> PathBuf {
+    root().join("firmware/target")
+}
+
 impl Toolchain {
     /// A cargo command on an image for `target` in `folder`.
     pub fn cargo(&self, folder: &Path, target: &str, arguments: &[&str]) -> Command {
@@ -45,10 +50,19 @@ impl Toolchain {
                 command
             }
         };
-        command.current_dir(folder);
+        command.current_dir(folder).env("CARGO_TARGET_DIR", built());
         // The flags of the host's build are not the chip's.
         command.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
         command
+    }
+
+    /// Lints an image: of the profile that it is built with, which compiles the macros of both once. Debian's compiler has no clippy.
+    pub fn lint(&self, folder: &Path, target: &str, options: &[&str]) -> Result<()> {
+        let lint = [["clippy", "--quiet", "--release"].as_slice(), options, &["--", "-D", "warnings"]].concat();
+        match self {
+            Self::Rustup => run_command(self.cargo(folder, target, &lint)),
+            Self::Debian { .. } => Ok(()),
+        }
     }
 }
 

@@ -7,7 +7,6 @@ use std::{fs, io};
 
 use crate::embedded::Films;
 use crate::process::{Result, cargo, output, root, run as run_command};
-use crate::setup::OTHER_TARGETS;
 use crate::{embedded, firmware, other_board, packages, setup};
 
 /// The libraries: they are checked with every feature, and packaged.
@@ -81,7 +80,7 @@ pub fn run() -> Result<()> {
         firmware::images(&toolchain)?;
         embedded::libraries(&toolchain)?;
         embedded::run(&toolchain, Films::Few)?;
-        other_board::run(&toolchain, &OTHER_TARGETS[..1])
+        other_board::on_cortex_m33(&toolchain)
     };
     stages.run_beside(("tools, images, and steps on chips", images), |stages| {
         stages.run("format", || run_command(cargo(&["fmt", "--all", "--check"])))?;
