@@ -174,6 +174,21 @@ pub fn c_compilers() -> Result<()> {
     }
 }
 
+/// Octave, what builds MEX functions for it, and what draws without a window, installed if they are missing.
+pub fn octave() -> Result<()> {
+    cpp_compiler()?;
+    // mkoctfile knows --mex, but its headers and itself are a package of their own.
+    for (program, package) in [("octave-cli", "octave"), ("mkoctfile", "octave-dev"), ("gnuplot", "gnuplot-nox")] {
+        if !has(program) {
+            apt_install(&[package], None)?;
+        }
+        if !has(program) {
+            return Err(format!("{program} is needed: install {package} and run again"));
+        }
+    }
+    Ok(())
+}
+
 /// A Python that makes environments, installed if it is missing.
 pub fn python() -> Result<&'static str> {
     const PYTHON: &str = "python3";
