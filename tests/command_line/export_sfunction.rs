@@ -66,6 +66,20 @@ fn recording(period: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("recordings/hossain-{period}s.csv"))
 }
 
+/// Those of the paper's bench, with a larger voltage.
+const LIMITS: &str = r#"
+[board.limits]
+max_voltage_v = 6500.0
+max_field_v_per_m = 4.2e7
+thickness_m = 160e-6
+max_slew_v_per_s = 50000.0
+max_displacement_m = 8e-3
+on_sensor_fault = "trip"
+heartbeat_s = 0.5
+monitor = { slew_v_per_s = 1e5, band_v = 60.0, band_share = 0.03, settle_s = 0.02 }
+sensor = { low = -0.5e-3, high = 9e-3, jump = 0.5e-3, stuck_ticks = 500, stuck_band = 2e-6 }
+"#;
+
 /// The line that the script prints, of what `replay` says with `options`.
 fn line(folder: &Path, params: &str, file: &str, options: &[&str], how: &str) -> String {
     let [params, path] = [params, file].map(|name| folder.join(name));
@@ -88,8 +102,9 @@ fn the_script_replays_as_the_command_does() {
     let folder = TempDir::new().expect("a folder");
     let path = |name: &str| folder.path().join(name);
     fs::copy(recording("7"), path("rec-7s.csv")).expect("copied");
-    let fit = ["fit", text(&path("rec-7s.csv")), "--topology", "parallel", "--branches", "1", "--curve", "none"];
-    TOOL.json(&[fit.as_slice(), &["--out", text(&path("film.toml"))]].concat());
+    let (recorded, fitted) = (path("rec-7s.csv"), path("film.toml"));
+    let fit = ["fit", text(&recorded), "--topology", "parallel", "--branches", "1", "--curve", "none"];
+    TOOL.json(&[fit.as_slice(), &["--out", text(&fitted)]].concat());
     // As published, with the weight from the start, and its recording in other units with a value left out.
     let published = Parameters::preset("table3-n2").expect("there").to_toml();
     assert!(published.contains("\"settled\""));
@@ -112,6 +127,12 @@ fn the_script_replays_as_the_command_does() {
         })
         .collect();
     fs::write(path("rec-5s.csv"), in_mm.join("\n")).expect("written");
+
+    // What the monitor shows above 6 kV counts.
+    for params in ["film.toml", "published.toml"] {
+        let there = fs::read_to_string(path(params)).expect("written");
+        fs::write(path(params), there + LIMITS).expect("written");
+    }
 
     let mut expected = String::new();
     let mut script = String::new();
@@ -195,13 +216,17 @@ fn the_script_refuses_what_it_cannot_use() {
         ("'film.toml', 'good.csv', 'plots', 'x.png'", "plots: there is no such option"),
         ("'film.toml', 'good.csv', 'plot'", "options: they come in pairs"),
         ("'film.toml', 'good.csv', 'plot', 'x.doc'", "plot: x.doc ends"),
-        ("'film.toml', 'high.csv'", "high.csv: 9e+09 V, but film_mex has a largest voltage of"),
+        ("'film.toml', 'high.csv'", "high.csv: 9e+09 V, but film_mex takes at most 6000 V"),
         ("'film.toml', 'word.csv'", "word.csv, line 3: \"much\" is not a number"),
         ("'film.toml', 'gap.csv'", "gap.csv, line 4: time and input"),
         ("'film.toml', 'short.csv'", "short.csv, line 3: the header has 3 columns"),
         ("'film.toml', 'back.csv'", "back.csv, line 3: the time does not increase"),
         ("'film.toml', 'names.csv'", "names.csv: it needs the columns time_s"),
     ];
+    write("noisy.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,6010,1e-6\n0.02,0,2e-6\n");
+    let printed = octave(folder.path(), "springpot_replay('film.toml', 'noisy.csv', 'plot', 'none');");
+    assert!(printed.starts_with("noisy.csv: 1 steps above 6000 V, up to 6010 V, count as 6000 V"), "{printed}");
+    assert!(printed.contains("noisy.csv by film_mex at 1000 Hz: R2 "), "{printed}");
     for (call, words) in calls {
         let script = format!("try, springpot_replay({call}); disp('accepted'); catch e, disp(e.message); end");
         let printed = octave(folder.path(), &script);

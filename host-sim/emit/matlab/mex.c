@@ -250,7 +250,6 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[])
 {
     static const char *names[] = {
         "displacement_m", "voltage_v", "force_n", "reference_m", "disturbance_n", "force_scale", "limited"};
-    const springpot_film *film = &@SYMBOL@;
     column columns[FIELDS] = {{NULL, NULL, 0U, false}};
     double *rows[sizeof names / sizeof names[0]];
     const mode *of;
@@ -259,7 +258,7 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[])
     size_t k;
 
     if ((nrhs == 0) && (nlhs <= 1)) {
-        plhs[0] = info(film);
+        plhs[0] = info(&@SYMBOL@);
         return;
     }
     if ((nrhs < 2) || (nrhs > 3) || (nlhs > 2)) {
@@ -271,8 +270,8 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[])
         take_state(&now, of, prhs[2]);
     } else {
         now.mark = MARK;
-        now.film = fingerprint(film);
-        springpot_tick_init(film, &now.state, of->kind);
+        now.film = fingerprint(&@SYMBOL@);
+        springpot_tick_init(&@SYMBOL@, &now.state, of->kind);
     }
     for (k = 0U; k < ticks; k++) {
         (void)input_at(columns, of, k);
@@ -285,7 +284,7 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[])
     }
     for (k = 0U; k < ticks; k++) {
         const springpot_tick_input in = input_at(columns, of, k);
-        const springpot_tick_output out = springpot_tick(film, &now.state, &in);
+        const springpot_tick_output out = springpot_tick(&@SYMBOL@, &now.state, &in);
         rows[0][k] = (double)out.displacement;
         rows[1][k] = (double)out.voltage;
         rows[2][k] = (double)out.force;

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use bench_emit::matlab;
+use bench_emit::{matlab, symbol};
 use tempfile::TempDir;
 
 use crate::bits::{inputs, recorded};
@@ -101,7 +101,7 @@ fn exported(case: &Case, name: &str) -> TempDir {
 }
 
 fn write(folder: &Path, case: &Case, name: &str) {
-    for (file, text) in matlab::sources(&case.film(&format!("film_{name}")), name) {
+    for (file, text) in matlab::sources(&case.film(&symbol(name)), name) {
         assert!(!text.contains('@'), "{file} has a gap that was not filled");
         fs::write(folder.join(file), text).expect("written");
     }
@@ -311,5 +311,5 @@ fn the_mex_function_refuses_bad_input() {
     for (line, words) in lines.iter().zip(words) {
         assert!(line.len() == 3 && line[1] == "springpot:input" && line[2].contains(words), "{line:?}: {words}");
     }
-    assert_eq!(lines.last().expect("a line"), &["good", "film_film", "0.001 s"]);
+    assert_eq!(lines.last().expect("a line"), &["good", "film", "0.001 s"]);
 }
