@@ -77,31 +77,34 @@ function result = springpot_replay(parameters, recording, varargin)
 
   % Compared at the measured times, as the sensor reads it.
   is_measured = ~isnan(rows.displacement);
-  result.time_s = time;
+  found.time_s = time;
   if rows.is_force
-    result.force_n = input;
+    found.force_n = input;
   else
-    result.voltage_v = input;
+    found.voltage_v = input;
   end
-  result.displacement_m = displacement;
-  result.measured_s = rows.time(is_measured);
-  result.measured_m = rows.displacement(is_measured);
-  result.modelled_m = at_times(displacement, rate, result.measured_s) + film.sensor.offset_m;
-  result.samples = numel(result.measured_m);
-  if result.samples < 2
-    fail('%s: %d measured values; a comparison needs at least 2', recording, result.samples);
+  found.displacement_m = displacement;
+  found.measured_s = rows.time(is_measured);
+  found.measured_m = rows.displacement(is_measured);
+  found.modelled_m = at_times(displacement, rate, found.measured_s) + film.sensor.offset_m;
+  found.samples = numel(found.measured_m);
+  if found.samples < 2
+    fail('%s: %d measured values; a comparison needs at least 2', recording, found.samples);
   end
-  residual = result.measured_m - result.modelled_m;
-  total = sum((result.measured_m - mean(result.measured_m)).^2);
-  result.rmse_m = sqrt(mean(residual.^2));
-  result.nrmse_pct = 100 * result.rmse_m / (max(result.measured_m) - min(result.measured_m));
-  result.r2 = 1 - sum(residual.^2) / total;
-  result.rate_hz = rate;
-  result.law = law;
+  residual = found.measured_m - found.modelled_m;
+  total = sum((found.measured_m - mean(found.measured_m)).^2);
+  found.rmse_m = sqrt(mean(residual.^2));
+  found.nrmse_pct = 100 * found.rmse_m / (max(found.measured_m) - min(found.measured_m));
+  found.r2 = 1 - sum(residual.^2) / total;
+  found.rate_hz = rate;
+  found.law = law;
   fprintf('%s by %s at %g Hz: R2 %.5f, NRMSE %.3f %%, RMSE %.2f um, %d samples\n', ...
-    recording, law, rate, result.r2, result.nrmse_pct, 1e6 * result.rmse_m, result.samples);
+    recording, law, rate, found.r2, found.nrmse_pct, 1e6 * found.rmse_m, found.samples);
   if ~strcmp(options.plot, 'none')
-    draw(result, film.name, recording, options.plot);
+    draw(found, film.name, recording, options.plot);
+  end
+  if nargout > 0
+    result = found;
   end
 end
 
@@ -208,12 +211,20 @@ function draw(result, name, recording, file)
     shown = figure('visible', 'off');
   end
   subplot(2, 1, 1);
-  plot(result.measured_s, 1e3 * result.measured_m, result.measured_s, 1e3 * result.modelled_m);
-  legend('measured', 'modelled');
+  plot(result.measured_s, 1e3 * result.measured_m, 'color', [0.55 0.75 0.95], 'linewidth', 3);
+  hold('on');
+  plot(result.measured_s, 1e3 * result.modelled_m, 'color', [0.8 0.3 0.1], 'linewidth', 1);
+  hold('off');
+  xlim(result.measured_s([1 end]));
+  % Above the lines is room for the legend.
+  both = 1e3 * [result.measured_m; result.modelled_m];
+  ylim(min(both) + max(max(both) - min(both), 1e-6) * [-0.05 1.4]);
+  legend({'measured', 'modelled'}, 'location', 'northeast', 'orientation', 'horizontal');
   ylabel('displacement (mm)');
   title(sprintf('%s along %s: R2 %.5f', name, recording, result.r2), 'interpreter', 'none');
   subplot(2, 1, 2);
   plot(result.measured_s, 1e6 * (result.measured_m - result.modelled_m));
+  xlim(result.measured_s([1 end]));
   xlabel('time (s)');
   ylabel('measured - modelled (um)');
   if ~isempty(file)

@@ -148,6 +148,12 @@ fn the_script_replays_as_the_command_does() {
         let full = ["--rate", "100", "--memory", "full", "--precision", "f64"];
         expected += &line(folder.path(), &params, file, &full, "full at 100 Hz");
     }
+    // A held force whose clock begins a step after 0, when it was applied.
+    let held: Vec<String> =
+        (1..=200).map(|k| format!("{:?},20,{:?}", 0.01 * f64::from(k), 1e-4 * f64::from(k).sqrt())).collect();
+    fs::write(path("held.csv"), format!("time_s,force_n,displacement_m\n{}\n", held.join("\n"))).expect("written");
+    script += "springpot_replay('film.toml', 'held.csv', 'plot', 'none');";
+    expected += &line(folder.path(), "film.toml", "held.csv", &[], "film_mex at 1000 Hz");
     // Two lines of different colours on white, and none of them everywhere.
     script += "for name = {'film.png', 'published.png'} p = double(imread(name{1})); p = reshape(p(:, :, 1:3), [], 3); \
                c = max(p, [], 2) - min(p, [], 2) > 60; s = mean(c); assert(s > 0.003 && s < 0.3); \
@@ -199,6 +205,10 @@ fn the_script_refuses_what_it_cannot_use() {
     write("short.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,1\n");
     write("back.csv", "time_s,voltage_v,displacement_m\n0.01,0,0\n0,0,0\n");
     write("names.csv", "t,V,x\n0,0,0\n1,1,1\n");
+    let weak = published.replace("\n[model]", "stretch_coupling = 1000.0\n\n[model]");
+    assert!(weak != published && published.matches("stretch_coupling").count() <= 1);
+    write("weak.toml", &weak);
+    write("long.csv", "time_s,voltage_v,displacement_m\n0,0,0\n1,6000,0\n300,6000,0\n");
     TOOL.json(&["export", "--params", text(&path("film.toml")), "--emit", "sfunction", "--out", text(&path("film.c"))]);
     build_mex(folder.path(), "film");
     let calls = [
@@ -217,6 +227,7 @@ fn the_script_refuses_what_it_cannot_use() {
         ("'film.toml', 'good.csv', 'plot'", "options: they come in pairs"),
         ("'film.toml', 'good.csv', 'plot', 'x.doc'", "plot: x.doc ends"),
         ("'film.toml', 'high.csv'", "high.csv: 9e+09 V, but film_mex takes at most 6000 V"),
+        ("'weak.toml', 'long.csv', 'law', 'full', 'rate', 100", "long.csv: the displacement grows without bound"),
         ("'film.toml', 'word.csv'", "word.csv, line 3: \"much\" is not a number"),
         ("'film.toml', 'gap.csv'", "gap.csv, line 4: time and input"),
         ("'film.toml', 'short.csv'", "short.csv, line 3: the header has 3 columns"),

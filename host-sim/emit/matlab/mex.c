@@ -22,6 +22,8 @@
  *   'observer'      voltage_v                          sample_m, age_ticks
  *   'tracking'      reference_m                        sample_m, age_ticks, applied_v, reading_v
  *
+ * A voltage above max_voltage_v acts as max_voltage_v.
+ *
  * `in` is an array, or a structure whose first field is the one of the second column. The others are arrays of as many elements, or of
  * one for all ticks; NaN, or the field left out, is: no sample, no reading, and applied as it was commanded. age_ticks: how old a
  * sample is, 0 to 63, 0 if left out. `out` is a structure of columns, one row a tick: displacement_m, voltage_v, force_n, reference_m,

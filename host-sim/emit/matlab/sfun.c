@@ -9,7 +9,8 @@
  *   mode            inputs, in this order                  the voltage that comes out
  *   1 displacement  force on the film (N)                  NaN
  *   2 force         displacement (m)                       NaN
- *   3 film          voltage (V)                            the voltage
+ *   3 film          voltage (V), as it acts up to the      the voltage
+ *                   film's largest voltage
  *   4 feedforward   reference (m), applied voltage (V)     the command
  *   5 observer      voltage (V), sample (m)                the voltage
  *   6 tracking      reference (m), sample (m), applied (V) the command
@@ -43,7 +44,7 @@ SPRINGPOT_FILM(@SYMBOL@);
 #define AGE 1
 #define PARAMETERS 2
 /* Inputs beside the first, by mode. */
-#define NONE (-1)
+#define NO_PORT (-1)
 /* DWork vectors: as it is at the last tick, and at the next one. */
 #define KEPT 0
 #define NEXT 1
@@ -58,7 +59,7 @@ typedef struct {
 } ports;
 
 static const ports ports_of[SPRINGPOT_TICK_KINDS] = {
-    {NONE, NONE, 1}, {NONE, NONE, 1}, {NONE, NONE, 1}, {NONE, 1, 2}, {1, NONE, 2}, {1, 2, 3}};
+    {NO_PORT, NO_PORT, 1}, {NO_PORT, NO_PORT, 1}, {NO_PORT, NO_PORT, 1}, {NO_PORT, 1, 2}, {1, NO_PORT, 2}, {1, 2, 3}};
 
 /* A whole number from `low` to `high` in a dialog parameter, or -1. */
 static int_T whole(SimStruct *S, int_T parameter, int_T low, int_T high)
@@ -173,7 +174,7 @@ static void mdlInitializeConditions(SimStruct *S)
 
 static float input_at(SimStruct *S, int_T port)
 {
-    return (port == NONE) ? SPRINGPOT_NO_READING : (float)*(const real_T *)ssGetInputPortSignal(S, port);
+    return (port == NO_PORT) ? SPRINGPOT_NO_READING : (float)*(const real_T *)ssGetInputPortSignal(S, port);
 }
 
 static void mdlOutputs(SimStruct *S, int_T tid)
