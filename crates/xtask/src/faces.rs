@@ -18,6 +18,8 @@ pub enum Face {
     Rust,
     /// The Python package: installed into an environment of its own, against the command line, its types and its notebook.
     Python,
+    /// MATLAB's two: the MEX function in Octave, `springpot_replay.m`, the S-function before a stub of Simulink's headers.
+    Octave,
 }
 
 /// Installs what is missing and runs the tests of `only` this face, or of all.
@@ -27,6 +29,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
             Face::C => c()?,
             Face::Rust => rust()?,
             Face::Python => python()?,
+            Face::Octave => octave()?,
         }
     }
     Ok(())
@@ -35,8 +38,10 @@ pub fn run(only: Option<Face>) -> Result<()> {
 /// The emitted C, its tests in the default run included.
 pub fn c() -> Result<()> {
     setup::c_compilers()?;
-    // One after the other: emulators would take the cores from each other.
-    run_command(cargo(&["test", "--package", "bench-emit", "--", "--include-ignored", "--test-threads=1"]))?;
+    // One after the other: emulators would take the cores from each other. Octave is a face of its own.
+    let of_the_package =
+        ["test", "--package", "bench-emit", "--", "--include-ignored", "--test-threads=1", "--skip", "matlab"];
+    run_command(cargo(&of_the_package))?;
     let of_the_tool = ["test", "--package", "tests", "--test", "command_line", "export_c", "--", "--include-ignored"];
     run_command(cargo(&of_the_tool))
 }
@@ -47,6 +52,15 @@ pub fn rust() -> Result<()> {
     setup::qemu_for_both()?;
     embedded::all_cores(&toolchain)?;
     other_board::everywhere(&toolchain)
+}
+
+/// The MEX function and the script in Octave, and the S-function.
+pub fn octave() -> Result<()> {
+    setup::octave()?;
+    run_command(cargo(&["test", "--package", "bench-emit", "matlab", "--", "--include-ignored"]))?;
+    let of_the_tool =
+        ["test", "--package", "tests", "--test", "command_line", "export_sfunction", "--", "--include-ignored"];
+    run_command(cargo(&of_the_tool))
 }
 
 /// The Python package, as `pip install .` installs it.

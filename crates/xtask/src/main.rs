@@ -53,8 +53,8 @@ enum Chore {
         #[arg(long, value_name = "ELF")]
         image: Option<std::path::PathBuf>,
     },
-    /// Test the law in other languages and on other boards (docs/faces.md): compilers, sanitizers, chips in QEMU, Python. Installs what
-    /// is missing, some 2 GB on Debian.
+    /// Test the law in other languages and on other boards (docs/faces.md): compilers, sanitizers, chips in QEMU, Python, Octave.
+    /// Installs what is missing, some 2.5 GB on Debian.
     Faces {
         /// Only this one.
         face: Option<faces::Face>,

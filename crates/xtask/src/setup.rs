@@ -197,6 +197,31 @@ pub fn qemu_for_both() -> Result<()> {
     }
 }
 
+/// Octave, what builds MEX functions for it, and what draws without a window, installed if they are missing.
+pub fn octave() -> Result<()> {
+    cpp_compiler()?;
+    // mkoctfile's headers, and what draws: packages of their own, which Debian's Octave only recommends. PNG takes gnuplot and Ghostscript.
+    let needed =
+        [("octave-cli", "octave"), ("mkoctfile", "octave-dev"), ("gnuplot", "gnuplot-nox"), ("gs", "ghostscript")];
+    for (program, package) in needed {
+        if !has(program) {
+            apt_install(&[package], None)?;
+        }
+        if !has(program) {
+            return Err(format!("{program} is needed: install {package} and run again"));
+        }
+    }
+    // Without its font Octave draws no axes.
+    let draws = || {
+        let script = ["--no-init-file", "--eval", "figure('visible', 'off'); plot(1:3); title('x'); exit(0)"];
+        output(command("octave-cli", &script)).is_ok()
+    };
+    if !draws() {
+        apt_install(&["fonts-freefont-otf"], None)?;
+    }
+    if draws() { Ok(()) } else { Err("Octave cannot draw: install fonts-freefont-otf and run again".into()) }
+}
+
 /// A Python that makes environments, installed if it is missing.
 pub fn python() -> Result<&'static str> {
     const PYTHON: &str = "python3";

@@ -5,6 +5,7 @@
 //! | `c/*.h` | the steps in C99, written by hand, in the order of [`HEADER`]: the same file for every film |
 //! | [`film()`] | the numbers of a film as a C source |
 //! | [`arduino`] | both as a library for Arduino and PlatformIO, with an example |
+//! | [`matlab`] | both with a MEX gateway for MATLAB and Octave and an S-function for Simulink, written by hand in `matlab/` |
 //!
 //! The C computes with the operations of the crate `springpot` in their order, so that it gives the same bits.
 #![forbid(unsafe_code)]
@@ -12,6 +13,7 @@
 
 pub mod arduino;
 mod film;
+pub mod matlab;
 mod symbol;
 mod table;
 

@@ -148,6 +148,7 @@ const EXAMPLES: &[Examples] = &[
             ("For a program", "export --params film.toml --emit rust --out film.rs"),
             ("The law in C, with springpot.h", "export --params film.toml --emit c --out film.c"),
             ("A library for Arduino", "export --params film.toml --emit arduino --out film_arduino"),
+            ("For MATLAB, Octave and Simulink", "export --params film.toml --emit sfunction --out film.c"),
         ],
     ),
     (

@@ -33,7 +33,7 @@ pub(super) struct Arguments {
     /// What is written: the blob itself, a constant for a program, or the law in another language.
     #[arg(long, value_enum, default_value_t = Emit::Blob)]
     emit: Emit,
-    /// Where it goes: a file, of --emit c a NAME.c, of --emit arduino a folder.
+    /// Where it goes: a file, of --emit c and sfunction a NAME.c, of --emit arduino a folder.
     #[arg(long, value_name = "P.bin")]
     out: PathBuf,
 }
@@ -48,6 +48,8 @@ enum Emit {
     C,
     /// A library for Arduino and `PlatformIO`, with an example: both in a folder.
     Arduino,
+    /// That C with `NAME_mex.c`, a function for MATLAB and Octave, and `NAME_sfun.c`, a block for Simulink.
+    Sfunction,
 }
 
 #[derive(Serialize)]
@@ -76,6 +78,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let source = match arguments.emit {
         Emit::C => Some(Source::c(&arguments.out, &inputs)?),
         Emit::Arduino => Some(Source::arduino(&arguments.out, &inputs)?),
+        Emit::Sfunction => Some(Source::sfunction(&arguments.out, &inputs)?),
         Emit::Blob | Emit::Rust => {
             output::check(&arguments.out, &inputs, Folders::Exist)?;
             None

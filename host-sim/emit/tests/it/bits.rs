@@ -42,7 +42,7 @@ fn smoothed(recorded: &[(f32, f32)]) -> Vec<f32> {
 
 /// Inputs of `kind` along a recording: what a bench would give, with a sensor that is late and lost for a while, an amplifier that is off
 /// by a percent, values that are not finite, and orders now and then.
-fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
+pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
     let mut random = Pcg64::seed_from_u64(5);
     let mut noise = |size: f32| size * random.random_range(-1.0..1.0_f32);
     let steps = recorded.len();

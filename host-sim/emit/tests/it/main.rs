@@ -5,6 +5,7 @@ mod builds;
 mod chips;
 mod films;
 mod job;
+mod matlab;
 mod program;
 mod text;
 

@@ -1,9 +1,9 @@
-//! A film as C, or as a library for Arduino: files that are written together or not at all.
+//! A film as C, as a library for Arduino, or for MATLAB and Simulink: files that are written together or not at all.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use bench_emit::{Film, HEADER, arduino, film, symbol};
+use bench_emit::{Film, HEADER, arduino, film, matlab, symbol};
 use dea_driver::Blob;
 
 use crate::error::{Error, Result};
@@ -15,24 +15,43 @@ pub(super) struct Source {
     pub(super) symbol: String,
     /// A C source or a folder.
     out: PathBuf,
-    is_library: bool,
+    what: What,
 }
 
-/// How a header of this tool begins.
-const HEADER_BEGINS: &str = "/*\n * springpot.h:";
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum What {
+    C,
+    Library,
+    Matlab,
+}
+
+/// How headers of this tool begin, and the sources beside a film.
+const BEGINS: [&str; 3] = ["/*\n * springpot.h:", "/*\n * springpot_tick.h:", "/*\n * The film "];
 
 impl Source {
     /// NAME.c at `out`, with `springpot.h` beside it; nothing of `inputs` is overwritten.
     pub(super) fn c(out: &Path, inputs: &[&Path]) -> Result<Self> {
-        if out.extension().is_none_or(|extension| extension != "c") {
-            return Err(Error::option(
-                "--out",
-                "a C source ends in .c, such as film.c; springpot.h is written beside it",
-            ));
+        is_c(out, "springpot.h is")?;
+        output::check(out, inputs, Folders::Exist)?;
+        own(&out.with_file_name("springpot.h"), inputs, Folders::Exist)?;
+        Ok(Self { symbol: symbol(&stem(out)), out: out.into(), what: What::C })
+    }
+
+    /// The same with what MATLAB, Octave and Simulink need beside it.
+    pub(super) fn sfunction(out: &Path, inputs: &[&Path]) -> Result<Self> {
+        is_c(out, "springpot.h, springpot_tick.h, film_mex.c and film_sfun.c are")?;
+        let name = stem(out);
+        if !matlab::is_name(&name) {
+            let cause = format!(
+                "MATLAB cannot call {name:?}: a letter, then letters, digits and _, at most 58, such as film_5s.c"
+            );
+            return Err(Error::option("--out", cause));
         }
         output::check(out, inputs, Folders::Exist)?;
-        own_header(&out.with_file_name("springpot.h"), inputs, Folders::Exist)?;
-        Ok(Self { symbol: symbol(&stem(out)), out: out.into(), is_library: false })
+        for beside in ["springpot.h", "springpot_tick.h", &format!("{name}_mex.c"), &format!("{name}_sfun.c")] {
+            own(&out.with_file_name(beside), inputs, Folders::Exist)?;
+        }
+        Ok(Self { symbol: symbol(&name), out: out.into(), what: What::Matlab })
     }
 
     /// A library in the folder `out`.
@@ -41,26 +60,32 @@ impl Source {
             return Err(Error::file(out, "is a file; --emit arduino writes a folder"));
         }
         let symbol = symbol(&stem(out));
-        own_header(&out.join("src/springpot.h"), inputs, Folders::AreMade)?;
-        Ok(Self { symbol, out: out.into(), is_library: true })
+        own(&out.join("src/springpot.h"), inputs, Folders::AreMade)?;
+        Ok(Self { symbol, out: out.into(), what: What::Library })
     }
 
     /// Writes the film of `blob`, which is called `name`. Returns the files, the film's own first.
     pub(super) fn write(&self, name: &str, blob: &Blob, inputs: &[&Path]) -> Result<Vec<(PathBuf, usize)>> {
         let symbol = self.symbol.as_str();
         let described = Film { symbol, name, tracking: blob.tracking(), learning: blob.learning() };
-        let files: Vec<(PathBuf, String)> = if self.is_library {
-            arduino::library(&described).into_iter().map(|(path, text)| (self.out.join(path), text)).collect()
-        } else {
-            vec![(self.out.clone(), film(&described)), (self.out.with_file_name("springpot.h"), HEADER.to_owned())]
+        let beside = |(name, text): (String, String)| (self.out.with_file_name(name), text);
+        let files: Vec<(PathBuf, String)> = match self.what {
+            What::C => {
+                vec![(self.out.clone(), film(&described)), beside(("springpot.h".to_owned(), HEADER.to_owned()))]
+            }
+            What::Library => {
+                arduino::library(&described).into_iter().map(|(path, text)| (self.out.join(path), text)).collect()
+            }
+            What::Matlab => matlab::sources(&described, &stem(&self.out)).into_iter().map(beside).collect(),
         };
-        let made = if self.is_library { Folders::AreMade } else { Folders::Exist };
+        let is_library = self.what == What::Library;
+        let made = if is_library { Folders::AreMade } else { Folders::Exist };
         for (path, _) in &files {
             output::check(path, inputs, made)?;
         }
         // Removed again if they stay empty.
         let mut folders = Vec::new();
-        for folder in files.iter().filter_map(|(path, _)| path.parent()).filter(|_| self.is_library) {
+        for folder in files.iter().filter_map(|(path, _)| path.parent()).filter(|_| is_library) {
             folders.push(Folder::at(folder)?);
         }
         let staged: Vec<Staged> = files
@@ -72,11 +97,20 @@ impl Source {
     }
 }
 
-/// Refuses a header at `path` that is not of this tool: somebody's own must not be lost.
-fn own_header(path: &Path, inputs: &[&Path], made: Folders) -> Result<()> {
+/// Refuses an `out` that is no C source; `more` are written beside it.
+fn is_c(out: &Path, more: &str) -> Result<()> {
+    if out.extension().is_none_or(|extension| extension != "c") {
+        let cause = format!("a C source ends in .c, such as film.c; {more} written beside it");
+        return Err(Error::option("--out", cause));
+    }
+    Ok(())
+}
+
+/// Refuses a file at `path` that is not of this tool: somebody's own must not be lost.
+fn own(path: &Path, inputs: &[&Path], made: Folders) -> Result<()> {
     output::check(path, inputs, made)?;
     match fs::read(path) {
-        Ok(there) if !there.starts_with(HEADER_BEGINS.as_bytes()) => {
+        Ok(there) if !BEGINS.iter().any(|begin| there.starts_with(begin.as_bytes())) => {
             Err(Error::file(path, "is there and not of this tool; export into another folder"))
         }
         _ => Ok(()),

@@ -1,0 +1,36 @@
+//! What MATLAB, Octave and Simulink call a film by: a MEX gateway and an S-function, with what both step.
+
+use crate::{Film, HEADER, film};
+
+/// Files by their names, for a film that is exported as `name`.c: the film, the headers, `name`_mex.c and `name`_sfun.c.
+///
+/// `name` must be a name in MATLAB: see [`is_name`].
+#[must_use]
+pub fn sources(described: &Film, name: &str) -> Vec<(String, String)> {
+    let symbol = described.symbol;
+    vec![
+        (format!("{name}.c"), film(described)),
+        ("springpot.h".into(), HEADER.into()),
+        ("springpot_tick.h".into(), TICK.into()),
+        (format!("{name}_mex.c"), filled(MEX, symbol, name)),
+        (format!("{name}_sfun.c"), filled(SFUN, symbol, name)),
+    ]
+}
+
+/// Whether MATLAB can call functions `name`_mex and `name`_sfun: a letter, then letters, digits and `_`, at most 58.
+#[must_use]
+pub fn is_name(name: &str) -> bool {
+    name.starts_with(|c: char| c.is_ascii_alphabetic())
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        && name.len() <= 58
+}
+
+/// A template with the film's symbol, its name and the version of this tool.
+fn filled(template: &str, symbol: &str, name: &str) -> String {
+    template.replace("@SYMBOL@", symbol).replace("@NAME@", name).replace("@VERSION@", env!("CARGO_PKG_VERSION"))
+}
+
+/// `springpot_tick.h`: the same for every film.
+const TICK: &str = include_str!("../matlab/springpot_tick.h");
+const MEX: &str = include_str!("../matlab/mex.c");
+const SFUN: &str = include_str!("../matlab/sfun.c");

@@ -1,0 +1,315 @@
+//! The MEX gateway in Octave and the S-function before a stub of Simulink: the bits of Rust.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use bench_emit::{matlab, symbol};
+use tempfile::TempDir;
+
+use crate::bits::{inputs, recorded};
+use crate::films::{self, Case};
+use crate::job::{self, Input, Kind, Row};
+use crate::program::{STRICT, source, succeeds};
+use crate::recordings::recordings;
+
+/// What both call a law, by their number and word, and the law that answers for it; `None`: the film under a voltage.
+const MODES: [(&str, Option<Kind>); 6] = [
+    ("displacement", Some(Kind::Displacement)),
+    ("force", Some(Kind::Force)),
+    ("film", None),
+    ("feedforward", Some(Kind::Feedforward)),
+    ("observer", Some(Kind::Observer)),
+    ("tracking", Some(Kind::Learning)),
+];
+
+/// How old samples are.
+const AGE: usize = 10;
+
+/// Inputs along a recording, without what a gateway does not have: orders, samples that are no numbers or of another age, and, unless
+/// `is_monitored`, the reading of a monitor.
+fn plain_inputs(kind: Option<Kind>, recorded: &[(f32, f32)], is_monitored: bool) -> Vec<Input> {
+    let mut inputs = inputs(kind.unwrap_or(Kind::Observer), recorded);
+    for input in &mut inputs {
+        input.flags = 0;
+        input.sample = input.sample.filter(|s| s.displacement.is_finite() && s.age_ticks == AGE);
+        if !is_monitored {
+            input.b = f32::NAN;
+        }
+    }
+    inputs
+}
+
+/// Bits of displacement, voltage, force, shaped reference, disturbance, force scale and limits in every tick, where Rust tells them.
+type Told = [Option<u32>; 7];
+
+const BEYOND_CURVE: u32 = 64;
+
+/// What Rust computes.
+fn told(kind: Option<Kind>, case: &Case, inputs: &[Input]) -> Vec<Told> {
+    let some = |number: f32| Some(number.to_bits());
+    let nan = some(f32::NAN);
+    let (none, one) = (some(0.0), some(1.0));
+    let Some(kind) = kind else {
+        let drive = case.tracking.observer().drive();
+        let mut state = case.law.state();
+        return inputs
+            .iter()
+            .map(|input| {
+                let load = drive.load(input.a);
+                let x = case.law.displacement_under(&mut state, load);
+                let beyond = BEYOND_CURVE * u32::from(state.beyond_curve());
+                [some(x), some(input.a), some(load.force + load.slope * x), nan, none, one, Some(beyond)]
+            })
+            .collect();
+    };
+    let tell = |(input, row): (&Input, &Row)| {
+        let [a, b, c, d, _, last] = row.map(Some);
+        let beyond = Some(BEYOND_CURVE * row[5]);
+        match kind {
+            Kind::Displacement => [a, nan, some(input.a), nan, none, one, beyond],
+            Kind::Force => [some(input.a), nan, a, nan, none, one, beyond],
+            Kind::Feedforward => [a, b, d, c, none, one, last],
+            Kind::Observer => [a, some(input.a), nan, nan, b, c, None],
+            Kind::Tracking | Kind::Learning => [a, b, None, None, d, None, last],
+        }
+    };
+    inputs.iter().zip(&job::run(kind, case, inputs)).map(tell).collect()
+}
+
+/// Compares what was written, in the order of `columns` of [`Told`], with what Rust tells. Returns all limits that were met.
+fn compare(what: &str, told: &[Told], columns: &[usize], written: &[Vec<u32>]) -> u32 {
+    assert_eq!(written.len(), told.len(), "{what}");
+    let mut limits = 0;
+    for (k, (row, told)) in written.iter().zip(told).enumerate() {
+        for (&column, &has) in columns.iter().zip(row) {
+            let Some(wants) = told[column] else { continue };
+            let (number, wanted) = (f32::from_bits(has), f32::from_bits(wants));
+            let same = has == wants || (column < 6 && number.is_nan() && wanted.is_nan());
+            assert!(same, "{what}, step {k}, column {column}: {number:?}, Rust {wanted:?}");
+        }
+        limits |= told[6].unwrap_or(0);
+    }
+    limits
+}
+
+/// A folder with the sources of `case`, as `export --emit sfunction --out film.c` writes them.
+fn exported(case: &Case, name: &str) -> TempDir {
+    let folder = TempDir::new().expect("a folder");
+    write(folder.path(), case, name);
+    folder
+}
+
+fn write(folder: &Path, case: &Case, name: &str) {
+    for (file, text) in matlab::sources(&case.film(&symbol(name)), name) {
+        assert!(!text.contains('@'), "{file} has a gap that was not filled");
+        fs::write(folder.join(file), text).expect("written");
+    }
+}
+
+/// The block with the stub of Simulink as a program.
+fn block(folder: &Path, name: &str) -> Command {
+    let include = format!("-I{}", source("simulink").display());
+    let mut gcc = Command::new("gcc");
+    gcc.current_dir(folder).args(STRICT).args(["-O2", "-DMATLAB_MEX_FILE", &include]);
+    gcc.args([format!("{name}_sfun.c"), format!("{name}.c")]).args(["-lm", "-o", "block"]);
+    succeeds(&mut gcc);
+    Command::new(folder.join("block"))
+}
+
+/// The block in every mode along `seconds` of recordings.
+fn block_has_the_bits(seconds: usize, count: usize) {
+    let mut limits = 0;
+    for case in [films::plain(), films::rich()] {
+        let folder = exported(&case, "film");
+        block(folder.path(), "film");
+        for path in recordings("hossain").iter().take(count) {
+            let recorded = recorded(path, seconds);
+            for (number, (mode, kind)) in MODES.into_iter().enumerate() {
+                let inputs = plain_inputs(kind, &recorded, false);
+                let job = job::bytes(Kind::Displacement, 0, &inputs);
+                let file = folder.path().join("input");
+                // Without the head of a job.
+                fs::write(&file, &job[12..]).expect("written");
+                let mut command = Command::new(folder.path().join("block"));
+                command.args([(number + 1).to_string(), AGE.to_string()]);
+                command.stdin(fs::File::open(&file).expect("written"));
+                let written: Vec<Vec<u32>> =
+                    job::rows(&succeeds(&mut command)).iter().map(|row| row.to_vec()).collect();
+                let what = format!("{mode} of {}, {}", case.name, path.display());
+                limits |= compare(&what, &told(kind, &case, &inputs), &[0, 1, 2, 6], &columns(written));
+            }
+        }
+    }
+    assert!(limits & 3 != 0, "limits that were met: {limits:b}");
+}
+
+/// Without the two columns that the block does not write.
+fn columns(mut rows: Vec<Vec<u32>>) -> Vec<Vec<u32>> {
+    for row in &mut rows {
+        row.drain(3..5);
+    }
+    rows
+}
+
+/// The S-function compiles as strictly as can be against a stub of Simulink's headers, and steps as Simulink calls it, with other inputs in
+/// front: a copy of the state is stepped until the update.
+#[test]
+fn the_block_has_the_bits_of_rust() {
+    block_has_the_bits(20, 1);
+}
+
+#[test]
+#[ignore = "minutes: cargo xtask faces"]
+fn the_block_has_the_bits_of_rust_over_three_recordings() {
+    block_has_the_bits(155, 3);
+}
+
+/// Modes and ages that are none, inputs that a film would keep for good, and the sample time.
+#[test]
+fn the_block_refuses_what_it_cannot_step() {
+    let folder = exported(&films::plain(), "film");
+    block(folder.path(), "film");
+    let run = |parameters: &[&str], first: f32| {
+        let input = Input { a: first, b: 0.0, sample: None, flags: 0 };
+        let file = folder.path().join("input");
+        fs::write(&file, &job::bytes(Kind::Force, 0, &[input])[12..]).expect("written");
+        let mut command = Command::new(folder.path().join("block"));
+        let output = command.args(parameters).stdin(fs::File::open(&file).expect("written")).output().expect("runs");
+        (output.status.success(), String::from_utf8(output.stderr).expect("text"))
+    };
+    for (parameters, first, words) in [
+        (["0", "0"].as_slice(), 0.0, "film_sfun: the mode"),
+        (&["7", "0"], 0.0, "film_sfun: the mode"),
+        (&["1.5", "0"], 0.0, "film_sfun: the mode"),
+        (&["nan", "0"], 0.0, "film_sfun: the mode"),
+        (&["6", "64"], 0.0, "film_sfun: the age"),
+        (&["6", "-1"], 0.0, "film_sfun: the age"),
+        (&["6"], 0.0, "number of parameters"),
+        (&["3", "0"], f32::INFINITY, "film_sfun: the first input"),
+        (&["5", "0"], f32::NAN, "film_sfun: the first input"),
+    ] {
+        let (good, said) = run(parameters, first);
+        assert!(!good && said.contains(words), "{parameters:?}: {said}");
+    }
+    for (mode, inputs) in [("1", 1), ("4", 2), ("5", 2), ("6", 3)] {
+        let (good, said) = run(&[mode, "0"], if mode == "6" { f32::NAN } else { 0.0 });
+        assert!(good, "{said}");
+        assert_eq!(said, format!("{inputs} inputs every 0.001 s from 0 s\n"));
+    }
+}
+
+/// The gateway as Octave's compiler driver builds it, here without a warning.
+fn build_mex(folder: &Path, name: &str) {
+    let mut build = Command::new("mkoctfile");
+    build.current_dir(folder).env("CFLAGS", "-O2 -Wall -Wextra -Werror");
+    succeeds(build.args(["--mex", &format!("{name}_mex.c"), &format!("{name}.c")]));
+}
+
+/// Runs a script of `tests/octave` in `folder` and returns what it printed.
+fn octave(folder: &Path, script: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/octave").join(script);
+    let mut octave = Command::new("octave-cli");
+    octave.current_dir(folder).args(["--no-init-file", "--no-history", "--quiet"]).arg(path);
+    String::from_utf8(succeeds(&mut octave)).expect("text")
+}
+
+/// Three recordings of 155 s through the MEX function in every mode, in three calls that hand the state on.
+#[test]
+#[ignore = "needs Octave: cargo xtask faces"]
+fn the_mex_function_has_the_bits_of_rust() {
+    let folder = TempDir::new().expect("a folder");
+    let cases = [("plain", films::plain()), ("rich", films::rich())];
+    for (name, case) in &cases {
+        write(folder.path(), case, name);
+        build_mex(folder.path(), name);
+    }
+    let mut limits = 0;
+    for path in recordings("hossain") {
+        let recorded = recorded(&path, 155);
+        let mut lines = String::new();
+        let mut wanted = Vec::new();
+        for (name, case) in &cases {
+            for (mode, kind) in MODES {
+                let inputs = plain_inputs(kind, &recorded, true);
+                let told = told(kind, case, &inputs);
+                let mut before = 0.0_f32;
+                let mut bytes = Vec::new();
+                for (k, (input, told)) in inputs.iter().zip(&told).enumerate() {
+                    let sample = input.sample.map_or(f32::NAN, |sample| sample.displacement);
+                    // What was applied is told now and then.
+                    let applied = if k % 3 == 0 { before } else { f32::NAN };
+                    let row = [input.a, sample, 0.0, applied, input.b * before];
+                    bytes.extend(row.iter().flat_map(|number| number.to_le_bytes()));
+                    before = told[1].map_or(0.0, f32::from_bits);
+                }
+                let file = format!("{name}-{mode}");
+                fs::write(folder.path().join(format!("{file}.in")), bytes).expect("written");
+                lines += &format!("{name}_mex {mode} {file}.in {file}.out\n");
+                wanted.push((file, told));
+            }
+        }
+        fs::write(folder.path().join("jobs.txt"), lines).expect("written");
+        octave(folder.path(), "jobs.m");
+        for (file, told) in wanted {
+            let bytes = fs::read(folder.path().join(format!("{file}.out"))).expect("the script has written it");
+            let (words, rest) = bytes.as_chunks::<4>();
+            assert!(rest.is_empty());
+            let words: Vec<u32> = words.iter().map(|word| u32::from_le_bytes(*word)).collect();
+            // A count, which is written as a number.
+            let count = |row: &[u32]| [&row[..6], &[f32::from_bits(row[6]) as u32]].concat();
+            let written: Vec<Vec<u32>> = words.chunks(7).map(count).collect();
+            limits |= compare(&format!("{file}, {}", path.display()), &told, &[0, 1, 2, 3, 4, 5, 6], &written);
+        }
+    }
+    assert!(limits.count_ones() >= 5, "limits that were met: {limits:b}");
+}
+
+/// Bad input ends in one clear message, and neither a wrong call nor a state of noise ends Octave.
+#[test]
+#[ignore = "needs Octave: cargo xtask faces"]
+fn the_mex_function_refuses_bad_input() {
+    let folder = TempDir::new().expect("a folder");
+    write(folder.path(), &films::plain(), "film");
+    write(folder.path(), &films::periodic(), "other");
+    build_mex(folder.path(), "film");
+    build_mex(folder.path(), "other");
+    let printed = octave(folder.path(), "errors.m");
+    let lines: Vec<Vec<&str>> = printed.lines().map(|line| line.split('\t').collect()).collect();
+    let words = [
+        "call it as",
+        "call it as",
+        "mode: it is",
+        "mode: it is",
+        "displacement_m: it must be a real",
+        "displacement_m: it must be a real",
+        "displacement_m: it must be a real",
+        "displacement_m: it must be a real",
+        "displacement_m: it must be one row",
+        "displacement_m: it must be one row",
+        "displacement_m: it must be a real",
+        "displacement_m(2): it is not finite",
+        "displacement_m(3): it is not finite",
+        "displacement_mm: mode 'force' has no such field",
+        "displacement_m: mode 'force' needs",
+        "in: it must be one structure",
+        "sample_m: mode 'force' has no such field",
+        "sample_m: it has 2 elements; it needs one, or 3",
+        "sample_m: it has 0 elements; it needs one, or 3",
+        "age_ticks(1): it must be 0 to 63",
+        "age_ticks(2): it must be a whole",
+        "age_ticks(1): it must be 0 to 63",
+        "applied_v(1): it is infinite",
+        "state: it must be what film_mex returned",
+        "state: it must be what film_mex returned",
+        "state: it must be what film_mex returned",
+        "state: it is of another mode than 'film'",
+        "state: it is of another film",
+        "state: it is of another film",
+    ];
+    assert_eq!(lines.len(), words.len() + 1, "{printed}");
+    for (line, words) in lines.iter().zip(words) {
+        assert!(line.len() == 3 && line[1] == "springpot:input" && line[2].contains(words), "{line:?}: {words}");
+    }
+    assert_eq!(lines.last().expect("a line"), &["good", "film", "0.001 s"]);
+}

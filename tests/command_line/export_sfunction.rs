@@ -1,0 +1,246 @@
+//! `export --emit sfunction`, and `matlab/springpot_replay.m` beside `replay`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use host_sim::files::parameters::Parameters;
+use tempfile::TempDir;
+use tests::tool::{names, text};
+use tests::transcript::blocks;
+
+use crate::TOOL;
+
+/// Five files whose names MATLAB can call, or none; what somebody else has written stays.
+#[test]
+fn what_matlab_needs_is_written_whole_or_not_at_all() {
+    let folder = TempDir::new().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let export = |out: &Path| {
+        ["export", "--params", "preset:table3-n2", "--emit", "sfunction", "--out", text(out)].map(str::to_owned)
+    };
+    let refused = |out: &Path, words: &[&str]| {
+        names(&TOOL.fails(&export(out).each_ref().map(String::as_str)), words);
+    };
+    refused(&path("film.bin"), &["--out", "film.c", "film_mex.c"]);
+    refused(&path("film-5s.c"), &["--out", "film-5s", "film_5s.c"]);
+    refused(&path("5s.c"), &["--out", "5s", "a letter"]);
+    refused(&path("there/film.c"), &["film.c", "no folder"]);
+    for name in ["film_mex.c", "film_sfun.c", "springpot_tick.h", "springpot.h"] {
+        fs::write(path(name), "/* mine */").expect("written");
+        refused(&path("film.c"), &[name, "another folder"]);
+        assert_eq!(fs::read_to_string(path(name)).expect("there"), "/* mine */");
+        fs::remove_file(path(name)).expect("removed");
+    }
+    assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 0);
+    // Once more over what is there.
+    for _ in 0..2 {
+        let report = TOOL.json(&export(&path("film.c")).each_ref().map(String::as_str));
+        let written = ["film.c", "springpot.h", "springpot_tick.h", "film_mex.c", "film_sfun.c"];
+        let files: Vec<String> = written.iter().map(|name| text(&path(name)).to_owned()).collect();
+        assert_eq!(report["written"], serde_json::json!(files), "{report}");
+        assert_eq!(report["symbol"], "film");
+        assert!(files.iter().all(|file| Path::new(file).is_file()));
+    }
+}
+
+/// Builds the MEX function of `name`.c as docs/matlab.md says.
+fn build_mex(folder: &Path, name: &str) {
+    let mut build = Command::new("mkoctfile");
+    build.current_dir(folder).args(["--mex", &format!("{name}_mex.c"), &format!("{name}.c")]);
+    assert!(build.status().expect("mkoctfile").success());
+}
+
+/// Runs `script` in Octave, in `folder`, with `matlab/` on its path.
+fn octave(folder: &Path, script: &str) -> String {
+    let matlab = Path::new(env!("CARGO_MANIFEST_DIR")).join("../matlab");
+    let script = format!("addpath('{}'); {script}", matlab.display());
+    let arguments = ["--no-init-file", "--no-history", "--quiet", "--eval", &script];
+    let output = Command::new("octave-cli").current_dir(folder).args(arguments).output().expect("octave-cli");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{script}\n{said}");
+    String::from_utf8(output.stdout).expect("text")
+}
+
+fn recording(period: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("recordings/hossain-{period}s.csv"))
+}
+
+/// Those of the paper's bench, with a larger voltage.
+const LIMITS: &str = r#"
+[board.limits]
+max_voltage_v = 6500.0
+max_field_v_per_m = 4.2e7
+thickness_m = 160e-6
+max_slew_v_per_s = 50000.0
+max_displacement_m = 8e-3
+on_sensor_fault = "trip"
+heartbeat_s = 0.5
+monitor = { slew_v_per_s = 1e5, band_v = 60.0, band_share = 0.03, settle_s = 0.02 }
+sensor = { low = -0.5e-3, high = 9e-3, jump = 0.5e-3, stuck_ticks = 500, stuck_band = 2e-6 }
+"#;
+
+/// The line that the script prints, of what `replay` says with `options`.
+fn line(folder: &Path, params: &str, file: &str, options: &[&str], how: &str) -> String {
+    let [params, path] = [params, file].map(|name| folder.join(name));
+    let report = TOOL.json(&[["replay", "--params", text(&params), text(&path)].as_slice(), options].concat());
+    let row = &report["recordings"][0];
+    let number = |name: &str| row[name].as_f64().expect("a number");
+    format!(
+        "{file} by {how}: R2 {:.5}, NRMSE {:.3} %, RMSE {:.2} um, {} samples\n",
+        number("r2"),
+        number("nrmse_pct"),
+        1e6 * number("rmse_m"),
+        row["samples"]
+    )
+}
+
+/// A fitted film, by its MEX function and by the script's own sum: the digits of `replay`, and a plot with lines in it.
+#[test]
+#[ignore = "needs Octave: cargo xtask faces"]
+fn the_script_replays_as_the_command_does() {
+    let folder = TempDir::new().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    fs::copy(recording("7"), path("rec-7s.csv")).expect("copied");
+    let (recorded, fitted) = (path("rec-7s.csv"), path("film.toml"));
+    let fit = ["fit", text(&recorded), "--topology", "parallel", "--branches", "1", "--curve", "none"];
+    TOOL.json(&[fit.as_slice(), &["--out", text(&fitted)]].concat());
+    // As published, with the weight from the start, and its recording in other units with a value left out.
+    let published = Parameters::preset("table3-n2").expect("there").to_toml();
+    assert!(published.contains("\"settled\""));
+    fs::write(path("published.toml"), published.replace("\"settled\"", "\"from-start\"")).expect("written");
+    let rows = fs::read_to_string(recording("5")).expect("committed");
+    let in_mm: Vec<String> = rows
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .enumerate()
+        .map(|(k, line)| {
+            let cells: Vec<&str> = line.split(',').collect();
+            match k {
+                0 => "displacement_mm,note,time_s,voltage_kv".to_owned(),
+                77 => format!(",7,{},{:?}", cells[0], 1e-3 * cells[1].parse::<f64>().expect("a number")),
+                _ => {
+                    let [volts, metres] = [1, 2].map(|k| cells[k].parse::<f64>().expect("a number"));
+                    format!("{:?},7,{},{:?}", 1e3 * metres, cells[0], 1e-3 * volts)
+                }
+            }
+        })
+        .collect();
+    fs::write(path("rec-5s.csv"), in_mm.join("\n")).expect("written");
+
+    // What the monitor shows above 6 kV counts.
+    for params in ["film.toml", "published.toml"] {
+        let there = fs::read_to_string(path(params)).expect("written");
+        fs::write(path(params), there + LIMITS).expect("written");
+    }
+
+    let mut expected = String::new();
+    let mut script = String::new();
+    for (name, file) in [("film", "rec-7s.csv"), ("published", "rec-5s.csv")] {
+        let params = format!("{name}.toml");
+        let out = path(&format!("{name}.c"));
+        TOOL.json(&["export", "--params", text(&path(&params)), "--emit", "sfunction", "--out", text(&out)]);
+        build_mex(folder.path(), name);
+        script +=
+            &format!("r = springpot_replay('{params}', '{file}', 'plot', '{name}.png'); assert(isfield(r, 'r2'));");
+        expected += &line(folder.path(), &params, file, &[], &format!("{name}_mex at 1000 Hz"));
+        script += &format!("springpot_replay('{params}', '{file}', 'law', 'full', 'rate', 100, 'plot', 'none');");
+        let full = ["--rate", "100", "--memory", "full", "--precision", "f64"];
+        expected += &line(folder.path(), &params, file, &full, "full at 100 Hz");
+    }
+    // A held force whose clock begins a step after 0, when it was applied.
+    let held: Vec<String> =
+        (1..=200).map(|k| format!("{:?},20,{:?}", 0.01 * f64::from(k), 1e-4 * f64::from(k).sqrt())).collect();
+    fs::write(path("held.csv"), format!("time_s,force_n,displacement_m\n{}\n", held.join("\n"))).expect("written");
+    script += "springpot_replay('film.toml', 'held.csv', 'plot', 'none');";
+    expected += &line(folder.path(), "film.toml", "held.csv", &[], "film_mex at 1000 Hz");
+    // Two lines of different colours on white, and none of them everywhere.
+    script += "for name = {'film.png', 'published.png'} p = double(imread(name{1})); p = reshape(p(:, :, 1:3), [], 3); \
+               c = max(p, [], 2) - min(p, [], 2) > 60; s = mean(c); assert(s > 0.003 && s < 0.3); \
+               assert(any(c & p(:, 1) > p(:, 3)) && any(c & p(:, 3) > p(:, 1))); assert(mean(all(p == 255, 2)) > 0.5); end";
+    let printed = octave(folder.path(), &script);
+    assert_eq!(printed, expected);
+    // For the eye.
+    let seen = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/faces");
+    fs::create_dir_all(&seen).expect("made");
+    fs::copy(path("film.png"), seen.join("springpot_replay.png")).expect("copied");
+}
+
+/// What docs/matlab.md shows of the MEX function, in Octave: a stroke, a voltage, and a loop whose state goes on.
+#[test]
+#[ignore = "needs Octave: cargo xtask faces"]
+fn the_examples_of_the_page_run() {
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/matlab.md")).expect("there");
+    let (_, section) = page.split_once("\n### A function\n").expect("a section");
+    let (section, _) = section.split_once("\n### ").expect("a section after it");
+    let folder = TempDir::new().expect("a folder");
+    let film = folder.path().join("film.c");
+    TOOL.json(&["export", "--params", "preset:table3-n2", "--emit", "sfunction", "--out", text(&film)]);
+    build_mex(folder.path(), "film");
+    let examples = blocks(section, "```matlab\n");
+    assert!(examples.len() >= 2, "{examples:?}");
+    let checks = "assert(max(plant.displacement_m) > 1e-4); assert(max(command.voltage_v) > 1000); \
+                  assert(numel(command.limited) == numel(t)); assert(out.voltage_v > 0 && out.displacement_m > 0);";
+    octave(folder.path(), &format!("set(0, 'defaultfigurevisible', 'off');\n{}\n{checks}", examples.concat()));
+}
+
+/// What the script cannot use is refused with file and line, and a MEX function of another film is found out.
+#[test]
+#[ignore = "needs Octave: cargo xtask faces"]
+fn the_script_refuses_what_it_cannot_use() {
+    let folder = TempDir::new().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let write = |name: &str, text: &str| fs::write(path(name), text).expect("written");
+    let published = Parameters::preset("table3-n2").expect("there").to_toml();
+    write("film.toml", &published);
+    write("softer.toml", &published.replace("c = 62740.0", "c = 62700.0"));
+    write("larger.toml", &published.replace("length_m = 0.04", "length_m = 0.05"));
+    write("torn.toml", &published.replace("alpha = 0.2 }", "beta = 0.2 }"));
+    write("empty.toml", "schema = 1\nname = \"x\"\n");
+    write("curved.toml", &format!("{published}\n[curve]\nelastic = \"gent\"\n"));
+    write("good.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,100,1e-6\n0.02,200,2e-6\n");
+    write("high.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,100,1e-6\n0.02,9e9,2e-6\n");
+    write("word.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,much,1e-6\n");
+    write("gap.csv", "# made\ntime_s,voltage_v,displacement_m\n0,0,0\n0.01,,1e-6\n");
+    write("short.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,1\n");
+    write("back.csv", "time_s,voltage_v,displacement_m\n0.01,0,0\n0,0,0\n");
+    write("names.csv", "t,V,x\n0,0,0\n1,1,1\n");
+    let weak = published.replace("\n[model]", "stretch_coupling = 1000.0\n\n[model]");
+    assert!(weak != published && published.matches("stretch_coupling").count() <= 1);
+    write("weak.toml", &weak);
+    write("long.csv", "time_s,voltage_v,displacement_m\n0,0,0\n1,6000,0\n300,6000,0\n");
+    TOOL.json(&["export", "--params", text(&path("film.toml")), "--emit", "sfunction", "--out", text(&path("film.c"))]);
+    build_mex(folder.path(), "film");
+    let calls = [
+        ("'none.toml', 'good.csv'", "none.toml: there is no such file"),
+        ("'empty.toml', 'good.csv'", "empty.toml: [actuator] relative_permittivity is missing"),
+        ("'torn.toml', 'good.csv'", "torn.toml, line 15: a springpot needs c and alpha"),
+        ("'curved.toml', 'good.csv'", "curved.toml: it has a [curve]"),
+        ("'softer.toml', 'good.csv', 'law', 'film_mex'", "film_mex: it was built of other numbers than softer.toml"),
+        ("'larger.toml', 'good.csv', 'law', 'film_mex'", "film_mex: it was built of other numbers than larger.toml"),
+        ("'curved.toml', 'good.csv', 'law', 'film_mex'", "film_mex: it was built of other numbers than curved.toml"),
+        ("'film.toml', 'good.csv', 'law', 'other_mex'", "other_mex: there is no such MEX function"),
+        ("'film.toml', 'good.csv', 'rate', 100", "rate: a MEX function has the rate"),
+        ("'film.toml', 'good.csv', 'law', 'full', 'rate', 0", "rate: it must be"),
+        ("'film.toml', 'good.csv', 'law', 'full', 'rate', 1e7", "good.csv: 200001 steps"),
+        ("'film.toml', 'good.csv', 'plots', 'x.png'", "plots: there is no such option"),
+        ("'film.toml', 'good.csv', 'plot'", "options: they come in pairs"),
+        ("'film.toml', 'good.csv', 'plot', 'x.doc'", "plot: x.doc ends"),
+        ("'film.toml', 'high.csv'", "high.csv: 9e+09 V, but film_mex takes at most 6000 V"),
+        ("'weak.toml', 'long.csv', 'law', 'full', 'rate', 100", "long.csv: the displacement grows without bound"),
+        ("'film.toml', 'word.csv'", "word.csv, line 3: \"much\" is not a number"),
+        ("'film.toml', 'gap.csv'", "gap.csv, line 4: time and input"),
+        ("'film.toml', 'short.csv'", "short.csv, line 3: the header has 3 columns"),
+        ("'film.toml', 'back.csv'", "back.csv, line 3: the time does not increase"),
+        ("'film.toml', 'names.csv'", "names.csv: it needs the columns time_s"),
+    ];
+    write("noisy.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,6010,1e-6\n0.02,0,2e-6\n");
+    let printed = octave(folder.path(), "springpot_replay('film.toml', 'noisy.csv', 'plot', 'none');");
+    assert!(printed.starts_with("noisy.csv: 1 steps above 6000 V, up to 6010 V, count as 6000 V"), "{printed}");
+    assert!(printed.contains("noisy.csv by film_mex at 1000 Hz: R2 "), "{printed}");
+    for (call, words) in calls {
+        let script = format!("try, springpot_replay({call}); disp('accepted'); catch e, disp(e.message); end");
+        let printed = octave(folder.path(), &script);
+        assert!(printed.lines().last().is_some_and(|line| line.starts_with(words)), "{call}: {printed}");
+    }
+}
