@@ -8,6 +8,7 @@ mod demo;
 mod excitation;
 mod export;
 mod export_c;
+mod export_fmu;
 mod fit_commands;
 mod help;
 mod import;

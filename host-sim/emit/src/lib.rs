@@ -5,6 +5,7 @@
 //! | `c/*.h` | the steps in C99, written by hand, in the order of [`HEADER`]: the same file for every film |
 //! | [`film()`] | the numbers of a film as a C source |
 //! | [`arduino`] | both as a library for Arduino and PlatformIO, with an example |
+//! | [`fmu`](mod@fmu) | both as an FMU for co-simulation, of FMI 2.0 or 3.0 |
 //!
 //! The C computes with the operations of the crate `springpot` in their order, so that it gives the same bits.
 #![forbid(unsafe_code)]
@@ -12,6 +13,7 @@
 
 pub mod arduino;
 mod film;
+pub mod fmu;
 mod symbol;
 mod table;
 

@@ -148,6 +148,10 @@ const EXAMPLES: &[Examples] = &[
             ("For a program", "export --params film.toml --emit rust --out film.rs"),
             ("The law in C, with springpot.h", "export --params film.toml --emit c --out film.c"),
             ("A library for Arduino", "export --params film.toml --emit arduino --out film_arduino"),
+            (
+                "An FMU for co-simulation, of FMI 3.0; fmu2 is of 2.0",
+                "export --params film.toml --emit fmu --out film.fmu",
+            ),
         ],
     ),
     (
