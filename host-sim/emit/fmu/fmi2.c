@@ -59,8 +59,6 @@ FMU_EXPORT(GetStringStatus);
 
 typedef struct {
     fmu_state state;
-    double start; /* of the experiment, s */
-    double last;  /* communication point that was reached, s */
     fmi2CallbackLogger log;
     fmi2ComponentEnvironment environment;
     char *name;
@@ -125,8 +123,6 @@ fmi2Component FMU_NAME(Instantiate)(fmi2String instanceName, fmi2Type fmuType, f
     if (fmu == NULL) {
         return NULL;
     }
-    fmu->start = 0.0;
-    fmu->last = 0.0;
     fmu->log = (functions != NULL) ? functions->logger : NULL;
     fmu->environment = (functions != NULL) ? functions->componentEnvironment : NULL;
     fmu->name = (char *)malloc(strlen(name) + 1U);
@@ -158,15 +154,14 @@ fmi2Status FMU_NAME(SetupExperiment)(fmi2Component c, fmi2Boolean toleranceDefin
     if (fmu->state.phase != FMU_INSTANTIATED) {
         return fmu_absent(c, "the experiment is set up before initialisation");
     }
-    fmu->start = startTime;
-    fmu->last = startTime;
+    fmu->state.start = startTime;
     return fmi2OK;
 }
 
 fmi2Status FMU_NAME(EnterInitializationMode)(fmi2Component c)
 {
     fmu_instance *fmu = (fmu_instance *)c;
-    return fmu_logged(fmu, fmu_initialise(&fmu->state, fmu->start));
+    return fmu_logged(fmu, fmu_initialise(&fmu->state, fmu->state.start));
 }
 
 fmi2Status FMU_NAME(ExitInitializationMode)(fmi2Component c)
@@ -184,8 +179,6 @@ fmi2Status FMU_NAME(Terminate)(fmi2Component c)
 fmi2Status FMU_NAME(Reset)(fmi2Component c)
 {
     fmu_instance *fmu = (fmu_instance *)c;
-    fmu->start = 0.0;
-    fmu->last = 0.0;
     fmu_start(&fmu->state);
     return fmi2OK;
 }
@@ -194,10 +187,9 @@ fmi2Status FMU_NAME(DoStep)(fmi2Component c, fmi2Real currentCommunicationPoint,
     fmi2Boolean noSetFMUStatePriorToCurrentPoint)
 {
     fmu_instance *fmu = (fmu_instance *)c;
-    const fmu_result result = fmu_step(&fmu->state, communicationStepSize);
+    (void)currentCommunicationPoint;
     (void)noSetFMUStatePriorToCurrentPoint;
-    fmu->last = currentCommunicationPoint + ((result.status == FMU_OK) ? communicationStepSize : 0.0);
-    return fmu_logged(fmu, result);
+    return fmu_logged(fmu, fmu_step(&fmu->state, communicationStepSize));
 }
 
 /* ---- Values: an Integer is a whole number or the mode. */
@@ -335,7 +327,7 @@ fmi2Status FMU_NAME(GetRealStatus)(fmi2Component c, const fmi2StatusKind s, fmi2
     const fmu_instance *fmu = (const fmu_instance *)c;
     fmi2Status status = fmi2Discard;
     if (s == fmi2LastSuccessfulTime) {
-        *value = fmu->last;
+        *value = fmu_time(&fmu->state);
         status = fmi2OK;
     }
     return status;

@@ -182,11 +182,17 @@ static fmu_result fmu_settable(const fmu_state *state, uint32_t variable, int ty
     return result;
 }
 
+/* The time that was reached (s). */
+static double fmu_time(const fmu_state *state)
+{
+    return state->start + (state->ticks * FMU_STEP_S);
+}
+
 static fmu_result fmu_get_real(const fmu_state *state, uint32_t variable, double *value)
 {
     const fmu_result result = fmu_readable(variable, FMU_REAL);
     if (result.status == FMU_OK) {
-        *value = (variable == FMU_TIME) ? (state->start + (state->ticks * FMU_STEP_S)) : state->reals[variable];
+        *value = (variable == FMU_TIME) ? fmu_time(state) : state->reals[variable];
     }
     return result;
 }
