@@ -1,13 +1,16 @@
 """Drives an FMU of host-sim export with FMPy, for tests/command_line/export_fmu.rs.
 
-driver.py run FILE.fmu MODE LEARNING INPUTS OUTPUTS    a run tick by tick: rows of f64 in, rows of f64 out
-driver.py check FILE.fmu                               schema, steps, states, refusals; a library built anew
+driver.py run FILE.fmu MODE INPUTS OUTPUTS [PARAMETER…]    a run tick by tick, these parameters true: rows of f64 in, rows of f64 out
+driver.py check FILE.fmu learns|does-not-learn             schema, steps, states, refusals; a library built anew
+driver.py cost FILE.fmu                                    prints what steps take
 """
 
+import math
 import os
 import shutil
 import sys
 import tempfile
+import time
 from contextlib import contextmanager
 
 import fmpy
@@ -120,9 +123,9 @@ def refused(status, what):
         raise AssertionError(f"{what} is accepted")
 
 
-def run(path, mode, learning, inputs, outputs):
+def run(path, mode, inputs, outputs, *parameters):
     description, folder = fmpy.read_model_description(path), fmpy.extract(path)
-    film = Instance(folder, description, mode=MODES[mode], learning=learning == "learning").begun()
+    film = Instance(folder, description, mode=MODES[mode], **{name: True for name in parameters}).begun()
     rows = np.fromfile(inputs).reshape(-1, 7)
     written = np.empty((len(rows), 8))
     for k, (voltage, reference, sample, taken, age, reading, has_reading) in enumerate(rows.tolist()):
@@ -163,28 +166,34 @@ def check_steps(folder, description):
     five.end()
 
 
-def check_states(folder, description):
-    for name, mode in MODES.items():
-        film = Instance(folder, description, mode=mode, voltage=4000.0, reference=1e-3, sample_taken=True).begun()
+def check_states(folder, description, learns):
+    # Learning has a state of its own, behind that of the laws.
+    cases = [(name, mode, False) for name, mode in MODES.items()]
+    cases += [(f"{name}, learning", MODES[name], True) for name in ["feedforward", "tracking"] if learns]
+    for name, mode, learning in cases:
+        start = dict(mode=mode, learning=learning, voltage=4000.0, sample_taken=True)
+        film = Instance(folder, description, **start).begun()
 
         def ticks(film, count):
             rows = []
             for k in range(count):
-                film.set_reals(["sample"], [1e-6 * k])
+                # A period of 1 s, which is that of the film that learns; whole ones before a state, so that it begins anew after it.
+                reference = 1e-3 + 0.4e-3 * math.sin(2e-3 * math.pi * k)
+                film.set_reals(["reference", "sample"], [reference, 0.9 * reference])
                 film.step()
                 rows.append(film.outputs())
             return rows
 
-        ticks(film, 300)
+        ticks(film, 4000)
         state = film.state()
         content = film.bytes_of(state)
-        expected = ticks(film, 200)
+        expected = ticks(film, 2000)
         assert expected[0] != expected[-1], name
         film.restore(state)
-        assert ticks(film, 200) == expected, f"{name}: from a state"
+        assert ticks(film, 2000) == expected, f"{name}: from a state"
         other = Instance(folder, description, mode=1).begun()
         other.restore(other.state_of(content))
-        assert ticks(other, 200) == expected, f"{name}: from bytes in another instance"
+        assert ticks(other, 2000) == expected, f"{name}: from bytes in another instance"
         for changed in [content[:-1], bytes([content[0] ^ 1]) + content[1:], content[:-9] + bytes([content[-9] ^ 4]) + content[-8:]]:
             with refused(ERROR, "a state that was changed"):
                 film.state_of(changed)
@@ -193,15 +202,21 @@ def check_states(folder, description):
         if not film.is_3:
             film.fmu.setupExperiment(startTime=0.0)
         film.fmu.enterInitializationMode()
-        film.set(mode=mode, voltage=4000.0, reference=1e-3, sample_taken=True)
+        film.set(**start)
         film.begun()
-        ticks(film, 300)
-        assert ticks(film, 200) == expected, f"{name}: after a reset"
+        ticks(film, 4000)
+        assert ticks(film, 2000) == expected, f"{name}: after a reset"
         film.end()
         other.end()
 
 
-def check_refusals(folder, description):
+def check_refusals(folder, description, learns):
+    learner = Instance(folder, description, mode=4, learning=True)
+    if learns:
+        learner.begun()
+    else:
+        with refused(ERROR, "learning by a film that does not learn"):
+            learner.begun()
     film = Instance(folder, description, mode=1)
     with refused(ERROR, "a step before initialisation has ended"):
         film.step()
@@ -236,13 +251,32 @@ def constant(path):
     return np.array(result["displacement"])
 
 
-def check(path):
+def cost(path):
+    description, folder = fmpy.read_model_description(path), fmpy.extract(path)
+    ticks = 155_000
+    for name, mode in MODES.items():
+        film = Instance(folder, description, mode=mode, voltage=3000.0, reference=1e-3).begun()
+        begin = time.perf_counter()
+        for _ in range(ticks):
+            film.step()
+        print(f"{name}: {1e6 * (time.perf_counter() - begin) / ticks:.2f} µs a step of one tick")
+        film.end()
+    film = Instance(folder, description, mode=1, voltage=3000.0).begun()
+    begin = time.perf_counter()
+    film.step(ticks * STEP_S)
+    print(f"plant: {1e6 * (time.perf_counter() - begin) / ticks:.3f} µs a tick, {ticks} ticks in one step")
+    film.end()
+    shutil.rmtree(folder)
+
+
+def check(path, learns):
+    learns = {"learns": True, "does-not-learn": False}[learns]
     problems = validate_fmu(path)
     assert not problems, problems
     description, folder = fmpy.read_model_description(path), fmpy.extract(path)
     check_steps(folder, description)
-    check_states(folder, description)
-    check_refusals(folder, description)
+    check_states(folder, description, learns)
+    check_refusals(folder, description, learns)
     moved = constant(path)
     assert len(moved) == 501 and moved[0] == 0.0 and moved[-1] > moved[1] > 0.0
     # Built anew from the sources in the FMU, by its own description, with the CMake of this environment.
@@ -255,4 +289,4 @@ def check(path):
 
 
 if __name__ == "__main__":
-    {"run": run, "check": check}[sys.argv[1]](*sys.argv[2:])
+    {"run": run, "check": check, "cost": cost}[sys.argv[1]](*sys.argv[2:])

@@ -38,7 +38,9 @@ impl Library {
         if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
             return Ok(without("libraries are compiled on Linux for x86-64 alone".into()));
         }
-        let folder = tempfile::tempdir().map_err(|e| Error::Computation(format!("a folder for sources: {e}")))?;
+        let folder = tempfile::tempdir().map_err(|e| {
+            Error::Computation(format!("no folder for sources: {e}; set TMPDIR to a folder that can be written"))
+        })?;
         for (path, text) in &fmu.files {
             if let Some(name) = path.strip_prefix("sources/") {
                 let path = folder.path().join(name);
