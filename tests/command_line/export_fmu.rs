@@ -319,8 +319,8 @@ fn bench(response: &[[f64; 4]]) -> Vec<Input> {
 }
 
 /// The same by the controller's code: observer, feedforward or tracking, with what is learned. The command was applied, or the
-/// voltage that `is_given`.
-fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool, inputs: &[Input]) -> Vec<Row> {
+/// voltage that `is_given`. Returns the largest that was added to a reference as well, m.
+fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool, inputs: &[Input]) -> (Vec<Row>, f32) {
     let tracking = blob.tracking();
     let observer = tracking.observer();
     let law = observer.law().clone();
@@ -342,6 +342,7 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
     let mut tracked = tracking.state(law.state());
     let mut learned = blob.learning().map(|learning| learning.state(0.0));
     let (mut voltage, mut is_free) = (0.0_f32, true);
+    let mut added = 0.0_f32;
     let lost_after = (1000.0 * parameters.board_or_bench(1000.0).control.lost_after_s).ceil() as u32;
     let rows = inputs.iter().map(|input| {
         let sample =
@@ -368,6 +369,7 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
         if let Some((learning, learned)) = blob.learning().zip(learned.as_mut()) {
             reference = learning.advance(learned, reference, sample, is_free);
             tracked.leave_cycles(learned.has_learned());
+            added = added.max(learned.added().abs());
         }
         let command = if is_tracking {
             tracking.command(&mut tracked, reference)
@@ -387,7 +389,8 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
         let [a, b, c, d, e, f] = numbers;
         [a, b, c, d, e, f, f64::from(command.limited.bits()), lost]
     });
-    rows.collect()
+    let rows = rows.collect();
+    (rows, added)
 }
 
 /// Tracking along three recordings, observer and feedforward along one, with all that a film can have: every bit of every number.
@@ -401,7 +404,7 @@ fn controllers_have_the_bits_of_rust() {
     let parameters = Parameters::load(text(&params)).expect("valid");
     let (bytes, board) = parameters.checked_blob(1000.0).expect("valid");
     let blob = Blob::decode(&bytes, board.id).expect("its own");
-    let mut limits = 0;
+    let (mut limits, mut learned) = (0, 0.0_f32);
     for (emit, ..) in VERSIONS {
         let fmu = folder.path().join(format!("{emit}.fmu"));
         TOOL.json(&["export", "--params", text(&params), "--emit", emit, "--out", text(&fmu)]);
@@ -422,7 +425,8 @@ fn controllers_have_the_bits_of_rust() {
                 _ => &[],
             };
             for &(mode, is_given) in cases {
-                let rust = controllers(&parameters, &blob, mode, is_given, &inputs);
+                let (rust, added) = controllers(&parameters, &blob, mode, is_given, &inputs);
+                learned = learned.max(added);
                 let given: &[&str] = match (mode, is_given) {
                     ("observer", _) => &[],
                     (_, false) => &["learning"],
@@ -441,6 +445,7 @@ fn controllers_have_the_bits_of_rust() {
         }
     }
     assert!(limits.count_ones() >= 3, "limits were met: {limits:#b}");
+    assert!(learned > 1e-6, "something was learned");
 }
 
 /// FMPy finds nothing against schema and standard; steps, states, refusals and a library that is built anew are as they should be.

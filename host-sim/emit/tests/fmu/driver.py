@@ -167,19 +167,22 @@ def check_steps(folder, description):
 
 
 def check_states(folder, description, learns):
-    # Learning has a state of its own, behind that of the laws.
+    # What is learned has a state of its own, beside that of the laws.
     cases = [(name, mode, False) for name, mode in MODES.items()]
-    cases += [(f"{name}, learning", MODES[name], True) for name in ["feedforward", "tracking"] if learns]
+    cases += [("feedforward, learning", MODES["feedforward"], True)] if learns else []
     for name, mode, learning in cases:
-        start = dict(mode=mode, learning=learning, voltage=4000.0, sample_taken=True)
+        start = dict(mode=mode, learning=learning, voltage=4000.0, sample_age=1, reading_taken=True)
         film = Instance(folder, description, **start).begun()
 
         def ticks(film, count):
-            rows = []
+            """Cycles of 1 s; a film with 4 % more stroke, an amplifier with 2 % more gain."""
+            rows = [film.outputs()]
             for k in range(count):
-                # A period of 1 s, which is that of the film that learns; whole ones before a state, so that it begins anew after it.
-                reference = 1e-3 + 0.4e-3 * math.sin(2e-3 * math.pi * k)
-                film.set_reals(["reference", "sample"], [reference, 0.9 * reference])
+                turn = abs(k % 1000 - 500) / 500.0
+                reference = 0.8e-3 - 0.2e-3 * turn * turn * (3.0 - 2.0 * turn)
+                displacement, _, command, *_ = rows[-1]
+                film.set_reals(["reference", "sample", "reading"], [reference, 1.04 * displacement, 1.02 * command])
+                film.set_flags(["sample_taken"], [k % 10 == 0])
                 film.step()
                 rows.append(film.outputs())
             return rows
@@ -208,6 +211,11 @@ def check_states(folder, description, learns):
         assert ticks(film, 2000) == expected, f"{name}: after a reset"
         film.end()
         other.end()
+        if learning:
+            without = Instance(folder, description, **{**start, "learning": False}).begun()
+            ticks(without, 4000)
+            assert ticks(without, 2000) != expected, "nothing was learned"
+            without.end()
 
 
 def check_refusals(folder, description, learns):
