@@ -156,6 +156,17 @@ def check_steps(folder, description):
     one.step()
     five.step()
     assert one.outputs() == five.outputs(), "a step that was refused changed something"
+    # A sample counts in the first tick of a step.
+    each, both = (Instance(folder, description, mode=2, voltage=3000.0, sample=1e-4, sample_taken=True).begun() for _ in range(2))
+    each.step()
+    first = each.outputs()
+    each.set(sample_taken=False)
+    each.step()
+    both.step(2 * STEP_S)
+    assert both.outputs() == each.outputs() != first
+    assert first[4] != 0.0, "the sample counts"
+    each.end()
+    both.end()
     for mode in [3, 4]:
         controller = Instance(folder, description, mode=mode, reference=1e-3).begun()
         with refused(DISCARD, "a controller's step of two ticks"):
