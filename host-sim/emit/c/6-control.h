@@ -154,7 +154,7 @@ static inline float springpot_observer_observe(const springpot_film *film, sprin
     forced.force = (electrostatic + film->drive.preload) + state->disturbance;
     forced.slope = load.slope * state->force_scale;
     position = springpot_displacement_under(film, &state->film, forced);
-    state->newest = ((state->newest == 0U) || (state->newest >= SPRINGPOT_PAST)) ? (SPRINGPOT_PAST - 1U) : (state->newest - 1U);
+    state->newest = (state->newest + (SPRINGPOT_PAST - 1U)) % SPRINGPOT_PAST;
     state->past[state->newest] = position;
     springpot_correct(&film->observer, state, sample);
     springpot_adapt(&film->observer, state, electrostatic + (forced.slope * position));

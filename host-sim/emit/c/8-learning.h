@@ -124,7 +124,8 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
 /* Looks after one harmonic. */
 static inline void springpot_visit(const springpot_learning *learning, springpot_learning_state *state)
 {
-    const uint32_t visited = (state->visited <= SPRINGPOT_HARMONICS) ? state->visited : SPRINGPOT_HARMONICS;
+    /* After the last one the first. */
+    const uint32_t visited = (state->visited <= SPRINGPOT_HARMONICS) ? state->visited : 0U;
     springpot_harmonic *harmonic = &state->harmonics[visited];
     float cosine;
     float sine;
@@ -132,7 +133,7 @@ static inline void springpot_visit(const springpot_learning *learning, springpot
     if (visited == 0U) {
         springpot_begin_round(learning, state);
     }
-    state->visited = (visited == SPRINGPOT_HARMONICS) ? 0U : (visited + 1U);
+    state->visited = visited + 1U;
     cosine = state->power[0];
     sine = state->power[1];
     state->power[0] = (cosine * state->unit[0]) - (sine * state->unit[1]);
@@ -199,7 +200,7 @@ static inline float springpot_learning_advance(const springpot_film *film, sprin
         if (learning->period <= 0.0F) {
             springpot_follow_period(learning, state, reference_m);
         }
-        state->newest = ((state->newest == 0U) || (state->newest >= SPRINGPOT_PAST)) ? (SPRINGPOT_PAST - 1U) : (state->newest - 1U);
+        state->newest = (state->newest + (SPRINGPOT_PAST - 1U)) % SPRINGPOT_PAST;
         state->past[state->newest].reference = reference_m;
         state->past[state->newest].phase[0] = state->phase[0];
         state->past[state->newest].phase[1] = state->phase[1];

@@ -106,6 +106,31 @@ fn the_book_has_every_page() {
     }
 }
 
+/// The book holds the files of docs and the pages that SUMMARY.md names: a link to another file of the project leads nowhere in it.
+#[test]
+fn links_of_the_book_stay_within_it() {
+    let docs = root().join("docs");
+    let summary = fs::read_to_string(docs.join("SUMMARY.md")).expect("readable");
+    let of = |text: &str| -> Vec<String> {
+        let links = text.split("](").skip(1).filter_map(|rest| rest.split([')', '#']).next());
+        links.filter(|link| !link.is_empty() && !link.contains("://")).map(str::to_owned).collect()
+    };
+    let pages = of(&summary);
+    let mut count = 0;
+    for page in &pages {
+        let path = docs.join(page);
+        let folder = path.parent().expect("a folder");
+        for link in of(&fs::read_to_string(&path).expect("readable")) {
+            count += 1;
+            let target = folder.join(&link).canonicalize().expect("a file");
+            let within = target.parent() == Some(&docs)
+                || pages.iter().any(|page| docs.join(page).canonicalize().is_ok_and(|page| page == target));
+            assert!(within, "docs/{page}: {link} is not in the book: name the file without a link");
+        }
+    }
+    assert!(count > 100);
+}
+
 /// The numbers that measurements are compared with are where those look for them: they need minutes to find that out.
 #[test]
 fn what_measurements_are_compared_with_is_there() {

@@ -148,9 +148,14 @@ static IN_PLACE float tracking_tick(const springpot_film *film, float k)
 
 static IN_PLACE float learning_tick(const springpot_film *film, float k)
 {
-    const springpot_sample sample = sample_of(k);
+    springpot_sample sample;
+    const springpot_sample *arrived = NULL;
     since = (since == 9U) ? 0U : (since + 1U);
-    return springpot_learning_advance(film, &learning, reference(k), (since == 0U) ? &sample : NULL, true);
+    if (since == 0U) {
+        sample = sample_of(k);
+        arrived = &sample;
+    }
+    return springpot_learning_advance(film, &learning, reference(k), arrived, true);
 }
 
 /* Bits along the way, then what a step costs. */

@@ -220,9 +220,7 @@ fn steps_have_the_bits(chip: &Chip) {
         let row = name.split("/table").next().unwrap_or_default();
         if let Some(column) = chip.rust {
             let rust = documents.number(&[row], column).expect("docs/results.md states what Rust takes");
-            // Learning is short, and gcc multiplies and adds where Rust's compiler has one instruction; it runs in front of tracking.
-            let bar = if row.starts_with("learning") { 1.15 } else { 1.10 };
-            if cost as f64 > bar * rust {
+            if cost as f64 > 1.10 * rust {
                 off.push(format!("{name}: {cost} instructions, Rust {rust}"));
             }
         }
