@@ -76,7 +76,7 @@ fn the_program_of_the_page_runs() {
 }
 
 /// A file with all that a film can have: curve, saturation, an amplifier that lags, learning.
-fn rich() -> String {
+pub fn rich() -> String {
     "schema = 2\nname = \"rich\"\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.04\nwidth_m = 0.06\nthickness_m = 160e-6\n\
      mass_kg = 0.316\npreload = \"settled\"\nstretch_coupling = 15.0\nsaturation_v = 9000.0\n[model]\ntopology = \"parallel\"\n\
      main = { c = 62740.0, alpha = 0.2 }\nbranches = [[{ c = 47958.0, alpha = 1.0 }, { c = 173210.0, alpha = 1.0 }]]\n\

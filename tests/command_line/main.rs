@@ -8,6 +8,7 @@ mod demo;
 mod excitation;
 mod export;
 mod export_c;
+mod export_fmu;
 mod export_sfunction;
 mod fit_commands;
 mod help;

@@ -20,6 +20,8 @@ pub enum Face {
     Python,
     /// MATLAB's two: the MEX function in Octave, `springpot_replay.m`, the S-function before a stub of Simulink's headers.
     Octave,
+    /// The FMU: schemas, states and equal bits with FMPy, in an environment of its own.
+    Fmu,
 }
 
 /// Installs what is missing and runs the tests of `only` this face, or of all.
@@ -30,6 +32,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
             Face::Rust => rust()?,
             Face::Python => python()?,
             Face::Octave => octave()?,
+            Face::Fmu => fmu()?,
         }
     }
     Ok(())
@@ -86,6 +89,19 @@ pub fn python() -> Result<()> {
     run_command(pip(&["--force-reinstall", "--no-deps", "."]))?;
     let mut tests = here(command(&python, &["-m", "pytest"]));
     tests.env("SPRINGPOT_HOST_SIM", root().join("target").join("release").join("host-sim"));
+    run_command(tests)
+}
+
+/// FMUs of both versions, driven by FMPy; its tests in the default run included.
+pub fn fmu() -> Result<()> {
+    setup::make()?;
+    let python = environment(&root().join("target").join("faces").join("fmu"))?;
+    let requirements = "host-sim/emit/tests/fmu/requirements.txt";
+    let pip = ["-m", "pip", "--quiet", "--disable-pip-version-check", "install", "--requirement", requirements];
+    run_command(command(&python, &pip))?;
+    let mut tests =
+        cargo(&["test", "--package", "tests", "--test", "command_line", "export_fmu", "--", "--include-ignored"]);
+    tests.env("SPRINGPOT_FMPY", &python);
     run_command(tests)
 }
 

@@ -222,6 +222,14 @@ pub fn octave() -> Result<()> {
     if draws() { Ok(()) } else { Err("Octave cannot draw: install fonts-freefont-otf and run again".into()) }
 }
 
+/// A C compiler and make, installed if they are missing.
+pub fn make() -> Result<()> {
+    if !(has("gcc") && has("make")) {
+        apt_install(&["gcc", "libc6-dev", "make"], None)?;
+    }
+    if has("gcc") && has("make") { Ok(()) } else { Err("gcc and make are needed: install them and run again".into()) }
+}
+
 /// A Python that makes environments, installed if it is missing.
 pub fn python() -> Result<&'static str> {
     const PYTHON: &str = "python3";

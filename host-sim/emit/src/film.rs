@@ -30,8 +30,7 @@ pub fn film(film: &Film) -> String {
         learning.numbers(&mut table);
     }
     let step_s = tracking.observer().law().step_s();
-    // What would end a comment, or begin one within it, stays out.
-    let name: String = name.chars().filter(|c| c.is_alphanumeric() || " -_.,+()".contains(*c)).collect();
+    let name = plain(name);
     let mut text = format!(
         "/*\n * The film {name} at {} Hz, for springpot.h, by host-sim {}.\n * Free for any use: SPDX-License-Identifier: 0BSD\n *\n\
          \x20* SPRINGPOT_FILM({symbol}); declares it where it is used.\n */\n\
@@ -159,7 +158,12 @@ fn learn(text: &mut String, table: &mut Table, symbol: &str) -> &'static str {
     part(text, symbol, "learning", |text| table.fields(text, "    ", "learning", &LEARNING))
 }
 
+/// `name` without what would end a comment or an attribute, or begin one within it.
+pub(crate) fn plain(name: &str) -> String {
+    name.chars().filter(|c| c.is_alphanumeric() || " -_.,+()".contains(*c)).collect()
+}
+
 /// A rate without the noise of its last digits.
-fn rounded(rate_hz: f64) -> f64 {
+pub(crate) fn rounded(rate_hz: f64) -> f64 {
     (rate_hz * 1e6).round() / 1e6
 }

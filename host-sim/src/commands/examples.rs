@@ -149,6 +149,10 @@ const EXAMPLES: &[Examples] = &[
             ("The law in C, with springpot.h", "export --params film.toml --emit c --out film.c"),
             ("A library for Arduino", "export --params film.toml --emit arduino --out film_arduino"),
             ("For MATLAB, Octave and Simulink", "export --params film.toml --emit sfunction --out film.c"),
+            (
+                "An FMU for co-simulation, of FMI 3.0; fmu2 is of 2.0",
+                "export --params film.toml --emit fmu --out film.fmu",
+            ),
         ],
     ),
     (

@@ -1,5 +1,6 @@
 //! `export`: writes the parameter blob for the firmware, or the law of a film in another language.
 
+mod fmu;
 mod source;
 
 use std::fmt::Write;
@@ -17,6 +18,8 @@ use crate::replay::memory::MethodName;
 use crate::report::compression::Compression;
 use crate::terminal::{self, rounded};
 
+use bench_emit::fmu::Version;
+use fmu::Library;
 use source::Source;
 
 #[derive(Debug, Args)]
@@ -33,7 +36,7 @@ pub(super) struct Arguments {
     /// What is written: the blob itself, a constant for a program, or the law in another language.
     #[arg(long, value_enum, default_value_t = Emit::Blob)]
     emit: Emit,
-    /// Where it goes: a file, of --emit c and sfunction a NAME.c, of --emit arduino a folder.
+    /// Where it goes: a file, of --emit c and sfunction a NAME.c, of --emit fmu and fmu2 a NAME.fmu, of --emit arduino a folder.
     #[arg(long, value_name = "P.bin")]
     out: PathBuf,
 }
@@ -50,6 +53,10 @@ enum Emit {
     Arduino,
     /// That C with `NAME_mex.c`, a function for MATLAB and Octave, and `NAME_sfun.c`, a block for Simulink.
     Sfunction,
+    /// An FMU of FMI 3.0 for co-simulation: the film, or its control.
+    Fmu,
+    /// The same of FMI 2.0.
+    Fmu2,
 }
 
 #[derive(Serialize)]
@@ -65,6 +72,12 @@ struct Report {
     /// The film's name in C.
     #[serde(skip_serializing_if = "Option::is_none")]
     symbol: Option<String>,
+    /// The platform that an FMU has a library for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    platform: Option<&'static str>,
+    /// Why it has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    platform_note: Option<String>,
     /// All files.
     written: Vec<String>,
     /// What is not known of the electric field.
@@ -79,6 +92,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Emit::C => Some(Source::c(&arguments.out, &inputs)?),
         Emit::Arduino => Some(Source::arduino(&arguments.out, &inputs)?),
         Emit::Sfunction => Some(Source::sfunction(&arguments.out, &inputs)?),
+        Emit::Fmu => Some(Source::fmu(&arguments.out, &inputs, Version::Fmi3)?),
+        Emit::Fmu2 => Some(Source::fmu(&arguments.out, &inputs, Version::Fmi2)?),
         Emit::Blob | Emit::Rust => {
             output::check(&arguments.out, &inputs, Folders::Exist)?;
             None
@@ -90,11 +105,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 
     let compression = Compression::of(parameters.film(), arguments.rate)?;
 
+    let mut library = Library::default();
     let files = match &source {
         Some(source) => {
             // What the controller runs, from the bytes that it would get.
             let blob = Blob::decode(&blob, board.id).map_err(|e| Error::Computation(short(&e)))?;
-            source.write(&parameters.name, &blob, &inputs)?
+            source.write(&parameters.name, &blob, &inputs, &mut library)?
         }
         None => {
             let content = match arguments.emit {
@@ -112,11 +128,13 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         board: board.id,
         compression,
         symbol: source.map(|source| source.symbol),
+        platform: library.platform,
+        platform_note: library.note,
         written: files.iter().map(|(path, _)| shown(path)).collect(),
         own_board: parameters.board.as_ref().is_some_and(|board| board.lacks().is_empty()),
         field_note: parameters.field_note(),
     };
-    terminal::warnings(json, &report.field_note);
+    terminal::warnings(json, report.field_note.iter().chain(&report.platform_note));
     terminal::report(json, &report, || {
         let bench = if report.own_board {
             ""
@@ -125,7 +143,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         };
         let rate_hz = rounded(report.rate_hz);
         let what = match &report.symbol {
-            Some(symbol) => format!("{}: the film {symbol} at {rate_hz} Hz", report.written.join(", ")),
+            Some(symbol) => {
+                let library = report.platform.map(|platform| format!(", with a library for {platform}"));
+                let library = library.unwrap_or_default();
+                format!("{}: the film {symbol} at {rate_hz} Hz{library}", report.written.join(", "))
+            }
             None => format!("{}: {} bytes for board {:#06x} at {rate_hz} Hz", report.out, report.bytes, report.board),
         };
         format!("{what}{bench}\n{}", report.compression.text())

@@ -1,28 +1,36 @@
-//! A film as C, as a library for Arduino, or for MATLAB and Simulink: files that are written together or not at all.
+//! A film as C, as a library for Arduino, for MATLAB and Simulink, or as an FMU: files that are written together or not at all.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use bench_emit::fmu::{Version, fmu};
 use bench_emit::{Film, HEADER, arduino, film, matlab, symbol};
 use dea_driver::Blob;
 
 use crate::error::{Error, Result};
 use crate::files::output::{self, Folder, Folders, Staged};
 
+use super::fmu::{Library, archive};
+
 /// What is written, checked before long work begins.
 pub(super) struct Source {
     /// The film's name in C.
     pub(super) symbol: String,
-    /// A C source or a folder.
+    /// A file or a folder.
     out: PathBuf,
-    what: What,
+    kind: Kind,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum What {
+enum Kind {
+    /// A C source with its header.
     C,
-    Library,
+    /// A folder.
+    Arduino,
+    /// C sources, the film's among them.
     Matlab,
+    /// An archive.
+    Fmu(Version),
 }
 
 /// How headers of this tool begin, and the sources beside a film.
@@ -34,7 +42,7 @@ impl Source {
         is_c(out, "springpot.h is")?;
         output::check(out, inputs, Folders::Exist)?;
         own(&out.with_file_name("springpot.h"), inputs, Folders::Exist)?;
-        Ok(Self { symbol: symbol(&stem(out)), out: out.into(), what: What::C })
+        Ok(Self { symbol: symbol(&stem(out)), out: out.into(), kind: Kind::C })
     }
 
     /// The same with what MATLAB, Octave and Simulink need beside it.
@@ -51,7 +59,7 @@ impl Source {
         for beside in ["springpot.h", "springpot_tick.h", &format!("{name}_mex.c"), &format!("{name}_sfun.c")] {
             own(&out.with_file_name(beside), inputs, Folders::Exist)?;
         }
-        Ok(Self { symbol: symbol(&name), out: out.into(), what: What::Matlab })
+        Ok(Self { symbol: symbol(&name), out: out.into(), kind: Kind::Matlab })
     }
 
     /// A library in the folder `out`.
@@ -61,39 +69,62 @@ impl Source {
         }
         let symbol = symbol(&stem(out));
         own(&out.join("src/springpot.h"), inputs, Folders::AreMade)?;
-        Ok(Self { symbol, out: out.into(), what: What::Library })
+        Ok(Self { symbol, out: out.into(), kind: Kind::Arduino })
     }
 
-    /// Writes the film of `blob`, which is called `name`. Returns the files, the film's own first.
-    pub(super) fn write(&self, name: &str, blob: &Blob, inputs: &[&Path]) -> Result<Vec<(PathBuf, usize)>> {
+    /// An FMU at `out`, a NAME.fmu.
+    pub(super) fn fmu(out: &Path, inputs: &[&Path], version: Version) -> Result<Self> {
+        if out.extension().is_none_or(|extension| extension != "fmu") {
+            return Err(Error::option("--out", "an FMU ends in .fmu, such as film.fmu"));
+        }
+        output::check(out, inputs, Folders::Exist)?;
+        Ok(Self { symbol: symbol(&stem(out)), out: out.into(), kind: Kind::Fmu(version) })
+    }
+
+    /// Writes the film of `blob`, which is called `name`. Returns the files, the film's own first; `library` tells what was compiled.
+    pub(super) fn write(
+        &self,
+        name: &str,
+        blob: &Blob,
+        inputs: &[&Path],
+        library: &mut Library,
+    ) -> Result<Vec<(PathBuf, usize)>> {
         let symbol = self.symbol.as_str();
         let described = Film { symbol, name, tracking: blob.tracking(), learning: blob.learning() };
-        let beside = |(name, text): (String, String)| (self.out.with_file_name(name), text);
-        let files: Vec<(PathBuf, String)> = match self.what {
-            What::C => {
-                vec![(self.out.clone(), film(&described)), beside(("springpot.h".to_owned(), HEADER.to_owned()))]
+        let text = |(path, text): (PathBuf, String)| (path, text.into_bytes());
+        let beside = |(name, content): (String, String)| text((self.out.with_file_name(name), content));
+        let files: Vec<(PathBuf, Vec<u8>)> = match self.kind {
+            Kind::C => {
+                let header = beside(("springpot.h".to_owned(), HEADER.to_owned()));
+                vec![(self.out.clone(), film(&described).into_bytes()), header]
             }
-            What::Library => {
-                arduino::library(&described).into_iter().map(|(path, text)| (self.out.join(path), text)).collect()
+            Kind::Arduino => {
+                let within = |(path, content)| text((self.out.join(path), content));
+                arduino::library(&described).into_iter().map(within).collect()
             }
-            What::Matlab => matlab::sources(&described, &stem(&self.out)).into_iter().map(beside).collect(),
+            Kind::Matlab => matlab::sources(&described, &stem(&self.out)).into_iter().map(beside).collect(),
+            Kind::Fmu(version) => {
+                let fmu = fmu(&described, version);
+                *library = Library::of(&fmu, symbol, version)?;
+                vec![(self.out.clone(), archive(&fmu, library, &self.out)?)]
+            }
         };
-        let is_library = self.what == What::Library;
-        let made = if is_library { Folders::AreMade } else { Folders::Exist };
+        let is_folder = self.kind == Kind::Arduino;
+        let made = if is_folder { Folders::AreMade } else { Folders::Exist };
         for (path, _) in &files {
             output::check(path, inputs, made)?;
         }
         // Removed again if they stay empty.
         let mut folders = Vec::new();
-        for folder in files.iter().filter_map(|(path, _)| path.parent()).filter(|_| is_library) {
+        for folder in files.iter().filter_map(|(path, _)| path.parent()).filter(|_| is_folder) {
             folders.push(Folder::at(folder)?);
         }
         let staged: Vec<Staged> = files
             .iter()
-            .map(|(path, text)| Staged::new(path, |file| file.write_all(text.as_bytes())))
+            .map(|(path, content)| Staged::new(path, |file| file.write_all(content)))
             .collect::<Result<_>>()?;
         staged.into_iter().try_for_each(Staged::commit)?;
-        Ok(files.into_iter().map(|(path, text)| (path, text.len())).collect())
+        Ok(files.into_iter().map(|(path, content)| (path, content.len())).collect())
     }
 }
 

@@ -1,0 +1,446 @@
+/*
+ * springpot_fmu.h: the film of an FMU, for both versions of the standard. fmi2.c and fmi3.c put its functions behind their own.
+ * Free for any use: SPDX-License-Identifier: 0BSD
+ *
+ * Everything that changes is plain data in fmu_state: a copy of it is the state of the FMU.
+ */
+#ifndef SPRINGPOT_FMU_H
+#define SPRINGPOT_FMU_H
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "springpot.h"
+/* FMU_FILM, FMU_IDENTIFIER, FMU_TOKEN, FMU_STEP_S, FMU_LEARNS */
+#include "springpot_fmu_film.h"
+
+SPRINGPOT_FILM(FMU_FILM);
+
+/* Variables by their value references, as modelDescription.xml has them. */
+enum {
+    FMU_TIME = 0,
+    FMU_MODE = 1,
+    FMU_LEARNING = 2,
+    FMU_APPLIED_IS_GIVEN = 3,
+    FMU_VOLTAGE = 4,
+    FMU_REFERENCE = 5,
+    FMU_SAMPLE = 6,
+    FMU_SAMPLE_TAKEN = 7,
+    FMU_SAMPLE_AGE = 8,
+    FMU_READING = 9,
+    FMU_READING_TAKEN = 10,
+    FMU_DISPLACEMENT = 11,
+    FMU_FORCE = 12,
+    FMU_COMMAND = 13,
+    FMU_SHAPED_REFERENCE = 14,
+    FMU_LIMITS = 15,
+    FMU_DISTURBANCE = 16,
+    FMU_FORCE_SCALE = 17,
+    FMU_SENSOR_LOST = 18,
+    FMU_VARIABLES = 19
+};
+
+/* Values of the parameter `mode`. */
+enum { FMU_PLANT = 1, FMU_OBSERVER = 2, FMU_FEEDFORWARD = 3, FMU_TRACKING = 4 };
+
+/* Types of variables. */
+enum { FMU_REAL, FMU_WHOLE, FMU_FLAG, FMU_CHOICE };
+
+static int fmu_type(uint32_t variable)
+{
+    int type = FMU_REAL;
+    if ((variable == FMU_SAMPLE_AGE) || (variable == FMU_LIMITS)) {
+        type = FMU_WHOLE;
+    } else if (variable == FMU_MODE) {
+        type = FMU_CHOICE;
+    } else if ((variable == FMU_LEARNING) || (variable == FMU_APPLIED_IS_GIVEN) || (variable == FMU_SAMPLE_TAKEN)
+        || (variable == FMU_READING_TAKEN) || (variable == FMU_SENSOR_LOST)) {
+        type = FMU_FLAG;
+    } else {
+        /* real */
+    }
+    return type;
+}
+
+/* What the importer has done so far. */
+enum { FMU_INSTANTIATED, FMU_INITIALISING, FMU_STEPPING, FMU_TERMINATED };
+
+/* Statuses have these values in both versions. */
+enum { FMU_OK = 0, FMU_DISCARD = 2, FMU_ERROR = 3 };
+
+/* How a call ended, and why where that is not well. */
+typedef struct {
+    int status;
+    const char *why;
+} fmu_result;
+
+typedef struct {
+    uint32_t phase;
+    uint32_t wholes[FMU_VARIABLES]; /* whole numbers, flags and the mode */
+    double reals[FMU_VARIABLES];
+    double start; /* s */
+    double ticks; /* since then */
+    union {
+        springpot_state plant;
+        springpot_observer_state observer;
+        springpot_feedforward_state feedforward;
+        springpot_tracking_state tracking;
+    } law;
+    springpot_learning_state learning;
+} fmu_state;
+
+static fmu_result fmu_ok(void)
+{
+    const fmu_result result = {FMU_OK, ""};
+    return result;
+}
+
+static fmu_result fmu_error(const char *why)
+{
+    fmu_result result = {FMU_ERROR, ""};
+    result.why = why;
+    return result;
+}
+
+static fmu_result fmu_discard(const char *why)
+{
+    fmu_result result = {FMU_DISCARD, ""};
+    result.why = why;
+    return result;
+}
+
+/* ---- From instantiation to the first tick. */
+
+/* The state of an FMU that was just instantiated: start values. */
+static void fmu_start(fmu_state *state)
+{
+    /* Bytes between members too: equal states are equal bytes. */
+    memset(state, 0, sizeof *state);
+    state->phase = FMU_INSTANTIATED;
+    state->wholes[FMU_MODE] = FMU_PLANT;
+    state->reals[FMU_FORCE_SCALE] = 1.0;
+}
+
+static fmu_result fmu_initialise(fmu_state *state, double start)
+{
+    if (state->phase != FMU_INSTANTIATED) {
+        return fmu_error("initialisation begins once, after instantiation or a reset");
+    }
+    state->start = start;
+    state->phase = FMU_INITIALISING;
+    return fmu_ok();
+}
+
+/* A film at rest, by the parameters. */
+static fmu_result fmu_begin(fmu_state *state)
+{
+    if (state->phase != FMU_INITIALISING) {
+        return fmu_error("initialisation ends, and has not begun");
+    }
+    if ((state->wholes[FMU_LEARNING] != 0U) && (FMU_LEARNS == 0)) {
+        return fmu_error("learning is asked for, and this film learns nothing: export it with harmonics under [board.control]");
+    }
+    if (state->wholes[FMU_MODE] == FMU_PLANT) {
+        springpot_init(&FMU_FILM, &state->law.plant);
+    } else if (state->wholes[FMU_MODE] == FMU_OBSERVER) {
+        springpot_observer_init(&FMU_FILM, &state->law.observer);
+    } else if (state->wholes[FMU_MODE] == FMU_FEEDFORWARD) {
+        springpot_feedforward_init(&FMU_FILM, &state->law.feedforward);
+    } else {
+        springpot_tracking_init(&FMU_FILM, &state->law.tracking);
+    }
+    springpot_learning_init(&FMU_FILM, &state->learning, 0.0F);
+    state->phase = FMU_STEPPING;
+    return fmu_ok();
+}
+
+/* ---- Values. */
+
+/* Whether a value of `variable`, of `type`, may be read. */
+static fmu_result fmu_readable(uint32_t variable, int type)
+{
+    const bool is_there = (variable < FMU_VARIABLES) && (fmu_type(variable) == type);
+    return is_there ? fmu_ok() : fmu_error("there is no variable of this type with this value reference");
+}
+
+/* Whether it may be set now. */
+static fmu_result fmu_settable(const fmu_state *state, uint32_t variable, int type)
+{
+    const bool is_parameter = (variable >= FMU_MODE) && (variable < FMU_VOLTAGE);
+    const bool is_input = (variable >= FMU_VOLTAGE) && (variable < FMU_DISPLACEMENT);
+    fmu_result result = fmu_readable(variable, type);
+
+    if (result.status != FMU_OK) {
+        /* that is said */
+    } else if (!(is_parameter || is_input)) {
+        result = fmu_error("this variable is calculated and cannot be set");
+    } else if (is_parameter && (state->phase > FMU_INITIALISING)) {
+        result = fmu_error("a parameter can be set until initialisation ends");
+    } else {
+        /* it may */
+    }
+    return result;
+}
+
+/* The time that was reached (s). */
+static double fmu_time(const fmu_state *state)
+{
+    return state->start + (state->ticks * FMU_STEP_S);
+}
+
+static fmu_result fmu_get_real(const fmu_state *state, uint32_t variable, double *value)
+{
+    const fmu_result result = fmu_readable(variable, FMU_REAL);
+    if (result.status == FMU_OK) {
+        *value = (variable == FMU_TIME) ? fmu_time(state) : state->reals[variable];
+    }
+    return result;
+}
+
+static fmu_result fmu_set_real(fmu_state *state, uint32_t variable, double value)
+{
+    fmu_result result = fmu_settable(state, variable, FMU_REAL);
+    if ((result.status == FMU_OK) && !((value >= -(double)FLT_MAX) && (value <= (double)FLT_MAX))) {
+        result = fmu_error("a value is not finite in single precision");
+    }
+    if (result.status == FMU_OK) {
+        state->reals[variable] = value;
+    }
+    return result;
+}
+
+/* Whole numbers, flags (0 or 1) and the mode. */
+static fmu_result fmu_get_whole(const fmu_state *state, uint32_t variable, int type, uint32_t *value)
+{
+    const fmu_result result = fmu_readable(variable, type);
+    if (result.status == FMU_OK) {
+        *value = state->wholes[variable];
+    }
+    return result;
+}
+
+static fmu_result fmu_set_whole(fmu_state *state, uint32_t variable, int type, int64_t value)
+{
+    fmu_result result = fmu_settable(state, variable, type);
+    if ((result.status == FMU_OK) && (variable == FMU_MODE) && ((value < FMU_PLANT) || (value > FMU_TRACKING))) {
+        result = fmu_error("mode is 1 (plant), 2 (observer), 3 (feedforward) or 4 (tracking)");
+    }
+    if ((result.status == FMU_OK) && (variable == FMU_SAMPLE_AGE) && ((value < 0) || (value >= (int64_t)SPRINGPOT_PAST))) {
+        result = fmu_error("sample_age is 0 to 63 ticks");
+    }
+    if (result.status == FMU_OK) {
+        state->wholes[variable] = (uint32_t)value;
+    }
+    return result;
+}
+
+/* ---- Ticks. */
+
+static void fmu_put_command(fmu_state *state, springpot_command command)
+{
+    state->reals[FMU_FORCE] = (double)command.force;
+    state->reals[FMU_COMMAND] = (double)command.voltage;
+    state->reals[FMU_SHAPED_REFERENCE] = (double)command.reference;
+    state->wholes[FMU_LIMITS] = command.limited;
+}
+
+static void fmu_put_observer(fmu_state *state, const springpot_observer_state *observer)
+{
+    state->reals[FMU_DISTURBANCE] = (double)observer->disturbance;
+    state->reals[FMU_FORCE_SCALE] = (double)observer->force_scale;
+    state->wholes[FMU_SENSOR_LOST] = (observer->since_sample > FMU_FILM.observer.lost_after) ? 1U : 0U;
+}
+
+static void fmu_tick_plant(fmu_state *state)
+{
+    const float voltage = (float)state->reals[FMU_VOLTAGE];
+    const springpot_load load = springpot_load_of(&FMU_FILM.drive, voltage);
+    const float displacement = springpot_displacement_under(&FMU_FILM, &state->law.plant, load);
+    uint32_t limits = springpot_beyond_curve(&state->law.plant) ? SPRINGPOT_BEYOND_CURVE : 0U;
+
+    if (springpot_size(voltage) > FMU_FILM.drive.max_voltage) {
+        limits |= SPRINGPOT_MAX_VOLTAGE;
+    }
+    state->reals[FMU_DISPLACEMENT] = (double)displacement;
+    state->reals[FMU_FORCE] = (double)(load.force + (load.slope * displacement));
+    state->wholes[FMU_LIMITS] = limits;
+}
+
+static void fmu_tick_observer(fmu_state *state, const springpot_sample *sample)
+{
+    springpot_observer_state *observer = &state->law.observer;
+    const float voltage = (float)state->reals[FMU_VOLTAGE];
+
+    state->reals[FMU_DISPLACEMENT] = (double)springpot_observer_observe(&FMU_FILM, observer, voltage, sample);
+    state->reals[FMU_FORCE] = (double)(observer->load.force + (observer->load.slope * observer->film.position));
+    state->wholes[FMU_LIMITS] = springpot_beyond_curve(&observer->film) ? SPRINGPOT_BEYOND_CURVE : 0U;
+    fmu_put_observer(state, observer);
+}
+
+/* Feedforward and tracking: what was applied, the sample, the command. */
+static void fmu_tick_controller(fmu_state *state, const springpot_sample *sample)
+{
+    const bool is_tracking = state->wholes[FMU_MODE] == FMU_TRACKING;
+    const uint32_t applied_by = (state->wholes[FMU_APPLIED_IS_GIVEN] != 0U) ? FMU_VOLTAGE : FMU_COMMAND;
+    const float applied = (float)state->reals[applied_by];
+    const float reading = (state->wholes[FMU_READING_TAKEN] != 0U) ? (float)state->reals[FMU_READING] : SPRINGPOT_NO_READING;
+    const bool is_free = state->wholes[FMU_LIMITS] == 0U;
+    float reference = (float)state->reals[FMU_REFERENCE];
+    float displacement;
+
+    if (is_tracking) {
+        displacement = springpot_tracking_observe(&FMU_FILM, &state->law.tracking, applied, reading, sample);
+    } else {
+        displacement = springpot_feedforward_apply(&FMU_FILM, &state->law.feedforward, applied, reading);
+    }
+    state->reals[FMU_DISPLACEMENT] = (double)displacement;
+    if (state->wholes[FMU_LEARNING] != 0U) {
+        reference = springpot_learning_advance(&FMU_FILM, &state->learning, reference, sample, is_free);
+    }
+    if (is_tracking) {
+        springpot_tracking_leave_cycles(&state->law.tracking, state->learning.has_learned != 0U);
+        fmu_put_command(state, springpot_tracking_command(&FMU_FILM, &state->law.tracking, reference));
+        fmu_put_observer(state, &state->law.tracking.observer);
+    } else {
+        fmu_put_command(state, springpot_feedforward_command(&FMU_FILM, &state->law.feedforward, reference));
+    }
+}
+
+/* How many ticks a communication step (s) has; 0 for one that is no whole number of them. */
+static double fmu_ticks(double step_s)
+{
+    /* Importers take differences of times: rounding of some 1e-11 of a tick after an hour. */
+    const double tolerance = 1e-6;
+    const double most = 4294967295.0;
+    const double exact = step_s / FMU_STEP_S;
+    double ticks = 0.0;
+
+    if ((exact >= (1.0 - tolerance)) && (exact <= most)) {
+        const double whole = (double)(uint32_t)(exact + 0.5);
+        const double off = exact - whole;
+        if ((off <= tolerance) && (off >= -tolerance)) {
+            ticks = whole;
+        }
+    }
+    return ticks;
+}
+
+/* A communication step (s): all of it, or nothing where it is refused. A sample and a reading arrive in its first tick. */
+static fmu_result fmu_step(fmu_state *state, double step_s)
+{
+    const double ticks = fmu_ticks(step_s);
+    const bool is_controller = state->wholes[FMU_MODE] >= FMU_FEEDFORWARD;
+    springpot_sample sample;
+    const springpot_sample *arrived = NULL;
+    double tick;
+
+    if (state->phase != FMU_STEPPING) {
+        return fmu_error("a step comes after initialisation and before termination");
+    }
+    if (ticks < 1.0) {
+        return fmu_discard("a communication step is a whole multiple of fixedInternalStepSize, the tick of the law: nothing was done");
+    }
+    if (is_controller && (ticks > 1.0)) {
+        return fmu_discard("a controller ticks once in a communication step, since nobody would apply what it commands in between: "
+                           "take steps of fixedInternalStepSize; nothing was done");
+    }
+    sample.displacement = (float)state->reals[FMU_SAMPLE];
+    sample.age_ticks = state->wholes[FMU_SAMPLE_AGE];
+    if (state->wholes[FMU_SAMPLE_TAKEN] != 0U) {
+        arrived = &sample;
+    }
+    for (tick = 0.0; tick < ticks; tick += 1.0) {
+        if (state->wholes[FMU_MODE] == FMU_PLANT) {
+            fmu_tick_plant(state);
+        } else if (state->wholes[FMU_MODE] == FMU_OBSERVER) {
+            fmu_tick_observer(state, arrived);
+        } else {
+            fmu_tick_controller(state, arrived);
+        }
+        arrived = NULL;
+    }
+    state->ticks += ticks;
+    return fmu_ok();
+}
+
+static fmu_result fmu_terminate(fmu_state *state)
+{
+    fmu_result result = fmu_error("termination comes after initialisation");
+    if (state->phase == FMU_STEPPING) {
+        state->phase = FMU_TERMINATED;
+        result = fmu_ok();
+    }
+    return result;
+}
+
+/* ---- States as copies and as bytes, for the same build of the same FMU. */
+
+/* Copies `state` to `*copy`, which is allocated if it is NULL. */
+static fmu_result fmu_copy(const fmu_state *state, void **copy)
+{
+    if (copy == NULL) {
+        return fmu_error("there is no place for the state");
+    }
+    if (*copy == NULL) {
+        *copy = malloc(sizeof *state);
+    }
+    if (*copy == NULL) {
+        return fmu_error("there is no memory for a state");
+    }
+    memcpy(*copy, state, sizeof *state);
+    return fmu_ok();
+}
+
+static fmu_result fmu_restore(fmu_state *state, const void *copy)
+{
+    if (copy == NULL) {
+        return fmu_error("there is no state to set");
+    }
+    memcpy(state, copy, sizeof *state);
+    return fmu_ok();
+}
+
+#define FMU_TOKEN_BYTES (sizeof FMU_TOKEN - 1U)
+#define FMU_CHECK_BYTES sizeof(uint64_t)
+#define FMU_SERIALIZED_BYTES (FMU_TOKEN_BYTES + FMU_CHECK_BYTES + sizeof(fmu_state))
+
+/* FNV-1a over the bytes of a state: what was cut or changed is refused. */
+static uint64_t fmu_checksum(const unsigned char *bytes, size_t count)
+{
+    uint64_t sum = UINT64_C(14695981039346656037);
+    size_t i;
+    for (i = 0U; i < count; i++) {
+        sum = (sum ^ (uint64_t)bytes[i]) * UINT64_C(1099511628211);
+    }
+    return sum;
+}
+
+static fmu_result fmu_serialize(const void *copy, unsigned char *bytes, size_t count)
+{
+    uint64_t sum;
+    if ((copy == NULL) || (bytes == NULL) || (count < FMU_SERIALIZED_BYTES)) {
+        return fmu_error("there is no state, or too little room for it: ask for its size");
+    }
+    sum = fmu_checksum((const unsigned char *)copy, sizeof(fmu_state));
+    memcpy(bytes, FMU_TOKEN, FMU_TOKEN_BYTES);
+    memcpy(&bytes[FMU_TOKEN_BYTES], &sum, FMU_CHECK_BYTES);
+    memcpy(&bytes[FMU_TOKEN_BYTES + FMU_CHECK_BYTES], copy, sizeof(fmu_state));
+    return fmu_ok();
+}
+
+static fmu_result fmu_deserialize(const unsigned char *bytes, size_t count, void **copy)
+{
+    fmu_state state;
+    uint64_t sum;
+    if ((bytes == NULL) || (count != FMU_SERIALIZED_BYTES) || (memcmp(bytes, FMU_TOKEN, FMU_TOKEN_BYTES) != 0)) {
+        return fmu_error("these bytes are no state of this FMU");
+    }
+    memcpy(&sum, &bytes[FMU_TOKEN_BYTES], FMU_CHECK_BYTES);
+    memcpy(&state, &bytes[FMU_TOKEN_BYTES + FMU_CHECK_BYTES], sizeof state);
+    if (sum != fmu_checksum(&bytes[FMU_TOKEN_BYTES + FMU_CHECK_BYTES], sizeof state)) {
+        return fmu_error("this state was changed: its checksum is wrong");
+    }
+    return fmu_copy(&state, copy);
+}
+
+#endif /* SPRINGPOT_FMU_H */

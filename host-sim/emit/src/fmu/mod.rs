@@ -1,0 +1,133 @@
+//! An FMU for co-simulation, of FMI 2.0 or 3.0: the film and its laws of control behind an interface in C.
+//!
+//! | file | what it holds |
+//! | --- | --- |
+//! | `fmu/springpot_fmu.h` | variables, ticks and states, written by hand, for both versions |
+//! | `fmu/fmi2.c`, `fmu/fmi3.c`, `fmu/fmi3_absent.h` | the functions of a version in front of that |
+//! | `fmu/standard` | types of the standard, under their own licence (2-clause BSD, in each file), as they are |
+//! | `variables` | what an importer sees |
+//! | `description` | modelDescription.xml and buildDescription.xml |
+
+mod description;
+mod variables;
+
+use std::fmt::Write;
+
+use sha2::{Digest, Sha256};
+
+use crate::film::{plain, rounded};
+use crate::{Film, HEADER, film};
+
+/// A version of the standard. One file has one: its `modelDescription.xml` is of either.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Version {
+    /// FMI 2.0.
+    Fmi2,
+    /// FMI 3.0.
+    Fmi3,
+}
+
+impl Version {
+    /// Sources that are the same for every film; those that are compiled first.
+    fn sources(self) -> &'static [(&'static str, &'static str)] {
+        match self {
+            Self::Fmi2 => &[
+                ("fmi2.c", include_str!("../../fmu/fmi2.c")),
+                ("springpot_fmu.h", COMMON),
+                ("springpot.h", HEADER),
+                ("fmi2FunctionTypes.h", include_str!("../../fmu/standard/fmi2FunctionTypes.h")),
+                ("fmi2TypesPlatform.h", include_str!("../../fmu/standard/fmi2TypesPlatform.h")),
+            ],
+            Self::Fmi3 => &[
+                ("fmi3.c", include_str!("../../fmu/fmi3.c")),
+                ("fmi3_absent.h", include_str!("../../fmu/fmi3_absent.h")),
+                ("springpot_fmu.h", COMMON),
+                ("springpot.h", HEADER),
+                ("fmi3FunctionTypes.h", include_str!("../../fmu/standard/fmi3FunctionTypes.h")),
+                ("fmi3PlatformTypes.h", include_str!("../../fmu/standard/fmi3PlatformTypes.h")),
+            ],
+        }
+    }
+}
+
+const COMMON: &str = include_str!("../../fmu/springpot_fmu.h");
+
+/// The text files of an FMU, and what is compiled of them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fmu {
+    /// Paths within the archive, and what stands there: the same for the same film, `modelDescription.xml` first.
+    pub files: Vec<(String, String)>,
+    /// Names within `sources/` of the files to compile.
+    pub compiled: Vec<String>,
+}
+
+/// What a description says of a film.
+struct Described<'a> {
+    symbol: &'a str,
+    name: String,
+    version: Version,
+    /// How the library knows its description.
+    token: String,
+    step_s: f64,
+    learns: bool,
+    compiled: &'a [String],
+}
+
+/// The FMU of a film; its symbol is the model's identifier.
+#[must_use]
+pub fn fmu(of: &Film, version: Version) -> Fmu {
+    let text = film(of);
+    let own = format!("{}.c", of.symbol);
+    let compiled = vec![version.sources()[0].0.to_owned(), own.clone()];
+    let mut described = Described {
+        symbol: of.symbol,
+        name: plain(of.name),
+        version,
+        token: String::new(),
+        // As it was asked for: the law has it in single precision.
+        step_s: 1.0 / rounded(1.0 / of.tracking.observer().law().step_s()),
+        learns: of.learning.is_some(),
+        compiled: &compiled,
+    };
+    // Of everything that a library and its description are made of.
+    let fixed = version.sources().iter().map(|(_, text)| *text);
+    let parts = [description::model(&described), text.clone()];
+    described.token = token(fixed.chain(parts.iter().map(String::as_str)));
+
+    let mut files = vec![("modelDescription.xml".to_owned(), description::model(&described))];
+    if version == Version::Fmi3 {
+        files.push(("sources/buildDescription.xml".into(), description::build(&described)));
+    }
+    files.extend(version.sources().iter().map(|(name, text)| (format!("sources/{name}"), (*text).to_owned())));
+    files.push(("sources/springpot_fmu_film.h".into(), film_header(&described)));
+    files.push((format!("sources/{own}"), text));
+    Fmu { files, compiled }
+}
+
+/// What springpot_fmu.h needs to know of the film.
+fn film_header(of: &Described) -> String {
+    let Described { symbol, token, step_s, learns, .. } = of;
+    let mut text = "/* The film of this FMU. Free for any use: SPDX-License-Identifier: 0BSD */\n".to_owned();
+    // Writing to a string cannot fail.
+    let _ = write!(
+        text,
+        "#define FMU_FILM {symbol}\n#define FMU_TOKEN \"{token}\"\n#define FMU_STEP_S {step_s:e}\n#define FMU_LEARNS {}\n",
+        u8::from(*learns)
+    );
+    text
+}
+
+/// A token in the form of a GUID, which depends on all of `parts`.
+fn token<'a>(parts: impl Iterator<Item = &'a str>) -> String {
+    let mut digest = Sha256::new();
+    for part in parts {
+        digest.update(part);
+        digest.update([0]);
+    }
+    let mut text = "{".to_owned();
+    for (index, byte) in digest.finalize().iter().take(16).enumerate() {
+        let dash = if matches!(index, 4 | 6 | 8 | 10) { "-" } else { "" };
+        let _ = write!(text, "{dash}{byte:02x}");
+    }
+    text + "}"
+}

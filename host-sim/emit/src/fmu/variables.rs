@@ -1,0 +1,143 @@
+//! Variables of an FMU: the same for every film and both versions.
+
+/// What a variable holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// A number of the model, in single precision, with its unit and the one that people read it in.
+    Real {
+        unit: &'static str,
+        shown: Option<&'static str>,
+        start: &'static str,
+    },
+    /// A whole number up to `most`.
+    Whole {
+        most: u32,
+    },
+    Flag,
+    /// The mode.
+    Choice,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Causality {
+    Parameter,
+    Input,
+    Output,
+}
+
+impl Causality {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Parameter => "parameter",
+            Self::Input => "input",
+            Self::Output => "output",
+        }
+    }
+}
+
+pub(super) struct Variable {
+    /// As `enum` of springpot_fmu.h has it.
+    pub(super) reference: u32,
+    pub(super) name: &'static str,
+    pub(super) causality: Causality,
+    pub(super) kind: Kind,
+    pub(super) description: &'static str,
+}
+
+/// Modes by their values, from 1.
+pub(super) const MODES: [(&str, &str); 4] = [
+    ("plant", "the film: voltage to displacement"),
+    ("observer", "an estimate of a film from voltage and samples of its displacement"),
+    ("feedforward", "a voltage for a reference, without a sensor"),
+    ("tracking", "a voltage for a reference, with a sensor"),
+];
+
+const METRES: Kind = real("m", Some("mm"), "0");
+const VOLTS: Kind = real("V", Some("kV"), "0");
+const NEWTONS: Kind = real("N", None, "0");
+
+const fn real(unit: &'static str, shown: Option<&'static str>, start: &'static str) -> Kind {
+    Kind::Real { unit, shown, start }
+}
+
+const fn variable(
+    reference: u32,
+    name: &'static str,
+    causality: Causality,
+    kind: Kind,
+    description: &'static str,
+) -> Variable {
+    Variable { reference, name, causality, kind, description }
+}
+
+use Causality::{Input, Output, Parameter};
+
+/// All but the time, which is 0, in the order of their references.
+pub(super) const VARIABLES: [Variable; 18] = [
+    variable(1, "mode", Parameter, Kind::Choice, "What this FMU is"),
+    variable(
+        2,
+        "learning",
+        Parameter,
+        Kind::Flag,
+        "Feedforward, tracking: the errors of periodic references are learned",
+    ),
+    variable(
+        3,
+        "applied_is_given",
+        Parameter,
+        Kind::Flag,
+        "Feedforward, tracking: the input voltage is what was applied since the last tick; otherwise it was the command",
+    ),
+    variable(
+        4,
+        "voltage",
+        Input,
+        VOLTS,
+        "Plant, observer: voltage on the film. Feedforward, tracking: what was applied, if that is given",
+    ),
+    variable(5, "reference", Input, METRES, "Feedforward, tracking: displacement to reach at the end of this tick"),
+    variable(6, "sample", Input, METRES, "Observer, tracking, learning: a sample of the displacement sensor"),
+    variable(7, "sample_taken", Input, Kind::Flag, "Whether a sample has arrived"),
+    variable(8, "sample_age", Input, Kind::Whole { most: 63 }, "How many ticks ago it was measured"),
+    variable(9, "reading", Input, VOLTS, "Feedforward, tracking: what a voltage monitor read"),
+    variable(10, "reading_taken", Input, Kind::Flag, "Whether there is such a reading"),
+    variable(
+        11,
+        "displacement",
+        Output,
+        METRES,
+        "Of the film: simulated (plant, feedforward) or estimated (observer, tracking)",
+    ),
+    variable(
+        12,
+        "force",
+        Output,
+        NEWTONS,
+        "Plant, observer: of the voltage, weight included. Feedforward, tracking: electrostatic force that the command needs",
+    ),
+    variable(13, "command", Output, VOLTS, "Feedforward, tracking: voltage to apply from now on"),
+    variable(
+        14,
+        "shaped_reference",
+        Output,
+        METRES,
+        "Feedforward, tracking: the reference within speed and acceleration",
+    ),
+    variable(
+        15,
+        "limits",
+        Output,
+        Kind::Whole { most: 255 },
+        "Sum of the limits met: 1 below zero, 2 voltage, 4 field, 8 slew, 16 speed, 32 acceleration, 64 beyond the curve, 128 amplifier",
+    ),
+    variable(16, "disturbance", Output, NEWTONS, "Observer, tracking: force that the model does not know"),
+    variable(
+        17,
+        "force_scale",
+        Output,
+        real("1", None, "1"),
+        "Observer, tracking: effect of the electrostatic force over the model's",
+    ),
+    variable(18, "sensor_lost", Output, Kind::Flag, "Observer, tracking: no sample for too long"),
+];
