@@ -181,3 +181,12 @@ fn what_no_controller_takes_is_not_exported() {
     }
     names(&TOOL.fails(&["export", "--params", text(&file), "--out", text(&file)]), &["overwrite"]);
 }
+
+/// What the example firmware for other boards holds is made of the file beside it, as its comment says.
+#[test]
+fn the_blob_of_the_example_for_other_boards_is_that_of_its_film() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/dea-driver/examples/other-board");
+    let committed = fs::read(format!("{folder}/film.bin")).expect("committed");
+    let made = exported(&format!("{folder}/film.toml"), "1000");
+    assert!(made == committed, "make film.bin again: host-sim export --params film.toml --out film.bin in {folder}");
+}

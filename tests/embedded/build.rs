@@ -1,4 +1,5 @@
-//! Puts the target's memory map where the linker finds it, and the coefficients of the laws where `cycles` finds them.
+//! Puts the target's memory map where the linker finds it, its clock where the counter finds it, and the coefficients of the laws where
+//! `cycles` finds them.
 
 use std::env;
 use std::error::Error;
@@ -7,8 +8,23 @@ use std::path::Path;
 
 use springpot::{Coefficients, Compressed, Law, Options, Preset};
 
+/// Memory maps of the example for boards of these cores.
+const BOARDS: [&str; 2] = [
+    "../../crates/dea-driver/examples/other-board/mps2-an505.x",
+    "../../crates/dea-driver/examples/other-board/virt.x",
+];
+
 fn main() -> Result<(), Box<dyn Error>> {
-    let map = if env::var("TARGET")?.starts_with("thumbv6m") { "microbit.x" } else { "../../memory.x" };
+    let target = env::var("TARGET")?;
+    // Core clocks of QEMU's boards. RISC-V counts instructions itself.
+    let (map, clock_mhz) = match target.split('-').next() {
+        Some("thumbv6m") => ("microbit.x", "16"),
+        Some("thumbv7em") => ("../../memory.x", "168"),
+        Some("thumbv8m.main") => (BOARDS[0], "20"),
+        Some("riscv32imac") => (BOARDS[1], ""),
+        _ => return Err(format!("there is no board for {target}").into()),
+    };
+    println!("cargo:rustc-env=CLOCK_MHZ={clock_mhz}");
     let out = env::var("OUT_DIR")?;
     fs::copy(map, Path::new(&out).join("memory.x"))?;
     fs::write(Path::new(&out).join("coefficients.rs"), coefficients()?)?;

@@ -15,7 +15,7 @@ use std::fs;
 use std::process::Command;
 
 use crate::process::{Result, output, root};
-use crate::setup::{TARGETS, Toolchain};
+use crate::setup::{TARGETS, Toolchain, built};
 
 /// Functions of `tests/embedded/src/cycles.rs`, and the rows of docs/results.md that they stand for.
 const KERNELS: [(&str, &str); 14] = [
@@ -40,14 +40,14 @@ pub fn modelled(toolchain: &Toolchain) -> Result<Vec<(&'static str, f64)>> {
     let folder = root().join("tests/embedded");
     let build = ["build", "--quiet", "--release", "--bin", "cycles"];
     output(toolchain.cargo(&folder, TARGETS[0], &build))?;
-    let log = folder.join("target/cycles.log");
+    let log = built().join("cycles.log");
     let mut qemu = Command::new("qemu-system-arm");
     qemu.args(["-M", "olimex-stm32-h405", "-nographic", "-monitor", "none", "-serial", "none"])
         .args(["-semihosting-config", "enable=on,target=native", "-accel", "tcg,one-insn-per-tb=on"])
         .args(["-d", "in_asm,exec,nochain", "-D"])
         .arg(&log)
         .arg("-kernel")
-        .arg(folder.join("target").join(TARGETS[0]).join("release/cycles"));
+        .arg(built().join(TARGETS[0]).join("release/cycles"));
     output(qemu)?;
     let text = fs::read_to_string(&log).map_err(|error| format!("{}: {error}", log.display()))?;
     let trace = Trace::read(&text);

@@ -8,7 +8,8 @@ use documents::{Documents, Tolerance};
 
 use crate::cycles;
 use crate::process::{Result, cargo, output, root, run as run_command};
-use crate::setup::{TARGETS, Toolchain};
+use crate::setup::{OTHER_TARGETS, TARGETS, Toolchain};
+use crate::test::LIBRARIES;
 
 /// What an image printed: lines of `cost NAME INSTRUCTIONS` and `bits NAME CHECKSUM`.
 #[derive(Default)]
@@ -17,64 +18,90 @@ struct Printed {
     bits: BTreeMap<String, String>,
 }
 
-/// Checks the libraries with all features for both chips.
+/// Checks the libraries with all features for the smaller chip: the other one can all that it can, and the images are built for both.
 pub fn libraries(toolchain: &Toolchain) -> Result<()> {
-    for target in TARGETS {
-        for library in ["crates/springpot", "crates/dea-driver"] {
-            run_command(toolchain.cargo(&root().join(library), target, &["check", "--quiet", "--all-features"]))?;
-        }
-    }
-    Ok(())
+    let packages = LIBRARIES.map(|library| ["--package", library]).concat();
+    let check = [["check", "--quiet", "--release", "--all-features"].as_slice(), &packages].concat();
+    run_command(toolchain.cargo(&root(), TARGETS[1], &check))
 }
 
-/// Which films the chip without an FPU steps. The other one steps all of them.
+/// Which films are stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SmallChip {
-    /// Those of each kind, in a minute.
+pub enum Films {
+    /// Those of each kind: on a core without an FPU half a minute.
     Few,
-    /// All of them, in three.
+    /// All of them: on a core with an FPU most of a minute, on the other one two.
     All,
 }
 
-/// Builds images of the libraries, runs them and compares them with the host and with what the documents state.
-pub fn run(toolchain: &Toolchain, small_chip: SmallChip) -> Result<()> {
-    let folder = root().join("tests/embedded");
-    let mut columns = Vec::new();
-    let mut format = cargo(&["fmt", "--check"]);
-    format.current_dir(&folder);
-    run_command(format)?;
-    for target in TARGETS {
-        if matches!(toolchain, Toolchain::Rustup) {
-            run_command(toolchain.cargo(&folder, target, &["clippy", "--quiet", "--", "-D", "warnings"]))?;
-        }
-        panic_free(toolchain, target, &folder)?;
-        let is_few = target == TARGETS[1] && small_chip == SmallChip::Few;
-        let (films, features): (&[Film], &[&str]) =
-            if is_few { (&FEW, &["--features", "few-films"]) } else { (&FILMS, &[]) };
-        let image = [&["--quiet", "--release", "--bin", "steps"], features].concat();
-        run_command(toolchain.cargo(&folder, target, &[&["build"], image.as_slice()].concat()))?;
-        let text = output(toolchain.cargo(&folder, target, &[&["run"], image.as_slice()].concat()))?;
-        let printed = parse(&text)?;
-        let mut host = Host::default();
-        chip_program::run(&mut host, films);
-        compare_bits(target, &host.0, &printed.bits)?;
-        println!("{target}: {} checksums of laws, steps and both directions are the host's", printed.bits.len());
-        columns.push(printed.costs);
-    }
-    within_bars(&columns[0])?;
+/// Builds images of the libraries for both chips, runs them and compares them with the host and with what the documents state.
+pub fn run(toolchain: &Toolchain, films: Films) -> Result<()> {
+    let [cortex_m4f, cortex_m0] = TARGETS;
+    check_sources(toolchain, cortex_m4f)?;
+    let costs = steps(toolchain, cortex_m4f, films)?;
+    within_bars(&costs)?;
     let documents = Documents::read()?;
-    let mut off = compare(&documents, "Cortex-M4F", &columns[0]);
-    off.extend(compare(&documents, "Cortex-M0", &columns[1]));
+    let mut off = compare(&documents, "Cortex-M4F", &costs);
+    off.extend(compare(&documents, "Cortex-M0", &steps(toolchain, cortex_m0, films)?));
     let cycles = cycles::modelled(toolchain)?;
     let cycles: BTreeMap<String, u64> =
         cycles.into_iter().map(|(row, cycles)| (row.to_owned(), cycles as u64)).collect();
     off.extend(compare(&documents, "cycles", &cycles));
+    judge(&off)
+}
+
+/// The same for the firmware's core and those of other boards: with an FPU all films, on RISC-V those of each kind.
+pub fn all_cores(toolchain: &Toolchain) -> Result<()> {
+    let [cortex_m33, risc_v] = OTHER_TARGETS;
+    check_sources(toolchain, risc_v)?;
+    let documents = Documents::read()?;
+    let mut off = Vec::new();
+    for (column, target, films) in [
+        ("Cortex-M4F", TARGETS[0], Films::All),
+        ("Cortex-M33", cortex_m33, Films::All),
+        ("riscv32imac", risc_v, Films::Few),
+    ] {
+        off.extend(compare(&documents, column, &steps(toolchain, target, films)?));
+    }
+    judge(&off)
+}
+
+/// Fails with what the documents do not state, if there is any.
+fn judge(off: &[String]) -> Result<()> {
     if off.is_empty() {
-        println!("the instruction counts and modelled cycles that the documents state hold within 2 %");
+        println!("the costs that the documents state hold within 2 %");
         Ok(())
     } else {
         Err(format!("docs/results.md, costs:\n  {}", off.join("\n  ")))
     }
+}
+
+/// Format and lints of the images, for an architecture: its other cores are given the same sources.
+fn check_sources(toolchain: &Toolchain, target: &str) -> Result<()> {
+    let folder = root().join("tests/embedded");
+    let mut format = cargo(&["fmt", "--check"]);
+    format.current_dir(&folder);
+    run_command(format)?;
+    toolchain.lint(&folder, target, &[])
+}
+
+/// Builds the images for `target`, runs them, compares the bits with the host's, and gives the costs.
+fn steps(toolchain: &Toolchain, target: &str, films: Films) -> Result<BTreeMap<String, u64>> {
+    let folder = root().join("tests/embedded");
+    panic_free(toolchain, target, &folder)?;
+    let (films, features): (&[Film], &[&str]) = match films {
+        Films::Few => (&FEW, &["--features", "few-films"]),
+        Films::All => (&FILMS, &[]),
+    };
+    let image = [&["--quiet", "--release", "--bin", "steps"], features].concat();
+    run_command(toolchain.cargo(&folder, target, &[&["build"], image.as_slice()].concat()))?;
+    let text = output(toolchain.cargo(&folder, target, &[&["run"], image.as_slice()].concat()))?;
+    let printed = parse(&text)?;
+    let mut host = Host::default();
+    chip_program::run(&mut host, films);
+    compare_bits(target, &host.0, &printed.bits)?;
+    println!("{target}: {} checksums of laws, steps and both directions are the host's", printed.bits.len());
+    Ok(printed.costs)
 }
 
 /// Links a program that cannot be linked if a step or a tick can panic, and sees that it does not link with one that can.

@@ -1,4 +1,4 @@
-//! The law in other languages: what its tests need beyond the default run, installed, and those tests.
+//! The law in other languages and on other boards: what its tests need beyond the default run, installed, and those tests.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,13 +7,15 @@ use std::process::Command;
 use clap::ValueEnum;
 
 use crate::process::{Result, cargo, command, root, run as run_command};
-use crate::setup;
+use crate::{embedded, other_board, setup};
 
-/// A language.
+/// A language, or the crates on other boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Face {
     /// The emitted C: gcc and clang, sanitizers, Cortex-M0, M4F, M33 and RISC-V in QEMU.
     C,
+    /// The Rust crates on other boards: Cortex-M33 and RISC-V in QEMU, with the example firmware.
+    Rust,
     /// The Python package: installed into an environment of its own, against the command line, its types and its notebook.
     Python,
     /// MATLAB's two: the MEX function in Octave, `springpot_replay.m`, the S-function before a stub of Simulink's headers.
@@ -27,6 +29,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
     for face in Face::value_variants().iter().filter(|face| only.is_none_or(|only| only == **face)) {
         match face {
             Face::C => c()?,
+            Face::Rust => rust()?,
             Face::Python => python()?,
             Face::Octave => octave()?,
             Face::Fmu => fmu()?,
@@ -44,6 +47,14 @@ pub fn c() -> Result<()> {
     run_command(cargo(&of_the_package))?;
     let of_the_tool = ["test", "--package", "tests", "--test", "command_line", "export_c", "--", "--include-ignored"];
     run_command(cargo(&of_the_tool))
+}
+
+/// The Rust crates on cores that are not the firmware's, with all films on that one too, and the example firmware for boards of these.
+pub fn rust() -> Result<()> {
+    let toolchain = setup::toolchain()?;
+    setup::qemu_for_both()?;
+    embedded::all_cores(&toolchain)?;
+    other_board::everywhere(&toolchain)
 }
 
 /// The MEX function and the script in Octave, and the S-function.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::process::{Result, cargo, output, root, run as run_command};
-use crate::setup::{TARGETS, Toolchain};
+use crate::setup::{TARGETS, Toolchain, built};
 
 /// An image: what it is for, and the options of its build.
 struct Image {
@@ -35,14 +35,10 @@ pub fn virtual_board(toolchain: &Toolchain) -> Result<PathBuf> {
 /// Checks and builds all images. The linker fails beyond their budget of flash and RAM.
 pub fn images(toolchain: &Toolchain) -> Result<()> {
     let mut format = cargo(&["fmt", "--check"]);
-    format.current_dir(root().join("firmware"));
+    format.current_dir(folder());
     run_command(format)?;
     for image in &IMAGES {
-        if matches!(toolchain, Toolchain::Rustup) {
-            let lint =
-                [["clippy", "--quiet", "--release"].as_slice(), image.options, &["--", "-D", "warnings"]].concat();
-            run_command(command(toolchain, &lint))?;
-        }
+        toolchain.lint(&folder(), TARGETS[0], image.options)?;
         build(toolchain, image)?;
     }
     no_virtual_bench_on_a_board(toolchain)
@@ -71,11 +67,10 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
 /// Builds an image, and returns where it is.
 fn build(toolchain: &Toolchain, image: &Image) -> Result<PathBuf> {
     output(command(toolchain, &[["build", "--quiet", "--release"].as_slice(), image.options].concat()))?;
-    let built = Path::new(TARGETS[0]).join("release/firmware");
-    let target = root().join("firmware/target");
-    let mut path = target.join(&built);
+    let file = Path::new(TARGETS[0]).join("release/firmware");
+    let mut path = built().join(&file);
     if let Some(folder) = image.copy {
-        let copy = target.join(folder).join(&built);
+        let copy = built().join(folder).join(&file);
         let failed = |error| format!("{}: {error}", copy.display());
         fs::create_dir_all(copy.with_file_name("")).map_err(failed)?;
         fs::copy(&path, &copy).map_err(failed)?;
@@ -86,5 +81,9 @@ fn build(toolchain: &Toolchain, image: &Image) -> Result<PathBuf> {
 }
 
 fn command(toolchain: &Toolchain, arguments: &[&str]) -> Command {
-    toolchain.cargo(&root().join("firmware"), TARGETS[0], arguments)
+    toolchain.cargo(&folder(), TARGETS[0], arguments)
+}
+
+fn folder() -> PathBuf {
+    root().join("firmware")
 }

@@ -8,6 +8,7 @@ mod cycles;
 mod embedded;
 mod faces;
 mod firmware;
+mod other_board;
 mod packages;
 mod page;
 mod process;
@@ -19,7 +20,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use embedded::SmallChip;
+use embedded::Films;
 
 /// Chores of the project.
 #[derive(Parser)]
@@ -52,8 +53,8 @@ enum Chore {
         #[arg(long, value_name = "ELF")]
         image: Option<std::path::PathBuf>,
     },
-    /// Test the law in other languages (docs/faces.md): compilers, sanitizers, chips in QEMU, Python, Octave. Installs what is missing,
-    /// some 2.5 GB on Debian.
+    /// Test the law in other languages and on other boards (docs/faces.md): compilers, sanitizers, chips in QEMU, Python, Octave.
+    /// Installs what is missing, some 2.5 GB on Debian.
     Faces {
         /// Only this one.
         face: Option<faces::Face>,
@@ -81,8 +82,7 @@ fn main() -> ExitCode {
         Chore::Sweep => test::sweep(),
         Chore::Setup => setup::run().map(drop),
         Chore::Embedded => {
-            let run =
-                |toolchain| embedded::libraries(&toolchain).and_then(|()| embedded::run(&toolchain, SmallChip::All));
+            let run = |toolchain| embedded::libraries(&toolchain).and_then(|()| embedded::run(&toolchain, Films::All));
             setup::run().and_then(run)
         }
         Chore::Image => setup::toolchain().and_then(|toolchain| firmware::image(&toolchain)),

@@ -12,6 +12,9 @@ use crate::process::{Result, cargo, command, output, root, run as run_command};
 /// The chips: Cortex-M4F (hard float) and Cortex-M0 (soft float, no compare-and-swap).
 pub const TARGETS: [&str; 2] = ["thumbv7em-none-eabihf", "thumbv6m-none-eabi"];
 
+/// Cores of boards that are not the firmware's: Cortex-M33 (hard float) and RISC-V (soft float).
+pub const OTHER_TARGETS: [&str; 2] = ["thumbv8m.main-none-eabihf", "riscv32imac-unknown-none-elf"];
+
 /// How images are compiled.
 pub enum Toolchain {
     /// The project's own toolchain, with rustup's targets.
@@ -21,6 +24,11 @@ pub enum Toolchain {
         /// PATH with the linker.
         path: OsString,
     },
+}
+
+/// Where all images are built, whatever folder they are of: what they depend on is compiled once.
+pub fn built() -> PathBuf {
+    root().join("firmware/target")
 }
 
 impl Toolchain {
@@ -42,10 +50,19 @@ impl Toolchain {
                 command
             }
         };
-        command.current_dir(folder);
+        command.current_dir(folder).env("CARGO_TARGET_DIR", built());
         // The flags of the host's build are not the chip's.
         command.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
         command
+    }
+
+    /// Lints an image: of the profile that it is built with, which compiles the macros of both once. Debian's compiler has no clippy.
+    pub fn lint(&self, folder: &Path, target: &str, options: &[&str]) -> Result<()> {
+        let lint = [["clippy", "--quiet", "--release"].as_slice(), options, &["--", "-D", "warnings"]].concat();
+        match self {
+            Self::Rustup => run_command(self.cargo(folder, target, &lint)),
+            Self::Debian { .. } => Ok(()),
+        }
     }
 }
 
@@ -82,11 +99,12 @@ pub fn toolchain() -> Result<Toolchain> {
     let without_rustup = env::var_os("XTASK_WITHOUT_RUSTUP").is_some();
     if !without_rustup {
         let installed = || output(command("rustup", &["target", "list", "--installed"])).unwrap_or_default();
-        let complete = |list: &str| TARGETS.iter().all(|target| list.lines().any(|line| line == *target));
+        let targets = [TARGETS, OTHER_TARGETS].concat();
+        let complete = |list: &str| targets.iter().all(|target| list.lines().any(|line| line == *target));
         if complete(&installed()) {
             return Ok(Toolchain::Rustup);
         }
-        let added = run_command(command("rustup", &[["target", "add"].as_slice(), &TARGETS].concat()));
+        let added = run_command(command("rustup", &[["target", "add"].as_slice(), &targets].concat()));
         if added.is_ok() && complete(&installed()) {
             return Ok(Toolchain::Rustup);
         }
@@ -113,7 +131,7 @@ fn rust_source() -> PathBuf {
 }
 
 fn qemu() -> Result<()> {
-    const BOARDS: [&str; 2] = ["olimex-stm32-h405", "microbit"];
+    const BOARDS: [&str; 3] = ["olimex-stm32-h405", "microbit", "mps2-an505"];
     let knows_the_boards = || {
         let boards = output(command("qemu-system-arm", &["-M", "help"])).unwrap_or_default();
         BOARDS.iter().all(|board| boards.lines().any(|line| line.starts_with(board)))
@@ -161,6 +179,11 @@ pub fn c_compilers() -> Result<()> {
             apt_install(&packages, None)?;
         }
     }
+    qemu_for_both()
+}
+
+/// QEMU with boards of Cortex-M and of RISC-V.
+pub fn qemu_for_both() -> Result<()> {
     qemu()?;
     if !has("qemu-system-riscv32") {
         // Of the release that QEMU for Arm is of: they share files. Older ones have it in another package.

@@ -5,9 +5,9 @@ use std::process::Command;
 use std::time::Instant;
 use std::{fs, io};
 
-use crate::embedded::SmallChip;
+use crate::embedded::Films;
 use crate::process::{Result, cargo, output, root, run as run_command};
-use crate::{embedded, firmware, packages, setup};
+use crate::{embedded, firmware, other_board, packages, setup};
 
 /// The libraries: they are checked with every feature, and packaged.
 pub const LIBRARIES: [&str; 2] = ["springpot", "dea-driver"];
@@ -79,7 +79,8 @@ pub fn run() -> Result<()> {
         let toolchain = setup::run()?;
         firmware::images(&toolchain)?;
         embedded::libraries(&toolchain)?;
-        embedded::run(&toolchain, SmallChip::Few)
+        embedded::run(&toolchain, Films::Few)?;
+        other_board::on_cortex_m33(&toolchain)
     };
     stages.run_beside(("tools, images, and steps on chips", images), |stages| {
         stages.run("format", || run_command(cargo(&["fmt", "--all", "--check"])))?;
@@ -211,7 +212,8 @@ pub fn deny() -> Result<()> {
     let checks = ["check", "licenses", "bans", "sources"];
     run_command(cargo(&[["deny", "--workspace", "--all-features"].as_slice(), &checks].concat()))?;
     // The images and the Python package are workspaces of their own.
-    for manifest in ["firmware/Cargo.toml", "python/Cargo.toml", "tests/embedded/Cargo.toml", "tests/fuzz/Cargo.toml"] {
+    for folder in ["crates/dea-driver/examples/other-board", "firmware", "python", "tests/embedded", "tests/fuzz"] {
+        let manifest = &format!("{folder}/Cargo.toml");
         let of_images = ["deny", "--manifest-path", manifest, "--config", "deny.toml", "--log-level", "error"];
         run_command(cargo(&[of_images.as_slice(), &checks].concat()))?;
     }

@@ -5,15 +5,16 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
+use cortex_m::Peripherals;
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::exception;
 
 /// Core clock of the emulated board.
-#[cfg(target_abi = "eabihf")]
-const CLOCK_MHZ: u64 = 168;
-#[cfg(not(target_abi = "eabihf"))]
-const CLOCK_MHZ: u64 = 16;
+const CLOCK_MHZ: u64 = match u64::from_str_radix(env!("CLOCK_MHZ"), 10) {
+    Ok(clock_mhz) => clock_mhz,
+    Err(_) => panic!("the build script gives the clock"),
+};
 
 const PERIOD: u32 = 0x00ff_ffff;
 
@@ -29,7 +30,10 @@ pub struct Counter(());
 
 impl Counter {
     /// Starts counting.
-    pub fn start(mut timer: SYST) -> Self {
+    pub fn start() -> Self {
+        let Some(Peripherals { SYST: mut timer, .. }) = Peripherals::take() else {
+            panic!("peripherals are taken once")
+        };
         timer.set_clock_source(SystClkSource::Core);
         timer.set_reload(PERIOD);
         timer.clear_current();

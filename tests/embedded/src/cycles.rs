@@ -7,11 +7,9 @@
 use core::hint::black_box;
 
 use chip_program::tick;
-use cortex_m_rt::entry;
-use cortex_m_semihosting::debug::{self, EXIT_SUCCESS};
 use dea_driver::Controller;
 use dea_driver::chips::DacCode;
-use panic_semihosting as _;
+use semihosting::process;
 use springpot::{
     Actuator, Applied, Coefficients, CommandLimits, Compressed, CompressionBound, Feedforward, FeedforwardState, Law,
     Observer, ObserverOptions, ObserverState, SensorSample, State, Tracking, TrackingState, VoltageDrive,
@@ -58,7 +56,8 @@ fn applied() -> Applied<f32> {
     black_box(Applied::as_commanded(1000.0))
 }
 
-#[entry]
+#[cfg_attr(target_arch = "arm", cortex_m_rt::entry)]
+#[cfg_attr(target_arch = "riscv32", riscv_rt::entry)]
 fn main() -> ! {
     let law: Law<f32> = built(Law::from_coefficients(&default_law(), STEP_S, MASS_KG));
     let lean: LeanLaw = built(Law::from_coefficients(&lean_law(), STEP_S, MASS_KG));
@@ -121,7 +120,5 @@ fn main() -> ! {
         |command: DacCode, controller: Controller| tick::tick(controller, black_box(*command)),
         (DacCode::ZERO, controller)
     );
-    loop {
-        debug::exit(EXIT_SUCCESS);
-    }
+    process::exit(0)
 }

@@ -8,7 +8,6 @@
 use core::hint::black_box;
 use core::panic::PanicInfo;
 
-use cortex_m_rt::entry;
 use dea_driver::chips::{AdcCode, AdcRange};
 use dea_driver::{Device, Inputs};
 use springpot::{Compressed, Law, Learning, LearningState, Memory, SensorSample, State, VoltageDrive};
@@ -41,7 +40,8 @@ fn step<M: Memory<f32, History: 'static> + 'static>() {
     black_box((state.beyond_curve(), state.slope()));
 }
 
-#[entry]
+#[cfg_attr(target_arch = "arm", cortex_m_rt::entry)]
+#[cfg_attr(target_arch = "riscv32", riscv_rt::entry)]
 fn main() -> ! {
     loop {
         step::<Compressed<f32>>();
