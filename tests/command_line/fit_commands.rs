@@ -351,7 +351,7 @@ fn study_repeats_the_paper() {
     let folder = TempDir::new().expect("a folder");
     let out = folder.path().join("study");
     // Pattern search takes tens of thousands of steps: few samples keep it short.
-    let files = thinned_recordings("hossain", folder.path(), if full_sweep() { 10 } else { 40 });
+    let files = thinned_recordings("hossain", folder.path(), if full_sweep() { 10 } else { 60 });
     let arguments: Vec<&str> =
         ["study", "--out", text(&out)].into_iter().chain(files.iter().map(|f| text(f))).collect();
     let report = json(&arguments);

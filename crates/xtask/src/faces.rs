@@ -51,7 +51,7 @@ pub fn c() -> Result<()> {
 
 /// The Rust crates on cores that are not the firmware's, with all films on that one too, and the example firmware for boards of these.
 pub fn rust() -> Result<()> {
-    let toolchain = setup::toolchain()?;
+    let toolchain = setup::toolchain(&[setup::TARGETS, setup::OTHER_TARGETS].concat())?;
     setup::qemu_for_both()?;
     embedded::all_cores(&toolchain)?;
     other_board::everywhere(&toolchain)

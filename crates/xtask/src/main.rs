@@ -85,7 +85,7 @@ fn main() -> ExitCode {
             let run = |toolchain| embedded::libraries(&toolchain).and_then(|()| embedded::run(&toolchain, Films::All));
             setup::run().and_then(run)
         }
-        Chore::Image => setup::toolchain().and_then(|toolchain| firmware::image(&toolchain)),
+        Chore::Image => setup::toolchain(&setup::TARGETS).and_then(|toolchain| firmware::image(&toolchain)),
         Chore::Firmware => setup::run().and_then(|toolchain| firmware::run(&toolchain)),
         Chore::Board { port, image } => board::run(port, image),
         Chore::Faces { face } => faces::run(face),

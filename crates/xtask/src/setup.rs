@@ -71,7 +71,7 @@ pub fn run() -> Result<Toolchain> {
     // What decodes the firmware's log is compiled while packages are fetched.
     let (toolchain, decoder) = thread::scope(|scope| {
         let decoder = scope.spawn(decoder);
-        let toolchain = toolchain().and_then(|toolchain| qemu().map(|()| toolchain));
+        let toolchain = toolchain(&TARGETS).and_then(|toolchain| qemu().map(|()| toolchain));
         (toolchain, decoder.join().unwrap_or_else(|_| Err("installing defmt-print panicked".into())))
     });
     let toolchain = toolchain?;
@@ -93,22 +93,21 @@ fn decoder() -> Result<()> {
     run_command(cargo(&["install", "--quiet", "--locked", "defmt-print"]))
 }
 
-/// What images are compiled with, installed if it is missing.
-pub fn toolchain() -> Result<Toolchain> {
+/// What images for `targets` are compiled with, installed if it is missing.
+pub fn toolchain(targets: &[&str]) -> Result<Toolchain> {
     // For trying the other way where rustup would do.
     let without_rustup = env::var_os("XTASK_WITHOUT_RUSTUP").is_some();
     if !without_rustup {
         let installed = || output(command("rustup", &["target", "list", "--installed"])).unwrap_or_default();
-        let targets = [TARGETS, OTHER_TARGETS].concat();
         let complete = |list: &str| targets.iter().all(|target| list.lines().any(|line| line == *target));
         if complete(&installed()) {
             return Ok(Toolchain::Rustup);
         }
-        let added = run_command(command("rustup", &[["target", "add"].as_slice(), &targets].concat()));
+        let added = run_command(command("rustup", &[["target", "add"].as_slice(), targets].concat()));
         if added.is_ok() && complete(&installed()) {
             return Ok(Toolchain::Rustup);
         }
-        println!("rustup cannot add the targets here; Debian's compiler will build them");
+        println!("rustup cannot add {} here; Debian's compiler will build for them", targets.join(", "));
     }
     if !(has("/usr/bin/cargo") && rust_source().exists()) {
         apt_install(&["rustc-web", "cargo-web", "rust-web-src"], None)?;

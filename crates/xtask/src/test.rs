@@ -80,7 +80,7 @@ pub fn run() -> Result<()> {
         firmware::images(&toolchain)?;
         embedded::libraries(&toolchain)?;
         embedded::run(&toolchain, Films::Few)?;
-        other_board::on_cortex_m33(&toolchain)
+        other_board::on_cortex_m33(&setup::toolchain(&[setup::OTHER_TARGETS[0]])?)
     };
     stages.run_beside(("tools, images, and steps on chips", images), |stages| {
         stages.run("format", || run_command(cargo(&["fmt", "--all", "--check"])))?;
