@@ -10,14 +10,18 @@ use tests::tool::text;
 
 use crate::{TOOL, image, stated};
 
-/// Three recordings at 1 kHz: displacement, state and voltage of every step are the host's, bit for bit. The first 20 s of each,
-/// and in a full sweep all 155 s.
+/// Of each recording the first 8 s, and in a full sweep all 155 s: how long, and the steps of three.
+fn span() -> (&'static str, u64) {
+    if full_sweep() { ("155", 465_003) } else { ("8", 24_003) }
+}
+
+/// Three recordings at 1 kHz: displacement, state and voltage of every step are the host's, bit for bit.
 #[test]
 fn every_step_of_three_recordings_has_the_hosts_bits() {
     let image = image("firmware/target");
     let recordings = recordings("hossain");
     let [fast, middle, slow] = recordings.each_ref().map(|path| text(path));
-    let (seconds, steps) = if full_sweep() { ("155", 465_003) } else { ("20", 60_003) };
+    let (seconds, steps) = span();
     let report = TOOL.json(&[
         "pil",
         "--params",
@@ -47,13 +51,13 @@ fn the_demo_runs_the_image() {
 }
 
 /// Whole ticks, codes of the converters in and out, along three recordings: command, state and estimate are the host's, bit for bit, and
-/// the run is still on at its end. The first 20 s of each, and in a full sweep all 155 s.
+/// the run is still on at its end.
 #[test]
 fn whole_ticks_of_three_recordings_have_the_hosts_bits() {
     let image = image("firmware/target");
     let recordings = recordings("hossain");
     let [fast, middle, slow] = recordings.each_ref().map(|path| text(path));
-    let (seconds, steps) = if full_sweep() { ("155", 465_003) } else { ("20", 60_003) };
+    let (seconds, steps) = span();
     let options = ["--params", "preset:table3-n2", "--law", "tick", "--image", text(&image), "--duration", seconds];
     let report = TOOL.json(&[["pil"].as_slice(), &options, &[fast, middle, slow]].concat());
     println!("{report}");
@@ -120,10 +124,10 @@ fn a_film_behind_a_curve_has_the_hosts_bits() {
         ("tracking", &sine, "gl"),
     ] {
         let plant = if file == &sine { ["--plant", "hossain"].as_slice() } else { &[] };
-        let options = ["pil", "--params", text(&film), "--image", text(&image), "--duration", "5", "--method", method];
+        let options = ["pil", "--params", text(&film), "--image", text(&image), "--duration", "3", "--method", method];
         let report = TOOL.json(&[options.as_slice(), &["--law", law], plant, &[text(file)]].concat());
         println!("{law}, {method}: {report}");
-        assert_eq!((report["steps"].as_u64(), report["mismatches"].as_u64()), (Some(5001), Some(0)), "{law}, {method}");
+        assert_eq!((report["steps"].as_u64(), report["mismatches"].as_u64()), (Some(3001), Some(0)), "{law}, {method}");
         if law == "tick" {
             assert_eq!(report["recordings"][0]["state"], "running", "{report}");
         }

@@ -2,6 +2,7 @@
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
+use std::thread;
 
 use dea_driver::wire::Part;
 use serde_json::Value;
@@ -66,16 +67,23 @@ fn nothing_is_enabled_before_all_answers() {
 
 #[test]
 fn what_shows_only_while_it_is_enabled_is_found() {
-    let (held, _) = failed(Scene { enable_held_down: true, ..Scene::CALM }, &[]);
+    // Each waits for its board, most of the time.
+    let faults: [(Scene, &[&str]); 5] = [
+        (Scene { enable_held_down: true, ..Scene::CALM }, &[]),
+        (Scene { monitor_gain: 0.5, ..Scene::CALM }, &[]),
+        (Scene { enable_welded: true, ..Scene::CALM }, &[]),
+        (Scene { stays_up: true, ..Scene::CALM }, &[]),
+        (Scene { watchdog: false, ..Scene::CALM }, &["--watchdog"]),
+    ];
+    let [(held, _), (gain, highest_v), (welded, _), (late, _), (watchdog, _)] = thread::scope(|scope| {
+        let tests = faults.map(|(scene, options)| scope.spawn(move || failed(scene, options)));
+        tests.map(|test| test.join().expect("it ran to its end"))
+    });
     assert_eq!(whats(&held), ["enable, armed", "monitor"]);
-    let (gain, highest_v) = failed(Scene { monitor_gain: 0.5, ..Scene::CALM }, &[]);
     assert_eq!((whats(&gain), highest_v), (vec!["monitor"], 50.0));
     // The enable input is welded, and the amplifier stays where it was: 50 V, which is within the band around 0 V of a running film.
-    let (welded, _) = failed(Scene { enable_welded: true, ..Scene::CALM }, &[]);
     assert_eq!(whats(&welded), ["enable, disarmed"]);
-    let (late, _) = failed(Scene { stays_up: true, ..Scene::CALM }, &[]);
     assert_eq!(whats(&late), ["monitor, at the end"]);
-    let (watchdog, _) = failed(Scene { watchdog: false, ..Scene::CALM }, &["--watchdog"]);
     assert_eq!(whats(&watchdog), ["watchdog"]);
 }
 
