@@ -7,6 +7,7 @@ use std::process::Command;
 use clap::ValueEnum;
 
 use crate::process::{Result, cargo, command, root, run as run_command};
+use crate::test::QEMU;
 use crate::{embedded, other_board, setup};
 
 /// A language, or the crates on other boards.
@@ -79,7 +80,8 @@ pub fn python() -> Result<()> {
     same_versions(&package)?;
     run_command(here(cargo(&["fmt", "--check"])))?;
     run_command(here(cargo(&["clippy", "--quiet", "--release", "--locked", "--", "-D", "warnings"])))?;
-    run_command(cargo(&["build", "--quiet", "--release", "--package", "host-sim"]))?;
+    // As the tests build it: its numbers are those of a release.
+    run_command(cargo(&[["build", "--quiet", "--workspace", "--bin", "host-sim"].as_slice(), &QEMU].concat()))?;
     let pip = |arguments: &[&str]| {
         let pip = ["-m", "pip", "--quiet", "--disable-pip-version-check", "install"];
         here(command(&python, &[&pip, arguments].concat()))
@@ -88,7 +90,7 @@ pub fn python() -> Result<()> {
     // A version that is there already is another build of it.
     run_command(pip(&["--force-reinstall", "--no-deps", "."]))?;
     let mut tests = here(command(&python, &["-m", "pytest"]));
-    tests.env("SPRINGPOT_HOST_SIM", root().join("target").join("release").join("host-sim"));
+    tests.env("SPRINGPOT_HOST_SIM", root().join("target").join("debug").join("host-sim"));
     run_command(tests)
 }
 

@@ -118,7 +118,7 @@ pub fn sweep() -> Result<()> {
 }
 
 /// The tests that run the firmware's images.
-const QEMU: [&str; 2] = ["--features", "tests/qemu"];
+pub const QEMU: [&str; 2] = ["--features", "tests/qemu"];
 
 /// The tests of the workspace.
 fn tests(options: &[&str]) -> Command {
