@@ -125,7 +125,7 @@ impl Loop {
             finite("applied_v", applied_v)?;
         }
         let applied = Applied { commanded: since.applied_v.unwrap_or(self.commanded_v), reading: since.monitor_v };
-        let sample = sample(self.sensor, since, self.delay_s, self.rate_hz);
+        let sample = sample(self.sensor, since, self.delay_s, self.rate_hz)?;
         let output = self.controller.tick(applied, sample, reference_m);
         self.commanded_v = output.voltage_v;
         Ok(output.into())
@@ -133,11 +133,16 @@ impl Loop {
 }
 
 /// The sample that has arrived, if one has: NaN stands for none.
-fn sample(sensor: DisplacementSensor, since: Since, delay_s: f64, rate_hz: f64) -> Option<SensorSample<f64>> {
-    let reading_m = since.sample_m.filter(|reading| reading.is_finite())?;
-    // Saturates at 0, and at more than any observer remembers.
-    let age_ticks = (since.age_s.unwrap_or(delay_s) * rate_hz).round() as usize;
-    Some(SensorSample { displacement: sensor.film_displacement_m(reading_m), age_ticks })
+fn sample(sensor: DisplacementSensor, since: Since, delay_s: f64, rate_hz: f64) -> PyResult<Option<SensorSample<f64>>> {
+    let age_s = since.age_s.unwrap_or(delay_s);
+    finite("age_s", age_s)?;
+    if age_s < 0.0 {
+        return Err(refused("age_s", format!("{age_s} must not be negative")));
+    }
+    // Saturates at more than any observer remembers.
+    let age_ticks = (age_s * rate_hz).round() as usize;
+    let reading_m = since.sample_m.filter(|reading| reading.is_finite());
+    Ok(reading_m.map(|reading_m| SensorSample { displacement: sensor.film_displacement_m(reading_m), age_ticks }))
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
@@ -192,7 +197,7 @@ impl PyTracking {
     /// `sample_m` (m) is the sensor's reading that has arrived, None or NaN for none, taken `age_s` (s) ago. `applied_v` (V) is what was
     /// commanded in the end, if not the last tick's voltage; `monitor_v` (V) what a monitor measured of it.
     ///
-    /// Raises InputError for an `applied_v` that is not finite; nothing has changed then.
+    /// Raises InputError for an `applied_v` or an `age_s` that is not finite, or a negative age; nothing has changed then.
     #[pyo3(signature = (reference_m, sample_m=None, *, applied_v=None, monitor_v=None, age_s=None))]
     fn tick(
         &self,
@@ -343,12 +348,12 @@ impl PyObserver {
     /// One tick: the film under `voltage_v` (V) since the last, and the reading `sample_m` (m) that has arrived, taken `age_s` (s) ago; None or NaN
     /// for none.
     ///
-    /// Raises InputError for a voltage that is not finite; nothing has changed then.
+    /// Raises InputError for a voltage or an age that is not finite, or a negative age; nothing has changed then.
     #[pyo3(signature = (voltage_v, sample_m=None, *, age_s=None))]
     fn tick(&self, voltage_v: f64, sample_m: Option<f64>, age_s: Option<f64>) -> PyResult<PyEstimate> {
         finite("voltage_v", voltage_v)?;
         let since = Since { applied_v: None, monitor_v: None, sample_m, age_s };
-        let sample = sample(self.sensor, since, self.delay_s, self.rate_hz);
+        let sample = sample(self.sensor, since, self.delay_s, self.rate_hz)?;
         Ok(match &mut *locked(&self.observer) {
             AnyObserver::F32(observer) => observed(observer, voltage_v, sample),
             AnyObserver::F64(observer) => observed(observer, voltage_v, sample),

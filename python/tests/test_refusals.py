@@ -166,6 +166,10 @@ def test_ticks_of_no_number_change_nothing() -> None:
     for k in range(100):
         with pytest.raises(sp.InputError, match="^applied_v: NaN must be finite$"):
             tracking.tick(1e-3, applied_v=math.nan)
+        with pytest.raises(sp.InputError, match="^age_s: NaN must be finite$"):
+            tracking.tick(1e-3, 1e-3, age_s=math.nan)
+        with pytest.raises(sp.InputError, match="^age_s: -0.01 must not be negative$"):
+            observer.tick(10.0 * k, 1e-3, age_s=-0.01)
         with pytest.raises(sp.InputError, match="^voltage_v: inf must be finite$"):
             observer.tick(math.inf)
         # What a monitor or a sensor reads may be anything.

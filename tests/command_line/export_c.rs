@@ -196,6 +196,17 @@ fn c_is_written_whole_or_not_at_all() {
         &TOOL.fails(&["export", "--params", preset, "--emit", "arduino", "--out", text(&file)]),
         &["read.c", "folder"],
     );
+    // A library is written again, its user's sketch is not.
+    let library = path("library");
+    let sketch = library.join("examples/Tracking/Tracking.ino");
+    let again = ["export", "--params", preset, "--emit", "arduino", "--out", text(&library)];
+    assert_eq!(TOOL.json(&again)["written"].as_array().map(Vec::len), Some(5));
+    fs::write(&sketch, "// my pins").expect("written");
+    assert_eq!(TOOL.json(&again)["written"].as_array().map(Vec::len), Some(4));
+    assert_eq!(fs::read_to_string(&sketch).expect("there"), "// my pins");
+    fs::write(library.join("library.json"), "{}").expect("written");
+    names(&TOOL.fails(&again), &["library.json", "another folder"]);
+    names(&TOOL.fails(&["export", "--params", preset, "--emit", "arduino", "--out", "."]), &["--out", "name"]);
     // The header of this tool is replaced.
     fs::remove_file(path("springpot.h")).expect("removed");
     for _ in 0..2 {

@@ -90,6 +90,12 @@ fn an_fmu_is_whole_and_the_same_every_time() {
         let one = |name: &str| &described.iter().find(|(element, _)| element == name).expect(name).1;
         let root = one("fmiModelDescription");
         assert_eq!(root["fmiVersion"], version);
+        assert_eq!(root["license"], "0BSD AND BSD-2-Clause");
+        let standard: Vec<&String> = files.keys().filter(|name| name.contains("Types")).collect();
+        assert!(
+            standard.len() == 2 && standard.iter().all(|name| read(name).contains("2-Clause BSD License")),
+            "{standard:?}"
+        );
         assert_eq!(root["description"], "The dielectric elastomer actuator rich and its control");
         assert_eq!(one("CoSimulation")["modelIdentifier"], symbol);
         assert_eq!(one("DefaultExperiment")["stepSize"], "0.001");

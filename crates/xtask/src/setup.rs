@@ -146,7 +146,7 @@ fn qemu() -> Result<()> {
     if knows_the_boards() {
         Ok(())
     } else {
-        Err(format!("QEMU 10 or later with the boards {} is needed; install it and run again", BOARDS.join(" and ")))
+        Err(format!("QEMU 10 or later with the boards {} is needed; install it and run again", BOARDS.join(", ")))
     }
 }
 

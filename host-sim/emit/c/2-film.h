@@ -1,4 +1,5 @@
-/* ---- A film: computed by the host, constant. Its values are for the functions below; read step_s and the limits if you like. */
+/* ---- A film: computed by the host, constant. Its values are for the functions below; read step_s and the limits if you like.
+ * What has no unit here is a plain number. */
 
 /* A mode of the memory: a Maxwell element. */
 typedef struct {

@@ -44,8 +44,8 @@ typedef struct {
     springpot_path path;
     float commanded; /* size of the voltage that was commanded last, V */
     float followed;  /* what the amplifier has made of it, apart from its gain, V */
-    float followed_mean;
-    float reading_mean;
+    float followed_mean; /* V */
+    float reading_mean;  /* V */
     float gain;        /* of the amplifier, as its monitor shows it */
     float pace;        /* how much faster it is than its time constants say */
     float pace_slope;  /* V */
@@ -90,8 +90,8 @@ typedef struct {
 typedef struct {
     float position; /* m */
     float distance; /* m */
-    float gets;     /* m */
-    float goes[2];  /* m */
+    float gets;     /* mean distance that the reference gets to, m */
+    float goes[2];  /* mean way that it goes, smoothed once and twice, m */
     float share;
 } springpot_fade_state;
 

@@ -95,6 +95,13 @@ static uint32_t fingerprint(const springpot_film *film)
     if (film->curve != NULL) {
         hash = mixed(hash, film->curve, sizeof *film->curve);
     }
+    hash = mixed(hash, &film->fade, sizeof film->fade);
+    if (film->amplifier != NULL) {
+        hash = mixed(hash, film->amplifier, sizeof *film->amplifier);
+    }
+    if (film->learning != NULL) {
+        hash = mixed(hash, film->learning, sizeof *film->learning);
+    }
     return mixed(hash, &film->law, sizeof film->law);
 }
 

@@ -36,7 +36,7 @@ pub(super) fn model(of: &Described) -> String {
     let _ = writeln!(
         text,
         "<fmiModelDescription fmiVersion=\"{number}\" modelName=\"{symbol}\" {token_is}=\"{token}\" \
-         description=\"The dielectric elastomer actuator {name} and its control\" license=\"0BSD\" \
+         description=\"The dielectric elastomer actuator {name} and its control\" license=\"0BSD AND BSD-2-Clause\" \
          generationTool=\"host-sim {tool}\" variableNamingConvention=\"structured\">"
     );
     interface(&mut text, of);

@@ -3,7 +3,6 @@
 
 #include "springpot.h"
 
-#define JOB_INPUTS 5U
 #define JOB_OUTPUTS 6U
 
 /* The platform's: whole pieces, false at the end. */
@@ -87,7 +86,9 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
             }
             job_row(force, law.base, law.increment, to, law.position, springpot_beyond_curve(&law) ? 1U : 0U);
         } else if (kind == 2U) {
-            const float x = springpot_feedforward_apply(film, &feedforward, commanded, in.b * commanded);
+            /* A supervisor has let half of it through. */
+            const float applied = commanded * (((in.flags & 4U) != 0U) ? 0.5F : 1.0F);
+            const float x = springpot_feedforward_apply(film, &feedforward, applied, in.b * applied);
             const springpot_command command = springpot_feedforward_command(film, &feedforward, in.a);
             commanded = command.voltage;
             job_row(x, command.voltage, command.reference, command.force,
@@ -97,6 +98,7 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
             job_row(x, observer.disturbance, observer.force_scale, observer.innovation_mean,
                 observer.innovation_variance, observer.since_sample);
         } else {
+            const float applied = commanded * (((in.flags & 4U) != 0U) ? 0.5F : 1.0F);
             float reference = in.a;
             float x;
             springpot_command command;
@@ -108,7 +110,7 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
                 springpot_tracking_correct_wholly(&tracking);
                 springpot_learning_forget(film, &learning);
             }
-            x = springpot_tracking_observe(film, &tracking, commanded, in.b * commanded, arrived);
+            x = springpot_tracking_observe(film, &tracking, applied, in.b * applied, arrived);
             if (kind == 5U) {
                 reference = springpot_learning_advance(film, &learning, in.a, arrived, is_free);
                 springpot_tracking_leave_cycles(&tracking, learning.has_learned != 0U);

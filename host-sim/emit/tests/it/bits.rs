@@ -58,6 +58,9 @@ pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
                 age_ticks: if k % 9000 == 23 { 64 } else { 10 },
             });
             let order = u32::from(k == steps / 2) + 2 * u32::from(k == steps * 2 / 3);
+            // Now and then less than the command is put out.
+            let halved =
+                matches!(kind, Kind::Feedforward | Kind::Tracking | Kind::Learning) && (k % 20_000).abs_diff(1_100) < 5;
             let (a, b) = match kind {
                 Kind::Displacement => (4e-6 * voltage * voltage, 0.0),
                 Kind::Force => (displacement, displacement + 1e-5),
@@ -69,7 +72,7 @@ pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
                     (if k % 8000 == 77 { f32::NAN } else { wanted }, read)
                 }
             };
-            Input { a, b, sample, flags: order }
+            Input { a, b, sample, flags: order + 4 * u32::from(halved) }
         })
         .collect()
 }

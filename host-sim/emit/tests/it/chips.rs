@@ -9,8 +9,9 @@ use bench_emit::{HEADER, film};
 use chip_program::{Checksum, FILMS, Film, Name, Report};
 use documents::{Documents, Tolerance};
 
-use crate::bits::{all_kinds, recorded};
+use crate::bits::{all_kinds, compare, inputs, recorded};
 use crate::films::{self, Case};
+use crate::job::{self, Kind};
 use crate::program::{STRICT, Sources, source, succeeds};
 use crate::recordings::recordings;
 
@@ -254,6 +255,25 @@ fn steps_have_the_bits_of_rust_on_the_cortex_m33() {
 #[ignore = "needs riscv64-unknown-elf-gcc and QEMU: cargo xtask faces"]
 fn steps_have_the_bits_of_rust_on_riscv32imac() {
     steps_have_the_bits(&RISCV);
+}
+
+/// The random laws of the host's test, a quarter of a second of every kind.
+#[test]
+#[ignore = "needs arm-none-eabi-gcc and QEMU: cargo xtask faces"]
+fn two_hundred_random_laws_have_the_bits_of_rust_on_the_cortex_m4f() {
+    let cases = films::random(200);
+    let sources = Sources::of(&cases);
+    CORTEX_M4F.image(&sources, "chip_jobs.c", &FAST);
+    let [fast, ..] = recordings("wang");
+    let recorded = recorded(&fast, 2);
+    for kind in Kind::ALL {
+        let inputs = &inputs(kind, &recorded)[1000..1250];
+        let jobs: Vec<u8> = (0..cases.len()).flat_map(|index| job::bytes(kind, index, inputs)).collect();
+        let written = CORTEX_M4F.job(&sources, &jobs);
+        for (case, written) in cases.iter().zip(written.chunks(24 * inputs.len())) {
+            compare(kind, case, inputs, written);
+        }
+    }
 }
 
 /// Bytes of code and of constants, as docs/faces.md states them.

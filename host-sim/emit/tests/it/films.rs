@@ -47,8 +47,16 @@ fn published() -> Maxwell {
 
 /// The paper's film on the paper's bench: no curve, an amplifier that follows at once, nothing learned.
 pub fn plain() -> Case {
-    let setup =
-        Setup { actuator: Actuator::KARNER_2022, limits: CommandLimits::BENCH, learning: None, bandwidths: &[0.6] };
+    on_the_bench(None)
+}
+
+/// The same film, of which cycles are learned: nothing else differs.
+pub fn learned() -> Case {
+    on_the_bench(Some(LearningOptions::BENCH))
+}
+
+fn on_the_bench(learning: Option<LearningOptions>) -> Case {
+    let setup = Setup { actuator: Actuator::KARNER_2022, limits: CommandLimits::BENCH, learning, bandwidths: &[0.6] };
     let law = Law::compressed(&published(), Options::at_step(1e-3)).expect("valid");
     Case::new("karner-2022-table3-n2", law, &setup).expect("accepted")
 }

@@ -93,7 +93,9 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
             inputs
                 .iter()
                 .map(|input| {
-                    let applied = Applied::as_monitored(commanded, input.b * commanded);
+                    // A supervisor has let half of it through.
+                    let applied = commanded * if input.flags & 4 != 0 { 0.5 } else { 1.0 };
+                    let applied = Applied::as_monitored(applied, input.b * applied);
                     let x = feedforward.apply(&mut state, applied);
                     let command = feedforward.command(&mut state, input.a);
                     commanded = command.voltage;
@@ -130,7 +132,8 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
                     if input.flags & 2 != 0 {
                         state.correct_wholly();
                     }
-                    let applied = Applied::as_monitored(commanded, input.b * commanded);
+                    let applied = commanded * if input.flags & 4 != 0 { 0.5 } else { 1.0 };
+                    let applied = Applied::as_monitored(applied, input.b * applied);
                     let x = tracking.observe(&mut state, applied, input.sample);
                     let mut reference = input.a;
                     if let Some((learning, learned)) = learns {

@@ -31,7 +31,8 @@ const AGE: usize = 10;
 fn plain_inputs(kind: Option<Kind>, recorded: &[(f32, f32)], is_monitored: bool) -> Vec<Input> {
     let mut inputs = inputs(kind.unwrap_or(Kind::Observer), recorded);
     for input in &mut inputs {
-        input.flags = 0;
+        // Of the orders a caller has the voltage that was applied.
+        input.flags &= 4;
         input.sample = input.sample.filter(|s| s.displacement.is_finite() && s.age_ticks == AGE);
         if !is_monitored {
             input.b = f32::NAN;
@@ -237,9 +238,11 @@ fn the_mex_function_has_the_bits_of_rust() {
                 let mut bytes = Vec::new();
                 for (k, (input, told)) in inputs.iter().zip(&told).enumerate() {
                     let sample = input.sample.map_or(f32::NAN, |sample| sample.displacement);
-                    // What was applied is told now and then.
-                    let applied = if k % 3 == 0 { before } else { f32::NAN };
-                    let row = [input.a, sample, 0.0, applied, input.b * before];
+                    let is_halved = input.flags != 0;
+                    let put_out = if is_halved { 0.5 * before } else { before };
+                    // Where it is what was commanded, it is told now and then.
+                    let applied = if is_halved || k % 3 == 0 { put_out } else { f32::NAN };
+                    let row = [input.a, sample, 0.0, applied, input.b * put_out];
                     bytes.extend(row.iter().flat_map(|number| number.to_le_bytes()));
                     before = told[1].map_or(0.0, f32::from_bits);
                 }
@@ -271,7 +274,7 @@ fn the_mex_function_has_the_bits_of_rust() {
 fn the_mex_function_refuses_bad_input() {
     let folder = TempDir::new().expect("a folder");
     write(folder.path(), &films::plain(), "film");
-    write(folder.path(), &films::periodic(), "other");
+    write(folder.path(), &films::learned(), "other");
     build_mex(folder.path(), "film");
     build_mex(folder.path(), "other");
     let printed = octave(folder.path(), "errors.m");

@@ -33,8 +33,14 @@ enum Kind {
     Fmu(Version),
 }
 
-/// How headers of this tool begin, and the sources beside a film.
-const BEGINS: [&str; 3] = ["/*\n * springpot.h:", "/*\n * springpot_tick.h:", "/*\n * The film "];
+/// How headers of this tool begin, the sources beside a film, and what describes a library.
+const BEGINS: [&str; 5] = [
+    "/*\n * springpot.h:",
+    "/*\n * springpot_tick.h:",
+    "/*\n * The film ",
+    "name=springpot_",
+    "{\n  \"name\": \"springpot_",
+];
 
 impl Source {
     /// NAME.c at `out`, with `springpot.h` beside it; nothing of `inputs` is overwritten.
@@ -67,8 +73,15 @@ impl Source {
         if out.is_file() {
             return Err(Error::file(out, "is a file; --emit arduino writes a folder"));
         }
-        let symbol = symbol(&stem(out));
+        let name = stem(out);
+        if name.is_empty() {
+            return Err(Error::option("--out", "a library is a folder with a name, such as film_library"));
+        }
+        let symbol = symbol(&name);
         own(&out.join("src/springpot.h"), inputs, Folders::AreMade)?;
+        for described in ["library.properties", "library.json"] {
+            own(&out.join(described), inputs, Folders::AreMade)?;
+        }
         Ok(Self { symbol, out: out.into(), kind: Kind::Arduino })
     }
 
@@ -100,7 +113,11 @@ impl Source {
             }
             Kind::Arduino => {
                 let within = |(path, content)| text((self.out.join(path), content));
-                arduino::library(&described).into_iter().map(within).collect()
+                let files = arduino::library(&described).into_iter().map(within);
+                // A sketch that is there holds its user's pins and scales.
+                files
+                    .filter(|(path, _)| path.extension().is_none_or(|ending| ending != "ino") || !path.exists())
+                    .collect()
             }
             Kind::Matlab => matlab::sources(&described, &stem(&self.out)).into_iter().map(beside).collect(),
             Kind::Fmu(version) => {

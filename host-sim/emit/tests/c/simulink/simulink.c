@@ -98,11 +98,11 @@ int main(int count, char **arguments)
         uint32_t out[6] = {0U, 0U, 0U, 0U, 0U, 0U};
         int_T again;
         S->input[0].signal = (real_T)row.a;
-        /* The sample in front of the applied voltage, which is not told: as it was commanded. */
+        /* The sample in front of the applied voltage, which is told where it is not what was commanded. */
         S->input[1].signal = sample;
-        S->input[2].signal = (real_T)NAN;
+        S->input[2].signal = (row.flags != 0U) ? (0.5 * S->output[1].signal) : (real_T)NAN;
         if (parameters[0].value == 4.0) {
-            S->input[1].signal = (real_T)NAN;
+            S->input[1].signal = S->input[2].signal;
         }
         memcpy(before, S->dwork[0].data, bytes);
         for (again = 0; again < 2; again++) {
