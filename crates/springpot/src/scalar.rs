@@ -74,12 +74,24 @@ pub trait Real: Scalar + PartialOrd {
     /// off there. No law uses it.
     #[must_use]
     fn sqrt(self) -> Self;
+
+    /// The value without its sign.
+    #[inline]
+    #[must_use]
+    fn abs(self) -> Self {
+        if self > Self::ZERO { self } else { Self::ZERO - self }
+    }
 }
 
 impl Real for f64 {
     #[inline]
     fn sqrt(self) -> Self {
         libm::sqrt(self)
+    }
+
+    #[inline]
+    fn abs(self) -> Self {
+        Self::abs(self)
     }
 }
 
@@ -88,6 +100,11 @@ impl Real for f32 {
     #[inline]
     fn sqrt(self) -> Self {
         libm::sqrtf(self)
+    }
+
+    #[inline]
+    fn abs(self) -> Self {
+        Self::abs(self)
     }
 }
 
@@ -104,5 +121,10 @@ impl Real for f32 {
         } else {
             f32::NAN
         }
+    }
+
+    #[inline]
+    fn abs(self) -> Self {
+        Self::abs(self)
     }
 }

@@ -15,7 +15,7 @@ static inline float springpot_clamp(float value, float low, float high)
 
 static inline float springpot_size(float value)
 {
-    return (value < 0.0F) ? -value : value;
+    return (value > 0.0F) ? value : (0.0F - value);
 }
 
 /* Neither infinite nor NaN: infinity minus itself is NaN, which equals nothing. */
@@ -165,8 +165,11 @@ static inline float springpot_record(
 {
     const springpot_inverse *inverse = &film->inverse;
     const float read = springpot_size(reading);
+    const float applied = springpot_size(commanded);
 
-    state->commanded = springpot_size(commanded);
+    if (springpot_is_finite(applied)) {
+        state->commanded = applied;
+    }
     state->followed =
         (film->amplifier != NULL) ? springpot_follow(film, state, state->commanded, read) : state->commanded;
     if (springpot_is_finite(read)) {

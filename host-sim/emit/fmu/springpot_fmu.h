@@ -338,11 +338,11 @@ static fmu_result fmu_step(fmu_state *state, double step_s)
         return fmu_error("a step comes after initialisation and before termination");
     }
     if (ticks < 1.0) {
-        return fmu_discard("a communication step is a whole multiple of fixedInternalStepSize, the tick of the law: nothing was done");
+        return fmu_discard("a communication step is a whole multiple of the step size in modelDescription.xml, the tick of the law: nothing was done");
     }
     if (is_controller && (ticks > 1.0)) {
         return fmu_discard("a controller ticks once in a communication step, since nobody would apply what it commands in between: "
-                           "take steps of fixedInternalStepSize; nothing was done");
+                           "take steps of the size in modelDescription.xml; nothing was done");
     }
     sample.displacement = (float)state->reals[FMU_SAMPLE];
     sample.age_ticks = state->wholes[FMU_SAMPLE_AGE];

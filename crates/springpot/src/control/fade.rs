@@ -89,14 +89,13 @@ impl<T: Real> Fade<T> {
     /// learning.
     #[inline]
     pub(crate) fn advance(&self, state: &mut FadeState<T>, position: T, is_learned: bool) {
-        let size = |value: T| if value < T::ZERO { -value } else { value };
         // T times the speed.
         let moved = (position - state.position) / self.forgets;
         state.position = position;
         state.distance = state.distance + self.forgets * (moved - state.distance);
-        state.gets = state.gets + self.averages * (size(state.distance) - state.gets);
+        state.gets = state.gets + self.averages * (state.distance.abs() - state.gets);
         let [mean, lagged] = state.goes;
-        let mean = mean + self.averages * (size(moved) - mean);
+        let mean = mean + self.averages * (moved.abs() - mean);
         let lagged = lagged + self.forgets * (mean - lagged);
         state.goes = [mean, lagged];
         let (one, least) = (T::from_f64(1.0), T::from_f64(LEAST));

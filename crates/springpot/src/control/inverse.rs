@@ -25,7 +25,7 @@ pub struct VoltageCommand<T> {
 /// The voltage since the last tick, V, either sign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Applied<T> {
-    /// The voltage that was commanded in the end, after all limits and supervisors.
+    /// The voltage that was commanded in the end, after all limits and supervisors. One that is not finite counts as the last one that was.
     pub commanded: T,
     /// The voltage that a monitor measured at the end of that time, or a tick before, if there is one. It tells the amplifier's gain and, of
     /// an [`AmplifierLag`](crate::AmplifierLag), how much faster it is. Non-finite readings are ignored.
@@ -137,11 +137,6 @@ const GAIN_SHARE: f64 = 0.02;
 /// Bounds of that gain.
 const GAINS: [f64; 2] = [0.8, 1.25];
 
-/// The size of a voltage of either sign.
-fn size<T: Real>(voltage: T) -> T {
-    if voltage < T::ZERO { -voltage } else { voltage }
-}
-
 /// Weight of the input in one step of a first-order lag of `rate` (1/s): backward Euler, stable at any rate.
 pub(crate) fn share_per_step(rate: f64, step_s: f64) -> f64 {
     let steps = rate * step_s;
@@ -209,8 +204,9 @@ impl<T: Real> Inverse<T> {
     /// and its noise would return as commands. So the monitor only estimates the amplifier's gain and, where it lags, its pace, slowly.
     #[inline]
     pub(crate) fn record(&self, state: &mut InverseState<T>, applied: Applied<T>) -> T {
-        state.commanded = size(applied.commanded);
-        let reading = applied.reading.filter(|reading| is_finite(*reading)).map(size);
+        let commanded = applied.commanded.abs();
+        state.commanded = if is_finite(commanded) { commanded } else { state.commanded };
+        let reading = applied.reading.filter(|reading| is_finite(*reading)).map(T::abs);
         state.followed = match &self.amplifier {
             Some(amplifier) => {
                 let reading = reading.map(|reading| Reading {

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use springpot::{
-    Actuator, ActuatorError, Applied, CommandLimits, ControlError, Feedforward, Law, Limited, Maxwell, Options, Preset,
-    Real, Springpot, Topology, VoltageCommand, VoltageDrive,
+    Actuator, ActuatorError, AmplifierLag, Applied, CommandLimits, ControlError, Feedforward, Law, Limited, Maxwell,
+    Options, Preset, Real, Springpot, Topology, VoltageCommand, VoltageDrive,
 };
 
 use crate::support::relative_rms;
@@ -234,6 +234,30 @@ fn a_non_finite_reference_is_ignored() {
         feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
     }
     assert!((state.displacement() - 1e-3).abs() < 1e-7);
+}
+
+/// What was applied counts as what was applied before where it is no number, also behind an amplifier that lags.
+#[test]
+fn a_non_finite_applied_voltage_is_the_last_one() {
+    let lag = CommandLimits { amplifier: AmplifierLag { rise_s: 0.1, fall_s: 0.5 }, ..CommandLimits::BENCH };
+    for limits in [CommandLimits::BENCH, lag] {
+        let feedforward = feedforward::<f32>(limits);
+        let rest = feedforward.state(feedforward.law().state());
+        let (mut state, mut told) = (rest.clone(), rest);
+        let (mut last, mut before) = (0.0, 0.0);
+        for k in 0..3000_u16 {
+            let unknown = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][usize::from(k % 3)];
+            let applied = if k % 7 == 0 { unknown } else { last };
+            feedforward.apply(&mut state, Applied::as_commanded(applied));
+            before = if k % 7 == 0 { before } else { last };
+            feedforward.apply(&mut told, Applied::as_commanded(before));
+            let reference = 1e-3 * f32::from(k) / 3000.0;
+            let [command, expected] = [&mut state, &mut told].map(|state| feedforward.command(state, reference));
+            assert_eq!(command, expected, "tick {k}");
+            last = command.voltage;
+        }
+        assert!(last > 100.0);
+    }
 }
 
 #[test]

@@ -46,6 +46,7 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
     static springpot_tracking_state tracking;
     static springpot_learning_state learning;
     float commanded = 0.0F;
+    volatile float zero = 0.0F;
     bool is_free = true;
     uint32_t k;
 
@@ -64,12 +65,14 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
         job_input in;
         springpot_sample sample;
         const springpot_sample *arrived;
+        float put_out; /* share of a command; no number where nothing is known of it */
         if (!job_read(&in, (uint32_t)sizeof in)) {
             return;
         }
         sample.displacement = in.sample;
         sample.age_ticks = in.age;
         arrived = (in.age == UINT32_MAX) ? NULL : &sample;
+        put_out = ((in.flags & 8U) != 0U) ? (zero / zero) : (((in.flags & 4U) != 0U) ? 0.5F : 1.0F);
         if (kind == 0U) {
             const float x = springpot_displacement(film, &law, in.a);
             const float to = springpot_force_to(film, &law, 1.001F * x);
@@ -86,8 +89,7 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
             }
             job_row(force, law.base, law.increment, to, law.position, springpot_beyond_curve(&law) ? 1U : 0U);
         } else if (kind == 2U) {
-            /* A supervisor has let half of it through. */
-            const float applied = commanded * (((in.flags & 4U) != 0U) ? 0.5F : 1.0F);
+            const float applied = commanded * put_out;
             const float x = springpot_feedforward_apply(film, &feedforward, applied, in.b * applied);
             const springpot_command command = springpot_feedforward_command(film, &feedforward, in.a);
             commanded = command.voltage;
@@ -98,7 +100,7 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
             job_row(x, observer.disturbance, observer.force_scale, observer.innovation_mean,
                 observer.innovation_variance, observer.since_sample);
         } else {
-            const float applied = commanded * (((in.flags & 4U) != 0U) ? 0.5F : 1.0F);
+            const float applied = commanded * put_out;
             float reference = in.a;
             float x;
             springpot_command command;

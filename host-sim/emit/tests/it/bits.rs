@@ -61,6 +61,7 @@ pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
             // Now and then less than the command is put out.
             let halved =
                 matches!(kind, Kind::Feedforward | Kind::Tracking | Kind::Learning) && (k % 20_000).abs_diff(1_100) < 5;
+            let unknown = halved && k % 5 == 2;
             let (a, b) = match kind {
                 Kind::Displacement => (4e-6 * voltage * voltage, 0.0),
                 Kind::Force => (displacement, displacement + 1e-5),
@@ -72,7 +73,7 @@ pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
                     (if k % 8000 == 77 { f32::NAN } else { wanted }, read)
                 }
             };
-            Input { a, b, sample, flags: order + 4 * u32::from(halved) }
+            Input { a, b, sample, flags: order + 4 * u32::from(halved) + 8 * u32::from(unknown) }
         })
         .collect()
 }

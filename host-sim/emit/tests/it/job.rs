@@ -56,6 +56,15 @@ pub fn rows(bytes: &[u8]) -> Vec<Row> {
         .collect()
 }
 
+/// The share of a command that is put out, and no number where nothing is known of it.
+fn put_out(input: &Input) -> f32 {
+    match input.flags & 12 {
+        0 => 1.0,
+        4 => 0.5,
+        _ => f32::NAN,
+    }
+}
+
 /// The same by the Rust laws.
 pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
     let row = |numbers: [f32; 5], last: u32| {
@@ -93,8 +102,7 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
             inputs
                 .iter()
                 .map(|input| {
-                    // A supervisor has let half of it through.
-                    let applied = commanded * if input.flags & 4 != 0 { 0.5 } else { 1.0 };
+                    let applied = commanded * put_out(input);
                     let applied = Applied::as_monitored(applied, input.b * applied);
                     let x = feedforward.apply(&mut state, applied);
                     let command = feedforward.command(&mut state, input.a);
@@ -132,7 +140,7 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
                     if input.flags & 2 != 0 {
                         state.correct_wholly();
                     }
-                    let applied = commanded * if input.flags & 4 != 0 { 0.5 } else { 1.0 };
+                    let applied = commanded * put_out(input);
                     let applied = Applied::as_monitored(applied, input.b * applied);
                     let x = tracking.observe(&mut state, applied, input.sample);
                     let mut reference = input.a;

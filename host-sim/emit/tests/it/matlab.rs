@@ -32,7 +32,7 @@ fn plain_inputs(kind: Option<Kind>, recorded: &[(f32, f32)], is_monitored: bool)
     let mut inputs = inputs(kind.unwrap_or(Kind::Observer), recorded);
     for input in &mut inputs {
         // Of the orders a caller has the voltage that was applied.
-        input.flags &= 4;
+        input.flags = if input.flags == 4 { 4 } else { 0 };
         input.sample = input.sample.filter(|s| s.displacement.is_finite() && s.age_ticks == AGE);
         if !is_monitored {
             input.b = f32::NAN;

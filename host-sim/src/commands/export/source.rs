@@ -73,7 +73,8 @@ impl Source {
         if out.is_file() {
             return Err(Error::file(out, "is a file; --emit arduino writes a folder"));
         }
-        let name = stem(out);
+        // A folder has no ending.
+        let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         if name.is_empty() {
             return Err(Error::option("--out", "a library is a folder with a name, such as film_library"));
         }
