@@ -33,7 +33,7 @@ pub struct Film {
 
 impl Film {
     /// The film that `controller` is for; none for parameters that no film has.
-    pub fn of(controller: &Controller) -> Option<Self> {
+    pub fn from_controller(controller: &Controller) -> Option<Self> {
         let parameters = controller.parameters();
         let step_s = 1.0 / f64::from(parameters.rate_hz);
         let law = Law::from_coefficients(&parameters.law, step_s, parameters.actuator.mass_kg).ok()?;

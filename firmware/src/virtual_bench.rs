@@ -65,7 +65,7 @@ impl Bench {
     pub fn mount(&mut self, controller: Option<&Controller>) {
         let Some(controller) = controller else { return };
         if self.film.as_ref().is_none_or(|film| !film.is_of(controller)) {
-            self.film = Film::of(controller);
+            self.film = Film::from_controller(controller);
             let name = controller.parameters().name.as_str();
             match self.film {
                 Some(_) => defmt::info!("virtual board: a film as {} describe it, at rest", name),

@@ -7,7 +7,7 @@ use host_sim::grid::Samples;
 use host_sim::report::cost::Cost;
 use host_sim::report::course::Course;
 use host_sim::report::drawing;
-use host_sim::report::figure::{Figure, Line, MOST_POINTS, Panel};
+use host_sim::report::figure::{Figure, Line, MAX_POINTS, Panel};
 use host_sim::spectrum::{self, Spectrum};
 
 fn series(count: usize, step_s: f64, value: impl Fn(f64) -> f64) -> Samples {
@@ -23,7 +23,7 @@ fn thinned_lines_keep_ends_and_peaks() {
         all.value[row] = peak;
     }
     let line = Line::new("line", &all.time_s, &all.value);
-    assert!(line.points.len() <= MOST_POINTS && line.points.len() > MOST_POINTS / 2, "{}", line.points.len());
+    assert!(line.points.len() <= MAX_POINTS && line.points.len() > MAX_POINTS / 2, "{}", line.points.len());
     assert_eq!(line.all, 100_000);
     for row in [0, 12_345, 54_321, 99_998, 99_999] {
         assert!(line.points.contains(&(all.time_s[row], all.value[row])), "{row}");
@@ -39,7 +39,7 @@ fn thinned_lines_keep_ends_and_peaks() {
 #[test]
 fn a_spectrum_holds_the_power_where_it_is() {
     let sine = series(20_000, 0.01, |t| 5.0 + 3.0 * (TAU * 2.0 * t).sin() + 0.05 * (TAU * 11.0 * t).cos());
-    let Spectrum { frequency_hz, density } = Spectrum::of(&sine).expect("enough samples");
+    let Spectrum { frequency_hz, density } = Spectrum::new(&sine).expect("enough samples");
     let power: f64 = (1..frequency_hz.len())
         .map(|k| {
             let width = frequency_hz[k] - frequency_hz[k - 1];
@@ -54,7 +54,7 @@ fn a_spectrum_holds_the_power_where_it_is() {
     // 0.05 of 3 is more than 1 % and less than 2 %.
     let highest = |share| spectrum::highest_hz(&sine, share).expect("a drive");
     assert!((highest(0.01) - 11.0).abs() < 0.05 && (highest(0.02) - 2.0).abs() < 0.05);
-    assert!(Spectrum::of(&series(5, 0.1, |t| t)).is_none());
+    assert!(Spectrum::new(&series(5, 0.1, |t| t)).is_none());
 }
 
 /// White noise of 1 at 100 Hz has a density of √(2 / 100 Hz), however many samples of it there are.
@@ -69,7 +69,7 @@ fn noise_of_long_recordings_does_not_fold_into_the_band() {
             if (z ^ (z >> 31)) >> 63 == 0 { 1.0 } else { -1.0 }
         };
         let samples = series(count, 0.01, |t| noise((100.0 * t).round() as u64 + 1));
-        let Spectrum { frequency_hz, density } = Spectrum::of(&samples).expect("enough samples");
+        let Spectrum { frequency_hz, density } = Spectrum::new(&samples).expect("enough samples");
         // Far below the rate, where the mean of a few samples takes nothing away.
         let band = frequency_hz.iter().zip(&density).filter(|(hz, _)| (0.5..5.0).contains(*hz)).map(|(_, d)| d * d);
         let (sum, lines) = band.fold((0.0, 0), |(sum, lines), power| (sum + power, lines + 1));
@@ -82,19 +82,19 @@ fn noise_of_long_recordings_does_not_fold_into_the_band() {
 #[test]
 fn the_course_of_a_drive_is_recognised() {
     let held = series(1000, 0.1, |t| if t < 2.0 { 3000.0 * t } else { 6000.0 });
-    let Course::Held(since_s) = Course::of(&held) else { panic!("held") };
+    let Course::Held(since_s) = Course::from_drive(&held) else { panic!("held") };
     assert!((1.9..=2.0).contains(&since_s), "{since_s}");
-    assert_eq!(Course::of(&series(100, 1.0, |_| 1e-3)), Course::Held(0.0));
+    assert_eq!(Course::from_drive(&series(100, 1.0, |_| 1e-3)), Course::Held(0.0));
 
     let sine = series(15_500, 0.01, |t| 3000.0 * (1.0 - (TAU * t / 7.0).cos()));
-    let Course::Cycles(cycles) = Course::of(&sine) else { panic!("cycles") };
+    let Course::Cycles(cycles) = Course::from_drive(&sine) else { panic!("cycles") };
     // 155 s hold 22 periods; a cycle is from one rise to the next.
     assert_eq!(cycles.len(), 21);
     assert!(cycles.iter().all(|cycle| (cycle.end - cycle.start - 7.0).abs() < 0.02));
 
-    assert_eq!(Course::of(&series(1000, 0.1, |t| t)), Course::Other);
+    assert_eq!(Course::from_drive(&series(1000, 0.1, |t| t)), Course::Other);
     // A chirp: its cycles are not alike.
-    assert_eq!(Course::of(&series(10_000, 0.01, |t| (TAU * (0.05 + 0.02 * t) * t).sin())), Course::Other);
+    assert_eq!(Course::from_drive(&series(10_000, 0.01, |t| (TAU * (0.05 + 0.02 * t) * t).sin())), Course::Other);
 }
 
 /// Names in a legend of an SVG stand beside or below one another, not over one another.

@@ -105,7 +105,7 @@ pub(crate) fn steps<'py, S: Clone + Send>(
         return Ok(step(state, number).into_pyobject(py)?.into_any());
     }
     let mut values = series(name, value)?;
-    if let Some(at) = values.iter().position(|value| !(-LARGEST..=LARGEST).contains(value)) {
+    if let Some(at) = values.iter().position(|value| !(-MAX_VALUE..=MAX_VALUE).contains(value)) {
         finite(&format!("{name}[{at}]"), values[at])?;
     }
     let before = state.clone();
@@ -121,13 +121,13 @@ pub(crate) fn steps<'py, S: Clone + Send>(
 }
 
 /// Largest number of a step, as of a recording: its square is finite in single precision.
-const LARGEST: f64 = 1e15;
+const MAX_VALUE: f64 = 1e15;
 
 /// Refuses a number that is not finite, or not within 1e15: a state would never recover from it.
 pub(crate) fn finite(name: &str, number: f64) -> PyResult<()> {
     match number.abs() {
-        size if size <= LARGEST => Ok(()),
-        size if size.is_finite() => Err(refused(name, format!("{number:e} must be within {LARGEST:e}"))),
+        size if size <= MAX_VALUE => Ok(()),
+        size if size.is_finite() => Err(refused(name, format!("{number:e} must be within {MAX_VALUE:e}"))),
         _ => Err(refused(name, format!("{number} must be finite"))),
     }
 }

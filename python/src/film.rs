@@ -84,7 +84,7 @@ pub(crate) struct PySimulatedFilm {
 }
 
 /// Longest part of an advance, s: as in the bench tool's closed loops.
-const LONGEST_PART_S: f64 = 5e-4;
+const MAX_PART_S: f64 = 5e-4;
 
 #[pymethods]
 impl PySimulatedFilm {
@@ -109,7 +109,7 @@ impl PySimulatedFilm {
         if !(0.0..=1e3).contains(&duration_s) {
             return Err(refused("duration_s", format!("{duration_s:?} s must be from 0 to 1000")));
         }
-        let parts = ((duration_s / LONGEST_PART_S).ceil() as usize).max(1);
+        let parts = ((duration_s / MAX_PART_S).ceil() as usize).max(1);
         let next = self.film.advanced(&self.state, voltage_v, duration_s, parts);
         if !self.film.holds(&next) {
             let cause = format!("the film is torn or pulled in under {voltage_v:.0} V; lower the voltage");

@@ -191,7 +191,7 @@ fn report(fit: &Fit, sources: &[&Recording], direction: Direction, seconds: f64)
         "interrupted": fit.interrupted,
         "structures": fit.structures,
         "uncertainty": fit.uncertainty,
-        "relaxations": branches::of(&fit.candidate),
+        "relaxations": branches::rows(&fit.candidate),
         "warnings": warnings,
     })
 }

@@ -180,7 +180,7 @@ pub(crate) fn read_recording(
             return Ok(recording);
         }
         let (series, _) = recording.into_series().edited(&edits).map_err(|cause| Error::file(&path, cause))?;
-        Ok(Recording::of(&path, series))
+        Ok(Recording::from_series(&path, series))
     };
     Ok(py.detach(read).raise()?.into())
 }

@@ -144,12 +144,12 @@ pub(crate) fn feedforward<'py>(
     let parameters = model.get().with_method(method)?;
     let (source, recording) = (&model.get().source, &reference.get().recording);
     let (grid, plan) = watch::run(py, None, |caller| {
-        let (values, grid) = references::of(recording, options.rate_hz)?;
+        let (values, grid) = references::on_grid(recording, options.rate_hz)?;
         let plan = planned::plan(&parameters, &values, grid, &options, limits, caller);
         Ok((grid, plan.map_err(|e| e.about(source, recording.path()))?))
     })?;
     let limited: Vec<u8> = plan.limited.iter().map(|limited| limited.bits()).collect();
-    let met: Vec<(&str, f64)> = LimitShare::of(&plan.limited).into_iter().map(|met| (met.limit, met.pct)).collect();
+    let met: Vec<(&str, f64)> = LimitShare::from_limited(&plan.limited).into_iter().map(|met| (met.limit, met.pct)).collect();
     let columns = PyDict::new(py);
     columns.set_item("time_s", array(py, grid.times_s()))?;
     columns.set_item("voltage_v", array(py, plan.voltage_v))?;
@@ -175,7 +175,7 @@ pub(crate) fn check_reference(
     let parameters = model.get().with_method(method)?;
     let (source, recording) = (&model.get().source, &reference.get().recording);
     let found = watch::run(py, None, |_| {
-        let (values, grid) = references::of(recording, rate_hz)?;
+        let (values, grid) = references::on_grid(recording, rate_hz)?;
         let found = feasibility::check_and_mend(&parameters, &values, grid, &limits);
         found.map_err(|e| e.about(source, recording.path()))
     })?;
@@ -199,7 +199,7 @@ pub(crate) fn observe<'py>(
     let parameters = model.get().with_method(method)?;
     let (source, recording) = (&model.get().source, &recording.get().recording);
     let (observed, estimates) = watch::run(py, None, |caller| {
-        let observed = ObservedRecording::of(recording, rate_hz)?;
+        let observed = ObservedRecording::from_recording(recording, rate_hz)?;
         let estimates = observed.estimate(&parameters, tuning, precision, caller);
         Ok((observed, estimates.map_err(|e| e.about(source, recording.path()))?))
     })?;
@@ -236,6 +236,6 @@ pub(crate) fn frequency_response<'py>(
     let py = model.py();
     let sweep = Sweep { from_hz, to_hz, points, at_m, law_hz };
     let (source, parameters) = (&model.get().source, &model.get().parameters);
-    let response = watch::run(py, None, |_| sweep.of(parameters).map_err(|e| e.about(source, source.as_ref())))?;
+    let response = watch::run(py, None, |_| sweep.run(parameters).map_err(|e| e.about(source, source.as_ref())))?;
     Ok([response.frequency_hz, response.magnitude_m_per_n, response.phase_rad].map(|values| array(py, values)))
 }

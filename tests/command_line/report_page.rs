@@ -11,7 +11,7 @@ use tests::{recordings, thinned_recordings};
 use crate::TOOL;
 
 /// Most bytes of a page of three recordings.
-const MOST_BYTES: usize = 1_000_000;
+const MAX_BYTES: usize = 1_000_000;
 
 /// What stands between `begin` and `end`, as often as it occurs.
 fn between<'a>(text: &'a str, begin: &'a str, end: &'a str) -> impl Iterator<Item = &'a str> {
@@ -50,7 +50,7 @@ pub fn check_numbers(page: &str, document: &Value) -> usize {
 
 /// Asserts what every page holds to: it loads nothing, is small, and can be read by a screen reader.
 pub fn check_page(page: &str) {
-    assert!(page.len() <= MOST_BYTES, "{} bytes", page.len());
+    assert!(page.len() <= MAX_BYTES, "{} bytes", page.len());
     let own = page.replace("https://github.com/leeoniya/uPlot", "");
     for loaded in [" src=\"", "href=\"http", "url(", "@import", "<link", "<img", "<iframe"] {
         assert!(!own.contains(loaded), "{loaded}");

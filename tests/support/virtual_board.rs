@@ -20,7 +20,7 @@ use springpot::{Actuator, Law, Options, Preset, State, VoltageDrive};
 use crate::flash::Flash;
 
 /// Ticks that are late are made up for if it is not by more than this.
-const MOST_LATE: Duration = Duration::from_millis(50);
+const MAX_DELAY: Duration = Duration::from_millis(50);
 
 /// What happens on the bench.
 #[derive(Clone, Copy, Debug)]
@@ -209,7 +209,7 @@ fn run(
         // A tick per millisecond, or as slow as the scene has it. Those that this machine is late with are made up for as long as they are few; more of them
         // in a row, while what the host has sent waits, would look like a host that is silent.
         let now = Instant::now();
-        due = due.max(now.checked_sub(MOST_LATE).unwrap_or(now));
+        due = due.max(now.checked_sub(MAX_DELAY).unwrap_or(now));
         while due <= now {
             due += scene.tick;
             ticks += 1;

@@ -11,7 +11,7 @@ pub const EPSILON_0: f64 = 8.854_187_812_8e-12;
 pub const GRAVITY: f64 = 9.806_65;
 
 /// Largest thinning of a film, in shares of its length.
-const MOST_THINNING: f64 = 3.0;
+const MAX_THINNING: f64 = 3.0;
 
 /// When the weight that stretches the film begins to act.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -230,7 +230,7 @@ impl Actuator {
     /// grows, not the thickness.
     #[must_use]
     pub fn thinning_per_m(&self) -> f64 {
-        self.stretch_coupling.min(MOST_THINNING / self.length_m)
+        self.stretch_coupling.min(MAX_THINNING / self.length_m)
     }
 
     /// Checks the values.

@@ -11,7 +11,7 @@ const PAGE: &str = "docs/own-board.md";
 
 /// What the film may be from the sine, µm: a fortieth of its 400 µm from peak to peak. Without a sensor the film, which pulls 3 % harder
 /// than its model, would be 18 to 24 µm from it.
-const LARGEST_UM: f64 = 10.0;
+const MAX_ERROR_UM: f64 = 10.0;
 
 /// In tick 7000 the monitor does not answer: 0 V in the same tick.
 const TRIP: &str = "tick, cause, enable and code of the trip: Some((7000, Bus, false, 0))";
@@ -64,8 +64,8 @@ fn went_well(printed: &str) -> Result<()> {
     let Some(furthest_um) = furthest.and_then(|number| number.parse::<f64>().ok()) else {
         return Err("no distance from the sine".into());
     };
-    if !(furthest_um > 0.0 && furthest_um <= LARGEST_UM) {
-        return Err(format!("more than {LARGEST_UM} µm from the sine"));
+    if !(furthest_um > 0.0 && furthest_um <= MAX_ERROR_UM) {
+        return Err(format!("more than {MAX_ERROR_UM} µm from the sine"));
     }
     match (*trip == TRIP, *end == END) {
         (true, true) => Ok(()),

@@ -8,7 +8,7 @@ use crate::process::{Result, cargo, command, output, root};
 use crate::setup;
 
 /// Most bytes of a page of three recordings.
-const MOST_BYTES: usize = 1_000_000;
+const MAX_BYTES: usize = 1_000_000;
 /// Runs within a copy of the page and leaves its findings in an element.
 const CHECKS: &str = include_str!("page.js");
 /// What it must find.
@@ -63,8 +63,8 @@ fn at(path: &Path, error: &dyn std::fmt::Display) -> String {
 
 /// The page is small and holds `printed`.
 fn check_document(page: &str, printed: &str) -> Result<()> {
-    if page.len() > MOST_BYTES {
-        return Err(format!("the page has {} bytes, {MOST_BYTES} at the most", page.len()));
+    if page.len() > MAX_BYTES {
+        return Err(format!("the page has {} bytes, {MAX_BYTES} at the most", page.len()));
     }
     let begin = "<script type=\"application/json\" id=\"document\">";
     let embedded = page.split(begin).nth(1).and_then(|rest| rest.split("</script>").next());

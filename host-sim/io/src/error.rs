@@ -113,7 +113,7 @@ impl Error {
 
 /// The text of an error with its long numbers shortened: scientific notation, and single precision with its own digits. The laws' errors are those of a microcontroller, which spends no memory on that.
 pub fn short(error: &impl fmt::Display) -> String {
-    const LONGEST: usize = 12;
+    const MAX_DIGITS: usize = 12;
     let text = error.to_string();
     let is_digit = |c: char| c.is_ascii_digit() || c == '.';
     let mut short = String::new();
@@ -123,7 +123,7 @@ pub fn short(error: &impl fmt::Display) -> String {
         let (number, after) = number.split_at(number.find(|c| !is_digit(c)).unwrap_or(number.len()));
         short.push_str(before);
         match number.parse::<f64>() {
-            Ok(value) if number.len() > LONGEST => {
+            Ok(value) if number.len() > MAX_DIGITS => {
                 let single = value as f32;
                 let digits = if f64::from(single) == value { format!("{single:?}") } else { format!("{value:?}") };
                 short.push_str(&digits);

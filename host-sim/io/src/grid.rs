@@ -21,7 +21,7 @@ pub struct Grid {
 }
 
 /// Largest number of samples of a grid: 27 h at 1 kHz. A run holds some 60 bytes per sample.
-const MOST: f64 = 1e8;
+const MAX_SAMPLES: f64 = 1e8;
 
 impl Grid {
     /// The shortest grid at `rate_hz` that covers `duration_s`.
@@ -35,8 +35,9 @@ impl Grid {
         }
         // Products such as 155.0 · 1000 can lie a rounding error above the whole number.
         let last = (duration_s * rate_hz - 1e-6).ceil().max(0.0);
-        if last.is_nan() || last >= MOST {
-            let cause = format!("{duration_s:?} s at {rate_hz:?} Hz are more than {MOST} samples; lower the rate");
+        if last.is_nan() || last >= MAX_SAMPLES {
+            let cause =
+                format!("{duration_s:?} s at {rate_hz:?} Hz are more than {MAX_SAMPLES} samples; lower the rate");
             return Err(Error::option("--rate", cause));
         }
         Ok(Self { rate_hz, samples: last as usize + 1 })

@@ -63,7 +63,7 @@ impl Stage {
     }
 
     /// Stage number `number` of `all`, which take about the same time each.
-    pub fn of(what: impl Into<String>, number: usize, all: usize) -> Self {
+    pub fn numbered(what: impl Into<String>, number: usize, all: usize) -> Self {
         let work = (number.saturating_sub(1) as u64, all as u64);
         Self { what: what.into(), count: Some((number, all)), work }
     }

@@ -68,11 +68,11 @@ pub fn report<D: Serialize>(json: bool, document: &D, text: impl FnOnce() -> Str
 
 /// `value` with `digits` decimals; in scientific notation from 1e9 on; a dash for NaN.
 pub fn decimals(value: f64, digits: usize) -> String {
-    const LARGEST: f64 = 1e9;
+    const MAX_PLAIN: f64 = 1e9;
     match value {
         _ if value.is_nan() => "–".into(),
         _ if value.is_infinite() => if value > 0.0 { "∞" } else { "-∞" }.into(),
-        _ if value.abs() < LARGEST => format!("{value:.digits$}"),
+        _ if value.abs() < MAX_PLAIN => format!("{value:.digits$}"),
         _ => format!("{value:.2e}"),
     }
 }

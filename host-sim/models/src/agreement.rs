@@ -17,7 +17,7 @@ pub struct Agreement {
 
 impl Agreement {
     /// The agreement of `modelled` with `measured`, pair by pair.
-    pub fn of(measured: &[f64], modelled: &[f64]) -> Self {
+    pub fn new(measured: &[f64], modelled: &[f64]) -> Self {
         let samples = measured.len();
         let n = samples as f64;
         let mean = measured.iter().sum::<f64>() / n;

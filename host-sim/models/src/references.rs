@@ -17,7 +17,7 @@ use crate::quantity::positive;
 /// # Errors
 ///
 /// [`Error`] naming the file where it has no displacement, gaps, or one that no film reaches.
-pub fn of(recording: &Recording, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
+pub fn on_grid(recording: &Recording, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
     let path = recording.path();
     let grid = recording.grid(rate_hz)?;
     if grid.samples < 2 {
@@ -61,9 +61,9 @@ pub struct Reference {
 }
 
 /// Largest number of samples of a reference.
-const MOST_SAMPLES: usize = 20_000_000;
+const MAX_SAMPLES: usize = 20_000_000;
 /// The longest period, s. A random walk runs for twenty periods before its first sample.
-const MOST_PERIOD_S: f64 = 1e5;
+const MAX_PERIOD_S: f64 = 1e5;
 
 impl Reference {
     /// A reference with a rise of 5 s.
@@ -81,8 +81,8 @@ impl Reference {
         positive("--duration", duration_s)?;
         positive("--rate", rate_hz)?;
         let grid = Grid::covering(duration_s, rate_hz)?;
-        if !(2..=MOST_SAMPLES).contains(&grid.samples) {
-            let cause = format!("{} samples at this rate; from 2 to {MOST_SAMPLES} are possible", grid.samples);
+        if !(2..=MAX_SAMPLES).contains(&grid.samples) {
+            let cause = format!("{} samples at this rate; from 2 to {MAX_SAMPLES} are possible", grid.samples);
             return Err(Error::option("--duration", cause));
         }
         let plateau = if self.shape == Shape::Steps { 0.5 * self.period_s } else { f64::INFINITY };
@@ -105,8 +105,8 @@ impl Reference {
                 return Err(Error::option(option, format!("{value:?} must be finite and greater than 0")));
             }
         }
-        if !(2.0 * grid.step_s()..=MOST_PERIOD_S).contains(&period_s) {
-            let cause = format!("{period_s:?} s must be from two samples to {MOST_PERIOD_S} s");
+        if !(2.0 * grid.step_s()..=MAX_PERIOD_S).contains(&period_s) {
+            let cause = format!("{period_s:?} s must be from two samples to {MAX_PERIOD_S} s");
             return Err(Error::option("--period", cause));
         }
         let duration_s = grid.time_s(grid.samples - 1);
@@ -202,7 +202,7 @@ pub struct Periods {
 
 impl Periods {
     /// The shortest period of `series` that holds for its last half, and how far back it holds; at least two periods.
-    pub fn of(series: &[f64]) -> Option<Self> {
+    pub fn from_series(series: &[f64]) -> Option<Self> {
         let (low, high) = series.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
         let tolerance = 1e-3 * (high - low);
         if series.len() < 8 || tolerance <= 0.0 {

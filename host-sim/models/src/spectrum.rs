@@ -7,7 +7,7 @@ use bench_fft::Planner;
 use crate::grid::{Grid, Samples};
 
 /// Most samples of a transform.
-const MOST: usize = 262_144;
+const MAX_SAMPLES: usize = 262_144;
 /// Points of a drawn spectrum, evenly spaced on a logarithmic axis.
 const POINTS: usize = 160;
 
@@ -21,7 +21,7 @@ pub struct Spectrum {
 
 impl Spectrum {
     /// The spectrum of `samples`, without their mean; none for too few.
-    pub fn of(samples: &Samples) -> Option<Self> {
+    pub fn new(samples: &Samples) -> Option<Self> {
         let (power, step_hz) = power(samples)?;
         let highest = power.len() - 1;
         let edge = |k: usize| (highest as f64).powf(k as f64 / POINTS as f64).round() as usize;
@@ -60,7 +60,7 @@ fn power(samples: &Samples) -> Option<(Vec<f64>, f64)> {
         Samples { time_s: samples.time_s.iter().map(|t| t - first_s).collect(), value: samples.value.clone() };
     let even = Grid::covering(duration_s, own_hz).ok()?.resample(&from_zero);
     // Of too many samples the means of a few: noise above half of their rate does not fold into the band below.
-    let few = even.len().div_ceil(MOST);
+    let few = even.len().div_ceil(MAX_SAMPLES);
     let even: Vec<f64> = even.chunks_exact(few).map(|chunk| chunk.iter().sum::<f64>() / few as f64).collect();
     let rate_hz = own_hz / few as f64;
     let mean = even.iter().sum::<f64>() / even.len() as f64;

@@ -253,8 +253,8 @@ fn fitted(recordings: &[Recording], actuator: Actuator, assumed_sizes: bool, fil
 
 /// The page: the fit, what the controller's code makes of the recordings, and the runs along the sine.
 fn stage_page(path: &Path, done: &Done, report: &Report<'_>, followed: Option<&Followed>) -> Result<Staged> {
-    let document = Document::of(report)?;
-    let numbers = Numbers::of(&document);
+    let document = Document::from_report(report)?;
+    let numbers = Numbers::from_document(&document);
     let mut more = vec![Section::new("replay", "Replay on the controller", page::replay(&numbers))];
     if let Some((sine, runs)) = followed {
         more.push(Section::new("following", "Following a reference", page::following(&numbers, sine, runs)));
@@ -279,7 +279,7 @@ fn replayed(recordings: &[Recording], parameters: &Parameters) -> Result<(replay
         peak_m = response.displacement_m.iter().copied().fold(peak_m, f64::max);
         rows.push(replay::RecordingAgreement::new(recording, Direction::Force, &agreement));
     }
-    Ok((replay::Report::of(rows), peak_m))
+    Ok((replay::Report::new(rows), peak_m))
 }
 
 /// Limits that ask no more of the film than the recordings did; none where no voltage was recorded.

@@ -103,7 +103,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());
     let (blob, board) = parameters.checked_blob(arguments.rate).map_err(refused)?;
 
-    let compression = Compression::of(parameters.film(), arguments.rate)?;
+    let compression = Compression::new(parameters.film(), arguments.rate)?;
 
     let mut library = Library::default();
     let files = match &source {

@@ -100,7 +100,7 @@ impl Report {
     fn add(&mut self, plan: &VoltagePlan) {
         let met = plan.limited.iter().filter(|limited| !limited.is_none()).count();
         self.limited_pct = Some(100.0 * met as f64 / self.samples as f64);
-        self.limits_met = Some(LimitShare::of(&plan.limited));
+        self.limits_met = Some(LimitShare::from_limited(&plan.limited));
         self.largest_voltage_v = Some(plan.voltage_v.iter().copied().fold(0.0, f64::max));
     }
 }
@@ -204,12 +204,12 @@ fn panels(reference: &[f64], plan: &VoltagePlan, grid: Grid) -> Vec<Panel> {
     let error: Vec<f64> = plan.displacement_m.iter().zip(reference).map(|(x, r)| x - r).collect();
     vec![
         Panel::new("Reference and model", "time (s)", DISPLACEMENT.label())
-            .with(Line::new("reference", &time, &DISPLACEMENT.of(reference)).beneath())
-            .with(Line::new("model", &time, &DISPLACEMENT.of(&plan.displacement_m))),
+            .with(Line::new("reference", &time, &DISPLACEMENT.transform(reference)).beneath())
+            .with(Line::new("model", &time, &DISPLACEMENT.transform(&plan.displacement_m))),
         Panel::new("Model minus reference", "time (s)", "difference (µm)")
-            .with(Line::new("model − reference", &time, &MICROMETRES.of(&error)).coloured(Colour::Vermilion)),
+            .with(Line::new("model − reference", &time, &MICROMETRES.transform(&error)).coloured(Colour::Vermilion)),
         Panel::new("Voltage", "time (s)", VOLTAGE.label())
-            .with(Line::new("voltage", &time, &VOLTAGE.of(&plan.voltage_v)).coloured(Colour::Green)),
+            .with(Line::new("voltage", &time, &VOLTAGE.transform(&plan.voltage_v)).coloured(Colour::Green)),
     ]
 }
 

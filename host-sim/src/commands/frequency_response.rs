@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
     let plot = arguments.plot.check(&[arguments.params.as_ref()], &[&arguments.out])?;
     let Response { frequency_hz, magnitude_m_per_n, phase_rad } =
-        sweep.of(&parameters).map_err(|e| e.about(&arguments.params, &arguments.out))?;
+        sweep.run(&parameters).map_err(|e| e.about(&arguments.params, &arguments.out))?;
     let table = output::stage_columns(
         &arguments.out,
         &[],
@@ -74,7 +74,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let report = Report { out: shown(&arguments.out), points: arguments.points, discrete: arguments.discrete };
     let title = format!("Frequency response of {}", parameters.name);
     let drawn = plot.stage(&report, || {
-        Figure::new(title, response_figure::of(&frequency_hz, &magnitude_m_per_n, &phase_rad).into())
+        Figure::new(title, response_figure::bode_panels(&frequency_hz, &magnitude_m_per_n, &phase_rad).into())
     })?;
     [Some(table), drawn].into_iter().flatten().try_for_each(Staged::commit)?;
     terminal::report(json, &report, || {

@@ -82,10 +82,10 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let starts_at_rest = edits.from_s == 0.0 || at_rest(&series, edits.from_s);
         let (series, blanked) = series.edited(&edits).map_err(|cause| Error::file(path, cause))?;
         let understood = series.understood.clone();
-        let recording = Recording::of(path, series);
+        let recording = Recording::from_series(path, series);
         // A drive with gaps is no recording: told now, not when it is fitted.
         recording.drive()?;
-        imported.push((Imported::of(&recording, understood, out, blanked, starts_at_rest), recording));
+        imported.push((Imported::new(&recording, understood, out, blanked, starts_at_rest), recording));
     }
     // Removed again if it stays empty.
     let _folder = Folder::at(&arguments.out)?;
@@ -122,7 +122,7 @@ impl Arguments {
 /// Whether nothing drives the film at `from_s`.
 fn at_rest(series: &Series, from_s: f64) -> bool {
     let start = series.clock_s[0];
-    let recording = Recording::of(Path::new(""), series.clone());
+    let recording = Recording::from_series(Path::new(""), series.clone());
     let Ok(drive) = recording.drive() else { return true };
     let drive = drive.samples();
     let largest = drive.value.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
@@ -131,12 +131,12 @@ fn at_rest(series: &Series, from_s: f64) -> bool {
 }
 
 impl Imported {
-    fn of(recording: &Recording, understood: Understood, out: &Path, blanked: usize, starts_at_rest: bool) -> Self {
+    fn new(recording: &Recording, understood: Understood, out: &Path, blanked: usize, starts_at_rest: bool) -> Self {
         let steps: Vec<f64> = recording.time_s().windows(2).map(|pair| pair[1] - pair[0]).collect();
         let step = median(&steps);
         let gaps = || steps.iter().copied().filter(|length| *length > 5.0 * step);
         let ranges: Vec<Range> =
-            recording.columns().iter().filter_map(|(name, values)| Range::of(name, values)).collect();
+            recording.columns().iter().filter_map(|(name, values)| Range::from_values(name, values)).collect();
         let mut warnings = Vec::new();
         if !starts_at_rest {
             warnings
@@ -187,7 +187,7 @@ impl Imported {
 }
 
 impl Range {
-    fn of(name: &str, values: &[f64]) -> Option<Self> {
+    fn from_values(name: &str, values: &[f64]) -> Option<Self> {
         let quantity = Quantity::ALL.into_iter().find(|quantity| name.starts_with(quantity.name()))?;
         let present = values.iter().copied().filter(|value| !value.is_nan());
         let (low, high) = present.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));

@@ -67,7 +67,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let inputs = [arguments.recording.as_path(), arguments.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;
     let plot = arguments.plot.check(&inputs, &[&arguments.out])?;
-    let run = ObservedRecording::of(&recording, arguments.rate)?;
+    let run = ObservedRecording::from_recording(&recording, arguments.rate)?;
     let grid = run.grid;
     let bar = Progress::over(grid.samples as u64, "observe");
     let estimates = run
@@ -118,10 +118,11 @@ fn panels(parameters: &Parameters, estimates: &Estimates, grid: Grid) -> Vec<Pan
     let sampled: Vec<f64> = estimates.sample_m.iter().map(|reading| sensor.film_displacement_m(*reading)).collect();
     vec![
         Panel::new("Sensor and estimate", "time (s)", DISPLACEMENT.label())
-            .with(Line::new("sensor", &time, &DISPLACEMENT.of(&sampled)).beneath())
-            .with(Line::new("estimate", &time, &DISPLACEMENT.of(&estimates.displacement_m))),
-        Panel::new("Innovation: sensor minus prediction", "time (s)", "innovation (µm)")
-            .with(Line::new("innovation", &time, &MICROMETRES.of(&estimates.innovation_m)).coloured(Colour::Vermilion)),
+            .with(Line::new("sensor", &time, &DISPLACEMENT.transform(&sampled)).beneath())
+            .with(Line::new("estimate", &time, &DISPLACEMENT.transform(&estimates.displacement_m))),
+        Panel::new("Innovation: sensor minus prediction", "time (s)", "innovation (µm)").with(
+            Line::new("innovation", &time, &MICROMETRES.transform(&estimates.innovation_m)).coloured(Colour::Vermilion),
+        ),
         Panel::new("Disturbance force", "time (s)", "disturbance (N)")
             .with(Line::new("disturbance", &time, &estimates.disturbance_n).coloured(Colour::Green)),
         Panel::new("Force scale", "time (s)", "force scale")

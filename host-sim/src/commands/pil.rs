@@ -93,7 +93,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             } else {
                 arguments.reading.read_one(path)?
             };
-            Task::of(&recording, &options, parameters.sensor())
+            Task::from_recording(&recording, &options, parameters.sensor())
         })
         .collect::<Result<Vec<Task>>>()?;
 

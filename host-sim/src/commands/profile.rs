@@ -60,12 +60,12 @@ struct Report {
 }
 
 /// Longest profile, s.
-const LONGEST_S: f64 = 1e5;
+const MAX_S: f64 = 1e5;
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     positive("--rate", arguments.rate)?;
-    at_most("--hold", arguments.hold, LONGEST_S)?;
-    at_most("--rest", arguments.rest, LONGEST_S)?;
+    at_most("--hold", arguments.hold, MAX_S)?;
+    at_most("--rest", arguments.rest, MAX_S)?;
     for frequency_hz in &arguments.frequencies {
         positive("--frequencies", *frequency_hz)?;
         if 20.0 * frequency_hz > arguments.rate {
@@ -96,9 +96,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     };
     let made = Profile::new(&options, &limits, actuator.thickness_m)?;
     let duration_s = made.duration_s();
-    if duration_s > LONGEST_S {
+    if duration_s > MAX_S {
         let cause = format!(
-            "the profile lasts {duration_s:.0} s, at most {LONGEST_S:.0} s are possible; use fewer, or higher --frequencies"
+            "the profile lasts {duration_s:.0} s, at most {MAX_S:.0} s are possible; use fewer, or higher --frequencies"
         );
         return Err(Error::option("--cycles", cause));
     }

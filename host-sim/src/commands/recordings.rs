@@ -54,7 +54,7 @@ impl RecordingOptions {
 
     /// The same, on its grid at `rate_hz`.
     pub(super) fn reference(&self, path: &Path, rate_hz: f64) -> Result<(Vec<f64>, Grid)> {
-        references::of(&self.read_reference(path)?, rate_hz)
+        references::on_grid(&self.read_reference(path)?, rate_hz)
     }
 }
 

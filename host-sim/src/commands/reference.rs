@@ -67,7 +67,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     )?;
     let report = Report { out: shown(&arguments.out), samples: grid.samples };
     let drawn = plot.stage(&report, || {
-        let line = Line::new("reference", &time, &DISPLACEMENT.of(&values));
+        let line = Line::new("reference", &time, &DISPLACEMENT.transform(&values));
         let panel = Panel::new("Reference", "time (s)", DISPLACEMENT.label()).with(line);
         Figure::new(format!("Reference {}", report.out), vec![panel])
     })?;

@@ -79,7 +79,7 @@ impl RecordingAgreement {
 }
 
 impl Report {
-    pub(super) fn of(recordings: Vec<RecordingAgreement>) -> Self {
+    pub(super) fn new(recordings: Vec<RecordingAgreement>) -> Self {
         let r2_mean = recordings.iter().map(|row| row.r2).sum::<f64>() / recordings.len() as f64;
         Self { recordings, r2_mean, field_note: None }
     }
@@ -125,7 +125,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         }
     }
     bar.finish_and_clear();
-    let mut report = Report::of(rows);
+    let mut report = Report::new(rows);
     report.field_note = parameters.field_note().filter(|_| arguments.drive == Direction::Force);
     written.extend(plot.stage(&report, || Figure::new(format!("Replay of {}", parameters.name), panels))?);
     written.into_iter().try_for_each(Staged::commit)?;

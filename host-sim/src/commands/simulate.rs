@@ -80,14 +80,14 @@ fn panels(response: &Response, grid: Grid) -> Vec<Panel> {
     let time = grid.times_s();
     let voltage = response.voltage_v.as_ref().map(|volts| {
         Panel::new("Voltage", "time (s)", VOLTAGE.label())
-            .with(Line::new("voltage", &time, &VOLTAGE.of(volts)).coloured(Colour::Green))
+            .with(Line::new("voltage", &time, &VOLTAGE.transform(volts)).coloured(Colour::Green))
     });
     let force = Panel::new("Force on the film", "time (s)", FORCE.label())
         .with(Line::new("force", &time, &response.force_n).coloured(Colour::Vermilion));
     let displacement = Panel::new("Displacement", "time (s)", DISPLACEMENT.label()).with(Line::new(
         "displacement",
         &time,
-        &DISPLACEMENT.of(&response.displacement_m),
+        &DISPLACEMENT.transform(&response.displacement_m),
     ));
     voltage.into_iter().chain([force, displacement]).collect()
 }

@@ -38,11 +38,11 @@ pub(super) fn error(error: &clap::Error, arguments: &[OsString]) -> Error {
 
 /// A word that fits in a line.
 fn shortened(word: &str) -> String {
-    const LONGEST: usize = 60;
-    if word.chars().count() <= LONGEST {
+    const MAX_WORD: usize = 60;
+    if word.chars().count() <= MAX_WORD {
         word.into()
     } else {
-        word.chars().take(LONGEST).chain("…'".chars()).collect()
+        word.chars().take(MAX_WORD).chain("…'".chars()).collect()
     }
 }
 

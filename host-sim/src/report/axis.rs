@@ -18,7 +18,7 @@ impl Axis {
     }
 
     /// `values` in SI units on this axis.
-    pub fn of(self, values: &[f64]) -> Vec<f64> {
+    pub fn transform(self, values: &[f64]) -> Vec<f64> {
         values.iter().map(|value| self.per_si * value).collect()
     }
 }

@@ -3,7 +3,7 @@
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value, json};
 
-use super::figure::{Figure, MOST_POINTS, Panel};
+use super::figure::{Figure, MAX_POINTS, Panel};
 
 /// `figure` for a page: plots that zoom together where they share an axis.
 pub fn figure(figure: &Figure) -> Markup {
@@ -24,9 +24,9 @@ pub fn chart(panel: &Panel, group: &str) -> Markup {
                     " "
                     span.thinned {
                         @if panel.is_path {
-                            "Drawn with every nth sample, at most " (MOST_POINTS) " a line."
+                            "Drawn with every nth sample, at most " (MAX_POINTS) " a line."
                         } @else {
-                            "Drawn with the lowest and highest of every few samples, at most " (MOST_POINTS) " points a line."
+                            "Drawn with the lowest and highest of every few samples, at most " (MAX_POINTS) " points a line."
                         }
                     }
                 }

@@ -10,12 +10,12 @@ pub fn panels(measured: &Samples, modelled: &[f64], axis: Axis, fine: Axis) -> [
     let difference: Vec<f64> = modelled.iter().zip(value).map(|(model, measured)| model - measured).collect();
     [
         Panel::new("Measured and modelled", "time (s)", axis.label())
-            .with(Line::new("measured", time, &axis.of(value)).beneath())
-            .with(Line::new("model", time, &axis.of(modelled)))
+            .with(Line::new("measured", time, &axis.transform(value)).beneath())
+            .with(Line::new("model", time, &axis.transform(modelled)))
             .captioned(
                 "Measured is the wide grey line; where the model follows it, the thin line runs along its middle.",
             ),
         Panel::new("Residual", "time (s)", format!("model − measured ({})", fine.unit))
-            .with(Line::new("model − measured", time, &fine.of(&difference)).coloured(Colour::Vermilion)),
+            .with(Line::new("model − measured", time, &fine.transform(&difference)).coloured(Colour::Vermilion)),
     ]
 }

@@ -22,7 +22,7 @@ impl Compression {
     /// # Errors
     ///
     /// As [`Film::compressed_law`].
-    pub fn of(film: Film<'_>, rate_hz: f64) -> Result<Self> {
+    pub fn new(film: Film<'_>, rate_hz: f64) -> Result<Self> {
         let law = film.compressed_law::<f32>(rate_hz)?;
         Ok(Self { rate_hz, bound: law.compression_bound() })
     }

@@ -32,7 +32,7 @@ impl Cost {
     pub const CURVED: Self = Self::stated(615, 1997, 3200);
 
     /// The cost of `film`.
-    pub fn of(film: Film<'_>) -> Self {
+    pub fn new(film: Film<'_>) -> Self {
         if film.curve.is_some() { Self::CURVED } else { Self::LINEAR }
     }
 

@@ -18,22 +18,22 @@ pub enum Course {
 /// Changes of a held load up to this share of its size are none.
 const STEADY: f64 = 0.02;
 /// A held load lasts at least this share of its recording.
-const LEAST_HELD: f64 = 0.6;
+const MIN_HELD_SHARE: f64 = 0.6;
 /// The middle that a drive must leave on both sides to make a cycle, as a share of its range.
 const HYSTERESIS: f64 = 0.2;
 /// Fewest cycles that show a drift.
-const FEWEST_CYCLES: usize = 3;
+const MIN_CYCLES: usize = 3;
 /// How much longer or shorter than their median cycles may be.
 const UNEVEN: f64 = 0.2;
 
 impl Course {
     /// The course of `drive`.
-    pub fn of(drive: &Samples) -> Self {
+    pub fn from_drive(drive: &Samples) -> Self {
         if let Some(since_s) = held_since(drive) {
             return Self::Held(since_s);
         }
         let cycles = cycles(drive);
-        if cycles.len() < FEWEST_CYCLES {
+        if cycles.len() < MIN_CYCLES {
             return Self::Other;
         }
         let mut lengths: Vec<f64> = cycles.iter().map(|cycle| cycle.end - cycle.start).collect();
@@ -53,7 +53,7 @@ fn held_since(drive: &Samples) -> Option<f64> {
         None => 0.0,
         Some(row) => *drive.time_s.get(row + 1)?,
     };
-    (last_s - since_s >= LEAST_HELD * (last_s - first_s)).then_some(since_s)
+    (last_s - since_s >= MIN_HELD_SHARE * (last_s - first_s)).then_some(since_s)
 }
 
 /// From one rise through the middle to the next.

@@ -47,7 +47,7 @@ impl Colour {
 }
 
 /// Most points of a line as it is drawn: more do not show on a screen.
-pub const MOST_POINTS: usize = 1600;
+pub const MAX_POINTS: usize = 1600;
 
 /// Points of a line.
 pub type Points = Vec<(f64, f64)>;
@@ -267,7 +267,7 @@ fn logarithmically_thinned(mut points: Points) -> Points {
 }
 
 /// Chunks of a thinned line: each has two points.
-const CHUNKS: usize = MOST_POINTS / 2 - 1;
+const CHUNKS: usize = MAX_POINTS / 2 - 1;
 
 fn extremes<'a>(first: (f64, f64), chunks: impl Iterator<Item = &'a [(f64, f64)]>, last: (f64, f64)) -> Points {
     let by_value = |a: &(usize, &(f64, f64)), b: &(usize, &(f64, f64))| a.1.1.total_cmp(&b.1.1);
@@ -284,6 +284,6 @@ fn extremes<'a>(first: (f64, f64), chunks: impl Iterator<Item = &'a [(f64, f64)]
 
 /// Every so many points of a path: lowest and highest mean nothing there.
 fn every_nth(points: Points) -> Points {
-    let every = points.len().div_ceil(MOST_POINTS).max(1);
+    let every = points.len().div_ceil(MAX_POINTS).max(1);
     points.into_iter().step_by(every).collect()
 }

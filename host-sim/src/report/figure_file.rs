@@ -89,9 +89,9 @@ impl Plot {
         if !matches!(format(path)?, Format::Html) {
             return stage_image(path, &figure).map(Some);
         }
-        let document = Document::of(document)?;
+        let document = Document::from_report(document)?;
         let mut all = vec![Section::new("plots", "Plots", chart::figure(&figure))];
-        all.extend(sections(&Numbers::of(&document)));
+        all.extend(sections(&Numbers::from_document(&document)));
         all.push(Section::new("origin", "Where this comes from", self.origin()?));
         let page = Page { title: &figure.title, lead: html! {}, sections: all, document: Some(&document) };
         Staged::new(path, |file| file.write_all(page.html().as_bytes())).map(Some)

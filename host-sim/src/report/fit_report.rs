@@ -138,8 +138,8 @@ impl FitReport {
             structures: fit.structures.clone(),
             uncertainty: fit.uncertainty.clone(),
             compression,
-            cost: Cost::of(parameters.film()),
-            relaxations: branches::of(&fit.candidate),
+            cost: Cost::new(parameters.film()),
+            relaxations: branches::rows(&fit.candidate),
             film: FilmRow {
                 actuator: parameters.actuator,
                 sensor_offset_m: parameters.sensor_offset_m,

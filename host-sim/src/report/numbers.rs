@@ -19,7 +19,7 @@ impl Document {
     /// # Errors
     ///
     /// [`Error::Computation`] where it has no JSON.
-    pub fn of(report: &impl Serialize) -> Result<Self> {
+    pub fn from_report(report: &impl Serialize) -> Result<Self> {
         let fault = |e: serde_json::Error| Error::Computation(format!("JSON: {e}"));
         let text = serde_json::to_string(report).map_err(fault)?;
         // Through the text, so that numbers of single precision are those that it shows.
@@ -53,7 +53,7 @@ pub enum Form {
 
 impl<'a> Numbers<'a> {
     /// The whole document.
-    pub fn of(document: &'a Document) -> Self {
+    pub fn from_document(document: &'a Document) -> Self {
         Self { document: &document.value, place: String::new() }
     }
 

@@ -12,11 +12,11 @@ pub fn panels(parameters: &Parameters, (from_hz, to_hz): (f64, f64), at_m: f64) 
     let frequency = frequency_response::logarithmic(from_hz, to_hz, POINTS);
     let response = frequency.iter().map(|&hz| frequency_response::continuous(parameters, hz, at_m).to_polar());
     let (magnitude, phase): (Vec<f64>, Vec<f64>) = response.unzip();
-    of(&frequency, &magnitude, &phase)
+    bode_panels(&frequency, &magnitude, &phase)
 }
 
 /// The panels of a response: magnitude (m/N) and phase (rad) at `frequency` (Hz).
-pub fn of(frequency: &[f64], magnitude: &[f64], phase: &[f64]) -> [Panel; 2] {
+pub fn bode_panels(frequency: &[f64], magnitude: &[f64], phase: &[f64]) -> [Panel; 2] {
     let scaled = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|value| by * value).collect() };
     [
         Panel::new("Displacement over force", "frequency (Hz)", "magnitude (mm/N)")

@@ -42,14 +42,14 @@ pub struct Film {
 
 /// The films of the program.
 pub const FILMS: [Film; 8] = [
-    Film::of("table3-n1", Topology::Eq11),
-    Film::of("table3-n2", Topology::Eq11),
-    Film::of("table3-n5", Topology::Eq11),
-    Film::of("table3-n5", Topology::Parallel),
-    Film { method: Method::Bdf2, ..Film::of("table3-n2", Topology::Eq11) },
-    Film { curved: true, ..Film::of("table3-n2", Topology::Eq11) },
-    Film { curved: true, method: Method::Bdf2, ..Film::of("table3-n2", Topology::Eq11) },
-    Film { method: Method::Bdf2, step_s: SLOW_S, ..Film::of("table3-n2", Topology::Eq11) },
+    Film::from_preset("table3-n1", Topology::Eq11),
+    Film::from_preset("table3-n2", Topology::Eq11),
+    Film::from_preset("table3-n5", Topology::Eq11),
+    Film::from_preset("table3-n5", Topology::Parallel),
+    Film { method: Method::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
+    Film { curved: true, ..Film::from_preset("table3-n2", Topology::Eq11) },
+    Film { curved: true, method: Method::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
+    Film { method: Method::Bdf2, step_s: SLOW_S, ..Film::from_preset("table3-n2", Topology::Eq11) },
 ];
 
 /// Films of each kind: stepped by either method, straight and behind a curve, fast and slow. All of them take a chip without an FPU
@@ -60,7 +60,7 @@ pub const FEW: [Film; 3] = [FILMS[1], FILMS[6], FILMS[7]];
 const SLOW_S: f64 = 1e-2;
 
 impl Film {
-    const fn of(preset: &'static str, topology: Topology) -> Self {
+    const fn from_preset(preset: &'static str, topology: Topology) -> Self {
         Self { preset, topology, method: Method::Gl, step_s: 1e-3, curved: false }
     }
 

@@ -84,7 +84,7 @@ impl Documents {
 
     /// The tables of one text; `name` is what their places say.
     #[must_use]
-    pub fn of(name: &str, text: &str) -> Self {
+    pub fn from_text(name: &str, text: &str) -> Self {
         Self { tables: tables_of(name, text) }
     }
 

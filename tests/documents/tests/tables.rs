@@ -28,7 +28,7 @@ fn a_table_has_as_many_cells_as_its_header() {
 /// The reader itself: bars in code, groups of digits, bold numbers, and a row that lacks a cell.
 #[test]
 fn numbers_are_found_by_row_and_title() {
-    let documents = Documents::of(
+    let documents = Documents::from_text(
         "x.md",
         "| row | a | **b**, late |\n| --- | --- | --- |\n| `x\\|y` | 35 477 | **0.382** |\n| film | 1.8e-7 | 16 kB |\n| `short` | 1 |\n\
          \n```text\n| no | table |\n```\n",

@@ -127,11 +127,11 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     #[must_use]
     #[allow(clippy::needless_pass_by_value)] // a blob is for one controller
     pub fn new(blob: Blob<HEAD, FAST, SLOW>) -> Self {
-        Self::of(blob.parameters(), blob.checksum(), blob.tracking(), blob.learning(), blob.supervisor())
+        Self::from_parts(blob.parameters(), blob.checksum(), blob.tracking(), blob.learning(), blob.supervisor())
     }
 
     // Of references, so that nothing large is moved on the stack of a small chip.
-    fn of(
+    fn from_parts(
         parameters: &Parameters<HEAD, FAST, SLOW>,
         checksum: Option<u32>,
         tracking: &Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
@@ -461,7 +461,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let supervisor = Supervisor::new(limits, *rate_hz).and_then(|made| made.behind(*amplifier_lag, *rate_hz));
         let supervisor = supervisor.unwrap_or(self.supervisor);
         let learning = self.learner.as_ref().map(Learner::learning);
-        Self::of(&self.parameters, self.checksum, &self.tracking, learning, &supervisor)
+        Self::from_parts(&self.parameters, self.checksum, &self.tracking, learning, &supervisor)
     }
 
     /// Steps the model under `volts` (V), and Eq. 1 back from its force to the voltage.

@@ -4,7 +4,7 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::safety::stillness::LEAST_TICKS;
+use crate::safety::stillness::MIN_TICKS;
 
 /// What film and bench allow.
 ///
@@ -144,7 +144,7 @@ impl fmt::Display for LimitsError {
             Self::TooSmall(quantity) => write!(f, "{quantity} is so small that it protects nothing"),
             Self::Sensor => write!(
                 f,
-                "sensor: low must be below high, jump and stuck_band greater than 0, stuck_ticks at least {LEAST_TICKS}"
+                "sensor: low must be below high, jump and stuck_band greater than 0, stuck_ticks at least {MIN_TICKS}"
             ),
         }
     }
@@ -246,13 +246,13 @@ fn first<T>(items: &[T], wrong: impl Fn(&T) -> bool) -> Option<&T> {
 }
 
 /// A sensor that shows nothing for longer than this is not watched, s.
-const LONGEST_STUCK_S: f32 = 10.0;
+const MAX_STUCK_S: f32 = 10.0;
 
 impl PlausibilityLimits {
     /// Whether a stuck sensor is noticed in time, at `rate_hz` ticks a second.
     #[allow(clippy::cast_precision_loss)] // compared, not counted
     pub(crate) fn check_rate(&self, rate_hz: f32) -> Result<(), LimitsError> {
-        if self.stuck_ticks as f32 > LONGEST_STUCK_S * rate_hz {
+        if self.stuck_ticks as f32 > MAX_STUCK_S * rate_hz {
             return Err(LimitsError::TooLarge("sensor.stuck_ticks"));
         }
         Ok(())
@@ -276,7 +276,7 @@ impl PlausibilityLimits {
             && self.low < self.high
             && positive(self.jump)
             && positive(self.stuck_band)
-            && self.stuck_ticks >= LEAST_TICKS
+            && self.stuck_ticks >= MIN_TICKS
     }
 }
 

@@ -45,8 +45,8 @@ const OUTSIDE: i32 = 16;
 const ARC_SHARE: f32 = 0.75;
 
 /// How much slower and faster an amplifier may be than its time constants say: they change with load, temperature and supply.
-const SLOWEST: f64 = 1.5;
-const FASTEST: f64 = 0.5;
+const MAX_SPEED_RATIO: f64 = 1.5;
+const MIN_SPEED_RATIO: f64 = 0.5;
 
 /// Time after an arc and its settling time within which another one trips, s.
 const AGAIN_S: f32 = 0.5;
@@ -86,7 +86,7 @@ impl Monitor {
             AmplifierModel::lagging(lag, step_s).map_err(|_| LimitsError::Amplifier)
         };
         model(1.0)?;
-        let lag = model(SLOWEST)?.zip(model(FASTEST)?).map(|(slow, fast)| [slow, fast]);
+        let lag = model(MAX_SPEED_RATIO)?.zip(model(MIN_SPEED_RATIO)?).map(|(slow, fast)| [slow, fast]);
         Ok(Self { lag, ..self })
     }
 

@@ -3,7 +3,7 @@
 use crate::safety::PlausibilityLimits;
 
 /// Smallest number of ticks in which a sensor can be watched.
-pub(crate) const LEAST_TICKS: u32 = 5;
+pub(crate) const MIN_TICKS: u32 = 5;
 
 /// A sensor is still if the model has moved by this many times what the sensor has.
 const MOVES: f32 = 5.0;
@@ -33,7 +33,7 @@ impl Stillness {
         Self {
             band: limits.stuck_band,
             most_ticks: limits.stuck_ticks,
-            late_ticks: limits.stuck_ticks / LEAST_TICKS,
+            late_ticks: limits.stuck_ticks / MIN_TICKS,
             value: f32::NAN,
             modelled: f32::NAN,
             ticks: 0,

@@ -202,7 +202,7 @@ pub struct Supervisor {
 }
 
 /// Bound of the search for the time that a film takes to 0 V: e^16 is nine million.
-const MOST_TIME_CONSTANTS: u8 = 16;
+const MAX_TIME_CONSTANTS: u8 = 16;
 
 impl Supervisor {
     /// A disarmed supervisor of a loop at `rate_hz`.
@@ -253,7 +253,7 @@ impl Supervisor {
     pub fn behind(self, lag: AmplifierLag, rate_hz: f32) -> Result<Self, LimitsError> {
         let monitor = self.monitor.behind(lag, rate_hz)?;
         // From the largest voltage into the monitor's band, and one more for a bleeder that is slower than it says.
-        let time_constants = (0..MOST_TIME_CONSTANTS).scan(self.monitored_v, |voltage_v, _| {
+        let time_constants = (0..MAX_TIME_CONSTANTS).scan(self.monitored_v, |voltage_v, _| {
             *voltage_v *= core::f32::consts::E.recip();
             (*voltage_v > self.live_v).then_some(())
         });

@@ -7,7 +7,7 @@ use springpot::{Actuator, Law, Options, Preset, State, VoltageDrive};
 /// Step of the films, s.
 pub const STEP_S: f64 = 1e-3;
 /// Largest voltage of the amplifiers in these tests, V.
-const LARGEST_V: f64 = 11e3;
+const MAX_V: f64 = 11e3;
 
 /// A film under a voltage.
 #[allow(clippy::large_enum_variant)] // there is one of them at a time
@@ -46,7 +46,7 @@ static LAWS: LazyLock<Vec<(Law<f64>, VoltageDrive<f64>)>> = LazyLock::new(|| {
             let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
             let scaled = model.scaled(factor).expect("positive");
             let law = Law::compressed(&scaled, Options::at_step(STEP_S)).expect("valid");
-            let drive = VoltageDrive::new(&Actuator::KARNER_2022, LARGEST_V, law.stiffness()).expect("valid");
+            let drive = VoltageDrive::new(&Actuator::KARNER_2022, MAX_V, law.stiffness()).expect("valid");
             (law, drive)
         })
         .collect()

@@ -72,7 +72,7 @@ const REQUESTS: [Request; 7] = [
 
 /// What the search moves: the supervisor, or one that is broken on purpose.
 trait Machine: Clone {
-    fn of(supervisor: Supervisor) -> Self;
+    fn with_supervisor(supervisor: Supervisor) -> Self;
     fn supervisor(&self) -> &Supervisor;
     fn request(&mut self, request: Request) -> Result<(), Refusal>;
     /// Checks, and returns the command, V.
@@ -80,7 +80,7 @@ trait Machine: Clone {
 }
 
 impl Machine for Supervisor {
-    fn of(supervisor: Supervisor) -> Self {
+    fn with_supervisor(supervisor: Supervisor) -> Self {
         supervisor
     }
 
@@ -233,7 +233,7 @@ impl<M: Machine> Node<M> {
     fn new(limits: &Limits) -> Self {
         let supervisor = Supervisor::new(limits, RATE_HZ).expect("valid");
         let witness = Witness { armed: false, silent_ticks: 0, shown_m: 0.0, interlock_closed: false, at_0_v: false };
-        Self { machine: M::of(supervisor), witness }
+        Self { machine: M::with_supervisor(supervisor), witness }
     }
 
     fn request(&mut self, request: Request) -> Result<(), String> {

@@ -51,7 +51,7 @@ pub struct AmplifierLag {
 }
 
 /// Longest time constant, s: what takes longer is no amplifier for a film that moves.
-const LONGEST_S: f64 = 10.0;
+const MAX_S: f64 = 10.0;
 
 impl AmplifierLag {
     /// An amplifier that follows at once.
@@ -60,8 +60,8 @@ impl AmplifierLag {
     pub(crate) fn check(&self) -> Result<(), ControlError> {
         let Self { rise_s, fall_s } = *self;
         for (quantity, value) in [("amplifier.rise_s", rise_s), ("amplifier.fall_s", fall_s)] {
-            if !(0.0..=LONGEST_S).contains(&value) {
-                return Err(ControlError::OutOfRange { quantity, value, most: LONGEST_S });
+            if !(0.0..=MAX_S).contains(&value) {
+                return Err(ControlError::OutOfRange { quantity, value, most: MAX_S });
             }
         }
         Ok(())

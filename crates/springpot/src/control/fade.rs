@@ -10,7 +10,7 @@ use crate::scalar::Real;
 /// The loop's sensitivity passes 1 near 0.8 bandwidths: above that, feedback makes an error larger.
 const FADES: [f64; 2] = [1.562, 1.972];
 /// The least share: a thirtieth of the bandwidth for what is slow, and a sensitivity of 1 within a percent for what is not.
-const LEAST: f64 = 0.03;
+const MIN_SHARE: f64 = 0.03;
 /// Times, in units of 1 / ω of the bandwidth: after which a move counts as the mean, over which distances are averaged, and over which
 /// the share changes.
 const FORGETS: f64 = 2.0;
@@ -55,7 +55,7 @@ pub(crate) struct FadeState<T> {
 /// The share as a straight line of ρ: at ρ = 0, and how much it falls with ρ.
 fn line<T: Real>() -> [T; 2] {
     let [from, to] = FADES;
-    let falls = (1.0 - LEAST) / (to - from);
+    let falls = (1.0 - MIN_SHARE) / (to - from);
     [1.0 + falls * from, falls].map(T::from_f64)
 }
 
@@ -82,7 +82,7 @@ impl<T: Real> Fade<T> {
         take.number("fade.floor", self.floor);
         take.number("fade.highest", highest);
         take.number("fade.falls", falls);
-        take.number("fade.least", T::from_f64(LEAST));
+        take.number("fade.least", T::from_f64(MIN_SHARE));
     }
 
     /// Takes the `position` (m) of the reference, with every sample of the sensor. `is_learned`: the errors of its cycles are left to a
@@ -98,7 +98,7 @@ impl<T: Real> Fade<T> {
         let mean = mean + self.averages * (moved.abs() - mean);
         let lagged = lagged + self.forgets * (mean - lagged);
         state.goes = [mean, lagged];
-        let (one, least) = (T::from_f64(1.0), T::from_f64(LEAST));
+        let (one, least) = (T::from_f64(1.0), T::from_f64(MIN_SHARE));
         let [highest, falls] = line::<T>();
         let share = highest - falls * (lagged / (state.gets + self.floor));
         let share = if share > one { one } else { share };

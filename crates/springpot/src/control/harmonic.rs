@@ -9,7 +9,7 @@ pub const HARMONICS: usize = 6;
 /// Share of the way to the value that the first block shows, where nothing is known of the film's answer yet.
 const FIRST_SHARE: f64 = 0.6;
 /// The same once the answer was seen.
-const LARGEST_SHARE: f64 = 0.8;
+const LATER_SHARE: f64 = 0.8;
 /// Bounds of |1/P|²: beyond the upper one the film hardly answers.
 const GAINS: [f64; 2] = [0.01, 25.0];
 /// Squares of signals over squares of noise above which a change counts as seen.
@@ -49,7 +49,7 @@ impl<T: Real> Harmonic<T> {
     /// Hands out what a harmonic is learned with.
     pub(crate) fn numbers(take: &mut impl Numbers<T>) {
         take.number("learning.first_share", T::from_f64(FIRST_SHARE));
-        take.number("learning.largest_share", T::from_f64(LARGEST_SHARE));
+        take.number("learning.largest_share", T::from_f64(LATER_SHARE));
         take.array("learning.gains", GAINS.map(T::from_f64));
         take.number("learning.seen", T::from_f64(SEEN));
         take.count("learning.silent_blocks", u32::from(SILENT_BLOCKS));
@@ -127,7 +127,7 @@ impl<T: Real> Harmonic<T> {
                 self.silent = self.silent.saturating_add(1);
             } else if square(gain) > low {
                 self.gain = gain;
-                self.share = T::from_f64(LARGEST_SHARE);
+                self.share = T::from_f64(LATER_SHARE);
                 self.silent = 0;
             }
         } else if square(change) > high * seen {

@@ -162,15 +162,15 @@ pub struct LearningState<T, const PAST: usize = 64> {
 /// Share of the sensor's rate below which harmonics are learned.
 const BELOW_SAMPLES: f64 = 0.3;
 /// Share of the static stroke at the largest voltage that counts as a swing of the reference.
-const LEAST_SWING: f64 = 1e-3;
+const MIN_SWING: f64 = 1e-3;
 /// Largest angle of a tick, rad: the series for its cosine and sine hold it to single precision.
-const LARGEST_ANGLE: f64 = 0.35;
+const MAX_ANGLE: f64 = 0.35;
 /// Time for the film to settle, s: with cycles that are longer than a second, and with shorter ones, which stir its resonance.
 const SETTLING_S: [f64; 2] = [0.2, 0.5];
 /// Least time of the cycles of a block, s: while there is much to learn, and later.
-const LEAST_S: [f64; 2] = [0.5, 2.5];
+const MIN_BLOCK_S: [f64; 2] = [0.5, 2.5];
 /// Fewest samples of a block: there are 13 numbers to learn.
-const LEAST_SAMPLES: f64 = 16.0;
+const MIN_SAMPLES: f64 = 16.0;
 /// Time constant with which a new value is approached, s.
 const APPROACH_S: f64 = 0.1;
 /// Weight of the newest value in the two lags.
@@ -202,12 +202,12 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         options.check()?;
         let LearningOptions { harmonics, period_s, sample_interval_s } = options;
         let step_s = law.step_s();
-        let largest_angle = (BELOW_SAMPLES * TAU * step_s / sample_interval_s).min(LARGEST_ANGLE);
+        let largest_angle = (BELOW_SAMPLES * TAU * step_s / sample_interval_s).min(MAX_ANGLE);
         let stroke = actuator.electrostatic_force(max_voltage_v) / law.stiffness_at_rest();
         #[allow(clippy::cast_precision_loss)] // 7
         let visit_s = (HARMONICS + 1) as f64 * step_s;
         Ok(Self {
-            finder: CycleFinder::new(LEAST_SWING * stroke, step_s),
+            finder: CycleFinder::new(MIN_SWING * stroke, step_s),
             period: T::from_f64(period_s.map_or(0.0, |period_s| period_s / step_s)),
             harmonics,
             largest_angle: T::from_f64(largest_angle),
@@ -308,7 +308,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         if !state.block.has_ended {
             state.begin_block();
         }
-        let longest = T::from_f64(UNENDED * LEAST_S[1]) * self.rate;
+        let longest = T::from_f64(UNENDED * MIN_BLOCK_S[1]) * self.rate;
         if state.block.unended > longest {
             state.block.unended = T::ZERO;
             state.harmonics.iter_mut().for_each(Harmonic::halve);
@@ -367,8 +367,8 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         block.turned = block.turned + visits * state.angle;
         if block.turned >= block.end {
             block.end = block.end + T::from_f64(TAU);
-            let least = T::from_f64(LEAST_S[usize::from(!block.is_rough)]) * self.rate;
-            if block.ticks >= settling + least && block.samples >= T::from_f64(LEAST_SAMPLES) {
+            let least = T::from_f64(MIN_BLOCK_S[usize::from(!block.is_rough)]) * self.rate;
+            if block.ticks >= settling + least && block.samples >= T::from_f64(MIN_SAMPLES) {
                 block.close(&state.harmonics);
                 return;
             }
@@ -493,7 +493,7 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
 
 /// `angle` (rad) within its bound, and exp(i) of it.
 fn turning<T: Real>(angle: T) -> (T, Pair<T>) {
-    let largest = T::from_f64(LARGEST_ANGLE);
+    let largest = T::from_f64(MAX_ANGLE);
     let angle = if angle < largest { angle } else { largest };
     let square = angle * angle;
     let [one, a2, a4, a6] = COSINE.map(T::from_f64);

@@ -76,7 +76,7 @@ pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const P
 state_traits!(TrackingState<T, M, PAST> { observer, inverse, fade, is_learned });
 
 /// Share of the static stroke at the largest voltage by which a reference must move so that its frequency counts.
-const LEAST_SHARE: f64 = 2e-3;
+const MIN_SHARE: f64 = 2e-3;
 
 impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     /// Tracking for `actuator` along `law` within `limits`, with an observer of these `options`.
@@ -93,7 +93,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         let inverse = Inverse::new(actuator, &limits, law.step_s(), law.largest_stiffness())?;
         let stroke_m = actuator.electrostatic_force(limits.max_voltage_v) / law.stiffness_at_rest();
         let interval_s = options.sample_interval_s.max(law.step_s());
-        let fade = Fade::new(options.bandwidth_hz, interval_s, LEAST_SHARE * stroke_m);
+        let fade = Fade::new(options.bandwidth_hz, interval_s, MIN_SHARE * stroke_m);
         let observer = Observer::new(law, actuator, limits.max_voltage_v, options)?;
         Ok(Self { observer, inverse, fade })
     }

@@ -9,7 +9,7 @@ use crate::scalar::Scalar;
 pub const MAX_KNOTS: usize = 17;
 
 /// Smallest slope of a curve: the stiffness of one step may not fall to less than this share of that at rest.
-const LEAST_SLOPE: f64 = 1e-3;
+const MIN_SLOPE: f64 = 1e-3;
 
 /// A point of a [`Curve`]: between two of them the curve is the cubic with these values and slopes at its ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -156,7 +156,7 @@ impl Curve {
 
     fn check_monotone(&self) -> Result<(), CurveError> {
         let (displacement_m, slope) = self.least_slope();
-        if slope >= LEAST_SLOPE { Ok(()) } else { Err(CurveError::NotMonotone { displacement_m, slope }) }
+        if slope >= MIN_SLOPE { Ok(()) } else { Err(CurveError::NotMonotone { displacement_m, slope }) }
     }
 
     /// Its knots, displacements increasing.

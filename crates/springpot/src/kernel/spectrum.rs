@@ -99,7 +99,7 @@ impl<'a> Spectrum<'a> {
             if chain.elements.iter().all(|e| order(e) != Order::Between) {
                 continue;
             }
-            let peak = Peak::of(&chain, 0.5 * (self.slowest + self.fastest));
+            let peak = Peak::from_chain(&chain, 0.5 * (self.slowest + self.fastest));
             self.sum_chain(&peak, &mut slow, &mut visit);
         }
         if slow.weight > 0.0 {
@@ -260,7 +260,7 @@ struct Peak<'a> {
 }
 
 impl<'a> Peak<'a> {
-    fn of(chain: &Chain<'a>, middle: f64) -> Self {
+    fn from_chain(chain: &Chain<'a>, middle: f64) -> Self {
         let mut peak = Self { chain: *chain, ln_rate: middle, width: f64::INFINITY, real: 0.0, ln_size: 0.0 };
         let found = peak.root();
         peak.ln_rate = found.unwrap_or(middle);

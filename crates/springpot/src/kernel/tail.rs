@@ -47,12 +47,12 @@ struct Warp {
 impl Warp {
     const STRENGTH: f64 = 1.3;
     /// Rate below which modes are not resolved, in 1/horizon.
-    const SLOWEST: f64 = 2.0;
+    const MIN_RATE: f64 = 2.0;
     /// Rate above which modes are not resolved, in 1/head.
-    const FASTEST: f64 = 6.0;
+    const MAX_RATE: f64 = 6.0;
 
     fn new(horizon_s: f64, head_s: f64) -> Self {
-        let (a, b) = (Self::SLOWEST / horizon_s, Self::FASTEST / head_s);
+        let (a, b) = (Self::MIN_RATE / horizon_s, Self::MAX_RATE / head_s);
         Self { a, b, span: libm::log(a / b) }
     }
 

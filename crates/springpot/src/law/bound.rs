@@ -87,14 +87,14 @@ impl CompressionBound {
     /// The bound of `law`, which `model` was compressed to, over `horizon_s`.
     // Not inlined: its series would stay on the stack of the quadrature.
     #[inline(never)]
-    pub(crate) fn of<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    pub(crate) fn new<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize>(
         law: &Law<T, Compressed<T, HEAD, FAST, SLOW>>,
         model: &Maxwell,
         horizon_s: f64,
     ) -> Self {
         let kernel = Kernel::new(model, law.step_s, law.method);
         let steps = libm::floor(horizon_s / law.step_s);
-        let deviation = Deviation::of(law, &kernel);
+        let deviation = Deviation::new(law, &kernel);
         let (mut force, mut displacement) = deviation.first_steps(steps);
 
         let (mut late_force, mut late_displacement) = (Sums::after(&force), Sums::after(&displacement));
@@ -241,7 +241,7 @@ struct Deviation<'a, T, const HEAD: usize, const FAST: usize, const SLOW: usize>
 }
 
 impl<'a, T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Deviation<'a, T, HEAD, FAST, SLOW> {
-    fn of(law: &'a Law<T, Compressed<T, HEAD, FAST, SLOW>>, kernel: &'a Kernel<'a>) -> Self {
+    fn new(law: &'a Law<T, Compressed<T, HEAD, FAST, SLOW>>, kernel: &'a Kernel<'a>) -> Self {
         let (newest, [first, second, third]) = law.method.inertia();
         let inertia = [newest, first, second, third].map(|share| share * law.mass_per_step2);
         // The stiffness acts on the change of the increment.
@@ -259,7 +259,7 @@ impl<'a, T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Dev
         let model = kernel.model();
         if model.mass_kg() > 0.0 {
             match zero_of(|ln_s| model.modulus_and_slope(ln_s), model.mass_kg()) {
-                Some(ln_s) => deviation.oscillation = Oscillation::of(&deviation, ln_s),
+                Some(ln_s) => deviation.oscillation = Oscillation::find(&deviation, ln_s),
                 None => deviation.zero_missed = true,
             }
         }
@@ -350,7 +350,7 @@ impl Oscillation {
     const GONE: f64 = -34.0;
 
     /// The oscillation that belongs to the zero at `ln_s`; none where it has died out after 64 steps or does not swing.
-    fn of<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize>(
+    fn find<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize>(
         deviation: &Deviation<'_, T, HEAD, FAST, SLOW>,
         ln_s: Complex<f64>,
     ) -> Option<Self> {

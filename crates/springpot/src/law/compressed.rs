@@ -183,7 +183,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         // In place: a law more would stay on the stack of the quadrature.
         let mut built = Self::without_bound(model, options);
         if let Ok(law) = &mut built {
-            law.memory.bound = CompressionBound::of(law, model, options.horizon_s);
+            law.memory.bound = CompressionBound::new(law, model, options.horizon_s);
         }
         built
     }

@@ -36,7 +36,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let mut done = 0;
         while done < steps {
             let block = (done / Creep::<HEAD>::FINENESS).min(steps - done);
-            if block < Creep::<HEAD>::SHORTEST {
+            if block < Creep::<HEAD>::MIN_BLOCK {
                 creep.step();
                 done += 1;
             } else {
@@ -92,7 +92,7 @@ struct Creep<const HEAD: usize> {
 
 impl<const HEAD: usize> Creep<HEAD> {
     /// Length of the shortest block, in steps.
-    const SHORTEST: u64 = HEAD as u64 + 2;
+    const MIN_BLOCK: u64 = HEAD as u64 + 2;
     /// Time passed over the length of a block.
     const FINENESS: u64 = 200;
 
@@ -125,7 +125,7 @@ impl<const HEAD: usize> Creep<HEAD> {
         self.position += increment;
     }
 
-    /// A block of `steps` ≥ `SHORTEST` steps whose increments go on from the last one in equal changes, such that the
+    /// A block of `steps` ≥ `MIN_BLOCK` steps whose increments go on from the last one in equal changes, such that the
     /// last step meets the force. Of second order in the length of the block.
     #[allow(clippy::cast_precision_loss)] // far below 2^53 steps
     fn block(&mut self, steps: u64) {

@@ -117,7 +117,7 @@ pub struct Shown {
 #[test]
 fn three_recordings_have_the_bits_of_rust() {
     let cases = [films::plain(), films::rich(), films::periodic()];
-    let sources = Sources::of(&cases);
+    let sources = Sources::new(&cases);
     let program = sources.compile("gcc", &[STRICT.as_slice(), &["-O2"]].concat(), &["host.c"]);
     let (mut limits, mut learned) = (0, [0; 3]);
     for path in recordings("hossain") {
@@ -137,7 +137,7 @@ fn three_recordings_have_the_bits_of_rust() {
 #[test]
 fn two_hundred_random_laws_have_the_bits_of_rust() {
     let cases = films::random(200);
-    let sources = Sources::of(&cases);
+    let sources = Sources::new(&cases);
     let program = sources.compile("gcc", &[STRICT.as_slice(), &["-O1"]].concat(), &["host.c"]);
     let [fast, ..] = recordings("wang");
     let recorded = recorded(&fast, 2);

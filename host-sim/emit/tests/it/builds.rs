@@ -18,7 +18,7 @@ fn cases() -> [Case; 2] {
 /// Builds with `compiler` and `options` and compares 10 s of every kind; the program runs with `environment`.
 fn has_the_bits(compiler: &str, options: &[&str]) {
     let cases = cases();
-    let sources = Sources::of(&cases);
+    let sources = Sources::new(&cases);
     let program = sources.compile(compiler, options, &["host.c"]);
     let [fast, ..] = recordings("hossain");
     let recorded = recorded(&fast, 10);

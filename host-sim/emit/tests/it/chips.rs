@@ -136,7 +136,7 @@ impl Chip {
 /// Three recordings of 155 s, forwards, backwards and under each law of control.
 fn recordings_have_the_bits(chip: &Chip) {
     let cases = [films::plain(), films::rich()];
-    let sources = Sources::of(&cases);
+    let sources = Sources::new(&cases);
     chip.image(&sources, "chip_jobs.c", &FAST);
     for path in recordings("hossain") {
         let recorded = recorded(&path, 155);
@@ -204,7 +204,7 @@ impl Report for Host {
 fn steps_have_the_bits(chip: &Chip) {
     let films = program_films();
     let cases: Vec<Case> = films.iter().map(|(film, _)| films::of_program(*film)).collect();
-    let sources = Sources::of(&cases);
+    let sources = Sources::new(&cases);
     chip.image(&sources, "chip_costs.c", &[FAST[0], FAST[1], "-std=gnu99"]);
     let [bits, costs] = measured(chip, &films, &sources);
     let mut host = Host::default();
@@ -262,7 +262,7 @@ fn steps_have_the_bits_of_rust_on_riscv32imac() {
 #[ignore = "needs arm-none-eabi-gcc and QEMU: cargo xtask faces"]
 fn two_hundred_random_laws_have_the_bits_of_rust_on_the_cortex_m4f() {
     let cases = films::random(200);
-    let sources = Sources::of(&cases);
+    let sources = Sources::new(&cases);
     CORTEX_M4F.image(&sources, "chip_jobs.c", &FAST);
     let [fast, ..] = recordings("wang");
     let recorded = recorded(&fast, 2);

@@ -21,7 +21,7 @@ pub const STRICT: [&str; 6] = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-W
 
 impl Sources {
     /// The sources for a program that steps `cases`, as `job_films` in their order.
-    pub fn of(cases: &[Case]) -> Self {
+    pub fn new(cases: &[Case]) -> Self {
         let folder = TempDir::new().expect("a folder");
         let path = |name: &str| folder.path().join(name);
         fs::write(path("springpot.h"), HEADER).expect("written");

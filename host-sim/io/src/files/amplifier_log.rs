@@ -34,7 +34,7 @@ const LOG: Layout<2> = Layout {
 };
 
 /// Fewer rows do not tell a lag from noise.
-const LEAST_ROWS: usize = 50;
+const MIN_ROWS: usize = 50;
 /// A command below 0 V by more than this share of the largest is no offset of its zero.
 const BELOW_ZERO: f64 = 0.02;
 
@@ -61,8 +61,8 @@ impl AmplifierLog {
     fn new(path: &Path, table: Table<2>, understood: Option<Understood>) -> Result<Self> {
         let Table { time_s, columns: [command, monitor], .. } = table;
         let fault = |cause: String| Error::file(path, cause);
-        if time_s.len() < LEAST_ROWS {
-            let cause = format!("{} rows; record at least {LEAST_ROWS}, with steps up and down to 0 V", time_s.len());
+        if time_s.len() < MIN_ROWS {
+            let cause = format!("{} rows; record at least {MIN_ROWS}, with steps up and down to 0 V", time_s.len());
             return Err(fault(cause));
         }
         let command =
@@ -82,8 +82,8 @@ impl AmplifierLog {
         let fault = |cause: String| Err(Error::file(&self.path, cause));
         let readings = self.monitor_v.iter().filter(|volts| !volts.is_nan());
         let count = readings.clone().count();
-        if count < LEAST_ROWS {
-            return fault(format!("{count} rows with a reading of the monitor; at least {LEAST_ROWS} are needed"));
+        if count < MIN_ROWS {
+            return fault(format!("{count} rows with a reading of the monitor; at least {MIN_ROWS} are needed"));
         }
         let (low, high) = range(self.command_v.iter());
         if low < -BELOW_ZERO * high.abs().max(-low) {

@@ -18,7 +18,7 @@ pub type Names = [(&'static str, f64)];
 const TIME: &Names = &[("time_s", 1.0), ("time_ms", 1e-3), ("Time (s)", 1.0)];
 
 /// Largest value, in any unit.
-pub(super) const LARGEST: f64 = 1e15;
+pub(super) const MAX_VALUE: f64 = 1e15;
 
 /// Columns in SI units, time from the first row.
 #[derive(Clone, Debug, PartialEq)]
@@ -266,7 +266,7 @@ impl Field {
             return Ok(None);
         }
         match text.parse::<f64>() {
-            Ok(value) if value.abs() <= LARGEST => Ok(Some(value * self.factor)),
+            Ok(value) if value.abs() <= MAX_VALUE => Ok(Some(value * self.factor)),
             Ok(value) if value.is_finite() => Err(format!("{} is {text}; no instrument reads that", self.name)),
             Ok(_) => Err(format!("{} is {text}; leave the cell empty where nothing was measured", self.name)),
             Err(_) => Err(format!("{} is {:?}, which is not a number", self.name, shortened(&text))),
@@ -275,8 +275,8 @@ impl Field {
 }
 
 fn shortened(text: &str) -> String {
-    const LONGEST: usize = 60;
-    if text.chars().count() <= LONGEST { text.into() } else { text.chars().take(LONGEST).chain(['…']).collect() }
+    const MAX_SHOWN: usize = 60;
+    if text.chars().count() <= MAX_SHOWN { text.into() } else { text.chars().take(MAX_SHOWN).chain(['…']).collect() }
 }
 
 fn csv_error<R>(path: &Path, lines: &Lines<R>, error: &csv::Error) -> Error {
@@ -365,7 +365,7 @@ impl<R> Lines<R> {
 
     /// Counts `byte` and returns what the CSV reader gets.
     fn take(&mut self, byte: u8) -> std::result::Result<u8, &'static str> {
-        const LONGEST: usize = 1 << 16;
+        const MAX_LINE: usize = 1 << 16;
         let second_half = byte == b'\n' && self.carriage_return;
         self.carriage_return = byte == b'\r';
         if second_half {
@@ -390,7 +390,7 @@ impl<R> Lines<R> {
             self.odd_quotes ^= byte == b'"';
             self.place = self.place.after(byte);
         }
-        if self.length > LONGEST {
+        if self.length > MAX_LINE {
             return Err("a line of more than 65536 characters; this is not a CSV recording");
         }
         Ok(byte)

@@ -45,7 +45,7 @@ pub enum Strain {
 
 impl Strain {
     /// The strain of a `stretch`.
-    pub fn of(self, stretch: f64) -> f64 {
+    pub fn measure(self, stretch: f64) -> f64 {
         match self {
             Self::Engineering => stretch - 1.0,
             Self::NeoHookean => (stretch - stretch.powi(-2)) / 3.0,
@@ -129,7 +129,7 @@ impl MaterialTest {
         match &self.deformation {
             Deformation::Stretch(stretch) => {
                 let length = length_m.ok_or_else(|| needed("a stretch"))?;
-                Ok(stretch.iter().map(|&stretch| length * strain.of(stretch)).collect())
+                Ok(stretch.iter().map(|&stretch| length * strain.measure(stretch)).collect())
             }
             Deformation::Displacement(displacement) if strain == Strain::Engineering => Ok(displacement.clone()),
             Deformation::Displacement(displacement) => {
@@ -138,7 +138,7 @@ impl MaterialTest {
                     let cause = format!("{length} m is shorter than the displacement of {shortest} m");
                     return Err(Error::option("--length", cause));
                 }
-                Ok(displacement.iter().map(|x| length * strain.of(1.0 + x / length)).collect())
+                Ok(displacement.iter().map(|x| length * strain.measure(1.0 + x / length)).collect())
             }
         }
     }

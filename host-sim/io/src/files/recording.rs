@@ -72,7 +72,7 @@ const REFERENCE: Layout<1> =
 
 /// Largest time on the clock of a held recording's first row that is still the time since its load was applied, as a share of
 /// its duration; a recording that begins later was cut out of a longer one.
-const LONGEST_LEAD: f64 = 0.01;
+const MAX_LEAD: f64 = 0.01;
 
 /// Whether `values` are a load that is held: none is further than 1 % from the first.
 fn is_held(values: &[f64]) -> bool {
@@ -109,7 +109,7 @@ impl Recording {
     }
 
     /// The recording of the `series` in the file at `path`.
-    pub fn of(path: &Path, series: Series) -> Self {
+    pub fn from_series(path: &Path, series: Series) -> Self {
         Self::new(path, RECORDING.table(&series), Some(series.understood))
     }
 
@@ -124,7 +124,7 @@ impl Recording {
         if time_s.len() < 2 {
             return Err(fault(format!("{} rows; a recording needs at least 2", time_s.len())));
         }
-        if let Some(row) = time_s.iter().position(|t| t.is_nan() || t.abs() > csv::LARGEST) {
+        if let Some(row) = time_s.iter().position(|t| t.is_nan() || t.abs() > csv::MAX_VALUE) {
             return Err(fault(format!("time_s[{row}] is {}; no clock shows that", time_s[row])));
         }
         if let Some(row) = (1..time_s.len()).find(|&row| time_s[row] <= time_s[row - 1]) {
@@ -147,7 +147,7 @@ impl Recording {
             if values.len() != time_s.len() {
                 return Err(fault(format!("{} values of {name} at {} times", values.len(), time_s.len())));
             }
-            if let Some(row) = values.iter().position(|value| value.abs() > csv::LARGEST) {
+            if let Some(row) = values.iter().position(|value| value.abs() > csv::MAX_VALUE) {
                 return Err(fault(format!("{name}[{row}] is {}; no instrument reads that", values[row])));
             }
             let cells = values.into_iter().map(|value| (!value.is_nan()).then_some(value)).collect();
@@ -173,7 +173,7 @@ impl Recording {
         let inputs = if columns[0].is_some() { &columns[..1] } else { &columns[..3] };
         let held = inputs.iter().flatten().any(|column| is_held(&column.present(&time_s).value));
         let duration_s = time_s.last().copied().unwrap_or(0.0);
-        if held && start_s > 0.0 && start_s <= LONGEST_LEAD * duration_s {
+        if held && start_s > 0.0 && start_s <= MAX_LEAD * duration_s {
             time_s.iter_mut().for_each(|t| *t += start_s);
         }
         let [voltage_v, force_n, displacement_m, weight] = columns;

@@ -19,7 +19,7 @@ const OF_A_BOARD: Duration = Duration::from_secs(5);
 const OF_A_CONNECTION: Duration = Duration::from_secs(10);
 /// Bytes per second that are read at the most: ten times what the line brings. A peer that floods a connection is slowed down
 /// to this, so that reading it takes a few per cent of a core.
-const FASTEST: f64 = BAUD as f64;
+const MAX_BYTES_PER_S: f64 = BAUD as f64;
 /// Bytes that are read at once.
 const BUFFER: usize = 4096;
 /// The least time between two reads. An emulator sends byte by byte: each would cost a system call and a change of task.
@@ -36,7 +36,7 @@ pub struct Port {
     timeout: Duration,
     buffer: Vec<u8>,
     next: usize,
-    /// Bytes that may be read now without exceeding [`FASTEST`], as of `read_at`.
+    /// Bytes that may be read now without exceeding [`MAX_BYTES_PER_S`], as of `read_at`.
     credit: f64,
     read_at: Instant,
 }
@@ -173,14 +173,14 @@ impl Port {
         Ok(())
     }
 
-    /// Sleeps while a peer that sent `length` bytes more is faster than [`FASTEST`]: for some 10 ms at the most.
+    /// Sleeps while a peer that sent `length` bytes more is faster than [`MAX_BYTES_PER_S`]: for some 10 ms at the most.
     fn slow_down(&mut self, length: usize) {
         let now = Instant::now();
-        let earned = now.duration_since(self.read_at).as_secs_f64() * FASTEST;
+        let earned = now.duration_since(self.read_at).as_secs_f64() * MAX_BYTES_PER_S;
         self.read_at = now;
         self.credit = (self.credit + earned).min(BUFFER as f64) - length as f64;
         if self.credit < 0.0 {
-            thread::sleep(Duration::from_secs_f64(-self.credit / FASTEST));
+            thread::sleep(Duration::from_secs_f64(-self.credit / MAX_BYTES_PER_S));
         }
     }
 

@@ -128,7 +128,7 @@ impl LoopRun {
         let error = self.error_m();
         let asked: Vec<f64> = self.displacement_m.iter().zip(&self.asked_m).map(|(x, r)| x - r).collect();
         let percent = percent_of(&self.reference_m);
-        let periods = Periods::of(&self.reference_m).filter(|_| percent.is_some());
+        let periods = Periods::from_series(&self.reference_m).filter(|_| percent.is_some());
         let late = &error[error.len() - error.len() / 3..];
         TrackingQuality {
             tracking_rms_pct: percent.map(|percent| percent * rms(&error)),
@@ -140,7 +140,7 @@ impl LoopRun {
             drift_pct: periods.zip(percent).map(|(periods, percent)| percent * periods.drift(&error)),
             infeasible_pct: percent_where(&self.limited, |limited| limited.contains(Limited::BELOW_ZERO)),
             limited_pct: percent_where(&self.limited, |limited| !limited.is_none()),
-            limits_met: LimitShare::of(&self.limited),
+            limits_met: LimitShare::from_limited(&self.limited),
             largest_error_m: largest(&error),
             largest_voltage_v: bounds(&self.voltage_v).1,
         }
@@ -158,7 +158,7 @@ pub struct LimitShare {
 
 impl LimitShare {
     /// The limits that the samples in `limited` met.
-    pub fn of(limited: &[Limited]) -> Vec<Self> {
+    pub fn from_limited(limited: &[Limited]) -> Vec<Self> {
         let share = |&(limit, name): &(Limited, &'static str)| Self {
             limit: name,
             pct: percent_where(limited, |met| met.contains(limit)),

@@ -90,7 +90,7 @@ pub struct Session {
 }
 
 /// Largest number of samples of a recording: the film's states at all of them are kept in memory.
-const MOST_SAMPLES: usize = 20_000_000;
+const MAX_SAMPLES: usize = 20_000_000;
 
 impl Session {
     /// The grid of the recording.
@@ -117,8 +117,8 @@ impl Session {
         at_most("--quantum", instruments.displacement_quantum_m, 1.0)?;
         at_most("--monitor-noise", instruments.monitor_noise_v, 1e6)?;
         let grid = Grid::covering(*duration_s, *rate_hz)?;
-        if !(2..=MOST_SAMPLES).contains(&grid.samples) {
-            let cause = format!("{} samples at this rate; from 2 to {MOST_SAMPLES} are possible", grid.samples);
+        if !(2..=MAX_SAMPLES).contains(&grid.samples) {
+            let cause = format!("{} samples at this rate; from 2 to {MAX_SAMPLES} are possible", grid.samples);
             return Err(Error::option("--duration", cause));
         }
         Ok(grid)

@@ -77,11 +77,11 @@ impl Mismatch {
 /// Substeps whose increments are summed one by one.
 const BLOCK: usize = 64;
 /// Steps of Newton's method in a substep: each squares the error.
-const MOST_NEWTON_STEPS: usize = 4;
+const MAX_NEWTON_STEPS: usize = 4;
 /// Force that has grown by this factor through coupling is a pull-in.
-const MOST_COUPLED: f64 = 10.0;
+const MAX_COUPLED_GROWTH: f64 = 10.0;
 /// Most substeps: each takes some 600 bytes.
-const MOST_SUBSTEPS: usize = 1 << 23;
+const MAX_SUBSTEPS: usize = 1 << 23;
 
 /// The model of a parameter file in motion, with full memory: not the law that a controller steps.
 ///
@@ -118,9 +118,9 @@ impl FullMemoryPlant {
     /// [`Error`] for a mismatch that is refused, or too many substeps.
     pub fn at_rest(parameters: &Parameters, mismatch: Mismatch, substep_s: f64, substeps: usize) -> Result<Self> {
         parameters.actuator.check()?;
-        if substeps > MOST_SUBSTEPS {
+        if substeps > MAX_SUBSTEPS {
             let cause = format!(
-                "a plant with full memory for {substeps} substeps; {MOST_SUBSTEPS} are possible, shorten the reference"
+                "a plant with full memory for {substeps} substeps; {MAX_SUBSTEPS} are possible, shorten the reference"
             );
             return Err(Error::option("--plant", cause));
         }
@@ -152,7 +152,7 @@ impl FullMemoryPlant {
         let at_rest = curve.value(self.displacement_m);
         let stretched = |increment: f64| curve.value(self.displacement_m + increment) - at_rest;
         let mut increment = self.last;
-        for _ in 0..MOST_NEWTON_STEPS {
+        for _ in 0..MAX_NEWTON_STEPS {
             let stiffness = self.relaxation[0] * curve.slope(self.displacement_m + increment) + constant;
             if stiffness.is_nan() || stiffness <= 0.0 {
                 return (f64::NAN, f64::NAN);
@@ -220,6 +220,6 @@ impl Plant for FullMemoryPlant {
 
     fn holds(&self) -> bool {
         let coupled = self.actuator.stretch_coupling * self.displacement_m;
-        self.displacement_m.is_finite() && coupled < MOST_COUPLED
+        self.displacement_m.is_finite() && coupled < MAX_COUPLED_GROWTH
     }
 }

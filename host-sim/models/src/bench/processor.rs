@@ -88,7 +88,7 @@ impl Task {
     /// # Errors
     ///
     /// [`Error`] naming the file or the option that cannot be used.
-    pub fn of(recording: &Recording, options: &TaskOptions, sensor: DisplacementSensor) -> Result<Self> {
+    pub fn from_recording(recording: &Recording, options: &TaskOptions, sensor: DisplacementSensor) -> Result<Self> {
         match options.law {
             FirmwareLaw::Feedforward => return Self::along(recording, options, Mode::Feedforward),
             FirmwareLaw::Tracking => return Self::along(recording, options, Mode::Tracking),
@@ -117,7 +117,7 @@ impl Task {
 
     fn along(recording: &Recording, options: &TaskOptions, mode: Mode) -> Result<Self> {
         let plant = options.plant.ok_or_else(|| Error::option("--plant", "a film is needed: hossain or wang"))?;
-        let (mut reference, grid) = references::of(recording, options.rate_hz)?;
+        let (mut reference, grid) = references::on_grid(recording, options.rate_hz)?;
         let duration_s = options.shortened((grid.samples - 1) as f64 / options.rate_hz);
         let samples = Grid::covering(duration_s, options.rate_hz)?.samples;
         reference.truncate(samples);

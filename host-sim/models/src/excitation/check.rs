@@ -77,7 +77,8 @@ const RECORD_REST: &str = "begin with 2 s at 0 V, after ten minutes without volt
 /// Checks `recordings` of one film.
 pub fn check(recordings: &[Recording]) -> Report {
     let mut findings = Vec::new();
-    let facts: Vec<Facts> = recordings.iter().filter_map(|recording| Facts::of(recording, &mut findings)).collect();
+    let facts: Vec<Facts> =
+        recordings.iter().filter_map(|recording| Facts::from_recording(recording, &mut findings)).collect();
     of_all(&facts, &mut findings);
     findings.sort_by_key(|finding| finding.severity);
     let identifies = findings.iter().all(|finding| finding.severity != Severity::Prevents);
@@ -143,7 +144,7 @@ fn of_all(facts: &[Facts], findings: &mut Vec<Finding>) {
 
 impl Facts {
     /// What `recording` has; what is wrong with it goes to `findings`. None where nothing can be told.
-    fn of(recording: &Recording, findings: &mut Vec<Finding>) -> Option<Self> {
+    fn from_recording(recording: &Recording, findings: &mut Vec<Finding>) -> Option<Self> {
         let file = shown(recording.path());
         let mut add = |severity, finding: String, advice: &str| {
             findings.push(Finding { severity, file: Some(file.clone()), finding, advice: advice.into() });
@@ -159,7 +160,7 @@ impl Facts {
             Input::Voltage(_) => ("voltage", "V"),
             _ => ("force", "N"),
         };
-        let facts = DriveFacts::of(drive.samples());
+        let facts = DriveFacts::new(drive.samples());
         let steps: Vec<f64> = recording.time_s().windows(2).map(|pair| pair[1] - pair[0]).collect();
         let rate_hz = 1.0 / median(&steps);
         if facts.peak == 0.0 {

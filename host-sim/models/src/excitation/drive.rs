@@ -42,7 +42,7 @@ pub struct Cycle {
 
 impl DriveFacts {
     /// Of `drive`, at least two samples.
-    pub fn of(drive: &Samples) -> Self {
+    pub fn new(drive: &Samples) -> Self {
         let size: Vec<f64> = drive.value.iter().map(|value| value.abs()).collect();
         let time = &drive.time_s;
         let peak = size.iter().copied().fold(0.0, f64::max);

@@ -48,7 +48,7 @@ impl Bend {
     }
 
     /// The curve of a parameter file, to be changed where a fit can.
-    pub fn of(curve: &ElasticCurve) -> Self {
+    pub fn from_curve(curve: &ElasticCurve) -> Self {
         let pieces = curve.pieces();
         match curve.shape() {
             Shape::Rubber(Rubber { share, limit, rest_stretch, free_length_m }) => Self::Rubber {

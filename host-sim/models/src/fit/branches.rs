@@ -23,7 +23,7 @@ pub struct BranchRow {
 }
 
 /// The branches of `candidate`.
-pub fn of(candidate: &Candidate) -> Vec<BranchRow> {
+pub fn rows(candidate: &Candidate) -> Vec<BranchRow> {
     let model = candidate.model().ok();
     (0..candidate.branches())
         .map(|branch| {

@@ -63,11 +63,11 @@ impl Candidate {
 
 /// Largest coupling beside a curve or a saturation, in shares of the film's length: a film of constant volume has 1, one that gets
 /// wider as well up to 2.
-const MOST_THINNING: f64 = 3.0;
+const MAX_THINNING: f64 = 3.0;
 /// The same beside both. A spring that stiffens in series with linear creep leaves the creep a share of the compliance that grows with
 /// the load. A curve and a saturation scale both alike; the coupling feeds the slow displacement back into the force and raises that
 /// share. Five times the thinning brings such films within 1.5 % of peak to peak and stays away from pull-in.
-const MOST_GROWTH: f64 = 15.0;
+const MAX_GROWTH: f64 = 15.0;
 /// 1/kV² in 1/V².
 const PER_KILOVOLT2: f64 = 1e6;
 
@@ -210,10 +210,10 @@ impl Variable {
         if self != Self::StretchCoupling {
             return (low, high);
         }
-        let most = MOST_THINNING / candidate.actuator.length_m;
+        let most = MAX_THINNING / candidate.actuator.length_m;
         let high = match (candidate.bend != Bend::Straight, candidate.actuator.saturation_v.is_some()) {
             (false, false) => high,
-            (true, true) => MOST_GROWTH / candidate.actuator.length_m,
+            (true, true) => MAX_GROWTH / candidate.actuator.length_m,
             _ => most,
         };
         (-most, high)

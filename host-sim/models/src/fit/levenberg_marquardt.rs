@@ -17,7 +17,7 @@ pub trait Problem: Sync {
     /// Longest step of variable `index`.
     fn longest(&self, index: usize) -> f64 {
         let _ = index;
-        LONGEST
+        MAX_STEP
     }
     /// Whether to stop early and keep the best so far.
     fn interrupted(&self) -> bool {
@@ -48,10 +48,10 @@ pub struct StoppingCriteria {
 }
 
 /// Longest step of a logarithm or an order.
-pub const LONGEST: f64 = 3.0;
+pub const MAX_STEP: f64 = 3.0;
 
 /// Trials of one step, with increasing damping, before the search has converged.
-const MOST_TRIALS: usize = 30;
+const MAX_TRIALS: usize = 30;
 
 /// The minimum that is reached from `start`; none if the problem has no value there.
 pub fn minimise<P: Problem>(problem: &P, start: &[f64], stopping: StoppingCriteria) -> Option<Minimum> {
@@ -128,7 +128,7 @@ impl<'a, P: Problem> Search<'a, P> {
                 ((bounds[i].0 - self.values[i]).max(-longest), (bounds[i].1 - self.values[i]).min(longest))
             })
             .collect();
-        for _ in 0..MOST_TRIALS {
+        for _ in 0..MAX_TRIALS {
             if let Some(step) = bounded_step(normal, gradient, &self.scale, self.damping, free, &limits) {
                 let predicted = -(gradient.dot(&step) + 0.5 * step.dot(&(normal * &step)));
                 if let Some(decrease) = self.try_step(&step, predicted) {

@@ -59,7 +59,7 @@ pub fn fit(
     progress: &dyn Fn(&Stage),
 ) -> Result<Fit> {
     settings.check()?;
-    let stages = &Stages::of(settings, nonlinearity::kinds(settings.curve, observations), progress);
+    let stages = &Stages::new(settings, nonlinearity::kinds(settings.curve, observations), progress);
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;
     let context = prepared.context(settings, stop);
     if settings.branches.iter().all(|&branches| context.variables(branches).is_empty()) {
@@ -77,9 +77,9 @@ pub fn fit(
     let mut uncertainty = None;
     if settings.uncertainty && settings.method == Method::Lm && !interrupted {
         stages.tell("uncertainty of the parameters");
-        uncertainty = Uncertainty::of(&context, &found);
+        uncertainty = Uncertainty::from_fit(&context, &found);
     }
-    Fit::of(&context, observations, settings, found, structures, uncertainty, interrupted)
+    Fit::new(&context, observations, settings, found, structures, uncertainty, interrupted)
 }
 
 /// The best candidate by the method of the settings, and the structures that were compared.

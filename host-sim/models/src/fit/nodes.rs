@@ -23,7 +23,7 @@ pub(super) struct Nodes {
 
 impl Nodes {
     /// The nodes of `circle`.
-    pub(super) fn of(circle: &FullMemory) -> Self {
+    pub(super) fn new(circle: &FullMemory) -> Self {
         let points = circle.ln_s().len();
         let reach = (points.max(DENSE) as f64 / DENSE as f64).ln() * PER_UNIT;
         if 2.0 * reach + DENSE as f64 > points as f64 {

@@ -54,7 +54,7 @@ enum Kind {
 
 impl Kind {
     /// The kinds that `choice` names for these observations.
-    fn of(choice: CurveChoice, observations: &[Observation]) -> Vec<Self> {
+    fn for_choice(choice: CurveChoice, observations: &[Observation]) -> Vec<Self> {
         let volts = observations.iter().any(|o| matches!(o.input, Input::Voltage(_)));
         let free = |saturates| [2, 4].map(|pieces| Self::Free { pieces, saturates }).to_vec();
         match choice {
@@ -116,7 +116,7 @@ impl Kind {
 
 /// Number of the kinds that `choice` names for these observations.
 pub(super) fn kinds(choice: CurveChoice, observations: &[Observation]) -> usize {
-    Kind::of(choice, observations).len()
+    Kind::for_choice(choice, observations).len()
 }
 
 /// The stroke of all `observations` with a margin, and the largest voltage (V).
@@ -155,10 +155,10 @@ pub fn select(
     (linear, rows): (Found, Vec<StructureRow>),
 ) -> Result<(Found, Vec<StructureRow>)> {
     let choice = settings.curve;
-    let kinds = Kind::of(choice, observations);
+    let kinds = Kind::for_choice(choice, observations);
     let residuals = |found: &Found| context.fine.evaluate(&found.candidate).map(|e| context.fine.residuals(&e));
     // White residuals leave nothing to be explained.
-    let explained = residuals(&linear).is_none_or(|residuals| Whiteness::of(context.fine, &residuals).white);
+    let explained = residuals(&linear).is_none_or(|residuals| Whiteness::new(context.fine, &residuals).white);
     if kinds.is_empty() || (explained && choice == CurveChoice::Auto) {
         return Ok((linear, rows));
     }
@@ -172,7 +172,7 @@ pub fn select(
     if fits.is_empty() {
         return Ok((linear, rows));
     }
-    let criteria = Criteria::of(context.coarse, &fits);
+    let criteria = Criteria::new(context.coarse, &fits);
     let selected = criteria.smallest_that_is_not_worse(&fits);
     let is_linear = |fit: &StructureFit| fit.found.candidate.bend == Bend::Straight && !fit.saturates();
     let stays = is_linear(&fits[selected]);

@@ -38,10 +38,10 @@ pub struct Reading {
 }
 
 /// Smaller changes are below the resolution of any sensor, m or N.
-const SMALLEST_CHANGE: f64 = 1e-12;
+const MIN_CHANGE: f64 = 1e-12;
 
 /// Fewest measured values of a fit.
-pub(super) const FEWEST_VALUES: usize = 10;
+pub(super) const MIN_VALUES: usize = 10;
 
 /// Name and SI unit of what is measured.
 fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
@@ -158,15 +158,15 @@ pub fn observe_all(recordings: &[Recording], direction: Direction) -> Result<Vec
 /// Refuses recordings with too few values, or whose input or measurement does not change.
 fn check(path: &Path, direction: Direction, measured: &Samples, drive: &Samples) -> Result<()> {
     let (what, unit) = measured_quantity(direction);
-    if measured.value.len() < FEWEST_VALUES {
-        let cause = format!("{} values of {what}; a fit needs at least {FEWEST_VALUES}", measured.value.len());
+    if measured.value.len() < MIN_VALUES {
+        let cause = format!("{} values of {what}; a fit needs at least {MIN_VALUES}", measured.value.len());
         return Err(Error::file(path, cause));
     }
     let (low, high) = range(&measured.value);
     if low == high {
         return Err(Error::file(path, format!("the {what} is {low} {unit} throughout; there is nothing to fit")));
     }
-    if high - low < SMALLEST_CHANGE {
+    if high - low < MIN_CHANGE {
         let cause = format!("the {what} changes by {:.1e} {unit} only; check its unit", high - low);
         return Err(Error::file(path, cause));
     }
@@ -177,7 +177,7 @@ fn check(path: &Path, direction: Direction, measured: &Samples, drive: &Samples)
 }
 
 /// Most steps of a recording whose rows are not even: a fit of five branches then takes minutes.
-const MOST_UNEVEN_STEPS: f64 = 65_536.0;
+const MAX_UNEVEN_STEPS: f64 = 65_536.0;
 
 /// The rate (Hz) at which the model runs along `drive`, and a warning where its rows are not even.
 ///
@@ -198,7 +198,7 @@ fn rate(steps: &[f64], median_step_s: f64, drive: &Samples) -> (f64, Option<Stri
     if wanted_hz <= even_hz {
         return (even_hz, None);
     }
-    let rate_hz = wanted_hz.min(MOST_UNEVEN_STEPS / duration_s).max(even_hz);
+    let rate_hz = wanted_hz.min(MAX_UNEVEN_STEPS / duration_s).max(even_hz);
     let between = steps.iter().filter(|&&step| step < 0.5 / rate_hz).count();
     let mut warning = format!("rows from {:.3e} to {:.3e} s apart", sorted[0], sorted[sorted.len() - 1]);
     if lead_s > 0.0 {
@@ -244,7 +244,7 @@ fn saturation(direction: Direction, values: &[f64]) -> Vec<String> {
 /// The observation with fewer samples, of which the input is still followed to 0.5 % of its range: for first searches.
 #[must_use]
 pub fn thinned(observation: &Observation) -> Observation {
-    const FEWEST: usize = 800;
+    const MIN_SAMPLES: usize = 800;
     const ALLOWED: f64 = 0.005;
     let drive = observation.input.samples();
     let load: Vec<f64> = match observation.input {
@@ -265,7 +265,7 @@ pub fn thinned(observation: &Observation) -> Observation {
     };
     let every = [1000, 400, 200, 100, 80, 50, 40, 25, 20, 10, 8, 5, 4, 2]
         .into_iter()
-        .find(|&every| load.len() / every >= FEWEST && follows(every))
+        .find(|&every| load.len() / every >= MIN_SAMPLES && follows(every))
         .unwrap_or(1);
     let measured = &observation.measured;
     // As many measurements as there are steps, if there are that many.
@@ -306,7 +306,7 @@ pub struct Excitation {
 
 impl Excitation {
     /// The excitation of `observations`.
-    pub fn of(observations: &[Observation]) -> Self {
+    pub fn new(observations: &[Observation]) -> Self {
         let varies = |observation: &Observation| {
             let values = &observation.input.samples().value;
             let (low, high) =

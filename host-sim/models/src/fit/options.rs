@@ -193,7 +193,7 @@ impl FitOptions {
             elements: Candidate::elements_of(&parameters.model),
             topology: parameters.model.topology(),
             offset_m: parameters.sensor_offset_m,
-            bend: parameters.curve.as_ref().map_or(Bend::Straight, Bend::of),
+            bend: parameters.curve.as_ref().map_or(Bend::Straight, Bend::from_curve),
         });
         // From a given start no random one is needed.
         checked_starts(self.starts.max(usize::from(start.is_some())))?;

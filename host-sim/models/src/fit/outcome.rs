@@ -47,7 +47,7 @@ impl Fit {
     /// # Errors
     ///
     /// [`Error::Computation`] if `found` has no response.
-    pub(super) fn of(
+    pub(super) fn new(
         context: &Context<'_>,
         observations: &[Observation],
         settings: &Settings,
@@ -69,7 +69,7 @@ impl Fit {
             candidate.offset_m = readings[0].offset;
         }
         let pairs = || objective.measured().zip(&modelled);
-        let agreements: Vec<Agreement> = pairs().map(|(y, x)| Agreement::of(y, x)).collect();
+        let agreements: Vec<Agreement> = pairs().map(|(y, x)| Agreement::new(y, x)).collect();
         let r2_mean = mean_r2(&agreements);
         let residuals: Vec<Vec<f64>> = pairs().map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y).collect()).collect();
         let left_out_pct = structures.iter().find(|row| row.chosen).and_then(|row| row.left_out_nrmse_pct);
@@ -80,7 +80,7 @@ impl Fit {
         warnings::of_amplitudes(observations, &candidate, &mut warnings);
         if let Some(uncertainty) = &uncertainty {
             warnings::of_uncertainty(uncertainty, &candidate, &mut warnings);
-            let misfit = Misfit::of(observations, &residuals, uncertainty.lag_one);
+            let misfit = Misfit::new(observations, &residuals, uncertainty.lag_one);
             let (drive, samples) = (&observations[0].input, objective.samples());
             warnings::of_whiteness(uncertainty, misfit, drive, left_out_pct, samples, &mut warnings);
         }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::observation::FEWEST_VALUES;
+use super::observation::MIN_VALUES;
 use crate::error::{Error, Result};
 use crate::files::recording::{Input, Recording};
 use crate::grid::Samples;
@@ -58,11 +58,11 @@ impl Window {
             Samples { time_s, value }
         };
         let (input, inside) = (input.map(|samples| kept(samples, 0.0)), kept(measured, self.from_s));
-        if inside.value.len() < FEWEST_VALUES || input.samples().value.len() < 2 {
+        if inside.value.len() < MIN_VALUES || input.samples().value.len() < 2 {
             let last_s = measured.time_s.last().copied().unwrap_or(0.0);
             let until = if self.to_s.is_finite() { format!("to {} s", self.to_s) } else { "on".into() };
             let cause = format!(
-                "{} measured values from {} s {until} (--from, --to); a fit needs at least {FEWEST_VALUES}, and the \
+                "{} measured values from {} s {until} (--from, --to); a fit needs at least {MIN_VALUES}, and the \
                  recording ends at {last_s} s",
                 inside.value.len(),
                 self.from_s

@@ -38,7 +38,7 @@ impl ReadingFit {
 
 impl Readings {
     /// The readings of `observation`.
-    pub(super) fn of(observation: &Observation) -> Self {
+    pub(super) fn new(observation: &Observation) -> Self {
         Self {
             measured: observation.measured.value.clone(),
             weight: observation.weight,

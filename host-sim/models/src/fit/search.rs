@@ -19,13 +19,13 @@ use crate::error::{Error, Result};
 use crate::reduce;
 
 /// Steps of thinned recordings up to which a search from many starts sees all of them.
-const MOST_SCOUTED_STEPS: f64 = 8_192.0;
+const MAX_SCOUTED_STEPS: f64 = 8_192.0;
 
 /// Measured values up to which structures are compared on all of them.
-const MOST_COMPARED_VALUES: usize = 1 << 16;
+const MAX_COMPARED_VALUES: usize = 1 << 16;
 
 /// Starts that an interrupted search goes on from all the same: one of them leads to a result.
-const FEWEST_STARTS: usize = 8;
+const MIN_STARTS: usize = 8;
 
 /// Observations with what every search needs of them.
 pub struct PreparedObservations {
@@ -49,8 +49,8 @@ impl PreparedObservations {
             scout: scouted(&thinned).map(|beginnings| Objective::new(&beginnings)).transpose()?,
             coarse: Objective::new(&thinned)?,
             fine: Objective::new(observations)?,
-            scales: Scales::of(observations, actuator.force_per_square_volt()),
-            excitation: Excitation::of(observations),
+            scales: Scales::new(observations, actuator.force_per_square_volt()),
+            excitation: Excitation::new(observations),
             evaluations: AtomicUsize::new(0),
         })
     }
@@ -83,13 +83,13 @@ const FINE: StoppingCriteria = StoppingCriteria { iterations: 60, decrease: 1e-8
 
 /// Whether structures are compared on thinned recordings, because these have too many values.
 pub(super) fn is_long(fine: &Objective) -> bool {
-    fine.samples() > MOST_COMPARED_VALUES
+    fine.samples() > MAX_COMPARED_VALUES
 }
 
 /// The beginnings of long `thinned` recordings; none where all of them are short.
 fn scouted(thinned: &[Observation]) -> Option<Vec<Observation>> {
     let steps = |o: &Observation| o.input.samples().time_s.last().copied().unwrap_or(0.0) * o.rate_hz;
-    let share = MOST_SCOUTED_STEPS / thinned.iter().map(steps).sum::<f64>();
+    let share = MAX_SCOUTED_STEPS / thinned.iter().map(steps).sum::<f64>();
     let beginning = |o: &Observation| observation::beginning(o, (share * steps(o)) as usize);
     let beginnings: Vec<Observation> = thinned.iter().map(beginning).collect();
     // A beginning in which nothing is measured, or nothing happens, is of no use.
@@ -238,7 +238,7 @@ impl Context<'_> {
         stopping: StoppingCriteria,
     ) -> Vec<Found> {
         // An interrupted search begins no further ones, once it has had a chance of a result.
-        let is_begun = |index: usize| index < FEWEST_STARTS || !self.stop.load(Ordering::Relaxed);
+        let is_begun = |index: usize| index < MIN_STARTS || !self.stop.load(Ordering::Relaxed);
         let descent = |start| self.descend_over(objective, start, variables.to_vec(), stopping);
         let begun = starts.par_iter().enumerate().filter(|(index, _)| is_begun(*index));
         let mut found: Vec<Found> = begun.filter_map(|(_, start)| descent(start)).collect();
@@ -405,7 +405,7 @@ impl Problem for Descent<'_> {
             Variable::StretchCoupling | Variable::Offset | Variable::Saturation => f64::INFINITY,
             // A curve changes its meaning beyond a factor of e in a step.
             Variable::Slope(_) | Variable::FreeLength | Variable::Limit => 1.0,
-            _ => levenberg_marquardt::LONGEST,
+            _ => levenberg_marquardt::MAX_STEP,
         }
     }
 

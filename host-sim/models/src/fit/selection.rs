@@ -70,7 +70,7 @@ const MARGIN: f64 = 1.05;
 /// A structure whose Bayesian criterion is further than this above the least fits noise: odds of e⁵ to one.
 const MARGIN_BIC: f64 = 10.0;
 /// A gain of the mean R² up to this is not worth a branch: an error of 0.3 % of the stroke's standard deviation.
-const LEAST_GAIN: f64 = 1e-5;
+const MIN_GAIN: f64 = 1e-5;
 
 /// Fits the structures of the settings and selects the smallest that is not worse than the best: by the error on left-out
 /// recordings. If there is only one recording, the best is that with the least error among those whose Bayesian criterion says
@@ -87,7 +87,7 @@ pub fn select(
     stages: &Stages<'_>,
 ) -> Result<(Found, Vec<StructureRow>)> {
     let mut fits = fit_structures(context, observations, settings, stages)?;
-    let criteria = Criteria::of(context.compared, &fits);
+    let criteria = Criteria::new(context.compared, &fits);
     let selected = criteria.smallest_that_is_not_worse(&fits);
     let rows = fits.iter().enumerate().map(|(k, fit)| criteria.row(fit, k, k == selected)).collect();
     stages.tell("the chosen structure on all samples");
@@ -111,14 +111,14 @@ impl StructureFit {
     pub(super) fn new(objective: &Objective, topology: Topology, branches: usize, found: Found) -> Option<Self> {
         let evaluation = objective.evaluate(&found.candidate)?;
         let pairs = objective.measured().zip(&evaluation.modelled);
-        let agreements: Vec<Agreement> = pairs.map(|(measured, modelled)| Agreement::of(measured, modelled)).collect();
+        let agreements: Vec<Agreement> = pairs.map(|(measured, modelled)| Agreement::new(measured, modelled)).collect();
         let mean = |of: fn(&Agreement) -> f64| agreements.iter().map(of).sum::<f64>() / agreements.len() as f64;
         Some(Self {
             topology,
             branches,
             r2_mean: mean(|a| a.r2),
             nrmse_pct: mean(|a| a.nrmse_pct),
-            whiteness: Whiteness::of(objective, &objective.residuals(&evaluation)),
+            whiteness: Whiteness::new(objective, &objective.residuals(&evaluation)),
             found,
             left_out_nrmse_pct: None,
         })
@@ -139,7 +139,7 @@ impl StructureFit {
 
     /// Whether the error is not worth more branches than this structure has to reach that of `best`.
     fn is_as_good_as(&self, best: &Self) -> bool {
-        self.cost() <= MARGIN * MARGIN * best.cost() || best.r2_mean - self.r2_mean <= LEAST_GAIN
+        self.cost() <= MARGIN * MARGIN * best.cost() || best.r2_mean - self.r2_mean <= MIN_GAIN
     }
 }
 
@@ -205,7 +205,7 @@ pub(super) struct Criteria {
 
 impl Criteria {
     /// The criteria of `fits`, with the number of independent samples from the residuals of the best of them.
-    pub(super) fn of(objective: &Objective, fits: &[StructureFit]) -> Self {
+    pub(super) fn new(objective: &Objective, fits: &[StructureFit]) -> Self {
         let best = fits.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
         let samples = best.map_or(1.0, |best| best.whiteness.effective_samples);
         let aic_bic: Vec<(f64, f64)> = fits
@@ -263,7 +263,7 @@ impl Criteria {
 pub fn agreements(objective: &Objective, candidate: &Candidate) -> Vec<Agreement> {
     let evaluation = objective.evaluate(candidate);
     let modelled = evaluation.map(|evaluation| evaluation.modelled).unwrap_or_default();
-    objective.measured().zip(&modelled).map(|(measured, modelled)| Agreement::of(measured, modelled)).collect()
+    objective.measured().zip(&modelled).map(|(measured, modelled)| Agreement::new(measured, modelled)).collect()
 }
 
 /// NRMSE (%) of a candidate; for Huber's loss from robust estimates, which drop-outs do not change.

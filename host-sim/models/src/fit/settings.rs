@@ -123,7 +123,7 @@ pub fn assumed_actuator(drive: Direction) -> Actuator {
 }
 
 /// Most random starts of a structure: their memory alone would be gigabytes.
-const MOST_STARTS: usize = 100_000;
+const MAX_STARTS: usize = 100_000;
 
 /// Refuses a number of random starts of a structure with which no search could begin, or end.
 ///
@@ -131,9 +131,9 @@ const MOST_STARTS: usize = 100_000;
 ///
 /// [`Error::Option`] with the range.
 pub fn checked_starts(starts: usize) -> Result<()> {
-    if (1..=MOST_STARTS).contains(&starts) {
+    if (1..=MAX_STARTS).contains(&starts) {
         Ok(())
     } else {
-        Err(Error::option("--starts", format!("{starts} must be from 1 to {MOST_STARTS}; the default is 8")))
+        Err(Error::option("--starts", format!("{starts} must be from 1 to {MAX_STARTS}; the default is 8")))
     }
 }

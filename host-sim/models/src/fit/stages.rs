@@ -32,7 +32,7 @@ struct Plan {
 
 impl<'a> Stages<'a> {
     /// The stages of a fit with `settings` that tries so many `kinds` of nonlinearity, of which `report` is told.
-    pub fn of(settings: &Settings, kinds: usize, report: &'a dyn Fn(&Stage)) -> Self {
+    pub fn new(settings: &Settings, kinds: usize, report: &'a dyn Fn(&Stage)) -> Self {
         let stages = Self { report, plan: Cell::default() };
         match settings.single_structure() {
             // One stage has no share worth telling.

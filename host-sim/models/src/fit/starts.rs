@@ -22,7 +22,7 @@ pub struct Scales {
 
 impl Scales {
     /// The scales of `observations`; `force_per_square_volt` (N/V²) converts voltage to force.
-    pub fn of(observations: &[Observation], force_per_square_volt: f64) -> Self {
+    pub fn new(observations: &[Observation], force_per_square_volt: f64) -> Self {
         let stiffness: Vec<f64> = observations.iter().map(|o| stiffness(o, force_per_square_volt)).collect();
         let (mut longest, mut shortest, mut stroke) = (0f64, f64::INFINITY, 0f64);
         for observation in observations {

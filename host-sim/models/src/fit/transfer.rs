@@ -19,7 +19,7 @@ pub(super) type Spectrum = Vec<Complex<f64>>;
 const TOLERANCE: f64 = 1e-8;
 
 /// Corrections of coupled motion before it is given up.
-const MOST_CORRECTIONS: usize = 12;
+const MAX_CORRECTIONS: usize = 12;
 
 /// Points that one task computes.
 const CHUNK: usize = 1024;
@@ -98,7 +98,7 @@ impl Transfer {
         }
         let mut displacement = recursion(law, loads);
         let mut before = 1.0;
-        for _ in 0..MOST_CORRECTIONS {
+        for _ in 0..MAX_CORRECTIONS {
             let spectrum =
                 circle.spectrum(&displacement).into_iter().zip(&self.stiffness).map(|(x, k)| x * k).collect();
             let resisted = circle.series(spectrum, displacement.len());

@@ -55,10 +55,10 @@ pub(super) const NORMAL: f64 = 1.96;
 impl Uncertainty {
     /// The uncertainty of `found` on all samples, with profiles on the thinned recordings; none where `found` has no
     /// response.
-    pub fn of(context: &Context<'_>, found: &Found) -> Option<Self> {
+    pub fn from_fit(context: &Context<'_>, found: &Found) -> Option<Self> {
         let objective = context.fine;
         let residuals = objective.residuals(&objective.evaluate(&found.candidate)?);
-        let Whiteness { white, lag_one, effective_samples } = Whiteness::of(objective, &residuals);
+        let Whiteness { white, lag_one, effective_samples } = Whiteness::new(objective, &residuals);
 
         let at_bound: Vec<bool> = found.variables.iter().map(|variable| is_at_bound(*variable, found)).collect();
         let inside: Vec<usize> = (0..at_bound.len()).filter(|&i| !at_bound[i]).collect();
@@ -159,7 +159,7 @@ fn profiles(context: &Context<'_>, found: &Found, deviations: &[f64], freedom: f
     let stopping = StoppingCriteria { iterations: 12, decrease: 1e-7 };
     let Some(base) = context.descend(context.coarse, &found.candidate, stopping) else { return none() };
     let threshold = base.minimum.cost * (1.0 + CHI_SQUARE / freedom);
-    let followers = Followers::of(&base);
+    let followers = Followers::from_base(&base);
     (0..found.variables.len())
         .into_par_iter()
         .map(|i| {
@@ -186,7 +186,7 @@ struct Followers {
 }
 
 impl Followers {
-    fn of(base: &Found) -> Self {
+    fn from_base(base: &Found) -> Self {
         let inside: Vec<usize> = (0..base.variables.len()).filter(|&i| !is_at_bound(base.variables[i], base)).collect();
         let (normal, lengths) = scaled(&base.minimum.normal, &inside);
         let inverse = normal.cholesky().map(|c| {

@@ -169,7 +169,7 @@ pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings
 /// The branches of `candidate` that `concerns` names, each with its relaxation time and its share of the stiffness, in brackets;
 /// empty if there are none.
 fn described_branches(candidate: &Candidate, concerns: &dyn Fn(usize) -> bool) -> String {
-    let all = branches::of(candidate).into_iter().enumerate();
+    let all = branches::rows(candidate).into_iter().enumerate();
     let described: Vec<String> =
         all.filter(|(branch, _)| concerns(*branch)).map(|(_, branch)| branch.to_string()).collect();
     if described.is_empty() { String::new() } else { format!(" ({})", described.join("; ")) }
@@ -186,7 +186,7 @@ pub struct Misfit {
 
 impl Misfit {
     /// The misfit of `observations` with these residuals, one series each, whose autocorrelation at lag one is `lag_one`.
-    pub fn of(observations: &[Observation], residuals: &[Vec<f64>], lag_one: f64) -> Self {
+    pub fn new(observations: &[Observation], residuals: &[Vec<f64>], lag_one: f64) -> Self {
         let squares = observations.iter().zip(residuals).flat_map(|(observation, residuals)| {
             let stroke = loss::percentile_range(observation.measured.value.iter().copied()).max(f64::MIN_POSITIVE);
             residuals.iter().map(move |r| (r / stroke).powi(2))
@@ -251,7 +251,7 @@ pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<Warning>) {
 }
 
 /// Above the breakdown field of any film, V/m.
-const HIGHEST_FIELD: f64 = 1e9;
+const MAX_FIELD: f64 = 1e9;
 
 /// Values that suggest wrong units.
 pub fn of_units(
@@ -266,7 +266,7 @@ pub fn of_units(
         if let Input::Voltage(voltage) = &observation.input {
             let peak = voltage.value.iter().fold(0.0, |peak: f64, v| peak.max(v.abs()));
             let field = peak / actuator.thickness_m;
-            if field > HIGHEST_FIELD {
+            if field > MAX_FIELD {
                 warnings.push(Severity::Serious.warning(format!(
                     "{name}: {peak} V over {} m are {field:.1e} V/m; check the units",
                     actuator.thickness_m

@@ -20,7 +20,7 @@ pub struct Whiteness {
 
 impl Whiteness {
     /// The whiteness of `residuals` of `objective`, recording by recording.
-    pub fn of(objective: &Objective, residuals: &[f64]) -> Self {
+    pub fn new(objective: &Objective, residuals: &[f64]) -> Self {
         let mut rest = residuals;
         let (mut effective, mut lag_one, mut samples) = (0.0, 0.0, 0.0);
         let mut white = true;

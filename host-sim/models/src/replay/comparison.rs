@@ -54,7 +54,7 @@ impl<'a> Comparison<'a> {
         progress: &dyn Watch,
     ) -> Result<(Response, Agreement)> {
         let response = simulate::response(parameters, &self.input, self.grid, options, progress)?;
-        let agreement = Agreement::of(&self.measured.value, &self.readings(parameters, &response));
+        let agreement = Agreement::new(&self.measured.value, &self.readings(parameters, &response));
         Ok((response, agreement))
     }
 

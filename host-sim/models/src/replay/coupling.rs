@@ -9,7 +9,7 @@ use springpot::Load;
 use super::full_memory::FullMemory;
 
 /// Passes after which a solution is given up; a stable film gains about a digit per pass.
-const MOST_PASSES: usize = 200;
+const MAX_PASSES: usize = 200;
 
 /// There is no equilibrium: the force grows faster with displacement than the film resists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,7 +33,7 @@ pub fn coupled_displacement(
 ) -> Result<Vec<f64>, PullIn> {
     let implicit = loads.iter().any(|load| load.slope != 0.0);
     let mut displacement = start;
-    for _ in 0..MOST_PASSES {
+    for _ in 0..MAX_PASSES {
         let force: Vec<f64> = loads.iter().zip(&displacement).map(|(load, x)| load.force + load.slope * x).collect();
         let next = circle.displacement_from(stiffness, &force);
         let (mut change, mut size) = (0.0, 0.0);

@@ -26,9 +26,9 @@ pub fn logarithmic(from_hz: f64, to_hz: f64, count: usize) -> Vec<f64> {
 }
 
 /// Lowest frequency (Hz) at which every model has a response.
-const LOWEST: f64 = 1e-12;
+const MIN_HZ: f64 = 1e-12;
 /// Highest such frequency, Hz.
-const HIGHEST: f64 = 1e12;
+const MAX_HZ: f64 = 1e12;
 
 /// Frequencies at which a response is computed, and of what.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,11 +64,11 @@ impl Sweep {
     /// [`Error::Option`] with the range.
     pub fn check(&self) -> Result<()> {
         let Self { from_hz: from, to_hz: to, points, law_hz, .. } = *self;
-        if !(LOWEST..=HIGHEST).contains(&from) {
-            return Err(Error::option("--from", format!("{from:?} Hz must be from {LOWEST:?} to {HIGHEST:?}")));
+        if !(MIN_HZ..=MAX_HZ).contains(&from) {
+            return Err(Error::option("--from", format!("{from:?} Hz must be from {MIN_HZ:?} to {MAX_HZ:?}")));
         }
-        if !(from..=HIGHEST).contains(&to) {
-            return Err(Error::option("--to", format!("{to:?} Hz must be from --from to {HIGHEST:?}")));
+        if !(from..=MAX_HZ).contains(&to) {
+            return Err(Error::option("--to", format!("{to:?} Hz must be from --from to {MAX_HZ:?}")));
         }
         if !(1..=10_000_000).contains(&points) {
             return Err(Error::option("--points", format!("{points} must be from 1 to 10000000")));
@@ -92,7 +92,7 @@ impl Sweep {
     /// # Errors
     ///
     /// As [`check`](Self::check), and where the law is refused.
-    pub fn of(&self, parameters: &Parameters) -> Result<Response> {
+    pub fn run(&self, parameters: &Parameters) -> Result<Response> {
         self.check()?;
         let law = self.law_hz.map(|rate_hz| parameters.film().compressed_law::<f32>(rate_hz)).transpose()?;
         let frequency_hz = logarithmic(self.from_hz, self.to_hz, self.points);

@@ -41,15 +41,15 @@ impl FullMemory {
 
     /// The same for another discretisation of s.
     pub fn with_method(samples: usize, step: f64, method: Method) -> Self {
-        Self::of(samples, step, 4, method)
+        Self::with_oversampling_and_method(samples, step, 4, method)
     }
 
     /// The same with `oversampling` times as many points as samples, at least 2.
     pub fn with_oversampling(samples: usize, step: f64, oversampling: usize) -> Self {
-        Self::of(samples, step, oversampling, Method::Gl)
+        Self::with_oversampling_and_method(samples, step, oversampling, Method::Gl)
     }
 
-    fn of(samples: usize, step: f64, oversampling: usize, method: Method) -> Self {
+    fn with_oversampling_and_method(samples: usize, step: f64, oversampling: usize, method: Method) -> Self {
         let oversampling = oversampling.max(2);
         let points = smooth_length(samples.max(1) * oversampling);
         let ratio = points as f64 / samples.max(1) as f64;

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::files::parameters::Film;
 
 /// Passes after which a solution is given up. Each gains three digits or more.
-const MOST_PASSES: usize = 60;
+const MAX_PASSES: usize = 60;
 /// Change of the displacement in a pass at which it has converged (RMS, relative).
 const TOLERANCE: f64 = 1e-11;
 
@@ -88,7 +88,7 @@ pub fn bent_displacement<const HEAD: usize, const FAST: usize, const SLOW: usize
 ) -> std::result::Result<(Vec<f64>, Vec<Load<f64>>), PullIn> {
     let mut driven = loads.to_vec();
     let mut displacement = stepped(law, &driven);
-    for _ in 0..MOST_PASSES {
+    for _ in 0..MAX_PASSES {
         let shown = film.force(circle, &displacement);
         for (((driven, load), x), shown) in driven.iter_mut().zip(loads).zip(&displacement).zip(&shown) {
             driven.force += load.force + load.slope * x - shown;

@@ -119,7 +119,7 @@ impl ObservedRecording {
     /// # Errors
     ///
     /// [`Error`] naming a recording without voltage or displacement.
-    pub fn of(recording: &Recording, rate_hz: f64) -> Result<Self> {
+    pub fn from_recording(recording: &Recording, rate_hz: f64) -> Result<Self> {
         let grid = recording.grid(rate_hz)?;
         let Input::Voltage(voltage) = recording.drive()? else {
             let cause = "no column voltage_v or voltage_kv; the observer needs the voltage";

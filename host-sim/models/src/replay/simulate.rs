@@ -44,14 +44,14 @@ impl Response {
 }
 
 /// Largest number of samples with full memory: each takes some 280 bytes.
-const MOST_IN_FULL: usize = 1 << 24;
+const MAX_FULL_SAMPLES: usize = 1 << 24;
 
 /// Refuses more samples than full memory has room for.
 pub(super) fn check_full(grid: Grid) -> Result<()> {
-    if grid.samples <= MOST_IN_FULL {
+    if grid.samples <= MAX_FULL_SAMPLES {
         return Ok(());
     }
-    let cause = format!("full memory of {} samples; {MOST_IN_FULL} at the most, lower the rate", grid.samples);
+    let cause = format!("full memory of {} samples; {MAX_FULL_SAMPLES} at the most, lower the rate", grid.samples);
     Err(Error::option("--memory", cause))
 }
 
@@ -73,7 +73,7 @@ pub fn response(
         ModelRun { film: parameters.film(), actuator, input: &input, grid, precision: options.precision, progress };
     let (force_n, displacement_m) = on_memory(parameters.film(), grid, options, run)?;
     let coupling = actuator.stretch_coupling;
-    if matches!(input, Input::Voltage(_)) && displacement_m.iter().any(|x| coupling * x > MOST_COUPLED) {
+    if matches!(input, Input::Voltage(_)) && displacement_m.iter().any(|x| coupling * x > MAX_COUPLED_GROWTH) {
         return Err(pulled_in(coupling));
     }
     if matches!(input, Input::Voltage(_))
@@ -178,7 +178,7 @@ impl OnMemory for ModelRun<'_> {
 }
 
 /// A film whose force has grown by this factor through coupling is pulled in.
-const MOST_COUPLED: f64 = 10.0;
+const MAX_COUPLED_GROWTH: f64 = 10.0;
 
 fn pulled_in(coupling: f64) -> Error {
     Error::Computation(format!(

@@ -86,7 +86,7 @@ pub fn compare(
     let mut rows = Vec::new();
     let mut smaller: Option<Candidate> = None;
     for (index, (name, model)) in MODELS.into_iter().enumerate() {
-        progress(&Stage::of(name, index + 1, MODELS.len() + 1));
+        progress(&Stage::numbered(name, index + 1, MODELS.len() + 1));
         let found = model
             .best(context, smaller.as_ref())
             .ok_or_else(|| Error::Computation(format!("{name}: no fit was found")))?;
@@ -104,7 +104,7 @@ pub fn compare(
             step_ns: model.step_ns(&found.candidate, &observations[0].input)?,
         });
     }
-    progress(&Stage::of("Prandtl–Ishlinskii", MODELS.len() + 1, MODELS.len() + 1));
+    progress(&Stage::numbered("Prandtl–Ishlinskii", MODELS.len() + 1, MODELS.len() + 1));
     rows.push(prandtl_ishlinskii(observations)?);
     Ok(rows)
 }

@@ -126,7 +126,7 @@ impl Job {
             }
         };
         let modelled = context.fine.evaluate(&candidate)?.modelled;
-        let agreements = context.fine.measured().zip(&modelled).map(|(y, x)| Agreement::of(y, x)).collect();
+        let agreements = context.fine.measured().zip(&modelled).map(|(y, x)| Agreement::new(y, x)).collect();
         let evaluations = counted.load(Ordering::Relaxed);
         Some(StudyFit { method, topology, branches, recording, candidate, agreements, modelled, evaluations })
     }

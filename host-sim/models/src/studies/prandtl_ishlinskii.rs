@@ -122,7 +122,7 @@ impl PrandtlIshlinskii {
     pub fn agreement(&self, observation: &Observation) -> Result<Agreement> {
         let run = LoadedObservation::new(observation)?;
         let modelled = modelled(&run.basis(self.largest, self.values[PARAMETERS - 1].exp()), &self.values);
-        Ok(Agreement::of(&observation.measured.value, &modelled))
+        Ok(Agreement::new(&observation.measured.value, &modelled))
     }
 
     /// Calls `take` with the displacement (m) under each of `loads` (V² or N), one per step at `rate_hz`, in f32 as on a

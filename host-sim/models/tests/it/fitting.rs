@@ -40,7 +40,7 @@ fn fitted(observations: &[Observation], settings: &Settings) -> Fit {
 fn nrmse_of(candidate: &Candidate, observations: &[Observation]) -> Vec<f64> {
     let objective = Objective::new(observations).expect("valid");
     let modelled = objective.evaluate(candidate).expect("a response").modelled;
-    objective.measured().zip(&modelled).map(|(y, x)| Agreement::of(y, x).nrmse_pct).collect()
+    objective.measured().zip(&modelled).map(|(y, x)| Agreement::new(y, x).nrmse_pct).collect()
 }
 
 /// Two branches whose springpots are neither springs nor dashpots.

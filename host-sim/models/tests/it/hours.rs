@@ -128,7 +128,7 @@ impl Kind {
     fn recorded(self, drive: &Drive, seed: u64) -> Observation {
         let grid = Grid::covering(drive.seconds, RATE_HZ).expect("a grid");
         let (substeps, substep_s) = closed_loop::substeps(grid);
-        let mut plant = Case { seconds: drive.seconds, ..Case::of(self) }.plant(grid);
+        let mut plant = Case { seconds: drive.seconds, ..Case::with_film(self) }.plant(grid);
         let mut readings = Readings::new(Instruments::default(), seed);
         let every = (substeps as f64 * RATE_HZ / drive.rate_hz) as usize;
         let (mut time_s, mut volts, mut measured) = (Vec::new(), Vec::new(), Vec::new());
@@ -190,7 +190,7 @@ struct Followed {
 
 impl Case {
     /// A sine of 10 s for 155 s.
-    fn of(film: Kind) -> Self {
+    fn with_film(film: Kind) -> Self {
         let (low_m, high_m) = match film {
             Kind::Hossain => (2e-3, 4e-3),
             Kind::Wang => (0.6e-3, 1.4e-3),
@@ -209,7 +209,7 @@ impl Case {
             Kind::LittleCreep | Kind::MuchCreep => 1.4e-3,
             Kind::Springpot => 7e-3,
         };
-        Self { low_m, seconds, ..Self::of(film) }
+        Self { low_m, seconds, ..Self::with_film(film) }
     }
 
     fn plant(&self, grid: Grid) -> Box<dyn Plant> {
@@ -376,13 +376,13 @@ fn missed(case: &Case, bars: &[(&str, bool)]) -> Vec<String> {
 /// resonance of the strips (near 3 Hz). The first swings are worse: it takes two or three to see that a reference is fast.
 #[test]
 fn tracking_is_never_worse_than_feedforward() {
-    let cases = KINDS
-        .into_iter()
-        .flat_map(|film| [20.0, 10.0, 3.0, 1.0, 0.5, 0.2, 0.1].map(|period_s| Case { period_s, ..Case::of(film) }));
+    let cases = KINDS.into_iter().flat_map(|film| {
+        [20.0, 10.0, 3.0, 1.0, 0.5, 0.2, 0.1].map(|period_s| Case { period_s, ..Case::with_film(film) })
+    });
     let cases: Vec<Case> = if full_sweep() {
         cases.collect()
     } else {
-        [3.0, 0.5].map(|period_s| Case { period_s, ..Case::of(Kind::Hossain) }).into()
+        [3.0, 0.5].map(|period_s| Case { period_s, ..Case::with_film(Kind::Hossain) }).into()
     };
     run(&cases, |case| {
         let [open, closed, _] = row(case, &format!("{} s", case.period_s), from_the_start);
@@ -444,7 +444,7 @@ fn a_film_that_is_a_fifth_off_is_followed() {
         [(0.8, LIMITS), (1.2, HIGHER)].map(|(stiffness, limits)| Case {
             change: Change { stiffness, ..Change::NONE },
             limits,
-            ..Case::of(film)
+            ..Case::with_film(film)
         })
     });
     let cases: Vec<Case> = if full_sweep() { cases.collect() } else { cases.skip(2).take(1).collect() };

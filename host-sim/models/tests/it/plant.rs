@@ -99,7 +99,7 @@ fn every_limit_is_counted() {
     let mut limited = vec![Limited::NONE; 90];
     limited.extend([Limited::FIELD; 9]);
     limited.push(Limited::FIELD | Limited::BELOW_ZERO);
-    let met = LimitShare::of(&limited);
+    let met = LimitShare::from_limited(&limited);
     let share = |name: &str| met.iter().find(|met| met.limit == name).map(|met| met.pct);
     assert_eq!((share("field"), share("below-zero"), share("slew")), (Some(10.0), Some(1.0), None));
     assert!(LimitShare::text(&met).contains("field 10.00 %"), "{}", LimitShare::text(&met));

@@ -20,7 +20,7 @@ const HELD_M: f64 = 0.01;
 const STEP_S: f64 = 0.1;
 const ROWS: usize = 1000;
 /// What noise-free recordings leave to the discretisation.
-const LEAST_R2: f64 = 0.9999;
+const MIN_R2: f64 = 0.9999;
 
 /// A springpot alone.
 const C: f64 = 2000.0;
@@ -93,7 +93,7 @@ fn close(value: f64, truth: f64, share: f64) {
 /// The springpot alone, found within 2 %.
 fn finds_the_springpot(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<Warning> {
     let (fit, warnings) = fitted(rows, 0);
-    assert!(fit.r2_mean >= LEAST_R2, "{}", fit.r2_mean);
+    assert!(fit.r2_mean >= MIN_R2, "{}", fit.r2_mean);
     close(fit.candidate.elements[0].c, C, 0.02);
     close(fit.candidate.elements[0].alpha, ALPHA, 0.02);
     warnings
@@ -102,7 +102,7 @@ fn finds_the_springpot(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<W
 /// Spring and springpot in series, found within 5 %: the spring is the stiffer element of the branch.
 fn finds_the_series(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<Warning> {
     let (fit, warnings) = fitted(rows, 1);
-    assert!(fit.r2_mean >= LEAST_R2, "{}", fit.r2_mean);
+    assert!(fit.r2_mean >= MIN_R2, "{}", fit.r2_mean);
     let [_, spring, springpot] = fit.candidate.elements[..] else { panic!("one branch") };
     close(spring.c, SPRING, 0.05);
     close(springpot.c, SPRING * TAU_S.powf(ORDER), 0.05);
@@ -115,7 +115,7 @@ fn finds_the_series(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<Warn
 /// springpot beside them takes up the difference, so that parameters are not compared.
 fn follows_the_series(rows: impl IntoIterator<Item = (f64, f64, f64)>) -> Vec<Warning> {
     let (fit, warnings) = fitted(rows, 1);
-    assert!(fit.r2_mean >= LEAST_R2, "{}", fit.r2_mean);
+    assert!(fit.r2_mean >= MIN_R2, "{}", fit.r2_mean);
     warnings
 }
 

@@ -49,7 +49,7 @@ fn recorded() -> (Vec<f64>, Vec<f64>, Recording) {
 
 fn observer_task(recording: &Recording, parameters: &Parameters) -> Task {
     let options = TaskOptions { law: FirmwareLaw::Observer, plant: None, rate_hz: RATE_HZ, duration_s: None };
-    Task::of(recording, &options, parameters.sensor()).expect("a task")
+    Task::from_recording(recording, &options, parameters.sensor()).expect("a task")
 }
 
 /// The processor in the loop hands the observer displacements of the film, not readings.

@@ -51,7 +51,7 @@ fn stepped(parameters: &Parameters, recording: &Recording) -> Result<FirmwareRun
     let rate_hz = RunOptions::default().rate_hz;
     let (blob, board) = parameters.checked_blob(rate_hz)?;
     let options = TaskOptions { law: FirmwareLaw::Step, plant: None, rate_hz, duration_s: Some(STEPPED_S) };
-    let task = Task::of(recording, &options, parameters.sensor())?;
+    let task = Task::from_recording(recording, &options, parameters.sensor())?;
     let bar = Progress::over(task.steps() as u64, "firmware in QEMU");
     let test = ProcessorTest::new(blob, board.id, bar.clone())?;
     let comparisons = test.in_emulator(Some(&Emulator::default_image()), &[task])?;

@@ -30,7 +30,7 @@ const OPTIONS: [&str; 7] = ["-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility
 
 impl Library {
     /// The library of `fmu`, whose identifier is `symbol`. Without a compiler there is a note instead.
-    pub(super) fn of(fmu: &Fmu, symbol: &str, version: Version) -> Result<Self> {
+    pub(super) fn new(fmu: &Fmu, symbol: &str, version: Version) -> Result<Self> {
         let without = |why: String| {
             let note = format!("{why}: the FMU has its sources alone, and is to be compiled where it is used");
             Self { note: Some(note), ..Self::default() }

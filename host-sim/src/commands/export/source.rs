@@ -123,7 +123,7 @@ impl Source {
             Kind::Matlab => matlab::sources(&described, &stem(&self.out)).into_iter().map(beside).collect(),
             Kind::Fmu(version) => {
                 let fmu = fmu(&described, version);
-                *library = Library::of(&fmu, symbol, version)?;
+                *library = Library::new(&fmu, symbol, version)?;
                 vec![(self.out.clone(), archive(&fmu, library, &self.out)?)]
             }
         };

@@ -134,7 +134,7 @@ impl Job<'_> {
         let done = self.fit(settings, direction)?;
         let mut written = vec![done.stage_parameters(&out)?];
         if let Some(page) = &page {
-            let document = Document::of(&done.report)?;
+            let document = Document::from_report(&done.report)?;
             let html = done.page(&done.report).html(PAGE_TITLE, &document, "", Vec::new());
             written.push(Staged::new(page, |file| file.write_all(html.as_bytes()))?);
         }
@@ -152,7 +152,7 @@ impl Job<'_> {
         let seconds = started.elapsed().as_secs_f64();
         let parameters = fit.parameters(settings, direction, &self.recordings)?;
         let files: Vec<&Path> = self.recordings.iter().map(|recording| recording.path()).collect();
-        let compression = Compression::of(parameters.film(), CONTROLLER_HZ).ok();
+        let compression = Compression::new(parameters.film(), CONTROLLER_HZ).ok();
         let report = FitReport::new(&fit, &parameters, compression, direction, &files, &self.out, seconds);
         Ok(Done { report, fit, observations: self.observations, parameters, direction })
     }

@@ -38,9 +38,9 @@ const LOOKS: u32 = 3;
 /// A board that has sent no sample for so long does not tick.
 const SILENT_STREAM_S: f64 = 2.0;
 /// So many values in a row are sent at the most to a board whose time stands, and those that fit between two samples.
-const MOST_ROUNDS_STOOD: f64 = 200.0;
+const MAX_STALLED_ROUNDS: f64 = 200.0;
 /// So many frames in a row may be lost.
-const MOST_DAMAGED: u32 = 2;
+const MAX_DAMAGED: u32 = 2;
 
 #[derive(Debug, Args)]
 pub(super) struct Stream {
@@ -217,7 +217,7 @@ impl Play {
     /// What is played of `recording`, `SENT_HZ` times a second.
     fn values(&self, recording: &Recording) -> Result<Vec<f32>> {
         if self.mode != What::Voltage {
-            let (reference, _) = references::of(recording, SENT_HZ)?;
+            let (reference, _) = references::on_grid(recording, SENT_HZ)?;
             return Ok(reference.into_iter().map(|metres| metres as f32).collect());
         }
         let Input::Voltage(voltage) = recording.drive()? else {
@@ -284,7 +284,7 @@ impl Play {
     fn play(&self, client: &mut Client, log: &mut Log, values: &[f32], stop: &AtomicBool) -> Result<()> {
         let mut damaged = 0;
         let mut rounds = 0;
-        let most_stood = MOST_ROUNDS_STOOD + SENT_HZ * f64::from(self.stream.every) / log.rate_hz;
+        let most_stood = MAX_STALLED_ROUNDS + SENT_HZ * f64::from(self.stream.every) / log.rate_hz;
         let (mut before_s, mut stood) = (f64::NAN, 0.0);
         self.stream.talk(client, log, stop, |now_s, client| {
             stood = if now_s == before_s { stood + 1.0 } else { 0.0 };
@@ -296,7 +296,7 @@ impl Play {
             // A frame that is lost on the way is made up for by the next; many in a row are a broken line.
             match client.order(self.set(value)) {
                 Ok(()) => damaged = 0,
-                Err(error) if damaged >= MOST_DAMAGED => return Err(error),
+                Err(error) if damaged >= MAX_DAMAGED => return Err(error),
                 Err(_) => damaged += 1,
             }
             rounds += 1;

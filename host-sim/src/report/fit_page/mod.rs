@@ -35,7 +35,7 @@ pub struct FitPage<'a> {
 impl FitPage<'_> {
     /// The page. The report stands in `document`, which `--json` prints, at `place`; `more` follows the recordings.
     pub fn html(&self, title: &str, document: &Document, place: &str, more: Vec<Section>) -> String {
-        let numbers = Numbers::of(document).at(place);
+        let numbers = Numbers::from_document(document).at(place);
         let recordings = html! {
             @for (observation, modelled) in self.observations.iter().zip(&self.fit.modelled) {
                 (recording::charts(observation, modelled))

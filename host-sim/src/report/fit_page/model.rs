@@ -14,7 +14,7 @@ use crate::grid::Samples;
 use crate::spectrum;
 
 /// Frequencies at which the drive has less than this share of its largest amplitude are not recorded.
-const LEAST_SHARE: f64 = 0.01;
+const MIN_SHARE: f64 = 0.01;
 /// How far the response is drawn beyond the recorded band, as a factor.
 const BEYOND: f64 = 30.0;
 
@@ -30,7 +30,7 @@ pub fn body(numbers: &Numbers<'_>, parameters: &Parameters, observations: &[Obse
             div.charts { (chart::figure(&Figure::new("Frequency response", panels))) }
             p {
                 "The recorded band is marked: from once in the longest recording to the highest frequency at which the load has "
-                (format!("{:.0}", 100.0 * LEAST_SHARE)) " % of its largest amplitude. Outside, the response is what the model makes of the \
+                (format!("{:.0}", 100.0 * MIN_SHARE)) " % of its largest amplitude. Outside, the response is what the model makes of the \
                  recorded band; nothing was measured there."
             }
         }
@@ -103,7 +103,7 @@ fn branches(numbers: &Numbers<'_>) -> Markup {
 fn band(observations: &[Observation]) -> Option<(f64, f64)> {
     let drives = || observations.iter().map(|observation| &observation.input);
     let longest_s = drives().filter_map(|input| input.samples().time_s.last()).copied().fold(0.0, f64::max);
-    let highest_hz = drives().filter_map(|input| spectrum::highest_hz(&load(input), LEAST_SHARE)).fold(0.0, f64::max);
+    let highest_hz = drives().filter_map(|input| spectrum::highest_hz(&load(input), MIN_SHARE)).fold(0.0, f64::max);
     let from_hz = 1.0 / longest_s;
     (from_hz.is_finite() && highest_hz > from_hz).then_some((from_hz, highest_hz))
 }

@@ -35,7 +35,7 @@ pub fn charts(observation: &Observation, modelled: &[f64]) -> Markup {
     let shown = Shown { observation, modelled, axis, fine, drive };
     let [response, difference] = comparison_figure::panels(&observation.measured, modelled, axis, fine);
     let wide = [response, difference, shown.drive()];
-    let more: Vec<Panel> = match Course::of(observation.input.samples()) {
+    let more: Vec<Panel> = match Course::from_drive(observation.input.samples()) {
         Course::Held(since_s) => vec![shown.creep(since_s)],
         Course::Cycles(cycles) => [shown.loops(&cycles), shown.drift(&cycles)].into_iter().collect(),
         Course::Other => vec![shown.whole_loop()],
@@ -60,8 +60,9 @@ impl Shown<'_> {
 
     fn drive(&self) -> Panel {
         let drive = self.observation.input.samples();
-        Panel::new("Drive", "time (s)", self.drive.label())
-            .with(Line::new(self.drive.name, &drive.time_s, &self.drive.of(&drive.value)).coloured(Colour::Green))
+        Panel::new("Drive", "time (s)", self.drive.label()).with(
+            Line::new(self.drive.name, &drive.time_s, &self.drive.transform(&drive.value)).coloured(Colour::Green),
+        )
     }
 
     /// On a logarithmic axis from the time at which the load is held, where creep of any order is a straight or smooth line.
@@ -70,8 +71,8 @@ impl Shown<'_> {
         let time: Vec<f64> = time_s.iter().map(|t| t - since_s).collect();
         let what = if self.axis.name == "force" { "Relaxation" } else { "Creep" };
         Panel::new(format!("{what} on logarithmic time"), "time since the load is held (s)", self.axis.label())
-            .with(Line::on_logarithmic("measured", &time, &self.axis.of(value)).beneath())
-            .with(Line::on_logarithmic("model", &time, &self.axis.of(self.modelled)))
+            .with(Line::on_logarithmic("measured", &time, &self.axis.transform(value)).beneath())
+            .with(Line::on_logarithmic("model", &time, &self.axis.transform(self.modelled)))
             .logarithmic(true, false)
             .captioned(format!("The load is held from {since_s:.3} s on."))
     }
@@ -111,7 +112,7 @@ impl Shown<'_> {
     fn path(&self, label: impl Into<String>, during: &Range<f64>, values: &[f64]) -> Line {
         let rows = self.rows(during);
         let drive = at(self.observation.input.samples(), &self.measured().time_s[rows.clone()]);
-        Line::path(label, &self.drive.of(&drive), &self.axis.of(&values[rows]))
+        Line::path(label, &self.drive.transform(&drive), &self.axis.transform(&values[rows]))
     }
 
     /// The rows that were measured `during` these times.
@@ -147,9 +148,9 @@ impl Shown<'_> {
     }
 
     fn spectrum(&self) -> Option<Panel> {
-        let of = |value: Vec<f64>| Spectrum::of(&Samples { time_s: self.measured().time_s.clone(), value });
+        let of = |value: Vec<f64>| Spectrum::new(&Samples { time_s: self.measured().time_s.clone(), value });
         let (measured, residual) = (of(self.measured().value.clone())?, of(self.residuals())?);
-        let density = |spectrum: &Spectrum| self.fine.of(&spectrum.density);
+        let density = |spectrum: &Spectrum| self.fine.transform(&spectrum.density);
         Some(
             Panel::new("Spectrum", "frequency (Hz)", format!("amplitude density ({}/√Hz)", self.fine.unit))
                 .with(Line::new("measured", &measured.frequency_hz, &density(&measured)).beneath())

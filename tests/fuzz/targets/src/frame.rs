@@ -9,7 +9,7 @@ use crate::line::{Ear, Heading, Heard, seal};
 use crate::{BOARD, GOOD_BLOB};
 
 /// Most ticks of an input, so that none takes long.
-const MOST_TICKS: u32 = 5000;
+const MAX_TICKS: u32 = 5000;
 
 /// Longer than there is room for in a message, and its last character is not cut in half.
 const PANIC: &str = "ü panicked at a file whose name is long, so long that it does not fit in the two hundred characters that there \
@@ -208,7 +208,7 @@ impl Trial {
 
     /// A tick; the lower bits of `faults` open the interlock and silence the converters, the upper ones stop the monitor.
     fn tick(&mut self, faults: u8) {
-        if self.ticks == MOST_TICKS {
+        if self.ticks == MAX_TICKS {
             return;
         }
         self.ticks += 1;

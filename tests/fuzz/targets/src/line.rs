@@ -1,7 +1,7 @@
 //! Frames as docs/link.md has them, written a second time: sealed and read without the driver's code.
 
 /// Most bytes of a frame without its closing zero.
-const LONGEST: usize = 360;
+const MAX_FRAME: usize = 360;
 
 /// The version of the protocol.
 const VERSION: u8 = 3;
@@ -76,7 +76,7 @@ impl Ear {
 }
 
 fn read(stuffed: &[u8]) -> Heard {
-    let plain = if stuffed.len() > LONGEST { None } else { unstuffed(stuffed) };
+    let plain = if stuffed.len() > MAX_FRAME { None } else { unstuffed(stuffed) };
     let Some((body, checksum)) = plain.as_deref().and_then(<[u8]>::split_last_chunk::<4>) else {
         return Heard::Damaged;
     };

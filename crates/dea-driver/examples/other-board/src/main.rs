@@ -24,8 +24,8 @@ const BOARD: u16 = 7;
 /// Full scales of the converters, V. Both have 12 bits; an ADC ends one count below its full scale.
 const DAC_V: f32 = 2.5;
 const ADC_V: f32 = 3.3;
-const LARGEST_V: f32 = ADC_V * (4095.0 / 4096.0);
-const CONVERTERS: Converters = Converters { command_v: Some(DAC_V), monitor_v: LARGEST_V, sensor_v: LARGEST_V };
+const MAX_ADC_V: f32 = ADC_V * (4095.0 / 4096.0);
+const CONVERTERS: Converters = Converters { command_v: Some(DAC_V), monitor_v: MAX_ADC_V, sensor_v: MAX_ADC_V };
 const MONITOR: u8 = 0; // channels of the ADC
 const SENSOR: u8 = 1;
 
@@ -81,7 +81,7 @@ fn reference_m(tick: u32) -> f32 {
 #[cfg_attr(all(target_arch = "riscv32", target_os = "none"), riscv_rt::entry)]
 fn main() -> ! {
     let blob: Blob = accepted(Blob::decode_for(FILM, BOARD, &CONVERTERS));
-    let film = Film::of(blob.parameters());
+    let film = Film::new(blob.parameters());
     let mut board = Board { dac: &film, adc: &film, enable: &film, interlock: &film };
     board.put_out(false, 0.0); // a real board can do so before it reads the blob, and does
     let mut controller = Controller::new(blob);
@@ -138,7 +138,7 @@ struct Film {
 }
 
 impl Film {
-    fn of(bench: &Parameters) -> Self {
+    fn new(bench: &Parameters) -> Self {
         let law = accepted(Law::from_coefficients(&bench.law, 1e-3, bench.actuator.mass_kg));
         let drive = accepted(VoltageDrive::new(&bench.actuator, 6500.0, law.stiffness()));
         let (state, bench, monitor_answers) = (RefCell::new(law.state()), bench.clone(), Cell::new(true));

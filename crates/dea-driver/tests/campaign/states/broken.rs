@@ -11,7 +11,7 @@ macro_rules! broken {
         struct $name(Supervisor);
 
         impl Machine for $name {
-            fn of(supervisor: Supervisor) -> Self {
+            fn with_supervisor(supervisor: Supervisor) -> Self {
                 Self(supervisor)
             }
 

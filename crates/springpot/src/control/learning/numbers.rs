@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 
 use super::{
-    COSINE, FADED, FADING, LARGEST_ANGLE, LEAST_S, LEAST_SAMPLES, Learning, SAME_PERIOD, SETTLING_S, SINE, SMOOTHING,
+    COSINE, FADED, FADING, Learning, MAX_ANGLE, MIN_BLOCK_S, MIN_SAMPLES, SAME_PERIOD, SETTLING_S, SINE, SMOOTHING,
     UNENDED,
 };
 use crate::control::harmonic::Harmonic;
@@ -20,13 +20,13 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         take.number("learning.rate", self.rate);
         take.number("learning.approach", self.approach);
         Harmonic::numbers(take);
-        take.number("learning.series_angle", T::from_f64(LARGEST_ANGLE));
+        take.number("learning.series_angle", T::from_f64(MAX_ANGLE));
         take.array("learning.cosine", COSINE.map(T::from_f64));
         take.array("learning.sine", SINE.map(T::from_f64));
         take.array("learning.settling_s", SETTLING_S.map(T::from_f64));
-        take.array("learning.least_s", LEAST_S.map(T::from_f64));
-        take.number("learning.longest_s", T::from_f64(UNENDED * LEAST_S[1]));
-        take.number("learning.least_samples", T::from_f64(LEAST_SAMPLES));
+        take.array("learning.least_s", MIN_BLOCK_S.map(T::from_f64));
+        take.number("learning.longest_s", T::from_f64(UNENDED * MIN_BLOCK_S[1]));
+        take.number("learning.least_samples", T::from_f64(MIN_SAMPLES));
         take.number("learning.smoothing", T::from_f64(SMOOTHING));
         take.number("learning.fading", T::from_f64(FADING));
         take.number("learning.same_period", T::from_f64(SAME_PERIOD));

@@ -31,7 +31,7 @@ pub enum Column {
 
 impl Choices {
     /// The choice for `quantity`.
-    pub fn of(&self, quantity: Quantity) -> Option<&Choice> {
+    pub fn get(&self, quantity: Quantity) -> Option<&Choice> {
         self.0.iter().find(|choice| choice.quantity == quantity)
     }
 

@@ -11,10 +11,10 @@ use super::source::{Source, Value};
 use super::text::TextTable;
 use super::{Hints, Quantity, Request, encoding, kind, mat, workbook};
 use crate::error::{Error, Result, shown};
-use crate::files::csv::{Column, LARGEST};
+use crate::files::csv::{Column, MAX_VALUE};
 
 /// Largest file, in bytes.
-const LARGEST_FILE: u64 = 1 << 29;
+const MAX_FILE: u64 = 1 << 29;
 
 /// The columns of a file.
 #[derive(Clone, Debug)]
@@ -114,14 +114,14 @@ impl Understood {
 ///
 /// [`Error`] naming file and line, the cause and what to do.
 pub fn read(path: &Path, head: &[u8], rest: impl Read, request: &Request<'_>, hints: &Hints) -> Result<Series> {
-    let kind = kind::of(head).map_err(|cause| Error::file(path, cause))?;
+    let kind = kind::detect(head).map_err(|cause| Error::file(path, cause))?;
     if kind == kind::Kind::Text && head.contains(&0) {
         // Before a gigabyte of it is read.
         encoding::readings(head).map_err(|cause| Error::file(path, cause))?;
     }
     let mut bytes = head.to_vec();
-    rest.take(LARGEST_FILE).read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;
-    if bytes.len() as u64 >= LARGEST_FILE {
+    rest.take(MAX_FILE).read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;
+    if bytes.len() as u64 >= MAX_FILE {
         return Err(Error::file(path, "more than 512 MiB; export it as CSV with the names of recordings, or in parts"));
     }
     if hints.sheet.is_some() && kind != kind::Kind::Workbook {
@@ -303,7 +303,9 @@ fn si(name: &str, value: Value<'_>, factor: f64) -> std::result::Result<Option<f
     match value {
         Value::Nothing => Ok(None),
         Value::Ended => Err(format!("the row ends before {name}")),
-        Value::Number(number) if number.is_finite() && (number * factor).abs() <= LARGEST => Ok(Some(number * factor)),
+        Value::Number(number) if number.is_finite() && (number * factor).abs() <= MAX_VALUE => {
+            Ok(Some(number * factor))
+        }
         Value::Number(number) => Err(format!("{name} is {number}; no instrument reads that")),
         Value::Text(text) if is_clock(text) => {
             Err(format!("{name} is {text:?}, a time of day; export the seconds since the start"))

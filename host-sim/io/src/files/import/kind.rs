@@ -39,7 +39,7 @@ const HDF5: &str = "this is a MATLAB file of version 7.3 (HDF5), which is not re
 /// # Errors
 ///
 /// What the file is, and what to do.
-pub fn of(head: &[u8]) -> Result<Kind, String> {
+pub fn detect(head: &[u8]) -> Result<Kind, String> {
     if head.is_empty() {
         return Err(
             "is empty; there must be a header, such as time_s,voltage_v,displacement_m of a recording, and rows of numbers".into()

@@ -64,19 +64,19 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices) -> Result
     if let (true, Some(found)) = (choices.is_empty(), titles.of_a_recording(request)) {
         return found;
     }
-    let other = |quantity: &Quantity| !request.wanted.contains(quantity) && choices.of(*quantity).is_some();
+    let other = |quantity: &Quantity| !request.wanted.contains(quantity) && choices.get(*quantity).is_some();
     if let Some(other) = [Quantity::Command, Quantity::Stretch, Quantity::Stress].iter().find(|q| other(q)) {
         let names: Vec<&str> = request.wanted.iter().map(|quantity| quantity.name()).collect();
         return Err(format!("--columns {}: what is read here is {}", other.name(), names.join(", ")));
     }
     let mut chosen: Vec<Chosen> = Vec::new();
     for quantity in request.wanted {
-        if let Some(choice) = choices.of(*quantity) {
+        if let Some(choice) = choices.get(*quantity) {
             chosen.extend(titles.chosen(choice)?);
         }
     }
     let mut missing = Vec::new();
-    for quantity in request.wanted.iter().copied().filter(|quantity| choices.of(*quantity).is_none()) {
+    for quantity in request.wanted.iter().copied().filter(|quantity| choices.get(*quantity).is_none()) {
         let taken: Vec<usize> = chosen.iter().map(|column| column.index).collect();
         match titles.named(quantity, &taken)? {
             Some(column) => chosen.push(column),
@@ -315,9 +315,9 @@ impl Titles<'_> {
     }
 
     fn list(&self) -> String {
-        const MOST: usize = 8;
-        let mut shown: Vec<String> = (0..self.titles.len().min(MOST)).map(|index| self.shown(index)).collect();
-        if self.titles.len() > MOST {
+        const MAX_SHOWN: usize = 8;
+        let mut shown: Vec<String> = (0..self.titles.len().min(MAX_SHOWN)).map(|index| self.shown(index)).collect();
+        if self.titles.len() > MAX_SHOWN {
             shown.push("…".into());
         }
         shown.join(", ")

@@ -27,11 +27,11 @@ pub struct Contents {
 }
 
 /// Most numbers of a file: a gigabyte as they are held.
-const MOST: usize = 1 << 27;
+const MAX_NUMBERS: usize = 1 << 27;
 /// Deepest structure in a structure.
-const DEEPEST: usize = 8;
+const MAX_DEPTH: usize = 8;
 /// Most columns of a matrix that are told apart.
-const MOST_COLUMNS: usize = 64;
+const MAX_COLUMNS: usize = 64;
 
 /// A file that ends too early, or that is not what it says.
 const DAMAGED: &str = "a damaged MATLAB file; save it again";
@@ -81,7 +81,7 @@ pub fn contents(bytes: &[u8]) -> Result<Contents, String> {
             element::COMPRESSED => {
                 let mut inflated = Vec::new();
                 // Eight bytes a number and something for names.
-                let limit = 8 * MOST as u64 + (1 << 20);
+                let limit = 8 * MAX_NUMBERS as u64 + (1 << 20);
                 ZlibDecoder::new(data.bytes).take(limit).read_to_end(&mut inflated).map_err(|_| DAMAGED)?;
                 if inflated.len() as u64 == limit {
                     return Err(too_many());
@@ -102,7 +102,7 @@ pub fn contents(bytes: &[u8]) -> Result<Contents, String> {
 }
 
 fn too_many() -> String {
-    format!("more than {MOST} numbers; save only what belongs to the recording")
+    format!("more than {MAX_NUMBERS} numbers; save only what belongs to the recording")
 }
 
 impl Contents {
@@ -123,7 +123,7 @@ impl Contents {
         let (_, sizes) = data.element()?;
         let sizes = sizes.numbers(element::INT32)?;
         let count = sizes.iter().try_fold(1_usize, |all, size| all.checked_mul(*size as usize)).ok_or(DAMAGED)?;
-        if count > MOST {
+        if count > MAX_NUMBERS {
             return Err(too_many());
         }
         let (_, own) = data.element()?;
@@ -146,9 +146,9 @@ impl Contents {
                 Ok(())
             }
             class::CELL => {
-                for index in 0..count.min(MOST_COLUMNS) {
+                for index in 0..count.min(MAX_COLUMNS) {
                     let (_, cell) = data.element()?;
-                    if depth < DEEPEST {
+                    if depth < MAX_DEPTH {
                         self.variable(cell, Some(&format!("{name}{{{}}}", index + 1)), depth + 1)?;
                     }
                 }
@@ -167,11 +167,11 @@ impl Contents {
             return Err(DAMAGED.into());
         }
         let fields: Vec<String> = names.bytes.chunks(length).map(text).collect();
-        for index in 0..count.min(MOST_COLUMNS) {
+        for index in 0..count.min(MAX_COLUMNS) {
             let place = if count > 1 { format!("{name}({})", index + 1) } else { name.to_owned() };
             for field in &fields {
                 let (_, value) = data.element()?;
-                if depth < DEEPEST {
+                if depth < MAX_DEPTH {
                     self.variable(value, Some(&format!("{place}.{field}")), depth + 1)?;
                 }
             }
@@ -182,7 +182,7 @@ impl Contents {
     /// Takes the columns of an array.
     fn take(&mut self, name: &str, sizes: &[f64], values: Vec<f64>) -> Result<(), String> {
         let held: usize = self.series.iter().map(|series| series.values.len()).sum();
-        if held + values.len() > MOST {
+        if held + values.len() > MAX_NUMBERS {
             return Err(too_many());
         }
         let rows = sizes.first().map_or(0, |rows| *rows as usize);
@@ -194,7 +194,7 @@ impl Contents {
             self.series.push(Series { name: name.into(), values });
             return Ok(());
         }
-        for (column, values) in values.chunks(rows.max(1)).take(MOST_COLUMNS).enumerate() {
+        for (column, values) in values.chunks(rows.max(1)).take(MAX_COLUMNS).enumerate() {
             self.series.push(Series { name: format!("{name}(:,{})", column + 1), values: values.to_vec() });
         }
         Ok(())

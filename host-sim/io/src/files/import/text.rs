@@ -86,7 +86,7 @@ pub struct TextTable<'a> {
 }
 
 /// Longest line, in bytes: as for recordings.
-const LONGEST: usize = 1 << 16;
+const MAX_LINE: usize = 1 << 16;
 
 impl<'a> TextTable<'a> {
     /// Finds the rows of numbers in `text`.
@@ -96,10 +96,10 @@ impl<'a> TextTable<'a> {
     /// Line (0 for the whole file) and cause where there are none, or where they can be read in two ways.
     pub fn find(text: &'a str) -> Result<Self, (u64, String)> {
         let lines = lines(text);
-        if let Some(line) = lines.iter().find(|line| line.text.len() > LONGEST) {
+        if let Some(line) = lines.iter().find(|line| line.text.len() > MAX_LINE) {
             return Err((
                 line.number,
-                format!("a line of more than {LONGEST} characters; this is not a CSV recording"),
+                format!("a line of more than {MAX_LINE} characters; this is not a CSV recording"),
             ));
         }
         let mut found: Vec<Self> = Vec::new();

@@ -31,7 +31,7 @@ pub struct Sheet {
 }
 
 /// Most columns: a workbook may have cells far out.
-const MOST_COLUMNS: u32 = 1000;
+const MAX_COLUMNS: u32 = 1000;
 
 /// The sheets of the workbook `bytes` that have rows of numbers; those that are named `only`, if a name is given.
 ///
@@ -85,7 +85,7 @@ fn rows(book: &mut Xlsx<Cursor<Vec<u8>>>, name: &str) -> Result<Vec<(u64, Vec<Sh
             }
             DataRef::Error(_) | DataRef::Empty => SheetCell::Nothing,
         };
-        if value == SheetCell::Nothing || column >= MOST_COLUMNS {
+        if value == SheetCell::Nothing || column >= MAX_COLUMNS {
             continue;
         }
         let number = u64::from(row) + 1;

@@ -16,7 +16,7 @@ pub struct Film<'a> {
 }
 
 /// Most steps per second of a law.
-const FASTEST_HZ: f64 = 1e9;
+const MAX_RATE_HZ: f64 = 1e9;
 
 impl Film<'_> {
     /// The law that the controller steps at `rate_hz`.
@@ -26,8 +26,8 @@ impl Film<'_> {
     /// [`Error`] for a rate or a model that is refused.
     pub fn compressed_law<T: Real>(self, rate_hz: f64) -> Result<Law<T, Compressed<T>>> {
         // Beyond, a horizon has more steps than can be counted.
-        if rate_hz > FASTEST_HZ {
-            return Err(Error::option("--rate", format!("{rate_hz:?} Hz; a law takes at most {FASTEST_HZ:e} Hz")));
+        if rate_hz > MAX_RATE_HZ {
+            return Err(Error::option("--rate", format!("{rate_hz:?} Hz; a law takes at most {MAX_RATE_HZ:e} Hz")));
         }
         let options = Options::at_step(1.0 / rate_hz).with_method(self.method);
         let law = Law::compressed(self.model, options).map_err(|error| match error {

@@ -64,7 +64,7 @@ impl DisplacementSensor {
 }
 
 /// Largest size of a parameter file, bytes.
-const LONGEST: u64 = 1 << 20;
+const MAX_FILE: u64 = 1 << 20;
 
 impl Parameters {
     /// The parameters named on a command line: a path, or `preset:NAME`.
@@ -255,9 +255,9 @@ fn text_of(path: &Path) -> Result<String> {
     let mut bytes = Vec::new();
     let file = File::open(path).map_err(|e| Error::file(path, e))?;
     // A pipe has no length beforehand.
-    file.take(LONGEST + 1).read_to_end(&mut bytes).map_err(|e| Error::file(path, e))?;
-    if bytes.len() as u64 > LONGEST {
-        return Err(Error::file(path, format!("more than {LONGEST} bytes; this is not a parameter file")));
+    file.take(MAX_FILE + 1).read_to_end(&mut bytes).map_err(|e| Error::file(path, e))?;
+    if bytes.len() as u64 > MAX_FILE {
+        return Err(Error::file(path, format!("more than {MAX_FILE} bytes; this is not a parameter file")));
     }
     String::from_utf8(bytes).map_err(|e| {
         let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();

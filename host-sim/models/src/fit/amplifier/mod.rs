@@ -13,7 +13,7 @@ use crate::files::amplifier_log::AmplifierLog;
 use crate::fit::uncertainty::{CHI_SQUARE, NORMAL};
 use crate::fit::whiteness::effective_samples;
 use response::Fall;
-use search::{FALL, Found, GAIN, LONGEST_S, OFFSET, RISE, Search};
+use search::{FALL, Found, GAIN, MAX_S, OFFSET, RISE, Search};
 
 /// What a log tells of an amplifier.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,7 +59,7 @@ const NONE_BELOW: f64 = 1.5;
 /// The ends of what fits as well are found to the 2 to the power of this part of that factor.
 const HALVINGS: u32 = 4;
 /// Share of the monitor's variance that the model must explain at the least.
-const LEAST_EXPLAINED: f64 = 0.9;
+const MIN_EXPLAINED: f64 = 0.9;
 
 /// Identifies the amplifier of `log`.
 ///
@@ -69,19 +69,19 @@ const LEAST_EXPLAINED: f64 = 0.9;
 pub fn identify(log: &AmplifierLog) -> Result<Identification> {
     let fault = |cause: String| Error::file(log.path(), cause);
     let unrelated = || fault("the monitor does not follow command_v; both must be the high voltage, in V".into());
-    let own = Fitted::of(log, Fall::Bleeder).ok_or_else(unrelated)?;
-    let other = Fitted::of(log, Fall::TowardsCommand);
+    let own = Fitted::new(log, Fall::Bleeder).ok_or_else(unrelated)?;
+    let other = Fitted::new(log, Fall::TowardsCommand);
     let better = other.filter(|other| other.is_clearly_better_than(&own));
     let first_order = better.as_ref().map(|other| falls_towards_the_command(other, &own));
     let Fitted { search, found, residuals } = better.unwrap_or(own);
     let shown_v = search.shown(&found.values).ok_or_else(unrelated)?;
     let noise_v = noise(&residuals).max(quantisation(log));
     let residual_v = rms(&residuals);
-    if residual_v.powi(2) > (1.0 - LEAST_EXPLAINED) * variance(log) {
+    if residual_v.powi(2) > (1.0 - MIN_EXPLAINED) * variance(log) {
         return Err(unrelated());
     }
 
-    let spread = Spread::of(&found, &residuals, log.span_v());
+    let spread = Spread::new(&found, &residuals, log.span_v());
     let (rise, fall) = (spread.time(&search, &found, RISE), spread.time(&search, &found, FALL));
     if let (Time::Open([_, rise_s]), Time::Open([_, fall_s])) = (rise, fall) {
         return Err(fault(format!(
@@ -115,7 +115,7 @@ struct Fitted<'a> {
 }
 
 impl<'a> Fitted<'a> {
-    fn of(log: &'a AmplifierLog, fall: Fall) -> Option<Self> {
+    fn new(log: &'a AmplifierLog, fall: Fall) -> Option<Self> {
         let search = Search::new(log, fall);
         let found = search.best()?;
         let residuals = search.residuals(&found.values)?;
@@ -140,7 +140,7 @@ struct Spread {
 }
 
 impl Spread {
-    fn of(found: &Found, residuals: &[f64], span_v: f64) -> Self {
+    fn new(found: &Found, residuals: &[f64], span_v: f64) -> Self {
         let count = found.free.len();
         let freedom = (effective_samples(residuals) - count as f64).max(1.0);
         // A log without noise is still written with so many digits.
@@ -181,7 +181,7 @@ impl Spread {
         }
         let end = |factor: f64| {
             let mut same = best.max(interval_s);
-            while same >= interval_s && same < LONGEST_S && !told_apart((same * factor).min(LONGEST_S)) {
+            while same >= interval_s && same < MAX_S && !told_apart((same * factor).min(MAX_S)) {
                 same *= factor;
             }
             let mut other = same * factor;
@@ -192,7 +192,7 @@ impl Spread {
             same
         };
         let beyond = [best / TOLD_APART, best * TOLD_APART];
-        if best >= interval_s && beyond[1] < LONGEST_S && beyond.into_iter().all(told_apart) {
+        if best >= interval_s && beyond[1] < MAX_S && beyond.into_iter().all(told_apart) {
             // Falls that end shortly above 0 V leave a small range, from the lag to the slowest bleeder that is as fast. No covariance shows it.
             let half = self.half_width(found, index);
             let low = if told_apart(best - 2.0 * half) { best - half } else { end(1.0 / TOLD_APART) };
@@ -200,7 +200,7 @@ impl Spread {
             return Time::Known(best, [low.max(0.0), high]);
         }
         let least = end(1.0 / TOLD_APART);
-        Time::Open([if least < interval_s { 0.0 } else { least }, end(TOLD_APART).min(LONGEST_S)])
+        Time::Open([if least < interval_s { 0.0 } else { least }, end(TOLD_APART).min(MAX_S)])
     }
 }
 

@@ -34,19 +34,19 @@ pub(super) struct Command<'a> {
 /// A change is a jump if it is larger than those beside it by this factor …
 const STEEPER: f64 = 5.0;
 /// … and than this share of the command's span.
-const LEAST_JUMP: f64 = 2e-3;
+const MIN_JUMP: f64 = 2e-3;
 /// Most jumps with a time of their own, and most rows of a log times these.
-const MOST_SHIFTS: usize = 32;
-const MOST_ROWS: usize = 2_000_000;
+const MAX_SHIFTS: usize = 32;
+const MAX_ROWS: usize = 2_000_000;
 /// Longest step of the integration, s, and how many of them an interval has at the least and at the most.
-const LONGEST_STEP_S: f64 = 1e-3;
+const MAX_STEP_S: f64 = 1e-3;
 const STEPS: (f64, f64) = (2.0, 10.0);
 
 impl<'a> Command<'a> {
     pub(super) fn new(log: &'a AmplifierLog) -> Self {
         let (time_s, command_v) = (log.time_s.as_slice(), log.command_v.as_slice());
         let change = |k: usize| if k == 0 || k >= command_v.len() { 0.0 } else { command_v[k] - command_v[k - 1] };
-        let least = LEAST_JUMP * log.span_v();
+        let least = MIN_JUMP * log.span_v();
         let jump_v: Vec<f64> = (0..command_v.len())
             .map(|k| {
                 // Before the first row and after the last, nothing is known to be steady.
@@ -56,7 +56,7 @@ impl<'a> Command<'a> {
             })
             .collect();
         let jumps = jump_v.iter().filter(|jump| **jump != 0.0).count();
-        let shifts = if jumps <= MOST_SHIFTS && jumps * jump_v.len() <= MOST_ROWS { jumps } else { 1 };
+        let shifts = if jumps <= MAX_SHIFTS && jumps * jump_v.len() <= MAX_ROWS { jumps } else { 1 };
         let mut passed = 0;
         let shift = jump_v
             .iter()
@@ -121,7 +121,7 @@ impl Amplifier {
         if duration_s <= 0.0 {
             return Some(voltage);
         }
-        let steps = (duration_s / LONGEST_STEP_S).ceil().clamp(STEPS.0, STEPS.1);
+        let steps = (duration_s / MAX_STEP_S).ceil().clamp(STEPS.0, STEPS.1);
         let step_s = duration_s / steps;
         // Times are decimal numbers: intervals differ in their last digits.
         if (step_s - self.step_s).abs() > 1e-9 * step_s {

@@ -18,7 +18,7 @@ pub(super) const OFFSET: usize = 4;
 const SHIFTS: usize = 5;
 
 /// Longest time constant, s: that of the controller's model.
-pub(super) const LONGEST_S: f64 = 10.0;
+pub(super) const MAX_S: f64 = 10.0;
 /// The monitor's gain: beyond it the calibration is of something else.
 const GAINS: (f64, f64) = (0.2, 5.0);
 /// Time constants from which searches start, s: on a logarithmic grid.
@@ -116,7 +116,7 @@ impl<'a> Search<'a> {
         let bounds = free
             .iter()
             .map(|&i| match i {
-                RISE | FALL => (0.0, LONGEST_S),
+                RISE | FALL => (0.0, MAX_S),
                 START => (0.0, 2.0 * largest),
                 GAIN => GAINS,
                 OFFSET => (-largest, largest),

@@ -22,16 +22,16 @@ use crate::grid::Grid;
 use crate::replay::full_memory::FullMemory;
 
 /// Most steps of a recording in a fit: each costs about a kilobyte.
-const MOST_SAMPLES: usize = 1 << 22;
+const MAX_SAMPLES: usize = 1 << 22;
 
 fn too_long(name: &str, samples: f64) -> Error {
     Error::Computation(format!(
-        "{name}: {samples:.0} steps at its median rate; a fit is limited to {MOST_SAMPLES}, cut the recording or thin it"
+        "{name}: {samples:.0} steps at its median rate; a fit is limited to {MAX_SAMPLES}, cut the recording or thin it"
     ))
 }
 
 /// Growth 1 + κ x of the force below which a coupling is beyond its meaning.
-const LEAST_GROWTH: f64 = 0.05;
+const MIN_GROWTH: f64 = 0.05;
 
 /// Model minus measurement over all observations.
 pub struct Objective {
@@ -164,7 +164,7 @@ impl Objective {
                 Grid::covering(duration_s, o.rate_hz).map_err(|_| too_long(&o.name, duration_s * o.rate_hz))
             })
             .collect::<Result<Vec<Grid>>>()?;
-        if let Some((long, grid)) = observations.iter().zip(&grids).find(|(_, grid)| grid.samples > MOST_SAMPLES) {
+        if let Some((long, grid)) = observations.iter().zip(&grids).find(|(_, grid)| grid.samples > MAX_SAMPLES) {
             return Err(too_long(&long.name, grid.samples as f64));
         }
         let (circles, steps) = circles(&grids);
@@ -177,12 +177,12 @@ impl Objective {
                     circle,
                     samples: grid.samples,
                     drive: DriveSpectra::new(&observation.input, grid, &circles[circle]),
-                    readings: Readings::of(observation),
+                    readings: Readings::new(observation),
                     measured_at: Places::new(&observation.measured.time_s, grid),
                 }
             })
             .collect();
-        let nodes = circles.iter().map(Nodes::of).collect();
+        let nodes = circles.iter().map(Nodes::new).collect();
         Ok(Self { circles, nodes, steps, records })
     }
 
@@ -267,7 +267,7 @@ impl Objective {
                 (Some(law), None) => transfer.coupled(circle, law, &loads(actuator, squared)).ok()?,
             },
         };
-        let grows = |x: &f64| actuator.force_growth(*x) > LEAST_GROWTH;
+        let grows = |x: &f64| actuator.force_growth(*x) > MIN_GROWTH;
         if !record.measures_force() && !series.iter().all(grows) {
             return None;
         }

@@ -9,7 +9,7 @@ use crate::grid::Grid;
 use crate::references::minimum_jerk;
 
 /// Largest offset that is tried, m: beyond any film.
-const MOST_OFFSET_M: f64 = 10.0;
+const MAX_OFFSET_M: f64 = 10.0;
 /// Offsets that are tried before the smallest is sought between two, each half the one before.
 const OFFSET_TRIALS: i32 = 16;
 /// Share of the largest voltage below which the film hardly feels it: 1e-4 of the largest force.
@@ -51,7 +51,7 @@ impl<'a> Demand<'a> {
         let mut demand = Self {
             actuator: Actuator { preload: Preload::Settled, ..parameters.actuator },
             limits,
-            lag: Lag::of(limits.amplifier, grid)?,
+            lag: Lag::new(limits.amplifier, grid)?,
             reference,
             rise,
             law,
@@ -158,7 +158,7 @@ impl<'a> Demand<'a> {
             };
             let reach = reach(low, high);
             if self.lag.is_none() {
-                return if lacks(MOST_OFFSET_M.min(reach)) { f64::INFINITY } else { bisected(-reach, reach, lacks).1 };
+                return if lacks(MAX_OFFSET_M.min(reach)) { f64::INFINITY } else { bisected(-reach, reach, lacks).1 };
             }
             // The way back from the rise of a large offset may be more than the amplifier follows.
             let enough = (0..OFFSET_TRIALS).rev().map(|k| reach * 0.5_f64.powi(k)).find(|&offset| !lacks(offset));
@@ -191,7 +191,7 @@ impl<'a> Demand<'a> {
         let reach = reach(low, high);
         fits(-reach).then(|| {
             let mut too_much = reach;
-            while fits(too_much) && too_much < MOST_OFFSET_M {
+            while fits(too_much) && too_much < MAX_OFFSET_M {
                 too_much *= 2.0;
             }
             bisected(-reach, too_much, fits).0
@@ -215,7 +215,7 @@ pub(super) struct Asked {
 }
 
 impl Lag {
-    fn of(amplifier: AmplifierLag, grid: Grid) -> Result<Option<Self>> {
+    fn new(amplifier: AmplifierLag, grid: Grid) -> Result<Option<Self>> {
         if amplifier == AmplifierLag::NONE {
             return Ok(None);
         }
