@@ -3,7 +3,7 @@
 
 use dea_driver::chips::{Calibration, DacCode};
 use dea_driver::{Controller, Drive};
-use springpot::{AmplifierModel, Law, State, VoltageDrive};
+use springpot::{AmplifierModel, Law, LawState, VoltageDrive};
 
 /// The film feels its voltage times this: it pulls 3 % harder than its model. Feedforward misses by that, tracking finds it.
 const STRONGER: f32 = 1.014_889;
@@ -16,7 +16,7 @@ pub struct Film {
     checksum: Option<u32>,
     law: Law<f32>,
     drive: VoltageDrive<f32>,
-    state: State<f32>,
+    state: LawState<f32>,
     amplifier: Calibration,
     lag: Option<AmplifierModel<f32>>,
     monitor: Calibration,

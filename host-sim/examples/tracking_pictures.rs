@@ -59,7 +59,7 @@ impl Subject {
         let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ())?.candidate;
         let parameters = Parameters {
             curve: None,
-            method: springpot::Method::Gl,
+            method: springpot::Discretisation::Gl,
             name: name.into(),
             actuator: candidate.actuator,
             model: candidate.model()?,

@@ -1,9 +1,9 @@
-//! `Law` and `State`: the step of the controller, sample by sample or along an array.
+//! `Law` and `LawState`: the step of the controller, sample by sample or along an array.
 
 use bench_models::replay::memory::{MethodName, Precision};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use springpot::{Compressed, Law, Method, State};
+use springpot::{Compressed, Discretisation, Law, LawState};
 
 use crate::arrays::{each_complex, finite, steps};
 use crate::errors::{Raise, refused};
@@ -22,8 +22,8 @@ enum AnyLaw {
 #[derive(Clone)]
 #[allow(clippy::large_enum_variant)] // a handful live at a time
 enum AnyState {
-    F32(Law<f32>, State<f32, Compressed<f32>>),
-    F64(Law<f64>, State<f64, Compressed<f64>>),
+    F32(Law<f32>, LawState<f32, Compressed<f32>>),
+    F64(Law<f64>, LawState<f64, Compressed<f64>>),
 }
 
 /// The law of a model at `rate_hz` steps per second: what a controller steps, in constant time and memory. It does not change.
@@ -68,7 +68,7 @@ impl PyLaw {
             AnyLaw::F32(law) => law.method(),
             AnyLaw::F64(law) => law.method(),
         };
-        name_of(&if method == Method::Bdf2 { MethodName::Bdf2 } else { MethodName::Gl })
+        name_of(&if method == Discretisation::Bdf2 { MethodName::Bdf2 } else { MethodName::Gl })
     }
 
     /// Arithmetic of a step: f32 or f64.

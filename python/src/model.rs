@@ -7,7 +7,7 @@ use bench_io::files::parameters::{ElasticCurve, Parameters};
 use bench_models::fit::settings::topology_name;
 use bench_models::replay::memory::MethodName;
 use pyo3::prelude::*;
-use springpot::{Maxwell, Method, Preset, Springpot, Topology};
+use springpot::{Discretisation, Maxwell, Preset, Springpot, Topology};
 
 use crate::actuator::PyActuator;
 use crate::arrays::{each, finite};
@@ -75,7 +75,7 @@ impl PyModel {
             assumed_sizes: false,
             model,
             curve: None,
-            method: Method::Gl,
+            method: Discretisation::Gl,
             sensor_offset_m,
             board: None,
             provenance: None,

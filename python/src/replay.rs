@@ -149,7 +149,8 @@ pub(crate) fn feedforward<'py>(
         Ok((grid, plan.map_err(|e| e.about(source, recording.path()))?))
     })?;
     let limited: Vec<u8> = plan.limited.iter().map(|limited| limited.bits()).collect();
-    let met: Vec<(&str, f64)> = LimitShare::from_limited(&plan.limited).into_iter().map(|met| (met.limit, met.pct)).collect();
+    let met: Vec<(&str, f64)> =
+        LimitShare::from_limited(&plan.limited).into_iter().map(|met| (met.limit, met.pct)).collect();
     let columns = PyDict::new(py);
     columns.set_item("time_s", array(py, grid.times_s()))?;
     columns.set_item("voltage_v", array(py, plan.voltage_v))?;

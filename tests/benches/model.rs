@@ -8,7 +8,7 @@ use divan::Bencher;
 use host_sim::agreement::relative_rms;
 use host_sim::replay::full_memory::FullMemory;
 use oxictl::pid::fractional::GrunwaldLeibniz;
-use springpot::{Law, Maxwell, Options, Preset, Scalar, Springpot, State, Topology, Window};
+use springpot::{Law, LawOptions, LawState, Maxwell, Preset, Scalar, Springpot, Topology, Window};
 use tests::paper_force;
 
 const RATE_HZ: f64 = 1000.0;
@@ -32,8 +32,8 @@ fn model(name: &str) -> Maxwell {
     Preset::named(preset).expect("a preset").model().expect("valid").with_topology(topology)
 }
 
-fn step<T: Scalar>(bencher: Bencher<'_, '_>, name: &str, run: impl Fn(&Law<T>, &mut State<T>, T) -> T) {
-    let law: Law<T> = Law::compressed(&model(name), Options::at_step(1.0 / RATE_HZ)).expect("valid");
+fn step<T: Scalar>(bencher: Bencher<'_, '_>, name: &str, run: impl Fn(&Law<T>, &mut LawState<T>, T) -> T) {
+    let law: Law<T> = Law::compressed(&model(name), LawOptions::at_step(1.0 / RATE_HZ)).expect("valid");
     let force: Vec<T> = paper_force(1.0 / 7.0, 7.0, RATE_HZ).into_iter().map(T::from_f64).collect();
     let mut state = law.state();
     let mut k = 0;
@@ -55,7 +55,7 @@ fn step_f64(bencher: Bencher<'_, '_>, name: &str) {
 
 #[divan::bench(args = MODELS)]
 fn build_law(name: &str) -> Law<f32> {
-    Law::compressed(black_box(&model(name)), Options::at_step(1.0 / RATE_HZ)).expect("valid")
+    Law::compressed(black_box(&model(name)), LawOptions::at_step(1.0 / RATE_HZ)).expect("valid")
 }
 
 /// A springpot alone, without mass: what every peer can compute.
@@ -68,7 +68,7 @@ fn force() -> Vec<f64> {
 }
 
 fn compressed<T: Scalar>(force: &[f64]) -> Vec<f64> {
-    let law: Law<T> = Law::compressed(&springpot(), Options::at_step(1.0 / RATE_HZ)).expect("valid");
+    let law: Law<T> = Law::compressed(&springpot(), LawOptions::at_step(1.0 / RATE_HZ)).expect("valid");
     let mut state = law.state();
     force.iter().map(|&f| law.displacement(&mut state, T::from_f64(f)).to_f64()).collect()
 }

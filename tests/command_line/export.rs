@@ -6,7 +6,7 @@ use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::wire::boards;
 use dea_driver::{Blob, Controller, OnSensorFault};
 use host_sim::files::parameters::Parameters;
-use springpot::{Law, Options, VoltageDrive};
+use springpot::{Law, LawOptions, VoltageDrive};
 use tempfile::TempDir;
 use tests::tool::{names, text};
 
@@ -83,7 +83,7 @@ fn the_controller_runs_what_the_host_runs() {
             let blob = <Blob>::decode(&blob, boards::STM32F405).expect("valid");
             let mut controller = Controller::new(blob);
             let parameters = Parameters::preset(preset.name()).expect("there");
-            let law: Law<f32> = Law::compressed(&parameters.model, Options::at_step(1.0 / rate)).expect("valid");
+            let law: Law<f32> = Law::compressed(&parameters.model, LawOptions::at_step(1.0 / rate)).expect("valid");
             let drive = VoltageDrive::new(&parameters.actuator, 6000.0, law.stiffness()).expect("valid");
             let mut film = law.state();
             for k in 0..2000u16 {

@@ -6,7 +6,7 @@ use std::error::Error;
 use std::fs;
 use std::path::Path;
 
-use springpot::{Coefficients, Compressed, Law, Options, Preset};
+use springpot::{Coefficients, Compressed, Law, LawOptions, Preset};
 
 /// Memory maps of the example for boards of these cores.
 const BOARDS: [&str; 2] = [
@@ -36,8 +36,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 /// The default law, alone and behind a curve, and the lean ones, of a published model.
 fn coefficients() -> Result<String, Box<dyn Error>> {
-    let model = Preset::named("table3-n2").ok_or("no preset")?.model()?;
-    let options = Options::at_step(1e-3);
+    let model = Preset::TABLE3_N2.model()?;
+    let options = LawOptions::at_step(1e-3);
     let default: Law<f32> = Law::compressed(&model, options)?;
     let curved = default.clone().behind(&chip_program::curve())?;
     let lean: Law<f32, Compressed<f32, 8, 14, 4>> =
@@ -60,7 +60,7 @@ fn function<const H: usize, const F: usize, const S: usize>(
     coefficients: &Coefficients<f32, H, F, S>,
 ) -> String {
     // What Debug prints is the expression itself, but for the method and the knots of the curve.
-    let expression = format!("{coefficients:?}").replace("method: Gl", "method: springpot::Method::Gl");
+    let expression = format!("{coefficients:?}").replace("method: Gl", "method: springpot::Discretisation::Gl");
     let expression = expression.replace("Knot {", "springpot::Knot {").replace("] }", "].into_iter().collect() }");
     format!("fn {name}() -> Coefficients<f32, {sizes}> {{\n    {expression}\n}}\n")
 }

@@ -15,7 +15,7 @@ use dea_driver::wire::{FRAME_LEN, Inspection, Message, Part, boards, encode};
 use dea_driver::{Cause, Device, Drive, Inputs, Store};
 #[cfg(target_os = "linux")]
 use serial2::SerialPort;
-use springpot::{Actuator, Law, Options, Preset, State, VoltageDrive};
+use springpot::{Actuator, Law, LawOptions, LawState, Preset, VoltageDrive};
 
 use crate::flash::Flash;
 
@@ -266,7 +266,7 @@ fn send(line: &mut dyn Line, message: &Message) {
 struct Film {
     law: Law<f32>,
     drive: VoltageDrive<f32>,
-    state: State<f32>,
+    state: LawState<f32>,
     /// The amplifier's command, V at the DAC.
     volts: f32,
     /// The same a tick ago, when the ADCs sampled.
@@ -275,8 +275,8 @@ struct Film {
 
 impl Film {
     fn new() -> Self {
-        let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
-        let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let model = Preset::TABLE3_N2.model().expect("valid");
+        let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 10e3, law.stiffness()).expect("valid");
         Self { state: law.state(), law, drive, volts: 0.0, sampled: 0.0 }
     }

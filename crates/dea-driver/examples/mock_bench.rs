@@ -4,7 +4,7 @@ use dea_driver::chips::{AdcRange, CommandRange, DacCode};
 use dea_driver::{Ads868x, Amplifier, Blob, Cause, Controller, Device, DriverState, Inputs, Mode, Parameters};
 use embedded_hal_mock::eh1::digital::{Mock as Pin, State as Level, Transaction as OnPin};
 use embedded_hal_mock::eh1::spi::{Mock as Spi, Transaction as OnSpi};
-use springpot::{Actuator, Law, Options, Preset};
+use springpot::{Actuator, Law, LawOptions, Preset};
 
 /// 24 bits to the AD5754: register and channel, then 16 bits of data.
 fn written(register: u8, data: u16) -> [OnSpi<u8>; 3] {
@@ -51,8 +51,8 @@ fn adc(codes: &[u16]) -> Ads868x<Spi<u8>> {
 }
 
 pub fn main() {
-    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
-    let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+    let model = Preset::TABLE3_N2.model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
     let blob = Blob::new(Parameters::bench(&law, Actuator::KARNER_2022)).expect("valid");
     let mut device = Device::new(None);
     device.install(Controller::new(blob)).expect("the amplifier is disabled");

@@ -7,7 +7,7 @@ use dea_driver::chips::{Calibration, Converters};
 use dea_driver::{
     Blob, Control, Controller, DriverState, Inputs, Limits, Mode, Outputs, Parameters, PlausibilityLimits,
 };
-use springpot::{Actuator, Law, Options, Preset, VoltageDrive};
+use springpot::{Actuator, Law, LawOptions, Preset, VoltageDrive};
 
 /// Ticks per second.
 const RATE_HZ: u16 = 500;
@@ -93,13 +93,13 @@ fn wait(board: &mut Board) {
 
 pub fn main() -> Result<(), Box<dyn Error>> {
     let actuator = Actuator::KARNER_2022;
-    let model = Preset::named("table3-n2").ok_or("no such preset")?.model()?;
+    let model = Preset::TABLE3_N2.model()?;
     let step_s = 1.0 / f64::from(RATE_HZ);
-    let law: Law<f32> = Law::compressed(&model, Options::at_step(step_s))?;
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(step_s))?;
     let blob = Blob::with_converters(parameters(&law, actuator), &CONVERTERS)?;
     let mut controller = Controller::new(blob);
 
-    let film: Law<f64> = Law::compressed(&model, Options::at_step(step_s))?;
+    let film: Law<f64> = Law::compressed(&model, LawOptions::at_step(step_s))?;
     let mut board = Board { enable: false, dac: 0, film: Film::new(film, &actuator)? };
 
     // Nothing can be armed before the first tick has seen the sensors.
@@ -131,7 +131,7 @@ pub fn main() -> Result<(), Box<dyn Error>> {
 /// A film with amplifier, monitor and sensor, simulated.
 struct Film {
     law: Law<f64>,
-    state: springpot::State<f64>,
+    state: springpot::LawState<f64>,
     drive: VoltageDrive<f64>,
     voltage_v: f64,
     displacement_m: f64,

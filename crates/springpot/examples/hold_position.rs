@@ -4,15 +4,15 @@
 
 use std::error::Error;
 
-use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, Options, Preset};
+use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, LawOptions, Preset};
 
 const RATE_HZ: u16 = 1000;
 const TARGET_M: f32 = 0.8e-3;
 
 fn main() -> Result<(), Box<dyn Error>> {
     // Configuration: what the film is, and how fast it is stepped.
-    let model = Preset::named("table3-n2").ok_or("no such preset")?.model()?;
-    let law: Law<f32> = Law::compressed(&model, Options::at_step(1.0 / f64::from(RATE_HZ)))?;
+    let model = Preset::TABLE3_N2.model()?;
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1.0 / f64::from(RATE_HZ)))?;
     let rest = law.state();
     let feedforward = Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH)?;
 

@@ -5,7 +5,7 @@
 use std::error::Error;
 use std::f64::consts::TAU;
 
-use springpot::{Actuator, Law, Maxwell, Observer, ObserverOptions, Options, Preset, SensorSample, VoltageDrive};
+use springpot::{Actuator, Law, LawOptions, Maxwell, Observer, ObserverOptions, Preset, SensorSample, VoltageDrive};
 
 const STEP_S: f64 = 1e-3;
 /// Ticks from one sample to the next.
@@ -21,7 +21,7 @@ struct Row {
 
 /// A recording of 60 s on a film whose stiffness is 0.8 times the model's.
 fn recording(model: &Maxwell) -> Result<Vec<Row>, Box<dyn Error>> {
-    let law: Law<f64> = Law::compressed(&model.clone().scaled(0.8)?, Options::at_step(STEP_S))?;
+    let law: Law<f64> = Law::compressed(&model.clone().scaled(0.8)?, LawOptions::at_step(STEP_S))?;
     let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.stiffness())?;
     let mut film = law.state();
     // Noise of ± 4 µm from a linear congruential generator.
@@ -40,8 +40,8 @@ fn recording(model: &Maxwell) -> Result<Vec<Row>, Box<dyn Error>> {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let model = Preset::named("table3-n2").ok_or("no such preset")?.model()?;
-    let law: Law<f32> = Law::compressed(&model, Options::at_step(STEP_S))?;
+    let model = Preset::TABLE3_N2.model()?;
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(STEP_S))?;
     let rest = law.state();
     let options = ObserverOptions {
         sample_interval_s: INTERVAL as f64 * STEP_S,

@@ -7,8 +7,8 @@ use std::error::Error;
 use std::f64::consts::TAU;
 
 use springpot::{
-    Actuator, Applied, CommandLimits, Feedforward, Law, Maxwell, ObserverOptions, Options, SensorSample, Springpot,
-    State, Topology, Tracking, VoltageDrive,
+    Actuator, Applied, CommandLimits, Feedforward, Law, LawOptions, LawState, Maxwell, ObserverOptions, SensorSample,
+    Springpot, Topology, Tracking, VoltageDrive,
 };
 
 const STEP_S: f64 = 1e-3;
@@ -19,12 +19,12 @@ const DELAY: usize = 15;
 struct Film {
     law: Law<f64>,
     drive: VoltageDrive<f64>,
-    state: State<f64>,
+    state: LawState<f64>,
 }
 
 impl Film {
     fn new(model: &Maxwell) -> Result<Self, Box<dyn Error>> {
-        let law: Law<f64> = Law::compressed(&model.clone().scaled(1.25)?, Options::at_step(STEP_S))?;
+        let law: Law<f64> = Law::compressed(&model.clone().scaled(1.25)?, LawOptions::at_step(STEP_S))?;
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.stiffness())?;
         Ok(Self { state: law.state(), law, drive })
     }
@@ -79,7 +79,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let springpot = Springpot::new;
     let branches = [[springpot(1.1e4, 0.0), springpot(9e3, 1.0)], [springpot(7e3, 0.02), springpot(7e4, 0.95)]];
     let model = Maxwell::new(springpot(4e4, 0.03), &branches, Topology::Parallel, 0.316)?;
-    let law: Law<f32> = Law::compressed(&model, Options::at_step(STEP_S))?;
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(STEP_S))?;
     let (actuator, limits) = (Actuator::KARNER_2022, CommandLimits::BENCH);
 
     // Without the sensor.

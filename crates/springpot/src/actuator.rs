@@ -278,10 +278,10 @@ pub struct Load<T> {
 /// Eq. 1 both ways, as it runs in a step: voltage → force, force → voltage.
 ///
 /// ```
-/// use springpot::{Actuator, Law, Options, Preset, VoltageDrive};
+/// use springpot::{Actuator, Law, LawOptions, Preset, VoltageDrive};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let law: Law<f32> = Law::compressed(&Preset::named("table3-n2").unwrap().model()?, Options::at_step(1e-3))?;
+/// let law: Law<f32> = Law::compressed(&Preset::TABLE3_N2.model()?, LawOptions::at_step(1e-3))?;
 /// let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.stiffness())?;
 ///
 /// let load = drive.load(3000.0);

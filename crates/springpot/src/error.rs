@@ -9,7 +9,7 @@ pub const MAX_BRANCHES: usize = 5;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
-pub enum Element {
+pub enum ModelElement {
     /// The springpot beside the branches.
     Main,
     /// Element `element` (0 or 1) of branch `branch`, both counted from 0.
@@ -21,7 +21,7 @@ pub enum Element {
     },
 }
 
-impl fmt::Display for Element {
+impl fmt::Display for ModelElement {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Main => f.write_str("main springpot"),
@@ -40,14 +40,14 @@ pub enum ModelError {
     /// A coefficient c that is not finite or not greater than 0 (N·s^α/m).
     Coefficient {
         /// Whose.
-        element: Element,
+        element: ModelElement,
         /// The value.
         c: f64,
     },
     /// An order α that is not within 0…1.
     Order {
         /// Whose.
-        element: Element,
+        element: ModelElement,
         /// The value.
         alpha: f64,
     },

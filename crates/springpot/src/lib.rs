@@ -24,9 +24,9 @@ pub use control::{
     Tracking, TrackingState, VoltageCommand,
 };
 pub use curve::{Curve, Knot, MAX_KNOTS, Rubber};
-pub use error::{ActuatorError, ControlError, CurveError, Element, LawError, MAX_BRANCHES, ModelError};
-pub use kernel::Method;
-pub use law::{Coefficients, Compressed, CompressionBound, Law, Memory, Options, State, Window};
+pub use error::{ActuatorError, ControlError, CurveError, LawError, MAX_BRANCHES, ModelElement, ModelError};
+pub use kernel::Discretisation;
+pub use law::{Coefficients, Compressed, CompressionBound, Law, LawOptions, LawState, Memory, Window};
 pub use model::{Chain, Maxwell, Preset, Springpot, Topology};
 /// The complex number of [`Maxwell::modulus`] and of the frequency responses, from the crate `num-complex`.
 pub use num_complex::Complex;

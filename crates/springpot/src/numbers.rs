@@ -8,7 +8,7 @@
 /// other than 0, ½, 1, 1½, 2, 4 and 8 come as well, so that they stand in one place.
 ///
 /// ```
-/// use springpot::{Law, Numbers, Options, Preset};
+/// use springpot::{Law, Numbers, LawOptions, Preset};
 ///
 /// struct Stiffness(f32);
 ///
@@ -23,7 +23,7 @@
 /// }
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let law: Law<f32> = Law::compressed(&Preset::named("table3-n2").unwrap().model()?, Options::at_step(1e-3))?;
+/// let law: Law<f32> = Law::compressed(&Preset::TABLE3_N2.model()?, LawOptions::at_step(1e-3))?;
 /// let mut found = Stiffness(0.0);
 /// law.numbers(&mut found);
 /// assert_eq!(found.0, law.stiffness());

@@ -1,10 +1,10 @@
 //! Eq. 1 both ways, with weight and coupling.
 
-use springpot::{Actuator, ActuatorError, GRAVITY, Law, Options, Preload, Preset, Real, VoltageDrive};
+use springpot::{Actuator, ActuatorError, GRAVITY, Law, LawOptions, Preload, Preset, Real, VoltageDrive};
 
 fn stiffness() -> f64 {
     let model = Preset::ALL[1].model().expect("valid");
-    Law::<f64>::compressed(&model, Options::at_step(1e-3)).expect("valid").stiffness()
+    Law::<f64>::compressed(&model, LawOptions::at_step(1e-3)).expect("valid").stiffness()
 }
 
 fn drive(actuator: &Actuator) -> VoltageDrive<f64> {

@@ -1,7 +1,7 @@
 //! What a law costs on a controller.
 
 use serde::Serialize;
-use springpot::{Law, State};
+use springpot::{Law, LawState};
 
 use crate::files::parameters::Film;
 
@@ -43,7 +43,7 @@ impl Cost {
             cycles_per_tick,
             core_pct: 100.0 * cycles_per_tick as f64 * TICKS_PER_S / CORE_HZ,
             law_bytes: size_of::<Law<f32>>(),
-            state_bytes: size_of::<State<f32>>(),
+            state_bytes: size_of::<LawState<f32>>(),
         }
     }
 }

@@ -12,7 +12,8 @@ use core::fmt;
 use core::hint::black_box;
 
 use springpot::{
-    Actuator, Compressed, Curve, Law, Maxwell, Memory, Method, Options, Preset, State, Topology, VoltageDrive,
+    Actuator, Compressed, Curve, Discretisation, Law, LawOptions, LawState, Maxwell, Memory, Preset, Topology,
+    VoltageDrive,
 };
 
 /// Takes what the program reports.
@@ -33,7 +34,7 @@ pub struct Film {
     /// How its branches are connected.
     pub topology: Topology,
     /// How s is discretised.
-    pub method: Method,
+    pub method: Discretisation,
     /// Step of its law, s.
     pub step_s: f64,
     /// Whether an elastic curve of as many pieces as there may be stands in front of the law, on an actuator that saturates.
@@ -46,10 +47,10 @@ pub const FILMS: [Film; 8] = [
     Film::from_preset("table3-n2", Topology::Eq11),
     Film::from_preset("table3-n5", Topology::Eq11),
     Film::from_preset("table3-n5", Topology::Parallel),
-    Film { method: Method::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
+    Film { method: Discretisation::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
     Film { curved: true, ..Film::from_preset("table3-n2", Topology::Eq11) },
-    Film { curved: true, method: Method::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
-    Film { method: Method::Bdf2, step_s: SLOW_S, ..Film::from_preset("table3-n2", Topology::Eq11) },
+    Film { curved: true, method: Discretisation::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
+    Film { method: Discretisation::Bdf2, step_s: SLOW_S, ..Film::from_preset("table3-n2", Topology::Eq11) },
 ];
 
 /// Films of each kind: stepped by either method, straight and behind a curve, fast and slow. All of them take a chip without an FPU
@@ -61,7 +62,7 @@ const SLOW_S: f64 = 1e-2;
 
 impl Film {
     const fn from_preset(preset: &'static str, topology: Topology) -> Self {
-        Self { preset, topology, method: Method::Gl, step_s: 1e-3, curved: false }
+        Self { preset, topology, method: Discretisation::Gl, step_s: 1e-3, curved: false }
     }
 
     #[inline(never)]
@@ -80,7 +81,7 @@ impl Film {
     // Built and bent one after the other, each with a stack of its own: the small chip has 16 KiB for all.
     #[inline(never)]
     fn straight_law(self, model: &Maxwell) -> Law<f32> {
-        let law = Law::compressed(model, Options::at_step(self.step_s).with_method(self.method));
+        let law = Law::compressed(model, LawOptions::at_step(self.step_s).with_method(self.method));
         let Ok(law) = law else { panic!("{} is refused", self.preset) };
         law
     }
@@ -127,7 +128,7 @@ impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { film, size, what } = self;
         let curve = if film.curved { "+curve" } else { "" };
-        let method = if film.method == Method::Bdf2 { "/bdf2" } else { "" };
+        let method = if film.method == Discretisation::Bdf2 { "/bdf2" } else { "" };
         let topology = match film.topology {
             Topology::Eq11 => "eq11",
             Topology::Parallel => "parallel",
@@ -165,7 +166,7 @@ pub fn run(report: &mut impl Report, films: &[Film]) {
         let model = film.model();
         let name = |what| Name { film, size: "12+36", what };
 
-        if film.curved || film.method != Method::Gl {
+        if film.curved || film.method != Discretisation::Gl {
             default_law(report, name, &model);
         } else {
             laws(report, film, &model);
@@ -192,7 +193,7 @@ fn default_law(report: &mut impl Report, name: impl Fn(&'static str) -> Name, mo
 #[inline(never)]
 fn lean_law(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model: &Maxwell) {
     let Film { step_s, method, .. } = name("law").film;
-    let options = Options::at_step(step_s).with_method(method).with_horizon(3600.0).with_tolerance(1e-3);
+    let options = LawOptions::at_step(step_s).with_method(method).with_horizon(3600.0).with_tolerance(1e-3);
     let Ok(law) = Law::<f32, Compressed<f32, 8, 14, 4>>::compressed(model, options) else {
         panic!("{} is refused", name("law"))
     };
@@ -202,7 +203,7 @@ fn lean_law(report: &mut impl Report, name: impl Fn(&'static str) -> Name, model
 
 /// Laws of `model`, default and lean: what they cost to build and to step. Each has a stack of its own.
 fn laws(report: &mut impl Report, film: Film, model: &Maxwell) {
-    let options = Options::at_step(1e-3);
+    let options = LawOptions::at_step(1e-3);
     law::<12, 12, 24>(report, |what| Name { film, size: "12+36", what }, model, options);
     let options = options.with_horizon(3600.0).with_tolerance(1e-3);
     // A lean memory, true to 1e-4 over an hour.
@@ -216,7 +217,7 @@ fn law<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     report: &mut impl Report,
     name: impl Fn(&'static str) -> Name,
     model: &Maxwell,
-    options: Options,
+    options: LawOptions,
 ) {
     let law = report
         .cost(name("law"), || Law::<f32, Compressed<f32, HEAD, FAST, SLOW>>::compressed(black_box(model), options));
@@ -292,11 +293,11 @@ fn repeat(mut step: impl FnMut(f32) -> f32) {
 }
 
 #[inline(never)]
-fn creep<M: Memory<f32>>(law: &Law<f32, M>, state: &mut State<f32, M>, force: f32) -> f32 {
+fn creep<M: Memory<f32>>(law: &Law<f32, M>, state: &mut LawState<f32, M>, force: f32) -> f32 {
     law.displacement(state, force)
 }
 
 #[inline(never)]
-fn relaxation<M: Memory<f32>>(law: &Law<f32, M>, state: &mut State<f32, M>, displacement: f32) -> f32 {
+fn relaxation<M: Memory<f32>>(law: &Law<f32, M>, state: &mut LawState<f32, M>, displacement: f32) -> f32 {
     law.force(state, displacement)
 }

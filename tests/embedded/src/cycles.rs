@@ -12,7 +12,7 @@ use dea_driver::chips::DacCode;
 use semihosting::process;
 use springpot::{
     Actuator, Applied, Coefficients, CommandLimits, Compressed, CompressionBound, Feedforward, FeedforwardState, Law,
-    Observer, ObserverOptions, ObserverState, SensorSample, State, Tracking, TrackingState, VoltageDrive,
+    LawState, Observer, ObserverOptions, ObserverState, SensorSample, Tracking, TrackingState, VoltageDrive,
 };
 
 include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));
@@ -22,8 +22,8 @@ const MASS_KG: f64 = Actuator::KARNER_2022.mass_kg;
 
 type LeanLaw = Law<f32, Compressed<f32, 8, 14, 4>>;
 type LeanestLaw = Law<f32, Compressed<f32, 8, 16, 0>>;
-type LeanestState = State<f32, Compressed<f32, 8, 16, 0>>;
-type LeanState = State<f32, Compressed<f32, 8, 14, 4>>;
+type LeanestState = LawState<f32, Compressed<f32, 8, 16, 0>>;
+type LeanState = LawState<f32, Compressed<f32, 8, 14, 4>>;
 
 /// Calls a function of this name, whose instructions the trace tells by it; the last call counts. Two functions of equal
 /// instructions would become one: those of one law with and without a curve are called with different numbers.
@@ -62,12 +62,12 @@ fn main() -> ! {
     let law: Law<f32> = built(Law::from_coefficients(&default_law(), STEP_S, MASS_KG));
     let lean: LeanLaw = built(Law::from_coefficients(&lean_law(), STEP_S, MASS_KG));
     let film = || (law.clone(), law.state());
-    kernel!(creep_12_36, |law: Law<f32>, film: State<f32>| law.displacement(film, black_box(10.0)), film());
-    kernel!(relaxation_12_36, |law: Law<f32>, film: State<f32>| law.force(film, black_box(1e-4)), film());
+    kernel!(creep_12_36, |law: Law<f32>, film: LawState<f32>| law.displacement(film, black_box(10.0)), film());
+    kernel!(relaxation_12_36, |law: Law<f32>, film: LawState<f32>| law.force(film, black_box(1e-4)), film());
     let curved: Law<f32> = built(Law::from_coefficients(&curved_law(), STEP_S, MASS_KG));
     let film = || (curved.clone(), curved.state());
-    kernel!(creep_12_36_curve, |law: Law<f32>, film: State<f32>| law.displacement(film, black_box(9.0)), film());
-    kernel!(relaxation_12_36_curve, |law: Law<f32>, film: State<f32>| law.force(film, black_box(9e-5)), film());
+    kernel!(creep_12_36_curve, |law: Law<f32>, film: LawState<f32>| law.displacement(film, black_box(9.0)), film());
+    kernel!(relaxation_12_36_curve, |law: Law<f32>, film: LawState<f32>| law.force(film, black_box(9e-5)), film());
     let film = || (lean.clone(), lean.state());
     kernel!(creep_8_18, |law: LeanLaw, film: LeanState| law.displacement(film, black_box(10.0)), film());
     kernel!(relaxation_8_18, |law: LeanLaw, film: LeanState| law.force(film, black_box(1e-4)), film());

@@ -10,7 +10,7 @@ use core::panic::PanicInfo;
 
 use dea_driver::chips::{AdcCode, AdcRange};
 use dea_driver::{Device, Inputs};
-use springpot::{Compressed, Law, Learning, LearningState, Memory, SensorSample, State, VoltageDrive};
+use springpot::{Compressed, Law, LawState, Learning, LearningState, Memory, SensorSample, VoltageDrive};
 
 unsafe extern "C" {
     fn a_step_or_a_tick_can_panic() -> !;
@@ -30,7 +30,7 @@ fn built<T>() -> &'static mut T {
 
 /// Whether the law is behind a curve, and which one, is not known here either: both ways must be without a panic.
 fn step<M: Memory<f32, History: 'static> + 'static>() {
-    let (law, state) = (built::<Law<f32, M>>(), built::<State<f32, M>>());
+    let (law, state) = (built::<Law<f32, M>>(), built::<LawState<f32, M>>());
     let drive = built::<VoltageDrive<f32>>();
     let load = drive.load(black_box(1.0));
     let x = law.displacement_under(state, load);

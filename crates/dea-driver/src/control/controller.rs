@@ -1,7 +1,7 @@
 //! The control tick.
 
 use springpot::{
-    AmplifierLag, Applied, Compressed, Law, Learning, Limited, SensorSample, State, Tracking, TrackingState,
+    AmplifierLag, Applied, Compressed, Law, LawState, Learning, Limited, SensorSample, Tracking, TrackingState,
     VoltageCommand,
 };
 
@@ -55,11 +55,11 @@ type Watched = Compressed<f32, 4, 11, 7>;
 ///
 /// ```
 /// use dea_driver::{Blob, Controller, DriverState, Inputs, Mode, Parameters};
-/// use springpot::{Actuator, Law, Options, Preset};
+/// use springpot::{Actuator, Law, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let parameters = Parameters::bench(&law, Actuator::KARNER_2022);
 /// let mut controller = Controller::new(Blob::new(parameters)?);
 ///
@@ -115,7 +115,7 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     course: TrackingState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
     /// The film as the commanded voltage alone moves it: no sensor corrects it. Its law has fewer modes.
     watched: Law<f32, Watched>,
-    open_loop: State<f32, Watched>,
+    open_loop: LawState<f32, Watched>,
     /// None where the parameters ask for none.
     learner: Option<Learner>,
     #[cfg(feature = "loop-test")]

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 #[cfg(feature = "loop-test")]
-use springpot::{Applied, Compressed, SensorSample, State, Tracking, TrackingState};
+use springpot::{Applied, Compressed, LawState, SensorSample, Tracking, TrackingState};
 
 #[cfg(feature = "loop-test")]
 use crate::control::Mode;
@@ -72,7 +72,7 @@ pub struct Ticked {
 #[cfg(feature = "loop-test")]
 #[derive(Clone, Debug)]
 pub(crate) struct LoopTest<const HEAD: usize, const FAST: usize, const SLOW: usize> {
-    film: State<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    film: LawState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
     course: TrackingState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
     /// The voltage that was commanded last, V.
     voltage_v: f32,

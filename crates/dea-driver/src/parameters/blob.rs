@@ -19,12 +19,12 @@ pub const BLOB_LEN: usize = 1016;
 ///
 /// ```
 /// use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters};
-/// use springpot::{Actuator, Law, Options, Preset};
+/// use springpot::{Actuator, Law, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// const BOARD: u16 = 7;
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let parameters = Parameters::bench(&law, Actuator::KARNER_2022);
 ///
 /// // A host writes the bytes, a controller reads them.

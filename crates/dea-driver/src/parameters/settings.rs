@@ -19,11 +19,11 @@ use crate::safety::Limits;
 /// ```
 /// use dea_driver::chips::Calibration;
 /// use dea_driver::{Blob, BlobError, Limits, Parameters};
-/// use springpot::{Actuator, Law, Options, Preset};
+/// use springpot::{Actuator, Law, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let parameters = Parameters {
 ///     amplifier: Calibration::linear(1200.0),
 ///     monitor: Calibration::linear(1200.0),
@@ -70,7 +70,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, F
     /// A bench like the paper's around `actuator`, whose film steps `law`: an amplifier and a monitor of 1000:1 on 0 to 10 V,
     /// a sensor of 1 mm/V that reads 1 V at rest, [`Limits::bench`], [`Control::BENCH`], no name.
     ///
-    /// Give it a law of [`Method::Gl`](springpot::Method::Gl). Parameters do not carry the method: of a law of second order the controller
+    /// Give it a law of [`Discretisation::Gl`](springpot::Discretisation::Gl). Parameters do not carry the method: of a law of second order the controller
     /// would take the modulus, and add the inertia of first order.
     #[must_use]
     #[allow(clippy::cast_possible_truncation)] // the parameters are in single precision

@@ -24,7 +24,7 @@ const ALONE: u32 = 1;
 /// ```
 /// use dea_driver::{BLOB_LEN, Parameters, Store, StoreError};
 /// # use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-/// # use springpot::{Actuator, Law, Options, Preset};
+/// # use springpot::{Actuator, Law, LawOptions, Preset};
 /// # struct Flash([u8; 2048]);
 /// # impl ErrorType for Flash {
 /// #     type Error = NorFlashErrorKind;
@@ -53,7 +53,7 @@ const ALONE: u32 = 1;
 /// # }
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// # let flash = Flash([0xff; 2048]);
-/// # let law: Law<f32> = Law::compressed(&Preset::named("table3-n2").unwrap().model()?, Options::at_step(1e-3))?;
+/// # let law: Law<f32> = Law::compressed(&Preset::TABLE3_N2.model()?, LawOptions::at_step(1e-3))?;
 /// # let parameters = Parameters::bench(&law, Actuator::KARNER_2022);
 /// # let mut bytes = [0; BLOB_LEN];
 /// # let length = parameters.encode(7, &mut bytes)?;

@@ -21,7 +21,7 @@ const RATE_HZ: f32 = 1000.0;
 ///
 /// ```
 /// use dea_driver::{Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Parameters};
-/// use springpot::{Actuator, Law, Options, Preset};
+/// use springpot::{Actuator, Law, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// // The watchdog has reset the board: the cause stays until a host acknowledges it.
@@ -29,7 +29,7 @@ const RATE_HZ: f32 = 1000.0;
 /// let inputs = Inputs { interlock_closed: true, monitor_adc_v: Some(0.0), sensor_adc_v: Some(1.0) };
 /// assert_eq!(device.tick(inputs), Drive::OFF);
 ///
-/// let law: Law<f32> = Law::compressed(&Preset::named("table3-n2").unwrap().model()?, Options::at_step(1e-3))?;
+/// let law: Law<f32> = Law::compressed(&Preset::TABLE3_N2.model()?, LawOptions::at_step(1e-3))?;
 /// let blob = Blob::new(Parameters::bench(&law, Actuator::KARNER_2022))?;
 /// device.install(Controller::new(blob)).expect("the amplifier is disabled");
 /// assert_eq!(device.state(), DriverState::Tripped(Cause::Watchdog));

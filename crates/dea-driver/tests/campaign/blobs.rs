@@ -19,7 +19,7 @@ use dea_driver::chips::{Calibration, CommandRange, DacCode};
 use dea_driver::{BLOB_LEN, Blob, Controller, DriverState, Inputs, Mode, OnSensorFault, Outputs, Parameters};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use springpot::{Actuator, AmplifierLag, Curve, Law, Method, Options, Preset};
+use springpot::{Actuator, AmplifierLag, Curve, Discretisation, Law, LawOptions, Preset};
 
 use crate::bench::board_parameters;
 use crate::scale::{cases, grouped};
@@ -35,8 +35,8 @@ const ADC_V: f64 = 10.24;
 /// Benches whose blobs are mutated.
 fn benches() -> Vec<Parameters> {
     let paper = board_parameters();
-    let model = Preset::named("table3-n1").expect("a preset").model().expect("valid");
-    let law: Law<f32> = Law::compressed(&model, Options::at_step(2e-3)).expect("valid");
+    let model = Preset::TABLE3_N1.model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(2e-3)).expect("valid");
     let mut slow = Parameters::bench(&law, Actuator::KARNER_2022);
     slow.limits.on_sensor_fault = OnSensorFault::OpenLoop;
     let mut bent = Parameters {
@@ -54,7 +54,7 @@ fn benches() -> Vec<Parameters> {
         ..paper.clone()
     };
     // Behind an elastic curve, through a drive that saturates, in the discretisation of second order.
-    let options = Options::at_step(1e-3).with_method(Method::Bdf2);
+    let options = LawOptions::at_step(1e-3).with_method(Discretisation::Bdf2);
     let stiffening = Curve::through(&[(-0.5e-3, -0.45e-3), (0.0, 0.0), (1e-3, 1.2e-3), (2e-3, 2.9e-3)]).expect("rises");
     let law = Law::compressed(&model, options).and_then(|law| law.behind(&stiffening)).expect("valid");
     let mut stiffening = Parameters::bench(&law, Actuator { saturation_v: Some(9e3), ..Actuator::KARNER_2022 });

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use springpot::{Actuator, Law, Options, Preset, State, VoltageDrive};
+use springpot::{Actuator, Law, LawOptions, LawState, Preset, VoltageDrive};
 
 /// Step of the films, s.
 pub const STEP_S: f64 = 1e-3;
@@ -33,7 +33,7 @@ impl Film {
 #[derive(Clone)]
 pub struct ModelFilm {
     law: &'static (Law<f64>, VoltageDrive<f64>),
-    state: State<f64>,
+    state: LawState<f64>,
     /// √ of the force in units of the model's.
     force_root: f64,
 }
@@ -43,9 +43,9 @@ static LAWS: LazyLock<Vec<(Law<f64>, VoltageDrive<f64>)>> = LazyLock::new(|| {
     let stiffnesses = (0..=8).map(|index| 0.8 + 0.05 * f64::from(index));
     stiffnesses
         .map(|factor| {
-            let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
+            let model = Preset::TABLE3_N2.model().expect("valid");
             let scaled = model.scaled(factor).expect("positive");
-            let law = Law::compressed(&scaled, Options::at_step(STEP_S)).expect("valid");
+            let law = Law::compressed(&scaled, LawOptions::at_step(STEP_S)).expect("valid");
             let drive = VoltageDrive::new(&Actuator::KARNER_2022, MAX_V, law.stiffness()).expect("valid");
             (law, drive)
         })

@@ -17,7 +17,7 @@ use std::time::Instant;
 use dea_driver::{
     Blob, Cause, Controller, Device, DriverState, Inputs, Mode, Readings, Refusal, Supervisor, Telemetry,
 };
-use springpot::{Actuator, Law, Options, Preset, State, VoltageDrive};
+use springpot::{Actuator, Law, LawOptions, LawState, Preset, VoltageDrive};
 
 use crate::bench::{bench_limits, board_parameters};
 use crate::scale::cases;
@@ -67,9 +67,9 @@ impl Day {
     }
 }
 
-fn law_and_drive<T: springpot::Real>() -> (Law<T>, VoltageDrive<T>, State<T>) {
-    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
-    let law: Law<T> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+fn law_and_drive<T: springpot::Real>() -> (Law<T>, VoltageDrive<T>, LawState<T>) {
+    let model = Preset::TABLE3_N2.model().expect("valid");
+    let law: Law<T> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
     let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
     let rest = law.state();
     (law, drive, rest)

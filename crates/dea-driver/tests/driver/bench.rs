@@ -1,7 +1,7 @@
 //! The bench of these tests: limits and parameters of a film like the paper's.
 
 use dea_driver::{Limits, Parameters, PlausibilityLimits};
-use springpot::{Actuator, Compressed, Law, Options, Preset};
+use springpot::{Actuator, Compressed, Law, LawOptions, Preset};
 
 /// Limits of a bench with a film like the paper's.
 pub fn bench_limits() -> Limits {
@@ -14,8 +14,8 @@ pub fn bench_limits() -> Limits {
 
 /// The law of the paper's model with two branches at 1 kHz.
 pub fn law() -> Law<f32> {
-    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
-    Law::compressed(&model, Options::at_step(1e-3)).expect("valid")
+    let model = Preset::TABLE3_N2.model().expect("valid");
+    Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid")
 }
 
 /// Parameters of a board with that bench.

@@ -3,7 +3,9 @@
 //! The files under `blobs/` were written by `host-sim export` when the blob got schema 4.
 
 use dea_driver::{BLOB_LEN, Blob, Parameters};
-use springpot::{Actuator, AmplifierLag, Curve, Law, Maxwell, Method, Options, Preload, Preset, Springpot, Topology};
+use springpot::{
+    Actuator, AmplifierLag, Curve, Discretisation, Law, LawOptions, Maxwell, Preload, Preset, Springpot, Topology,
+};
 
 const BOARD: u16 = 0x0405;
 const PRESET: &[u8] = include_bytes!("blobs/table3-n2.bin");
@@ -23,8 +25,8 @@ fn parameters(bytes: &[u8]) -> Parameters {
 fn a_blob_is_read_and_written_byte_for_byte() {
     let preset = parameters(PRESET);
     assert_eq!(preset.actuator, Actuator::KARNER_2022);
-    let model = Preset::named("table3-n2").expect("there").model().expect("valid");
-    let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+    let model = Preset::TABLE3_N2.model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
     assert_eq!(preset.law, law.coefficients());
     assert_eq!(preset.rate_hz, 1000.0);
 }
@@ -38,7 +40,7 @@ fn every_field_of_the_actuator_stands_where_it_stood() {
     let branch = [Springpot::new(47_958.0, 1.0), Springpot::new(173_210.0, 1.0)];
     let main = Springpot::new(62_740.0, 0.2);
     let model = Maxwell::new(main, &[branch], Topology::Parallel, actuator.mass_kg).expect("valid");
-    let law: Law<f32> = Law::compressed(&model, Options::at_step(1.0 / 500.0)).expect("valid");
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1.0 / 500.0)).expect("valid");
     assert_eq!(coupled.law, law.coefficients());
     assert_eq!(coupled.name, "coupled, from the start");
     assert_eq!(coupled.sensor_offset_m, 0.0);
@@ -52,12 +54,12 @@ fn a_blob_carries_the_curve_and_the_method() {
     assert_eq!(curved.actuator, actuator);
     let main = Springpot::new(62_740.0, 0.2);
     let model = Maxwell::new(main, &[], Topology::Parallel, actuator.mass_kg).expect("valid");
-    let options = Options::at_step(1e-3).with_method(Method::Bdf2);
+    let options = LawOptions::at_step(1e-3).with_method(Discretisation::Bdf2);
     let points = [(-0.5e-3, -0.45e-3), (0.0, 0.0), (1e-3, 1.2e-3), (2e-3, 2.9e-3)];
     let curve = Curve::through(&points).expect("rises");
     let law: Law<f32> = Law::compressed(&model, options).and_then(|law| law.behind(&curve)).expect("valid");
     assert_eq!(curved.law, law.coefficients());
-    assert_eq!((curved.law.method, curved.law.curve.len()), (Method::Bdf2, 4));
+    assert_eq!((curved.law.method, curved.law.curve.len()), (Discretisation::Bdf2, 4));
     assert_eq!(curved.amplifier_lag, AmplifierLag { rise_s: 0.1, fall_s: 0.5 });
     assert_eq!((curved.control.harmonics, curved.control.period_s), (5, 2.5));
 }

@@ -13,7 +13,7 @@ use dea_driver::{
 };
 use embedded_hal::digital::OutputPin;
 use embedded_hal::spi::{MODE_0, MODE_1, SpiDevice};
-use springpot::{Actuator, Law, Options, Preset};
+use springpot::{Actuator, Law, LawOptions, Preset};
 
 use crate::bench::bench_limits;
 
@@ -54,8 +54,8 @@ struct Bench<DAC, EN> {
 }
 
 fn parameters(rate_hz: f32) -> Parameters {
-    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
-    let law: Law<f32> = Law::compressed(&model, Options::at_step(1.0 / f64::from(rate_hz))).expect("valid");
+    let model = Preset::TABLE3_N2.model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1.0 / f64::from(rate_hz))).expect("valid");
     let limits: Limits = bench_limits();
     Parameters { limits, ..Parameters::bench(&law, Actuator::KARNER_2022) }
 }

@@ -2,7 +2,7 @@
 
 use dea_driver::chips::{AdcCode, AdcRange, DacCode};
 use dea_driver::{Blob, Controller, Inputs, Mode, Outputs, Parameters};
-use springpot::{Actuator, Law, Options, Preset, VoltageDrive};
+use springpot::{Actuator, Law, LawOptions, Preset, VoltageDrive};
 
 use crate::bench::board_parameters;
 
@@ -11,7 +11,7 @@ use crate::bench::board_parameters;
 pub struct FilmBench {
     pub controller: Controller,
     pub parameters: Parameters,
-    pub film: springpot::State<f64>,
+    pub film: springpot::LawState<f64>,
     pub law: Law<f64>,
     pub drive: VoltageDrive<f64>,
     pub high_voltage_v: f64,
@@ -29,8 +29,8 @@ impl FilmBench {
     }
 
     pub fn with(parameters: Parameters) -> Self {
-        let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
-        let law: Law<f64> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let model = Preset::TABLE3_N2.model().expect("valid");
+        let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
         let controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
         let film = law.state();

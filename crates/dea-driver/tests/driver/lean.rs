@@ -3,7 +3,7 @@
 use dea_driver::{
     BLOB_LEN, Blob, BlobError, BlobHeader, Controller, DriverState, Inputs, Mode, Parameters, SCHEMA, Store,
 };
-use springpot::{Compressed, Law, Options, Preset};
+use springpot::{Compressed, Law, LawOptions, Preset};
 
 use crate::bench::{board_parameters, of_law};
 use crate::flash::Flash;
@@ -14,8 +14,8 @@ const BOARD: u16 = 0x0405;
 type LeanBlob = Blob<8, 14, 4>;
 
 fn lean_parameters() -> Parameters<8, 14, 4> {
-    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
-    let options = Options::at_step(1e-3).with_horizon(3600.0).with_tolerance(1e-3);
+    let model = Preset::TABLE3_N2.model().expect("valid");
+    let options = LawOptions::at_step(1e-3).with_horizon(3600.0).with_tolerance(1e-3);
     let law: Law<f32, Compressed<f32, 8, 14, 4>> = Law::compressed(&model, options).expect("valid");
     of_law(&law)
 }

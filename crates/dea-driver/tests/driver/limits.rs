@@ -3,7 +3,7 @@
 use dea_driver::{
     Blob, Cause, Controller, DriverState, Inputs, Limits, LimitsError, Mode, Parameters, PlausibilityLimits, Supervisor,
 };
-use springpot::{Actuator, Curve, Law, Maxwell, Options, Preset, VoltageDrive};
+use springpot::{Actuator, Curve, Law, LawOptions, Maxwell, Preset, VoltageDrive};
 
 use crate::bench::{bench_limits, board_parameters};
 use crate::supervisor_bench::{Bench, RATE_HZ};
@@ -183,8 +183,8 @@ fn the_model_alone_keeps_the_stroke() {
 /// Where the full law is when the model's displacement trips a stroke of 1 mm, under a voltage that rises until then. The sensor is stuck
 /// in its noise at rest.
 fn stroke_at_the_trip(model: &Maxwell, curve: Option<&Curve>) -> f64 {
-    let law: Law<f64> = Law::compressed(model, Options::at_step(1e-3)).expect("valid");
-    let single: Law<f32> = Law::compressed(model, Options::at_step(1e-3)).expect("valid");
+    let law: Law<f64> = Law::compressed(model, LawOptions::at_step(1e-3)).expect("valid");
+    let single: Law<f32> = Law::compressed(model, LawOptions::at_step(1e-3)).expect("valid");
     let (law, single) = match curve {
         Some(curve) => (law.behind(curve).expect("rises"), single.behind(curve).expect("rises")),
         None => (law, single),

@@ -3,7 +3,7 @@
 use dea_driver::chips::{Calibration, CalibrationError, MAX_POINTS};
 use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, Store, StoreError};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-use springpot::{Actuator, ActuatorError, CurveError, Knot, Law, LawError, Options, VoltageDrive};
+use springpot::{Actuator, ActuatorError, CurveError, Knot, Law, LawError, LawOptions, VoltageDrive};
 
 use crate::bench::board_parameters;
 use crate::flash::{Flash, SECTOR};
@@ -36,8 +36,8 @@ fn a_blob_comes_back_as_it_was() {
     let blob = <Blob>::decode(&bytes_of(&parameters), BOARD).expect("valid");
     assert_eq!(*blob.parameters(), parameters);
     // The law is the one that a host steps, to the bit.
-    let model = springpot::Preset::named("table3-n2").expect("a preset").model().expect("valid");
-    let law = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+    let model = springpot::Preset::TABLE3_N2.model().expect("valid");
+    let law = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
     let observer = blob.tracking().observer();
     assert_eq!(observer.law(), &law);
     let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");

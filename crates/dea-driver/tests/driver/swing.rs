@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use dea_driver::{Cause, DriverState, Mode, Parameters};
-use springpot::{Law, Maxwell, Options, Springpot, Topology};
+use springpot::{Law, LawOptions, Maxwell, Springpot, Topology};
 
 use crate::bench::{law, of_law};
 use crate::film_bench::FilmBench;
@@ -42,7 +42,7 @@ fn springy(mass_kg: f64) -> Maxwell {
 /// The film carries far more than its model knows: its resonance is near 3 Hz, and a bandwidth of 2.5 Hz is too much for it.
 #[test]
 fn a_loop_that_swings_trips() {
-    let options = Options::at_step(1e-3);
+    let options = LawOptions::at_step(1e-3);
     let law = Law::compressed(&springy(0.316), options).expect("valid");
     let mut bench = FilmBench::with(parameters(&law, 2.5));
     bench.law = Law::compressed(&springy(850.0), options).expect("valid");

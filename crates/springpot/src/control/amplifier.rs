@@ -17,11 +17,11 @@ use crate::scalar::Real;
 /// drives both ways has `fall_s` = `rise_s`.
 ///
 /// ```
-/// use springpot::{Actuator, Applied, AmplifierLag, CommandLimits, Feedforward, Law, Options, Preset};
+/// use springpot::{Actuator, Applied, AmplifierLag, CommandLimits, Feedforward, Law, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let rest = law.state();
 /// // A small converter: 50 ms up, 0.5 s down.
 /// let amplifier = AmplifierLag { rise_s: 0.05, fall_s: 0.5 };

@@ -4,7 +4,7 @@ use crate::actuator::{Actuator, VoltageDrive};
 use crate::control::inverse::{Applied, Correction, Inverse, InverseState, VoltageCommand};
 use crate::control::limits::CommandLimits;
 use crate::error::ControlError;
-use crate::law::{Law, Memory, State, state_traits};
+use crate::law::{Law, LawState, Memory, state_traits};
 use crate::scalar::{Real, Scalar};
 
 /// Compensation without a sensor: the inverse of the law, shaped and limited.
@@ -19,11 +19,11 @@ use crate::scalar::{Real, Scalar};
 /// may have changed it. Each command starts from where the film really is, so nothing winds up.
 ///
 /// ```
-/// use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, Options, Preset};
+/// use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let rest = law.state();
 /// let feedforward = Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH)?;
 ///
@@ -48,7 +48,7 @@ pub struct Feedforward<T, M = crate::Compressed<T>> {
 
 /// What changes with every tick of a [`Feedforward`].
 pub struct FeedforwardState<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
-    film: State<T, M>,
+    film: LawState<T, M>,
     inverse: InverseState<T>,
 }
 
@@ -69,7 +69,7 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
 
     /// A state that begins with `film`, at 0 V; the reference begins where the film is.
     #[must_use]
-    pub fn state(&self, film: State<T, M>) -> FeedforwardState<T, M> {
+    pub fn state(&self, film: LawState<T, M>) -> FeedforwardState<T, M> {
         let inverse = InverseState::at(film.position());
         FeedforwardState { film, inverse }
     }
@@ -123,7 +123,7 @@ impl<T: Real, M: Memory<T>> FeedforwardState<T, M> {
 
     /// The film.
     #[must_use]
-    pub fn film(&self) -> &State<T, M> {
+    pub fn film(&self) -> &LawState<T, M> {
         &self.film
     }
 }

@@ -5,7 +5,7 @@ use crate::control::limits::{CommandLimits, Limited};
 use crate::control::pace::{Pace, PacedAmplifier, Reading};
 use crate::control::path::{Path, Shaper, clamp, is_finite};
 use crate::error::ControlError;
-use crate::law::{Law, Memory, State};
+use crate::law::{Law, LawState, Memory};
 use crate::numbers::Numbers;
 use crate::scalar::Real;
 
@@ -235,7 +235,7 @@ impl<T: Real> Inverse<T> {
         &self,
         law: &Law<T, M>,
         drive: &VoltageDrive<T>,
-        film: &State<T, M>,
+        film: &LawState<T, M>,
         state: &mut InverseState<T>,
         reference: T,
         correction: Correction<T>,

@@ -17,11 +17,11 @@ use crate::scalar::Real;
 /// How a [`Learning`] learns. Times in s.
 ///
 /// ```
-/// use springpot::{Actuator, ControlError, Law, Learning, LearningOptions, Options, Preset};
+/// use springpot::{Actuator, ControlError, Law, Learning, LearningOptions, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let wings = LearningOptions { period_s: Some(0.2), harmonics: 3, ..LearningOptions::BENCH };
 /// let learning: Learning<f32> = Learning::new(&law, &Actuator::KARNER_2022, 6000.0, wings)?;
 /// assert_eq!(learning.state(0.0).period_ticks().map(|ticks| ticks.round()), Some(200.0));
@@ -84,11 +84,11 @@ impl LearningOptions {
 /// Harmonics up to 0.3 of the sensor's rate are learned. What is added has two lags of 5 ticks, so that no step of it reaches the voltage.
 ///
 /// ```
-/// use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, Options, Preset, SensorSample};
+/// use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, LawOptions, Preset, SensorSample};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let rest = law.state();
 /// let limits = CommandLimits::BENCH;
 /// let options = LearningOptions { period_s: Some(1.0), ..LearningOptions::BENCH };

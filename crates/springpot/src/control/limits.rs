@@ -13,11 +13,11 @@ use crate::error::{ControlError, first_not_positive};
 /// These limits shape commands. A supervisor that protects people and film stands behind them, with limits of its own.
 ///
 /// ```
-/// use springpot::{Actuator, CommandLimits, Feedforward, FeedforwardState, Law, Options, Preset};
+/// use springpot::{Actuator, CommandLimits, Feedforward, FeedforwardState, Law, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let rest = law.state();
 /// let limits = CommandLimits { max_voltage_v: 2000.0, ..CommandLimits::BENCH };
 /// let feedforward: Feedforward<f32> = Feedforward::new(law, &Actuator::KARNER_2022, limits)?;

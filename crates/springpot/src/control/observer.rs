@@ -9,7 +9,7 @@ use crate::control::observer_options::ObserverOptions;
 use crate::control::path::{clamp, is_finite};
 use crate::control::statistics::Statistics;
 use crate::error::ControlError;
-use crate::law::{Law, Memory, State, state_traits};
+use crate::law::{Law, LawState, Memory, state_traits};
 use crate::numbers::Numbers;
 use crate::scalar::{Real, Scalar};
 
@@ -60,11 +60,11 @@ pub struct SensorSample<T> {
 /// the same at that moment and remains right when the load changes.
 ///
 /// ```
-/// use springpot::{Actuator, Law, Observer, ObserverOptions, Options, Preset, SensorSample};
+/// use springpot::{Actuator, Law, Observer, ObserverOptions, LawOptions, Preset, SensorSample};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let rest = law.state();
 /// // A sensor of 100 Hz, 10 ms late; the estimate follows it up to 0.5 Hz.
 /// let observer: Observer<f32> =
@@ -109,7 +109,7 @@ pub struct Observer<T, M = crate::Compressed<T>, const PAST: usize = 64> {
 
 /// What changes with every tick of an [`Observer`].
 pub struct ObserverState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const PAST: usize = 64> {
-    pub(crate) film: State<T, M>,
+    pub(crate) film: LawState<T, M>,
     /// Predictions of the last ticks: a ring that begins at `newest`.
     past: [T; PAST],
     newest: usize,
@@ -225,7 +225,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
 
     /// A state whose film is `film`, with no disturbance.
     #[must_use]
-    pub fn state(&self, film: State<T, M>) -> ObserverState<T, M, PAST> {
+    pub fn state(&self, film: LawState<T, M>) -> ObserverState<T, M, PAST> {
         let position = film.position();
         ObserverState {
             film,
@@ -455,7 +455,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
 
     /// The film.
     #[must_use]
-    pub fn film(&self) -> &State<T, M> {
+    pub fn film(&self) -> &LawState<T, M> {
         &self.film
     }
 

@@ -10,11 +10,11 @@ const MAX_PHASE: f64 = 0.35;
 /// How an [`Observer`](crate::Observer) corrects. Times in s.
 ///
 /// ```
-/// use springpot::{Actuator, ControlError, Law, Observer, ObserverOptions, Options, Preset};
+/// use springpot::{Actuator, ControlError, Law, Observer, ObserverOptions, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// // A camera of 50 Hz, 15 ms late.
 /// let camera = ObserverOptions { sample_interval_s: 0.02, delay_s: 0.015, ..ObserverOptions::at_bandwidth(0.5) };
 /// let observer: Observer<f32> = Observer::new(law.clone(), &Actuator::KARNER_2022, 6000.0, camera)?;

@@ -7,7 +7,7 @@ use crate::control::limits::CommandLimits;
 use crate::control::observer::{Observer, ObserverState, SensorSample};
 use crate::control::observer_options::ObserverOptions;
 use crate::error::ControlError;
-use crate::law::{Compressed, Law, Memory, State, state_traits};
+use crate::law::{Compressed, Law, LawState, Memory, state_traits};
 use crate::numbers::Numbers;
 use crate::scalar::{Real, Scalar};
 
@@ -26,11 +26,11 @@ use crate::scalar::{Real, Scalar};
 /// While the sensor is lost the feedforward acts alone as well, with the disturbance and force scale learned so far.
 ///
 /// ```
-/// use springpot::{Actuator, Applied, CommandLimits, Law, ObserverOptions, Options, Preset, SensorSample, Tracking, TrackingState};
+/// use springpot::{Actuator, Applied, CommandLimits, Law, ObserverOptions, LawOptions, Preset, SensorSample, Tracking, TrackingState};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let rest = law.state();
 /// let options = ObserverOptions::at_bandwidth(0.5);
 /// let tracking: Tracking<f32> = Tracking::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH, options)?;
@@ -100,7 +100,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
 
     /// A state that begins with `film`, at 0 V; the reference begins where the film is.
     #[must_use]
-    pub fn state(&self, film: State<T, M>) -> TrackingState<T, M, PAST> {
+    pub fn state(&self, film: LawState<T, M>) -> TrackingState<T, M, PAST> {
         let inverse = InverseState::at(film.position());
         let fade = FadeState::at(film.position());
         TrackingState { observer: self.observer.state(film), inverse, fade, is_learned: false }

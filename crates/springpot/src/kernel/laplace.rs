@@ -10,7 +10,7 @@ use core::f64::consts::PI;
 use num_complex::Complex;
 
 use crate::complex;
-use crate::kernel::Method;
+use crate::kernel::Discretisation;
 use crate::kernel::power_series::{self, TERMS};
 use crate::model::Maxwell;
 
@@ -50,13 +50,13 @@ pub(crate) struct Kernel<'a> {
     model: &'a Maxwell,
     step_s: f64,
     ln_step: f64,
-    method: Method,
+    method: Discretisation,
     head: [f64; TERMS],
 }
 
 impl<'a> Kernel<'a> {
     /// The kernel of `model` at `step_s`.
-    pub(crate) fn new(model: &'a Maxwell, step_s: f64, method: Method) -> Self {
+    pub(crate) fn new(model: &'a Maxwell, step_s: f64, method: Discretisation) -> Self {
         let head = power_series::relaxation_modulus(model, step_s, method);
         Self { model, step_s, ln_step: libm::log(step_s), method, head }
     }
@@ -72,7 +72,7 @@ impl<'a> Kernel<'a> {
     }
 
     /// How s is discretised.
-    pub(crate) fn method(&self) -> Method {
+    pub(crate) fn method(&self) -> Discretisation {
         self.method
     }
 
@@ -84,7 +84,7 @@ impl<'a> Kernel<'a> {
     /// g_j: by power series while that is short, by the Laplace integral beyond.
     ///
     /// With ζ = e^{−σ} the coefficient integral of g(ζ) is an inverse Laplace integral in σ at "time" j, cut along
-    /// the negative real axis; the contour stays within |Im σ| < π for j > 6. What [`Method::Bdf2`] adds lies beyond |ζ| = 2,
+    /// the negative real axis; the contour stays within |Im σ| < π for j > 6. What [`Discretisation::Bdf2`] adds lies beyond |ζ| = 2,
     /// outside the contour, and is below 2^−64.
     pub(crate) fn at(&self, j: usize) -> f64 {
         if let Some(&g) = self.head.get(j) {
@@ -102,9 +102,9 @@ impl<'a> Kernel<'a> {
     /// ln s where 1 − ζ is `difference`.
     pub(crate) fn ln_s(&self, difference: Complex<f64>) -> Complex<f64> {
         match self.method {
-            Method::Gl => complex::ln(difference) - self.ln_step,
+            Discretisation::Gl => complex::ln(difference) - self.ln_step,
             // δ = (1 − ζ)(1 + (1 − ζ)/2)
-            Method::Bdf2 => complex::ln(difference) + complex::ln(difference * 0.5 + 1.0) - self.ln_step,
+            Discretisation::Bdf2 => complex::ln(difference) + complex::ln(difference * 0.5 + 1.0) - self.ln_step,
         }
     }
 }

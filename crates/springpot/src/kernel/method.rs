@@ -10,7 +10,7 @@
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
 #[non_exhaustive]
-pub enum Method {
+pub enum Discretisation {
     /// Grünwald–Letnikov, δ = 1 − ζ: Eq. 2 as the paper has it. First order in the step.
     #[default]
     Gl,
@@ -24,7 +24,7 @@ pub enum Method {
     Bdf2,
 }
 
-impl Method {
+impl Discretisation {
     /// The step (s) where a mode of ρ = 1/(1 + ah) relaxes at the rate a (1 − ah/2), and 0 where it relaxes at the rate a.
     ///
     /// A singularity at ζ = 1 + ah belongs to the relaxation rate r = −δ(1 + ah)/h.

@@ -7,4 +7,4 @@ pub(crate) mod quadrature;
 mod spectrum;
 pub(crate) mod tail;
 
-pub use method::Method;
+pub use method::Discretisation;

@@ -1,11 +1,11 @@
 //! The first values of the discrete relaxation modulus, by power series.
 //!
 //! In the Grünwald–Letnikov discretisation (Eq. 2 of Karner et al. 2022) s becomes (1 − ζ)/h, with ζ the delay of one step h, so that every springpot
-//! is a binomial series in ζ. With [`Method::Bdf2`] it is a power of a quadratic, whose series has a recurrence of two terms. Sums, products and
+//! is a binomial series in ζ. With [`Discretisation::Bdf2`] it is a power of a quadratic, whose series has a recurrence of two terms. Sums, products and
 //! reciprocals of such series give K(ζ), and its running sum
 //! g(ζ) = K(ζ)/(1 − ζ) is the relaxation modulus: the force that is left j steps after a unit step of displacement.
 
-use crate::kernel::Method;
+use crate::kernel::Discretisation;
 use crate::model::Maxwell;
 use crate::model::Springpot;
 
@@ -15,14 +15,14 @@ pub(crate) const TERMS: usize = 64;
 type Series = [f64; TERMS];
 
 /// g_0 … g_63 in N/m at step `h` (s).
-pub(crate) fn relaxation_modulus(model: &Maxwell, h: f64, method: Method) -> Series {
+pub(crate) fn relaxation_modulus(model: &Maxwell, h: f64, method: Discretisation) -> Series {
     let mut total = [0.0; TERMS];
     for chain in model.chains() {
         let mut compliance = [0.0; TERMS];
         for &element in chain.elements {
             match method {
-                Method::Gl => add_compliance(&mut compliance, element, h),
-                Method::Bdf2 => add_compliance_of_second_order(&mut compliance, element, h),
+                Discretisation::Gl => add_compliance(&mut compliance, element, h),
+                Discretisation::Bdf2 => add_compliance_of_second_order(&mut compliance, element, h),
             }
         }
         let modulus = reciprocal(&compliance);

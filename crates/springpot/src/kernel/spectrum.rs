@@ -5,7 +5,7 @@
 //! cut. Orders 0 and 1 give springs and discrete relaxation times (lines), all others a density. The same density serves
 //! the Grünwald–Letnikov law, where s = (1 − ζ)/h turns every `e^{−rt}` into `(1 + rh)^{−(j+1)}`.
 //!
-//! With [`Method::Bdf2`](crate::Method) the cut s = −r lies where −δ(ζ) = rh, on 1 < ζ < 3: a mode `(1 + ah)^{−(j+1)}` belongs to the rate
+//! With [`Discretisation::Bdf2`](crate::Discretisation) the cut s = −r lies where −δ(ζ) = rh, on 1 < ζ < 3: a mode `(1 + ah)^{−(j+1)}` belongs to the rate
 //! r = a (1 − ah/2), and the density in ln a is χ(r). It is positive, and the sum over a is exact for a single springpot
 //! and for chains whose orders differ by less than ½. Beyond that, and for lines, what is missing decays at least as 2^−j.
 //!
@@ -43,7 +43,7 @@ pub(crate) struct Spectrum<'a> {
     model: &'a Maxwell,
     slowest: f64,
     fastest: f64,
-    /// [`Method::bend`](crate::Method::bend), s.
+    /// [`Discretisation::bend`](crate::Discretisation::bend), s.
     bend: f64,
 }
 

@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 use crate::error::LawError;
-use crate::kernel::Method;
+use crate::kernel::Discretisation;
 use crate::kernel::laplace::Kernel;
 use crate::kernel::quadrature::{JacobiMatrix, MAX_NODES};
 use crate::kernel::spectrum::{Line, Spectrum};
@@ -12,7 +12,7 @@ use crate::model::Maxwell;
 /// A mode of the tail: a Maxwell element as the head's end sees it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DecayMode {
-    /// Rate a times step: the relaxation rate, or with [`Method::Bdf2`] what belongs to it.
+    /// Rate a times step: the relaxation rate, or with [`Discretisation::Bdf2`] what belongs to it.
     scaled_rate: f64,
     /// Force on the first step after the head, N/m.
     pub(crate) weight: f64,
@@ -80,7 +80,7 @@ pub(crate) fn modes(
     horizon_s: f64,
     head: usize,
     count: usize,
-    method: Method,
+    method: Discretisation,
 ) -> Result<Vec<DecayMode, MAX_NODES>, LawError> {
     #[allow(clippy::cast_precision_loss)] // a head is short
     let head = head as f64;

@@ -5,7 +5,7 @@ use core::f64::consts::PI;
 use num_complex::Complex;
 
 use crate::complex;
-use crate::kernel::Method;
+use crate::kernel::Discretisation;
 use crate::kernel::laplace::{self, Kernel};
 use crate::kernel::power_series::TERMS;
 use crate::law::{Compressed, Law};
@@ -140,11 +140,11 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// oscillates: 3 of 40 000 random ones, all of springs, dashpots and a mass alone.
     ///
     /// ```
-    /// use springpot::{Law, Options, Preset};
+    /// use springpot::{Law, LawOptions, Preset};
     ///
     /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-    /// let model = Preset::named("table3-n2").unwrap().model()?;
-    /// let law: Law<f64> = Law::compressed(&model, Options::at_step(1e-3))?;
+    /// let model = Preset::TABLE3_N2.model()?;
+    /// let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
     /// let bound = law.compression_bound();
     /// // Over a day, by less than a millionth of the stroke.
     /// assert_eq!(bound.horizon_s, 86_400.0);
@@ -362,9 +362,9 @@ impl Oscillation {
         let scaled = complex::exp(ln_s + libm::log(step_s));
         let one = Complex::new(1.0, 0.0);
         let (difference, steepness) = match deviation.kernel.method() {
-            Method::Gl => (scaled, one),
+            Discretisation::Gl => (scaled, one),
             // δ = d + d²/2 with d = 1 − ζ
-            Method::Bdf2 => {
+            Discretisation::Bdf2 => {
                 let root = complex::exp(complex::ln_1p(scaled * 2.0) * 0.5);
                 (scaled * 2.0 / (root + 1.0), root)
             }

@@ -30,10 +30,10 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// [`tail_error`](Compressed::tail_error) and [`compression_bound`](Law::compression_bound) of the result are infinite: they were not computed.
     ///
     /// ```
-    /// use springpot::{Compressed, Law, Options, Preset};
+    /// use springpot::{Compressed, Law, LawOptions, Preset};
     ///
     /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-    /// let law: Law<f32> = Law::compressed(&Preset::named("table3-n2").unwrap().model()?, Options::at_step(1e-3))?;
+    /// let law: Law<f32> = Law::compressed(&Preset::TABLE3_N2.model()?, LawOptions::at_step(1e-3))?;
     /// let coarse: Law<f32, Compressed<f32, 4, 11, 7>> = law.coarser();
     ///
     /// let (mut film, mut watched) = (law.state(), coarse.state());

@@ -4,7 +4,7 @@ use heapless::Vec;
 
 use crate::curve::{Curve, Knot, MAX_KNOTS};
 use crate::error::LawError;
-use crate::kernel::Method;
+use crate::kernel::Discretisation;
 use crate::law::compressed::{Compressed, Decay, INERTIA};
 use crate::law::{CompressionBound, Law};
 use crate::scalar::Scalar;
@@ -17,12 +17,12 @@ use crate::scalar::Scalar;
 /// With the feature `serde` they can be sent by any format of serde; arrays are tuples there, without a length.
 ///
 /// ```
-/// use springpot::{Coefficients, Law, LawError, Options, Preset};
+/// use springpot::{Coefficients, Law, LawError, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// // On the host:
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let coefficients: Coefficients<f32> = law.coefficients();
 ///
 /// // On the controller, which knows its step and the film's mass:
@@ -43,7 +43,7 @@ use crate::scalar::Scalar;
 )]
 pub struct Coefficients<T, const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
     /// How s is discretised.
-    pub method: Method,
+    pub method: Discretisation,
     /// g_0, N/m.
     pub instant: f64,
     /// Largest error of the relaxation modulus beyond the head, relative to the modulus at that time.

@@ -3,12 +3,12 @@
 use num_complex::Complex;
 
 use crate::error::LawError;
-use crate::kernel::Method;
+use crate::kernel::Discretisation;
 use crate::kernel::laplace::Kernel;
 use crate::kernel::power_series::TERMS;
 use crate::kernel::quadrature::MAX_NODES;
 use crate::kernel::tail::{self, DecayMode};
-use crate::law::{CompressionBound, Law, Memory, State};
+use crate::law::{CompressionBound, Law, LawState, Memory};
 use crate::model::Maxwell;
 use crate::numbers::Numbers;
 use crate::scalar::Scalar;
@@ -16,16 +16,16 @@ use crate::scalar::Scalar;
 /// Step, horizon, tolerance and discretisation of a compressed memory.
 ///
 /// ```
-/// use springpot::{Law, Options, Preset};
+/// use springpot::{Law, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let model = Preset::TABLE3_N2.model()?;
 /// // 500 Hz, a memory of one hour, and the default tolerance.
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(2e-3).with_horizon(3600.0))?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(2e-3).with_horizon(3600.0))?;
 /// assert_eq!(law.step_s(), 2e-3);
 ///
 /// // A step that no recursion has is refused.
-/// assert!(Law::<f32>::compressed(&model, Options::at_step(0.0)).is_err());
+/// assert!(Law::<f32>::compressed(&model, LawOptions::at_step(0.0)).is_err());
 /// # Ok(())
 /// # }
 /// ```
@@ -33,7 +33,7 @@ use crate::scalar::Scalar;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
-pub struct Options {
+pub struct LawOptions {
     /// Step h in seconds.
     pub step_s: f64,
     /// Time over which the memory is accurate, in seconds. Slower relaxation is kept, but not resolved. The run may be
@@ -44,14 +44,14 @@ pub struct Options {
     pub tolerance: f64,
     /// How s is discretised.
     #[cfg_attr(feature = "serde", serde(default))]
-    pub method: Method,
+    pub method: Discretisation,
 }
 
-impl Options {
-    /// A horizon of 24 h, a tolerance of 1e-5 and [`Method::Gl`] at step `step_s` (s).
+impl LawOptions {
+    /// A horizon of 24 h, a tolerance of 1e-5 and [`Discretisation::Gl`] at step `step_s` (s).
     #[must_use]
     pub const fn at_step(step_s: f64) -> Self {
-        Self { step_s, horizon_s: 86_400.0, tolerance: 1e-5, method: Method::Gl }
+        Self { step_s, horizon_s: 86_400.0, tolerance: 1e-5, method: Discretisation::Gl }
     }
 
     /// The same with another memory horizon (s).
@@ -71,25 +71,25 @@ impl Options {
     /// The same with another discretisation.
     ///
     /// ```
-    /// use springpot::{Law, Maxwell, Method, Options, Springpot, Topology};
+    /// use springpot::{Law, Maxwell, Discretisation, LawOptions, Springpot, Topology};
     ///
     /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
     /// // A springpot of order 0.2 under t² N for 10 s at 100 Hz creeps to 2 t^2.2 / Γ(3.2).
     /// let model = Maxwell::new(Springpot::new(1.0, 0.2), &[], Topology::Eq11, 0.0)?;
     /// let exact = 2.0 * f64::powf(10.0, 2.2) / 2.423_965_479_935_368;
     /// let error = |method| -> Result<f64, springpot::LawError> {
-    ///     let law: Law<f64> = Law::compressed(&model, Options::at_step(0.01).with_method(method))?;
+    ///     let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(0.01).with_method(method))?;
     ///     let mut state = law.state();
     ///     law.warm_up(&mut state, (0..=1000).map(|k| (0.01 * f64::from(k)).powi(2)));
     ///     Ok(state.position() / exact - 1.0)
     /// };
-    /// assert!(error(Method::Gl)?.abs() > 1e-4);
-    /// assert!(error(Method::Bdf2)?.abs() < 1e-6);
+    /// assert!(error(Discretisation::Gl)?.abs() > 1e-4);
+    /// assert!(error(Discretisation::Bdf2)?.abs() < 1e-6);
     /// # Ok(())
     /// # }
     /// ```
     #[must_use]
-    pub const fn with_method(mut self, method: Method) -> Self {
+    pub const fn with_method(mut self, method: Discretisation) -> Self {
         self.method = method;
         self
     }
@@ -109,7 +109,7 @@ impl Options {
 /// weights are positive for every model, springs and discrete relaxation times are exact, and a narrow line in the
 /// spectrum gets the nodes it needs.
 ///
-/// With [`Method::Bdf2`] the modes miss what dies out within a few steps after the head; its sum is added to g_HEAD.
+/// With [`Discretisation::Bdf2`] the modes miss what dies out within a few steps after the head; its sum is added to g_HEAD.
 ///
 /// # Rounding
 ///
@@ -179,7 +179,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     ///
     /// [`LawError`] for an invalid step, horizon or tolerance, for fewer modes than the model has discrete relaxation times,
     /// for a tail that misses the tolerance, and where the number type cannot hold the stiffness.
-    pub fn compressed(model: &Maxwell, options: Options) -> Result<Self, LawError> {
+    pub fn compressed(model: &Maxwell, options: LawOptions) -> Result<Self, LawError> {
         // In place: a law more would stay on the stack of the quadrature.
         let mut built = Self::without_bound(model, options);
         if let Ok(law) = &mut built {
@@ -190,7 +190,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
 
     // Not inlined: what it needs would stay on the stack of the bound.
     #[inline(never)]
-    fn without_bound(model: &Maxwell, options: Options) -> Result<Self, LawError> {
+    fn without_bound(model: &Maxwell, options: LawOptions) -> Result<Self, LawError> {
         let (memory, instant) = Compressed::new(model, options)?;
         Self::of_film(options.step_s, instant, model.mass_kg(), memory, options.method)
     }
@@ -201,7 +201,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         instant: f64,
         mass_kg: f64,
         memory: Compressed<T, HEAD, FAST, SLOW>,
-        method: Method,
+        method: Discretisation,
     ) -> Result<Self, LawError> {
         let memory = memory.with_inertia(mass_kg / (step_s * step_s), method)?;
         Self::from_memory(step_s, instant, mass_kg, memory, method)
@@ -209,8 +209,8 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
 
     /// A state at rest at x = 0.
     #[must_use]
-    pub fn state(&self) -> State<T, Compressed<T, HEAD, FAST, SLOW>> {
-        self.placed(State::with_history(CompressedHistory {
+    pub fn state(&self) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
+        self.placed(LawState::with_history(CompressedHistory {
             increments: [[T::ZERO; HEAD]; 2],
             newest: 0,
             left: T::ZERO,
@@ -257,9 +257,9 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
     }
 
     /// The memory without inertia and bound, and g_0.
-    fn new(model: &Maxwell, options: Options) -> Result<(Self, f64), LawError> {
+    fn new(model: &Maxwell, options: LawOptions) -> Result<(Self, f64), LawError> {
         let () = Self::SIZES_FIT;
-        let Options { step_s, horizon_s, tolerance, method } = options;
+        let LawOptions { step_s, horizon_s, tolerance, method } = options;
         if !(step_s.is_finite() && step_s > 0.0) {
             return Err(LawError::Step(step_s));
         }
@@ -288,7 +288,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
         for (weight, &g) in head[1..].iter_mut().zip(&g[2..]) {
             *weight = T::from_f64(g);
         }
-        if method != Method::Gl {
+        if method != Discretisation::Gl {
             let missed = tail::missed(g, &modes, HEAD);
             head[HEAD - 1] = T::from_f64(if HEAD == 1 { g[0] + g[1] } else { g[HEAD] } + missed);
         }
@@ -301,11 +301,11 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
 
     /// The massless memory with the part of the inertia m (δ/h)² that acts on the increments before the last change of the
     /// increment; what acts on that change is in the law's stiffness. Nothing in the discretisation of first order.
-    fn with_inertia(mut self, mass_per_step2: f64, method: Method) -> Result<Self, LawError> {
+    fn with_inertia(mut self, mass_per_step2: f64, method: Discretisation) -> Result<Self, LawError> {
         for (massless, &head) in self.massless.iter_mut().zip(&self.head) {
             *massless = head;
         }
-        if method == Method::Gl || mass_per_step2 == 0.0 {
+        if method == Discretisation::Gl || mass_per_step2 == 0.0 {
             return Ok(self);
         }
         if HEAD < INERTIA {

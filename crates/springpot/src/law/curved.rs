@@ -2,8 +2,8 @@
 
 use crate::curve::{Curve, Knot, Place, Table};
 use crate::error::LawError;
-use crate::kernel::Method;
-use crate::law::{Law, Memory, State};
+use crate::kernel::Discretisation;
+use crate::law::{Law, LawState, Memory};
 use crate::numbers::Numbers;
 use crate::scalar::Scalar;
 
@@ -47,12 +47,12 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// States of the law without it do not fit: make new ones.
     ///
     /// ```
-    /// use springpot::{Curve, Law, Options, Preset};
+    /// use springpot::{Curve, Law, LawOptions, Preset};
     ///
     /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-    /// let model = Preset::named("table3-n2").unwrap().model()?;
+    /// let model = Preset::TABLE3_N2.model()?;
     /// let curve = Curve::through(&[(0.0, 0.0), (1e-3, 1.2e-3), (2e-3, 2.8e-3)])?;
-    /// let law: Law<f64> = Law::compressed(&model, Options::at_step(1e-3))?;
+    /// let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
     /// let stiffening = law.clone().behind(&curve)?;
     ///
     /// // Held at 1.5 mm, the film resists with the force of the linear one at T(1.5 mm).
@@ -139,7 +139,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     }
 
     /// `state` with its place on the curve.
-    pub(crate) fn placed(&self, mut state: State<T, M>) -> State<T, M> {
+    pub(crate) fn placed(&self, mut state: LawState<T, M>) -> LawState<T, M> {
         if let Some(curved) = &self.curved {
             let place = curved.place(&state, state.position, state.position_surplus);
             state.bend.ahead = curved.look_ahead(&state, state.increment);
@@ -150,7 +150,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// `state` with its place on the curve, and its base for the increments of the curve's value, of which the last was
     /// `stretched` (m).
-    pub(crate) fn placed_after(&self, state: State<T, M>, stretched: T) -> State<T, M> {
+    pub(crate) fn placed_after(&self, state: LawState<T, M>, stretched: T) -> LawState<T, M> {
         let mut state = self.placed(state);
         if let Some(curved) = &self.curved {
             state.base = state.base + curved.instant * (state.bend.predicted - stretched);
@@ -169,7 +169,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// m/h² of the method on the change of the increment and on the increments before it, where the memory does not have it, N/m.
     pub(crate) fn separate_inertia(&self) -> Option<(f64, [f64; 3])> {
-        let separate = self.curved.is_some() && self.method != Method::Gl;
+        let separate = self.curved.is_some() && self.method != Discretisation::Gl;
         separate.then(|| {
             let (newest, past) = self.method.inertia();
             (newest * self.mass_per_step2, past.map(|share| share * self.mass_per_step2))
@@ -186,20 +186,20 @@ impl<T: Scalar> Curved<T> {
 
     /// The place on the curve at `displacement` − `surplus` (m).
     #[inline]
-    pub(super) fn place<M: Memory<T>>(&self, state: &State<T, M>, displacement: T, surplus: T) -> Place<T> {
+    pub(super) fn place<M: Memory<T>>(&self, state: &LawState<T, M>, displacement: T, surplus: T) -> Place<T> {
         self.table.place(displacement + state.bend.origin, surplus)
     }
 
     /// The force (N) where T is `off` (m) from its value ahead and the film `increment` (m) from the last step.
     #[inline]
-    pub(super) fn force_at<M: Memory<T>>(&self, state: &State<T, M>, off: T, increment: T) -> T {
+    pub(super) fn force_at<M: Memory<T>>(&self, state: &LawState<T, M>, off: T, increment: T) -> T {
         let change = increment - state.increment;
         state.base + (self.instant * off + self.inertia * change)
     }
 
     /// The place (m) where the film will be if it goes on with `increment` (m).
     #[inline]
-    pub(super) fn look_ahead<M: Memory<T>>(&self, state: &State<T, M>, increment: T) -> Place<T> {
+    pub(super) fn look_ahead<M: Memory<T>>(&self, state: &LawState<T, M>, increment: T) -> Place<T> {
         let addend = increment - state.position_surplus;
         let position = state.position + addend;
         let surplus = (position - state.position) - addend;
@@ -211,7 +211,7 @@ impl<T: Scalar> Curved<T> {
     pub(super) fn advance<M: Memory<T>>(
         &self,
         memory: &M,
-        state: &mut State<T, M>,
+        state: &mut LawState<T, M>,
         increment: T,
         [place, ahead]: [Place<T>; 2],
         off: T,

@@ -12,14 +12,14 @@ mod window;
 
 pub use bound::CompressionBound;
 pub use coefficients::Coefficients;
-pub use compressed::{Compressed, Options};
+pub use compressed::{Compressed, LawOptions};
 pub use window::Window;
 
 use num_complex::Complex;
 
 use crate::actuator::Load;
 use crate::error::LawError;
-use crate::kernel::Method;
+use crate::kernel::Discretisation;
 use crate::scalar::Scalar;
 
 use curved::{Bend, Curved};
@@ -30,7 +30,7 @@ pub(crate) use state_traits::state_traits;
 /// The trait is sealed: the law is only right if both methods describe the same recursion with constants of one model, which
 /// the tests of this crate show for the two memories here. Use it as a bound to write code for both.
 pub trait Memory<T: Scalar>: sealed::Sealed {
-    /// What changes with every step. A [`State`] holds it.
+    /// What changes with every step. A [`LawState`] holds it.
     type History;
 
     /// Stores the newest increment of displacement (m) and returns the force (N) that the film would show at the
@@ -56,7 +56,7 @@ mod sealed {
 
 /// The configuration: a model at a step, built once.
 ///
-/// A law holds what does not change, so one law serves many [`State`]s and can stay in flash. It is built fallibly by
+/// A law holds what does not change, so one law serves many [`LawState`]s and can stay in flash. It is built fallibly by
 /// [`Law::compressed`] or [`Law::window`] and then steps infallibly, with the same number of operations every time.
 ///
 /// # The equation
@@ -79,7 +79,7 @@ mod sealed {
 /// [`displacement`](Law::displacement) solves it for Δx_k (creep, observer), [`force`](Law::force) for F_k (relaxation,
 /// feedforward). Solving for the change of the increment keeps the digits of a small stiffness beside a large m/h².
 ///
-/// With [`Method::Bdf2`] s = (1 − ζ)(3 − ζ)/2h instead. g then has other values, and the inertia is
+/// With [`Discretisation::Bdf2`] s = (1 − ζ)(3 − ζ)/2h instead. g then has other values, and the inertia is
 /// `(m/4h²)(9 Δx_k − 15 Δx_{k−1} + 7 Δx_{k−2} − Δx_{k−3})`: of these, 9 is in the stiffness and the rest in the head's weights.
 ///
 /// [`Compressed`] says how the sum over all the past takes constant time.
@@ -97,11 +97,11 @@ mod sealed {
 /// it does not add up: the next step starts from T of the new x̂. Where the displacement is given ([`force`](Law::force)) T is exact.
 ///
 /// ```
-/// use springpot::{Law, Options, Preset};
+/// use springpot::{Law, LawOptions, Preset};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
-/// let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+/// let model = Preset::TABLE3_N2.model()?;
+/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 ///
 /// // Creep: 20 N for 10 s. Another state of the same law follows that path and gives the force back.
 /// let (mut creep, mut relaxation) = (law.state(), law.state());
@@ -126,7 +126,7 @@ pub struct Law<T, M = crate::Compressed<T>> {
     stiffness: T,
     /// m/h², N/m.
     mass_per_step2: f64,
-    method: Method,
+    method: Discretisation,
     curved: Option<Curved<T>>,
     memory: M,
 }
@@ -134,23 +134,23 @@ pub struct Law<T, M = crate::Compressed<T>> {
 /// What changes with every step of a [`Law`]: displacement, increment and the history of its memory `M`.
 ///
 /// ```
-/// use springpot::{Compressed, Law, State};
+/// use springpot::{Compressed, Law, LawState};
 ///
 /// /// A film on a controller: its law in flash, its state in RAM.
 /// struct Film {
 ///     law: &'static Law<f32>,
-///     state: State<f32>,
+///     state: LawState<f32>,
 /// }
 ///
 /// /// The same with a lean memory.
 /// type Lean = Compressed<f32, 8, 14, 4>;
 /// struct LeanFilm {
 ///     law: &'static Law<f32, Lean>,
-///     state: State<f32, Lean>,
+///     state: LawState<f32, Lean>,
 /// }
 /// # assert!(size_of::<LeanFilm>() < size_of::<Film>());
 /// ```
-pub struct State<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
+pub struct LawState<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
     pub(crate) position: T,
     /// What rounding added to `position` (Kahan).
     pub(crate) position_surplus: T,
@@ -162,7 +162,7 @@ pub struct State<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
     pub(crate) history: M::History,
 }
 
-state_traits!(State<T, M> { position, position_surplus, increment, base, bend, history });
+state_traits!(LawState<T, M> { position, position_surplus, increment, base, bend, history });
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
     pub(crate) fn from_memory(
@@ -170,7 +170,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         instant: f64,
         mass_kg: f64,
         memory: M,
-        method: Method,
+        method: Discretisation,
     ) -> Result<Self, LawError> {
         let (inertia, _) = method.inertia();
         let mass_per_step2 = mass_kg / (step_s * step_s);
@@ -190,11 +190,11 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// How s is discretised.
     #[must_use]
-    pub fn method(&self) -> Method {
+    pub fn method(&self) -> Discretisation {
         self.method
     }
 
-    /// Force per displacement within one step, g_0 + m/h² (with [`Method::Bdf2`] g_0 + 9m/4h²), in N/m.
+    /// Force per displacement within one step, g_0 + m/h² (with [`Discretisation::Bdf2`] g_0 + 9m/4h²), in N/m.
     #[must_use]
     pub fn stiffness(&self) -> T {
         self.stiffness
@@ -213,7 +213,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// Displacement (m) at the next step from the `force` (N) that acts in it.
     #[inline]
-    pub fn displacement(&self, state: &mut State<T, M>, force: T) -> T {
+    pub fn displacement(&self, state: &mut LawState<T, M>, force: T) -> T {
         let stiffness = self.stiffness_ahead(state);
         self.change_increment(state, (force - state.base) / stiffness)
     }
@@ -222,7 +222,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     ///
     /// The dependence is linear, so this is one solve as well: `base + S δ = f + f' (x + Δx + δ)`.
     #[inline]
-    pub fn displacement_under(&self, state: &mut State<T, M>, load: Load<T>) -> T {
+    pub fn displacement_under(&self, state: &mut LawState<T, M>, load: Load<T>) -> T {
         let force_ahead = load.force + load.slope * (state.position + state.increment);
         let stiffness = self.stiffness_ahead(state);
         self.change_increment(state, (force_ahead - state.base) / (stiffness - load.slope))
@@ -230,7 +230,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// Force (N) that the film shows when it is at `displacement` (m) at the next step.
     #[inline]
-    pub fn force(&self, state: &mut State<T, M>, displacement: T) -> T {
+    pub fn force(&self, state: &mut LawState<T, M>, displacement: T) -> T {
         let increment = state.increment_to(displacement);
         state.position = displacement;
         state.position_surplus = T::ZERO;
@@ -256,7 +256,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Force (N) that would bring the film to `displacement` (m) at the next step. The state stays as it is: step it with
     /// the force that the actuator then really gives.
     #[inline]
-    pub fn force_to(&self, state: &State<T, M>, displacement: T) -> T {
+    pub fn force_to(&self, state: &LawState<T, M>, displacement: T) -> T {
         let increment = state.increment_to(displacement);
         match &self.curved {
             None => self.force_of(state, increment),
@@ -272,18 +272,18 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// As [`force_to`](Self::force_to), for a path that is known by its changes: no digits are lost in the difference of two
     /// positions. Behind a curve this is the inverse of [`displacement`](Self::displacement), linearised as there.
     #[inline]
-    pub fn force_for(&self, state: &State<T, M>, change: T) -> T {
+    pub fn force_for(&self, state: &LawState<T, M>, change: T) -> T {
         state.base + self.stiffness_ahead(state) * change
     }
 
     #[inline]
-    fn force_of(&self, state: &State<T, M>, increment: T) -> T {
+    fn force_of(&self, state: &LawState<T, M>, increment: T) -> T {
         state.base + self.stiffness * (increment - state.increment)
     }
 
     /// Force per displacement within the next step, N/m.
     #[inline]
-    fn stiffness_ahead(&self, state: &State<T, M>) -> T {
+    fn stiffness_ahead(&self, state: &LawState<T, M>) -> T {
         match &self.curved {
             None => self.stiffness,
             Some(curved) => curved.stiffness(state.bend.ahead.slope),
@@ -291,7 +291,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     }
 
     #[inline]
-    fn change_increment(&self, state: &mut State<T, M>, change: T) -> T {
+    fn change_increment(&self, state: &mut LawState<T, M>, change: T) -> T {
         let increment = state.increment + change;
         // Kahan's sum: what was rounded away comes back with the next increment.
         let addend = increment - state.position_surplus;
@@ -313,13 +313,13 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     }
 
     #[inline]
-    fn advance(&self, state: &mut State<T, M>, increment: T) {
+    fn advance(&self, state: &mut LawState<T, M>, increment: T) {
         state.increment = increment;
         state.base = self.memory.advance(&mut state.history, increment);
     }
 }
 
-impl<T: Scalar, M: Memory<T>> State<T, M> {
+impl<T: Scalar, M: Memory<T>> LawState<T, M> {
     pub(crate) fn with_history(history: M::History) -> Self {
         Self {
             position: T::ZERO,

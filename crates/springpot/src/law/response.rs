@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 use num_complex::Complex;
 
 use crate::complex;
-use crate::kernel::Method;
+use crate::kernel::Discretisation;
 use crate::kernel::laplace;
 use crate::law::{Law, Memory};
 use crate::model::Maxwell;
@@ -63,9 +63,9 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     pub(crate) fn dynamic_stiffness(&self, frequency_hz: f64, slope: f64) -> Complex<f64> {
         let s = Complex::new(0.0, TAU * frequency_hz * self.step_s());
         let difference = match self.method() {
-            Method::Gl => s,
+            Discretisation::Gl => s,
             // δ = d + d²/2 with d = 1 − ζ, by Newton's method: 1e-15 for |s| < 1/2.
-            Method::Bdf2 => (0..4).fold(s, |d, _| (s + d * d * 0.5) / (d + 1.0)),
+            Discretisation::Bdf2 => (0..4).fold(s, |d, _| (s + d * d * 0.5) / (d + 1.0)),
         };
         self.stiffness_of(Complex::new(1.0, 0.0) - difference, difference, slope)
     }

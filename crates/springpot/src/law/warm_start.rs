@@ -3,19 +3,19 @@
 use crate::kernel::power_series::TERMS;
 use crate::kernel::quadrature::MAX_NODES;
 use crate::law::compressed::{Compressed, Dashpot};
-use crate::law::{Law, Memory, State};
+use crate::law::{Law, LawState, Memory};
 use crate::scalar::Scalar;
 
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Steps `state` through a recorded history of `forces` (N), one per step.
-    pub fn warm_up(&self, state: &mut State<T, M>, forces: impl IntoIterator<Item = T>) {
+    pub fn warm_up(&self, state: &mut LawState<T, M>, forces: impl IntoIterator<Item = T>) {
         for force in forces {
             self.displacement(state, force);
         }
     }
 
     /// Steps `state` through a recorded history of `displacements` (m), one per step.
-    pub fn warm_up_along(&self, state: &mut State<T, M>, displacements: impl IntoIterator<Item = T>) {
+    pub fn warm_up_along(&self, state: &mut LawState<T, M>, displacements: impl IntoIterator<Item = T>) {
         for displacement in displacements {
             self.force(state, displacement);
         }
@@ -29,7 +29,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// with mass once its oscillation has decayed. Costs some thousand steps even for days: creep slows down, so steps are
     /// solved in blocks whose length grows with the time passed. A negative or NaN duration counts as 0.
     #[must_use]
-    pub fn settled(&self, force: T, duration_s: f64) -> State<T, Compressed<T, HEAD, FAST, SLOW>> {
+    pub fn settled(&self, force: T, duration_s: f64) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
         let mut creep = Creep::new(self, force.to_f64());
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
         let steps = libm::round(duration_s / self.step_s()) as u64;
@@ -47,7 +47,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         self.state_after(&creep)
     }
 
-    fn state_after(&self, creep: &Creep<HEAD>) -> State<T, Compressed<T, HEAD, FAST, SLOW>> {
+    fn state_after(&self, creep: &Creep<HEAD>) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
         let mut state = self.state();
         let head = creep.increments.map(T::from_f64);
         let left = creep.position - creep.increments.iter().sum::<f64>();

@@ -3,9 +3,9 @@
 use num_complex::Complex;
 
 use crate::error::LawError;
-use crate::kernel::Method;
+use crate::kernel::Discretisation;
 use crate::kernel::laplace::Kernel;
-use crate::law::{Law, Memory, State};
+use crate::law::{Law, LawState, Memory};
 use crate::model::Maxwell;
 use crate::scalar::Scalar;
 
@@ -18,13 +18,13 @@ use crate::scalar::Scalar;
 /// tail.
 ///
 /// ```
-/// use springpot::{Law, Options, Preset, Window};
+/// use springpot::{Law, LawOptions, Preset, Window};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::named("table3-n2").unwrap().model()?;
+/// let model = Preset::TABLE3_N2.model()?;
 /// // One second at 100 Hz, with storage on the stack.
 /// let law: Law<f32, Window<f32, [f32; 100]>> = Law::window(&model, 0.01, [0.0; 100])?;
-/// let whole: Law<f32> = Law::compressed(&model, Options::at_step(0.01))?;
+/// let whole: Law<f32> = Law::compressed(&model, LawOptions::at_step(0.01))?;
 ///
 /// let (mut state, mut exact) = (law.state([0.0; 100])?, whole.state());
 /// for _ in 0..15_500 {
@@ -65,7 +65,7 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Law<T, Window<T, B>> {
             return Err(LawError::Step(step_s));
         }
         let mut weights = storage;
-        let kernel = Kernel::new(model, step_s, Method::Gl);
+        let kernel = Kernel::new(model, step_s, Discretisation::Gl);
         let length = weights.as_ref().len();
         for (j, weight) in (1..).zip(weights.as_mut()) {
             *weight = T::from_f64(kernel.at(j));
@@ -73,7 +73,7 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Law<T, Window<T, B>> {
         let first = weights.as_mut().first_mut().ok_or(LawError::EmptyWindow)?;
         *first = T::from_f64(kernel.at(0) + kernel.at(1));
         let before = T::from_f64(kernel.at(length + 1));
-        Self::from_memory(step_s, kernel.at(0), model.mass_kg(), Window { weights, before }, Method::Gl)
+        Self::from_memory(step_s, kernel.at(0), model.mass_kg(), Window { weights, before }, Discretisation::Gl)
     }
 
     /// A state at rest at x = 0, in `storage` for as many increments as the window has.
@@ -81,7 +81,7 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Law<T, Window<T, B>> {
     /// # Errors
     ///
     /// [`LawError::Storage`] for storage of another length.
-    pub fn state(&self, storage: B) -> Result<State<T, Window<T, B>>, LawError> {
+    pub fn state(&self, storage: B) -> Result<LawState<T, Window<T, B>>, LawError> {
         let mut increments = storage;
         let (given, needed) = (increments.as_ref().len(), self.memory().weights.as_ref().len());
         if given != needed {
@@ -89,7 +89,7 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Law<T, Window<T, B>> {
         }
         increments.as_mut().fill(T::ZERO);
         let history = WindowHistory { increments, newest: 0, before: T::ZERO, before_surplus: T::ZERO };
-        Ok(self.placed(State::with_history(history)))
+        Ok(self.placed(LawState::with_history(history)))
     }
 }
 

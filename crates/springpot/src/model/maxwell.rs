@@ -4,7 +4,7 @@ use heapless::Vec;
 use num_complex::Complex;
 
 use crate::complex;
-use crate::error::{Element, MAX_BRANCHES, ModelError};
+use crate::error::{MAX_BRANCHES, ModelElement, ModelError};
 use crate::model::Springpot;
 
 /// How the branches are connected.
@@ -75,10 +75,10 @@ impl Maxwell {
         topology: Topology,
         mass_kg: f64,
     ) -> Result<Self, ModelError> {
-        check(Element::Main, main)?;
+        check(ModelElement::Main, main)?;
         for (branch, pair) in branches.iter().enumerate() {
             for (element, &springpot) in pair.iter().enumerate() {
-                check(Element::Branch { branch, element }, springpot)?;
+                check(ModelElement::Branch { branch, element }, springpot)?;
             }
         }
         if !(mass_kg.is_finite() && mass_kg >= 0.0) {
@@ -143,7 +143,7 @@ impl Maxwell {
     /// use springpot::{Complex, Preset, Topology};
     ///
     /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-    /// let model = Preset::named("table3-n3").unwrap().model()?;
+    /// let model = Preset::TABLE3_N3.model()?;
     /// let shape = |topology| {
     ///     let model = model.clone().with_topology(topology);
     ///     model.chains().map(|chain| (chain.scale, chain.elements.len())).collect::<Vec<_>>()
@@ -259,7 +259,7 @@ impl Chain<'_> {
     }
 }
 
-fn check(element: Element, springpot: Springpot) -> Result<(), ModelError> {
+fn check(element: ModelElement, springpot: Springpot) -> Result<(), ModelError> {
     let Springpot { c, alpha } = springpot;
     if !(c.is_finite() && c > 0.0) {
         return Err(ModelError::Coefficient { element, c });

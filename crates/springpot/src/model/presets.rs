@@ -16,8 +16,9 @@ use crate::model::{Maxwell, Topology};
 /// ```
 /// use springpot::{Preset, Topology};
 ///
-/// let preset = Preset::named("table3-n2").unwrap();
+/// let preset = Preset::TABLE3_N2;
 /// let model = preset.model()?;
+/// assert_eq!(Preset::named("table3-n2"), Some(preset));
 /// assert_eq!((model.branches().len(), model.topology()), (2, Topology::Eq11));
 ///
 /// let names: Vec<&str> = Preset::ALL.iter().map(Preset::name).collect();
@@ -32,55 +33,73 @@ pub struct Preset {
 }
 
 impl Preset {
+    /// Table 3, 1 branch.
+    pub const TABLE3_N1: Self =
+        Self { name: "table3-n1", main: c(62_952.0, 0.2), branches: &[[c(36.0, 0.002), c(142.0, 1.0)]] };
+    /// Table 3, 2 branches.
+    pub const TABLE3_N2: Self = Self {
+        name: "table3-n2",
+        main: c(62_740.0, 0.2),
+        branches: &[[c(47_958.0, 1.0), c(173_210.0, 1.0)], [c(430_381.0, 0.523), c(215.0, 0.046)]],
+    };
+    /// Table 3, 3 branches.
+    pub const TABLE3_N3: Self = Self {
+        name: "table3-n3",
+        main: c(62_950.0, 0.2),
+        branches: &[[c(267.0, 1.0), c(464.0, 1.0)], [c(140.0, 1.0), c(88.0, 0.002)], [c(36.0, 1.0), c(237.0, 1.0)]],
+    };
+    /// Table 3, 4 branches.
+    pub const TABLE3_N4: Self = Self {
+        name: "table3-n4",
+        main: c(62_950.0, 0.2),
+        branches: &[
+            [c(103.0, 0.002), c(36.0, 1.0)],
+            [c(321.0, 0.002), c(36.0, 1.0)],
+            [c(94.0, 1.0), c(157.0, 0.002)],
+            [c(36.0, 1.0), c(225.0, 0.002)],
+        ],
+    };
+    /// Table 3, 5 branches.
+    pub const TABLE3_N5: Self = Self {
+        name: "table3-n5",
+        main: c(62_950.0, 0.2),
+        branches: &[
+            [c(97.0, 0.002), c(315.0, 1.0)],
+            [c(36.0, 1.0), c(356.0, 1.0)],
+            [c(36.0, 1.0), c(97.0, 0.002)],
+            [c(36.0, 1.0), c(95.0, 0.002)],
+            [c(36.0, 1.0), c(285.0, 1.0)],
+        ],
+    };
+    /// Table 4, 1/13 Hz.
+    pub const TABLE4_F13: Self = Self {
+        name: "table4-f13",
+        main: c(51_773.0, 0.1795),
+        branches: &[[c(2.0, 1.0), c(2.0, 1.0)], [c(2.0, 1.0), c(2.0, 1.0)]],
+    };
+    /// Table 4, 1/7 Hz.
+    pub const TABLE4_F7: Self = Self {
+        name: "table4-f7",
+        main: c(57_696.0, 0.188),
+        branches: &[[c(569_346.0, 0.255), c(3.0, 0.046)], [c(406_744.0, 0.225), c(479.0, 0.880)]],
+    };
+    /// Table 4, 1/5 Hz.
+    pub const TABLE4_F5: Self = Self {
+        name: "table4-f5",
+        main: c(73_133.0, 0.2),
+        branches: &[[c(19_199.0, 1.0), c(188_074.0, 1.0)], [c(305_285.0, 1.0), c(191_367.0, 0.002)]],
+    };
+
     /// All of them: Table 3 for n = 1…5, Table 4 for 1/13, 1/7 and 1/5 Hz.
     pub const ALL: [Self; 8] = [
-        Self { name: "table3-n1", main: c(62_952.0, 0.2), branches: &[[c(36.0, 0.002), c(142.0, 1.0)]] },
-        Self {
-            name: "table3-n2",
-            main: c(62_740.0, 0.2),
-            branches: &[[c(47_958.0, 1.0), c(173_210.0, 1.0)], [c(430_381.0, 0.523), c(215.0, 0.046)]],
-        },
-        Self {
-            name: "table3-n3",
-            main: c(62_950.0, 0.2),
-            branches: &[[c(267.0, 1.0), c(464.0, 1.0)], [c(140.0, 1.0), c(88.0, 0.002)], [c(36.0, 1.0), c(237.0, 1.0)]],
-        },
-        Self {
-            name: "table3-n4",
-            main: c(62_950.0, 0.2),
-            branches: &[
-                [c(103.0, 0.002), c(36.0, 1.0)],
-                [c(321.0, 0.002), c(36.0, 1.0)],
-                [c(94.0, 1.0), c(157.0, 0.002)],
-                [c(36.0, 1.0), c(225.0, 0.002)],
-            ],
-        },
-        Self {
-            name: "table3-n5",
-            main: c(62_950.0, 0.2),
-            branches: &[
-                [c(97.0, 0.002), c(315.0, 1.0)],
-                [c(36.0, 1.0), c(356.0, 1.0)],
-                [c(36.0, 1.0), c(97.0, 0.002)],
-                [c(36.0, 1.0), c(95.0, 0.002)],
-                [c(36.0, 1.0), c(285.0, 1.0)],
-            ],
-        },
-        Self {
-            name: "table4-f13",
-            main: c(51_773.0, 0.1795),
-            branches: &[[c(2.0, 1.0), c(2.0, 1.0)], [c(2.0, 1.0), c(2.0, 1.0)]],
-        },
-        Self {
-            name: "table4-f7",
-            main: c(57_696.0, 0.188),
-            branches: &[[c(569_346.0, 0.255), c(3.0, 0.046)], [c(406_744.0, 0.225), c(479.0, 0.880)]],
-        },
-        Self {
-            name: "table4-f5",
-            main: c(73_133.0, 0.2),
-            branches: &[[c(19_199.0, 1.0), c(188_074.0, 1.0)], [c(305_285.0, 1.0), c(191_367.0, 0.002)]],
-        },
+        Self::TABLE3_N1,
+        Self::TABLE3_N2,
+        Self::TABLE3_N3,
+        Self::TABLE3_N4,
+        Self::TABLE3_N5,
+        Self::TABLE4_F13,
+        Self::TABLE4_F7,
+        Self::TABLE4_F5,
     ];
 
     /// The preset of that name, such as `table3-n2` or `table4-f7`.

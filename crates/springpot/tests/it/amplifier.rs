@@ -1,8 +1,8 @@
 //! Amplifiers that lag, against closed forms: e^(−t/τ) up and down, and what a command must be to follow a course.
 
 use springpot::{
-    Actuator, AmplifierLag, AmplifierModel, Applied, CommandLimits, ControlError, Feedforward, Law, Limited, Options,
-    Preset,
+    Actuator, AmplifierLag, AmplifierModel, Applied, CommandLimits, ControlError, Feedforward, Law, LawOptions,
+    Limited, Preset,
 };
 
 const STEP_S: f64 = 1e-3;
@@ -39,8 +39,8 @@ fn rises_and_falls_as_exponentials() {
 }
 
 fn feedforward(amplifier: AmplifierLag) -> Feedforward<f64> {
-    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
-    let law: Law<f64> = Law::compressed(&model, Options::at_step(STEP_S)).expect("a law");
+    let model = Preset::TABLE3_N2.model().expect("valid");
+    let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(STEP_S)).expect("a law");
     Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits { amplifier, ..CommandLimits::BENCH }).expect("valid")
 }
 

@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use springpot::{Compressed, Curve, Law, Maxwell, Method, Options};
+use springpot::{Compressed, Curve, Discretisation, Law, LawOptions, Maxwell};
 
 use crate::support::models::{hard_models, presets, random_models};
 use crate::support::sample;
@@ -42,7 +42,7 @@ fn forces(rate_hz: f64, seconds: f64) -> Vec<(&'static str, Vec<f64>)> {
 fn extremes(
     what: &str,
     models: &[(String, Maxwell)],
-    options: Options,
+    options: LawOptions,
     seconds: f64,
     curve: Option<&Curve>,
 ) -> [f64; 2] {
@@ -78,7 +78,7 @@ fn merged_modes_move_the_film_by_little() {
     for (rate_hz, seconds, count) in [(1000.0, 155.0, 20), (100.0, 3600.0, 10), (5000.0, 20.0, 20)] {
         let models: Vec<_> = sample(all(), count);
         let what = format!("{} models at {rate_hz} Hz", models.len());
-        let extremes = extremes(&what, &models, Options::at_step(1.0 / rate_hz), seconds, None);
+        let extremes = extremes(&what, &models, LawOptions::at_step(1.0 / rate_hz), seconds, None);
         stay_within_the_stated_band(&what, extremes);
     }
 }
@@ -87,8 +87,8 @@ fn merged_modes_move_the_film_by_little() {
 #[test]
 fn a_day_under_load_stays_within_the_band() {
     for (name, model) in sample(presets(), 2) {
-        let law: Law<f64> = Law::compressed(&model, Options::at_step(5e-3)).expect("valid");
-        let single: Law<f32> = Law::compressed(&model, Options::at_step(5e-3)).expect("valid");
+        let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(5e-3)).expect("valid");
+        let single: Law<f32> = Law::compressed(&model, LawOptions::at_step(5e-3)).expect("valid");
         let [below, above] = deviation(&law, &single.coarser(), std::iter::repeat_n(10.0, 24 * 3600 * 200));
         println!("{name}, 24 h at 200 Hz: {:+.3} % to {:+.3} %", 100.0 * below, 100.0 * above);
         stay_within_the_stated_band(&name, [below, above]);
@@ -101,9 +101,9 @@ fn curves_and_second_order_change_nothing_of_it() {
     let curve =
         Curve::through(&[(-1e-3, -1e-3), (0.0, 0.0), (5e-4, 4e-4), (2e-3, 1.8e-3), (6e-3, 9e-3)]).expect("rises");
     let models: Vec<_> = sample(presets(), 4);
-    let second = Options::at_step(1e-3).with_method(Method::Bdf2);
+    let second = LawOptions::at_step(1e-3).with_method(Discretisation::Bdf2);
     for (what, options, curve) in [
-        ("behind a curve", Options::at_step(1e-3), Some(&curve)),
+        ("behind a curve", LawOptions::at_step(1e-3), Some(&curve)),
         ("second order", second, None),
         ("second order behind a curve", second, Some(&curve)),
     ] {
@@ -114,7 +114,7 @@ fn curves_and_second_order_change_nothing_of_it() {
 #[test]
 fn what_is_merged_keeps_its_weight_and_what_is_not_stays() {
     let model = presets().remove(2).1;
-    let law: Law<f64> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+    let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
     let sum = |modes: &mut dyn Iterator<Item = (f64, f64)>| modes.map(|(_, weight)| weight).sum::<f64>();
     let whole = sum(&mut law.memory().modes());
     let coarse: Law<f64, Compressed<f64, 12, 10, 8>> = law.coarser();
@@ -134,7 +134,7 @@ fn what_is_merged_keeps_its_weight_and_what_is_not_stays() {
     assert!(same.memory().modes().eq(law.memory().modes()));
     // A spring among them is not merged while anything else can be.
     let (_, springs) = hard_models().remove(9);
-    let law: Law<f64> = Law::compressed(&springs, Options::at_step(1e-3)).expect("valid");
+    let law: Law<f64> = Law::compressed(&springs, LawOptions::at_step(1e-3)).expect("valid");
     let spring = law.memory().modes().find(|(loss, weight)| *loss == 0.0 && *weight > 0.0).expect("a spring");
     let coarse: Law<f64, Compressed<f64, 12, 1, 1>> = law.coarser();
     assert!(coarse.memory().modes().any(|mode| mode == spring));

@@ -1,7 +1,7 @@
 //! The compressed memory against the exact answer with full memory.
 
 use rayon::prelude::*;
-use springpot::{Compressed, Law, LawError, Maxwell, Options, Window};
+use springpot::{Compressed, Law, LawError, LawOptions, Maxwell, Window};
 
 use crate::support::full_memory::FullMemory;
 use crate::support::models::{hard_models, paper_force, presets, random_models};
@@ -17,7 +17,7 @@ fn errors(models: &[(String, Maxwell)], rate_hz: f64) -> Vec<(f64, f64)> {
     models
         .par_iter()
         .map(|(name, model)| {
-            let law = Law::<f64>::compressed(model, Options::at_step(1.0 / rate_hz))
+            let law = Law::<f64>::compressed(model, LawOptions::at_step(1.0 / rate_hz))
                 .unwrap_or_else(|e| panic!("{name} at {rate_hz} Hz: {e}"));
             let mut state = law.state();
             let x: Vec<f64> = force.iter().map(|&f| law.displacement(&mut state, f)).collect();
@@ -103,8 +103,8 @@ fn a_lean_memory_holds_1e_4_over_an_hour() {
     let (creep, relaxation) = sample(presets(), 2)
         .par_iter()
         .map(|(name, model)| {
-            let exact = Law::<f64>::compressed(model, Options::at_step(1e-3)).expect("valid");
-            let options = Options::at_step(1e-3).with_horizon(3600.0).with_tolerance(1e-4);
+            let exact = Law::<f64>::compressed(model, LawOptions::at_step(1e-3)).expect("valid");
+            let options = LawOptions::at_step(1e-3).with_horizon(3600.0).with_tolerance(1e-4);
             let lean = Law::<f32, Lean<f32>>::compressed(model, options).expect("within 1e-4");
             let mut forwards = (exact.state(), lean.state());
             let mut backwards = (exact.state(), lean.state());
@@ -128,7 +128,7 @@ fn a_lean_memory_holds_1e_4_over_an_hour() {
 /// holds longer, and backwards.
 #[test]
 fn the_leanest_memory_holds_1e_4_over_155_s_forwards() {
-    let options = Options::at_step(1e-3).with_horizon(155.0).with_tolerance(1e-3);
+    let options = LawOptions::at_step(1e-3).with_horizon(155.0).with_tolerance(1e-3);
     let force = paper_force(1.0 / 7.0, 155.0, 1000.0);
     let full = FullMemory::new(force.len(), 1e-3);
     let errors: Vec<(f64, f64)> = sample(presets(), 6)
@@ -153,7 +153,7 @@ fn the_leanest_memory_holds_1e_4_over_155_s_forwards() {
 #[test]
 fn a_tolerance_that_is_missed_is_refused() {
     let (_, model) = presets().swap_remove(2);
-    let options = Options::at_step(1e-3).with_tolerance(1e-7);
+    let options = LawOptions::at_step(1e-3).with_tolerance(1e-7);
     let refused = Law::<f64, Lean<f64>>::compressed(&model, options);
     assert!(matches!(refused, Err(LawError::ToleranceMissed { reached, asked }) if reached > asked && asked == 1e-7));
 }

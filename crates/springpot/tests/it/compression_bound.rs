@@ -5,7 +5,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use springpot::{Compressed, CompressionBound, Curve, Law, LawError, Maxwell, Method, Options, Scalar};
+use springpot::{Compressed, CompressionBound, Curve, Discretisation, Law, LawError, LawOptions, Maxwell, Scalar};
 
 use crate::support::full_memory::FullMemory;
 use crate::support::models::{hard_models, presets, random_models};
@@ -75,11 +75,11 @@ struct Exact<'a> {
 }
 
 impl<'a> Exact<'a> {
-    fn new(model: &'a Maxwell, curve: Option<&'a Curve>, options: Options, steps: usize) -> Self {
+    fn new(model: &'a Maxwell, curve: Option<&'a Curve>, options: LawOptions, steps: usize) -> Self {
         let massless = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0).expect("valid");
         let mass_per_step2 = model.mass_kg() / options.step_s.powi(2);
         let (circle, shares) = match options.method {
-            Method::Gl => (FullMemory::new(steps, options.step_s), vec![1.0, -1.0]),
+            Discretisation::Gl => (FullMemory::new(steps, options.step_s), vec![1.0, -1.0]),
             _ => (FullMemory::of_second_order(steps, options.step_s), vec![2.25, -3.75, 1.75, -0.25]),
         };
         let inertia = shares.into_iter().map(|share| share * mass_per_step2).collect();
@@ -171,7 +171,7 @@ type Ratios = [f64; 4];
 fn ratios<T: Scalar + From<f64>, const H: usize, const F: usize, const S: usize>(
     name: &str,
     model: &Maxwell,
-    options: Options,
+    options: LawOptions,
     steps: usize,
 ) -> Ratios {
     let law = Law::<T, Compressed<T, H, F, S>>::compressed(model, options).unwrap_or_else(|e| panic!("{name}: {e}"));
@@ -215,7 +215,7 @@ fn held(name: &str, bound: &CompressionBound, errors: &Errors) -> Ratios {
 }
 
 /// One of the kinds of law that are built: number type and memory.
-fn of_kind(kind: usize, name: &str, model: &Maxwell, options: Options, steps: usize) -> Ratios {
+fn of_kind(kind: usize, name: &str, model: &Maxwell, options: LawOptions, steps: usize) -> Ratios {
     match kind {
         0 => ratios::<f64, 12, 12, 24>(name, model, options, steps),
         1 => ratios::<Rounded, 12, 12, 24>(name, model, options, steps),
@@ -235,11 +235,11 @@ fn no_run_exceeds_the_bound() {
             let mut random = Pcg64::seed_from_u64(*k as u64);
             let steps = 10f64.powf(random.random_range(2.0..4.5)) as usize;
             let rate_hz = [100.0, 1000.0, 5000.0][random.random_range(0..3)];
-            let method = [Method::Gl, Method::Bdf2][k % 2];
+            let method = [Discretisation::Gl, Discretisation::Bdf2][k % 2];
             let mass_kg = if random.random_bool(0.3) { 0.0 } else { model.mass_kg() };
             let model = Maxwell::new(model.main(), model.branches(), model.topology(), mass_kg).expect("valid");
             let options =
-                Options::at_step(1.0 / rate_hz).with_horizon((steps as f64 - 0.5) / rate_hz).with_method(method);
+                LawOptions::at_step(1.0 / rate_hz).with_horizon((steps as f64 - 0.5) / rate_hz).with_method(method);
             let name = format!("{name}, {mass_kg} kg, {steps} steps at {rate_hz} Hz, {method:?}, kind {}", k / 2 % 4);
             of_kind(k / 2 % 4, &name, &model, options, steps)
         })
@@ -263,8 +263,8 @@ fn no_run_exceeds_the_bound() {
 fn the_default_laws_are_within_a_millionth_of_the_stroke_for_a_day() {
     let (mut f64s, mut f32s) = (0f32, 0f32);
     for (name, model) in presets() {
-        for method in [Method::Gl, Method::Bdf2] {
-            let options = Options::at_step(1e-3).with_method(method);
+        for method in [Discretisation::Gl, Discretisation::Bdf2] {
+            let options = LawOptions::at_step(1e-3).with_method(method);
             let law: Law<f64> = Law::compressed(&model, options).expect("valid");
             let rounded: Law<f32> = Law::compressed(&model, options).expect("valid");
             let exact = Exact::new(&model, None, options, 10_000);
@@ -290,8 +290,8 @@ fn the_bound_holds_behind_a_curve() {
     for (k, (name, model)) in models.iter().enumerate() {
         let mass_kg = if k % 2 == 0 { model.mass_kg() } else { 0.0 };
         let model = Maxwell::new(model.main(), model.branches(), model.topology(), mass_kg).expect("valid");
-        let method = [Method::Gl, Method::Bdf2][k / 2 % 2];
-        let options = Options::at_step(1e-3).with_horizon(1e-3 * (STEPS as f64 - 0.5)).with_method(method);
+        let method = [Discretisation::Gl, Discretisation::Bdf2][k / 2 % 2];
+        let options = LawOptions::at_step(1e-3).with_horizon(1e-3 * (STEPS as f64 - 0.5)).with_method(method);
         let straight = Law::<f64, Compressed<f64, 8, 14, 4>>::compressed(&model, options.with_tolerance(1e-2));
         let straight = straight.expect("valid");
         let law = straight.clone().behind(&curve).expect("valid");
@@ -326,7 +326,7 @@ fn the_bound_holds_behind_a_curve() {
 #[test]
 fn a_bound_travels_with_the_coefficients() {
     for (name, model) in presets() {
-        let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
         let sent = law.coefficients();
         let received = Law::from_coefficients(&sent, 1e-3, model.mass_kg()).expect("valid");
         assert_eq!(received.compression_bound(), law.compression_bound(), "{name}");

@@ -2,7 +2,7 @@
 //!
 //! `tests/oracle/continuous.csv` holds them from two independent inverse Laplace transforms at 40 digits.
 
-use springpot::{Law, Maxwell, Options, Preset, Springpot, Topology};
+use springpot::{Law, LawOptions, Maxwell, Preset, Springpot, Topology};
 
 use crate::support::models::paper_force;
 
@@ -32,15 +32,15 @@ pub fn oracle() -> Vec<Row> {
 pub fn model(name: &str) -> Maxwell {
     match name {
         "sp" => Maxwell::new(Springpot::new(62_740.0, 0.2), &[], Topology::Eq11, 0.0).expect("valid"),
-        "n1" => Preset::named("table3-n1").expect("a preset").model().expect("valid"),
-        "n2" => Preset::named("table3-n2").expect("a preset").model().expect("valid"),
+        "n1" => Preset::TABLE3_N1.model().expect("valid"),
+        "n2" => Preset::TABLE3_N2.model().expect("valid"),
         _ => panic!("unknown model {name}"),
     }
 }
 
 /// Displacement of the law at every sample. `jump` is the first sample of the step of 1 N, which has no value of its own.
 fn response(name: &str, input: &str, rate_hz: f64, jump: f64) -> Vec<f64> {
-    let law = Law::<f64>::compressed(&model(name), Options::at_step(1.0 / rate_hz)).expect("valid");
+    let law = Law::<f64>::compressed(&model(name), LawOptions::at_step(1.0 / rate_hz)).expect("valid");
     let force = match input {
         "step1N" => std::iter::once(jump).chain(std::iter::repeat_n(1.0, (155.0 * rate_hz) as usize)).collect(),
         "sin_el" => paper_force(1.0 / 7.0, 155.0, rate_hz),

@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 
 use springpot::{
-    Actuator, ActuatorError, Applied, CommandLimits, Curve, CurveError, Feedforward, Knot, Law, LawError, Limited,
-    Load, Maxwell, Method, Observer, ObserverOptions, Options, Real, Rubber, SensorSample, Springpot, State, Topology,
-    VoltageDrive,
+    Actuator, ActuatorError, Applied, CommandLimits, Curve, CurveError, Discretisation, Feedforward, Knot, Law,
+    LawError, LawOptions, LawState, Limited, Load, Maxwell, Observer, ObserverOptions, Real, Rubber, SensorSample,
+    Springpot, Topology, VoltageDrive,
 };
 
 use crate::support::relative_rms;
@@ -38,7 +38,7 @@ fn film(mass_kg: f64) -> Maxwell {
 }
 
 fn law<T: Real>(model: &Maxwell) -> Law<T> {
-    Law::compressed(model, Options::at_step(STEP_S)).expect("a law")
+    Law::compressed(model, LawOptions::at_step(STEP_S)).expect("a law")
 }
 
 fn load(k: usize) -> f64 {
@@ -176,7 +176,7 @@ fn a_curve_serves_the_discretisation_of_second_order_as_well() {
     let model = film(0.3);
     let curve = cubic(-0.5e-3, 5e-3, 4);
     let at = |step_s: f64, method| -> f64 {
-        let options = Options::at_step(step_s).with_method(method);
+        let options = LawOptions::at_step(step_s).with_method(method);
         let law: Law<f64> = Law::compressed(&model, options).and_then(|law| law.behind(&curve)).expect("a law");
         let mut state = law.state();
         let steps = (2.0 / step_s).round() as usize;
@@ -187,20 +187,20 @@ fn a_curve_serves_the_discretisation_of_second_order_as_well() {
         }
         state.position()
     };
-    let exact = at(1.25e-4, Method::Bdf2);
-    let errors = [8e-3, 4e-3, 2e-3].map(|step_s| (at(step_s, Method::Bdf2) / exact - 1.0).abs());
+    let exact = at(1.25e-4, Discretisation::Bdf2);
+    let errors = [8e-3, 4e-3, 2e-3].map(|step_s| (at(step_s, Discretisation::Bdf2) / exact - 1.0).abs());
     for pair in errors.windows(2) {
         let order = (pair[0] / pair[1]).log2();
         assert!((1.7..2.4).contains(&order), "{errors:?}");
     }
-    assert!((at(2e-3, Method::Gl) / exact - 1.0).abs() > 10.0 * errors[2]);
+    assert!((at(2e-3, Discretisation::Gl) / exact - 1.0).abs() > 10.0 * errors[2]);
 }
 
 #[test]
 fn coefficients_carry_the_curve_and_give_the_same_bits() {
-    for method in [Method::Gl, Method::Bdf2] {
+    for method in [Discretisation::Gl, Discretisation::Bdf2] {
         let model = film(0.3);
-        let options = Options::at_step(STEP_S).with_method(method);
+        let options = LawOptions::at_step(STEP_S).with_method(method);
         let law: Law<f32> = Law::compressed(&model, options).expect("a law");
         let law = law.behind(&cubic(-0.5e-3, 5e-3, 11)).expect("a law");
         let coefficients = law.coefficients();
@@ -240,15 +240,15 @@ fn a_film_that_hung_under_a_load_is_where_stepping_brings_it() {
 fn small_oscillations_have_the_response_of_the_working_point() {
     let model = film(0.0);
     let curve = cubic(-0.5e-3, 5e-3, 3);
-    for method in [Method::Gl, Method::Bdf2] {
-        let law: Law<f64> = Law::compressed(&model, Options::at_step(STEP_S).with_method(method))
+    for method in [Discretisation::Gl, Discretisation::Bdf2] {
+        let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(STEP_S).with_method(method))
             .expect("a law")
             .behind(&curve)
             .expect("a law");
         // Along a small sine about 2 mm the force is the kernel's times the slope there.
         let (hz, size, centre) = (2.0, 1e-6, 2e-3);
         // Beside a film that only stands there.
-        let (mut state, mut still): (State<f64>, State<f64>) = (law.state(), law.state());
+        let (mut state, mut still): (LawState<f64>, LawState<f64>) = (law.state(), law.state());
         let (mut re, mut im, mut count) = (0.0, 0.0, 0.0);
         for k in 0..40_000 {
             let phase = TAU * hz * k as f64 * STEP_S;

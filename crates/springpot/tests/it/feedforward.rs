@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use springpot::{
-    Actuator, ActuatorError, AmplifierLag, Applied, CommandLimits, ControlError, Feedforward, Law, Limited, Maxwell,
-    Options, Preset, Real, Springpot, Topology, VoltageCommand, VoltageDrive,
+    Actuator, ActuatorError, AmplifierLag, Applied, CommandLimits, ControlError, Feedforward, Law, LawOptions, Limited,
+    Maxwell, Preset, Real, Springpot, Topology, VoltageCommand, VoltageDrive,
 };
 
 use crate::support::relative_rms;
@@ -32,7 +32,7 @@ fn feedforward<T: Real>(limits: CommandLimits) -> Feedforward<T> {
 }
 
 fn feedforward_for<T: Real>((model, actuator): (Maxwell, Actuator), limits: CommandLimits) -> Feedforward<T> {
-    let law = Law::compressed(&model, Options::at_step(1.0 / RATE_HZ)).expect("a law");
+    let law = Law::compressed(&model, LawOptions::at_step(1.0 / RATE_HZ)).expect("a law");
     Feedforward::new(law, &actuator, limits).expect("valid")
 }
 
@@ -90,7 +90,7 @@ fn the_model_returns_the_reference() {
 #[test]
 fn its_voltages_drive_the_model_along_the_reference() {
     for preset in Preset::ALL {
-        let law: Law<f32> = Law::compressed(&preset.model().expect("valid"), Options::at_step(1e-3)).expect("a law");
+        let law: Law<f32> = Law::compressed(&preset.model().expect("valid"), LawOptions::at_step(1e-3)).expect("a law");
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.stiffness()).expect("valid");
         let mut film = law.state();
         let feedforward = Feedforward::new(law.clone(), &Actuator::KARNER_2022, CommandLimits::BENCH).expect("valid");
@@ -263,7 +263,7 @@ fn a_non_finite_applied_voltage_is_the_last_one() {
 #[test]
 fn refuses_limits_that_make_no_sense() {
     let (model, actuator) = film();
-    let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("a law");
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("a law");
     for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         for limits in [
             CommandLimits { max_voltage_v: value, ..CommandLimits::BENCH },

@@ -2,8 +2,8 @@
 
 use num_complex::Complex;
 use springpot::{
-    Compressed, Element, Law, LawError, Load, Maxwell, ModelError, Options, Preset, Scalar, Springpot, State, Topology,
-    Window,
+    Compressed, Law, LawError, LawOptions, LawState, Load, Maxwell, ModelElement, ModelError, Preset, Scalar,
+    Springpot, Topology, Window,
 };
 
 use crate::support::models::{TOPOLOGIES, hard_models, paper_force, presets, random_models};
@@ -11,7 +11,7 @@ use crate::support::models::{TOPOLOGIES, hard_models, paper_force, presets, rand
 pub const STEP: f64 = 1e-3;
 
 pub fn law<T: Scalar>(model: &Maxwell) -> Law<T> {
-    Law::compressed(model, Options::at_step(STEP)).expect("valid")
+    Law::compressed(model, LawOptions::at_step(STEP)).expect("valid")
 }
 
 pub fn single(c: f64, alpha: f64, mass_kg: f64) -> Maxwell {
@@ -20,7 +20,7 @@ pub fn single(c: f64, alpha: f64, mass_kg: f64) -> Maxwell {
 
 #[test]
 fn law_and_state_are_small() {
-    let (law, state) = (size_of::<Law<f32>>(), size_of::<State<f32>>());
+    let (law, state) = (size_of::<Law<f32>>(), size_of::<LawState<f32>>());
     println!("f32, 12 + 36: law {law} bytes, state {state} bytes, any n, either topology");
     assert!(law <= 800 && state <= 416);
 }
@@ -214,11 +214,11 @@ fn everything_wrong_is_refused_with_its_type() {
     let new = |main, branches: &[[Springpot; 2]], mass| Maxwell::new(main, branches, Topology::Eq11, mass);
     for c in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let refused = new(Springpot::new(c, 0.5), &[], 0.1);
-        assert!(matches!(refused, Err(ModelError::Coefficient { element: Element::Main, .. })), "{c}");
+        assert!(matches!(refused, Err(ModelError::Coefficient { element: ModelElement::Main, .. })), "{c}");
     }
     for alpha in [-1e-9, 1.000_001, f64::NAN] {
         let refused = new(good, &[[good, good], [good, Springpot::new(1.0, alpha)]], 0.1);
-        let Err(ModelError::Order { element: Element::Branch { branch: 1, element: 1 }, .. }) = refused else {
+        let Err(ModelError::Order { element: ModelElement::Branch { branch: 1, element: 1 }, .. }) = refused else {
             panic!("{refused:?}");
         };
     }
@@ -230,27 +230,27 @@ fn everything_wrong_is_refused_with_its_type() {
     let model = new(good, &[], 0.1).expect("valid");
     let build = |options| Law::<f32>::compressed(&model, options).err();
     for step in [0.0, -1e-3, f64::NAN, f64::INFINITY] {
-        assert!(matches!(build(Options::at_step(step)), Some(LawError::Step(_))), "{step}");
+        assert!(matches!(build(LawOptions::at_step(step)), Some(LawError::Step(_))), "{step}");
     }
     for horizon in [0.0, 0.01, f64::NAN, f64::INFINITY] {
-        assert!(matches!(build(Options::at_step(1e-3).with_horizon(horizon)), Some(LawError::Horizon { .. })));
+        assert!(matches!(build(LawOptions::at_step(1e-3).with_horizon(horizon)), Some(LawError::Horizon { .. })));
     }
     for tolerance in [0.0, -1.0, f64::NAN] {
-        assert!(matches!(build(Options::at_step(1e-3).with_tolerance(tolerance)), Some(LawError::Tolerance(_))));
+        assert!(matches!(build(LawOptions::at_step(1e-3).with_tolerance(tolerance)), Some(LawError::Tolerance(_))));
     }
-    let missed = build(Options::at_step(1e-3).with_tolerance(1e-12));
+    let missed = build(LawOptions::at_step(1e-3).with_tolerance(1e-12));
     assert!(matches!(missed, Some(LawError::ToleranceMissed { reached, .. }) if reached > 1e-12 && reached < 1e-6));
     // A stiffness that f32 cannot hold, though f64 can.
     for c in [1e-44, 1e42] {
         let model = single(c, 0.0, 0.0);
-        assert_eq!(Law::<f32>::compressed(&model, Options::at_step(1e-3)).err(), Some(LawError::NothingToSolve));
-        assert!(Law::<f64>::compressed(&model, Options::at_step(1e-3)).is_ok());
+        assert_eq!(Law::<f32>::compressed(&model, LawOptions::at_step(1e-3)).err(), Some(LawError::NothingToSolve));
+        assert!(Law::<f64>::compressed(&model, LawOptions::at_step(1e-3)).is_ok());
     }
     // Five plain relaxation times and a spring do not fit four modes.
     let branch = |k: f64| [Springpot::new(1e4 * k, 0.0), Springpot::new(1e4, 1.0)];
     let branches = [1.0, 2.0, 3.0, 4.0, 5.0].map(branch);
     let model = Maxwell::new(Springpot::new(1e4, 0.0), &branches, Topology::Parallel, 0.0).expect("valid");
-    let few = Law::<f64, Compressed<f64, 8, 0, 4>>::compressed(&model, Options::at_step(1e-3));
+    let few = Law::<f64, Compressed<f64, 8, 0, 4>>::compressed(&model, LawOptions::at_step(1e-3));
     assert_eq!(few.err(), Some(LawError::TooFewModes { modes: 4, needed: 6 }));
 
     let empty: Result<Law<f64, Window<f64, Vec<f64>>>, _> = Law::window(&model, 1e-3, Vec::new());

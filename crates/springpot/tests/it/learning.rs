@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, Learning, LearningOptions, LearningState, Maxwell, Options, SensorSample, Springpot, Topology,
+    Actuator, LawOptions, Learning, LearningOptions, LearningState, Maxwell, SensorSample, Springpot, Topology,
 };
 
 use crate::support::full_sweep;
@@ -40,7 +40,7 @@ impl Oscillator {
 
 fn learning(period_s: Option<f64>) -> Learning<f32> {
     let model = Maxwell::new(Springpot::new(5000.0, 0.1), &[], Topology::Parallel, 0.0).expect("valid");
-    let law: springpot::Law<f32> = springpot::Law::compressed(&model, Options::at_step(STEP_S)).expect("valid");
+    let law: springpot::Law<f32> = springpot::Law::compressed(&model, LawOptions::at_step(STEP_S)).expect("valid");
     let options = LearningOptions { period_s, ..LearningOptions::BENCH };
     Learning::new(&law, &Actuator::KARNER_2022, 6000.0, options).expect("valid")
 }

@@ -6,13 +6,13 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, Applied, CommandLimits, ControlError, Feedforward, FeedforwardState, Law, Load, Maxwell, Observer,
-    ObserverOptions, ObserverState, Options, SensorSample, Springpot, State, Topology, Tracking, TrackingState,
+    Actuator, Applied, CommandLimits, ControlError, Feedforward, FeedforwardState, Law, LawOptions, LawState, Load,
+    Maxwell, Observer, ObserverOptions, ObserverState, SensorSample, Springpot, Topology, Tracking, TrackingState,
     VoltageDrive,
 };
 
 type Estimate = ObserverState<f32>;
-type Film = State<f64>;
+type Film = LawState<f64>;
 
 fn model(factor: f64) -> Maxwell {
     let sp = |c: f64, alpha| Springpot::new(factor * c, alpha);
@@ -29,7 +29,7 @@ struct Plant {
 
 impl Plant {
     fn new(factor: f64) -> Self {
-        let law = Law::compressed(&model(factor), Options::at_step(1e-3)).expect("a law");
+        let law = Law::compressed(&model(factor), LawOptions::at_step(1e-3)).expect("a law");
         let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.stiffness()).expect("valid");
         Self { film: law.state(), law, drive }
     }
@@ -41,7 +41,7 @@ impl Plant {
 }
 
 fn observer(options: ObserverOptions) -> Observer<f32> {
-    let law = Law::compressed(&model(1.0), Options::at_step(1e-3)).expect("a law");
+    let law = Law::compressed(&model(1.0), LawOptions::at_step(1e-3)).expect("a law");
     Observer::new(law, &Actuator::KARNER_2022, 6000.0, options).expect("valid")
 }
 
@@ -198,7 +198,7 @@ fn samples_without_use_are_ignored() {
 /// within a second.
 #[test]
 fn a_lost_sensor_bumps_nothing() {
-    let law: Law<f32> = Law::compressed(&model(1.0), Options::at_step(1e-3)).expect("a law");
+    let law: Law<f32> = Law::compressed(&model(1.0), LawOptions::at_step(1e-3)).expect("a law");
     let rest = law.state();
     let options = ObserverOptions::at_bandwidth(0.6);
     let tracking: Tracking<f32> =
@@ -253,7 +253,7 @@ fn laws_of_control_are_small() {
 
 #[test]
 fn refuses_what_cannot_work() {
-    let law: Law<f32> = Law::compressed(&model(1.0), Options::at_step(1e-3)).expect("a law");
+    let law: Law<f32> = Law::compressed(&model(1.0), LawOptions::at_step(1e-3)).expect("a law");
     let new = |options| Observer::<f32>::new(law.clone(), &Actuator::KARNER_2022, 6000.0, options).map(drop);
     let good = ObserverOptions::at_bandwidth(0.6);
     assert_eq!(new(good), Ok(()));
@@ -288,7 +288,7 @@ fn refuses_a_bandwidth_near_the_resonance() {
     let resonance_hz = (1..1000).map(|k| f64::from(k) / 100.0).find(|&hz| inertia_outweighs(hz)).expect("below 10 Hz");
     assert!((2.5..3.5).contains(&resonance_hz), "{resonance_hz} Hz");
     let observer_at = |bandwidth_hz| {
-        let law: Law<f32> = Law::compressed(&heavy, Options::at_step(1e-3)).expect("a law");
+        let law: Law<f32> = Law::compressed(&heavy, LawOptions::at_step(1e-3)).expect("a law");
         let options =
             ObserverOptions { sample_interval_s: 1e-3, delay_s: 0.0, ..ObserverOptions::at_bandwidth(bandwidth_hz) };
         Observer::<f32>::new(law, &Actuator::KARNER_2022, 6000.0, options).map(drop)

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use springpot::{Law, Options};
+use springpot::{Law, LawOptions};
 
 use crate::support::models::{hard_models, presets, random_models};
 use crate::support::sample;
@@ -21,7 +21,7 @@ proptest! {
         hold in 1usize..50,
     ) {
         let (name, model) = random_models(seed, 1).swap_remove(0);
-        let law = Law::<f64>::compressed(&model, Options::at_step(1.0 / rate_hz)).expect("valid");
+        let law = Law::<f64>::compressed(&model, LawOptions::at_step(1.0 / rate_hz)).expect("valid");
         let mut state = law.state();
         let (mut work, mut gross) = (0.0, 0.0);
         for force in forces.into_iter().flat_map(|force| std::iter::repeat_n(force, hold)) {
@@ -41,7 +41,7 @@ proptest! {
         hold in 1usize..50,
     ) {
         let (name, model) = random_models(seed, 1).swap_remove(0);
-        let law = Law::<f64>::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let law = Law::<f64>::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
         let mut state = law.state();
         let (mut x, mut work, mut gross) = (0.0, 0.0, 0.0);
         for increment in increments.into_iter().flat_map(|dx| std::iter::repeat_n(dx, hold)) {
@@ -58,7 +58,7 @@ proptest! {
 #[test]
 fn the_controller_s_arithmetic_takes_work() {
     for (seed, (name, model)) in random_models(11, 200).into_iter().enumerate() {
-        let law = Law::<f32>::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let law = Law::<f32>::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
         let mut state = law.state();
         let mut random = Pcg64::seed_from_u64(seed as u64);
         let (mut work, mut gross) = (0.0, 0.0);
@@ -78,7 +78,7 @@ fn the_controller_s_arithmetic_takes_work() {
 fn presets_stay_bounded_and_come_to_rest() {
     const STEPS: usize = 10_000_000;
     sample(presets(), 3).into_par_iter().for_each(|(name, model)| {
-        let law = Law::<f32>::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let law = Law::<f32>::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
         let mut state = law.state();
         let mut random = Pcg64::seed_from_u64(5);
         // A force of 140 N for 10⁷ steps reaches J(10⁴ s) · 140 N; random signs stay far below.
@@ -108,7 +108,7 @@ fn presets_stay_bounded_and_come_to_rest() {
 #[test]
 fn modes_are_positive_and_decay() {
     for (name, model) in presets().into_iter().chain(random_models(7, 100)).chain(hard_models()) {
-        let law = Law::<f32>::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let law = Law::<f32>::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
         for (loss, weight) in law.memory().modes() {
             assert!((0.0..1.0).contains(&loss) && weight >= 0.0, "{name}: loss {loss}, weight {weight}");
         }

@@ -1,11 +1,11 @@
-//! `Method::Bdf2` against closed forms, quadrature, plain arithmetic and the exact answer with full memory.
+//! `Discretisation::Bdf2` against closed forms, quadrature, plain arithmetic and the exact answer with full memory.
 
 use std::f64::consts::TAU;
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
-use springpot::{Compressed, Law, LawError, Maxwell, Method, Options, Scalar, Springpot, Topology};
+use springpot::{Compressed, Discretisation, Law, LawError, LawOptions, Maxwell, Scalar, Springpot, Topology};
 
 use crate::continuous_oracle::{model, oracle};
 use crate::laws::single;
@@ -16,10 +16,10 @@ use crate::support::{relative_rms, sample};
 /// Γ(1.2)
 const GAMMA: f64 = 0.918_168_742_399_760_6;
 const OMEGA: f64 = TAU / 7.0;
-const METHODS: [Method; 2] = [Method::Gl, Method::Bdf2];
+const METHODS: [Discretisation; 2] = [Discretisation::Gl, Discretisation::Bdf2];
 
-fn law<T: Scalar>(model: &Maxwell, rate_hz: f64, method: Method) -> Law<T> {
-    Law::compressed(model, Options::at_step(1.0 / rate_hz).with_method(method)).expect("valid")
+fn law<T: Scalar>(model: &Maxwell, rate_hz: f64, method: Discretisation) -> Law<T> {
+    Law::compressed(model, LawOptions::at_step(1.0 / rate_hz).with_method(method)).expect("valid")
 }
 
 fn smooth(time_s: f64) -> f64 {
@@ -39,7 +39,7 @@ fn integral(time_s: f64) -> f64 {
 }
 
 /// Largest error (m) at 1, 5 and 20 s of the displacement of a springpot of order 0.2 under `force`.
-fn largest_error(rate_hz: f64, method: Method, force: impl Fn(f64) -> f64, exact: impl Fn(f64) -> f64) -> f64 {
+fn largest_error(rate_hz: f64, method: Discretisation, force: impl Fn(f64) -> f64, exact: impl Fn(f64) -> f64) -> f64 {
     let law = law::<f64>(&single(1.0, 0.2, 0.0), rate_hz, method);
     let mut state = law.state();
     let x: Vec<f64> =
@@ -68,15 +68,19 @@ fn smooth_input_is_of_second_order() {
     let error = |rate_hz, method| largest_error(rate_hz, method, smooth, integral);
     let rates = [10.0, 20.0, 50.0, 100.0, 200.0, 1000.0];
     for rate_hz in rates {
-        println!("{rate_hz} Hz: GL {:.1e}, BDF2 {:.1e}", error(rate_hz, Method::Gl), error(rate_hz, Method::Bdf2));
+        println!(
+            "{rate_hz} Hz: GL {:.1e}, BDF2 {:.1e}",
+            error(rate_hz, Discretisation::Gl),
+            error(rate_hz, Discretisation::Bdf2)
+        );
     }
     for rate_hz in [10.0, 20.0, 50.0, 100.0] {
         let orders = METHODS.map(|method| order(error(rate_hz, method), error(2.0 * rate_hz, method)));
         println!("{rate_hz} to {} Hz: order {:.2} and {:.2}", 2.0 * rate_hz, orders[0], orders[1]);
         assert!((0.9..1.1).contains(&orders[0]) && (1.8..2.1).contains(&orders[1]), "{rate_hz} Hz: {orders:?}");
     }
-    assert!(error(100.0, Method::Gl) > 3e-4);
-    assert!(error(100.0, Method::Bdf2) <= 5e-6);
+    assert!(error(100.0, Discretisation::Gl) > 3e-4);
+    assert!(error(100.0, Discretisation::Bdf2) <= 5e-6);
 }
 
 /// A step of 1 N creeps as t^0.2 / Γ(1.2). The jump is in the first sample.
@@ -85,9 +89,12 @@ fn a_jump_is_of_second_order_with_the_mean_of_both_sides() {
     let error = |rate_hz, method, first: f64| {
         largest_error(rate_hz, method, |t| if t == 0.0 { first } else { 1.0 }, |t| t.powf(0.2) / GAMMA)
     };
-    for (method, first, expected) in
-        [(Method::Gl, 1.0, 1.0), (Method::Gl, 0.5, 1.0), (Method::Bdf2, 1.0, 1.0), (Method::Bdf2, 0.5, 2.0)]
-    {
+    for (method, first, expected) in [
+        (Discretisation::Gl, 1.0, 1.0),
+        (Discretisation::Gl, 0.5, 1.0),
+        (Discretisation::Bdf2, 1.0, 1.0),
+        (Discretisation::Bdf2, 0.5, 2.0),
+    ] {
         let [coarse, fine] = [50.0, 100.0].map(|rate_hz| error(rate_hz, method, first));
         let order = order(coarse, fine);
         println!("{method:?}, {first} N in the jump's sample: {fine:.1e} at 100 Hz, order {order:.2}");
@@ -115,8 +122,8 @@ fn published_models_are_of_second_order() {
                 .map(|row| (x[(row.time_s * rate_hz).round() as usize] - row.displacement_m).abs() / peak)
                 .fold(0.0, f64::max)
         };
-        let [coarse, fine] = [20.0, 40.0].map(|rate_hz| error(rate_hz, Method::Bdf2));
-        let (first, second) = (error(100.0, Method::Gl), error(100.0, Method::Bdf2));
+        let [coarse, fine] = [20.0, 40.0].map(|rate_hz| error(rate_hz, Discretisation::Bdf2));
+        let (first, second) = (error(100.0, Discretisation::Gl), error(100.0, Discretisation::Bdf2));
         println!(
             "{name}: of the peak at 100 Hz GL {first:.1e}, BDF2 {second:.1e}; BDF2 order {:.2}",
             order(coarse, fine)
@@ -127,9 +134,9 @@ fn published_models_are_of_second_order() {
 }
 
 /// Largest error from 1 s on, over the peak, of the published models under the paper's force and of a springpot after a jump, in f32.
-fn on_a_controller<const H: usize, const F: usize, const S: usize>(rate_hz: f64, method: Method) -> [f64; 2] {
+fn on_a_controller<const H: usize, const F: usize, const S: usize>(rate_hz: f64, method: Discretisation) -> [f64; 2] {
     type Slim<const H: usize, const F: usize, const S: usize> = Law<f32, Compressed<f32, H, F, S>>;
-    let options = Options::at_step(1.0 / rate_hz).with_method(method).with_horizon(3600.0).with_tolerance(1e-3);
+    let options = LawOptions::at_step(1.0 / rate_hz).with_method(method).with_horizon(3600.0).with_tolerance(1e-3);
     let run = |film: &Maxwell, force: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
         let law = Slim::<H, F, S>::compressed(film, options).expect("valid");
         let mut state = law.state();
@@ -153,7 +160,12 @@ fn on_a_controller<const H: usize, const F: usize, const S: usize>(rate_hz: f64,
 /// A controller without an FPU: 100 steps a second of second order instead of 1000 of first, in f32, default and lean.
 #[test]
 fn a_hundred_hertz_of_second_order_beat_a_kilohertz_of_first() {
-    for (rate_hz, method) in [(1000.0, Method::Gl), (100.0, Method::Gl), (100.0, Method::Bdf2), (50.0, Method::Bdf2)] {
+    for (rate_hz, method) in [
+        (1000.0, Discretisation::Gl),
+        (100.0, Discretisation::Gl),
+        (100.0, Discretisation::Bdf2),
+        (50.0, Discretisation::Bdf2),
+    ] {
         let default = on_a_controller::<12, 12, 24>(rate_hz, method);
         let lean = on_a_controller::<8, 14, 4>(rate_hz, method);
         println!(
@@ -161,11 +173,13 @@ fn a_hundred_hertz_of_second_order_beat_a_kilohertz_of_first() {
             default[0], default[1], lean[0], lean[1]
         );
     }
-    let first = on_a_controller::<12, 12, 24>(1000.0, Method::Gl);
-    let second = on_a_controller::<12, 12, 24>(100.0, Method::Bdf2);
+    let first = on_a_controller::<12, 12, 24>(1000.0, Discretisation::Gl);
+    let second = on_a_controller::<12, 12, 24>(100.0, Discretisation::Bdf2);
     assert!(10.0 * second[0] < first[0] && 5.0 * second[1] < first[1], "{second:?}, {first:?}");
-    let (first, second) =
-        (on_a_controller::<8, 14, 4>(1000.0, Method::Gl), on_a_controller::<8, 14, 4>(100.0, Method::Bdf2));
+    let (first, second) = (
+        on_a_controller::<8, 14, 4>(1000.0, Discretisation::Gl),
+        on_a_controller::<8, 14, 4>(100.0, Discretisation::Bdf2),
+    );
     assert!(10.0 * second[0] < first[0] && 5.0 * second[1] < first[1], "{second:?}, {first:?}");
 }
 
@@ -173,8 +187,8 @@ fn a_hundred_hertz_of_second_order_beat_a_kilohertz_of_first() {
 #[test]
 fn a_hundred_hertz_of_second_order_are_better_up_to_a_few_hertz() {
     let film = model("n2");
-    let laws =
-        [(1000.0, Method::Gl), (100.0, Method::Bdf2)].map(|(rate_hz, method)| law::<f64>(&film, rate_hz, method));
+    let laws = [(1000.0, Discretisation::Gl), (100.0, Discretisation::Bdf2)]
+        .map(|(rate_hz, method)| law::<f64>(&film, rate_hz, method));
     for (frequency_hz, better) in [(0.14, true), (0.5, true), (1.0, true), (2.0, true), (5.0, false), (10.0, false)] {
         let exact = film.frequency_response(frequency_hz);
         let [first, second] =
@@ -199,7 +213,7 @@ fn inertia_is_of_second_order_in_both_directions() {
         spring * path(t) + dashpot * speed + mass * acceleration
     };
     let errors = |rate_hz: f64| {
-        let law = law::<f64>(&film, rate_hz, Method::Bdf2);
+        let law = law::<f64>(&film, rate_hz, Discretisation::Bdf2);
         let (mut relaxation, mut creep) = (law.state(), law.state());
         let (mut backwards, mut forwards) = (0f64, 0f64);
         for k in 0..=(2.0 * rate_hz) as usize {
@@ -222,7 +236,7 @@ fn orders_0_and_1_and_the_inertia_are_plain_arithmetic() {
     let (spring, dashpot, mass) = (400.0, 30.0, 0.5);
     let branch = [Springpot::new(2.0 * dashpot, 1.0), Springpot::new(2.0 * dashpot, 1.0)];
     let film = Maxwell::new(Springpot::new(spring, 0.0), &[branch], Topology::Parallel, mass).expect("valid");
-    let law = law::<f64>(&film, 1.0 / STEP, Method::Bdf2);
+    let law = law::<f64>(&film, 1.0 / STEP, Discretisation::Bdf2);
     let mut state = law.state();
     let (viscous, inertia) = (dashpot / (2.0 * STEP), mass / (4.0 * STEP * STEP));
     let mut past = [0.0; 4];
@@ -243,7 +257,7 @@ fn modes_are_positive_and_decay_at_every_rate() {
     for rate_hz in [100.0, 1000.0, 5000.0] {
         let mut largest = 0f64;
         for (name, model) in &models {
-            let law = law::<f64>(model, rate_hz, Method::Bdf2);
+            let law = law::<f64>(model, rate_hz, Discretisation::Bdf2);
             largest = largest.max(law.memory().tail_error());
             for (loss, weight) in law.memory().modes() {
                 assert!((0.0..1.0).contains(&loss) && weight >= 0.0, "{name}: loss {loss}, weight {weight}");
@@ -329,7 +343,7 @@ fn a_relaxation_time_as_short_as_the_step_needs_a_longer_head() {
     ] {
         let branch = [Springpot::new(1e4, 0.0), Springpot::new(1e4 * steps * 1e-3, 1.0)];
         let film = Maxwell::new(Springpot::new(1.0, 0.2), &[branch], Topology::Parallel, 0.0).expect("valid");
-        let options = Options::at_step(1e-3).with_method(Method::Bdf2);
+        let options = LawOptions::at_step(1e-3).with_method(Discretisation::Bdf2);
         let usual = Law::<f64>::compressed(&film, options).map(|law| law.memory().tail_error());
         println!("relaxation time {steps} steps: {usual:?}");
         assert_eq!(matches!(usual, Err(LawError::ToleranceMissed { .. })), refused, "{steps} steps: {usual:?}");
@@ -337,7 +351,7 @@ fn a_relaxation_time_as_short_as_the_step_needs_a_longer_head() {
         assert!(long.is_ok(), "{steps} steps: {:?}", long.map(|law| law.memory().tail_error()));
     }
     // Inertia reaches back over three increments.
-    let options = Options::at_step(1e-3).with_method(Method::Bdf2).with_tolerance(1.0);
+    let options = LawOptions::at_step(1e-3).with_method(Discretisation::Bdf2).with_tolerance(1.0);
     let short = Law::<f64, Compressed<f64, 2, 12, 24>>::compressed(&single(6e4, 0.2, 0.3), options);
     assert_eq!(short.err(), Some(LawError::HeadTooShort { head: 2, needed: 3 }));
 }
@@ -346,10 +360,10 @@ fn a_relaxation_time_as_short_as_the_step_needs_a_longer_head() {
 #[test]
 fn coefficients_make_the_same_law() {
     for (name, model) in presets().into_iter().chain(random_models(8, 20)) {
-        let sent = law::<f32>(&model, 1000.0, Method::Bdf2);
+        let sent = law::<f32>(&model, 1000.0, Discretisation::Bdf2);
         let received = Law::from_coefficients(&sent.coefficients(), 1e-3, model.mass_kg());
         assert_eq!(received.as_ref(), Ok(&sent), "{name}");
-        assert_eq!(received.map(|law| law.method()), Ok(Method::Bdf2));
+        assert_eq!(received.map(|law| law.method()), Ok(Discretisation::Bdf2));
     }
 }
 
@@ -358,7 +372,8 @@ fn settling_equals_steps() {
     for (name, model) in presets().into_iter().take(6).chain(random_models(5, 8)) {
         // Settling has no inertia; the law it is asked of has.
         let massless = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0).expect("valid");
-        let (heavy, light) = (law::<f64>(&model, 1000.0, Method::Bdf2), law::<f64>(&massless, 1000.0, Method::Bdf2));
+        let (heavy, light) =
+            (law::<f64>(&model, 1000.0, Discretisation::Bdf2), law::<f64>(&massless, 1000.0, Discretisation::Bdf2));
         for seconds in [0.01, 1.0, 60.0] {
             let mut stepped = light.state();
             light.warm_up(&mut stepped, std::iter::repeat_n(10.0, (seconds * 1000f64).round() as usize));
@@ -374,8 +389,9 @@ fn settling_equals_steps() {
 fn the_frequency_response_is_of_second_order() {
     for (name, model) in presets() {
         let exact = model.frequency_response(1.0);
-        let error =
-            |rate_hz| (law::<f64>(&model, rate_hz, Method::Bdf2).frequency_response(1.0) - exact).norm() / exact.norm();
+        let error = |rate_hz| {
+            (law::<f64>(&model, rate_hz, Discretisation::Bdf2).frequency_response(1.0) - exact).norm() / exact.norm()
+        };
         let order = order(error(200.0), error(400.0));
         assert!((1.8..2.1).contains(&order), "{name}: {order}");
     }
@@ -385,7 +401,8 @@ fn the_frequency_response_is_of_second_order() {
 #[test]
 fn single_precision_stays_close_and_bounded() {
     sample(presets(), 4).into_par_iter().for_each(|(name, model)| {
-        let (single, double) = (law::<f32>(&model, 1000.0, Method::Bdf2), law::<f64>(&model, 1000.0, Method::Bdf2));
+        let (single, double) =
+            (law::<f32>(&model, 1000.0, Discretisation::Bdf2), law::<f64>(&model, 1000.0, Discretisation::Bdf2));
         let (mut low, mut high) = (single.state(), double.state());
         let (x32, x64): (Vec<f64>, Vec<f64>) = paper_force(1.0 / 7.0, 155.0, 1000.0)
             .into_iter()

@@ -1,7 +1,7 @@
 //! The feature `serde`: names in text, bytes in binary, and checks when a model is read.
 
 use springpot::{
-    Actuator, Coefficients, CommandLimits, Compressed, Law, Maxwell, ObserverOptions, Options, Preload, Topology,
+    Actuator, Coefficients, CommandLimits, Compressed, Law, LawOptions, Maxwell, ObserverOptions, Preload, Topology,
 };
 
 use crate::support::models::{presets, random_models};
@@ -61,14 +61,14 @@ fn fields_have_the_names_of_the_types() {
     }
     same(CommandLimits::BENCH);
     same(ObserverOptions::at_bandwidth(0.6));
-    same(Options::at_step(1e-3));
+    same(LawOptions::at_step(1e-3));
 }
 
 /// Plain numbers, five of them of the bound, with one byte each for the method and for no curve, and the same law again, bit for bit.
 #[test]
 fn coefficients_are_the_numbers_alone() {
     for (name, model) in presets() {
-        let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+        let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
         let mut bytes = [0; 512];
         let bytes = postcard::to_slice(&law.coefficients(), &mut bytes).expect("room");
         assert_eq!(bytes.len(), 1 + 2 * 8 + (12 + 2 * 12 + 2 * 24) * 4 + 5 * 4 + 1);
@@ -79,7 +79,7 @@ fn coefficients_are_the_numbers_alone() {
     // More than the 32 elements that serde itself has arrays for, and in text.
     type Long = Compressed<f64, 40, 2, 36>;
     let (_, model) = presets().swap_remove(2);
-    let law: Law<f64, Long> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+    let law: Law<f64, Long> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
     let text = serde_json::to_string(&law.coefficients()).expect("text");
     let read: Coefficients<f64, 40, 2, 36> = serde_json::from_str(&text).expect("valid");
     assert_eq!(read.head.len(), 40);

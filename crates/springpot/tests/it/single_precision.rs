@@ -1,13 +1,13 @@
 //! f32 against f64: what the controller's arithmetic loses.
 
 use rayon::prelude::*;
-use springpot::{Law, Maxwell, Options};
+use springpot::{Law, LawOptions, Maxwell};
 
 use crate::support::models::{hard_models, paper_force, presets, random_models};
 use crate::support::{full_sweep, relative_rms, sample};
 
 fn laws(model: &Maxwell, rate_hz: f64) -> (Law<f32>, Law<f64>) {
-    let options = Options::at_step(1.0 / rate_hz);
+    let options = LawOptions::at_step(1.0 / rate_hz);
     (Law::compressed(model, options).expect("valid"), Law::compressed(model, options).expect("valid"))
 }
 

@@ -1,22 +1,22 @@
 //! States have names that a program can write in its own types, with the default memory, a lean one and a window.
 
 use springpot::{
-    Actuator, Applied, CommandLimits, Compressed, Feedforward, FeedforwardState, Law, Observer, ObserverOptions,
-    ObserverState, Options, Preset, State, Tracking, TrackingState, Window,
+    Actuator, Applied, CommandLimits, Compressed, Feedforward, FeedforwardState, Law, LawOptions, LawState, Observer,
+    ObserverOptions, ObserverState, Preset, Tracking, TrackingState, Window,
 };
 
 type Lean = Compressed<f32, 8, 14, 4>;
 
 /// As a program keeps them.
 struct Default {
-    film: State<f32>,
+    film: LawState<f32>,
     feedforward: FeedforwardState<f32>,
     observer: ObserverState<f32>,
     tracking: TrackingState<f32>,
 }
 
 struct WithLean {
-    film: State<f32, Lean>,
+    film: LawState<f32, Lean>,
     feedforward: FeedforwardState<f32, Lean>,
     observer: ObserverState<f32, Lean, 16>,
     tracking: TrackingState<f32, Lean, 16>,
@@ -24,14 +24,14 @@ struct WithLean {
 
 /// A window in borrowed storage, as a controller without allocation has it.
 struct Borrowed<'a> {
-    film: State<f32, Window<f32, &'a mut [f32]>>,
+    film: LawState<f32, Window<f32, &'a mut [f32]>>,
 }
 
 const ACTUATOR: Actuator = Actuator::KARNER_2022;
 const LIMITS: CommandLimits = CommandLimits::BENCH;
 
-fn options() -> Options {
-    Options::at_step(1e-3).with_horizon(3600.0).with_tolerance(1e-3)
+fn options() -> LawOptions {
+    LawOptions::at_step(1e-3).with_horizon(3600.0).with_tolerance(1e-3)
 }
 
 fn observer_options() -> ObserverOptions {
@@ -41,7 +41,7 @@ fn observer_options() -> ObserverOptions {
 #[test]
 fn the_default_memory_needs_no_name() {
     let law: Law<f32> =
-        Law::compressed(&Preset::ALL[1].model().expect("valid"), Options::at_step(1e-3)).expect("valid");
+        Law::compressed(&Preset::ALL[1].model().expect("valid"), LawOptions::at_step(1e-3)).expect("valid");
     let film = law.state();
     let feedforward = Feedforward::new(law.clone(), &ACTUATOR, LIMITS).expect("valid");
     let observer: Observer<f32> = Observer::new(law.clone(), &ACTUATOR, 6000.0, observer_options()).expect("valid");

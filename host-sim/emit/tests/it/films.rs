@@ -1,8 +1,8 @@
 //! Films to emit, and what drives them.
 
 use springpot::{
-    Actuator, AmplifierLag, CommandLimits, Curve, Feedforward, Law, Learning, LearningOptions, Maxwell, Method,
-    ObserverOptions, Options, Preload, Preset, Tracking,
+    Actuator, AmplifierLag, CommandLimits, Curve, Discretisation, Feedforward, Law, LawOptions, Learning,
+    LearningOptions, Maxwell, ObserverOptions, Preload, Preset, Tracking,
 };
 
 use bench_emit::Film;
@@ -42,7 +42,7 @@ struct Setup {
 }
 
 fn published() -> Maxwell {
-    Preset::named("table3-n2").expect("a preset").model().expect("valid")
+    Preset::TABLE3_N2.model().expect("valid")
 }
 
 /// The paper's film on the paper's bench: no curve, an amplifier that follows at once, nothing learned.
@@ -57,7 +57,7 @@ pub fn learned() -> Case {
 
 fn on_the_bench(learning: Option<LearningOptions>) -> Case {
     let setup = Setup { actuator: Actuator::KARNER_2022, limits: CommandLimits::BENCH, learning, bandwidths: &[0.6] };
-    let law = Law::compressed(&published(), Options::at_step(1e-3)).expect("valid");
+    let law = Law::compressed(&published(), LawOptions::at_step(1e-3)).expect("valid");
     Case::new("karner-2022-table3-n2", law, &setup).expect("accepted")
 }
 
@@ -77,7 +77,8 @@ pub fn rich() -> Case {
         learning: Some(LearningOptions::BENCH),
         bandwidths: &[0.6],
     };
-    let law = Law::compressed(&published(), Options::at_step(1e-3).with_method(Method::Bdf2)).expect("valid");
+    let law =
+        Law::compressed(&published(), LawOptions::at_step(1e-3).with_method(Discretisation::Bdf2)).expect("valid");
     Case::new("rich */ film", law.behind(&curve()).expect("a curve"), &setup).expect("accepted")
 }
 
@@ -90,14 +91,14 @@ pub fn periodic() -> Case {
         learning: Some(learning),
         bandwidths: &[0.4],
     };
-    let law = Law::compressed(&published(), Options::at_step(2e-3)).expect("valid");
+    let law = Law::compressed(&published(), LawOptions::at_step(2e-3)).expect("valid");
     Case::new("periodic", law, &setup).expect("accepted")
 }
 
 /// A film of the chip program: what its laws of control are built of.
 pub fn of_program(film: chip_program::Film) -> Case {
     let model = Preset::named(film.preset).expect("a preset").model().expect("valid").with_topology(film.topology);
-    let options = Options::at_step(film.step_s).with_method(film.method);
+    let options = LawOptions::at_step(film.step_s).with_method(film.method);
     let law: Law<f32> = Law::compressed(&model, options).expect("valid");
     let (law, actuator) = if film.curved {
         (law.behind(&chip_program::curve()).expect("valid"), chip_program::SATURATING)
@@ -125,8 +126,8 @@ fn curve() -> Curve {
 pub fn random(count: usize) -> Vec<Case> {
     let models = crate::models::random_models(16, 2 * count);
     let cases = models.iter().enumerate().filter_map(|(k, (name, model))| {
-        let method = if k % 3 == 2 { Method::Bdf2 } else { Method::Gl };
-        let law: Law<f32> = Law::compressed(model, Options::at_step(1e-3).with_method(method)).ok()?;
+        let method = if k % 3 == 2 { Discretisation::Bdf2 } else { Discretisation::Gl };
+        let law: Law<f32> = Law::compressed(model, LawOptions::at_step(1e-3).with_method(method)).ok()?;
         let law = if k % 2 == 1 { law.behind(&random_curve(k)).ok()? } else { law };
         let amplifier = if k % 5 == 4 { AmplifierLag { rise_s: 0.05, fall_s: 0.05 } } else { AmplifierLag::NONE };
         let setup = Setup {

@@ -28,7 +28,7 @@ impl Fit {
         let names: Vec<String> = recordings.iter().map(name).collect();
         Ok(Parameters {
             curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
-            method: springpot::Method::Gl,
+            method: springpot::Discretisation::Gl,
             name: format!("fit to {}", names.join(", ")),
             actuator: self.candidate.actuator,
             assumed_sizes: settings.assumed_sizes,

@@ -2,7 +2,7 @@
 
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Compressed, Curve, Law, Load, Maxwell, Options, Springpot};
+use springpot::{Compressed, Curve, Law, LawOptions, Load, Maxwell, Springpot};
 
 use super::nodes::Nodes;
 use crate::replay::coupling::PullIn;
@@ -195,7 +195,7 @@ fn power(ln_s: &[Complex<f64>], element: &Springpot, sign: f64) -> Spectrum {
 fn recursion_of(model: &Maxwell, samples: usize, step_s: f64) -> Option<Law<f64, Recursion>> {
     let horizon_s = (samples as f64 * step_s).max(100.0 * step_s);
     // Any tolerance: corrections remove the tail's error.
-    let options = Options::at_step(step_s).with_horizon(horizon_s).with_tolerance(f64::MAX);
+    let options = LawOptions::at_step(step_s).with_horizon(horizon_s).with_tolerance(f64::MAX);
     Law::compressed(model, options).ok()
 }
 

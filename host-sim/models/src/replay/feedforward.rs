@@ -1,6 +1,6 @@
 //! The voltage that makes a film follow a reference.
 
-use springpot::{Applied, CommandLimits, Feedforward, Law, Limited, Memory, Real, State};
+use springpot::{Applied, CommandLimits, Feedforward, Law, LawState, Limited, Memory, Real};
 
 use crate::error::Result;
 use crate::files::parameters::Parameters;
@@ -56,7 +56,7 @@ impl OnLaw for Inversion<'_> {
     type Output = VoltagePlan;
 
     /// The calls of a controller, tick by tick.
-    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: State<T, M>) -> Result<VoltagePlan> {
+    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: LawState<T, M>) -> Result<VoltagePlan> {
         let feedforward = Feedforward::new(law, &self.parameters.actuator, self.limits)?;
         let mut state = feedforward.state(rest);
         let mut plan = VoltagePlan::default();

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use bench_fft::{ComplexToReal, Planner, RealToComplex};
 use num_complex::Complex;
-use springpot::{Maxwell, Method};
+use springpot::{Discretisation, Maxwell};
 
 /// A circle of points |ζ| = radius on which responses of a given length are computed.
 ///
@@ -16,7 +16,7 @@ pub struct FullMemory {
     samples: usize,
     /// Seconds per sample.
     step: f64,
-    method: Method,
+    method: Discretisation,
     ln_radius: f64,
     /// Points of the whole circle.
     points: usize,
@@ -40,16 +40,16 @@ impl FullMemory {
     }
 
     /// The same for another discretisation of s.
-    pub fn with_method(samples: usize, step: f64, method: Method) -> Self {
+    pub fn with_method(samples: usize, step: f64, method: Discretisation) -> Self {
         Self::with_oversampling_and_method(samples, step, 4, method)
     }
 
     /// The same with `oversampling` times as many points as samples, at least 2.
     pub fn with_oversampling(samples: usize, step: f64, oversampling: usize) -> Self {
-        Self::with_oversampling_and_method(samples, step, oversampling, Method::Gl)
+        Self::with_oversampling_and_method(samples, step, oversampling, Discretisation::Gl)
     }
 
-    fn with_oversampling_and_method(samples: usize, step: f64, oversampling: usize, method: Method) -> Self {
+    fn with_oversampling_and_method(samples: usize, step: f64, oversampling: usize, method: Discretisation) -> Self {
         let oversampling = oversampling.max(2);
         let points = smooth_length(samples.max(1) * oversampling);
         let ratio = points as f64 / samples.max(1) as f64;
@@ -154,14 +154,14 @@ impl FullMemory {
 }
 
 /// ln s at `share` of the circle, without cancellation near ζ = 1.
-fn ln_s_at(share: f64, ln_radius: f64, step: f64, method: Method) -> Complex<f64> {
+fn ln_s_at(share: f64, ln_radius: f64, step: f64, method: Discretisation) -> Complex<f64> {
     let angle = -std::f64::consts::TAU * share;
     let (sin, cos) = angle.sin_cos();
     let grown = ln_radius.exp_m1();
     let half = (0.5 * angle).sin();
     let difference = Complex::new(-(grown * cos - 2.0 * half * half), -(grown + 1.0) * sin);
     // δ(ζ): with backward differences of second order (1 − ζ)(3 − ζ)/2.
-    let delta = if method == Method::Gl { difference } else { difference * (difference * 0.5 + 1.0) };
+    let delta = if method == Discretisation::Gl { difference } else { difference * (difference * 0.5 + 1.0) };
     let (size, phase) = delta.to_polar();
     Complex::new((size / step).ln(), phase)
 }

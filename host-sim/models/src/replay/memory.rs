@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use springpot::{Law, Memory, Method, Real, State, Window};
+use springpot::{Discretisation, Law, LawState, Memory, Real, Window};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Film;
@@ -69,7 +69,7 @@ pub enum MethodName {
     Bdf2,
 }
 
-impl From<MethodName> for Method {
+impl From<MethodName> for Discretisation {
     fn from(name: MethodName) -> Self {
         match name {
             MethodName::Gl => Self::Gl,
@@ -106,7 +106,7 @@ pub trait OnLaw {
     /// # Errors
     ///
     /// Those of the work.
-    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: State<T, M>) -> Result<Self::Output>;
+    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: LawState<T, M>) -> Result<Self::Output>;
 }
 
 /// Work with a law of recursive memory, or with full memory, which has no law to step.
@@ -128,7 +128,7 @@ pub fn on_memory<W: OnMemory>(film: Film<'_>, grid: Grid, options: &RunOptions, 
     match options.memory {
         MemoryChoice::Full => work.with_full_memory(),
         MemoryChoice::Compressed => on_compressed(film, grid.rate_hz, options.precision, work),
-        MemoryChoice::Window(_) if film.method != Method::Gl => {
+        MemoryChoice::Window(_) if film.method != Discretisation::Gl => {
             Err(Error::option("--method", "a plain window is Grünwald–Letnikov; use --method gl or another --memory"))
         }
         MemoryChoice::Window(seconds) => match options.precision {
@@ -182,4 +182,4 @@ pub fn window_law<T: Real>(film: Film<'_>, step_s: f64, length: usize) -> Result
 pub type VecWindow<T> = Window<T, Vec<T>>;
 
 /// A law with its state at rest.
-pub type AtRest<T, M> = (Law<T, M>, State<T, M>);
+pub type AtRest<T, M> = (Law<T, M>, LawState<T, M>);

@@ -1,7 +1,7 @@
 //! The observer over a recording: what a controller would have estimated.
 
 use serde::Serialize;
-use springpot::{ControlError, Law, Memory, Observer, ObserverOptions, Real, SensorSample, State};
+use springpot::{ControlError, Law, LawState, Memory, Observer, ObserverOptions, Real, SensorSample};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
@@ -191,7 +191,7 @@ struct ObserverRun<'a> {
 impl OnLaw for ObserverRun<'_> {
     type Output = Estimates;
 
-    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: State<T, M>) -> Result<Estimates> {
+    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: LawState<T, M>) -> Result<Estimates> {
         let sensor = self.parameters.sensor();
         let largest = self.voltage_v.iter().fold(1.0, |largest: f64, v| largest.max(v.abs()));
         let observer: Observer<T, M> =

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use springpot::{Actuator, Law, Load, Memory, Real, State, VoltageDrive};
+use springpot::{Actuator, Law, LawState, Load, Memory, Real, VoltageDrive};
 
 use crate::error::{Error, Result};
 use crate::files::output::{self, Staged};
@@ -113,7 +113,7 @@ impl OnLaw for ModelRun<'_> {
     type Output = Columns;
 
     /// Steps `law` along the input: the same calls as on the controller.
-    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, mut state: State<T, M>) -> Result<Columns> {
+    fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, mut state: LawState<T, M>) -> Result<Columns> {
         let mut force = Vec::with_capacity(self.grid.samples);
         let mut displacement = Vec::with_capacity(self.grid.samples);
         let mut push = |f: T, x: T| {

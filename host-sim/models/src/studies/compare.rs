@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use serde::Serialize;
-use springpot::{Actuator, Compressed, Law, Memory, Options, Springpot, Topology, VoltageDrive};
+use springpot::{Actuator, Compressed, Law, LawOptions, Memory, Springpot, Topology, VoltageDrive};
 
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
@@ -151,11 +151,11 @@ impl CreepModel {
         match self {
             // For plain relaxation times a head of one sample and six poles are enough.
             Self::Prony(_) => {
-                let law: Law<f32, Compressed<f32, 1, 6, 0>> = Law::compressed(&model, Options::at_step(1e-3))?;
+                let law: Law<f32, Compressed<f32, 1, 6, 0>> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
                 law_step_ns(&law, &candidate.actuator, input, || law.state())
             }
             Self::Fractional(..) => {
-                let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3))?;
+                let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
                 law_step_ns(&law, &candidate.actuator, input, || law.state())
             }
         }
@@ -218,7 +218,7 @@ fn law_step_ns<M: Memory<f32>>(
     law: &Law<f32, M>,
     actuator: &Actuator,
     input: &Input,
-    state: impl Fn() -> springpot::State<f32, M>,
+    state: impl Fn() -> springpot::LawState<f32, M>,
 ) -> Result<f64> {
     if let Input::Displacement(_) = input {
         return Ok(nanoseconds(|| {

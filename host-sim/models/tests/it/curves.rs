@@ -19,7 +19,7 @@ use indicatif::ProgressBar;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
-use springpot::{Actuator, CommandLimits, Curve, Maxwell, Method, Rubber, Springpot, Topology};
+use springpot::{Actuator, CommandLimits, Curve, Discretisation, Maxwell, Rubber, Springpot, Topology};
 
 pub(crate) const FILM: Actuator =
     Actuator { length_m: 0.03, width_m: 0.02, thickness_m: 100e-6, mass_kg: 0.1, ..Actuator::KARNER_2022 };
@@ -217,7 +217,7 @@ fn every_way_to_run_a_curve_agrees() {
     let volts: Vec<f64> = grid.times_s().iter().map(|t| 1600.0 * (1.0 - (TAU * 0.6 * t).cos())).collect();
     let input = Input::Voltage(Samples { time_s: grid.times_s(), value: volts.clone() });
     let bar = ProgressBar::hidden();
-    for method in [Method::Gl, Method::Bdf2] {
+    for method in [Discretisation::Gl, Discretisation::Bdf2] {
         let parameters = bent_parameters().with_method(method);
         let run = |memory, input: &Input| {
             let options = RunOptions { memory, precision: Precision::F64, rate_hz: 500.0 };
@@ -235,7 +235,7 @@ fn every_way_to_run_a_curve_agrees() {
         assert!(far(&back.force_n, &full.force_n) < 1e-7 * force, "{method:?}");
         let back = run(MemoryChoice::Compressed, &path);
         assert!(far(&back.force_n, &full.force_n) < 1e-5 * force, "{method:?}");
-        if method == Method::Gl {
+        if method == Discretisation::Gl {
             let plant = FullMemoryPlant::at_rest(&parameters, Mismatch::NONE, grid.step_s(), grid.samples);
             let mut plant = plant.expect("a plant");
             let step = |&v: &f64| {

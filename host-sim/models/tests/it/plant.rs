@@ -16,7 +16,7 @@ fn parameters(actuator: Actuator) -> Parameters {
     let model = Maxwell::new(sp(4e4, 0.08), &branches, Topology::Parallel, actuator.mass_kg).expect("valid");
     Parameters {
         curve: None,
-        method: springpot::Method::Gl,
+        method: springpot::Discretisation::Gl,
         name: "plant".into(),
         actuator,
         assumed_sizes: false,

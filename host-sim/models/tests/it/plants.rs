@@ -3,7 +3,7 @@
 use bench_io::files::parameters::Parameters;
 use bench_models::bench::film::{Film, FilmState};
 use bench_models::bench::plant::{Mismatch, Plant};
-use springpot::{Actuator, EPSILON_0, Law, State};
+use springpot::{Actuator, EPSILON_0, Law, LawState};
 
 /// Stiffness (N/m) and retardation time (s) of elements that creep little, a sixth of what the spring gives, and of some that creep
 /// nearly as much as the spring gives.
@@ -156,7 +156,7 @@ impl Plant for WarmingStrip {
 pub(crate) struct BlendedFilm {
     actuator: Actuator,
     /// The cold film, and the warm one.
-    films: Vec<(Law<f64>, State<f64>)>,
+    films: Vec<(Law<f64>, LawState<f64>)>,
     ramp: Option<Ramp>,
     substeps: usize,
     displacement_m: f64,

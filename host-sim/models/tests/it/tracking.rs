@@ -52,7 +52,7 @@ fn fit_to(plant: &str) -> Parameters {
     let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ()).expect("a fit").candidate;
     Parameters {
         curve: None,
-        method: springpot::Method::Gl,
+        method: springpot::Discretisation::Gl,
         name: plant.into(),
         actuator: candidate.actuator,
         model: candidate.model().expect("valid"),

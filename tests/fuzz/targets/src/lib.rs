@@ -22,7 +22,7 @@ pub use parameter_file::run as parameter_files;
 pub use recording::run as recordings;
 
 use dea_driver::{BLOB_LEN, Parameters};
-use springpot::{Actuator, Law, Options, Preset};
+use springpot::{Actuator, Law, LawOptions, Preset};
 use std::sync::LazyLock;
 
 /// The board that the blobs of these tests are for.
@@ -30,8 +30,8 @@ pub const BOARD: u16 = 7;
 
 /// A valid blob: the paper's film on the paper's bench, at 1 kHz.
 pub static GOOD_BLOB: LazyLock<Vec<u8>> = LazyLock::new(|| {
-    let model = Preset::named("table3-n2").expect("a preset").model().expect("valid");
-    let law: Law<f32> = Law::compressed(&model, Options::at_step(1e-3)).expect("valid");
+    let model = Preset::TABLE3_N2.model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
     let mut parameters = Parameters::bench(&law, Actuator::KARNER_2022);
     // The film of these benches stands still, which no model explains.
     parameters.limits.max_disturbance_share = 0.4;

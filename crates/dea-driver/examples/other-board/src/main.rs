@@ -15,7 +15,7 @@ use embedded_hal::digital::{self, InputPin, OutputPin};
 use embedded_hal::spi::{self, Operation, SpiDevice};
 #[cfg(target_os = "none")]
 use semihosting::{println, process};
-use springpot::{Law, State, VoltageDrive};
+use springpot::{Law, LawState, VoltageDrive};
 
 /// `host-sim export --params film.toml --out film.bin`: the film's law and its bench. A board of another number refuses it.
 const FILM: &[u8] = include_bytes!("../film.bin");
@@ -134,7 +134,7 @@ struct Film {
     bench: Parameters,
     law: Law<f32>,
     drive: VoltageDrive<f32>,
-    state: RefCell<State<f32>>,
+    state: RefCell<LawState<f32>>,
 }
 
 impl Film {

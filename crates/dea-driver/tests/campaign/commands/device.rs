@@ -6,7 +6,7 @@ use dea_driver::{
     Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Mode, OnSensorFault, Parameters, Readings, Refusal,
     Telemetry,
 };
-use springpot::{Compressed, Law, State, VoltageDrive};
+use springpot::{Compressed, Law, LawState, VoltageDrive};
 
 use super::{Counts, Mood, RATE_HZ, Source, limits};
 use crate::bench::board_parameters;
@@ -36,7 +36,7 @@ struct Bench {
     law: Law<f32, Watched>,
     drive: VoltageDrive<f32>,
     /// The model under the commanded voltage alone, as the controller has it, which is also the film of this bench.
-    film: State<f32, Watched>,
+    film: LawState<f32, Watched>,
     source: Source,
     mode: Mode,
     reference_is_set: bool,

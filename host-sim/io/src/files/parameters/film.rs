@@ -1,6 +1,6 @@
 //! A film as a law is made of it.
 
-use springpot::{Compressed, Curve, Law, LawError, Maxwell, Memory, Method, Options, Real};
+use springpot::{Compressed, Curve, Discretisation, Law, LawError, LawOptions, Maxwell, Memory, Real};
 
 use crate::error::{Error, Result};
 
@@ -12,7 +12,7 @@ pub struct Film<'a> {
     /// The curve; none for a linear film.
     pub curve: Option<&'a Curve>,
     /// How s is discretised.
-    pub method: Method,
+    pub method: Discretisation,
 }
 
 /// Most steps per second of a law.
@@ -29,7 +29,7 @@ impl Film<'_> {
         if rate_hz > MAX_RATE_HZ {
             return Err(Error::option("--rate", format!("{rate_hz:?} Hz; a law takes at most {MAX_RATE_HZ:e} Hz")));
         }
-        let options = Options::at_step(1.0 / rate_hz).with_method(self.method);
+        let options = LawOptions::at_step(1.0 / rate_hz).with_method(self.method);
         let law = Law::compressed(self.model, options).map_err(|error| match error {
             LawError::Step(_) | LawError::Horizon { .. } => {
                 Error::option("--rate", format!("{rate_hz:?} Hz; a law needs at least 1e-3 Hz"))
@@ -55,6 +55,6 @@ impl Film<'_> {
 impl<'a> From<&'a Maxwell> for Film<'a> {
     /// A linear film, stepped as in the paper.
     fn from(model: &'a Maxwell) -> Self {
-        Self { model, curve: None, method: Method::Gl }
+        Self { model, curve: None, method: Discretisation::Gl }
     }
 }

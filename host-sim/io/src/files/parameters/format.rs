@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::ops::Range;
 
 use serde::Deserialize;
-use springpot::{Actuator, ActuatorError, Element, Maxwell, ModelError, Preload, Springpot, Topology};
+use springpot::{Actuator, ActuatorError, Maxwell, ModelElement, ModelError, Preload, Springpot, Topology};
 use toml::Spanned;
 
 use super::Parameters;
@@ -186,9 +186,9 @@ impl ModelTable {
 
     /// Where the value stands that an error is about.
     pub(super) fn place_of(&self, error: &ModelError) -> Option<Range<usize>> {
-        let element = |element: &Element| match *element {
-            Element::Main => Some(&self.main),
-            Element::Branch { branch, element } => self.branches.get(branch)?.get_ref().get(element),
+        let element = |element: &ModelElement| match *element {
+            ModelElement::Main => Some(&self.main),
+            ModelElement::Branch { branch, element } => self.branches.get(branch)?.get_ref().get(element),
             _ => None,
         };
         match error {

@@ -12,7 +12,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
-use springpot::{Actuator, Maxwell, Method, Preset};
+use springpot::{Actuator, Discretisation, Maxwell, Preset};
 use toml::Spanned;
 
 use crate::error::{Error, Result, short};
@@ -35,7 +35,7 @@ pub struct Parameters {
     /// The elastic curve of the film, if it has one.
     pub curve: Option<ElasticCurve>,
     /// How s is discretised in their laws: not in the file, but chosen with the rate.
-    pub method: Method,
+    pub method: Discretisation,
     /// Reading of the displacement sensor at x = 0, m; see [`sensor`](Self::sensor).
     pub sensor_offset_m: f64,
     /// The board that runs them, if the file names one.
@@ -95,7 +95,7 @@ impl Parameters {
             assumed_sizes: false,
             model: preset.model()?,
             curve: None,
-            method: Method::Gl,
+            method: Discretisation::Gl,
             sensor_offset_m: 0.0,
             board: None,
             provenance: None,
@@ -205,7 +205,7 @@ impl Parameters {
             assumed_sizes: file.actuator.sizes_are_assumed(),
             model,
             curve,
-            method: Method::Gl,
+            method: Discretisation::Gl,
             sensor_offset_m,
             board: None,
             provenance: file.provenance,
@@ -232,7 +232,7 @@ impl Parameters {
 
     /// The same, stepped by `method`.
     #[must_use]
-    pub fn with_method(mut self, method: Method) -> Self {
+    pub fn with_method(mut self, method: Discretisation) -> Self {
         self.method = method;
         self
     }
