@@ -1,4 +1,4 @@
-//! What a fit costs, as a table: three recordings of 15 501 samples, jointly.
+//! Costs of a fit, as a table: three recordings of 15 501 samples, jointly.
 //!
 //! `cargo bench -p tests --bench fit`; `-- --short` skips the one that takes minutes.
 

@@ -3,6 +3,8 @@
 //! A row is found by its first cell, a number by the title of its column.
 #![forbid(unsafe_code)]
 
+pub mod words;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -50,9 +52,9 @@ pub struct Documents {
 /// How far a measured number may be from a stated one.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerance {
-    /// Of the stated number.
+    /// Share of the stated number.
     pub relative: f64,
-    /// Beside that, for numbers that are stated with few digits.
+    /// Added to that, for numbers that are stated with few digits.
     pub absolute: f64,
 }
 
@@ -132,7 +134,7 @@ fn bare(cell: &str) -> &str {
     cell.trim_matches(['`', '*'])
 }
 
-/// The number that a cell begins with. Its digits may stand in groups of three.
+/// The number that a cell begins with. Its digits may be in groups of three.
 fn number(cell: &str) -> Option<f64> {
     let cell = bare(cell);
     let end = cell.find(|c: char| !(c.is_ascii_digit() || " .+-e".contains(c))).unwrap_or(cell.len());
@@ -140,7 +142,7 @@ fn number(cell: &str) -> Option<f64> {
     digits.parse().ok()
 }
 
-/// Tables of one document. What stands between code fences is not a table.
+/// Tables of one document. Text between code fences is not a table.
 fn tables_of(name: &str, text: &str) -> Vec<Table> {
     let mut tables: Vec<Table> = Vec::new();
     let (mut fenced, mut inside) = (false, false);

@@ -154,7 +154,7 @@ fn what_measurements_are_compared_with_is_there() {
     }
 }
 
-/// The project's sources: the names of the module and of the folder of each, its path, and what stands there.
+/// The project's sources: the names of the module and of the folder of each, its path, and its text.
 fn sources() -> Vec<([String; 2], PathBuf, String)> {
     let mut sources = Vec::new();
     let mut folders: Vec<_> = ["crates", "host-sim", "python", "tests"].map(|folder| root().join(folder)).into();

@@ -1,0 +1,410 @@
+//! The words of the project: pages, comments, messages and names against the lists in `words/`.
+
+use std::borrow::Cow;
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::root;
+
+/// Folders and files whose words are not the project's.
+const NOT_OURS: [&str; 3] = ["host-sim/emit/fmu/standard", "host-sim/src/report/assets", "tests/fuzz/corpus"];
+
+/// A word that should be another one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// Path relative to the root, with `/` between folders.
+    pub path: String,
+    /// Number of the line, from 1.
+    pub line: usize,
+    /// The line.
+    pub text: String,
+    /// The word, and what to write.
+    pub cause: String,
+}
+
+impl std::fmt::Display for Finding {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}:{}: {}\n    {}", self.path, self.line, self.cause, self.text.trim())
+    }
+}
+
+/// The lists.
+#[derive(Clone, Debug)]
+pub struct Words {
+    /// By their first word: the further ones, and what to write instead.
+    phrases: HashMap<String, Vec<(Vec<String>, String)>>,
+    names: Vec<(String, String)>,
+}
+
+impl Default for Words {
+    fn default() -> Self {
+        let mut phrases: HashMap<String, Vec<_>> = HashMap::new();
+        for (phrase, instead) in entries(include_str!("../words/list.txt")) {
+            let mut words = phrase.split_whitespace().map(str::to_owned);
+            let first = words.next().unwrap_or_default();
+            phrases.entry(first).or_default().push((words.collect(), instead.to_owned()));
+        }
+        let names = entries(include_str!("../words/names.txt"));
+        Self { phrases, names: names.map(|(name, instead)| (name.to_owned(), instead.to_owned())).collect() }
+    }
+}
+
+/// Phrases or names of a list, and what to write instead.
+fn entries(list: &str) -> impl Iterator<Item = (&str, &str)> {
+    lines(list).filter_map(|line| line.split_once(" -> ")).flat_map(|(phrases, instead)| {
+        let phrases = phrases.split(',').map(str::trim);
+        phrases.map(move |phrase| (phrase, instead))
+    })
+}
+
+/// The lines of a list that are not comments.
+fn lines(list: &str) -> impl Iterator<Item = &str> {
+    list.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'))
+}
+
+/// Folders and files that are not checked yet.
+#[must_use]
+pub fn not_yet_clean() -> Vec<&'static str> {
+    lines(include_str!("../words/not_yet_clean.txt")).collect()
+}
+
+/// Whether `path` is `folder` or in it.
+#[must_use]
+pub fn within(path: &str, folder: &str) -> bool {
+    path.strip_prefix(folder.trim_end_matches('/')).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+}
+
+/// Places that keep a word: path, part of the line, reason.
+///
+/// # Panics
+/// A line of the list lacks one of the three.
+#[must_use]
+pub fn exceptions() -> Vec<[&'static str; 3]> {
+    let three = |line: &'static str| -> [&'static str; 3] {
+        let parts: Vec<_> = line.split(" | ").map(str::trim).collect();
+        parts.try_into().unwrap_or_else(|parts| panic!("path | text | reason: {parts:?}"))
+    };
+    lines(include_str!("../words/exceptions.txt")).map(three).collect()
+}
+
+/// Paths of all files of the project that are checked, relative to its root.
+///
+/// # Errors
+/// A folder cannot be read.
+pub fn checked_files() -> Result<Vec<PathBuf>, String> {
+    let (mut files, mut folders) = (Vec::new(), vec![root().to_owned()]);
+    while let Some(folder) = folders.pop() {
+        let entries = fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+        for path in entries.filter_map(|entry| Some(entry.ok()?.path())) {
+            let relative = path.strip_prefix(root()).unwrap_or(&path);
+            let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            let hidden = name.starts_with('.') && name != ".cargo" || name == "target" || name == "demo";
+            if hidden || NOT_OURS.iter().any(|folder| relative == Path::new(folder)) {
+                continue;
+            }
+            if path.is_dir() {
+                folders.push(path);
+            } else if Language::of_file(&name).is_some() {
+                files.push(relative.to_owned());
+            }
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// Findings in all checked files, exceptions left out, and the exceptions that nothing needed.
+///
+/// # Errors
+/// A file cannot be read.
+pub fn findings() -> Result<(Vec<Finding>, Vec<[&'static str; 3]>), String> {
+    let (words, exceptions) = (Words::default(), exceptions());
+    let mut used = vec![false; exceptions.len()];
+    let mut findings = Vec::new();
+    for path in checked_files()? {
+        let text = fs::read_to_string(root().join(&path)).map_err(|error| format!("{}: {error}", path.display()))?;
+        let name = path.to_string_lossy().replace('\\', "/");
+        for finding in words.findings(&name, &text) {
+            let excepted = |[path, text, _]: &[&str; 3]| {
+                within(&finding.path, path) && (*text == "*" || finding.text.contains(text))
+            };
+            match exceptions.iter().position(excepted) {
+                Some(exception) => used[exception] = true,
+                None => findings.push(finding),
+            }
+        }
+    }
+    let unused = exceptions.into_iter().zip(used).filter(|(_, used)| !used).map(|(exception, _)| exception).collect();
+    Ok((findings, unused))
+}
+
+/// How a language marks its comments and strings.
+#[derive(Clone, Copy, PartialEq)]
+enum Language {
+    Page,
+    Rust,
+    C,
+    /// Python and TOML.
+    Hash,
+    Matlab,
+}
+
+impl Language {
+    fn of_file(name: &str) -> Option<Self> {
+        match name.rsplit_once('.')?.1 {
+            "md" => Some(Self::Page),
+            "rs" => Some(Self::Rust),
+            "c" | "h" | "ino" => Some(Self::C),
+            "py" | "pyi" | "toml" => Some(Self::Hash),
+            "m" => Some(Self::Matlab),
+            _ => None,
+        }
+    }
+
+    fn line_comment(self) -> &'static str {
+        match self {
+            Self::Rust | Self::C => "//",
+            Self::Hash => "#",
+            Self::Matlab => "%",
+            Self::Page => "",
+        }
+    }
+}
+
+/// A file apart: its prose (comments, strings, pages) and its code, each with what is the other's blanked, so that places are the same.
+struct Apart {
+    prose: String,
+    code: String,
+    /// Where in the file a documentation comment begins: its text, and the code below it.
+    documentation: Vec<(usize, usize)>,
+}
+
+impl Words {
+    /// Words of `text`, the contents of the file `path`, that should be others.
+    #[must_use]
+    pub fn findings(&self, path: &str, text: &str) -> Vec<Finding> {
+        let Some(language) = Language::of_file(path) else { return Vec::new() };
+        let apart = separate(language, text);
+        let mut found = self.phrases_in(&apart.prose);
+        found.extend(self.names_in(&apart.code));
+        found.extend(openings(&apart));
+        if language == Language::Rust {
+            let constructors = apart.code.match_indices("fn of(");
+            found.extend(constructors.map(|(at, _)| (at, "a constructor `of`: new, from_... or with_...".to_owned())));
+        }
+        found.sort();
+        let finding = |(at, cause): (usize, String)| {
+            let begin = text[..at].rfind('\n').map_or(0, |end| end + 1);
+            let line = text[..at].matches('\n').count() + 1;
+            let text = text[begin..].lines().next().unwrap_or_default().to_owned();
+            Finding { path: path.to_owned(), line, text, cause }
+        };
+        found.into_iter().map(finding).collect()
+    }
+
+    fn phrases_in(&self, prose: &str) -> Vec<(usize, String)> {
+        let is_part = |letter: char| letter.is_alphanumeric() || "-_'’".contains(letter);
+        let words: Vec<(usize, &str)> = pieces(prose, is_part);
+        let mut found = Vec::new();
+        for (index, &(at, word)) in words.iter().enumerate() {
+            let first = uncapitalised(word.trim_end_matches("'s"));
+            for (further, instead) in self.phrases.get(first.as_ref()).into_iter().flatten() {
+                let goes_on = further.iter().zip(index..).all(|(wanted, before)| {
+                    let (before, next) = (words[before], words.get(before + 1));
+                    let is_blank = |to: usize| prose[before.0 + before.1.len()..to].trim().is_empty();
+                    next.is_some_and(|&(at, word)| word == wanted && is_blank(at))
+                });
+                if goes_on {
+                    let phrase: Vec<_> =
+                        [first.as_ref()].into_iter().chain(further.iter().map(String::as_str)).collect();
+                    found.push((at, format!("\"{}\": {instead}", phrase.join(" "))));
+                }
+            }
+        }
+        found
+    }
+
+    fn names_in(&self, code: &str) -> Vec<(usize, String)> {
+        let matches = |name: &str, pattern: &str| match (pattern.strip_prefix('*'), pattern.strip_suffix('*')) {
+            (Some(end), _) => name.ends_with(end),
+            (_, Some(begin)) => name.starts_with(begin),
+            _ => name == pattern,
+        };
+        let names = pieces(code, |letter| letter.is_alphanumeric() || letter == '_').into_iter();
+        names
+            .filter_map(|(at, name)| {
+                let (_, instead) = self.names.iter().find(|(pattern, _)| matches(name, pattern))?;
+                Some((at, format!("the name `{name}`: {instead}")))
+            })
+            .collect()
+    }
+}
+
+/// Documentation comments that begin with Of , What or Whether , the last one for anything but a bool.
+fn openings(apart: &Apart) -> Vec<(usize, String)> {
+    let opening = |&(at, below): &(usize, usize)| {
+        let first = apart.prose[at..].trim_start_matches(|letter: char| !letter.is_alphabetic()).split(' ').next()?;
+        let begins_badly = match first {
+            "Of" | "What" => true,
+            "Whether" => !item(&apart.code[below..]).to_lowercase().contains("bool"),
+            _ => false,
+        };
+        begins_badly.then(|| (at, format!("documentation that begins with \"{first}\": say what the item is or does")))
+    };
+    apart.documentation.iter().filter_map(opening).collect()
+}
+
+/// The head of the item that `code` begins with, its attributes left out.
+fn item(code: &str) -> &str {
+    let mut code = code.trim_start();
+    while let Some(end) = code.strip_prefix("#[").and(code.find("]\n")) {
+        code = code[end + 1..].trim_start();
+    }
+    let ends: &[char] =
+        if code[..code.find('\n').unwrap_or(code.len())].contains("fn ") { &['{', ';'] } else { &[',', '\n', '}'] };
+    &code[..code.find(ends).unwrap_or(code.len())]
+}
+
+/// The longest pieces of `text` that consist of letters that are part of one, and where they are.
+fn pieces(text: &str, is_part: impl Fn(char) -> bool) -> Vec<(usize, &str)> {
+    let mut pieces = Vec::new();
+    let mut begin = None;
+    for (at, letter) in text.char_indices().chain([(text.len(), ' ')]) {
+        match begin {
+            None if at < text.len() && is_part(letter) => begin = Some(at),
+            Some(from) if !is_part(letter) => {
+                pieces.push((from, text[from..at].trim_matches(['\'', '-'])));
+                begin = None;
+            }
+            _ => {}
+        }
+    }
+    pieces
+}
+
+/// A word whose only capital is its first letter, without it.
+fn uncapitalised(word: &str) -> Cow<'_, str> {
+    let mut letters = word.chars();
+    match letters.next() {
+        Some(first) if first.is_uppercase() && !letters.as_str().contains(char::is_uppercase) => {
+            first.to_lowercase().chain(letters).collect()
+        }
+        _ => word.into(),
+    }
+}
+
+/// Takes a file apart. Markers of comments in prose become blanks, so that a phrase may go over the end of a line.
+fn separate(language: Language, text: &str) -> Apart {
+    let blank = |text: &str| -> String { text.chars().map(blanked).collect() };
+    let mut apart = Apart { prose: String::new(), code: String::new(), documentation: Vec::new() };
+    if language == Language::Page {
+        return Apart { prose: text.to_owned(), code: blank(text), documentation: Vec::new() };
+    }
+    let (mut at, mut in_documentation) = (0, false);
+    while at < text.len() {
+        let rest = &text[at..];
+        let length = prose_length(language, text, at);
+        let end = at + length.unwrap_or_else(|| rest.chars().next().map_or(1, char::len_utf8));
+        let piece = &text[at..end];
+        if length.is_some() {
+            let documents = match language {
+                Language::Rust => (piece.starts_with("///") || piece.starts_with("//!")) && !piece.starts_with("////"),
+                Language::C => piece.starts_with("/**"),
+                Language::Hash => piece.starts_with("\"\"\""),
+                _ => false,
+            };
+            match apart.documentation.last_mut() {
+                Some((_, below)) if documents && in_documentation && language == Language::Rust => *below = end,
+                _ if documents => apart.documentation.push((at, end)),
+                _ => {}
+            }
+            in_documentation = documents;
+            let marks = |letter: char| "/!%#*".contains(letter) || letter.is_whitespace();
+            let text = piece.trim_start_matches(marks);
+            apart.prose += &blank(&piece[..piece.len() - text.len()]);
+            let mut line_begins = false;
+            for letter in text.chars() {
+                let mark = line_begins && "*/ ".contains(letter);
+                line_begins = letter == '\n' || mark;
+                apart.prose.extend(if mark { [blanked(letter)].into_iter() } else { [letter].into_iter() });
+            }
+            apart.code += &blank(piece);
+        } else {
+            in_documentation &= piece.trim().is_empty();
+            // Code between two pieces of prose separates them.
+            apart.prose += if piece.trim().is_empty() { piece } else { &"\u{1}\u{1}\u{1}\u{1}"[..piece.len()] };
+            apart.code += piece;
+        }
+        at = end;
+    }
+    apart
+}
+
+/// A blank of the same length in bytes as `letter`, so that places stay.
+fn blanked(letter: char) -> char {
+    match letter.len_utf8() {
+        _ if letter == '\n' => '\n',
+        1 => ' ',
+        2 => '\u{a0}',
+        3 => '\u{2003}',
+        _ => '\u{1f300}',
+    }
+}
+
+/// Length of the comment or the string that begins at `at`, if one does.
+fn prose_length(language: Language, text: &str, at: usize) -> Option<usize> {
+    let rest = &text[at..];
+    let until = |from: usize, end: &str| rest.get(from..)?.find(end).map(|found| from + found + end.len());
+    let to_line_end = || rest.find('\n').unwrap_or(rest.len());
+    let before = text[..at].chars().next_back();
+    if rest.starts_with(language.line_comment()) {
+        return Some(to_line_end());
+    }
+    let brackets = matches!(language, Language::Rust | Language::C);
+    if brackets && rest.starts_with("/*") {
+        return until(2, "*/");
+    }
+    if language == Language::Hash {
+        for quotes in ["\"\"\"", "'''"] {
+            if rest.starts_with(quotes) {
+                return until(3, quotes);
+            }
+        }
+    }
+    if language == Language::Rust
+        && (rest.starts_with("r\"") || rest.starts_with("r#"))
+        && !before.is_some_and(char::is_alphanumeric)
+    {
+        let hashes = rest[1..].len() - rest[1..].trim_start_matches('#').len();
+        if rest[1 + hashes..].starts_with('"') {
+            return until(2 + hashes, &format!("\"{}", "#".repeat(hashes)));
+        }
+    }
+    let quote = rest.chars().next().filter(|quote| "\"'".contains(*quote))?;
+    let transposes = before.is_some_and(|before| before.is_alphanumeric() || "_.)]}'".contains(before));
+    match (quote, language) {
+        ('\'', Language::Rust) => {
+            // A character, not a lifetime.
+            let mut letters = rest[1..].char_indices();
+            let (_, first) = letters.next()?;
+            let close = if first == '\\' { until(3, "'")? } else { 1 + first.len_utf8() + 1 };
+            rest.get(..close).filter(|character| character.ends_with('\'')).map(str::len)
+        }
+        ('\'', Language::Matlab) if transposes => None,
+        _ => {
+            let escapes = language != Language::Matlab;
+            let mut escaped = false;
+            for (place, letter) in rest.char_indices().skip(1) {
+                if letter == quote && !escaped {
+                    return Some(place + 1);
+                }
+                if letter == '\n' && language != Language::Rust {
+                    return None;
+                }
+                escaped = escapes && letter == '\\' && !escaped;
+            }
+            None
+        }
+    }
+}
