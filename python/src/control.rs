@@ -124,7 +124,7 @@ impl Loop {
         if let Some(applied_v) = since.applied_v {
             finite("applied_v", applied_v)?;
         }
-        let applied = Applied { commanded: since.applied_v.unwrap_or(self.commanded_v), reading: since.monitor_v };
+        let applied = Applied { commanded_v: since.applied_v.unwrap_or(self.commanded_v), reading_v: since.monitor_v };
         let sample = sample(self.sensor, since, self.delay_s, self.rate_hz)?;
         let output = self.controller.tick(applied, sample, reference_m);
         self.commanded_v = output.voltage_v;
@@ -142,7 +142,7 @@ fn sample(sensor: DisplacementSensor, since: Since, delay_s: f64, rate_hz: f64) 
     // Saturates at more than any observer remembers.
     let age_ticks = (age_s * rate_hz).round() as usize;
     let reading_m = since.sample_m.filter(|reading| reading.is_finite());
-    Ok(reading_m.map(|reading_m| SensorSample { displacement: sensor.film_displacement_m(reading_m), age_ticks }))
+    Ok(reading_m.map(|reading_m| SensorSample { displacement_m: sensor.film_displacement_m(reading_m), age_ticks }))
 }
 
 fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
@@ -305,8 +305,8 @@ fn observed<T: Real>(
     voltage_v: f64,
     sample: Option<SensorSample<f64>>,
 ) -> PyEstimate {
-    let sample = sample.map(|s| SensorSample { displacement: T::from_f64(s.displacement), age_ticks: s.age_ticks });
-    let displacement = observer.observe(state, T::from_f64(voltage_v), sample);
+    let sample = sample.map(|s| SensorSample { displacement_m: T::from_f64(s.displacement_m), age_ticks: s.age_ticks });
+    let displacement = observer.observe(state, Applied::as_commanded(T::from_f64(voltage_v)), sample);
     PyEstimate {
         displacement_m: displacement.to_f64(),
         disturbance_n: state.disturbance().to_f64(),

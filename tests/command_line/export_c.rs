@@ -64,12 +64,12 @@ fn the_program_of_the_page_runs() {
     let (mut voltage, mut limited) = (0.0, 0);
     for tick in 0..10_000_u16 {
         let load = drive.load(voltage);
-        let displacement = law.displacement_under(&mut real, Load { force: 1.03 * load.force, ..load });
-        let sample = (tick % 10 == 0).then_some(SensorSample { displacement, age_ticks: 0 });
+        let displacement = law.displacement_under(&mut real, Load { force_n: 1.03 * load.force_n, ..load });
+        let sample = (tick % 10 == 0).then_some(SensorSample { displacement_m: displacement, age_ticks: 0 });
         tracking.observe(&mut state, Applied::as_commanded(voltage), sample);
         let reference_m = 1.1e-3 - 0.1e-3 * (std::f32::consts::TAU * 1e-4 * f32::from(tick)).cos();
         let command = tracking.command(&mut state, reference_m);
-        (voltage, limited) = (command.voltage, command.limited.bits());
+        (voltage, limited) = (command.voltage_v, command.limited.bits());
     }
     let displacement_mm = 1e3 * f64::from(real.position());
     assert_eq!(printed, format!("{displacement_mm:.3} mm, {voltage:.0} V, limits {limited}\n"));
@@ -143,13 +143,13 @@ fn two_exported_films_have_the_controllers_bits() {
             let turn = k % 1000;
             let u = f32::from(if turn < 500 { turn } else { 1000 - turn }) / 500.0;
             let moved = feedforward.apply(&mut state, Applied::as_monitored(voltage, 1.02 * voltage));
-            let sample = (k % 10 == 0).then_some(SensorSample { displacement: 1.04 * moved, age_ticks: 0 });
+            let sample = (k % 10 == 0).then_some(SensorSample { displacement_m: 1.04 * moved, age_ticks: 0 });
             let mut reference = 0.6e-3 + 0.2e-3 * ((u * u) * (3.0 - 2.0 * u));
             if let Some((learning, learned)) = blob.learning().zip(learned.as_mut()) {
                 reference = learning.advance(learned, reference, sample, is_free);
             }
             let command = feedforward.command(&mut state, reference);
-            (voltage, is_free) = (command.voltage, command.limited.is_none());
+            (voltage, is_free) = (command.voltage_v, command.limited.is_none());
             assert_eq!(lines.next(), Some(format!("{:08x}", voltage.to_bits()).as_str()), "{params}, tick {k}");
         }
         if let Some(learned) = learned {

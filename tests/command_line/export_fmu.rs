@@ -352,13 +352,13 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
     let lost_after = (1000.0 * parameters.board_or_bench(1000.0).control.lost_after_s).ceil() as u32;
     let rows = inputs.iter().map(|input| {
         let sample =
-            (input[3] != 0.0).then_some(SensorSample { displacement: input[2] as f32, age_ticks: input[4] as usize });
+            (input[3] != 0.0).then_some(SensorSample { displacement_m: input[2] as f32, age_ticks: input[4] as usize });
         let acted = if is_given { input[0] as f32 } else { voltage };
         let applied =
             if input[6] != 0.0 { Applied::as_monitored(acted, input[5] as f32) } else { Applied::as_commanded(acted) };
         let is_tracking = mode == "tracking";
         let displacement = match mode {
-            "observer" => observer.observe(&mut observed, input[0] as f32, sample),
+            "observer" => observer.observe(&mut observed, Applied::as_commanded(input[0] as f32), sample),
             "feedforward" => feedforward.apply(&mut fed, applied),
             _ => tracking.observe(&mut tracked, applied, sample),
         };
@@ -366,7 +366,7 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
         if mode == "observer" {
             let load = state.load();
             let lost = f64::from(state.ticks_since_sample() > lost_after);
-            let force = load.force + load.slope * displacement;
+            let force = load.force_n + load.slope_n_per_m * displacement;
             let numbers = [displacement, force, 0.0, 0.0, state.disturbance(), state.force_scale()].map(f64::from);
             let [a, b, c, d, e, f] = numbers;
             return [a, b, c, d, e, f, 64.0 * f64::from(state.film().beyond_curve()), lost];
@@ -382,7 +382,7 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
         } else {
             feedforward.command(&mut fed, reference)
         };
-        (voltage, is_free) = (command.voltage, command.limited.is_none());
+        (voltage, is_free) = (command.voltage_v, command.limited.is_none());
         let observer = tracked.observer();
         let (disturbance, scale, lost) = if is_tracking {
             let lost = f64::from(observer.ticks_since_sample() > lost_after);
@@ -391,7 +391,7 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
             (0.0, 1.0, 0.0)
         };
         let numbers =
-            [displacement, command.force, command.voltage, command.reference, disturbance, scale].map(f64::from);
+            [displacement, command.force_n, command.voltage_v, command.reference_m, disturbance, scale].map(f64::from);
         let [a, b, c, d, e, f] = numbers;
         [a, b, c, d, e, f, f64::from(command.limited.bits()), lost]
     });

@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             // What really acted since the last tick, then what shall act until the next.
             feedforward.apply(&mut state, Applied::as_commanded(voltage));
             let command = feedforward.command(&mut state, TARGET_M);
-            voltage = command.voltage;
+            voltage = command.voltage_v;
             highest = f32::max(highest, voltage);
         }
         if [0, 1, 10, 119].contains(&second) {

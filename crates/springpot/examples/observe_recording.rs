@@ -5,7 +5,9 @@
 use std::error::Error;
 use std::f64::consts::TAU;
 
-use springpot::{Actuator, Law, LawOptions, Maxwell, Observer, ObserverOptions, Preset, SensorSample, VoltageDrive};
+use springpot::{
+    Actuator, Applied, Law, LawOptions, Maxwell, Observer, ObserverOptions, Preset, SensorSample, VoltageDrive,
+};
 
 const STEP_S: f64 = 1e-3;
 /// Ticks from one sample to the next.
@@ -55,8 +57,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("time_s,estimate_m,true_m,disturbance_n,force_scale");
     let mut largest = 0.0;
     for (tick, row) in recording(&model)?.into_iter().enumerate() {
-        let sample = row.sample_m.map(|displacement| SensorSample { displacement, age_ticks: 0 });
-        let estimate = observer.observe(&mut state, row.voltage_v, sample);
+        let sample = row.sample_m.map(|displacement| SensorSample { displacement_m: displacement, age_ticks: 0 });
+        let estimate = observer.observe(&mut state, Applied::as_commanded(row.voltage_v), sample);
         if tick % 5000 == 0 {
             let (disturbance, scale) = (state.disturbance(), state.force_scale());
             println!("{},{estimate:.3e},{:.3e},{disturbance:.3},{scale:.3}", tick / 1000, row.true_m);

@@ -48,7 +48,7 @@ impl Line {
         let due = self.measured.front().is_some_and(|(at, _)| at + DELAY <= tick);
         let (at, displacement) = if due { self.measured.pop_front()? } else { return None };
         // The age says which prediction the sample is compared with.
-        Some(SensorSample { displacement, age_ticks: tick - at })
+        Some(SensorSample { displacement_m: displacement, age_ticks: tick - at })
     }
 }
 
@@ -88,7 +88,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut voltage = 0.0;
     let without = error_m(&model, |tick, _| {
         feedforward.apply(&mut state, Applied::as_commanded(voltage));
-        voltage = feedforward.command(&mut state, reference_m(tick)).voltage;
+        voltage = feedforward.command(&mut state, reference_m(tick)).voltage_v;
         voltage
     })?;
 
@@ -105,7 +105,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let with = error_m(&model, |tick, displacement_m| {
         let sample = line.read(tick, displacement_m);
         tracking.observe(&mut state, Applied::as_commanded(voltage), sample);
-        voltage = tracking.command(&mut state, reference_m(tick)).voltage;
+        voltage = tracking.command(&mut state, reference_m(tick)).voltage_v;
         voltage
     })?;
 

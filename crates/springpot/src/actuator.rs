@@ -201,7 +201,7 @@ impl Actuator {
     #[must_use]
     pub fn load(&self, voltage_v: f64) -> Load<f64> {
         let electrostatic = self.electrostatic_force(voltage_v);
-        Load { force: electrostatic + self.preload_n(), slope: electrostatic * self.stretch_coupling }
+        Load { force_n: electrostatic + self.preload_n(), slope_n_per_m: electrostatic * self.stretch_coupling }
     }
 
     /// 1 + κ x: how many times larger the force of a voltage is at `displacement_m` (m) than at x = 0.
@@ -270,9 +270,9 @@ impl Actuator {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Load<T> {
     /// Force at x = 0, N.
-    pub force: T,
+    pub force_n: T,
     /// Change of the force with displacement, N/m; must stay below [`Law::stiffness`](crate::Law::stiffness).
-    pub slope: T,
+    pub slope_n_per_m: T,
 }
 
 /// Eq. 1 both ways, as it runs in a step: voltage → force, force → voltage.
@@ -285,7 +285,7 @@ pub struct Load<T> {
 /// let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.stiffness())?;
 ///
 /// let load = drive.load(3000.0);
-/// assert!((drive.voltage(load.force, 0.0) - 3000.0).abs() < 1e-2);
+/// assert!((drive.voltage(load.force_n, 0.0) - 3000.0).abs() < 1e-2);
 ///
 /// // Either sign lengthens the film, voltages are clamped to the largest, and no voltage shortens the film.
 /// assert_eq!(drive.load(-3000.0), load);
@@ -350,7 +350,7 @@ impl<T: Real> VoltageDrive<T> {
         let square = voltage * voltage;
         let electrostatic =
             self.force_per_square_volt * voltage * voltage / (T::from_f64(1.0) + square * self.saturation);
-        Load { force: electrostatic + self.preload, slope: electrostatic * self.coupling }
+        Load { force_n: electrostatic + self.preload, slope_n_per_m: electrostatic * self.coupling }
     }
 
     /// The voltage (V, ≥ 0) that exerts `force` (N, weight included) on the film at `displacement` (m); 0 V for forces

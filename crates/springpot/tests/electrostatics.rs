@@ -15,8 +15,8 @@ fn drive(actuator: &Actuator) -> VoltageDrive<f64> {
 fn the_paper_s_actuator_pulls_140_n_at_6_kv() {
     let load = drive(&Actuator::KARNER_2022).load(6000.0);
     // ε0 εr V² l1 l2 / l3² by hand: 8.8541878128e-12 · 4.7 · 3.6e7 · 2.4e-3 / 2.56e-8
-    assert!((load.force - 140.449_554_180_54).abs() < 1e-9, "{}", load.force);
-    assert_eq!(load.slope, 0.0);
+    assert!((load.force_n - 140.449_554_180_54).abs() < 1e-9, "{}", load.force_n);
+    assert_eq!(load.slope_n_per_m, 0.0);
 }
 
 #[test]
@@ -28,7 +28,7 @@ fn force_and_voltage_are_inverse() {
             for volts in [0.0, 1.0, 500.0, 6000.0, 8000.0] {
                 for x in [-1e-3, 0.0, 2e-3] {
                     let load = drive.load(volts);
-                    let back = drive.voltage(load.force + load.slope * x, x);
+                    let back = drive.voltage(load.force_n + load.slope_n_per_m * x, x);
                     assert!((back - volts).abs() < 1e-6, "{volts} V at {x} m: {back} V");
                 }
             }
@@ -45,7 +45,7 @@ fn what_electrostatics_cannot_give_is_0_v() {
     }
     let from_start = drive(&Actuator { preload: Preload::FromStart, ..Actuator::KARNER_2022 });
     let weight = 0.316 * GRAVITY;
-    assert_eq!(from_start.load(0.0).force, weight);
+    assert_eq!(from_start.load(0.0).force_n, weight);
     assert_eq!(from_start.voltage(0.9 * weight, 0.0), 0.0, "the weight alone pulls more");
     assert!(from_start.voltage(1.1 * weight, 0.0) > 0.0);
     // A film pushed so far back that the coupling leaves nothing to pull with.
@@ -128,8 +128,8 @@ fn a_saturating_actuator_gives_less_force_at_high_voltage_and_knows_where_it_end
             let force = actuator.force(volts, x);
             assert!((force - share * plain.force(volts, x)).abs() < 1e-12, "{volts} V");
             let load = drive.load(volts);
-            assert!((load.force + load.slope * x - force).abs() < 1e-12);
-            assert!((actuator.load(volts).force - load.force).abs() < 1e-12);
+            assert!((load.force_n + load.slope_n_per_m * x - force).abs() < 1e-12);
+            assert!((actuator.load(volts).force_n - load.force_n).abs() < 1e-12);
             assert!((drive.voltage(force, x) - volts.abs()).abs() < 1e-6);
             assert!((actuator.voltage(force, x) - volts.abs()).abs() < 1e-6);
         }

@@ -28,7 +28,7 @@ fn reference(k: f32) -> f32 {
 }
 
 fn sample(k: f32) -> Option<SensorSample<f32>> {
-    Some(SensorSample { displacement: 0.98 * reference(k), age_ticks: 10 })
+    Some(SensorSample { displacement_m: 0.98 * reference(k), age_ticks: 10 })
 }
 
 /// Ticks on the way: bits of what `tick` gives, then what it costs, a sample coming in every tick.
@@ -49,7 +49,7 @@ fn feedforward(report: &mut impl Report, name: Name, law: Law<f32>) {
     let mut voltage = 0.0;
     ticks(report, name, |k| {
         config.apply(&mut state, Applied::as_commanded(voltage));
-        voltage = config.command(&mut state, reference(k)).voltage;
+        voltage = config.command(&mut state, reference(k)).voltage_v;
         voltage
     });
 }
@@ -61,7 +61,7 @@ fn observer(report: &mut impl Report, name: Name, law: Law<f32>) {
     let observer: Result<Observer<f32>, _> = Observer::new(law, &name.film.actuator(), 6000.0, options);
     let Ok(config) = observer else { panic!("refused") };
     let mut state = config.state(rest);
-    ticks(report, name, |k| config.observe(&mut state, 5.0 * k, sample(k)));
+    ticks(report, name, |k| config.observe(&mut state, Applied::as_commanded(5.0 * k), sample(k)));
 }
 
 #[inline(never)]
@@ -74,7 +74,7 @@ fn tracking(report: &mut impl Report, name: Name, law: Law<f32>) {
     let mut voltage = 0.0;
     ticks(report, name, |k| {
         config.observe(&mut state, Applied::as_commanded(voltage), black_box(sample(k)));
-        voltage = config.command(&mut state, reference(k)).voltage;
+        voltage = config.command(&mut state, reference(k)).voltage_v;
         voltage
     });
 }

@@ -49,7 +49,7 @@ fn built<T, E>(result: Result<T, E>) -> T {
 }
 
 fn sample() -> Option<SensorSample<f32>> {
-    black_box(Some(SensorSample { displacement: 1e-4, age_ticks: 10 }))
+    black_box(Some(SensorSample { displacement_m: 1e-4, age_ticks: 10 }))
 }
 
 fn applied() -> Applied<f32> {
@@ -95,7 +95,7 @@ fn main() -> ! {
     let state = config.state(law.state());
     kernel!(
         observer,
-        |config: Observer<f32>, state: ObserverState<f32>| config.observe(state, black_box(1000.0), sample()),
+        |config: Observer<f32>, state: ObserverState<f32>| config.observe(state, applied(), sample()),
         (config, state)
     );
     let config: Tracking<f32> = built(Tracking::new(law.clone(), actuator, limits, options));

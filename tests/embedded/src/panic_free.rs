@@ -48,7 +48,7 @@ fn main() -> ! {
         step::<Compressed<f32, 8, 14, 4>>();
         step::<Compressed<f32, 4, 11, 7>>();
         let (learning, learned) = (built::<Learning<f32>>(), built::<LearningState<f32>>());
-        let sample = SensorSample { displacement: black_box(1e-3), age_ticks: black_box(10) };
+        let sample = SensorSample { displacement_m: black_box(1e-3), age_ticks: black_box(10) };
         black_box(learning.advance(learned, black_box(1e-3), black_box(Some(sample)), black_box(true)));
         learned.forget();
         let adc_v = |code: u16| black_box(Some(AdcCode(code).volts(AdcRange::UpTo10V24)));

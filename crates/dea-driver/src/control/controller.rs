@@ -217,7 +217,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         // Estimate: step the film under the voltage that stood since the last tick, and correct it with a sample if one is
         // due. Nothing is learned from a film that is not driven.
         let sample = self.sampler.next(checked.displacement_m.filter(|_| self.supervisor.runs()));
-        let applied = Applied { commanded: stood_v, reading: self.lags.then_some(monitor_v) };
+        let applied = Applied { commanded_v: stood_v, reading_v: self.lags.then_some(monitor_v) };
         let heard = sample.filter(|_| self.mode != Mode::Feedforward);
         let predicted_m = self.tracking.observe(&mut self.course, applied, heard);
         let load = self.course.observer().load();
@@ -240,7 +240,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let target = self.target.next();
         let leads = follows && !target.is_nan();
         let (wanted, learned_m) = self.lead(target, leads, predicted_m, sample);
-        let wanted_v = if leads { wanted.voltage } else { target };
+        let wanted_v = if leads { wanted.voltage_v } else { target };
         let estimated_m = if open_loop_m > predicted_m { open_loop_m } else { predicted_m };
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > estimated_m).unwrap_or(estimated_m);
         let command_v = self.supervisor.command(wanted_v, 1.0 + self.thinning_per_m * furthest_m);
@@ -258,7 +258,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             monitor_v,
             displacement_m,
             predicted_m,
-            reference_m: wanted.reference - learned_m,
+            reference_m: wanted.reference_m - learned_m,
             learned_m,
             disturbance_n: observer.disturbance(),
             force_scale: observer.force_scale(),

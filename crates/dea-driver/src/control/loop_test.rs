@@ -91,7 +91,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> LoopTest<HEAD, FAS
         let (law, drive) = (tracking.observer().law(), tracking.observer().drive());
         let load = drive.load(volts);
         let displacement_m = law.displacement_under(&mut self.film, load);
-        let force_n = load.force + load.slope * displacement_m;
+        let force_n = load.force_n + load.slope_n_per_m * displacement_m;
         let voltage_v = drive.voltage(force_n, displacement_m);
         Step { displacement_m, force_n: self.film.base_force(), voltage_v }
     }
@@ -109,11 +109,11 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> LoopTest<HEAD, FAS
             *voltage_v = target.value;
         }
         let displacement = target.sample_m.filter(|_| mode != Mode::Feedforward);
-        let sample = displacement.map(|displacement| SensorSample { displacement, age_ticks });
+        let sample = displacement.map(|displacement| SensorSample { displacement_m: displacement, age_ticks });
         let displacement_m = tracking.observe(course, Applied::as_commanded(*voltage_v), sample);
         let command = tracking.command(course, if mode == Mode::Voltage { displacement_m } else { target.value });
         if mode != Mode::Voltage {
-            *voltage_v = command.voltage;
+            *voltage_v = command.voltage_v;
         }
         Followed { voltage_v: *voltage_v, displacement_m, disturbance_n: course.observer().disturbance() }
     }

@@ -25,6 +25,6 @@ impl Sampler {
             return None;
         }
         self.since = 0;
-        displacement_m.map(|displacement| SensorSample { displacement, age_ticks: self.age_ticks })
+        displacement_m.map(|displacement| SensorSample { displacement_m: displacement, age_ticks: self.age_ticks })
     }
 }

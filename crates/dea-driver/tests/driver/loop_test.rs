@@ -91,11 +91,11 @@ fn the_loop_test_of_the_control_is_the_control_itself() {
                 voltage = value;
             }
             let sample = sample_m.filter(|_| mode != Mode::Feedforward);
-            let sample = sample.map(|displacement| SensorSample { displacement, age_ticks: 10 });
+            let sample = sample.map(|displacement| SensorSample { displacement_m: displacement, age_ticks: 10 });
             let x = tracking.observe(&mut state, Applied::as_commanded(voltage), sample);
             let command = tracking.command(&mut state, if mode == Mode::Voltage { x } else { value });
             if mode != Mode::Voltage {
-                voltage = command.voltage;
+                voltage = command.voltage_v;
             }
             assert_eq!(ticks[0].voltage_v.to_bits(), voltage.to_bits(), "{mode:?}, tick {k}");
             assert_eq!(ticks[0].displacement_m.to_bits(), x.to_bits());

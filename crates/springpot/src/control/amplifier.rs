@@ -33,7 +33,7 @@ use crate::scalar::Real;
 /// let mut command = 0.0;
 /// for tick in 0..1000_u16 {
 ///     feedforward.apply(&mut state, Applied::as_commanded(command));
-///     command = feedforward.command(&mut state, 0.5e-6 * f32::from(tick)).voltage;
+///     command = feedforward.command(&mut state, 0.5e-6 * f32::from(tick)).voltage_v;
 /// }
 /// assert!(command > 1.02 * state.film_voltage());
 /// # Ok(())

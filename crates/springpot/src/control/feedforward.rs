@@ -31,7 +31,7 @@ use crate::scalar::{Real, Scalar};
 /// let mut voltage = 0.0;
 /// for _ in 0..5000 {
 ///     feedforward.apply(&mut state, Applied::as_commanded(voltage));
-///     voltage = feedforward.command(&mut state, 0.3e-3).voltage;
+///     voltage = feedforward.command(&mut state, 0.3e-3).voltage_v;
 ///     // Here a program writes the voltage to its converter and waits for the next tick.
 /// }
 /// // It neither creeps nor drifts: the voltage falls while the film would creep.

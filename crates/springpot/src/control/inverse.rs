@@ -13,11 +13,11 @@ use crate::scalar::Real;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoltageCommand<T> {
     /// The voltage, V.
-    pub voltage: T,
+    pub voltage_v: T,
     /// The shaped reference at the end of this tick, m.
-    pub reference: T,
+    pub reference_m: T,
     /// The electrostatic force that the reference needs, N; negative where no voltage can give it.
-    pub force: T,
+    pub force_n: T,
     /// The limits that were met.
     pub limited: Limited,
 }
@@ -26,21 +26,21 @@ pub struct VoltageCommand<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Applied<T> {
     /// The voltage that was commanded in the end, after all limits and supervisors. One that is not finite counts as the last one that was.
-    pub commanded: T,
+    pub commanded_v: T,
     /// The voltage that a monitor measured at the end of that time, or a tick before, if there is one. It tells the amplifier's gain and, of
     /// an [`AmplifierLag`](crate::AmplifierLag), how much faster it is. Non-finite readings are ignored.
-    pub reading: Option<T>,
+    pub reading_v: Option<T>,
 }
 
 impl<T: Real> Applied<T> {
     /// A commanded voltage, without a monitor: it is assumed to have acted.
     pub const fn as_commanded(voltage: T) -> Self {
-        Self { commanded: voltage, reading: None }
+        Self { commanded_v: voltage, reading_v: None }
     }
 
     /// A commanded voltage and the voltage that a monitor measured.
     pub const fn as_monitored(commanded: T, reading: T) -> Self {
-        Self { commanded, reading: Some(reading) }
+        Self { commanded_v: commanded, reading_v: Some(reading) }
     }
 }
 
@@ -204,9 +204,9 @@ impl<T: Real> Inverse<T> {
     /// and its noise would return as commands. So the monitor only estimates the amplifier's gain and, where it lags, its pace, slowly.
     #[inline]
     pub(crate) fn record(&self, state: &mut InverseState<T>, applied: Applied<T>) -> T {
-        let commanded = applied.commanded.abs();
+        let commanded = applied.commanded_v.abs();
         state.commanded = if is_finite(commanded) { commanded } else { state.commanded };
-        let reading = applied.reading.filter(|reading| is_finite(*reading)).map(T::abs);
+        let reading = applied.reading_v.filter(|reading| is_finite(*reading)).map(T::abs);
         state.followed = match &self.amplifier {
             Some(amplifier) => {
                 let reading = reading.map(|reading| Reading {
@@ -288,6 +288,6 @@ impl<T: Real> Inverse<T> {
         }
         // The largest voltage has priority over the slew limit.
         let voltage = clamp(slewed, T::ZERO, largest);
-        VoltageCommand { voltage, reference: path.position, force, limited }
+        VoltageCommand { voltage_v: voltage, reference_m: path.position, force_n: force, limited }
     }
 }

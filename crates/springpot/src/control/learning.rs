@@ -100,15 +100,15 @@ impl LearningOptions {
 /// for tick in 0..40_000_u16 {
 ///     feedforward.apply(&mut state, Applied::as_commanded(voltage));
 ///     // A film that goes 5 % further than its law says, and a sensor of 100 Hz.
-///     let displacement = 1.05 * state.displacement();
+///     let displacement_m = 1.05 * state.displacement();
 ///     if tick > 30_000 {
-///         assert!((displacement - reference).abs() < 1e-6);
+///         assert!((displacement_m - reference).abs() < 1e-6);
 ///     }
-///     let sample = (tick % 10 == 0).then_some(SensorSample { displacement, age_ticks: 0 });
+///     let sample = (tick % 10 == 0).then_some(SensorSample { displacement_m, age_ticks: 0 });
 ///     let angle = core::f32::consts::TAU * f32::from(tick % 1000) / 1000.0;
 ///     reference = 1e-3 - 0.2e-3 * angle.cos();
 ///     let command = feedforward.command(&mut state, learning.advance(&mut learned, reference, sample, is_free));
-///     (voltage, is_free) = (command.voltage, command.limited.is_none());
+///     (voltage, is_free) = (command.voltage_v, command.limited.is_none());
 /// }
 /// # Ok(())
 /// # }
@@ -443,7 +443,7 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         if let Some(slot) = self.past.get_mut(newest) {
             *slot = [reference, self.phase[0], self.phase[1]];
         }
-        let Some(SensorSample { displacement, age_ticks }) = sample else { return };
+        let Some(SensorSample { displacement_m: displacement, age_ticks }) = sample else { return };
         // What is remembered will be overwritten before the next round is over: a sample must be younger by that.
         if age_ticks < PAST.saturating_sub(HARMONICS + 2) {
             let place = newest + age_ticks + 1;

@@ -25,7 +25,7 @@ use crate::error::{ControlError, first_not_positive};
 ///
 /// // 4 mm would take more than 2 kV: the command stays at the limit and says so.
 /// let last = (0..2000).map(|_| feedforward.command(&mut state, 4e-3)).last().unwrap();
-/// assert!(last.voltage <= 2000.0 && last.limited.bits() != 0);
+/// assert!(last.voltage_v <= 2000.0 && last.limited.bits() != 0);
 /// # Ok(())
 /// # }
 /// ```

@@ -4,7 +4,7 @@ use core::f64::consts::TAU;
 
 use crate::actuator::Load;
 use crate::actuator::{Actuator, VoltageDrive};
-use crate::control::inverse::{Correction, share_per_step};
+use crate::control::inverse::{Applied, Correction, share_per_step};
 use crate::control::observer_options::ObserverOptions;
 use crate::control::path::{clamp, is_finite};
 use crate::control::statistics::Statistics;
@@ -17,7 +17,7 @@ use crate::scalar::{Real, Scalar};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorSample<T> {
     /// Measured displacement, m. A non-finite one is ignored.
-    pub displacement: T,
+    pub displacement_m: T,
     /// How many ticks ago it was measured; 0 is now. Samples older than the observer remembers are ignored.
     pub age_ticks: usize,
 }
@@ -60,7 +60,7 @@ pub struct SensorSample<T> {
 /// the same at that moment and remains right when the load changes.
 ///
 /// ```
-/// use springpot::{Actuator, Law, Observer, ObserverOptions, LawOptions, Preset, SensorSample};
+/// use springpot::{Actuator, Applied, Law, Observer, ObserverOptions, LawOptions, Preset, SensorSample};
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// let model = Preset::TABLE3_N2.model()?;
@@ -73,8 +73,8 @@ pub struct SensorSample<T> {
 /// let mut state = observer.state(rest);
 /// for tick in 0..20_000 {
 ///     // The sensor reads 0.1 mm on a film without voltage: a force that the model does not know.
-///     let sample = (tick % 10 == 0).then_some(SensorSample { displacement: 0.1e-3, age_ticks: 10 });
-///     observer.observe(&mut state, 0.0, sample);
+///     let sample = (tick % 10 == 0).then_some(SensorSample { displacement_m: 0.1e-3, age_ticks: 10 });
+///     observer.observe(&mut state, Applied::as_commanded(0.0), sample);
 /// }
 /// assert!((state.displacement() - 0.1e-3).abs() < 1e-6);
 /// assert!(state.disturbance() > 0.5);
@@ -242,29 +242,49 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
             since_sample: 0,
             innovation: T::ZERO,
             statistics: Statistics::new(),
-            load: Load { force: T::ZERO, slope: T::ZERO },
+            load: self.drive.load(T::ZERO),
             share: T::from_f64(1.0),
             gains: self.gains,
             adapting: self.adapting,
         }
     }
 
-    /// Steps the film under the `voltage` (V) that was applied since the last tick, or that a monitor read, and corrects
-    /// it with a `sample`, if one has arrived. Returns the estimated displacement (m).
+    /// Steps the film under the voltage that was applied since the last tick, and corrects it with a `sample`, if one has arrived.
+    /// Returns the estimated displacement (m).
+    ///
+    /// An observer has no model of the amplifier: the reading of a monitor, where there is a finite one, counts as the voltage on the film,
+    /// otherwise the command. If neither is finite, the last voltage that was stays.
+    #[inline]
+    pub fn observe(
+        &self,
+        state: &mut ObserverState<T, M, PAST>,
+        applied: Applied<T>,
+        sample: Option<SensorSample<T>>,
+    ) -> T {
+        let voltage = applied.reading_v.filter(|reading| is_finite(*reading)).unwrap_or(applied.commanded_v);
+        let load = if is_finite(voltage) { self.drive.load(voltage) } else { state.load };
+        self.step(state, load, sample)
+    }
+
+    /// Steps the film under `load`, the model's for the voltage on it, and corrects it with a `sample`, if one has arrived.
     // Not inlined: within a larger state, as a controller's, most of its fields would be beyond the reach of a load's offset.
     #[inline(never)]
-    pub fn observe(&self, state: &mut ObserverState<T, M, PAST>, voltage: T, sample: Option<SensorSample<T>>) -> T {
-        let load = self.drive.load(voltage);
+    pub(crate) fn step(
+        &self,
+        state: &mut ObserverState<T, M, PAST>,
+        load: Load<T>,
+        sample: Option<SensorSample<T>>,
+    ) -> T {
         state.load = load;
-        let electrostatic = (load.force - self.drive.preload()) * state.force_scale;
+        let electrostatic = (load.force_n - self.drive.preload()) * state.force_scale;
         let forced = Load {
-            force: electrostatic + self.drive.preload() + state.disturbance(),
-            slope: load.slope * state.force_scale,
+            force_n: electrostatic + self.drive.preload() + state.disturbance(),
+            slope_n_per_m: load.slope_n_per_m * state.force_scale,
         };
         let position = self.law.displacement_under(&mut state.film, forced);
         state.remember(position);
         self.correct(state, sample);
-        self.adapt(state, electrostatic + forced.slope * position);
+        self.adapt(state, electrostatic + forced.slope_n_per_m * position);
         position
     }
 
@@ -395,7 +415,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
         }
         let index = self.newest + sample.age_ticks;
         let index = if index >= PAST { index - PAST } else { index };
-        self.past.get(index).map(|&predicted| sample.displacement - predicted)
+        self.past.get(index).map(|&predicted| sample.displacement_m - predicted)
     }
 
     /// Resets disturbance and force scale to 0 and 1; film, innovation and statistics stay.

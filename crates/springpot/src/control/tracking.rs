@@ -44,7 +44,7 @@ use crate::scalar::{Real, Scalar};
 ///     reference_m: f32,
 /// ) -> f32 {
 ///     tracking.observe(state, Applied::as_commanded(applied), sample);
-///     tracking.command(state, reference_m).voltage
+///     tracking.command(state, reference_m).voltage_v
 /// }
 ///
 /// let mut state = tracking.state(rest);
@@ -120,7 +120,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
             self.fade.advance(&mut state.fade, state.inverse.path.position, state.is_learned);
             self.observer.set_share(&mut state.observer, state.fade.share());
         }
-        self.observer.observe(&mut state.observer, voltage, sample)
+        self.observer.step(&mut state.observer, self.observer.drive().load(voltage), sample)
     }
 
     /// The voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A non-finite

@@ -223,9 +223,9 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// The dependence is linear, so this is one solve as well: `base + S δ = f + f' (x + Δx + δ)`.
     #[inline]
     pub fn displacement_under(&self, state: &mut LawState<T, M>, load: Load<T>) -> T {
-        let force_ahead = load.force + load.slope * (state.position + state.increment);
+        let force_ahead = load.force_n + load.slope_n_per_m * (state.position + state.increment);
         let stiffness = self.stiffness_ahead(state);
-        self.change_increment(state, (force_ahead - state.base) / (stiffness - load.slope))
+        self.change_increment(state, (force_ahead - state.base) / (stiffness - load.slope_n_per_m))
     }
 
     /// Force (N) that the film shows when it is at `displacement` (m) at the next step.

@@ -58,7 +58,7 @@ fn follows(amplifier: AmplifierLag, known: AmplifierLag, seconds: f64) -> (f64, 
         let reference = 0.8e-3 * if s < 1.0 { rise(s) } else { 1.0 - 0.4 * rise((s - 1.0).min(1.0)) };
         feedforward.apply(&mut state, Applied::as_commanded(command));
         let next = feedforward.command(&mut state, reference);
-        command = next.voltage;
+        command = next.voltage_v;
         // An Euler integration of its own, in microseconds.
         for _ in 0..1000 {
             let rate = if amplifier.rise_s == 0.0 { f64::INFINITY } else { (command - voltage) / amplifier.rise_s };
@@ -118,8 +118,8 @@ fn cycles(amplifier: AmplifierLag, known: AmplifierLag, read: impl Fn(u32, [f64;
         let now = f64::from(k) * STEP_S;
         let reference =
             0.7e-3 * (now / 1.5).min(1.0) - 0.15e-3 * (core::f64::consts::TAU * (now - 1.5).max(0.0) / 3.0).sin();
-        feedforward.apply(&mut state, Applied { commanded: command, reading: read(k, voltages) });
-        command = feedforward.command(&mut state, reference).voltage;
+        feedforward.apply(&mut state, Applied { commanded_v: command, reading_v: read(k, voltages) });
+        command = feedforward.command(&mut state, reference).voltage_v;
         let mut voltage = voltages[0];
         for _ in 0..100 {
             let rate = (command - voltage) / amplifier.rise_s;

@@ -71,8 +71,9 @@ fn run<T: Real>(law: &Law<T>, force: impl Fn(usize) -> Load<f64>, samples: usize
     let mut state = law.state();
     (0..samples)
         .map(|k| {
-            let Load { force, slope } = force(k);
-            law.displacement_under(&mut state, Load { force: T::from_f64(force), slope: T::from_f64(slope) }).to_f64()
+            let Load { force_n: force, slope_n_per_m: slope } = force(k);
+            law.displacement_under(&mut state, Load { force_n: T::from_f64(force), slope_n_per_m: T::from_f64(slope) })
+                .to_f64()
         })
         .collect()
 }
@@ -85,7 +86,7 @@ fn creep_behind_a_curve_is_that_of_the_nonlinear_sum() {
         let exact = by_the_sum(&model, |k, x| load(k) * (1.0 + coupling * x), SAMPLES);
         let largest = exact.iter().copied().fold(0.0, f64::max);
         assert!(largest > 2e-3 && bent(largest) > 1.4 * largest, "the curve matters: {largest}");
-        let load = |k| Load { force: load(k), slope: load(k) * coupling };
+        let load = |k| Load { force_n: load(k), slope_n_per_m: load(k) * coupling };
         for pieces in [1, 7, 16] {
             let curve = cubic(-0.5e-3, 5e-3, pieces);
             let wide: Law<f64> = law(&model).behind(&curve).expect("a law");
@@ -165,7 +166,7 @@ fn a_straight_curve_is_no_curve() {
     for mass_kg in [0.0, 0.3] {
         let plain: Law<f64> = law(&film(mass_kg));
         let behind = plain.clone().behind(&straight).expect("a law");
-        let load = |k| Load { force: load(k), slope: 0.1 * load(k) };
+        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.1 * load(k) };
         assert!(relative_rms(&run(&behind, load, 4000), &run(&plain, load, 4000)) < 1e-9);
     }
 }
@@ -207,7 +208,7 @@ fn coefficients_carry_the_curve_and_give_the_same_bits() {
         assert_eq!(coefficients.curve.len(), 12);
         let received = Law::from_coefficients(&coefficients, STEP_S, model.mass_kg()).expect("a law");
         assert_eq!(received, law);
-        let load = |k| Load { force: load(k), slope: 0.0 };
+        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.0 };
         assert_eq!(run(&received, load, 1000), run(&law, load, 1000));
     }
 }
@@ -284,8 +285,8 @@ fn feedforward_follows_behind_a_curve_through_a_saturating_drive() {
     for k in 1..=4000 {
         let command = feedforward.command(&mut state, reference(k) as f32);
         assert!(command.limited.is_none() || k < 20, "step {k}: {}", command.limited);
-        volts.push(f64::from(command.voltage));
-        feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
+        volts.push(f64::from(command.voltage_v));
+        feedforward.apply(&mut state, Applied::as_commanded(command.voltage_v));
     }
     let followed = by_the_sum(&model, |k, x| actuator.force(volts[k], x), volts.len());
     let wanted: Vec<f64> = (1..=4000).map(reference).collect();
@@ -302,7 +303,7 @@ fn a_command_beyond_the_curve_says_so() {
     let mut flags = Vec::new();
     for k in 0..3000 {
         let command = feedforward.command(&mut state, 0.6e-3 * (k as f32 / 3000.0));
-        feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
+        feedforward.apply(&mut state, Applied::as_commanded(command.voltage_v));
         assert_eq!(state.film().beyond_curve(), state.displacement() + state.film().increment() > 0.3e-3);
         flags.push(command.limited.contains(Limited::BEYOND_CURVE));
     }
@@ -326,9 +327,9 @@ fn the_observers_gain_grows_with_the_slope() {
         let (mut film, mut state) = (rest.clone(), observer.state(rest));
         for k in 0..1000 {
             let load = drive.load(volts);
-            let x = law.displacement_under(&mut film, Load { force: load.force + 0.5, ..load });
-            let sample = (k % 10 == 0).then_some(SensorSample { displacement: x, age_ticks: 0 });
-            observer.observe(&mut state, volts, sample);
+            let x = law.displacement_under(&mut film, Load { force_n: load.force_n + 0.5, ..load });
+            let sample = (k % 10 == 0).then_some(SensorSample { displacement_m: x, age_ticks: 0 });
+            observer.observe(&mut state, Applied::as_commanded(volts), sample);
         }
         state.disturbance()
     };

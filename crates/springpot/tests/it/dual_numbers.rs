@@ -66,15 +66,15 @@ fn dual_numbers_carry_derivatives_through_the_recursion() {
         let mut state = plain.state();
         let mut x = 0.0;
         for f in paper_force(0.2, 5.0, 1000.0) {
-            x = plain.displacement_under(&mut state, Load { force: f, slope: kappa * f });
+            x = plain.displacement_under(&mut state, Load { force_n: f, slope_n_per_m: kappa * f });
         }
         x
     };
     let mut x = Dual::ZERO;
     for f in paper_force(0.2, 5.0, 1000.0) {
         let force = Dual::from_f64(f);
-        x = dual.displacement_under(&mut state, Load { force, slope: kappa * force });
-        let same = plain.displacement_under(&mut plain_state, Load { force: f, slope: 30.0 * f });
+        x = dual.displacement_under(&mut state, Load { force_n: force, slope_n_per_m: kappa * force });
+        let same = plain.displacement_under(&mut plain_state, Load { force_n: f, slope_n_per_m: 30.0 * f });
         assert_eq!(x.value, same);
     }
     let numeric = (displaced(30.0 + 1e-3) - displaced(30.0 - 1e-3)) / 2e-3;

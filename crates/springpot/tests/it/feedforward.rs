@@ -55,7 +55,7 @@ fn follow<T: Real>(feedforward: &Feedforward<T>, reference: &[f64]) -> (Vec<Volt
         .iter()
         .map(|&r| {
             let command = feedforward.command(&mut state, T::from_f64(r));
-            let x = feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
+            let x = feedforward.apply(&mut state, Applied::as_commanded(command.voltage_v));
             (command, x.to_f64())
         })
         .unzip()
@@ -66,8 +66,11 @@ fn met(commands: &[VoltageCommand<f32>]) -> Limited {
 }
 
 fn largest_step<T: Real>(commands: &[VoltageCommand<T>]) -> f64 {
-    let first = commands[0].voltage.to_f64();
-    commands.windows(2).map(|pair| (pair[1].voltage.to_f64() - pair[0].voltage.to_f64()).abs()).fold(first, f64::max)
+    let first = commands[0].voltage_v.to_f64();
+    commands
+        .windows(2)
+        .map(|pair| (pair[1].voltage_v.to_f64() - pair[0].voltage_v.to_f64()).abs())
+        .fold(first, f64::max)
 }
 
 #[test]
@@ -100,7 +103,7 @@ fn its_voltages_drive_the_model_along_the_reference() {
         assert!(met(&commands).is_none(), "{}: {}", preset.name(), met(&commands));
         let x: Vec<f64> = commands
             .iter()
-            .map(|command| law.displacement_under(&mut film, drive.load(command.voltage)).into())
+            .map(|command| law.displacement_under(&mut film, drive.load(command.voltage_v)).into())
             .collect();
         let error = relative_rms(&x, &reference);
         assert!(error < SINGLE, "{}: {error}", preset.name());
@@ -124,9 +127,9 @@ fn a_voltage_below_zero_is_flagged_and_led_back() {
     };
     assert!(below(0..9_000) == 0 && below(10_000..20_000) > 3_000);
     for command in &commands {
-        assert!(command.voltage >= 0.0);
+        assert!(command.voltage_v >= 0.0);
         if command.limited.contains(Limited::BELOW_ZERO) {
-            assert!(command.force < 0.0 && command.voltage < commands[0].voltage + 4_000.0);
+            assert!(command.force_n < 0.0 && command.voltage_v < commands[0].voltage_v + 4_000.0);
         }
     }
     // Half a second after it became possible again the film is where it should be, without having overshot.
@@ -141,7 +144,7 @@ fn the_largest_voltage_and_the_field_are_kept() {
     let limits = CommandLimits { max_field_v_per_m: 1e9, max_voltage_v: 4500.0, ..CommandLimits::BENCH };
     let (commands, x) = follow(&feedforward::<f32>(limits), &reference);
     assert!(met(&commands).contains(Limited::MAX_VOLTAGE) && !met(&commands).contains(Limited::FIELD));
-    assert!(commands.iter().all(|command| command.voltage <= 4500.0));
+    assert!(commands.iter().all(|command| command.voltage_v <= 4500.0));
     // Wherever the limit is not met for half a second, the film is on its reference again.
     let free = |k: usize| commands[k - 500..=k].iter().all(|command| command.limited.is_none());
     let error = (2500..x.len()).filter(|&k| free(k)).map(|k| (x[k] - reference[k]).abs()).fold(0.0, f64::max);
@@ -155,7 +158,7 @@ fn the_largest_voltage_and_the_field_are_kept() {
     for (command, x) in commands.iter().zip(&x) {
         let thickness = actuator.thickness_m / (1.0 + actuator.stretch_coupling * x);
         // The film thins on by the end of the tick; a thousandth for that and rounding.
-        assert!(f64::from(command.voltage) / thickness < 3e7 * 1.001);
+        assert!(f64::from(command.voltage_v) / thickness < 3e7 * 1.001);
     }
 }
 
@@ -171,7 +174,7 @@ fn slew_is_kept() {
     let mut state = feedforward.state(feedforward.law().state());
     for _ in 0..2000 {
         let command = feedforward.command(&mut state, 1e-3);
-        assert!(command.voltage <= 2.0001);
+        assert!(command.voltage_v <= 2.0001);
         feedforward.apply(&mut state, Applied::as_commanded(0.0));
     }
     assert!(state.displacement().abs() < 1e-12);
@@ -182,7 +185,7 @@ fn speed_and_acceleration_are_kept_and_the_target_is_met_without_overshoot() {
     let limits = CommandLimits { max_velocity_m_per_s: 2e-3, max_acceleration_m_per_s2: 4e-3, ..CommandLimits::BENCH };
     let reference: Vec<f64> = (0..8000).map(|k| if k < 4000 { 3e-3 } else { 1e-3 }).collect();
     let (commands, x) = follow(&feedforward::<f64>(limits), &reference);
-    let q: Vec<f64> = commands.iter().map(|command| command.reference).collect();
+    let q: Vec<f64> = commands.iter().map(|command| command.reference_m).collect();
     let all = commands.iter().fold(Limited::NONE, |all, command| all | command.limited);
     assert!(all.contains(Limited::VELOCITY | Limited::ACCELERATION));
     let speed: Vec<f64> = q.windows(2).map(|pair| (pair[1] - pair[0]) * RATE_HZ).collect();
@@ -206,7 +209,7 @@ fn comes_back_smoothly_after_a_limit_behind_it() {
         let mut after = Vec::new();
         for (k, &r) in reference.iter().enumerate() {
             let command = feedforward.command(&mut state, r as f32);
-            let applied = if (10_000..12_000).contains(&k) { 0.0 } else { command.voltage };
+            let applied = if (10_000..12_000).contains(&k) { 0.0 } else { command.voltage_v };
             let x = feedforward.apply(&mut state, Applied::as_commanded(applied));
             if k >= 12_000 {
                 after.push((command, f64::from(x) - r));
@@ -218,7 +221,7 @@ fn comes_back_smoothly_after_a_limit_behind_it() {
         assert!(away < 1000, "{mass_kg} kg: {away} ms");
         // It neither swings through nor chatters.
         assert!(after.iter().all(|(_, error)| *error < 20e-6));
-        let travel: f32 = after.windows(2).map(|pair| (pair[1].0.voltage - pair[0].0.voltage).abs()).sum();
+        let travel: f32 = after.windows(2).map(|pair| (pair[1].0.voltage_v - pair[0].0.voltage_v).abs()).sum();
         // The reference's own four ways take 8 kV, the way back from a resonance at most ten times the largest voltage.
         assert!(travel < 68_000.0, "{mass_kg} kg: {travel} V");
     }
@@ -231,7 +234,7 @@ fn a_non_finite_reference_is_ignored() {
     for k in 0..3000 {
         let reference = [1e-3, f32::NAN, f32::INFINITY, f32::NEG_INFINITY][if k % 7 == 0 { k % 4 } else { 0 }];
         let command = feedforward.command(&mut state, reference);
-        feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
+        feedforward.apply(&mut state, Applied::as_commanded(command.voltage_v));
     }
     assert!((state.displacement() - 1e-3).abs() < 1e-7);
 }
@@ -254,7 +257,7 @@ fn a_non_finite_applied_voltage_is_the_last_one() {
             let reference = 1e-3 * f32::from(k) / 3000.0;
             let [command, expected] = [&mut state, &mut told].map(|state| feedforward.command(state, reference));
             assert_eq!(command, expected, "tick {k}");
-            last = command.voltage;
+            last = command.voltage_v;
         }
         assert!(last > 100.0);
     }

@@ -168,10 +168,10 @@ fn a_dependent_load_is_met_where_the_film_goes() {
     let law = law::<f64>(&model);
     let (mut under, mut check) = (law.state(), law.state());
     for f in paper_force(0.2, 10.0, 1.0 / STEP) {
-        let load = Load { force: f, slope: 60.0 * f };
+        let load = Load { force_n: f, slope_n_per_m: 60.0 * f };
         let x = law.displacement_under(&mut under, load);
         let force = law.force(&mut check, x);
-        assert!((force - (load.force + load.slope * x)).abs() < 1e-9, "{force}");
+        assert!((force - (load.force_n + load.slope_n_per_m * x)).abs() < 1e-9, "{force}");
     }
 }
 

@@ -72,7 +72,7 @@ impl Loop {
         let sample = due.then(|| {
             let noise = 2e-6 * 3f64.sqrt() * self.random.random_range(-1.0..1.0);
             let displacement = (self.past[self.past.len() - 1 - self.delay] + noise) as f32;
-            SensorSample { displacement, age_ticks: self.believed }
+            SensorSample { displacement_m: displacement, age_ticks: self.believed }
         });
         let asked = self.learning.advance(&mut self.state, reference as f32, sample, true);
         let x = self.film.advance(f64::from(asked));
@@ -236,7 +236,7 @@ fn only_cycles_are_learned() {
     let mut state = learning.state(0.0);
     for tick in 0..20_000_usize {
         let wrong = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][tick % 3];
-        let sample = Some(SensorSample { displacement: wrong, age_ticks: [0, 62, 63, usize::MAX][tick % 4] });
+        let sample = Some(SensorSample { displacement_m: wrong, age_ticks: [0, 62, 63, usize::MAX][tick % 4] });
         let reference = if tick % 7 == 0 { wrong } else { 1e-3 };
         let asked = learning.advance(&mut state, reference, sample, tick % 5 == 0);
         assert!(state.added() == 0.0 && (asked == reference || reference.is_nan()), "{tick}");

@@ -36,7 +36,7 @@ impl Plant {
 
     fn step(&mut self, voltage: f64, disturbance: f64) -> f64 {
         let load = self.drive.load(voltage);
-        self.law.displacement_under(&mut self.film, Load { force: load.force + disturbance, ..load })
+        self.law.displacement_under(&mut self.film, Load { force_n: load.force_n + disturbance, ..load })
     }
 }
 
@@ -62,7 +62,7 @@ impl Sensor {
         let k = self.past.len() - 1;
         let taken = k.checked_sub(self.delay)?;
         let due = taken % self.interval == 0;
-        due.then(|| SensorSample { displacement: self.past[taken] as f32, age_ticks: self.delay })
+        due.then(|| SensorSample { displacement_m: self.past[taken] as f32, age_ticks: self.delay })
     }
 }
 
@@ -78,7 +78,7 @@ fn run(
     for k in 0..30_000 {
         let x = plant.step(volts(k), disturbance(k));
         let sample = sensor.read(x);
-        let estimate = observer.observe(&mut state, volts(k) as f32, sample);
+        let estimate = observer.observe(&mut state, Applied::as_commanded(volts(k) as f32), sample);
         errors.push(f64::from(estimate) - x);
         if k % 1000 == 999 {
             states.push(state.clone());
@@ -155,8 +155,8 @@ fn smooths_noise_and_measures_it() {
     let (mut square, mut n) = (0.0, 0.0);
     for k in 0..60_000 {
         let x = plant.step(volts(k), 0.0);
-        let sample = (k % 10 == 0).then(|| SensorSample { displacement: (x + noise()) as f32, age_ticks: 0 });
-        let estimate = observer.observe(&mut state, volts(k) as f32, sample);
+        let sample = (k % 10 == 0).then(|| SensorSample { displacement_m: (x + noise()) as f32, age_ticks: 0 });
+        let estimate = observer.observe(&mut state, Applied::as_commanded(volts(k) as f32), sample);
         if k > 5_000 {
             square += (f64::from(estimate) - x).powi(2);
             n += 1.0;
@@ -176,19 +176,23 @@ fn samples_without_use_are_ignored() {
     for k in 0..2000 {
         let x = plant.step(volts(k), 0.0) as f32;
         let sample = match k % 4 {
-            0 => SensorSample { displacement: f32::NAN, age_ticks: 0 },
-            1 => SensorSample { displacement: f32::INFINITY, age_ticks: 3 },
-            2 => SensorSample { displacement: 1.0, age_ticks: 64 },
-            _ => SensorSample { displacement: 1.0, age_ticks: usize::MAX },
+            0 => SensorSample { displacement_m: f32::NAN, age_ticks: 0 },
+            1 => SensorSample { displacement_m: f32::INFINITY, age_ticks: 3 },
+            2 => SensorSample { displacement_m: 1.0, age_ticks: 64 },
+            _ => SensorSample { displacement_m: 1.0, age_ticks: usize::MAX },
         };
-        let estimate = observer.observe(&mut state, volts(k) as f32, Some(sample));
+        let estimate = observer.observe(&mut state, Applied::as_commanded(volts(k) as f32), Some(sample));
         assert!((estimate - x).abs() < 5e-9);
     }
     assert_eq!(state.ticks_since_sample(), 2000);
     // And nonsense within its range does not make the film run away for good.
     for k in 0..20_000 {
         let wild = if k % 2 == 0 { 1e30 } else { -1e30 };
-        observer.observe(&mut state, 6000.0, Some(SensorSample { displacement: wild, age_ticks: 0 }));
+        observer.observe(
+            &mut state,
+            Applied::as_commanded(6000.0),
+            Some(SensorSample { displacement_m: wild, age_ticks: 0 }),
+        );
     }
     assert!(state.displacement().is_finite() && state.disturbance().is_finite() && state.force_scale().is_finite());
     assert!(state.statistics().variance().is_finite());
@@ -217,8 +221,8 @@ fn a_lost_sensor_bumps_nothing() {
         let reference = 1.5e-3 * s * s * s * (10.0 + s * (6.0 * s - 15.0)) + wave;
         // A step in the disturbance while the sensor is lost.
         let command = tracking.command(&mut state, reference as f32);
-        steps.push((command.voltage - voltage).abs());
-        voltage = command.voltage;
+        steps.push((command.voltage_v - voltage).abs());
+        voltage = command.voltage_v;
         x = plant.step(f64::from(voltage), if k > 30_000 { 1.0 } else { 0.0 });
         errors.push(x - reference);
     }

@@ -59,7 +59,7 @@ fn the_default_memory_needs_no_name() {
     assert_ne!(before, states.tracking);
     assert!(format!("{before:?}").contains("history"));
     let x = law.displacement(&mut states.film, 30.0);
-    let predicted = observer.observe(&mut states.observer, 3000.0, None);
+    let predicted = observer.observe(&mut states.observer, Applied::as_commanded(3000.0), None);
     let driven = feedforward.apply(&mut states.feedforward, Applied::as_commanded(3000.0));
     assert_eq!(predicted, driven);
     assert!(x > 0.0 && driven > 0.0);
@@ -84,7 +84,7 @@ fn a_lean_memory_is_a_parameter() {
     let applied = Applied::as_commanded(3000.0);
     let driven = feedforward.apply(&mut states.feedforward, applied);
     assert_eq!(tracking.observe(&mut states.tracking, applied, None), driven);
-    assert_eq!(observer.observe(&mut states.observer, 3000.0, None), driven);
+    assert_eq!(observer.observe(&mut states.observer, Applied::as_commanded(3000.0), None), driven);
     assert!(size_of::<WithLean>() < size_of::<Default>());
 }
 

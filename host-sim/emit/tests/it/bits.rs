@@ -54,7 +54,11 @@ pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
         .map(|(k, &(voltage, displacement))| {
             let lost = (steps * 3 / 5..steps * 5 / 8).contains(&k);
             let sample = (k % 10 == 3 && !lost).then(|| SensorSample {
-                displacement: if k % 7000 == 13 { f32::NAN } else { 0.97 * wanted[k.saturating_sub(10)] + noise(4e-6) },
+                displacement_m: if k % 7000 == 13 {
+                    f32::NAN
+                } else {
+                    0.97 * wanted[k.saturating_sub(10)] + noise(4e-6)
+                },
                 age_ticks: if k % 9000 == 23 { 64 } else { 10 },
             });
             let order = u32::from(k == steps / 2) + 2 * u32::from(k == steps * 2 / 3);

@@ -38,7 +38,7 @@ pub fn bytes(kind: Kind, index: usize, inputs: &[Input]) -> Vec<u8> {
     let word = |value: usize| u32::try_from(value).expect("few");
     let mut words = vec![kind as u32, word(index), word(inputs.len())];
     for Input { a, b, sample, flags } in inputs {
-        let (displacement, age) = sample.map_or((0.0, u32::MAX), |s| (s.displacement, word(s.age_ticks)));
+        let (displacement, age) = sample.map_or((0.0, u32::MAX), |s| (s.displacement_m, word(s.age_ticks)));
         words.extend([a.to_bits(), b.to_bits(), displacement.to_bits(), age, *flags]);
     }
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
@@ -106,8 +106,8 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
                     let applied = Applied::as_monitored(applied, input.b * applied);
                     let x = feedforward.apply(&mut state, applied);
                     let command = feedforward.command(&mut state, input.a);
-                    commanded = command.voltage;
-                    let numbers = [x, command.voltage, command.reference, command.force, state.film_voltage()];
+                    commanded = command.voltage_v;
+                    let numbers = [x, command.voltage_v, command.reference_m, command.force_n, state.film_voltage()];
                     row(numbers, command.limited.bits().into())
                 })
                 .collect()
@@ -118,7 +118,7 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
             inputs
                 .iter()
                 .map(|input| {
-                    let x = observer.observe(&mut state, input.a, input.sample);
+                    let x = observer.observe(&mut state, Applied::as_commanded(input.a), input.sample);
                     let statistics = state.statistics();
                     let numbers =
                         [x, state.disturbance(), state.force_scale(), statistics.mean(), statistics.variance()];
@@ -157,10 +157,10 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
                         }
                     }
                     let command = tracking.command(&mut state, reference);
-                    commanded = command.voltage;
+                    commanded = command.voltage_v;
                     is_free = command.limited.is_none();
                     let observer = state.observer();
-                    let numbers = [x, command.voltage, reference, observer.disturbance(), observer.share()];
+                    let numbers = [x, command.voltage_v, reference, observer.disturbance(), observer.share()];
                     row(numbers, command.limited.bits().into())
                 })
                 .collect()

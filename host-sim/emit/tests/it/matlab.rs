@@ -33,7 +33,7 @@ fn plain_inputs(kind: Option<Kind>, recorded: &[(f32, f32)], is_monitored: bool)
     for input in &mut inputs {
         // Of the orders a caller has the voltage that was applied.
         input.flags = if input.flags == 4 { 4 } else { 0 };
-        input.sample = input.sample.filter(|s| s.displacement.is_finite() && s.age_ticks == AGE);
+        input.sample = input.sample.filter(|s| s.displacement_m.is_finite() && s.age_ticks == AGE);
         if !is_monitored {
             input.b = f32::NAN;
         }
@@ -60,7 +60,7 @@ fn told(kind: Option<Kind>, case: &Case, inputs: &[Input]) -> Vec<Told> {
                 let load = drive.load(input.a);
                 let x = case.law.displacement_under(&mut state, load);
                 let beyond = BEYOND_CURVE * u32::from(state.beyond_curve());
-                [some(x), some(input.a), some(load.force + load.slope * x), nan, none, one, Some(beyond)]
+                [some(x), some(input.a), some(load.force_n + load.slope_n_per_m * x), nan, none, one, Some(beyond)]
             })
             .collect();
     };
@@ -237,7 +237,7 @@ fn the_mex_function_has_the_bits_of_rust() {
                 let mut before = 0.0_f32;
                 let mut bytes = Vec::new();
                 for (k, (input, told)) in inputs.iter().zip(&told).enumerate() {
-                    let sample = input.sample.map_or(f32::NAN, |sample| sample.displacement);
+                    let sample = input.sample.map_or(f32::NAN, |sample| sample.displacement_m);
                     let is_halved = input.flags != 0;
                     let put_out = if is_halved { 0.5 * before } else { before };
                     // Where it is what was commanded, it is told now and then.

@@ -252,7 +252,7 @@ impl<'a> RunningBench<'a> {
         }
         let &(taken, displacement) = self.in_transit.front().filter(|(taken, _)| k - taken >= self.delay_ticks)?;
         self.in_transit.pop_front();
-        Some(SensorSample { displacement, age_ticks: k - taken })
+        Some(SensorSample { displacement_m: displacement, age_ticks: k - taken })
     }
 
     /// What the controller knows of the voltage that it `commanded` (V).

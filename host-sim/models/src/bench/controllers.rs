@@ -247,7 +247,7 @@ impl Controller for ProportionalIntegral {
         if let Some(sample) = sample {
             // A late sample is compared with the reference of its time.
             let then = self.references_m.iter().rev().nth(sample.age_ticks).copied().unwrap_or(0.0);
-            self.error_m = then - sample.displacement;
+            self.error_m = then - sample.displacement_m;
             self.integral_n = (self.integral_n + self.gains[1] * self.since_s * self.error_m).max(0.0);
             self.since_s = 0.0;
         }
@@ -262,11 +262,11 @@ impl Controller for ProportionalIntegral {
 }
 
 fn of_type<T: Real>(applied: Applied<f64>) -> Applied<T> {
-    Applied { commanded: T::from_f64(applied.commanded), reading: applied.reading.map(T::from_f64) }
+    Applied { commanded_v: T::from_f64(applied.commanded_v), reading_v: applied.reading_v.map(T::from_f64) }
 }
 
 fn in_type<T: Real>(sample: SensorSample<f64>) -> SensorSample<T> {
-    SensorSample { displacement: T::from_f64(sample.displacement), age_ticks: sample.age_ticks }
+    SensorSample { displacement_m: T::from_f64(sample.displacement_m), age_ticks: sample.age_ticks }
 }
 
 /// Learning in front of a law of control.
@@ -300,10 +300,10 @@ impl<T: Real, M: Memory<T>> Controller for FeedforwardController<T, M> {
             learner.is_free = command.limited.is_none();
             None
         } else {
-            Some(command.reference.to_f64())
+            Some(command.reference_m.to_f64())
         };
         ControllerOutput {
-            voltage_v: command.voltage.to_f64(),
+            voltage_v: command.voltage_v.to_f64(),
             reference_m: shaped,
             limited: command.limited,
             estimate_m: Some(estimate.to_f64()),
@@ -331,10 +331,10 @@ impl<T: Real> Controller for TrackingController<T> {
             self.state.leave_cycles(learner.state.has_learned());
             None
         } else {
-            Some(command.reference.to_f64())
+            Some(command.reference_m.to_f64())
         };
         ControllerOutput {
-            voltage_v: command.voltage.to_f64(),
+            voltage_v: command.voltage_v.to_f64(),
             reference_m: shaped,
             limited: command.limited,
             estimate_m: Some(estimate.to_f64()),

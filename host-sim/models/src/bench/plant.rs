@@ -207,8 +207,9 @@ impl Plant for FullMemoryPlant {
         let block = &self.increments[k - k % BLOCK..];
         let near: f64 = block.iter().rev().zip(&self.relaxation[1..]).map(|(dx, g)| dx * g).sum();
         let load = self.actuator.load(voltage_v);
-        let left = load.force + load.slope * self.displacement_m + self.inertia * self.last - near - self.past_n[k];
-        let (increment, stretched) = self.increment(left, load.slope);
+        let left =
+            load.force_n + load.slope_n_per_m * self.displacement_m + self.inertia * self.last - near - self.past_n[k];
+        let (increment, stretched) = self.increment(left, load.slope_n_per_m);
         self.increments.push(stretched);
         self.last = increment;
         self.displacement_m += increment;

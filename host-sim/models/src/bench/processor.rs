@@ -348,7 +348,7 @@ struct ChipController<'a> {
 
 impl Controller for ChipController<'_> {
     fn tick(&mut self, _: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
-        let target = Target { value: reference_m as f32, sample_m: sample.map(|sample| sample.displacement as f32) };
+        let target = Target { value: reference_m as f32, sample_m: sample.map(|sample| sample.displacement_m as f32) };
         let host = self.host.follow(self.mode, target);
         let mut voltage_v = 0.0;
         // After a fault the chip is asked nothing more, and the film is left at 0 V.

@@ -92,7 +92,7 @@ impl Transfer {
         loads: &[Load<f64>],
     ) -> Result<Vec<f64>, PullIn> {
         // From this slope on a single step of the law has no equilibrium.
-        let steepest = loads.iter().map(|load| load.slope).fold(0.0, f64::max);
+        let steepest = loads.iter().map(|load| load.slope_n_per_m).fold(0.0, f64::max);
         if steepest >= 0.99 * law.stiffness() {
             return Err(PullIn);
         }
@@ -106,7 +106,10 @@ impl Transfer {
                 .iter()
                 .zip(&displacement)
                 .zip(resisted)
-                .map(|((load, x), force)| Load { force: load.force + load.slope * x - force, slope: load.slope })
+                .map(|((load, x), force)| Load {
+                    force_n: load.force_n + load.slope_n_per_m * x - force,
+                    slope_n_per_m: load.slope_n_per_m,
+                })
                 .collect();
             let (mut change, mut size) = (0.0, 0.0);
             for (x, correction) in displacement.iter_mut().zip(recursion(law, &left)) {
@@ -134,7 +137,7 @@ impl Transfer {
         curve: &Curve,
         loads: &[Load<f64>],
     ) -> Result<(Vec<f64>, Vec<Load<f64>>), PullIn> {
-        let steepest = loads.iter().map(|load| load.slope).fold(0.0, f64::max);
+        let steepest = loads.iter().map(|load| load.slope_n_per_m).fold(0.0, f64::max);
         if steepest >= 0.99 * law.least_stiffness() {
             return Err(PullIn);
         }

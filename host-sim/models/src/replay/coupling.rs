@@ -31,10 +31,11 @@ pub fn coupled_displacement(
     start: Vec<f64>,
     tolerance: f64,
 ) -> Result<Vec<f64>, PullIn> {
-    let implicit = loads.iter().any(|load| load.slope != 0.0);
+    let implicit = loads.iter().any(|load| load.slope_n_per_m != 0.0);
     let mut displacement = start;
     for _ in 0..MAX_PASSES {
-        let force: Vec<f64> = loads.iter().zip(&displacement).map(|(load, x)| load.force + load.slope * x).collect();
+        let force: Vec<f64> =
+            loads.iter().zip(&displacement).map(|(load, x)| load.force_n + load.slope_n_per_m * x).collect();
         let next = circle.displacement_from(stiffness, &force);
         let (mut change, mut size) = (0.0, 0.0);
         for (before, after) in displacement.iter().zip(&next) {

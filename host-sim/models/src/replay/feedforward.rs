@@ -62,10 +62,10 @@ impl OnLaw for Inversion<'_> {
         let mut plan = VoltagePlan::default();
         for (k, &target) in self.reference.iter().enumerate() {
             let command = feedforward.command(&mut state, T::from_f64(target));
-            let displacement = feedforward.apply(&mut state, Applied::as_commanded(command.voltage));
-            plan.voltage_v.push(command.voltage.to_f64());
+            let displacement = feedforward.apply(&mut state, Applied::as_commanded(command.voltage_v));
+            plan.voltage_v.push(command.voltage_v.to_f64());
             plan.displacement_m.push(displacement.to_f64());
-            plan.reference_m.push(command.reference.to_f64());
+            plan.reference_m.push(command.reference_m.to_f64());
             plan.limited.push(command.limited);
             if k % 4096 == 4095 {
                 self.progress.advance(4096)?;

@@ -91,7 +91,7 @@ pub fn bent_displacement<const HEAD: usize, const FAST: usize, const SLOW: usize
     for _ in 0..MAX_PASSES {
         let shown = film.force(circle, &displacement);
         for (((driven, load), x), shown) in driven.iter_mut().zip(loads).zip(&displacement).zip(&shown) {
-            driven.force += load.force + load.slope * x - shown;
+            driven.force_n += load.force_n + load.slope_n_per_m * x - shown;
         }
         let next = stepped(law, &driven);
         let (mut change, mut size) = (0.0, 0.0);

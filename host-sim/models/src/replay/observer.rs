@@ -1,7 +1,7 @@
 //! The observer over a recording: what a controller would have estimated.
 
 use serde::Serialize;
-use springpot::{ControlError, Law, LawState, Memory, Observer, ObserverOptions, Real, SensorSample};
+use springpot::{Applied, ControlError, Law, LawState, Memory, Observer, ObserverOptions, Real, SensorSample};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
@@ -206,9 +206,11 @@ impl OnLaw for ObserverRun<'_> {
                 reading = self.measured.value[next];
                 next += 1;
             }
-            let sample = (!reading.is_nan())
-                .then(|| SensorSample { displacement: T::from_f64(sensor.film_displacement_m(reading)), age_ticks: 0 });
-            let estimate = observer.observe(&mut state, T::from_f64(volts), sample);
+            let sample = (!reading.is_nan()).then(|| SensorSample {
+                displacement_m: T::from_f64(sensor.film_displacement_m(reading)),
+                age_ticks: 0,
+            });
+            let estimate = observer.observe(&mut state, Applied::as_commanded(T::from_f64(volts)), sample);
             estimates.displacement_m.push(estimate.to_f64());
             estimates.sample_m.push(reading);
             estimates.disturbance_n.push(state.disturbance().to_f64());

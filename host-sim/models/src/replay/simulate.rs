@@ -128,7 +128,7 @@ impl OnLaw for ModelRun<'_> {
                 for &v in voltage {
                     let load: Load<T> = volts.load(T::from_f64(v));
                     let x = law.displacement_under(&mut state, load);
-                    push(load.force + load.slope * x, x)?;
+                    push(load.force_n + load.slope_n_per_m * x, x)?;
                 }
             }
             Input::Force(total) => {
@@ -157,7 +157,8 @@ impl OnMemory for ModelRun<'_> {
         let step_s = self.grid.step_s();
         let (mut force, mut displacement) = match self.input {
             Input::Force(force) => {
-                let loads: Vec<Load<f64>> = force.iter().map(|&force| Load { force, slope: 0.0 }).collect();
+                let loads: Vec<Load<f64>> =
+                    force.iter().map(|&force| Load { force_n: force, slope_n_per_m: 0.0 }).collect();
                 (force.clone(), memory.displacement_under(self.film, &loads, step_s)?)
             }
             Input::Displacement(path) => (memory.force_along(self.film, path), path.clone()),
@@ -165,7 +166,10 @@ impl OnMemory for ModelRun<'_> {
                 self.actuator.check()?;
                 let loads: Vec<Load<f64>> = voltage.iter().map(|&volts| self.actuator.load(volts)).collect();
                 let displacement = memory.displacement_under(self.film, &loads, step_s)?;
-                (loads.iter().zip(&displacement).map(|(load, x)| load.force + load.slope * x).collect(), displacement)
+                (
+                    loads.iter().zip(&displacement).map(|(load, x)| load.force_n + load.slope_n_per_m * x).collect(),
+                    displacement,
+                )
             }
         };
         if self.precision == Precision::F32 {

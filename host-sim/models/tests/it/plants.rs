@@ -197,7 +197,7 @@ impl Plant for BlendedFilm {
         let warm = self.ramp.map_or(0.0, |ramp| ramp.share(self.substeps));
         self.substeps += 1;
         let load = self.actuator.load(voltage_v);
-        let missing = |x: f64| load.force + load.slope * x - self.force_to(x, warm);
+        let missing = |x: f64| load.force_n + load.slope_n_per_m * x - self.force_to(x, warm);
         // The curve hardly bends within a substep: a chord over a micrometre, and a second step for what it leaves.
         let near = self.displacement_m + self.increment_m;
         let at_near = missing(near);

@@ -117,7 +117,7 @@ impl Linearised<'_> {
                 let actuator = &self.candidate.actuator;
                 let slope = actuator.force_per_square_volt() * actuator.stretch_coupling;
                 let force = self.circle.series(force, samples);
-                let load = |(&force, &v2)| Load { force, slope: slope * actuator.saturated(v2) };
+                let load = |(&force, &v2)| Load { force_n: force, slope_n_per_m: slope * actuator.saturated(v2) };
                 let loads: Vec<Load<f64>> = force.iter().zip(squared).map(load).collect();
                 Some(recursion(law, &loads))
             }
@@ -129,10 +129,10 @@ impl Linearised<'_> {
     fn along(&self, law: &Law<f64, Recursion>, force: &[f64]) -> Vec<f64> {
         let size = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |size: f64, value| size.max(value.abs()));
         let Response { series: x, driven } = self.response;
-        let largest = size(&mut driven.iter().map(|load| load.force));
+        let largest = size(&mut driven.iter().map(|load| load.force_n));
         let little = SMALL_SHARE * largest / size(&mut force.iter().copied()).max(f64::MIN_POSITIVE);
         let with = |share: f64| -> Vec<Load<f64>> {
-            let more = |(load, force): (&Load<f64>, &f64)| Load { force: load.force + share * force, ..*load };
+            let more = |(load, force): (&Load<f64>, &f64)| Load { force_n: load.force_n + share * force, ..*load };
             driven.iter().zip(force).map(more).collect()
         };
         recursion(law, &with(little)).iter().zip(x).map(|(more, x)| (more - x) / little).collect()

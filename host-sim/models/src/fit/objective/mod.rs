@@ -81,7 +81,7 @@ impl DriveSpectra {
 fn loads(actuator: &Actuator, squared: &[f64]) -> Vec<Load<f64>> {
     let (scale, weight) = (actuator.force_per_square_volt(), actuator.preload_n());
     let slope = scale * actuator.stretch_coupling;
-    let load = |v2: f64| Load { force: scale * v2 + weight, slope: slope * v2 };
+    let load = |v2: f64| Load { force_n: scale * v2 + weight, slope_n_per_m: slope * v2 };
     squared.iter().map(|&v2| load(actuator.saturated(v2))).collect()
 }
 
@@ -247,7 +247,9 @@ impl Objective {
             },
             DriveSpectra::Force { force, spectrum } => match curve {
                 None => circle.series(product(spectrum, &transfer.compliance), record.samples),
-                Some(curve) => bent(force.iter().map(|&force| Load { force, slope: 0.0 }).collect(), curve)?,
+                Some(curve) => {
+                    bent(force.iter().map(|&force| Load { force_n: force, slope_n_per_m: 0.0 }).collect(), curve)?
+                }
             },
             DriveSpectra::Voltage { squared, spectrum, ones } => match (&transfer.law, curve) {
                 (_, Some(curve)) => bent(loads(actuator, squared), curve)?,
