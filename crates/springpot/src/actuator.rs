@@ -372,14 +372,18 @@ impl<T: Real> VoltageDrive<T> {
         }
     }
 
-    /// Hands out `drive.force_per_square_volt` (N/V²), `drive.coupling` (1/m), `drive.saturation` (1/V²), `drive.preload` (N) and
-    /// `drive.max_voltage` (V).
+    /// Visits what a conversion computes with.
+    #[doc(hidden)]
     pub fn numbers(&self, take: &mut impl Numbers<T>) {
-        take.number("drive.force_per_square_volt", self.force_per_square_volt);
-        take.number("drive.coupling", self.coupling);
-        take.number("drive.saturation", self.saturation);
-        take.number("drive.preload", self.preload);
-        take.number("drive.max_voltage", self.max_voltage);
+        take.structure(
+            "drive",
+            "Voltage to force and back: F = force_per_square_volt V^2 / (1 + saturation V^2) (1 + coupling x) + preload.",
+        );
+        take.number("force_per_square_volt", self.force_per_square_volt, "N/V^2");
+        take.number("coupling", self.coupling, "1/m");
+        take.number("saturation", self.saturation, "1/V^2");
+        take.number("preload", self.preload, "N");
+        take.number("max_voltage", self.max_voltage, "V; larger ones count as this");
     }
 
     /// The weight's share of the force, N.

@@ -30,5 +30,6 @@ pub use law::{Coefficients, Compressed, CompressionBound, Law, LawOptions, LawSt
 pub use model::{Chain, Maxwell, Preset, Springpot, Topology};
 /// The complex number of [`Maxwell::modulus`] and of the frequency responses, from the crate `num-complex`.
 pub use num_complex::Complex;
-pub use numbers::Numbers;
+#[doc(hidden)]
+pub use numbers::{Numbers, Record};
 pub use scalar::{Real, Scalar};

@@ -1,5 +1,5 @@
 /* ---- A film: computed by the host, constant. Its values are for the functions below; read step_s and the limits if you like.
- * What has no unit here is a plain number. */
+ * What has no unit here is a plain number. Generated from the visits of the crate springpot. */
 
 /* A mode of the memory: a Maxwell element. */
 typedef struct {
@@ -17,8 +17,8 @@ typedef struct {
 
 /* A cubic from `at` on: value + slope u + second u^2 + third u^3. */
 typedef struct {
-    float at;    /* m; infinite where the piece is not used */
-    float value; /* m */
+    float at;     /* m; infinite where the piece is not used */
+    float value;  /* m */
     float slope;
     float second; /* 1/m */
     float third;  /* 1/m^2 */
@@ -26,11 +26,11 @@ typedef struct {
 
 /* An elastic curve T in front of a law: its memory acts on T(x), the inertia on x. */
 typedef struct {
-    float instant;         /* force per T within one step, N/m */
-    float inertia;         /* of the change of the increment, N/m */
-    float past_inertia[3]; /* of the last three increments, newest first, N/m */
-    float low;             /* where the curve begins, m */
-    float high;            /* where it ends, m */
+    float instant;                            /* force per T within one step, N/m */
+    float inertia;                            /* of the change of the increment, N/m */
+    float past_inertia[3];                    /* of the last three increments, newest first, N/m */
+    float low;                                /* where the curve begins, m */
+    float high;                               /* where it ends, m */
     springpot_piece pieces[SPRINGPOT_PIECES];
 } springpot_curve;
 
@@ -61,12 +61,12 @@ typedef struct {
 
 /* An amplifier that lags. */
 typedef struct {
-    float up;   /* share of the distance to the command that it goes in a tick, upwards */
-    float down; /* and downwards */
-    float left; /* share of the voltage that is left after a tick at a command of 0 V */
+    float up;            /* share of the distance to the command that it goes in a tick, upwards */
+    float down;          /* and downwards */
+    float left;          /* share of the voltage that is left after a tick at a command of 0 V */
     float reading_share;
-    float gain_s;   /* s */
-    float paces[2]; /* bounds of how much faster it may be */
+    float gain_s;        /* s */
+    float paces[2];      /* bounds of how much faster it may be */
 } springpot_amplifier;
 
 /* Gains of the observer on an innovation. */
@@ -79,20 +79,20 @@ typedef struct {
 /* The observer. */
 typedef struct {
     springpot_gains gains;
-    uint32_t lost_after; /* ticks without a sample after which the sensor counts as lost */
+    uint32_t lost_after;    /* ticks without a sample after which the sensor counts as lost */
     float smoothing;
     float recovery;
     float averaging;
     float forgetting;
     float forgetting_slope;
-    float adapting;        /* 1: the force scale adapts; 0: it stays 1 */
-    float regularisation;  /* N^2 */
-    float max_disturbance; /* N */
-    float max_slope;       /* N in a tick */
-    float max_innovation;  /* m */
-    float statistics;      /* weight of a sample in the statistics */
-    float full_share;      /* of the correction, above which the force scale adapts */
-    float scales[2];       /* bounds of the force scale */
+    float adapting;         /* 1: the force scale adapts; 0: it stays 1 */
+    float regularisation;   /* N^2 */
+    float max_disturbance;  /* N */
+    float max_slope;        /* N in a tick */
+    float max_innovation;   /* m */
+    float statistics;       /* weight of a sample in the statistics */
+    float full_share;       /* of the correction, above which the force scale adapts */
+    float scales[2];        /* bounds of the force scale */
 } springpot_observer;
 
 /* How much of the correction is in use for references that are faster than the observer. */
@@ -100,7 +100,7 @@ typedef struct {
     float forgets;
     float averages;
     float follows;
-    float floor; /* m */
+    float floor;    /* m */
     float highest;
     float falls;
     float least;
@@ -111,19 +111,19 @@ typedef struct {
     float least_swing;      /* of a reference that counts, m */
     float swing_forgetting; /* share of a swing that is forgotten in a tick */
     float hysteresis;
-    float missed; /* periods without a crossing after which there is none */
+    float missed;           /* periods without a crossing after which there is none */
     float agreement;
-    float period;        /* ticks; 0 where it is taken from the reference */
-    uint32_t harmonics;  /* that are learned, beside the mean */
-    float largest_angle; /* in a tick, of a harmonic that is learned, rad */
-    float rate;          /* ticks in a second */
+    float period;           /* ticks; 0 where it is taken from the reference */
+    uint32_t harmonics;     /* that are learned, beside the mean */
+    float largest_angle;    /* in a tick, of a harmonic that is learned, rad */
+    float rate;             /* ticks in a second */
     float approach;
     float first_share;
     float largest_share;
     float gains[2];
     float seen;
     uint32_t silent_blocks;
-    float series_angle; /* largest angle of the series of cosine and sine, rad */
+    float series_angle;     /* largest angle of the series of cosine and sine, rad */
     float cosine[4];
     float sine[4];
     float settling_s[2];
@@ -134,12 +134,12 @@ typedef struct {
     float fading;
     float same_period;
     float faded;
-    float turn; /* 2 pi */
+    float turn;             /* 2 pi */
 } springpot_learning;
 
-/* All numbers of a film at its rate. */
+/* The constants of a film at its rate. */
 typedef struct {
-    float step_s; /* duration of a tick, s: call a tick at this rate and no other */
+    float step_s;                         /* duration of a tick, s: call a tick at this rate and no other */
     springpot_drive drive;
     springpot_inverse inverse;
     springpot_observer observer;

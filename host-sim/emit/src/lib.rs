@@ -2,7 +2,8 @@
 //!
 //! | file | what it holds |
 //! | --- | --- |
-//! | `c/*.h` | the steps in C99, written by hand, in the order of [`HEADER`]: the same file for every film |
+//! | `c/*.h` | the steps in C99, written by hand but for `2-film.h`, in the order of [`HEADER`]: the same file for every film |
+//! | [`declarations()`] | `2-film.h`, the structures of constants, from those of the crate `springpot` |
 //! | [`film()`] | the numbers of a film as a C source |
 //! | [`arduino`] | both as a library for Arduino and PlatformIO, with an example |
 //! | [`matlab`] | both with a MEX gateway for MATLAB and Octave and an S-function for Simulink, written by hand in `matlab/` |
@@ -19,7 +20,7 @@ pub mod matlab;
 mod symbol;
 mod table;
 
-pub use film::{Film, film};
+pub use film::{Film, declarations, film};
 pub use symbol::symbol;
 
 /// The version of the tables, which header and film must share: `SPRINGPOT_FORMAT` in C.

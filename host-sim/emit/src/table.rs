@@ -1,22 +1,186 @@
-//! Numbers by their names, as C writes them.
+//! The constants of a film as structures of C.
 
-use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use springpot::Numbers;
+use springpot::{Learning, Numbers, Record, Tracking};
 
-/// The numbers of a film, as C writes them. What was written is taken out, so that what is left was forgotten.
+/// Structures within `springpot_film`, in their order.
+const WITHIN: [&str; 4] = ["drive", "inverse", "observer", "fade"];
+/// Structures that `springpot_film` points to, and what it means that there is none.
+const BESIDE: [(&str, &str); 3] = [
+    ("curve", "NULL: force follows x itself"),
+    ("amplifier", "NULL: it follows at once"),
+    ("learning", "NULL: nothing is learned"),
+];
+/// The structure at the end of `springpot_film`: it is the largest.
+const LAST: &str = "law";
+
+/// The constants of a film, structure by structure.
 #[derive(Default)]
-pub(crate) struct Table(BTreeMap<String, Vec<String>>);
+pub(crate) struct Table(Vec<Structure>);
+
+/// A structure of C.
+struct Structure {
+    name: &'static str,
+    about: &'static str,
+    fields: Vec<Field>,
+    /// Structures that are fields of it.
+    parts: Vec<Structure>,
+}
+
+/// A field of a structure.
+struct Field {
+    declaration: String,
+    name: &'static str,
+    about: &'static str,
+    value: String,
+}
+
+impl Table {
+    /// The constants of `tracking`, and of what learns, if anything does.
+    pub(crate) fn new(tracking: &Tracking<f32>, learning: Option<&Learning<f32>>) -> Self {
+        let mut table = Self::default();
+        tracking.numbers(&mut table);
+        if let Some(learning) = learning {
+            learning.numbers(&mut table);
+        }
+        table
+    }
+
+    fn find(&self, name: &str) -> Option<&Structure> {
+        self.0.iter().find(|structure| structure.name == name)
+    }
+
+    fn field(&mut self, name: &'static str, declaration: String, value: String, about: &'static str) {
+        // The first visit is that of a structure.
+        if let Some(structure) = self.0.last_mut() {
+            structure.fields.push(Field { declaration, name, about, value });
+        }
+    }
+
+    /// Declares all structures: `c/2-film.h`, from a film that has all of them.
+    pub(crate) fn declarations(&self) -> String {
+        let mut text = "/* ---- A film: computed by the host, constant. Its values are for the functions below; read step_s and the limits if you like.\n \
+                        * What has no unit here is a plain number. Generated from the visits of the crate springpot. */\n\n"
+            .to_owned();
+        self.0.iter().for_each(|structure| structure.declare(&mut text));
+        let mut film = Structure {
+            name: "film",
+            about: "The constants of a film at its rate.",
+            fields: Vec::new(),
+            parts: Vec::new(),
+        };
+        let mut field = |declaration: String, about: &'static str| {
+            film.fields.push(Field { declaration, name: "", about, value: String::new() });
+        };
+        field("float step_s".into(), "duration of a tick, s: call a tick at this rate and no other");
+        WITHIN.iter().for_each(|name| field(format!("springpot_{name} {name}"), ""));
+        BESIDE.iter().for_each(|(name, none)| field(format!("const springpot_{name} *{name}"), none));
+        field(format!("springpot_{LAST} {LAST}"), "");
+        film.declare(&mut text);
+        text
+    }
+
+    /// Defines the film `symbol`, after the structures that it points to.
+    pub(crate) fn definitions(&self, symbol: &str, step_s: f64) -> String {
+        let mut text = String::new();
+        for (name, structure) in BESIDE.iter().filter_map(|(name, _)| Some((name, self.find(name)?))) {
+            let _ = writeln!(text, "static const springpot_{name} {symbol}_{name} = {{");
+            structure.define(&mut text, "    ");
+            text.push_str("};\n\n");
+        }
+        let _ = writeln!(text, "SPRINGPOT_FILM({symbol});\n\nconst springpot_film {symbol} = {{");
+        #[allow(clippy::cast_possible_truncation)] // for its reader
+        let _ = writeln!(text, "    {:.8e}F, /* step_s */", step_s as f32);
+        WITHIN.iter().for_each(|name| self.define_within(&mut text, name));
+        for (name, _) in BESIDE {
+            let pointer = self.find(name).map_or("NULL".to_owned(), |_| format!("&{symbol}_{name}"));
+            let _ = writeln!(text, "    {pointer}, /* {name} */");
+        }
+        self.define_within(&mut text, LAST);
+        text.push_str("};\n");
+        text
+    }
+
+    fn define_within(&self, text: &mut String, name: &str) {
+        let _ = writeln!(text, "    {{ /* {name} */");
+        self.find(name).into_iter().for_each(|structure| structure.define(text, "        "));
+        text.push_str("    },\n");
+    }
+}
+
+impl Structure {
+    // Writing to a string cannot fail.
+    fn declare(&self, text: &mut String) {
+        self.parts.iter().for_each(|part| part.declare(text));
+        let _ = writeln!(text, "/* {} */\ntypedef struct {{", self.about);
+        let width = self.fields.iter().map(|field| field.declaration.len() + 5).max().unwrap_or(0);
+        for Field { declaration, about, .. } in &self.fields {
+            let line = format!("    {declaration};");
+            let _ = match *about {
+                "" => writeln!(text, "{line}"),
+                about => writeln!(text, "{line:<width$} /* {about} */"),
+            };
+        }
+        let _ = writeln!(text, "}} springpot_{};\n", self.name);
+    }
+
+    /// Lines of its initialiser.
+    fn define(&self, text: &mut String, indent: &str) {
+        for Field { name, value, .. } in &self.fields {
+            let _ = writeln!(text, "{indent}{value}, /* {name} */");
+        }
+    }
+}
 
 impl Numbers<f32> for Table {
-    fn number(&mut self, name: &'static str, value: f32) {
-        self.0.entry(name.to_owned()).or_default().push(literal(value));
+    fn structure(&mut self, name: &'static str, about: &'static str) {
+        self.0.push(Structure { name, about, fields: Vec::new(), parts: Vec::new() });
     }
 
-    fn count(&mut self, name: &'static str, value: u32) {
-        self.0.entry(name.to_owned()).or_default().push(format!("{value}U"));
+    fn number(&mut self, name: &'static str, value: f32, about: &'static str) {
+        self.field(name, format!("float {name}"), literal(value), about);
     }
+
+    fn count(&mut self, name: &'static str, value: u32, about: &'static str) {
+        self.field(name, format!("uint32_t {name}"), format!("{value}U"), about);
+    }
+
+    fn array<const N: usize>(&mut self, name: &'static str, values: [f32; N], about: &'static str) {
+        self.field(name, format!("float {name}{}", length(name, N)), row(&values), about);
+    }
+
+    fn records<const FIELDS: usize>(
+        &mut self,
+        name: &'static str,
+        of: &Record<FIELDS>,
+        values: impl IntoIterator<Item = [f32; FIELDS]>,
+        about: &'static str,
+    ) {
+        let rows: Vec<String> = values.into_iter().map(|values| row(&values)).collect();
+        let (length, value) = match rows.as_slice() {
+            [one] => (String::new(), one.clone()),
+            rows => (length(name, rows.len()), format!("{{\n            {}}}", rows.join(",\n            "))),
+        };
+        self.field(name, format!("springpot_{} {name}{length}", of.name), value, about);
+        let Some(structure) = self.0.last_mut() else { return };
+        if structure.parts.iter().all(|part| part.name != of.name) {
+            let field =
+                |&(name, about)| Field { declaration: format!("float {name}"), name, about, value: String::new() };
+            let fields = of.fields.iter().map(field).collect();
+            structure.parts.push(Structure { name: of.name, about: of.about, fields, parts: Vec::new() });
+        }
+    }
+}
+
+/// A long array has the length that the steps count to.
+fn length(name: &str, length: usize) -> String {
+    if length > 4 { format!("[SPRINGPOT_{}]", name.to_uppercase()) } else { format!("[{length}]") }
+}
+
+fn row(values: &[f32]) -> String {
+    let values: Vec<String> = values.iter().map(|value| literal(*value)).collect();
+    format!("{{{}}}", values.join(", "))
 }
 
 /// A number as a constant of C: nine significant digits give every number of single precision back. Hexadecimal ones, which are shorter
@@ -27,53 +191,4 @@ fn literal(value: f32) -> String {
         return format!("{sign}(float)INFINITY");
     }
     format!("{value:.8e}F")
-}
-
-impl Table {
-    /// Whether there is such a number.
-    pub(crate) fn has(&self, name: &str) -> bool {
-        self.0.contains_key(name)
-    }
-
-    /// Takes the numbers of `names`, which are arrays of one length, element by element.
-    fn take(&mut self, names: &[&str]) -> Vec<Vec<String>> {
-        let mut columns = Vec::new();
-        for name in names {
-            // Both lists of names stand in this project: a test emits all of them.
-            columns.push(self.0.remove(*name).unwrap_or_else(|| panic!("no number {name}")).into_iter());
-        }
-        let mut rows = Vec::new();
-        while let Some(row) = columns.iter_mut().map(Iterator::next).collect::<Option<Vec<_>>>() {
-            rows.push(row);
-        }
-        rows
-    }
-
-    /// Lines of an initialiser: for each name of `object` its number, or its array in braces.
-    pub(crate) fn fields(&mut self, text: &mut String, indent: &str, object: &str, names: &[&str]) {
-        for name in names {
-            let values = self.take(&[&format!("{object}.{name}")]).concat();
-            let value = match values.as_slice() {
-                [value] => value.clone(),
-                values => format!("{{{}}}", values.join(", ")),
-            };
-            // Writing to a string cannot fail.
-            let _ = writeln!(text, "{indent}{value}, /* {name} */");
-        }
-    }
-
-    /// Lines of an initialiser: an array of structures of these `names`.
-    pub(crate) fn rows(&mut self, text: &mut String, indent: &str, object: &str, names: &[&str]) {
-        let names: Vec<String> = names.iter().map(|name| format!("{object}.{name}")).collect();
-        let _ = writeln!(text, "{indent}{{ /* {object} */");
-        for row in self.take(&names.iter().map(String::as_str).collect::<Vec<_>>()) {
-            let _ = writeln!(text, "{indent}    {{{}}},", row.join(", "));
-        }
-        let _ = writeln!(text, "{indent}}},");
-    }
-
-    /// Asserts that nothing is left.
-    pub(crate) fn end(self) {
-        assert!(self.0.is_empty(), "numbers that C does not have: {:?}", self.0.keys());
-    }
 }

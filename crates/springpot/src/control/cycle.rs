@@ -53,13 +53,13 @@ impl<T: Real> CycleFinder<T> {
         Self { least: T::from_f64(least_m), forgetting: T::from_f64(step_s / (step_s + FORGETTING_S)) }
     }
 
-    /// Hands out what a period is found with.
+    /// Visits what a period is found with.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
-        take.number("learning.least_swing", self.least);
-        take.number("learning.swing_forgetting", self.forgetting);
-        take.number("learning.hysteresis", T::from_f64(HYSTERESIS));
-        take.number("learning.missed", T::from_f64(MISSED));
-        take.number("learning.agreement", T::from_f64(AGREEMENT));
+        take.number("least_swing", self.least, "of a reference that counts, m");
+        take.number("swing_forgetting", self.forgetting, "share of a swing that is forgotten in a tick");
+        take.number("hysteresis", T::from_f64(HYSTERESIS), "");
+        take.number("missed", T::from_f64(MISSED), "periods without a crossing after which there is none");
+        take.number("agreement", T::from_f64(AGREEMENT), "");
     }
 
     /// Takes the next `reference` (m). Returns the ticks since a crossing upwards, 0 to 1, where there was one in this tick.

@@ -73,16 +73,20 @@ impl<T: Real> Fade<T> {
         }
     }
 
-    /// Hands out what the share is computed with.
+    /// Visits what the share is computed with.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
         let [highest, falls] = line::<T>();
-        take.number("fade.forgets", self.forgets);
-        take.number("fade.averages", self.averages);
-        take.number("fade.follows", self.follows);
-        take.number("fade.floor", self.floor);
-        take.number("fade.highest", highest);
-        take.number("fade.falls", falls);
-        take.number("fade.least", T::from_f64(MIN_SHARE));
+        take.structure(
+            "fade",
+            "How much of the correction is in use for references that are faster than the observer.",
+        );
+        take.number("forgets", self.forgets, "");
+        take.number("averages", self.averages, "");
+        take.number("follows", self.follows, "");
+        take.number("floor", self.floor, "m");
+        take.number("highest", highest, "");
+        take.number("falls", falls, "");
+        take.number("least", T::from_f64(MIN_SHARE), "");
     }
 
     /// Takes the `position` (m) of the reference, with every sample of the sensor. `is_learned`: the errors of its cycles are left to a

@@ -46,13 +46,13 @@ pub(crate) struct Harmonic<T> {
 }
 
 impl<T: Real> Harmonic<T> {
-    /// Hands out what a harmonic is learned with.
+    /// Visits what a harmonic is learned with.
     pub(crate) fn numbers(take: &mut impl Numbers<T>) {
-        take.number("learning.first_share", T::from_f64(FIRST_SHARE));
-        take.number("learning.largest_share", T::from_f64(LATER_SHARE));
-        take.array("learning.gains", GAINS.map(T::from_f64));
-        take.number("learning.seen", T::from_f64(SEEN));
-        take.count("learning.silent_blocks", u32::from(SILENT_BLOCKS));
+        take.number("first_share", T::from_f64(FIRST_SHARE), "");
+        take.number("largest_share", T::from_f64(LATER_SHARE), "");
+        take.array("gains", GAINS.map(T::from_f64), "");
+        take.number("seen", T::from_f64(SEEN), "");
+        take.count("silent_blocks", u32::from(SILENT_BLOCKS), "");
     }
 
     /// Nothing added, of a film that answers as its law says.

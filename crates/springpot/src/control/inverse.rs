@@ -180,19 +180,24 @@ impl<T: Real> Inverse<T> {
         Ok(inverse)
     }
 
-    /// Hands out what a command is computed with.
+    /// Visits what a command is computed with.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
+        take.structure("inverse", "Shaping of references, and the limits of a command.");
         self.shaper.numbers(take);
-        take.number("inverse.damping", self.damping);
-        take.number("inverse.approach", self.approach);
-        take.number("inverse.max_return", self.max_return);
-        take.number("inverse.max_voltage", self.max_voltage);
-        take.number("inverse.field_voltage", self.field_voltage);
-        take.number("inverse.thinning", self.thinning);
-        take.number("inverse.slew", self.slew);
-        take.number("inverse.averaging", self.averaging);
-        take.number("inverse.gain_share", T::from_f64(GAIN_SHARE));
-        take.array("inverse.gains", GAINS.map(T::from_f64));
+        take.number("damping", self.damping, "");
+        take.number("approach", self.approach, "");
+        take.number("max_return", self.max_return, "m");
+        take.number("max_voltage", self.max_voltage, "V");
+        take.number("field_voltage", self.field_voltage, "at which the field is largest at x = 0, V");
+        take.number("thinning", self.thinning, "of the film with displacement, 1/m");
+        take.number("slew", self.slew, "largest change of voltage in a tick, V");
+        take.number("averaging", self.averaging, "weight of a tick in the means of the voltage");
+        take.number(
+            "gain_share",
+            T::from_f64(GAIN_SHARE),
+            "of the largest voltage, above which the amplifier's gain is seen",
+        );
+        take.array("gains", GAINS.map(T::from_f64), "bounds of that gain");
         if let Some(amplifier) = &self.amplifier {
             amplifier.numbers(take);
         }

@@ -73,14 +73,15 @@ impl<T: Real> PacedAmplifier<T> {
         Ok(AmplifierModel::lagging(lag, step_s)?.map(|nominal| Self { nominal }))
     }
 
-    /// Hands out what the voltage is computed with.
+    /// Visits what the voltage is computed with.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
-        take.number("amplifier.up", self.nominal.up);
-        take.number("amplifier.down", self.nominal.down);
-        take.number("amplifier.left", self.nominal.left);
-        take.number("amplifier.reading_share", T::from_f64(READING_SHARE / DEVIATION));
-        take.number("amplifier.gain_s", T::from_f64(GAIN_S));
-        take.array("amplifier.paces", PACES.map(T::from_f64));
+        take.structure("amplifier", "An amplifier that lags.");
+        take.number("up", self.nominal.up, "share of the distance to the command that it goes in a tick, upwards");
+        take.number("down", self.nominal.down, "and downwards");
+        take.number("left", self.nominal.left, "share of the voltage that is left after a tick at a command of 0 V");
+        take.number("reading_share", T::from_f64(READING_SHARE / DEVIATION), "");
+        take.number("gain_s", T::from_f64(GAIN_S), "s");
+        take.array("paces", PACES.map(T::from_f64), "bounds of how much faster it may be");
     }
 
     /// The amplifier, as fast as its monitor has shown it to be.

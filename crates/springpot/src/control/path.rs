@@ -54,10 +54,10 @@ impl<T: Real> Shaper<T> {
             && T::from_f64(1.0 / self.change.to_f64()).to_f64().is_finite()
     }
 
-    /// Hands out its bounds.
+    /// Visits its bounds.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
-        take.number("inverse.max_increment", self.increment);
-        take.number("inverse.max_change", self.change);
+        take.number("max_increment", self.increment, "of the shaped reference in a tick, m");
+        take.number("max_change", self.change, "of that increment in a tick, m");
     }
 
     /// Moves `path` by one tick towards `target` (m). After a non-finite target the last one stays.

@@ -144,9 +144,9 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
 impl<T: Real, const HEAD: usize, const FAST: usize, const SLOW: usize, const PAST: usize>
     Tracking<T, Compressed<T, HEAD, FAST, SLOW>, PAST>
 {
-    /// Hands out what a tick computes with: the numbers of its [law](Law::numbers) and [drive](crate::VoltageDrive::numbers), and of
-    /// `inverse` (shaping and limits, with those of an `amplifier` that lags), `observer` and `fade`. A
-    /// [`Feedforward`](crate::Feedforward) of the same law, actuator and limits computes with the same law, drive and inverse.
+    /// Visits what a tick computes with. A [`Feedforward`](crate::Feedforward) of the same law, actuator and limits computes with the same law,
+    /// drive and inverse.
+    #[doc(hidden)]
     pub fn numbers(&self, take: &mut impl Numbers<T>) {
         self.observer.law().numbers(take);
         self.observer.drive().numbers(take);

@@ -5,7 +5,7 @@ use heapless::Vec;
 use crate::curve::knots::Cubic;
 use crate::curve::{Curve, Knot, MAX_KNOTS};
 use crate::error::CurveError;
-use crate::numbers::Numbers;
+use crate::numbers::{Numbers, Record};
 use crate::scalar::Scalar;
 
 /// A [`Curve`] as a step evaluates it: the same number of operations everywhere.
@@ -104,16 +104,24 @@ impl<T: Scalar> Table<T> {
             .chain(core::iter::once(self.last))
     }
 
-    /// Hands out what a place is computed with.
+    /// Visits what a place is computed with.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
+        let piece = Record {
+            name: "piece",
+            about: "A cubic from `at` on: value + slope u + second u^2 + third u^3.",
+            fields: [
+                ("at", "m; infinite where the piece is not used"),
+                ("value", "m"),
+                ("slope", ""),
+                ("second", "1/m"),
+                ("third", "1/m^2"),
+            ],
+        };
         let pieces = self.pieces.as_flattened().as_flattened().as_flattened();
-        take.number("curve.low", self.low);
-        take.number("curve.high", self.high);
-        take.array("curve.piece.at", pieces.iter().map(|piece| piece.at));
-        take.array("curve.piece.value", pieces.iter().map(|piece| piece.value));
-        take.array("curve.piece.slope", pieces.iter().map(|piece| piece.slope));
-        take.array("curve.piece.second", pieces.iter().map(|piece| piece.second));
-        take.array("curve.piece.third", pieces.iter().map(|piece| piece.third));
+        take.number("low", self.low, "where the curve begins, m");
+        take.number("high", self.high, "where it ends, m");
+        let values = |piece: &Piece<T>| [piece.at, piece.value, piece.slope, piece.second, piece.third];
+        take.records("pieces", &piece, pieces.iter().map(values), "");
     }
 
     /// The curve of the rounded knots.

@@ -8,9 +8,10 @@ use crate::kernel::laplace::Kernel;
 use crate::kernel::power_series::TERMS;
 use crate::kernel::quadrature::MAX_NODES;
 use crate::kernel::tail::{self, DecayMode};
-use crate::law::{CompressionBound, Law, LawState, Memory};
+use crate::law::sealed::Steps;
+use crate::law::{CompressionBound, Law, LawState};
 use crate::model::Maxwell;
-use crate::numbers::Numbers;
+use crate::numbers::{Numbers, Record};
 use crate::scalar::Scalar;
 
 /// Step, horizon, tolerance and discretisation of a compressed memory.
@@ -222,18 +223,20 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
 }
 
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
-    /// Hands out what a step computes with: `law.stiffness`, `law.head`, `law.fast.loss`, `law.fast.weight`, `law.slow.loss` and
-    /// `law.slow.weight`, in N/m or without a unit, and behind a curve those of `curve`: `instant`, `inertia`, `past_inertia` (N/m),
-    /// `low`, `high` and 16 pieces, `piece.at`, `piece.value`, `piece.slope`, `piece.second` and `piece.third` (powers of m), of which
-    /// unused ones begin at infinity.
+    /// Visits what a step computes with.
+    #[doc(hidden)]
     pub fn numbers(&self, take: &mut impl Numbers<T>) {
+        let decay = Record {
+            name: "decay",
+            about: "A mode of the memory: a Maxwell element.",
+            fields: [("loss", "1 - rho, what it forgets in a step"), ("weight", "stiffness of its spring, N/m")],
+        };
         let Compressed { head, fast, slow, .. } = self.memory();
-        take.number("law.stiffness", self.stiffness());
-        take.array("law.head", *head);
-        take.array("law.fast.loss", fast.map(|decay| decay.loss));
-        take.array("law.fast.weight", fast.map(|decay| decay.weight));
-        take.array("law.slow.loss", slow.map(|decay| decay.loss));
-        take.array("law.slow.weight", slow.map(|decay| decay.weight));
+        take.structure("law", "The law of a film: F_k = sum over g_j dx_(k-j), the inertia included.");
+        take.number("stiffness", self.stiffness(), "force per displacement within one step, N/m");
+        take.array("head", *head, "g_0 + g_1, g_2, ..., N/m");
+        take.records("fast", &decay, fast.map(|decay| [decay.loss, decay.weight]), "fastest first");
+        take.records("slow", &decay, slow.map(|decay| [decay.loss, decay.weight]), "");
         self.curve_numbers(take);
     }
 }
@@ -338,7 +341,7 @@ impl<T: Scalar> Decay<T> {
     }
 }
 
-impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Memory<T> for Compressed<T, HEAD, FAST, SLOW> {
+impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Steps<T> for Compressed<T, HEAD, FAST, SLOW> {
     type History = CompressedHistory<T, HEAD, FAST, SLOW>;
 
     #[inline]

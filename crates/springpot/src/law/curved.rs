@@ -124,12 +124,13 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         self.curved.iter().flat_map(|curved| curved.table.knots())
     }
 
-    /// Hands out what a step behind a curve computes with.
+    /// Visits what a step behind a curve computes with.
     pub(crate) fn curve_numbers(&self, take: &mut impl Numbers<T>) {
         let Some(Curved { table, instant, inertia, past_inertia, .. }) = &self.curved else { return };
-        take.number("curve.instant", *instant);
-        take.number("curve.inertia", *inertia);
-        take.array("curve.past_inertia", *past_inertia);
+        take.structure("curve", "An elastic curve T in front of a law: its memory acts on T(x), the inertia on x.");
+        take.number("instant", *instant, "force per T within one step, N/m");
+        take.number("inertia", *inertia, "of the change of the increment, N/m");
+        take.array("past_inertia", *past_inertia, "of the last three increments, newest first, N/m");
         table.numbers(take);
     }
 

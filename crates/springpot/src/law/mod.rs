@@ -15,8 +15,6 @@ pub use coefficients::Coefficients;
 pub use compressed::{Compressed, LawOptions};
 pub use window::Window;
 
-use num_complex::Complex;
-
 use crate::actuator::Load;
 use crate::error::LawError;
 use crate::kernel::Discretisation;
@@ -29,29 +27,30 @@ pub(crate) use state_traits::state_traits;
 ///
 /// The trait is sealed: the law is only right if both methods describe the same recursion with constants of one model, which
 /// the tests of this crate show for the two memories here. Use it as a bound to write code for both.
-pub trait Memory<T: Scalar>: sealed::Sealed {
-    /// What changes with every step. A [`LawState`] holds it.
-    type History;
+pub trait Memory<T: Scalar>: sealed::Steps<T> {}
 
-    /// Stores the newest increment of displacement (m) and returns the force (N) that the film would show at the
-    /// next step if it went on with that increment.
-    ///
-    /// The same number of operations every time; cannot fail.
-    fn advance(&self, history: &mut Self::History, increment: T) -> T;
+impl<T: Scalar, M: sealed::Steps<T>> Memory<T> for M {}
 
-    /// Drops the inertia that a method of second order has in its weights: a law behind a curve steps it itself.
-    fn leave_inertia(&mut self);
+pub(crate) mod sealed {
+    use num_complex::Complex;
 
-    /// The transfer function of [`advance`](Self::advance), N/m, from the delay of one step ζ and 1 − ζ.
-    fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64>;
-}
+    /// What a memory does in a step: implemented by the memories of this crate alone.
+    pub trait Steps<T> {
+        /// What changes with every step. A [`LawState`](crate::LawState) holds it.
+        type History;
 
-mod sealed {
-    /// Implemented by the memories of this crate alone.
-    pub trait Sealed {}
+        /// Stores the newest increment of displacement (m) and returns the force (N) that the film would show at the
+        /// next step if it went on with that increment.
+        ///
+        /// The same number of operations every time; cannot fail.
+        fn advance(&self, history: &mut Self::History, increment: T) -> T;
 
-    impl<T, const HEAD: usize, const FAST: usize, const SLOW: usize> Sealed for super::Compressed<T, HEAD, FAST, SLOW> {}
-    impl<T, B> Sealed for super::Window<T, B> {}
+        /// Drops the inertia that a second-order method has in its weights: a law behind a curve steps it itself.
+        fn leave_inertia(&mut self);
+
+        /// The transfer function of [`advance`](Self::advance), N/m, from the delay of one step ζ and 1 − ζ.
+        fn response(&self, delay: Complex<f64>, difference: Complex<f64>) -> Complex<f64>;
+    }
 }
 
 /// The configuration: a model at a step, built once.

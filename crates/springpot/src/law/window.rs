@@ -5,7 +5,8 @@ use num_complex::Complex;
 use crate::error::LawError;
 use crate::kernel::Discretisation;
 use crate::kernel::laplace::Kernel;
-use crate::law::{Law, LawState, Memory};
+use crate::law::sealed::Steps;
+use crate::law::{Law, LawState};
 use crate::model::Maxwell;
 use crate::scalar::Scalar;
 
@@ -93,7 +94,7 @@ impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Law<T, Window<T, B>> {
     }
 }
 
-impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Memory<T> for Window<T, B> {
+impl<T: Scalar, B: AsRef<[T]> + AsMut<[T]>> Steps<T> for Window<T, B> {
     type History = WindowHistory<T, B>;
 
     #[inline]

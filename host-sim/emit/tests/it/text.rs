@@ -1,6 +1,6 @@
 //! What is written: every number to its last bit, and names that a program can have.
 
-use bench_emit::{film, symbol};
+use bench_emit::{HEADER, declarations, film, symbol};
 use springpot::Numbers;
 
 use crate::films::{plain, rich};
@@ -10,11 +10,11 @@ use crate::films::{plain, rich};
 struct Listed(Vec<u32>);
 
 impl Numbers<f32> for Listed {
-    fn number(&mut self, _: &'static str, value: f32) {
+    fn number(&mut self, _: &'static str, value: f32, _: &'static str) {
         self.0.push(value.to_bits());
     }
 
-    fn count(&mut self, _: &'static str, value: u32) {
+    fn count(&mut self, _: &'static str, value: u32, _: &'static str) {
         self.0.push(value);
     }
 }
@@ -44,6 +44,18 @@ fn every_number_is_written_to_its_last_bit() {
         listed.0.sort_unstable();
         assert!(written.len() > 120 && written == listed.0, "{}", case.name);
     }
+}
+
+/// The header declares what Rust visits. `SPRINGPOT_WRITE=1` writes it.
+#[test]
+fn the_structures_of_the_header_are_those_of_rust() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/c/2-film.h");
+    let declared = declarations(&rich().film("film_x"));
+    if std::env::var_os("SPRINGPOT_WRITE").is_some() {
+        std::fs::write(path, &declared).expect("written");
+        return;
+    }
+    assert!(HEADER.contains(&declared), "run this test with SPRINGPOT_WRITE=1 to write {path}");
 }
 
 #[test]

@@ -11,26 +11,28 @@ use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 impl<T: Real, const PAST: usize> Learning<T, PAST> {
-    /// Hands out what a tick computes with, as numbers of `learning`.
+    /// Visits what a tick computes with.
+    #[doc(hidden)]
     pub fn numbers(&self, take: &mut impl Numbers<T>) {
+        take.structure("learning", "Learning of periodic references.");
         self.finder.numbers(take);
-        take.number("learning.period", self.period);
-        take.count("learning.harmonics", u32::try_from(self.harmonics).unwrap_or(u32::MAX));
-        take.number("learning.largest_angle", self.largest_angle);
-        take.number("learning.rate", self.rate);
-        take.number("learning.approach", self.approach);
+        take.number("period", self.period, "ticks; 0 where it is taken from the reference");
+        take.count("harmonics", u32::try_from(self.harmonics).unwrap_or(u32::MAX), "that are learned, beside the mean");
+        take.number("largest_angle", self.largest_angle, "in a tick, of a harmonic that is learned, rad");
+        take.number("rate", self.rate, "ticks in a second");
+        take.number("approach", self.approach, "");
         Harmonic::numbers(take);
-        take.number("learning.series_angle", T::from_f64(MAX_ANGLE));
-        take.array("learning.cosine", COSINE.map(T::from_f64));
-        take.array("learning.sine", SINE.map(T::from_f64));
-        take.array("learning.settling_s", SETTLING_S.map(T::from_f64));
-        take.array("learning.least_s", MIN_BLOCK_S.map(T::from_f64));
-        take.number("learning.longest_s", T::from_f64(UNENDED * MIN_BLOCK_S[1]));
-        take.number("learning.least_samples", T::from_f64(MIN_SAMPLES));
-        take.number("learning.smoothing", T::from_f64(SMOOTHING));
-        take.number("learning.fading", T::from_f64(FADING));
-        take.number("learning.same_period", T::from_f64(SAME_PERIOD));
-        take.number("learning.faded", T::from_f64(FADED));
-        take.number("learning.turn", T::from_f64(TAU));
+        take.number("series_angle", T::from_f64(MAX_ANGLE), "largest angle of the series of cosine and sine, rad");
+        take.array("cosine", COSINE.map(T::from_f64), "");
+        take.array("sine", SINE.map(T::from_f64), "");
+        take.array("settling_s", SETTLING_S.map(T::from_f64), "");
+        take.array("least_s", MIN_BLOCK_S.map(T::from_f64), "");
+        take.number("longest_s", T::from_f64(UNENDED * MIN_BLOCK_S[1]), "");
+        take.number("least_samples", T::from_f64(MIN_SAMPLES), "");
+        take.number("smoothing", T::from_f64(SMOOTHING), "");
+        take.number("fading", T::from_f64(FADING), "");
+        take.number("same_period", T::from_f64(SAME_PERIOD), "");
+        take.number("faded", T::from_f64(FADED), "");
+        take.number("turn", T::from_f64(TAU), "2 pi");
     }
 }
