@@ -4,7 +4,6 @@
 
 use std::path::PathBuf;
 
-use host_sim::bench::film::Waveform;
 use host_sim::files::parameters::Parameters;
 use host_sim::files::recording::Input;
 use host_sim::grid::{Grid, Samples};
@@ -12,6 +11,7 @@ use host_sim::replay::memory::{MemoryChoice, Precision, RunOptions};
 use host_sim::replay::simulate;
 use host_sim::report::figure::{Colour, Figure, Line, Panel};
 use host_sim::report::figure_file;
+use host_sim::simulation::film::Waveform;
 use indicatif::ProgressBar;
 
 fn main() -> host_sim::Result<()> {

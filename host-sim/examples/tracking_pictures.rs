@@ -5,9 +5,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use host_sim::bench::closed_loop::{self, BenchModel, LoopRun};
-use host_sim::bench::controllers::{self, ControllerKind, ControllerSettings};
-use host_sim::bench::film::{Film, Plant};
 use host_sim::files::parameters::Parameters;
 use host_sim::files::recording::{Direction, Recording};
 use host_sim::fit::observation::observe;
@@ -17,6 +14,9 @@ use host_sim::references::{Reference, Shape};
 use host_sim::replay::memory::Precision;
 use host_sim::report::figure::{Colour, Figure, Line, Panel};
 use host_sim::report::figure_file;
+use host_sim::simulation::closed_loop::{self, BenchModel, LoopRun};
+use host_sim::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_sim::simulation::film::{Film, Plant};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{CommandLimits, Limited, ObserverOptions, Topology};

@@ -4,9 +4,9 @@
 //! | --- | --- |
 //! | [`commands`] | the command line, one file per command |
 //! | [`report`] | figures and HTML pages |
-//! | [`bench_models`] | what the tool computes: replay, fits, studies, simulated films and closed loops |
-//! | [`bench_emit`] | the law of a film in C |
-//! | [`bench_io`] | what it reads and writes: files, the link to a controller, the terminal |
+//! | [`host_models`] | what the tool computes: replay, fits, studies, simulated films and closed loops |
+//! | [`host_emit`] | the law of a film in C |
+//! | [`host_io`] | what it reads and writes: files, the link to a controller, the terminal |
 //!
 //! Imports point downwards, without a circle. What computes is compiled for speed, everything else for a short build.
 #![forbid(unsafe_code)]
@@ -15,5 +15,5 @@
 pub mod commands;
 pub mod report;
 
-pub use bench_io::{Error, Result, error, files, grid, interrupt, link, progress, quantity, terminal};
-pub use bench_models::{agreement, bench, excitation, fit, reduce, references, replay, spectrum, studies};
+pub use host_io::{Error, Result, error, files, grid, interrupt, link, progress, quantity, terminal};
+pub use host_models::{agreement, excitation, fit, reduce, references, replay, simulation, spectrum, studies};

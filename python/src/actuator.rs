@@ -47,7 +47,7 @@ impl PyActuator {
             saturation_v,
             preload,
         };
-        actuator.check().map_err(bench_io::Error::from).raise()?;
+        actuator.check().map_err(host_io::Error::from).raise()?;
         Ok(Self(actuator))
     }
 

@@ -3,12 +3,12 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
-use bench_io::files::parameters::DisplacementSensor;
-use bench_models::bench::controllers::{self, Controller, ControllerKind, ControllerOutput};
-use bench_models::bench::tuning::ControllerTuning;
-use bench_models::replay::limits::LimitOptions;
-use bench_models::replay::memory::Precision;
-use bench_models::replay::observer::refused as observer_refused;
+use host_io::files::parameters::DisplacementSensor;
+use host_models::simulation::controllers::{self, Controller, ControllerKind, ControllerOutput};
+use host_models::simulation::tuning::ControllerTuning;
+use host_models::replay::limits::LimitOptions;
+use host_models::replay::memory::Precision;
+use host_models::replay::observer::refused as observer_refused;
 use pyo3::prelude::*;
 use springpot::{Applied, CommandLimits, Limited, Observer, ObserverOptions, ObserverState, Real, SensorSample};
 
@@ -292,7 +292,7 @@ fn built<T: Real>(
     rate_hz: f64,
     max_voltage_v: f64,
     options: ObserverOptions,
-) -> bench_io::Result<Box<(Observer<T>, ObserverState<T>)>> {
+) -> host_io::Result<Box<(Observer<T>, ObserverState<T>)>> {
     let law = model.parameters.film().compressed_law::<T>(rate_hz)?;
     let rest = law.state();
     let observer = Observer::new(law, &model.parameters.actuator, max_voltage_v, options).map_err(observer_refused)?;

@@ -1,6 +1,6 @@
-//! Errors of the bench tool as exceptions with the same one line.
+//! Errors of the host tool as exceptions with the same one line.
 
-use bench_io::Error;
+use host_io::Error;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::{PyErr, PyResult};
 
@@ -11,13 +11,13 @@ mod raised {
     pyo3::import_exception!(springpot.errors, InputError);
 }
 
-/// Turns a result of the bench tool into one of Python.
+/// Turns a result of the host tool into one of Python.
 pub(crate) trait Raise<T> {
     /// The value, or the exception.
     fn raise(self) -> PyResult<T>;
 }
 
-impl<T> Raise<T> for bench_io::Result<T> {
+impl<T> Raise<T> for host_io::Result<T> {
     fn raise(self) -> PyResult<T> {
         self.map_err(|error| exception(&error))
     }

@@ -1,11 +1,11 @@
 //! Simulated films and references to follow: what a first try needs.
 
-use bench_io::Error;
-use bench_io::files::import::Quantity;
-use bench_io::files::recording::Recording;
-use bench_models::bench::film::{Film, FilmState, Instruments, Plant, Waveform};
-use bench_models::bench::film_recording::Session;
-use bench_models::references::{Reference, Shape};
+use host_io::Error;
+use host_io::files::import::Quantity;
+use host_io::files::recording::Recording;
+use host_models::simulation::film::{Film, FilmState, Instruments, Plant, Waveform};
+use host_models::simulation::film_recording::Session;
+use host_models::references::{Reference, Shape};
 use pyo3::prelude::*;
 
 use crate::arrays::finite;
@@ -83,7 +83,7 @@ pub(crate) struct PySimulatedFilm {
     state: FilmState,
 }
 
-/// Longest part of an advance, s: as in the bench tool's closed loops.
+/// Longest part of an advance, s: as in the host tool's closed loops.
 const MAX_PART_S: f64 = 5e-4;
 
 #[pymethods]

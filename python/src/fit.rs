@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use bench_io::files::parameters::Parameters;
-use bench_io::files::recording::{Direction, Recording};
-use bench_models::fit::options::{self, AtGap, Sharing, TopologyChoice, Weight};
-use bench_models::fit::settings::topology_name;
-use bench_models::fit::warnings::Severity;
-use bench_models::fit::{self as fitting, Fit, FitOptions, Loss, Method, branches};
+use host_io::files::parameters::Parameters;
+use host_io::files::recording::{Direction, Recording};
+use host_models::fit::options::{self, AtGap, Sharing, TopologyChoice, Weight};
+use host_models::fit::settings::topology_name;
+use host_models::fit::warnings::Severity;
+use host_models::fit::{self as fitting, Fit, FitOptions, Loss, Method, branches};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
@@ -39,7 +39,7 @@ pub(crate) enum ActuatorSource<'py> {
 
 impl ActuatorSource<'_> {
     /// The actuator, and whether its sizes are assumed.
-    fn sized(&self) -> bench_io::Result<(Actuator, bool)> {
+    fn sized(&self) -> host_io::Result<(Actuator, bool)> {
         match self {
             Self::Actuator(actuator) => Ok((actuator.get().0, false)),
             Self::Model(model) => Ok((model.get().parameters.actuator, model.get().parameters.assumed_sizes)),
@@ -163,7 +163,7 @@ fn report(fit: &Fit, sources: &[&Recording], direction: Direction, seconds: f64)
         .map(|(index, recording)| {
             let agreement = &fit.agreements[index];
             json!({
-                "file": bench_io::error::shown(recording.path()),
+                "file": host_io::error::shown(recording.path()),
                 "r2": agreement.r2,
                 "nrmse_pct": agreement.nrmse_pct,
                 "rmse": agreement.rmse,

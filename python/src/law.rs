@@ -1,6 +1,6 @@
 //! `Law` and `LawState`: the step of the controller, sample by sample or along an array.
 
-use bench_models::replay::memory::{MethodName, Precision};
+use host_models::replay::memory::{MethodName, Precision};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use springpot::{Compressed, Discretisation, Law, LawState};

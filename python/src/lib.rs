@@ -1,4 +1,4 @@
-//! The Python package's native part: what `springpot` and the bench tool compute, called from Python.
+//! The Python package's native part: what `springpot` and the host tool compute, called from Python.
 //!
 //! Nothing is computed here. A file is a class or a group of functions; `springpot/` beside it holds what is written in Python, and
 //! the stubs `_native.pyi` say shapes and units. Long calls run on a thread of their own without the interpreter's lock (`watch`).

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use bench_io::files::output::Staged;
-use bench_io::files::parameters::{ElasticCurve, Parameters};
-use bench_models::fit::settings::topology_name;
-use bench_models::replay::memory::MethodName;
+use host_io::files::output::Staged;
+use host_io::files::parameters::{ElasticCurve, Parameters};
+use host_models::fit::settings::topology_name;
+use host_models::replay::memory::MethodName;
 use pyo3::prelude::*;
 use springpot::{Discretisation, Maxwell, Preset, Springpot, Topology};
 
@@ -67,7 +67,7 @@ impl PyModel {
         let springpot = |(c, alpha): Element| Springpot::new(c, alpha);
         let branches: Vec<[Springpot; 2]> = branches.into_iter().map(|(a, b)| [springpot(a), springpot(b)]).collect();
         let model = Maxwell::new(springpot(main), &branches, topology, actuator.mass_kg)
-            .map_err(bench_io::Error::from)
+            .map_err(host_io::Error::from)
             .raise()?;
         let parameters = Parameters {
             name: name.into(),

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use bench_io::Error;
-use bench_io::error::shown;
-use bench_io::files::import::{Blank, Choices, Edits, Hints, Quantity, Understood};
-use bench_io::files::output;
-use bench_io::files::recording::Recording;
+use host_io::Error;
+use host_io::error::shown;
+use host_io::files::import::{Blank, Choices, Edits, Hints, Quantity, Understood};
+use host_io::files::output;
+use host_io::files::recording::Recording;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -147,7 +147,7 @@ impl PyRecording {
 }
 
 /// What is said about a file with other names.
-fn hints(columns: Option<&str>, sheet: Option<String>) -> bench_io::Result<Hints> {
+fn hints(columns: Option<&str>, sheet: Option<String>) -> host_io::Result<Hints> {
     let choices = columns.map(|text| text.parse::<Choices>().map_err(|cause| Error::option("--columns", cause)));
     Ok(Hints { choices: choices.transpose()?.unwrap_or_default(), sheet })
 }
@@ -174,7 +174,7 @@ pub(crate) fn read_recording(
 ) -> PyResult<PyRecording> {
     let read = || {
         let blanks = blank.iter().map(|text| text.parse::<Blank>().map_err(|cause| Error::option("--blank", cause)));
-        let edits = Edits::new(blanks.collect::<bench_io::Result<Vec<_>>>()?, from_s, to_s, decimate)?;
+        let edits = Edits::new(blanks.collect::<host_io::Result<Vec<_>>>()?, from_s, to_s, decimate)?;
         let recording = Recording::read_with(&path, &hints(columns, sheet)?)?;
         if edits == Edits::NONE {
             return Ok(recording);

@@ -2,16 +2,16 @@
 
 use std::collections::HashMap;
 
-use bench_io::files::recording::Direction;
-use bench_models::agreement::{Agreement, mean_r2};
-use bench_models::bench::closed_loop::LimitShare;
-use bench_models::references;
-use bench_models::replay::comparison::Comparison;
-use bench_models::replay::frequency_response::Sweep;
-use bench_models::replay::memory::{MemoryChoice, Precision, RunOptions};
-use bench_models::replay::observer::{ObservedRecording, Tuning};
-use bench_models::replay::simulate::Response;
-use bench_models::replay::{feasibility, feedforward as planned, simulate as run};
+use host_io::files::recording::Direction;
+use host_models::agreement::{Agreement, mean_r2};
+use host_models::simulation::closed_loop::LimitShare;
+use host_models::references;
+use host_models::replay::comparison::Comparison;
+use host_models::replay::frequency_response::Sweep;
+use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
+use host_models::replay::observer::{ObservedRecording, Tuning};
+use host_models::replay::simulate::Response;
+use host_models::replay::{feasibility, feedforward as planned, simulate as run};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -98,7 +98,7 @@ pub(crate) fn replay<'py>(
         let comparisons = sources
             .iter()
             .map(|recording| Comparison::new(recording, direction, &parameters, options.rate_hz))
-            .collect::<bench_io::Result<Vec<_>>>()?;
+            .collect::<host_io::Result<Vec<_>>>()?;
         let mut replayed = Vec::new();
         for comparison in comparisons {
             let (response, agreement) = comparison
@@ -112,7 +112,7 @@ pub(crate) fn replay<'py>(
     let agreements: Vec<Agreement> = replayed.iter().map(|(_, _, agreement, ..)| *agreement).collect();
     let rows = sources.iter().zip(replayed).map(|(recording, (grid, response, agreement, measured, modelled))| {
         let row = PyDict::new(py);
-        row.set_item("file", bench_io::error::shown(recording.path()))?;
+        row.set_item("file", host_io::error::shown(recording.path()))?;
         row.set_item("r2", agreement.r2)?;
         row.set_item("nrmse_pct", agreement.nrmse_pct)?;
         row.set_item("rmse", agreement.rmse)?;

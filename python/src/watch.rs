@@ -6,8 +6,8 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread;
 use std::time::Duration;
 
-use bench_io::Error;
-use bench_io::progress::{Stage, Watch};
+use host_io::Error;
+use host_io::progress::{Stage, Watch};
 use pyo3::prelude::*;
 
 use crate::errors::Raise;
@@ -31,7 +31,7 @@ impl Caller<'_> {
 }
 
 impl Watch for Caller<'_> {
-    fn advance(&self, _: u64) -> bench_io::Result<()> {
+    fn advance(&self, _: u64) -> host_io::Result<()> {
         if self.stop.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
     }
 }
@@ -70,7 +70,7 @@ impl PyStage {
 pub(crate) fn run<R: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
-    work: impl FnOnce(&Caller<'_>) -> bench_io::Result<R> + Send,
+    work: impl FnOnce(&Caller<'_>) -> host_io::Result<R> + Send,
 ) -> PyResult<R> {
     let stop = AtomicBool::new(false);
     let (stages, told) = mpsc::channel();

@@ -1,4 +1,4 @@
-"""Files that the tests share: made by the bench tool, which is also what the package is compared with."""
+"""Files that the tests share: made by the host tool, which is also what the package is compared with."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def sine(tool: Tool) -> Path:
 
 
 def read_csv(path: Path) -> Columns:
-    """The columns of a table of the bench tool, NaN where a cell is empty."""
+    """The columns of a table of the host tool, NaN where a cell is empty."""
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.reader(line for line in file if not line.startswith("#")))
     names, *cells = rows

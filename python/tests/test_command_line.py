@@ -146,7 +146,7 @@ def test_simulated_recordings_and_references(films: list[Path], sine: Path) -> N
 
 @pytest.mark.parametrize("controller", ["tracking", "feedforward"])
 def test_ticks(table: Table, fitted: tuple[Path, Any], sine: Path, controller: str) -> None:
-    """A loop closed by the bench tool, once more tick by tick: a sensor of 50 Hz, 20 ms late, with neither noise nor steps."""
+    """A loop closed by the host tool, once more tick by tick: a sensor of 50 Hz, 20 ms late, with neither noise nor steps."""
     sensor = ["--sensor-rate", 50, "--sensor-delay", "20ms", "--sensor-noise", 0, "--sensor-quantum", 0, "--bandwidth", 0.5]
     run = table("closed-loop", "--plant", "hossain", "--params", fitted[0], "--reference", sine, "--controller", controller, *sensor)
     reference = read_csv(sine)["displacement_m"]

@@ -44,7 +44,7 @@ pub fn c() -> Result<()> {
     setup::c_compilers()?;
     // One after the other: emulators would take the cores from each other. Octave is a face of its own.
     let of_the_package =
-        ["test", "--package", "bench-emit", "--", "--include-ignored", "--test-threads=1", "--skip", "matlab"];
+        ["test", "--package", "host-emit", "--", "--include-ignored", "--test-threads=1", "--skip", "matlab"];
     run_command(cargo(&of_the_package))?;
     let of_the_tool = ["test", "--package", "tests", "--test", "command_line", "export_c", "--", "--include-ignored"];
     run_command(cargo(&of_the_tool))
@@ -61,7 +61,7 @@ pub fn rust() -> Result<()> {
 /// The MEX function and the script in Octave, and the S-function.
 pub fn octave() -> Result<()> {
     setup::octave()?;
-    run_command(cargo(&["test", "--package", "bench-emit", "matlab", "--", "--include-ignored"]))?;
+    run_command(cargo(&["test", "--package", "host-emit", "matlab", "--", "--include-ignored"]))?;
     let of_the_tool =
         ["test", "--package", "tests", "--test", "command_line", "export_sfunction", "--", "--include-ignored"];
     run_command(cargo(&of_the_tool))

@@ -1,4 +1,4 @@
-//! What the bench tool reads and writes.
+//! What the host tool reads and writes.
 //!
 //! | room | what it does |
 //! | --- | --- |

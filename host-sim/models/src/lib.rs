@@ -1,26 +1,26 @@
-//! What the bench tool computes.
+//! What the host tool computes.
 //!
 //! | room | what it does |
 //! | --- | --- |
 //! | [`studies`] | the paper's study, and other models of creep beside this one |
 //! | [`excitation`] | profiles that identify a film, and whether recordings do |
 //! | [`fit`] | the parameters of the model from recordings, and of an amplifier from logs |
-//! | [`bench`](mod@bench) | a simulated nonlinear film, controllers that make it follow a reference, the firmware in the loop |
+//! | [`simulation`] | a simulated nonlinear film, controllers that make it follow a reference, the firmware in the loop |
 //! | [`replay`] | recordings and references through a model: the code that a microcontroller steps, or its exact full-memory reference |
 //! | [`agreement`], [`references`], [`reduce`], [`spectrum`] | measures of agreement, references to follow, smaller models with the same response, spectra |
 //!
-//! Imports point downwards, without a circle, and to [`bench_io`] for files, series and errors.
+//! Imports point downwards, without a circle, and to [`host_io`] for files, series and errors.
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
 pub mod agreement;
-pub mod bench;
 pub mod excitation;
 pub mod fit;
 pub mod reduce;
 pub mod references;
 pub mod replay;
+pub mod simulation;
 pub mod spectrum;
 pub mod studies;
 
-use bench_io::{error, files, grid, link, progress, quantity};
+use host_io::{error, files, grid, link, progress, quantity};

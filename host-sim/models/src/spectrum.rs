@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use bench_fft::Planner;
+use host_fft::Planner;
 
 use crate::grid::{Grid, Samples};
 

@@ -7,11 +7,6 @@ use serde::Serialize;
 use springpot::{AmplifierLag, CommandLimits};
 
 use super::recordings::RecordingOptions;
-use crate::bench::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
-use crate::bench::controllers::{self, ControllerKind};
-use crate::bench::film::{self, Film};
-use crate::bench::plant::{FullMemoryPlant, Mismatch};
-use crate::bench::tuning::ControllerTuning;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
@@ -23,6 +18,11 @@ use crate::replay::memory::Precision;
 use crate::report::figure::Figure;
 use crate::report::figure_file::{Plot, PlotOption};
 use crate::report::tracking_figure;
+use crate::simulation::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
+use crate::simulation::controllers::{self, ControllerKind};
+use crate::simulation::film::{self, Film};
+use crate::simulation::plant::{FullMemoryPlant, Mismatch};
+use crate::simulation::tuning::ControllerTuning;
 use crate::terminal::{self, decimals};
 
 #[derive(Debug, Args)]

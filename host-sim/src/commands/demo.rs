@@ -15,10 +15,6 @@ use self::firmware::Firmware;
 use super::fit::{Done, Job};
 use super::recordings::RecordingOptions;
 use super::{feedforward as feedforward_command, replay};
-use crate::bench::closed_loop::{self, BenchModel, LoopRun, TrackingQuality};
-use crate::bench::controllers::{self, ControllerKind, ControllerSettings};
-use crate::bench::film::{Film, Instruments, Plant, Waveform};
-use crate::bench::film_recording::FilmRecording;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::parameters::Parameters;
@@ -34,6 +30,10 @@ use crate::replay::memory::{Precision, RunOptions};
 use crate::report::fit_report::FitReport;
 use crate::report::numbers::{Document, Numbers};
 use crate::report::page::Section;
+use crate::simulation::closed_loop::{self, BenchModel, LoopRun, TrackingQuality};
+use crate::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use crate::simulation::film::{Film, Instruments, Plant, Waveform};
+use crate::simulation::film_recording::FilmRecording;
 use crate::{interrupt, terminal};
 
 #[derive(Debug, Args)]

@@ -18,8 +18,8 @@ use crate::replay::memory::MethodName;
 use crate::report::compression::Compression;
 use crate::terminal::{self, rounded};
 
-use bench_emit::fmu::Version;
 use fmu::Library;
+use host_emit::fmu::Version;
 use source::Source;
 
 #[derive(Debug, Args)]

@@ -7,7 +7,6 @@ use serde::Serialize;
 
 use super::recordings::RecordingOptions;
 use super::{ModelOptions, Verdict};
-use crate::bench::closed_loop::LimitShare;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
@@ -18,6 +17,7 @@ use crate::replay::limits::LimitOptions;
 use crate::report::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
+use crate::simulation::closed_loop::LimitShare;
 use crate::terminal::{self, decimals};
 
 #[derive(Debug, Args)]

@@ -6,14 +6,14 @@ use clap::Args;
 use serde::Serialize;
 
 use super::recordings::RecordingOptions;
-use crate::bench::film::Plant;
-use crate::bench::processor::{BitComparison, FirmwareLaw, ProcessorTest, Task, TaskOptions};
 use crate::error::{Error, Result, shown};
 use crate::files::parameters::Parameters;
 use crate::link::Emulator;
 use crate::progress::Progress;
 use crate::quantity;
 use crate::replay::memory::MethodName;
+use crate::simulation::film::Plant;
+use crate::simulation::processor::{BitComparison, FirmwareLaw, ProcessorTest, Task, TaskOptions};
 use crate::terminal;
 
 #[derive(Debug, Args)]

@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use crate::bench::film::{Film, Instruments, Plant, Waveform};
-use crate::bench::film_recording::Session;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders};
 use crate::progress::Progress;
 use crate::quantity;
+use crate::simulation::film::{Film, Instruments, Plant, Waveform};
+use crate::simulation::film_recording::Session;
 use crate::terminal;
 
 #[derive(Debug, Args)]

@@ -6,8 +6,8 @@ use super::chart;
 use super::figure::{Colour, Figure, Line, Panel};
 use super::numbers::{Form, Numbers};
 use super::page::{Row, table, text};
-use crate::bench::closed_loop::LoopRun;
 use crate::grid::Grid;
+use crate::simulation::closed_loop::LoopRun;
 
 /// Colours of runs side by side.
 const COLOURS: [Colour; 4] = [Colour::Vermilion, Colour::Blue, Colour::Green, Colour::Purple];

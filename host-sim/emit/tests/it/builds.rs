@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Command;
 
-use bench_emit::HEADER;
+use host_emit::HEADER;
 
 use crate::bits::{all_kinds, recorded};
 use crate::films::{self, Case};

@@ -5,9 +5,9 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use bench_emit::{HEADER, film};
 use chip_program::{Checksum, FILMS, Film, Name, Report};
 use documents::{Documents, Tolerance};
+use host_emit::{HEADER, film};
 
 use crate::bits::{all_kinds, compare, inputs, recorded};
 use crate::films::{self, Case};

@@ -5,7 +5,7 @@ use springpot::{
     LearningOptions, Maxwell, ObserverOptions, Preload, Preset, Tracking,
 };
 
-use bench_emit::Film;
+use host_emit::Film;
 
 /// All that a film's C is made of, and what it is compared with.
 pub struct Case {

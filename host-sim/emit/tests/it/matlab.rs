@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use bench_emit::{matlab, symbol};
+use host_emit::{matlab, symbol};
 use tempfile::TempDir;
 
 use crate::bits::{inputs, recorded};

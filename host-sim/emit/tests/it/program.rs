@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use bench_emit::{HEADER, film};
+use host_emit::{HEADER, film};
 use tempfile::TempDir;
 
 use crate::films::Case;

@@ -1,6 +1,6 @@
 //! What is written: every number to its last bit, and names that a program can have.
 
-use bench_emit::{HEADER, declarations, film, symbol};
+use host_emit::{HEADER, declarations, film, symbol};
 use springpot::Numbers;
 
 use crate::films::{plain, rich};

@@ -1,6 +1,6 @@
 //! Autocorrelation of the residuals of a fit.
 
-use bench_fft::Planner;
+use host_fft::Planner;
 
 use super::objective::Objective;
 

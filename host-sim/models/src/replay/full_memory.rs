@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use bench_fft::{ComplexToReal, Planner, RealToComplex};
+use host_fft::{ComplexToReal, Planner, RealToComplex};
 use num_complex::Complex;
 use springpot::{Discretisation, Maxwell};
 

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use bench_io::files::amplifier_log::AmplifierLog;
-use bench_models::fit::amplifier::{Identification, Time, identify};
+use host_io::files::amplifier_log::AmplifierLog;
+use host_models::fit::amplifier::{Identification, Time, identify};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;

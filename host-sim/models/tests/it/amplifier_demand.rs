@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use bench_io::files::parameters::Parameters;
-use bench_io::grid::Grid;
-use bench_models::replay::feasibility::{self, Feasibility};
+use host_io::files::parameters::Parameters;
+use host_io::grid::Grid;
+use host_models::replay::feasibility::{self, Feasibility};
 
 /// Time up to which the reference is held, s.
 const HELD_S: f64 = 5.0;

@@ -2,14 +2,14 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use bench_io::Error;
-use bench_io::files::import::Quantity;
-use bench_io::files::parameters::Parameters;
-use bench_io::files::recording::{Direction, Recording};
-use bench_io::progress::Watch;
-use bench_models::fit::{FitOptions, Settings};
-use bench_models::replay::memory::{MemoryChoice, RunOptions};
-use bench_models::replay::simulate;
+use host_io::Error;
+use host_io::files::import::Quantity;
+use host_io::files::parameters::Parameters;
+use host_io::files::recording::{Direction, Recording};
+use host_io::progress::Watch;
+use host_models::fit::{FitOptions, Settings};
+use host_models::replay::memory::{MemoryChoice, RunOptions};
+use host_models::replay::simulate;
 use indicatif::ProgressBar;
 
 const NAN: f64 = f64::NAN;
@@ -54,7 +54,7 @@ fn values_that_no_recording_has_are_refused() {
 struct Until(AtomicU64, u64);
 
 impl Watch for Until {
-    fn advance(&self, units: u64) -> bench_io::Result<()> {
+    fn advance(&self, units: u64) -> host_io::Result<()> {
         let done = self.0.fetch_add(units, Ordering::Relaxed) + units;
         if done < self.1 { Ok(()) } else { Err(Error::Interrupted) }
     }

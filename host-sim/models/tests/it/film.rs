@@ -1,6 +1,6 @@
 //! The nonlinear film: its published peaks, and the committed recordings.
 
-use bench_models::bench::film::{Film, Plant, Waveform};
+use host_models::simulation::film::{Film, Plant, Waveform};
 
 /// Largest displacement (m) in the first and the last full period over 155 s of 0…6 kV.
 fn peaks(plant: Plant, period_s: usize) -> [f64; 2] {

@@ -2,13 +2,13 @@
 
 use crate::defining_sum::{displacement_by_the_sum, modulus_series};
 use crate::models::{hard_models, paper_force, presets, random_models};
-use bench_io::files::parameters::Parameters;
-use bench_io::files::recording::Input;
-use bench_io::grid::{Grid, Samples};
-use bench_models::agreement::relative_rms;
-use bench_models::replay::full_memory::FullMemory;
-use bench_models::replay::memory::{MemoryChoice, Precision, RunOptions};
-use bench_models::replay::simulate;
+use host_io::files::parameters::Parameters;
+use host_io::files::recording::Input;
+use host_io::grid::{Grid, Samples};
+use host_models::agreement::relative_rms;
+use host_models::replay::full_memory::FullMemory;
+use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
+use host_models::replay::simulate;
 use indicatif::ProgressBar;
 
 #[test]

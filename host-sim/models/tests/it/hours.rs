@@ -1,7 +1,7 @@
 //! Hours and hertz: errors from t = 0 over hours, from 0.05 to 10 Hz, on films that are stiffer or softer than recorded, and on films that
 //! warm up while they are driven. The bench is the default one: 5 µm of noise, 100 samples a second, 10 ms late.
 //!
-//! `SPRINGPOT_SWEEP=full cargo test --release -p bench-models --test it hours -- --nocapture` prints the tables of docs/results.md; the default
+//! `SPRINGPOT_SWEEP=full cargo test --release -p host-models --test it hours -- --nocapture` prints the tables of docs/results.md; the default
 //! runs a few rows.
 
 use std::collections::BTreeMap;
@@ -10,18 +10,18 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use bench_io::files::parameters::Parameters;
-use bench_io::files::recording::{Direction, Input};
-use bench_io::grid::{Grid, Samples};
-use bench_models::bench::closed_loop::{self, BenchModel, LoopTick};
-use bench_models::bench::controllers::{self, ControllerKind, ControllerSettings};
-use bench_models::bench::film::{self, Film, Instruments, Readings};
-use bench_models::bench::plant::{FullMemoryPlant, Mismatch, Plant};
-use bench_models::fit::nonlinearity::CurveChoice;
-use bench_models::fit::observation::{Observation, Reading};
-use bench_models::fit::{self, Settings};
-use bench_models::references::minimum_jerk;
-use bench_models::replay::memory::Precision;
+use host_io::files::parameters::Parameters;
+use host_io::files::recording::{Direction, Input};
+use host_io::grid::{Grid, Samples};
+use host_models::fit::nonlinearity::CurveChoice;
+use host_models::fit::observation::{Observation, Reading};
+use host_models::fit::{self, Settings};
+use host_models::references::minimum_jerk;
+use host_models::replay::memory::Precision;
+use host_models::simulation::closed_loop::{self, BenchModel, LoopTick};
+use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_models::simulation::film::{self, Film, Instruments, Readings};
+use host_models::simulation::plant::{FullMemoryPlant, Mismatch, Plant};
 use rayon::prelude::*;
 use springpot::{Actuator, CommandLimits, LearningOptions, ObserverOptions, Topology};
 

@@ -5,9 +5,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use bench_io::Error;
-use bench_io::files::import::Hints;
-use bench_io::files::recording::Recording;
+use host_io::Error;
+use host_io::files::import::Hints;
+use host_io::files::recording::Recording;
 
 /// A row of the samples.
 #[derive(Clone, Copy, Debug)]
@@ -331,7 +331,7 @@ fn columns_are_chosen_by_name_number_unit_and_factor() {
         ("voltage=1,voltage=2", "twice"),
         ("voltage=\"HV", "quote"),
     ] {
-        let error = columns.parse::<bench_io::files::import::Choices>().expect_err(columns);
+        let error = columns.parse::<host_io::files::import::Choices>().expect_err(columns);
         assert!(error.contains(word), "{columns}: {error}");
     }
 }

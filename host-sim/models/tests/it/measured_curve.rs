@@ -4,25 +4,25 @@
 //! tensile test (stretch 1 to 5.4 and back, R² 0.9988). The plant sums over its whole past and solves the curve in every substep of half
 //! a millisecond; controllers run the compressed law behind the pieces that a fit to noisy recordings found.
 //!
-//! `cargo test -p bench-models --test it measured_curve -- --nocapture` prints the table of docs/results.md.
+//! `cargo test -p host-models --test it measured_curve -- --nocapture` prints the table of docs/results.md.
 
 use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use crate::sweep::full_sweep;
-use bench_io::files::parameters::{ElasticCurve, Parameters};
-use bench_io::files::recording::{Direction, Input};
-use bench_io::grid::{Grid, Samples};
-use bench_models::bench::closed_loop::{self, BenchModel};
-use bench_models::bench::controllers::{self, ControllerKind, ControllerSettings};
-use bench_models::bench::film::{Instruments, Readings};
-use bench_models::bench::plant::{FullMemoryPlant, Mismatch, Plant};
-use bench_models::fit::nonlinearity::CurveChoice;
-use bench_models::fit::observation::{Observation, Reading};
-use bench_models::fit::{self, Settings};
-use bench_models::references::{Reference, Shape};
-use bench_models::replay::memory::Precision;
+use host_io::files::parameters::{ElasticCurve, Parameters};
+use host_io::files::recording::{Direction, Input};
+use host_io::grid::{Grid, Samples};
+use host_models::fit::nonlinearity::CurveChoice;
+use host_models::fit::observation::{Observation, Reading};
+use host_models::fit::{self, Settings};
+use host_models::references::{Reference, Shape};
+use host_models::replay::memory::Precision;
+use host_models::simulation::closed_loop::{self, BenchModel};
+use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_models::simulation::film::{Instruments, Readings};
+use host_models::simulation::plant::{FullMemoryPlant, Mismatch, Plant};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{Actuator, CommandLimits, Maxwell, ObserverOptions, Rubber, Springpot, Topology};

@@ -4,10 +4,10 @@ use std::fmt::Write;
 use std::fs;
 use std::path::PathBuf;
 
-use bench_io::Error;
-use bench_io::files::amplifier_log::AmplifierLog;
-use bench_io::files::import::Hints;
-use bench_io::files::material_test::{MaterialTest, Strain};
+use host_io::Error;
+use host_io::files::amplifier_log::AmplifierLog;
+use host_io::files::import::Hints;
+use host_io::files::material_test::{MaterialTest, Strain};
 
 struct Folder(tempfile::TempDir);
 

@@ -1,13 +1,13 @@
 //! Periodic references that are learned, on films that their law does not describe.
 //!
-//! `cargo test -p bench-models --test it periodic -- --nocapture` prints the rows of docs/results.md; `cargo xtask sweep` runs all of them.
+//! `cargo test -p host-models --test it periodic -- --nocapture` prints the rows of docs/results.md; `cargo xtask sweep` runs all of them.
 
-use bench_io::grid::Grid;
-use bench_models::bench::closed_loop::{self, BenchModel, LoopRun};
-use bench_models::bench::controllers::{self, ControllerKind, ControllerSettings};
-use bench_models::bench::film::{Film, Plant};
-use bench_models::references::{Reference, Shape};
-use bench_models::replay::memory::Precision;
+use host_io::grid::Grid;
+use host_models::references::{Reference, Shape};
+use host_models::replay::memory::Precision;
+use host_models::simulation::closed_loop::{self, BenchModel, LoopRun};
+use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_models::simulation::film::{Film, Plant};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{CommandLimits, LearningOptions, ObserverOptions};

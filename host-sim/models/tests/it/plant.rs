@@ -1,12 +1,12 @@
 //! The model of a parameter file as a plant, against the full-memory answer by one Fourier transform.
 
-use bench_io::files::parameters::Parameters;
-use bench_io::files::recording::Input;
-use bench_io::grid::{Grid, Samples};
-use bench_models::bench::closed_loop::LimitShare;
-use bench_models::bench::plant::{FullMemoryPlant, Mismatch, Plant};
-use bench_models::replay::memory::{MemoryChoice, Precision, RunOptions};
-use bench_models::replay::simulate;
+use host_io::files::parameters::Parameters;
+use host_io::files::recording::Input;
+use host_io::grid::{Grid, Samples};
+use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
+use host_models::replay::simulate;
+use host_models::simulation::closed_loop::LimitShare;
+use host_models::simulation::plant::{FullMemoryPlant, Mismatch, Plant};
 use indicatif::ProgressBar;
 use springpot::{Actuator, Limited, Maxwell, Preload, Springpot, Topology};
 

@@ -1,8 +1,8 @@
 //! Plants that are none of the bench's own: a film that stiffens and thins, and films that warm up while they are driven.
 
-use bench_io::files::parameters::Parameters;
-use bench_models::bench::film::{Film, FilmState};
-use bench_models::bench::plant::{Mismatch, Plant};
+use host_io::files::parameters::Parameters;
+use host_models::simulation::film::{Film, FilmState};
+use host_models::simulation::plant::{Mismatch, Plant};
 use springpot::{Actuator, EPSILON_0, Law, LawState};
 
 /// Stiffness (N/m) and retardation time (s) of elements that creep little, a sixth of what the spring gives, and of some that creep

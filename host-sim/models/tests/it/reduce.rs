@@ -1,9 +1,9 @@
 //! Reduced models, against the response of the whole model.
 
 use crate::models::{paper_force, presets, random_models};
-use bench_models::agreement::relative_rms;
-use bench_models::reduce::{self, Criterion};
-use bench_models::replay::full_memory::FullMemory;
+use host_models::agreement::relative_rms;
+use host_models::reduce::{self, Criterion};
+use host_models::replay::full_memory::FullMemory;
 use springpot::{Maxwell, Springpot, Topology};
 
 /// Reduced models answer as before, to 1e-9: the published ones, random ones, and ones with springs and dashpots to merge.

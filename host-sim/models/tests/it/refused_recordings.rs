@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use bench_io::Error;
-use bench_io::files::recording::Recording;
+use host_io::Error;
+use host_io::files::recording::Recording;
 
 fn line_of_the_fault(csv: &str) -> (u64, String) {
     match Recording::from_csv(Path::new("film.csv"), csv.as_bytes()) {

@@ -8,10 +8,10 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use bench_io::files::recording::{Direction, Recording};
-use bench_models::fit::observation;
-use bench_models::fit::preparation::Preparation;
-use bench_models::fit::{self, Fit, Settings, Warning};
+use host_io::files::recording::{Direction, Recording};
+use host_models::fit::observation;
+use host_models::fit::preparation::Preparation;
+use host_models::fit::{self, Fit, Settings, Warning};
 use springpot::{Actuator, Topology};
 
 /// The displacement that is held, m.

@@ -3,23 +3,23 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use bench_io::files::parameters::Parameters;
-use bench_io::files::recording::{Direction, Input, Recording};
-use bench_io::grid::{Grid, Samples};
-use bench_models::bench::closed_loop::{self, BenchModel};
-use bench_models::bench::controllers::{self, ControllerKind, ControllerSettings};
-use bench_models::bench::film::{Film, Plant, Waveform};
-use bench_models::bench::processor::{FirmwareLaw, Task, TaskOptions};
-use bench_models::fit::bend::Bend;
-use bench_models::fit::candidate::Candidate;
-use bench_models::fit::objective::Objective;
-use bench_models::fit::observation;
-use bench_models::replay::comparison::Comparison;
-use bench_models::replay::memory::{Precision, RunOptions};
-use bench_models::replay::observer;
-use bench_models::replay::simulate;
 use dea_driver::wire::Mode;
 use dea_driver::{Blob, Controller};
+use host_io::files::parameters::Parameters;
+use host_io::files::recording::{Direction, Input, Recording};
+use host_io::grid::{Grid, Samples};
+use host_models::fit::bend::Bend;
+use host_models::fit::candidate::Candidate;
+use host_models::fit::objective::Objective;
+use host_models::fit::observation;
+use host_models::replay::comparison::Comparison;
+use host_models::replay::memory::{Precision, RunOptions};
+use host_models::replay::observer;
+use host_models::replay::simulate;
+use host_models::simulation::closed_loop::{self, BenchModel};
+use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_models::simulation::film::{Film, Plant, Waveform};
+use host_models::simulation::processor::{FirmwareLaw, Task, TaskOptions};
 use indicatif::ProgressBar;
 use springpot::{CommandLimits, ObserverOptions};
 

@@ -1,7 +1,7 @@
 //! The tracking table: fitted on a film's three recordings, used on references that the fit has not seen, on the nonlinear
 //! film.
 //!
-//! `cargo test -p bench-models --test it tracking -- --nocapture` prints it.
+//! `cargo test -p host-models --test it tracking -- --nocapture` prints it.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
@@ -9,18 +9,18 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::recordings::recordings;
 use crate::sweep::full_sweep;
-use bench_io::files::parameters::Parameters;
-use bench_io::files::recording::{Direction, Recording};
-use bench_io::grid::Grid;
-use bench_models::bench::closed_loop::{self, BenchModel, LoopRun};
-use bench_models::bench::controllers::{self, ControllerKind, ControllerSettings};
-use bench_models::bench::film::{Film, Plant};
-use bench_models::fit::observation::observe;
-use bench_models::fit::{self, Settings};
-use bench_models::references::{Reference, Shape};
-use bench_models::replay::feasibility;
-use bench_models::replay::memory::Precision;
 use documents::{Documents, Tolerance};
+use host_io::files::parameters::Parameters;
+use host_io::files::recording::{Direction, Recording};
+use host_io::grid::Grid;
+use host_models::fit::observation::observe;
+use host_models::fit::{self, Settings};
+use host_models::references::{Reference, Shape};
+use host_models::replay::feasibility;
+use host_models::replay::memory::Precision;
+use host_models::simulation::closed_loop::{self, BenchModel, LoopRun};
+use host_models::simulation::controllers::{self, ControllerKind, ControllerSettings};
+use host_models::simulation::film::{Film, Plant};
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{AmplifierLag, CommandLimits, ObserverOptions, Topology};

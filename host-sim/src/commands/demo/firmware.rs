@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
-use crate::bench::processor::{FirmwareLaw, ProcessorTest, Task, TaskOptions};
 use crate::error::Result;
 use crate::files::parameters::Parameters;
 use crate::files::recording::Recording;
 use crate::link::Emulator;
 use crate::progress::Progress;
 use crate::replay::memory::RunOptions;
+use crate::simulation::processor::{FirmwareLaw, ProcessorTest, Task, TaskOptions};
 
 /// Length of what the image steps, s: some seconds of QEMU.
 const STEPPED_S: f64 = 10.0;

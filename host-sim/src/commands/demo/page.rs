@@ -3,12 +3,12 @@
 use maud::{Markup, html};
 
 use super::Sine;
-use crate::bench::closed_loop::LoopRun;
 use crate::report::chart;
 use crate::report::figure::{Colour, Line, Panel};
 use crate::report::numbers::{Form, Numbers};
 use crate::report::page::{Row, table, text};
 use crate::report::tracking_figure;
+use crate::simulation::closed_loop::LoopRun;
 
 /// The replay of the document at `numbers`.
 pub(super) fn replay(numbers: &Numbers<'_>) -> Markup {

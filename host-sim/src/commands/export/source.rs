@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use bench_emit::fmu::{Version, fmu};
-use bench_emit::{Film, HEADER, arduino, film, matlab, symbol};
 use dea_driver::Blob;
+use host_emit::fmu::{Version, fmu};
+use host_emit::{Film, HEADER, arduino, film, matlab, symbol};
 
 use crate::error::{Error, Result};
 use crate::files::output::{self, Folder, Folders, Staged};

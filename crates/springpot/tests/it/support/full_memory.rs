@@ -4,7 +4,7 @@
 //! slightly inside the unit circle these are Fourier transforms of r^k times the samples, and (1 − ζ)/h is s. The model's
 //! K(s) is evaluated here from its springpots, not by the library.
 
-use bench_fft::Planner;
+use host_fft::Planner;
 use num_complex::Complex;
 use springpot::{Maxwell, Springpot, Topology};
 

@@ -1,12 +1,12 @@
 //! Plants that a loop is closed around: a simulated nonlinear film, or the model of a parameter file with full memory.
 
-use bench_fft::Planner;
+use host_fft::Planner;
 use springpot::{Actuator, Curve, Maxwell, Springpot};
 
-use crate::bench::film::{Film, FilmState};
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::replay::full_memory::FullMemory;
+use crate::simulation::film::{Film, FilmState};
 
 /// A film in motion.
 pub trait Plant {

@@ -8,12 +8,12 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 use springpot::{Applied, Limited, SensorSample};
 
-use crate::bench::controllers::{Controller, ControllerOutput};
-use crate::bench::film::{Film, Instruments, Readings};
-use crate::bench::plant::{NonlinearPlant, Plant};
 use crate::error::{Error, Result};
 use crate::grid::Grid;
 use crate::references::Periods;
+use crate::simulation::controllers::{Controller, ControllerOutput};
+use crate::simulation::film::{Film, Instruments, Readings};
+use crate::simulation::plant::{NonlinearPlant, Plant};
 
 /// Sensor, amplifier and voltage monitor between controller and film.
 #[derive(Clone, Debug, PartialEq)]

@@ -13,15 +13,15 @@ use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{Applied, SensorSample};
 
-use crate::bench::closed_loop::{self, BenchModel};
-use crate::bench::controllers::{Controller, ControllerOutput};
-use crate::bench::film::{Film, Plant};
 use crate::error::{Error, Result};
 use crate::files::parameters::DisplacementSensor;
 use crate::files::recording::{Input, Recording};
 use crate::grid::Grid;
 use crate::link::{Client, Emulator, Port, named};
 use crate::references;
+use crate::simulation::closed_loop::{self, BenchModel};
+use crate::simulation::controllers::{Controller, ControllerOutput};
+use crate::simulation::film::{Film, Plant};
 
 /// The code of the firmware that is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -3,10 +3,10 @@
 use dea_driver::Control;
 use springpot::{CommandLimits, HARMONICS, LearningOptions, ObserverOptions};
 
-use crate::bench::controllers::{ControllerKind, ControllerSettings, PI_HZ};
 use crate::error::{Error, Result};
 use crate::files::parameters::{Parameters, as_written};
 use crate::quantity::{at_most, positive};
+use crate::simulation::controllers::{ControllerKind, ControllerSettings, PI_HZ};
 
 /// What is asked of a controller.
 #[derive(Clone, Copy, Debug, PartialEq)]

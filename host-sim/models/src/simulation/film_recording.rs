@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use crate::bench::film::{Film, Instruments, Readings, Waveform};
 use crate::error::{Error, Result};
 use crate::files::output;
 use crate::grid::Grid;
 use crate::quantity::{at_most, positive};
+use crate::simulation::film::{Film, Instruments, Readings, Waveform};
 
 /// A film under a voltage: what its instruments recorded, and its displacement without their noise.
 #[derive(Clone, Debug, PartialEq)]

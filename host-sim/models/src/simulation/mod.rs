@@ -1,0 +1,10 @@
+//! Closed loops without high voltage: a simulated nonlinear film with its instruments, the model of a parameter file as a plant,
+//! controllers that make it follow a reference, and the firmware in the loop.
+
+pub mod closed_loop;
+pub mod controllers;
+pub mod film;
+pub mod film_recording;
+pub mod plant;
+pub mod processor;
+pub mod tuning;
