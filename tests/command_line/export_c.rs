@@ -35,10 +35,10 @@ fn controllers(parameters: &Parameters) -> Blob {
     Blob::decode(&bytes, board.id).expect("its own")
 }
 
-/// The program of docs/faces.md with its command: it prints what the page says, and what the Rust law gives.
+/// The program of docs/c.md with its command: it prints what the page says, and what the Rust law gives.
 #[test]
 fn the_program_of_the_page_runs() {
-    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/faces.md")).expect("there");
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/c.md")).expect("there");
     let folder = TempDir::new().expect("a folder");
     let commands = blocks(&page, "```sh\n").concat();
     let mut lines = commands.lines();

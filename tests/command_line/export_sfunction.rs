@@ -166,13 +166,13 @@ fn the_script_replays_as_the_command_does() {
     fs::copy(path("film.png"), seen.join("springpot_replay.png")).expect("copied");
 }
 
-/// What docs/matlab.md shows of the MEX function, in Octave: a stroke, a voltage, and a loop whose state goes on.
+/// The examples of docs/simulink.md for the MEX function, in Octave: a stroke, a voltage, and a loop that passes its state on.
 #[test]
 #[ignore = "needs Octave: cargo xtask faces"]
 fn the_examples_of_the_page_run() {
-    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/matlab.md")).expect("there");
-    let (_, section) = page.split_once("\n### A function\n").expect("a section");
-    let (section, _) = section.split_once("\n### ").expect("a section after it");
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/simulink.md")).expect("there");
+    let (_, section) = page.split_once("\n## A function\n").expect("a section");
+    let (section, _) = section.split_once("\n## ").expect("a section after it");
     let folder = TempDir::new().expect("a folder");
     let film = folder.path().join("film.c");
     TOOL.json(&["export", "--params", "preset:table3-n2", "--emit", "sfunction", "--out", text(&film)]);

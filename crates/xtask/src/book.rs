@@ -48,7 +48,10 @@ fn lay_out(docs: &Path, source: &Path) -> Result<()> {
         }
     }
     for link in &elsewhere {
-        let text = read(&docs.join(link))?.replace("](../docs/", "](").replace("](../../docs/", "](");
+        let text = read(&docs.join(link))?
+            .replace("](../docs/", "](")
+            .replace("](../../docs/", "](")
+            .replace("](../../../docs/", "](");
         write(&source.join(flat(link)), &text)?;
     }
     Ok(())

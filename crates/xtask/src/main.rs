@@ -53,7 +53,7 @@ enum Chore {
         #[arg(long, value_name = "ELF")]
         image: Option<std::path::PathBuf>,
     },
-    /// Test the law in other languages and on other boards (docs/faces.md): compilers, sanitizers, chips in QEMU, Python, Octave.
+    /// Test the law in other languages and on other boards (docs/c.md, python.md, simulink.md, fmi.md): compilers, sanitizers, chips in QEMU, Python, Octave.
     /// Installs what is missing, some 2.5 GB on Debian.
     Faces {
         /// Only this one.

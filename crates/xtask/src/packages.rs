@@ -18,8 +18,8 @@ const FILES: [&str; 7] = [
 ];
 
 /// Folders of a package, and what files in them end in.
-const FOLDERS: [(&str, &[&str]); 3] =
-    [("src/", &[".rs"]), ("examples/", &[".rs"]), ("tests/", &[".rs", ".csv", ".bin"])];
+const FOLDERS: [(&str, &[&str]); 4] =
+    [("src/", &[".rs"]), ("doc/", &[".md"]), ("examples/", &[".rs"]), ("tests/", &[".rs", ".csv", ".bin"])];
 
 /// Each package holds the library's own files, nothing else, and is complete. Neither the library nor its tests need the host
 /// tool.

@@ -5,6 +5,13 @@ use std::path::PathBuf;
 
 use documents::{Documents, Table, Tolerance, files, root};
 
+/// All pages of the book, and README.md.
+fn pages() -> Result<Vec<PathBuf>, String> {
+    let mut pages = files()?;
+    pages.extend(["link", "blob"].map(|name| root().join(format!("crates/dea-driver/doc/{name}.md"))));
+    Ok(pages)
+}
+
 /// Rows whose number of cells is not their header's.
 fn ragged(tables: &[Table]) -> Vec<String> {
     tables
@@ -71,7 +78,7 @@ fn anchors(page: &str) -> Vec<String> {
 #[test]
 fn links_lead_to_files_and_headings() {
     let (mut count, mut broken) = (0, Vec::new());
-    for path in files().expect("readable") {
+    for path in pages().expect("readable") {
         let text = fs::read_to_string(&path).expect("readable");
         for link in text.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
             if link.contains("://") {
@@ -173,24 +180,37 @@ fn sources() -> Vec<([String; 2], PathBuf, String)> {
     sources
 }
 
-/// Documents cite tests as `module::name`: those tests are there, in that module. So are the functions and the modules of the sources.
+/// Tests that a page cites: `module::name` in its text, and `<!-- test: module::name, ... -->`, which only the source shows.
+fn cited(page: &str) -> (Vec<&str>, Vec<&str>) {
+    let comments = page.split("<!-- test: ").skip(1).filter_map(|rest| rest.split(" -->").next());
+    let in_comments = comments.flat_map(|names| names.split(',')).map(str::trim).collect();
+    (page.split('`').skip(1).step_by(2).filter(|code| code.contains("::")).collect(), in_comments)
+}
+
+/// Tests that pages cite as `module::name` exist in that module. So do the functions and the modules of the sources. Names of tests are
+/// sentences, which only the safety page shows to its reader.
 #[test]
 fn tests_that_are_cited_exist() {
     let sources = sources();
-    let mut count = 0;
-    for path in files().expect("readable") {
+    let (mut count, mut wrong) = (0, Vec::new());
+    for path in pages().expect("readable") {
         let text = fs::read_to_string(&path).expect("readable");
-        for code in text.split('`').skip(1).step_by(2) {
-            let Some((module, name)) = code.split_once("::") else { continue };
+        let (in_text, in_comments) = cited(&text);
+        for (cited, is_comment) in
+            in_text.into_iter().map(|cited| (cited, false)).chain(in_comments.into_iter().map(|cited| (cited, true)))
+        {
+            let (modules, name) = cited.rsplit_once("::").unwrap_or(("", cited));
+            let module = modules.rsplit("::").next().unwrap_or(modules);
             let is_word =
                 |word: &str| word.chars().all(|letter| letter.is_ascii_lowercase() || "_0123456789".contains(letter));
-            if !(is_word(module) && is_word(name)) {
+            if !(is_comment || is_word(module) && is_word(name)) {
                 continue;
             }
             let there: Vec<_> =
                 sources.iter().filter(|(names, ..)| names.iter().any(|other| other == module)).collect();
-            // Names of tests are sentences; `f32::sin` is not ours.
-            if there.is_empty() && name.matches('_').count() < 3 {
+            let is_sentence = name.matches('_').count() >= 3;
+            // `f32::sin` is not ours.
+            if there.is_empty() && !is_sentence && !is_comment {
                 continue;
             }
             count += 1;
@@ -199,8 +219,15 @@ fn tests_that_are_cited_exist() {
             let found = there.iter().any(|(_, path, source)| {
                 path.ends_with(&file) || defined.iter().any(|defined| source.contains(defined))
             });
-            assert!(found, "{}: no {code}", path.display());
+            if !found {
+                wrong.push(format!("{}: no {cited}", path.display()));
+            }
+            let shown = is_sentence && !is_comment && !path.ends_with("docs/safety.md");
+            if shown {
+                wrong.push(format!("{}: {cited} belongs in a comment, <!-- test: {cited} -->", path.display()));
+            }
         }
     }
+    assert!(wrong.is_empty(), "{wrong:#?}");
     assert!(count > 100, "{count} tests are cited");
 }

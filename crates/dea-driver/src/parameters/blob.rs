@@ -1,4 +1,4 @@
-//! The parameters of a board as bytes: what `host-sim export` writes and the `Store` keeps. The crate's `docs/blob.md`
+//! The parameters of a board as bytes: what `host-sim export` writes and the `Store` keeps. The crate's `doc/blob.md`
 //! describes the format. No other file reads or writes a blob's header.
 
 use core::fmt;
@@ -40,6 +40,7 @@ pub const BLOB_LEN: usize = 1016;
 /// # Ok(())
 /// # }
 /// ```
+#[doc = include_str!("../../doc/blob.md")]
 #[derive(Clone, Debug)]
 pub struct Blob<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
     parameters: Parameters<HEAD, FAST, SLOW>,

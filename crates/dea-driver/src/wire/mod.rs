@@ -1,7 +1,7 @@
 //! The link between controller and host: frames and messages, pure data.
 //!
 //! A frame is the protocol's version, a message in postcard, and a CRC-32, stuffed by COBS and ended by a zero byte; see
-//! the repository's `docs/link.md`. A frame that is damaged or unknown is counted and answered, never executed.
+//! [below](#the-link). A frame that is damaged or unknown is counted and answered, never executed.
 //!
 //! ```
 //! use dea_driver::Mode;
@@ -18,6 +18,7 @@
 //! }
 //! assert_eq!(received, Some(Ok(request)));
 //! ```
+#![doc = include_str!("../../doc/link.md")]
 
 mod frame;
 mod inspection;

@@ -65,7 +65,7 @@ fn benches() -> Vec<Parameters> {
     vec![paper, slow, bent, module, stiffening]
 }
 
-/// The blob of `contents` as docs/blob.md describes it.
+/// The blob of `contents` as doc/blob.md describes it.
 fn framed(contents: &[u8]) -> Vec<u8> {
     let mut bytes = b"DEA\x01\x04\x00".to_vec();
     bytes.extend(BOARD.to_le_bytes());

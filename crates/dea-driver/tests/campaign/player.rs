@@ -140,7 +140,7 @@ impl Player {
     }
 }
 
-/// As docs/link.md has it, of what this host sends.
+/// As doc/link.md has it, of what this host sends.
 fn is_repeatable(command: &Command) -> bool {
     matches!(command, Command::Status | Command::Disarm)
 }

@@ -56,7 +56,7 @@ fn sets() -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// A slot as docs/blob.md describes it.
+/// A slot as doc/blob.md describes it.
 fn slot(sequence: u32, blob: &[u8]) -> Vec<u8> {
     let mut bytes = [sequence.to_le_bytes(), (!sequence).to_le_bytes()].concat();
     bytes.extend(blob);

@@ -1,5 +1,5 @@
 //! A reference machine of the driver's states, written from the documentation: the diagram at `DriverState`, the comments of `Cause`,
-//! `Refusal`, `Limits`, `Monitor` and `Plausibility`, docs/link.md. It knows nothing of the supervisor's fields.
+//! `Refusal`, `Limits`, `Monitor` and `Plausibility`, doc/link.md. It knows nothing of the supervisor's fields.
 //!
 //! The documentation does not say which of several faults in one tick becomes the cause. The reference names all of them; the driver
 //! must take one.

@@ -1,4 +1,4 @@
-//! The table of commands in `docs/link.md`, against the device: the number of each command, and the states in which it is refused.
+//! The table of commands in `doc/link.md`, against the device: the number of each command, and the states in which it is refused.
 
 use dea_driver::wire::{Answer, CHUNK, Command, Drill, Reject, Target};
 use dea_driver::{Cause, DriverState, LearningOrder, Mode, Refusal};
@@ -7,7 +7,7 @@ use crate::host::{Host, blob};
 
 /// A row: the number, the command's name, and the states as the page has them.
 fn rows() -> Vec<(u8, String, String)> {
-    let page = include_str!("../../../../docs/link.md");
+    let page = include_str!("../../doc/link.md");
     let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
     let rows = page.lines().map(cells).filter(|cells| cells.len() == 7);
     rows.filter_map(|cells| Some((cells[1].parse().ok()?, cells[2].replace('`', ""), cells[5].clone()))).collect()

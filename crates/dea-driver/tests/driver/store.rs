@@ -201,7 +201,7 @@ fn what_is_saved_over_refused_sets_is_the_newest() {
     assert_eq!(found(&mut store), ("new".to_owned(), false));
 }
 
-/// A slot as docs/blob.md describes it.
+/// A slot as doc/blob.md describes it.
 fn slot(sequence: u32, blob: &[u8]) -> Vec<u8> {
     let mut bytes = [sequence.to_le_bytes(), (!sequence).to_le_bytes()].concat();
     bytes.extend(blob);

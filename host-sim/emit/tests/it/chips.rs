@@ -17,7 +17,7 @@ use crate::recordings::recordings;
 
 /// A chip and its board in QEMU.
 struct Chip {
-    /// As the title of its column in docs/faces.md names it.
+    /// As the title of its column in docs/c.md names it.
     name: &'static str,
     /// The column of docs/results.md that states what Rust takes, where there is one to compare with.
     rust: Option<&'static str>,
@@ -227,7 +227,7 @@ fn steps_have_the_bits(chip: &Chip) {
         }
         match documents.number(&[row], &format!("C on the {}", chip.name)) {
             Some(stated) if Tolerance::COUNT.holds(cost as f64, stated) => {}
-            stated => off.push(format!("{name}: {cost} instructions, docs/faces.md states {stated:?}")),
+            stated => off.push(format!("{name}: {cost} instructions, docs/c.md states {stated:?}")),
         }
     }
     assert!(off.is_empty(), "{}", off.join("\n"));
@@ -276,7 +276,7 @@ fn two_hundred_random_laws_have_the_bits_of_rust_on_the_cortex_m4f() {
     }
 }
 
-/// Bytes of code and of constants, as docs/faces.md states them.
+/// Bytes of code and of constants, as docs/c.md states them.
 #[test]
 #[ignore = "needs arm-none-eabi-gcc: cargo xtask faces"]
 fn sizes_are_those_of_the_page() {
@@ -308,7 +308,7 @@ fn sizes_are_those_of_the_page() {
         println!("{row}: {bytes}");
         let stated = documents.number(&[row], "bytes");
         if !stated.is_some_and(|stated| Tolerance::COUNT.holds(bytes, stated)) {
-            off.push(format!("{row}: {bytes} bytes, docs/faces.md states {stated:?}"));
+            off.push(format!("{row}: {bytes} bytes, docs/c.md states {stated:?}"));
         }
     }
     assert!(off.is_empty(), "{}", off.join("\n"));

@@ -83,7 +83,7 @@ fn encoded(blob: &Blob) -> Vec<u8> {
     bytes
 }
 
-/// What docs/blob.md and docs/wiring.md say of parameters that were not refused.
+/// What dea-driver/doc/blob.md and docs/wiring.md say of parameters that were not refused.
 fn holds(parameters: &Parameters) {
     let Parameters { rate_hz, limits, actuator, control, .. } = parameters;
     assert!((1.0..=100_000.0).contains(rate_hz));

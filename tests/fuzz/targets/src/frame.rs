@@ -87,7 +87,7 @@ impl Board for Bench {
     }
 }
 
-/// The board, and what docs/link.md lets it do.
+/// The board, and what dea-driver/doc/link.md lets it do.
 struct Trial {
     session: Session,
     bench: Bench,

@@ -1,7 +1,7 @@
 //! What fuzzing runs on bytes from outside, and what must hold whatever they are.
 //!
-//! Each function takes any bytes and panics where a promise of the documents does not hold: [`frames`] docs/link.md, [`blobs`]
-//! docs/blob.md, [`recordings`] and [`parameter_files`] docs/formats.md. What is expected is written here again from those pages,
+//! Each function takes any bytes and panics where a promise of the documents does not hold: [`frames`] dea-driver/doc/link.md, [`blobs`]
+//! dea-driver/doc/blob.md, [`recordings`] and [`parameter_files`] docs/formats.md. What is expected is written here again from those pages,
 //! not taken from the code under test. The fuzzers in the folder above call these functions; this package's tests run them on the
 //! committed corpora.
 #![forbid(unsafe_code)]

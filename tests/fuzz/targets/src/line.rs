@@ -1,4 +1,4 @@
-//! Frames as docs/link.md has them, written a second time: sealed and read without the driver's code.
+//! Frames as dea-driver/doc/link.md has them, written a second time: sealed and read without the driver's code.
 
 /// Most bytes of a frame without its closing zero.
 const MAX_FRAME: usize = 360;
@@ -103,7 +103,7 @@ fn unstuffed(stuffed: &[u8]) -> Option<Vec<u8>> {
     Some(plain)
 }
 
-/// The heading of a request, if all of it is one: the table of docs/link.md.
+/// The heading of a request, if all of it is one: the table of dea-driver/doc/link.md.
 fn request(message: &[u8]) -> Option<Heading> {
     let mut rest = message;
     let take = &mut rest;

@@ -59,7 +59,7 @@ fn every_kind_of_blob_has_one_that_is_accepted() {
     }
 }
 
-/// The frames of these tests, written from docs/link.md, are those of the driver, byte by byte; so is the checksum, that of CRC-32's
+/// The frames of these tests, written from dea-driver/doc/link.md, are those of the driver, byte by byte; so is the checksum, that of CRC-32's
 /// definition.
 #[test]
 fn frames_are_sealed_as_the_driver_does() {
