@@ -205,7 +205,8 @@ impl Words {
 
     fn phrases_in(&self, prose: &str) -> Vec<(usize, String)> {
         let is_part = |letter: char| letter.is_alphanumeric() || "-_'’".contains(letter);
-        let words: Vec<(usize, &str)> = pieces(prose, is_part);
+        let prose = without_code(prose);
+        let words: Vec<(usize, &str)> = pieces(&prose, is_part);
         let mut found = Vec::new();
         for (index, &(at, word)) in words.iter().enumerate() {
             let first = uncapitalised(word.trim_end_matches("'s"));
@@ -264,6 +265,21 @@ fn item(code: &str) -> &str {
     let ends: &[char] =
         if code[..code.find('\n').unwrap_or(code.len())].contains("fn ") { &['{', ';'] } else { &[',', '\n', '}'] };
     &code[..code.find(ends).unwrap_or(code.len())]
+}
+
+/// `prose` with the code that it quotes between backticks on one line replaced by what is no part of a phrase.
+fn without_code(prose: &str) -> String {
+    let without = |line: &str| -> String {
+        let parts: Vec<&str> = line.split('`').collect();
+        if line.contains("```") || parts.len() % 2 == 0 {
+            return line.to_owned();
+        }
+        let part = |(index, part): (usize, &&str)| {
+            if index % 2 == 0 { (*part).to_owned() } else { "\u{1}".repeat(part.len()) }
+        };
+        parts.iter().enumerate().map(part).collect::<Vec<_>>().join("`")
+    };
+    prose.split('\n').map(without).collect::<Vec<_>>().join("\n")
 }
 
 /// The longest pieces of `text` that consist of letters that are part of one, and where they are.

@@ -30,7 +30,7 @@ fn phrases_are_found_in_pages_comments_and_strings_and_not_in_code() {
     assert_eq!(found("a.py", "mended = '''\nmended'''"), mend(2));
     assert_eq!(found("a.m", "a = mended' * b'; % mended"), mend(1));
     assert_eq!(found("a.m", "error('x:y', 'mended')"), mend(1));
-    assert_eq!(found("a.md", "amended, mended_x, un-mended, `mended()`"), mend(1));
+    assert_eq!(found("a.md", "amended, mended_x, un-mended, `mended()`"), []);
 }
 
 #[test]
