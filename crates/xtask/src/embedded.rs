@@ -7,9 +7,9 @@ use chip_program::{Checksum, FEW, FILMS, Film, Name, Report};
 use documents::{Documents, Tolerance};
 
 use crate::cycles;
+use crate::packages::LIBRARIES;
 use crate::process::{Result, cargo, output, root, run as run_command};
 use crate::setup::{OTHER_TARGETS, TARGETS, Toolchain};
-use crate::test::LIBRARIES;
 
 /// What an image printed: lines of `cost NAME INSTRUCTIONS` and `bits NAME CHECKSUM`.
 #[derive(Default)]

@@ -4,6 +4,8 @@
 mod board;
 mod book;
 mod campaign;
+#[cfg(test)]
+mod circles;
 mod cycles;
 mod embedded;
 mod faces;

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::{env, fs, io};
 
 use crate::process::{Result, cargo, output, root, run as run_command};
-use crate::test::LIBRARIES;
+
+/// The libraries: they are checked with every feature, and packaged.
+pub const LIBRARIES: [&str; 2] = ["springpot", "dea-driver"];
 
 /// Files in the root of a package: its own, and those that cargo adds.
 const FILES: [&str; 7] = [

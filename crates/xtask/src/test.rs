@@ -6,11 +6,9 @@ use std::time::Instant;
 use std::{fs, io};
 
 use crate::embedded::Films;
+use crate::packages::LIBRARIES;
 use crate::process::{Result, cargo, output, root, run as run_command};
 use crate::{embedded, firmware, other_board, packages, setup};
-
-/// The libraries: they are checked with every feature, and packaged.
-pub const LIBRARIES: [&str; 2] = ["springpot", "dea-driver"];
 
 /// What the tests read: with `full` they run all cases of their sweeps, otherwise a sample.
 const SWEEP: &str = "SPRINGPOT_SWEEP";

@@ -2,7 +2,7 @@
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
@@ -14,15 +14,12 @@ use crate::chip::Chip;
 use crate::chip::rcc::Oscillators;
 use crate::chip::violation::Violation;
 use crate::log::{self, Line};
-use crate::trap::{self, Machine};
+use crate::trap::{self, Machine, STOPPED};
 
 /// Accesses after which a program counts as one that never ends. Setting the clocks takes 60 000, and 110 000 at the most.
 const ACCESSES: u64 = 200_000;
 
 static ONE: Mutex<()> = Mutex::new(());
-
-/// Set by a program that has been stopped.
-pub(crate) static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// A board with power. A second one waits until this one is dropped.
 pub struct Board {

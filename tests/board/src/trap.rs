@@ -6,13 +6,12 @@
 //! happens in the order of the program.
 
 use std::ffi::{c_int, c_void};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 use std::{mem, ptr, slice};
 
 use libc::{siginfo_t, ucontext_t};
 
-use crate::board::STOPPED;
 use crate::chip::Chip;
 use crate::instruction::{Action, decode, flags_after_test};
 
@@ -25,6 +24,9 @@ const INSTRUCTION: usize = 15;
 const TRAP_FLAG: i64 = 1 << 8;
 /// In the error code of a fault: the access was a write.
 const WRITES: i64 = 1 << 1;
+
+/// Set by a program that has been stopped.
+pub(crate) static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// The chip, while there is one.
 static MACHINE: Mutex<Option<Machine>> = Mutex::new(None);
