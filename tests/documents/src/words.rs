@@ -271,11 +271,11 @@ fn item(code: &str) -> &str {
 fn without_code(prose: &str) -> String {
     let without = |line: &str| -> String {
         let parts: Vec<&str> = line.split('`').collect();
-        if line.contains("```") || parts.len() % 2 == 0 {
+        if line.contains("```") || parts.len().is_multiple_of(2) {
             return line.to_owned();
         }
         let part = |(index, part): (usize, &&str)| {
-            if index % 2 == 0 { (*part).to_owned() } else { "\u{1}".repeat(part.len()) }
+            if index.is_multiple_of(2) { (*part).to_owned() } else { "\u{1}".repeat(part.len()) }
         };
         parts.iter().enumerate().map(part).collect::<Vec<_>>().join("`")
     };
