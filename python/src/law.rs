@@ -1,5 +1,6 @@
 //! `Law` and `LawState`: the step of the controller, sample by sample or along an array.
 
+use host_io::files::parameters::Parameters;
 use host_models::replay::memory::{MethodName, Precision};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -34,6 +35,7 @@ enum AnyState {
 #[pyclass(frozen, name = "Law", module = "springpot")]
 pub(crate) struct PyLaw {
     law: AnyLaw,
+    parameters: Parameters,
     rate_hz: f64,
 }
 
@@ -52,7 +54,7 @@ impl PyLaw {
             Precision::F32 => parameters.film().compressed_law(rate_hz).map(AnyLaw::F32),
             Precision::F64 => parameters.film().compressed_law(rate_hz).map(AnyLaw::F64),
         });
-        Ok(Self { law: built.map_err(|e| e.about(source, source.as_ref())).raise()?, rate_hz })
+        Ok(Self { law: built.map_err(|e| e.about(source, source.as_ref())).raise()?, parameters, rate_hz })
     }
 
     /// Steps per second.
@@ -92,9 +94,10 @@ impl PyLaw {
     /// Bound of the displacement's error through compressed memory, over the largest displacement.
     #[getter]
     fn bound_per_stroke(&self) -> f64 {
+        let film = self.parameters.film();
         let bound = match &self.law {
-            AnyLaw::F32(law) => law.compression_bound(),
-            AnyLaw::F64(law) => law.compression_bound(),
+            AnyLaw::F32(law) => film.compression_bound(law),
+            AnyLaw::F64(law) => film.compression_bound(law),
         };
         bound.displacement_per_stroke.into()
     }

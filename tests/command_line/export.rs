@@ -6,7 +6,7 @@ use dea_driver::chips::{Calibration, CommandRange};
 use dea_driver::wire::boards;
 use dea_driver::{Blob, Controller, OnSensorFault};
 use host_sim::files::parameters::Parameters;
-use springpot::{Law, LawOptions, VoltageDrive};
+use springpot::{Law, LawOptions, Preset, VoltageDrive};
 use tempfile::TempDir;
 use tests::tool::{names, text};
 
@@ -44,15 +44,16 @@ fn exported(params: &str, rate: &str) -> Vec<u8> {
     blob
 }
 
-/// What the compression costs is that of the law in the blob; none for a displacement behind a curve with mass.
+/// What the compression costs is that of the law; none for a displacement behind a curve with mass.
 #[test]
 fn the_bound_of_the_compression_is_told() {
     let folder = TempDir::new().expect("a folder");
     let (file, out) = (folder.path().join("p.toml"), folder.path().join("p.bin"));
     let preset = ["export", "--params", "preset:table3-n2", "--rate", "500", "--out", text(&out)];
     let told = &TOOL.json(&preset)["compression"];
-    let blob = <Blob>::decode(&fs::read(&out).expect("written"), boards::STM32F405).expect("valid");
-    let bound = blob.parameters().law.bound;
+    let model = Preset::TABLE3_N2.model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1.0 / 500.0)).expect("valid");
+    let bound = law.compression_bound(&model, LawOptions::DEFAULT_HORIZON_S);
     assert_eq!(told["rate_hz"], 500.0);
     for (name, value) in [
         ("horizon_s", bound.horizon_s),

@@ -24,7 +24,7 @@ impl Compression {
     /// As [`Film::compressed_law`].
     pub fn new(film: Film<'_>, rate_hz: f64) -> Result<Self> {
         let law = film.compressed_law::<f32>(rate_hz)?;
-        Ok(Self { rate_hz, bound: law.compression_bound() })
+        Ok(Self { rate_hz, bound: film.compression_bound(&law) })
     }
 
     /// One line of text.

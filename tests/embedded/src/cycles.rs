@@ -11,8 +11,8 @@ use dea_driver::Controller;
 use dea_driver::chips::DacCode;
 use semihosting::process;
 use springpot::{
-    Actuator, Applied, Coefficients, CommandLimits, Compressed, CompressionBound, Feedforward, FeedforwardState, Law,
-    LawState, Observer, ObserverOptions, ObserverState, SensorSample, Tracking, TrackingState, VoltageDrive,
+    Actuator, Applied, Coefficients, CommandLimits, Compressed, Feedforward, FeedforwardState, Law, LawState, Observer,
+    ObserverOptions, ObserverState, SensorSample, Tracking, TrackingState, VoltageDrive,
 };
 
 include!(concat!(env!("OUT_DIR"), "/coefficients.rs"));

@@ -118,9 +118,6 @@ fn singles(p: &mut Parameters) -> Vec<&mut f32> {
         fields.extend(calibration(instrument));
     }
     fields.extend(p.law.curve.iter_mut().flat_map(|knot| [&mut knot.displacement, &mut knot.value, &mut knot.slope]));
-    let bound = &mut p.law.bound;
-    fields.extend([&mut bound.horizon_s, &mut bound.force_per_increment, &mut bound.force_per_stroke]);
-    fields.extend([&mut bound.displacement_per_increment, &mut bound.displacement_per_stroke]);
     fields.extend(p.law.head.iter_mut());
     fields.extend(p.law.fast.iter_mut().chain(&mut p.law.slow).flat_map(|(loss, weight)| [loss, weight]));
     fields

@@ -4,7 +4,8 @@
 
 use dea_driver::{BLOB_LEN, Blob, Parameters};
 use springpot::{
-    Actuator, AmplifierLag, Curve, Discretisation, Law, LawOptions, Maxwell, Preload, Preset, Springpot, Topology,
+    Actuator, AmplifierLag, Coefficients, Curve, Discretisation, Law, LawOptions, Maxwell, Preload, Preset, Springpot,
+    Topology,
 };
 
 const BOARD: u16 = 0x0405;
@@ -21,13 +22,21 @@ fn parameters(bytes: &[u8]) -> Parameters {
     parameters
 }
 
+/// The coefficients of `law`, with the bound that hosts then stored: that of the straight law of `model`.
+fn holds(stored: &Coefficients<f32>, law: &Law<f32>, (straight, model): (&Law<f32>, &Maxwell)) {
+    let bound = straight.compression_bound(model, LawOptions::DEFAULT_HORIZON_S);
+    let mut reserved = [0; 20];
+    postcard::to_slice(&bound, &mut reserved).expect("five numbers");
+    assert_eq!(stored, &Coefficients { reserved, ..law.coefficients() });
+}
+
 #[test]
 fn a_blob_is_read_and_written_byte_for_byte() {
     let preset = parameters(PRESET);
     assert_eq!(preset.actuator, Actuator::KARNER_2022);
     let model = Preset::TABLE3_N2.model().expect("valid");
     let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
-    assert_eq!(preset.law, law.coefficients());
+    holds(&preset.law, &law, (&law, &model));
     assert_eq!(preset.rate_hz, 1000.0);
 }
 
@@ -41,7 +50,7 @@ fn every_field_of_the_actuator_stands_where_it_stood() {
     let main = Springpot::new(62_740.0, 0.2);
     let model = Maxwell::new(main, &[branch], Topology::Parallel, actuator.mass_kg).expect("valid");
     let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1.0 / 500.0)).expect("valid");
-    assert_eq!(coupled.law, law.coefficients());
+    holds(&coupled.law, &law, (&law, &model));
     assert_eq!(coupled.name, "coupled, from the start");
     assert_eq!(coupled.sensor_offset_m, 0.0);
 }
@@ -57,8 +66,9 @@ fn a_blob_carries_the_curve_and_the_method() {
     let options = LawOptions::at_step(1e-3).with_method(Discretisation::Bdf2);
     let points = [(-0.5e-3, -0.45e-3), (0.0, 0.0), (1e-3, 1.2e-3), (2e-3, 2.9e-3)];
     let curve = Curve::through(&points).expect("rises");
-    let law: Law<f32> = Law::compressed(&model, options).and_then(|law| law.behind(&curve)).expect("valid");
-    assert_eq!(curved.law, law.coefficients());
+    let straight: Law<f32> = Law::compressed(&model, options).expect("valid");
+    let law = straight.clone().behind(&curve).expect("valid");
+    holds(&curved.law, &law, (&straight, &model));
     assert_eq!((curved.law.method, curved.law.curve.len()), (Discretisation::Bdf2, 4));
     assert_eq!(curved.amplifier_lag, AmplifierLag { rise_s: 0.1, fall_s: 0.5 });
     assert_eq!((curved.control.harmonics, curved.control.period_s), (5, 2.5));

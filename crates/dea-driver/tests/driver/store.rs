@@ -85,8 +85,6 @@ fn wrong_values_are_refused() {
         };
         wrong_law("instant", &|p| p.law.instant = nan);
         wrong_law("tail_error", &|p| p.law.tail_error = nan);
-        wrong_law("bound", &|p| p.law.bound.force_per_increment = -nan.abs() as f32);
-        wrong_law("bound", &|p| p.law.bound.displacement_per_stroke = -nan.abs() as f32);
         wrong_law("fast", &|p| p.law.fast[11].1 = nan as f32);
         wrong_law("slow", &|p| p.law.slow[0].0 = nan as f32);
         assert!(matches!(

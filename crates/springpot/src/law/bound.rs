@@ -1,4 +1,4 @@
-//! What a compressed law can be wrong by.
+//! How far a compressed law can be from full memory.
 
 use core::f64::consts::PI;
 
@@ -54,15 +54,6 @@ pub struct CompressionBound {
 }
 
 impl CompressionBound {
-    /// Nothing is known.
-    pub(crate) const NONE: Self = Self {
-        horizon_s: 0.0,
-        force_per_increment: f32::INFINITY,
-        force_per_stroke: f32::INFINITY,
-        displacement_per_increment: f32::INFINITY,
-        displacement_per_stroke: f32::INFINITY,
-    };
-
     /// Bounds of force and displacement by increments and by stroke, rounded up.
     fn rounded(
         [force_per_increment, force_per_stroke, displacement_per_increment, displacement_per_stroke]: [f64; 4],
@@ -76,25 +67,59 @@ impl CompressionBound {
             displacement_per_stroke: above(displacement_per_stroke),
         }
     }
+}
 
-    /// Whether all are numbers that a bound can be; infinity is none.
-    pub(crate) fn holds(&self) -> bool {
-        let Self { horizon_s, force_per_increment, force_per_stroke, .. } = *self;
-        let of_displacement = [self.displacement_per_increment, self.displacement_per_stroke];
-        [horizon_s, force_per_increment, force_per_stroke].iter().chain(&of_displacement).all(|value| *value >= 0.0)
+impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
+    /// How far this law of `model` can be from full memory in the same discretisation, over a run from rest of at most `horizon_s` (s).
+    ///
+    /// Behind an elastic curve the memory acts on T(x), whose increments are those of x times its largest slope at most: the bounds of the
+    /// force are that many times larger, and those of the displacement grow by the largest over the smallest slope. They are for a film
+    /// without mass, and infinite for one with mass, whose oscillation changes with the slope. That a step solves along the tangent of the
+    /// curve is not in them, nor is what a weight does to a film that starts from rest: x counts from there.
+    ///
+    /// Infinite as well for a horizon that is not finite, and for the displacement of a film of which it is not known whether it
+    /// oscillates: 3 of 40 000 random ones, all of springs, dashpots and a mass alone.
+    ///
+    /// Takes longer than building the law.
+    ///
+    /// ```
+    /// use springpot::{Law, LawOptions, Preset};
+    ///
+    /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
+    /// let model = Preset::TABLE3_N2.model()?;
+    /// let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
+    /// // Over a day, by less than a millionth of the stroke.
+    /// let bound = law.compression_bound(&model, LawOptions::DEFAULT_HORIZON_S);
+    /// assert!(bound.displacement_per_stroke < 1e-6);
+    /// # Ok(())
+    /// # }
+    /// ```
+    #[must_use]
+    pub fn compression_bound(&self, model: &Maxwell, horizon_s: f64) -> CompressionBound {
+        let bound = if horizon_s.is_finite() { self.straight_bound(model, horizon_s) } else { [f64::INFINITY; 4] };
+        let bound = CompressionBound::rounded(bound, horizon_s);
+        let Some(curve) = self.rounded_curve() else { return bound };
+        let (steepest, flattest) = (curve.largest_slope().1, curve.least_slope().1);
+        let times = steepest / flattest;
+        let mut bounds = [
+            f64::from(bound.force_per_increment) * steepest,
+            f64::from(bound.force_per_stroke) * steepest,
+            f64::from(bound.displacement_per_increment) * times,
+            f64::from(bound.displacement_per_stroke) * times,
+        ];
+        if self.mass_per_step2 > 0.0 {
+            // Here inertia and g_0 are rounded apart, which costs at most so much of each.
+            let rounding = 4.0 * precision::<T>() * (self.instant * steepest + self.mass_per_step2);
+            bounds = [bounds[0] + rounding, bounds[1] + 2.0 * rounding, f64::INFINITY, f64::INFINITY];
+        }
+        CompressionBound::rounded(bounds, horizon_s)
     }
 
-    /// The bound of `law`, which `model` was compressed to, over `horizon_s`.
-    // Not inlined: its series would stay on the stack of the quadrature.
-    #[inline(never)]
-    pub(crate) fn new<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize>(
-        law: &Law<T, Compressed<T, HEAD, FAST, SLOW>>,
-        model: &Maxwell,
-        horizon_s: f64,
-    ) -> Self {
-        let kernel = Kernel::new(model, law.step_s, law.method);
-        let steps = libm::floor(horizon_s / law.step_s);
-        let deviation = Deviation::new(law, &kernel);
+    /// The bounds without a curve, over `horizon_s`.
+    fn straight_bound(&self, model: &Maxwell, horizon_s: f64) -> [f64; 4] {
+        let kernel = Kernel::new(model, self.step_s, self.method);
+        let steps = libm::floor(horizon_s / self.step_s);
+        let deviation = Deviation::new(self, &kernel);
         let (mut force, mut displacement) = deviation.first_steps(steps);
 
         let (mut late_force, mut late_displacement) = (Sums::after(&force), Sums::after(&displacement));
@@ -124,52 +149,7 @@ impl CompressionBound {
         if deviation.zero_missed {
             displacement = Sums { sum: f64::INFINITY, variation: f64::INFINITY, last: 0.0 };
         }
-        Self::rounded([force.sum, force.variation, displacement.sum, displacement.variation], horizon_s)
-    }
-}
-
-impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
-    /// What this law can be wrong by against full memory in the same discretisation.
-    ///
-    /// Behind an elastic curve the memory acts on T(x), whose increments are those of x times its largest slope at most: the bounds of the
-    /// force are that many times larger, and those of the displacement grow by the largest over the smallest slope. They are for a film
-    /// without mass, and infinite for one with mass, whose oscillation changes with the slope. That a step solves along the tangent of the
-    /// curve is not in them, nor is what a weight does to a film that starts from rest: x counts from there.
-    ///
-    /// Infinite as well for a law from [`coarser`](Self::coarser), and for the displacement of a film of which it is not known whether it
-    /// oscillates: 3 of 40 000 random ones, all of springs, dashpots and a mass alone.
-    ///
-    /// ```
-    /// use springpot::{Law, LawOptions, Preset};
-    ///
-    /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-    /// let model = Preset::TABLE3_N2.model()?;
-    /// let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
-    /// let bound = law.compression_bound();
-    /// // Over a day, by less than a millionth of the stroke.
-    /// assert_eq!(bound.horizon_s, 86_400.0);
-    /// assert!(bound.displacement_per_stroke < 1e-6);
-    /// # Ok(())
-    /// # }
-    /// ```
-    #[must_use]
-    pub fn compression_bound(&self) -> CompressionBound {
-        let bound = self.memory.bound;
-        let Some(curve) = self.rounded_curve() else { return bound };
-        let (steepest, flattest) = (curve.largest_slope().1, curve.least_slope().1);
-        let times = steepest / flattest;
-        let mut bounds = [
-            f64::from(bound.force_per_increment) * steepest,
-            f64::from(bound.force_per_stroke) * steepest,
-            f64::from(bound.displacement_per_increment) * times,
-            f64::from(bound.displacement_per_stroke) * times,
-        ];
-        if self.mass_per_step2 > 0.0 {
-            // Here inertia and g_0 are rounded apart, which costs at most so much of each.
-            let rounding = 4.0 * precision::<T>() * (self.instant * steepest + self.mass_per_step2);
-            bounds = [bounds[0] + rounding, bounds[1] + 2.0 * rounding, f64::INFINITY, f64::INFINITY];
-        }
-        CompressionBound::rounded(bounds, f64::from(bound.horizon_s))
+        [force.sum, force.variation, displacement.sum, displacement.variation]
     }
 }
 
@@ -248,7 +228,8 @@ impl<'a, T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Dev
         let mut head = [0.0; TERMS];
         let stiffness = law.stiffness.to_f64();
         head[0] = stiffness;
-        for (slot, weight) in head[1..].iter_mut().zip(law.memory.head) {
+        let weights = law.memory.inert_head(law.mass_per_step2, law.method);
+        for (slot, weight) in head[1..].iter_mut().zip(weights) {
             *slot = weight.to_f64();
         }
         head[1] -= stiffness;

@@ -3,8 +3,8 @@
 use heapless::Vec;
 
 use crate::kernel::quadrature::MAX_NODES;
+use crate::law::Law;
 use crate::law::compressed::{Compressed, Decay, INERTIA};
-use crate::law::{CompressionBound, Law};
 use crate::scalar::Scalar;
 
 /// A mode that others may have been merged into.
@@ -27,7 +27,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// 1 % below and 1.5 % above that of this law, in % of its largest (`coarser` in the tests of this crate: the published parameters, random
     /// and hard models).
     ///
-    /// [`tail_error`](Compressed::tail_error) and [`compression_bound`](Law::compression_bound) of the result are infinite: they were not computed.
+    /// [`tail_error`](Compressed::tail_error) of the result is infinite: it is not computed.
     ///
     /// ```
     /// use springpot::{Compressed, Law, LawOptions, Preset};
@@ -83,7 +83,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
             mass_per_step2: self.mass_per_step2,
             method: self.method,
             curved: self.curved.clone(),
-            memory: Compressed { head, fast, slow, tail_error: f64::INFINITY, bound: CompressionBound::NONE, massless },
+            memory: Compressed { head, fast, slow, tail_error: f64::INFINITY, massless },
         }
     }
 }

@@ -5,8 +5,8 @@ use heapless::Vec;
 use crate::curve::{Curve, Knot, MAX_KNOTS};
 use crate::error::LawError;
 use crate::kernel::Discretisation;
+use crate::law::Law;
 use crate::law::compressed::{Compressed, Decay, INERTIA};
-use crate::law::{CompressionBound, Law};
 use crate::scalar::Scalar;
 
 /// The numbers of a [`Law`] with a [`Compressed`] memory, apart from its step and the mass.
@@ -48,8 +48,9 @@ pub struct Coefficients<T, const HEAD: usize = 12, const FAST: usize = 12, const
     pub instant: f64,
     /// Largest error of the relaxation modulus beyond the head, relative to the modulus at that time.
     pub tail_error: f64,
-    /// What the compression costs, for the mass that the law was built with and without its curve.
-    pub bound: CompressionBound,
+    /// Unused: bytes that older versions filled with a bound of the compression. They keep the format of stored coefficients.
+    #[doc(hidden)]
+    pub reserved: [u8; 20],
     /// g_0 + g_1, g_2, …, g_HEAD, N/m.
     #[cfg_attr(feature = "serde", serde(with = "arrays"))]
     pub head: [T; HEAD],
@@ -72,7 +73,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
             method: self.method(),
             instant: self.instant(),
             tail_error: memory.tail_error(),
-            bound: memory.bound,
+            reserved: [0; 20],
             head: memory.massless_head(),
             fast: memory.fast.map(|decay| (decay.loss, decay.weight)),
             slow: memory.slow.map(|decay| (decay.loss, decay.weight)),
@@ -91,7 +92,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         step_s: f64,
         mass_kg: f64,
     ) -> Result<Self, LawError> {
-        let &Coefficients { method, instant, tail_error, bound, head, fast, slow, ref curve } = coefficients;
+        let &Coefficients { method, instant, tail_error, head, fast, slow, ref curve, .. } = coefficients;
         if !(step_s.is_finite() && step_s > 0.0) {
             return Err(LawError::Step(step_s));
         }
@@ -105,7 +106,6 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
             ("fast", fast.iter().all(decays)),
             ("slow", slow.iter().all(decays)),
             ("tail_error", tail_error.is_finite() && tail_error >= 0.0),
-            ("bound", bound.holds()),
         ] {
             if !holds {
                 return Err(LawError::Coefficient(which));
@@ -113,7 +113,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         }
         let decay = |(loss, weight)| Decay { loss, weight };
         let massless = [T::ZERO; INERTIA];
-        let memory = Compressed { head, fast: fast.map(decay), slow: slow.map(decay), tail_error, bound, massless };
+        let memory = Compressed { head, fast: fast.map(decay), slow: slow.map(decay), tail_error, massless };
         // In place: a law takes a good part of a small controller's stack.
         let mut law = Self::of_film(step_s, instant, mass_kg, memory, method)?;
         if !curve.is_empty() {

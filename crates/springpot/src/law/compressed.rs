@@ -9,7 +9,7 @@ use crate::kernel::power_series::TERMS;
 use crate::kernel::quadrature::MAX_NODES;
 use crate::kernel::tail::{self, DecayMode};
 use crate::law::sealed::Steps;
-use crate::law::{CompressionBound, Law, LawState};
+use crate::law::{Law, LawState};
 use crate::model::Maxwell;
 use crate::numbers::{Numbers, Record};
 use crate::scalar::Scalar;
@@ -49,10 +49,13 @@ pub struct LawOptions {
 }
 
 impl LawOptions {
-    /// A horizon of 24 h, a tolerance of 1e-5 and [`Discretisation::Gl`] at step `step_s` (s).
+    /// 24 h.
+    pub const DEFAULT_HORIZON_S: f64 = 86_400.0;
+
+    /// A horizon of [`DEFAULT_HORIZON_S`](Self::DEFAULT_HORIZON_S), a tolerance of 1e-5 and [`Discretisation::Gl`] at step `step_s` (s).
     #[must_use]
     pub const fn at_step(step_s: f64) -> Self {
-        Self { step_s, horizon_s: 86_400.0, tolerance: 1e-5, method: Discretisation::Gl }
+        Self { step_s, horizon_s: Self::DEFAULT_HORIZON_S, tolerance: 1e-5, method: Discretisation::Gl }
     }
 
     /// The same with another memory horizon (s).
@@ -129,8 +132,6 @@ pub struct Compressed<T, const HEAD: usize = 12, const FAST: usize = 12, const S
     pub(crate) fast: [Decay<T>; FAST],
     pub(crate) slow: [Decay<T>; SLOW],
     pub(crate) tail_error: f64,
-    /// Of the law without its curve.
-    pub(crate) bound: CompressionBound,
     /// The first of `head` without the inertia that a method of second order puts there.
     pub(crate) massless: [T; INERTIA],
 }
@@ -172,26 +173,15 @@ pub struct CompressedHistory<T, const HEAD: usize, const FAST: usize, const SLOW
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
     /// The law of `model` with a compressed memory.
     ///
-    /// Evaluates the model a few thousand times in f64, more than half of them for [`compression_bound`](Self::compression_bound), with about 10 KiB
-    /// of stack and no allocation: one to two milliseconds on a host; 2 to 3.5 s on a Cortex-M4F at 168 MHz, which has f64 in software
-    /// only. Such a controller can get the [`Coefficients`](crate::Coefficients) from a host instead.
+    /// Evaluates the model a few thousand times in f64, with about 10 KiB of stack and no allocation: less than a millisecond on a host; about
+    /// a second on a Cortex-M4F at 168 MHz, which has f64 in software only. Such a controller can get the [`Coefficients`](crate::Coefficients)
+    /// from a host instead.
     ///
     /// # Errors
     ///
     /// [`LawError`] for an invalid step, horizon or tolerance, for fewer modes than the model has discrete relaxation times,
     /// for a tail that misses the tolerance, and where the number type cannot hold the stiffness.
     pub fn compressed(model: &Maxwell, options: LawOptions) -> Result<Self, LawError> {
-        // In place: a law more would stay on the stack of the quadrature.
-        let mut built = Self::without_bound(model, options);
-        if let Ok(law) = &mut built {
-            law.memory.bound = CompressionBound::new(law, model, options.horizon_s);
-        }
-        built
-    }
-
-    // Not inlined: what it needs would stay on the stack of the bound.
-    #[inline(never)]
-    fn without_bound(model: &Maxwell, options: LawOptions) -> Result<Self, LawError> {
         let (memory, instant) = Compressed::new(model, options)?;
         Self::of_film(options.step_s, instant, model.mass_kg(), memory, options.method)
     }
@@ -259,7 +249,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
         self.fast.iter().chain(&self.slow).map(|decay| (decay.loss, decay.weight))
     }
 
-    /// The memory without inertia and bound, and g_0.
+    /// The memory without inertia, and g_0.
     fn new(model: &Maxwell, options: LawOptions) -> Result<(Self, f64), LawError> {
         let () = Self::SIZES_FIT;
         let LawOptions { step_s, horizon_s, tolerance, method } = options;
@@ -298,8 +288,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
         // The slowest modes go to the compensated slots; unused slots stay zero.
         let (fast, slow) = modes.split_at(modes.len() - modes.len().min(SLOW));
         let massless = [T::ZERO; INERTIA];
-        let bound = CompressionBound::NONE;
-        Ok((Self { head, fast: Decay::table(fast), slow: Decay::table(slow), tail_error, bound, massless }, g[0]))
+        Ok((Self { head, fast: Decay::table(fast), slow: Decay::table(slow), tail_error, massless }, g[0]))
     }
 
     /// The massless memory with the part of the inertia m (δ/h)² that acts on the increments before the last change of the
@@ -314,11 +303,20 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Compres
         if HEAD < INERTIA {
             return Err(LawError::HeadTooShort { head: HEAD, needed: INERTIA });
         }
-        let (newest, [first, second, third]) = method.inertia();
-        for (head, share) in self.head.iter_mut().zip([newest + first, second, third]) {
-            *head = T::from_f64(head.to_f64() + share * mass_per_step2);
-        }
+        self.head = self.inert_head(mass_per_step2, method);
         Ok(self)
+    }
+
+    /// The head with the inertia of a second-order method.
+    pub(crate) fn inert_head(&self, mass_per_step2: f64, method: Discretisation) -> [T; HEAD] {
+        let mut inert = self.massless_head();
+        if method != Discretisation::Gl && mass_per_step2 > 0.0 {
+            let (newest, [first, second, third]) = method.inertia();
+            for (head, share) in inert.iter_mut().zip([newest + first, second, third]) {
+                *head = T::from_f64(head.to_f64() + share * mass_per_step2);
+            }
+        }
+        inert
     }
 
     /// The head without inertia.

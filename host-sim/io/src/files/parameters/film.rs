@@ -1,6 +1,8 @@
 //! A film as a law is made of it.
 
-use springpot::{Compressed, Curve, Discretisation, Law, LawError, LawOptions, Maxwell, Memory, Real};
+use springpot::{
+    Compressed, CompressionBound, Curve, Discretisation, Law, LawError, LawOptions, Maxwell, Memory, Real,
+};
 
 use crate::error::{Error, Result};
 
@@ -37,6 +39,12 @@ impl Film<'_> {
             error => error.into(),
         })?;
         self.behind(law)
+    }
+
+    /// How far a `law` of this film can be from full memory over the default horizon.
+    #[must_use]
+    pub fn compression_bound<T: Real>(self, law: &Law<T, Compressed<T>>) -> CompressionBound {
+        law.compression_bound(self.model, LawOptions::DEFAULT_HORIZON_S)
     }
 
     /// `law` behind the curve of this film, if it has one.
