@@ -8,7 +8,7 @@ use host_io::files::recording::{Direction, Recording};
 use host_models::fit::options::{self, AtGap, Sharing, TopologyChoice, Weight};
 use host_models::fit::settings::topology_name;
 use host_models::fit::warnings::Severity;
-use host_models::fit::{self as fitting, Fit, FitOptions, Loss, Method, branches};
+use host_models::fit::{self as fitting, Fit, FitOptions, Loss, Method, checks};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
@@ -191,7 +191,7 @@ fn report(fit: &Fit, sources: &[&Recording], direction: Direction, seconds: f64)
         "interrupted": fit.interrupted,
         "structures": fit.structures,
         "uncertainty": fit.uncertainty,
-        "relaxations": branches::rows(&fit.candidate),
+        "relaxations": checks::branch_rows(&fit.candidate),
         "warnings": warnings,
     })
 }

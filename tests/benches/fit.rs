@@ -39,7 +39,7 @@ fn main() {
             elements,
             topology: Topology::Parallel,
             offset_m: 0.0,
-            bend: host_sim::fit::bend::Bend::Straight,
+            bend: host_sim::fit::candidate::Bend::Straight,
         };
         let mut variables = Variable::of_model(2);
         if coupling > 0.0 {

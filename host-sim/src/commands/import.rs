@@ -11,7 +11,7 @@ use crate::error::{Error, Result, shown};
 use crate::files::import::{Blank, By, Edits, Quantity, Series, Understood, UnderstoodColumn};
 use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::Recording;
-use crate::fit::observation::median;
+use crate::fit::statistics::median;
 use crate::quantity;
 use crate::terminal::{self, rounded};
 

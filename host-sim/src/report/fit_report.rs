@@ -13,7 +13,7 @@ use crate::agreement::Agreement;
 use crate::error::shown;
 use crate::files::parameters::Parameters;
 use crate::files::recording::Direction;
-use crate::fit::branches::{self, BranchRow};
+use crate::fit::checks::{self, BranchRow};
 use crate::fit::selection::StructureRow;
 use crate::fit::settings::topology_name;
 use crate::fit::uncertainty::Uncertainty;
@@ -139,7 +139,7 @@ impl FitReport {
             uncertainty: fit.uncertainty.clone(),
             compression,
             cost: Cost::new(parameters.film()),
-            relaxations: branches::rows(&fit.candidate),
+            relaxations: checks::branch_rows(&fit.candidate),
             film: FilmRow {
                 actuator: parameters.actuator,
                 sensor_offset_m: parameters.sensor_offset_m,

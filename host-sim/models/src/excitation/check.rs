@@ -5,10 +5,7 @@ use serde::Serialize;
 use super::drive::{DriveFacts, HOLD_S, distinct};
 use crate::error::shown;
 use crate::files::recording::{Direction, Input, Recording};
-use crate::fit::{
-    self,
-    observation::{self, median},
-};
+use crate::fit::{self, observation, statistics::median};
 use crate::grid::Samples;
 
 /// What was found in recordings.

@@ -6,12 +6,9 @@
 //! The `uncertainty` of the parameters comes last. [`amplifier`] stands beside it: the amplifier in front of the film.
 
 pub mod amplifier;
-pub mod bend;
-pub mod branches;
 pub mod candidate;
+pub mod checks;
 pub(crate) mod levenberg_marquardt;
-pub(crate) mod loss;
-mod nodes;
 pub mod nonlinearity;
 pub mod objective;
 pub mod observation;
@@ -19,31 +16,28 @@ pub mod options;
 mod outcome;
 pub(crate) mod pattern_search;
 pub mod preparation;
-mod provenance;
-mod readings;
 pub(crate) mod search;
 pub mod selection;
 pub mod settings;
-mod stages;
 mod starts;
+pub mod statistics;
 mod transfer;
 pub mod uncertainty;
 pub mod warnings;
-mod whiteness;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
 use crate::progress::Stage;
-pub use loss::Loss;
 use observation::Observation;
+pub use observation::ReadingFit;
 pub use options::FitOptions;
 pub use outcome::Fit;
-pub use readings::ReadingFit;
 use search::{Context, Found, PreparedObservations};
 pub use selection::StructureRow;
+use settings::Stages;
 pub use settings::{Method, Settings};
-use stages::Stages;
+pub use statistics::Loss;
 pub use uncertainty::{Estimate, Uncertainty};
 pub use warnings::{Severity, Warning};
 
@@ -66,7 +60,7 @@ pub fn fit(
         return Err(Error::option("--hold", "nothing is left to fit"));
     }
     let linear = find(&context, observations, settings, stages)?;
-    let given = settings.start.as_ref().is_some_and(|start| start.bend != bend::Bend::Straight);
+    let given = settings.start.as_ref().is_some_and(|start| start.bend != candidate::Bend::Straight);
     let (found, structures) = if settings.method == Method::Lm && !given {
         nonlinearity::select(&context, observations, settings, stages, linear)?
     } else {

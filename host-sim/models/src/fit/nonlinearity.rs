@@ -6,42 +6,20 @@
 
 use std::sync::atomic::Ordering;
 
-use clap::ValueEnum;
 use rayon::prelude::*;
 use springpot::Topology;
 
-use super::bend::Bend;
-use super::candidate::Candidate;
+use super::candidate::{Bend, Candidate};
 use super::levenberg_marquardt::StoppingCriteria;
 use super::objective::Objective;
-use super::observation::{self, Observation, range};
+use super::observation::{self, Observation};
 use super::search::{Context, Found, is_long};
 use super::selection::{self, Criteria, LeftOut, StructureFit, StructureRow};
-use super::settings::Settings;
-use super::stages::{self, Stages};
-use super::whiteness::Whiteness;
+use super::settings::{self as stages, Stages};
+use super::settings::{CurveChoice, Settings};
+use super::statistics::{Whiteness, range};
 use crate::error::Result;
 use crate::files::recording::Input;
-
-/// What may be fitted beyond a linear film.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum CurveChoice {
-    /// Select: none, a drive that saturates, an elastic curve, or both.
-    Auto,
-    /// A linear film: Eq. 11.
-    #[default]
-    None,
-    /// A drive that saturates, `actuator.saturation_v`.
-    Saturation,
-    /// The curve of rubber with one shape parameter.
-    MooneyRivlin,
-    /// The curve of rubber whose chains become taut.
-    Gent,
-    /// A curve of monotone pieces.
-    Free,
-    /// A curve of monotone pieces, and a drive that saturates.
-    Both,
-}
 
 /// One kind of nonlinearity.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -158,7 +136,7 @@ pub fn select(
     let kinds = Kind::for_choice(choice, observations);
     let residuals = |found: &Found| context.fine.evaluate(&found.candidate).map(|e| context.fine.residuals(&e));
     // White residuals leave nothing to be explained.
-    let explained = residuals(&linear).is_none_or(|residuals| Whiteness::new(context.fine, &residuals).white);
+    let explained = residuals(&linear).is_none_or(|residuals| Whiteness::new(context.fine.values(), &residuals).white);
     if kinds.is_empty() || (explained && choice == CurveChoice::Auto) {
         return Ok((linear, rows));
     }

@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use super::candidate::Variable;
-use super::preparation::{Gaps, Preparation, Window, sample_weights};
-use super::warnings::{Severity, Warning};
+use super::preparation::{Gaps, MIN_VALUES, Preparation, Window, sample_weights};
+use super::statistics::{change, median, range};
+use super::warnings::{Severity, Warning, between_steps, gap, measured_quantity, saturation, turned};
 use crate::error::{Error, Result};
 use crate::files::recording::{Direction, Input, Recording};
-use crate::grid::{Grid, Samples};
+use crate::grid::Samples;
 
 /// A recording as a fit uses it.
 #[derive(Clone, Debug)]
@@ -39,17 +40,6 @@ pub struct Reading {
 
 /// Smaller changes are below the resolution of any sensor, m or N.
 const MIN_CHANGE: f64 = 1e-12;
-
-/// Fewest measured values of a fit.
-pub(super) const MIN_VALUES: usize = 10;
-
-/// Name and SI unit of what is measured.
-fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
-    match direction {
-        Direction::Force => ("displacement", "m"),
-        Direction::Displacement => ("force", "N"),
-    }
-}
 
 /// The observation of `recording`, and warnings about it.
 ///
@@ -104,46 +94,6 @@ pub fn observe_prepared(
     let sample_weights = sample_weights(recording, &measured, preparation.log_time)?;
     let reading = Reading::default();
     Ok((Observation { name, input, measured, rate_hz, weight, sample_weights, reading }, warnings))
-}
-
-/// Input that the steps of the model do not follow: it is sampled at them, with straight lines between.
-fn between_steps(drive: &Samples, rate_hz: f64) -> Option<String> {
-    /// Share of the input's change that is not noise.
-    const ALLOWED: f64 = 0.05;
-    let grid = Grid::covering(drive.time_s.last().copied()?, rate_hz).ok()?;
-    let followed = grid.at(&grid.resample(drive), &drive.time_s);
-    let size = change(&drive.value);
-    let off = |(value, followed): (&f64, &f64)| (value - followed).abs() / size;
-    let worst = drive.value.iter().zip(&followed).map(off).fold(0.0, f64::max);
-    (worst > ALLOWED).then(|| {
-        format!(
-            "the input moves between the model's steps of {:.4} s, by up to {:.0} % of its range: what happens there is not \
-             fitted",
-            grid.step_s(),
-            100.0 * worst
-        )
-    })
-}
-
-/// A measured quantity that falls where the input grows.
-fn turned(input: &Input, measured: &Samples) -> Option<String> {
-    let drive = input.samples();
-    let load: Vec<f64> =
-        drive.value.iter().map(|v| if matches!(input, Input::Voltage(_)) { v * v } else { *v }).collect();
-    let at = |t: f64| load[drive.time_s.partition_point(|&s| s <= t).saturating_sub(1)];
-    let pairs: Vec<(f64, f64)> = measured.time_s.iter().zip(&measured.value).map(|(&t, &y)| (at(t), y)).collect();
-    let n = pairs.len() as f64;
-    let (what, of, centre) = match input {
-        Input::Voltage(_) => ("displacement", "voltage", true),
-        Input::Force(_) => ("displacement", "force", true),
-        // Both are 0 at rest, and a force relaxes while the displacement grows slowly.
-        Input::Displacement(_) => ("force", "displacement", false),
-    };
-    let mean = |of: fn(&(f64, f64)) -> f64| if centre { pairs.iter().map(of).sum::<f64>() / n } else { 0.0 };
-    let (load_mean, value_mean) = (mean(|p| p.0), mean(|p| p.1));
-    let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|p| of(p.0 - load_mean, p.1 - value_mean)).sum::<f64>();
-    let correlation = sum(&|u, y| u * y) / (sum(&|u, _| u * u) * sum(&|_, y| y * y)).sqrt();
-    (correlation < -0.3).then(|| format!("the {what} falls where the {of} grows: --invert turns its sign"))
 }
 
 /// The observations of all `recordings` with weight 1, without the warnings.
@@ -210,35 +160,6 @@ fn rate(steps: &[f64], median_step_s: f64, drive: &Samples) -> (f64, Option<Stri
             &format!("; {between} rows fall between its steps and count less: cut the recording's end to resolve them");
     }
     (rate_hz, Some(warning))
-}
-
-/// The first gap in the input.
-fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<String> {
-    // Steps that grow little by little, such as logarithmic ones, are no gap.
-    let is_gap = |k: usize| steps[k] > 5.0 * median_step_s && (k == 0 || steps[k] > 2.0 * steps[k - 1]);
-    let k = (0..steps.len()).find(|&k| is_gap(k))?;
-    let (step, time) = (steps[k], drive.time_s[k]);
-    Some(format!(
-        "a gap of {step:.3} s at {time:.3} s; the input is interpolated across it (--gap ends there, or skips it)"
-    ))
-}
-
-/// Measured values that repeat at the ends of their range.
-fn saturation(direction: Direction, values: &[f64]) -> Vec<String> {
-    let (what, unit) = measured_quantity(direction);
-    let (low, high) = range(values);
-    [(high, "largest"), (low, "smallest")]
-        .into_iter()
-        .filter_map(|(value, end)| {
-            let at_end = runs_at(values, value);
-            (at_end * 50 > values.len() && value != values[0]).then(|| {
-                format!(
-                    "{at_end} values are at the {end} {what} of {value} {unit}; if the sensor saturates there, leave \
-                     those cells empty"
-                )
-            })
-        })
-        .collect()
 }
 
 /// The observation with fewer samples, of which the input is still followed to 0.5 % of its range: for first searches.
@@ -332,27 +253,105 @@ impl Excitation {
     }
 }
 
-/// Smallest and largest value.
-pub(super) fn range(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
+/// The measured values of one observation with their weights.
+pub(super) struct Readings {
+    pub(super) measured: Vec<f64>,
+    /// Factor of all residuals.
+    weight: f64,
+    /// Factors of the single residuals; empty where they are 1.
+    sample_weights: Vec<f64>,
+    /// What of them is the recording's own.
+    own: Reading,
 }
 
-/// Peak to peak of a load; its size where it varies by at most 1 %, because it was applied at once and held.
-pub(super) fn change(load: &[f64]) -> f64 {
-    let (low, high) = range(load);
-    let size = low.abs().max(high.abs());
-    if high - low > 0.01 * size { high - low } else { size }
+/// Offset and gain of the readings of one observation: reading = offset + gain · modelled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReadingFit {
+    /// m or N.
+    pub offset: f64,
+    /// 1 unless the recording has its own.
+    pub gain: f64,
+    /// Which of them are the recording's own.
+    own: Reading,
 }
 
-/// The median; NaN if empty.
-#[must_use]
-pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
+impl ReadingFit {
+    /// The offset, if it is the recording's own.
+    pub fn own_offset(&self) -> Option<f64> {
+        self.own.own_offset.then_some(self.offset)
+    }
+
+    /// The gain, if it is the recording's own.
+    pub fn own_gain(&self) -> Option<f64> {
+        self.own.own_gain.then_some(self.gain)
+    }
 }
 
-/// Values that equal `value` in runs of at least four.
-fn runs_at(values: &[f64], value: f64) -> usize {
-    values.chunk_by(|a, b| a == b).filter(|run| run[0] == value && run.len() >= 4).map(<[f64]>::len).sum()
+impl Readings {
+    /// The readings of `observation`.
+    pub(super) fn new(observation: &Observation) -> Self {
+        Self {
+            measured: observation.measured.value.clone(),
+            weight: observation.weight,
+            sample_weights: observation.sample_weights.clone(),
+            own: observation.reading,
+        }
+    }
+
+    /// Factor of the residual of a `sample`.
+    pub(super) fn weight(&self, sample: usize) -> f64 {
+        self.weight * self.sample_weights.get(sample).copied().unwrap_or(1.0)
+    }
+
+    /// Offset and gain with the least weighted squares; `modelled` becomes what is read.
+    pub(super) fn solve(&self, modelled: &mut [f64]) -> ReadingFit {
+        let Reading { own_offset, own_gain } = self.own;
+        let mut fit = ReadingFit { offset: 0.0, gain: 1.0, own: self.own };
+        if !(own_offset || own_gain) {
+            return fit;
+        }
+        let weighted = |of: &dyn Fn(f64, f64) -> f64| -> f64 {
+            let pairs = modelled.iter().zip(&self.measured).enumerate();
+            pairs.map(|(k, (x, y))| self.weight(k).powi(2) * of(*x, *y)).sum()
+        };
+        let total = weighted(&|_, _| 1.0);
+        let (x_mean, y_mean) =
+            if own_offset { (weighted(&|x, _| x) / total, weighted(&|_, y| y) / total) } else { (0.0, 0.0) };
+        if own_gain {
+            let square = weighted(&|x, _| (x - x_mean).powi(2));
+            let gain = weighted(&|x, y| (x - x_mean) * (y - y_mean)) / square;
+            fit.gain = if gain.is_finite() { gain } else { 1.0 };
+        }
+        if own_offset {
+            fit.offset = y_mean - fit.gain * x_mean;
+        }
+        modelled.iter_mut().for_each(|x| *x = fit.offset + fit.gain * *x);
+        fit
+    }
+
+    /// The weighted derivatives of the residuals from those of the modelled values: without what offset and gain make up for
+    /// (variable projection after Golub and Pereyra, in Kaufman's form). `read` are the readings.
+    pub(super) fn project(&self, fit: &ReadingFit, read: &[f64], derivative: Vec<f64>) -> Vec<f64> {
+        let weights = (0..derivative.len()).map(|k| self.weight(k));
+        let mut column: Vec<f64> = weights.clone().zip(derivative).map(|(weight, d)| weight * fit.gain * d).collect();
+        let Reading { own_offset, own_gain } = self.own;
+        let mut without = |direction: &[f64]| {
+            let square: f64 = direction.iter().map(|d| d * d).sum();
+            let share = column.iter().zip(direction).map(|(c, d)| c * d).sum::<f64>() / square;
+            if share.is_finite() {
+                column.iter_mut().zip(direction).for_each(|(c, d)| *c -= share * d);
+            }
+        };
+        if own_offset {
+            without(&weights.clone().collect::<Vec<f64>>());
+        }
+        if own_gain {
+            // What is left of the readings without their mean, if the offset is their own as well.
+            let total: f64 = weights.clone().map(|w| w * w).sum();
+            let mean = weights.clone().zip(read).map(|(w, r)| w * w * r).sum::<f64>() / total;
+            let centre = if own_offset { mean } else { 0.0 };
+            without(&weights.zip(read).map(|(w, r)| w * (r - centre)).collect::<Vec<f64>>());
+        }
+        column
+    }
 }

@@ -5,13 +5,11 @@ use std::path::Path;
 use clap::{Args, FromArgMatches, ValueEnum};
 use springpot::{Actuator, MAX_BRANCHES, Topology};
 
-use super::bend::Bend;
-use super::candidate::{Candidate, Variable};
-use super::loss::Loss;
-use super::nonlinearity::CurveChoice;
+use super::candidate::{Bend, Candidate, Variable};
 use super::observation::{self, Observation, Reading};
 use super::preparation::{Gaps, Preparation, Window};
-use super::settings::{Method, Settings, assumed_actuator, checked_starts};
+use super::settings::{CurveChoice, Method, Settings, assumed_actuator, checked_starts};
+use super::statistics::Loss;
 use super::warnings::Warning;
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;

@@ -1,18 +1,22 @@
-//! Result of a fit.
+//! Result of a fit: the best candidate with its agreement, and the parameter file with its provenance.
 
 use std::sync::atomic::Ordering;
 
+use toml::{Table, Value};
+
 use super::candidate::Candidate;
-use super::observation::Observation;
-use super::readings::ReadingFit;
+use super::checks::{self, Misfit};
+use super::observation::{Observation, ReadingFit};
 use super::search::{Context, Found};
 use super::selection::StructureRow;
 use super::settings::Settings;
+use super::statistics::Loss;
 use super::uncertainty::Uncertainty;
-use super::warnings::{self, Misfit, Warning};
+use super::warnings::Warning;
 use crate::agreement::{Agreement, mean_r2};
 use crate::error::{Error, Result};
-use crate::files::recording::Input;
+use crate::files::parameters::Parameters;
+use crate::files::recording::{Direction, Input, Recording};
 
 /// A fit.
 #[derive(Clone, Debug)]
@@ -75,18 +79,18 @@ impl Fit {
         let left_out_pct = structures.iter().find(|row| row.chosen).and_then(|row| row.left_out_nrmse_pct);
 
         let mut warnings = Vec::new();
-        warnings::of_sizes(settings, context.excitation, &mut warnings);
-        warnings::of_excitation(context.excitation, &mut warnings);
-        warnings::of_amplitudes(observations, &candidate, &mut warnings);
+        checks::of_sizes(settings, context.excitation, &mut warnings);
+        checks::of_excitation(context.excitation, &mut warnings);
+        checks::of_amplitudes(observations, &candidate, &mut warnings);
         if let Some(uncertainty) = &uncertainty {
-            warnings::of_uncertainty(uncertainty, &candidate, &mut warnings);
+            checks::of_uncertainty(uncertainty, &candidate, &mut warnings);
             let misfit = Misfit::new(observations, &residuals, uncertainty.lag_one);
             let (drive, samples) = (&observations[0].input, objective.samples());
-            warnings::of_whiteness(uncertainty, misfit, drive, left_out_pct, samples, &mut warnings);
+            checks::of_whiteness(uncertainty, misfit, drive, left_out_pct, samples, &mut warnings);
         }
-        warnings::of_convergence(found.minimum.converged || interrupted, &mut warnings);
-        warnings::of_outliers(&residuals.concat(), settings.loss, &mut warnings);
-        warnings::of_units(observations, &settings.actuator, r2_mean, settings.loss, &mut warnings);
+        checks::of_convergence(found.minimum.converged || interrupted, &mut warnings);
+        checks::of_outliers(&residuals.concat(), settings.loss, &mut warnings);
+        checks::of_units(observations, &settings.actuator, r2_mean, settings.loss, &mut warnings);
         Ok(Self {
             candidate,
             readings,
@@ -101,4 +105,95 @@ impl Fit {
             interrupted,
         })
     }
+}
+
+impl Fit {
+    /// The parameters of this fit to `recordings`, with their provenance.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`](crate::error::Error) for a file that cannot be read again, or elements out of range.
+    pub fn parameters(
+        &self,
+        settings: &Settings,
+        direction: Direction,
+        recordings: &[&Recording],
+    ) -> Result<Parameters> {
+        let name =
+            |recording: &&Recording| recording.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let names: Vec<String> = recordings.iter().map(name).collect();
+        Ok(Parameters {
+            curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
+            method: springpot::Discretisation::Gl,
+            name: format!("fit to {}", names.join(", ")),
+            actuator: self.candidate.actuator,
+            assumed_sizes: settings.assumed_sizes,
+            model: self.candidate.model()?,
+            sensor_offset_m: self.candidate.offset_m,
+            board: None,
+            provenance: Some(self.provenance(settings, direction, recordings)?),
+        })
+    }
+
+    fn provenance(&self, settings: &Settings, direction: Direction, recordings: &[&Recording]) -> Result<Table> {
+        let drive = match direction {
+            Direction::Force => "force",
+            Direction::Displacement => "displacement",
+        };
+        let loss = match settings.loss {
+            Loss::Square => "square",
+            Loss::Huber => "huber",
+        };
+        let recordings =
+            recordings.iter().zip(&self.agreements).map(|(source, agreement)| recording(source, agreement));
+        let warnings = self.warnings.iter().map(|warning| Value::from(warning.text.as_str()));
+        let mut table = Table::new();
+        let mut put = |key: &str, value: Value| {
+            table.insert(key.into(), value);
+        };
+        put("tool", format!("host-sim {} fit", env!("CARGO_PKG_VERSION")).into());
+        put("method", format!("{}, seed {}", settings.method.name(), settings.seed).into());
+        put("drive", drive.into());
+        put("loss", loss.into());
+        put("evaluations", integer(self.evaluations));
+        put("r2_mean", self.r2_mean.into());
+        if self.interrupted {
+            put("interrupted", true.into());
+        }
+        put("recordings", recordings.collect::<Result<Vec<Value>>>()?.into());
+        if let Some(uncertainty) = &self.uncertainty {
+            put("intervals_95_pct", intervals(uncertainty).into());
+        }
+        put("warnings", warnings.collect::<Vec<Value>>().into());
+        Ok(table)
+    }
+}
+
+/// A recording with the digest of its file, and the agreement with it.
+fn recording(source: &Recording, agreement: &Agreement) -> Result<Value> {
+    let mut table = Table::new();
+    table.insert("file".into(), source.path().display().to_string().into());
+    if let Some(digest) = source.sha256()? {
+        table.insert("sha256".into(), digest.into());
+    }
+    table.insert("r2".into(), agreement.r2.into());
+    table.insert("nrmse_pct".into(), agreement.nrmse_pct.into());
+    table.insert("samples".into(), integer(agreement.samples));
+    Ok(table.into())
+}
+
+/// The 95 % intervals; an end that the data do not set is infinite.
+fn intervals(uncertainty: &Uncertainty) -> Table {
+    uncertainty
+        .estimates
+        .iter()
+        .map(|estimate| {
+            let ends = [estimate.low.unwrap_or(f64::NEG_INFINITY), estimate.high.unwrap_or(f64::INFINITY)];
+            (estimate.name.clone(), Value::from(ends.map(Value::from).to_vec()))
+        })
+        .collect()
+}
+
+fn integer(count: usize) -> Value {
+    i64::try_from(count).unwrap_or(i64::MAX).into()
 }

@@ -8,12 +8,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use springpot::{Actuator, Springpot, Topology};
 
-use super::candidate::{Candidate, Variable};
+use super::candidate::{Bend, Candidate, Variable};
 use super::levenberg_marquardt::{Minimum, half_square};
 use super::objective::Objective;
 use super::search::{Context, Found};
+use super::settings::Stages;
 use super::settings::{Settings, topology_name};
-use super::stages::Stages;
 use crate::error::{Error, Result};
 
 /// Coefficients in the paper's unit, N·s^α/mm.
@@ -45,7 +45,7 @@ pub fn paper_start(actuator: Actuator, topology: Topology, branches: usize) -> C
     let c = 500.0 * PER_MILLIMETRE;
     let mut elements = vec![Springpot::new(c, 0.2)];
     elements.resize(1 + 2 * branches, Springpot::new(c, 1.0));
-    Candidate { actuator, elements, topology, offset_m: 0.0, bend: super::bend::Bend::Straight }
+    Candidate { actuator, elements, topology, offset_m: 0.0, bend: Bend::Straight }
 }
 
 /// Searches from `start`, calling `on_evaluation` before every evaluation; none where `start` has no response.

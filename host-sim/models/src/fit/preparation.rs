@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
-use super::observation::MIN_VALUES;
 use crate::error::{Error, Result};
 use crate::files::recording::{Input, Recording};
 use crate::grid::Samples;
+
+/// Fewest measured values of a fit.
+pub(super) const MIN_VALUES: usize = 10;
 
 /// How the measured values of a recording are prepared and weighted.
 #[derive(Clone, Copy, Debug, PartialEq)]

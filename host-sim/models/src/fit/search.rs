@@ -10,11 +10,11 @@ use springpot::{Actuator, Topology};
 
 use super::candidate::{Candidate, Variable};
 use super::levenberg_marquardt::{self, Minimum, Problem, StoppingCriteria};
-use super::loss::{self, Huber, Loss, Weights};
 use super::objective::{Evaluation, Objective};
 use super::observation::{self, Excitation, Observation};
 use super::settings::Settings;
 use super::starts::{self, Scales};
+use super::statistics::{self, Huber, Loss, Weights, range};
 use crate::error::{Error, Result};
 use crate::reduce;
 
@@ -94,7 +94,7 @@ fn scouted(thinned: &[Observation]) -> Option<Vec<Observation>> {
     let beginnings: Vec<Observation> = thinned.iter().map(beginning).collect();
     // A beginning in which nothing is measured, or nothing happens, is of no use.
     let useful = |o: &Observation| {
-        let [measured, drive] = [&o.measured.value, &o.input.samples().value].map(|values| observation::range(values));
+        let [measured, drive] = [&o.measured.value, &o.input.samples().value].map(|values| range(values));
         o.measured.value.len() >= 100 && measured.0 < measured.1 && drive != (0.0, 0.0)
     };
     (share < 1.0 && beginnings.iter().all(useful)).then_some(beginnings)
@@ -355,7 +355,7 @@ impl Descent<'_> {
     /// The minimum of Huber's loss by iteratively reweighted least squares, from the `minimum` of squares.
     fn reweighted(&mut self, mut minimum: Minimum, stopping: StoppingCriteria) -> Option<Minimum> {
         const PASSES: usize = 6;
-        let huber = Huber::new(loss::percentile_range(self.objective.measured().flatten().copied()));
+        let huber = Huber::new(statistics::percentile_range(self.objective.measured().flatten().copied()));
         for pass in 0..PASSES {
             let before = minimum.values;
             let evaluation = self.objective.evaluate(&self.candidate(&before))?;

@@ -8,13 +8,13 @@ use springpot::{Springpot, Topology};
 
 use super::candidate::Candidate;
 use super::levenberg_marquardt::StoppingCriteria;
-use super::loss::{self, Loss};
 use super::objective::Objective;
 use super::observation::{self, Observation};
 use super::search::{Context, Found, is_long};
+use super::settings::Stages;
 use super::settings::{Settings, topology_name};
-use super::stages::Stages;
-use super::whiteness::Whiteness;
+use super::statistics::Whiteness;
+use super::statistics::{self, Loss};
 use crate::agreement::Agreement;
 use crate::error::{Error, Result};
 
@@ -118,7 +118,7 @@ impl StructureFit {
             branches,
             r2_mean: mean(|a| a.r2),
             nrmse_pct: mean(|a| a.nrmse_pct),
-            whiteness: Whiteness::new(objective, &objective.residuals(&evaluation)),
+            whiteness: Whiteness::new(objective.values(), &objective.residuals(&evaluation)),
             found,
             left_out_nrmse_pct: None,
         })
@@ -273,8 +273,8 @@ fn nrmse_pct(objective: &Objective, candidate: &Candidate, loss: Loss) -> Option
         return Some(agreement.nrmse_pct);
     }
     let residuals = objective.residuals(&objective.evaluate(candidate)?);
-    let range = loss::percentile_range(objective.measured().flatten().copied());
-    Some(100.0 * loss::robust_deviation(&residuals) / range.max(f64::MIN_POSITIVE))
+    let range = statistics::percentile_range(objective.measured().flatten().copied());
+    Some(100.0 * statistics::robust_deviation(&residuals) / range.max(f64::MIN_POSITIVE))
 }
 
 /// The candidate with one more branch of little effect, at three relaxation times.

@@ -4,9 +4,9 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use springpot::{Actuator, Springpot, Topology};
 
-use super::bend::Bend;
-use super::candidate::Candidate;
-use super::observation::{Observation, change, median, range};
+use super::candidate::{Bend, Candidate};
+use super::observation::Observation;
+use super::statistics::{change, median, range};
 use crate::files::recording::Input;
 
 /// Orders of magnitude of the film's parameters, estimated from recordings before the fit.

@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::candidate::{Candidate, Variable};
 use super::levenberg_marquardt::StoppingCriteria;
 use super::search::{Context, Found};
-use super::whiteness::Whiteness;
+use super::statistics::Whiteness;
 
 /// Uncertainty of a fit.
 #[derive(Clone, Debug, Serialize)]
@@ -58,7 +58,7 @@ impl Uncertainty {
     pub fn from_fit(context: &Context<'_>, found: &Found) -> Option<Self> {
         let objective = context.fine;
         let residuals = objective.residuals(&objective.evaluate(&found.candidate)?);
-        let Whiteness { white, lag_one, effective_samples } = Whiteness::new(objective, &residuals);
+        let Whiteness { white, lag_one, effective_samples } = Whiteness::new(objective.values(), &residuals);
 
         let at_bound: Vec<bool> = found.variables.iter().map(|variable| is_at_bound(*variable, found)).collect();
         let inside: Vec<usize> = (0..at_bound.len()).filter(|&i| !at_bound[i]).collect();

@@ -1,19 +1,12 @@
-//! Warnings to the user of a fit.
+//! Warnings of a fit, and those about recordings before it.
 
 use std::fmt;
 use std::ops::Deref;
 
+use super::statistics::{change, range};
+use crate::files::recording::{Direction, Input};
+use crate::grid::{Grid, Samples};
 use serde::{Serialize, Serializer};
-use springpot::Actuator;
-
-use super::bend::Bend;
-use super::branches;
-use super::candidate::Candidate;
-use super::loss::{self, Loss};
-use super::observation::{Excitation, Observation, median};
-use super::settings::Settings;
-use super::uncertainty::Uncertainty;
-use crate::files::recording::Input;
 
 /// How much a warning matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -62,238 +55,84 @@ impl Serialize for Warning {
     }
 }
 
-/// Sizes that are not the film's own: only a voltage needs them.
-pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<Warning>) {
-    if settings.assumed_sizes && excitation.voltage_driven {
-        let Actuator { length_m, width_m, thickness_m, .. } = settings.actuator;
-        warnings.push(Severity::Serious.warning(format!(
-            "the film's sizes are assumed ({:.0} mm × {:.0} mm × {:.0} µm, the paper's): displacements hold well below the resonance, \
-             forces and c are only proportional, and no field limit is checked; give the film's own sizes with --actuator",
-            1e3 * length_m,
-            1e3 * width_m,
-            1e6 * thickness_m
-        )));
-    }
+/// Input that the steps of the model do not follow: it is sampled at them, with straight lines between.
+pub(super) fn between_steps(drive: &Samples, rate_hz: f64) -> Option<String> {
+    /// Share of the input's change that is not noise.
+    const ALLOWED: f64 = 0.05;
+    let grid = Grid::covering(drive.time_s.last().copied()?, rate_hz).ok()?;
+    let followed = grid.at(&grid.resample(drive), &drive.time_s);
+    let size = change(&drive.value);
+    let off = |(value, followed): (&f64, &f64)| (value - followed).abs() / size;
+    let worst = drive.value.iter().zip(&followed).map(off).fold(0.0, f64::max);
+    (worst > ALLOWED).then(|| {
+        format!(
+            "the input moves between the model's steps of {:.4} s, by up to {:.0} % of its range: what happens there is not \
+             fitted",
+            grid.step_s(),
+            100.0 * worst
+        )
+    })
 }
 
-/// Inputs that do not vary.
-pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<Warning>) {
-    if !excitation.varies {
-        let shown =
-            if excitation.displacement_fitted { "creep under one load" } else { "relaxation at one displacement" };
-        warnings.push(Severity::Note.warning(format!("the input is constant: the recordings show {shown} only")));
-    }
-}
-
-/// A curve or a saturation that one amplitude alone determines.
-pub fn of_amplitudes(observations: &[Observation], candidate: &Candidate, warnings: &mut Vec<Warning>) {
-    let bent = candidate.bend != Bend::Straight || candidate.actuator.saturation_v.is_some();
-    let mut peaks: Vec<f64> = observations.iter().flat_map(|o| peaks(&o.input.samples().value)).collect();
-    peaks.sort_by(f64::total_cmp);
-    let (Some(least), Some(most)) = (peaks.first(), peaks.last()) else { return };
-    // Several cycles, all as large.
-    if bent && peaks.len() > observations.len() && *least > 0.8 * most {
-        warnings.push(Severity::Caution.warning(
-            "only one amplitude was recorded: the curve is open, since creep and stiffening look alike there; record a second \
-             amplitude, half as large"));
-    }
-}
-
-/// The sizes of the upper turning points of a drive: where it comes down to half.
-fn peaks(values: &[f64]) -> Vec<f64> {
-    let most = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-    let mut peaks = Vec::new();
-    let (mut rises, mut highest, mut lowest) = (true, 0.0, 0.0);
-    for value in values.iter().map(|value| value.abs()) {
-        if rises && value < 0.5 * highest {
-            peaks.push(highest);
-            (rises, lowest) = (false, value);
-        } else if !rises && value > lowest + 0.2 * most {
-            (rises, highest) = (true, value);
-        } else if rises {
-            highest = value.max(highest);
-        } else {
-            lowest = value.min(lowest);
-        }
-    }
-    if rises && highest > 0.2 * most {
-        peaks.push(highest);
-    }
-    peaks
-}
-
-/// A search that did not converge.
-pub fn of_convergence(converged: bool, warnings: &mut Vec<Warning>) {
-    if !converged {
-        warnings.push(
-            Severity::Caution.warning("the search ran out of iterations; continue it with --start and this result"),
-        );
-    }
-}
-
-/// What the data do not determine about `candidate`.
-pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings: &mut Vec<Warning>) {
-    for set in &uncertainty.undetermined {
-        let branches = described_branches(candidate, &|branch| set.contains(&format!("branches[{branch}]")));
-        warnings.push(
-            Severity::Note.warning(format!("the recordings leave {set} free: other values fit as well{branches}")),
-        );
-    }
-    let at_bound = |branch: usize, quantity: &str| {
-        let of_branch = format!("branches[{branch}]");
-        let here = |name: &str| name.starts_with(&of_branch) && name.ends_with(quantity);
-        uncertainty.estimates.iter().any(|estimate| estimate.at_bound && here(&estimate.name))
+/// A measured quantity that falls where the input grows.
+pub(super) fn turned(input: &Input, measured: &Samples) -> Option<String> {
+    let drive = input.samples();
+    let load: Vec<f64> =
+        drive.value.iter().map(|v| if matches!(input, Input::Voltage(_)) { v * v } else { *v }).collect();
+    let at = |t: f64| load[drive.time_s.partition_point(|&s| s <= t).saturating_sub(1)];
+    let pairs: Vec<(f64, f64)> = measured.time_s.iter().zip(&measured.value).map(|(&t, &y)| (at(t), y)).collect();
+    let n = pairs.len() as f64;
+    let (what, of, centre) = match input {
+        Input::Voltage(_) => ("displacement", "voltage", true),
+        Input::Force(_) => ("displacement", "force", true),
+        // Both are 0 at rest, and a force relaxes while the displacement grows slowly.
+        Input::Displacement(_) => ("force", "displacement", false),
     };
-    let idle = described_branches(candidate, &|branch| at_bound(branch, ".c"));
-    if !idle.is_empty() {
-        warnings.push(
-            Severity::Note
-                .warning(format!("a branch whose c is on its bound has no effect: fewer branches will do{idle}")),
-        );
-    }
-    if uncertainty.estimates.iter().any(|estimate| estimate.at_bound && estimate.name == "main.c") {
-        warnings
-            .push(Severity::Note.warning("main.c is on its bound: the springpot beside the branches has no effect"));
-    }
-    let others: Vec<String> = uncertainty
-        .estimates
-        .iter()
-        .filter(|e| e.at_bound && !e.name.ends_with(".c") && !e.name.ends_with(".alpha"))
-        .map(|e| format!("{} = {}", e.name, e.value))
-        .collect();
-    if !others.is_empty() {
-        warnings.push(Severity::Caution.warning(format!("on their bounds: {}", others.join(", "))));
-    }
+    let mean = |of: fn(&(f64, f64)) -> f64| if centre { pairs.iter().map(of).sum::<f64>() / n } else { 0.0 };
+    let (load_mean, value_mean) = (mean(|p| p.0), mean(|p| p.1));
+    let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|p| of(p.0 - load_mean, p.1 - value_mean)).sum::<f64>();
+    let correlation = sum(&|u, y| u * y) / (sum(&|u, _| u * u) * sum(&|_, y| y * y)).sqrt();
+    (correlation < -0.3).then(|| format!("the {what} falls where the {of} grows: --invert turns its sign"))
 }
 
-/// The branches of `candidate` that `concerns` names, each with its relaxation time and its share of the stiffness, in brackets;
-/// empty if there are none.
-fn described_branches(candidate: &Candidate, concerns: &dyn Fn(usize) -> bool) -> String {
-    let all = branches::rows(candidate).into_iter().enumerate();
-    let described: Vec<String> =
-        all.filter(|(branch, _)| concerns(*branch)).map(|(_, branch)| branch.to_string()).collect();
-    if described.is_empty() { String::new() } else { format!(" ({})", described.join("; ")) }
+/// The first gap in the input.
+pub(super) fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<String> {
+    // Steps that grow little by little, such as logarithmic ones, are no gap.
+    let is_gap = |k: usize| steps[k] > 5.0 * median_step_s && (k == 0 || steps[k] > 2.0 * steps[k - 1]);
+    let k = (0..steps.len()).find(|&k| is_gap(k))?;
+    let (step, time) = (steps[k], drive.time_s[k]);
+    Some(format!(
+        "a gap of {step:.3} s at {time:.3} s; the input is interpolated across it (--gap ends there, or skips it)"
+    ))
 }
 
-/// What a model leaves of a measurement, in % of its stroke: of the range between the 2nd and the 98th percentile.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Misfit {
-    /// RMS of all residuals, %.
-    pub rms_pct: f64,
-    /// RMS of the part that is not noise, %: what is left of the residuals at a distance of one sample.
-    pub systematic_pct: f64,
+/// Measured values that repeat at the ends of their range.
+pub(super) fn saturation(direction: Direction, values: &[f64]) -> Vec<String> {
+    let (what, unit) = measured_quantity(direction);
+    let (low, high) = range(values);
+    [(high, "largest"), (low, "smallest")]
+        .into_iter()
+        .filter_map(|(value, end)| {
+            let at_end = runs_at(values, value);
+            (at_end * 50 > values.len() && value != values[0]).then(|| {
+                format!(
+                    "{at_end} values are at the {end} {what} of {value} {unit}; if the sensor saturates there, leave \
+                     those cells empty"
+                )
+            })
+        })
+        .collect()
 }
 
-impl Misfit {
-    /// The misfit of `observations` with these residuals, one series each, whose autocorrelation at lag one is `lag_one`.
-    pub fn new(observations: &[Observation], residuals: &[Vec<f64>], lag_one: f64) -> Self {
-        let squares = observations.iter().zip(residuals).flat_map(|(observation, residuals)| {
-            let stroke = loss::percentile_range(observation.measured.value.iter().copied()).max(f64::MIN_POSITIVE);
-            residuals.iter().map(move |r| (r / stroke).powi(2))
-        });
-        let count = residuals.iter().map(Vec::len).sum::<usize>().max(1);
-        let rms_pct = 100.0 * (squares.sum::<f64>() / count as f64).sqrt();
-        Self { rms_pct, systematic_pct: rms_pct * lag_one.clamp(0.0, 1.0).sqrt() }
-    }
+/// Values that equal `value` in runs of at least four.
+fn runs_at(values: &[f64], value: f64) -> usize {
+    values.chunk_by(|a, b| a == b).filter(|run| run[0] == value && run.len() >= 4).map(<[f64]>::len).sum()
 }
 
-/// Residuals that are not white: how large what the model does not follow is, and what follows from it. `left_out_pct` is the
-/// NRMSE on recordings that were left out, where there is one.
-pub fn of_whiteness(
-    uncertainty: &Uncertainty,
-    misfit: Misfit,
-    drive: &Input,
-    left_out_pct: Option<f64>,
-    samples: usize,
-    warnings: &mut Vec<Warning>,
-) {
-    if uncertainty.white {
-        return;
-    }
-    let (severity, size) = match misfit.systematic_pct {
-        small if small < 0.1 => (Severity::Note, "negligible"),
-        small if small < 0.5 => (Severity::Note, "small"),
-        medium if medium < 2.0 => (Severity::Caution, "notable"),
-        _ => (Severity::Serious, "large"),
-    };
-    let expected = left_out_pct.unwrap_or(misfit.systematic_pct).max(misfit.systematic_pct);
-    let (range, follows) = match drive {
-        Input::Voltage(_) => ("stroke", "feedforward"),
-        Input::Force(_) => ("stroke", "a predicted stroke"),
-        Input::Displacement(_) => ("range of the force", "a predicted force"),
-    };
-    let from = match left_out_pct {
-        Some(pct) if pct >= misfit.systematic_pct => ", from recordings that were left out",
-        _ => " on paths like these",
-    };
-    warnings.push(severity.warning(format!(
-        "{size}: the residuals are not white (autocorrelation {:.2} at lag one). They are {:.3} % of the {range} RMS, and about \
-         {:.3} % is not noise but what the model does not follow: expect {follows} to be off by {expected:.2} % RMS{from}. \
-         Intervals count {:.0} independent samples instead of {samples}",
-        uncertainty.lag_one, misfit.rms_pct, misfit.systematic_pct, uncertainty.effective_samples
-    )));
-}
-
-/// Outliers.
-pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<Warning>) {
-    // Outliers shift the fit, so that the mean of the other residuals is not zero.
-    let middle = median(residuals);
-    let centred: Vec<f64> = residuals.iter().map(|r| r - middle).collect();
-    let limit = 6.0 * loss::robust_deviation(&centred);
-    let outliers = centred.iter().filter(|r| r.abs() > limit).count();
-    if outliers > 0 && limit > 0.0 {
-        let mend = if loss == Loss::Square { "; --loss huber reduces their effect" } else { "" };
-        let share = 100.0 * outliers as f64 / residuals.len() as f64;
-        warnings.push(Severity::Caution.warning(format!(
-            "{outliers} outliers ({share:.2} % of the values, more than 6 standard deviations){mend}"
-        )));
-    }
-}
-
-/// Above the breakdown field of any film, V/m.
-const MAX_FIELD: f64 = 1e9;
-
-/// Values that suggest wrong units.
-pub fn of_units(
-    observations: &[Observation],
-    actuator: &Actuator,
-    r2_mean: f64,
-    loss: Loss,
-    warnings: &mut Vec<Warning>,
-) {
-    for observation in observations {
-        let name = &observation.name;
-        if let Input::Voltage(voltage) = &observation.input {
-            let peak = voltage.value.iter().fold(0.0, |peak: f64, v| peak.max(v.abs()));
-            let field = peak / actuator.thickness_m;
-            if field > MAX_FIELD {
-                warnings.push(Severity::Serious.warning(format!(
-                    "{name}: {peak} V over {} m are {field:.1e} V/m; check the units",
-                    actuator.thickness_m
-                )));
-            }
-        }
-        // Only a voltage needs the film's size.
-        if matches!(observation.input, Input::Voltage(_)) {
-            let stroke = loss::percentile_range(observation.measured.value.iter().copied());
-            let size = actuator.length_m.max(actuator.width_m);
-            if stroke > 2.0 * size {
-                warnings.push(
-                    Severity::Serious
-                        .warning(format!("{name}: a stroke of {stroke:.3} m of a film of {size} m; check the units")),
-                );
-            }
-        }
-    }
-    if r2_mean < 0.5 && loss == Loss::Square {
-        let grows = match observations.first().map(|observation| &observation.input) {
-            Some(Input::Force(_)) => "displacement grows with force",
-            Some(Input::Displacement(_)) => "force grows with displacement",
-            _ => "displacement grows with voltage",
-        };
-        warnings.push(
-            Severity::Serious
-                .warning(format!("the model explains little (R² {r2_mean:.3}): check the units, and that {grows}")),
-        );
+/// Name and SI unit of what is measured.
+pub(super) fn measured_quantity(direction: Direction) -> (&'static str, &'static str) {
+    match direction {
+        Direction::Force => ("displacement", "m"),
+        Direction::Displacement => ("force", "N"),
     }
 }

@@ -10,7 +10,7 @@ use host_io::files::output;
 use host_io::files::recording::{Direction, Input, Recording};
 use host_io::grid::Samples;
 use host_models::agreement::Agreement;
-use host_models::fit::bend::Bend;
+use host_models::fit::candidate::Bend;
 use host_models::fit::candidate::{Candidate, Variable};
 use host_models::fit::objective::Objective;
 use host_models::fit::observation::{self, Observation, Reading};

@@ -8,7 +8,7 @@ use dea_driver::{Blob, Controller};
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::{Direction, Input, Recording};
 use host_io::grid::{Grid, Samples};
-use host_models::fit::bend::Bend;
+use host_models::fit::candidate::Bend;
 use host_models::fit::candidate::Candidate;
 use host_models::fit::objective::Objective;
 use host_models::fit::observation;

@@ -10,8 +10,8 @@ use nalgebra::DMatrix;
 
 use crate::error::{Error, Result};
 use crate::files::amplifier_log::AmplifierLog;
+use crate::fit::statistics::effective_samples;
 use crate::fit::uncertainty::{CHI_SQUARE, NORMAL};
-use crate::fit::whiteness::effective_samples;
 use response::Fall;
 use search::{FALL, Found, GAIN, MAX_S, OFFSET, RISE, Search};
 

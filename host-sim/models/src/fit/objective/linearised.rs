@@ -5,8 +5,7 @@ use rayon::prelude::*;
 use springpot::{Curve, Law, Load};
 
 use super::super::candidate::{Candidate, Variable};
-use super::super::nodes::Nodes;
-use super::super::transfer::{Recursion, Spectrum, Transfer, recursion};
+use super::super::transfer::{Nodes, Recursion, Spectrum, Transfer, recursion};
 use super::{DriveSpectra, Evaluation, Objective, Record, Response, product, stretched};
 use crate::replay::full_memory::FullMemory;
 

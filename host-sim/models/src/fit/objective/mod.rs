@@ -12,10 +12,8 @@ use rayon::prelude::*;
 use springpot::{Actuator, Curve, Load};
 
 use super::candidate::Candidate;
-use super::nodes::Nodes;
-use super::observation::Observation;
-use super::readings::{ReadingFit, Readings};
-use super::transfer::{Spectrum, Transfer};
+use super::observation::{Observation, ReadingFit, Readings};
+use super::transfer::{Nodes, Spectrum, Transfer};
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
 use crate::grid::Grid;
@@ -191,9 +189,14 @@ impl Objective {
         self.records.iter().map(|record| record.readings.measured.as_slice())
     }
 
+    /// Number of measured values of every observation.
+    pub fn values(&self) -> impl Iterator<Item = usize> {
+        self.measured().map(<[f64]>::len)
+    }
+
     /// Number of measured values.
     pub fn samples(&self) -> usize {
-        self.records.iter().map(|record| record.readings.measured.len()).sum()
+        self.values().sum()
     }
 
     /// The responses of `candidate`; none where elements are out of range, the film is pulled in, or numbers overflow.

@@ -1,0 +1,321 @@
+//! Checks of the result of a fit: what each branch does, and warnings about the result.
+
+use std::f64::consts::FRAC_PI_2;
+use std::fmt;
+
+use num_complex::Complex;
+use serde::Serialize;
+use springpot::{Actuator, Maxwell, Springpot, Topology};
+
+use super::candidate::{Bend, Candidate};
+use super::observation::{Excitation, Observation};
+use super::settings::Settings;
+use super::statistics::{self, Loss, median};
+use super::uncertainty::Uncertainty;
+use super::warnings::{Severity, Warning};
+use crate::files::recording::Input;
+
+/// Sizes that are not the film's own: only a voltage needs them.
+pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<Warning>) {
+    if settings.assumed_sizes && excitation.voltage_driven {
+        let Actuator { length_m, width_m, thickness_m, .. } = settings.actuator;
+        warnings.push(Severity::Serious.warning(format!(
+            "the film's sizes are assumed ({:.0} mm × {:.0} mm × {:.0} µm, the paper's): displacements hold well below the resonance, \
+             forces and c are only proportional, and no field limit is checked; give the film's own sizes with --actuator",
+            1e3 * length_m,
+            1e3 * width_m,
+            1e6 * thickness_m
+        )));
+    }
+}
+
+/// Inputs that do not vary.
+pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<Warning>) {
+    if !excitation.varies {
+        let shown =
+            if excitation.displacement_fitted { "creep under one load" } else { "relaxation at one displacement" };
+        warnings.push(Severity::Note.warning(format!("the input is constant: the recordings show {shown} only")));
+    }
+}
+
+/// A curve or a saturation that one amplitude alone determines.
+pub fn of_amplitudes(observations: &[Observation], candidate: &Candidate, warnings: &mut Vec<Warning>) {
+    let bent = candidate.bend != Bend::Straight || candidate.actuator.saturation_v.is_some();
+    let mut peaks: Vec<f64> = observations.iter().flat_map(|o| peaks(&o.input.samples().value)).collect();
+    peaks.sort_by(f64::total_cmp);
+    let (Some(least), Some(most)) = (peaks.first(), peaks.last()) else { return };
+    // Several cycles, all as large.
+    if bent && peaks.len() > observations.len() && *least > 0.8 * most {
+        warnings.push(Severity::Caution.warning(
+            "only one amplitude was recorded: the curve is open, since creep and stiffening look alike there; record a second \
+             amplitude, half as large"));
+    }
+}
+
+/// The sizes of the upper turning points of a drive: where it comes down to half.
+fn peaks(values: &[f64]) -> Vec<f64> {
+    let most = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let mut peaks = Vec::new();
+    let (mut rises, mut highest, mut lowest) = (true, 0.0, 0.0);
+    for value in values.iter().map(|value| value.abs()) {
+        if rises && value < 0.5 * highest {
+            peaks.push(highest);
+            (rises, lowest) = (false, value);
+        } else if !rises && value > lowest + 0.2 * most {
+            (rises, highest) = (true, value);
+        } else if rises {
+            highest = value.max(highest);
+        } else {
+            lowest = value.min(lowest);
+        }
+    }
+    if rises && highest > 0.2 * most {
+        peaks.push(highest);
+    }
+    peaks
+}
+
+/// A search that did not converge.
+pub fn of_convergence(converged: bool, warnings: &mut Vec<Warning>) {
+    if !converged {
+        warnings.push(
+            Severity::Caution.warning("the search ran out of iterations; continue it with --start and this result"),
+        );
+    }
+}
+
+/// What the data do not determine about `candidate`.
+pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings: &mut Vec<Warning>) {
+    for set in &uncertainty.undetermined {
+        let branches = described_branches(candidate, &|branch| set.contains(&format!("branches[{branch}]")));
+        warnings.push(
+            Severity::Note.warning(format!("the recordings leave {set} free: other values fit as well{branches}")),
+        );
+    }
+    let at_bound = |branch: usize, quantity: &str| {
+        let of_branch = format!("branches[{branch}]");
+        let here = |name: &str| name.starts_with(&of_branch) && name.ends_with(quantity);
+        uncertainty.estimates.iter().any(|estimate| estimate.at_bound && here(&estimate.name))
+    };
+    let idle = described_branches(candidate, &|branch| at_bound(branch, ".c"));
+    if !idle.is_empty() {
+        warnings.push(
+            Severity::Note
+                .warning(format!("a branch whose c is on its bound has no effect: fewer branches will do{idle}")),
+        );
+    }
+    if uncertainty.estimates.iter().any(|estimate| estimate.at_bound && estimate.name == "main.c") {
+        warnings
+            .push(Severity::Note.warning("main.c is on its bound: the springpot beside the branches has no effect"));
+    }
+    let others: Vec<String> = uncertainty
+        .estimates
+        .iter()
+        .filter(|e| e.at_bound && !e.name.ends_with(".c") && !e.name.ends_with(".alpha"))
+        .map(|e| format!("{} = {}", e.name, e.value))
+        .collect();
+    if !others.is_empty() {
+        warnings.push(Severity::Caution.warning(format!("on their bounds: {}", others.join(", "))));
+    }
+}
+
+/// The branches of `candidate` that `concerns` names, each with its relaxation time and its share of the stiffness, in brackets;
+/// empty if there are none.
+fn described_branches(candidate: &Candidate, concerns: &dyn Fn(usize) -> bool) -> String {
+    let all = branch_rows(candidate).into_iter().enumerate();
+    let described: Vec<String> =
+        all.filter(|(branch, _)| concerns(*branch)).map(|(_, branch)| branch.to_string()).collect();
+    if described.is_empty() { String::new() } else { format!(" ({})", described.join("; ")) }
+}
+
+/// What a model leaves of a measurement, in % of its stroke: of the range between the 2nd and the 98th percentile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Misfit {
+    /// RMS of all residuals, %.
+    pub rms_pct: f64,
+    /// RMS of the part that is not noise, %: what is left of the residuals at a distance of one sample.
+    pub systematic_pct: f64,
+}
+
+impl Misfit {
+    /// The misfit of `observations` with these residuals, one series each, whose autocorrelation at lag one is `lag_one`.
+    pub fn new(observations: &[Observation], residuals: &[Vec<f64>], lag_one: f64) -> Self {
+        let squares = observations.iter().zip(residuals).flat_map(|(observation, residuals)| {
+            let stroke =
+                statistics::percentile_range(observation.measured.value.iter().copied()).max(f64::MIN_POSITIVE);
+            residuals.iter().map(move |r| (r / stroke).powi(2))
+        });
+        let count = residuals.iter().map(Vec::len).sum::<usize>().max(1);
+        let rms_pct = 100.0 * (squares.sum::<f64>() / count as f64).sqrt();
+        Self { rms_pct, systematic_pct: rms_pct * lag_one.clamp(0.0, 1.0).sqrt() }
+    }
+}
+
+/// Residuals that are not white: how large what the model does not follow is, and what follows from it. `left_out_pct` is the
+/// NRMSE on recordings that were left out, where there is one.
+pub fn of_whiteness(
+    uncertainty: &Uncertainty,
+    misfit: Misfit,
+    drive: &Input,
+    left_out_pct: Option<f64>,
+    samples: usize,
+    warnings: &mut Vec<Warning>,
+) {
+    if uncertainty.white {
+        return;
+    }
+    let (severity, size) = match misfit.systematic_pct {
+        small if small < 0.1 => (Severity::Note, "negligible"),
+        small if small < 0.5 => (Severity::Note, "small"),
+        medium if medium < 2.0 => (Severity::Caution, "notable"),
+        _ => (Severity::Serious, "large"),
+    };
+    let expected = left_out_pct.unwrap_or(misfit.systematic_pct).max(misfit.systematic_pct);
+    let (range, follows) = match drive {
+        Input::Voltage(_) => ("stroke", "feedforward"),
+        Input::Force(_) => ("stroke", "a predicted stroke"),
+        Input::Displacement(_) => ("range of the force", "a predicted force"),
+    };
+    let from = match left_out_pct {
+        Some(pct) if pct >= misfit.systematic_pct => ", from recordings that were left out",
+        _ => " on paths like these",
+    };
+    warnings.push(severity.warning(format!(
+        "{size}: the residuals are not white (autocorrelation {:.2} at lag one). They are {:.3} % of the {range} RMS, and about \
+         {:.3} % is not noise but what the model does not follow: expect {follows} to be off by {expected:.2} % RMS{from}. \
+         Intervals count {:.0} independent samples instead of {samples}",
+        uncertainty.lag_one, misfit.rms_pct, misfit.systematic_pct, uncertainty.effective_samples
+    )));
+}
+
+/// Outliers.
+pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<Warning>) {
+    // Outliers shift the fit, so that the mean of the other residuals is not zero.
+    let middle = median(residuals);
+    let centred: Vec<f64> = residuals.iter().map(|r| r - middle).collect();
+    let limit = 6.0 * statistics::robust_deviation(&centred);
+    let outliers = centred.iter().filter(|r| r.abs() > limit).count();
+    if outliers > 0 && limit > 0.0 {
+        let mend = if loss == Loss::Square { "; --loss huber reduces their effect" } else { "" };
+        let share = 100.0 * outliers as f64 / residuals.len() as f64;
+        warnings.push(Severity::Caution.warning(format!(
+            "{outliers} outliers ({share:.2} % of the values, more than 6 standard deviations){mend}"
+        )));
+    }
+}
+
+/// Above the breakdown field of any film, V/m.
+const MAX_FIELD: f64 = 1e9;
+
+/// Values that suggest wrong units.
+pub fn of_units(
+    observations: &[Observation],
+    actuator: &Actuator,
+    r2_mean: f64,
+    loss: Loss,
+    warnings: &mut Vec<Warning>,
+) {
+    for observation in observations {
+        let name = &observation.name;
+        if let Input::Voltage(voltage) = &observation.input {
+            let peak = voltage.value.iter().fold(0.0, |peak: f64, v| peak.max(v.abs()));
+            let field = peak / actuator.thickness_m;
+            if field > MAX_FIELD {
+                warnings.push(Severity::Serious.warning(format!(
+                    "{name}: {peak} V over {} m are {field:.1e} V/m; check the units",
+                    actuator.thickness_m
+                )));
+            }
+        }
+        // Only a voltage needs the film's size.
+        if matches!(observation.input, Input::Voltage(_)) {
+            let stroke = statistics::percentile_range(observation.measured.value.iter().copied());
+            let size = actuator.length_m.max(actuator.width_m);
+            if stroke > 2.0 * size {
+                warnings.push(
+                    Severity::Serious
+                        .warning(format!("{name}: a stroke of {stroke:.3} m of a film of {size} m; check the units")),
+                );
+            }
+        }
+    }
+    if r2_mean < 0.5 && loss == Loss::Square {
+        let grows = match observations.first().map(|observation| &observation.input) {
+            Some(Input::Force(_)) => "displacement grows with force",
+            Some(Input::Displacement(_)) => "force grows with displacement",
+            _ => "displacement grows with voltage",
+        };
+        warnings.push(
+            Severity::Serious
+                .warning(format!("the model explains little (R² {r2_mean:.3}): check the units, and that {grows}")),
+        );
+    }
+}
+
+/// A branch in words and numbers.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BranchRow {
+    /// Its index in the parameter file, from 0.
+    pub branch: usize,
+    /// Time at which both of its springpots are equally stiff, s; null where they have the same order.
+    pub relaxation_time_s: Option<f64>,
+    /// Its share there, %; null without a time or a model.
+    pub share_pct: Option<f64>,
+    /// What it is a share of.
+    pub share_of: &'static str,
+}
+
+/// The branches of `candidate`.
+pub fn branch_rows(candidate: &Candidate) -> Vec<BranchRow> {
+    let model = candidate.model().ok();
+    (0..candidate.branches())
+        .map(|branch| {
+            let [first, second] = pair(candidate, branch);
+            // Both springpots are equally stiff at s = 1/τ: c_1 τ^-a = c_2 τ^-b.
+            let time_s =
+                (second.alpha != first.alpha).then(|| (second.c / first.c).powf(1.0 / (second.alpha - first.alpha)));
+            let time_s = time_s.filter(|time_s| time_s.is_finite() && *time_s > 0.0);
+            BranchRow {
+                branch,
+                relaxation_time_s: time_s,
+                share_pct: time_s
+                    .zip(model.as_ref())
+                    .map(|(time_s, model)| share_pct(candidate, model, branch, time_s)),
+                share_of: match candidate.topology {
+                    Topology::Parallel => "stiffness",
+                    Topology::Eq11 => "compliance of all branches",
+                },
+            }
+        })
+        .collect()
+}
+
+impl fmt::Display for BranchRow {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "branches[{}]: ", self.branch)?;
+        let Some(time_s) = self.relaxation_time_s else {
+            return f.write_str("no relaxation time, its springpots have the same order");
+        };
+        write!(f, "relaxation time {time_s:.3e} s")?;
+        match self.share_pct {
+            Some(share) => write!(f, ", {share:.2} % of the {} there", self.share_of),
+            None => Ok(()),
+        }
+    }
+}
+
+fn pair(candidate: &Candidate, branch: usize) -> [Springpot; 2] {
+    [1, 2].map(|k| candidate.elements[2 * branch + k])
+}
+
+/// The share of `branch` at s = j / `time_s`, %: of the stiffness, or of the chain's compliance.
+fn share_pct(candidate: &Candidate, model: &Maxwell, branch: usize, time_s: f64) -> f64 {
+    let ln_s = Complex::new(-time_s.ln(), FRAC_PI_2);
+    let of = |e: &Springpot| (ln_s * e.alpha).exp() * e.c;
+    let compliance = |branch: usize| pair(candidate, branch).iter().map(|e| of(e).inv()).sum::<Complex<f64>>();
+    let share = match candidate.topology {
+        Topology::Parallel => compliance(branch).inv() / model.modulus_of_ln(ln_s),
+        Topology::Eq11 => compliance(branch) / (0..candidate.branches()).map(compliance).sum::<Complex<f64>>(),
+    };
+    100.0 * share.norm()
+}
