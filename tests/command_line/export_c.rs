@@ -6,7 +6,7 @@ use std::process::Command;
 
 use dea_driver::Blob;
 use host_sim::files::parameters::Parameters;
-use springpot::{Applied, CommandLimits, Feedforward, Load, SensorSample};
+use springpot::{Applied, CommandLimits, Feedforward, Follower, Load, SensorSample};
 use tempfile::TempDir;
 use tests::tool::{names, text};
 use tests::transcript::blocks;
@@ -58,7 +58,7 @@ fn the_program_of_the_page_runs() {
     assert_eq!(printed, blocks(&page, "```text\n").concat());
 
     let blob = controllers(&Parameters::preset("table3-n2").expect("there"));
-    let tracking = blob.tracking();
+    let tracking = blob.follower().compensator();
     let (law, drive) = (tracking.observer().law(), tracking.observer().drive());
     let (mut state, mut real) = (tracking.state(law.state()), law.state());
     let (mut voltage, mut limited) = (0.0, 0);
@@ -119,7 +119,7 @@ fn two_exported_films_have_the_controllers_bits() {
     for (params, _) in &sources {
         let parameters = Parameters::load(params).expect("valid");
         let blob = controllers(&parameters);
-        let law = blob.tracking().observer().law().clone();
+        let law = blob.follower().compensator().observer().law().clone();
         let rest = law.state();
         // Limits as the controller has them, in single precision.
         let board = parameters.board_or_bench(1000.0);
@@ -134,27 +134,26 @@ fn two_exported_films_have_the_controllers_bits() {
             return_hz: single(limits.return_hz),
             amplifier: limits.amplifier,
         };
-        let feedforward = Feedforward::new(law, &parameters.actuator, limits).expect("valid");
-        let mut state = feedforward.state(rest);
-        let mut learned = blob.learning().map(|learning| learning.state(0.0));
-        assert_eq!(learned.is_some(), params.ends_with("rich.toml"));
-        let (mut voltage, mut is_free) = (0.0, true);
+        let follower = Follower::new(Feedforward::new(law, &parameters.actuator, limits).expect("valid"));
+        let follower = match blob.follower().learning() {
+            Some(learning) => follower.with_learning(*learning),
+            None => follower,
+        };
+        let mut state = follower.state(rest);
+        assert_eq!(state.learned().is_some(), params.ends_with("rich.toml"));
+        let mut voltage = 0.0;
         for k in 0..12_000_u16 {
             let turn = k % 1000;
             let u = f32::from(if turn < 500 { turn } else { 1000 - turn }) / 500.0;
-            let moved = feedforward.apply(&mut state, Applied::as_monitored(voltage, 1.02 * voltage));
+            // The film of the sensor is the model's, which does not need the sample to be stepped.
+            let applied = Applied::as_monitored(voltage, 1.02 * voltage);
+            let moved = follower.observe(&mut state.clone(), applied, None);
             let sample = (k % 10 == 0).then_some(SensorSample { displacement_m: 1.04 * moved, age_ticks: 0 });
-            let mut reference = 0.6e-3 + 0.2e-3 * ((u * u) * (3.0 - 2.0 * u));
-            if let Some((learning, learned)) = blob.learning().zip(learned.as_mut()) {
-                reference = learning.advance(learned, reference, sample, is_free);
-            }
-            let command = feedforward.command(&mut state, reference);
-            (voltage, is_free) = (command.voltage_v, command.limited.is_none());
+            let reference = 0.6e-3 + 0.2e-3 * ((u * u) * (3.0 - 2.0 * u));
+            voltage = follower.step(&mut state, applied, sample, reference).voltage_v;
             assert_eq!(lines.next(), Some(format!("{:08x}", voltage.to_bits()).as_str()), "{params}, tick {k}");
         }
-        if let Some(learned) = learned {
-            assert!(learned.added().abs() > 1e-6, "something was learned");
-        }
+        assert!(state.learned().is_none() || state.added().abs() > 1e-6, "something was learned");
     }
     assert_eq!(lines.next(), None);
 }

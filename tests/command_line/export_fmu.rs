@@ -10,7 +10,9 @@ use std::process::Command;
 use dea_driver::Blob;
 use host_sim::files::parameters::Parameters;
 use quick_xml::events::Event;
-use springpot::{Applied, CommandLimits, Feedforward, SensorSample};
+use springpot::{
+    Applied, CommandLimits, Compensator, Feedforward, Follower, FollowerState, ObserverState, SensorSample,
+};
 use tempfile::TempDir;
 use tests::recordings;
 use tests::tool::{names, text};
@@ -324,79 +326,87 @@ fn bench(response: &[[f64; 4]]) -> Vec<Input> {
         .collect()
 }
 
+/// An input's sample and the voltage that was applied: the last command, or the one that `is_given`.
+fn taken(input: &Input, is_given: bool, command: f32) -> (Applied<f32>, Option<SensorSample<f32>>) {
+    let sample =
+        (input[3] != 0.0).then_some(SensorSample { displacement_m: input[2] as f32, age_ticks: input[4] as usize });
+    let acted = if is_given { input[0] as f32 } else { command };
+    let is_read = input[6] != 0.0;
+    (if is_read { Applied::as_monitored(acted, input[5] as f32) } else { Applied::as_commanded(acted) }, sample)
+}
+
+/// Rows of a follower, and the largest that was added to a reference, m. `seen`: disturbance, force scale, whether the sensor is lost.
+fn followed<C: Compensator<f32>>(
+    follower: &Follower<f32, C>,
+    film: FollowerState<f32, C>,
+    seen: impl Fn(&FollowerState<f32, C>) -> [f32; 3],
+    is_given: bool,
+    inputs: &[Input],
+) -> (Vec<Row>, f32) {
+    let (mut state, mut voltage, mut added) = (film, 0.0_f32, 0.0_f32);
+    let rows = inputs.iter().map(|input| {
+        let (applied, sample) = taken(input, is_given, voltage);
+        let command = follower.step(&mut state, applied, sample, input[1] as f32);
+        voltage = command.voltage_v;
+        added = added.max(state.added().abs());
+        let [disturbance, scale, lost] = seen(&state);
+        let limits = f32::from(command.limited.bits());
+        [state.displacement(), command.force_n, voltage, command.reference_m, disturbance, scale, limits, lost]
+            .map(f64::from)
+    });
+    (rows.collect(), added)
+}
+
 /// The same by the controller's code: observer, feedforward or tracking, with what is learned. The command was applied, or the
 /// voltage that `is_given`. Returns the largest that was added to a reference as well, m.
 fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool, inputs: &[Input]) -> (Vec<Row>, f32) {
-    let tracking = blob.tracking();
-    let observer = tracking.observer();
-    let law = observer.law().clone();
-    let single = |value: f64| f64::from(value as f32);
-    let board = parameters.board_or_bench(1000.0);
-    let limits = board.command_limits();
-    let limits = CommandLimits {
-        max_voltage_v: single(limits.max_voltage_v),
-        max_field_v_per_m: single(limits.max_field_v_per_m),
-        max_slew_v_per_s: single(limits.max_slew_v_per_s),
-        max_velocity_m_per_s: single(limits.max_velocity_m_per_s),
-        max_acceleration_m_per_s2: single(limits.max_acceleration_m_per_s2),
-        return_hz: single(limits.return_hz),
-        amplifier: limits.amplifier,
-    };
-    let feedforward = Feedforward::new(law.clone(), &parameters.actuator, limits).expect("valid");
-    let mut observed = observer.state(law.state());
-    let mut fed = feedforward.state(law.state());
-    let mut tracked = tracking.state(law.state());
-    let mut learned = blob.learning().map(|learning| learning.state(0.0));
-    let (mut voltage, mut is_free) = (0.0_f32, true);
-    let mut added = 0.0_f32;
+    let tracking = blob.follower();
+    let observer = tracking.compensator().observer();
+    let law = observer.law();
     let lost_after = (1000.0 * parameters.board_or_bench(1000.0).control.lost_after_s).ceil() as u32;
-    let rows = inputs.iter().map(|input| {
-        let sample =
-            (input[3] != 0.0).then_some(SensorSample { displacement_m: input[2] as f32, age_ticks: input[4] as usize });
-        let acted = if is_given { input[0] as f32 } else { voltage };
-        let applied =
-            if input[6] != 0.0 { Applied::as_monitored(acted, input[5] as f32) } else { Applied::as_commanded(acted) };
-        let is_tracking = mode == "tracking";
-        let displacement = match mode {
-            "observer" => observer.observe(&mut observed, Applied::as_commanded(input[0] as f32), sample),
-            "feedforward" => feedforward.apply(&mut fed, applied),
-            _ => tracking.observe(&mut tracked, applied, sample),
-        };
-        let state = if is_tracking { tracked.observer() } else { &observed };
-        if mode == "observer" {
-            let load = state.load();
-            let lost = f64::from(state.ticks_since_sample() > lost_after);
-            let force = load.force_n + load.slope_n_per_m * displacement;
-            let numbers = [displacement, force, 0.0, 0.0, state.disturbance(), state.force_scale()].map(f64::from);
-            let [a, b, c, d, e, f] = numbers;
-            return [a, b, c, d, e, f, 64.0 * f64::from(state.film().beyond_curve()), lost];
+    let is_lost = |state: &ObserverState<f32>| f32::from(u8::from(state.ticks_since_sample() > lost_after));
+    match mode {
+        "observer" => {
+            let mut state = observer.state(law.state());
+            let rows = inputs.iter().map(|input| {
+                let (_, sample) = taken(input, false, 0.0);
+                let displacement = observer.observe(&mut state, Applied::as_commanded(input[0] as f32), sample);
+                let load = state.load();
+                let force = load.force_n + load.slope_n_per_m * displacement;
+                let beyond = if state.film().beyond_curve() { 64.0 } else { 0.0 };
+                let (disturbance, scale) = (state.disturbance(), state.force_scale());
+                [displacement, force, 0.0, 0.0, disturbance, scale, beyond, is_lost(&state)].map(f64::from)
+            });
+            (rows.collect(), 0.0)
         }
-        let mut reference = input[1] as f32;
-        if let Some((learning, learned)) = blob.learning().zip(learned.as_mut()) {
-            reference = learning.advance(learned, reference, sample, is_free);
-            tracked.leave_cycles(learned.has_learned());
-            added = added.max(learned.added().abs());
+        "feedforward" => {
+            let single = |value: f64| f64::from(value as f32);
+            let limits = parameters.board_or_bench(1000.0).command_limits();
+            let limits = CommandLimits {
+                max_voltage_v: single(limits.max_voltage_v),
+                max_field_v_per_m: single(limits.max_field_v_per_m),
+                max_slew_v_per_s: single(limits.max_slew_v_per_s),
+                max_velocity_m_per_s: single(limits.max_velocity_m_per_s),
+                max_acceleration_m_per_s2: single(limits.max_acceleration_m_per_s2),
+                return_hz: single(limits.return_hz),
+                amplifier: limits.amplifier,
+            };
+            let feedforward = Feedforward::new(law.clone(), &parameters.actuator, limits).expect("valid");
+            let follower = Follower::new(feedforward);
+            let follower = match tracking.learning() {
+                Some(learning) => follower.with_learning(*learning),
+                None => follower,
+            };
+            followed(&follower, follower.state(law.state()), |_| [0.0, 1.0, 0.0], is_given, inputs)
         }
-        let command = if is_tracking {
-            tracking.command(&mut tracked, reference)
-        } else {
-            feedforward.command(&mut fed, reference)
-        };
-        (voltage, is_free) = (command.voltage_v, command.limited.is_none());
-        let observer = tracked.observer();
-        let (disturbance, scale, lost) = if is_tracking {
-            let lost = f64::from(observer.ticks_since_sample() > lost_after);
-            (observer.disturbance(), observer.force_scale(), lost)
-        } else {
-            (0.0, 1.0, 0.0)
-        };
-        let numbers =
-            [displacement, command.force_n, command.voltage_v, command.reference_m, disturbance, scale].map(f64::from);
-        let [a, b, c, d, e, f] = numbers;
-        [a, b, c, d, e, f, f64::from(command.limited.bits()), lost]
-    });
-    let rows = rows.collect();
-    (rows, added)
+        _ => {
+            let seen = |state: &FollowerState<f32>| {
+                let observer = state.observer();
+                [observer.disturbance(), observer.force_scale(), is_lost(observer)]
+            };
+            followed(tracking, tracking.state(law.state()), seen, is_given, inputs)
+        }
+    }
 }
 
 /// Tracking along three recordings, observer and feedforward along one, with all that a film can have: every bit of every number.

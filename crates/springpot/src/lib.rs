@@ -19,9 +19,9 @@ mod scalar;
 
 pub use actuator::{Actuator, EPSILON_0, GRAVITY, Load, Preload, VoltageDrive};
 pub use control::{
-    AmplifierLag, AmplifierModel, Applied, CommandLimits, Feedforward, FeedforwardState, HARMONICS, Learning,
-    LearningOptions, LearningState, Limited, Observer, ObserverOptions, ObserverState, SensorSample, Statistics,
-    Tracking, TrackingState, VoltageCommand,
+    AmplifierLag, AmplifierModel, Applied, CommandLimits, Compensator, Feedforward, FeedforwardState, Follower,
+    FollowerState, HARMONICS, Learning, LearningOptions, LearningState, Limited, Observer, ObserverOptions,
+    ObserverState, SensorSample, Statistics, Tracking, TrackingState, VoltageCommand,
 };
 pub use curve::{Curve, Knot, MAX_KNOTS, Rubber};
 pub use error::{ActuatorError, ControlError, CurveError, LawError, MAX_BRANCHES, ModelElement, ModelError};

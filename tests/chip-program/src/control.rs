@@ -3,8 +3,8 @@
 use core::hint::black_box;
 
 use springpot::{
-    Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, Maxwell, Observer, ObserverOptions,
-    SensorSample, Tracking,
+    Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, LearningState, Limited, Maxwell, Observer,
+    ObserverOptions, SensorSample, Tracking,
 };
 
 use crate::{Checksum, Name, Report, STEPS, repeat};
@@ -58,8 +58,7 @@ fn feedforward(report: &mut impl Report, name: Name, law: Law<f32>) {
 fn observer(report: &mut impl Report, name: Name, law: Law<f32>) {
     let rest = law.state();
     let options = ObserverOptions::at_bandwidth(0.6);
-    let observer: Result<Observer<f32>, _> = Observer::new(law, &name.film.actuator(), 6000.0, options);
-    let Ok(config) = observer else { panic!("refused") };
+    let Ok(config) = Observer::new(law, &name.film.actuator(), 6000.0, options) else { panic!("refused") };
     let mut state = config.state(rest);
     ticks(report, name, |k| config.observe(&mut state, Applied::as_commanded(5.0 * k), sample(k)));
 }
@@ -68,8 +67,9 @@ fn observer(report: &mut impl Report, name: Name, law: Law<f32>) {
 fn tracking(report: &mut impl Report, name: Name, law: Law<f32>) {
     let rest = law.state();
     let options = ObserverOptions::at_bandwidth(0.6);
-    let tracking: Result<Tracking<f32>, _> = Tracking::new(law, &name.film.actuator(), CommandLimits::BENCH, options);
-    let Ok(config) = tracking else { panic!("refused") };
+    let Ok(config) = Tracking::new(law, &name.film.actuator(), CommandLimits::BENCH, options) else {
+        panic!("refused")
+    };
     let mut state = config.state(rest);
     let mut voltage = 0.0;
     ticks(report, name, |k| {
@@ -83,16 +83,24 @@ fn tracking(report: &mut impl Report, name: Name, law: Law<f32>) {
 #[inline(never)]
 fn learning(report: &mut impl Report, name: Name, law: &Law<f32>) {
     let options = LearningOptions { period_s: Some(0.05), sample_interval_s: 1e-3, ..LearningOptions::BENCH };
-    let learning: Result<Learning<f32, 24>, _> = Learning::new(law, &name.film.actuator(), 6000.0, options);
-    let Ok(config) = learning else { panic!("refused") };
+    let Ok(config) = Learning::<f32, 24>::with_past(law, &name.film.actuator(), 6000.0, options) else {
+        panic!("refused")
+    };
     let mut state = config.state(0.0);
+    let tick =
+        |config: &Learning<f32, 24>, state: &mut LearningState<f32, 24>, k, sample: Option<SensorSample<f32>>| {
+            if let Some(sample) = sample {
+                state.observe(sample);
+            }
+            config.advance(state, reference(k), Limited::NONE)
+        };
     // Until blocks have ended.
     for k in 0..3 * STEPS {
-        config.advance(&mut state, reference(f32::from(k)), sample(f32::from(k)), true);
+        tick(&config, &mut state, f32::from(k), sample(f32::from(k)));
     }
     let mut since = 0;
     ticks(report, name, |k| {
         since = if since == 9 { 0 } else { since + 1 };
-        config.advance(&mut state, reference(k), black_box(sample(k).filter(|_| since == 0)), true)
+        tick(&config, &mut state, k, black_box(sample(k).filter(|_| since == 0)))
     });
 }

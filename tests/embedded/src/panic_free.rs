@@ -10,7 +10,7 @@ use core::panic::PanicInfo;
 
 use dea_driver::chips::{AdcCode, AdcRange};
 use dea_driver::{Device, Inputs};
-use springpot::{Compressed, Law, LawState, Learning, LearningState, Memory, SensorSample, VoltageDrive};
+use springpot::{Compressed, Law, LawState, Learning, LearningState, Limited, Memory, SensorSample, VoltageDrive};
 
 unsafe extern "C" {
     fn a_step_or_a_tick_can_panic() -> !;
@@ -49,7 +49,9 @@ fn main() -> ! {
         step::<Compressed<f32, 4, 11, 7>>();
         let (learning, learned) = (built::<Learning<f32>>(), built::<LearningState<f32>>());
         let sample = SensorSample { displacement_m: black_box(1e-3), age_ticks: black_box(10) };
-        black_box(learning.advance(learned, black_box(1e-3), black_box(Some(sample)), black_box(true)));
+        learned.observe(black_box(sample));
+        black_box(learning.advance(learned, black_box(1e-3), black_box(Limited::NONE)));
+        learning.restart(learned, black_box(1e-3), black_box(true));
         learned.forget();
         let adc_v = |code: u16| black_box(Some(AdcCode(code).volts(AdcRange::UpTo10V24)));
         let inputs = Inputs { interlock_closed: black_box(true), monitor_adc_v: adc_v(1), sensor_adc_v: adc_v(2) };

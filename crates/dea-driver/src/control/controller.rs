@@ -1,11 +1,7 @@
 //! The control tick.
 
-use springpot::{
-    AmplifierLag, Applied, Compressed, Law, LawState, Learning, Limited, SensorSample, Tracking, TrackingState,
-    VoltageCommand,
-};
+use springpot::{AmplifierLag, Applied, Compressed, Follower, FollowerState, Law, LawState, Limited, Tracking};
 
-use crate::control::learner::Learner;
 #[cfg(feature = "loop-test")]
 use crate::control::loop_test::{Followed, LoopTest, Step, Target};
 use crate::control::sampler::Sampler;
@@ -110,14 +106,12 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     target: Ramp,
     parameters: Parameters<HEAD, FAST, SLOW>,
     checksum: Option<u32>,
-    tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
-    /// The film as the ticks estimate it, and its reference.
-    course: TrackingState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+    follower: Follower<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
+    /// The film as the ticks estimate it, its reference, and what is learned of its cycles.
+    course: FollowerState<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
     /// The film as the commanded voltage alone moves it: no sensor corrects it. Its law has fewer modes.
     watched: Law<f32, Watched>,
     open_loop: LawState<f32, Watched>,
-    /// None where the parameters ask for none.
-    learner: Option<Learner>,
     #[cfg(feature = "loop-test")]
     test: LoopTest<HEAD, FAST, SLOW>,
 }
@@ -127,18 +121,17 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     #[must_use]
     #[allow(clippy::needless_pass_by_value)] // a blob is for one controller
     pub fn new(blob: Blob<HEAD, FAST, SLOW>) -> Self {
-        Self::from_parts(blob.parameters(), blob.checksum(), blob.tracking(), blob.learning(), blob.supervisor())
+        Self::from_parts(blob.parameters(), blob.checksum(), blob.follower(), blob.supervisor())
     }
 
     // Of references, so that nothing large is moved on the stack of a small chip.
     fn from_parts(
         parameters: &Parameters<HEAD, FAST, SLOW>,
         checksum: Option<u32>,
-        tracking: &Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
-        learning: Option<&Learning<f32>>,
+        follower: &Follower<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
         supervisor: &Supervisor,
     ) -> Self {
-        let law = tracking.observer().law();
+        let law = follower.compensator().observer().law();
         let watched = law.coarser();
         let shares_per_n = shares_per_n(parameters);
         let thinning_per_m = thinning_per_m(parameters);
@@ -147,13 +140,12 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         Self {
             softest: 1.0,
             #[cfg(feature = "loop-test")]
-            test: LoopTest::at_rest(tracking),
+            test: LoopTest::at_rest(follower.compensator()),
             parameters: parameters.clone(),
             checksum,
             supervisor: *supervisor,
-            tracking: tracking.clone(),
-            course: tracking.state(law.state()),
-            learner: learning.copied().map(Learner::new),
+            follower: follower.clone(),
+            course: follower.state(law.state()),
             open_loop: watched.state(),
             watched,
             thinning_per_m,
@@ -218,8 +210,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         // due. Nothing is learned from a film that is not driven.
         let sample = self.sampler.next(checked.displacement_m.filter(|_| self.supervisor.runs()));
         let applied = Applied { commanded_v: stood_v, reading_v: self.lags.then_some(monitor_v) };
-        let heard = sample.filter(|_| self.mode != Mode::Feedforward);
-        let predicted_m = self.tracking.observe(&mut self.course, applied, heard);
+        let predicted_m = self.follower.observe(&mut self.course, applied, sample);
         let load = self.course.observer().load();
         let open_loop_m = self.watched.displacement_under(&mut self.open_loop, load);
         // Finite as long as both are.
@@ -239,8 +230,13 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         // NaN until one is set, which is 0 V.
         let target = self.target.next();
         let leads = follows && !target.is_nan();
-        let (wanted, learned_m) = self.lead(target, leads, predicted_m, sample);
+        let wanted = if leads {
+            self.follower.command(&mut self.course, target)
+        } else {
+            self.follower.standby(&mut self.course)
+        };
         let wanted_v = if leads { wanted.voltage_v } else { target };
+        let learned_m = self.course.added();
         let estimated_m = if open_loop_m > predicted_m { open_loop_m } else { predicted_m };
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > estimated_m).unwrap_or(estimated_m);
         let command_v = self.supervisor.command(wanted_v, 1.0 + self.thinning_per_m * furthest_m);
@@ -267,28 +263,6 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             limited: wanted.limited.bits() & if follows { u8::MAX } else { Limited::BEYOND_CURVE.bits() },
         };
         Outputs { enable, dac_v, telemetry }
-    }
-
-    /// The command for `target` (m), and what was learned of it (m). Where nothing `leads`, the reference stays with the film.
-    #[inline]
-    fn lead(
-        &mut self,
-        target: f32,
-        leads: bool,
-        predicted_m: f32,
-        sample: Option<SensorSample<f32>>,
-    ) -> (VoltageCommand<f32>, f32) {
-        let Self { tracking, course, learner, .. } = self;
-        if !leads {
-            course.correct_wholly();
-            return (tracking.command(course, predicted_m), 0.0);
-        }
-        let Some(learner) = learner else { return (tracking.command(course, target), 0.0) };
-        let reference_m = learner.advance(target, sample);
-        course.leave_cycles(learner.has_learned());
-        let wanted = tracking.command(course, reference_m);
-        learner.commanded(&wanted);
-        (wanted, learner.added_m())
     }
 
     /// The host that armed is alive: its timeout starts again.
@@ -326,8 +300,9 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         self.mode = mode;
         self.softest = 1.0;
         self.ran = true;
+        self.course.set_feedback(mode != Mode::Feedforward);
         if mode == Mode::Feedforward {
-            self.course.forget();
+            self.course.forget_correction();
         }
         Ok(())
     }
@@ -363,10 +338,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         self.supervisor.acknowledge()?;
         self.clear_target();
-        self.course.forget();
-        self.order_learning(LearningOrder::Forget);
-        if !self.course.observer().displacement().is_finite() {
-            self.course = self.tracking.state(self.tracking.observer().law().state());
+        self.course.forget_correction();
+        self.course.forget_cycles();
+        if !self.course.displacement().is_finite() {
+            self.course = self.follower.state(self.follower.compensator().observer().law().state());
         }
         if !self.open_loop.position().is_finite() {
             self.open_loop = self.watched.state();
@@ -422,19 +397,14 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
 
     fn clear_target(&mut self) {
         self.target = Ramp::NONE;
-        if let Some(learner) = &mut self.learner {
-            learner.end_run();
-            self.course.leave_cycles(false);
-        }
+        self.course.end_run();
     }
 
     /// Orders what is to become of what was learned of a periodic reference, if anything is. In any state.
     pub fn order_learning(&mut self, order: LearningOrder) {
-        if let Some(learner) = &mut self.learner {
-            match order {
-                LearningOrder::Forget => learner.forget(),
-                LearningOrder::CarryOver => learner.carry_over(),
-            }
+        match order {
+            LearningOrder::Forget => self.course.forget_cycles(),
+            LearningOrder::CarryOver => self.course.carry_over(),
         }
     }
 
@@ -450,7 +420,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
 impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, FAST, SLOW> {
     /// Resets the loop test to rest at x = 0.
     pub fn rest(&mut self) {
-        self.test = LoopTest::at_rest(&self.tracking);
+        self.test = LoopTest::at_rest(self.follower.compensator());
     }
 
     /// Another controller of the same parameters, disarmed, its film at rest.
@@ -460,18 +430,17 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let Parameters { limits, rate_hz, amplifier_lag, .. } = &self.parameters;
         let supervisor = Supervisor::new(limits, *rate_hz).and_then(|made| made.behind(*amplifier_lag, *rate_hz));
         let supervisor = supervisor.unwrap_or(self.supervisor);
-        let learning = self.learner.as_ref().map(Learner::learning);
-        Self::from_parts(&self.parameters, self.checksum, &self.tracking, learning, &supervisor)
+        Self::from_parts(&self.parameters, self.checksum, &self.follower, &supervisor)
     }
 
     /// Steps the model under `volts` (V), and Eq. 1 back from its force to the voltage.
     pub fn step(&mut self, volts: f32) -> Step {
-        self.test.step(&self.tracking, volts)
+        self.test.step(self.follower.compensator(), volts)
     }
 
     /// Ticks the control of `mode`.
     pub fn follow(&mut self, mode: Mode, target: Target) -> Followed {
-        self.test.follow(&self.tracking, mode, target, self.sampler.age_ticks)
+        self.test.follow(self.follower.compensator(), mode, target, self.sampler.age_ticks)
     }
 }
 

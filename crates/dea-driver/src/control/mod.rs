@@ -1,7 +1,6 @@
 //! The control tick.
 
 mod controller;
-mod learner;
 #[cfg(any(feature = "loop-test", feature = "link"))]
 mod loop_test;
 mod sampler;

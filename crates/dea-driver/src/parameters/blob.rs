@@ -3,7 +3,7 @@
 
 use core::fmt;
 
-use springpot::{ActuatorError, Compressed, ControlError, Law, LawError, Learning, Tracking};
+use springpot::{ActuatorError, Compressed, ControlError, Follower, Law, LawError, Learning, Tracking};
 
 use crate::chips::{CalibrationError, Converters};
 use crate::parameters::Parameters;
@@ -44,8 +44,7 @@ pub const BLOB_LEN: usize = 1016;
 #[derive(Clone, Debug)]
 pub struct Blob<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
     parameters: Parameters<HEAD, FAST, SLOW>,
-    tracking: Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
-    learning: Option<Learning<f32>>,
+    follower: Follower<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
     supervisor: Supervisor,
     checksum: Option<u32>,
 }
@@ -205,8 +204,12 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
             .map(|options| Learning::new(&law, &parameters.actuator, limits.max_voltage_v, options).map_err(refused));
         let learning = learning.transpose()?;
         let tracking = Tracking::new(law, &parameters.actuator, limits, parameters.control.observer_options());
-        let tracking = tracking.map_err(refused)?;
-        Ok(Self { parameters, tracking, learning, supervisor, checksum: None })
+        let follower = Follower::new(tracking.map_err(refused)?);
+        let follower = match learning {
+            Some(learning) => follower.with_learning(learning),
+            None => follower,
+        };
+        Ok(Self { parameters, follower, supervisor, checksum: None })
     }
 
     /// The parameters.
@@ -227,16 +230,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
         self.parameters
     }
 
-    /// The law of the film, with what follows references along it.
+    /// The control law along the law of the film, with learning of periodic references if the parameters ask for it.
     #[must_use]
-    pub fn tracking(&self) -> &Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>> {
-        &self.tracking
-    }
-
-    /// What learns periodic references, if the parameters ask for it.
-    #[must_use]
-    pub fn learning(&self) -> Option<&Learning<f32>> {
-        self.learning.as_ref()
+    pub fn follower(&self) -> &Follower<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>> {
+        &self.follower
     }
 
     pub(crate) fn supervisor(&self) -> &Supervisor {

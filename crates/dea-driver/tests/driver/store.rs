@@ -38,7 +38,7 @@ fn a_blob_comes_back_as_it_was() {
     // The law is the one that a host steps, to the bit.
     let model = springpot::Preset::TABLE3_N2.model().expect("valid");
     let law = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
-    let observer = blob.tracking().observer();
+    let observer = blob.follower().compensator().observer();
     assert_eq!(observer.law(), &law);
     let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.stiffness()).expect("valid");
     assert_eq!(observer.drive(), &drive);

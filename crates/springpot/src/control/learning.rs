@@ -8,6 +8,7 @@ use crate::actuator::Actuator;
 use crate::control::block::Block;
 use crate::control::cycle::{Cycle, CycleFinder};
 use crate::control::harmonic::{HARMONICS, Harmonic, Pair};
+use crate::control::limits::Limited;
 use crate::control::observer::SensorSample;
 use crate::control::path::is_finite;
 use crate::error::{ControlError, first_not_positive};
@@ -23,11 +24,11 @@ use crate::scalar::Real;
 /// let model = Preset::TABLE3_N2.model()?;
 /// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let wings = LearningOptions { period_s: Some(0.2), harmonics: 3, ..LearningOptions::BENCH };
-/// let learning: Learning<f32> = Learning::new(&law, &Actuator::KARNER_2022, 6000.0, wings)?;
+/// let learning = Learning::new(&law, &Actuator::KARNER_2022, 6000.0, wings)?;
 /// assert_eq!(learning.state(0.0).period_ticks().map(|ticks| ticks.round()), Some(200.0));
 ///
 /// let wrong = LearningOptions { period_s: Some(-1.0), ..wings };
-/// let refused = Learning::<f32>::new(&law, &Actuator::KARNER_2022, 6000.0, wrong);
+/// let refused = Learning::new(&law, &Actuator::KARNER_2022, 6000.0, wrong);
 /// assert_eq!(refused, Err(ControlError::NotPositive { quantity: "period_s", value: -1.0 }));
 /// # Ok(())
 /// # }
@@ -62,8 +63,9 @@ impl LearningOptions {
 
 /// Learns what a film leaves of a periodic reference, and adds the opposite to the reference.
 ///
-/// It stands before [`Feedforward`](crate::Feedforward) or [`Tracking`](crate::Tracking). In every tick: [`advance`](Self::advance) with the
-/// reference and the sample that has arrived, if one has; then `command` with what it returns.
+/// A [`Follower`](crate::Follower) puts it in front of feedforward or tracking. In front of another controller:
+/// [`observe`](LearningState::observe) each sample that arrives, then, in every tick, [`advance`](Self::advance) with the reference; it
+/// returns the one to follow instead.
 ///
 /// The error e, a sample minus the reference of its own time, has in every cycle of the reference the harmonics E_h. They answer to
 /// what is added, A_h, with P_h, which the inverse of the law makes nearly 1 where the law is right. So, block by block,
@@ -82,37 +84,6 @@ impl LearningOptions {
 /// added is halved.
 ///
 /// Harmonics up to 0.3 of the sensor's rate are learned. What is added has two lags of 5 ticks, so that no step of it reaches the voltage.
-///
-/// ```
-/// use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, Learning, LearningOptions, LawOptions, Preset, SensorSample};
-///
-/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::TABLE3_N2.model()?;
-/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
-/// let rest = law.state();
-/// let limits = CommandLimits::BENCH;
-/// let options = LearningOptions { period_s: Some(1.0), ..LearningOptions::BENCH };
-/// let learning: Learning<f32> = Learning::new(&law, &Actuator::KARNER_2022, limits.max_voltage_v, options)?;
-/// let feedforward: Feedforward<f32> = Feedforward::new(law, &Actuator::KARNER_2022, limits)?;
-/// let (mut learned, mut state) = (learning.state(0.0), feedforward.state(rest));
-///
-/// let (mut voltage, mut is_free, mut reference) = (0.0, true, 0.0_f32);
-/// for tick in 0..40_000_u16 {
-///     feedforward.apply(&mut state, Applied::as_commanded(voltage));
-///     // A film that goes 5 % further than its law says, and a sensor of 100 Hz.
-///     let displacement_m = 1.05 * state.displacement();
-///     if tick > 30_000 {
-///         assert!((displacement_m - reference).abs() < 1e-6);
-///     }
-///     let sample = (tick % 10 == 0).then_some(SensorSample { displacement_m, age_ticks: 0 });
-///     let angle = core::f32::consts::TAU * f32::from(tick % 1000) / 1000.0;
-///     reference = 1e-3 - 0.2e-3 * angle.cos();
-///     let command = feedforward.command(&mut state, learning.advance(&mut learned, reference, sample, is_free));
-///     (voltage, is_free) = (command.voltage_v, command.limited.is_none());
-/// }
-/// # Ok(())
-/// # }
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Learning<T, const PAST: usize = 64> {
     finder: CycleFinder<T>,
@@ -187,13 +158,29 @@ const SINE: [f64; 4] = [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0];
 /// sin of the angle by which a crossing may miss its phase and still belong to the same period.
 const SAME_PERIOD: f64 = 0.3;
 
-impl<T: Real, const PAST: usize> Learning<T, PAST> {
-    /// Learning in front of the inverse of `law` for `actuator`, up to `max_voltage_v` (V).
+impl<T: Real> Learning<T> {
+    /// Learning in front of the inverse of `law` for `actuator`, up to `max_voltage_v` (V), that remembers 64 ticks.
     ///
     /// # Errors
     ///
     /// [`ControlError::NotPositive`] for times that are not finite and positive, [`ControlError::Harmonics`].
     pub fn new<M: Memory<T>>(
+        law: &Law<T, M>,
+        actuator: &Actuator,
+        max_voltage_v: f64,
+        options: LearningOptions,
+    ) -> Result<Self, ControlError> {
+        Self::with_past(law, actuator, max_voltage_v, options)
+    }
+}
+
+impl<T: Real, const PAST: usize> Learning<T, PAST> {
+    /// As [`new`](Self::new), remembering `PAST` ticks: samples may be up to `PAST` − 9 ticks old.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new).
+    pub fn with_past<M: Memory<T>>(
         law: &Law<T, M>,
         actuator: &Actuator,
         max_voltage_v: f64,
@@ -243,32 +230,32 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         }
     }
 
-    /// A state for another run of the same reference, which begins at `position` (m), with what `learned` has learned.
-    #[must_use]
-    pub fn carried_over(&self, learned: &LearningState<T, PAST>, position: T) -> LearningState<T, PAST> {
-        LearningState { harmonics: learned.harmonics.map(Harmonic::kept), ..self.state(position) }
+    /// Begins another run, whose reference begins at `position` (m), with what `state` has learned if it `keeps` it. The sample that has
+    /// arrived last stays.
+    pub fn restart(&self, state: &mut LearningState<T, PAST>, position: T, keeps: bool) {
+        let LearningState { harmonics, arrived, newest, .. } = state;
+        let harmonics = if keeps { harmonics.map(Harmonic::kept) } else { [Harmonic::new(); HARMONICS + 1] };
+        // The ring begins at 0 again.
+        let arrived = arrived.map(|(displacement, place)| {
+            (displacement, if place < *newest { place + PAST - *newest } else { place - *newest })
+        });
+        *state = LearningState { harmonics, arrived, ..self.state(position) };
     }
 
-    /// The reference to follow at the end of this tick (m) instead of `reference` (m), from a `sample` if one has arrived.
-    /// `is_free`: the command before met no limit; nothing is learned from blocks with limits.
+    /// The reference to follow at the end of this tick (m) instead of `reference` (m). `limited`: the limits that the command before met;
+    /// nothing is learned from blocks with limits.
     ///
     /// A non-finite reference is passed on, and nothing is learned from it.
-    // Not inlined, as `Observer::observe`.
+    // Not inlined, as `Observer::step`.
     #[inline(never)]
-    pub fn advance(
-        &self,
-        state: &mut LearningState<T, PAST>,
-        reference: T,
-        sample: Option<SensorSample<T>>,
-        is_free: bool,
-    ) -> T {
+    pub fn advance(&self, state: &mut LearningState<T, PAST>, reference: T, limited: Limited) -> T {
         state.rotate();
         if self.period <= T::ZERO {
             self.follow_period(state, reference);
         }
-        state.remember(reference, sample);
-        if !is_free {
-            self.give_way(state);
+        state.remember(reference);
+        if !limited.is_none() {
+            self.yield_to_limits(state);
         }
         self.visit(state);
         reference + state.smooth()
@@ -304,7 +291,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
     }
 
     /// A limit was met: the block shows nothing. Where limits leave no block, what was learned may be why.
-    fn give_way(&self, state: &mut LearningState<T, PAST>) {
+    fn yield_to_limits(&self, state: &mut LearningState<T, PAST>) {
         if !state.block.has_ended {
             state.begin_block();
         }
@@ -383,6 +370,22 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
 }
 
 impl<T: Real, const PAST: usize> LearningState<T, PAST> {
+    /// Takes a `sample` that has arrived, before [`advance`](Learning::advance) of the same tick. One that is too old is ignored.
+    #[inline]
+    pub fn observe(&mut self, sample: SensorSample<T>) {
+        let SensorSample { displacement_m, age_ticks } = sample;
+        // What is remembered will be overwritten before the next round is over: a sample must be younger by that.
+        if age_ticks < PAST.saturating_sub(HARMONICS + 2) {
+            let place = self.newest + age_ticks;
+            self.arrived = Some((displacement_m, if place >= PAST { place - PAST } else { place }));
+        }
+    }
+
+    /// Ignores the sample that has arrived last.
+    pub(crate) fn drop_sample(&mut self) {
+        self.arrived = None;
+    }
+
     /// What is added to the reference now, m.
     #[must_use]
     pub fn added(&self) -> T {
@@ -395,8 +398,7 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         (self.angle > T::ZERO).then(|| T::from_f64(TAU) / self.angle)
     }
 
-    /// Whether the errors of this period have been seen: an observer may leave them to the learning
-    /// ([`TrackingState::leave_cycles`](crate::TrackingState::leave_cycles)).
+    /// Whether the errors of this period have been seen.
     #[must_use]
     pub fn has_learned(&self) -> bool {
         self.has_learned
@@ -434,20 +436,12 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         self.share = self.share + T::from_f64(FADING) * (on - self.share);
     }
 
-    /// Remembers reference and phase of the end of this tick, and where those of a sample stand, which is taken at the begin of a tick.
-    /// One that is too old is ignored.
+    /// Remembers reference and phase of the end of this tick.
     #[inline]
-    fn remember(&mut self, reference: T, sample: Option<SensorSample<T>>) {
-        let newest = if self.newest == 0 { PAST.saturating_sub(1) } else { self.newest - 1 };
-        self.newest = newest;
-        if let Some(slot) = self.past.get_mut(newest) {
+    fn remember(&mut self, reference: T) {
+        self.newest = if self.newest == 0 { PAST.saturating_sub(1) } else { self.newest - 1 };
+        if let Some(slot) = self.past.get_mut(self.newest) {
             *slot = [reference, self.phase[0], self.phase[1]];
-        }
-        let Some(SensorSample { displacement_m: displacement, age_ticks }) = sample else { return };
-        // What is remembered will be overwritten before the next round is over: a sample must be younger by that.
-        if age_ticks < PAST.saturating_sub(HARMONICS + 2) {
-            let place = newest + age_ticks + 1;
-            self.arrived = Some((displacement, if place >= PAST { place - PAST } else { place }));
         }
     }
 

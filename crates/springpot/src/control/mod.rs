@@ -1,10 +1,11 @@
-//! Control that steps one law once per tick: feedforward, observer, and tracking, which combines both.
+//! Control that steps one law once per tick: feedforward, observer, tracking, which combines both, and the follower around them.
 
 mod amplifier;
 mod block;
 mod cycle;
 mod fade;
 mod feedforward;
+mod follower;
 mod harmonic;
 mod inverse;
 mod learning;
@@ -18,6 +19,7 @@ mod tracking;
 
 pub use amplifier::{AmplifierLag, AmplifierModel};
 pub use feedforward::{Feedforward, FeedforwardState};
+pub use follower::{Compensator, Follower, FollowerState};
 pub use harmonic::HARMONICS;
 pub use inverse::{Applied, VoltageCommand};
 pub use learning::{Learning, LearningOptions, LearningState};

@@ -67,8 +67,7 @@ pub struct SensorSample<T> {
 /// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let rest = law.state();
 /// // A sensor of 100 Hz, 10 ms late; the estimate follows it up to 0.5 Hz.
-/// let observer: Observer<f32> =
-///     Observer::new(law, &Actuator::KARNER_2022, 6000.0, ObserverOptions::at_bandwidth(0.5))?;
+/// let observer = Observer::new(law, &Actuator::KARNER_2022, 6000.0, ObserverOptions::at_bandwidth(0.5))?;
 ///
 /// let mut state = observer.state(rest);
 /// for tick in 0..20_000 {
@@ -165,14 +164,31 @@ const FULL_SHARE: f64 = 0.9;
 /// Bounds of the force scale.
 const FORCE_SCALE_RANGE: [f64; 2] = [0.25, 4.0];
 
-impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
-    /// An observer of `actuator` along `law`, up to `max_voltage_v` (V).
+impl<T: Real, M: Memory<T>> Observer<T, M> {
+    /// An observer of `actuator` along `law`, up to `max_voltage_v` (V), that remembers 64 ticks.
     ///
     /// # Errors
     ///
     /// [`ControlError`] for options that are not positive, a bandwidth that is too high for the sensor or lies above a third of the
-    /// model's resonance, and an actuator that is refused at the largest voltage.
+    /// model's resonance, a sensor whose samples are older than the observer remembers, and an actuator that is refused at the largest
+    /// voltage.
     pub fn new(
+        law: Law<T, M>,
+        actuator: &Actuator,
+        max_voltage_v: f64,
+        options: ObserverOptions,
+    ) -> Result<Self, ControlError> {
+        Self::with_past(law, actuator, max_voltage_v, options)
+    }
+}
+
+impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
+    /// As [`new`](Self::new), remembering `PAST` ticks.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new).
+    pub fn with_past(
         law: Law<T, M>,
         actuator: &Actuator,
         max_voltage_v: f64,

@@ -17,11 +17,11 @@ const MAX_PHASE: f64 = 0.35;
 /// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// // A camera of 50 Hz, 15 ms late.
 /// let camera = ObserverOptions { sample_interval_s: 0.02, delay_s: 0.015, ..ObserverOptions::at_bandwidth(0.5) };
-/// let observer: Observer<f32> = Observer::new(law.clone(), &Actuator::KARNER_2022, 6000.0, camera)?;
+/// let observer = Observer::new(law.clone(), &Actuator::KARNER_2022, 6000.0, camera)?;
 ///
 /// // It is too slow for more bandwidth.
 /// let fast = ObserverOptions { bandwidth_hz: 2.0, ..camera };
-/// let refused = Observer::<f32>::new(law, &Actuator::KARNER_2022, 6000.0, fast).err();
+/// let refused = Observer::new(law, &Actuator::KARNER_2022, 6000.0, fast).err();
 /// assert!(matches!(refused, Some(ControlError::SensorTooSlow { .. })));
 /// # Ok(())
 /// # }

@@ -33,7 +33,7 @@ use crate::scalar::{Real, Scalar};
 /// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
 /// let rest = law.state();
 /// let options = ObserverOptions::at_bandwidth(0.5);
-/// let tracking: Tracking<f32> = Tracking::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH, options)?;
+/// let tracking = Tracking::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH, options)?;
 ///
 /// // One tick: the applied voltage and a sample in, the next voltage out.
 /// fn tick(
@@ -78,8 +78,8 @@ state_traits!(TrackingState<T, M, PAST> { observer, inverse, fade, is_learned })
 /// Share of the static stroke at the largest voltage by which a reference must move so that its frequency counts.
 const MIN_SHARE: f64 = 2e-3;
 
-impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
-    /// Tracking for `actuator` along `law` within `limits`, with an observer of these `options`.
+impl<T: Real, M: Memory<T>> Tracking<T, M> {
+    /// Tracking for `actuator` along `law` within `limits`, with an observer of these `options` that remembers 64 ticks.
     ///
     /// # Errors
     ///
@@ -90,11 +90,27 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         limits: CommandLimits,
         options: ObserverOptions,
     ) -> Result<Self, ControlError> {
+        Self::with_past(law, actuator, limits, options)
+    }
+}
+
+impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
+    /// As [`new`](Self::new), with an observer that remembers `PAST` ticks.
+    ///
+    /// # Errors
+    ///
+    /// As [`Feedforward::new`](crate::Feedforward::new) and [`Observer::new`].
+    pub fn with_past(
+        law: Law<T, M>,
+        actuator: &Actuator,
+        limits: CommandLimits,
+        options: ObserverOptions,
+    ) -> Result<Self, ControlError> {
         let inverse = Inverse::new(actuator, &limits, law.step_s(), law.largest_stiffness())?;
         let stroke_m = actuator.electrostatic_force(limits.max_voltage_v) / law.stiffness_at_rest();
         let interval_s = options.sample_interval_s.max(law.step_s());
         let fade = Fade::new(options.bandwidth_hz, interval_s, MIN_SHARE * stroke_m);
-        let observer = Observer::new(law, actuator, limits.max_voltage_v, options)?;
+        let observer = Observer::with_past(law, actuator, limits.max_voltage_v, options)?;
         Ok(Self { observer, inverse, fade })
     }
 
@@ -164,12 +180,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
     }
 
     /// All of the correction is in use until the reference has moved again: for a voltage that does not follow the sensor.
-    pub fn correct_wholly(&mut self) {
+    pub(crate) fn correct_fully(&mut self) {
         self.fade = FadeState::at(self.inverse.path.position);
     }
 
     /// From now on the errors of cycles are learned, or not: the observer leaves them to a [`Learning`](crate::Learning).
-    pub fn leave_cycles(&mut self, to_learning: bool) {
+    pub(crate) fn leave_cycles(&mut self, to_learning: bool) {
         self.is_learned = to_learning;
     }
 

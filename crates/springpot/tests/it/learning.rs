@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{
-    Actuator, LawOptions, Learning, LearningOptions, LearningState, Maxwell, SensorSample, Springpot, Topology,
+    Actuator, LawOptions, Learning, LearningOptions, LearningState, Limited, Maxwell, SensorSample, Springpot, Topology,
 };
 
 use crate::support::full_sweep;
@@ -74,12 +74,20 @@ impl Loop {
             let displacement = (self.past[self.past.len() - 1 - self.delay] + noise) as f32;
             SensorSample { displacement_m: displacement, age_ticks: self.believed }
         });
-        let asked = self.learning.advance(&mut self.state, reference as f32, sample, true);
+        if let Some(sample) = sample {
+            self.state.observe(sample);
+        }
+        let asked = self.learning.advance(&mut self.state, reference as f32, Limited::NONE);
         let x = self.film.advance(f64::from(asked));
         self.past.push(x);
         self.tick += 1;
         x - reference
     }
+}
+
+/// A limit that the command before met, or none.
+fn met(is_met: bool) -> Limited {
+    if is_met { Limited::SLEW } else { Limited::NONE }
 }
 
 fn sine(period_s: f64, tick: usize) -> f64 {
@@ -236,9 +244,9 @@ fn only_cycles_are_learned() {
     let mut state = learning.state(0.0);
     for tick in 0..20_000_usize {
         let wrong = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][tick % 3];
-        let sample = Some(SensorSample { displacement_m: wrong, age_ticks: [0, 62, 63, usize::MAX][tick % 4] });
+        state.observe(SensorSample { displacement_m: wrong, age_ticks: [0, 62, 63, usize::MAX][tick % 4] });
         let reference = if tick % 7 == 0 { wrong } else { 1e-3 };
-        let asked = learning.advance(&mut state, reference, sample, tick % 5 == 0);
+        let asked = learning.advance(&mut state, reference, met(tick % 5 != 0));
         assert!(state.added() == 0.0 && (asked == reference || reference.is_nan()), "{tick}");
     }
 }
@@ -253,7 +261,7 @@ fn limits_are_given_way() {
         learned = learned.max(f64::from(film.state.added()).abs());
     }
     for tick in 20_000..140_000 {
-        let asked = film.learning.advance(&mut film.state, sine(1.0, tick + 1) as f32, None, tick % 500 != 0);
+        let asked = film.learning.advance(&mut film.state, sine(1.0, tick + 1) as f32, met(tick % 500 == 0));
         film.film.advance(f64::from(asked));
     }
     let left = f64::from(film.state.added()).abs();

@@ -10,6 +10,7 @@ mod continuous_oracle;
 mod curves;
 mod dual_numbers;
 mod feedforward;
+mod follower;
 mod full_memory;
 mod laws;
 mod learning;

@@ -44,8 +44,8 @@ fn the_default_memory_needs_no_name() {
         Law::compressed(&Preset::ALL[1].model().expect("valid"), LawOptions::at_step(1e-3)).expect("valid");
     let film = law.state();
     let feedforward = Feedforward::new(law.clone(), &ACTUATOR, LIMITS).expect("valid");
-    let observer: Observer<f32> = Observer::new(law.clone(), &ACTUATOR, 6000.0, observer_options()).expect("valid");
-    let tracking: Tracking<f32> = Tracking::new(law.clone(), &ACTUATOR, LIMITS, observer_options()).expect("valid");
+    let observer = Observer::new(law.clone(), &ACTUATOR, 6000.0, observer_options()).expect("valid");
+    let tracking = Tracking::new(law.clone(), &ACTUATOR, LIMITS, observer_options()).expect("valid");
     let mut states = Default {
         feedforward: feedforward.state(film.clone()),
         observer: observer.state(film.clone()),
@@ -70,10 +70,8 @@ fn a_lean_memory_is_a_parameter() {
     let law: Law<f32, Lean> = Law::compressed(&Preset::ALL[1].model().expect("valid"), options()).expect("valid");
     let film = law.state();
     let feedforward = Feedforward::new(law.clone(), &ACTUATOR, LIMITS).expect("valid");
-    let observer: Observer<f32, Lean, 16> =
-        Observer::new(law.clone(), &ACTUATOR, 6000.0, observer_options()).expect("valid");
-    let tracking: Tracking<f32, Lean, 16> =
-        Tracking::new(law.clone(), &ACTUATOR, LIMITS, observer_options()).expect("valid");
+    let observer = Observer::<_, _, 16>::with_past(law.clone(), &ACTUATOR, 6000.0, observer_options()).expect("valid");
+    let tracking = Tracking::<_, _, 16>::with_past(law.clone(), &ACTUATOR, LIMITS, observer_options()).expect("valid");
     let mut states = WithLean {
         feedforward: feedforward.state(film.clone()),
         observer: observer.state(film.clone()),

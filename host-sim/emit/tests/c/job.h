@@ -48,6 +48,8 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
     float commanded = 0.0F;
     volatile float zero = 0.0F;
     bool is_free = true;
+    bool has_begun = true;
+    bool carries_over = false;
     uint32_t k;
 
     /* What stood there before must not matter. */
@@ -105,17 +107,38 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
             float x;
             springpot_command command;
             if ((in.flags & 1U) != 0U) {
+                /* The run ends, and the next one begins with what was learned. */
                 springpot_tracking_forget(&tracking);
-                springpot_learning_carry_over(film, &learning, in.a);
+                springpot_tracking_leave_cycles(&tracking, false);
+                has_begun = false;
+                carries_over = true;
             }
             if ((in.flags & 2U) != 0U) {
-                springpot_tracking_correct_wholly(&tracking);
                 springpot_learning_forget(film, &learning);
+                carries_over = false;
             }
             x = springpot_tracking_observe(film, &tracking, applied, in.b * applied, arrived);
-            if (kind == 5U) {
+            if ((in.flags & 2U) != 0U) {
+                /* A tick whose voltage something else sets: the reference stays with the film, the run ends. */
+                springpot_tracking_leave_cycles(&tracking, false);
+                springpot_tracking_correct_wholly(&tracking);
+                has_begun = false;
+                reference = x;
+            } else if (kind == 5U) {
+                if (!has_begun) {
+                    if (carries_over) {
+                        springpot_learning_carry_over(film, &learning, in.a);
+                    } else {
+                        springpot_learning_init(film, &learning, in.a);
+                    }
+                    has_begun = true;
+                    carries_over = false;
+                    is_free = true;
+                }
                 reference = springpot_learning_advance(film, &learning, in.a, arrived, is_free);
                 springpot_tracking_leave_cycles(&tracking, learning.has_learned != 0U);
+            } else {
+                /* tracking alone */
             }
             command = springpot_tracking_command(film, &tracking, reference);
             commanded = command.voltage;

@@ -1,6 +1,6 @@
 //! Jobs: a law or a law of control along given inputs, in Rust and for the C of `tests/c/job.h`.
 
-use springpot::{Applied, SensorSample};
+use springpot::{Applied, Follower, SensorSample};
 
 use crate::films::Case;
 
@@ -127,40 +127,37 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
                 .collect()
         }
         Kind::Tracking | Kind::Learning => {
-            let mut state = tracking.state(state);
-            let mut learned = learning.as_ref().map(|learning| learning.state(0.0));
-            let (mut commanded, mut is_free) = (0.0, true);
+            let follower = Follower::new(tracking.clone());
+            let follower = match learning {
+                Some(learning) if kind == Kind::Learning => follower.with_learning(*learning),
+                _ => follower,
+            };
+            let mut state = follower.state(state);
+            let mut commanded = 0.0;
             inputs
                 .iter()
                 .map(|input| {
-                    let learns = learning.as_ref().zip(learned.as_mut());
-                    if input.flags & 1 != 0 {
-                        state.forget();
+                    let (ends_run, stands_by) = (input.flags & 1 != 0, input.flags & 2 != 0);
+                    if ends_run {
+                        state.forget_correction();
+                        state.carry_over();
+                        state.end_run();
                     }
-                    if input.flags & 2 != 0 {
-                        state.correct_wholly();
+                    if stands_by {
+                        state.forget_cycles();
                     }
                     let applied = commanded * put_out(input);
                     let applied = Applied::as_monitored(applied, input.b * applied);
-                    let x = tracking.observe(&mut state, applied, input.sample);
-                    let mut reference = input.a;
-                    if let Some((learning, learned)) = learns {
-                        if input.flags & 1 != 0 {
-                            *learned = learning.carried_over(learned, input.a);
-                        }
-                        if input.flags & 2 != 0 {
-                            learned.forget();
-                        }
-                        if kind == Kind::Learning {
-                            reference = learning.advance(learned, input.a, input.sample, is_free);
-                            state.leave_cycles(learned.has_learned());
-                        }
-                    }
-                    let command = tracking.command(&mut state, reference);
+                    let x = follower.observe(&mut state, applied, input.sample);
+                    let (command, followed) = if stands_by {
+                        (follower.standby(&mut state), x)
+                    } else {
+                        let command = follower.command(&mut state, input.a);
+                        (command, if follower.learning().is_some() { input.a + state.added() } else { input.a })
+                    };
                     commanded = command.voltage_v;
-                    is_free = command.limited.is_none();
                     let observer = state.observer();
-                    let numbers = [x, command.voltage_v, reference, observer.disturbance(), observer.share()];
+                    let numbers = [x, command.voltage_v, followed, observer.disturbance(), observer.share()];
                     row(numbers, command.limited.bits().into())
                 })
                 .collect()

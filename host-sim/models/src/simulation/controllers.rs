@@ -4,13 +4,13 @@ use std::collections::VecDeque;
 
 use clap::ValueEnum;
 use springpot::{
-    Actuator, Applied, CommandLimits, Compressed, Feedforward, FeedforwardState, Learning, LearningOptions,
-    LearningState, Limited, Memory, Observer, ObserverOptions, Preload, Real, SensorSample, Tracking, TrackingState,
+    Actuator, Applied, CommandLimits, Compensator, Feedforward, Follower, FollowerState, Learning, LearningOptions,
+    Limited, Observer, ObserverOptions, Preload, Real, SensorSample, Tracking,
 };
 
 use crate::error::Result;
 use crate::files::parameters::Parameters;
-use crate::replay::memory::{Precision, VecWindow, window_law, window_length};
+use crate::replay::memory::{Precision, window_law, window_length};
 use crate::replay::observer::refused;
 
 /// Which controller.
@@ -119,10 +119,7 @@ fn build_in<T: Real + Send + 'static>(
     let (actuator, limits) = (parameters.actuator, settings.limits);
     let spring = law.frequency_response(STATIC_HZ).inv().re;
     let one_spring = StaticInverse::new(&actuator, limits, spring);
-    let learner = |law: &springpot::Law<T>| -> Result<Option<Learner<T>>> {
-        let learning = settings.learning.map(|options| Learning::new(law, &actuator, limits.max_voltage_v, options));
-        Ok(learning.transpose()?.map(|learning| Learner { state: learning.state(T::ZERO), learning, is_free: true }))
-    };
+    let learning = settings.learning.map(|options| Learning::new(&law, &actuator, limits.max_voltage_v, options));
     Ok(match kind {
         ControllerKind::None => {
             let peak_v = one_spring.voltage(settings.peak_m).0;
@@ -132,26 +129,26 @@ fn build_in<T: Real + Send + 'static>(
         ControllerKind::Window => {
             let length = window_length(WINDOW_S, settings.rate_hz);
             let (law, rest) = window_law::<T>(parameters.film(), law.step_s(), length)?;
-            let feedforward = Feedforward::new(law, &actuator, limits)?;
-            let state = feedforward.state(rest);
-            Box::new(FeedforwardController::<T, VecWindow<T>> { feedforward, state, learner: None })
+            let follower = Follower::new(Feedforward::new(law, &actuator, limits)?);
+            Box::new(Following { state: follower.state(rest), follower, seen: |_| None })
         }
         ControllerKind::Pi => {
             let gains =
-                Observer::<T>::new(law, &actuator, limits.max_voltage_v, settings.observer).map_err(refused)?.gains();
+                Observer::new(law, &actuator, limits.max_voltage_v, settings.observer).map_err(refused)?.gains();
             Box::new(ProportionalIntegral::new(one_spring, gains, settings.rate_hz))
         }
         ControllerKind::Feedforward => {
-            let (rest, learner) = (law.state(), learner(&law)?);
-            let feedforward = Feedforward::new(law, &actuator, limits)?;
-            let state = feedforward.state(rest);
-            Box::new(FeedforwardController::<T, Compressed<T>> { feedforward, state, learner })
+            let (rest, learning) = (law.state(), learning.transpose()?);
+            let follower = learning_too(Feedforward::new(law, &actuator, limits)?, learning);
+            Box::new(Following { state: follower.state(rest), follower, seen: |_| None })
         }
         ControllerKind::Tracking => {
-            let (rest, learner) = (law.state(), learner(&law)?);
-            let tracking: Tracking<T> = Tracking::new(law, &actuator, limits, settings.observer).map_err(refused)?;
-            let state = tracking.state(rest);
-            Box::new(TrackingController { tracking, state, learner })
+            let (rest, learning) = (law.state(), learning.transpose()?);
+            let tracking = Tracking::new(law, &actuator, limits, settings.observer).map_err(refused)?;
+            let follower = learning_too(tracking, learning);
+            let seen =
+                |state: &FollowerState<T>| Some((state.observer().disturbance(), state.observer().force_scale()));
+            Box::new(Following { state: follower.state(rest), follower, seen })
         }
     })
 }
@@ -269,77 +266,35 @@ fn in_type<T: Real>(sample: SensorSample<f64>) -> SensorSample<T> {
     SensorSample { displacement_m: T::from_f64(sample.displacement_m), age_ticks: sample.age_ticks }
 }
 
-/// Learning in front of a law of control.
-struct Learner<T: Real> {
-    learning: Learning<T>,
-    state: LearningState<T>,
-    /// Whether the last command met no limit.
-    is_free: bool,
-}
-
-impl<T: Real> Learner<T> {
-    fn advance(&mut self, reference: T, sample: Option<SensorSample<T>>) -> T {
-        self.learning.advance(&mut self.state, reference, sample, self.is_free)
+/// A follower along `compensator`, with `learning` where there is any.
+fn learning_too<T: Real, C: Compensator<T>>(compensator: C, learning: Option<Learning<T>>) -> Follower<T, C> {
+    let follower = Follower::new(compensator);
+    match learning {
+        Some(learning) => follower.with_learning(learning),
+        None => follower,
     }
 }
 
-/// `Feedforward`, and `Window` with another memory.
-struct FeedforwardController<T: Real, M: Memory<T>> {
-    feedforward: Feedforward<T, M>,
-    state: FeedforwardState<T, M>,
-    learner: Option<Learner<T>>,
+/// `Feedforward`, `Window` with another memory, and `Tracking`.
+struct Following<T: Real, C: Compensator<T>> {
+    follower: Follower<T, C>,
+    state: FollowerState<T, C>,
+    /// Disturbance (N) and force scale that the sensor has shown, if there is one.
+    seen: fn(&FollowerState<T, C>) -> Option<(T, T)>,
 }
 
-impl<T: Real, M: Memory<T>> Controller for FeedforwardController<T, M> {
+impl<T: Real, C: Compensator<T>> Controller for Following<T, C> {
     fn tick(&mut self, applied: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
-        let estimate = self.feedforward.apply(&mut self.state, of_type(applied));
-        let target = T::from_f64(reference_m);
-        let target = self.learner.as_mut().map_or(target, |learner| learner.advance(target, sample.map(in_type)));
-        let command = self.feedforward.command(&mut self.state, target);
-        let shaped = if let Some(learner) = &mut self.learner {
-            learner.is_free = command.limited.is_none();
-            None
-        } else {
-            Some(command.reference_m.to_f64())
-        };
+        let Self { follower, state, seen } = self;
+        let command = follower.step(state, of_type(applied), sample.map(in_type), T::from_f64(reference_m));
+        let seen = seen(state);
         ControllerOutput {
             voltage_v: command.voltage_v.to_f64(),
-            reference_m: shaped,
+            reference_m: follower.learning().is_none().then(|| command.reference_m.to_f64()),
             limited: command.limited,
-            estimate_m: Some(estimate.to_f64()),
-            ..ControllerOutput::default()
-        }
-    }
-}
-
-/// `Tracking`.
-struct TrackingController<T: Real> {
-    tracking: Tracking<T>,
-    state: TrackingState<T>,
-    learner: Option<Learner<T>>,
-}
-
-impl<T: Real> Controller for TrackingController<T> {
-    fn tick(&mut self, applied: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
-        let sample = sample.map(in_type);
-        let estimate = self.tracking.observe(&mut self.state, of_type(applied), sample);
-        let target = T::from_f64(reference_m);
-        let target = self.learner.as_mut().map_or(target, |learner| learner.advance(target, sample));
-        let command = self.tracking.command(&mut self.state, target);
-        let shaped = if let Some(learner) = &mut self.learner {
-            learner.is_free = command.limited.is_none();
-            self.state.leave_cycles(learner.state.has_learned());
-            None
-        } else {
-            Some(command.reference_m.to_f64())
-        };
-        ControllerOutput {
-            voltage_v: command.voltage_v.to_f64(),
-            reference_m: shaped,
-            limited: command.limited,
-            estimate_m: Some(estimate.to_f64()),
-            disturbance_n: Some(self.state.observer().disturbance().to_f64()),
-            force_scale: Some(self.state.observer().force_scale().to_f64()),
+            estimate_m: Some(state.displacement().to_f64()),
+            disturbance_n: seen.map(|(disturbance, _)| disturbance.to_f64()),
+            force_scale: seen.map(|(_, scale)| scale.to_f64()),
         }
     }
 }

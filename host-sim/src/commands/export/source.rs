@@ -104,7 +104,8 @@ impl Source {
         library: &mut Library,
     ) -> Result<Vec<(PathBuf, usize)>> {
         let symbol = self.symbol.as_str();
-        let described = Film { symbol, name, tracking: blob.tracking(), learning: blob.learning() };
+        let described =
+            Film { symbol, name, tracking: blob.follower().compensator(), learning: blob.follower().learning() };
         let text = |(path, text): (PathBuf, String)| (path, text.into_bytes());
         let beside = |(name, content): (String, String)| text((self.out.with_file_name(name), content));
         let files: Vec<(PathBuf, Vec<u8>)> = match self.kind {

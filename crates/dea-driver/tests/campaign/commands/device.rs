@@ -51,7 +51,7 @@ impl Bench {
     fn new(on_sensor_fault: OnSensorFault, seed: u64) -> Self {
         let parameters = parameters(on_sensor_fault);
         let blob = Blob::new(parameters.clone()).expect("valid");
-        let observer = blob.tracking().observer();
+        let observer = blob.follower().compensator().observer();
         let (law, drive) = (observer.law().coarser(), *observer.drive());
         let mut device: Device = Device::new(Some(Cause::Watchdog));
         device.stream(1);
