@@ -104,7 +104,8 @@ pub fn all_kinds(run: impl Fn(&[u8]) -> Vec<u8>, (index, case): (usize, &Case), 
             shown.limits |= rows.iter().fold(0, |all, row| all | row[5]);
         }
         if kind == Kind::Learning {
-            shown.learned += rows.iter().zip(&inputs).filter(|(row, input)| row[2] != input.a.to_bits()).count();
+            let added = |(row, input): &(&job::Row, &Input)| input.flags & 2 == 0 && row[2] != input.a.to_bits();
+            shown.learned += rows.iter().zip(&inputs).filter(added).count();
         }
     }
     shown
