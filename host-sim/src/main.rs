@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use host_sim::commands::Verdict;
+use host_sim::commands::{Verdict, with_flags};
 use host_sim::{interrupt, terminal};
 
 fn main() -> ExitCode {
@@ -12,7 +12,7 @@ fn main() -> ExitCode {
         (Ok(Verdict::Yes), None) => ExitCode::SUCCESS,
         (Ok(Verdict::No), None) => ExitCode::from(1),
         (Err(error), _) => {
-            terminal::error(&error);
+            terminal::error(with_flags(&error.to_string()));
             ExitCode::from(2)
         }
     }

@@ -1,6 +1,7 @@
 //! Errors of the host tool as exceptions with the same one line.
 
 use host_io::Error;
+use host_io::error::with_names;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::{PyErr, PyResult};
 
@@ -25,7 +26,7 @@ impl<T> Raise<T> for host_io::Result<T> {
 
 /// The exception of `error`.
 fn exception(error: &Error) -> PyErr {
-    let line = error.to_string();
+    let line = with_arguments(&error.to_string());
     match innermost(error) {
         Error::File { .. } | Error::Line { .. } => raised::FileError::new_err(line),
         Error::Computation(_) => raised::ComputationError::new_err(line),
@@ -39,6 +40,11 @@ fn innermost(error: &Error) -> &Error {
         Error::At { error, .. } => innermost(error),
         error => error,
     }
+}
+
+/// The `text` of an error or a warning with the fields in it as arguments: they have the same names.
+pub(crate) fn with_arguments(text: &str) -> String {
+    with_names(text, |field| Some(field.to_owned()))
 }
 
 /// The exception of an argument that cannot be used: `name: cause`.

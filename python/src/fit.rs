@@ -16,7 +16,7 @@ use springpot::Actuator;
 
 use crate::actuator::PyActuator;
 use crate::arrays::array;
-use crate::errors::{Raise, refused};
+use crate::errors::{Raise, refused, with_arguments};
 use crate::model::PyModel;
 use crate::names::{choice, name_of};
 use crate::recording::PyRecording;
@@ -177,7 +177,7 @@ fn report(fit: &Fit, sources: &[&Recording], direction: Direction, seconds: f64)
     let warnings: Vec<Value> = fit
         .warnings
         .iter()
-        .map(|warning| json!({"severity": severity(warning.severity), "text": warning.text}))
+        .map(|warning| json!({"severity": severity(warning.severity), "text": with_arguments(&warning.text)}))
         .collect();
     json!({
         "recordings": recordings,

@@ -148,7 +148,7 @@ impl PyRecording {
 
 /// What is said about a file with other names.
 fn hints(columns: Option<&str>, sheet: Option<String>) -> host_io::Result<Hints> {
-    let choices = columns.map(|text| text.parse::<Choices>().map_err(|cause| Error::option("--columns", cause)));
+    let choices = columns.map(|text| text.parse::<Choices>().map_err(|cause| Error::field("columns", cause)));
     Ok(Hints { choices: choices.transpose()?.unwrap_or_default(), sheet })
 }
 
@@ -173,7 +173,7 @@ pub(crate) fn read_recording(
     blank: Vec<String>,
 ) -> PyResult<PyRecording> {
     let read = || {
-        let blanks = blank.iter().map(|text| text.parse::<Blank>().map_err(|cause| Error::option("--blank", cause)));
+        let blanks = blank.iter().map(|text| text.parse::<Blank>().map_err(|cause| Error::field("blank", cause)));
         let edits = Edits::new(blanks.collect::<host_io::Result<Vec<_>>>()?, from_s, to_s, decimate)?;
         let recording = Recording::read_with(&path, &hints(columns, sheet)?)?;
         if edits == Edits::NONE {

@@ -1,4 +1,7 @@
 //! Errors: one line each, with the place, the cause and the remedy.
+//!
+//! Options are named by their fields, in backticks: `rate_hz`. [`with_names`] puts the names in that a caller knows: a command line its flags, Python
+//! its arguments.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -42,10 +45,10 @@ pub enum Error {
     #[error("{0}")]
     Usage(String),
     /// An option that cannot be used.
-    #[error("{option}: {cause}")]
-    Option {
-        /// The option as it stands on the command line.
-        option: &'static str,
+    #[error("`{field}`: {cause}")]
+    Field {
+        /// Name of the field that holds the option, with its unit, such as `rate_hz`.
+        field: &'static str,
         /// What is wrong, and what would be right.
         cause: String,
     },
@@ -89,8 +92,8 @@ impl Error {
     }
 
     /// An error about an option.
-    pub fn option(option: &'static str, cause: impl Into<String>) -> Self {
-        Self::Option { option, cause: cause.into() }
+    pub fn field(field: &'static str, cause: impl Into<String>) -> Self {
+        Self::Field { field, cause: cause.into() }
     }
 
     /// Names the file and the value in it that a controller refuses.
@@ -133,6 +136,29 @@ pub fn short(error: &impl fmt::Display) -> String {
         rest = after;
     }
     short + rest
+}
+
+/// The `text` of an error or a warning with the names that `name` gives for the fields in it.
+pub fn with_names(text: &str, name: impl Fn(&str) -> Option<String>) -> String {
+    let mut named = String::new();
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once('`') {
+        named.push_str(before);
+        let is_field =
+            |field: &str| !field.is_empty() && field.bytes().all(|b| matches!(b, b'a'..=b'z' | b'0'..=b'9' | b'_'));
+        let field = after.split_once('`').filter(|(field, _)| is_field(field));
+        match field.and_then(|(field, after)| Some((name(field)?, after))) {
+            Some((name, after)) => {
+                named.push_str(&name);
+                rest = after;
+            }
+            None => {
+                named.push('`');
+                rest = after;
+            }
+        }
+    }
+    named + rest
 }
 
 /// A path for an error or a report: on one line, control characters escaped.

@@ -28,17 +28,17 @@ impl Grid {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] for a rate that is not positive and finite, or for too many samples.
+    /// [`Error::Field`] for a rate that is not positive and finite, or for too many samples.
     pub fn covering(duration_s: f64, rate_hz: f64) -> Result<Self> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
-            return Err(Error::option("--rate", format!("{rate_hz:?} Hz must be finite and greater than 0")));
+            return Err(Error::field("rate_hz", format!("{rate_hz:?} Hz must be finite and greater than 0")));
         }
         // Products such as 155.0 · 1000 can lie a rounding error above the whole number.
         let last = (duration_s * rate_hz - 1e-6).ceil().max(0.0);
         if last.is_nan() || last >= MAX_SAMPLES {
             let cause =
                 format!("{duration_s:?} s at {rate_hz:?} Hz are more than {MAX_SAMPLES} samples; lower the rate");
-            return Err(Error::option("--rate", cause));
+            return Err(Error::field("rate_hz", cause));
         }
         Ok(Self { rate_hz, samples: last as usize + 1 })
     }

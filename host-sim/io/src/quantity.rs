@@ -234,12 +234,12 @@ fn number_length(text: &str) -> usize {
 ///
 /// # Errors
 ///
-/// [`Error::Option`].
+/// [`Error::Field`].
 pub fn positive(option: &'static str, value: f64) -> Result<()> {
     if value.is_finite() && value > 0.0 {
         Ok(())
     } else {
-        Err(Error::option(option, format!("{value:?} must be finite and greater than 0")))
+        Err(Error::field(option, format!("{value:?} must be finite and greater than 0")))
     }
 }
 
@@ -247,11 +247,11 @@ pub fn positive(option: &'static str, value: f64) -> Result<()> {
 ///
 /// # Errors
 ///
-/// [`Error::Option`].
+/// [`Error::Field`].
 pub fn at_most(option: &'static str, value: f64, most: f64) -> Result<()> {
     if (0.0..=most).contains(&value) {
         Ok(())
     } else {
-        Err(Error::option(option, format!("{value:?} must be from 0 to {most}")))
+        Err(Error::field(option, format!("{value:?} must be from 0 to {most}")))
     }
 }

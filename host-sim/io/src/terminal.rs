@@ -94,7 +94,7 @@ pub fn warnings<W: Display>(json: bool, warnings: impl IntoIterator<Item = W>) {
 }
 
 /// Prints `error` on standard error.
-pub fn error(error: &Error) {
+pub fn error(error: impl Display) {
     line(&format!("\x1b[1;31mhost-sim:\x1b[0m {error}"));
 }
 

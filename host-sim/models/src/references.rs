@@ -21,7 +21,7 @@ pub fn on_grid(recording: &Recording, rate_hz: f64) -> Result<(Vec<f64>, Grid)> 
     let path = recording.path();
     let grid = recording.grid(rate_hz)?;
     if grid.samples < 2 {
-        return Err(Error::file(path, format!("shorter than a step at {rate_hz:?} Hz; raise --rate")));
+        return Err(Error::file(path, format!("shorter than a step at {rate_hz:?} Hz; raise `rate_hz`")));
     }
     let values = grid.resample(recording.displacement_drive()?.samples());
     if values.iter().any(|x| x.abs() > 1.0) {
@@ -76,14 +76,14 @@ impl Reference {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] for sizes and times that make no sense.
+    /// [`Error::Field`] for sizes and times that make no sense.
     pub fn over(self, duration_s: f64, rate_hz: f64, rise_s: Option<f64>) -> Result<(Vec<f64>, Grid)> {
-        positive("--duration", duration_s)?;
-        positive("--rate", rate_hz)?;
+        positive("duration_s", duration_s)?;
+        positive("rate_hz", rate_hz)?;
         let grid = Grid::covering(duration_s, rate_hz)?;
         if !(2..=MAX_SAMPLES).contains(&grid.samples) {
             let cause = format!("{} samples at this rate; from 2 to {MAX_SAMPLES} are possible", grid.samples);
-            return Err(Error::option("--duration", cause));
+            return Err(Error::field("duration_s", cause));
         }
         let plateau = if self.shape == Shape::Steps { 0.5 * self.period_s } else { f64::INFINITY };
         let rise_s = rise_s.unwrap_or_else(|| self.rise_s.min(0.25 * duration_s).min(plateau));
@@ -94,31 +94,34 @@ impl Reference {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] for sizes and times that make no sense.
+    /// [`Error::Field`] for sizes and times that make no sense.
     pub fn on(&self, grid: Grid) -> Result<Vec<f64>> {
         let Self { low_m, high_m, period_s, rise_s, .. } = *self;
         if !(low_m.is_finite() && high_m.is_finite() && low_m < high_m && low_m.abs().max(high_m.abs()) < 1.0) {
-            return Err(Error::option("--low", format!("{low_m:?} must lie below --high {high_m:?}, both within 1 m")));
+            return Err(Error::field(
+                "low_m",
+                format!("{low_m:?} must lie below `high_m` {high_m:?}, both within 1 m"),
+            ));
         }
-        for (option, value) in [("--period", period_s), ("--rise", rise_s)] {
+        for (option, value) in [("period_s", period_s), ("rise_s", rise_s)] {
             if !(value.is_finite() && value > 0.0) {
-                return Err(Error::option(option, format!("{value:?} must be finite and greater than 0")));
+                return Err(Error::field(option, format!("{value:?} must be finite and greater than 0")));
             }
         }
         if !(2.0 * grid.step_s()..=MAX_PERIOD_S).contains(&period_s) {
             let cause = format!("{period_s:?} s must be from two samples to {MAX_PERIOD_S} s");
-            return Err(Error::option("--period", cause));
+            return Err(Error::field("period_s", cause));
         }
         let duration_s = grid.time_s(grid.samples - 1);
         if rise_s > duration_s {
             let cause = format!("{rise_s:?} s is longer than the reference, {duration_s:?} s: it would never arrive");
-            return Err(Error::option("--rise", cause));
+            return Err(Error::field("rise_s", cause));
         }
         if self.shape == Shape::Steps && rise_s > period_s {
             let cause = format!(
                 "{rise_s:?} s is longer than a plateau with its edge, {period_s:?} s: it would jump; use at most {period_s:?} s"
             );
-            return Err(Error::option("--rise", cause));
+            return Err(Error::field("rise_s", cause));
         }
         let span = high_m - low_m;
         if self.shape == Shape::RandomWalk {

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::Verdict;
 use super::recordings::RecordingOptions;
+use super::{Verdict, with_flags};
 use crate::error::Result;
 use crate::excitation::check::{self, Facts, Report, Severity};
 use crate::terminal;
@@ -22,7 +22,11 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     let recordings = arguments.reading.read(&arguments.recordings)?;
-    let report = check::check(&recordings);
+    let mut report = check::check(&recordings);
+    for finding in &mut report.findings {
+        finding.finding = with_flags(&finding.finding);
+        finding.advice = with_flags(&finding.advice);
+    }
     terminal::report(json, &report, || text(&report))?;
     Ok(if report.identifies { Verdict::Yes } else { Verdict::No })
 }

@@ -155,13 +155,13 @@ fn interval(text: &str) -> std::result::Result<(f64, f64), String> {
 impl SensorOptions {
     /// The bench of a controller within `limits`, which reads its monitor where the amplifier lags, as the driver does.
     fn bench(&self, limits: &CommandLimits, seed: u64) -> Result<BenchModel> {
-        at_most("--sensor-noise", self.sensor_noise, 1.0)?;
-        at_most("--sensor-quantum", self.sensor_quantum, 1.0)?;
-        at_most("--sensor-delay", self.sensor_delay, 10.0)?;
-        at_most("--amplifier-lag", self.amplifier_lag, 10.0)?;
-        at_most("--amplifier-bleeder", self.amplifier_bleeder, 10.0)?;
-        at_most("--monitor-error", self.monitor_error.unwrap_or(0.0).abs(), 0.5)?;
-        positive("--sensor-rate", self.sensor_rate)?;
+        at_most("sensor_noise", self.sensor_noise, 1.0)?;
+        at_most("sensor_quantum", self.sensor_quantum, 1.0)?;
+        at_most("sensor_delay", self.sensor_delay, 10.0)?;
+        at_most("amplifier_lag", self.amplifier_lag, 10.0)?;
+        at_most("amplifier_bleeder", self.amplifier_bleeder, 10.0)?;
+        at_most("monitor_error", self.monitor_error.unwrap_or(0.0).abs(), 0.5)?;
+        positive("sensor_rate", self.sensor_rate)?;
         Ok(BenchModel {
             sensor_noise_m: self.sensor_noise,
             sensor_rate_hz: self.sensor_rate,
@@ -196,7 +196,7 @@ struct Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     if !(0.2..=5.0).contains(&arguments.stiffness) {
-        return Err(Error::option("--stiffness", format!("{:?} must be from 0.2 to 5", arguments.stiffness)));
+        return Err(Error::field("stiffness", format!("{:?} must be from 0.2 to 5", arguments.stiffness)));
     }
     let parameters = Parameters::load(&arguments.params)?;
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
@@ -224,7 +224,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let run = match &arguments.plant {
         PlantChoice::Nonlinear(_) if mismatch.alpha != 1.0 => {
             let cause = "alpha: this film has no springpots; its stiffness may differ";
-            return Err(Error::option("--plant-mismatch", cause));
+            return Err(Error::field("plant_mismatch", cause));
         }
         PlantChoice::Nonlinear(film) => {
             let film = Film::new(*film).stiffened(mismatch.stiffness);

@@ -70,7 +70,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let (observations, beyond) = match arguments.to {
         None => (observe_all(&recordings, arguments.drive)?, Vec::new()),
         Some(to_s) => {
-            positive("--to", to_s)?;
+            positive("to", to_s)?;
             (
                 within(&recordings, arguments.drive, Window { to_s, ..Window::ALL })?,
                 within(&recordings, arguments.drive, Window { from_s: to_s, ..Window::ALL })?,

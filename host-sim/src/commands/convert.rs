@@ -45,9 +45,9 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    for (option, value) in [("--length", arguments.length), ("--area", arguments.area)] {
+    for (option, value) in [("length", arguments.length), ("area", arguments.area)] {
         if let Some(value) = value.filter(|value| !(1e-12..=1e6).contains(value)) {
-            return Err(Error::option(option, format!("{value:?} must be from 1e-12 to 1e6")));
+            return Err(Error::field(option, format!("{value:?} must be from 1e-12 to 1e6")));
         }
     }
     output::check(&arguments.out, &[&arguments.test], Folders::Exist)?;

@@ -110,7 +110,7 @@ impl Arguments {
             if outputs.contains(&out) {
                 let cause =
                     format!("two files would be written to {}; import them into different folders", shown(&out));
-                return Err(Error::option("--out", cause));
+                return Err(Error::field("out", cause));
             }
             output::check(&out, &inputs, Folders::AreMade)?;
             outputs.push(out);

@@ -11,6 +11,7 @@ mod examples;
 mod export;
 mod feedforward;
 mod fit;
+mod flags;
 mod frequency_response;
 mod import;
 mod link;
@@ -31,6 +32,7 @@ use std::ffi::OsString;
 
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
+pub use self::flags::with_flags;
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::interrupt;
@@ -207,7 +209,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<Verdict> {
 /// Checks the rate (Hz) of a controller and rounds it to single precision, as the controller stores it.
 fn board_rate(rate_hz: f64) -> Result<f64> {
     if !(1.0..=100_000.0).contains(&rate_hz) {
-        return Err(Error::option("--rate", format!("{rate_hz:?} Hz must be from 1 to 100000")));
+        return Err(Error::field("rate", format!("{rate_hz:?} Hz must be from 1 to 100000")));
     }
     Ok(f64::from(rate_hz as f32))
 }

@@ -79,7 +79,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let parameters = Parameters::load(&arguments.params)?.with_method(arguments.method.into());
     let rate_hz = super::board_rate(arguments.rate)?;
     if arguments.duration.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
-        return Err(Error::option("--duration", "must be finite and greater than 0 s"));
+        return Err(Error::field("duration", "must be finite and greater than 0 s"));
     }
     let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());
     let (blob, board) = parameters.checked_blob(rate_hz).map_err(refused)?;

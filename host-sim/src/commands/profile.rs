@@ -63,25 +63,25 @@ struct Report {
 const MAX_S: f64 = 1e5;
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    positive("--rate", arguments.rate)?;
-    at_most("--hold", arguments.hold, MAX_S)?;
-    at_most("--rest", arguments.rest, MAX_S)?;
+    positive("rate", arguments.rate)?;
+    at_most("hold", arguments.hold, MAX_S)?;
+    at_most("rest", arguments.rest, MAX_S)?;
     for frequency_hz in &arguments.frequencies {
-        positive("--frequencies", *frequency_hz)?;
+        positive("frequencies", *frequency_hz)?;
         if 20.0 * frequency_hz > arguments.rate {
             let cause = format!(
                 "{} Hz are fewer than 20 samples per cycle of {frequency_hz} Hz; use at least {} Hz",
                 arguments.rate,
                 20.0 * frequency_hz
             );
-            return Err(Error::option("--rate", cause));
+            return Err(Error::field("rate", cause));
         }
     }
     if arguments.cycles == 0 {
-        return Err(Error::option("--cycles", "at least 1 is needed"));
+        return Err(Error::field("cycles", "at least 1 is needed"));
     }
     if let Some(peak) = arguments.peak {
-        positive("--peak", peak)?;
+        positive("peak", peak)?;
     }
     let (actuator, board, assumed_sizes) = Parameters::load_board(&arguments.board)?;
     let limits = board.command_limits();
@@ -100,7 +100,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let cause = format!(
             "the profile lasts {duration_s:.0} s, at most {MAX_S:.0} s are possible; use fewer, or higher --frequencies"
         );
-        return Err(Error::option("--cycles", cause));
+        return Err(Error::field("cycles", cause));
     }
     let grid = Grid::covering(made.duration_s(), arguments.rate)?;
     let voltage = made.on(grid);

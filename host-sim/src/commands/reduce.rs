@@ -43,13 +43,13 @@ struct Report {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let criterion = Criterion { from_hz: arguments.from, to_hz: arguments.to, tolerance: arguments.tolerance };
     if !(1e-12..=1e12).contains(&criterion.from_hz) {
-        return Err(Error::option("--from", format!("{:?} Hz must be from 1e-12 to 1e12", criterion.from_hz)));
+        return Err(Error::field("from", format!("{:?} Hz must be from 1e-12 to 1e12", criterion.from_hz)));
     }
     if !(criterion.from_hz..=1e12).contains(&criterion.to_hz) {
-        return Err(Error::option("--to", format!("{:?} Hz must be from --from to 1e12", criterion.to_hz)));
+        return Err(Error::field("to", format!("{:?} Hz must be from --from to 1e12", criterion.to_hz)));
     }
     if !(1e-12..1.0).contains(&criterion.tolerance) {
-        return Err(Error::option("--tolerance", format!("{:?} must be from 1e-12 to below 1", criterion.tolerance)));
+        return Err(Error::field("tolerance", format!("{:?} must be from 1e-12 to below 1", criterion.tolerance)));
     }
     let mut parameters = Parameters::load(&arguments.params)?;
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;

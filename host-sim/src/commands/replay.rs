@@ -152,7 +152,7 @@ fn output_paths(folder: &Path, recordings: &[Recording], parameters: &str) -> Re
             path.set_extension("csv");
         }
         if paths.contains(&path) {
-            return Err(Error::option("--out", format!("two recordings would be written to {}", shown(&path))));
+            return Err(Error::field("out", format!("two recordings would be written to {}", shown(&path))));
         }
         output::check(&path, &inputs, Folders::AreMade)?;
         paths.push(path);

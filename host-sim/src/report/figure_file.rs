@@ -40,7 +40,7 @@ impl PlotOption {
         let same =
             |other: &&Path| std::path::absolute(other).is_ok_and(|other| Some(other) == std::path::absolute(path).ok());
         if outputs.iter().any(same) {
-            return Err(Error::option("--plot", format!("{} is written by --out; name another file", shown(path))));
+            return Err(Error::field("plot", format!("{} is written by --out; name another file", shown(path))));
         }
         output::check(path, inputs, Folders::Exist)?;
         format(path)?;

@@ -98,7 +98,7 @@ impl Journal {
     }
 }
 
-const FOREIGN: &str = "is not what this tool has left half written; move it away, or name another --out";
+const FOREIGN: &str = "is not what this tool has left half written; move it away, or name another `out`";
 
 /// Keeps the complete rows of `part`, if there are any, in a file of their own.
 fn recover(part: &Path, target: &Path, header: &str) -> Result<Option<Recovered>> {
@@ -110,7 +110,7 @@ fn recover(part: &Path, target: &Path, header: &str) -> Result<Option<Recovered>
     }
     let file = File::open(part).map_err(fault)?;
     if file.try_lock().is_err() {
-        return Err(Error::file(part, "another host-sim writes it; name another --out"));
+        return Err(Error::file(part, "another host-sim writes it; name another `out`"));
     }
     let bytes = fs::read(part).map_err(fault)?;
     if !header.as_bytes().starts_with(bytes.get(..header.len()).unwrap_or(&bytes)) {

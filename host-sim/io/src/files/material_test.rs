@@ -123,9 +123,9 @@ impl MaterialTest {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] where a length is needed and missing, or too short for the displacement.
+    /// [`Error::Field`] where a length is needed and missing, or too short for the displacement.
     pub fn displacement_m(&self, length_m: Option<f64>, strain: Strain) -> Result<Vec<f64>> {
-        let needed = |why: &str| Error::option("--length", format!("{why} needs the unstretched length of the body"));
+        let needed = |why: &str| Error::field("length_m", format!("{why} needs the unstretched length of the body"));
         match &self.deformation {
             Deformation::Stretch(stretch) => {
                 let length = length_m.ok_or_else(|| needed("a stretch"))?;
@@ -136,7 +136,7 @@ impl MaterialTest {
                 let length = length_m.ok_or_else(|| needed("this measure of strain"))?;
                 if let Some(shortest) = displacement.iter().copied().find(|x| *x <= -length) {
                     let cause = format!("{length} m is shorter than the displacement of {shortest} m");
-                    return Err(Error::option("--length", cause));
+                    return Err(Error::field("length_m", cause));
                 }
                 Ok(displacement.iter().map(|x| length * strain.measure(1.0 + x / length)).collect())
             }
@@ -147,13 +147,13 @@ impl MaterialTest {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] where an area is needed and missing.
+    /// [`Error::Field`] where an area is needed and missing.
     pub fn force_n(&self, area_m2: Option<f64>) -> Result<Vec<f64>> {
         match (&self.load, area_m2) {
             (Load::Force(force), _) => Ok(force.clone()),
             (Load::NominalStress(stress), Some(area)) => Ok(stress.iter().map(|stress| stress * area).collect()),
             (Load::NominalStress(_), None) => {
-                Err(Error::option("--area", "a nominal stress needs the unstretched cross-section of the body"))
+                Err(Error::field("area_m2", "a nominal stress needs the unstretched cross-section of the body"))
             }
         }
     }

@@ -303,7 +303,7 @@ impl Recording {
 
     fn no_displacement(&self) -> Error {
         let cause = "no column displacement_m, displacement_mm or displacement_um with values; if another column is the \
-                     displacement, name it, as in --columns displacement=3:mm";
+                     displacement, name it, as in `columns` displacement=3:mm";
         Error::file(&self.path, cause)
     }
 

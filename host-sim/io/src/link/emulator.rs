@@ -88,7 +88,7 @@ impl Emulator {
     /// Whether QEMU is there.
     pub fn is_installed() -> bool {
         let mut version = Command::new(QEMU);
-        version.arg("--version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        version.arg("version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         version.status().is_ok_and(|status| status.success())
     }
 
@@ -109,7 +109,7 @@ impl Emulator {
             .current_dir(root())
             .stdin(Stdio::null())
             .output()
-            .map_err(|e| fault(format!("cargo: {e}; name an image with --image")))?;
+            .map_err(|e| fault(format!("cargo: {e}; name an image with `image`")))?;
         if output.status.success() {
             return Ok(());
         }

@@ -347,12 +347,14 @@ impl Client {
             }
             Answer::Rejected(Reject::Value) => "the value is beyond the limits of the parameters".into(),
             Answer::Rejected(Reject::Blob) => "the parameter blob was refused; was it made for this board?".into(),
-            Answer::Rejected(Reject::Rate) => "the board cannot tick at that rate; export with another --rate".into(),
+            Answer::Rejected(Reject::Rate) => {
+                "the board cannot tick at that rate; export with another `rate_hz`".into()
+            }
             Answer::Rejected(Reject::NoParameters) => "there are no parameters yet; upload some".into(),
             Answer::Rejected(Reject::Flash) => "the flash did not take the parameters; the old ones stay".into(),
             Answer::Rejected(Reject::Unknown) => "the firmware does not know that command".into(),
             Answer::Rejected(Reject::Token) => {
-                "another host armed it; disarm and arm here, or give the --token that `arm` printed".into()
+                "another host armed it; disarm and arm here, or give the `token` that `arm` printed".into()
             }
             other => format!("unexpected answer {other:?}"),
         })

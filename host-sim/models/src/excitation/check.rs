@@ -69,7 +69,7 @@ pub enum Severity {
 }
 
 /// Rest that a film needs before a recording, in words.
-const RECORD_REST: &str = "begin with 2 s at 0 V, after ten minutes without voltage (`profile` does)";
+const RECORD_REST: &str = "begin with 2 s at 0 V, after ten minutes without voltage (the command profile does)";
 
 /// Checks `recordings` of one film.
 pub fn check(recordings: &[Recording]) -> Report {
@@ -97,7 +97,7 @@ fn of_all(facts: &[Facts], findings: &mut Vec<Finding>) {
         [] if hold_s < HOLD_S => add(
             Severity::Prevents,
             "no full cycle and no hold of 10 s".into(),
-            "record sines of two or three frequencies for minutes, and a hold (`profile` makes them)",
+            "record sines of two or three frequencies for minutes, and a hold (the command profile makes them)",
         ),
         [] => add(
             Severity::Weakens,
@@ -175,7 +175,7 @@ impl Facts {
                     "the largest voltage is {:.3} V: the output of a monitor, not the voltage on the film",
                     facts.peak
                 ),
-                "multiply it with the monitor's scale, as in --columns voltage=2*1000",
+                "multiply it with the monitor's scale, as in `columns` voltage=2*1000",
             );
         }
         let first = drive.samples().value.first().map_or(0.0, |value| value.abs());
@@ -261,7 +261,7 @@ impl Facts {
             add(
                 Severity::Weakens,
                 format!("{} readings of the sensor jump by more than a third of the stroke: drop-outs", self.outliers),
-                "empty them with import --blank, or fit with --loss huber",
+                "empty them with import `blank`, or fit with `loss` huber",
             );
         }
         if 10 * self.empty > self.rows {

@@ -93,13 +93,13 @@ impl Profile {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] naming the limit that is not kept, and what would keep it.
+    /// [`Error::Field`] naming the limit that is not kept, and what would keep it.
     pub fn new(options: &ProfileOptions, limits: &CommandLimits, thickness_m: f64) -> Result<Self> {
         let ProfileOptions { peak_v, frequencies_hz, cycles, hold_s, rest_s } = options;
         let (largest_v, limit) = largest_voltage(limits, thickness_m);
         if *peak_v > largest_v {
             let cause = format!("{peak_v} V is above {largest_v:.0} V ({limit}); use {:.0}", USUAL_SHARE * largest_v);
-            return Err(Error::option("--peak", cause));
+            return Err(Error::field("peak_v", cause));
         }
         let lag_s = limits.amplifier.rise_s.max(limits.amplifier.fall_s);
         for frequency_hz in frequencies_hz {
@@ -110,14 +110,14 @@ impl Profile {
                     "{frequency_hz} Hz at {peak_v} V rise by {slew:.0} V/s, above max_slew_v_per_s = {}; use at most {most:.3} Hz",
                     limits.max_slew_v_per_s
                 );
-                return Err(Error::option("--frequencies", cause));
+                return Err(Error::field("frequencies_hz", cause));
             }
             if TAU * frequency_hz * lag_s > 1.0 {
                 let most = 1.0 / (TAU * lag_s);
                 let cause = format!(
                     "the amplifier lags by {lag_s} s and does not follow {frequency_hz} Hz; use at most {most:.3} Hz"
                 );
-                return Err(Error::option("--frequencies", cause));
+                return Err(Error::field("frequencies_hz", cause));
             }
         }
         let sine = |frequency_hz: f64, share: f64| {

@@ -21,7 +21,7 @@ pub fn of_sizes(settings: &Settings, excitation: Excitation, warnings: &mut Vec<
         let Actuator { length_m, width_m, thickness_m, .. } = settings.actuator;
         warnings.push(Severity::Serious.warning(format!(
             "the film's sizes are assumed ({:.0} mm × {:.0} mm × {:.0} µm, the paper's): displacements hold well below the resonance, \
-             forces and c are only proportional, and no field limit is checked; give the film's own sizes with --actuator",
+             forces and c are only proportional, and no field limit is checked; give the film's own sizes with `actuator`",
             1e3 * length_m,
             1e3 * width_m,
             1e6 * thickness_m
@@ -79,7 +79,7 @@ fn peaks(values: &[f64]) -> Vec<f64> {
 pub fn of_convergence(converged: bool, warnings: &mut Vec<Warning>) {
     if !converged {
         warnings.push(
-            Severity::Caution.warning("the search ran out of iterations; continue it with --start and this result"),
+            Severity::Caution.warning("the search ran out of iterations; continue it with `start` and this result"),
         );
     }
 }
@@ -196,7 +196,7 @@ pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<Warning>) {
     let limit = 6.0 * statistics::robust_deviation(&centred);
     let outliers = centred.iter().filter(|r| r.abs() > limit).count();
     if outliers > 0 && limit > 0.0 {
-        let mend = if loss == Loss::Square { "; --loss huber reduces their effect" } else { "" };
+        let mend = if loss == Loss::Square { "; `loss` huber reduces their effect" } else { "" };
         let share = 100.0 * outliers as f64 / residuals.len() as f64;
         warnings.push(Severity::Caution.warning(format!(
             "{outliers} outliers ({share:.2} % of the values, more than 6 standard deviations){mend}"

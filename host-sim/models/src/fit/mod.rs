@@ -57,7 +57,7 @@ pub fn fit(
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;
     let context = prepared.context(settings, stop);
     if settings.branches.iter().all(|&branches| context.variables(branches).is_empty()) {
-        return Err(Error::option("--hold", "nothing is left to fit"));
+        return Err(Error::field("hold", "nothing is left to fit"));
     }
     let linear = find(&context, observations, settings, stages)?;
     let given = settings.start.as_ref().is_some_and(|start| start.bend != candidate::Bend::Straight);

@@ -200,7 +200,7 @@ impl FitOptions {
             freed.retain(|variable| *variable != Variable::Offset);
         }
         if self.loss != Loss::Square && (self.offset, self.gain) != (Sharing::Joint, Sharing::Joint) {
-            return Err(Error::option("--loss", "offsets and gains per recording are solved by least squares"));
+            return Err(Error::field("loss", "offsets and gains per recording are solved by least squares"));
         }
         if self.method == Method::PatternSearch {
             self.check_pattern_search()?;
@@ -237,16 +237,16 @@ impl FitOptions {
     fn freed_and_held(&self, actuator: &Actuator, start: Option<&Candidate>) -> Result<(Vec<Variable>, Vec<Variable>)> {
         let mut freed = Settings::default().freed;
         for name in &self.free {
-            let variable = bench_quantity(name).ok_or_else(|| unknown("--free", name))?;
+            let variable = bench_quantity(name).ok_or_else(|| unknown("free", name))?;
             if variable == Variable::Mass && actuator.mass_kg == 0.0 {
-                return Err(Error::option("--free", "mass_kg needs a mass to begin from; give it with --actuator"));
+                return Err(Error::field("free", "mass_kg needs a mass to begin from; give it with `actuator`"));
             }
             if !freed.contains(&variable) {
                 freed.push(variable);
             }
         }
         if let Some(name) = self.free.iter().find(|name| self.hold.contains(name)) {
-            return Err(Error::option("--hold", format!("{name} is also to be freed")));
+            return Err(Error::field("hold", format!("{name} is also to be freed")));
         }
         let mut held = Vec::new();
         for name in &self.hold {
@@ -255,9 +255,9 @@ impl FitOptions {
                 continue;
             }
             let all = Variable::of_model(start.map_or(0, Candidate::branches));
-            let variable = all.into_iter().find(|v| v.to_string() == *name).ok_or_else(|| unknown("--hold", name))?;
+            let variable = all.into_iter().find(|v| v.to_string() == *name).ok_or_else(|| unknown("hold", name))?;
             if start.is_none() {
-                return Err(Error::option("--hold", format!("{name} needs --start, which gives its value")));
+                return Err(Error::field("hold", format!("{name} needs `start`, which gives its value")));
             }
             held.push(variable);
         }
@@ -273,10 +273,10 @@ impl FitOptions {
             let cause = format!(
                 "pattern search is the paper's procedure, over all elements and nothing else; leave out {name}"
             );
-            return Err(Error::option("--method", cause));
+            return Err(Error::field("method", cause));
         }
         if self.loss != Loss::Square {
-            return Err(Error::option("--loss", "pattern search is the paper's procedure, with squares"));
+            return Err(Error::field("loss", "pattern search is the paper's procedure, with squares"));
         }
         Ok(())
     }
@@ -297,25 +297,25 @@ impl FitOptions {
             })
             .collect();
         if !(log_time || weights.len() == self.weights.len()) {
-            return Err(Error::option("--weights", "log-time stands alone; a column weight adds weights of your own"));
+            return Err(Error::field("weights", "log-time stands alone; a column weight adds weights of your own"));
         }
         if !(weights.is_empty() || weights.len() == recordings.len()) {
             let cause = format!("{} weights for {} recordings", weights.len(), recordings.len());
-            return Err(Error::option("--weights", cause));
+            return Err(Error::field("weights", cause));
         }
         if let Some(weight) = weights.iter().find(|w| !(1e-6..=1e6).contains(*w)) {
-            return Err(Error::option("--weights", format!("{weight:?} must be from 1e-6 to 1e6")));
+            return Err(Error::field("weights", format!("{weight:?} must be from 1e-6 to 1e6")));
         }
         if self.from < 0.0 {
-            return Err(Error::option("--from", format!("{:?} s must be at least 0", self.from)));
+            return Err(Error::field("from_s", format!("{:?} s must be at least 0", self.from)));
         }
         if let Some(to) = self.to.filter(|to| *to <= self.from) {
-            return Err(Error::option("--to", format!("{to:?} s must be after --from, {:?} s", self.from)));
+            return Err(Error::field("to_s", format!("{to:?} s must be after `from_s`, {:?} s", self.from)));
         }
         let gaps = match (self.gap, self.at_gap) {
             (None, _) => Gaps::Interpolate,
             (Some(gap), _) if !(gap.is_finite() && gap > 0.0) => {
-                return Err(Error::option("--gap", format!("{gap:?} s must be finite and greater than 0")));
+                return Err(Error::field("gap_s", format!("{gap:?} s must be finite and greater than 0")));
             }
             (Some(gap), AtGap::End) => Gaps::End(gap),
             (Some(gap), AtGap::Skip) => Gaps::Skip(gap),
@@ -369,10 +369,10 @@ fn bench_quantity(name: &str) -> Option<Variable> {
 }
 
 fn unknown(option: &'static str, name: &str) -> Error {
-    if option == "--free" && (name.starts_with("main.") || name.starts_with("branches[")) {
-        return Error::option(option, format!("{name} is free unless it is held"));
+    if option == "free" && (name.starts_with("main.") || name.starts_with("branches[")) {
+        return Error::field(option, format!("{name} is free unless it is held"));
     }
     let names = "stretch_coupling, offset_m, mass_kg, relative_permittivity, length_m, width_m, thickness_m";
-    let elements = if option == "--hold" { " and, with --start, elements such as main.alpha" } else { "" };
-    Error::option(option, format!("no quantity {name:?}; there are {names}{elements}"))
+    let elements = if option == "hold" { " and, with `start`, elements such as main.alpha" } else { "" };
+    Error::field(option, format!("no quantity {name:?}; there are {names}{elements}"))
 }

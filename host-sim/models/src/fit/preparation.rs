@@ -64,7 +64,7 @@ impl Window {
             let last_s = measured.time_s.last().copied().unwrap_or(0.0);
             let until = if self.to_s.is_finite() { format!("to {} s", self.to_s) } else { "on".into() };
             let cause = format!(
-                "{} measured values from {} s {until} (--from, --to); a fit needs at least {MIN_VALUES}, and the \
+                "{} measured values from {} s {until} (`from_s`, `to_s`); a fit needs at least {MIN_VALUES}, and the \
                  recording ends at {last_s} s",
                 inside.value.len(),
                 self.from_s
@@ -86,7 +86,7 @@ impl Gaps {
             Self::Interpolate => (window, None),
             Self::End(limit_s) => match longer(limit_s).first() {
                 Some(&(at, step)) if at < window.to_s => {
-                    let said = format!("a gap of {step:.3} s at {at:.3} s; the recording ends there (--gap)");
+                    let said = format!("a gap of {step:.3} s at {at:.3} s; the recording ends there (`gap_s`)");
                     (Window { to_s: at, ..window }, Some(said))
                 }
                 _ => (window, None),
@@ -100,7 +100,7 @@ impl Gaps {
                 let taken = before - measured.value.len();
                 let said = format!(
                     "{} gaps of more than {limit_s} s; the input is interpolated across them, and {taken} values after them are \
-                     not compared (--gap)",
+                     not compared (`gap_s`)",
                     gaps.len()
                 );
                 (window, (!gaps.is_empty()).then_some(said))

@@ -119,8 +119,8 @@ impl Settings {
     pub fn check(&self) -> Result<()> {
         self.actuator.check()?;
         if self.freed.iter().filter(|v| v.force_exponent().is_some()).count() > 1 {
-            return Err(Error::option(
-                "--free",
+            return Err(Error::field(
+                "free",
                 "permittivity, length, width and thickness only scale the force; free at most one of them",
             ));
         }
@@ -152,12 +152,12 @@ const MAX_STARTS: usize = 100_000;
 ///
 /// # Errors
 ///
-/// [`Error::Option`] with the range.
+/// [`Error::Field`] with the range.
 pub fn checked_starts(starts: usize) -> Result<()> {
     if (1..=MAX_STARTS).contains(&starts) {
         Ok(())
     } else {
-        Err(Error::option("--starts", format!("{starts} must be from 1 to {MAX_STARTS}; the default is 8")))
+        Err(Error::field("starts", format!("{starts} must be from 1 to {MAX_STARTS}; the default is 8")))
     }
 }
 

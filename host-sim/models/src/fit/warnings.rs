@@ -92,7 +92,7 @@ pub(super) fn turned(input: &Input, measured: &Samples) -> Option<String> {
     let (load_mean, value_mean) = (mean(|p| p.0), mean(|p| p.1));
     let sum = |of: &dyn Fn(f64, f64) -> f64| pairs.iter().map(|p| of(p.0 - load_mean, p.1 - value_mean)).sum::<f64>();
     let correlation = sum(&|u, y| u * y) / (sum(&|u, _| u * u) * sum(&|_, y| y * y)).sqrt();
-    (correlation < -0.3).then(|| format!("the {what} falls where the {of} grows: --invert turns its sign"))
+    (correlation < -0.3).then(|| format!("the {what} falls where the {of} grows: `invert` turns its sign"))
 }
 
 /// The first gap in the input.
@@ -102,7 +102,7 @@ pub(super) fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<
     let k = (0..steps.len()).find(|&k| is_gap(k))?;
     let (step, time) = (steps[k], drive.time_s[k]);
     Some(format!(
-        "a gap of {step:.3} s at {time:.3} s; the input is interpolated across it (--gap ends there, or skips it)"
+        "a gap of {step:.3} s at {time:.3} s; the input is interpolated across it (`gap_s` ends there, or skips it)"
     ))
 }
 

@@ -61,28 +61,28 @@ impl Sweep {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] with the range.
+    /// [`Error::Field`] with the range.
     pub fn check(&self) -> Result<()> {
         let Self { from_hz: from, to_hz: to, points, law_hz, .. } = *self;
         if !(MIN_HZ..=MAX_HZ).contains(&from) {
-            return Err(Error::option("--from", format!("{from:?} Hz must be from {MIN_HZ:?} to {MAX_HZ:?}")));
+            return Err(Error::field("from_hz", format!("{from:?} Hz must be from {MIN_HZ:?} to {MAX_HZ:?}")));
         }
         if !(from..=MAX_HZ).contains(&to) {
-            return Err(Error::option("--to", format!("{to:?} Hz must be from --from to {MAX_HZ:?}")));
+            return Err(Error::field("to_hz", format!("{to:?} Hz must be from `from_hz` to {MAX_HZ:?}")));
         }
         if !(1..=10_000_000).contains(&points) {
-            return Err(Error::option("--points", format!("{points} must be from 1 to 10000000")));
+            return Err(Error::field("points", format!("{points} must be from 1 to 10000000")));
         }
         if points == 1 && from != to {
-            return Err(Error::option("--points", "1 is one frequency, but --from and --to are two"));
+            return Err(Error::field("points", "1 is one frequency, but `from_hz` and `to_hz` are two"));
         }
         let Some(rate) = law_hz else { return Ok(()) };
         if !(rate.is_finite() && rate > 0.0) {
-            return Err(Error::option("--rate", format!("{rate:?} Hz must be finite and greater than 0")));
+            return Err(Error::field("law_hz", format!("{rate:?} Hz must be finite and greater than 0")));
         }
         if to > 0.5 * rate {
             let cause = format!("{to} Hz is above half the rate; a law at {rate} Hz has no such frequency");
-            return Err(Error::option("--to", cause));
+            return Err(Error::field("to_hz", cause));
         }
         Ok(())
     }

@@ -32,15 +32,15 @@ impl LimitOptions {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`](crate::error::Error::Option) for one that is not finite and positive.
+    /// [`Error::Field`](crate::error::Error::Field) for one that is not finite and positive.
     pub fn limits(&self, board: Option<&Board>) -> Result<CommandLimits> {
         let mut limits = board.map_or(CommandLimits::BENCH, Board::command_limits);
         for (option, given, limit) in [
-            ("--max-voltage", self.max_voltage, &mut limits.max_voltage_v),
-            ("--max-field", self.max_field, &mut limits.max_field_v_per_m),
-            ("--max-slew", self.max_slew, &mut limits.max_slew_v_per_s),
-            ("--max-velocity", self.max_velocity, &mut limits.max_velocity_m_per_s),
-            ("--max-acceleration", self.max_acceleration, &mut limits.max_acceleration_m_per_s2),
+            ("max_voltage_v", self.max_voltage, &mut limits.max_voltage_v),
+            ("max_field_v_per_m", self.max_field, &mut limits.max_field_v_per_m),
+            ("max_slew_v_per_s", self.max_slew, &mut limits.max_slew_v_per_s),
+            ("max_velocity_m_per_s", self.max_velocity, &mut limits.max_velocity_m_per_s),
+            ("max_acceleration_m_per_s2", self.max_acceleration, &mut limits.max_acceleration_m_per_s2),
         ] {
             if let Some(given) = given {
                 positive(option, given)?;

@@ -129,7 +129,7 @@ pub fn on_memory<W: OnMemory>(film: Film<'_>, grid: Grid, options: &RunOptions, 
         MemoryChoice::Full => work.with_full_memory(),
         MemoryChoice::Compressed => on_compressed(film, grid.rate_hz, options.precision, work),
         MemoryChoice::Window(_) if film.method != Discretisation::Gl => {
-            Err(Error::option("--method", "a plain window is Grünwald–Letnikov; use --method gl or another --memory"))
+            Err(Error::field("method", "a plain window is Grünwald–Letnikov; use `method` gl or another `memory`"))
         }
         MemoryChoice::Window(seconds) => match options.precision {
             Precision::F32 => on_window::<f32, W>(film, grid, seconds, work),

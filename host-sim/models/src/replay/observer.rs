@@ -94,10 +94,10 @@ impl Tuning {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] naming the one that is not.
+    /// [`Error::Field`] naming the one that is not.
     pub fn new(bandwidth_hz: f64, adaptation_s: f64) -> Result<Self> {
-        positive("--bandwidth", bandwidth_hz)?;
-        at_most("--adaptation", adaptation_s, 1e9)?;
+        positive("bandwidth_hz", bandwidth_hz)?;
+        at_most("adaptation_s", adaptation_s, 1e9)?;
         Ok(Self { bandwidth_hz, adaptation_s })
     }
 }
@@ -175,7 +175,7 @@ pub fn estimate(
 pub fn refused(error: ControlError) -> Error {
     match error {
         ControlError::Actuator(error) => error.into(),
-        error => Error::option("--bandwidth", error.to_string()),
+        error => Error::field("bandwidth_hz", error.to_string()),
     }
 }
 

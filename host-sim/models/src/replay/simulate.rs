@@ -52,7 +52,7 @@ pub(super) fn check_full(grid: Grid) -> Result<()> {
         return Ok(());
     }
     let cause = format!("full memory of {} samples; {MAX_FULL_SAMPLES} at the most, lower the rate", grid.samples);
-    Err(Error::option("--memory", cause))
+    Err(Error::field("memory", cause))
 }
 
 /// The response of `parameters` to `input`, resampled to `grid`; `progress` counts samples.

@@ -370,7 +370,7 @@ pub fn follow(
         bench.advance(plant, commanded);
         if !plant.holds() {
             return Err(Error::Computation(format!(
-                "the film is torn or pulled in at {now:.3} s under {commanded:.0} V; lower the reference or --max-voltage"
+                "the film is torn or pulled in at {now:.3} s under {commanded:.0} V; lower the reference or `max_voltage_v`"
             )));
         }
     }

@@ -97,29 +97,29 @@ impl Session {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] naming what no bench has.
+    /// [`Error::Field`] naming what no bench has.
     pub fn grid(&self) -> Result<Grid> {
         let Self { waveform, duration_s, rate_hz, instruments, .. } = self;
-        positive("--duration", *duration_s)?;
-        positive("--rate", *rate_hz)?;
+        positive("duration_s", *duration_s)?;
+        positive("rate_hz", *rate_hz)?;
         if waveform.frequencies_hz.is_empty() {
-            return Err(Error::option("--frequency", "none is given; a voltage has at least one"));
+            return Err(Error::field("frequency_hz", "none is given; a voltage has at least one"));
         }
         for &frequency in &waveform.frequencies_hz {
-            positive("--frequency", frequency)?;
+            positive("frequency_hz", frequency)?;
             if frequency > 0.5 * rate_hz {
                 let cause = format!("{frequency:?} Hz is above half the rate; a recording cannot show it");
-                return Err(Error::option("--frequency", cause));
+                return Err(Error::field("frequency_hz", cause));
             }
         }
-        at_most("--peak-voltage", waveform.peak_v, 1e6)?;
-        at_most("--noise", instruments.displacement_noise_m, 1.0)?;
-        at_most("--quantum", instruments.displacement_quantum_m, 1.0)?;
-        at_most("--monitor-noise", instruments.monitor_noise_v, 1e6)?;
+        at_most("peak_voltage_v", waveform.peak_v, 1e6)?;
+        at_most("noise_m", instruments.displacement_noise_m, 1.0)?;
+        at_most("quantum_m", instruments.displacement_quantum_m, 1.0)?;
+        at_most("monitor_noise_v", instruments.monitor_noise_v, 1e6)?;
         let grid = Grid::covering(*duration_s, *rate_hz)?;
         if !(2..=MAX_SAMPLES).contains(&grid.samples) {
             let cause = format!("{} samples at this rate; from 2 to {MAX_SAMPLES} are possible", grid.samples);
-            return Err(Error::option("--duration", cause));
+            return Err(Error::field("duration_s", cause));
         }
         Ok(grid)
     }

@@ -69,7 +69,7 @@ impl Mismatch {
         let element = |e: &Springpot| Springpot::new(self.stiffness * e.c, self.alpha * e.alpha);
         let branches: Vec<[Springpot; 2]> = model.branches().iter().map(|pair| pair.each_ref().map(element)).collect();
         Maxwell::new(element(&model.main()), &branches, model.topology(), model.mass_kg()).map_err(|error| {
-            Error::option("--plant-mismatch", format!("stiffness={} alpha={}: {error}", self.stiffness, self.alpha))
+            Error::field("plant_mismatch", format!("stiffness={} alpha={}: {error}", self.stiffness, self.alpha))
         })
     }
 }
@@ -122,7 +122,7 @@ impl FullMemoryPlant {
             let cause = format!(
                 "a plant with full memory for {substeps} substeps; {MAX_SUBSTEPS} are possible, shorten the reference"
             );
-            return Err(Error::option("--plant", cause));
+            return Err(Error::field("plant", cause));
         }
         let model = mismatch.apply(&parameters.model)?;
         let massless = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0)?;

@@ -95,8 +95,8 @@ impl Task {
             FirmwareLaw::Step | FirmwareLaw::Observer | FirmwareLaw::Tick => {}
         }
         if options.plant.is_some() {
-            let cause = "a recording is its own film; use --law feedforward or tracking";
-            return Err(Error::option("--plant", cause));
+            let cause = "a recording is its own film; use `law` feedforward or tracking";
+            return Err(Error::field("plant", cause));
         }
         let Input::Voltage(voltage) = recording.drive()? else {
             let cause = "a controller plays voltages: a column voltage_v or voltage_kv is needed";
@@ -116,7 +116,7 @@ impl Task {
     }
 
     fn along(recording: &Recording, options: &TaskOptions, mode: Mode) -> Result<Self> {
-        let plant = options.plant.ok_or_else(|| Error::option("--plant", "a film is needed: hossain or wang"))?;
+        let plant = options.plant.ok_or_else(|| Error::field("plant", "a film is needed: hossain or wang"))?;
         let (mut reference, grid) = references::on_grid(recording, options.rate_hz)?;
         let duration_s = options.shortened((grid.samples - 1) as f64 / options.rate_hz);
         let samples = Grid::covering(duration_s, options.rate_hz)?.samples;

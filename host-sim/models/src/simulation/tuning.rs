@@ -32,7 +32,7 @@ impl ControllerTuning {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] naming what cannot be used.
+    /// [`Error::Field`] naming what cannot be used.
     pub fn settings(
         &self,
         kind: ControllerKind,
@@ -44,11 +44,11 @@ impl ControllerTuning {
             ControllerKind::Pi => PI_HZ,
             _ => as_written(control.bandwidth_hz),
         });
-        positive("--bandwidth", bandwidth_hz)?;
+        positive("bandwidth_hz", bandwidth_hz)?;
         let adaptation_s = self.adaptation_s.unwrap_or(as_written(control.adaptation_s));
-        at_most("--adaptation", adaptation_s, 1e9)?;
-        positive("--sensor-rate", self.sensor_rate_hz)?;
-        at_most("--sensor-delay", self.sensor_delay_s, 10.0)?;
+        at_most("adaptation_s", adaptation_s, 1e9)?;
+        positive("sensor_rate_hz", self.sensor_rate_hz)?;
+        at_most("sensor_delay_s", self.sensor_delay_s, 10.0)?;
         let interval_s = (1.0 / self.sensor_rate_hz).max(1.0 / self.rate_hz);
         let observer = ObserverOptions {
             bandwidth_hz,
@@ -64,14 +64,14 @@ impl ControllerTuning {
     fn learning(&self, kind: ControllerKind, sample_interval_s: f64) -> Result<Option<LearningOptions>> {
         let Some(harmonics) = self.harmonics.filter(|harmonics| *harmonics > 0) else { return Ok(None) };
         if harmonics > HARMONICS {
-            return Err(Error::option("--harmonics", format!("{harmonics}: at most {HARMONICS} are learned")));
+            return Err(Error::field("harmonics", format!("{harmonics}: at most {HARMONICS} are learned")));
         }
         if !matches!(kind, ControllerKind::Feedforward | ControllerKind::Tracking) {
             let cause = format!("{} does not learn; use feedforward or tracking", kind.name());
-            return Err(Error::option("--harmonics", cause));
+            return Err(Error::field("harmonics", cause));
         }
         if let Some(period) = self.period_s {
-            positive("--period", period)?;
+            positive("period_s", period)?;
         }
         Ok(Some(LearningOptions { harmonics, period_s: self.period_s, sample_interval_s }))
     }

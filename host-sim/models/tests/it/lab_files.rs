@@ -277,13 +277,13 @@ fn two_readings_are_an_error_that_shows_both() {
         rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.voltage_kv, s.laser_mm])
     );
     let error = folder.refused(&two, "");
-    has(&error, &["film.txt:1:", "HV set (kV)", "HV mon (kV)", "--columns voltage="]);
+    has(&error, &["film.txt:1:", "HV set (kV)", "HV mon (kV)", "`columns` voltage="]);
     gives_the_samples(&folder.read(&two, "voltage=3").expect("chosen"), "by number");
     gives_the_samples(&folder.read(&two, "voltage=HV mon").expect("chosen"), "by name");
     let thousands = "Time (s);Voltage (V);Laser (mm)\n1,000;1,234;2,500\n2,000;2,345;2,600\n3,000;3,456;2,700\n";
     has(&folder.refused(thousands, ""), &["1.234", "1234", "two ways"]);
     let bare = format!("Time,Voltage,Laser\n{}", rows(",", '.', usual));
-    has(&folder.refused(&bare, ""), &["\"Time\" has no unit", "s, ms", "--columns time=1:s"]);
+    has(&folder.refused(&bare, ""), &["\"Time\" has no unit", "s, ms", "`columns` time=1:s"]);
     gives_the_samples(
         &folder.read(&bare, "time=Time:s,voltage=2*1000,displacement=Laser:mm").expect("chosen"),
         "units",
@@ -294,7 +294,7 @@ fn two_readings_are_an_error_that_shows_both() {
         &["voltage_kV", "hv_set_kV", "voltage="],
     );
     has(&read(&fixture("bare-names.mat"), "").expect_err("no units").to_string(), &["\"t\" has no unit"]);
-    has(&read(&fixture("two-runs.xlsx"), "").expect_err("two sheets").to_string(), &["Run 3", "Run 4", "--sheet"]);
+    has(&read(&fixture("two-runs.xlsx"), "").expect_err("two sheets").to_string(), &["Run 3", "Run 4", "`sheet`"]);
     // French in Latin-1 and Chinese in GBK: each encoding knows another column.
     let mut both = b"Time (s),U (kV),D\xe9placement (mm),\xce\xbb\xd2\xc6(mm)\n".to_vec();
     both.extend(rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 7.0]).bytes());
@@ -317,7 +317,7 @@ fn columns_are_chosen_by_name_number_unit_and_factor() {
     assert!(folder.read(&file, &format!("{chosen},force=none")).expect("chosen").force().is_none());
     let headless = rows("\t", '.', usual);
     gives_the_samples(&folder.read(&headless, "time=1:s,voltage=2:kV,displacement=3:mm").expect("numbers"), "headless");
-    has(&folder.refused(&headless, ""), &["no header", "--columns time=1:s"]);
+    has(&folder.refused(&headless, ""), &["no header", "`columns` time=1:s"]);
     has(&folder.refused(&file, "voltage=9:V"), &["voltage=9", "4 columns"]);
     has(&folder.refused(&file, "voltage=Monitor"), &["\"Monitor\"", "HV mon"]);
     has(&folder.refused(&file, "time=Zeit"), &["Zeit", "no unit"]);
@@ -439,7 +439,7 @@ fn a_recording_with_another_displacement_says_how_to_name_it() {
     let folder = Folder::new();
     let text = format!("time_s,voltage_kv,Laser (mm)\n{}", rows(",", '.', usual));
     let error = folder.read(&text, "").expect("a drive").displacement().expect_err("ignored").to_string();
-    has(&error, &["film.txt", "displacement_mm", "--columns displacement=3:mm"]);
+    has(&error, &["film.txt", "displacement_mm", "`columns` displacement=3:mm"]);
     gives_the_samples(&folder.read(&text, "displacement=3:mm").expect("named"), "named");
 }
 

@@ -81,8 +81,8 @@ fn two_voltages_without_words_are_not_guessed() {
     let folder = Folder::new();
     for (header, named) in [
         ("Time (ms);CH1 (kV);CH2 (kV)", ["columns may be the", "CH1"]),
-        ("Time (ms);HV Soll (kV);Temp (°C)", ["voltage_v", "--columns voltage=NUMBER:kV"]),
-        ("Time (ms);Command;HV Ist (kV)", ["\"Command\" has no unit", "--columns command=2:kV"]),
+        ("Time (ms);HV Soll (kV);Temp (°C)", ["voltage_v", "`columns` voltage=NUMBER:kV"]),
+        ("Time (ms);Command;HV Ist (kV)", ["\"Command\" has no unit", "`columns` command=2:kV"]),
     ] {
         let error = folder.log(&german(header), "").expect_err(header).to_string();
         assert!(named.iter().all(|part| error.contains(part)), "{header}: {error}");
@@ -128,7 +128,7 @@ fn a_material_test_is_read_in_the_labs_dialect() {
 fn what_is_not_read_here_is_refused_with_what_is() {
     let folder = Folder::new();
     let error = folder.log(&german("Time (ms);Command (kV);HV (kV)"), "stress=2:MPa").expect_err("no stress");
-    assert!(error.to_string().ends_with("--columns stress: what is read here is time, command, voltage"), "{error}");
+    assert!(error.to_string().ends_with("`columns` stress: what is read here is time, command, voltage"), "{error}");
     let error = folder.test(&machine("Time (s);a;b", |k| [k, k]), "").expect_err("no names").to_string();
     assert!(error.contains("no column stretch or displacement_m") && error.contains("stretch=NUMBER"), "{error}");
 }

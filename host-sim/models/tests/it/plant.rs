@@ -80,7 +80,7 @@ fn a_mismatch_is_what_it_says() {
     let size = |model: &Maxwell| model.frequency_response(1.0 / std::f64::consts::TAU).norm();
     assert!((size(&more) / size(&single) - 1.0).abs() < 1e-12);
     let error = Mismatch { stiffness: 1.0, alpha: 2.0 }.apply(&film.model).expect_err("an order above 1");
-    assert!(error.to_string().contains("--plant-mismatch") && error.to_string().contains("alpha"), "{error}");
+    assert!(error.to_string().contains("`plant_mismatch`") && error.to_string().contains("alpha"), "{error}");
 }
 
 /// A film that is pulled in is noticed.

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use crate::commands::with_flags;
 use crate::error::Result;
 use crate::files::parameters::Parameters;
 use crate::files::recording::Recording;
@@ -44,7 +45,7 @@ pub(super) fn run(parameters: &Parameters, recording: &Recording) -> Firmware {
     if !Emulator::default_image().is_file() {
         return Firmware::LeftOut("its image is not built; cargo xtask image does".into());
     }
-    stepped(parameters, recording).map_or_else(|error| Firmware::LeftOut(error.to_string()), Firmware::Ran)
+    stepped(parameters, recording).map_or_else(|error| Firmware::LeftOut(with_flags(&error.to_string())), Firmware::Ran)
 }
 
 fn stepped(parameters: &Parameters, recording: &Recording) -> Result<FirmwareRun> {

@@ -59,7 +59,7 @@ impl Source {
             let cause = format!(
                 "MATLAB cannot call {name:?}: a letter, then letters, digits and _, at most 58, such as film_5s.c"
             );
-            return Err(Error::option("--out", cause));
+            return Err(Error::field("out", cause));
         }
         output::check(out, inputs, Folders::Exist)?;
         for beside in ["springpot.h", "springpot_tick.h", &format!("{name}_mex.c"), &format!("{name}_sfun.c")] {
@@ -76,7 +76,7 @@ impl Source {
         // A folder has no ending.
         let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         if name.is_empty() {
-            return Err(Error::option("--out", "a library is a folder with a name, such as film_library"));
+            return Err(Error::field("out", "a library is a folder with a name, such as film_library"));
         }
         let symbol = symbol(&name);
         own(&out.join("src/springpot.h"), inputs, Folders::AreMade)?;
@@ -89,7 +89,7 @@ impl Source {
     /// An FMU at `out`, a NAME.fmu.
     pub(super) fn fmu(out: &Path, inputs: &[&Path], version: Version) -> Result<Self> {
         if out.extension().is_none_or(|extension| extension != "fmu") {
-            return Err(Error::option("--out", "an FMU ends in .fmu, such as film.fmu"));
+            return Err(Error::field("out", "an FMU ends in .fmu, such as film.fmu"));
         }
         output::check(out, inputs, Folders::Exist)?;
         Ok(Self { symbol: symbol(&stem(out)), out: out.into(), kind: Kind::Fmu(version) })
@@ -151,7 +151,7 @@ impl Source {
 fn is_c(out: &Path, more: &str) -> Result<()> {
     if out.extension().is_none_or(|extension| extension != "c") {
         let cause = format!("a C source ends in .c, such as film.c; {more} written beside it");
-        return Err(Error::option("--out", cause));
+        return Err(Error::field("out", cause));
     }
     Ok(())
 }

@@ -7,6 +7,7 @@ use std::time::Instant;
 use clap::Args;
 
 use super::recordings::RecordingOptions;
+use super::with_flags;
 use crate::error::{Error, Result};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
@@ -99,7 +100,7 @@ impl Arguments {
                 let out = beside(&self.out, recording.path());
                 if jobs.iter().any(|job: &Job<'_>| job.out == out) {
                     let cause = format!("two recordings would be written to {}", out.display());
-                    return Err(Error::option("--each", cause));
+                    return Err(Error::field("each", cause));
                 }
                 let page = self.report.as_deref().map(|page| beside(page, recording.path()));
                 jobs.push(job(out, page, std::slice::from_ref(recording), std::slice::from_ref(observed)));
@@ -112,7 +113,7 @@ impl Arguments {
             output::check(path, &inputs, Folders::Exist)?;
         }
         if self.report.as_ref() == Some(&self.out) {
-            return Err(Error::option("--report", "is the file of the parameters; name another"));
+            return Err(Error::field("report", "is the file of the parameters; name another"));
         }
         Ok(jobs)
     }
@@ -149,6 +150,7 @@ impl Job<'_> {
         let mut fit = fit::fit(&self.observations, settings, interrupt::stop_flag(), &|stage| bar.enter(stage))?;
         bar.finish_and_clear();
         fit.warnings.splice(0..0, self.warnings);
+        fit.warnings.iter_mut().for_each(|warning| warning.text = with_flags(&warning.text));
         let seconds = started.elapsed().as_secs_f64();
         let parameters = fit.parameters(settings, direction, &self.recordings)?;
         let files: Vec<&Path> = self.recordings.iter().map(|recording| recording.path()).collect();

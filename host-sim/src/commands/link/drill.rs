@@ -116,7 +116,7 @@ impl Drills {
         if (100.0..=10e3).contains(&self.voltage) {
             Ok(())
         } else {
-            Err(Error::option("--voltage", "must be from 100 to 10000 V: enough to be seen at the monitor"))
+            Err(Error::field("voltage", "must be from 100 to 10000 V: enough to be seen at the monitor"))
         }
     }
 

@@ -90,10 +90,10 @@ struct Report {
 impl Stream {
     pub(super) fn check(&self) -> Result<()> {
         if self.every == 0 {
-            return Err(Error::option("--every", "must be at least 1 tick"));
+            return Err(Error::field("every", "must be at least 1 tick"));
         }
         if self.duration.is_some_and(|seconds| seconds <= 0.0) {
-            return Err(Error::option("--duration", "must be greater than 0 s"));
+            return Err(Error::field("duration", "must be greater than 0 s"));
         }
         output::check(&self.out, &[], Folders::Exist)
     }

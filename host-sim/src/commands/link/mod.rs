@@ -202,7 +202,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let blob = match &arguments.verb {
         Verb::Upload(upload) => match upload.source.blob()? {
             Some(blob) => Some(blob),
-            None => return Err(Error::option("--params", "parameters are needed: --params P, or --blob P.bin")),
+            None => return Err(Error::field("params", "parameters are needed: --params P, or --blob P.bin")),
         },
         Verb::Play(play) => play.check()?,
         Verb::Stream(stream) => {

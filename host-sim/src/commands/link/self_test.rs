@@ -90,10 +90,7 @@ impl SelfTest {
         if (10.0..=500.0).contains(&self.voltage) {
             Ok(())
         } else {
-            Err(Error::option(
-                "--voltage",
-                "must be from 10 to 500 V: enough to be seen, and too little to move a film",
-            ))
+            Err(Error::field("voltage", "must be from 10 to 500 V: enough to be seen, and too little to move a film"))
         }
     }
 

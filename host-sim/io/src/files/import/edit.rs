@@ -25,19 +25,19 @@ impl Edits {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] for what leaves no rows.
+    /// [`Error::Field`] for what leaves no rows.
     pub fn new(blanks: Vec<Blank>, from_s: f64, to_s: Option<f64>, decimate: usize) -> Result<Self> {
         if !(from_s.is_finite() && from_s >= 0.0) {
-            return Err(Error::option("--from", format!("{from_s:?} must be at least 0")));
+            return Err(Error::field("from_s", format!("{from_s:?} must be at least 0")));
         }
         if let Some(to_s) = to_s {
-            positive("--to", to_s)?;
+            positive("to_s", to_s)?;
             if to_s <= from_s {
-                return Err(Error::option("--to", format!("{to_s:?} must lie above --from")));
+                return Err(Error::field("to_s", format!("{to_s:?} must lie above `from_s`")));
             }
         }
         if decimate == 0 {
-            return Err(Error::option("--decimate", "1 keeps every row"));
+            return Err(Error::field("decimate", "1 keeps every row"));
         }
         Ok(Self { blanks, from_s, to_s: to_s.unwrap_or(f64::INFINITY), decimate })
     }

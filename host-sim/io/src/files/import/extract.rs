@@ -125,7 +125,7 @@ pub fn read(path: &Path, head: &[u8], rest: impl Read, request: &Request<'_>, hi
         return Err(Error::file(path, "more than 512 MiB; export it as CSV with the names of recordings, or in parts"));
     }
     if hints.sheet.is_some() && kind != kind::Kind::Workbook {
-        return Err(Error::option("--sheet", format!("{} is no workbook", shown(path))));
+        return Err(Error::field("sheet", format!("{} is no workbook", shown(path))));
     }
     match kind {
         kind::Kind::Text => text(path, &bytes, request, &hints.choices),
@@ -165,7 +165,7 @@ fn text(path: &Path, bytes: &[u8], request: &Request<'_>, choices: &Choices) -> 
                 format!("{}: {}", source.format(), names.join(", "))
             };
             let cause = format!(
-                "can be read in two ways: {}; or {}; save it as UTF-8, or name the columns by number with --columns",
+                "can be read in two ways: {}; or {}; save it as UTF-8, or name the columns by number with `columns`",
                 shown(first, one),
                 shown(second, other)
             );
@@ -199,7 +199,7 @@ fn spreadsheet(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints
         (several, _) => {
             let names: Vec<String> = several.iter().map(|(name, ..)| format!("{name:?}")).collect();
             let cause = format!(
-                "{} spreadsheets may be meant: {}; choose one with --sheet NAME",
+                "{} spreadsheets may be meant: {}; choose one with `sheet` NAME",
                 names.len(),
                 names.join(", ")
             );

@@ -67,7 +67,7 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices) -> Result
     let other = |quantity: &Quantity| !request.wanted.contains(quantity) && choices.get(*quantity).is_some();
     if let Some(other) = [Quantity::Command, Quantity::Stretch, Quantity::Stress].iter().find(|q| other(q)) {
         let names: Vec<&str> = request.wanted.iter().map(|quantity| quantity.name()).collect();
-        return Err(format!("--columns {}: what is read here is {}", other.name(), names.join(", ")));
+        return Err(format!("`columns` {}: what is read here is {}", other.name(), names.join(", ")));
     }
     let mut chosen: Vec<Chosen> = Vec::new();
     for quantity in request.wanted {
@@ -138,7 +138,7 @@ impl Titles<'_> {
             None => return Ok(None),
             Some(Column::Number(number)) if *number <= self.titles.len() => number - 1,
             Some(Column::Number(number)) => {
-                return Err(format!("--columns {}={number}: there are {} columns", quantity.name(), self.titles.len()));
+                return Err(format!("`columns` {}={number}: there are {} columns", quantity.name(), self.titles.len()));
             }
             Some(Column::Name(name)) => self.by_name(quantity, name)?,
         };
@@ -149,7 +149,7 @@ impl Titles<'_> {
         let unit = choice.unit.or(known);
         if unit.is_none() && choice.factor.is_none() && !quantity.is_bare() {
             return Err(format!(
-                "--columns {}: column {} has no unit; add one of {}, as in {}={}:{}, or a factor to SI",
+                "`columns` {}: column {} has no unit; add one of {}, as in {}={}:{}, or a factor to SI",
                 quantity.name(),
                 self.shown(index),
                 units::usual(quantity),
@@ -177,12 +177,12 @@ impl Titles<'_> {
         match found.iter().find(|found| !found.is_empty()).map(Vec::as_slice) {
             Some([one]) => Ok(*one),
             Some([first, second, ..]) => Err(format!(
-                "--columns {}={name:?} may be column {} or {}; give the number",
+                "`columns` {}={name:?} may be column {} or {}; give the number",
                 quantity.name(),
                 self.shown(*first),
                 self.shown(*second)
             )),
-            _ => Err(format!("--columns: no column {name:?}; there are {}", self.list())),
+            _ => Err(format!("`columns`: no column {name:?}; there are {}", self.list())),
         }
     }
 
@@ -236,7 +236,7 @@ impl Titles<'_> {
         match (0..self.titles.len()).find(named) {
             Some(index) => Err(format!(
                 "column {} is the {} by its name, and its unit is none of {}; say what one of its numbers is in SI units, as in \
-                 --columns {}={}*0.001",
+                 `columns` {}={}*0.001",
                 self.shown(index),
                 quantity.name(),
                 units::usual(quantity),
@@ -256,7 +256,7 @@ impl Titles<'_> {
 
     fn no_unit(&self, quantity: Quantity, index: usize, why: &str) -> String {
         format!(
-            "column {} {why}: {}? Say it with --columns {}={}:{}",
+            "column {} {why}: {}? Say it with `columns` {}={}:{}",
             self.shown(index),
             units::usual(quantity),
             quantity.name(),
@@ -268,7 +268,7 @@ impl Titles<'_> {
     fn several(&self, quantity: Quantity, indices: &[usize]) -> String {
         let shown: Vec<String> = indices.iter().map(|index| self.shown(*index)).collect();
         format!(
-            "{} columns may be the {}: {}; choose one with --columns {}={}",
+            "{} columns may be the {}: {}; choose one with `columns` {}={}",
             indices.len(),
             quantity.name(),
             shown.join(" and "),
@@ -294,12 +294,12 @@ impl Titles<'_> {
             let all: Vec<String> = first.zip(1..).map(|(quantity, k)| choice(*quantity, &k.to_string())).collect();
             let columns = self.titles.len();
             return format!(
-                "no header above {columns} columns; name them by number, as in --columns {}",
+                "no header above {columns} columns; name them by number, as in `columns` {}",
                 all.join(",")
             );
         }
         format!(
-            "no column {}; there are {}; name it with --columns {}",
+            "no column {}; there are {}; name it with `columns` {}",
             names.join(" or "),
             self.list(),
             set.first().map_or_else(String::new, |quantity| choice(*quantity, "NUMBER"))

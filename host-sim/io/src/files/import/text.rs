@@ -322,7 +322,7 @@ pub fn more_cells(cells: usize, titles: usize, separator: Separator) -> String {
             "; decimal commas in a file separated by commas shift every value: export with a decimal point, or separated by \
              semicolons"
         }
-        Separator::Blanks => "; names with blanks in them need quotes, or name the columns by number with --columns",
+        Separator::Blanks => "; names with blanks in them need quotes, or name the columns by number with `columns`",
         _ => "; every column needs a name",
     };
     format!("{cells} cells below a header of {titles}{cause}")

@@ -29,12 +29,12 @@ impl Film<'_> {
     pub fn compressed_law<T: Real>(self, rate_hz: f64) -> Result<Law<T, Compressed<T>>> {
         // Beyond, a horizon has more steps than can be counted.
         if rate_hz > MAX_RATE_HZ {
-            return Err(Error::option("--rate", format!("{rate_hz:?} Hz; a law takes at most {MAX_RATE_HZ:e} Hz")));
+            return Err(Error::field("rate_hz", format!("{rate_hz:?} Hz; a law takes at most {MAX_RATE_HZ:e} Hz")));
         }
         let options = LawOptions::at_step(1.0 / rate_hz).with_method(self.method);
         let law = Law::compressed(self.model, options).map_err(|error| match error {
             LawError::Step(_) | LawError::Horizon { .. } => {
-                Error::option("--rate", format!("{rate_hz:?} Hz; a law needs at least 1e-3 Hz"))
+                Error::field("rate_hz", format!("{rate_hz:?} Hz; a law needs at least 1e-3 Hz"))
             }
             error => error.into(),
         })?;

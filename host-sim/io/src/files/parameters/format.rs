@@ -207,7 +207,7 @@ impl ElementTable {
 }
 
 /// The line of sizes that are not the film's own.
-const ASSUMED: &str = "sizes = \"assumed\" # not this film's: fields are not known. Fit with --actuator\n";
+const ASSUMED: &str = "sizes = \"assumed\" # not this film's: fields are not known. Fit with an actuator file\n";
 
 /// Parameters as TOML text.
 pub(super) fn write(parameters: &Parameters) -> String {

@@ -83,11 +83,11 @@ impl Parameters {
     ///
     /// # Errors
     ///
-    /// [`Error::Option`] for a name that is not among the presets.
+    /// [`Error::Field`] for a name that is not among the presets.
     pub fn preset(name: &str) -> Result<Self> {
         let preset = Preset::named(name).ok_or_else(|| {
             let names: Vec<&str> = Preset::ALL.iter().map(Preset::name).collect();
-            Error::option("--params", format!("no preset {name:?}; there are {}", names.join(", ")))
+            Error::Usage(format!("preset:{name}: unknown preset; the presets are {}", names.join(", ")))
         })?;
         Ok(Self {
             name: format!("karner-2022-{}", preset.name()),
@@ -160,7 +160,7 @@ impl Parameters {
         self.assumed_sizes.then(|| {
             format!(
                 "the film's sizes are assumed ({:.0} µm thick): whether the field stays within its limit is not known; fit with \
-                 --actuator and the film's own sizes",
+                 `actuator` and the film's own sizes",
                 1e6 * self.actuator.thickness_m
             )
         })

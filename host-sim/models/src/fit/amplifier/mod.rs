@@ -229,7 +229,7 @@ fn unexplained(identified: &Identification, span_v: f64) -> Option<String> {
     (residual_v > 2.5 * noise_v && residual_v > 2e-3 * span_v).then(|| {
         format!(
             "the residual, {residual_v:.1} V RMS, is far above the monitor's noise, {noise_v:.1} V: an amplifier that is limited in slew or \
-             current, a slow monitor, or a wrong calibration; look at --plot, the times are means"
+             current, a slow monitor, or a wrong calibration; look at the plot, the times are means"
         )
     })
 }
