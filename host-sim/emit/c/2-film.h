@@ -97,13 +97,13 @@ typedef struct {
 
 /* How much of the correction is in use for references that are faster than the observer. */
 typedef struct {
-    float forgets;
-    float averages;
-    float follows;
-    float floor;    /* m */
-    float highest;
-    float falls;
-    float least;
+    float high_pass;
+    float averaging;
+    float smoothing;
+    float floor;     /* m */
+    float intercept;
+    float slope;
+    float min_share;
 } springpot_fade;
 
 /* Learning of periodic references. */

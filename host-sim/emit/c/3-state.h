@@ -89,9 +89,9 @@ typedef struct {
 
 typedef struct {
     float position; /* m */
-    float distance; /* m */
-    float gets;     /* mean distance that the reference gets to, m */
-    float goes[2];  /* mean way that it goes, smoothed once and twice, m */
+    float high_passed;    /* m */
+    float net_excursion;  /* mean size of that, m */
+    float path_length[2]; /* mean path length of the reference, smoothed once and twice, m */
     float share;
 } springpot_fade_state;
 

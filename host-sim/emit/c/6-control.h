@@ -166,10 +166,10 @@ static inline float springpot_observer_observe(const springpot_film *film, sprin
 static inline void springpot_fade_init(springpot_fade_state *state, float position)
 {
     state->position = position;
-    state->distance = 0.0F;
-    state->gets = 0.0F;
-    state->goes[0] = 0.0F;
-    state->goes[1] = 0.0F;
+    state->high_passed = 0.0F;
+    state->net_excursion = 0.0F;
+    state->path_length[0] = 0.0F;
+    state->path_length[1] = 0.0F;
     state->share = 1.0F;
 }
 
@@ -187,18 +187,18 @@ static inline void springpot_tracking_init(const springpot_film *film, springpot
 static inline void springpot_fade_advance(
     const springpot_fade *fade, springpot_fade_state *state, float position, bool is_learned)
 {
-    const float moved = (position - state->position) / fade->forgets;
+    const float moved = (position - state->position) / fade->high_pass;
     float share;
 
     state->position = position;
-    state->distance = state->distance + (fade->forgets * (moved - state->distance));
-    state->gets = state->gets + (fade->averages * (springpot_size(state->distance) - state->gets));
-    state->goes[0] = state->goes[0] + (fade->averages * (springpot_size(moved) - state->goes[0]));
-    state->goes[1] = state->goes[1] + (fade->forgets * (state->goes[0] - state->goes[1]));
-    share = fade->highest - (fade->falls * (state->goes[1] / (state->gets + fade->floor)));
+    state->high_passed = state->high_passed + (fade->high_pass * (moved - state->high_passed));
+    state->net_excursion = state->net_excursion + (fade->averaging * (springpot_size(state->high_passed) - state->net_excursion));
+    state->path_length[0] = state->path_length[0] + (fade->averaging * (springpot_size(moved) - state->path_length[0]));
+    state->path_length[1] = state->path_length[1] + (fade->high_pass * (state->path_length[0] - state->path_length[1]));
+    share = fade->intercept - (fade->slope * (state->path_length[1] / (state->net_excursion + fade->floor)));
     share = (share > 1.0F) ? 1.0F : share;
-    share = ((share < fade->least) || is_learned) ? fade->least : share;
-    state->share = state->share + (fade->follows * (share - state->share));
+    share = ((share < fade->min_share) || is_learned) ? fade->min_share : share;
+    state->share = state->share + (fade->smoothing * (share - state->share));
 }
 
 /* From now on this share of the correction is in use. */

@@ -5,58 +5,59 @@ use core::f64::consts::TAU;
 use crate::numbers::Numbers;
 use crate::scalar::Real;
 
-/// ρ below which the whole correction is in use, and above which the least: of sines of 0.6 and 0.85 bandwidths.
+/// ρ up to which all of the correction is in use, and from which the smallest share is: sines of 0.6 and 0.85 bandwidths.
 ///
 /// The loop's sensitivity passes 1 near 0.8 bandwidths: above that, feedback makes an error larger.
-const FADES: [f64; 2] = [1.562, 1.972];
-/// The least share: a thirtieth of the bandwidth for what is slow, and a sensitivity of 1 within a percent for what is not.
+const FADE_RATIOS: [f64; 2] = [1.562, 1.972];
+/// Smallest share: a thirtieth of the bandwidth for slow errors, and a sensitivity of 1 within a percent for fast ones.
 const MIN_SHARE: f64 = 0.03;
-/// Times, in units of 1 / ω of the bandwidth: after which a move counts as the mean, over which distances are averaged, and over which
-/// the share changes.
-const FORGETS: f64 = 2.0;
-const AVERAGES: f64 = 4.0;
-const FOLLOWS: f64 = 1.0;
+/// Time constants, in units of 1 / ω of the bandwidth: of the high-pass, of the averages, and of the smoothing of the share.
+const HIGH_PASS: f64 = 2.0;
+const AVERAGING: f64 = 4.0;
+const SMOOTHING: f64 = 1.0;
 
-/// Measures the frequency of a reference q by how far it goes and how far it gets.
+/// Measures the frequency of a reference q by its path length over its net excursion.
 ///
-/// With the speed v = dq/dt, a time constant T and means over some time,
+/// With the speed v = dq/dt and the time constant T of the high-pass,
 ///
 /// ```text
-/// ρ = mean of T |v|, after a lag of T / mean of T |v after a lag of T|
+/// path length   = mean of T |v|, low-passed with T
+/// net excursion = mean of |h|, where h = T v low-passed with T: q through the high-pass
+/// ρ             = path length / net excursion
 /// ```
 ///
-/// is 1 for every step and ramp, also while it happens, and √(1 + ω² T²) for a sine. Slow cycles and moves of any speed keep the whole
+/// ρ is 1 for every step and ramp, also while it happens, and √(1 + ω² T²) for a sine. Slow cycles and moves of any speed keep the whole
 /// correction, fast cycles lose it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Fade<T> {
-    /// Weights of a sample in the three lags.
-    forgets: T,
-    averages: T,
-    follows: T,
-    /// Distance from the mean that does not count, m.
+    /// Weights of a sample in the high-pass, in the averages and in the smoothing of the share.
+    high_pass: T,
+    averaging: T,
+    smoothing: T,
+    /// Net excursion that is added, m: smaller references do not count.
     floor: T,
 }
 
-/// What changes with every tick of a [`Fade`].
+/// What changes with every sample of a [`Fade`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FadeState<T> {
     /// The reference at the sample before, m.
     position: T,
-    /// T times the speed after a lag: distance from the slow mean, m.
-    distance: T,
+    /// The reference through the high-pass, m.
+    high_passed: T,
     /// Mean of its size, m.
-    gets: T,
-    /// Mean of T times the size of the speed, before and after a lag, m.
-    goes: [T; 2],
+    net_excursion: T,
+    /// Mean of T times the size of the speed, before and after the low-pass, m.
+    path_length: [T; 2],
     /// The share now.
     share: T,
 }
 
-/// The share as a straight line of ρ: at ρ = 0, and how much it falls with ρ.
+/// The share as a straight line of ρ: its intercept at ρ = 0, and its negative slope.
 fn line<T: Real>() -> [T; 2] {
-    let [from, to] = FADES;
-    let falls = (1.0 - MIN_SHARE) / (to - from);
-    [1.0 + falls * from, falls].map(T::from_f64)
+    let [from, to] = FADE_RATIOS;
+    let slope = (1.0 - MIN_SHARE) / (to - from);
+    [1.0 + slope * from, slope].map(T::from_f64)
 }
 
 impl<T: Real> Fade<T> {
@@ -66,55 +67,61 @@ impl<T: Real> Fade<T> {
         let angle = TAU * bandwidth_hz * interval_s;
         let weight = |time: f64| T::from_f64(angle / (angle + time));
         Self {
-            forgets: weight(FORGETS),
-            averages: weight(AVERAGES),
-            follows: weight(FOLLOWS),
+            high_pass: weight(HIGH_PASS),
+            averaging: weight(AVERAGING),
+            smoothing: weight(SMOOTHING),
             floor: T::from_f64(least_m),
         }
     }
 
     /// Visits what the share is computed with.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
-        let [highest, falls] = line::<T>();
+        let [intercept, slope] = line::<T>();
         take.structure(
             "fade",
             "How much of the correction is in use for references that are faster than the observer.",
         );
-        take.number("forgets", self.forgets, "");
-        take.number("averages", self.averages, "");
-        take.number("follows", self.follows, "");
+        take.number("high_pass", self.high_pass, "");
+        take.number("averaging", self.averaging, "");
+        take.number("smoothing", self.smoothing, "");
         take.number("floor", self.floor, "m");
-        take.number("highest", highest, "");
-        take.number("falls", falls, "");
-        take.number("least", T::from_f64(MIN_SHARE), "");
+        take.number("intercept", intercept, "");
+        take.number("slope", slope, "");
+        take.number("min_share", T::from_f64(MIN_SHARE), "");
     }
 
-    /// Takes the `position` (m) of the reference, with every sample of the sensor. `is_learned`: the errors of its cycles are left to a
+    /// Takes the `position` (m) of the reference, with every sample of the sensor. `is_learned`: the errors of its cycles are left to
     /// learning.
     #[inline]
     pub(crate) fn advance(&self, state: &mut FadeState<T>, position: T, is_learned: bool) {
         // T times the speed.
-        let moved = (position - state.position) / self.forgets;
+        let moved = (position - state.position) / self.high_pass;
         state.position = position;
-        state.distance = state.distance + self.forgets * (moved - state.distance);
-        state.gets = state.gets + self.averages * (state.distance.abs() - state.gets);
-        let [mean, lagged] = state.goes;
-        let mean = mean + self.averages * (moved.abs() - mean);
-        let lagged = lagged + self.forgets * (mean - lagged);
-        state.goes = [mean, lagged];
+        state.high_passed = state.high_passed + self.high_pass * (moved - state.high_passed);
+        state.net_excursion = state.net_excursion + self.averaging * (state.high_passed.abs() - state.net_excursion);
+        let [mean, lagged] = state.path_length;
+        let mean = mean + self.averaging * (moved.abs() - mean);
+        let lagged = lagged + self.high_pass * (mean - lagged);
+        state.path_length = [mean, lagged];
         let (one, least) = (T::from_f64(1.0), T::from_f64(MIN_SHARE));
-        let [highest, falls] = line::<T>();
-        let share = highest - falls * (lagged / (state.gets + self.floor));
+        let [intercept, slope] = line::<T>();
+        let share = intercept - slope * (lagged / (state.net_excursion + self.floor));
         let share = if share > one { one } else { share };
         let share = if share < least || is_learned { least } else { share };
-        state.share = state.share + self.follows * (share - state.share);
+        state.share = state.share + self.smoothing * (share - state.share);
     }
 }
 
 impl<T: Real> FadeState<T> {
     /// A reference at rest at `position` (m).
     pub(crate) fn at(position: T) -> Self {
-        Self { position, distance: T::ZERO, gets: T::ZERO, goes: [T::ZERO; 2], share: T::from_f64(1.0) }
+        Self {
+            position,
+            high_passed: T::ZERO,
+            net_excursion: T::ZERO,
+            path_length: [T::ZERO; 2],
+            share: T::from_f64(1.0),
+        }
     }
 
     /// The share of the correction that is in use.

@@ -2,7 +2,7 @@
 
 use crate::actuator::{Actuator, VoltageDrive};
 use crate::control::limits::{CommandLimits, Limited};
-use crate::control::pace::{Pace, PacedAmplifier, Reading};
+use crate::control::pace::{GAIN_S, Pace, PacedAmplifier, Reading};
 use crate::control::path::{Path, Shaper, clamp, is_finite};
 use crate::error::ControlError;
 use crate::law::{Law, LawState, Memory};
@@ -130,8 +130,6 @@ pub(crate) struct Inverse<T> {
 
 /// Share of the largest force that may accelerate the film back to its path.
 const RETURN_SHARE: f64 = 0.1;
-/// Time over which the amplifier's gain and pace are estimated, s: a few cycles of a slow reference.
-pub(crate) const GAIN_S: f64 = 10.0;
 /// Share of the largest voltage above which its mean shows it.
 const GAIN_SHARE: f64 = 0.02;
 /// Bounds of that gain.

@@ -1,7 +1,6 @@
 //! How fast an amplifier is, told from its monitor.
 
 use crate::control::amplifier::{AmplifierLag, AmplifierModel};
-use crate::control::inverse::GAIN_S;
 use crate::control::path::clamp;
 use crate::error::ControlError;
 use crate::numbers::Numbers;
@@ -45,6 +44,8 @@ pub(crate) struct Reading<T> {
     pub(crate) max_voltage: T,
 }
 
+/// Time over which the amplifier's gain and pace are estimated, s: a few cycles of a slow reference.
+pub(crate) const GAIN_S: f64 = 10.0;
 /// How far the pace is believed to be from 1 before anything is read, and the errors of readings, as a share of the largest voltage.
 const DEVIATION: f64 = 0.3;
 const READING_SHARE: f64 = 0.004;
