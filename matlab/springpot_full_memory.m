@@ -2,7 +2,7 @@ function displacement = springpot_full_memory(film, input, is_force, rate)
 %SPRINGPOT_FULL_MEMORY  Eq. 11 as a sum over all of the past, in double precision.
 %
 %   displacement = springpot_full_memory(film, input, is_force, rate) is the displacement (m) of a film at rest at first, one row a step of
-%   1/rate seconds. film is of springpot_film and has no [curve]; input is a column of voltages (V), or of forces with the weight (N) where
+%   1/rate seconds. film is from springpot_film and has no curve; input is a column of voltages (V), or of forces with the weight (N) where
 %   is_force is true.
 %
 %   It is independent of the controller's code, which compresses the memory: in the Gruenwald-Letnikov discretisation
@@ -34,7 +34,7 @@ function displacement = springpot_full_memory(film, input, is_force, rate)
   force = input;
   slope = zeros(steps, 1);
   if ~is_force
-    electrostatic = film.actuator.force_per_square_volt * input.^2 ./ (1 + (input / film.actuator.saturation_v).^2);
+    electrostatic = film.actuator.force_per_square_volt * input.^2 ./ (1 + input.^2 * film.actuator.saturation_per_square_volt);
     force = electrostatic + film.actuator.preload_n;
     slope = electrostatic * film.actuator.stretch_coupling;
   end

@@ -79,7 +79,7 @@ end
 
 function lines = read_lines(file)
   if exist(file, 'file') ~= 2
-    fail('%s: there is no such file', file);
+    fail('%s: no such file', file);
   end
   text = strrep(fileread(file), char(13), '');
   lines = strtrim(cells_of(text, char(10)));

@@ -1,23 +1,24 @@
 function result = springpot_replay(parameters, recording, varargin)
 %SPRINGPOT_REPLAY  A film's law along a recording, beside what was measured.
 %
-%   springpot_replay('film.toml', 'film-7s.csv') steps the law of film.toml along the voltage of a recording, prints R2 (Eq. 14),
-%   NRMSE (% of peak to peak) and RMSE, and plots measured against modelled displacement.
+%   springpot_replay('film.json', 'film-7s.csv') steps the law of film.json along the voltage of a recording, prints R2 (Eq. 14),
+%   NRMSE (% of peak to peak) and RMSE, and plots measured against modelled displacement. "host-sim export --params film.toml --emit
+%   sfunction --out film.c" writes film.json, film_mex.c and film.c.
 %
 %   result = springpot_replay(...) returns time_s, voltage_v (or force_n), displacement_m of the model, one row a step; measured_s,
 %   measured_m and modelled_m, one row a measured value; r2, nrmse_pct, rmse_m, samples, rate_hz and law.
 %
 %   springpot_replay(..., 'law', LAW) steps by LAW:
-%     'film_mex'  the MEX function of a film, which "host-sim export --params film.toml --emit sfunction --out film.c" wrote and
-%                 "mex film_mex.c film.c" (MATLAB) or "mkoctfile --mex film_mex.c film.c" (Octave) built: what the controller runs.
+%     'film_mex'  the MEX function of the film, built by "mex film_mex.c film.c" (MATLAB) or "mkoctfile --mex film_mex.c film.c" (Octave):
+%                 what the controller runs.
 %     'full'      springpot_full_memory: a sum over all of the past in double precision, at the recording's rate. It takes no film with an
 %                 elastic curve, and at most 50000 steps.
-%     By default it is NAME_mex of NAME.toml if that is on the path, otherwise 'full'.
+%     By default it is NAME_mex of NAME.json if that is on the path, otherwise 'full'.
 %   springpot_replay(..., 'rate', HZ) sets the rate of 'full'.
 %   springpot_replay(..., 'plot', FILE) writes the plot to a .png, .pdf or .svg, without a window; 'none' draws nothing.
 %
-%   help springpot_recording tells what a recording is, help springpot_film what is read of a parameter file. Runs in MATLAB and Octave
-%   without toolboxes or packages.
+%   help springpot_recording describes recordings, help springpot_film the .json. Runs in MATLAB and Octave 7 or later without toolboxes
+%   or packages.
 
   parameters = char(parameters);
   recording = char(recording);
@@ -35,21 +36,24 @@ function result = springpot_replay(parameters, recording, varargin)
   if strcmp(law, 'full')
     rate = options.rate;
     if isempty(rate)
-      rate = whole(1 / median(diff(rows.time)));
+      rate = 1 / median(diff(rows.time));
+      if abs(rate - round(rate)) < 1e-6 * rate
+        rate = round(rate);
+      end
     end
-    if isfield(film, 'curve')
-      fail('%s: it has a [curve], which ''full'' does not know; build its MEX function (help springpot_replay)', parameters);
+    if film.model.has_curve
+      fail('%s: it has a curve, which ''full'' does not know; build its MEX function (help springpot_replay)', parameters);
     end
   else
     if ~isempty(options.rate)
       fail('rate: a MEX function has the rate that it was exported with; export with --rate');
     end
     if exist(law) ~= 3
-      fail('%s: there is no such MEX function on the path; build it (help springpot_replay)', law);
+      fail('%s: no such MEX function on the path; build it (help springpot_replay)', law);
     end
     numbers = feval(law);
     check_film(numbers, film, law, parameters);
-    rate = whole(1 / numbers.step_s);
+    rate = film.law.rate_hz;
   end
 
   % The input on the grid of the law, linear between rows.
@@ -111,12 +115,12 @@ end
 function options = read_options(given)
   options = struct('law', '', 'rate', [], 'plot', '');
   if mod(numel(given), 2) ~= 0
-    fail('options: they come in pairs of a name and a value: ''law'', ''rate'', ''plot''');
+    fail('options: give pairs of a name and a value: ''law'', ''rate'', ''plot''');
   end
   for k = 1:2:numel(given)
     name = char(given{k});
     if ~isfield(options, name)
-      fail('%s: there is no such option; there are ''law'', ''rate'' and ''plot''', name);
+      fail('%s: not an option; the options are ''law'', ''rate'' and ''plot''', name);
     end
     if strcmp(name, 'rate')
       options.rate = given{k + 1};
@@ -134,36 +138,13 @@ function options = read_options(given)
 end
 
 function check_film(numbers, film, law, parameters)
-%  Whether the MEX function is of these parameters: its force, and without a curve its stiffness within one step.
-  actuator = film.actuator;
-  expected = [actuator.force_per_square_volt, actuator.stretch_coupling, 1 / actuator.saturation_v^2, actuator.preload_n];
-  has = [numbers.force_per_square_volt, numbers.stretch_coupling, numbers.saturation_per_square_volt, numbers.preload_n];
-  agrees = all(is_close(has, expected)) && numbers.has_curve == isfield(film, 'curve');
-  if agrees && ~numbers.has_curve
-    rate = whole(1 / numbers.step_s);
-    % Of first order, and of second (--method bdf2).
-    stiffnesses = [stiffness_of(film, rate), stiffness_of(film, 1.5 * rate)];
-    agrees = any(is_close(numbers.stiffness_n_per_m, stiffnesses));
-  end
-  if ~agrees
+%  Refuses a MEX function of other parameters: by the numbers of its force, its step, its stiffness within one step and its curve.
+  names = {'force_per_square_volt', 'stretch_coupling', 'saturation_per_square_volt', 'preload_n'};
+  expected = [cellfun(@(name) film.actuator.(name), names), 1 / film.law.rate_hz, film.law.stiffness_n_per_m, film.model.has_curve];
+  has = cellfun(@(name) double(numbers.(name)), [names, {'step_s', 'stiffness_n_per_m', 'has_curve'}]);
+  % Single precision keeps seven digits.
+  if any(abs(has - expected) > 1e-5 * abs(expected))
     fail('%s: it was built of other numbers than %s has; export and build it again', law, parameters);
-  end
-end
-
-function agrees = is_close(has, expected)
-%  Single precision keeps seven digits.
-  agrees = abs(has - expected) <= 1e-5 * abs(expected);
-end
-
-function stiffness = stiffness_of(film, rate)
-%  Force per displacement within one step: Eq. 11 at s = rate, its mass included.
-  pots = @(rows) rows(:, 1) .* rate.^rows(:, 2);
-  stiffness = pots(film.model.main) + film.actuator.mass_kg * rate^2;
-  soft = reshape(1 ./ pots(film.model.branches), 2, []);
-  if ~isempty(soft) && strcmp(film.model.topology, 'eq11')
-    stiffness = stiffness + size(soft, 2) / sum(soft(:));
-  elseif ~isempty(soft)
-    stiffness = stiffness + sum(1 ./ sum(soft, 1));
   end
 end
 
@@ -175,13 +156,6 @@ function check_voltage(voltage, largest, law, recording)
   elseif highest > largest
     fprintf('%s: %d steps above %g V, up to %g V, count as %g V, the [board.limits] max_voltage_v of %s\n', recording, ...
       sum(abs(voltage) > largest), largest, highest, largest, law);
-  end
-end
-
-function rate = whole(rate)
-%  A rate without the rounding of single precision.
-  if abs(rate - round(rate)) < 1e-6 * rate
-    rate = round(rate);
   end
 end
 

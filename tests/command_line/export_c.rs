@@ -99,8 +99,9 @@ fn two_exported_films_have_the_controllers_bits() {
         let report = TOOL.json(&["export", "--params", params, "--emit", "c", "--out", text(&path(out))]);
         let symbol = format!("film_{}", out.trim_end_matches(".c").replace('-', "_"));
         assert_eq!(report["symbol"], symbol, "{report}");
-        let [film, header] = [path(out), path("springpot.h")].map(|file| text(&file).to_owned());
-        assert_eq!(report["written"], serde_json::json!([film, header]), "{report}");
+        let json = path(out).with_extension("json");
+        let written = [path(out), path("springpot.h"), json].map(|file| text(&file).to_owned());
+        assert_eq!(report["written"], serde_json::json!(written), "{report}");
     }
     let main = "#include <stdio.h>\n#include <string.h>\n#include \"springpot.h\"\nSPRINGPOT_FILM(film_rich_1);\nSPRINGPOT_FILM(film_n1);\n\
          int main(void)\n{\n    const springpot_film *const films[2] = {&film_rich_1, &film_n1};\n    for (uint32_t f = 0U; f < 2U; f++) {\n\
@@ -180,8 +181,12 @@ fn c_is_written_whole_or_not_at_all() {
     fs::write(path("springpot.h"), "/* mine */").expect("written");
     refused(preset, &path("film-2.c"), &["springpot.h", "another folder"]);
     assert_eq!(fs::read_to_string(path("springpot.h")).expect("there"), "/* mine */");
-    assert!(!path("film-2.c").exists());
+    assert!(!path("film-2.c").exists() && !path("film-2.json").exists());
     fs::remove_file(path("springpot.h")).expect("removed");
+    fs::write(path("film-2.json"), "{}").expect("written");
+    refused(preset, &path("film-2.c"), &["film-2.json", "another folder"]);
+    assert_eq!(fs::read_to_string(path("film-2.json")).expect("there"), "{}");
+    fs::remove_file(path("film-2.json")).expect("removed");
     // What is read is not overwritten.
     let film = Parameters::preset("table3-n2").expect("there").to_toml();
     fs::write(path("read.c"), &film).expect("written");

@@ -11,7 +11,7 @@ use tests::transcript::blocks;
 
 use crate::TOOL;
 
-/// Five files whose names MATLAB can call, or none; what somebody else has written stays.
+/// Six files whose names MATLAB can call, or none; files of other programs are kept.
 #[test]
 fn what_matlab_needs_is_written_whole_or_not_at_all() {
     let folder = TempDir::new().expect("a folder");
@@ -26,7 +26,7 @@ fn what_matlab_needs_is_written_whole_or_not_at_all() {
     refused(&path("film-5s.c"), &["--out", "film-5s", "film_5s.c"]);
     refused(&path("5s.c"), &["--out", "5s", "a letter"]);
     refused(&path("there/film.c"), &["film.c", "no folder"]);
-    for name in ["film_mex.c", "film_sfun.c", "springpot_tick.h", "springpot.h"] {
+    for name in ["film_mex.c", "film_sfun.c", "springpot_tick.h", "springpot.h", "film.json"] {
         fs::write(path(name), "/* mine */").expect("written");
         refused(&path("film.c"), &[name, "another folder"]);
         assert_eq!(fs::read_to_string(path(name)).expect("there"), "/* mine */");
@@ -36,7 +36,7 @@ fn what_matlab_needs_is_written_whole_or_not_at_all() {
     // Once more over what is there.
     for _ in 0..2 {
         let report = TOOL.json(&export(&path("film.c")).each_ref().map(String::as_str));
-        let written = ["film.c", "springpot.h", "springpot_tick.h", "film_mex.c", "film_sfun.c"];
+        let written = ["film.c", "springpot.h", "springpot_tick.h", "film_mex.c", "film_sfun.c", "film.json"];
         let files: Vec<String> = written.iter().map(|name| text(&path(name)).to_owned()).collect();
         assert_eq!(report["written"], serde_json::json!(files), "{report}");
         assert_eq!(report["symbol"], "film");
@@ -142,9 +142,9 @@ fn the_script_replays_as_the_command_does() {
         TOOL.json(&["export", "--params", text(&path(&params)), "--emit", "sfunction", "--out", text(&out)]);
         build_mex(folder.path(), name);
         script +=
-            &format!("r = springpot_replay('{params}', '{file}', 'plot', '{name}.png'); assert(isfield(r, 'r2'));");
+            &format!("r = springpot_replay('{name}.json', '{file}', 'plot', '{name}.png'); assert(isfield(r, 'r2'));");
         expected += &line(folder.path(), &params, file, &[], &format!("{name}_mex at 1000 Hz"));
-        script += &format!("springpot_replay('{params}', '{file}', 'law', 'full', 'rate', 100, 'plot', 'none');");
+        script += &format!("springpot_replay('{name}.json', '{file}', 'law', 'full', 'rate', 100, 'plot', 'none');");
         let full = ["--rate", "100", "--memory", "full", "--precision", "f64"];
         expected += &line(folder.path(), &params, file, &full, "full at 100 Hz");
     }
@@ -152,7 +152,7 @@ fn the_script_replays_as_the_command_does() {
     let held: Vec<String> =
         (1..=200).map(|k| format!("{:?},20,{:?}", 0.01 * f64::from(k), 1e-4 * f64::from(k).sqrt())).collect();
     fs::write(path("held.csv"), format!("time_s,force_n,displacement_m\n{}\n", held.join("\n"))).expect("written");
-    script += "springpot_replay('film.toml', 'held.csv', 'plot', 'none');";
+    script += "springpot_replay('film.json', 'held.csv', 'plot', 'none');";
     expected += &line(folder.path(), "film.toml", "held.csv", &[], "film_mex at 1000 Hz");
     // Two lines of different colours on white, and none of them everywhere.
     script += "for name = {'film.png', 'published.png'} p = double(imread(name{1})); p = reshape(p(:, :, 1:3), [], 3); \
@@ -192,12 +192,19 @@ fn the_script_refuses_what_it_cannot_use() {
     let path = |name: &str| folder.path().join(name);
     let write = |name: &str, text: &str| fs::write(path(name), text).expect("written");
     let published = Parameters::preset("table3-n2").expect("there").to_toml();
-    write("film.toml", &published);
-    write("softer.toml", &published.replace("c = 62740.0", "c = 62700.0"));
-    write("larger.toml", &published.replace("length_m = 0.04", "length_m = 0.05"));
-    write("torn.toml", &published.replace("alpha = 0.2 }", "beta = 0.2 }"));
-    write("empty.toml", "schema = 1\nname = \"x\"\n");
-    write("curved.toml", &format!("{published}\n[curve]\nelastic = \"gent\"\n"));
+    let export = |name: &str, toml: &str| {
+        write(&format!("{name}.toml"), toml);
+        let [params, out] = ["toml", "c"].map(|ending| path(&format!("{name}.{ending}")));
+        TOOL.json(&["export", "--params", text(&params), "--emit", "sfunction", "--out", text(&out)]);
+    };
+    export("film", &published);
+    export("softer", &published.replace("c = 62740.0", "c = 62700.0"));
+    export("larger", &published.replace("length_m = 0.04", "length_m = 0.05"));
+    let curve = "[curve]\nelastic = \"free\"\ndisplacement_m = [-0.0005, 0.0, 0.002]\nvalue_m = [-0.00045, 0.0, 0.003]\n";
+    export("curved", &format!("{}\n{curve}", published.replace("schema = 1", "schema = 2")));
+    let described = fs::read_to_string(path("film.json")).expect("exported");
+    write("torn.json", &described[..described.len() / 2]);
+    write("newer.json", &described.replace("\"schema\": 1", "\"schema\": 2"));
     write("good.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,100,1e-6\n0.02,200,2e-6\n");
     write("high.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,100,1e-6\n0.02,9e9,2e-6\n");
     write("word.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,much,1e-6\n");
@@ -205,37 +212,37 @@ fn the_script_refuses_what_it_cannot_use() {
     write("short.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,1\n");
     write("back.csv", "time_s,voltage_v,displacement_m\n0.01,0,0\n0,0,0\n");
     write("names.csv", "t,V,x\n0,0,0\n1,1,1\n");
-    let weak = published.replace("\n[model]", "stretch_coupling = 1000.0\n\n[model]");
-    assert!(weak != published && published.matches("stretch_coupling").count() <= 1);
-    write("weak.toml", &weak);
+    let weak = described.replace("\"stretch_coupling\": 0.0", "\"stretch_coupling\": 1000.0");
+    assert_ne!(weak, described);
+    write("weak.json", &weak);
     write("long.csv", "time_s,voltage_v,displacement_m\n0,0,0\n1,6000,0\n300,6000,0\n");
-    TOOL.json(&["export", "--params", text(&path("film.toml")), "--emit", "sfunction", "--out", text(&path("film.c"))]);
     build_mex(folder.path(), "film");
     let calls = [
-        ("'none.toml', 'good.csv'", "none.toml: there is no such file"),
-        ("'empty.toml', 'good.csv'", "empty.toml: [actuator] relative_permittivity is missing"),
-        ("'torn.toml', 'good.csv'", "torn.toml, line 15: a springpot needs c and alpha"),
-        ("'curved.toml', 'good.csv'", "curved.toml: it has a [curve]"),
-        ("'softer.toml', 'good.csv', 'law', 'film_mex'", "film_mex: it was built of other numbers than softer.toml"),
-        ("'larger.toml', 'good.csv', 'law', 'film_mex'", "film_mex: it was built of other numbers than larger.toml"),
-        ("'curved.toml', 'good.csv', 'law', 'film_mex'", "film_mex: it was built of other numbers than curved.toml"),
-        ("'film.toml', 'good.csv', 'law', 'other_mex'", "other_mex: there is no such MEX function"),
-        ("'film.toml', 'good.csv', 'rate', 100", "rate: a MEX function has the rate"),
-        ("'film.toml', 'good.csv', 'law', 'full', 'rate', 0", "rate: it must be"),
-        ("'film.toml', 'good.csv', 'law', 'full', 'rate', 1e7", "good.csv: 200001 steps"),
-        ("'film.toml', 'good.csv', 'plots', 'x.png'", "plots: there is no such option"),
-        ("'film.toml', 'good.csv', 'plot'", "options: they come in pairs"),
-        ("'film.toml', 'good.csv', 'plot', 'x.doc'", "plot: x.doc ends"),
-        ("'film.toml', 'high.csv'", "high.csv: 9e+09 V, but film_mex takes at most 6000 V"),
-        ("'weak.toml', 'long.csv', 'law', 'full', 'rate', 100", "long.csv: the displacement grows without bound"),
-        ("'film.toml', 'word.csv'", "word.csv, line 3: \"much\" is not a number"),
-        ("'film.toml', 'gap.csv'", "gap.csv, line 4: time and input"),
-        ("'film.toml', 'short.csv'", "short.csv, line 3: the header has 3 columns"),
-        ("'film.toml', 'back.csv'", "back.csv, line 3: the time does not increase"),
-        ("'film.toml', 'names.csv'", "names.csv: it needs the columns time_s"),
+        ("'none.json', 'good.csv'", "none.json: no such file"),
+        ("'film.toml', 'good.csv'", "film.toml: not a film; give the .json"),
+        ("'torn.json', 'good.csv'", "torn.json: not a film; give the .json"),
+        ("'newer.json', 'good.csv'", "newer.json: schema 2 is not known"),
+        ("'curved.json', 'good.csv'", "curved.json: it has a curve"),
+        ("'softer.json', 'good.csv', 'law', 'film_mex'", "film_mex: it was built of other numbers than softer.json"),
+        ("'larger.json', 'good.csv', 'law', 'film_mex'", "film_mex: it was built of other numbers than larger.json"),
+        ("'curved.json', 'good.csv', 'law', 'film_mex'", "film_mex: it was built of other numbers than curved.json"),
+        ("'film.json', 'good.csv', 'law', 'other_mex'", "other_mex: no such MEX function"),
+        ("'film.json', 'good.csv', 'rate', 100", "rate: a MEX function has the rate"),
+        ("'film.json', 'good.csv', 'law', 'full', 'rate', 0", "rate: it must be"),
+        ("'film.json', 'good.csv', 'law', 'full', 'rate', 1e7", "good.csv: 200001 steps"),
+        ("'film.json', 'good.csv', 'plots', 'x.png'", "plots: not an option"),
+        ("'film.json', 'good.csv', 'plot'", "options: give pairs"),
+        ("'film.json', 'good.csv', 'plot', 'x.doc'", "plot: x.doc ends"),
+        ("'film.json', 'high.csv'", "high.csv: 9e+09 V, but film_mex takes at most 6000 V"),
+        ("'weak.json', 'long.csv', 'law', 'full', 'rate', 100", "long.csv: the displacement grows without bound"),
+        ("'film.json', 'word.csv'", "word.csv, line 3: \"much\" is not a number"),
+        ("'film.json', 'gap.csv'", "gap.csv, line 4: time and input"),
+        ("'film.json', 'short.csv'", "short.csv, line 3: the header has 3 columns"),
+        ("'film.json', 'back.csv'", "back.csv, line 3: the time does not increase"),
+        ("'film.json', 'names.csv'", "names.csv: it needs the columns time_s"),
     ];
     write("noisy.csv", "time_s,voltage_v,displacement_m\n0,0,0\n0.01,6010,1e-6\n0.02,0,2e-6\n");
-    let printed = octave(folder.path(), "springpot_replay('film.toml', 'noisy.csv', 'plot', 'none');");
+    let printed = octave(folder.path(), "springpot_replay('film.json', 'noisy.csv', 'plot', 'none');");
     assert!(printed.starts_with("noisy.csv: 1 steps above 6000 V, up to 6010 V, count as 6000 V"), "{printed}");
     assert!(printed.contains("noisy.csv by film_mex at 1000 Hz: R2 "), "{printed}");
     for (call, words) in calls {

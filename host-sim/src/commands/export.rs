@@ -1,5 +1,6 @@
 //! `export`: writes the parameter blob for the firmware, or the law of a film in another language.
 
+mod description;
 mod fmu;
 mod source;
 
@@ -47,7 +48,7 @@ enum Emit {
     Blob,
     /// Rust source: `pub const BLOB: [u8; N]`.
     Rust,
-    /// C99 and C++11 source: the numbers of the film, with springpot.h beside it.
+    /// C99 and C++11 source: the numbers of the film, with springpot.h and NAME.json beside it.
     C,
     /// A library for Arduino and `PlatformIO`, with an example: both in a folder.
     Arduino,
@@ -110,7 +111,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Some(source) => {
             // What the controller runs, from the bytes that it would get.
             let blob = Blob::decode(&blob, board.id).map_err(|e| Error::Computation(short(&e)))?;
-            source.write(&parameters.name, &blob, &inputs, &mut library)?
+            source.write(&parameters, arguments.rate, &blob, &inputs, &mut library)?
         }
         None => {
             let content = match arguments.emit {

@@ -9,7 +9,9 @@ use host_emit::{Film, HEADER, arduino, film, matlab, symbol};
 
 use crate::error::{Error, Result};
 use crate::files::output::{self, Folder, Folders, Staged};
+use crate::files::parameters::Parameters;
 
+use super::description;
 use super::fmu::{Library, archive};
 
 /// What is written, checked before long work begins.
@@ -33,27 +35,30 @@ enum Kind {
     Fmu(Version),
 }
 
-/// How headers of this tool begin, the sources beside a film, and what describes a library.
-const BEGINS: [&str; 5] = [
+/// How files of this tool begin that are not named on the command line: only those are overwritten.
+const BEGINS: [&str; 6] = [
     "/*\n * springpot.h:",
     "/*\n * springpot_tick.h:",
     "/*\n * The film ",
     "name=springpot_",
     "{\n  \"name\": \"springpot_",
+    description::BEGIN,
 ];
 
 impl Source {
-    /// NAME.c at `out`, with `springpot.h` beside it; nothing of `inputs` is overwritten.
+    /// NAME.c at `out`, with `springpot.h` and NAME.json beside it; nothing of `inputs` is overwritten.
     pub(super) fn c(out: &Path, inputs: &[&Path]) -> Result<Self> {
-        is_c(out, "springpot.h is")?;
+        is_c(out, "springpot.h and film.json are")?;
         output::check(out, inputs, Folders::Exist)?;
-        own(&out.with_file_name("springpot.h"), inputs, Folders::Exist)?;
+        for beside in [out.with_file_name("springpot.h"), out.with_extension("json")] {
+            own(&beside, inputs, Folders::Exist)?;
+        }
         Ok(Self { symbol: symbol(&stem(out)), out: out.into(), kind: Kind::C })
     }
 
     /// The same with what MATLAB, Octave and Simulink need beside it.
     pub(super) fn sfunction(out: &Path, inputs: &[&Path]) -> Result<Self> {
-        is_c(out, "springpot.h, springpot_tick.h, film_mex.c and film_sfun.c are")?;
+        is_c(out, "springpot.h, springpot_tick.h, film_mex.c, film_sfun.c and film.json are")?;
         let name = stem(out);
         if !matlab::is_name(&name) {
             let cause = format!(
@@ -62,8 +67,9 @@ impl Source {
             return Err(Error::field("out", cause));
         }
         output::check(out, inputs, Folders::Exist)?;
-        for beside in ["springpot.h", "springpot_tick.h", &format!("{name}_mex.c"), &format!("{name}_sfun.c")] {
-            own(&out.with_file_name(beside), inputs, Folders::Exist)?;
+        let beside = [format!("{name}_mex.c"), format!("{name}_sfun.c"), format!("{name}.json")];
+        for file in ["springpot.h", "springpot_tick.h"].into_iter().chain(beside.iter().map(String::as_str)) {
+            own(&out.with_file_name(file), inputs, Folders::Exist)?;
         }
         Ok(Self { symbol: symbol(&name), out: out.into(), kind: Kind::Matlab })
     }
@@ -95,20 +101,24 @@ impl Source {
         Ok(Self { symbol: symbol(&stem(out)), out: out.into(), kind: Kind::Fmu(version) })
     }
 
-    /// Writes the film of `blob`, which is called `name`. Returns the files, the film's own first; `library` tells what was compiled.
+    /// Writes the film of `parameters`, whose numbers at `rate_hz` are in `blob`. Returns the files, the film's own first, and in `library`
+    /// what was compiled.
     pub(super) fn write(
         &self,
-        name: &str,
+        parameters: &Parameters,
+        rate_hz: f64,
         blob: &Blob,
         inputs: &[&Path],
         library: &mut Library,
     ) -> Result<Vec<(PathBuf, usize)>> {
         let symbol = self.symbol.as_str();
         let described =
-            Film { symbol, name, tracking: blob.follower().compensator(), learning: blob.follower().learning() };
+        let follower = blob.follower();
+        let described =
+            Film { symbol, name: &parameters.name, tracking: follower.compensator(), learning: follower.learning() };
         let text = |(path, text): (PathBuf, String)| (path, text.into_bytes());
         let beside = |(name, content): (String, String)| text((self.out.with_file_name(name), content));
-        let files: Vec<(PathBuf, Vec<u8>)> = match self.kind {
+        let mut files: Vec<(PathBuf, Vec<u8>)> = match self.kind {
             Kind::C => {
                 let header = beside(("springpot.h".to_owned(), HEADER.to_owned()));
                 vec![(self.out.clone(), film(&described).into_bytes()), header]
@@ -128,6 +138,10 @@ impl Source {
                 vec![(self.out.clone(), archive(&fmu, library, &self.out)?)]
             }
         };
+        if matches!(self.kind, Kind::C | Kind::Matlab) {
+            let json = description::json(parameters, rate_hz, follower.compensator())?;
+            files.push((self.out.with_extension("json"), json.into_bytes()));
+        }
         let is_folder = self.kind == Kind::Arduino;
         let made = if is_folder { Folders::AreMade } else { Folders::Exist };
         for (path, _) in &files {
@@ -156,12 +170,12 @@ fn is_c(out: &Path, more: &str) -> Result<()> {
     Ok(())
 }
 
-/// Refuses a file at `path` that is not of this tool: somebody's own must not be lost.
+/// Refuses to overwrite a file at `path` that another program has written.
 fn own(path: &Path, inputs: &[&Path], made: Folders) -> Result<()> {
     output::check(path, inputs, made)?;
     match fs::read(path) {
         Ok(there) if !BEGINS.iter().any(|begin| there.starts_with(begin.as_bytes())) => {
-            Err(Error::file(path, "is there and not of this tool; export into another folder"))
+            Err(Error::file(path, "exists and was not written by this tool; export into another folder"))
         }
         _ => Ok(()),
     }
