@@ -2,8 +2,7 @@
  * fmi3.c: the functions of FMI 3.0 for co-simulation in front of springpot_fmu.h.
  * Free for any use: SPDX-License-Identifier: 0BSD
  *
- * Types of functions are those of the standard's headers, so that a wrong signature does not compile. With FMI3_FUNCTION_PREFIX their
- * names begin with it, for programs that link several FMUs.
+ * With FMI3_FUNCTION_PREFIX the names of functions begin with it, for programs that link several FMUs.
  */
 #include "fmi3FunctionTypes.h"
 #include "springpot_fmu.h"
@@ -11,92 +10,11 @@
 #ifndef FMI3_FUNCTION_PREFIX
 #define FMI3_FUNCTION_PREFIX
 #endif
-#define FMU_JOINED(prefix, name) prefix##name
-#define FMU_JOIN(prefix, name) FMU_JOINED(prefix, name)
-#define FMU_NAME(name) FMU_JOIN(FMI3_FUNCTION_PREFIX, fmi3##name)
-#if defined(_WIN32) || defined(__CYGWIN__)
-#define FMU_EXPORT(name) __declspec(dllexport) fmi3##name##TYPE FMU_NAME(name)
-#elif defined(__GNUC__)
-#define FMU_EXPORT(name) __attribute__((visibility("default"))) fmi3##name##TYPE FMU_NAME(name)
-#else
-#define FMU_EXPORT(name) fmi3##name##TYPE FMU_NAME(name)
-#endif
-
-FMU_EXPORT(GetVersion);
-FMU_EXPORT(SetDebugLogging);
-FMU_EXPORT(InstantiateModelExchange);
-FMU_EXPORT(InstantiateCoSimulation);
-FMU_EXPORT(InstantiateScheduledExecution);
-FMU_EXPORT(FreeInstance);
-FMU_EXPORT(EnterInitializationMode);
-FMU_EXPORT(ExitInitializationMode);
-FMU_EXPORT(EnterEventMode);
-FMU_EXPORT(Terminate);
-FMU_EXPORT(Reset);
-FMU_EXPORT(GetFloat32);
-FMU_EXPORT(GetFloat64);
-FMU_EXPORT(GetInt8);
-FMU_EXPORT(GetUInt8);
-FMU_EXPORT(GetInt16);
-FMU_EXPORT(GetUInt16);
-FMU_EXPORT(GetInt32);
-FMU_EXPORT(GetUInt32);
-FMU_EXPORT(GetInt64);
-FMU_EXPORT(GetUInt64);
-FMU_EXPORT(GetBoolean);
-FMU_EXPORT(GetString);
-FMU_EXPORT(GetBinary);
-FMU_EXPORT(GetClock);
-FMU_EXPORT(SetFloat32);
-FMU_EXPORT(SetFloat64);
-FMU_EXPORT(SetInt8);
-FMU_EXPORT(SetUInt8);
-FMU_EXPORT(SetInt16);
-FMU_EXPORT(SetUInt16);
-FMU_EXPORT(SetInt32);
-FMU_EXPORT(SetUInt32);
-FMU_EXPORT(SetInt64);
-FMU_EXPORT(SetUInt64);
-FMU_EXPORT(SetBoolean);
-FMU_EXPORT(SetString);
-FMU_EXPORT(SetBinary);
-FMU_EXPORT(SetClock);
-FMU_EXPORT(GetNumberOfVariableDependencies);
-FMU_EXPORT(GetVariableDependencies);
-FMU_EXPORT(GetFMUState);
-FMU_EXPORT(SetFMUState);
-FMU_EXPORT(FreeFMUState);
-FMU_EXPORT(SerializedFMUStateSize);
-FMU_EXPORT(SerializeFMUState);
-FMU_EXPORT(DeserializeFMUState);
-FMU_EXPORT(GetDirectionalDerivative);
-FMU_EXPORT(GetAdjointDerivative);
-FMU_EXPORT(EnterConfigurationMode);
-FMU_EXPORT(ExitConfigurationMode);
-FMU_EXPORT(GetIntervalDecimal);
-FMU_EXPORT(GetIntervalFraction);
-FMU_EXPORT(GetShiftDecimal);
-FMU_EXPORT(GetShiftFraction);
-FMU_EXPORT(SetIntervalDecimal);
-FMU_EXPORT(SetIntervalFraction);
-FMU_EXPORT(SetShiftDecimal);
-FMU_EXPORT(SetShiftFraction);
-FMU_EXPORT(EvaluateDiscreteStates);
-FMU_EXPORT(UpdateDiscreteStates);
-FMU_EXPORT(EnterStepMode);
-FMU_EXPORT(GetOutputDerivatives);
-FMU_EXPORT(DoStep);
-FMU_EXPORT(EnterContinuousTimeMode);
-FMU_EXPORT(CompletedIntegratorStep);
-FMU_EXPORT(SetTime);
-FMU_EXPORT(SetContinuousStates);
-FMU_EXPORT(GetContinuousStateDerivatives);
-FMU_EXPORT(GetEventIndicators);
-FMU_EXPORT(GetContinuousStates);
-FMU_EXPORT(GetNominalsOfContinuousStates);
-FMU_EXPORT(GetNumberOfEventIndicators);
-FMU_EXPORT(GetNumberOfContinuousStates);
-FMU_EXPORT(ActivateModelPartition);
+#define FMI(name) fmi3##name
+#define FMI_PREFIX FMI3_FUNCTION_PREFIX
+#define FMI_STATE FMUState
+#define FMI_DESERIALIZE Deserialize
+#define FMI_VERSION "3.0"
 
 typedef struct {
     fmu_state state;
@@ -104,7 +22,7 @@ typedef struct {
     fmi3LogMessageCallback log;
 } fmu_instance;
 
-/* The status of `result`; what went wrong is logged, whatever is logged else. */
+/* The status of `result`; errors are logged whatever else is. */
 static fmi3Status fmu_logged(const fmu_instance *fmu, fmu_result result)
 {
     if ((result.status != FMU_OK) && (fmu->log != NULL)) {
@@ -114,43 +32,15 @@ static fmi3Status fmu_logged(const fmu_instance *fmu, fmu_result result)
     return (fmi3Status)result.status;
 }
 
-/* For what this FMU does not have. */
-static fmi3Status fmu_absent(fmi3Instance instance, const char *why)
-{
-    return fmu_logged((const fmu_instance *)instance, fmu_error(why));
-}
+#include "springpot_fmi.h"
 
-/* ---- Instances. */
-
-const char *FMU_NAME(GetVersion)(void)
-{
-    return "3.0";
-}
-
-fmi3Status FMU_NAME(SetDebugLogging)(
-    fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories, const fmi3String categories[])
-{
-    (void)instance;
-    (void)loggingOn;
-    (void)nCategories;
-    (void)categories;
-    return fmi3OK;
-}
-
-fmi3Instance FMU_NAME(InstantiateCoSimulation)(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
-    fmi3Boolean visible, fmi3Boolean loggingOn, fmi3Boolean eventModeUsed, fmi3Boolean earlyReturnAllowed,
-    const fmi3ValueReference requiredIntermediateVariables[], size_t nRequiredIntermediateVariables,
-    fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage,
+FMU_FUNCTION(fmi3Instance, InstantiateCoSimulation)(fmi3String instanceName, fmi3String instantiationToken,
+    fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn, fmi3Boolean eventModeUsed,
+    fmi3Boolean earlyReturnAllowed, const fmi3ValueReference requiredIntermediateVariables[],
+    size_t nRequiredIntermediateVariables, fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage,
     fmi3IntermediateUpdateCallback intermediateUpdate)
 {
     fmu_instance *fmu = (fmu_instance *)malloc(sizeof *fmu);
-    (void)instanceName;
-    (void)resourcePath;
-    (void)visible;
-    (void)loggingOn;
-    (void)earlyReturnAllowed;
-    (void)requiredIntermediateVariables;
-    (void)intermediateUpdate;
     if (fmu == NULL) {
         return NULL;
     }
@@ -168,79 +58,39 @@ fmi3Instance FMU_NAME(InstantiateCoSimulation)(fmi3String instanceName, fmi3Stri
     return NULL;
 }
 
-fmi3Instance FMU_NAME(InstantiateModelExchange)(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
-    fmi3Boolean visible, fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage)
+FMU_FUNCTION(fmi3Instance, InstantiateModelExchange)(fmi3String instanceName, fmi3String instantiationToken,
+    fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment,
+    fmi3LogMessageCallback logMessage)
 {
-    (void)instanceName;
-    (void)instantiationToken;
-    (void)resourcePath;
-    (void)visible;
-    (void)loggingOn;
-    (void)instanceEnvironment;
-    (void)logMessage;
     return NULL;
 }
 
-fmi3Instance FMU_NAME(InstantiateScheduledExecution)(fmi3String instanceName, fmi3String instantiationToken,
+FMU_FUNCTION(fmi3Instance, InstantiateScheduledExecution)(fmi3String instanceName, fmi3String instantiationToken,
     fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment,
     fmi3LogMessageCallback logMessage, fmi3ClockUpdateCallback clockUpdate, fmi3LockPreemptionCallback lockPreemption,
     fmi3UnlockPreemptionCallback unlockPreemption)
 {
-    (void)instanceName;
-    (void)instantiationToken;
-    (void)resourcePath;
-    (void)visible;
-    (void)loggingOn;
-    (void)instanceEnvironment;
-    (void)logMessage;
-    (void)clockUpdate;
-    (void)lockPreemption;
-    (void)unlockPreemption;
     return NULL;
 }
 
-void FMU_NAME(FreeInstance)(fmi3Instance instance)
+FMU_FUNCTION(void, FreeInstance)(fmi3Instance instance)
 {
     free(instance);
 }
 
-fmi3Status FMU_NAME(EnterInitializationMode)(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
+FMU_STATUS(EnterInitializationMode)(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
     fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
 {
     fmu_instance *fmu = (fmu_instance *)instance;
-    (void)toleranceDefined;
-    (void)tolerance;
-    (void)stopTimeDefined;
-    (void)stopTime;
     return fmu_logged(fmu, fmu_initialise(&fmu->state, startTime));
 }
 
-fmi3Status FMU_NAME(ExitInitializationMode)(fmi3Instance instance)
-{
-    fmu_instance *fmu = (fmu_instance *)instance;
-    return fmu_logged(fmu, fmu_begin(&fmu->state));
-}
-
-fmi3Status FMU_NAME(Terminate)(fmi3Instance instance)
-{
-    fmu_instance *fmu = (fmu_instance *)instance;
-    return fmu_logged(fmu, fmu_terminate(&fmu->state));
-}
-
-fmi3Status FMU_NAME(Reset)(fmi3Instance instance)
-{
-    fmu_instance *fmu = (fmu_instance *)instance;
-    fmu_start(&fmu->state);
-    return fmi3OK;
-}
-
-fmi3Status FMU_NAME(DoStep)(fmi3Instance instance, fmi3Float64 currentCommunicationPoint, fmi3Float64 communicationStepSize,
+FMU_STATUS(DoStep)(fmi3Instance instance, fmi3Float64 currentCommunicationPoint, fmi3Float64 communicationStepSize,
     fmi3Boolean noSetFMUStatePriorToCurrentPoint, fmi3Boolean *eventHandlingNeeded, fmi3Boolean *terminateSimulation,
     fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
 {
     fmu_instance *fmu = (fmu_instance *)instance;
     const fmu_result result = fmu_step(&fmu->state, communicationStepSize);
-    (void)noSetFMUStatePriorToCurrentPoint;
     *eventHandlingNeeded = fmi3False;
     *terminateSimulation = fmi3False;
     *earlyReturn = fmi3False;
@@ -250,38 +100,25 @@ fmi3Status FMU_NAME(DoStep)(fmi3Instance instance, fmi3Float64 currentCommunicat
 
 /* ---- Values: Float64, Int32, Boolean, and Int64 for the mode. */
 
-fmi3Status FMU_NAME(GetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+FMU_STATUS(GetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
     fmi3Float64 values[], size_t nValues)
 {
-    fmu_instance *fmu = (fmu_instance *)instance;
-    fmu_result result = (nValueReferences == nValues) ? fmu_ok() : fmu_error("as many values as references: all are scalars");
-    size_t i;
-    for (i = 0U; (i < nValues) && (result.status == FMU_OK); i++) {
-        result = fmu_get_real(&fmu->state, valueReferences[i], &values[i]);
-    }
-    return fmu_logged(fmu, result);
+    return fmu_reals(instance, valueReferences, nValueReferences, nValues, values, NULL);
 }
 
-fmi3Status FMU_NAME(SetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+FMU_STATUS(SetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
     const fmi3Float64 values[], size_t nValues)
 {
-    fmu_instance *fmu = (fmu_instance *)instance;
-    fmu_result result = (nValueReferences == nValues) ? fmu_ok() : fmu_error("as many values as references: all are scalars");
-    size_t i;
-    for (i = 0U; (i < nValues) && (result.status == FMU_OK); i++) {
-        result = fmu_set_real(&fmu->state, valueReferences[i], values[i]);
-    }
-    return fmu_logged(fmu, result);
+    return fmu_reals(instance, valueReferences, nValueReferences, nValues, NULL, values);
 }
 
 /* A getter and a setter of whole values in the standard's type `type`. */
 #define FMU_WHOLES(name, type, kind, put)                                                                                          \
-    fmi3Status FMU_NAME(Get##name)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,     \
+    FMU_STATUS(Get##name)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,              \
         type values[], size_t nValues)                                                                                             \
     {                                                                                                                              \
         fmu_instance *fmu = (fmu_instance *)instance;                                                                              \
-        fmu_result result =                                                                                                        \
-            (nValueReferences == nValues) ? fmu_ok() : fmu_error("as many values as references: all are scalars");                 \
+        fmu_result result = fmu_scalars(nValueReferences, nValues);                                                                \
         size_t i;                                                                                                                  \
         for (i = 0U; (i < nValues) && (result.status == FMU_OK); i++) {                                                            \
             uint32_t whole = 0U;                                                                                                   \
@@ -292,12 +129,11 @@ fmi3Status FMU_NAME(SetFloat64)(fmi3Instance instance, const fmi3ValueReference 
         }                                                                                                                          \
         return fmu_logged(fmu, result);                                                                                            \
     }                                                                                                                              \
-    fmi3Status FMU_NAME(Set##name)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,     \
+    FMU_STATUS(Set##name)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,              \
         const type values[], size_t nValues)                                                                                       \
     {                                                                                                                              \
         fmu_instance *fmu = (fmu_instance *)instance;                                                                              \
-        fmu_result result =                                                                                                        \
-            (nValueReferences == nValues) ? fmu_ok() : fmu_error("as many values as references: all are scalars");                 \
+        fmu_result result = fmu_scalars(nValueReferences, nValues);                                                                \
         size_t i;                                                                                                                  \
         for (i = 0U; (i < nValues) && (result.status == FMU_OK); i++) {                                                            \
             result = fmu_set_whole(&fmu->state, valueReferences[i], kind, (int64_t)values[i]);                                     \
@@ -309,47 +145,70 @@ FMU_WHOLES(Int32, fmi3Int32, FMU_WHOLE, (fmi3Int32)whole)
 FMU_WHOLES(Int64, fmi3Int64, FMU_CHOICE, (fmi3Int64)whole)
 FMU_WHOLES(Boolean, fmi3Boolean, FMU_FLAG, whole != 0U)
 
-/* ---- States. */
+/* ---- What modelDescription.xml does not promise. Importers look all functions up, whatever the FMU is for. */
 
-fmi3Status FMU_NAME(GetFMUState)(fmi3Instance instance, fmi3FMUState *FMUState)
-{
-    fmu_instance *fmu = (fmu_instance *)instance;
-    return fmu_logged(fmu, fmu_copy(&fmu->state, FMUState));
-}
-
-fmi3Status FMU_NAME(SetFMUState)(fmi3Instance instance, fmi3FMUState FMUState)
-{
-    fmu_instance *fmu = (fmu_instance *)instance;
-    return fmu_logged(fmu, fmu_restore(&fmu->state, FMUState));
-}
-
-fmi3Status FMU_NAME(FreeFMUState)(fmi3Instance instance, fmi3FMUState *FMUState)
-{
-    (void)instance;
-    if (FMUState != NULL) {
-        free(*FMUState);
-        *FMUState = NULL;
+#define FMU_REFERENCES fmi3Instance instance, const fmi3ValueReference references[], size_t count
+/* A function of variables of a type that none has. */
+#define FMU_NO_VALUES(name, parameters, values)                                                                                    \
+    FMU_STATUS(name) parameters                                                                                                    \
+    {                                                                                                                              \
+        return fmu_no_values(instance, count, values);                                                                             \
     }
-    return fmi3OK;
-}
+#define FMU_NO_TYPE(name, type)                                                                                                    \
+    FMU_NO_VALUES(Get##name, (FMU_REFERENCES, type values[], size_t nValues), nValues)                                             \
+    FMU_NO_VALUES(Set##name, (FMU_REFERENCES, const type values[], size_t nValues), nValues)
 
-fmi3Status FMU_NAME(SerializedFMUStateSize)(fmi3Instance instance, fmi3FMUState FMUState, size_t *size)
-{
-    (void)instance;
-    (void)FMUState;
-    *size = FMU_SERIALIZED_BYTES;
-    return fmi3OK;
-}
+FMU_NO_TYPE(Float32, fmi3Float32)
+FMU_NO_TYPE(Int8, fmi3Int8)
+FMU_NO_TYPE(UInt8, fmi3UInt8)
+FMU_NO_TYPE(Int16, fmi3Int16)
+FMU_NO_TYPE(UInt16, fmi3UInt16)
+FMU_NO_TYPE(UInt32, fmi3UInt32)
+FMU_NO_TYPE(UInt64, fmi3UInt64)
+FMU_NO_TYPE(String, fmi3String)
+FMU_NO_VALUES(GetBinary, (FMU_REFERENCES, size_t sizes[], fmi3Binary values[], size_t nValues), nValues)
+FMU_NO_VALUES(SetBinary, (FMU_REFERENCES, const size_t sizes[], const fmi3Binary values[], size_t nValues), nValues)
+FMU_NO_VALUES(GetClock, (FMU_REFERENCES, fmi3Clock values[]), 0U)
+FMU_NO_VALUES(SetClock, (FMU_REFERENCES, const fmi3Clock values[]), 0U)
+FMU_NO_VALUES(GetIntervalDecimal, (FMU_REFERENCES, fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[]), 0U)
+FMU_NO_VALUES(GetIntervalFraction,
+    (FMU_REFERENCES, fmi3UInt64 counters[], fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[]), 0U)
+FMU_NO_VALUES(SetIntervalDecimal, (FMU_REFERENCES, const fmi3Float64 intervals[]), 0U)
+FMU_NO_VALUES(SetIntervalFraction, (FMU_REFERENCES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]), 0U)
+FMU_NO_VALUES(GetShiftDecimal, (FMU_REFERENCES, fmi3Float64 shifts[]), 0U)
+FMU_NO_VALUES(GetShiftFraction, (FMU_REFERENCES, fmi3UInt64 counters[], fmi3UInt64 resolutions[]), 0U)
+FMU_NO_VALUES(SetShiftDecimal, (FMU_REFERENCES, const fmi3Float64 shifts[]), 0U)
+FMU_NO_VALUES(SetShiftFraction, (FMU_REFERENCES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]), 0U)
+FMU_NO_VALUES(GetOutputDerivatives, (FMU_REFERENCES, const fmi3Int32 orders[], fmi3Float64 values[], size_t nValues), nValues)
 
-fmi3Status FMU_NAME(SerializeFMUState)(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[], size_t size)
-{
-    return fmu_logged((const fmu_instance *)instance, fmu_serialize(FMUState, serializedState, size));
-}
-
-fmi3Status FMU_NAME(DeserializeFMUState)(
-    fmi3Instance instance, const fmi3Byte serializedState[], size_t size, fmi3FMUState *FMUState)
-{
-    return fmu_logged((const fmu_instance *)instance, fmu_deserialize(serializedState, size, FMUState));
-}
-
-#include "fmi3_absent.h"
+FMU_ABSENT(EnterEventMode, (fmi3Instance instance))
+FMU_ABSENT(EnterStepMode, (fmi3Instance instance))
+FMU_ABSENT(EnterConfigurationMode, (fmi3Instance instance))
+FMU_ABSENT(ExitConfigurationMode, (fmi3Instance instance))
+FMU_ABSENT(EnterContinuousTimeMode, (fmi3Instance instance))
+FMU_ABSENT(EvaluateDiscreteStates, (fmi3Instance instance))
+FMU_ABSENT(UpdateDiscreteStates,
+    (fmi3Instance instance, fmi3Boolean *discreteStatesNeedUpdate, fmi3Boolean *terminateSimulation,
+        fmi3Boolean *nominalsOfContinuousStatesChanged, fmi3Boolean *valuesOfContinuousStatesChanged,
+        fmi3Boolean *nextEventTimeDefined, fmi3Float64 *nextEventTime))
+FMU_ABSENT(GetNumberOfVariableDependencies, (fmi3Instance instance, fmi3ValueReference reference, size_t *nDependencies))
+FMU_ABSENT(GetVariableDependencies,
+    (fmi3Instance instance, fmi3ValueReference dependent, size_t elementIndicesOfDependent[], fmi3ValueReference independents[],
+        size_t elementIndicesOfIndependents[], fmi3DependencyKind dependencyKinds[], size_t nDependencies))
+#define FMU_DERIVATIVE                                                                                                             \
+    (FMU_REFERENCES, const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[], size_t nSeed,                    \
+        fmi3Float64 sensitivity[], size_t nSensitivity)
+FMU_ABSENT(GetDirectionalDerivative, FMU_DERIVATIVE)
+FMU_ABSENT(GetAdjointDerivative, FMU_DERIVATIVE)
+FMU_ABSENT(CompletedIntegratorStep,
+    (fmi3Instance instance, fmi3Boolean noSetFMUStatePriorToCurrentPoint, fmi3Boolean *enterEventMode,
+        fmi3Boolean *terminateSimulation))
+FMU_ABSENT(SetTime, (fmi3Instance instance, fmi3Float64 time))
+FMU_ABSENT(SetContinuousStates, (fmi3Instance instance, const fmi3Float64 states[], size_t count))
+FMU_ABSENT(GetContinuousStates, (fmi3Instance instance, fmi3Float64 states[], size_t count))
+FMU_ABSENT(GetContinuousStateDerivatives, (fmi3Instance instance, fmi3Float64 derivatives[], size_t count))
+FMU_ABSENT(GetNominalsOfContinuousStates, (fmi3Instance instance, fmi3Float64 nominals[], size_t count))
+FMU_ABSENT(GetEventIndicators, (fmi3Instance instance, fmi3Float64 indicators[], size_t count))
+FMU_ABSENT(GetNumberOfEventIndicators, (fmi3Instance instance, size_t *count))
+FMU_ABSENT(GetNumberOfContinuousStates, (fmi3Instance instance, size_t *count))
+FMU_ABSENT(ActivateModelPartition, (fmi3Instance instance, fmi3ValueReference clockReference, fmi3Float64 activationTime))

@@ -156,6 +156,12 @@ static fmu_result fmu_begin(fmu_state *state)
 
 /* ---- Values. */
 
+/* Refuses a call with another number of values than of references. */
+static fmu_result fmu_scalars(size_t references, size_t values)
+{
+    return (references == values) ? fmu_ok() : fmu_error("as many values as references: all are scalars");
+}
+
 /* Whether a value of `variable`, of `type`, may be read. */
 static fmu_result fmu_readable(uint32_t variable, int type)
 {

@@ -3,7 +3,8 @@
 //! | file | what it holds |
 //! | --- | --- |
 //! | `fmu/springpot_fmu.h` | variables, ticks and states, written by hand, for both versions |
-//! | `fmu/fmi2.c`, `fmu/fmi3.c`, `fmu/fmi3_absent.h` | the functions of a version in front of that |
+//! | `fmu/fmi2.c`, `fmu/fmi3.c` | the functions of a version in front of that |
+//! | `fmu/springpot_fmi.h` | what both versions share of these |
 //! | `fmu/standard` | types of the standard, under their own licence (2-clause BSD, in each file), as they are |
 //! | `variables` | what an importer sees |
 //! | `description` | modelDescription.xml and buildDescription.xml |
@@ -33,6 +34,7 @@ impl Version {
         match self {
             Self::Fmi2 => &[
                 ("fmi2.c", include_str!("../../fmu/fmi2.c")),
+                ("springpot_fmi.h", FUNCTIONS),
                 ("springpot_fmu.h", COMMON),
                 ("springpot.h", HEADER),
                 ("fmi2FunctionTypes.h", include_str!("../../fmu/standard/fmi2FunctionTypes.h")),
@@ -40,7 +42,7 @@ impl Version {
             ],
             Self::Fmi3 => &[
                 ("fmi3.c", include_str!("../../fmu/fmi3.c")),
-                ("fmi3_absent.h", include_str!("../../fmu/fmi3_absent.h")),
+                ("springpot_fmi.h", FUNCTIONS),
                 ("springpot_fmu.h", COMMON),
                 ("springpot.h", HEADER),
                 ("fmi3FunctionTypes.h", include_str!("../../fmu/standard/fmi3FunctionTypes.h")),
@@ -50,6 +52,7 @@ impl Version {
     }
 }
 
+const FUNCTIONS: &str = include_str!("../../fmu/springpot_fmi.h");
 const COMMON: &str = include_str!("../../fmu/springpot_fmu.h");
 
 /// The text files of an FMU, and what is compiled of them.
