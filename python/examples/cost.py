@@ -1,4 +1,4 @@
-"""What calls from Python cost on this machine: the best of seven runs each."""
+"""Cost of calls from Python on this machine: the best of seven runs each."""
 
 import time
 from collections.abc import Callable

@@ -92,7 +92,7 @@ pub(crate) fn each_complex<'py>(
 /// Values between two looks for a signal: some 20 ms.
 const LOOK_EVERY: usize = 1 << 18;
 
-/// `state` stepped once by a number, or by every number of an array. What is not finite is refused, and Ctrl-C is heard: then `state` is as it was.
+/// `state` stepped once by a number, or by every number of an array. What is not finite is refused, and Ctrl-C ends the steps: then `state` is as it was.
 pub(crate) fn steps<'py, S: Clone + Send>(
     name: &str,
     value: &Bound<'py, PyAny>,

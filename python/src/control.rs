@@ -42,7 +42,7 @@ fn names(limited: Limited) -> Vec<&'static str> {
     Limited::ALL.iter().filter(|(limit, _)| limited.contains(*limit)).map(|(_, name)| *name).collect()
 }
 
-/// What a controller commands in a tick: `voltage_v` (V) from now on. `reference_m` (m) is the shaped reference, `displacement_m` (m) the
+/// The command of a tick: `voltage_v` (V) from now on. `reference_m` (m) is the shaped reference, `displacement_m` (m) the
 /// estimate of the film, `disturbance_n` (N) and `force_scale` what the sensor says of the model; None where the controller has none. `limited`
 /// names the limits that were met.
 #[pyclass(frozen, get_all, name = "Tick", module = "springpot")]
@@ -83,7 +83,7 @@ impl From<ControllerOutput> for PyTick {
     }
 }
 
-/// A controller with what stands around it.
+/// A controller with its sensor and its last command.
 struct Loop {
     controller: Box<dyn Controller + Send>,
     sensor: DisplacementSensor,
@@ -93,7 +93,7 @@ struct Loop {
     commanded_v: f64,
 }
 
-/// What has happened since the last tick.
+/// Voltages and sample since the last tick.
 #[derive(Clone, Copy)]
 struct Since {
     applied_v: Option<f64>,
@@ -132,7 +132,7 @@ impl Loop {
     }
 }
 
-/// The sample that has arrived, if one has: NaN stands for none.
+/// The sample that has arrived, if one has: NaN is none.
 fn sample(sensor: DisplacementSensor, since: Since, delay_s: f64, rate_hz: f64) -> PyResult<Option<SensorSample<f64>>> {
     let age_s = since.age_s.unwrap_or(delay_s);
     finite("age_s", age_s)?;
@@ -250,7 +250,7 @@ fn usual(rate_hz: f64) -> ControllerTuning {
     }
 }
 
-/// What an observer makes of a tick.
+/// The estimate of a tick.
 #[pyclass(frozen, get_all, name = "Estimate", module = "springpot")]
 pub(crate) struct PyEstimate {
     /// The estimated displacement, m.

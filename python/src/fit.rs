@@ -76,7 +76,7 @@ pub(crate) fn fit<'py>(
     let (fit, measured, parameters, seconds) = watch::run(py, progress, |caller| {
         let started = Instant::now();
         let (observations, warnings): (Vec<_>, Vec<_>) = asked.observations(&sources)?.into_iter().unzip();
-        let mut fit = fitting::fit(&observations, &settings, caller.stop, &|stage| caller.tell(stage))?;
+        let mut fit = fitting::fit(&observations, &settings, caller.stop, &|stage| caller.report(stage))?;
         fit.warnings.splice(0..0, warnings.into_iter().flatten());
         let seconds = started.elapsed().as_secs_f64();
         let parameters = fit.parameters(&settings, direction, &sources)?;
@@ -155,7 +155,7 @@ fn asked(options: &Bound<'_, PyDict>) -> PyResult<FitOptions> {
     Ok(asked)
 }
 
-/// What `fit --json` reports of `fit`.
+/// The report of `fit`, as `fit --json` prints it.
 fn report(fit: &Fit, sources: &[&Recording], direction: Direction, seconds: f64) -> Value {
     let recordings: Vec<Value> = sources
         .iter()

@@ -28,7 +28,7 @@ type Element = (f64, f64);
 #[derive(Clone, PartialEq)]
 pub(crate) struct PyModel {
     pub(crate) parameters: Parameters,
-    /// What errors call it: a file, `preset:NAME`, or its name.
+    /// Its name in errors: a file, `preset:NAME`, or its name.
     pub(crate) source: String,
 }
 

@@ -1,4 +1,4 @@
-//! Words that stand for a choice, the same as on the command line.
+//! Names of choices, the same as on the command line.
 
 use clap::ValueEnum;
 use pyo3::PyResult;

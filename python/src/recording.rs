@@ -17,7 +17,7 @@ use crate::errors::Raise;
 /// Columns as arrays, by their names.
 type Columns = Vec<(&'static str, Py<PyArray1<f64>>)>;
 
-/// What was applied and what was measured: read from a file (`read_recording`), or made of arrays.
+/// Applied and measured quantities over time: read from a file (`read_recording`), or made of arrays.
 ///
 /// The arrays are of one dimension and one length: `time_s` (s, increasing), `voltage_v` (V) or `force_n` (N, the total force on the
 /// film), `displacement_m` (m), `weight` (of the squared residuals in a fit). NaN and masked cells are empty; what drives a film
@@ -120,7 +120,7 @@ impl PyRecording {
         self.recording.duration_s()
     }
 
-    /// What was understood of a file with other names than those of recordings; None otherwise.
+    /// How a file with other names than those of recordings was understood; None otherwise.
     #[getter]
     fn understood(&self) -> Option<String> {
         self.recording.understood().map(Understood::line)
@@ -146,7 +146,7 @@ impl PyRecording {
     }
 }
 
-/// What is said about a file with other names.
+/// Hints of the caller for a file with other names.
 fn hints(columns: Option<&str>, sheet: Option<String>) -> host_io::Result<Hints> {
     let choices = columns.map(|text| text.parse::<Choices>().map_err(|cause| Error::field("columns", cause)));
     Ok(Hints { choices: choices.transpose()?.unwrap_or_default(), sheet })
@@ -155,7 +155,7 @@ fn hints(columns: Option<&str>, sheet: Option<String>) -> host_io::Result<Hints>
 /// Reads a recording: text with any separator, decimal sign and encoding, .xlsx, or .mat of version 5 to 7.
 ///
 /// `columns` says which column is what, as `--columns` does: 'time=Zeit:s,voltage="HV mon"*2000,displacement=3:mm'. What is left
-/// out goes by names and units. `sheet` is the spreadsheet of a workbook. Rows from `from_s` to `to_s` (s from the first) are kept,
+/// out is found by names and units. `sheet` is the spreadsheet of a workbook. Rows from `from_s` to `to_s` (s from the first) are kept,
 /// every `decimate` of them are averaged into one, and readings such as 'displacement=-9999' are emptied by `blank`.
 ///
 /// Raises FileError naming the file, the line and what would be right; InputError for an option that cannot be used.

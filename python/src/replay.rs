@@ -70,7 +70,7 @@ pub(crate) fn simulate<'py>(
     columns(py, grid.rate_hz, grid.times_s(), response)
 }
 
-/// What `replay` gives: the mean of R², and for every recording its agreement and series.
+/// The result of `replay`: the mean of R², and for every recording its agreement and series.
 type Replayed<'py> = (f64, Vec<Bound<'py, PyDict>>);
 
 /// `springpot.replay`.

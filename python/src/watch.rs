@@ -1,4 +1,4 @@
-//! Long calls: on a thread of their own, without the interpreter's lock, with Ctrl-C heard.
+//! Long calls: on a thread of their own, without the interpreter's lock, ended by Ctrl-C.
 
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,7 +15,7 @@ use crate::errors::Raise;
 /// Time between two looks for a signal.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// What a long call asks whether it is to end, and tells how far it has come.
+/// The caller of long work: says when it is to end, and receives its stages.
 pub(crate) struct Caller<'a> {
     /// Set where the work is to end: a search with the best so far, anything else without a result.
     pub(crate) stop: &'a AtomicBool,
@@ -23,9 +23,9 @@ pub(crate) struct Caller<'a> {
 }
 
 impl Caller<'_> {
-    /// Tells the stage that begins.
-    pub(crate) fn tell(&self, stage: &Stage) {
-        // Nobody listens once the call has ended.
+    /// Reports the stage that begins.
+    pub(crate) fn report(&self, stage: &Stage) {
+        // No receiver is left once the call has ended.
         let _ = self.stages.send(stage.clone());
     }
 }
@@ -39,7 +39,7 @@ impl Watch for Caller<'_> {
 /// A stage of a fit as it begins.
 #[pyclass(frozen, get_all, name = "Stage", module = "springpot")]
 pub(crate) struct PyStage {
-    /// What is done now.
+    /// The work that begins.
     what: String,
     /// Its number, from one.
     number: Option<usize>,
@@ -73,29 +73,29 @@ pub(crate) fn run<R: Send>(
     work: impl FnOnce(&Caller<'_>) -> host_io::Result<R> + Send,
 ) -> PyResult<R> {
     let stop = AtomicBool::new(false);
-    let (stages, told) = mpsc::channel();
+    let (stages, received) = mpsc::channel();
     thread::scope(|scope| {
         let worker = scope.spawn(|| work(&Caller { stop: &stop, stages }));
-        let heard = listen(py, progress, &stop, told);
-        if heard.is_err() {
+        let listened = listen(py, progress, &stop, received);
+        if listened.is_err() {
             stop.store(true, Ordering::Relaxed);
         }
         let done = py.detach(|| worker.join());
-        heard?;
+        listened?;
         done.unwrap_or_else(|panic| resume_unwind(panic)).raise()
     })
 }
 
-/// Passes on the stages that are `told`, until the work has ended or something was raised.
+/// Passes on the stages that are `received`, until the work has ended or something was raised.
 fn listen(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
     stop: &AtomicBool,
-    mut told: Receiver<Stage>,
+    mut received: Receiver<Stage>,
 ) -> PyResult<()> {
     loop {
         let next;
-        (next, told) = py.detach(move || (told.recv_timeout(LOOK_EVERY), told));
+        (next, received) = py.detach(move || (received.recv_timeout(LOOK_EVERY), received));
         match (next, progress) {
             (Ok(stage), Some(progress)) => {
                 let answer = progress.call1((PyStage::from(stage),))?;

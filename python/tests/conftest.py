@@ -30,7 +30,7 @@ class Tool:
         return subprocess.run(command, cwd=self.folder, capture_output=True, text=True, check=False)
 
     def json(self, *arguments: object) -> Any:
-        """What a command prints with ``--json``."""
+        """The document that a command prints with ``--json``."""
         done = self.run(*arguments, "--json", "--quiet")
         assert done.returncode in (0, 1), done.stderr
         return json.loads(done.stdout)

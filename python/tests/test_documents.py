@@ -1,4 +1,4 @@
-"""What the documents show: it runs, and the types are right."""
+"""The examples of the documents run, and their types are right."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def blocks(page: Path) -> list[tuple[str, str]]:
 
 
 def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """The blocks of docs/python.md, one after the other in an empty folder, print what stands beneath them."""
+    """The blocks of docs/python.md, one after the other in an empty folder, print what the page shows beneath them."""
     monkeypatch.chdir(tmp_path)
     scope: dict[str, Any] = {}
     shown = blocks(ROOT / "docs" / "python.md")
@@ -86,7 +86,7 @@ def test_types_of_the_package_and_its_tests() -> None:
 
 
 def test_types_of_the_page(tmp_path: Path) -> None:
-    """What a user types passes as well, as one program."""
+    """The page as one program passes the type checker."""
     (tmp_path / "page.py").write_text("\n".join(code for code, _ in blocks(ROOT / "docs" / "python.md")), encoding="utf-8")
     mypy("mypy", "--strict", tmp_path / "page.py")
 

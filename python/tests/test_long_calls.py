@@ -1,4 +1,4 @@
-"""Long calls: other threads run meanwhile, Ctrl-C is heard, progress is told. Nothing here depends on how long anything takes."""
+"""Long calls: other threads run meanwhile, Ctrl-C ends them, progress is reported. Nothing here depends on how long anything takes."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_calls_do_not_disturb_each_other(films: list[Path]) -> None:
 
 
 class Alarm(Exception):
-    """What the handler of a signal raises."""
+    """An exception that the handler of a signal raises."""
 
 
 CALLS = {
@@ -182,7 +182,7 @@ def test_ctrl_c_ends_a_fit(films: list[Path]) -> None:
         "try:\n"
         f"    sp.fit({str(films[0])!r}, starts=50_000, progress=lambda stage: print(stage.what, flush=True))\n"
         "except KeyboardInterrupt:\n"
-        "    print('heard', flush=True)\n"
+        "    print('handled', flush=True)\n"
     )
     child = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
     try:
@@ -191,5 +191,5 @@ def test_ctrl_c_ends_a_fit(films: list[Path]) -> None:
         rest, _ = child.communicate(timeout=DEADLINE_S)
     finally:
         child.kill()
-    assert rest.splitlines()[-1] == "heard"
+    assert rest.splitlines()[-1] == "handled"
     assert child.returncode == 0

@@ -1,4 +1,4 @@
-"""What is refused, with which exception, and that its line is that of the command line."""
+"""Refusals: their exceptions, and the same line as on the command line."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_other_numbers_are_read() -> None:
 
 
 def test_arrays_are_apart() -> None:
-    """What was read does not change with its source, and cannot be written to."""
+    """A recording does not change with its source, and cannot be written to."""
     volts = VOLTS.copy()
     recording = sp.Recording(TIME, voltage_v=volts)
     volts[:] = 0

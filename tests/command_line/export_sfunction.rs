@@ -200,7 +200,8 @@ fn the_script_refuses_what_it_cannot_use() {
     export("film", &published);
     export("softer", &published.replace("c = 62740.0", "c = 62700.0"));
     export("larger", &published.replace("length_m = 0.04", "length_m = 0.05"));
-    let curve = "[curve]\nelastic = \"free\"\ndisplacement_m = [-0.0005, 0.0, 0.002]\nvalue_m = [-0.00045, 0.0, 0.003]\n";
+    let curve =
+        "[curve]\nelastic = \"free\"\ndisplacement_m = [-0.0005, 0.0, 0.002]\nvalue_m = [-0.00045, 0.0, 0.003]\n";
     export("curved", &format!("{}\n{curve}", published.replace("schema = 1", "schema = 2")));
     let described = fs::read_to_string(path("film.json")).expect("exported");
     write("torn.json", &described[..described.len() / 2]);

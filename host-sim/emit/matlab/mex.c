@@ -65,7 +65,7 @@ static const mode modes[SPRINGPOT_TICK_KINDS] = {
     {"tracking", SPRINGPOT_TICK_TRACKING, {"reference_m", "sample_m", "age_ticks", "applied_v", "reading_v"}},
 };
 
-/* What a state is kept in: it is refused by another film, another mode or another version. */
+/* A state as the caller keeps it: refused by another film, another mode or another version. */
 typedef struct {
     uint32_t mark;
     uint32_t film;
@@ -105,7 +105,7 @@ static uint32_t fingerprint(const springpot_film *film)
     return mixed(hash, &film->law, sizeof film->law);
 }
 
-/* Numbers of the film, of which a caller sees whether this is the film that he means. */
+/* Numbers of the film, by which a caller recognises the film. */
 static mxArray *info(const springpot_film *film)
 {
     static const char *names[] = {"film", "step_s", "max_voltage_v", "force_per_square_volt", "stretch_coupling",

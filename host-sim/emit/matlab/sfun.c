@@ -20,7 +20,7 @@
  *
  * sample: NaN in a tick without one. age (ticks, 0 to 63): how old samples are when they arrive; without effect in other modes.
  * applied: the voltage that was really applied since the last tick, after every limit behind the block; NaN: as it was commanded. A
- * ground is a sample of 0 m, or 0 V applied: where there is none connect a constant NaN.
+ * ground is a sample of 0 m, or 0 V applied: without a sensor connect a constant NaN.
  *
  * The sample time is step_s of the film, which is the only rate at which the law is right. mdlOutputs steps a copy of the state
  * and mdlUpdate keeps it, so that outputs may be asked for several times in a step. Inputs reach outputs in the same tick (direct
@@ -100,7 +100,7 @@ static void mdlInitializeSizes(SimStruct *S)
 
     ssSetNumSFcnParams(S, PARAMETERS);
     if (ssGetNumSFcnParams(S) != ssGetSFcnParamsCount(S)) {
-        return; /* Simulink tells */
+        return; /* Simulink reports it */
     }
     mdlCheckParameters(S);
     if (ssGetErrorStatus(S) != NULL) {

@@ -5,20 +5,20 @@ use springpot::{Learning, Tracking};
 use crate::FORMAT;
 use crate::table::Table;
 
-/// What a C source is made of.
+/// The contents of a C source.
 #[derive(Clone, Copy, Debug)]
 pub struct Film<'a> {
     /// Its name in C: see [`symbol`](crate::symbol()).
     pub symbol: &'a str,
-    /// What it is, for a comment.
+    /// Its description, for a comment.
     pub name: &'a str,
     /// Law, drive, limits and observer.
     pub tracking: &'a Tracking<f32>,
-    /// What learns periodic references, if anything does.
+    /// Learning of periodic references, if it is configured.
     pub learning: Option<&'a Learning<f32>>,
 }
 
-/// `NAME.c`: the tables of a film. Two films can stand in one program, since nothing but their symbols is visible.
+/// `NAME.c`: the tables of a film. One program can have several films: nothing but their symbols is visible.
 #[must_use]
 pub fn film(film: &Film) -> String {
     let Film { symbol, name, tracking, learning } = *film;

@@ -1,4 +1,4 @@
-//! What MATLAB, Octave and Simulink call a film by: a MEX gateway and an S-function, with what both step.
+//! A film for MATLAB, Octave and Simulink: a MEX gateway and an S-function, with the tick that both step.
 
 use crate::{Film, HEADER, film};
 

@@ -6,7 +6,7 @@ use springpot::{Learning, Numbers, Record, Tracking};
 
 /// Structures within `springpot_film`, in their order.
 const WITHIN: [&str; 4] = ["drive", "inverse", "observer", "fade"];
-/// Structures that `springpot_film` points to, and what it means that there is none.
+/// Structures that `springpot_film` points to, and what a null pointer means.
 const BESIDE: [(&str, &str); 3] = [
     ("curve", "NULL: force follows x itself"),
     ("amplifier", "NULL: it follows at once"),

@@ -1,10 +1,10 @@
-"""Exceptions. Each carries the one line that the command line prints: the place, the cause and the mend."""
+"""Exceptions. Each carries the one line that the command line prints: the place, the cause and the remedy."""
 
 __all__ = ["ComputationError", "Error", "FileError", "InputError"]
 
 
 class Error(Exception):
-    """What this package refuses or cannot do."""
+    """The base of all exceptions of this package."""
 
 
 class InputError(Error, ValueError):

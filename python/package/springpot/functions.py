@@ -1,6 +1,6 @@
-"""The functions of this package. Each is the command of the same name, called without a detour over files.
+"""The functions of this package. Each is the command of the same name, called without files in between.
 
-All release the interpreter's lock and hear Ctrl-C.
+All release the interpreter's lock, and Ctrl-C ends them.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def check_reference(
     method: Method = "gl",
     limits: Limits | None = None,
 ) -> dict[str, Any]:
-    """Whether ``model`` can follow ``reference`` within ``limits``, and what would make it so: ``check`` of ``feedforward --check --json``.
+    """Checks whether ``model`` can follow ``reference`` within ``limits``, and what would make it so: ``check`` of ``feedforward --check --json``.
 
     ``["feasible"]`` is the answer, ``["binding"]`` the limits in the way, ``["least_offset_m"]`` and ``["most_offset_m"]`` the offsets (m)
     that make it feasible, ``["smaller"]`` a smaller reference that is.

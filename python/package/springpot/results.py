@@ -1,4 +1,4 @@
-"""What the functions of this package return: arrays of one dimension, float64, one value per sample, in SI units.
+"""Results of the functions of this package: arrays of one dimension, float64, one value per sample, in SI units.
 
 Every result that has columns gives them as a dictionary with ``columns()``, which ``pandas.DataFrame`` takes as it is.
 """
@@ -124,7 +124,7 @@ class VoltagePlan:
 
 @dataclass(frozen=True, repr=False)
 class Observation:
-    """What an observer made of a recording, one value per tick.
+    """The estimates of an observer over a recording, one value per tick.
 
     ``displacement_m`` is the estimate (m), ``sample_m`` the reading that arrived (m, NaN where none did), ``disturbance_n`` the
     force that the model does not know (N), ``force_scale`` its factor, ``innovation_m`` sensor minus prediction (m) with running mean and
@@ -223,7 +223,7 @@ class FitResult:
     """A fit: the model, how well it agrees, and how far its parameters are known.
 
     ``parameters`` is empty where no uncertainty was computed (pattern search, or a search that was ended early: then ``interrupted``).
-    ``undetermined`` names sets of parameters that the recordings do not tell apart. ``structures`` has a dictionary for every structure that
+    ``undetermined`` names sets of parameters that the recordings do not separate. ``structures`` has a dictionary for every structure that
     was compared, ``relaxations`` one for every branch, as ``fit --json`` prints them.
     """
 

@@ -1,4 +1,4 @@
-//! What an importer reads of an FMU. All names come from the project or are plain text, so that nothing needs escaping.
+//! The description of an FMU for importers. All names come from the project or are plain text, so that nothing needs escaping.
 
 use std::fmt::Write;
 

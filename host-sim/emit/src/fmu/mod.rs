@@ -55,21 +55,21 @@ impl Version {
 const FUNCTIONS: &str = include_str!("../../fmu/springpot_fmi.h");
 const COMMON: &str = include_str!("../../fmu/springpot_fmu.h");
 
-/// The text files of an FMU, and what is compiled of them.
+/// The text files of an FMU, and those of them to compile.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fmu {
-    /// Paths within the archive, and what stands there: the same for the same film, `modelDescription.xml` first.
+    /// Paths within the archive, and contents: the same for the same film, `modelDescription.xml` first.
     pub files: Vec<(String, String)>,
     /// Names within `sources/` of the files to compile.
     pub compiled: Vec<String>,
 }
 
-/// What a description says of a film.
+/// Values of a film's description.
 struct Described<'a> {
     symbol: &'a str,
     name: String,
     version: Version,
-    /// How the library knows its description.
+    /// The library recognises its description by it.
     token: String,
     step_s: f64,
     learns: bool,
@@ -107,7 +107,7 @@ pub fn fmu(of: &Film, version: Version) -> Fmu {
     Fmu { files, compiled }
 }
 
-/// What springpot_fmu.h needs to know of the film.
+/// The constants of the film for springpot_fmu.h.
 fn film_header(of: &Described) -> String {
     let Described { symbol, token, step_s, learns, .. } = of;
     let mut text = "/* The film of this FMU. Free for any use: SPDX-License-Identifier: 0BSD */\n".to_owned();

@@ -1,6 +1,6 @@
 //! Variables of an FMU: the same for every film and both versions.
 
-/// What a variable holds.
+/// The type of a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// A number of the model, in single precision, with its unit and the one that people read it in.

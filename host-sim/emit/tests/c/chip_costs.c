@@ -59,7 +59,7 @@ static void print(const char *kind, const char *what, uint32_t film, uint64_t va
     chip_write(out_file, line, at + 1U);
 }
 
-/* As the Rust program: laws are called, ticks of control stand in the loop that is counted. */
+/* As the Rust program: laws are called, ticks of control are inlined into the loop that is counted. */
 #define CALLED __attribute__((noinline))
 #define IN_PLACE inline __attribute__((always_inline))
 

@@ -111,7 +111,7 @@ pub fn all_kinds(run: impl Fn(&[u8]) -> Vec<u8>, (index, case): (usize, &Case), 
     shown
 }
 
-/// What runs have shown, so that no branch goes unseen.
+/// Branches that runs have taken.
 #[derive(Default)]
 pub struct Shown {
     limits: u32,
@@ -138,7 +138,7 @@ fn three_recordings_have_the_bits_of_rust() {
     assert!(plain == 0 && found > 20_000 && given > 20_000, "ticks with something learned: {learned:?}");
 }
 
-/// 200 random laws, with and without curves, of first and second order, with amplifiers that lag and with learning: the bits of 2 s each.
+/// 200 random laws, with and without curves, first-order and second-order, with amplifiers that lag and with learning: the bits of 2 s each.
 #[test]
 fn two_hundred_random_laws_have_the_bits_of_rust() {
     let cases = films::random(200);

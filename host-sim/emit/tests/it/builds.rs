@@ -10,7 +10,7 @@ use crate::films::{self, Case};
 use crate::program::{STRICT, Sources};
 use crate::recordings::recordings;
 
-/// What is compiled: two films that have everything between them, in one program.
+/// The compiled program: two films that have everything between them, in one program.
 fn cases() -> [Case; 2] {
     [films::plain(), films::rich()]
 }

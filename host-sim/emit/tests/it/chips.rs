@@ -158,7 +158,7 @@ fn program_films() -> Vec<(Film, Case)> {
     all.map(|film| (film, films::of_program(film))).collect()
 }
 
-/// What the C program wrote: `bits` and `cost` by the names that the Rust program gives them.
+/// The output of the C program: `bits` and `cost` by the names that the Rust program gives them.
 fn measured(chip: &Chip, films: &[(Film, Case)], sources: &Sources) -> [BTreeMap<String, u64>; 2] {
     let output = sources.folder.path().join("output");
     let _ = fs::remove_file(&output);

@@ -61,7 +61,7 @@ fn on_the_bench(learning: Option<LearningOptions>) -> Case {
     Case::new("karner-2022-table3-n2", law, &setup).expect("accepted")
 }
 
-/// Everything that a film can have: a curve that ends within the stroke, second order, saturation, coupling, a weight from the start,
+/// Everything that a film can have: a curve that ends within the stroke, second-order differences, saturation, coupling, a weight from the start,
 /// an amplifier that lags, a period that is learned and was not given.
 pub fn rich() -> Case {
     let actuator = Actuator {
@@ -122,7 +122,7 @@ fn curve() -> Curve {
     Curve::through(&points).expect("it rises")
 }
 
-/// `count` films of random models, every second behind a random curve, every third of second order.
+/// `count` films of random models, every second behind a random curve, every third second-order.
 pub fn random(count: usize) -> Vec<Case> {
     let models = crate::models::random_models(16, 2 * count);
     let cases = models.iter().enumerate().filter_map(|(k, (name, model))| {

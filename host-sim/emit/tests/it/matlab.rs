@@ -13,7 +13,7 @@ use crate::job::{self, Input, Kind, Row};
 use crate::program::{STRICT, source, succeeds};
 use crate::recordings::recordings;
 
-/// What both call a law, by their number and word, and the law that answers for it; `None`: the film under a voltage.
+/// Modes by number and name, and the law that each is compared with; `None`: the film under a voltage.
 const MODES: [(&str, Option<Kind>); 6] = [
     ("displacement", Some(Kind::Displacement)),
     ("force", Some(Kind::Force)),
@@ -26,7 +26,7 @@ const MODES: [(&str, Option<Kind>); 6] = [
 /// How old samples are.
 const AGE: usize = 10;
 
-/// Inputs along a recording, without what a gateway does not have: orders, samples that are no numbers or of another age, and, unless
+/// Inputs along a recording, without what a gateway does not have: orders, samples that are not numbers or of another age, and, unless
 /// `is_monitored`, the reading of a monitor.
 fn plain_inputs(kind: Option<Kind>, recorded: &[(f32, f32)], is_monitored: bool) -> Vec<Input> {
     let mut inputs = inputs(kind.unwrap_or(Kind::Observer), recorded);
@@ -41,13 +41,13 @@ fn plain_inputs(kind: Option<Kind>, recorded: &[(f32, f32)], is_monitored: bool)
     inputs
 }
 
-/// Bits of displacement, voltage, force, shaped reference, disturbance, force scale and limits in every tick, where Rust tells them.
-type Told = [Option<u32>; 7];
+/// Bits of displacement, voltage, force, shaped reference, disturbance, force scale and limits in every tick, where Rust has them.
+type Expected = [Option<u32>; 7];
 
 const BEYOND_CURVE: u32 = 64;
 
-/// What Rust computes.
-fn told(kind: Option<Kind>, case: &Case, inputs: &[Input]) -> Vec<Told> {
+/// The results of Rust.
+fn expected(kind: Option<Kind>, case: &Case, inputs: &[Input]) -> Vec<Expected> {
     let some = |number: f32| Some(number.to_bits());
     let nan = some(f32::NAN);
     let (none, one) = (some(0.0), some(1.0));
@@ -64,7 +64,7 @@ fn told(kind: Option<Kind>, case: &Case, inputs: &[Input]) -> Vec<Told> {
             })
             .collect();
     };
-    let tell = |(input, row): (&Input, &Row)| {
+    let row = |(input, row): (&Input, &Row)| {
         let [a, b, c, d, _, last] = row.map(Some);
         let beyond = Some(BEYOND_CURVE * row[5]);
         match kind {
@@ -75,21 +75,21 @@ fn told(kind: Option<Kind>, case: &Case, inputs: &[Input]) -> Vec<Told> {
             Kind::Tracking | Kind::Learning => [a, b, None, None, d, None, last],
         }
     };
-    inputs.iter().zip(&job::run(kind, case, inputs)).map(tell).collect()
+    inputs.iter().zip(&job::run(kind, case, inputs)).map(row).collect()
 }
 
-/// Compares what was written, in the order of `columns` of [`Told`], with what Rust tells. Returns all limits that were met.
-fn compare(what: &str, told: &[Told], columns: &[usize], written: &[Vec<u32>]) -> u32 {
-    assert_eq!(written.len(), told.len(), "{what}");
+/// Compares what was written, in the order of `columns` of [`Expected`], with Rust's. Returns all limits that were met.
+fn compare(what: &str, expected: &[Expected], columns: &[usize], written: &[Vec<u32>]) -> u32 {
+    assert_eq!(written.len(), expected.len(), "{what}");
     let mut limits = 0;
-    for (k, (row, told)) in written.iter().zip(told).enumerate() {
+    for (k, (row, expected)) in written.iter().zip(expected).enumerate() {
         for (&column, &has) in columns.iter().zip(row) {
-            let Some(wants) = told[column] else { continue };
+            let Some(wants) = expected[column] else { continue };
             let (number, wanted) = (f32::from_bits(has), f32::from_bits(wants));
             let same = has == wants || (column < 6 && number.is_nan() && wanted.is_nan());
             assert!(same, "{what}, step {k}, column {column}: {number:?}, Rust {wanted:?}");
         }
-        limits |= told[6].unwrap_or(0);
+        limits |= expected[6].unwrap_or(0);
     }
     limits
 }
@@ -138,7 +138,7 @@ fn block_has_the_bits(seconds: usize, count: usize) {
                 let written: Vec<Vec<u32>> =
                     job::rows(&succeeds(&mut command)).iter().map(|row| row.to_vec()).collect();
                 let what = format!("{mode} of {}, {}", case.name, path.display());
-                limits |= compare(&what, &told(kind, &case, &inputs), &[0, 1, 2, 6], &columns(written));
+                limits |= compare(&what, &expected(kind, &case, &inputs), &[0, 1, 2, 6], &columns(written));
             }
         }
     }
@@ -166,7 +166,7 @@ fn the_block_has_the_bits_of_rust_over_three_recordings() {
     block_has_the_bits(155, 3);
 }
 
-/// Modes and ages that are none, inputs that a film would keep for good, and the sample time.
+/// Invalid modes and ages, inputs that a film would keep for good, and the sample time.
 #[test]
 fn the_block_refuses_what_it_cannot_step() {
     let folder = exported(&films::plain(), "film");
@@ -190,13 +190,13 @@ fn the_block_refuses_what_it_cannot_step() {
         (&["3", "0"], f32::INFINITY, "film_sfun: the first input"),
         (&["5", "0"], f32::NAN, "film_sfun: the first input"),
     ] {
-        let (good, said) = run(parameters, first);
-        assert!(!good && said.contains(words), "{parameters:?}: {said}");
+        let (good, stderr) = run(parameters, first);
+        assert!(!good && stderr.contains(words), "{parameters:?}: {stderr}");
     }
     for (mode, inputs) in [("1", 1), ("4", 2), ("5", 2), ("6", 3)] {
-        let (good, said) = run(&[mode, "0"], if mode == "6" { f32::NAN } else { 0.0 });
-        assert!(good, "{said}");
-        assert_eq!(said, format!("{inputs} inputs every 0.001 s from 0 s\n"));
+        let (good, stderr) = run(&[mode, "0"], if mode == "6" { f32::NAN } else { 0.0 });
+        assert!(good, "{stderr}");
+        assert_eq!(stderr, format!("{inputs} inputs every 0.001 s from 0 s\n"));
     }
 }
 
@@ -233,28 +233,28 @@ fn the_mex_function_has_the_bits_of_rust() {
         for (name, case) in &cases {
             for (mode, kind) in MODES {
                 let inputs = plain_inputs(kind, &recorded, true);
-                let told = told(kind, case, &inputs);
+                let expected = expected(kind, case, &inputs);
                 let mut before = 0.0_f32;
                 let mut bytes = Vec::new();
-                for (k, (input, told)) in inputs.iter().zip(&told).enumerate() {
+                for (k, (input, expected)) in inputs.iter().zip(&expected).enumerate() {
                     let sample = input.sample.map_or(f32::NAN, |sample| sample.displacement_m);
                     let is_halved = input.flags != 0;
                     let put_out = if is_halved { 0.5 * before } else { before };
-                    // Where it is what was commanded, it is told now and then.
+                    // Where it is what was commanded, it is given now and then.
                     let applied = if is_halved || k % 3 == 0 { put_out } else { f32::NAN };
                     let row = [input.a, sample, 0.0, applied, input.b * put_out];
                     bytes.extend(row.iter().flat_map(|number| number.to_le_bytes()));
-                    before = told[1].map_or(0.0, f32::from_bits);
+                    before = expected[1].map_or(0.0, f32::from_bits);
                 }
                 let file = format!("{name}-{mode}");
                 fs::write(folder.path().join(format!("{file}.in")), bytes).expect("written");
                 lines += &format!("{name}_mex {mode} {file}.in {file}.out\n");
-                wanted.push((file, told));
+                wanted.push((file, expected));
             }
         }
         fs::write(folder.path().join("jobs.txt"), lines).expect("written");
         octave(folder.path(), "jobs.m");
-        for (file, told) in wanted {
+        for (file, expected) in wanted {
             let bytes = fs::read(folder.path().join(format!("{file}.out"))).expect("the script has written it");
             let (words, rest) = bytes.as_chunks::<4>();
             assert!(rest.is_empty());
@@ -262,7 +262,7 @@ fn the_mex_function_has_the_bits_of_rust() {
             // A count, which is written as a number.
             let count = |row: &[u32]| [&row[..6], &[f32::from_bits(row[6]) as u32]].concat();
             let written: Vec<Vec<u32>> = words.chunks(7).map(count).collect();
-            limits |= compare(&format!("{file}, {}", path.display()), &told, &[0, 1, 2, 3, 4, 5, 6], &written);
+            limits |= compare(&format!("{file}, {}", path.display()), &expected, &[0, 1, 2, 3, 4, 5, 6], &written);
         }
     }
     assert!(limits.count_ones() >= 5, "limits that were met: {limits:b}");

@@ -1,4 +1,4 @@
-//! What is written: every number to its last bit, and names that a program can have.
+//! The text of a film: every number to its last bit, and names that a program can have.
 
 use host_emit::{HEADER, declarations, film, symbol};
 use springpot::Numbers;
@@ -19,7 +19,7 @@ impl Numbers<f32> for Listed {
     }
 }
 
-/// Each number of the laws stands in the text, read back with its own bits, and no other.
+/// The text has each number of the laws, with its bits when read back, and no other.
 #[test]
 fn every_number_is_written_to_its_last_bit() {
     for case in [plain(), rich()] {

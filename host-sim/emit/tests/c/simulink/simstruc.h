@@ -1,5 +1,5 @@
 /* What a Level-2 S-function uses of Simulink's header: declared as there, kept in a plain structure, so that tests/c/simulink/simulink.c
- * can stand for Simulink. Written from the documented behaviour of each macro. */
+ * can replace Simulink. Written from the documented behaviour of each macro. */
 #include <stddef.h>
 #include <stdint.h>
 

@@ -1,4 +1,4 @@
-/* Stands for Simulink: calls a block's functions in its order, along the rows of a job on standard input.
+/* Replaces Simulink: calls a block's functions in its order, along the rows of a job on standard input.
  * Arguments: the two dialog parameters. */
 #include <stdio.h>
 #include <stdlib.h>
@@ -27,7 +27,7 @@ static uint32_t stub_bits(real_T value)
     return bits;
 }
 
-/* What the block has told of itself. */
+/* What the block has set of itself. */
 static const char *stub_check(const SimStruct *S)
 {
     int_T k;
@@ -98,7 +98,7 @@ int main(int count, char **arguments)
         uint32_t out[6] = {0U, 0U, 0U, 0U, 0U, 0U};
         int_T again;
         S->input[0].signal = (real_T)row.a;
-        /* The sample in front of the applied voltage, which is told where it is not what was commanded. */
+        /* The sample in front of the applied voltage, which is given where it is not what was commanded. */
         S->input[1].signal = sample;
         S->input[2].signal = (row.flags != 0U) ? (0.5 * S->output[1].signal) : (real_T)NAN;
         if (parameters[0].value == 4.0) {
