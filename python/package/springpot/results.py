@@ -29,14 +29,17 @@ __all__ = [
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 
 
-def _columns(result: Any) -> dict[str, npt.NDArray[Any]]:
-    """The arrays of a dataclass by their names."""
-    values = ((entry.name, getattr(result, entry.name)) for entry in fields(result))
-    return {name: value for name, value in values if isinstance(value, np.ndarray)}
+class _Columns:
+    """A dataclass with arrays of one length."""
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The arrays by their names, for ``pandas.DataFrame``."""
+        values = ((entry.name, getattr(self, entry.name)) for entry in fields(self))  # type: ignore[arg-type]
+        return {name: value for name, value in values if isinstance(value, np.ndarray)}
 
 
 @dataclass(frozen=True, repr=False)
-class Response:
+class Response(_Columns):
     """The response of a model: every array has one value per step of the law.
 
     ``time_s`` (s), ``voltage_v`` (V; None where the input is no voltage), ``force_n`` (N, what drives the law) and
@@ -49,16 +52,12 @@ class Response:
     displacement_m: FloatArray
     rate_hz: float
 
-    def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """The arrays by their names, for ``pandas.DataFrame``."""
-        return _columns(self)
-
     def __repr__(self) -> str:
         return f"<springpot.Response: {len(self.time_s)} samples at {self.rate_hz:g} Hz>"
 
 
 @dataclass(frozen=True, repr=False)
-class ReplayRecording:
+class ReplayRecording(_Columns):
     """A recording beside the response of a model.
 
     ``r2`` (Eq. 14; NaN where the measurement does not change), ``nrmse_pct`` (% of peak to peak), ``rmse`` (m, or N where
@@ -75,10 +74,6 @@ class ReplayRecording:
     measured: FloatArray
     modelled: FloatArray
     response: Response
-
-    def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """``time_s``, ``measured`` and ``modelled``, for ``pandas.DataFrame``."""
-        return _columns(self)
 
     def __repr__(self) -> str:
         return f"<springpot.ReplayRecording {self.file!r}: R² {self.r2:.5f}, NRMSE {self.nrmse_pct:.3f} %>"
@@ -98,7 +93,7 @@ class Replay:
 
 
 @dataclass(frozen=True, repr=False)
-class VoltagePlan:
+class VoltagePlan(_Columns):
     """Voltages along a reference, one value per tick.
 
     ``voltage_v`` (V), ``displacement_m`` (m, of the model under it), ``reference_m`` (m, shaped) and ``limited`` (uint8, a set of
@@ -114,16 +109,12 @@ class VoltagePlan:
     limits_met: dict[str, float]
     rate_hz: float
 
-    def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """The arrays by their names, for ``pandas.DataFrame``."""
-        return _columns(self)
-
     def __repr__(self) -> str:
         return f"<springpot.VoltagePlan: {len(self.time_s)} samples, up to {self.voltage_v.max():.0f} V>"
 
 
 @dataclass(frozen=True, repr=False)
-class Observation:
+class Observation(_Columns):
     """The estimates of an observer over a recording, one value per tick.
 
     ``displacement_m`` is the estimate (m), ``sample_m`` the reading that arrived (m, NaN where none did), ``disturbance_n`` the
@@ -143,25 +134,17 @@ class Observation:
     samples: int
     innovation_rms_m: float
 
-    def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """The arrays by their names, for ``pandas.DataFrame``."""
-        return _columns(self)
-
     def __repr__(self) -> str:
         return f"<springpot.Observation: {self.samples} readings, innovation {1e6 * self.innovation_rms_m:.2f} µm RMS>"
 
 
 @dataclass(frozen=True, repr=False)
-class FrequencyResponse:
+class FrequencyResponse(_Columns):
     """Displacement over force: ``frequency_hz`` (Hz), ``magnitude_m_per_n`` (m/N), ``phase_rad`` (rad, negative where displacement lags)."""
 
     frequency_hz: FloatArray
     magnitude_m_per_n: FloatArray
     phase_rad: FloatArray
-
-    def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """The arrays by their names, for ``pandas.DataFrame``."""
-        return _columns(self)
 
     def __repr__(self) -> str:
         return f"<springpot.FrequencyResponse: {len(self.frequency_hz)} frequencies>"
@@ -192,7 +175,7 @@ class FitWarning:
 
 
 @dataclass(frozen=True, repr=False)
-class FitRecording:
+class FitRecording(_Columns):
     """A recording beside the fitted model: as :class:`ReplayRecording`, with full memory at ``rate_hz`` (Hz).
 
     ``offset`` (m or N) and ``gain`` are its own, None where it shares those of the others.
@@ -209,10 +192,6 @@ class FitRecording:
     time_s: FloatArray
     measured: FloatArray
     modelled: FloatArray
-
-    def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """``time_s``, ``measured`` and ``modelled``, for ``pandas.DataFrame``."""
-        return _columns(self)
 
     def __repr__(self) -> str:
         return f"<springpot.FitRecording {self.file!r}: R² {self.r2:.5f}, NRMSE {self.nrmse_pct:.3f} %>"

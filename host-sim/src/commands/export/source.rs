@@ -112,7 +112,6 @@ impl Source {
         library: &mut Library,
     ) -> Result<Vec<(PathBuf, usize)>> {
         let symbol = self.symbol.as_str();
-        let described =
         let follower = blob.follower();
         let described =
             Film { symbol, name: &parameters.name, tracking: follower.compensator(), learning: follower.learning() };
