@@ -105,15 +105,14 @@ fn two_exported_films_have_the_controllers_bits() {
     }
     let main = "#include <stdio.h>\n#include <string.h>\n#include \"springpot.h\"\nSPRINGPOT_FILM(film_rich_1);\nSPRINGPOT_FILM(film_n1);\n\
          int main(void)\n{\n    const springpot_film *const films[2] = {&film_rich_1, &film_n1};\n    for (uint32_t f = 0U; f < 2U; f++) {\n\
-         static springpot_feedforward_state state;\n        static springpot_learning_state learned;\n\
-         springpot_command command = {0.0F, 0.0F, 0.0F, 0U};\n        springpot_feedforward_init(films[f], &state);\n\
-         springpot_learning_init(films[f], &learned, 0.0F);\n        for (uint32_t k = 0U; k < 12000U; k++) {\n\
+         static springpot_follower_state state;\n        springpot_command command = {0.0F, 0.0F, 0.0F, 0U};\n\
+         springpot_follower_init(films[f], &state, false, true);\n        for (uint32_t k = 0U; k < 12000U; k++) {\n\
          const uint32_t turn = k % 1000U;\n            const float u = (float)((turn < 500U) ? turn : (1000U - turn)) / 500.0F;\n\
-         springpot_sample sample;\n            float reference;\n            uint32_t bits;\n\
-         sample.displacement = 1.04F * springpot_feedforward_apply(films[f], &state, command.voltage, 1.02F * command.voltage);\n\
-         sample.age_ticks = 0U;\n            reference = 0.6e-3F + (0.2e-3F * ((u * u) * (3.0F - (2.0F * u))));\n\
-         reference = springpot_learning_advance(films[f], &learned, reference, (k % 10U == 0U) ? &sample : NULL, command.limited == 0U);\n\
-         command = springpot_feedforward_command(films[f], &state, reference);\n            memcpy(&bits, &command.voltage, sizeof bits);\n\
+         const float reference = 0.6e-3F + (0.2e-3F * ((u * u) * (3.0F - (2.0F * u))));\n\
+         springpot_follower_state next = state;\n            springpot_sample sample;\n            uint32_t bits;\n\
+         sample.displacement = 1.04F * springpot_follower_observe(films[f], &next, command.voltage, 1.02F * command.voltage, NULL);\n\
+         sample.age_ticks = 0U;\n            command = springpot_follower_step(films[f], &state, command.voltage,\n\
+         1.02F * command.voltage, (k % 10U == 0U) ? &sample : NULL, reference);\n            memcpy(&bits, &command.voltage, sizeof bits);\n\
          printf(\"%08x\\n\", (unsigned)bits);\n        }\n    }\n    return 0;\n}\n";
     let printed = compiled_and_ran(folder.path(), main, &["rich-1.c", "n1.c"]);
     let mut lines = printed.lines();

@@ -13,14 +13,14 @@ static const float VOLTS_PER_CODE = 6000.0F / 255.0F;
 static const float METRES_PER_CODE = 10e-3F / 1023.0F;
 static const float METRES_AT_REST = 1e-3F;         // reading of the film at rest
 
-static springpot_tracking_state state;
+static springpot_follower_state state;
 static float commanded_v = 0.0F;
 static float angle = 0.0F;
 static uint32_t next_us = 0U;
 
 void setup()
 {
-    springpot_tracking_init(&@SYMBOL@, &state);
+    springpot_follower_init(&@SYMBOL@, &state, true, true);  // with a sensor; cycles are learned if the film's file says so
     next_us = micros();
 }
 
@@ -36,14 +36,13 @@ void loop()
     springpot_sample sample;
     sample.displacement = (METRES_PER_CODE * (float)analogRead(SENSOR_PIN)) - METRES_AT_REST;
     sample.age_ticks = 0U;
-    (void)springpot_tracking_observe(&@SYMBOL@, &state, commanded_v, SPRINGPOT_NO_READING, &sample);
 
     angle += 6.2831853F * 0.1F * @SYMBOL@.step_s;  // 0.1 Hz
     if (angle > 6.2831853F) {
         angle -= 6.2831853F;
     }
     const springpot_command command =
-        springpot_tracking_command(&@SYMBOL@, &state, 2.25e-3F - (0.25e-3F * cosf(angle)));
+        springpot_follower_step(&@SYMBOL@, &state, commanded_v, SPRINGPOT_NO_READING, &sample, 2.25e-3F - (0.25e-3F * cosf(angle)));
 
     // What is really applied goes into the next tick: here the voltage of the code, as it was rounded.
     const int code = (int)(command.voltage / VOLTS_PER_CODE);

@@ -13,13 +13,13 @@
  * WHAT IT IS
  *
  * The steps of the Rust crate springpot in single precision: the same operations in the same order, so the same bits. This file is
- * the same for every film. The numbers of a film stand in a file of its own, which `host-sim export --emit c` writes beside it.
+ * the same for every film. The numbers of a film are in their own file, which `host-sim export --emit c` writes beside it.
  *
  *   springpot_displacement, springpot_force        the law of a film, force to displacement and displacement to force
  *   springpot_feedforward_*                        a voltage for a reference, without a sensor
  *   springpot_observer_*                           an estimate of the film from voltage and samples of its displacement
  *   springpot_tracking_*                           a voltage for a reference, with a sensor: both of the above on one law
- *   springpot_learning_*                           the errors of periodic references, learned; stands in front of the two
+ *   springpot_follower_*                           feedforward or tracking behind learned errors of periodic references
  *
  * Units are SI: m, N, V, s. Displacement is measured from the film at rest under its weight, positive as voltage lengthens it.
  *
@@ -27,18 +27,17 @@
  *
  *   #include "springpot.h"
  *   SPRINGPOT_FILM(film_vhb);                      the film of film_vhb.c
- *   static springpot_tracking_state state;         the caller owns states; none is allocated
+ *   static springpot_follower_state state;         the caller owns states; none is allocated
  *
- *   springpot_tracking_init(&film_vhb, &state);
+ *   springpot_follower_init(&film_vhb, &state, true, true);
  *   in every tick of film_vhb.step_s seconds:
- *     springpot_tracking_observe(&film_vhb, &state, applied_v, SPRINGPOT_NO_READING, sample or NULL);
- *     command = springpot_tracking_command(&film_vhb, &state, reference_m);
+ *     command = springpot_follower_step(&film_vhb, &state, applied_v, SPRINGPOT_NO_READING, sample or NULL, reference_m);
  *
  * A step cannot fail, allocates nothing, has no recursion and a bounded number of operations. Of the C library it calls sqrtf.
  * Films are const and can be shared; a state belongs to one thread or interrupt at a time.
  *
- * A command respects the limits of the film's file. It is not a safety system: a supervisor that watches voltage, film and host
- * must stand behind it, and hardware behind that.
+ * A command respects the limits of the film's file. It is not a safety system: a supervisor must watch voltage, film and host behind it,
+ * and hardware must limit both.
  *
  * HOW TO COMPILE IT
  *

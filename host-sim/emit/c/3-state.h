@@ -1,6 +1,6 @@
 /* ---- States: what changes with every tick. The caller owns them; `init` sets all of one. */
 
-/* Where a film stands on its curve. */
+/* The place of a film on its curve. */
 typedef struct {
     float knot;    /* T at the knot below, m */
     float beyond;  /* T minus that, m */
@@ -39,7 +39,7 @@ typedef struct {
     float change;    /* of the increment in the last tick, m */
 } springpot_path;
 
-/* What inverse and amplifier remember. */
+/* The state of the inverse and of the amplifier. */
 typedef struct {
     springpot_path path;
     float commanded; /* size of the voltage that was commanded last, V */
@@ -63,7 +63,7 @@ typedef struct {
     float slope; /* N/m */
 } springpot_load;
 
-/* Read what you like: film.position is the estimate (m), disturbance the force that the model does not know (N), force_scale the effect
+/* For reading: film.position is the estimate (m), disturbance the force that the model does not know (N), force_scale the effect
  * of the electrostatic force over the model's, innovation the last sample minus its prediction (m). */
 typedef struct {
     springpot_state film;
@@ -108,7 +108,7 @@ SPRINGPOT_ASSERT(sizeof(springpot_feedforward_state) == 440U, a_state_of_feedfor
 SPRINGPOT_ASSERT(sizeof(springpot_observer_state) == 728U, a_state_of_an_observer_takes_728_bytes);
 SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 804U, a_state_of_tracking_takes_804_bytes);
 
-/* ---- What goes in and comes out. */
+/* ---- Inputs and outputs. */
 
 /* A sample of the displacement sensor. */
 typedef struct {

@@ -122,10 +122,10 @@ static inline float springpot_follow(
     }
     if (springpot_is_finite(reading)) {
         const float forgotten = film->inverse.averaging;
-        const float told = reading / state->gain;
+        const float shown = reading / state->gain;
         const float low = (next > voltage) ? voltage : next;
         const float high = (next > voltage) ? next : voltage;
-        const float difference = springpot_clamp(told, low, high) - told;
+        const float difference = springpot_clamp(shown, low, high) - shown;
         const float error = amplifier->reading_share * film->inverse.max_voltage;
         const float ticks_per_s = (1.0F - forgotten) / (amplifier->gain_s * forgotten);
         const float initial = (error * error) * ticks_per_s;
@@ -192,7 +192,7 @@ static inline springpot_command springpot_invert(const springpot_film *film, con
     const float offset = law->position - state->path.position;
     const float drift = law->increment - state->path.increment;
     uint32_t limited = springpot_shape(inverse, &state->path, reference);
-    /* No more than it can brake. */
+    /* Limited to what it can brake. */
     const float max_approach = inverse->max_return / inverse->approach;
     const float approach = springpot_clamp(-(inverse->approach * offset), -max_approach, max_approach);
     const float correction =

@@ -236,12 +236,12 @@ static inline springpot_command springpot_tracking_command(
 }
 
 /* All of the correction is in use until the reference has moved again: for a voltage that does not follow the sensor. */
-static inline void springpot_tracking_correct_wholly(springpot_tracking_state *state)
+static inline void springpot_tracking_correct_fully(springpot_tracking_state *state)
 {
     springpot_fade_init(&state->fade, state->inverse.path.position);
 }
 
-/* From now on the errors of cycles are learned, or not: the observer leaves them to springpot_learning_advance. */
+/* From now on the observer leaves the errors of cycles to learning, or not. */
 static inline void springpot_tracking_leave_cycles(springpot_tracking_state *state, bool to_learning)
 {
     state->is_learned = to_learning ? 1U : 0U;

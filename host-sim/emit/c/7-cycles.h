@@ -47,7 +47,7 @@ typedef struct {
     float phase[2];
 } springpot_turn;
 
-/* Read what you like: lagged[1] is what is added to the reference now (m), angle what a tick turns (rad; 0 without a period),
+/* For reading: lagged[1] is what is added to the reference now (m), angle what a tick turns (rad; 0 without a period),
  * has_learned whether the errors of this period have been seen. */
 typedef struct {
     springpot_cycle cycle;
@@ -128,14 +128,18 @@ static inline void springpot_learning_forget(const springpot_film *film, springp
     state->visited = 0U;
 }
 
-/* Another run of the same reference, which begins at `position` (m), with what was learned. */
-static inline void springpot_learning_carry_over(
-    const springpot_film *film, springpot_learning_state *state, float position)
+/* Begins another run, whose reference begins at `position` (m), with what was learned if it `keeps` it. The sample that has arrived last
+ * stays. */
+static inline void springpot_learning_restart(
+    const springpot_film *film, springpot_learning_state *state, float position, bool keeps)
 {
     const springpot_learning *learning = film->learning;
     const bool given = (learning != NULL) && (learning->period > 0.0F);
     uint32_t i;
 
+    if (!keeps) {
+        springpot_learning_forget(film, state);
+    }
     state->cycle.before = position;
     state->cycle.extreme = position;
     state->cycle.upper = position;
@@ -170,10 +174,9 @@ static inline void springpot_learning_carry_over(
         state->past[i].phase[0] = 1.0F;
         state->past[i].phase[1] = 0.0F;
     }
+    /* The ring begins at 0 again. */
+    state->arrived_at = (state->arrived_at + (SPRINGPOT_PAST - state->newest)) % SPRINGPOT_PAST;
     state->newest = 0U;
-    state->has_arrived = 0U;
-    state->arrived = 0.0F;
-    state->arrived_at = 0U;
     state->visited = 0U;
     state->error = 0.0F;
     state->unit[0] = 1.0F;
@@ -189,8 +192,11 @@ static inline void springpot_learning_carry_over(
 /* Nothing learned yet, of a reference that begins at `position` (m). */
 static inline void springpot_learning_init(const springpot_film *film, springpot_learning_state *state, float position)
 {
-    springpot_learning_forget(film, state);
-    springpot_learning_carry_over(film, state, position);
+    state->newest = 0U;
+    state->has_arrived = 0U;
+    state->arrived = 0.0F;
+    state->arrived_at = 0U;
+    springpot_learning_restart(film, state, position, false);
 }
 
 static inline float springpot_square(const float *pair)

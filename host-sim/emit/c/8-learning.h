@@ -121,7 +121,7 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
     }
 }
 
-/* Looks after one harmonic. */
+/* Updates one harmonic. */
 static inline void springpot_visit(const springpot_learning *learning, springpot_learning_state *state)
 {
     /* After the last one the first. */
@@ -183,11 +183,21 @@ static inline float springpot_sum(const springpot_learning_state *state)
     return (state->harmonics[0].added[0] + ((one[0] * cosine) - two[0])) - (one[1] * sine);
 }
 
-/* In every tick, before the command: the reference to follow at the end of this tick (m) instead of `reference_m` (m), from a sample, or
- * NULL where none has arrived. `is_free`: the command before met no limit (its `limited` is 0); nothing is learned from blocks with
- * limits. A reference that is not finite is passed on. */
-static inline float springpot_learning_advance(const springpot_film *film, springpot_learning_state *state, float reference_m,
-    const springpot_sample *sample, bool is_free)
+/* Takes a sample that has arrived, before springpot_learning_advance of the same tick. One that is too old is ignored. */
+static inline void springpot_learning_observe(springpot_learning_state *state, const springpot_sample *sample)
+{
+    /* What is remembered will be overwritten before the next round is over: a sample must be younger by that. */
+    if (sample->age_ticks < (SPRINGPOT_PAST - (SPRINGPOT_HARMONICS + 2U))) {
+        state->has_arrived = 1U;
+        state->arrived = sample->displacement;
+        state->arrived_at = (state->newest + sample->age_ticks) % SPRINGPOT_PAST;
+    }
+}
+
+/* In every tick, before the command: the reference to follow at the end of this tick (m) instead of `reference_m` (m). `limited`: limits that
+ * the command before met; nothing is learned from blocks with limits. A reference that is not finite is passed on. */
+static inline float springpot_learning_advance(
+    const springpot_film *film, springpot_learning_state *state, float reference_m, uint32_t limited)
 {
     const springpot_learning *learning = film->learning;
     float followed = reference_m;
@@ -204,13 +214,7 @@ static inline float springpot_learning_advance(const springpot_film *film, sprin
         state->past[state->newest].reference = reference_m;
         state->past[state->newest].phase[0] = state->phase[0];
         state->past[state->newest].phase[1] = state->phase[1];
-        /* What is remembered will be overwritten before the next round is over: a sample must be younger by that. */
-        if ((sample != NULL) && (sample->age_ticks < (SPRINGPOT_PAST - (SPRINGPOT_HARMONICS + 2U)))) {
-            state->has_arrived = 1U;
-            state->arrived = sample->displacement;
-            state->arrived_at = (state->newest + sample->age_ticks + 1U) % SPRINGPOT_PAST;
-        }
-        if (!is_free) {
+        if (limited != 0U) {
             /* The block shows nothing. Where limits leave no block, what was learned may be why. */
             if (state->block.has_ended == 0U) {
                 springpot_begin_block(learning, state);

@@ -62,13 +62,13 @@ static int fmu_type(uint32_t variable)
     return type;
 }
 
-/* What the importer has done so far. */
+/* Phases of the life cycle. */
 enum { FMU_INSTANTIATED, FMU_INITIALISING, FMU_STEPPING, FMU_TERMINATED };
 
 /* Statuses have these values in both versions. */
 enum { FMU_OK = 0, FMU_DISCARD = 2, FMU_ERROR = 3 };
 
-/* How a call ended, and why where that is not well. */
+/* How a call ended, and why it failed if it did. */
 typedef struct {
     int status;
     const char *why;
@@ -83,10 +83,8 @@ typedef struct {
     union {
         springpot_state plant;
         springpot_observer_state observer;
-        springpot_feedforward_state feedforward;
-        springpot_tracking_state tracking;
+        springpot_follower_state follower;
     } law;
-    springpot_learning_state learning;
 } fmu_state;
 
 static fmu_result fmu_ok(void)
@@ -135,21 +133,19 @@ static fmu_result fmu_initialise(fmu_state *state, double start)
 static fmu_result fmu_begin(fmu_state *state)
 {
     if (state->phase != FMU_INITIALISING) {
-        return fmu_error("initialisation ends, and has not begun");
+        return fmu_error("initialisation has not begun");
     }
     if ((state->wholes[FMU_LEARNING] != 0U) && (FMU_LEARNS == 0)) {
-        return fmu_error("learning is asked for, and this film learns nothing: export it with harmonics under [board.control]");
+        return fmu_error("learning is on and this film has none: export it with harmonics under [board.control]");
     }
     if (state->wholes[FMU_MODE] == FMU_PLANT) {
         springpot_init(&FMU_FILM, &state->law.plant);
     } else if (state->wholes[FMU_MODE] == FMU_OBSERVER) {
         springpot_observer_init(&FMU_FILM, &state->law.observer);
-    } else if (state->wholes[FMU_MODE] == FMU_FEEDFORWARD) {
-        springpot_feedforward_init(&FMU_FILM, &state->law.feedforward);
     } else {
-        springpot_tracking_init(&FMU_FILM, &state->law.tracking);
+        const bool has_sensor = state->wholes[FMU_MODE] == FMU_TRACKING;
+        springpot_follower_init(&FMU_FILM, &state->law.follower, has_sensor, state->wholes[FMU_LEARNING] != 0U);
     }
-    springpot_learning_init(&FMU_FILM, &state->learning, 0.0F);
     state->phase = FMU_STEPPING;
     return fmu_ok();
 }
@@ -162,14 +158,14 @@ static fmu_result fmu_scalars(size_t references, size_t values)
     return (references == values) ? fmu_ok() : fmu_error("as many values as references: all are scalars");
 }
 
-/* Whether a value of `variable`, of `type`, may be read. */
+/* Refuses to read what is not a `variable` of `type`. */
 static fmu_result fmu_readable(uint32_t variable, int type)
 {
     const bool is_there = (variable < FMU_VARIABLES) && (fmu_type(variable) == type);
-    return is_there ? fmu_ok() : fmu_error("there is no variable of this type with this value reference");
+    return is_there ? fmu_ok() : fmu_error("no variable of this type has this value reference");
 }
 
-/* Whether it may be set now. */
+/* Refuses to set what cannot be set now. */
 static fmu_result fmu_settable(const fmu_state *state, uint32_t variable, int type)
 {
     const bool is_parameter = (variable >= FMU_MODE) && (variable < FMU_VOLTAGE);
@@ -177,13 +173,13 @@ static fmu_result fmu_settable(const fmu_state *state, uint32_t variable, int ty
     fmu_result result = fmu_readable(variable, type);
 
     if (result.status != FMU_OK) {
-        /* that is said */
+        /* refused above */
     } else if (!(is_parameter || is_input)) {
         result = fmu_error("this variable is calculated and cannot be set");
     } else if (is_parameter && (state->phase > FMU_INITIALISING)) {
         result = fmu_error("a parameter can be set until initialisation ends");
     } else {
-        /* it may */
+        /* settable */
     }
     return result;
 }
@@ -286,29 +282,15 @@ static void fmu_tick_observer(fmu_state *state, const springpot_sample *sample)
 /* Feedforward and tracking: what was applied, the sample, the command. */
 static void fmu_tick_controller(fmu_state *state, const springpot_sample *sample)
 {
-    const bool is_tracking = state->wholes[FMU_MODE] == FMU_TRACKING;
+    springpot_follower_state *follower = &state->law.follower;
     const uint32_t applied_by = (state->wholes[FMU_APPLIED_IS_GIVEN] != 0U) ? FMU_VOLTAGE : FMU_COMMAND;
     const float applied = (float)state->reals[applied_by];
     const float reading = (state->wholes[FMU_READING_TAKEN] != 0U) ? (float)state->reals[FMU_READING] : SPRINGPOT_NO_READING;
-    const bool is_free = state->wholes[FMU_LIMITS] == 0U;
-    float reference = (float)state->reals[FMU_REFERENCE];
-    float displacement;
 
-    if (is_tracking) {
-        displacement = springpot_tracking_observe(&FMU_FILM, &state->law.tracking, applied, reading, sample);
-    } else {
-        displacement = springpot_feedforward_apply(&FMU_FILM, &state->law.feedforward, applied, reading);
-    }
-    state->reals[FMU_DISPLACEMENT] = (double)displacement;
-    if (state->wholes[FMU_LEARNING] != 0U) {
-        reference = springpot_learning_advance(&FMU_FILM, &state->learning, reference, sample, is_free);
-    }
-    if (is_tracking) {
-        springpot_tracking_leave_cycles(&state->law.tracking, state->learning.has_learned != 0U);
-        fmu_put_command(state, springpot_tracking_command(&FMU_FILM, &state->law.tracking, reference));
-        fmu_put_observer(state, &state->law.tracking.observer);
-    } else {
-        fmu_put_command(state, springpot_feedforward_command(&FMU_FILM, &state->law.feedforward, reference));
+    state->reals[FMU_DISPLACEMENT] = (double)springpot_follower_observe(&FMU_FILM, follower, applied, reading, sample);
+    fmu_put_command(state, springpot_follower_command(&FMU_FILM, follower, (float)state->reals[FMU_REFERENCE]));
+    if (follower->has_sensor != 0U) {
+        fmu_put_observer(state, &follower->of.tracking.observer);
     }
 }
 
@@ -347,7 +329,7 @@ static fmu_result fmu_step(fmu_state *state, double step_s)
         return fmu_discard("a communication step is a whole multiple of the step size in modelDescription.xml, the tick of the law: nothing was done");
     }
     if (is_controller && (ticks > 1.0)) {
-        return fmu_discard("a controller ticks once in a communication step, since nobody would apply what it commands in between: "
+        return fmu_discard("a controller ticks once in a communication step, because its commands in between would not be applied: "
                            "take steps of the size in modelDescription.xml; nothing was done");
     }
     sample.displacement = (float)state->reals[FMU_SAMPLE];

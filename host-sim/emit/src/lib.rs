@@ -36,5 +36,5 @@ pub const HEADER: &str = concat!(
     include_str!("../c/6-control.h"),
     include_str!("../c/7-cycles.h"),
     include_str!("../c/8-learning.h"),
-    include_str!("../c/9-tail.h"),
+    include_str!("../c/9-follower.h"),
 );

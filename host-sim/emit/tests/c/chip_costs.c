@@ -148,14 +148,12 @@ static IN_PLACE float tracking_tick(const springpot_film *film, float k)
 
 static IN_PLACE float learning_tick(const springpot_film *film, float k)
 {
-    springpot_sample sample;
-    const springpot_sample *arrived = NULL;
     since = (since == 9U) ? 0U : (since + 1U);
     if (since == 0U) {
-        sample = sample_of(k);
-        arrived = &sample;
+        const springpot_sample sample = sample_of(k);
+        springpot_learning_observe(&learning, &sample);
     }
-    return springpot_learning_advance(film, &learning, reference(k), arrived, true);
+    return springpot_learning_advance(film, &learning, reference(k), 0U);
 }
 
 /* Bits along the way, then what a step costs. */
@@ -212,7 +210,8 @@ static void run(uint32_t number)
         since = 0U;
         for (k = 0U; k < (3U * STEPS); k++) {
             const springpot_sample sample = sample_of((float)k);
-            (void)springpot_learning_advance(film, &learning, reference((float)k), &sample, true);
+            springpot_learning_observe(&learning, &sample);
+            (void)springpot_learning_advance(film, &learning, reference((float)k), 0U);
         }
         ticks("learning", number, film, learning_tick);
     }

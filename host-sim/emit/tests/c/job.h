@@ -41,33 +41,24 @@ static void job_row(float o0, float o1, float o2, float o3, float o4, uint32_t o
 static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
 {
     static springpot_state law;
-    static springpot_feedforward_state feedforward;
     static springpot_observer_state observer;
-    static springpot_tracking_state tracking;
-    static springpot_learning_state learning;
+    static springpot_follower_state follower;
     float commanded = 0.0F;
     volatile float zero = 0.0F;
-    bool is_free = true;
-    bool has_begun = true;
-    bool carries_over = false;
     uint32_t k;
 
-    /* What stood there before must not matter. */
+    /* What the memory held before must not matter. */
     memset(&law, 0xa5, sizeof law);
-    memset(&feedforward, 0xa5, sizeof feedforward);
     memset(&observer, 0xa5, sizeof observer);
-    memset(&tracking, 0xa5, sizeof tracking);
-    memset(&learning, 0xa5, sizeof learning);
+    memset(&follower, 0xa5, sizeof follower);
     springpot_init(film, &law);
-    springpot_feedforward_init(film, &feedforward);
     springpot_observer_init(film, &observer);
-    springpot_tracking_init(film, &tracking);
-    springpot_learning_init(film, &learning, 0.0F);
+    springpot_follower_init(film, &follower, kind > 3U, kind == 5U);
     for (k = 0U; k < steps; k++) {
         job_input in;
         springpot_sample sample;
         const springpot_sample *arrived;
-        float put_out; /* share of a command; no number where nothing is known of it */
+        float put_out; /* share of a command; NaN where it is not known */
         if (!job_read(&in, (uint32_t)sizeof in)) {
             return;
         }
@@ -90,61 +81,34 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
                 springpot_move_origin(&law, in.b);
             }
             job_row(force, law.base, law.increment, to, law.position, springpot_beyond_curve(&law) ? 1U : 0U);
-        } else if (kind == 2U) {
-            const float applied = commanded * put_out;
-            const float x = springpot_feedforward_apply(film, &feedforward, applied, in.b * applied);
-            const springpot_command command = springpot_feedforward_command(film, &feedforward, in.a);
-            commanded = command.voltage;
-            job_row(x, command.voltage, command.reference, command.force,
-                springpot_film_voltage(&feedforward.inverse), command.limited);
         } else if (kind == 3U) {
             const float x = springpot_observer_observe(film, &observer, in.a, arrived);
             job_row(x, observer.disturbance, observer.force_scale, observer.innovation_mean,
                 observer.innovation_variance, observer.since_sample);
         } else {
             const float applied = commanded * put_out;
-            float reference = in.a;
+            const bool stands_by = (in.flags & 2U) != 0U;
             float x;
             springpot_command command;
             if ((in.flags & 1U) != 0U) {
-                /* The run ends, and the next one begins with what was learned. */
-                springpot_tracking_forget(&tracking);
-                springpot_tracking_leave_cycles(&tracking, false);
-                has_begun = false;
-                carries_over = true;
+                springpot_follower_forget_correction(&follower);
+                springpot_follower_carry_over(&follower);
+                springpot_follower_end_run(&follower);
             }
-            if ((in.flags & 2U) != 0U) {
-                springpot_learning_forget(film, &learning);
-                carries_over = false;
+            if (stands_by) {
+                springpot_follower_forget_cycles(film, &follower);
             }
-            x = springpot_tracking_observe(film, &tracking, applied, in.b * applied, arrived);
-            if ((in.flags & 2U) != 0U) {
-                /* A tick whose voltage something else sets: the reference stays with the film, the run ends. */
-                springpot_tracking_leave_cycles(&tracking, false);
-                springpot_tracking_correct_wholly(&tracking);
-                has_begun = false;
-                reference = x;
-            } else if (kind == 5U) {
-                if (!has_begun) {
-                    if (carries_over) {
-                        springpot_learning_carry_over(film, &learning, in.a);
-                    } else {
-                        springpot_learning_init(film, &learning, in.a);
-                    }
-                    has_begun = true;
-                    carries_over = false;
-                    is_free = true;
-                }
-                reference = springpot_learning_advance(film, &learning, in.a, arrived, is_free);
-                springpot_tracking_leave_cycles(&tracking, learning.has_learned != 0U);
-            } else {
-                /* tracking alone */
-            }
-            command = springpot_tracking_command(film, &tracking, reference);
+            x = springpot_follower_observe(film, &follower, applied, in.b * applied, arrived);
+            command = stands_by ? springpot_follower_standby(film, &follower) : springpot_follower_command(film, &follower, in.a);
             commanded = command.voltage;
-            is_free = command.limited == 0U;
-            job_row(x, command.voltage, reference, tracking.observer.disturbance, tracking.observer.share,
-                command.limited);
+            if (follower.has_sensor != 0U) {
+                const springpot_observer_state *corrected = &follower.of.tracking.observer;
+                job_row(x, command.voltage, springpot_follower_added(&follower), corrected->disturbance, corrected->share,
+                    command.limited);
+            } else {
+                job_row(x, command.voltage, command.reference, command.force,
+                    springpot_film_voltage(&follower.of.feedforward.inverse), command.limited);
+            }
         }
     }
 }

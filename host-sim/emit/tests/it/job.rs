@@ -1,10 +1,10 @@
 //! Jobs: a law or a law of control along given inputs, in Rust and for the C of `tests/c/job.h`.
 
-use springpot::{Applied, Follower, SensorSample};
+use springpot::{Applied, Compensator, Follower, FollowerState, SensorSample, VoltageCommand};
 
 use crate::films::Case;
 
-/// What is stepped.
+/// The law that is stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Kind {
@@ -21,7 +21,7 @@ impl Kind {
         [Self::Displacement, Self::Force, Self::Feedforward, Self::Observer, Self::Tracking, Self::Learning];
 }
 
-/// What goes into a step: a force, a displacement, a voltage or a reference; a second number; a sample; orders.
+/// The input of a step: a force, a displacement, a voltage or a reference; a second number; a sample; orders.
 #[derive(Clone, Copy, Debug)]
 pub struct Input {
     pub a: f32,
@@ -30,7 +30,7 @@ pub struct Input {
     pub flags: u32,
 }
 
-/// What comes out: five numbers by their bits, and flags or a count.
+/// The output of a step: five numbers by their bits, and flags or a count.
 pub type Row = [u32; 6];
 
 /// The job for the C program: film `index`.
@@ -44,7 +44,7 @@ pub fn bytes(kind: Kind, index: usize, inputs: &[Input]) -> Vec<u8> {
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
-/// What the C program wrote.
+/// The rows that the C program wrote.
 pub fn rows(bytes: &[u8]) -> Vec<Row> {
     let (rows, rest) = bytes.as_chunks::<24>();
     assert!(rest.is_empty(), "the program ended within a row");
@@ -56,7 +56,7 @@ pub fn rows(bytes: &[u8]) -> Vec<Row> {
         .collect()
 }
 
-/// The share of a command that is put out, and no number where nothing is known of it.
+/// The share of a command that is put out, NaN where it is not known.
 fn put_out(input: &Input) -> f32 {
     match input.flags & 12 {
         0 => 1.0,
@@ -97,20 +97,11 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
             })
             .collect(),
         Kind::Feedforward => {
-            let mut state = feedforward.state(state);
-            let mut commanded = 0.0;
-            inputs
-                .iter()
-                .map(|input| {
-                    let applied = commanded * put_out(input);
-                    let applied = Applied::as_monitored(applied, input.b * applied);
-                    let x = feedforward.apply(&mut state, applied);
-                    let command = feedforward.command(&mut state, input.a);
-                    commanded = command.voltage_v;
-                    let numbers = [x, command.voltage_v, command.reference_m, command.force_n, state.film_voltage()];
-                    row(numbers, command.limited.bits().into())
-                })
-                .collect()
+            let follower = Follower::new(feedforward.clone());
+            follow(&follower, state, inputs, |state, x, command| {
+                let behind = state.compensator().film_voltage();
+                row([x, command.voltage_v, command.reference_m, command.force_n, behind], command.limited.bits().into())
+            })
         }
         Kind::Observer => {
             let observer = tracking.observer();
@@ -127,40 +118,45 @@ pub fn run(kind: Kind, case: &Case, inputs: &[Input]) -> Vec<Row> {
                 .collect()
         }
         Kind::Tracking | Kind::Learning => {
-            let follower = Follower::new(tracking.clone());
+            let follower: Follower<f32, _> = Follower::new(tracking.clone());
             let follower = match learning {
                 Some(learning) if kind == Kind::Learning => follower.with_learning(*learning),
                 _ => follower,
             };
-            let mut state = follower.state(state);
-            let mut commanded = 0.0;
-            inputs
-                .iter()
-                .map(|input| {
-                    let (ends_run, stands_by) = (input.flags & 1 != 0, input.flags & 2 != 0);
-                    if ends_run {
-                        state.forget_correction();
-                        state.carry_over();
-                        state.end_run();
-                    }
-                    if stands_by {
-                        state.forget_cycles();
-                    }
-                    let applied = commanded * put_out(input);
-                    let applied = Applied::as_monitored(applied, input.b * applied);
-                    let x = follower.observe(&mut state, applied, input.sample);
-                    let (command, followed) = if stands_by {
-                        (follower.standby(&mut state), x)
-                    } else {
-                        let command = follower.command(&mut state, input.a);
-                        (command, if follower.learning().is_some() { input.a + state.added() } else { input.a })
-                    };
-                    commanded = command.voltage_v;
-                    let observer = state.observer();
-                    let numbers = [x, command.voltage_v, followed, observer.disturbance(), observer.share()];
-                    row(numbers, command.limited.bits().into())
-                })
-                .collect()
+            follow(&follower, state, inputs, |state, x, command| {
+                let observer = state.observer();
+                let numbers = [x, command.voltage_v, state.added(), observer.disturbance(), observer.share()];
+                row(numbers, command.limited.bits().into())
+            })
         }
     }
+}
+
+/// Steps `follower` along `inputs`: a row of each tick from its state, estimate and command.
+fn follow<C: Compensator<f32>>(
+    follower: &Follower<f32, C>,
+    film: C::Film,
+    inputs: &[Input],
+    row: impl Fn(&FollowerState<f32, C>, f32, &VoltageCommand<f32>) -> Row,
+) -> Vec<Row> {
+    let mut state = follower.state(film);
+    let mut commanded = 0.0;
+    let mut tick = |input: &Input| {
+        let stands_by = input.flags & 2 != 0;
+        if input.flags & 1 != 0 {
+            state.forget_correction();
+            state.carry_over();
+            state.end_run();
+        }
+        if stands_by {
+            state.forget_cycles();
+        }
+        let applied = commanded * put_out(input);
+        let applied = Applied { commanded_v: applied, reading_v: Some(input.b * applied) };
+        let x = follower.observe(&mut state, applied, input.sample);
+        let command = if stands_by { follower.standby(&mut state) } else { follower.command(&mut state, input.a) };
+        commanded = command.voltage_v;
+        row(&state, x, &command)
+    };
+    inputs.iter().map(&mut tick).collect()
 }
