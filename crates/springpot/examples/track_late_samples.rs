@@ -92,7 +92,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         voltage
     })?;
 
-    // With the sensor. Its delay is told to the observer, which keeps the predictions of the last 64 ticks.
+    // With the sensor. The observer knows its delay and keeps the predictions of the last 64 ticks.
     let options = ObserverOptions {
         sample_interval_s: INTERVAL as f64 * STEP_S,
         delay_s: DELAY as f64 * STEP_S,

@@ -1,8 +1,8 @@
-//! Why a model, a law, an actuator or a control was refused. A step has no errors.
+//! Errors of models, laws, actuators and controls, which are checked when they are built. A step has no errors.
 
 use core::fmt;
 
-/// Branches a model can have. It stands beside the error that states it, so that errors import nothing.
+/// Largest number of branches of a model. Defined here so that the errors import nothing.
 pub const MAX_BRANCHES: usize = 5;
 
 /// The element of a model that an error is about.
@@ -39,14 +39,14 @@ impl fmt::Display for ModelElement {
 pub enum ModelError {
     /// A coefficient c that is not finite or not greater than 0 (N·s^α/m).
     Coefficient {
-        /// Whose.
+        /// The springpot.
         element: ModelElement,
         /// The value.
         c: f64,
     },
     /// An order α that is not within 0…1.
     Order {
-        /// Whose.
+        /// The springpot.
         element: ModelElement,
         /// The value.
         alpha: f64,
@@ -96,7 +96,7 @@ pub enum LawError {
     ToleranceMissed {
         /// Largest error of the relaxation modulus that was reached, relative to the modulus at that time scale.
         reached: f64,
-        /// What was asked for.
+        /// The tolerance of the options.
         asked: f64,
     },
     /// Fewer modes than the model has springs and discrete relaxation times, which must be exact.
@@ -113,7 +113,7 @@ pub enum LawError {
         /// Increments needed.
         needed: usize,
     },
-    /// Nothing to solve: the force per step of displacement is 0 or infinite in the number type.
+    /// A stiffness of one step that is 0 or infinite in the number type.
     NothingToSolve,
     /// A coefficient that no film has: non-finite, negative, or of a mode that grows.
     Coefficient(&'static str),
@@ -144,19 +144,19 @@ impl fmt::Display for LawError {
                  use more modes, a shorter horizon or a larger tolerance"
             ),
             Self::TooFewModes { modes, needed } => {
-                write!(f, "{modes} modes, but the model needs at least {needed}")
+                write!(f, "{modes} modes are too few for this model: use a memory with at least {needed}")
             }
             Self::HeadTooShort { head, needed } => {
-                write!(f, "a head of {head} increments, but the inertia reaches back over {needed}")
+                write!(f, "a head of {head} increments is too short for the inertia of this method: use at least {needed}")
             }
             Self::NothingToSolve => f.write_str(
-                "nothing to solve: the stiffness of one step is 0, infinite or beyond the number type; check the units",
+                "nothing to solve: the stiffness of one step is 0, infinite or beyond the number type; check the units of the coefficients",
             ),
             Self::Coefficient(which) => write!(f, "{which} of the law must be finite, and what relaxes must decay"),
             Self::Curve(error) => write!(f, "{error}"),
-            Self::EmptyWindow => f.write_str("a window needs at least one sample"),
+            Self::EmptyWindow => f.write_str("a window of 0 samples: use storage for at least one"),
             Self::Storage { given, needed } => {
-                write!(f, "storage of {given} samples for a window of {needed}")
+                write!(f, "storage of {given} samples for a window of {needed}: use storage of the same length")
             }
         }
     }
@@ -175,7 +175,7 @@ impl From<CurveError> for LawError {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum CurveError {
-    /// So many knots: a curve has 2 to 17.
+    /// A number of knots that is not 2 to 17.
     Knots(usize),
     /// A knot that is not finite, or not to the right of the one before it.
     Knot {
@@ -203,7 +203,7 @@ pub enum CurveError {
         /// Its slope there; that at rest is 1.
         slope: f64,
     },
-    /// A share, a limit, a rest stretch or a free length that is not finite and positive.
+    /// Constants of [`Rubber`](crate::Rubber) that are not finite and positive.
     Rubber,
     /// A stretch at which Gent's chains are taut, or the film has no length.
     Taut {

@@ -36,7 +36,7 @@ pub trait Numbers<T> {
 pub struct Record<const FIELDS: usize> {
     /// Its name.
     pub name: &'static str,
-    /// What it is.
+    /// Its comment.
     pub about: &'static str,
     /// Names and comments of its fields.
     pub fields: [(&'static str, &'static str); FIELDS],

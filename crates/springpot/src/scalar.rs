@@ -6,8 +6,7 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 /// A number that a [`Law`](crate::Law) can step with.
 ///
 /// A step only adds, subtracts, multiplies and divides (and with an elastic curve compares), so any type with those four operations
-/// will do: `f32` on a
-/// microcontroller, `f64` on a host, or a dual number that carries derivatives through the recursion. No operation is
+/// will do: `f32` on a microcontroller, `f64` on a host, or a dual number that carries derivatives through the recursion. No operation is
 /// ever fused or reordered, so one type gives the same bits on every machine with IEEE 754 arithmetic.
 pub trait Scalar:
     Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
@@ -18,7 +17,7 @@ pub trait Scalar:
     /// The nearest number of this type; derivatives, where the type has them, are zero.
     fn from_f64(value: f64) -> Self;
 
-    /// The value as `f64`, without derivatives: what is checked when a law is built.
+    /// The value as `f64`, without derivatives, for the checks when a law is built.
     fn to_f64(self) -> f64;
 
     /// Whether the value is less than `other`, as `f64` has it unless a type knows a faster way: which piece of an elastic curve a

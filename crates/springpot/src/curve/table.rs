@@ -11,7 +11,7 @@ use crate::scalar::Scalar;
 /// A [`Curve`] as a step evaluates it: the same number of operations everywhere.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Table<T> {
-    /// Halves of halves, so that a search needs no index: a place is in the upper one of a pair if it is not below its first piece.
+    /// Pieces in nested pairs, so that a search needs no index: a displacement is in the upper half of a pair unless it is below its first piece.
     /// Unused pieces begin at infinity.
     pieces: [[[Pair<T>; 2]; 2]; 2],
     low: T,
@@ -32,7 +32,7 @@ struct Piece<T> {
     third: T,
 }
 
-/// Where a film stands on its curve.
+/// The place of a film on its curve.
 ///
 /// The value is kept in two parts: that of the knot below, and what is beyond it. Differences of neighbouring values then lose no
 /// digits to the size of the value itself.

@@ -14,7 +14,7 @@ pub enum Discretisation {
     /// Grünwald–Letnikov, δ = 1 − ζ: Eq. 2 as the paper has it. First order in the step.
     #[default]
     Gl,
-    /// Backward differences of second order, δ = (1 − ζ)(3 − ζ)/2. Second order in the step for input that is smooth and
+    /// Second-order backward differences, δ = (1 − ζ)(3 − ζ)/2: second-order in the step for input that is smooth and
     /// begins at rest. A jump must be sampled with the mean of both sides; otherwise the error is of first order.
     ///
     /// Holds for all elements and for the mass, whose inertia becomes `m δ(ζ)²/h²`. Modes of the memory have positive weights,

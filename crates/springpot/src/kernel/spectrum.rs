@@ -249,7 +249,7 @@ fn order(element: &Springpot) -> Order {
 /// A chain's compliance on the cut, `Σ r^−α e^{−iπα} / c`, written from the place where its density peaks.
 struct Peak<'a> {
     chain: Chain<'a>,
-    /// ln r of the peak, or of the middle of the range where there is none.
+    /// ln r of the peak, or of the middle of a range without a peak.
     ln_rate: f64,
     /// Its half-width in ln r.
     width: f64,

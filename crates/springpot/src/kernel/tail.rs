@@ -30,7 +30,7 @@ impl DecayMode {
     }
 }
 
-/// A variable in which the modes of a power law stand nearly evenly, from −1 (slow) to 1 (fast).
+/// A variable in which the modes of a power law are nearly evenly spaced, from −1 (slow) to 1 (fast).
 ///
 /// First `p = ln((r + a)/(r + b))`, logarithmic between the horizon's rate a and the head's rate b and flat outside, where
 /// no resolution is needed. Then the sine map of D. Kosloff and H. Tal-Ezer (J. Comput. Phys. 104 (1993) 457), which
@@ -138,9 +138,9 @@ pub(crate) fn error(model: &Maxwell, kernel: &Kernel<'_>, modes: &[DecayMode], h
     }
 }
 
-/// Sum of what `modes` miss of `exact` (g_0 …) between `head` and its end, N/m.
+/// Sum of the differences of `exact` from `modes` (g_0 …) between `head` and its end, N/m.
 ///
-/// The fast partners of modes that a method of second order adds have died out there. Added to the head's last weight, this is right for
+/// The fast partners of modes that a second-order method adds have decayed there. Added to the head's last weight, this is right for
 /// increments that change little within those few steps.
 pub(crate) fn missed(exact: &[f64], modes: &[DecayMode], head: usize) -> f64 {
     let (mut sum, mut after_head) = (0.0, 0.0);

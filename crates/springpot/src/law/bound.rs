@@ -12,7 +12,7 @@ use crate::law::{Compressed, Law};
 use crate::model::Maxwell;
 use crate::scalar::Scalar;
 
-/// Bounds of what the compression of a law's memory costs, against full memory in the same discretisation.
+/// Bounds of the error that the compression of a law's memory causes, against full memory in the same discretisation.
 ///
 /// With Δx the increments of the law's own displacement (m per step) and x that displacement from rest, over any run from rest that is at most
 /// [`horizon_s`](Self::horizon_s) long:
@@ -173,9 +173,9 @@ fn precision<T: Scalar>() -> f64 {
 const TERMS_F64: f64 = TERMS as f64;
 /// From one place to the next: 2^(1/6).
 const OCTAVE_STEP: f64 = 1.122_462_048_309_373;
-/// What sums over places are enlarged by.
+/// Factor on sums over places.
 const SUM_MARGIN: f64 = 1.125;
-/// What variations over places are enlarged by.
+/// Factor on variations over places.
 const VARIATION_MARGIN: f64 = 1.4;
 
 /// Sum of magnitudes and total variation of a series.
@@ -327,7 +327,7 @@ struct Oscillation {
 impl Oscillation {
     /// Zeros as near to the negative real axis as this (rad) decay before they swing. They are left to the integral.
     const APERIODIC: f64 = 0.3;
-    /// ln of what is left of an oscillation after 64 steps where there is none to take out.
+    /// ln of the rest of an oscillation after 64 steps that is not taken out.
     const GONE: f64 = -34.0;
 
     /// The oscillation that belongs to the zero at `ln_s`; none where it has died out after 64 steps or does not swing.

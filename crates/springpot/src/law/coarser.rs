@@ -46,11 +46,11 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// # }
     /// ```
     #[must_use]
-    // Not inlined: its list of modes would stay on the stack of who builds more than this law.
+    // Not inlined: its list of modes would stay on the stack of a caller that builds more than this law.
     #[inline(never)]
     pub fn coarser<const H: usize, const F: usize, const S: usize>(&self) -> Law<T, Compressed<T, H, F, S>> {
         let () = Compressed::<T, H, F, S>::SIZES_FIT;
-        const { assert!(H >= INERTIA && HEAD >= INERTIA, "the inertia of a method of second order is in the head") };
+        const { assert!(H >= INERTIA && HEAD >= INERTIA, "the inertia of a second-order method is in the head") };
         let memory = &self.memory;
         let mut modes = Vec::<Mode, MAX_NODES>::new();
         for (loss, weight) in memory.modes() {
@@ -107,7 +107,7 @@ impl Mode {
         Self { loss: mean * mean, weight }
     }
 
-    /// What merging with the next slower mode costs: the variance of ln rate in the pair, in weights, over the modulus `stiffness` (N/m)
+    /// The cost of merging with the next slower mode: the variance of ln rate in the pair, in weights, over the modulus `stiffness` (N/m)
     /// on that time scale. Infinite for a spring, which never relaxes.
     fn cost(self, slower: Self, stiffness: f64) -> f64 {
         let difference = self.loss - slower.loss;

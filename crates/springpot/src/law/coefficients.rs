@@ -1,4 +1,4 @@
-//! A law in numbers: computed where there is a fast processor, run where there is none.
+//! A law in numbers: computed on a host, run on a controller.
 
 use heapless::Vec;
 
@@ -11,7 +11,7 @@ use crate::scalar::Scalar;
 
 /// The numbers of a [`Law`] with a [`Compressed`] memory, apart from its step and the mass.
 ///
-/// Building a law evaluates its model a few thousand times in f64, which takes a controller two or three seconds and 30 KiB of
+/// Building a law evaluates its model a few thousand times in f64, which takes a controller about a second and 30 KiB of
 /// program. A host can do it instead and send these numbers; the law built from them is the same, bit for bit.
 ///
 /// With the feature `serde` they can be sent by any format of serde; arrays are tuples there, without a length.

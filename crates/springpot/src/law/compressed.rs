@@ -14,7 +14,7 @@ use crate::model::Maxwell;
 use crate::numbers::{Numbers, Record};
 use crate::scalar::Scalar;
 
-/// Step, horizon, tolerance and discretisation of a compressed memory.
+/// Options of a law with a compressed memory: step, horizon, tolerance and discretisation.
 ///
 /// ```
 /// use springpot::{Law, LawOptions, Preset};
@@ -132,7 +132,7 @@ pub struct Compressed<T, const HEAD: usize = 12, const FAST: usize = 12, const S
     pub(crate) fast: [Decay<T>; FAST],
     pub(crate) slow: [Decay<T>; SLOW],
     pub(crate) tail_error: f64,
-    /// The first of `head` without the inertia that a method of second order puts there.
+    /// The first of `head` without the inertia that a second-order method adds to it.
     pub(crate) massless: [T; INERTIA],
 }
 
@@ -142,7 +142,7 @@ pub(crate) const INERTIA: usize = 3;
 /// The constants of a Maxwell element.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Decay<T> {
-    /// 1 − ρ, what is lost of the spring's extension in a step.
+    /// 1 − ρ, the share of the spring's extension that is lost in a step.
     pub(crate) loss: T,
     /// Stiffness of the spring, N/m.
     pub(crate) weight: T,
@@ -152,17 +152,17 @@ pub(crate) struct Decay<T> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Dashpot<T> {
     pub(crate) displacement: T,
-    /// What rounding added to `displacement`.
+    /// Rounding error of `displacement`.
     pub(crate) surplus: T,
 }
 
 /// The history of a [`Compressed`] memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompressedHistory<T, const HEAD: usize, const FAST: usize, const SLOW: usize> {
-    /// The last increments twice, so that from `newest` on they always stand in one piece.
+    /// The last increments twice, so that from `newest` on they are always contiguous.
     pub(crate) increments: [[T; HEAD]; 2],
     pub(crate) newest: usize,
-    /// Displacement that has left the head, and what rounding added to it.
+    /// Displacement that has left the head, and its rounding error.
     pub(crate) left: T,
     pub(crate) left_surplus: T,
     /// Extensions of the fast springs.

@@ -7,7 +7,7 @@ use crate::law::{Law, LawState, Memory};
 use crate::numbers::Numbers;
 use crate::scalar::Scalar;
 
-/// What a law behind a curve needs besides its memory.
+/// Constants of a law behind a curve, besides its memory.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Curved<T> {
     table: Table<T>,
@@ -22,7 +22,7 @@ pub(crate) struct Curved<T> {
     largest: T,
 }
 
-/// Where a film stands on the curve of its law.
+/// The place of a film on the curve of its law.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Bend<T> {
     /// Where position 0 lies on the curve, m.
@@ -77,7 +77,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     }
 
     /// Puts the law behind `curve`, or leaves it as it is.
-    // Not inlined: the curve in f64 would stay on the stack of who builds more than this law.
+    // Not inlined: the curve in f64 would stay on the stack of a caller that builds more than this law.
     #[inline(never)]
     pub(crate) fn bend(&mut self, curve: &Curve) -> Result<(), LawError> {
         let &mut Self { instant, mass_per_step2, method, .. } = self;

@@ -34,9 +34,9 @@ impl<T: Scalar, M: sealed::Steps<T>> Memory<T> for M {}
 pub(crate) mod sealed {
     use num_complex::Complex;
 
-    /// What a memory does in a step: implemented by the memories of this crate alone.
+    /// The steps of a memory: implemented by the memories of this crate alone.
     pub trait Steps<T> {
-        /// What changes with every step. A [`LawState`](crate::LawState) holds it.
+        /// The part that changes with every step. A [`LawState`](crate::LawState) holds it.
         type History;
 
         /// Stores the newest increment of displacement (m) and returns the force (N) that the film would show at the
@@ -55,8 +55,8 @@ pub(crate) mod sealed {
 
 /// The configuration: a model at a step, built once.
 ///
-/// A law holds what does not change, so one law serves many [`LawState`]s and can stay in flash. It is built fallibly by
-/// [`Law::compressed`] or [`Law::window`] and then steps infallibly, with the same number of operations every time.
+/// One law serves many [`LawState`]s and can stay in flash. It is built fallibly by [`Law::compressed`] or [`Law::window`] and then steps
+/// infallibly, with the same number of operations every time.
 ///
 /// # The equation
 ///
@@ -130,7 +130,7 @@ pub struct Law<T, M = crate::Compressed<T>> {
     memory: M,
 }
 
-/// What changes with every step of a [`Law`]: displacement, increment and the history of its memory `M`.
+/// The state of a [`Law`]: displacement, increment and the history of its memory `M`, which change with every step.
 ///
 /// ```
 /// use springpot::{Compressed, Law, LawState};
@@ -151,12 +151,12 @@ pub struct Law<T, M = crate::Compressed<T>> {
 /// ```
 pub struct LawState<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
     pub(crate) position: T,
-    /// What rounding added to `position` (Kahan).
+    /// Rounding error of `position` (Kahan).
     pub(crate) position_surplus: T,
     pub(crate) increment: T,
     /// The force at the next step if the increment stays, N.
     pub(crate) base: T,
-    /// Where the film stands on the law's curve.
+    /// The place of the film on the law's curve.
     pub(crate) bend: Bend<T>,
     pub(crate) history: M::History,
 }
@@ -187,7 +187,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         self.step_s
     }
 
-    /// How s is discretised.
+    /// The discretisation of s.
     #[must_use]
     pub fn method(&self) -> Discretisation {
         self.method
@@ -243,8 +243,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 let place = curved.place(state, displacement, T::ZERO);
                 let off = place.minus(&state.bend.ahead);
                 let force = curved.force_at(state, off, increment);
-                // What stands ahead cancels in the next call of this: the line through this place will do, and its slope is one that
-                // the curve has, however far the film was moved.
+                // The place ahead cancels in the next call: the line through this place is enough, and its slope is one of the curve's,
+                // however far the film was moved.
                 let ahead = place.moved(increment);
                 curved.advance(&self.memory, state, increment, [place, ahead], off);
                 force

@@ -12,7 +12,7 @@ use crate::model::Maxwell;
 use crate::scalar::Scalar;
 
 impl Maxwell {
-    /// Displacement over force at `frequency_hz` in steady state, Eq. 11 with s = 2πif, in m/N. There is none at 0 Hz,
+    /// Displacement over force at `frequency_hz` in steady state, Eq. 11 with s = 2πif, in m/N. It does not exist at 0 Hz,
     /// where a springpot has no steady state: NaN.
     #[must_use]
     pub fn frequency_response(&self, frequency_hz: f64) -> Complex<f64> {

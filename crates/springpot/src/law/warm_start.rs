@@ -72,7 +72,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     }
 }
 
-/// The nearest number of type T, and what rounding added.
+/// The nearest number of type T, and its rounding error.
 fn split<T: Scalar>(value: f64) -> (T, T) {
     let rounded = T::from_f64(value);
     (rounded, T::from_f64(rounded.to_f64() - value))
@@ -126,7 +126,7 @@ impl<const HEAD: usize> Creep<HEAD> {
     }
 
     /// A block of `steps` ≥ `MIN_BLOCK` steps whose increments go on from the last one in equal changes, such that the
-    /// last step meets the force. Of second order in the length of the block.
+    /// last step meets the force. Second-order in the length of the block.
     #[allow(clippy::cast_precision_loss)] // far below 2^53 steps
     fn block(&mut self, steps: u64) {
         let steps = steps as f64;
@@ -187,7 +187,7 @@ struct CreepMode {
     weight: f64,
 }
 
-/// What n increments leave in a mode.
+/// Extension that n increments leave in a mode.
 struct Sums {
     /// Σ ρ^(n−i) over i = 1…n: of increments of 1.
     constant: f64,

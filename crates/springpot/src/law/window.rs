@@ -50,7 +50,7 @@ pub struct Window<T, B> {
 pub struct WindowHistory<T, B> {
     increments: B,
     newest: usize,
-    /// Displacement before the window, and what rounding added to it.
+    /// Displacement before the window, and its rounding error.
     before: T,
     before_surplus: T,
 }

@@ -35,7 +35,7 @@ impl Springpot {
         Self { c, alpha }
     }
 
-    /// The element that stands for a body of the material law `σ = η D^α ε`: `c = η A / L` (Karner et al. 2022, Eqs. 12–13).
+    /// The element of a body of the material law `σ = η D^α ε`: `c = η A / L` (Karner et al. 2022, Eqs. 12–13).
     ///
     /// `eta` in Pa·s^α, `area_m2` the cross-section A across the load, `length_m` the length L along it.
     #[must_use]

@@ -1,4 +1,4 @@
-//! What a film is: springpots (Eqs. 12–13) in the generalised Maxwell model (Eqs. 9 and 11), and its published parameters.
+//! The model of a film: springpots (Eqs. 12–13) in the generalised Maxwell model (Eqs. 9 and 11), and its published parameters.
 
 mod element;
 mod maxwell;

@@ -75,7 +75,7 @@ fn follows(amplifier: AmplifierLag, known: AmplifierLag, seconds: f64) -> (f64, 
     (largest, met)
 }
 
-/// What lags 0.1 s is followed as if it did not, where that is known; by 1 % of the stroke and more, where it is not.
+/// A lag of 0.1 s is followed as if it did not, where that is known; by 1 % of the stroke and more, where it is not.
 #[test]
 fn the_command_leads() {
     let slow = AmplifierLag { rise_s: 0.1, fall_s: 0.5 };
@@ -152,14 +152,14 @@ fn the_monitor_tells_how_fast_the_amplifier_is() {
             ("lost at times", &|k, [now, _]| (k % 7 < 3).then_some(if k % 2 == 0 { now } else { f64::NAN })),
         ];
         for (name, reading) in readings {
-            let told = cycles(real, stated, reading);
-            println!("{by} {name}: {:.2} µm, without {:.2} µm", 1e6 * told, 1e6 * blind);
-            assert!(told < 0.35 * blind, "{by} {name}: {told}, {blind}");
+            let informed = cycles(real, stated, reading);
+            println!("{by} {name}: {:.2} µm, without {:.2} µm", 1e6 * informed, 1e6 * blind);
+            assert!(informed < 0.35 * blind, "{by} {name}: {informed}, {blind}");
         }
     }
     // Of one that is as it says nothing changes for the worse.
     let exact = cycles(stated, stated, |_, _| None);
-    let told = cycles(stated, stated, |k, [_, before]| Some(before + noise(k)));
-    println!("as stated: {:.2} and {:.2} µm", 1e6 * exact, 1e6 * told);
-    assert!(told < exact + 0.3e-6, "{told}, {exact}");
+    let informed = cycles(stated, stated, |k, [_, before]| Some(before + noise(k)));
+    println!("as stated: {:.2} and {:.2} µm", 1e6 * exact, 1e6 * informed);
+    assert!(informed < exact + 0.3e-6, "{informed}, {exact}");
 }

@@ -67,7 +67,7 @@ fn extremes(
     extremes
 }
 
-/// What the supervisor's limit of the stroke relies on.
+/// The supervisor's limit of the stroke relies on this.
 fn stay_within_the_stated_band(what: &str, extremes: [f64; 2]) {
     assert!(extremes[0] >= -0.01 && extremes[1] <= 0.015, "{what}: {extremes:?}");
 }

@@ -48,7 +48,7 @@ fn follows_full_memory_to_1e_7_at_every_rate() {
     }
 }
 
-/// What the textbooks' short memory does instead.
+/// The textbooks' short memory loses it.
 #[test]
 fn a_plain_window_loses_the_creep() {
     let rate_hz = 100.0;
@@ -149,7 +149,7 @@ fn the_leanest_memory_holds_1e_4_over_155_s_forwards() {
     assert!(forwards <= 1e-4 && backwards <= 1e-3);
 }
 
-/// A law that cannot hold what is asked is refused, and tells what it would reach.
+/// A law that misses its tolerance is refused, and the error states what it would reach.
 #[test]
 fn a_tolerance_that_is_missed_is_refused() {
     let (_, model) = presets().swap_remove(2);

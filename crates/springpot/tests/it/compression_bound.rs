@@ -11,7 +11,7 @@ use crate::support::full_memory::FullMemory;
 use crate::support::models::{hard_models, presets, random_models};
 use crate::support::sample;
 
-/// What the answer of full memory is known to, relative to its largest value.
+/// Accuracy of the answer of full memory, relative to its largest value.
 const KNOWN: f64 = 1e-11;
 
 /// Coefficients as f32 has them, stepped in f64: what the bound of a law in f32 is about.
@@ -142,7 +142,7 @@ fn against_variation(response: &[f64]) -> Vec<f64> {
     (0..response.len()).rev().map(|j| slope(j).signum()).collect()
 }
 
-/// Paths that are nobody's worst case.
+/// Paths that are not the worst case of any law.
 fn hostile_paths(steps: usize, random: &mut Pcg64) -> Vec<Vec<f64>> {
     let walk = |random: &mut Pcg64, last: usize| {
         let mut x = 0.0;
@@ -159,7 +159,7 @@ fn hostile_paths(steps: usize, random: &mut Pcg64) -> Vec<Vec<f64>> {
         vec![1.0; steps],
         (0..steps).map(|k| 1.0 - (20.0 * k as f64 / steps as f64).cos()).collect(),
         walk(random, steps),
-        // Stands still after a tenth.
+        // At rest after a tenth.
         walk(random, steps / 10),
     ]
 }
@@ -345,7 +345,7 @@ fn the_bound_holds_behind_a_curve() {
             let path: Vec<f64> = path.iter().map(|x| scale * x).collect();
             let (_, _, errors) = exact.errors(&law, &path);
             if mass_kg > 0.0 {
-                // Of the displacement nothing is said.
+                // The displacement has no bound.
                 bound.displacement_per_increment = f32::MAX;
                 bound.displacement_per_stroke = f32::MAX;
             }
@@ -354,7 +354,7 @@ fn the_bound_holds_behind_a_curve() {
     }
 }
 
-/// A law that was received as coefficients has the same bound. Without an end there is none.
+/// A law that was received as coefficients has the same bound. An infinite horizon has no bound.
 #[test]
 fn the_bound_is_that_of_the_coefficients() {
     for (name, model) in presets() {

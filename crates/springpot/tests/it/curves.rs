@@ -248,7 +248,7 @@ fn small_oscillations_have_the_response_of_the_working_point() {
             .expect("a law");
         // Along a small sine about 2 mm the force is the kernel's times the slope there.
         let (hz, size, centre) = (2.0, 1e-6, 2e-3);
-        // Beside a film that only stands there.
+        // Beside a film at rest there.
         let (mut state, mut still): (LawState<f64>, LawState<f64>) = (law.state(), law.state());
         let (mut re, mut im, mut count) = (0.0, 0.0, 0.0);
         for k in 0..40_000 {

@@ -239,7 +239,7 @@ fn a_non_finite_reference_is_ignored() {
     assert!((state.displacement() - 1e-3).abs() < 1e-7);
 }
 
-/// What was applied counts as what was applied before where it is no number, also behind an amplifier that lags.
+/// A non-finite applied voltage counts as the last finite one, also behind an amplifier that lags.
 #[test]
 fn a_non_finite_applied_voltage_is_the_last_one() {
     let lag = CommandLimits { amplifier: AmplifierLag { rise_s: 0.1, fall_s: 0.5 }, ..CommandLimits::BENCH };

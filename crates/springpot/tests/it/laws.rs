@@ -1,4 +1,4 @@
-//! What a law promises beyond its accuracy: size, both directions, exactness, warm starts, responses, errors.
+//! Promises of a law beyond its accuracy: size, both directions, exactness, warm starts, responses, errors.
 
 use num_complex::Complex;
 use springpot::{

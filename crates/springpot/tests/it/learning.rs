@@ -12,7 +12,7 @@ use crate::support::full_sweep;
 
 const STEP_S: f64 = 1e-3;
 
-/// What stands behind the learning: reference to displacement, x'' = ω² (g r − x) − 2 ζ ω x', with a part that bends.
+/// The plant behind the learning: reference to displacement, x'' = ω² (g r − x) − 2 ζ ω x', with a part that bends.
 #[derive(Clone, Copy, Debug)]
 struct Oscillator {
     resonance_hz: f64,
@@ -98,7 +98,7 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|e| e * e).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-/// What the error would be without learning, once the start has died away: one more loop that nothing is learned in.
+/// The error without learning, once the start has died away: one more loop that nothing is learned in.
 fn errors(
     period_s: f64,
     given: bool,
@@ -225,7 +225,7 @@ fn what_was_learned_is_kept_faded_or_forgotten() {
     assert!(film.state.added().abs() < 1e-6);
 }
 
-/// References that are no cycles: nothing is added. Values that are no numbers: nothing is learned from them.
+/// Nothing is added to references without cycles, and nothing is learned from non-finite values.
 #[test]
 fn only_cycles_are_learned() {
     let mut film = Loop::new(None, PLAIN, 10, 10, 7);

@@ -1,4 +1,4 @@
-//! What this library promises, against independent answers: closed forms, sums over all that was, exact responses.
+//! The promises of this library, against independent answers: closed forms, sums over the whole past, exact responses.
 //!
 //! Sweeps over many models run on a sample of them by default and on all with `SPRINGPOT_SWEEP=full`.
 

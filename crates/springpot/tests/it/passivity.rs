@@ -104,7 +104,7 @@ fn presets_stay_bounded_and_come_to_rest() {
     });
 }
 
-/// What makes it so: every mode decays and pulls back.
+/// The reason: every mode decays and pulls back.
 #[test]
 fn modes_are_positive_and_decay() {
     for (name, model) in presets().into_iter().chain(random_models(7, 100)).chain(hard_models()) {

@@ -157,7 +157,7 @@ fn on_a_controller<const H: usize, const F: usize, const S: usize>(rate_hz: f64,
     [smooth.into_iter().fold(0.0, f64::max), [1.0, 5.0, 20.0].map(error).into_iter().fold(0.0, f64::max)]
 }
 
-/// A controller without an FPU: 100 steps a second of second order instead of 1000 of first, in f32, default and lean.
+/// A controller without an FPU: 100 second-order steps a second instead of 1000 first-order ones, in f32, default and lean.
 #[test]
 fn a_hundred_hertz_of_second_order_beat_a_kilohertz_of_first() {
     for (rate_hz, method) in [
@@ -229,7 +229,7 @@ fn inertia_is_of_second_order_in_both_directions() {
     assert!((1.8..2.1).contains(&orders.0) && (1.8..2.1).contains(&orders.1), "{orders:?}");
 }
 
-/// The difference quotients of second order, written out.
+/// The second-order difference quotients, written out.
 #[test]
 fn orders_0_and_1_and_the_inertia_are_plain_arithmetic() {
     const STEP: f64 = 1e-3;
@@ -356,7 +356,7 @@ fn a_relaxation_time_as_short_as_the_step_needs_a_longer_head() {
     assert_eq!(short.err(), Some(LawError::HeadTooShort { head: 2, needed: 3 }));
 }
 
-/// What a controller gets from a host is the same law, bit for bit, with inertia of second order.
+/// A controller gets the same law from a host, bit for bit, with second-order inertia.
 #[test]
 fn coefficients_make_the_same_law() {
     for (name, model) in presets().into_iter().chain(random_models(8, 20)) {
@@ -384,7 +384,7 @@ fn settling_equals_steps() {
     }
 }
 
-/// The frequency response of the law is of second order as well, and is what an observer designs with.
+/// The frequency response of the law is second-order as well, and an observer designs with it.
 #[test]
 fn the_frequency_response_is_of_second_order() {
     for (name, model) in presets() {
