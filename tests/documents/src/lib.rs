@@ -15,7 +15,7 @@ pub fn root() -> &'static Path {
     here.ancestors().nth(2).unwrap_or(here)
 }
 
-/// README.md, docs/*.md in the order of their names, and firmware/README.md.
+/// README.md, docs/*.md in the order of their names, and those README.md of the firmware and of springpot.
 ///
 /// # Errors
 /// The folder cannot be read.
@@ -29,6 +29,7 @@ pub fn files() -> Result<Vec<PathBuf>, String> {
     files.sort();
     files.insert(0, root().join("README.md"));
     files.push(root().join("firmware/README.md"));
+    files.push(root().join("crates/springpot/README.md"));
     Ok(files)
 }
 
@@ -70,7 +71,7 @@ impl Tolerance {
 }
 
 impl Documents {
-    /// Reads README.md, docs/*.md and firmware/README.md.
+    /// Reads [`files`].
     ///
     /// # Errors
     /// One of them cannot be read.

@@ -2,8 +2,9 @@
 
 use num_complex::Complex;
 use springpot::{
-    Compressed, Law, LawError, LawOptions, LawState, Load, Maxwell, ModelElement, ModelError, Preset, Scalar,
-    Springpot, Topology, Window,
+    Compressed, Feedforward, FeedforwardState, Law, LawError, LawOptions, LawState, Learning, LearningState, Load,
+    Maxwell, ModelElement, ModelError, Observer, ObserverState, Preset, Scalar, Springpot, Topology, Tracking,
+    TrackingState, Window,
 };
 
 use crate::support::models::{TOPOLOGIES, hard_models, paper_force, presets, random_models};
@@ -18,11 +19,23 @@ pub fn single(c: f64, alpha: f64, mass_kg: f64) -> Maxwell {
     Maxwell::new(Springpot::new(c, alpha), &[], Topology::Eq11, mass_kg).expect("valid")
 }
 
+/// The crate's page states the sizes of configurations and states.
 #[test]
-fn law_and_state_are_small() {
-    let (law, state) = (size_of::<Law<f32>>(), size_of::<LawState<f32>>());
-    println!("f32, 12 + 36: law {law} bytes, state {state} bytes, any n, either topology");
-    assert!(law <= 800 && state <= 416);
+fn sizes_are_those_of_the_crate_page() {
+    type Lean = Compressed<f32, 8, 14, 4>;
+    for (row, configuration, state) in [
+        ("creep/12+36", size_of::<Law<f32>>(), size_of::<LawState<f32>>()),
+        ("creep/8+18", size_of::<Law<f32, Lean>>(), size_of::<LawState<f32, Lean>>()),
+        ("feedforward/12+36", size_of::<Feedforward<f32>>(), size_of::<FeedforwardState<f32>>()),
+        ("observer/12+36", size_of::<Observer<f32>>(), size_of::<ObserverState<f32>>()),
+        ("tracking/12+36", size_of::<Tracking<f32>>(), size_of::<TrackingState<f32>>()),
+        ("learning/12+36", size_of::<Learning<f32>>(), size_of::<LearningState<f32>>()),
+    ] {
+        let mut lines = include_str!("../../README.md").lines();
+        let line = lines.find(|line| line.starts_with(&format!("| `{row}` |"))).expect("a row of the table");
+        let cells: Vec<String> = line.split('|').map(|cell| cell.replace(' ', "")).collect();
+        assert_eq!(cells[5..7], [configuration.to_string(), state.to_string()], "{row}");
+    }
 }
 
 /// Feeding the output of one direction to the other returns the input, to the rounding of a step's stiffness.
