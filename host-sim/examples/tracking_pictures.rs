@@ -133,7 +133,7 @@ fn controllers(path: &Path, subject: &Subject) -> host_sim::Result<()> {
     figure_file::stage_image(path, &Figure::new("Tracking", vec![film, error, voltage]))?.commit()
 }
 
-/// What the one bandwidth does: error against bandwidth, on the film as it was recorded and on ones a fifth softer and
+/// Draws the effect of the bandwidth: error against bandwidth, on the film as it was recorded and on ones a fifth softer and
 /// stiffer.
 fn bandwidth(path: &Path, subjects: &[&Subject]) -> host_sim::Result<()> {
     let bandwidths: Vec<f64> = (0..=16).map(|k| 0.03 * (1.1_f64 / 0.03).powf(f64::from(k) / 16.0)).collect();

@@ -1,4 +1,4 @@
-//! What figures draw: thinned lines, spectra, and the course of a recording.
+//! Contents of figures: thinned lines, spectra, and the course of a recording.
 
 use std::f64::consts::TAU;
 
@@ -15,7 +15,7 @@ fn series(count: usize, step_s: f64, value: impl Fn(f64) -> f64) -> Samples {
     Samples { value: time_s.iter().map(|t| value(*t)).collect(), time_s }
 }
 
-/// Of 100 000 points those stay that a screen shows: both ends, and each peak of a single sample.
+/// Thinning 100 000 points keeps those that a screen shows: both ends, and each peak of a single sample.
 #[test]
 fn thinned_lines_keep_ends_and_peaks() {
     let mut all = series(100_000, 1e-3, |t| (TAU * 0.2 * t).sin());
@@ -47,7 +47,7 @@ fn a_spectrum_holds_the_power_where_it_is() {
         })
         .sum();
     println!("mean square {power}");
-    // Lines stand together in bands, which the trapezoids cross: within a fifth.
+    // Lines are grouped in bands, which the trapezoids cross: within a fifth.
     assert!((power - 4.5).abs() < 0.9, "{power}");
     let largest = (0..density.len()).max_by(|&a, &b| density[a].total_cmp(&density[b])).expect("lines");
     assert!((frequency_hz[largest] - 2.0).abs() < 0.1);
@@ -97,7 +97,7 @@ fn the_course_of_a_drive_is_recognised() {
     assert_eq!(Course::from_drive(&series(10_000, 0.01, |t| (TAU * (0.05 + 0.02 * t) * t).sin())), Course::Other);
 }
 
-/// Names in a legend of an SVG stand beside or below one another, not over one another.
+/// Names in a legend of an SVG are beside or below one another, not over one another.
 #[test]
 fn names_in_a_legend_do_not_overlap() {
     for count in 2..=6 {
@@ -126,7 +126,7 @@ fn names_in_a_legend_do_not_overlap() {
     }
 }
 
-/// What a page states of a controller's cost is what docs/results.md states, which is counted in QEMU.
+/// A page states the controller's cost of docs/results.md, which is counted in QEMU.
 #[test]
 fn stated_costs_are_those_of_the_results() {
     let documents = Documents::read().expect("readable");

@@ -30,7 +30,7 @@ pub enum Error {
         path: PathBuf,
         /// The line, counted from one.
         line: u64,
-        /// What is wrong, and what would be right.
+        /// The fault, and what would be right.
         cause: String,
     },
     /// An error about the content of a file, or about a result computed from it.
@@ -38,7 +38,7 @@ pub enum Error {
     At {
         /// The file, or the preset.
         place: String,
-        /// What is wrong.
+        /// The fault.
         error: Box<Error>,
     },
     /// A command line that cannot be parsed.
@@ -49,7 +49,7 @@ pub enum Error {
     Field {
         /// Name of the field that holds the option, with its unit, such as `rate_hz`.
         field: &'static str,
-        /// What is wrong, and what would be right.
+        /// The fault, and what would be right.
         cause: String,
     },
     /// A model that was refused.
@@ -66,7 +66,7 @@ pub enum Error {
     Link {
         /// Its port.
         port: String,
-        /// What is wrong, and what would be right.
+        /// The fault, and what would be right.
         cause: String,
     },
     /// A controller's settings that were refused.

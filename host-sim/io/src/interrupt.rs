@@ -39,7 +39,7 @@ pub fn install() {
     }
 }
 
-/// Whether this program was started with `signal` ignored, where the system tells it.
+/// Whether this program was started with `signal` ignored, where the system reports it.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -70,7 +70,7 @@ fn handle(signal: i32) {
     process::exit(exit_status(signal).into());
 }
 
-/// What shells expect of a program that `signal` ended: 130 for Ctrl-C, 143 for TERM, 129 for HUP.
+/// Exit status of a program that `signal` ended: 130 for Ctrl-C, 143 for TERM, 129 for HUP.
 fn exit_status(signal: i32) -> u8 {
     128_u8.saturating_add(u8::try_from(signal).unwrap_or(u8::MAX))
 }
@@ -106,7 +106,7 @@ pub fn came() -> Option<u8> {
     STOP.load(Ordering::Relaxed).then(|| exit_status(SIGNAL.load(Ordering::Relaxed)))
 }
 
-/// A file, or an empty folder, that is removed if the program is ended while this stands.
+/// A file, or an empty folder, that is removed if the program is ended while this exists.
 #[derive(Debug)]
 pub struct HalfWritten(PathBuf);
 

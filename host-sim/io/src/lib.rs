@@ -1,4 +1,4 @@
-//! What the host tool reads and writes.
+//! Input and output of the host tool.
 //!
 //! | room | what it does |
 //! | --- | --- |
@@ -6,7 +6,7 @@
 //! | [`link`] | the host's side of the link to a controller |
 //! | [`grid`] | sampled series |
 //! | [`quantity`], [`progress`], [`terminal`], [`interrupt`] | what people type; progress; what is printed; signals |
-//! | [`error`](mod@error) | errors that name the place and the mend |
+//! | [`error`](mod@error) | errors that name the place and the fix |
 //!
 //! Imports point downwards, without a circle.
 #![forbid(unsafe_code)]

@@ -22,7 +22,7 @@ pub struct Progress {
     _lines: Option<Sender<()>>,
 }
 
-/// Who is told how far work has come, and may end it.
+/// Receiver of progress, which may end the work.
 pub trait Watch: Sync {
     /// Counts `units` of work that are done.
     ///
@@ -48,7 +48,7 @@ impl Watch for Progress {
 /// How far a piece of work has come.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stage {
-    /// What is done now.
+    /// Present stage.
     pub what: String,
     /// Number of this stage, from one, and of those that there are at the most.
     pub count: Option<(usize, usize)>,
@@ -104,7 +104,7 @@ impl Progress {
         };
         self.bar.suspend(|| terminal::note(&text));
         if *all > 0 {
-            // Where more is planned on the way the share stands still.
+            // Where more is planned on the way the share does not change.
             let share = self.bar.position() as f64 / self.bar.length().unwrap_or(0).max(1) as f64;
             self.bar.set_length(*all);
             self.bar.set_position((*before).max((share * *all as f64) as u64));
@@ -162,7 +162,7 @@ fn every_s() -> f64 {
     asked.filter(|seconds| (0.01..=86_400.0).contains(seconds)).unwrap_or(LINE_EVERY_S)
 }
 
-/// A line that tells how far the work has come.
+/// A line that reports the progress of the work.
 fn line(what: &str, elapsed: Duration, position: u64, length: Option<u64>) -> String {
     let elapsed_s = duration(elapsed.as_secs());
     match length {

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 struct Quantity {
     /// The unit of a plain number.
     si: &'static str,
-    /// Units and their sizes in SI units. `u` stands for `µ` and `2` for `²`.
+    /// Units and their sizes in SI units. `u` means `µ` and `2` means `²`.
     units: &'static [(&'static str, f64)],
 }
 
@@ -37,7 +37,7 @@ const NUMBER: Quantity = Quantity { si: "", units: &[] };
 /// Sizes of the numbers that are taken, beside 0: no instrument of this field is beyond.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-15..=1e15;
 
-/// What a parser gives: the value in SI units, or what is wrong with the text.
+/// Result of a parser: the value in SI units, or what is wrong with the text.
 pub type Parsed = std::result::Result<f64, String>;
 
 /// A voltage, V.

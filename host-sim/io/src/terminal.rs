@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-/// How much is told on standard error besides errors.
+/// Amount of messages on standard error besides errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Verbosity {
@@ -25,12 +25,12 @@ pub enum Verbosity {
 
 static VERBOSITY: AtomicU8 = AtomicU8::new(Verbosity::Normal as u8);
 
-/// Sets how much is told.
+/// Sets the amount of messages.
 pub fn set_verbosity(verbosity: Verbosity) {
     VERBOSITY.store(verbosity as u8, Ordering::Relaxed);
 }
 
-/// How much is told.
+/// Amount of messages.
 pub fn verbosity() -> Verbosity {
     match VERBOSITY.load(Ordering::Relaxed) {
         0 => Verbosity::Quiet,
@@ -98,26 +98,26 @@ pub fn error(error: impl Display) {
     line(&format!("\x1b[1;31mhost-sim:\x1b[0m {error}"));
 }
 
-/// Tells what the user must know now, even where quiet is asked for.
+/// Prints what the user must know now, even with `-q`.
 pub fn message(text: impl Display) {
     line(&format!("host-sim: {text}"));
 }
 
-/// Tells how something was understood, unless quiet is asked for.
+/// Prints how something was understood, except with `-q`.
 pub fn told(text: impl Display) {
     if verbosity() >= Verbosity::Normal {
         message(text);
     }
 }
 
-/// Tells what only who asks for more wants to know.
+/// Prints details for `-v`.
 pub fn note(text: impl Display) {
     if verbosity() == Verbosity::Verbose {
         message(text);
     }
 }
 
-/// A line on standard error. Where that is gone, as after a hang-up, there is nobody to tell.
+/// A line on standard error. Where that is gone, as after a hang-up, the line is lost.
 fn line(text: &str) {
     let mut stderr = anstream::AutoStream::auto(io::stderr()).lock();
     let _ = writeln!(stderr, "{text}");

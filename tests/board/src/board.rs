@@ -36,7 +36,7 @@ pub enum Outcome<T> {
 }
 
 impl<T> Outcome<T> {
-    /// What it returned.
+    /// Value that it returned.
     ///
     /// # Panics
     ///
@@ -91,7 +91,7 @@ impl Board {
                 Ok(value) => Outcome::Returned(value),
                 Err(payload) => Outcome::Panicked(message(payload.as_ref())),
             };
-            // Nobody listens any more to one that was stopped.
+            // A stopped one has no listener any more.
             let _ = sender.send(outcome);
         });
         let outcome = loop {
@@ -111,12 +111,12 @@ impl Board {
         }
     }
 
-    /// What the firmware has logged since the last call.
+    /// Messages that the firmware has logged since the last call.
     pub fn log(&self) -> Vec<Line> {
         log::take()
     }
 
-    /// What the firmware did that the chip's documents forbid.
+    /// Actions of the firmware that the chip's documents forbid.
     #[must_use]
     pub fn violations(&self) -> Vec<Violation> {
         self.chip(|chip| chip.violations().iter().map(|&(_, violation)| violation).collect())

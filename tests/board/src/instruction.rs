@@ -1,11 +1,11 @@
-//! What the instruction of the host does that touched a register of the chip.
+//! Effect of the host's instruction that accessed a register of the chip.
 //!
 //! A volatile access of a register is one instruction on x86-64 as well. Plain loads and stores and the test of a mask, which loops
 //! that wait are made of, are carried out by the models themselves. Every other one is left to the processor, one step at a time.
 
 use libc::greg_t;
 
-/// What an instruction does at the address where it faulted.
+/// Access of an instruction at the address where it faulted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Loads 32 bits into a register of the host, given by its place in the signal's context.

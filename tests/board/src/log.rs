@@ -1,4 +1,4 @@
-//! What the firmware logs through defmt.
+//! The firmware's log through defmt.
 //!
 //! defmt sends two bytes for a message, the address of a symbol that is named after its text, and then the arguments. The names are
 //! in the symbol table of the program that runs.

@@ -31,7 +31,7 @@ pub(crate) static STOPPED: AtomicBool = AtomicBool::new(false);
 /// The chip, while there is one.
 static MACHINE: Mutex<Option<Machine>> = Mutex::new(None);
 
-/// What handled faults before.
+/// The handler of faults before.
 static BEFORE: OnceLock<libc::sigaction> = OnceLock::new();
 
 /// A chip and what its program may do on it.
@@ -55,7 +55,7 @@ impl Machine {
     }
 }
 
-/// The chip, for whoever looks at it between two accesses.
+/// The chip, for inspection between two accesses.
 pub fn machine() -> MutexGuard<'static, Option<Machine>> {
     MACHINE.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -100,7 +100,7 @@ extern "C" fn on_fault(signal: c_int, info: *mut siginfo_t, context: *mut c_void
     let address = unsafe { info.si_addr() } as usize;
     let registers = &mut context.uc_mcontext.gregs;
     if !REGIONS.iter().any(|&(start, length)| (start..start + length).contains(&address)) {
-        // Not ours: the instruction faults again, for whoever handled faults before.
+        // Not ours: the instruction faults again, for the handler of faults before.
         // SAFETY: the action was in force before.
         unsafe { libc::sigaction(signal, BEFORE.get().map_or(ptr::null(), |before| before), ptr::null_mut()) };
         return;
@@ -153,7 +153,7 @@ extern "C" fn on_step(_: c_int, _: *mut siginfo_t, context: *mut c_void) {
     context.uc_mcontext.gregs[libc::REG_EFL as usize] &= !TRAP_FLAG;
     let mut guard = lock();
     let Some(machine) = guard.as_mut() else { die("a trap without a chip") };
-    let Some((word, action)) = machine.step.take() else { die("a trap that nobody asked for") };
+    let Some((word, action)) = machine.step.take() else { die("a trap without a pending access") };
     if action == Action::Modify {
         // SAFETY: the page is still open.
         let value = unsafe { (word as *const u32).read_volatile() };
@@ -173,7 +173,7 @@ fn lock() -> MutexGuard<'static, Option<Machine>> {
     match MACHINE.try_lock() {
         Ok(guard) => guard,
         Err(TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
-        Err(TryLockError::WouldBlock) => die("a register was accessed by whoever looked at the models"),
+        Err(TryLockError::WouldBlock) => die("a register was accessed while the models were inspected"),
     }
 }
 

@@ -33,7 +33,7 @@ impl SpiByte {
 
 /// A chip on an SPI bus.
 ///
-/// Everything happens while the firmware stands still within one access: an implementation must not touch the registers of the
+/// Everything happens while the firmware waits within one access: an implementation must not touch the registers of the
 /// chip. A panic in it ends the process, since there is no way back through the access.
 pub trait SpiSlave {
     /// The select falls.

@@ -37,7 +37,7 @@ pub struct Film {
     pub method: Discretisation,
     /// Step of its law, s.
     pub step_s: f64,
-    /// Whether an elastic curve of as many pieces as there may be stands in front of the law, on an actuator that saturates.
+    /// Whether an elastic curve of as many pieces as there may be is in front of the law, on an actuator that saturates.
     pub curved: bool,
 }
 
@@ -112,7 +112,7 @@ pub fn curve() -> Curve {
     curve
 }
 
-/// What a report is about.
+/// Subject of a report.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Name {
     /// The film.

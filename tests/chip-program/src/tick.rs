@@ -85,7 +85,7 @@ fn ticks(controller: &mut Controller, mut take: impl FnMut(DacCode, Outputs)) {
 }
 
 /// A tick from codes to a code, as the firmware has it: a monitor that follows the `command` of the last tick at once, and a
-/// sensor that shows a film standing still, and its own noise.
+/// sensor that shows a film at rest, and its own noise.
 #[inline(never)]
 pub fn tick(controller: &mut Controller, command: DacCode) -> (DacCode, Outputs) {
     // Both are volts: of 10 V at 65536, and of 10.24 V.

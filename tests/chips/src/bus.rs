@@ -10,7 +10,7 @@ use crate::Clock;
 use crate::pad::SlowPad;
 use crate::serial::{Absent, Bit, SerialChip, clock_bit};
 
-/// What a master reads where no chip drives the line.
+/// Level that a master reads where no chip drives the line.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum Floating {
     /// The level that was driven last: a line without a resistor.
@@ -37,7 +37,7 @@ pub struct SpiTiming {
     pub between_transactions_ns: u64,
     /// The byte that is sent where the driver gives none, as in [`Operation::Read`].
     pub fill: u8,
-    /// What is read where no chip drives.
+    /// Level that is read where no chip drives.
     pub floating: Floating,
     /// ST's erratum, if SCK's pin has the lowest output speed.
     pub slow: Option<SlowPad>,
@@ -172,7 +172,7 @@ impl SpiDevice for SpiWire {
     }
 }
 
-/// A transaction that is under way. The clock stands at the last edge.
+/// A transaction that is under way. The clock is at the last edge.
 struct Master<'a> {
     bus: &'a mut State,
     chip: &'a mut dyn SerialChip,

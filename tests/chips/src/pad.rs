@@ -1,6 +1,6 @@
 //! ST's erratum on slow pads.
 
-/// What stands in the place of the last bit of a received byte.
+/// Value of the last bit of a received byte.
 #[derive(Clone, Copy, Debug, Default, Eq, PartialEq)]
 pub enum LastBit {
     /// The last bit of the byte received before, which is what ST says.
@@ -20,12 +20,12 @@ pub enum LastBit {
 pub struct SlowPad {
     /// The bit is wrong when SCK is faster than this, Hz. 0 as ST has it: at every frequency.
     pub above_hz: u32,
-    /// What is read in its place.
+    /// Value that is read instead.
     pub last_bit: LastBit,
 }
 
 impl SlowPad {
-    /// What the master gets for `byte`, after `previous`.
+    /// Returns the byte that the master receives for `byte`, after `previous`.
     #[must_use]
     pub(crate) fn received(self, sck_hz: u32, byte: u8, previous: u8) -> u8 {
         if sck_hz <= self.above_hz {

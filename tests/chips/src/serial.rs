@@ -30,14 +30,14 @@ pub trait SerialChip {
     /// The clock pin goes to `level`.
     fn sclk(&mut self, level: bool, sdi: Sdi, now: u64);
 
-    /// What the chip drives on its serial output at `now`; `None` where it does not drive it.
+    /// Level of the serial output at `now`; `None` where the chip does not drive it.
     fn sdo(&self, now: u64) -> Option<bool>;
 
     /// The select pin rises.
     fn deselect(&mut self, now: u64);
 }
 
-/// No chip: the line stands at one level.
+/// No chip: the line keeps one level.
 #[derive(Clone, Copy, Debug)]
 pub struct Absent {
     /// The level that is read: `true` gives 0xff, `false` gives 0x00.
@@ -56,11 +56,11 @@ impl SerialChip for Absent {
 /// One bit from a master.
 #[derive(Clone, Copy, Debug)]
 pub struct Bit {
-    /// What the master sends.
+    /// Bits from the master.
     pub value: bool,
-    /// What stood on the line before.
+    /// Level of the line before.
     pub previous: bool,
-    /// What the master sends next, if it follows at once.
+    /// Next bits from the master, if they follow at once.
     pub next: Option<bool>,
     /// Time of the leading edge, ns.
     pub leading_ns: u64,

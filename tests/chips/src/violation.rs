@@ -1,4 +1,4 @@
-//! What a master did that a data sheet does not allow.
+//! Actions of a master that a data sheet does not allow.
 
 /// A rule of a data sheet that was broken. Times are in ns: what was given, where less or more than allowed.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -54,7 +54,7 @@ pub struct Violation {
     pub rule: Rule,
 }
 
-/// What was broken so far, in order.
+/// Violations so far, in order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Violations(Vec<Violation>);
 

@@ -25,7 +25,7 @@ type LeanestLaw = Law<f32, Compressed<f32, 8, 16, 0>>;
 type LeanestState = LawState<f32, Compressed<f32, 8, 16, 0>>;
 type LeanState = LawState<f32, Compressed<f32, 8, 14, 4>>;
 
-/// Calls a function of this name, whose instructions the trace tells by it; the last call counts. Two functions of equal
+/// Calls a function of this name, whose instructions the trace finds by it; the last call counts. Two functions of equal
 /// instructions would become one: those of one law with and without a curve are called with different numbers.
 macro_rules! kernel {
     ($name:ident, |$config:ident: $Config:ty, $state:ident: $State:ty| $body:expr, $with:expr) => {{

@@ -28,7 +28,7 @@ fn built<T>() -> &'static mut T {
     unsafe { &mut *black_box(0x2000_0000 as *mut T) }
 }
 
-/// Whether the law is behind a curve, and which one, is not known here either: both ways must be without a panic.
+/// The law may be behind any curve or none: both ways must be without a panic.
 fn step<M: Memory<f32, History: 'static> + 'static>() {
     let (law, state) = (built::<Law<f32, M>>(), built::<LawState<f32, M>>());
     let drive = built::<VoltageDrive<f32>>();

@@ -20,7 +20,7 @@ pub struct AmplifierLog {
     pub command_v: Vec<f64>,
     /// High voltage that the monitor showed, V; NaN where it gave nothing.
     pub monitor_v: Vec<f64>,
-    /// What was understood of a file with other names.
+    /// Interpretation of a file with other names.
     pub understood: Option<Understood>,
 }
 
@@ -33,7 +33,7 @@ const LOG: Layout<2> = Layout {
     needed: &[&[0], &[1]],
 };
 
-/// Fewer rows do not tell a lag from noise.
+/// Fewer rows do not separate a lag from noise.
 const MIN_ROWS: usize = 50;
 /// A command below 0 V by more than this share of the largest is no offset of its zero.
 const BELOW_ZERO: f64 = 0.02;

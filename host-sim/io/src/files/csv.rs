@@ -25,7 +25,7 @@ pub(super) const MAX_VALUE: f64 = 1e15;
 pub struct Table<const N: usize> {
     /// Times in s, increasing from 0.
     pub time_s: Vec<f64>,
-    /// What the file's clock shows in the first row, s.
+    /// Time of the first row by the file's clock, s.
     pub start_s: f64,
     /// The requested columns; `None` for a column that is missing or empty throughout.
     pub columns: [Option<Column>; N],
@@ -142,7 +142,7 @@ impl<'a> Header<'a> {
         Ok(found)
     }
 
-    /// Refuses a record in which a value stands behind the last column: its values are not those of the names.
+    /// Refuses a record in which a value is behind the last column: its values are not those of the names.
     fn refuse_more_cells(&self, record: &csv::ByteRecord) -> std::result::Result<(), String> {
         let names = self.names.len();
         if record.iter().skip(names).all(<[u8]>::is_empty) {
@@ -215,7 +215,7 @@ impl Column {
     }
 }
 
-/// Whether a file that begins with `head` has a time and, of every set in `needed`, one of the columns `names`, with numbers below them
+/// Checks whether a file that begins with `head` has a time and, of every set in `needed`, one of the columns `names`, with numbers below them
 /// and below the others that it has.
 pub fn has_names<const N: usize>(head: &[u8], names: [&Names; N], needed: &[&[usize]]) -> bool {
     let mut records = Records::new(Path::new(""), head);
@@ -302,7 +302,7 @@ struct Lines<R> {
     comment: bool,
     /// Quotes on it are odd in number.
     odd_quotes: bool,
-    /// Where its last byte stands for a CSV reader, for which a quote inside a field is a letter.
+    /// State of a CSV reader after its last byte, for which a quote inside a field is a letter.
     place: Place,
     /// The last byte was `\r`: a `\n` that follows belongs to it.
     carriage_return: bool,
@@ -320,7 +320,7 @@ enum Place {
     Plain,
     /// Between quotes: delimiters and line ends belong to it.
     Quoted,
-    /// Behind a quote between quotes: the closing one, or the first of two that stand for one.
+    /// Behind a quote between quotes: the closing one, or the first of two that mean one.
     Closing,
 }
 
@@ -398,7 +398,7 @@ impl<R> Lines<R> {
 }
 
 impl<R: Read> Read for Lines<R> {
-    /// Ends before a line that cannot be used: what stands on the lines before it is checked first.
+    /// Ends before a line that cannot be used: the lines before it are checked first.
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let failed = || io::Error::from(io::ErrorKind::InvalidData);
         if self.fault.is_some() {

@@ -1,4 +1,4 @@
-//! Digests that tell whether a file is the one that was read.
+//! Digests that identify the files that were read.
 
 use std::fmt::Write;
 use std::fs;

@@ -1,4 +1,4 @@
-//! What a file of columns is read as: by the names that this tool writes, or as laboratories have it.
+//! Interpretation of a file of columns: by the names that this tool writes, or as laboratories have it.
 
 use std::fs::File;
 use std::io::Read;
@@ -11,11 +11,11 @@ use crate::files::import::{self, Hints, Quantity, Request, Series, Understood};
 /// The columns that a kind of file has beside its times.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout<const N: usize> {
-    /// What the file is, as an error asks for it: "a CSV recording".
+    /// Kind of the file, as an error names it: "a CSV recording".
     pub what: &'static str,
-    /// What each column is, and the names that it has in a file of this tool.
+    /// Quantity of each column, and the names that it has in a file of this tool.
     pub columns: [(Quantity, &'static Names); N],
-    /// Of every set, at least one column must be there.
+    /// At least one column of every set must exist.
     pub needed: &'static [&'static [usize]],
 }
 

@@ -59,7 +59,7 @@ impl Strain {
 pub struct MaterialTest {
     /// Times in s, increasing from 0.
     pub time_s: Vec<f64>,
-    /// What was understood of a file with other names.
+    /// Interpretation of a file with other names.
     pub understood: Option<Understood>,
     deformation: Deformation,
     load: Load,
@@ -69,7 +69,7 @@ pub struct MaterialTest {
 enum Deformation {
     /// Length over original length.
     Stretch(Vec<f64>),
-    /// Of a specimen, m.
+    /// Length of a specimen, m.
     Displacement(Vec<f64>),
 }
 

@@ -59,7 +59,7 @@ pub struct Staged {
     file: NamedTempFile,
     /// As it was asked for.
     path: PathBuf,
-    /// What it is or links to.
+    /// The file that it is or links to.
     target: PathBuf,
     half_written: HalfWritten,
 }
@@ -185,7 +185,7 @@ impl Folder {
         for missing in missing.into_iter().rev() {
             match fs::create_dir(missing) {
                 Ok(()) => folder.made.push((missing.into(), HalfWritten::new(missing))),
-                // Somebody else was faster, or the path names one twice.
+                // Another process was faster, or the path names one twice.
                 Err(_) if missing.is_dir() => {}
                 Err(e) => return Err(Error::file(missing, e)),
             }

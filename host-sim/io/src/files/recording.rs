@@ -25,7 +25,7 @@ pub struct Recording {
     force_n: Option<Column>,
     displacement_m: Option<Column>,
     weight: Option<Column>,
-    /// What was understood of a file with other names.
+    /// Interpretation of a file with other names.
     understood: Option<Understood>,
 }
 
@@ -55,7 +55,7 @@ const FORCE: &Names = &[("force_n", 1.0)];
 const WEIGHT: &Names = &[("weight", 1.0)];
 const DISPLACEMENT: &Names = &[("displacement_m", 1.0), ("displacement_mm", 1e-3), ("displacement_um", 1e-6)];
 
-/// What a recording has: a voltage or a force.
+/// Columns of a recording: a voltage or a force.
 const RECORDING: Layout<4> = Layout {
     what: "a CSV recording",
     columns: [
@@ -66,7 +66,7 @@ const RECORDING: Layout<4> = Layout {
     ],
     needed: &[&[0, 1]],
 };
-/// What a reference has.
+/// Columns of a reference.
 const REFERENCE: Layout<1> =
     Layout { what: "a CSV reference", columns: [(Quantity::Displacement, DISPLACEMENT)], needed: &[&[0]] };
 
@@ -217,7 +217,7 @@ impl Recording {
         Series { clock_s: self.time_s, columns, understood }
     }
 
-    /// What was understood of the file, where it has not the names of recordings.
+    /// Interpretation of the file, if it has not the names of recordings.
     pub fn understood(&self) -> Option<&Understood> {
         self.understood.as_ref()
     }
@@ -276,7 +276,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// [`Error`] where there is none or it has gaps.
+    /// [`Error`] if it is missing or has gaps.
     pub fn displacement_drive(&self) -> Result<Input> {
         let column = self.displacement_m.as_ref().ok_or_else(|| self.no_displacement())?;
         Ok(Input::Displacement(self.complete(column)?))
@@ -286,7 +286,7 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// [`Error`] where there is none.
+    /// [`Error`] if it is missing.
     pub fn displacement(&self) -> Result<Samples> {
         self.displacement_m.as_ref().map(|column| self.present(column)).ok_or_else(|| self.no_displacement())
     }

@@ -14,7 +14,7 @@ use crate::interrupt::Child;
 
 /// Name of the emulator.
 const QEMU: &str = "qemu-system-arm";
-/// How long it may take to start, and its image to answer, on a machine that is busy with other work. Nobody waits for as long
+/// How long it may take to start, and its image to answer, on a machine that is busy with other work. It rarely takes as long
 /// as that for an emulator that has ended: its connection is gone then.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// QEMU's arguments for this image, which `firmware/emulate.sh` passes as well.
@@ -73,13 +73,13 @@ impl Emulator {
                 Err(e) => return Err(fault(e.to_string())),
             }
             if child.has_ended() || start.elapsed() > PATIENCE {
-                let mut said = String::new();
+                let mut printed = String::new();
                 if let Some(mut stderr) = child.end() {
-                    // What it said so far is enough.
-                    let _ = stderr.read_to_string(&mut said);
+                    // The output so far is enough.
+                    let _ = stderr.read_to_string(&mut printed);
                 }
-                let said = said.lines().next().unwrap_or("it said nothing").to_owned();
-                return Err(fault(format!("it does not start: {said}; version 10 or later is needed")));
+                let printed = printed.lines().next().unwrap_or("it printed nothing").to_owned();
+                return Err(fault(format!("it does not start: {printed}; version 10 or later is needed")));
             }
             thread::sleep(Duration::from_millis(5));
         }
@@ -113,9 +113,9 @@ impl Emulator {
         if output.status.success() {
             return Ok(());
         }
-        let said = String::from_utf8_lossy(&output.stderr);
+        let printed = String::from_utf8_lossy(&output.stderr);
         let cause =
-            said.lines().rev().find(|line| line.contains("error") || line.starts_with("xtask")).unwrap_or_default();
+            printed.lines().rev().find(|line| line.contains("error") || line.starts_with("xtask")).unwrap_or_default();
         Err(fault(format!("it does not build ({cause}); run cargo xtask image in {}", root().display())))
     }
 }

@@ -31,10 +31,10 @@ pub struct Client {
     port: Port,
     receiver: Receiver,
     sequence: u16,
-    /// Of the arming that this conversation goes on; 0 if none.
+    /// Token of the arming that this conversation continues; 0 without one.
     token: u16,
     samples: VecDeque<Telemetry>,
-    /// What has come since the last message.
+    /// Bytes since the last message.
     noise: Noise,
 }
 
@@ -65,7 +65,7 @@ impl Noise {
             (Some(version), _) => {
                 format!("it speaks version {version} of the link, this tool {VERSION}; flash the firmware of this tool")
             }
-            (None, 0) => "nobody answers; is the board powered, and is this its port?".into(),
+            (None, 0) => "no response: check the board's power and the port".into(),
             (None, bytes) => format!(
                 "something answers, but it is no controller with this link: {bytes} bytes such as \"{}\"; is this its port?",
                 self.first.escape_ascii()
@@ -79,7 +79,7 @@ impl Client {
     ///
     /// # Errors
     ///
-    /// [`Error::Link`] where nobody answers, or somebody of another version.
+    /// [`Error::Link`] if there is no response, or one of another version.
     pub fn new(port: Port) -> Result<(Self, Identity)> {
         let mut client = Self {
             port,
@@ -89,7 +89,7 @@ impl Client {
             samples: VecDeque::new(),
             noise: Noise::default(),
         };
-        // What an earlier conversation left half said ends here.
+        // A frame that an earlier conversation left incomplete ends here.
         client.port.write(&[0])?;
         let identity = match client.ask(Command::Identify)? {
             Answer::Identity(identity) => identity,
@@ -113,7 +113,7 @@ impl Client {
     /// Sends a command and waits for its answer, for as long as the port's [`patience`](Port::patience).
     ///
     /// A request that may be obeyed twice is sent again if no answer comes: a board that is just starting does not receive the
-    /// first ones, and a bit may flip on the way. Any other is sent once, since an answer that is late or lost does not tell
+    /// first ones, and a bit may flip on the way. Any other is sent once, since an answer that is late or lost does not show
     /// whether it was obeyed.
     ///
     /// # Errors
@@ -261,7 +261,7 @@ impl Client {
             return Ok(Some(sample));
         }
         while let Some(message) = self.receive(deadline)? {
-            // An answer that comes now is too late: nobody waits for it any more.
+            // An answer that comes now is too late: no request waits for it any more.
             if let Message::Telemetry(sample) = message {
                 return Ok(Some(sample));
             }
@@ -279,7 +279,7 @@ impl Client {
                     return Ok(Some(message));
                 }
                 Some(Err(FrameError::Version(version))) => self.noise.version = Some(version),
-                // A message that was damaged on its way is missed by whoever waits for it.
+                // A message that was damaged on its way is missed by the request that waits for it.
                 Some(Err(_)) | None => {}
             }
         }
@@ -320,17 +320,17 @@ impl Client {
         self.fault(format!("{LIVE} ({now})"))
     }
 
-    /// Nobody knows whether there is voltage on the film.
+    /// It is unknown whether there is voltage on the film.
     pub fn film_is_unknown(&self) -> Error {
         self.fault("the voltage monitor does not answer: take the film for live, and measure before you touch it")
     }
 
     /// It answers, and sends no samples of its ticks.
     pub fn silent_stream(&self) -> Error {
-        self.fault("it answers, but its stream has stopped: without its ticks nobody knows how far it is")
+        self.fault("it answers, but its stream has stopped: without its ticks its progress is unknown")
     }
 
-    /// What an answer other than the one hoped for means.
+    /// Error for an unexpected answer.
     pub fn unexpected(&self, answer: &Answer) -> Error {
         self.fault(match answer {
             Answer::Refused(Refusal::State(DriverState::Tripped(Cause::LiveFilm))) => LIVE.into(),

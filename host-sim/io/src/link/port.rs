@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 const CONNECTING: Duration = Duration::from_secs(5);
 /// How long a board may take to answer: its flash needs two seconds for two sectors.
 const OF_A_BOARD: Duration = Duration::from_secs(5);
-/// The same of whoever is behind a TCP connection: it may be an emulator on a busy machine.
+/// The same for a TCP connection: the peer may be an emulator on a busy machine.
 const OF_A_CONNECTION: Duration = Duration::from_secs(10);
 /// Bytes per second that are read at the most: ten times what the line brings. A peer that floods a connection is slowed down
 /// to this, so that reading it takes a few per cent of a core.
@@ -78,7 +78,7 @@ impl Port {
         Ok(Self::new(name, Line::Serial(port), OF_A_BOARD))
     }
 
-    /// A connection that stands already, to a peer that answers within `patience`.
+    /// An existing connection, to a peer that answers within `patience`.
     ///
     /// # Errors
     ///
@@ -97,7 +97,7 @@ impl Port {
         Self { name: name.into(), line, patience, timeout, buffer, next: 0, credit, read_at }
     }
 
-    /// What it is called.
+    /// Its name.
     pub fn name(&self) -> &str {
         &self.name
     }

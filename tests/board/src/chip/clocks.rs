@@ -2,7 +2,7 @@
 
 use crate::chip::violation::Violation;
 
-/// What the core runs on; as SW has it.
+/// Clock source of the core, as in SW.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     Internal = 0b00,
@@ -30,7 +30,7 @@ pub struct Pll {
 }
 
 impl Pll {
-    /// What is outside its limits: RM0090 section 7.3.2, PLLM and PLLN.
+    /// Values outside their limits: RM0090 section 7.3.2, PLLM and PLLN.
     pub fn violations(&self) -> impl Iterator<Item = Violation> {
         let input = Violation::LoopInput { hz: self.input_hz };
         let oscillator = Violation::LoopOscillator { hz: self.vco_hz };
@@ -79,7 +79,7 @@ impl Clocks {
         }
     }
 
-    /// What is outside its limits with these wait states of the flash, and with the regulator at its upper scale or not: RM0090
+    /// Values outside their limits with these wait states of the flash, and with the regulator at its upper scale or not: RM0090
     /// sections 3.5.1 (2.7 to 3.6 V) and 5.1.4, data sheet table of general operating conditions.
     pub fn violations(&self, wait_states: u32, upper_scale: bool) -> Vec<Violation> {
         let mut found: Vec<_> = self.pll.iter().flat_map(Pll::violations).collect();

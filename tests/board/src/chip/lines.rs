@@ -49,12 +49,12 @@ impl Chip {
         self.port(pin).level(pin.number.into())
     }
 
-    /// What a pin has driven since power-up.
+    /// Levels that a pin has driven since power-up.
     pub fn history(&self, pin: Pin) -> Vec<Change> {
         self.changes.iter().filter(|change| change.pin == pin).copied().collect()
     }
 
-    /// What pins drive, and what they drove before, if that is something else.
+    /// Levels that pins drive, and the ones before, if they differ.
     pub(super) fn move_lines(&mut self) {
         let mut moved = Vec::new();
         for (index, port) in self.ports.iter().enumerate() {

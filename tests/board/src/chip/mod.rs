@@ -29,7 +29,7 @@ use violation::{Violation, Violations};
 
 /// Ports of pins, from A to I.
 const PORTS: usize = 9;
-/// From here on each word stands for one bit of the peripherals.
+/// From here on each word is one bit of the peripherals.
 const BITS: u32 = 0x4200_0000;
 const PERIPHERALS: u32 = 0x4000_0000;
 
@@ -68,7 +68,7 @@ impl Block {
         Some((block, address - start))
     }
 
-    /// What switches its clock and resets it.
+    /// Register bits that switch its clock and reset it.
     pub fn gate(self) -> Option<Gate> {
         Some(match self {
             Self::Tim5 => Gate::apb1(3),
@@ -106,14 +106,14 @@ pub struct Chip {
     timer: Timer,
     pub usart2: Usart,
     wired: Vec<Wired>,
-    /// What pins drive.
+    /// Levels that pins drive.
     driven: [[Option<bool>; PINS]; PORTS],
     /// Changes of what pins drive.
     changes: Vec<Change>,
     violations: Violations,
     now: Picoseconds,
     accesses: u64,
-    /// What was looked at for violations last.
+    /// State at the last check for violations.
     judged: Option<(Clocks, u32, bool)>,
 }
 
@@ -149,7 +149,7 @@ impl Chip {
         self.accesses
     }
 
-    /// What the firmware did that it must not, with the times in nanoseconds.
+    /// Violations by the firmware, with the times in nanoseconds.
     pub fn violations(&self) -> &[(u64, Violation)] {
         self.violations.list()
     }
@@ -324,7 +324,7 @@ impl Chip {
     }
 }
 
-/// The word that an address belongs to, and its bit where the address stands for one: RM0090 section 2.3.2.
+/// The word that an address belongs to, and its bit where the address is one: RM0090 section 2.3.2.
 fn word_of(address: u32) -> (u32, Option<u32>) {
     if address >> 24 != BITS >> 24 {
         return (address & !3, None);

@@ -6,11 +6,11 @@ use crate::chip::gpio::Pin;
 /// Signals of the modelled blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Signal {
-    /// Of SPI 1 to 3.
+    /// A signal of SPI 1 to 3.
     Sck(u8),
     Miso(u8),
     Mosi(u8),
-    /// Of USART2.
+    /// A signal of USART2.
     Transmit,
     Receive,
 }
@@ -43,7 +43,7 @@ const TABLE: [(Pin, u8, Signal); 25] = [
     (Pin::new('I', 3), 5, Signal::Mosi(2)),
 ];
 
-/// What a pin carries with an alternate function.
+/// Signal of a pin with an alternate function.
 pub fn signal(pin: Pin, function: u8) -> Option<Signal> {
     TABLE.iter().find(|(at, number, _)| (*at, *number) == (pin, function)).map(|&(_, _, signal)| signal)
 }

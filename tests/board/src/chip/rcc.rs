@@ -54,7 +54,7 @@ const CRYSTAL_STARTS: Picoseconds = 2000 * MICROSECOND;
 const LOOP_LOCKS: Picoseconds = 200 * MICROSECOND;
 const SLOW_STARTS: Picoseconds = 40 * MICROSECOND;
 
-/// Whether the phase-locked loop locks.
+/// Locking of the phase-locked loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Loop {
     /// Whatever it is set to, beyond its limits too.
@@ -64,7 +64,7 @@ pub enum Loop {
     Dead,
 }
 
-/// What oscillates on the board, and how.
+/// Oscillators of the board.
 #[derive(Clone, Copy, Debug)]
 pub struct Oscillators {
     /// Crystal, Hz; none: it does not start.
@@ -133,7 +133,7 @@ impl Rcc {
         (pllcfgr & 0x3f, pllcfgr >> 6 & 0x1ff, ((pllcfgr >> 16 & 0b11) + 1) * 2)
     }
 
-    /// What the core runs on.
+    /// Clock source of the core.
     pub fn source(&self) -> Source {
         self.source
     }

@@ -78,7 +78,7 @@ impl Spi {
         self.frame.is_some_and(|frame| now < frame.last_edge)
     }
 
-    /// What the frame before has left in the last bit.
+    /// Value that the frame before has left in the last bit.
     pub fn last_bit(&self) -> u16 {
         self.received & 1
     }

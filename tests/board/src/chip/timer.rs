@@ -31,7 +31,7 @@ pub struct Timer {
     divider: u32,
     /// When the counter was brought up to date.
     at: Picoseconds,
-    /// Of a count, in parts of a second's picoseconds.
+    /// Duration of a count, in parts of a second's picoseconds.
     fraction: u128,
     /// Edges of the slow oscillator up to then.
     edges: u64,

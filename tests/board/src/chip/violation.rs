@@ -1,4 +1,4 @@
-//! What the firmware did that the chip's documents forbid.
+//! Actions of the firmware that the chip's documents forbid.
 
 use crate::chip::Block;
 use crate::chip::gpio::Pin;
@@ -36,7 +36,7 @@ pub enum Violation {
 #[derive(Default)]
 pub struct Violations {
     list: Vec<(u64, Violation)>,
-    /// What was so at the last look: it counts once for as long as it stays so.
+    /// Conditions at the last check: each counts once for as long as it lasts.
     standing: Vec<Violation>,
 }
 
@@ -52,7 +52,7 @@ impl Violations {
         }
     }
 
-    /// What is so now: added if it was not so before.
+    /// Present condition: added if it is new.
     pub fn standing(&mut self, now: Picoseconds, standing: Vec<Violation>) {
         let new: Vec<_> = standing.iter().filter(|violation| !self.standing.contains(violation)).copied().collect();
         for violation in new {

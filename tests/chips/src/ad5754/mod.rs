@@ -224,7 +224,7 @@ impl Ad5754 {
         self.outputs.control.bits()
     }
 
-    /// What the master did against the data sheet, in order.
+    /// Violations of the data sheet by the master, in order.
     #[must_use]
     pub fn violations(&self) -> &[Violation] {
         self.violations.all()

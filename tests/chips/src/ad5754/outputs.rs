@@ -124,7 +124,7 @@ impl Outputs {
         self.channels[channel].loaded
     }
 
-    /// What a read of the DAC register gives.
+    /// Source of a read of the DAC register.
     pub fn read_dac(&self, channel: usize) -> u16 {
         match self.unspecified.dac_register_reads {
             DacRegisterReads::Input => self.channels[channel].input,
@@ -226,7 +226,7 @@ impl Outputs {
         self.over_temperature && self.control.tsd_enable
     }
 
-    /// What an over-current without clamp, or the thermal shutdown, does to the PU bits.
+    /// Effect of an over-current without clamp, or of the thermal shutdown, on the PU bits.
     fn protect(&mut self) {
         let stays_down = self.is_shut_down() && self.unspecified.after_shutdown == AfterShutdown::StaysDown;
         for channel in &mut self.channels {

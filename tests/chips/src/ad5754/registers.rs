@@ -1,4 +1,4 @@
-//! What the registers of the AD5754 mean.
+//! Meaning of the AD5754's registers.
 
 /// A channel of the AD5754; its number is its address (data sheet, table of DAC addresses).
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -125,7 +125,7 @@ pub(crate) struct Control {
 }
 
 impl Control {
-    /// Of DB15 to DB0, the bits that mean something.
+    /// The bits of DB15 to DB0 that have a meaning.
     pub const MASK: u16 = 0x000f;
 
     /// At power-up: only the clamp is on.
@@ -153,7 +153,7 @@ impl Control {
 pub(crate) struct PowerControl;
 
 impl PowerControl {
-    /// Of DB15 to DB0, the bits that are not don't-cares.
+    /// The bits of DB15 to DB0 that are not don't-cares.
     pub const MASK: u16 = 0x07ff;
     pub const TSD: u16 = 1 << 5;
 

@@ -1,4 +1,4 @@
-//! What the data sheet of the AD5754 leaves open.
+//! Behaviour that the data sheet of the AD5754 does not specify.
 
 /// Which register a read of the DAC register gives.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
@@ -9,7 +9,7 @@ pub enum DacRegisterReads {
     Loaded,
 }
 
-/// What a channel puts out from its power-up to its first load.
+/// Output of a channel from its power-up to its first load.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum FirstOutput {
     /// Its DAC register, which is 0 after a reset: negative full scale in a bipolar range with offset binary.
@@ -18,7 +18,7 @@ pub enum FirstOutput {
     ClampedUntilLoaded,
 }
 
-/// What happens to the PU bits in a thermal shutdown.
+/// Effect of a thermal shutdown on the PU bits.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum AfterShutdown {
     /// They stay. When the chip is cool again, TSD reads 0 and the outputs are back.
@@ -45,7 +45,7 @@ pub struct Unspecified {
 }
 
 impl Unspecified {
-    /// What is hardest on a driver: the default of [`Ad5754::new`](super::Ad5754::new).
+    /// The hardest case for a driver: the default of [`Ad5754::new`](super::Ad5754::new).
     #[must_use]
     pub const fn hostile() -> Self {
         Self {
@@ -58,7 +58,7 @@ impl Unspecified {
         }
     }
 
-    /// What a reader of the data sheet expects.
+    /// Behaviour that a reader of the data sheet expects.
     #[must_use]
     pub const fn plain() -> Self {
         Self {

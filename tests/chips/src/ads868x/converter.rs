@@ -59,7 +59,7 @@ pub(crate) struct Converter {
     acquiring_since: u64,
     /// End of the conversion that runs or ran last.
     end: u64,
-    /// What it will give, until it is taken over.
+    /// Result, until it is taken over.
     running: Option<u16>,
     sampled_v: f64,
     result: u16,

@@ -45,7 +45,7 @@ pub struct Ads868x {
     registers: Registers,
     converter: Converter,
     violations: Violations,
-    /// What the result register holds while nothing was converted.
+    /// Contents of the result register before the first conversion.
     unknown_result: u16,
     flag_order: FlagOrder,
     avdd: bool,
@@ -112,7 +112,7 @@ impl Ads868x {
         self
     }
 
-    /// What a frame gives before the first conversion has ended. The data sheet does not say; 0x8000 at first, which looks
+    /// Result of a frame before the first conversion has ended. The data sheet does not say; 0x8000 at first, which looks
     /// like 0 V in a bipolar range.
     #[must_use]
     pub fn with_unknown_result(mut self, code: u16) -> Self {
@@ -136,7 +136,7 @@ impl Ads868x {
         self.converter.internal_reference_v = volts;
     }
 
-    /// What stands at REFIO while INTREF_DIS is 1, V: 0 at first, where codes run to their ends.
+    /// Voltage at REFIO while INTREF_DIS is 1, V: 0 at first, where codes run to their ends.
     pub fn set_external_reference(&mut self, volts: f64) {
         self.converter.external_reference_v = volts;
     }
@@ -207,7 +207,7 @@ impl Ads868x {
         self.unseen
     }
 
-    /// What the master did against the data sheet, in order.
+    /// Violations of the data sheet by the master, in order.
     #[must_use]
     pub fn violations(&self) -> &[Violation] {
         self.violations.all()
@@ -235,7 +235,7 @@ impl Ads868x {
         self.avdd && self.dvdd && self.rst && now >= self.ready
     }
 
-    /// What the next frame sends: a pattern, else an answer, else the result (SBAS633E, 7.5.3).
+    /// Contents of the next frame: a pattern, else an answer, else the result (SBAS633E, 7.5.3).
     fn output_word(&mut self) -> u32 {
         let result = self.converter.take_over(&mut self.registers);
         let answer = self.answer.take();
@@ -323,7 +323,7 @@ impl SerialChip for Ads868x {
         if after_select < timing::SELECT_TO_CLOCK {
             return self.violations.note(now, Rule::ClockAfterSelect(after_select));
         }
-        // SDI has to stand for 7.5 ns before the edge (tSU_CKDI): where it changes at the edge, the old level is taken.
+        // SDI has to be stable for 7.5 ns before the edge (tSU_CKDI): where it changes at the edge, the old level is taken.
         self.take(sdi.before);
         self.capture = Some(now);
     }

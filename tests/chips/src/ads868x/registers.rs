@@ -2,7 +2,7 @@
 
 /// Addresses of the low bytes (SBAS633E, register map).
 pub mod address {
-    /// DEVICE_ID_REG; the device address stands at 02h.
+    /// DEVICE_ID_REG; the device address is at 02h.
     pub const DEVICE_ID: u16 = 0x00;
     /// RST_PWRCTL_REG.
     pub const RST_PWRCTL: u16 = 0x04;
@@ -64,7 +64,7 @@ impl Registers {
         Self(bytes)
     }
 
-    /// What RST does while RSTn_APP is 1.
+    /// Effect of RST while RSTn_APP is 1.
     pub fn application_reset(&mut self) {
         let fresh = Self::power_up();
         let old = std::mem::replace(&mut self.0, fresh.0);

@@ -118,7 +118,7 @@ fn sdo_is_valid_40_ns_after_the_rising_edge() {
     dac.master.half_ns = 40;
     assert_eq!(dac.read(0x88_0000), 0b101);
     dac.master.half_ns = 39;
-    // Each bit is sampled before it stands: 0b101 comes one place too low.
+    // Each bit is sampled before it is valid: 0b101 comes one place too low.
     assert_eq!(dac.read(0x88_0000), 0b010);
     assert_eq!(dac.chip.range(Channel::A), DacRange::Bipolar10V8, "writes are as before");
 }

@@ -20,7 +20,7 @@ fn times_of_the_variants() {
 #[test]
 fn the_sample_is_taken_when_select_rises_and_read_in_the_next_frame() {
     let mut adc = Adc::new(Variant::Ads8681);
-    // 1 mV for each µs: the code of ±12.288 V tells when the sample was taken.
+    // 1 mV for each µs: the code of ±12.288 V shows when the sample was taken.
     adc.chip.set_input_fn(|now| now as f64 * 1e-6);
     let before = adc.frame(0);
     assert_eq!(before, 0x8000_0000, "nothing was converted");
@@ -161,7 +161,7 @@ fn sdo_is_valid_12_ns_after_the_falling_edge() {
     adc.master.half_ns = 12;
     assert_eq!(adc.frame(0), 42768 << 16);
     adc.master.half_ns = 11;
-    // Bit 31 stands from the select on; each later bit is sampled before it is there.
+    // Bit 31 is valid from the select on; each later bit is sampled before it is there.
     let late = (42768 << 16 & 1 << 31) | (42768 << 16 >> 1 & !(1 << 31));
     assert_eq!(adc.frame(0), late);
 }

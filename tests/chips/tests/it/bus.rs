@@ -141,7 +141,7 @@ fn devices_that_are_absent_read_one_level() {
 
 #[test]
 fn a_floating_line_reads_as_chosen() {
-    // A frame during a conversion, which no chip answers. The line last stood at the last bit of 0xa711 or 0xa710.
+    // A frame during a conversion, which no chip answers. The line keeps the last bit of 0xa711 or 0xa710.
     for (floating, code, expected) in [
         (Floating::Low, 0xa711_u16, 0x00),
         (Floating::High, 0xa710, 0xff),

@@ -1,5 +1,5 @@
-//! What the data sheets say, worked by hand, against the models.
-#![allow(clippy::unusual_byte_groupings, reason = "digits stand in the groups of the data sheets' fields")]
+//! Statements of the data sheets, worked by hand, against the models.
+#![allow(clippy::unusual_byte_groupings, reason = "digits are grouped as the data sheets' fields")]
 
 mod ad5754_faults;
 mod ad5754_frames;

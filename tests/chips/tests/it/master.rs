@@ -121,7 +121,7 @@ impl Adc {
         self.master.send(&mut self.chip, u64::from(word), 32) as u32
     }
 
-    /// What stands in a half-word, from the frame after the command.
+    /// Contents of a half-word, from the frame after the command.
     pub fn half_word(&mut self, address: u32) -> u32 {
         self.frame(0xc800_0000 | address << 16);
         self.frame(0)
@@ -131,7 +131,7 @@ impl Adc {
         self.frame(0xd000_0000 | address << 16 | bits);
     }
 
-    /// A conversion of the input as it stands, and the word that brings its result.
+    /// A conversion of the present input, and the word that brings its result.
     pub fn convert(&mut self) -> u32 {
         self.frame(0);
         self.frame(0)

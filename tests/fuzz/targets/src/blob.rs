@@ -83,7 +83,7 @@ fn encoded(blob: &Blob) -> Vec<u8> {
     bytes
 }
 
-/// What dea-driver/doc/blob.md and docs/wiring.md say of parameters that were not refused.
+/// Checks parameters that were not refused against dea-driver/doc/blob.md and docs/wiring.md.
 fn holds(parameters: &Parameters) {
     let Parameters { rate_hz, limits, actuator, control, .. } = parameters;
     assert!((1.0..=100_000.0).contains(rate_hz));
@@ -158,7 +158,7 @@ fn slot(sector: &[u8]) -> Slot {
     Slot { sequence, blob, erased: sector[..SLOT_HEADER + BLOB_LEN].iter().all(|&byte| byte == 0xff) }
 }
 
-/// The newest slot whose blob is valid wins, and newer ones that are damaged or cut off are told.
+/// The newest slot whose blob is valid wins, and newer ones that are damaged or cut off are reported.
 fn load(flash: &Flash) -> bool {
     let slots: Vec<Slot> = flash.0.chunks(SECTOR).map(slot).collect();
     let mut store: Store<Flash> = Store::new(flash.clone(), BOARD).expect("two sectors");
@@ -193,8 +193,8 @@ fn load(flash: &Flash) -> bool {
     accepted
 }
 
-/// What is saved is found. What ran before stays beside it, unless both slots hold what was saved, or it was number 1, beside which
-/// remains of another set tell more than it does.
+/// Saved parameters are found. The ones before stay beside them, unless both slots hold what was saved, or it was number 1, beside which
+/// remains of another set count more than it.
 fn save(mut store: Store<Flash>, slots: &[Slot], old: Option<Vec<u8>>) {
     store.save(&GOOD_BLOB).expect("whatever the flash holds");
     let stored = store.load().expect("saved");

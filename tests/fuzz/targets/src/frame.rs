@@ -52,7 +52,7 @@ fn varint(value: u16) -> Vec<u8> {
     [value & 0x7f | 0x80, value >> 7 & 0x7f | 0x80, value >> 14].map(|byte| byte as u8).to_vec()
 }
 
-/// A bench whose amplifier follows at once, and whose film stands still.
+/// A bench whose amplifier follows at once, and whose film does not move.
 struct Bench {
     device: Device,
     store: Store<Flash>,
@@ -94,7 +94,7 @@ struct Trial {
     ear: Ear,
     drive: Drive,
     ticks: u32,
-    /// Of the host that armed last; 0 before.
+    /// Token of the host that armed last; 0 before.
     token: u16,
     /// Ticks since a request kept the amplifier enabled.
     idle: u32,
@@ -177,7 +177,7 @@ impl Trial {
             4 => (before, after) == (Armed, Running),
             5 => (before, after) == (Running, Armed),
             6 => !matches!(before, Tripped(_)) && after == Disarmed,
-            // One that was lost beneath another is told next.
+            // One that was hidden by another is reported next.
             7 => matches!(before, Tripped(_)) && matches!(after, Disarmed | Tripped(Cause::Parameters)),
             8 | 9 => before == after && before.is_live(),
             11 | 14 | 15 | 16 | 19 | 22 | 23 => before == after && !before.is_live(),
@@ -241,7 +241,7 @@ impl Trial {
         self.bench.device.status().command_v
     }
 
-    /// Of the parameters in force: voltage, slew, and the time that a silent host has.
+    /// Limits of the parameters in force: voltage, slew, and the time that a silent host has.
     fn keeps_its_limits(&self, last_v: f32, enable: bool) {
         let Some(controller) = self.bench.device.controller() else {
             assert!(!enable, "enabled without parameters");

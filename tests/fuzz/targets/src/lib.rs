@@ -1,4 +1,4 @@
-//! What fuzzing runs on bytes from outside, and what must hold whatever they are.
+//! Targets of fuzzing: functions that run on any bytes from outside, and their invariants.
 //!
 //! Each function takes any bytes and panics where a promise of the documents does not hold: [`frames`] dea-driver/doc/link.md, [`blobs`]
 //! dea-driver/doc/blob.md, [`recordings`] and [`parameter_files`] docs/formats.md. What is expected is written here again from those pages,
@@ -33,7 +33,7 @@ pub static GOOD_BLOB: LazyLock<Vec<u8>> = LazyLock::new(|| {
     let model = Preset::TABLE3_N2.model().expect("valid");
     let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
     let mut parameters = Parameters::bench(&law, Actuator::KARNER_2022);
-    // The film of these benches stands still, which no model explains.
+    // The film of these benches does not move, which no model explains.
     parameters.limits.max_disturbance_share = 0.4;
     let mut bytes = vec![0; BLOB_LEN];
     let length = parameters.encode(BOARD, &mut bytes).expect("valid");

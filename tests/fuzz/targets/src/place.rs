@@ -1,10 +1,10 @@
-//! Where an error says that a fault stands.
+//! The place of a fault in an error message.
 
 use std::path::Path;
 
 use host_sim::Error;
 
-/// What errors name.
+/// Names in errors.
 pub const PATH: &str = "fuzzed";
 
 /// The line that `error` names, if it is about one. Any error names the file in its text, on one line.

@@ -23,7 +23,7 @@ pub fn run(data: &[u8]) -> bool {
         Err(error) => {
             if let Some(line) = line_of(&error) {
                 let line = usize::try_from(line).expect("a line");
-                // A header that is missing stands behind the last line.
+                // The place of a missing header is behind the last line.
                 assert!((1..=lines.len() + 1).contains(&line), "{error}, of {} lines", lines.len());
                 is_the_first_fault(&lines, line, &error);
             }

@@ -10,13 +10,13 @@ pub struct Choices(Vec<Choice>);
 /// One of them: `voltage="HV mon":kV*2`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
-    /// What the column is.
+    /// Quantity of the column.
     pub quantity: Quantity,
     /// Which column; `None` leaves the quantity out.
     pub column: Option<Column>,
     /// Its unit, if it was given.
     pub unit: Option<Unit>,
-    /// What its numbers are multiplied with beside the unit.
+    /// Factor of its numbers beside the unit.
     pub factor: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! What is taken of the rows of a file: a part of the time, without drop-outs, fewer rows.
+//! Selection of the rows of a file: a part of the time, without drop-outs, fewer rows.
 
 use super::{Quantity, Series};
 use crate::error::{Error, Result};

@@ -11,7 +11,7 @@ pub struct Decoded {
     pub text: String,
 }
 
-/// The texts that `bytes` may be: one, or two where no mark and no rule of an encoding tells them apart.
+/// The texts that `bytes` may be: one, or two where no mark and no rule of an encoding separates them.
 ///
 /// # Errors
 ///

@@ -23,7 +23,7 @@ pub struct Series {
     pub clock_s: Vec<f64>,
     /// The other columns.
     pub columns: Vec<(Quantity, Column)>,
-    /// What was understood.
+    /// Interpretation.
     pub understood: Understood,
 }
 
@@ -34,14 +34,14 @@ impl Series {
     }
 }
 
-/// What was understood of a file.
+/// Interpretation of a file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Understood {
     /// The file.
     pub file: String,
     /// Kind, encoding, separator and decimal sign.
     pub format: String,
-    /// Line of the names; 0 where there are none.
+    /// Line of the names; 0 if it is missing.
     pub header_line: u64,
     /// Lines above the names.
     pub preamble_lines: usize,
@@ -54,9 +54,9 @@ pub struct Understood {
 /// A column that is used.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct UnderstoodColumn {
-    /// What it is.
+    /// The quantity.
     pub quantity: Quantity,
-    /// Its number, from one; none in a recording, which goes by names.
+    /// Its number, from one; none in a recording, whose columns have fixed names.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub column: Option<usize>,
     /// Its name in the file.
@@ -65,12 +65,12 @@ pub struct UnderstoodColumn {
     pub unit: String,
     /// From the file's numbers to SI.
     pub factor: f64,
-    /// What says what it is.
+    /// Source of the interpretation.
     pub by: By,
 }
 
 impl Understood {
-    /// What the names `columns` of a recording say.
+    /// Interpretation of the names `columns` of a recording.
     pub fn of_recording(path: &Path, columns: &[&str]) -> Self {
         let column = |name: &&str| {
             let (quantity, unit, factor) = mapping::of_recording(name)?;

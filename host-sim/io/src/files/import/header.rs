@@ -14,7 +14,7 @@ pub struct TopRow {
     pub comment: bool,
 }
 
-/// What stands above the numbers.
+/// Lines above the numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Head {
     /// The columns' titles; empty where there is no header.
@@ -30,7 +30,7 @@ pub struct Head {
 /// Finds the header in the rows `above` the numbers, of which the first has `columns` cells.
 pub fn find(above: &[TopRow], columns: usize) -> Head {
     let rows: Vec<&TopRow> = above.iter().filter(|row| !row.comment).collect();
-    // A preamble may have numbers, names are none.
+    // A preamble may have numbers, names may not.
     let number = |cell: &String| matches!(numbers::cell(cell, Decimal::Point), Cell::Number(_));
     let named = |row: &TopRow| row.cells.len() > 1 && !row.cells.iter().any(number);
     match rows.as_slice() {

@@ -11,7 +11,7 @@ use super::{Quantity, Request};
 /// A column that was understood.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chosen {
-    /// What it is.
+    /// The quantity.
     pub quantity: Quantity,
     /// Its index, from 0.
     pub index: usize,
@@ -19,11 +19,11 @@ pub struct Chosen {
     pub unit: String,
     /// From the file's numbers to SI.
     pub factor: f64,
-    /// What says so.
+    /// Source of the interpretation.
     pub by: By,
 }
 
-/// What says what a column is.
+/// Source of the interpretation of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum By {
@@ -163,7 +163,7 @@ impl Titles<'_> {
         Ok(Some(Chosen { quantity, index, unit: name, factor, by: By::Choice }))
     }
 
-    /// The index of the column with a `name`: as it stands, or else without its unit.
+    /// The index of the column with a `name`: as it is written, or else without its unit.
     fn by_name(&self, quantity: Quantity, name: &str) -> Result<usize, String> {
         let having = |test: &dyn Fn(&str) -> bool| -> Vec<usize> {
             (0..self.titles.len()).filter(|&k| test(&self.titles[k].name)).collect()

@@ -17,7 +17,7 @@ pub struct Series {
     pub values: Vec<f64>,
 }
 
-/// What a file holds.
+/// Contents of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Contents {
     /// Series of at least two numbers.
@@ -30,7 +30,7 @@ pub struct Contents {
 const MAX_NUMBERS: usize = 1 << 27;
 /// Deepest structure in a structure.
 const MAX_DEPTH: usize = 8;
-/// Most columns of a matrix that are told apart.
+/// Largest number of columns of a matrix.
 const MAX_COLUMNS: usize = 64;
 
 /// A file that ends too early, or that is not what it says.
@@ -115,7 +115,7 @@ impl Contents {
         let flags = flags.clone().number(0)?;
         let (class, complex) = ((flags & 0xff) as u8, flags & 0x800 != 0);
         if class == class::OPAQUE {
-            // Its name stands where others have their sizes.
+            // Its name is where others have their sizes.
             let own = data.element().map(|(_, text)| text.text()).unwrap_or_default();
             self.objects.push(name.map_or(own, str::to_owned));
             return Ok(());
@@ -189,7 +189,7 @@ impl Contents {
         if values.len() < 2 {
             return Ok(());
         }
-        // A vector lies or stands.
+        // A vector is a row or a column.
         if rows == 1 || rows == values.len() {
             self.series.push(Series { name: name.into(), values });
             return Ok(());

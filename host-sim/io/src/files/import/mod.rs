@@ -1,6 +1,6 @@
 //! Files as laboratories have them: text of any dialect, spreadsheets and variables of MATLAB, read as columns in SI units.
 //!
-//! [`crate::files::csv`] reads the files that recordings are described as; everything else comes here. What is understood is told
+//! [`crate::files::csv`] reads the files that recordings are described as; everything else comes here. The interpretation is reported
 //! ([`Understood`]), and what may be read in two ways is an error that shows both.
 
 mod choice;
@@ -24,7 +24,7 @@ pub use extract::{Series, Understood, UnderstoodColumn, read};
 pub use mapping::By;
 pub(super) use text::{Separator, more_cells};
 
-/// What a column is.
+/// Quantity of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Quantity {
@@ -73,7 +73,7 @@ impl Quantity {
         }
     }
 
-    /// What its units are units of: a command is a voltage.
+    /// Dimension of its units: a command is a voltage.
     fn measure(self) -> Self {
         if self == Self::Command { Self::Voltage } else { self }
     }
@@ -125,16 +125,16 @@ impl Quantity {
     }
 }
 
-/// What is asked of a file.
+/// Requirements for a file.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
     /// Quantities that are taken where they are.
     pub wanted: &'a [Quantity],
-    /// Of every set one must be there.
+    /// One of every set must exist.
     pub needed: &'a [&'a [Quantity]],
 }
 
-/// What a person says about a file.
+/// Options of the user for a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hints {
     /// Columns that were named.

@@ -6,13 +6,13 @@ use super::units::{self, Unit};
 /// The title of a column.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Title {
-    /// As it stands in the header.
+    /// As it is written in the header.
     pub name: String,
     /// Its cell in a row of units below the header.
     pub unit: Option<String>,
 }
 
-/// What a title says.
+/// Interpretation of a title.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sense {
     /// The quantity that its words name; `None` for none, or for two at once.
@@ -21,7 +21,7 @@ pub struct Sense {
     pub unit: UnitSense,
 }
 
-/// What a title says about the unit.
+/// Unit in a title.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum UnitSense {
     /// One unit of those that are known.
@@ -34,7 +34,7 @@ pub enum UnitSense {
     MilliOrMega,
 }
 
-/// Words that name a quantity wherever they stand in a title.
+/// Words that name a quantity anywhere in a title.
 const WORDS: &[(Quantity, &[&str])] = &[
     (Quantity::Time, &["time", "zeit", "temps", "tiempo", "tempo", "elapsed", "timestamp", "时间", "時間"]),
     (
@@ -85,7 +85,7 @@ const WORDS: &[(Quantity, &[&str])] = &[
 const OTHER_WORDS: &[(Quantity, &[&str])] =
     &[(Quantity::Stretch, &["stretch", "lambda", "λ"]), (Quantity::Stress, &["stress", "zugspannung", "contrainte"])];
 
-/// Words that tell which of an amplifier's two voltages a column is.
+/// Words that name which of an amplifier's two voltages a column is.
 const OF_TWO_VOLTAGES: &[(Quantity, &[&str])] = &[
     (
         Quantity::Command,
@@ -114,7 +114,7 @@ impl Title {
         Self { name: name.into(), unit: None }
     }
 
-    /// What the title says where the quantities `wanted` are asked for.
+    /// Interpretation of the title if the quantities `wanted` are required.
     pub fn sense(&self, wanted: &[Quantity]) -> Sense {
         let (base, unit) = match &self.unit {
             Some(text) if !text.trim().is_empty() => (self.name.clone(), unit_cell(text)),
@@ -162,11 +162,11 @@ fn split(title: &str) -> (String, UnitSense) {
         // The unit is all there is: `kV`.
         return (String::new(), sense);
     }
-    // What stands in brackets is a unit that is none of a recording, such as (°C) or (Hz): no remark holds it back.
+    // Text in brackets is a unit that recordings do not have, such as (°C) or (Hz): no remark holds it back.
     (outside, if inside.is_empty() { UnitSense::Missing } else { UnitSense::Other })
 }
 
-/// What stands outside of brackets, and what stands inside of each pair.
+/// Text outside of brackets, and inside of each pair.
 fn without_brackets(title: &str) -> (String, Vec<String>) {
     let (mut outside, mut inside) = (String::new(), Vec::new());
     let mut open: Option<(char, String)> = None;
@@ -195,13 +195,13 @@ fn without_brackets(title: &str) -> (String, Vec<String>) {
     (outside, inside)
 }
 
-/// The quantity that a name of one letter tells.
+/// The quantity of a name of one letter.
 fn letter_quantity(name: &str) -> Option<Quantity> {
     let name = name.trim().to_lowercase();
     LETTERS.iter().find(|(_, letters)| letters.contains(&name.as_str())).map(|(quantity, _)| *quantity)
 }
 
-/// The quantity that the words of `name` tell where `wanted` are asked for.
+/// The quantity that the words of `name` mean if `wanted` are required.
 fn quantity(name: &str, wanted: &[Quantity]) -> Option<Quantity> {
     let lower = name.to_lowercase();
     let all = lower.trim();

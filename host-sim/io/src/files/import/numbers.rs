@@ -70,7 +70,7 @@ pub struct Signs {
     pub points: usize,
     /// Cells with one comma.
     pub commas: usize,
-    /// Of those, cells that may be thousands: 1,234.
+    /// Number of those that may be thousands: 1,234.
     pub thousands: usize,
     /// Cells with both: 1,234.5 or 1.234,5.
     pub both: usize,

@@ -1,4 +1,4 @@
-//! What a file turned out to be: rows or series of numbers under titles.
+//! Contents of a file: rows or series of numbers under titles.
 
 use super::header::Head;
 use super::mat;
@@ -9,9 +9,9 @@ use super::workbook::{Sheet, SheetCell};
 
 /// Rows of numbers with titles.
 pub enum Source<'a> {
-    /// Of a text in an encoding.
+    /// A text in an encoding.
     Text(&'static str, TextTable<'a>),
-    /// Of a spreadsheet.
+    /// A spreadsheet.
     Sheet(Sheet),
     /// Variables.
     Series(Vec<mat::Series>),
@@ -39,7 +39,7 @@ impl Source<'_> {
         }
     }
 
-    /// What stands above the numbers; nothing for variables.
+    /// Lines above the numbers; nothing for variables.
     pub fn head(&self) -> Option<&Head> {
         match self {
             Self::Text(_, table) => Some(&table.head),
@@ -48,7 +48,7 @@ impl Source<'_> {
         }
     }
 
-    /// What the file is, in a few words.
+    /// Description of the file, in a few words.
     pub fn format(&self) -> String {
         match self {
             Self::Text(encoding, table) => {

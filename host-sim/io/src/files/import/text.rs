@@ -1,10 +1,10 @@
-//! Text with rows of numbers: what separates them, where they begin, and what stands above.
+//! Text with rows of numbers: what separates them, where they begin, and the lines above.
 
 use super::header::{self, Head, TopRow};
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal, Signs};
 
-/// What stands between the cells of a row.
+/// Separator of the cells of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Separator {
     /// Tab stops.
@@ -18,7 +18,7 @@ pub enum Separator {
 }
 
 impl Separator {
-    /// In their order; blanks stand beside other separators as well.
+    /// In their order; blanks occur beside other separators as well.
     const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Blanks];
 
     /// For a sentence: separated by …
@@ -76,9 +76,9 @@ struct Line<'a> {
 /// Rows of numbers in a text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextTable<'a> {
-    /// What stands above them.
+    /// Lines above them.
     pub head: Head,
-    /// What separates the cells.
+    /// Separator of the cells.
     pub separator: Separator,
     /// How numbers are written.
     pub decimal: Decimal,
@@ -93,7 +93,7 @@ impl<'a> TextTable<'a> {
     ///
     /// # Errors
     ///
-    /// Line (0 for the whole file) and cause where there are none, or where they can be read in two ways.
+    /// Line (0 for the whole file) and cause if they are missing, or can be read in two ways.
     pub fn find(text: &'a str) -> Result<Self, (u64, String)> {
         let lines = lines(text);
         if let Some(line) = lines.iter().find(|line| line.text.len() > MAX_LINE) {
@@ -104,7 +104,7 @@ impl<'a> TextTable<'a> {
         }
         let mut found: Vec<Self> = Vec::new();
         for separator in Separator::ALL {
-            // Blanks stand between other separators too: they count where nothing else does.
+            // Blanks occur between other separators too: they count where nothing else does.
             if separator == Separator::Blanks && !found.is_empty() {
                 break;
             }
@@ -123,7 +123,7 @@ impl<'a> TextTable<'a> {
         }
     }
 
-    /// The rows of numbers, if `separator` stands between them.
+    /// The rows of numbers, if `separator` is between them.
     fn with(lines: &[Line<'a>], separator: Separator) -> Result<Option<Self>, (u64, String)> {
         let (comments, rows): (Vec<Line<'a>>, Vec<Line<'a>>) = lines.iter().partition(|line| is_comment(line.text));
         // Cells of a row, and numbers among them.
@@ -133,7 +133,7 @@ impl<'a> TextTable<'a> {
                 |decimal| cells.iter().filter(|cell| matches!(numbers::cell(cell, decimal), Cell::Number(_))).count();
             (cells.len(), numbers(Decimal::Point).max(numbers(Decimal::Comma)))
         };
-        // Three rows of numbers: a preamble may have one of its own. A fault in the second or third row is none of the header.
+        // Three rows of numbers: a preamble may have one of its own. A fault in the second or third row does not concern the header.
         let begins = |k: &usize| {
             let (columns, numbers) = counts(&rows[*k]);
             let follows = |line: &Line<'_>| matches!(counts(line), (cells, n) if n > 1 || n == 1 && cells == columns);

@@ -1,11 +1,11 @@
-//! Units as they stand in headers, with their factors to SI.
+//! Units as headers have them, with their factors to SI.
 
 use super::Quantity;
 
 /// A unit of one of the quantities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
-    /// What is measured in it.
+    /// Quantity that is measured in it.
     pub quantity: Quantity,
     /// As it is written here.
     pub name: &'static str,
@@ -41,11 +41,11 @@ const UNITS: &[(Unit, &[&str])] = &[
     (unit(Quantity::Displacement, "nm", 1e-9), &["nm", "nanometer", "nanometre"]),
     (unit(Quantity::Stress, "Pa", 1.0), &["Pa", "pa", "pascal"]),
     (unit(Quantity::Stress, "kPa", 1e3), &["kPa", "kpa"]),
-    // Nobody records millipascals: capitals or not, it is mega.
+    // Millipascals do not occur: capitals or not, it is mega.
     (unit(Quantity::Stress, "MPa", 1e6), &["MPa", "mpa", "N/mm²", "n/mm²", "N/mm2", "n/mm2"]),
 ];
 
-/// What a text may be as a unit.
+/// Interpretation of a text as a unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Read {
     /// One of the units above.

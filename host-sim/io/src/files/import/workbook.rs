@@ -25,7 +25,7 @@ pub enum SheetCell {
 pub struct Sheet {
     /// Its name.
     pub name: String,
-    /// What stands above the numbers.
+    /// Lines above the numbers.
     pub head: Head,
     rows: Vec<(u64, Vec<SheetCell>)>,
 }

@@ -102,7 +102,7 @@ impl Board {
     /// The keys of a `[board]` table.
     pub const KEYS: [&str; 7] = ["id", "command_range", "amplifier", "monitor", "sensor", "limits", CONTROL];
 
-    /// What this board lacks to drive a film: calibrations or limits that are those of the paper's bench, with which no film is driven by
+    /// Values that this board lacks to drive a film: calibrations or limits that are those of the paper's bench, with which no film is driven by
     /// default. The settings of control may be left out.
     pub fn lacks(&self) -> Vec<&'static str> {
         self.missing.iter().copied().filter(|key| *key != CONTROL).collect()
@@ -129,7 +129,7 @@ impl Board {
     #[must_use]
     pub fn at_rate(mut self, rate_hz: f64) -> Self {
         let ticks_at_1_khz = f64::from(self.limits.sensor.stuck_ticks);
-        // Fewer cannot be told apart from a sensor that is late.
+        // Fewer cannot be distinguished from a late sensor.
         self.limits.sensor.stuck_ticks = (ticks_at_1_khz * rate_hz / 1000.0).ceil().max(5.0) as u32;
         self
     }

@@ -15,7 +15,7 @@ pub struct ElasticCurve {
     curve: Curve,
 }
 
-/// What an elastic curve is made of.
+/// Source of an elastic curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
     /// A strip of rubber; Gent's limit is infinite for Mooney–Rivlin.
@@ -39,7 +39,7 @@ impl ElasticCurve {
         Self { shape: Shape::Free, curve }
     }
 
-    /// What it is made of.
+    /// Its source.
     pub fn shape(&self) -> Shape {
         self.shape
     }
@@ -178,7 +178,7 @@ impl CurveTable {
                     .zip(slopes)
                     .map(|(&(displacement, value), &slope)| Knot { displacement, value, slope })
                     .collect();
-                // What was written is read as it stands.
+                // What was written is read unchanged.
                 Curve::new(&knots).or_else(|_| Curve::scaled(&knots))
             }
         };

@@ -6,7 +6,7 @@ use springpot::{
 
 use crate::error::{Error, Result};
 
-/// What of parameters makes a law: the model, and the elastic curve in front of it.
+/// Parameters that make a law: the model, and the elastic curve in front of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Film<'a> {
     /// Eq. 11.

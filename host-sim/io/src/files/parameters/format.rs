@@ -97,14 +97,14 @@ enum PreloadName {
 pub(super) struct ModelTable {
     topology: TopologyName,
     main: ElementTable,
-    /// Of two springpots each.
+    /// Branches of two springpots each.
     pub(super) branches: Vec<Spanned<Vec<ElementTable>>>,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SensorTable {
-    /// What the displacement sensor reads of a film at x = 0, m.
+    /// Reading of the displacement sensor for a film at x = 0, m.
     pub(super) offset_m: Spanned<f64>,
 }
 
@@ -139,7 +139,7 @@ impl ActuatorTable {
         }
     }
 
-    /// Where a value stands that only the second version of the format has, and its name.
+    /// Place of a value that only the second version of the format has, and its name.
     pub(super) fn place_of_new(&self) -> Option<(Range<usize>, &'static str)> {
         if let Some(volts) = &self.saturation_v {
             return Some((volts.span(), "saturation_v"));
@@ -153,7 +153,7 @@ impl ActuatorTable {
         self.sizes == SizesName::Assumed
     }
 
-    /// Where the value stands that an error is about.
+    /// Place of the value that an error is about.
     pub(super) fn place_of(&self, error: &ActuatorError) -> Option<Range<usize>> {
         let value = match error {
             ActuatorError::NotPositive { quantity, .. } => match *quantity {
@@ -184,7 +184,7 @@ impl ModelTable {
         Maxwell::new(self.main.element(), branches, topology, mass_kg)
     }
 
-    /// Where the value stands that an error is about.
+    /// Place of the value that an error is about.
     pub(super) fn place_of(&self, error: &ModelError) -> Option<Range<usize>> {
         let element = |element: &ModelElement| match *element {
             ModelElement::Main => Some(&self.main),

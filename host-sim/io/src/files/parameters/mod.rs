@@ -155,7 +155,7 @@ impl Parameters {
         Ok((actuator, file.board.map_or(bench.clone(), |table| table.board(bench)), assumed_sizes))
     }
 
-    /// What to say of the electric field where the film's sizes are assumed.
+    /// Statement about the electric field if the film's sizes are assumed.
     pub fn field_note(&self) -> Option<String> {
         self.assumed_sizes.then(|| {
             format!(

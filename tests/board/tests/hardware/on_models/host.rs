@@ -1,4 +1,4 @@
-//! What the models stand on: instructions of the host on addresses that trap, and the versions of the libraries.
+//! Basis of the models: instructions of the host on addresses that trap, and the versions of the libraries.
 
 use std::arch::asm;
 use std::fs;

@@ -22,7 +22,7 @@ fn spi2(spi2: SPI2, pins: gpiob::Parts, speed: Speed, hz: u32, rcc: &mut Rcc) ->
     (Spi::new(spi2, (Some(sck), Some(pins.pb14), Some(mosi)), mode, hz.Hz(), rcc), pins.pb12)
 }
 
-/// Whether a register holds what the vendor's description of the chip has after a reset.
+/// Compares a register with its reset value in the vendor's description of the chip.
 macro_rules! assert_as_reset {
     ($($register:expr),* $(,)?) => {$(
         let before = $register.read().bits();

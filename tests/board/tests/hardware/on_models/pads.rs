@@ -13,7 +13,7 @@ const fn pin(port: char, number: u8) -> Pin {
     Pin::new(port, number)
 }
 
-/// What a pin is for, and how it must be set.
+/// Purpose and required setting of a pin.
 struct Row {
     pin: Pin,
     what: &'static str,

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use board_on_host::chip::gpio::Pin;
 use board_on_host::wires::{SpiByte, SpiSlave, Wiring};
 
-/// What came between two edges of a select.
+/// Bytes between two edges of a select.
 #[derive(Clone, Debug, Default)]
 pub struct Frame {
     pub selected_ns: u64,

@@ -44,7 +44,7 @@ struct OnPins<C> {
     chip: Rc<RefCell<C>>,
     /// Sets the pin that is connected to the one input of its wiring.
     input: fn(&mut C, bool, u64),
-    /// What stood on MOSI before.
+    /// Level of MOSI before.
     mosi: bool,
 }
 
