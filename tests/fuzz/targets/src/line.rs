@@ -19,7 +19,7 @@ pub fn seal(message: &[u8]) -> Vec<u8> {
     plain.extend(crc32(&plain).to_le_bytes());
     let mut stuffed = Vec::new();
     for piece in plain.split(|&byte| byte == 0) {
-        // A zero is where one piece ends and the next begins, but there is none behind a full group: an empty one comes between.
+        // A zero is where one piece ends and the next begins, but no zero follows a full group: an empty one comes between.
         let mut rest = piece;
         while let Some((full, later)) = rest.split_at_checked(254) {
             stuffed.push(0xff);
