@@ -26,7 +26,7 @@ impl Agreement {
         let (low, high) =
             measured.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &y| (low.min(y), high.max(y)));
         let rmse = (residual / n).sqrt();
-        // So small a change that its square is 0 is none.
+        // A change so small that its square is 0 counts as no change.
         let changes = high > low && total > 0.0;
         Self {
             r2: if changes { 1.0 - residual / total } else { f64::NAN },

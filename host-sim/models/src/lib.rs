@@ -1,4 +1,4 @@
-//! What the host tool computes.
+//! Computations of the host tool.
 //!
 //! | room | what it does |
 //! | --- | --- |

@@ -175,7 +175,7 @@ impl Reference {
     }
 }
 
-/// From 0 to 1 while `share` goes from 0 to 1, with the least jerk.
+/// From 0 to 1 while `share` grows from 0 to 1, with the least jerk.
 pub fn minimum_jerk(share: f64) -> f64 {
     let s = share.clamp(0.0, 1.0);
     s * s * s * (10.0 + s * (6.0 * s - 15.0))

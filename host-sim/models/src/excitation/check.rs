@@ -8,29 +8,29 @@ use crate::files::recording::{Direction, Input, Recording};
 use crate::fit::{self, observation, statistics::median};
 use crate::grid::Samples;
 
-/// What was found in recordings.
+/// The findings about recordings.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Whether they identify a film: nothing that was found prevents it.
     pub identifies: bool,
     /// Each of them.
     pub recordings: Vec<Facts>,
-    /// What is wrong, worst first.
+    /// Problems, worst first.
     pub findings: Vec<Finding>,
 }
 
-/// What a recording has.
+/// The contents of a recording.
 #[derive(Clone, Debug, Serialize)]
 pub struct Facts {
     /// The file.
     pub file: String,
     /// Rows.
     pub rows: usize,
-    /// Of the median interval.
+    /// Rate of the median interval.
     pub rate_hz: f64,
     /// Length, s.
     pub duration_s: f64,
-    /// What drives it: `voltage` (V) or `force` (N).
+    /// The drive: `voltage` (V) or `force` (N).
     pub driven_by: &'static str,
     /// The drive, in V or N.
     pub drive: DriveFacts,
@@ -52,9 +52,9 @@ pub struct Finding {
     /// The file; none where it is about all of them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
-    /// What was found.
+    /// The problem.
     pub finding: String,
-    /// What to do, or to record instead; empty where the finding says it.
+    /// The action, or the recording to make instead; empty where the finding says it.
     pub advice: String,
 }
 
@@ -82,7 +82,7 @@ pub fn check(recordings: &[Recording]) -> Report {
     Report { identifies, recordings: facts, findings }
 }
 
-/// What the recordings have together.
+/// The excitation of all recordings together.
 fn of_all(facts: &[Facts], findings: &mut Vec<Finding>) {
     if facts.is_empty() {
         return;
@@ -140,7 +140,7 @@ fn of_all(facts: &[Facts], findings: &mut Vec<Finding>) {
 }
 
 impl Facts {
-    /// What `recording` has; what is wrong with it goes to `findings`. None where nothing can be told.
+    /// The facts of `recording`; its problems are added to `findings`. None where nothing can be found.
     fn from_recording(recording: &Recording, findings: &mut Vec<Finding>) -> Option<Self> {
         let file = shown(recording.path());
         let mut add = |severity, finding: String, advice: &str| {
@@ -219,7 +219,7 @@ impl Facts {
                 "record the stroke beside the voltage, or name its column",
             ),
         }
-        // Gaps, saturation and a turned sign, as a fit tells them.
+        // Gaps, saturation and a turned sign, as a fit reports them.
         if row.displacement_m.is_some() {
             match observation::observe(recording, Direction::Force, 1.0) {
                 Ok((_, warnings)) => {

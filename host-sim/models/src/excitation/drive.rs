@@ -1,4 +1,4 @@
-//! What a drive does over time: rest, cycles and their sizes, holds.
+//! The course of a drive over time: rest, cycles and their sizes, holds.
 
 use serde::Serialize;
 
@@ -11,7 +11,7 @@ pub const HOLD_S: f64 = 10.0;
 /// A held drive stays within this share of its peak.
 const HELD: f64 = 0.02;
 
-/// What the drive of a recording does.
+/// The course of the drive of a recording.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DriveFacts {
     /// Largest size.
@@ -41,7 +41,7 @@ pub struct Cycle {
 }
 
 impl DriveFacts {
-    /// Of `drive`, at least two samples.
+    /// The facts of `drive`, at least two samples.
     pub fn new(drive: &Samples) -> Self {
         let size: Vec<f64> = drive.value.iter().map(|value| value.abs()).collect();
         let time = &drive.time_s;
@@ -97,7 +97,7 @@ fn cycle(time: &[f64], size: &[f64]) -> Option<Cycle> {
     (width_s > 0.0 && top_s < 0.5 * width_s).then_some(Cycle { period_s: 2.0 * width_s, peak: highest, span_s })
 }
 
-/// The longest time at one level, and that level. The top of a cycle is none.
+/// The longest time at one level, and that level. The top of a cycle does not count.
 fn longest_hold(time: &[f64], size: &[f64], peak: f64, cycles: &[Cycle]) -> (f64, Option<f64>) {
     let in_a_cycle = |from: f64, to: f64| cycles.iter().any(|cycle| cycle.span_s.0 <= from && to <= cycle.span_s.1);
     let (mut start, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);

@@ -1,4 +1,4 @@
-//! What a recording must excite so that it identifies a film: profiles that do, and a check of recordings.
+//! Excitation that identifies a film: profiles, and a check of recordings.
 
 pub mod check;
 pub mod drive;

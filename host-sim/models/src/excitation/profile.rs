@@ -1,6 +1,6 @@
 //! Profiles of voltage that identify a film, within the limits of a board.
 //!
-//! Rest first, because the model begins at rest; smooth unipolar sines, because the force goes with V² and jumps excite what is no
+//! Rest first, because the model begins at rest; smooth unipolar sines, because the force is proportional to V² and jumps excite what is no
 //! creep; several frequencies, because one leaves the orders of the springpots open; a second amplitude, because creep and stiffening
 //! look alike at one; a hold and a rest, because they show the creep itself, fast to slow, and the recovery.
 
@@ -27,12 +27,12 @@ pub struct Part {
     pub from_s: f64,
     /// Where it ends.
     pub to_s: f64,
-    /// What it is.
+    /// Its kind.
     #[serde(flatten)]
     pub shape: PartShape,
 }
 
-/// What a part of a profile is.
+/// The kind of a part of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "shape", rename_all = "lowercase")]
 pub enum PartShape {
@@ -54,7 +54,7 @@ pub enum PartShape {
     },
 }
 
-/// What a profile is made of.
+/// The specification of a profile.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ProfileOptions {
     /// Largest voltage, V.

@@ -1,4 +1,4 @@
-//! What a fit changes: the elements of the model, its elastic curve, and quantities of the actuator and the sensor.
+//! The candidate that a fit changes: the elements of the model, its elastic curve, and quantities of the actuator and the sensor.
 
 use std::fmt;
 

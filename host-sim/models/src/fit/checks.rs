@@ -84,7 +84,7 @@ pub fn of_convergence(converged: bool, warnings: &mut Vec<Warning>) {
     }
 }
 
-/// What the data do not determine about `candidate`.
+/// Values of `candidate` that the data do not determine.
 pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings: &mut Vec<Warning>) {
     for set in &uncertainty.undetermined {
         let branches = described_branches(candidate, &|branch| set.contains(&format!("branches[{branch}]")));
@@ -128,7 +128,7 @@ fn described_branches(candidate: &Candidate, concerns: &dyn Fn(usize) -> bool) -
     if described.is_empty() { String::new() } else { format!(" ({})", described.join("; ")) }
 }
 
-/// What a model leaves of a measurement, in % of its stroke: of the range between the 2nd and the 98th percentile.
+/// The part of a measurement that a model does not explain, in % of its stroke: of the range between the 2nd and the 98th percentile.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Misfit {
     /// RMS of all residuals, %.
@@ -196,10 +196,10 @@ pub fn of_outliers(residuals: &[f64], loss: Loss, warnings: &mut Vec<Warning>) {
     let limit = 6.0 * statistics::robust_deviation(&centred);
     let outliers = centred.iter().filter(|r| r.abs() > limit).count();
     if outliers > 0 && limit > 0.0 {
-        let mend = if loss == Loss::Square { "; `loss` huber reduces their effect" } else { "" };
+        let advice = if loss == Loss::Square { "; `loss` huber reduces their effect" } else { "" };
         let share = 100.0 * outliers as f64 / residuals.len() as f64;
         warnings.push(Severity::Caution.warning(format!(
-            "{outliers} outliers ({share:.2} % of the values, more than 6 standard deviations){mend}"
+            "{outliers} outliers ({share:.2} % of the values, more than 6 standard deviations){advice}"
         )));
     }
 }
@@ -261,7 +261,7 @@ pub struct BranchRow {
     pub relaxation_time_s: Option<f64>,
     /// Its share there, %; null without a time or a model.
     pub share_pct: Option<f64>,
-    /// What it is a share of.
+    /// The whole that it is a share of.
     pub share_of: &'static str,
 }
 

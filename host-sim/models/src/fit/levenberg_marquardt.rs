@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 /// A least-squares problem.
 pub trait Problem: Sync {
-    /// What [`jacobian`](Self::jacobian) needs from [`residuals`](Self::residuals) at the same values.
+    /// Data that [`jacobian`](Self::jacobian) needs from [`residuals`](Self::residuals) at the same values.
     type Evaluation: Send;
 
     /// Residuals at `values` of the variables; none where the problem is not defined.

@@ -17,7 +17,7 @@ pub struct Observation {
     pub name: String,
     /// Input of the model.
     pub input: Input,
-    /// What was measured: displacement (m), or force (N) where displacement is the input.
+    /// The measured quantity: displacement (m), or force (N) where displacement is the input.
     pub measured: Samples,
     /// Steps per second.
     pub rate_hz: f64,
@@ -29,7 +29,7 @@ pub struct Observation {
     pub reading: Reading,
 }
 
-/// What of a recording's readings is its own: solved with the model's response, linearly, in every evaluation.
+/// Offset and gain that a recording has for itself: solved with the model's response, linearly, in every evaluation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reading {
     /// An offset: a sensor that was zeroed anew.
@@ -214,7 +214,7 @@ pub fn beginning(observation: &Observation, steps: usize) -> Observation {
     Observation { input: observation.input.map(kept), measured, sample_weights, ..observation.clone() }
 }
 
-/// What a set of observations contains that quantities of the actuator and the sensor can be identified from.
+/// The excitation in a set of observations: from it quantities of the actuator and the sensor are identified.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Excitation {
     /// Whether any input is a voltage.
@@ -260,7 +260,7 @@ pub(super) struct Readings {
     weight: f64,
     /// Factors of the single residuals; empty where they are 1.
     sample_weights: Vec<f64>,
-    /// What of them is the recording's own.
+    /// Which of offset and gain are the recording's own.
     own: Reading,
 }
 

@@ -1,4 +1,4 @@
-//! What may be asked of a fit: as options of a command line, or set one by one.
+//! Fit options: of a command line, or set one by one.
 
 use std::path::Path;
 
@@ -97,7 +97,7 @@ pub enum Branches {
 ///
 /// # Errors
 ///
-/// What is wrong, and what would be right.
+/// The error, and what would be right.
 pub fn branches(text: &str) -> std::result::Result<Branches, String> {
     if text == "auto" {
         return Ok(Branches::Auto);
@@ -112,9 +112,9 @@ pub fn branches(text: &str) -> std::result::Result<Branches, String> {
 /// A weight of residuals.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Weight {
-    /// Of a recording.
+    /// Weight of a recording.
     Recording(f64),
-    /// Of every decade of time: the same.
+    /// The same weight for every decade of time.
     LogTime,
 }
 
@@ -134,7 +134,7 @@ pub enum Sharing {
     PerRecording,
 }
 
-/// What is done where rows are missing.
+/// Treatment of missing rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum AtGap {
     /// The recording ends there.
@@ -155,7 +155,7 @@ pub enum TopologyChoice {
 }
 
 impl Default for FitOptions {
-    /// Those of a command line on which nothing is said.
+    /// Those of a command line without options.
     fn default() -> Self {
         let nothing = Self::augment_args(clap::Command::new("fit")).try_get_matches_from(["fit"]);
         nothing.and_then(|matches| Self::from_arg_matches(&matches)).expect("every option has a default")
@@ -335,7 +335,7 @@ impl FitOptions {
                 let weight = weight(index).sqrt();
                 let (mut observation, warnings) =
                     observation::observe_prepared(recording, self.drive, weight, preparation)?;
-                // Of the first alone a gain could not be told from the film's stiffness.
+                // A gain of the first could not be distinguished from the film's stiffness.
                 observation.reading = Reading { own_offset, own_gain: own_gain && index > 0 };
                 Ok((observation, warnings))
             })

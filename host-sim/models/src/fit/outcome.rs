@@ -6,8 +6,8 @@ use toml::{Table, Value};
 
 use super::candidate::Candidate;
 use super::checks::{self, Misfit};
+use super::descent::{Context, Found};
 use super::observation::{Observation, ReadingFit};
-use super::search::{Context, Found};
 use super::selection::StructureRow;
 use super::settings::Settings;
 use super::statistics::Loss;

@@ -9,9 +9,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use springpot::{Actuator, Springpot, Topology};
 
 use super::candidate::{Bend, Candidate, Variable};
+use super::descent::{Context, Found};
 use super::levenberg_marquardt::{Minimum, half_square};
 use super::objective::Objective;
-use super::search::{Context, Found};
 use super::settings::Stages;
 use super::settings::{Settings, topology_name};
 use crate::error::{Error, Result};

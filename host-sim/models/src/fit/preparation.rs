@@ -1,4 +1,4 @@
-//! What of a recording is fitted, and with which weights.
+//! The part of a recording that is fitted, and its weights.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ pub(super) const MIN_VALUES: usize = 10;
 pub struct Preparation {
     /// The part that is fitted.
     pub window: Window,
-    /// What is done at drop-outs.
+    /// Treatment of drop-outs.
     pub gaps: Gaps,
     /// Whether the measured quantity has the other sign.
     pub inverted: bool,
@@ -27,7 +27,7 @@ impl Preparation {
     pub const NONE: Self = Self { window: Window::ALL, gaps: Gaps::Interpolate, inverted: false, log_time: false };
 }
 
-/// What is done where rows are missing for longer than a time (s).
+/// Treatment of rows that are missing for longer than a time (s).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Gaps {
     /// Nothing: the input is interpolated, and there is a warning.
@@ -86,8 +86,8 @@ impl Gaps {
             Self::Interpolate => (window, None),
             Self::End(limit_s) => match longer(limit_s).first() {
                 Some(&(at, step)) if at < window.to_s => {
-                    let said = format!("a gap of {step:.3} s at {at:.3} s; the recording ends there (`gap_s`)");
-                    (Window { to_s: at, ..window }, Some(said))
+                    let warning = format!("a gap of {step:.3} s at {at:.3} s; the recording ends there (`gap_s`)");
+                    (Window { to_s: at, ..window }, Some(warning))
                 }
                 _ => (window, None),
             },
@@ -98,12 +98,12 @@ impl Gaps {
                 let pairs = measured.time_s.iter().copied().zip(measured.value.iter().copied());
                 (measured.time_s, measured.value) = pairs.filter(|(t, _)| !inside(*t)).unzip();
                 let taken = before - measured.value.len();
-                let said = format!(
+                let warning = format!(
                     "{} gaps of more than {limit_s} s; the input is interpolated across them, and {taken} values after them are \
                      not compared (`gap_s`)",
                     gaps.len()
                 );
-                (window, (!gaps.is_empty()).then_some(said))
+                (window, (!gaps.is_empty()).then_some(warning))
             }
         }
     }
@@ -138,7 +138,7 @@ pub(super) fn sample_weights(recording: &Recording, measured: &Samples, log_time
     Ok(weights.into_iter().map(|weight| (weight / mean).sqrt()).collect())
 }
 
-/// What each of `times` stands for of ln t: from half way to the one before to half way to the one after.
+/// The share of ln t of each of `times`: from half way to the one before to half way to the one after.
 fn logarithmic_shares(times: &[f64]) -> Vec<f64> {
     let last = times.len() - 1;
     let middle = |k: usize| 0.5 * (times[k] + times[k + 1]);

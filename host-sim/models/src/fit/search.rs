@@ -1,415 +1,284 @@
-//! Searches for the best candidate of one structure: from many starts on thinned recordings, then on all samples.
+//! The search over structures: topology × branches × elastic curve × saturation.
 //!
-//! Long recordings are searched in three stages: the beginning of the thinned recordings, all of the thinned recordings, on which
-//! structures are compared, and all samples for the structure that is chosen.
+//! Linear structures come first, from few branches to many. Every kind of nonlinearity is then fitted from the linear film that is
+//! selected, with as many branches and with fewer, because a curve often explains what branches were needed for, and with more.
+//! [`Selection`] selects one of each round by the same rule: among the linear structures, and among that linear film and all that
+//! lies beyond it. There are two rounds because the product of all would take hours.
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
-use springpot::{Actuator, Topology};
+use springpot::Topology;
 
-use super::candidate::{Candidate, Variable};
-use super::levenberg_marquardt::{self, Minimum, Problem, StoppingCriteria};
-use super::objective::{Evaluation, Objective};
-use super::observation::{self, Excitation, Observation};
-use super::settings::Settings;
-use super::starts::{self, Scales};
-use super::statistics::{self, Huber, Loss, Weights, range};
+use super::candidate::{Bend, Candidate};
+use super::descent::{Context, Found, is_long};
+use super::levenberg_marquardt::StoppingCriteria;
+use super::observation::{self, Observation};
+use super::pattern_search;
+use super::selection::{LeftOut, Selection, StructureFit, StructureRow, is_near, is_worth_it};
+use super::settings::{CurveChoice, Method, Settings, Stages, topology_name, work};
+use super::starts::{Kind, grown, reach};
+use super::statistics::Whiteness;
 use crate::error::{Error, Result};
-use crate::reduce;
 
-/// Steps of thinned recordings up to which a search from many starts sees all of them.
-const MAX_SCOUTED_STEPS: f64 = 8_192.0;
+/// Kinds of one long recording that are fitted beyond its beginning.
+const FINALISTS: usize = 2;
 
-/// Measured values up to which structures are compared on all of them.
-const MAX_COMPARED_VALUES: usize = 1 << 16;
+/// A selected structure on all samples, and the rows of all that were compared.
+pub type Selected = (Found, Vec<StructureRow>);
 
-/// Starts that an interrupted search goes on from all the same: one of them leads to a result.
-const MIN_STARTS: usize = 8;
-
-/// Observations with what every search needs of them.
-pub struct PreparedObservations {
-    scout: Option<Objective>,
-    coarse: Objective,
-    fine: Objective,
-    scales: Scales,
-    excitation: Excitation,
-    evaluations: AtomicUsize,
+/// A search over the structures of the settings.
+pub struct Search<'a> {
+    /// The common parts of all descents.
+    pub context: &'a Context<'a>,
+    /// The recordings that are fitted.
+    pub observations: &'a [Observation],
+    /// Which structures are tried.
+    pub settings: &'a Settings,
+    /// Where progress is reported.
+    pub stages: &'a Stages<'a>,
 }
 
-impl PreparedObservations {
-    /// Prepares `observations`; `actuator` converts voltage to force.
+impl Search<'_> {
+    /// The best structure by the method of the settings, and the structures that were compared.
     ///
     /// # Errors
     ///
-    /// As [`Objective::new`].
-    pub fn new(observations: &[Observation], actuator: &Actuator) -> Result<Self> {
-        let thinned: Vec<Observation> = observations.iter().map(observation::thinned).collect();
-        Ok(Self {
-            scout: scouted(&thinned).map(|beginnings| Objective::new(&beginnings)).transpose()?,
-            coarse: Objective::new(&thinned)?,
-            fine: Objective::new(observations)?,
-            scales: Scales::new(observations, actuator.force_per_square_volt()),
-            excitation: Excitation::new(observations),
-            evaluations: AtomicUsize::new(0),
+    /// [`Error::Computation`] where no structure has a fit.
+    pub fn best(&self) -> Result<Selected> {
+        let Self { context, settings, stages, .. } = self;
+        if settings.method == Method::PatternSearch {
+            return Ok((pattern_search::best_structure(context, settings, stages)?, Vec::new()));
+        }
+        let linear = match settings.single_structure() {
+            None => self.linear()?,
+            Some((topology, branches)) => (self.single(topology, branches)?, Vec::new()),
+        };
+        match &settings.start {
+            Some(start) if start.bend != Bend::Straight => Ok(linear),
+            _ => self.beyond(linear),
+        }
+    }
+
+    /// The only structure that is asked for, from the start of the user or from random ones.
+    fn single(&self, topology: Topology, branches: usize) -> Result<Found> {
+        if let Some(start) = &self.settings.start {
+            return self.context.refined(start, topology);
+        }
+        self.stages.begin("fit", branches);
+        self.context.best(topology, branches, &[]).ok_or_else(|| {
+            let names: Vec<&str> = self.observations.iter().map(|o| o.name.as_str()).collect();
+            Error::Computation(format!(
+                "{}: no start leads to a fit; check the units of voltage and displacement, and the actuator",
+                names.join(", ")
+            ))
         })
     }
 
-    /// The context of searches with `settings`, without freed quantities that cannot be identified; they end early when
-    /// `stop` is set.
-    pub fn context<'a>(&'a self, settings: &Settings, stop: &'a AtomicBool) -> Context<'a> {
-        let identified = |variable: &Variable| self.excitation.identifies(*variable);
-        Context {
-            scout: self.scout.as_ref(),
-            coarse: &self.coarse,
-            compared: if is_long(&self.fine) { &self.coarse } else { &self.fine },
-            fine: &self.fine,
-            actuator: settings.actuator,
-            freed: settings.freed.iter().copied().filter(identified).collect(),
-            held: settings.held.clone(),
-            loss: settings.loss,
-            scales: self.scales,
-            excitation: self.excitation,
-            seed: settings.seed,
-            starts: settings.starts,
-            stop,
-            evaluations: &self.evaluations,
-        }
-    }
-}
-
-/// Stopping criteria of the last search of a structure.
-const FINE: StoppingCriteria = StoppingCriteria { iterations: 60, decrease: 1e-8 };
-
-/// Whether structures are compared on thinned recordings, because these have too many values.
-pub(super) fn is_long(fine: &Objective) -> bool {
-    fine.samples() > MAX_COMPARED_VALUES
-}
-
-/// The beginnings of long `thinned` recordings; none where all of them are short.
-fn scouted(thinned: &[Observation]) -> Option<Vec<Observation>> {
-    let steps = |o: &Observation| o.input.samples().time_s.last().copied().unwrap_or(0.0) * o.rate_hz;
-    let share = MAX_SCOUTED_STEPS / thinned.iter().map(steps).sum::<f64>();
-    let beginning = |o: &Observation| observation::beginning(o, (share * steps(o)) as usize);
-    let beginnings: Vec<Observation> = thinned.iter().map(beginning).collect();
-    // A beginning in which nothing is measured, or nothing happens, is of no use.
-    let useful = |o: &Observation| {
-        let [measured, drive] = [&o.measured.value, &o.input.samples().value].map(|values| range(values));
-        o.measured.value.len() >= 100 && measured.0 < measured.1 && drive != (0.0, 0.0)
-    };
-    (share < 1.0 && beginnings.iter().all(useful)).then_some(beginnings)
-}
-
-/// What is common to all searches of a fit.
-pub struct Context<'a> {
-    /// The beginning of long thinned recordings, where searches from many starts begin.
-    pub scout: Option<&'a Objective>,
-    /// Thinned recordings, where other searches begin.
-    pub coarse: &'a Objective,
-    /// Where structures are compared: all samples, or the thinned recordings if there are very many.
-    pub compared: &'a Objective,
-    /// All samples, where they end.
-    pub fine: &'a Objective,
-    /// Eq. 1 and the weight at the start.
-    pub actuator: Actuator,
-    /// Quantities of the actuator and the sensor that are fitted besides the elements.
-    pub freed: Vec<Variable>,
-    /// Variables of the elements that are not fitted.
-    pub held: Vec<Variable>,
-    /// Loss function of the residuals.
-    pub loss: Loss,
-    /// Orders of magnitude of the parameters.
-    pub scales: Scales,
-    /// What can be identified from the observations.
-    pub excitation: Excitation,
-    /// Seed of the starts.
-    pub seed: u64,
-    /// Random starts per structure; fewer for larger structures that also start from smaller ones.
-    pub starts: usize,
-    /// Set to end searches early with the best so far.
-    pub stop: &'a AtomicBool,
-    /// Counts residual evaluations.
-    pub evaluations: &'a AtomicUsize,
-}
-
-/// Result of a search.
-#[derive(Clone, Debug)]
-pub struct Found {
-    /// The candidate.
-    pub candidate: Candidate,
-    /// The variables that were fitted.
-    pub variables: Vec<Variable>,
-    /// The minimum on all samples.
-    pub minimum: Minimum,
-}
-
-impl Context<'_> {
-    /// The variables of a structure with `branches` branches.
-    pub fn variables(&self, branches: usize) -> Vec<Variable> {
-        Variable::of_model(branches)
-            .into_iter()
-            .filter(|variable| !self.held.contains(variable))
-            .chain(self.freed.iter().copied())
-            .collect()
+    /// The linear structure that is selected.
+    fn linear(&self) -> Result<Selected> {
+        let mut fits = self.linear_fits()?;
+        let Selection { index, rows } = Selection::new(self.context.compared, &fits);
+        self.stages.note("the chosen structure on all samples");
+        Ok((self.context.finished(fits.swap_remove(index).found), rows))
     }
 
-    /// The variables of a candidate: those of its structure, its elastic curve and its saturation.
-    pub fn variables_of(&self, candidate: &Candidate) -> Vec<Variable> {
-        let saturation = candidate.actuator.saturation_v.map(|_| Variable::Saturation);
-        let bent = candidate.curve_variables().into_iter().chain(saturation);
-        let bent = bent.filter(|variable| !self.held.contains(variable) && self.excitation.identifies(*variable));
-        self.variables(candidate.branches()).into_iter().chain(bent).collect()
-    }
-
-    /// Half as many random starts of a structure as usual.
-    pub fn linear_starts(&self, topology: Topology, branches: usize) -> Vec<Candidate> {
-        let start = |index| starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
-        (0..self.starts.div_ceil(2)).map(start).collect()
-    }
-
-    /// Where many structures are tried: the thinned recordings, or the beginning of long ones.
-    pub(super) fn scouted(&self) -> &Objective {
-        match self.scout {
-            Some(scout) if is_long(self.fine) => scout,
-            _ => self.coarse,
-        }
-    }
-
-    /// The best candidate over `objective` from `starts`, which have the same variables.
-    pub(super) fn best_over(&self, objective: &Objective, starts: &[Candidate]) -> Option<Found> {
-        let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
-        self.descents(objective, starts, &self.variables_of(starts.first()?), stopping).into_iter().next()
-    }
-
-    /// `candidate` on the thinned recordings, where structures of other kinds are compared with it.
-    pub fn coarsened(&self, candidate: &Candidate) -> Option<Found> {
-        let decrease = if is_long(self.fine) { 1e-5 } else { 1e-7 };
-        self.descend(self.coarse, candidate, StoppingCriteria { iterations: 60, decrease })
-    }
-
-    /// The best candidate of a structure on all samples, from random starts and from those of smaller structures, `grown`.
-    pub fn best(&self, topology: Topology, branches: usize, grown: &[Candidate]) -> Option<Found> {
-        self.explored(topology, branches, grown).map(|found| self.finished(found))
-    }
-
-    /// The same where structures are compared.
-    pub fn explored(&self, topology: Topology, branches: usize, grown: &[Candidate]) -> Option<Found> {
-        let random_starts = if grown.is_empty() { self.starts } else { self.starts.div_ceil(branches.max(1)) };
-        let random = (0..random_starts).map(|index| {
-            let mut start = starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
-            if self.freed.contains(&Variable::StretchCoupling) && start.actuator.stretch_coupling == 0.0 {
-                start.actuator.stretch_coupling = self.scales.coupling;
+    /// Fits of all linear structures, larger ones also from smaller ones. With a single recording no larger structures are tried
+    /// once residuals are white, one more branch was not worth it, or the other topology was better with as many. Fewer if the
+    /// search is interrupted.
+    fn linear_fits(&self) -> Result<Vec<StructureFit>> {
+        let Self { context, settings, .. } = self;
+        let left_out = self.left_out(is_long(context.fine))?;
+        let mut fits: Vec<StructureFit> = Vec::new();
+        'structures: for &topology in &settings.topologies {
+            let mut smaller: Option<usize> = None;
+            for &n in &settings.branches {
+                // Below two branches the topologies are the same model.
+                if n < 2 && topology != settings.topologies[0] {
+                    smaller = fits.iter().position(|fit| fit.branches == n);
+                    continue;
+                }
+                if context.stop.load(Ordering::Relaxed) && !fits.is_empty() {
+                    break 'structures;
+                }
+                self.stages.begin(format!("{} with n = {n}", topology_name(topology)), n);
+                let before = smaller.map(|k| &fits[k]);
+                let starts = before.map_or_else(Vec::new, |fit| grown(&fit.found.candidate, topology, context.scales));
+                let found = context.explored(topology, n, &starts);
+                let fit =
+                    found.and_then(|found| StructureFit::new(context, context.compared, left_out.as_ref(), found));
+                let Some(fit) = fit else { continue };
+                let is_better = before.is_none_or(|before| !before.is_as_good_as(&fit));
+                // The other topology with as many branches.
+                let other = fits.iter().find(|other| other.branches == n && other.topology != topology);
+                let goes_on = is_better && other.is_none_or(|other| fit.is_as_good_as(other));
+                let is_white = fit.whiteness.white;
+                smaller = Some(fits.len());
+                fits.push(fit);
+                match left_out {
+                    None if is_white => break 'structures,
+                    None if !goes_on => break,
+                    _ => {}
+                }
             }
-            start
-        });
-        let starts: Vec<Candidate> = grown.iter().cloned().chain(random).collect();
-        self.explored_from(&starts, &self.variables(branches))
-    }
-
-    /// The best candidate from `starts` on all samples, over `variables`.
-    pub fn best_from(&self, starts: &[Candidate], variables: &[Variable]) -> Option<Found> {
-        self.explored_from(starts, variables).map(|found| self.finished(found))
-    }
-
-    /// The best candidate from `starts` where structures are compared, over `variables`.
-    fn explored_from(&self, starts: &[Candidate], variables: &[Variable]) -> Option<Found> {
-        let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
-        let mut found = match self.scout {
-            None => self.descents(self.coarse, starts, variables, stopping),
-            Some(scout) => {
-                // Close enough to compare structures: the last search is on all samples.
-                let stopping = StoppingCriteria { decrease: 1e-5, ..stopping };
-                let first = self.descents(scout, starts, variables, stopping);
-                self.descents(self.coarse, &self.promising(first), variables, stopping)
-            }
-        };
-        if !std::ptr::eq(self.compared, self.coarse) {
-            found = self.descents(self.compared, &self.promising(found), variables, FINE);
         }
-        found.into_iter().next()
+        if fits.is_empty() {
+            return Err(Error::Computation("no structure could be fitted to these recordings".into()));
+        }
+        Ok(fits)
     }
 
-    /// The minima that are reached from `starts`, the least first.
-    fn descents(
-        &self,
-        objective: &Objective,
-        starts: &[Candidate],
-        variables: &[Variable],
-        stopping: StoppingCriteria,
-    ) -> Vec<Found> {
-        // An interrupted search begins no further ones, once it has had a chance of a result.
-        let is_begun = |index: usize| index < MIN_STARTS || !self.stop.load(Ordering::Relaxed);
-        let descent = |start| self.descend_over(objective, start, variables.to_vec(), stopping);
-        let begun = starts.par_iter().enumerate().filter(|(index, _)| is_begun(*index));
-        let mut found: Vec<Found> = begun.filter_map(|(_, start)| descent(start)).collect();
-        found.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+    /// Fits with each recording left out in turn, on the thinned recordings if `is_thinned`.
+    fn left_out(&self, is_thinned: bool) -> Result<Option<LeftOut>> {
+        if is_thinned {
+            LeftOut::new(&self.observations.iter().map(observation::thinned).collect::<Vec<_>>())
+        } else {
+            LeftOut::new(self.observations)
+        }
+    }
+
+    /// The structure that is selected among the `linear` one, whose rows are `rows`, and those with a curve or a saturation.
+    fn beyond(&self, (linear, rows): Selected) -> Result<Selected> {
+        let Self { context, settings, .. } = self;
+        let kinds = Kind::for_choice(settings.curve, self.observations);
+        let residuals = |found: &Found| context.fine.evaluate(&found.candidate).map(|e| context.fine.residuals(&e));
+        // White residuals leave nothing to be explained.
+        let is_explained =
+            residuals(&linear).is_none_or(|residuals| Whiteness::new(context.fine.values(), &residuals).white);
+        if kinds.is_empty() || (is_explained && settings.curve == CurveChoice::Auto) {
+            return Ok((linear, rows));
+        }
+        let Some(base) = context.coarsened(&linear.candidate) else { return Ok((linear, rows)) };
+        let left_out = self.left_out(true)?;
+        let found = self.beyond_candidates(&base, &kinds, left_out.is_some());
+        let mut fits = self.beyond_fits(base, found, left_out.as_ref());
+        if settings.curve != CurveChoice::Auto && fits.len() > 1 {
+            // What was asked for, not the linear film.
+            fits.remove(0);
+        }
+        if fits.is_empty() {
+            return Ok((linear, rows));
+        }
+        let selection = Selection::new(context.coarse, &fits);
+        let stays = fits[selection.index].is_linear();
+        let linear_rows = rows.into_iter().map(|row| StructureRow { chosen: row.chosen && stays, ..row });
+        let others = fits.iter().zip(selection.rows).filter(|(fit, _)| !fit.is_linear()).map(|(_, row)| row);
+        let rows = linear_rows.chain(others).collect();
+        if stays {
+            return Ok((linear, rows));
+        }
+        self.stages.note("all samples");
+        // Between thinned recordings and all samples of long ones the minimum moves little.
+        let fine = StoppingCriteria { iterations: 60, decrease: if is_long(context.fine) { 1e-6 } else { 1e-8 } };
+        let selected = &fits[selection.index].found.candidate;
+        Ok((context.descend(context.fine, selected, fine).unwrap_or(linear), rows))
+    }
+
+    /// Candidates of `kinds` on the thinned recordings that may be selected instead of the linear film `base`.
+    fn beyond_candidates(&self, base: &Found, kinds: &[Kind], is_validated: bool) -> Vec<(Kind, Found)> {
+        let Self { context, settings, .. } = self;
+        let smaller = || settings.branches.iter().filter(|&&n| n <= base.candidate.branches());
+        self.stages.expect(kinds.iter().flat_map(|_| smaller().map(|&branches| work(branches))));
+        let mut found: Vec<(Kind, Found)> = kinds.iter().flat_map(|&kind| self.with_fewer(base, kind)).collect();
+        // What a linear film cannot show, because its error hides it, may need more branches. One recording alone cannot
+        // distinguish them from a curve of another shape.
+        let best = found.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).cloned();
+        if let (Some((kind, best)), true) = (best, self.observations.len() > 1) {
+            found.extend(self.with_more(kind, best));
+        }
+        let is_auto = settings.curve == CurveChoice::Auto;
+        let mut least = found.iter().map(cost).fold(f64::INFINITY, f64::min);
+        if !std::ptr::eq(context.scouted(), context.coarse) {
+            // The beginning of a long recording shows which kinds are worth it and come near the best. The others are left out.
+            let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
+            let linear = context.descend(context.scouted(), &base.candidate, stopping);
+            let linear = linear.map_or(f64::INFINITY, |linear| linear.minimum.cost);
+            found.retain(|fit| is_near(cost(fit), least) && (!is_auto || is_worth_it(cost(fit), linear)));
+            found.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
+            if self.observations.len() == 1 {
+                found.truncate(FINALISTS);
+            }
+            let again = |(kind, found): (Kind, Found)| Some((kind, context.coarsened(&found.candidate)?));
+            found = found.into_par_iter().filter_map(again).collect();
+            least = found.iter().map(cost).fold(f64::INFINITY, f64::min);
+        }
+        // What is asked for is fitted even where it is worth nothing.
+        if is_auto && !is_worth_it(least, base.minimum.cost) {
+            found.clear();
+        }
+        if is_validated {
+            // What is left out is hardly fitted better than what is not: only what is near the best is tried.
+            found.retain(|fit| is_near(cost(fit), least));
+        }
         found
     }
 
-    /// The two best minima that differ, because thinning could have changed their order.
-    fn promising(&self, mut found: Vec<Found>) -> Vec<Candidate> {
-        let best = found.first().map_or(0.0, |best| best.minimum.cost);
-        found.dedup_by(|b, a| b.minimum.cost <= 1.001 * a.minimum.cost);
-        found.truncate(if self.stop.load(Ordering::Relaxed) { 1 } else { 2 });
-        // Of long recordings a second descent costs seconds: the beginning decides unless both are nearly the same.
-        let near = if is_long(self.fine) { 1.05 } else { 1.2 };
-        found.into_iter().filter(|f| f.minimum.cost <= near * best).map(|f| f.candidate).collect()
-    }
-
-    /// `found` on all samples, if structures are compared on fewer.
-    pub fn finished(&self, found: Found) -> Found {
-        if std::ptr::eq(self.compared, self.fine) {
-            return found;
-        }
-        // Between thinned recordings and all samples the minimum moves little.
-        let stopping = StoppingCriteria { decrease: 1e-6, ..FINE };
-        self.descend_over(self.fine, &found.candidate, found.variables.clone(), stopping).unwrap_or(found)
-    }
-
-    /// The minimum that is reached from `start`; none if `start` has no response.
-    pub fn descend(&self, objective: &Objective, start: &Candidate, stopping: StoppingCriteria) -> Option<Found> {
-        self.descend_over(objective, start, self.variables_of(start), stopping)
-    }
-
-    /// The same over other variables.
-    pub fn descend_over(
-        &self,
-        objective: &Objective,
-        start: &Candidate,
-        variables: Vec<Variable>,
-        stopping: StoppingCriteria,
-    ) -> Option<Found> {
-        let mut descent = Descent {
-            objective,
-            base: start,
-            bounds: variables.iter().map(|variable| variable.bounds_in(start)).collect(),
-            variables,
-            weights: None,
-            stop: self.stop,
-            evaluations: self.evaluations,
-        };
-        let values: Vec<f64> = descent.variables.iter().map(|variable| variable.get(start)).collect();
-        let minimum = levenberg_marquardt::minimise(&descent, &values, stopping)?;
-        let minimum = match self.loss {
-            Loss::Square => minimum,
-            Loss::Huber => descent.reweighted(minimum, stopping)?,
-        };
-        Some(Found { candidate: descent.candidate(&minimum.values), variables: descent.variables, minimum })
-    }
-
-    /// The minimum on all samples from a `start` of the user.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Computation`] if `start` has no response.
-    pub fn refined(&self, start: &Candidate, topology: Topology) -> Result<Found> {
-        let start = Candidate { topology, ..start.clone() };
-        self.descend(self.fine, &start, StoppingCriteria { iterations: 100, decrease: 1e-9 })
-            .ok_or_else(|| Error::Computation("the given start has no response to these recordings".into()))
-    }
-
-    /// `found` with its branches in the order in which they are written, and the derivatives in that order.
-    pub fn in_order(&self, found: Found) -> Found {
-        let Some(candidate) = found.in_order() else { return found };
-        // One more step gives the derivatives.
-        let again = self.descend(self.fine, &candidate, StoppingCriteria { iterations: 2, decrease: 1e-9 });
-        match again {
-            Some(mut again) => {
-                again.minimum.converged = found.minimum.converged;
-                again
-            }
-            None => found,
-        }
-    }
-}
-
-impl Found {
-    /// The candidate with its branches in the order in which they are written; none if they are.
-    pub fn in_order(&self) -> Option<Candidate> {
-        let ordered = reduce::ordered(&self.candidate.model().ok()?).ok()?;
-        let candidate = Candidate { elements: Candidate::elements_of(&ordered), ..self.candidate.clone() };
-        (candidate != self.candidate).then_some(candidate)
-    }
-}
-
-/// A descent from one start.
-struct Descent<'a> {
-    objective: &'a Objective,
-    base: &'a Candidate,
-    variables: Vec<Variable>,
-    bounds: Vec<(f64, f64)>,
-    weights: Option<Weights>,
-    stop: &'a AtomicBool,
-    evaluations: &'a AtomicUsize,
-}
-
-impl Descent<'_> {
-    fn candidate(&self, values: &[f64]) -> Candidate {
-        let mut candidate = self.base.clone();
-        for (variable, &value) in self.variables.iter().zip(values) {
-            variable.set(&mut candidate, value);
-        }
-        candidate
-    }
-
-    /// The minimum of Huber's loss by iteratively reweighted least squares, from the `minimum` of squares.
-    fn reweighted(&mut self, mut minimum: Minimum, stopping: StoppingCriteria) -> Option<Minimum> {
-        const PASSES: usize = 6;
-        let huber = Huber::new(statistics::percentile_range(self.objective.measured().flatten().copied()));
-        for pass in 0..PASSES {
-            let before = minimum.values;
-            let evaluation = self.objective.evaluate(&self.candidate(&before))?;
-            self.weights = Some(huber.weights(&self.objective.residuals(&evaluation)));
-            // After the first pass the start is close.
-            let iterations = if pass == 0 { stopping.iterations } else { stopping.iterations.min(8) };
-            minimum = levenberg_marquardt::minimise(self, &before, StoppingCriteria { iterations, ..stopping })?;
-            let moved = |(new, old): (&f64, &f64)| (new - old).abs() > 1e-4 * old.abs().max(1e-3);
-            if !minimum.values.iter().zip(&before).any(moved) {
+    /// The linear film `base` and what was `found` beyond it, with their errors on left-out recordings.
+    fn beyond_fits(&self, base: Found, found: Vec<(Kind, Found)>, left_out: Option<&LeftOut>) -> Vec<StructureFit> {
+        let fit = |found: Found| StructureFit::new(self.context, self.context.coarse, left_out, found);
+        self.stages.expect(found.iter().map(|(_, found)| work(found.candidate.branches())));
+        let mut fits: Vec<StructureFit> = fit(base).into_iter().collect();
+        for (kind, found) in found {
+            if self.context.stop.load(Ordering::Relaxed) {
                 break;
             }
+            let branches = found.candidate.branches();
+            self.stages.begin(format!("{} with n = {branches}, left out", kind.name()), branches);
+            fits.extend(fit(found));
         }
-        let evaluation = self.objective.evaluate(&self.candidate(&minimum.values))?;
-        minimum.cost = huber.cost(&self.objective.residuals(&evaluation));
-        Some(minimum)
+        fits
+    }
+
+    /// Fits of `kind` with as many branches as the linear film `base`, and with fewer.
+    fn with_fewer(&self, base: &Found, kind: Kind) -> Vec<(Kind, Found)> {
+        let Self { context, .. } = self;
+        let (range_m, largest_v) = reach(self.observations, base.candidate.offset_m);
+        let bent = |start: &Candidate| kind.starts(start, range_m, largest_v);
+        let mut fits = Vec::new();
+        let mut least = f64::INFINITY;
+        for &branches in self.settings.branches.iter().rev().filter(|&&n| n <= base.candidate.branches()) {
+            if context.stop.load(Ordering::Relaxed) {
+                break;
+            }
+            self.stages.begin(format!("{} with n = {branches}", kind.name()), branches);
+            let starts = if branches == base.candidate.branches() {
+                bent(&base.candidate)
+            } else {
+                context.linear_starts(base.candidate.topology, branches).iter().flat_map(bent).collect()
+            };
+            let Some(found) = context.best_over(context.scouted(), &starts) else { continue };
+            let cost = found.minimum.cost;
+            fits.push((kind, found));
+            // Fewer branches that are clearly too few end the descent.
+            if !is_near(cost, least) {
+                break;
+            }
+            least = least.min(cost);
+        }
+        fits
+    }
+
+    /// Fits of `kind` with more branches than `best`, as long as each makes the error smaller.
+    fn with_more(&self, kind: Kind, best: Found) -> Vec<(Kind, Found)> {
+        let Self { context, .. } = self;
+        let mut fits = Vec::new();
+        let mut last = best;
+        while self.settings.branches.contains(&(last.candidate.branches() + 1)) && !context.stop.load(Ordering::Relaxed)
+        {
+            let branches = last.candidate.branches() + 1;
+            self.stages.begin(format!("{} with n = {branches}", kind.name()), branches);
+            let starts = grown(&last.candidate, Topology::Parallel, context.scales);
+            let Some(found) = context.best_over(context.scouted(), &starts) else { break };
+            if !is_worth_it(found.minimum.cost, last.minimum.cost) {
+                break;
+            }
+            last = found.clone();
+            fits.push((kind, found));
+        }
+        fits
     }
 }
 
-impl Problem for Descent<'_> {
-    type Evaluation = Evaluation;
-
-    fn residuals(&self, values: &[f64]) -> Option<(Vec<f64>, Evaluation)> {
-        self.evaluations.fetch_add(1, Ordering::Relaxed);
-        let evaluation = self.objective.evaluate(&self.candidate(values))?;
-        let mut residuals = self.objective.residuals(&evaluation);
-        if let Some(weights) = &self.weights {
-            weights.apply(&mut residuals);
-        }
-        Some((residuals, evaluation))
-    }
-
-    fn jacobian(&self, values: &[f64], evaluation: &Evaluation) -> Vec<Vec<f64>> {
-        let mut columns = self.objective.jacobian(&self.candidate(values), evaluation, &self.variables);
-        if let Some(weights) = &self.weights {
-            columns.iter_mut().for_each(|column| weights.apply(column));
-        }
-        columns
-    }
-
-    fn bounds(&self) -> &[(f64, f64)] {
-        &self.bounds
-    }
-
-    fn longest(&self, index: usize) -> f64 {
-        match self.variables[index] {
-            // In 1/m and m: limited by the bounds only.
-            Variable::StretchCoupling | Variable::Offset | Variable::Saturation => f64::INFINITY,
-            // A curve changes its meaning beyond a factor of e in a step.
-            Variable::Slope(_) | Variable::FreeLength | Variable::Limit => 1.0,
-            _ => levenberg_marquardt::MAX_STEP,
-        }
-    }
-
-    fn interrupted(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-    }
+fn cost((_, found): &(Kind, Found)) -> f64 {
+    found.minimum.cost
 }

@@ -1,22 +1,21 @@
-//! Selection of the structure: the number of branches, and how they are connected.
+//! Selection of the structure: the one rule by which topology, branches, elastic curve and saturation are chosen.
 
 use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
 use serde::Serialize;
-use springpot::{Springpot, Topology};
+use springpot::Topology;
 
-use super::candidate::Candidate;
+use super::candidate::{Bend, Candidate};
+use super::descent::{Context, Found};
 use super::levenberg_marquardt::StoppingCriteria;
 use super::objective::Objective;
-use super::observation::{self, Observation};
-use super::search::{Context, Found, is_long};
-use super::settings::Stages;
-use super::settings::{Settings, topology_name};
+use super::observation::Observation;
+use super::settings::topology_name;
 use super::statistics::Whiteness;
 use super::statistics::{self, Loss};
 use crate::agreement::Agreement;
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// A structure that was fitted, for tables.
 #[derive(Clone, Debug, Serialize)]
@@ -71,61 +70,64 @@ const MARGIN: f64 = 1.05;
 const MARGIN_BIC: f64 = 10.0;
 /// A gain of the mean R² up to this is not worth a branch: an error of 0.3 % of the stroke's standard deviation.
 const MIN_GAIN: f64 = 1e-5;
+/// Share of a cost to which a nonlinearity, or one more branch behind it, must bring it: errors a twentieth smaller.
+const WORTH: f64 = 0.9;
+/// A cost so many times the least is far from it: errors 1.3 times as large.
+const FAR: f64 = 1.7;
 
-/// Fits the structures of the settings and selects the smallest that is not worse than the best: by the error on left-out
-/// recordings. If there is only one recording, the best is that with the least error among those whose Bayesian criterion says
-/// that they do not fit noise, a structure is not worse whose error is up to 5 % or an R² of 1e-5 above it, and no larger
-/// structures are tried once residuals are white, one more branch was not worth it, or the other topology was better with as many.
-///
-/// # Errors
-///
-/// [`Error::Computation`] where no structure has a fit.
-pub fn select(
-    context: &Context<'_>,
-    observations: &[Observation],
-    settings: &Settings,
-    stages: &Stages<'_>,
-) -> Result<(Found, Vec<StructureRow>)> {
-    let mut fits = fit_structures(context, observations, settings, stages)?;
-    let criteria = Criteria::new(context.compared, &fits);
-    let selected = criteria.smallest_that_is_not_worse(&fits);
-    let rows = fits.iter().enumerate().map(|(k, fit)| criteria.row(fit, k, k == selected)).collect();
-    stages.tell("the chosen structure on all samples");
-    Ok((context.finished(fits.swap_remove(selected).found), rows))
+/// Whether `cost` is so much less than `simpler`, that of a simpler structure, that a nonlinearity is worth it.
+pub(super) fn is_worth_it(cost: f64, simpler: f64) -> bool {
+    cost <= WORTH * simpler
+}
+
+/// Whether `cost` is near the `least`, so that the structure may still be selected.
+pub(super) fn is_near(cost: f64, least: f64) -> bool {
+    cost <= FAR * least
 }
 
 /// A fitted structure.
 pub(super) struct StructureFit {
-    topology: Topology,
-    branches: usize,
+    pub(super) topology: Topology,
+    pub(super) branches: usize,
     pub(super) found: Found,
-    pub(super) left_out_nrmse_pct: Option<f64>,
+    left_out_nrmse_pct: Option<f64>,
     /// Mean of the recordings' R², and of their NRMSE (%).
     r2_mean: f64,
     nrmse_pct: f64,
-    whiteness: Whiteness,
+    pub(super) whiteness: Whiteness,
 }
 
 impl StructureFit {
-    /// The fit of a structure that was `found`; none if it has no response.
-    pub(super) fn new(objective: &Objective, topology: Topology, branches: usize, found: Found) -> Option<Self> {
+    /// The structure that was `found`, with its error where it is compared (`objective`) and on the recordings that are
+    /// `left_out`; none if it has no response.
+    pub(super) fn new(
+        context: &Context<'_>,
+        objective: &Objective,
+        left_out: Option<&LeftOut>,
+        found: Found,
+    ) -> Option<Self> {
         let evaluation = objective.evaluate(&found.candidate)?;
         let pairs = objective.measured().zip(&evaluation.modelled);
         let agreements: Vec<Agreement> = pairs.map(|(measured, modelled)| Agreement::new(measured, modelled)).collect();
         let mean = |of: fn(&Agreement) -> f64| agreements.iter().map(of).sum::<f64>() / agreements.len() as f64;
         Some(Self {
-            topology,
-            branches,
+            topology: found.candidate.topology,
+            branches: found.candidate.branches(),
             r2_mean: mean(|a| a.r2),
             nrmse_pct: mean(|a| a.nrmse_pct),
             whiteness: Whiteness::new(objective.values(), &objective.residuals(&evaluation)),
+            left_out_nrmse_pct: left_out.and_then(|left_out| left_out.error(context, &found)),
             found,
-            left_out_nrmse_pct: None,
         })
     }
 
+    /// Whether it has neither a curve nor a drive that saturates.
+    pub(super) fn is_linear(&self) -> bool {
+        self.found.candidate.bend == Bend::Straight && !self.saturates()
+    }
+
     /// Whether its drive saturates.
-    pub(super) fn saturates(&self) -> bool {
+    fn saturates(&self) -> bool {
         self.found.candidate.actuator.saturation_v.is_some()
     }
 
@@ -138,112 +140,64 @@ impl StructureFit {
     }
 
     /// Whether the error is not worth more branches than this structure has to reach that of `best`.
-    fn is_as_good_as(&self, best: &Self) -> bool {
+    pub(super) fn is_as_good_as(&self, best: &Self) -> bool {
         self.cost() <= MARGIN * MARGIN * best.cost() || best.r2_mean - self.r2_mean <= MIN_GAIN
     }
-}
 
-/// Fits of all structures, larger ones also from smaller ones; fewer if the search is interrupted.
-fn fit_structures(
-    context: &Context<'_>,
-    observations: &[Observation],
-    settings: &Settings,
-    stages: &Stages<'_>,
-) -> Result<Vec<StructureFit>> {
-    let left_out = if is_long(context.fine) {
-        LeftOut::new(&observations.iter().map(observation::thinned).collect::<Vec<_>>())?
-    } else {
-        LeftOut::new(observations)?
-    };
-    let mut fits: Vec<StructureFit> = Vec::new();
-    'structures: for &topology in &settings.topologies {
-        let mut smaller: Option<usize> = None;
-        for &n in &settings.branches {
-            // Below two branches the topologies are the same model.
-            if n < 2 && topology != settings.topologies[0] {
-                smaller = fits.iter().position(|fit| fit.branches == n);
-                continue;
-            }
-            if context.stop.load(Ordering::Relaxed) && !fits.is_empty() {
-                break 'structures;
-            }
-            stages.begin(format!("{} with n = {n}", topology_name(topology)), n);
-            let before = smaller.map(|k| &fits[k]);
-            let starts = before.map_or_else(Vec::new, |fit| grown(&fit.found.candidate, topology, context));
-            let found = context.explored(topology, n, &starts);
-            let Some(mut fit) = found.and_then(|found| StructureFit::new(context.compared, topology, n, found)) else {
-                continue;
-            };
-            fit.left_out_nrmse_pct = left_out.as_ref().and_then(|left_out| left_out.error(context, &fit.found));
-            let worth_it = before.is_none_or(|before| !before.is_as_good_as(&fit));
-            // The other topology with as many branches.
-            let other = fits.iter().find(|other| other.branches == n && other.topology != topology);
-            let worth_it = worth_it && other.is_none_or(|other| fit.is_as_good_as(other));
-            let white = fit.whiteness.white;
-            smaller = Some(fits.len());
-            fits.push(fit);
-            match left_out {
-                None if white => break 'structures,
-                None if !worth_it => break,
-                _ => {}
-            }
+    /// The criterion for it, where fits are or are not validated on left-out recordings.
+    fn judgement(&self, is_validated: bool) -> Judgement {
+        match self.left_out_nrmse_pct {
+            Some(error_pct) => Judgement::LeftOut(error_pct),
+            None if is_validated => Judgement::Missing,
+            None => Judgement::Fitted,
         }
     }
-    if fits.is_empty() {
-        return Err(Error::Computation("no structure could be fitted to these recordings".into()));
-    }
-    Ok(fits)
 }
 
-/// Information criteria of all structures, in their order.
-pub(super) struct Criteria {
-    /// Akaike's and the Bayesian criterion.
-    aic_bic: Vec<(f64, f64)>,
-    least_aic: f64,
-    least_bic: f64,
+/// The criterion for a structure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Judgement {
+    /// The error on recordings that were left out, %.
+    LeftOut(f64),
+    /// Others have an error on left-out recordings, this one has none: it is never selected. Its row has no such error.
+    Missing,
+    /// No structure has an error on left-out recordings: the error on the recordings themselves.
+    Fitted,
 }
 
-impl Criteria {
-    /// The criteria of `fits`, with the number of independent samples from the residuals of the best of them.
+/// The structure that is selected among fits to the same recordings, with a row for each.
+///
+/// It is the smallest that is not worse than the best: by the error on left-out recordings. If there is only one recording, the
+/// best is that with the least error among those whose Bayesian criterion says that they do not fit noise, and a structure is not
+/// worse whose error is up to 5 % or an R² of 1e-5 above it.
+pub(super) struct Selection {
+    /// Its place among the fits.
+    pub(super) index: usize,
+    /// One row per fit.
+    pub(super) rows: Vec<StructureRow>,
+}
+
+impl Selection {
+    /// Selects among `fits` to the recordings of `objective`; the first where none is left.
     pub(super) fn new(objective: &Objective, fits: &[StructureFit]) -> Self {
-        let best = fits.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
-        let samples = best.map_or(1.0, |best| best.whiteness.effective_samples);
-        let aic_bic: Vec<(f64, f64)> = fits
-            .iter()
-            .map(|fit| {
-                let variance = (2.0 * fit.cost() / objective.samples() as f64).max(f64::MIN_POSITIVE);
-                let misfit = samples * variance.ln();
-                let k = fit.variables() as f64;
-                (misfit + 2.0 * k, misfit + k * samples.ln())
-            })
-            .collect();
-        let least = |of: fn(&(f64, f64)) -> f64| aic_bic.iter().map(of).fold(f64::INFINITY, f64::min);
+        let criteria = criteria(objective, fits);
+        let least = |of: fn(&(f64, f64)) -> f64| criteria.iter().map(of).fold(f64::INFINITY, f64::min);
         let (least_aic, least_bic) = (least(|c| c.0), least(|c| c.1));
-        Self { aic_bic, least_aic, least_bic }
-    }
-
-    /// The structure with the fewest variables of those that are not worse than the best.
-    pub(super) fn smallest_that_is_not_worse(&self, fits: &[StructureFit]) -> usize {
-        let cross_validated = fits.iter().any(|fit| fit.left_out_nrmse_pct.is_some());
         let least_left_out = fits.iter().filter_map(|fit| fit.left_out_nrmse_pct).fold(f64::INFINITY, f64::min);
-        let fits_no_noise = |fit: &(usize, &StructureFit)| self.aic_bic[fit.0].1 <= self.least_bic + MARGIN_BIC;
+        let is_validated = fits.iter().any(|fit| fit.left_out_nrmse_pct.is_some());
+        let fits_no_noise = |fit: &(usize, &StructureFit)| criteria[fit.0].1 <= least_bic + MARGIN_BIC;
         let best = fits.iter().enumerate().filter(fits_no_noise).min_by(|a, b| a.1.cost().total_cmp(&b.1.cost()));
-        let not_worse = |k: usize| match fits[k].left_out_nrmse_pct {
-            Some(error) => error <= MARGIN * least_left_out,
-            None => !cross_validated && best.is_some_and(|(_, best)| fits[k].is_as_good_as(best)),
+        let is_not_worse = |k: usize| match fits[k].judgement(is_validated) {
+            Judgement::LeftOut(error_pct) => error_pct <= MARGIN * least_left_out,
+            Judgement::Missing => false,
+            Judgement::Fitted => best.is_some_and(|(_, best)| fits[k].is_as_good_as(best)),
         };
-        (0..fits.len())
-            .filter(|&k| not_worse(k))
-            .min_by(|&a, &b| {
-                let by_size = fits[a].variables().cmp(&fits[b].variables());
-                by_size.then(self.aic_bic[a].1.total_cmp(&self.aic_bic[b].1))
-            })
-            .unwrap_or(0)
-    }
-
-    /// The row of `fit`, which is number `k`.
-    pub(super) fn row(&self, fit: &StructureFit, k: usize, chosen: bool) -> StructureRow {
-        StructureRow {
+        let smallest = |&a: &usize, &b: &usize| {
+            let by_size = fits[a].variables().cmp(&fits[b].variables());
+            by_size.then(criteria[a].1.total_cmp(&criteria[b].1))
+        };
+        let index = (0..fits.len()).filter(|&k| is_not_worse(k)).min_by(smallest).unwrap_or(0);
+        let row = |(k, fit): (usize, &StructureFit)| StructureRow {
             topology: fit.topology,
             branches: fit.branches,
             curve: fit.found.candidate.bend.name(),
@@ -251,12 +205,26 @@ impl Criteria {
             variables: fit.variables(),
             r2_mean: fit.r2_mean,
             nrmse_pct: fit.nrmse_pct,
-            delta_aic: self.aic_bic[k].0 - self.least_aic,
-            delta_bic: self.aic_bic[k].1 - self.least_bic,
+            delta_aic: criteria[k].0 - least_aic,
+            delta_bic: criteria[k].1 - least_bic,
             left_out_nrmse_pct: fit.left_out_nrmse_pct,
-            chosen,
-        }
+            chosen: k == index,
+        };
+        Self { index, rows: fits.iter().enumerate().map(row).collect() }
     }
+}
+
+/// Akaike's and the Bayesian criterion of `fits`, with the number of independent samples from the residuals of the best of them.
+fn criteria(objective: &Objective, fits: &[StructureFit]) -> Vec<(f64, f64)> {
+    let best = fits.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
+    let samples = best.map_or(1.0, |best| best.whiteness.effective_samples);
+    let of = |fit: &StructureFit| {
+        let variance = (2.0 * fit.cost() / objective.samples() as f64).max(f64::MIN_POSITIVE);
+        let misfit = samples * variance.ln();
+        let k = fit.variables() as f64;
+        (misfit + 2.0 * k, misfit + k * samples.ln())
+    };
+    fits.iter().map(of).collect()
 }
 
 /// Agreement of a candidate with every recording; empty if it has no response.
@@ -275,27 +243,6 @@ fn nrmse_pct(objective: &Objective, candidate: &Candidate, loss: Loss) -> Option
     let residuals = objective.residuals(&objective.evaluate(candidate)?);
     let range = statistics::percentile_range(objective.measured().flatten().copied());
     Some(100.0 * statistics::robust_deviation(&residuals) / range.max(f64::MIN_POSITIVE))
-}
-
-/// The candidate with one more branch of little effect, at three relaxation times.
-pub(super) fn grown(candidate: &Candidate, topology: Topology, context: &Context<'_>) -> Vec<Candidate> {
-    let (short, long) = context.scales.times_s;
-    [0.2, 0.5, 0.8]
-        .into_iter()
-        .map(|share| {
-            let time = short * f64::powf(long / short, share);
-            let stiffness = match topology {
-                Topology::Parallel => 0.1 * context.scales.stiffness,
-                // In series with all others: a stiff branch has little effect.
-                Topology::Eq11 => 10.0 * context.scales.stiffness,
-            };
-            let mut grown = candidate.clone();
-            grown.topology = topology;
-            grown.elements.push(Springpot::new(stiffness * f64::powf(time, 0.1), 0.1));
-            grown.elements.push(Springpot::new(stiffness * f64::powf(time, 0.9), 0.9));
-            grown
-        })
-        .collect()
 }
 
 /// Fits to all recordings but one, and their error on that one.

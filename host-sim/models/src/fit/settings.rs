@@ -1,4 +1,4 @@
-//! What is fitted, and how: the settings of a fit, and its stages.
+//! The settings of a fit, and its stages.
 
 use std::cell::Cell;
 
@@ -30,7 +30,7 @@ impl Method {
     }
 }
 
-/// What may be fitted beyond a linear film.
+/// Nonlinearities that may be fitted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum CurveChoice {
     /// Select: none, a drive that saturates, an elastic curve, or both.
@@ -50,7 +50,7 @@ pub enum CurveChoice {
     Both,
 }
 
-/// What is fitted, and how.
+/// The settings of a fit: what is fitted, and how.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// How parameters are searched for.
@@ -69,7 +69,7 @@ pub struct Settings {
     pub held: Vec<Variable>,
     /// A further start.
     pub start: Option<Candidate>,
-    /// What may be fitted beyond a linear film.
+    /// Nonlinearities that may be fitted.
     pub curve: CurveChoice,
     /// Loss function of the residuals.
     pub loss: Loss,
@@ -111,7 +111,7 @@ impl Settings {
         }
     }
 
-    /// Refuses an invalid actuator, and freed quantities that cannot be told apart.
+    /// Refuses an invalid actuator, and freed quantities that cannot be distinguished.
     ///
     /// # Errors
     ///
@@ -163,7 +163,7 @@ pub fn checked_starts(starts: usize) -> Result<()> {
 
 /// The stages of a fit: how many are expected, and which share of the work each is.
 ///
-/// What is fitted beyond a linear film is planned when the linear film is known, and guessed before. A selection that ends early leaves
+/// Nonlinear fits are planned when the linear film is known, and guessed before. A selection that ends early leaves
 /// stages out.
 pub struct Stages<'a> {
     report: &'a dyn Fn(&Stage),
@@ -185,11 +185,11 @@ struct Plan {
 }
 
 impl<'a> Stages<'a> {
-    /// The stages of a fit with `settings` that tries so many `kinds` of nonlinearity, of which `report` is told.
+    /// The stages of a fit with `settings` that tries so many `kinds` of nonlinearity, which are reported to `report`.
     pub fn new(settings: &Settings, kinds: usize, report: &'a dyn Fn(&Stage)) -> Self {
         let stages = Self { report, plan: Cell::default() };
         match settings.single_structure() {
-            // One stage has no share worth telling.
+            // One stage has no share worth reporting.
             Some(_) if kinds == 0 || settings.start.is_some() => {}
             Some((_, branches)) => stages.expect((0..=kinds).map(|_| work(branches))),
             None => {
@@ -223,8 +223,8 @@ impl<'a> Stages<'a> {
         });
     }
 
-    /// Tells what is done now, which takes little beside the stages.
-    pub(super) fn tell(&self, what: &str) {
+    /// Reports what is done now, which takes little beside the stages.
+    pub(super) fn note(&self, what: &str) {
         (self.report)(&Stage::named(what));
     }
 }

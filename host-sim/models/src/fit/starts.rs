@@ -1,4 +1,4 @@
-//! Start values of searches.
+//! Start values of searches: random ones, with one more branch, with a little of a nonlinearity.
 
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -6,6 +6,7 @@ use springpot::{Actuator, Springpot, Topology};
 
 use super::candidate::{Bend, Candidate};
 use super::observation::Observation;
+use super::settings::CurveChoice;
 use super::statistics::{change, median, range};
 use crate::files::recording::Input;
 
@@ -89,4 +90,119 @@ pub fn start(
         elements.push(Springpot::new(stiffness * time.powf(viscous), viscous));
     }
     Candidate { actuator, elements, topology, offset_m: 0.0, bend: Bend::Straight }
+}
+
+/// The candidate with one more branch of little effect, at three relaxation times.
+pub(super) fn grown(candidate: &Candidate, topology: Topology, scales: Scales) -> Vec<Candidate> {
+    let (short, long) = scales.times_s;
+    [0.2, 0.5, 0.8]
+        .into_iter()
+        .map(|share| {
+            let time = short * f64::powf(long / short, share);
+            let stiffness = match topology {
+                Topology::Parallel => 0.1 * scales.stiffness,
+                // In series with all others: a stiff branch has little effect.
+                Topology::Eq11 => 10.0 * scales.stiffness,
+            };
+            let mut grown = candidate.clone();
+            grown.topology = topology;
+            grown.elements.push(Springpot::new(stiffness * f64::powf(time, 0.1), 0.1));
+            grown.elements.push(Springpot::new(stiffness * f64::powf(time, 0.9), 0.9));
+            grown
+        })
+        .collect()
+}
+
+/// One kind of nonlinearity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Kind {
+    Saturation,
+    MooneyRivlin,
+    Gent,
+    Free { pieces: usize, saturates: bool },
+}
+
+impl Kind {
+    /// The kinds that `choice` names for these observations.
+    pub(super) fn for_choice(choice: CurveChoice, observations: &[Observation]) -> Vec<Self> {
+        let volts = observations.iter().any(|o| matches!(o.input, Input::Voltage(_)));
+        let free = |saturates| [2, 4].map(|pieces| Self::Free { pieces, saturates }).to_vec();
+        match choice {
+            CurveChoice::None => Vec::new(),
+            CurveChoice::Saturation => vec![Self::Saturation],
+            CurveChoice::MooneyRivlin => vec![Self::MooneyRivlin],
+            CurveChoice::Gent => vec![Self::Gent],
+            CurveChoice::Free => free(false),
+            CurveChoice::Both => free(true),
+            CurveChoice::Auto if volts => [vec![Self::Saturation], free(false), free(true)].concat(),
+            CurveChoice::Auto => [vec![Self::MooneyRivlin, Self::Gent], free(false)].concat(),
+        }
+    }
+
+    /// Its name while it is fitted.
+    pub(super) fn name(self) -> String {
+        match self {
+            Self::Saturation => "saturation".into(),
+            Self::MooneyRivlin => "mooney-rivlin".into(),
+            Self::Gent => "gent".into(),
+            Self::Free { pieces, saturates: false } => format!("free curve of {pieces} pieces"),
+            Self::Free { pieces, saturates: true } => format!("free curve of {pieces} pieces and saturation"),
+        }
+    }
+
+    /// `candidate` with a little of this nonlinearity: starts of a search. `range_m` is the stroke, `largest_v` the largest voltage.
+    pub(super) fn starts(self, candidate: &Candidate, range_m: (f64, f64), largest_v: f64) -> Vec<Candidate> {
+        let mut start = candidate.clone();
+        // A twentieth of the force at the largest voltage.
+        let saturation_v = Some(20f64.sqrt() * largest_v.max(1.0));
+        match self {
+            Self::Saturation => {
+                start.actuator.saturation_v = saturation_v;
+                vec![start]
+            }
+            Self::Free { pieces, saturates } => {
+                start.bend = Bend::free(pieces, range_m);
+                start.actuator.saturation_v = saturation_v.filter(|_| saturates);
+                vec![start]
+            }
+            Self::MooneyRivlin | Self::Gent => {
+                let stroke = range_m.1.abs().max(range_m.0.abs());
+                // Stretched to 1.3, 2 and 5 times its length.
+                [3.3f64, 1.0, 0.25]
+                    .into_iter()
+                    .map(|length| {
+                        let farthest = 1.0 + 1.0 / length;
+                        let invariant = farthest * farthest + 2.0 / farthest - 3.0;
+                        let ln_limit = (self == Self::Gent).then(|| (5.0 * invariant).ln());
+                        let ln_length = (length * stroke).ln();
+                        let bend = Bend::Rubber { share: 0.5, ln_limit, ln_length, rest_stretch: 1.0, range_m };
+                        Candidate { bend, ..start.clone() }
+                    })
+                    .collect()
+            }
+        }
+    }
+}
+
+/// The stroke of all `observations` with a margin, and the largest voltage (V).
+pub(super) fn reach(observations: &[Observation], offset_m: f64) -> ((f64, f64), f64) {
+    let (mut low, mut high, mut largest_v) = (0f64, 0f64, 0f64);
+    for observation in observations {
+        let values = &observation.input.samples().value;
+        let (least, most) = match observation.input {
+            Input::Displacement(_) => range(values),
+            _ => {
+                let (least, most) = range(&observation.measured.value);
+                (least - offset_m, most - offset_m)
+            }
+        };
+        (low, high) = (low.min(least), high.max(most));
+        if let Input::Voltage(_) = observation.input {
+            largest_v = values.iter().fold(largest_v, |largest, v| largest.max(v.abs()));
+        }
+    }
+    let margin = 0.05 * (high - low);
+    // Noise about 0 is no stroke.
+    let low = if low < -0.05 * (high - low) { low - margin } else { low };
+    ((low, high + margin), largest_v)
 }

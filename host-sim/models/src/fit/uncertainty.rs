@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::candidate::{Candidate, Variable};
+use super::descent::{Context, Found};
 use super::levenberg_marquardt::StoppingCriteria;
-use super::search::{Context, Found};
 use super::statistics::Whiteness;
 
 /// Uncertainty of a fit.

@@ -24,7 +24,7 @@ pub enum Severity {
 pub struct Warning {
     /// How much it matters.
     pub severity: Severity,
-    /// What is the matter, and what to do.
+    /// The problem, and what to do.
     pub text: String,
 }
 

@@ -22,7 +22,7 @@ pub struct Feasibility {
     pub below_zero_pct: f64,
     /// Share of the time that needs more than the largest voltage or field, %.
     pub above_largest_pct: f64,
-    /// Share of the time beyond the stroke that the film's elastic curve was measured over, %: the curve goes on linearly there.
+    /// Share of the time beyond the stroke that the film's elastic curve was measured over, %: the curve continues linearly there.
     pub beyond_curve_pct: f64,
     /// First time at which either is needed, s.
     pub first_s: Option<f64>,
@@ -39,7 +39,7 @@ pub struct Feasibility {
     pub least_offset_m: Option<f64>,
     /// The largest offset that needs no more than the largest voltage, m; negative for a reference that is too high.
     pub most_offset_m: Option<f64>,
-    /// What of it the amplifier cannot follow, where it lags.
+    /// The part of it that the amplifier cannot follow, where it lags.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub amplifier: Option<AmplifierDemand>,
     /// The limits that are not kept, each with what is needed and what is allowed where it is exceeded most.
@@ -54,15 +54,15 @@ pub struct Feasibility {
 pub struct Binding {
     /// Which one.
     pub limit: Limit,
-    /// What the reference needs, where it exceeds the limit most, in the limit's unit.
+    /// The value that the reference needs, where it exceeds the limit most, in the limit's unit.
     pub needed: f64,
-    /// What is allowed there.
+    /// The value that is allowed there.
     pub allowed: f64,
     /// When that is, s.
     pub at_s: f64,
 }
 
-/// What a reference may ask for.
+/// A limit of a reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Limit {
@@ -91,7 +91,7 @@ pub struct Smaller {
     pub offset_m: f64,
 }
 
-/// What a reference needs of an amplifier that lags.
+/// The demand of a reference on an amplifier that lags.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct AmplifierDemand {
     /// Share of the time in which the voltage must fall faster than the bleeder lets it, −V / `fall_s`, %.

@@ -7,7 +7,7 @@ use num_complex::Complex;
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 
-/// Of `parameters` for small oscillations about `at_m`, m/N.
+/// The response of `parameters` to small oscillations about `at_m`, m/N.
 pub fn continuous(parameters: &Parameters, frequency_hz: f64, at_m: f64) -> Complex<f64> {
     let model = &parameters.model;
     match &parameters.curve {

@@ -33,7 +33,7 @@ pub struct FullMemory {
 impl FullMemory {
     /// A circle for `samples` samples at `step` seconds.
     ///
-    /// What wraps around the end of the transform is damped by the radius, which in turn amplifies rounding; with four
+    /// The part that wraps around the end of the transform is damped by the radius, which in turn amplifies rounding; with four
     /// times as many points as samples both stay near 1e-12 of the largest response.
     pub fn new(samples: usize, step: f64) -> Self {
         Self::with_oversampling(samples, step, 4)

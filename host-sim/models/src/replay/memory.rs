@@ -90,7 +90,7 @@ pub struct RunOptions {
 }
 
 impl Default for RunOptions {
-    /// What the controller runs.
+    /// The law that the controller runs.
     fn default() -> Self {
         Self { rate_hz: 1000.0, memory: MemoryChoice::Compressed, precision: Precision::F32 }
     }
@@ -98,7 +98,7 @@ impl Default for RunOptions {
 
 /// Work that is written once for every memory and precision.
 pub trait OnLaw {
-    /// What the work gives.
+    /// The result of the work.
     type Output;
 
     /// Does the work with `law`, from the state `rest` of a film that was never moved.

@@ -102,7 +102,7 @@ impl Tuning {
     }
 }
 
-/// What an observer takes of a recording.
+/// The inputs of an observer from a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ObservedRecording {
     /// The observer's ticks.
@@ -114,7 +114,7 @@ pub struct ObservedRecording {
 }
 
 impl ObservedRecording {
-    /// Of `recording`, for ticks at `rate_hz`.
+    /// The inputs from `recording`, for ticks at `rate_hz`.
     ///
     /// # Errors
     ///

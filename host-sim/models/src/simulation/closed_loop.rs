@@ -255,7 +255,7 @@ impl<'a> RunningBench<'a> {
         Some(SensorSample { displacement_m: displacement, age_ticks: k - taken })
     }
 
-    /// What the controller knows of the voltage that it `commanded` (V).
+    /// The applied voltage as the controller knows it, of which it `commanded` (V).
     fn applied(&mut self, commanded: f64) -> Applied<f64> {
         match self.model.monitor_error {
             Some(share) => Applied::as_monitored(commanded, self.readings.voltage_v(self.actual_v * (1.0 + share))),
@@ -305,7 +305,7 @@ pub struct LoopTick {
     pub reference_m: f64,
     /// Displacement of the film, m.
     pub displacement_m: f64,
-    /// What the controller commands from this tick on.
+    /// The command of the controller from this tick on.
     pub output: ControllerOutput,
 }
 

@@ -74,7 +74,7 @@ impl FilmRecording {
     }
 }
 
-/// What is played to a film at rest, and with what it is recorded.
+/// The signal that is played to a film at rest, and the instruments that record it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Session {
     /// The voltage.

@@ -12,7 +12,7 @@ use crate::simulation::film::{Film, FilmState};
 pub trait Plant {
     /// Displacement from where it rested, m.
     fn displacement_m(&self) -> f64;
-    /// Goes on for a substep under a constant `voltage_v`.
+    /// Advances by a substep under a constant `voltage_v`.
     fn advance(&mut self, voltage_v: f64);
     /// Whether it is intact: neither torn nor pulled in.
     fn holds(&self) -> bool;
@@ -102,7 +102,7 @@ pub struct FullMemoryPlant {
     last: f64,
     /// g, N/m.
     relaxation: Vec<f64>,
-    /// Of T(x), m.
+    /// Increments of T(x), m.
     increments: Vec<f64>,
     /// Force that complete blocks leave in the substeps to come, N.
     past_n: Vec<f64>,

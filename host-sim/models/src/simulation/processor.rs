@@ -68,7 +68,7 @@ pub enum Task {
     },
 }
 
-/// What tasks are made of files.
+/// Options of the tasks that are made of files.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TaskOptions {
     /// The code that is compared.
@@ -82,7 +82,7 @@ pub struct TaskOptions {
 }
 
 impl Task {
-    /// The task of `recording`: to step or observe it, or to follow it as a reference, as [`FirmwareLaw::follows_references`] tells.
+    /// The task of `recording`: to step or observe it, or to follow it as a reference, as [`FirmwareLaw::follows_references`] states.
     /// `sensor` is the displacement sensor that made the recording.
     ///
     /// # Errors

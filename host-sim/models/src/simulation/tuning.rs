@@ -8,7 +8,7 @@ use crate::files::parameters::{Parameters, as_written};
 use crate::quantity::{at_most, positive};
 use crate::simulation::controllers::{ControllerKind, ControllerSettings, PI_HZ};
 
-/// What is asked of a controller.
+/// The requested tuning of a controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControllerTuning {
     /// Steps per second.

@@ -11,8 +11,8 @@ use springpot::{Actuator, Springpot, Topology};
 use crate::agreement::Agreement;
 use crate::error::Result;
 use crate::fit::candidate::Candidate;
+use crate::fit::descent::{Context, PreparedObservations};
 use crate::fit::observation::Observation;
-use crate::fit::search::{Context, PreparedObservations};
 use crate::fit::settings::topology_name;
 use crate::fit::{Method, Settings, pattern_search};
 

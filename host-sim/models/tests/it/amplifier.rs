@@ -98,9 +98,9 @@ fn known(time: Time) -> f64 {
     }
 }
 
-/// Asserts that `log` tells both times within `share`, and the monitor's gain and offset.
+/// Asserts that `log` shows both times within `share`, and the monitor's gain and offset.
 #[track_caller]
-fn tells(log: &AmplifierLog, bench: &Bench, share: f64) -> Identification {
+fn identified(log: &AmplifierLog, bench: &Bench, share: f64) -> Identification {
     let found = identify(log).expect("identified");
     let (rise, fall) = (known(found.rise), known(found.fall));
     println!(
@@ -126,13 +126,13 @@ fn steps_and_staircases_tell_rise_and_fall() {
         // Ten times the rows take ten times as long.
         let rates_hz: &[f64] = if full_sweep() || fall_s == 0.5 { &[100.0, 1000.0] } else { &[100.0] };
         for &rate_hz in rates_hz {
-            tells(&bench.log(rate_hz, 12.0, steps), &bench, 0.03);
-            tells(&bench.log(rate_hz, 11.0, staircase), &bench, 0.03);
+            identified(&bench.log(rate_hz, 12.0, steps), &bench, 0.03);
+            identified(&bench.log(rate_hz, 11.0, staircase), &bench, 0.03);
         }
     }
 }
 
-/// A row tells that a step has come since the row before, not when: the same for all, or each for itself.
+/// A row shows that a step has come since the row before, not when: the same for all, or each for itself.
 #[test]
 fn steps_between_two_rows_are_found_in_time() {
     let bench = Bench { rise_s: 0.05, fall_s: 0.2, ..BENCH };
@@ -141,10 +141,10 @@ fn steps_between_two_rows_are_found_in_time() {
         let at = times.iter().filter(|at| time_s >= **at - 1e-9).count();
         [0.0, 3000.0, 0.0, 4500.0, 1500.0, 3000.0, 0.0][at]
     };
-    tells(&bench.log(100.0, 14.0, uneven), &bench, 0.01);
+    identified(&bench.log(100.0, 14.0, uneven), &bench, 0.01);
     for early_s in [0.0, 0.003, 0.007, -0.003] {
         let bench = Bench { rise_s: 0.05, fall_s: 0.2, early_s, ..BENCH };
-        tells(&bench.log(100.0, 24.0, steps), &bench, 0.03);
+        identified(&bench.log(100.0, 24.0, steps), &bench, 0.03);
     }
 }
 
@@ -176,7 +176,7 @@ fn sines_tell_what_they_are_faster_than() {
     // Down to 0 V a bleeder shows; of a slow sine it does not.
     let bench = Bench { fall_s: 0.5, ..BENCH };
     for rate_hz in [100.0, 1000.0] {
-        tells(&bench.log(rate_hz, 30.0, sine(0.0, 4000.0, 3.0)), &bench, 0.03);
+        identified(&bench.log(rate_hz, 30.0, sine(0.0, 4000.0, 3.0)), &bench, 0.03);
         let slow = identify(&bench.log(rate_hz, 60.0, sine(700.0, 4300.0, 10.0))).expect("identified");
         assert!((known(slow.rise) - 0.1).abs() < 0.003);
         let Time::Open([low, high]) = slow.fall else { panic!("{:?}", slow.fall) };
@@ -188,7 +188,7 @@ fn sines_tell_what_they_are_faster_than() {
 fn a_single_fall_in_a_minute_is_enough() {
     let bench = Bench { fall_s: 0.5, ..BENCH };
     let command = |time_s: f64| if (2.0..=50.0).contains(&time_s) { 4000.0 } else { 0.0 };
-    tells(&bench.log(100.0, 60.0, command), &bench, 0.05);
+    identified(&bench.log(100.0, 60.0, command), &bench, 0.05);
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn what_a_log_does_not_tell_is_open() {
     assert!(error.starts_with("log.csv: ") && error.contains("steps up and down to 0 V"), "{error}");
 }
 
-/// From 4 kV to 1 kV a bleeder of 0.133 s is as fast as a lag of 0.1 s: no more is said.
+/// From 4 kV to 1 kV a bleeder of 0.133 s is as fast as a lag of 0.1 s: no more is reported.
 #[test]
 fn falls_that_end_above_0_v_leave_a_range() {
     let command = |time_s: f64| [1000.0, 4000.0][(time_s / 2.0 + 1e-9) as usize % 2];
@@ -249,11 +249,11 @@ fn what_is_not_the_model_s_is_told() {
     assert!(found.warnings.len() == 1 && found.warnings[0].contains("towards the command"), "{:?}", found.warnings);
     assert!((known(found.fall) - 0.5).abs() < 0.015 && (known(found.rise) - 0.1).abs() < 0.003);
     let slow = Bench { max_slew_v_per_s: 2e4, rise_s: 0.02, fall_s: 0.02, ..BENCH };
-    let told = warnings(&slow, &steps);
-    assert!(told.len() == 1 && told[0].contains("limited in slew"), "{told:?}");
-    let told = warnings(&Bench { gain: 1.3, ..bleeder }, &steps);
-    assert!(told.len() == 1 && told[0].contains("calibration"), "{told:?}");
-    // A coarse monitor is none of that.
+    let found = warnings(&slow, &steps);
+    assert!(found.len() == 1 && found[0].contains("limited in slew"), "{found:?}");
+    let found = warnings(&Bench { gain: 1.3, ..bleeder }, &steps);
+    assert!(found.len() == 1 && found[0].contains("calibration"), "{found:?}");
+    // A coarse monitor is neither.
     assert!(warnings(&Bench { quantum_v: 20.0, noise_v: 0.01, ..bleeder }, &steps).is_empty());
 }
 
@@ -264,7 +264,7 @@ fn a_monitor_may_be_silent_for_a_while() {
     let whole = bench.log(100.0, 24.0, steps);
     let mut gaps = whole.clone();
     gaps.monitor_v.iter_mut().skip(300).take(150).for_each(|volts| *volts = f64::NAN);
-    let found = tells(&gaps, &bench, 0.03);
+    let found = identified(&gaps, &bench, 0.03);
     assert_eq!(found.samples, whole.time_s.len() - 150);
 }
 

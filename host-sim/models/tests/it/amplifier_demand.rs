@@ -54,7 +54,7 @@ fn a_film_is_let_go_no_faster_than_the_bleeder_lets_it() {
     let until = 0.45 * (4000.0_f64 / 60.0).ln();
     assert!((asked.falls_too_fast_pct - 100.0 * until / DURATION_S).abs() < 0.05, "{asked:?}");
     assert_eq!((asked.leads_too_high_pct, asked.leads_too_high_s), (0.0, None));
-    // Without the amplifier's lag all that is possible, and nothing is said of it.
+    // Without the amplifier's lag all that is possible, without a warning.
     let ideal = check(IDEAL, let_go(0.45));
     assert!(ideal.feasible && ideal.amplifier.is_none(), "{ideal:?}");
     assert!(!serde_json::to_string(&ideal).expect("JSON").contains("amplifier"));
@@ -74,7 +74,7 @@ fn a_command_that_leads_stays_within_the_largest_voltage() {
     assert!(check(IDEAL, ramp(5900.0)).feasible);
 }
 
-/// An offset that the check names is checked: with it the reference is let go slowly enough, with less it is not.
+/// An offset that the check names is checked: with it the reference is released slowly enough, with less it is not.
 #[test]
 fn offsets_know_the_amplifier() {
     // A sine of force that needs −V̇ / V up to 2.26 / s, where the bleeder gives 2 / s.

@@ -71,7 +71,7 @@ fn a_run_ends_when_its_caller_says() {
     };
     let whole = run(MemoryChoice::Compressed, &ProgressBar::hidden()).expect("a response");
     assert_eq!(whole.displacement_m.len(), 100_001);
-    // Told at least once in 5000 samples.
+    // Reported at least once in 5000 samples.
     let watch = Until(AtomicU64::new(0), 30_000);
     assert!(matches!(run(MemoryChoice::Compressed, &watch), Err(Error::Interrupted)));
     assert!((30_000..35_000).contains(&watch.0.load(Ordering::Relaxed)));
@@ -79,7 +79,7 @@ fn a_run_ends_when_its_caller_says() {
     assert!(matches!(run(MemoryChoice::Full, &at_once), Err(Error::Interrupted)));
 }
 
-/// Options that nobody set are those of the command line.
+/// Options that are not set are those of the command line.
 #[test]
 fn options_have_their_defaults() {
     let options = FitOptions::default();

@@ -1,4 +1,4 @@
-//! Plants that are none of the bench's own: a film that stiffens and thins, and films that warm up while they are driven.
+//! Plants that are not built in: a film that stiffens and thins, and films that warm up while they are driven.
 
 use host_io::files::parameters::Parameters;
 use host_models::simulation::film::{Film, FilmState};

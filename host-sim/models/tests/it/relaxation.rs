@@ -204,7 +204,7 @@ fn ramps_and_holds_at_uneven_times() {
     finds_the_springpot(dense.chain(bursts).map(ramp));
 }
 
-/// What the input does between the model's steps is not fitted, and said.
+/// What the input does between the model's steps is not fitted, and there is a warning.
 #[test]
 fn an_input_that_moves_between_the_steps_is_told() {
     let pulse = |t: f64| if (t - 50.05).abs() < 0.002 { HELD_M } else { 0.1 * HELD_M * (0.2 * t).sin() };

@@ -145,7 +145,7 @@ fn is_stated(plant: Plant, name: &str, column: &str, measured_pct: f64, unit_pct
 
 struct Row {
     text: String,
-    /// Largest change of voltage in a tick when the sensor goes or comes, V.
+    /// Largest change of voltage in a tick when the sensor fails or returns, V.
     bump_v: f64,
     /// Largest voltage on a film that is a fifth stiffer, V.
     stiff_v: f64,
@@ -236,7 +236,7 @@ fn the_tracking_table() {
     println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
     rows.iter().for_each(|row| println!("{}", row.text));
     let largest = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
-    println!("largest change of voltage when the sensor goes or comes: {:.1} V a tick", largest(|row| row.bump_v));
+    println!("largest change of voltage when the sensor fails or returns: {:.1} V a tick", largest(|row| row.bump_v));
     println!("largest voltage on the stiffer films: {:.0} V", largest(|row| row.stiff_v));
     let missed: Vec<&String> = rows.iter().flat_map(|row| &row.missed).collect();
     assert!(missed.is_empty(), "{missed:#?}");

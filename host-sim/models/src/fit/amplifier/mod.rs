@@ -15,16 +15,16 @@ use crate::fit::uncertainty::{CHI_SQUARE, NORMAL};
 use response::Fall;
 use search::{FALL, Found, GAIN, MAX_S, OFFSET, RISE, Search};
 
-/// What a log tells of an amplifier.
+/// An amplifier as a log shows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Identification {
     /// Time constant of rises.
     pub rise: Time,
     /// Time constant of falls.
     pub fall: Time,
-    /// What the monitor shows of a change of the film's voltage, and its 95 % interval.
+    /// Gain of the monitor, V/V, and its 95 % interval.
     pub gain: (f64, Interval),
-    /// What the monitor shows at 0 V, V, and its 95 % interval.
+    /// Reading of the monitor at 0 V, V, and its 95 % interval.
     pub offset_v: (f64, Interval),
     /// RMS of monitor minus model, V.
     pub residual_v: f64,
@@ -34,9 +34,9 @@ pub struct Identification {
     pub samples: usize,
     /// Median of the row intervals, s.
     pub interval_s: f64,
-    /// What the monitor would show by the model, V, row by row.
+    /// Modelled reading of the monitor, V, row by row.
     pub shown_v: Vec<f64>,
-    /// What contradicts the model, one sentence each.
+    /// Contradictions to the model, one sentence each.
     pub warnings: Vec<String>,
 }
 
@@ -52,9 +52,9 @@ pub enum Time {
     Open(Interval),
 }
 
-/// A time constant is known where the log tells it from one that differs by this factor.
+/// A time constant is known where the log distinguishes it from one that differs by this factor.
 const TOLD_APART: f64 = 1.15;
-/// There is none where the log tells it from this many row intervals.
+/// There is no time constant where the log distinguishes it from this many row intervals.
 const NONE_BELOW: f64 = 1.5;
 /// The ends of what fits as well are found to the 2 to the power of this part of that factor.
 const HALVINGS: u32 = 4;
@@ -133,7 +133,7 @@ impl<'a> Fitted<'a> {
 
 /// How far the residuals leave the variables open.
 struct Spread {
-    /// Of the residuals, over their independent samples, V².
+    /// Variance of the residuals, over their independent samples, V².
     variance: f64,
     /// Covariance of the free variables per variance of the residuals.
     inverse: Option<DMatrix<f64>>,
@@ -168,7 +168,7 @@ impl Spread {
         [value - half, value + half]
     }
 
-    /// What the log tells of the time constant `index`: by the error that others leave, all else fitted again.
+    /// The time constant `index` as the log shows it: by the error that others leave, all else fitted again.
     fn time(&self, search: &Search<'_>, found: &Found, index: usize) -> Time {
         let best = found.values[index];
         let interval_s = search.command.interval_s;
@@ -254,7 +254,7 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
 }
 
-/// Of the monitor's readings, V².
+/// Variance of the monitor's readings, V².
 fn variance(log: &AmplifierLog) -> f64 {
     let readings: Vec<f64> = log.monitor_v.iter().copied().filter(|volts| !volts.is_nan()).collect();
     let mean = readings.iter().sum::<f64>() / readings.len() as f64;

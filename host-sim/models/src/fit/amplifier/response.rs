@@ -15,13 +15,13 @@ pub(super) enum Fall {
 
 /// The command between the rows of a log: linear, except where it jumps.
 ///
-/// Rows tell that a command has jumped between two of them, not when. A jump is `shift` row intervals before the row that first shows the new
+/// Rows show that a command has jumped between two of them, not when. A jump is `shift` row intervals before the row that first shows the new
 /// value, −1 to 1: each its own, or, where there are many, all the same.
 #[derive(Clone, Debug)]
 pub(super) struct Command<'a> {
     time_s: &'a [f64],
     command_v: &'a [f64],
-    /// What the command jumps at each row, V; 0 where it moves steadily.
+    /// Jump of the command at each row, V; 0 where it moves steadily.
     jump_v: Vec<f64>,
     /// Which shift is that of the row's jump.
     shift: Vec<usize>,
@@ -116,7 +116,7 @@ impl Amplifier {
         Self { lag, fall, step_s: 0.0, models: None }
     }
 
-    /// The voltage (V) after `duration_s` in which the command goes along a line.
+    /// The voltage (V) after `duration_s` in which the command follows a line.
     fn advance(&mut self, voltage: f64, (from, to): (f64, f64), duration_s: f64) -> Option<f64> {
         if duration_s <= 0.0 {
             return Some(voltage);

@@ -7,7 +7,7 @@ use super::response::{Command, Fall};
 use crate::files::amplifier_log::AmplifierLog;
 use crate::fit::levenberg_marquardt::{Minimum, Problem, StoppingCriteria, minimise};
 
-/// What is fitted, in this order: time constants (s), voltage at the first row (V), the monitor's gain and offset (V), and [shifts](Command) of
+/// The fitted values, in this order: time constants (s), voltage at the first row (V), the monitor's gain and offset (V), and [shifts](Command) of
 /// the jumps.
 pub(super) type Values = Vec<f64>;
 pub(super) const RISE: usize = 0;
@@ -27,7 +27,7 @@ const STARTS_S: (f64, f64, usize) = (1e-3, 2.0, 8);
 const SEARCHED: usize = 6;
 const FEW: StoppingCriteria = StoppingCriteria { iterations: 8, decrease: 1e-6 };
 const UNTIL_DONE: StoppingCriteria = StoppingCriteria { iterations: 60, decrease: 1e-9 };
-/// A pull that keeps what the log says nothing of where it is, as a share of the command's span.
+/// A pull that keeps what the log does not determine where it is, as a share of the command's span.
 const PULL: f64 = 1e-6;
 
 /// A log and the model that is fitted to it.
@@ -42,7 +42,7 @@ pub(super) struct Search<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     pub(super) values: Values,
-    /// What was free, and Jᵀ J of it.
+    /// The free values, and their Jᵀ J.
     pub(super) free: Vec<usize>,
     pub(super) minimum: Minimum,
 }

@@ -14,12 +14,12 @@ const SMALL_SHARE: f64 = 1e-5;
 /// Change of a curve's variable by which its derivatives are taken.
 const CURVE_STEP: f64 = 1e-4;
 
-/// What is common to the derivatives of one response: spectra on the circle.
+/// Spectra on the circle that all derivatives of one response share.
 #[derive(Default)]
 struct Shared {
-    /// Of the displacement (m), where force or voltage drives.
+    /// Spectrum of the displacement (m), where force or voltage drives.
     displacement: Spectrum,
-    /// Of what the kernel acts on: T(x) behind a curve (m).
+    /// Spectrum of T(x) behind a curve (m), on which the kernel acts.
     stretched: Spectrum,
 }
 
@@ -124,7 +124,7 @@ impl Linearised<'_> {
         }
     }
 
-    /// What a little more of `force` (N) does to the displacement behind the curve, per unit of it.
+    /// Change of the displacement behind the curve with a little more of `force` (N), per unit of it.
     fn along(&self, law: &Law<f64, Recursion>, force: &[f64]) -> Vec<f64> {
         let size = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |size: f64, value| size.max(value.abs()));
         let Response { series: x, driven } = self.response;

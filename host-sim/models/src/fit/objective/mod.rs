@@ -141,7 +141,7 @@ pub struct Evaluation {
 struct Response {
     /// Displacement (m), or force (N).
     series: Vec<f64>,
-    /// What drives the law along it, behind a curve.
+    /// Loads that drive the law along it, behind a curve.
     driven: Vec<Load<f64>>,
 }
 

@@ -1,4 +1,4 @@
-//! What a reference asks of film, amplifier and limits, sample by sample.
+//! The demand of a reference on film, amplifier and limits, sample by sample.
 
 use springpot::{Actuator, AmplifierLag, AmplifierModel, CommandLimits, Law, Preload};
 
@@ -16,7 +16,7 @@ const OFFSET_TRIALS: i32 = 16;
 const NO_FORCE: f64 = 0.01;
 /// Share of a limit that is rounding.
 const ROUNDING: f64 = 1e-9;
-/// What a reference with an offset asks of the actuator.
+/// The demand of a reference with an offset on the actuator.
 pub(super) struct Demand<'a> {
     /// Without the weight, whose share is taken from the force.
     actuator: Actuator,
@@ -202,7 +202,7 @@ impl<'a> Demand<'a> {
 /// An amplifier that lags, over a step of the grid.
 #[derive(Clone, Copy)]
 pub(super) struct Lag {
-    /// Share of the distance to the command that a rising voltage goes in a step.
+    /// Share of the distance to the command that a rising voltage covers in a step.
     up: f64,
     /// Share of the voltage that the bleeder leaves after a step.
     left: f64,
@@ -223,7 +223,7 @@ impl Lag {
         Ok(Some(Self { up: model.advance(0.0, 1.0), left: model.lowest(1.0) }))
     }
 
-    /// What the reference with `offset` (m), which needs `force` (N), asks from each sample to the next. At a voltage below
+    /// The demand of the reference with `offset` (m), which needs `force` (N), from each sample to the next. At a voltage below
     /// `NO_FORCE` of the largest a fall that is late does not move the film.
     pub(super) fn asked(self, demand: &Demand<'_>, offset: f64, force: &[f64]) -> Asked {
         let voltage: Vec<f64> =

@@ -1,0 +1,415 @@
+//! The best candidate of one structure: descents from many starts on thinned recordings, then on all samples.
+//!
+//! Long recordings are searched in three stages: the beginning of the thinned recordings, all of the thinned recordings, on which
+//! structures are compared, and all samples for the structure that is chosen.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+use springpot::{Actuator, Topology};
+
+use super::candidate::{Candidate, Variable};
+use super::levenberg_marquardt::{self, Minimum, Problem, StoppingCriteria};
+use super::objective::{Evaluation, Objective};
+use super::observation::{self, Excitation, Observation};
+use super::settings::Settings;
+use super::starts::{self, Scales};
+use super::statistics::{self, Huber, Loss, Weights, range};
+use crate::error::{Error, Result};
+use crate::reduce;
+
+/// Steps of thinned recordings up to which a search from many starts sees all of them.
+const MAX_SCOUTED_STEPS: f64 = 8_192.0;
+
+/// Measured values up to which structures are compared on all of them.
+const MAX_COMPARED_VALUES: usize = 1 << 16;
+
+/// Starts that an interrupted search still continues from: one of them leads to a result.
+const MIN_STARTS: usize = 8;
+
+/// Observations with what every search needs of them.
+pub struct PreparedObservations {
+    scout: Option<Objective>,
+    coarse: Objective,
+    fine: Objective,
+    scales: Scales,
+    excitation: Excitation,
+    evaluations: AtomicUsize,
+}
+
+impl PreparedObservations {
+    /// Prepares `observations`; `actuator` converts voltage to force.
+    ///
+    /// # Errors
+    ///
+    /// As [`Objective::new`].
+    pub fn new(observations: &[Observation], actuator: &Actuator) -> Result<Self> {
+        let thinned: Vec<Observation> = observations.iter().map(observation::thinned).collect();
+        Ok(Self {
+            scout: scouted(&thinned).map(|beginnings| Objective::new(&beginnings)).transpose()?,
+            coarse: Objective::new(&thinned)?,
+            fine: Objective::new(observations)?,
+            scales: Scales::new(observations, actuator.force_per_square_volt()),
+            excitation: Excitation::new(observations),
+            evaluations: AtomicUsize::new(0),
+        })
+    }
+
+    /// The context of searches with `settings`, without freed quantities that cannot be identified; they end early when
+    /// `stop` is set.
+    pub fn context<'a>(&'a self, settings: &Settings, stop: &'a AtomicBool) -> Context<'a> {
+        let identified = |variable: &Variable| self.excitation.identifies(*variable);
+        Context {
+            scout: self.scout.as_ref(),
+            coarse: &self.coarse,
+            compared: if is_long(&self.fine) { &self.coarse } else { &self.fine },
+            fine: &self.fine,
+            actuator: settings.actuator,
+            freed: settings.freed.iter().copied().filter(identified).collect(),
+            held: settings.held.clone(),
+            loss: settings.loss,
+            scales: self.scales,
+            excitation: self.excitation,
+            seed: settings.seed,
+            starts: settings.starts,
+            stop,
+            evaluations: &self.evaluations,
+        }
+    }
+}
+
+/// Stopping criteria of the last search of a structure.
+const FINE: StoppingCriteria = StoppingCriteria { iterations: 60, decrease: 1e-8 };
+
+/// Whether structures are compared on thinned recordings, because these have too many values.
+pub(super) fn is_long(fine: &Objective) -> bool {
+    fine.samples() > MAX_COMPARED_VALUES
+}
+
+/// The beginnings of long `thinned` recordings; none where all of them are short.
+fn scouted(thinned: &[Observation]) -> Option<Vec<Observation>> {
+    let steps = |o: &Observation| o.input.samples().time_s.last().copied().unwrap_or(0.0) * o.rate_hz;
+    let share = MAX_SCOUTED_STEPS / thinned.iter().map(steps).sum::<f64>();
+    let beginning = |o: &Observation| observation::beginning(o, (share * steps(o)) as usize);
+    let beginnings: Vec<Observation> = thinned.iter().map(beginning).collect();
+    // A beginning in which nothing is measured, or nothing happens, is of no use.
+    let useful = |o: &Observation| {
+        let [measured, drive] = [&o.measured.value, &o.input.samples().value].map(|values| range(values));
+        o.measured.value.len() >= 100 && measured.0 < measured.1 && drive != (0.0, 0.0)
+    };
+    (share < 1.0 && beginnings.iter().all(useful)).then_some(beginnings)
+}
+
+/// The common parts of all descents of a fit.
+pub struct Context<'a> {
+    /// The beginning of long thinned recordings, where searches from many starts begin.
+    pub scout: Option<&'a Objective>,
+    /// Thinned recordings, where other searches begin.
+    pub coarse: &'a Objective,
+    /// Where structures are compared: all samples, or the thinned recordings if there are very many.
+    pub compared: &'a Objective,
+    /// All samples, where they end.
+    pub fine: &'a Objective,
+    /// Eq. 1 and the weight at the start.
+    pub actuator: Actuator,
+    /// Quantities of the actuator and the sensor that are fitted besides the elements.
+    pub freed: Vec<Variable>,
+    /// Variables of the elements that are not fitted.
+    pub held: Vec<Variable>,
+    /// Loss function of the residuals.
+    pub loss: Loss,
+    /// Orders of magnitude of the parameters.
+    pub scales: Scales,
+    /// The excitation of the observations: which quantities can be identified.
+    pub excitation: Excitation,
+    /// Seed of the starts.
+    pub seed: u64,
+    /// Random starts per structure; fewer for larger structures that also start from smaller ones.
+    pub starts: usize,
+    /// Set to end searches early with the best so far.
+    pub stop: &'a AtomicBool,
+    /// Counts residual evaluations.
+    pub evaluations: &'a AtomicUsize,
+}
+
+/// Result of a search.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The candidate.
+    pub candidate: Candidate,
+    /// The variables that were fitted.
+    pub variables: Vec<Variable>,
+    /// The minimum on all samples.
+    pub minimum: Minimum,
+}
+
+impl Context<'_> {
+    /// The variables of a structure with `branches` branches.
+    pub fn variables(&self, branches: usize) -> Vec<Variable> {
+        Variable::of_model(branches)
+            .into_iter()
+            .filter(|variable| !self.held.contains(variable))
+            .chain(self.freed.iter().copied())
+            .collect()
+    }
+
+    /// The variables of a candidate: those of its structure, its elastic curve and its saturation.
+    pub fn variables_of(&self, candidate: &Candidate) -> Vec<Variable> {
+        let saturation = candidate.actuator.saturation_v.map(|_| Variable::Saturation);
+        let bent = candidate.curve_variables().into_iter().chain(saturation);
+        let bent = bent.filter(|variable| !self.held.contains(variable) && self.excitation.identifies(*variable));
+        self.variables(candidate.branches()).into_iter().chain(bent).collect()
+    }
+
+    /// Half as many random starts of a structure as usual.
+    pub fn linear_starts(&self, topology: Topology, branches: usize) -> Vec<Candidate> {
+        let start = |index| starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
+        (0..self.starts.div_ceil(2)).map(start).collect()
+    }
+
+    /// Where many structures are tried: the thinned recordings, or the beginning of long ones.
+    pub(super) fn scouted(&self) -> &Objective {
+        match self.scout {
+            Some(scout) if is_long(self.fine) => scout,
+            _ => self.coarse,
+        }
+    }
+
+    /// The best candidate over `objective` from `starts`, which have the same variables.
+    pub(super) fn best_over(&self, objective: &Objective, starts: &[Candidate]) -> Option<Found> {
+        let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
+        self.descents(objective, starts, &self.variables_of(starts.first()?), stopping).into_iter().next()
+    }
+
+    /// `candidate` on the thinned recordings, where structures of other kinds are compared with it.
+    pub fn coarsened(&self, candidate: &Candidate) -> Option<Found> {
+        let decrease = if is_long(self.fine) { 1e-5 } else { 1e-7 };
+        self.descend(self.coarse, candidate, StoppingCriteria { iterations: 60, decrease })
+    }
+
+    /// The best candidate of a structure on all samples, from random starts and from those of smaller structures, `grown`.
+    pub fn best(&self, topology: Topology, branches: usize, grown: &[Candidate]) -> Option<Found> {
+        self.explored(topology, branches, grown).map(|found| self.finished(found))
+    }
+
+    /// The same where structures are compared.
+    pub fn explored(&self, topology: Topology, branches: usize, grown: &[Candidate]) -> Option<Found> {
+        let random_starts = if grown.is_empty() { self.starts } else { self.starts.div_ceil(branches.max(1)) };
+        let random = (0..random_starts).map(|index| {
+            let mut start = starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
+            if self.freed.contains(&Variable::StretchCoupling) && start.actuator.stretch_coupling == 0.0 {
+                start.actuator.stretch_coupling = self.scales.coupling;
+            }
+            start
+        });
+        let starts: Vec<Candidate> = grown.iter().cloned().chain(random).collect();
+        self.explored_from(&starts, &self.variables(branches))
+    }
+
+    /// The best candidate from `starts` on all samples, over `variables`.
+    pub fn best_from(&self, starts: &[Candidate], variables: &[Variable]) -> Option<Found> {
+        self.explored_from(starts, variables).map(|found| self.finished(found))
+    }
+
+    /// The best candidate from `starts` where structures are compared, over `variables`.
+    fn explored_from(&self, starts: &[Candidate], variables: &[Variable]) -> Option<Found> {
+        let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
+        let mut found = match self.scout {
+            None => self.descents(self.coarse, starts, variables, stopping),
+            Some(scout) => {
+                // Close enough to compare structures: the last search is on all samples.
+                let stopping = StoppingCriteria { decrease: 1e-5, ..stopping };
+                let first = self.descents(scout, starts, variables, stopping);
+                self.descents(self.coarse, &self.promising(first), variables, stopping)
+            }
+        };
+        if !std::ptr::eq(self.compared, self.coarse) {
+            found = self.descents(self.compared, &self.promising(found), variables, FINE);
+        }
+        found.into_iter().next()
+    }
+
+    /// The minima that are reached from `starts`, the least first.
+    fn descents(
+        &self,
+        objective: &Objective,
+        starts: &[Candidate],
+        variables: &[Variable],
+        stopping: StoppingCriteria,
+    ) -> Vec<Found> {
+        // An interrupted search begins no further ones, once it has had a chance of a result.
+        let is_begun = |index: usize| index < MIN_STARTS || !self.stop.load(Ordering::Relaxed);
+        let descent = |start| self.descend_over(objective, start, variables.to_vec(), stopping);
+        let begun = starts.par_iter().enumerate().filter(|(index, _)| is_begun(*index));
+        let mut found: Vec<Found> = begun.filter_map(|(_, start)| descent(start)).collect();
+        found.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+        found
+    }
+
+    /// The two best minima that differ, because thinning could have changed their order.
+    fn promising(&self, mut found: Vec<Found>) -> Vec<Candidate> {
+        let best = found.first().map_or(0.0, |best| best.minimum.cost);
+        found.dedup_by(|b, a| b.minimum.cost <= 1.001 * a.minimum.cost);
+        found.truncate(if self.stop.load(Ordering::Relaxed) { 1 } else { 2 });
+        // Of long recordings a second descent costs seconds: the beginning decides unless both are nearly the same.
+        let near = if is_long(self.fine) { 1.05 } else { 1.2 };
+        found.into_iter().filter(|f| f.minimum.cost <= near * best).map(|f| f.candidate).collect()
+    }
+
+    /// `found` on all samples, if structures are compared on fewer.
+    pub fn finished(&self, found: Found) -> Found {
+        if std::ptr::eq(self.compared, self.fine) {
+            return found;
+        }
+        // Between thinned recordings and all samples the minimum moves little.
+        let stopping = StoppingCriteria { decrease: 1e-6, ..FINE };
+        self.descend_over(self.fine, &found.candidate, found.variables.clone(), stopping).unwrap_or(found)
+    }
+
+    /// The minimum that is reached from `start`; none if `start` has no response.
+    pub fn descend(&self, objective: &Objective, start: &Candidate, stopping: StoppingCriteria) -> Option<Found> {
+        self.descend_over(objective, start, self.variables_of(start), stopping)
+    }
+
+    /// The same over other variables.
+    pub fn descend_over(
+        &self,
+        objective: &Objective,
+        start: &Candidate,
+        variables: Vec<Variable>,
+        stopping: StoppingCriteria,
+    ) -> Option<Found> {
+        let mut descent = Descent {
+            objective,
+            base: start,
+            bounds: variables.iter().map(|variable| variable.bounds_in(start)).collect(),
+            variables,
+            weights: None,
+            stop: self.stop,
+            evaluations: self.evaluations,
+        };
+        let values: Vec<f64> = descent.variables.iter().map(|variable| variable.get(start)).collect();
+        let minimum = levenberg_marquardt::minimise(&descent, &values, stopping)?;
+        let minimum = match self.loss {
+            Loss::Square => minimum,
+            Loss::Huber => descent.reweighted(minimum, stopping)?,
+        };
+        Some(Found { candidate: descent.candidate(&minimum.values), variables: descent.variables, minimum })
+    }
+
+    /// The minimum on all samples from a `start` of the user.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Computation`] if `start` has no response.
+    pub fn refined(&self, start: &Candidate, topology: Topology) -> Result<Found> {
+        let start = Candidate { topology, ..start.clone() };
+        self.descend(self.fine, &start, StoppingCriteria { iterations: 100, decrease: 1e-9 })
+            .ok_or_else(|| Error::Computation("the given start has no response to these recordings".into()))
+    }
+
+    /// `found` with its branches in the order in which they are written, and the derivatives in that order.
+    pub fn in_order(&self, found: Found) -> Found {
+        let Some(candidate) = found.in_order() else { return found };
+        // One more step gives the derivatives.
+        let again = self.descend(self.fine, &candidate, StoppingCriteria { iterations: 2, decrease: 1e-9 });
+        match again {
+            Some(mut again) => {
+                again.minimum.converged = found.minimum.converged;
+                again
+            }
+            None => found,
+        }
+    }
+}
+
+impl Found {
+    /// The candidate with its branches in the order in which they are written; none if they are.
+    pub fn in_order(&self) -> Option<Candidate> {
+        let ordered = reduce::ordered(&self.candidate.model().ok()?).ok()?;
+        let candidate = Candidate { elements: Candidate::elements_of(&ordered), ..self.candidate.clone() };
+        (candidate != self.candidate).then_some(candidate)
+    }
+}
+
+/// A descent from one start.
+struct Descent<'a> {
+    objective: &'a Objective,
+    base: &'a Candidate,
+    variables: Vec<Variable>,
+    bounds: Vec<(f64, f64)>,
+    weights: Option<Weights>,
+    stop: &'a AtomicBool,
+    evaluations: &'a AtomicUsize,
+}
+
+impl Descent<'_> {
+    fn candidate(&self, values: &[f64]) -> Candidate {
+        let mut candidate = self.base.clone();
+        for (variable, &value) in self.variables.iter().zip(values) {
+            variable.set(&mut candidate, value);
+        }
+        candidate
+    }
+
+    /// The minimum of Huber's loss by iteratively reweighted least squares, from the `minimum` of squares.
+    fn reweighted(&mut self, mut minimum: Minimum, stopping: StoppingCriteria) -> Option<Minimum> {
+        const PASSES: usize = 6;
+        let huber = Huber::new(statistics::percentile_range(self.objective.measured().flatten().copied()));
+        for pass in 0..PASSES {
+            let before = minimum.values;
+            let evaluation = self.objective.evaluate(&self.candidate(&before))?;
+            self.weights = Some(huber.weights(&self.objective.residuals(&evaluation)));
+            // After the first pass the start is close.
+            let iterations = if pass == 0 { stopping.iterations } else { stopping.iterations.min(8) };
+            minimum = levenberg_marquardt::minimise(self, &before, StoppingCriteria { iterations, ..stopping })?;
+            let moved = |(new, old): (&f64, &f64)| (new - old).abs() > 1e-4 * old.abs().max(1e-3);
+            if !minimum.values.iter().zip(&before).any(moved) {
+                break;
+            }
+        }
+        let evaluation = self.objective.evaluate(&self.candidate(&minimum.values))?;
+        minimum.cost = huber.cost(&self.objective.residuals(&evaluation));
+        Some(minimum)
+    }
+}
+
+impl Problem for Descent<'_> {
+    type Evaluation = Evaluation;
+
+    fn residuals(&self, values: &[f64]) -> Option<(Vec<f64>, Evaluation)> {
+        self.evaluations.fetch_add(1, Ordering::Relaxed);
+        let evaluation = self.objective.evaluate(&self.candidate(values))?;
+        let mut residuals = self.objective.residuals(&evaluation);
+        if let Some(weights) = &self.weights {
+            weights.apply(&mut residuals);
+        }
+        Some((residuals, evaluation))
+    }
+
+    fn jacobian(&self, values: &[f64], evaluation: &Evaluation) -> Vec<Vec<f64>> {
+        let mut columns = self.objective.jacobian(&self.candidate(values), evaluation, &self.variables);
+        if let Some(weights) = &self.weights {
+            columns.iter_mut().for_each(|column| weights.apply(column));
+        }
+        columns
+    }
+
+    fn bounds(&self) -> &[(f64, f64)] {
+        &self.bounds
+    }
+
+    fn longest(&self, index: usize) -> f64 {
+        match self.variables[index] {
+            // In 1/m and m: limited by the bounds only.
+            Variable::StretchCoupling | Variable::Offset | Variable::Saturation => f64::INFINITY,
+            // A curve changes its meaning beyond a factor of e in a step.
+            Variable::Slope(_) | Variable::FreeLength | Variable::Limit => 1.0,
+            _ => levenberg_marquardt::MAX_STEP,
+        }
+    }
+
+    fn interrupted(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+}
