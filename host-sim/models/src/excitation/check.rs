@@ -168,36 +168,7 @@ impl Facts {
             );
             return None;
         }
-        if driven_by == "voltage" && facts.peak < 50.0 {
-            add(
-                Severity::Prevents,
-                format!(
-                    "the largest voltage is {:.3} V: the output of a monitor, not the voltage on the film",
-                    facts.peak
-                ),
-                "multiply it with the monitor's scale, as in `columns` voltage=2*1000",
-            );
-        }
-        let first = drive.samples().value.first().map_or(0.0, |value| value.abs());
-        if facts.cycles.is_empty() && facts.hold_s > 0.9 * recording.duration_s() {
-            // A held load: the step itself is left out.
-        } else if first > 0.2 * facts.peak {
-            add(
-                Severity::Prevents,
-                format!(
-                    "the {driven_by} is {first:.4} {unit} in the first row: what the film remembers of before is not known"
-                ),
-                RECORD_REST,
-            );
-        } else if first > 0.02 * facts.peak {
-            add(Severity::Weakens, format!("the {driven_by} is {first:.4} {unit} in the first row"), RECORD_REST);
-        }
-        let fastest = facts.frequencies_hz.last().copied().unwrap_or(0.0);
-        if fastest > 0.0 && rate_hz < 20.0 * fastest {
-            let severity = if rate_hz < 8.0 * fastest { Severity::Prevents } else { Severity::Weakens };
-            let finding = format!("{:.1} rows per cycle of {fastest:.3} Hz", rate_hz / fastest);
-            add(severity, finding, "record at 20 rows per cycle at least; 100 Hz serves well");
-        }
+        judge_drive(driven_by, unit, &facts, (&drive, rate_hz, recording.duration_s()), &mut add);
         let measured = recording.displacement().ok().filter(|measured| !measured.value.is_empty());
         let mut row = Self {
             file: file.clone(),
@@ -219,20 +190,8 @@ impl Facts {
                 "record the stroke beside the voltage, or name its column",
             ),
         }
-        // Gaps, saturation and a turned sign, as a fit reports them.
         if row.displacement_m.is_some() {
-            match observation::observe(recording, Direction::Force, 1.0) {
-                Ok((_, warnings)) => {
-                    for warning in warnings {
-                        let severity = match warning.severity {
-                            fit::Severity::Serious => Severity::Prevents,
-                            fit::Severity::Caution | fit::Severity::Note => Severity::Weakens,
-                        };
-                        add(severity, warning.text, "");
-                    }
-                }
-                Err(error) => add(Severity::Prevents, error.to_string(), "record at least a full cycle"),
-            }
+            judge_as_fit(recording, &mut add);
         }
         Some(row)
     }
@@ -290,5 +249,58 @@ impl Facts {
                 "zero the sensor on the film at rest; otherwise fit must identify the offset as well",
             );
         }
+    }
+}
+
+/// Judges a drive: its size, its rest before the first row, and its rows per cycle.
+fn judge_drive(
+    driven_by: &str,
+    unit: &str,
+    facts: &DriveFacts,
+    (drive, rate_hz, duration_s): (&Input, f64, f64),
+    add: &mut impl FnMut(Severity, String, &str),
+) {
+    if driven_by == "voltage" && facts.peak < 50.0 {
+        add(
+            Severity::Prevents,
+            format!("the largest voltage is {:.3} V: the output of a monitor, not the voltage on the film", facts.peak),
+            "multiply it with the monitor's scale, as in `columns` voltage=2*1000",
+        );
+    }
+    let first = drive.samples().value.first().map_or(0.0, |value| value.abs());
+    if facts.cycles.is_empty() && facts.hold_s > 0.9 * duration_s {
+        // A held load: the step itself is left out.
+    } else if first > 0.2 * facts.peak {
+        add(
+            Severity::Prevents,
+            format!(
+                "the {driven_by} is {first:.4} {unit} in the first row: what the film remembers of before is not known"
+            ),
+            RECORD_REST,
+        );
+    } else if first > 0.02 * facts.peak {
+        add(Severity::Weakens, format!("the {driven_by} is {first:.4} {unit} in the first row"), RECORD_REST);
+    }
+    let fastest = facts.frequencies_hz.last().copied().unwrap_or(0.0);
+    if fastest > 0.0 && rate_hz < 20.0 * fastest {
+        let severity = if rate_hz < 8.0 * fastest { Severity::Prevents } else { Severity::Weakens };
+        let finding = format!("{:.1} rows per cycle of {fastest:.3} Hz", rate_hz / fastest);
+        add(severity, finding, "record at 20 rows per cycle at least; 100 Hz serves well");
+    }
+}
+
+/// Gaps, saturation and a turned sign, as a fit reports them.
+fn judge_as_fit(recording: &Recording, add: &mut impl FnMut(Severity, String, &str)) {
+    match observation::observe(recording, Direction::Force, 1.0) {
+        Ok((_, warnings)) => {
+            for warning in warnings {
+                let severity = match warning.severity {
+                    fit::Severity::Serious => Severity::Prevents,
+                    fit::Severity::Caution | fit::Severity::Note => Severity::Weakens,
+                };
+                add(severity, warning.text, "");
+            }
+        }
+        Err(error) => add(Severity::Prevents, error.to_string(), "record at least a full cycle"),
     }
 }

@@ -277,16 +277,21 @@ impl Profile<'_> {
             } else {
                 inner = (distance, root);
             }
-            distance = match outer {
-                // Away from both ends, so that the bracket shrinks in any case.
-                Some((far, root)) if root.is_finite() => {
-                    let share = (1.0 - inner.1) / (root - inner.1);
-                    inner.0 + share.clamp(0.1, 0.9) * (far - inner.0)
-                }
-                Some((far, _)) => 0.5 * (inner.0 + far),
-                None => (inner.0 * (1.0 / inner.1.max(1e-3)).clamp(1.2, 4.0)).min(room),
-            };
+            distance = secant(inner, outer, room);
         }
         outer.map(|_| distance)
+    }
+}
+
+/// The next distance at which the root of the rise may be 1, within `room`: `inner` and `outer` are distances with the root there.
+fn secant(inner: (f64, f64), outer: Option<(f64, f64)>, room: f64) -> f64 {
+    match outer {
+        // Away from both ends, so that the bracket shrinks in any case.
+        Some((far, root)) if root.is_finite() => {
+            let share = (1.0 - inner.1) / (root - inner.1);
+            inner.0 + share.clamp(0.1, 0.9) * (far - inner.0)
+        }
+        Some((far, _)) => 0.5 * (inner.0 + far),
+        None => (inner.0 * (1.0 / inner.1.max(1e-3)).clamp(1.2, 4.0)).min(room),
     }
 }

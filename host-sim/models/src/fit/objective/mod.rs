@@ -83,6 +83,12 @@ fn loads(actuator: &Actuator, squared: &[f64]) -> Vec<Load<f64>> {
     squared.iter().map(|&v2| load(actuator.saturated(v2))).collect()
 }
 
+/// The same without coupling, as a spectrum, from those of the saturated square of the voltage and of a constant 1.
+fn uncoupled_force(actuator: &Actuator, squared: &Spectrum, ones: &Spectrum) -> Spectrum {
+    let (scale, weight) = (actuator.force_per_square_volt(), actuator.preload_n());
+    squared.iter().zip(ones).map(|(f, one)| f * scale + one * weight).collect()
+}
+
 /// Times of the measured samples on the grid.
 enum Places {
     /// One sample at every grid point.
@@ -257,16 +263,11 @@ impl Objective {
             DriveSpectra::Voltage { squared, spectrum, ones } => match (&transfer.law, curve) {
                 (_, Some(curve)) => bent(loads(actuator, squared), curve)?,
                 (None, None) => {
-                    let (scale, weight) = (actuator.force_per_square_volt(), actuator.preload_n());
-                    let saturated;
-                    let spectrum = if actuator.saturation_v.is_some() {
-                        saturated =
-                            circle.spectrum(&squared.iter().map(|&v2| actuator.saturated(v2)).collect::<Vec<_>>());
-                        &saturated
-                    } else {
-                        spectrum
-                    };
-                    let force: Spectrum = spectrum.iter().zip(ones).map(|(f, one)| f * scale + one * weight).collect();
+                    let saturated = |v2: &f64| actuator.saturated(*v2);
+                    let saturated = actuator
+                        .saturation_v
+                        .map(|_| circle.spectrum(&squared.iter().map(saturated).collect::<Vec<_>>()));
+                    let force = uncoupled_force(actuator, saturated.as_ref().unwrap_or(spectrum), ones);
                     circle.series(product(&force, &transfer.compliance), record.samples)
                 }
                 (Some(law), None) => transfer.coupled(circle, law, &loads(actuator, squared)).ok()?,
