@@ -6,7 +6,7 @@ use std::process::Command;
 
 use dea_driver::Blob;
 use host_sim::files::parameters::Parameters;
-use springpot::{Applied, CommandLimits, Feedforward, Follower, Load, SensorSample};
+use springpot::{Applied, Feedforward, Follower, Load, SensorSample};
 use tempfile::TempDir;
 use tests::tool::{names, text};
 use tests::transcript::blocks;
@@ -121,19 +121,8 @@ fn two_exported_films_have_the_controllers_bits() {
         let blob = controllers(&parameters);
         let law = blob.follower().compensator().observer().law().clone();
         let rest = law.state();
-        // Limits as the controller has them, in single precision.
         let board = parameters.board_or_bench(1000.0);
-        let single = |value: f64| f64::from(value as f32);
         let limits = board.command_limits();
-        let limits = CommandLimits {
-            max_voltage_v: single(limits.max_voltage_v),
-            max_field_v_per_m: single(limits.max_field_v_per_m),
-            max_slew_v_per_s: single(limits.max_slew_v_per_s),
-            max_velocity_m_per_s: single(limits.max_velocity_m_per_s),
-            max_acceleration_m_per_s2: single(limits.max_acceleration_m_per_s2),
-            return_hz: single(limits.return_hz),
-            amplifier: limits.amplifier,
-        };
         let follower = Follower::new(Feedforward::new(law, &parameters.actuator, limits).expect("valid"));
         let follower = match blob.follower().learning() {
             Some(learning) => follower.with_learning(*learning),

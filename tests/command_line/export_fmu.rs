@@ -10,9 +10,7 @@ use std::process::Command;
 use dea_driver::Blob;
 use host_sim::files::parameters::Parameters;
 use quick_xml::events::Event;
-use springpot::{
-    Applied, CommandLimits, Compensator, Feedforward, Follower, FollowerState, ObserverState, SensorSample,
-};
+use springpot::{Applied, Compensator, Feedforward, Follower, FollowerState, ObserverState, SensorSample};
 use tempfile::TempDir;
 use tests::recordings;
 use tests::tool::{names, text};
@@ -380,17 +378,7 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
             (rows.collect(), 0.0)
         }
         "feedforward" => {
-            let single = |value: f64| f64::from(value as f32);
             let limits = parameters.board_or_bench(1000.0).command_limits();
-            let limits = CommandLimits {
-                max_voltage_v: single(limits.max_voltage_v),
-                max_field_v_per_m: single(limits.max_field_v_per_m),
-                max_slew_v_per_s: single(limits.max_slew_v_per_s),
-                max_velocity_m_per_s: single(limits.max_velocity_m_per_s),
-                max_acceleration_m_per_s2: single(limits.max_acceleration_m_per_s2),
-                return_hz: single(limits.return_hz),
-                amplifier: limits.amplifier,
-            };
             let feedforward = Feedforward::new(law.clone(), &parameters.actuator, limits).expect("valid");
             let follower = Follower::new(feedforward);
             let follower = match tracking.learning() {

@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
+use dea_driver::Control;
 use serde::Serialize;
-use springpot::{Actuator, CommandLimits, ObserverOptions, Topology};
+use springpot::{Actuator, CommandLimits, Topology};
 
 use self::firmware::Firmware;
 use super::fit::{Done, Job};
@@ -26,6 +27,7 @@ use crate::references::{Reference, Shape};
 use crate::replay::comparison::Comparison;
 use crate::replay::feasibility::{self, Feasibility};
 use crate::replay::feedforward;
+use crate::replay::limits::LimitOptions;
 use crate::replay::memory::{Precision, RunOptions};
 use crate::report::fit_report::FitReport;
 use crate::report::numbers::{Document, Numbers};
@@ -62,7 +64,7 @@ const SIMULATED_PEAK_V: f64 = 6000.0;
 /// The controllers that are compared.
 const CONTROLLERS: [ControllerKind; 3] = [ControllerKind::None, ControllerKind::Feedforward, ControllerKind::Tracking];
 /// Bandwidth of tracking, Hz: a fifth of the simulated film's resonance.
-const BANDWIDTH_HZ: f64 = 0.6;
+const BANDWIDTH_HZ: f32 = 0.6;
 
 /// The results of a demo, for people and machines.
 #[derive(Serialize)]
@@ -293,11 +295,8 @@ fn limits_of(recordings: &[Recording], actuator: &Actuator, peak_m: f64) -> Resu
             Input::Force(_) | Input::Displacement(_) => return Ok(None),
         }
     }
-    Ok(Some(CommandLimits {
-        max_voltage_v: largest_v,
-        max_field_v_per_m: largest_v * actuator.thinning(peak_m) / actuator.thickness_m,
-        ..CommandLimits::BENCH
-    }))
+    let max_field = Some(largest_v * actuator.thinning(peak_m) / actuator.thickness_m);
+    LimitOptions { max_voltage: Some(largest_v), max_field, ..LimitOptions::default() }.limits(None).map(Some)
 }
 
 /// A sine, and the runs along it by their controllers.
@@ -371,7 +370,7 @@ fn closed_loops(
     let settings = ControllerSettings {
         rate_hz: sine.grid.rate_hz,
         limits,
-        observer: ObserverOptions::at_bandwidth(BANDWIDTH_HZ),
+        observer: Control { bandwidth_hz: BANDWIDTH_HZ, ..Control::BENCH }.observer_options(),
         learning: None,
         peak_m: sine.reference.high_m,
     };

@@ -69,9 +69,7 @@ pub struct Parameters<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
 impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, FAST, SLOW> {
     /// A bench like the paper's around `actuator`, whose film steps `law`: an amplifier and a monitor of 1000:1 on 0 to 10 V,
     /// a sensor of 1 mm/V that reads 1 V at rest, [`Limits::bench`], [`Control::BENCH`], no name.
-    ///
-    /// Give it a law of [`Discretisation::Gl`](springpot::Discretisation::Gl). Parameters do not carry the method: of a law of second order the controller
-    /// would take the modulus, and add the inertia of first order.
+    /// The coefficients carry the law's [`Discretisation`](springpot::Discretisation), so that a controller steps a law of either.
     #[must_use]
     #[allow(clippy::cast_possible_truncation)] // the parameters are in single precision
     pub fn bench(law: &Law<f32, Compressed<f32, HEAD, FAST, SLOW>>, actuator: Actuator) -> Self {
@@ -138,7 +136,12 @@ impl Control {
         period_s: 0.0,
     };
 
-    pub(crate) fn command_limits(&self, limits: &Limits, amplifier: AmplifierLag) -> CommandLimits {
+    /// The limits of the law of control on a bench with these `limits` and this `amplifier`.
+    ///
+    /// This and [`observer_options`](Self::observer_options) are the only conversion from a board's numbers, in single precision, to the
+    /// law's options. A host that uses them builds the controller's law to the bit.
+    #[must_use]
+    pub fn command_limits(&self, limits: &Limits, amplifier: AmplifierLag) -> CommandLimits {
         CommandLimits {
             max_voltage_v: f64::from(limits.max_voltage_v),
             max_field_v_per_m: f64::from(limits.max_field_v_per_m),
@@ -150,7 +153,9 @@ impl Control {
         }
     }
 
-    pub(crate) fn observer_options(&self) -> ObserverOptions {
+    /// The options of the observer.
+    #[must_use]
+    pub fn observer_options(&self) -> ObserverOptions {
         ObserverOptions {
             bandwidth_hz: f64::from(self.bandwidth_hz),
             sample_interval_s: f64::from(self.sample_interval_s),
@@ -160,8 +165,9 @@ impl Control {
         }
     }
 
-    /// How periodic references are learned, if they are.
-    pub(crate) fn learning_options(&self) -> Option<LearningOptions> {
+    /// The options of learning periodic references; `None` if nothing is learned.
+    #[must_use]
+    pub fn learning_options(&self) -> Option<LearningOptions> {
         (self.harmonics > 0).then(|| LearningOptions {
             harmonics: usize::from(self.harmonics),
             period_s: (self.period_s != 0.0).then(|| f64::from(self.period_s)),

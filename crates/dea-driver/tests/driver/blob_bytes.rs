@@ -73,3 +73,24 @@ fn a_blob_carries_the_curve_and_the_method() {
     assert_eq!(curved.amplifier_lag, AmplifierLag { rise_s: 0.1, fall_s: 0.5 });
     assert_eq!((curved.control.harmonics, curved.control.period_s), (5, 2.5));
 }
+
+/// A controller steps the host's law, of either method, to the bit.
+#[test]
+fn parameters_and_blob_carry_the_method() {
+    let model = Preset::named("table3-n2").expect("there").model().expect("valid");
+    for method in [Discretisation::Gl, Discretisation::Bdf2] {
+        let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3).with_method(method)).expect("valid");
+        let sent = Parameters::bench(&law, Actuator::KARNER_2022);
+        let mut bytes = [0; BLOB_LEN];
+        let length = sent.encode(BOARD, &mut bytes).expect("valid");
+        let blob = <Blob>::decode(&bytes[..length], BOARD).expect("valid");
+        assert_eq!(blob.parameters(), &sent);
+        let received = blob.tracking().observer().law();
+        assert_eq!(received.method(), method);
+        let (mut here, mut there) = (law.state(), received.state());
+        for k in 0..100 {
+            let force_n = if k < 50 { 1.0 } else { 0.2 };
+            assert_eq!(received.displacement(&mut there, force_n), law.displacement(&mut here, force_n), "step {k}");
+        }
+    }
+}

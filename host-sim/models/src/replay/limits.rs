@@ -1,7 +1,7 @@
 //! Limits of a command: those of a board, or others that are given.
 
 use clap::Args;
-use springpot::CommandLimits;
+use springpot::{Actuator, CommandLimits};
 
 use crate::error::Result;
 use crate::files::parameters::Board;
@@ -28,25 +28,26 @@ pub struct LimitOptions {
 }
 
 impl LimitOptions {
-    /// The limits on `board`.
+    /// The limits on `board`, in the controller's single precision.
     ///
     /// # Errors
     ///
     /// [`Error::Field`](crate::error::Error::Field) for one that is not finite and positive.
     pub fn limits(&self, board: Option<&Board>) -> Result<CommandLimits> {
-        let mut limits = board.map_or(CommandLimits::BENCH, Board::command_limits);
+        let mut board = board.cloned().unwrap_or_else(|| Board::bench(&Actuator::KARNER_2022));
+        let Board { limits, control, .. } = &mut board;
         for (option, given, limit) in [
             ("max_voltage_v", self.max_voltage, &mut limits.max_voltage_v),
             ("max_field_v_per_m", self.max_field, &mut limits.max_field_v_per_m),
             ("max_slew_v_per_s", self.max_slew, &mut limits.max_slew_v_per_s),
-            ("max_velocity_m_per_s", self.max_velocity, &mut limits.max_velocity_m_per_s),
-            ("max_acceleration_m_per_s2", self.max_acceleration, &mut limits.max_acceleration_m_per_s2),
+            ("max_velocity_m_per_s", self.max_velocity, &mut control.max_velocity_m_per_s),
+            ("max_acceleration_m_per_s2", self.max_acceleration, &mut control.max_acceleration_m_per_s2),
         ] {
             if let Some(given) = given {
                 positive(option, given)?;
-                *limit = given;
+                *limit = given as f32;
             }
         }
-        Ok(limits)
+        Ok(board.command_limits())
     }
 }

@@ -1,5 +1,6 @@
 //! The observer over a recording: what a controller would have estimated.
 
+use dea_driver::Control;
 use serde::Serialize;
 use springpot::{Applied, ControlError, Law, LawState, Memory, Observer, ObserverOptions, Real, SensorSample};
 
@@ -71,13 +72,16 @@ pub fn options(bandwidth_hz: f64, adaptation_s: f64, measured: &Samples, grid: G
     }
     intervals.sort_by(f64::total_cmp);
     let interval_s = intervals[intervals.len() / 2].max(grid.step_s());
-    Ok(ObserverOptions {
-        sample_interval_s: interval_s,
+    // In the controller's single precision, as the closed loop has them.
+    let control = Control {
+        bandwidth_hz: bandwidth_hz as f32,
+        sample_interval_s: interval_s as f32,
         delay_s: 0.0,
-        lost_after_s: 5.0 * interval_s,
-        adaptation_s,
-        ..ObserverOptions::at_bandwidth(bandwidth_hz)
-    })
+        lost_after_s: (5.0 * interval_s) as f32,
+        adaptation_s: adaptation_s as f32,
+        ..Control::BENCH
+    };
+    Ok(control.observer_options())
 }
 
 /// How an observer of a recording is tuned.
@@ -195,7 +199,7 @@ impl OnLaw for ObserverRun<'_> {
         let sensor = self.parameters.sensor();
         let largest = self.voltage_v.iter().fold(1.0, |largest: f64, v| largest.max(v.abs()));
         let observer: Observer<T, M> =
-            Observer::new(law, &self.parameters.actuator, largest, self.options).map_err(refused)?;
+            Observer::new(law, &self.parameters.actuator, f64::from(largest as f32), self.options).map_err(refused)?;
         let mut state = observer.state(rest);
         let mut estimates = Estimates::default();
         let mut next = 0;

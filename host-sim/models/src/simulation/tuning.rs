@@ -1,10 +1,10 @@
 //! How a controller is tuned: what is asked for, or else what the parameters' board or the paper's bench has.
 
 use dea_driver::Control;
-use springpot::{CommandLimits, HARMONICS, LearningOptions, ObserverOptions};
+use springpot::{CommandLimits, HARMONICS};
 
 use crate::error::{Error, Result};
-use crate::files::parameters::{Parameters, as_written};
+use crate::files::parameters::Parameters;
 use crate::quantity::{at_most, positive};
 use crate::simulation::controllers::{ControllerKind, ControllerSettings, PI_HZ};
 
@@ -42,27 +42,31 @@ impl ControllerTuning {
         let control = parameters.board.as_ref().map_or(Control::BENCH, |board| board.control);
         let bandwidth_hz = self.bandwidth_hz.unwrap_or(match kind {
             ControllerKind::Pi => PI_HZ,
-            _ => as_written(control.bandwidth_hz),
+            _ => f64::from(control.bandwidth_hz),
         });
         positive("bandwidth_hz", bandwidth_hz)?;
-        let adaptation_s = self.adaptation_s.unwrap_or(as_written(control.adaptation_s));
+        let adaptation_s = self.adaptation_s.unwrap_or(f64::from(control.adaptation_s));
         at_most("adaptation_s", adaptation_s, 1e9)?;
         positive("sensor_rate_hz", self.sensor_rate_hz)?;
         at_most("sensor_delay_s", self.sensor_delay_s, 10.0)?;
         let interval_s = (1.0 / self.sensor_rate_hz).max(1.0 / self.rate_hz);
-        let observer = ObserverOptions {
-            bandwidth_hz,
-            sample_interval_s: interval_s,
-            delay_s: self.sensor_delay_s,
-            lost_after_s: 5.0 * interval_s,
-            adaptation_s,
+        // In the controller's single precision, so that the law is the controller's to the bit.
+        let control = Control {
+            bandwidth_hz: bandwidth_hz as f32,
+            sample_interval_s: interval_s as f32,
+            delay_s: self.sensor_delay_s as f32,
+            lost_after_s: (5.0 * interval_s) as f32,
+            adaptation_s: adaptation_s as f32,
+            harmonics: self.checked_harmonics(kind)?,
+            period_s: self.period_s.unwrap_or_default() as f32,
+            ..control
         };
-        let learning = self.learning(kind, interval_s)?;
+        let (observer, learning) = (control.observer_options(), control.learning_options());
         Ok(ControllerSettings { rate_hz: self.rate_hz, limits, observer, learning, peak_m: 0.0 })
     }
 
-    fn learning(&self, kind: ControllerKind, sample_interval_s: f64) -> Result<Option<LearningOptions>> {
-        let Some(harmonics) = self.harmonics.filter(|harmonics| *harmonics > 0) else { return Ok(None) };
+    fn checked_harmonics(&self, kind: ControllerKind) -> Result<u8> {
+        let Some(harmonics) = self.harmonics.filter(|harmonics| *harmonics > 0) else { return Ok(0) };
         if harmonics > HARMONICS {
             return Err(Error::field("harmonics", format!("{harmonics}: at most {HARMONICS} are learned")));
         }
@@ -73,6 +77,6 @@ impl ControllerTuning {
         if let Some(period) = self.period_s {
             positive("period_s", period)?;
         }
-        Ok(Some(LearningOptions { harmonics, period_s: self.period_s, sample_interval_s }))
+        Ok(harmonics as u8)
     }
 }

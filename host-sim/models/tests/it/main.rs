@@ -14,6 +14,7 @@ mod lab_files;
 mod measured_curve;
 #[path = "../../../../crates/springpot/tests/it/support/models.rs"]
 mod models;
+mod one_law;
 mod other_files;
 mod periodic;
 mod plant;

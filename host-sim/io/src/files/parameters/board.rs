@@ -134,18 +134,9 @@ impl Board {
         self
     }
 
-    /// Its limits for the laws of control, in f64.
+    /// Its limits for the laws of control, as the controller converts them.
     pub fn command_limits(&self) -> CommandLimits {
-        let Self { limits, control, .. } = self;
-        CommandLimits {
-            max_voltage_v: as_written(limits.max_voltage_v),
-            max_field_v_per_m: as_written(limits.max_field_v_per_m),
-            max_slew_v_per_s: as_written(limits.max_slew_v_per_s),
-            max_velocity_m_per_s: as_written(control.max_velocity_m_per_s),
-            max_acceleration_m_per_s2: as_written(control.max_acceleration_m_per_s2),
-            return_hz: as_written(control.return_hz),
-            amplifier: self.amplifier_lag,
-        }
+        self.control.command_limits(&self.limits, self.amplifier_lag)
     }
 
     /// The table as TOML, numbers as short as they were written, without what is [`missing`](Self::missing).

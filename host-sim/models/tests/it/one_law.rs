@@ -1,0 +1,117 @@
+//! Host and controller build one control law, to the bit: `closed-loop`, `feedforward`, Python and the blob.
+//!
+//! `closed-loop` and Python build it from [`LimitOptions`] and [`ControllerTuning`], `feedforward` from [`LimitOptions`].
+
+use bench_io::files::parameters::Parameters;
+use bench_models::bench::controllers::{self, ControllerKind};
+use bench_models::bench::tuning::ControllerTuning;
+use bench_models::replay::limits::LimitOptions;
+use bench_models::replay::memory::Precision;
+use dea_driver::Blob;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use springpot::{Applied, Feedforward, SensorSample, Tracking};
+
+const TUNING: ControllerTuning = ControllerTuning {
+    rate_hz: 1000.0,
+    bandwidth_hz: None,
+    adaptation_s: None,
+    sensor_rate_hz: 100.0,
+    sensor_delay_s: 0.01,
+    harmonics: None,
+    period_s: None,
+};
+
+/// A limit near `usual` with as many digits as a file states.
+fn near(rng: &mut Pcg64, usual: f64) -> f64 {
+    format!("{:.3e}", usual * rng.random_range(0.7..1.0)).parse().expect("a number")
+}
+
+/// The tracking law of a controller that read the blob of `parameters`.
+fn on_a_board(parameters: &Parameters, rate_hz: f64) -> Tracking<f32> {
+    let (bytes, board) = parameters.checked_blob(rate_hz).expect("a blob");
+    <Blob>::decode(&bytes, board.id).expect("valid").tracking().clone()
+}
+
+/// The tracking law of the host, built as `closed-loop` builds it with `limits` on the command line.
+fn on_the_host(parameters: &Parameters, rate_hz: f64, limits: &LimitOptions) -> Tracking<f32> {
+    let limits = limits.limits(parameters.board.as_ref()).expect("limits");
+    let tuning = ControllerTuning { rate_hz, ..TUNING };
+    let settings = tuning.settings(ControllerKind::Tracking, parameters, limits).expect("settings");
+    let law = parameters.film().compressed_law(rate_hz).expect("a law");
+    Tracking::new(law, &parameters.actuator, settings.limits, settings.observer).expect("valid")
+}
+
+#[test]
+fn without_a_board_both_have_the_same_bench() {
+    let parameters = Parameters::load("preset:table3-n2").expect("a preset");
+    for rate_hz in [100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0, 5000.0] {
+        assert_eq!(
+            on_the_host(&parameters, rate_hz, &LimitOptions::default()),
+            on_a_board(&parameters, rate_hz),
+            "{rate_hz} Hz"
+        );
+    }
+}
+
+#[test]
+fn random_limits_make_one_law() {
+    let mut rng = Pcg64::seed_from_u64(27);
+    let film = Parameters::load("preset:table3-n2").expect("a preset");
+    for case in 0..60 {
+        let limits = [6000.0, 4.2e7, 50e3, 0.05, 0.5].map(|usual| Some(near(&mut rng, usual)));
+        let [max_voltage, max_field, max_slew, max_velocity, max_acceleration] = limits;
+        let given = LimitOptions { max_voltage, max_field, max_slew, max_velocity, max_acceleration };
+        let mut board = film.bench(1000.0);
+        let [voltage, field, slew, velocity, acceleration] = limits.map(|limit| limit.expect("given") as f32);
+        (board.limits.max_voltage_v, board.limits.max_field_v_per_m) = (voltage, field);
+        board.limits.max_slew_v_per_s = slew;
+        (board.control.max_velocity_m_per_s, board.control.max_acceleration_m_per_s2) = (velocity, acceleration);
+        // On the command line or in the file: one law.
+        let stated = Parameters { board: Some(board.clone()), ..film.clone() };
+        let law = on_a_board(&stated, 1000.0);
+        assert_eq!(on_the_host(&film, 1000.0, &given), law, "case {case}, on the command line: {given:?}");
+        // What a file may state as well.
+        board.control.return_hz = near(&mut rng, 5.0) as f32;
+        board.control.bandwidth_hz = near(&mut rng, 0.6) as f32;
+        board.control.adaptation_s = near(&mut rng, 30.0) as f32;
+        let stated = Parameters { board: Some(board), ..film.clone() };
+        let law = on_a_board(&stated, 1000.0);
+        let read = Parameters::from_toml(std::path::Path::new("film.toml"), &stated.to_toml()).expect("parameters");
+        assert_eq!(on_the_host(&read, 1000.0, &LimitOptions::default()), law, "case {case}, in the file");
+        if case < 5 {
+            same_voltages(&read, &law);
+        }
+    }
+}
+
+/// The controllers of the bench, built as a whole, against the blob's law: a reference that meets the limits.
+fn same_voltages(parameters: &Parameters, tracking: &Tracking<f32>) {
+    let limits = LimitOptions::default().limits(parameters.board.as_ref()).expect("limits");
+    let law = tracking.observer().law().clone();
+    let feedforward = Feedforward::new(law.clone(), &parameters.actuator, limits).expect("valid");
+    let (mut tracked, mut fed) = (tracking.state(law.state()), feedforward.state(law.state()));
+    let build = |kind| {
+        let settings = TUNING.settings(kind, parameters, limits).expect("settings");
+        controllers::build(kind, parameters, &settings, Precision::F32).expect("a controller")
+    };
+    let [mut tracking_bench, mut feedforward_bench] =
+        [ControllerKind::Tracking, ControllerKind::Feedforward].map(build);
+    let mut voltages = [0.0_f32; 2];
+    for k in 0..300_u16 {
+        let reference = if k < 150 { 2.5e-3 } else { 0.5e-3 };
+        let sample = (k % 10 == 0).then_some(SensorSample { displacement_m: 1e-6 * f32::from(k), age_ticks: 10 });
+        let wide =
+            sample.map(|sample| SensorSample { displacement_m: f64::from(sample.displacement_m), age_ticks: 10 });
+        let [commanded, fed_v] = voltages;
+        let bench = [
+            tracking_bench.tick(Applied::as_commanded(f64::from(commanded)), wide, f64::from(reference)),
+            feedforward_bench.tick(Applied::as_commanded(f64::from(fed_v)), wide, f64::from(reference)),
+        ];
+        tracking.observe(&mut tracked, Applied::as_commanded(commanded), sample);
+        feedforward.apply(&mut fed, Applied::as_commanded(fed_v));
+        voltages =
+            [tracking.command(&mut tracked, reference).voltage_v, feedforward.command(&mut fed, reference).voltage_v];
+        assert_eq!(bench.map(|output| output.voltage_v), voltages.map(f64::from), "tick {k}");
+    }
+}
