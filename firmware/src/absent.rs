@@ -1,18 +1,30 @@
 //! No bench: QEMU has no converters and its pins read 0. What a board sees that nothing is connected to.
 
-use dea_driver::wire::{Inspection, Part};
-use dea_driver::{AmplifierError, Drive, Inputs};
+use dea_driver::wire::{InjectedFault, Inspection, Part};
+use dea_driver::{AmplifierError, Controller, Drive, Inputs};
+use stm32f4xx_hal::pac::{SPI1, SPI2};
+use stm32f4xx_hal::rcc::Rcc;
 
-/// There is no bus either.
+use crate::outputs::Pins;
+
+/// There is no bus.
 pub type AdcBus = ();
 
-/// Nothing.
+/// Refuses to inject a fault: nothing here can fail.
+pub fn inject_fault(_: InjectedFault) -> bool {
+    false
+}
+
+/// A bench without parts.
 pub struct Bench;
 
 impl Bench {
-    pub const fn new() -> Self {
+    pub fn new(_: SPI1, _: SPI2, _: Pins, _: &'static mut Option<AdcBus>, _: &mut Rcc) -> Self {
         Self
     }
+
+    /// There is nothing to prepare.
+    pub fn prepare(&mut self, _: Option<&Controller>) {}
 
     /// An open interlock, and converters that do not answer.
     pub fn sample(&mut self) -> Inputs {

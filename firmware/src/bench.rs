@@ -1,16 +1,18 @@
 //! The bench on the board's pins: amplifier, sensors, interlock, light. `docs/wiring.md` shows it.
 
 use dea_driver::chips::{AdcRange, CommandRange};
-use dea_driver::wire::{Inspection, Part};
-use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError, Drive, Inputs};
+use dea_driver::wire::{InjectedFault, Inspection, Part};
+use dea_driver::{AdcError, Ads868x, Amplifier, AmplifierError, Controller, Drive, Inputs};
 use embedded_hal_bus::spi::{AtomicDevice, ExclusiveDevice, NoDelay};
 use embedded_hal_bus::util::AtomicCell;
-use stm32f4xx_hal::gpio::{Input, Output, PB0, PB1, PB12, PC6, PC7, PinState, Speed, gpioa, gpiob, gpioc};
+use stm32f4xx_hal::gpio::{Input, Output, PB0, PB1, PB12, PC6, PC7, PinState, Speed};
 use stm32f4xx_hal::hal::spi::{MODE_0, MODE_1};
 use stm32f4xx_hal::pac::{GPIOC, SPI1, SPI2};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::spi::Spi;
+
+pub use crate::outputs::Pins;
 
 /// Clock of both buses, Hz: 42 MHz by 8, and 84 MHz by 16. The DAC reads back at up to 17 MHz; the wires are meant for 10 MHz, and the
 /// next step is 10.5 MHz.
@@ -21,23 +23,18 @@ pub type AdcBus = AtomicCell<Spi<SPI1>>;
 type Adc<CS> = Ads868x<AtomicDevice<'static, Spi<SPI1>, CS, NoDelay>>;
 type Dac = ExclusiveDevice<Spi<SPI2>, PB12<Output>, NoDelay>;
 
-/// What is connected to the board.
+/// Refuses to inject a fault: this bench is real.
+pub fn inject_fault(_: InjectedFault) -> bool {
+    false
+}
+
+/// The bench on the board's pins.
 pub struct Bench {
     amplifier: Option<Amplifier<Dac, PC6<Output>>>,
     monitor: Option<Adc<PB0<Output>>>,
     displacement: Option<Adc<PB1<Output>>>,
     interlock: PC7<Input>,
     found: Inspection,
-}
-
-/// The pins, as they are after a reset; the enable output is set low first of all.
-pub struct Pins {
-    pub enable: PC6<Output>,
-    pub interlock: gpioc::PC7,
-    /// Of the ADCs: clock, MISO, MOSI.
-    pub adc: (gpioa::PA5, gpioa::PA6, gpioa::PA7),
-    /// Selects, and the DAC's bus.
-    pub port_b: gpiob::Parts,
 }
 
 impl Bench {
@@ -83,6 +80,9 @@ impl Bench {
             },
         }
     }
+
+    /// The converters need nothing of the controller.
+    pub fn prepare(&mut self, _: Option<&Controller>) {}
 
     /// What the last tick has found.
     pub fn inspection(&self) -> Inspection {

@@ -1,13 +1,11 @@
-//! What this board lends to the link.
+//! The board's side of the link: timer, watchdog, parameter store.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
 use dea_driver::server::Board;
-#[cfg(feature = "virtual-bench")]
-use dea_driver::wire::Drill;
-use dea_driver::wire::boards;
+use dea_driver::wire::{InjectedFault, boards};
 use dea_driver::{Device, Store, StoreError};
 use rtic::Mutex;
 use stm32f4xx_hal::pac::{DBGMCU, IWDG};
@@ -66,11 +64,11 @@ pub fn watch(watchdog: &mut IndependentWatchdog) {
 }
 
 /// Whether a host has asked for a reset by the watchdog.
-static STARVED: AtomicBool = AtomicBool::new(false);
+static EXPIRING: AtomicBool = AtomicBool::new(false);
 
-/// Whether the watchdog is fed no more.
-pub fn is_starved() -> bool {
-    STARVED.load(Ordering::Relaxed)
+/// Whether the tick must not feed the watchdog any more.
+pub fn is_watchdog_expiring() -> bool {
+    EXPIRING.load(Ordering::Relaxed)
 }
 
 /// Lets it wait for `ms`. Its registers belong to a slow clock: they take nothing while they still take over what came before,
@@ -147,25 +145,13 @@ impl<D: Mutex<T = Device>, W: Mutex<T = IndependentWatchdog>> Board for Backgrou
         panic::remembers_trial()
     }
 
-    fn starve_watchdog(&mut self) -> bool {
-        STARVED.store(true, Ordering::Relaxed);
+    fn stop_feeding_watchdog(&mut self) -> bool {
+        EXPIRING.store(true, Ordering::Relaxed);
         true
     }
 
-    #[cfg(feature = "virtual-bench")]
-    fn drill(&mut self, drill: Drill) -> bool {
-        crate::virtual_bench::ask(drill)
-    }
-}
-
-/// Stops where there is a chip instead of QEMU, which has no device id: nobody would answer what this image says, and the core
-/// would fault over it.
-#[cfg(feature = "semihosting")]
-pub fn stop_on_a_chip() {
-    let id = 0xe004_2000 as *const u32;
-    // SAFETY: DBGMCU_IDCODE can be read at any time.
-    while unsafe { id.read_volatile() } != 0 {
-        cortex_m::asm::wfi();
+    fn inject_fault(&mut self, fault: InjectedFault) -> bool {
+        crate::bench::inject_fault(fault)
     }
 }
 

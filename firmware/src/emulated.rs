@@ -13,12 +13,14 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m::peripheral::{SCB, SYST};
+use dea_driver::BlobError;
 use dea_driver::wire::BAUD;
 use stm32f4xx_hal::pac::{Interrupt, USART2};
 use stm32f4xx_hal::prelude::*;
+use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::serial::{Event, Serial};
 
-use crate::clock::CORE_HZ;
+use crate::clock::{CORE_HZ, ClockFault};
 use crate::serial;
 
 /// Cycles of the core that a byte takes on the line: ten bits.
@@ -28,6 +30,32 @@ const CYCLES_PER_BYTE: u32 = CORE_HZ / (BAUD / 10);
 static ALLOWED: AtomicU32 = AtomicU32::new(0);
 /// Whether a byte waits for the next tick.
 static WAITING: AtomicBool = AtomicBool::new(false);
+
+/// Stops where there is a chip instead of QEMU, which has no device id: no debugger would answer what this image writes, and the core
+/// would fault over it.
+pub fn start() {
+    let id = 0xe004_2000 as *const u32;
+    // SAFETY: DBGMCU_IDCODE can be read at any time.
+    while unsafe { id.read_volatile() } != 0 {
+        cortex_m::asm::wfi();
+    }
+}
+
+/// Returns the frequency of the core, Hz: QEMU's has one clock, whatever the registers say.
+pub fn core_hz(_: &Rcc) -> u32 {
+    CORE_HZ
+}
+
+/// Reports a fault of the clock. QEMU has no crystal, so that it is expected.
+pub fn report(fault: ClockFault) {
+    defmt::debug!("clock: {}", fault);
+}
+
+/// Whether a store without parameters, in which this was `found`, was never written. QEMU's flash reads 0 where nothing was loaded, which
+/// no erased flash does.
+pub fn is_erased(_: Option<BlobError>) -> bool {
+    true
+}
 
 /// A tick begins: its period starts now, and the line goes on.
 pub fn begin_tick() {

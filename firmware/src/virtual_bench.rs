@@ -1,36 +1,46 @@
-//! A virtual bench instead of pins and converters, for QEMU: a closed interlock, an amplifier, and a simulated film. It goes wrong on
-//! purpose where a host asks for a drill, and so shows how every fault ends.
+//! A virtual bench instead of pins and converters, for QEMU: a closed interlock, an amplifier, and a simulated film. A host can inject
+//! faults into it, to see how each of them ends.
 
 use core::mem::replace;
 use core::sync::atomic::{AtomicU8, Ordering};
 
 use dea_driver::chips::{AdcCode, AdcRange};
-use dea_driver::wire::{Drill, Inspection, Part};
+use dea_driver::wire::{InjectedFault, Inspection, Part};
 use dea_driver::{AmplifierError, Controller, Drive, Inputs};
+use stm32f4xx_hal::pac::{SPI1, SPI2};
+use stm32f4xx_hal::rcc::Rcc;
 
 use crate::film::Film;
+use crate::outputs::Pins;
 
-/// The drill that is asked for: its place in the list, from 1; 0 is none.
-static ASKED: AtomicU8 = AtomicU8::new(0);
+/// The fault to inject: its place in [`FAULTS`], from 1; 0 is none.
+static REQUESTED: AtomicU8 = AtomicU8::new(0);
 
-/// What can go wrong here. A tick that hangs needs a watchdog, which QEMU does not have.
-const DRILLS: [Drill; 6] = [Drill::Interlock, Drill::Monitor, Drill::Sensor, Drill::Bus, Drill::Overrun, Drill::Panic];
+/// The faults that can be injected. A tick that hangs needs a watchdog, which QEMU does not have.
+const FAULTS: [InjectedFault; 6] = [
+    InjectedFault::Interlock,
+    InjectedFault::Monitor,
+    InjectedFault::Sensor,
+    InjectedFault::Bus,
+    InjectedFault::Overrun,
+    InjectedFault::Panic,
+];
 
 /// The range of both simulated ADCs.
 const ADC: AdcRange = AdcRange::UpTo10V24;
 /// What the sensor shows before there are parameters, V.
 const AT_REST_V: f32 = 1.0;
-/// Most codes by which the sensor's noise is off: a living sensor is never still.
+/// Largest noise of the sensor, codes: a live sensor is never still.
 const NOISE: u32 = 8;
 
-/// Lets the next tick go wrong. False for a fault that cannot be shown here.
-pub fn ask(drill: Drill) -> bool {
-    let place = DRILLS.iter().position(|&other| other == drill).map(|place| place as u8 + 1);
-    ASKED.store(place.unwrap_or(0), Ordering::Relaxed);
+/// Injects `fault` into the next tick. False for one that cannot be injected here.
+pub fn inject_fault(fault: InjectedFault) -> bool {
+    let place = FAULTS.iter().position(|&other| other == fault).map(|place| place as u8 + 1);
+    REQUESTED.store(place.unwrap_or(0), Ordering::Relaxed);
     place.is_some()
 }
 
-/// On this bench, nothing is connected.
+/// There is no bus.
 pub type AdcBus = ();
 
 /// The bench. Like the board's converters its monitor is sampled at the end of a frame, and answers in that of the next tick.
@@ -47,7 +57,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    pub fn new() -> Self {
+    pub fn new(_: SPI1, _: SPI2, _: Pins, _: &'static mut Option<AdcBus>, _: &mut Rcc) -> Self {
         defmt::warn!("virtual board: a simulated film instead of pins and converters, and faults on request");
         let found = Inspection {
             interlock_closed: true,
@@ -62,7 +72,7 @@ impl Bench {
     }
 
     /// Mounts the film of the present parameters, if it is another one than before.
-    pub fn mount(&mut self, controller: Option<&Controller>) {
+    pub fn prepare(&mut self, controller: Option<&Controller>) {
         let Some(controller) = controller else { return };
         if self.film.as_ref().is_none_or(|film| !film.is_of(controller)) {
             self.film = Film::from_controller(controller);
@@ -85,20 +95,20 @@ impl Bench {
             sensor_adc_v: Some(AdcCode(sensor).volts(ADC)),
         };
         if self.disabled {
-            // What went wrong is mended once the amplifier is off.
+            // A fault ends once the amplifier is off.
             self.stuck = false;
-            ASKED.store(0, Ordering::Relaxed);
+            REQUESTED.store(0, Ordering::Relaxed);
         }
-        let asked = ASKED.load(Ordering::Relaxed);
-        match DRILLS.get(usize::from(asked).wrapping_sub(1)) {
-            Some(Drill::Interlock) => inputs.interlock_closed = false,
-            Some(Drill::Monitor) => self.stuck = true,
-            Some(Drill::Sensor) => inputs.sensor_adc_v = Some(ADC.largest_v()),
-            Some(Drill::Bus) => inputs.monitor_adc_v = None,
+        let requested = REQUESTED.load(Ordering::Relaxed);
+        match FAULTS.get(usize::from(requested).wrapping_sub(1)) {
+            Some(InjectedFault::Interlock) => inputs.interlock_closed = false,
+            Some(InjectedFault::Monitor) => self.stuck = true,
+            Some(InjectedFault::Sensor) => inputs.sensor_adc_v = Some(ADC.largest_v()),
+            Some(InjectedFault::Bus) => inputs.monitor_adc_v = None,
             // Some 18 ms at 168 MHz, and 3 ms where QEMU counts a nanosecond per instruction: longer than a tick, shorter
             // than the watchdog waits.
-            Some(Drill::Overrun) => cortex_m::asm::delay(3_000_000),
-            Some(Drill::Panic) => panic!("a drill"),
+            Some(InjectedFault::Overrun) => cortex_m::asm::delay(3_000_000),
+            Some(InjectedFault::Panic) => panic!("injected fault"),
             _ => {}
         }
         self.found = Inspection {

@@ -18,7 +18,7 @@ fn span() -> (&'static str, u64) {
 /// Three recordings at 1 kHz: displacement, state and voltage of every step are the host's, bit for bit.
 #[test]
 fn every_step_of_three_recordings_has_the_hosts_bits() {
-    let image = image("firmware/target");
+    let image = image("qemu");
     let recordings = recordings("hossain");
     let [fast, middle, slow] = recordings.each_ref().map(|path| text(path));
     let (seconds, steps) = span();
@@ -54,7 +54,7 @@ fn the_demo_runs_the_image() {
 /// the run is still on at its end.
 #[test]
 fn whole_ticks_of_three_recordings_have_the_hosts_bits() {
-    let image = image("firmware/target");
+    let image = image("qemu");
     let recordings = recordings("hossain");
     let [fast, middle, slow] = recordings.each_ref().map(|path| text(path));
     let (seconds, steps) = span();
@@ -73,8 +73,7 @@ fn whole_ticks_of_three_recordings_have_the_hosts_bits() {
 #[test]
 fn the_laws_of_control_have_the_hosts_bits() {
     let folder = tempfile::TempDir::new().expect("a folder");
-    let (image, film, sine) =
-        (image("firmware/target"), folder.path().join("film.toml"), folder.path().join("sine.csv"));
+    let (image, film, sine) = (image("qemu"), folder.path().join("film.toml"), folder.path().join("sine.csv"));
     let recordings = recordings("hossain");
     let [fast, middle, slow] = recordings.each_ref().map(|path| text(path));
     let structure = ["--topology", "parallel", "--branches", "2"];
@@ -112,7 +111,7 @@ fn a_film_behind_a_curve_has_the_hosts_bits() {
     std::fs::write(&film, parameters.to_toml()).expect("written");
     let shape = ["--shape", "sine", "--low", "1.5e-3", "--high", "4e-3", "--period", "10", "--out", text(&sine)];
     TOOL.json(&[["reference"].as_slice(), &shape].concat());
-    let image = image("firmware/target");
+    let image = image("qemu");
     let [fast, ..] = &recordings("hossain");
     for (law, file, method) in [
         ("step", fast, "gl"),
@@ -137,7 +136,7 @@ fn a_film_behind_a_curve_has_the_hosts_bits() {
 /// Bits are compared, not merely printed: with other parameters on the chip than on the host, the test fails.
 #[test]
 fn another_model_is_noticed() {
-    let (_emulator, port) = Emulator::start(&image("firmware/target")).expect("starts");
+    let (_emulator, port) = Emulator::start(&image("qemu")).expect("starts");
     let (mut client, _) = Client::new(port).expect("answers");
     for (preset, same) in [("table3-n2", true), ("table3-n3", false)] {
         let parameters = Parameters::preset(preset).expect("a preset");

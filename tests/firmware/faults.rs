@@ -4,7 +4,7 @@ use std::path::Path;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use dea_driver::wire::{Answer, BAUD, Command, Drill, Mode, Reject, Status, boards};
+use dea_driver::wire::{Answer, BAUD, Command, InjectedFault, Mode, Reject, Status, boards};
 use dea_driver::{Cause, DriverState, SensorFault};
 use host_sim::files::parameters::{Board, Parameters};
 use host_sim::link::{Client, Emulator, Port};
@@ -19,7 +19,7 @@ use crate::{DEADLINE, TOOL, image, root, stated};
 /// written: the parameters are refused as the flash refuses them, and what ran before goes on.
 #[test]
 fn without_a_bench_nothing_is_enabled() {
-    let (_emulator, port) = Emulator::start(&image("firmware/target")).expect("starts");
+    let (_emulator, port) = Emulator::start(&image("qemu")).expect("starts");
     let (mut client, identity) = Client::new(port).expect("answers");
     assert_eq!(identity.board, boards::STM32F405);
     assert_eq!(client.ask(Command::Arm).expect("answers"), Answer::Rejected(Reject::NoParameters));
@@ -30,7 +30,10 @@ fn without_a_bench_nothing_is_enabled() {
     assert_eq!(client.ask(Command::Query).expect("answers"), before);
     let open = client.ask(Command::Arm).expect("answers");
     assert_eq!(open, Answer::Refused(dea_driver::Refusal::InterlockOpen));
-    assert_eq!(client.ask(Command::Drill(Drill::Panic)).expect("answers"), Answer::Rejected(Reject::Unknown));
+    assert_eq!(
+        client.ask(Command::InjectFault(InjectedFault::Panic)).expect("answers"),
+        Answer::Rejected(Reject::Unknown)
+    );
     assert_eq!(client.ask(Command::PanicMessage).expect("answers"), Answer::PanicMessage(Default::default()));
 
     // The stack, after all that the link can ask for.
@@ -61,7 +64,7 @@ fn blob(heartbeat_s: f32) -> Vec<u8> {
 
 /// The virtual board with 3 kV on its simulated film.
 fn live(heartbeat_s: f32) -> (Emulator, Client) {
-    let (emulator, port) = Emulator::start(&image("firmware/target/virtual-board")).expect("starts");
+    let (emulator, port) = Emulator::start(&image("virtual-board")).expect("starts");
     let (mut client, _) = Client::new(port).expect("answers");
     client.upload(&blob(heartbeat_s), false).expect("taken");
     let status = start(&mut client);
@@ -132,20 +135,20 @@ fn wait_for_0_v(client: &mut Client, mut meanwhile: impl FnMut(&mut Client, u32)
 #[test]
 fn every_fault_ends_at_0_v_with_its_cause() {
     let drills = [
-        (Drill::Interlock, Cause::Interlock),
-        (Drill::Monitor, Cause::Monitor),
-        (Drill::Sensor, Cause::Sensor(SensorFault::Range)),
-        (Drill::Bus, Cause::Bus),
-        (Drill::Overrun, Cause::Overrun),
+        (InjectedFault::Interlock, Cause::Interlock),
+        (InjectedFault::Monitor, Cause::Monitor),
+        (InjectedFault::Sensor, Cause::Sensor(SensorFault::Range)),
+        (InjectedFault::Bus, Cause::Bus),
+        (InjectedFault::Overrun, Cause::Overrun),
     ];
     for (drill, cause) in drills {
         let (_emulator, mut client) = live(ANY_SILENCE_S);
-        if drill == Drill::Monitor {
+        if drill == InjectedFault::Monitor {
             // It stays where it is, which shows once the voltage is to change.
-            client.order(Command::Drill(drill)).expect("done");
+            client.order(Command::InjectFault(drill)).expect("done");
             client.order(Command::SetVoltage(1000.0)).expect("done");
         } else {
-            client.order(Command::Drill(drill)).expect("done");
+            client.order(Command::InjectFault(drill)).expect("done");
         }
         let status = wait(&mut client, |status| matches!(status.state, DriverState::Tripped(_)));
         println!("{drill:?}: {:?} at tick {}, {} V", status.state, status.tripped_at, status.command_v);
@@ -163,7 +166,7 @@ fn the_self_test_ends_in_a_table() {
     let folder = tempfile::TempDir::new().expect("a folder");
     let parameters = folder.path().join("bench.bin");
     std::fs::write(&parameters, blob(ANY_SILENCE_S)).expect("written");
-    let (_emulator, port) = emulator_at_a_port(&image("firmware/target/virtual-board"));
+    let (_emulator, port) = emulator_at_a_port(&image("virtual-board"));
     let link = |more: &[&str]| TOOL.with(&[["link", "--port", &port, "--json"].as_slice(), more].concat());
     let start = Instant::now();
     while !link(&["identify"]).output().expect("runs").status.success() {
@@ -212,7 +215,7 @@ fn emulator_at_a_port(image: &Path) -> (Qemu, String) {
 #[test]
 fn a_panic_resets_and_is_remembered() {
     let (_emulator, mut client) = live(ANY_SILENCE_S);
-    client.order(Command::Drill(Drill::Panic)).expect("done");
+    client.order(Command::InjectFault(InjectedFault::Panic)).expect("done");
     let status = wait(&mut client, |status| matches!(status.state, DriverState::Tripped(_)));
     assert_eq!((status.state, status.command_v), (DriverState::Tripped(Cause::Panic), 0.0));
     assert_eq!(status.rate_hz, 0.0, "it has started again: parameters that were only tried are gone");
@@ -220,7 +223,7 @@ fn a_panic_resets_and_is_remembered() {
         panic!("no message")
     };
     println!("{message}");
-    assert!(message.starts_with("a drill at src/virtual_bench.rs:"), "{message}");
+    assert!(message.starts_with("injected fault at src/virtual_bench.rs:"), "{message}");
     client.upload(&blob(ANY_SILENCE_S), false).expect("taken");
     assert!(client.arm().is_err(), "not before it is acknowledged");
     client.order(Command::Acknowledge).expect("done");
@@ -245,7 +248,7 @@ fn a_silent_host_ends_at_0_v() {
 /// as silent.
 #[test]
 fn garbage_is_not_obeyed() {
-    let (_emulator, port) = Emulator::start(&image("firmware/target/virtual-board")).expect("starts");
+    let (_emulator, port) = Emulator::start(&image("virtual-board")).expect("starts");
     let (mut client, _) = Client::new(port).expect("answers");
     let mut random = Pcg64::seed_from_u64(4);
     client.upload(&blob(SHORT_SILENCE_S), false).expect("taken");
@@ -282,7 +285,7 @@ fn flood(port: &mut Port, random: &mut Pcg64, bytes: usize) {
 /// An upload that ends early, or with another length, is not taken.
 #[test]
 fn a_truncated_upload_changes_nothing() {
-    let (_emulator, port) = Emulator::start(&image("firmware/target/virtual-board")).expect("starts");
+    let (_emulator, port) = Emulator::start(&image("virtual-board")).expect("starts");
     let (mut client, _) = Client::new(port).expect("answers");
     let blob = blob(ANY_SILENCE_S);
     client.upload(&blob, false).expect("taken");

@@ -19,9 +19,9 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the project")
 }
 
-/// The image that `cargo xtask firmware` has built, or one of its siblings.
-fn image(folder: &str) -> PathBuf {
-    root().join(folder).join("thumbv7em-none-eabihf/release/firmware")
+/// An image that `cargo xtask firmware` has built.
+fn image(program: &str) -> PathBuf {
+    root().join("firmware/target/thumbv7em-none-eabihf/release").join(program)
 }
 
 /// A number of docs/results.md, by the name of its row and the title of its column.

@@ -33,7 +33,7 @@ impl Board {
         let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
         let mut started = Command::new(cargo)
             .args(["xtask", "board", "--image"])
-            .arg(image("firmware/target/virtual-board"))
+            .arg(image("virtual-board"))
             .current_dir(root())
             .stdin(Stdio::null())
             .stdout(Stdio::piped())

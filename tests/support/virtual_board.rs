@@ -183,7 +183,7 @@ impl Board for Bench {
         self.scene.panic_message
     }
 
-    fn starve_watchdog(&mut self) -> bool {
+    fn stop_feeding_watchdog(&mut self) -> bool {
         self.starved = self.scene.watchdog;
         true
     }

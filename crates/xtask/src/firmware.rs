@@ -7,29 +7,25 @@ use std::process::Command;
 use crate::process::{Result, cargo, output, root, run as run_command};
 use crate::setup::{TARGETS, Toolchain, built};
 
-/// An image: what it is for, and the options of its build.
+/// An image: the program in `firmware`, what it is for, and the options of its build.
 struct Image {
+    program: &'static str,
     what: &'static str,
     options: &'static [&'static str],
-    /// Folder under `target` that gets a copy.
-    copy: Option<&'static str>,
 }
 
-/// They share what they depend on. The one that `host-sim pil` starts is built last, so that it stays where cargo puts it.
-const IMAGES: [Image; 3] = [
-    Image { what: "the virtual board", options: &["--features", "virtual-bench"], copy: Some("virtual-board") },
-    Image { what: "a board", options: &["--no-default-features", "--features", "rtt"], copy: Some("board") },
-    Image { what: "QEMU", options: &[], copy: None },
-];
+const BOARD: Image = Image { program: "firmware", what: "a board", options: &["--no-default-features"] };
+const QEMU: Image = Image { program: "qemu", what: "QEMU", options: &[] };
+const VIRTUAL_BOARD: Image = Image { program: "virtual-board", what: "the virtual board", options: &[] };
 
 /// Builds the image that runs in QEMU: what `host-sim pil` starts.
 pub fn image(toolchain: &Toolchain) -> Result<()> {
-    build(toolchain, &IMAGES[2]).map(drop)
+    build(toolchain, &QEMU).map(drop)
 }
 
 /// Builds the image of the virtual board, and returns where it is.
 pub fn virtual_board(toolchain: &Toolchain) -> Result<PathBuf> {
-    build(toolchain, &IMAGES[0])
+    build(toolchain, &VIRTUAL_BOARD)
 }
 
 /// Checks and builds all images. The linker fails beyond their budget of flash and RAM.
@@ -37,23 +33,28 @@ pub fn images(toolchain: &Toolchain) -> Result<()> {
     let mut format = cargo(&["fmt", "--check"]);
     format.current_dir(folder());
     run_command(format)?;
-    for image in &IMAGES {
-        toolchain.lint(&folder(), TARGETS[0], image.options)?;
-        build(toolchain, image)?;
+    for image in [BOARD, QEMU, VIRTUAL_BOARD] {
+        toolchain.lint(&folder(), TARGETS[0], &[&["--bin", image.program], image.options].concat())?;
     }
-    no_virtual_bench_on_a_board(toolchain)
+    let [board, _, virtual_board] = [BOARD, QEMU, VIRTUAL_BOARD].map(|image| build(toolchain, &image));
+    no_virtual_bench_on_a_board(&board?, &virtual_board?)
 }
 
-/// An image for a board does not build with the virtual bench: it would drive no pins, and tell its host of a film that is not there.
-fn no_virtual_bench_on_a_board(toolchain: &Toolchain) -> Result<()> {
-    let build = ["build", "--quiet", "--release", "--no-default-features", "--features", "rtt,virtual-bench"];
-    let output = command(toolchain, &build).output().map_err(|error| format!("cargo: {error}"))?;
-    let said = String::from_utf8_lossy(&output.stderr);
-    if !output.status.success() && said.contains("the virtual bench drives no pins") {
-        println!("an image for a board refuses the virtual bench");
-        Ok(())
-    } else {
-        Err(format!("an image for a board with the virtual bench must be refused, but: {}\n{said}", output.status))
+/// The image for a board does not contain the virtual bench, which would drive no pins and report a film that is not there. Its log has a line
+/// that the image of the virtual board contains.
+fn no_virtual_bench_on_a_board(board: &Path, virtual_board: &Path) -> Result<()> {
+    const LINE: &[u8] = b"a simulated film instead of pins and converters";
+    let contains = |image: &Path| -> Result<bool> {
+        let bytes = fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
+        Ok(bytes.windows(LINE.len()).any(|window| window == LINE))
+    };
+    match (contains(board)?, contains(virtual_board)?) {
+        (false, true) => {
+            println!("the image for a board does not contain the virtual bench");
+            Ok(())
+        }
+        (true, _) => Err(format!("{}: it contains the virtual bench", board.display())),
+        (_, false) => Err(format!("{}: it does not contain the virtual bench", virtual_board.display())),
     }
 }
 
@@ -66,18 +67,10 @@ pub fn run(toolchain: &Toolchain) -> Result<()> {
 
 /// Builds an image, and returns where it is.
 fn build(toolchain: &Toolchain, image: &Image) -> Result<PathBuf> {
-    output(command(toolchain, &[["build", "--quiet", "--release"].as_slice(), image.options].concat()))?;
-    let file = Path::new(TARGETS[0]).join("release/firmware");
-    let mut path = built().join(&file);
-    if let Some(folder) = image.copy {
-        let copy = built().join(folder).join(&file);
-        let failed = |error| format!("{}: {error}", copy.display());
-        fs::create_dir_all(copy.with_file_name("")).map_err(failed)?;
-        fs::copy(&path, &copy).map_err(failed)?;
-        path = copy;
-    }
+    let options = [["build", "--quiet", "--release", "--bin", image.program].as_slice(), image.options].concat();
+    output(command(toolchain, &options))?;
     println!("the image for {} is built, within its budget", image.what);
-    Ok(path)
+    Ok(built().join(TARGETS[0]).join("release").join(image.program))
 }
 
 fn command(toolchain: &Toolchain, arguments: &[&str]) -> Command {

@@ -3,7 +3,7 @@
 use heapless::{Deque, String};
 
 use crate::chips::Drive;
-use crate::control::{Controller, Inputs, LearningOrder, Mode, Outputs, SetpointError, Telemetry};
+use crate::control::{Controller, Inputs, LearningOrder, Mode, SetpointError, Telemetry};
 use crate::safety::{Cause, DriverState, Refusal, Supervisor};
 use crate::wire::{Answer, Inspection, Reject, Status};
 
@@ -155,7 +155,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
     }
 
     /// The background, which serves the host, has come round: to be called once in every turn of its loop.
-    pub fn background_came_round(&mut self) {
+    pub fn background_is_running(&mut self) {
         self.ticks_alone = 0;
     }
 
@@ -180,7 +180,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         let Some(controller) = &mut self.controller else {
             return Drive::OFF;
         };
-        let outputs = tick_compiled(controller, inputs);
+        let outputs = controller.tick(inputs);
         self.stream.push(outputs.telemetry);
         Drive { enable: outputs.enable, dac_v: outputs.dac_v, range: controller.parameters().command_range }
     }
@@ -346,54 +346,6 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
 
     pub(super) fn installed(&mut self) -> Result<&mut Controller<HEAD, FAST, SLOW>, Denial> {
         self.controller.as_mut().ok_or(Denial::Rejected(Reject::NoParameters))
-    }
-}
-
-/// A tick of the code that was compiled with this crate, if that is the law's.
-pub(super) fn tick_compiled<const HEAD: usize, const FAST: usize, const SLOW: usize>(
-    controller: &mut Controller<HEAD, FAST, SLOW>,
-    inputs: Inputs,
-) -> Outputs {
-    match compiled::of_default_law(controller) {
-        Some(controller) => compiled::tick(controller, inputs),
-        None => controller.tick(inputs),
-    }
-}
-
-/// The controller of the default law, compiled with this crate and its own level of optimisation.
-///
-/// Generic code is compiled with the crate that names its parameters: a firmware, which is optimised for size. Without this a
-/// step of the loop test took 931 instructions there instead of 808.
-pub(super) mod compiled {
-    use core::any::Any;
-
-    use crate::control::{Controller, Inputs, Outputs};
-    #[cfg(feature = "loop-test")]
-    use crate::control::{Followed, Mode, Step, Target};
-
-    /// `controller`, if its law has the default sizes; known when this is compiled.
-    #[inline]
-    pub(in crate::server) fn of_default_law<const HEAD: usize, const FAST: usize, const SLOW: usize>(
-        controller: &mut Controller<HEAD, FAST, SLOW>,
-    ) -> Option<&mut Controller> {
-        (controller as &mut dyn Any).downcast_mut()
-    }
-
-    #[inline(never)]
-    pub(in crate::server) fn tick(controller: &mut Controller, inputs: Inputs) -> Outputs {
-        controller.tick(inputs)
-    }
-
-    #[cfg(feature = "loop-test")]
-    #[inline(never)]
-    pub(in crate::server) fn step(controller: &mut Controller, volts: f32) -> Step {
-        controller.step(volts)
-    }
-
-    #[cfg(feature = "loop-test")]
-    #[inline(never)]
-    pub(in crate::server) fn follow(controller: &mut Controller, mode: Mode, target: Target) -> Followed {
-        controller.follow(mode, target)
     }
 }
 

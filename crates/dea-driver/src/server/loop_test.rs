@@ -3,7 +3,6 @@
 use crate::chips::{AdcCode, AdcRange, DacCode};
 use crate::control::{Controller, Followed, Inputs, Mode, Outputs, Step, Target, TickCodes, Ticked};
 use crate::safety::DriverState;
-use crate::server::device::{compiled, tick_compiled};
 use crate::server::{Denial, Device};
 use crate::wire::Reject;
 
@@ -40,10 +39,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
     /// As [`rest`](Self::rest).
     pub fn step<C: FromIterator<Step>>(&mut self, volts: &[f32]) -> Result<C, Denial> {
         let controller = self.disabled()?;
-        Ok(match compiled::of_default_law(controller) {
-            Some(controller) => volts.iter().map(|&volts| compiled::step(controller, volts)).collect(),
-            None => volts.iter().map(|&volts| controller.step(volts)).collect(),
-        })
+        Ok(volts.iter().map(|&volts| controller.step(volts)).collect())
     }
 
     /// [`Controller::follow`] to each of `targets`.
@@ -53,10 +49,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
     /// As [`rest`](Self::rest).
     pub fn follow<C: FromIterator<Followed>>(&mut self, mode: Mode, targets: &[Target]) -> Result<C, Denial> {
         let controller = self.disabled()?;
-        Ok(match compiled::of_default_law(controller) {
-            Some(controller) => targets.iter().map(|&target| compiled::follow(controller, mode, target)).collect(),
-            None => targets.iter().map(|&target| controller.follow(mode, target)).collect(),
-        })
+        Ok(targets.iter().map(|&target| controller.follow(mode, target)).collect())
     }
 
     fn disabled(&mut self) -> Result<&mut Controller<HEAD, FAST, SLOW>, Denial> {
@@ -86,7 +79,7 @@ fn tick_on_codes<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     controller.heartbeat();
     let TickCodes { interlock_closed, monitor, sensor, .. } = codes;
     let inputs = Inputs { interlock_closed, monitor_adc_v: volts(monitor), sensor_adc_v: volts(sensor) };
-    let Outputs { enable, dac_v, telemetry } = tick_compiled(controller, inputs);
+    let Outputs { enable, dac_v, telemetry } = controller.tick(inputs);
     let command =
         if enable { DacCode::from_volts(dac_v, controller.parameters().command_range) } else { DacCode::ZERO };
     Ticked { enable, command: command.0, state: controller.supervisor().state(), predicted_m: telemetry.predicted_m }

@@ -7,7 +7,7 @@ use crate::control::{Controller, LearningOrder, Mode};
 use crate::parameters::{Blob, SCHEMA, Store, StoreError};
 use crate::safety::{Cause, DriverState, Refusal};
 use crate::server::{Denial, Device, Upload};
-use crate::wire::{Answer, Command, Drill, Identity, Message, Receiver, Reject, Request, Status, VERSION};
+use crate::wire::{Answer, Command, Identity, InjectedFault, Message, Receiver, Reject, Request, Status, VERSION};
 
 /// What a board lends to a [`Session`]. The sizes are those of its controller's law.
 pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
@@ -57,13 +57,13 @@ pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usiz
 
     /// Feeds the watchdog no more, so that it resets the chip: shows that there is one. The amplifier is disabled. False where there is
     /// none to be tried.
-    fn starve_watchdog(&mut self) -> bool {
+    fn stop_feeding_watchdog(&mut self) -> bool {
         false
     }
 
     /// Causes a fault on purpose, in an image with a virtual bench; false in any other, and for one that it cannot cause.
-    fn drill(&mut self, drill: Drill) -> bool {
-        let _ = drill;
+    fn inject_fault(&mut self, fault: InjectedFault) -> bool {
+        let _ = fault;
         false
     }
 }
@@ -207,17 +207,17 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
                 Ok(())
             }
             Command::PanicMessage => return Answer::PanicMessage(shortened(board.panic_message())),
-            Command::Drill(drill) if board.drill(drill) => Ok(()),
-            Command::Drill(_) => Err(Denial::Rejected(Reject::Unknown)),
+            Command::InjectFault(fault) if board.inject_fault(fault) => Ok(()),
+            Command::InjectFault(_) => Err(Denial::Rejected(Reject::Unknown)),
             Command::Learning(order) => self.drive(token, Act::Learning(order), board),
             Command::Reload => self.reload(board),
             Command::Inspect => {
                 let found = board.with(|device| device.inspection()).0;
                 return found.map_or(Answer::Rejected(Reject::Unknown), Answer::Inspection);
             }
-            Command::StarveWatchdog => {
+            Command::StopFeedingWatchdog => {
                 board.with(|device| device.is_off()).0.map_err(Denial::Refused).and_then(|()| {
-                    if board.starve_watchdog() { Ok(()) } else { Err(Denial::Rejected(Reject::Unknown)) }
+                    if board.stop_feeding_watchdog() { Ok(()) } else { Err(Denial::Rejected(Reject::Unknown)) }
                 })
             }
             #[cfg(feature = "loop-test")]

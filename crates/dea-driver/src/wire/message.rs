@@ -82,7 +82,7 @@ pub enum Command {
     /// Answered by [`Answer::PanicMessage`].
     PanicMessage,
     /// Cause a fault on purpose. Only an image with a virtual bench does; others reject it.
-    Drill(Drill),
+    InjectFault(InjectedFault),
     /// Tick the control on the film of the loop test, without hardware. Only while the amplifier is disabled.
     /// Answered by [`Answer::Followed`]; rejected as unknown by an image without the feature `loop-test`.
     Follow {
@@ -97,7 +97,7 @@ pub enum Command {
     Inspect,
     /// Feed the watchdog no more, so that it resets the chip. Only while the amplifier is disabled; rejected as unknown by a board that
     /// does not.
-    StarveWatchdog,
+    StopFeedingWatchdog,
     /// Tick the whole controller of the loop test, armed and running, on these codes, without hardware. Only while the amplifier is
     /// disabled. Answered by [`Answer::Ticked`]; rejected as unknown by an image without the feature `loop-test`.
     Tick {
@@ -113,7 +113,7 @@ pub enum Command {
 /// Faults that an image with a virtual bench causes on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Drill {
+pub enum InjectedFault {
     /// The interlock opens.
     Interlock,
     /// The voltage monitor stays where it is.

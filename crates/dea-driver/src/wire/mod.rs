@@ -26,7 +26,7 @@ mod message;
 
 pub use frame::{FRAME_LEN, FrameError, Receiver, encode};
 pub use inspection::{Inspection, Part};
-pub use message::{Answer, BATCH, CHUNK, Command, Drill, Identity, Message, Reject, Request, Status};
+pub use message::{Answer, BATCH, CHUNK, Command, Identity, InjectedFault, Message, Reject, Request, Status};
 
 pub use crate::control::{Followed, LearningOrder, Mode, Step, Target, Telemetry, TickCodes, Ticked};
 

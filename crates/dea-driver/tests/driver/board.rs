@@ -1,7 +1,7 @@
 //! A board without hardware, with flash of any kind.
 
 use dea_driver::server::{Board, Session};
-use dea_driver::wire::{Answer, Command, Drill, FRAME_LEN, Message, Request, encode};
+use dea_driver::wire::{Answer, Command, FRAME_LEN, InjectedFault, Message, Request, encode};
 use dea_driver::{BLOB_LEN, Cause, Device, Drive, Inputs, Parameters, Store};
 use embedded_storage::nor_flash::NorFlash;
 
@@ -18,10 +18,10 @@ pub struct Bench<F> {
     pub rate_hz: f32,
     /// Survives a reset.
     pub trial: bool,
-    /// What an image for drills was asked for; `None` in any other image.
-    pub drills: Option<Vec<Drill>>,
-    /// Whether its watchdog is fed no more.
-    pub starved: bool,
+    /// Faults that were injected; `None` where none can be.
+    pub injected: Option<Vec<InjectedFault>>,
+    /// Whether its watchdog is not fed any more.
+    pub watchdog_expires: bool,
 }
 
 impl<F: NorFlash> Bench<F> {
@@ -29,7 +29,16 @@ impl<F: NorFlash> Bench<F> {
     pub fn new(flash: F, latched: Option<Cause>) -> Self {
         let store = Store::new(flash, BOARD).expect("two sectors");
         let device = Device::new(latched);
-        Self { device, store, drive: Drive::OFF, ticks: 0, rate_hz: 0.0, trial: false, drills: None, starved: false }
+        Self {
+            device,
+            store,
+            drive: Drive::OFF,
+            ticks: 0,
+            rate_hz: 0.0,
+            trial: false,
+            injected: None,
+            watchdog_expires: false,
+        }
     }
 
     /// Readings of the next tick, without a fault. The sensor has some noise.
@@ -82,13 +91,13 @@ impl<F: NorFlash> Board for Bench<F> {
         self.trial
     }
 
-    fn starve_watchdog(&mut self) -> bool {
-        self.starved = true;
+    fn stop_feeding_watchdog(&mut self) -> bool {
+        self.watchdog_expires = true;
         true
     }
 
-    fn drill(&mut self, drill: Drill) -> bool {
-        self.drills.as_mut().map(|asked| asked.push(drill)).is_some()
+    fn inject_fault(&mut self, fault: InjectedFault) -> bool {
+        self.injected.as_mut().map(|faults| faults.push(fault)).is_some()
     }
 }
 

@@ -34,11 +34,11 @@ fn a_host_asks_what_the_board_finds_of_its_parts() {
 fn the_watchdog_is_starved_only_while_the_amplifier_is_disabled() {
     let mut host = Host::with_parameters();
     host.arm();
-    assert_eq!(host.ask(Command::StarveWatchdog), Answer::Refused(Refusal::State(DriverState::Armed)));
-    assert!(!host.bench.starved);
+    assert_eq!(host.ask(Command::StopFeedingWatchdog), Answer::Refused(Refusal::State(DriverState::Armed)));
+    assert!(!host.bench.watchdog_expires);
     assert_eq!(host.ask(Command::Disarm), Answer::Done);
-    assert_eq!(host.ask(Command::StarveWatchdog), Answer::Done);
-    assert!(host.bench.starved);
+    assert_eq!(host.ask(Command::StopFeedingWatchdog), Answer::Done);
+    assert!(host.bench.watchdog_expires);
 }
 
 /// A film at 1 V of its sensor with the noise of two codes, whose monitor follows a tick late, towards 2 kV.

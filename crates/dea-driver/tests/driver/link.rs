@@ -2,8 +2,8 @@
 
 use dea_driver::server::{Upload, UploadError};
 use dea_driver::wire::{
-    Answer, BATCH, CHUNK, Command, Drill, FRAME_LEN, Followed, FrameError, Identity, Inspection, Message, Mode, Part,
-    Receiver, Reject, Request, Status, Step, Target, Telemetry, TickCodes, Ticked, VERSION, encode,
+    Answer, BATCH, CHUNK, Command, FRAME_LEN, Followed, FrameError, Identity, InjectedFault, Inspection, Message, Mode,
+    Part, Receiver, Reject, Request, Status, Step, Target, Telemetry, TickCodes, Ticked, VERSION, encode,
 };
 use dea_driver::{BLOB_LEN, Cause, DriverState, Refusal, SensorFault};
 use rand::{RngExt, SeedableRng};
@@ -44,11 +44,11 @@ fn commands() -> Vec<Command> {
         Command::Step([f32::MAX; BATCH].into()),
         Command::Try { length: 512 },
         Command::PanicMessage,
-        Command::Drill(Drill::Hang),
+        Command::InjectFault(InjectedFault::Hang),
         Command::Reload,
         Command::Follow { mode: Mode::Tracking, targets: [Target { value: 1.0, sample_m: Some(2.0) }; BATCH].into() },
         Command::Inspect,
-        Command::StarveWatchdog,
+        Command::StopFeedingWatchdog,
         Command::Tick { mode: Mode::Tracking, inputs: [codes; BATCH].into() },
     ]
 }

@@ -1,6 +1,6 @@
 //! The table of commands in `doc/link.md`, against the device: the number of each command, and the states in which it is refused.
 
-use dea_driver::wire::{Answer, CHUNK, Command, Drill, Reject, Target};
+use dea_driver::wire::{Answer, CHUNK, Command, InjectedFault, Reject, Target};
 use dea_driver::{Cause, DriverState, LearningOrder, Mode, Refusal};
 
 use crate::host::{Host, blob};
@@ -34,11 +34,11 @@ fn commands() -> Vec<Command> {
         Command::Step([0.0].into_iter().collect()),
         Command::Try { length },
         Command::PanicMessage,
-        Command::Drill(Drill::Hang),
+        Command::InjectFault(InjectedFault::Hang),
         Command::Follow { mode: Mode::Voltage, targets: [Target { value: 0.0, sample_m: None }].into_iter().collect() },
         Command::Reload,
         Command::Inspect,
-        Command::StarveWatchdog,
+        Command::StopFeedingWatchdog,
         Command::Tick { mode: Mode::Voltage, inputs: [].into_iter().collect() },
         Command::Learning(LearningOrder::CarryOver),
     ]

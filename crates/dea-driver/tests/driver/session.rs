@@ -1,7 +1,7 @@
 //! A host's conversation with a board: every command in the states of the link's table.
 
 use dea_driver::server::Session;
-use dea_driver::wire::{Answer, Command, Drill, FRAME_LEN, Mode, Reject, VERSION, encode};
+use dea_driver::wire::{Answer, Command, FRAME_LEN, InjectedFault, Mode, Reject, VERSION, encode};
 use dea_driver::{Cause, Device, DriverState, Inputs, Refusal, SCHEMA};
 
 use crate::host::{Host, blob};
@@ -16,7 +16,7 @@ fn others() -> [Command; 8] {
         Command::Identify,
         Command::Status,
         Command::PanicMessage,
-        Command::Drill(Drill::Hang),
+        Command::InjectFault(InjectedFault::Hang),
     ]
 }
 
@@ -41,7 +41,7 @@ fn before_there_are_parameters_most_commands_are_rejected() {
     for command in [Command::Heartbeat, Command::Disarm, Command::Stream { every: 3 }] {
         assert_eq!(host.ask(command.clone()), Answer::Done, "{command:?}");
     }
-    assert_eq!(host.ask(Command::Drill(Drill::Panic)), Answer::Rejected(Reject::Unknown));
+    assert_eq!(host.ask(Command::InjectFault(InjectedFault::Panic)), Answer::Rejected(Reject::Unknown));
     assert_eq!(host.ask(Command::Commit { length: 0 }), Answer::Rejected(Reject::Upload));
     let Answer::Identity(identity) = host.ask(Command::Identify) else { panic!("no identity") };
     let who = (identity.protocol, identity.schema, identity.board, identity.firmware.as_str());
@@ -189,7 +189,7 @@ fn a_background_that_hangs_is_noticed_by_the_tick() {
     let mut with = Host::with_parameters().bench.device;
     let rate_hz = with.controller().expect("installed").parameters().rate_hz;
     for (device, rate_hz) in [(&mut without, 1000.0), (&mut with, rate_hz)] {
-        device.background_came_round();
+        device.background_is_running();
         let bound = (0.5 * rate_hz) as u32;
         for _ in 0..bound {
             device.tick(inputs);
@@ -197,7 +197,7 @@ fn a_background_that_hangs_is_noticed_by_the_tick() {
         }
         device.tick(inputs);
         assert!(!device.background_is_alive());
-        device.background_came_round();
+        device.background_is_running();
         assert!(device.background_is_alive());
     }
 }

@@ -94,7 +94,7 @@ impl Emulator {
 
     /// The image that this repository builds.
     pub fn default_image() -> PathBuf {
-        root().join("firmware/target/thumbv7em-none-eabihf/release/firmware")
+        root().join("firmware/target/thumbv7em-none-eabihf/release/qemu")
     }
 
     /// Brings that image up to date.

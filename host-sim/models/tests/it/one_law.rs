@@ -2,12 +2,12 @@
 //!
 //! `closed-loop` and Python build it from [`LimitOptions`] and [`ControllerTuning`], `feedforward` from [`LimitOptions`].
 
-use bench_io::files::parameters::Parameters;
-use bench_models::bench::controllers::{self, ControllerKind};
-use bench_models::bench::tuning::ControllerTuning;
-use bench_models::replay::limits::LimitOptions;
-use bench_models::replay::memory::Precision;
 use dea_driver::Blob;
+use host_io::files::parameters::Parameters;
+use host_models::replay::limits::LimitOptions;
+use host_models::replay::memory::Precision;
+use host_models::simulation::controllers::{self, ControllerKind};
+use host_models::simulation::tuning::ControllerTuning;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{Applied, Feedforward, SensorSample, Tracking};

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use dea_driver::wire::{Answer, Command, Drill, Mode, Reject, Status};
+use dea_driver::wire::{Answer, Command, InjectedFault, Mode, Reject, Status};
 use dea_driver::{Cause, DriverState, SensorFault};
 use serde::Serialize;
 
@@ -34,7 +34,7 @@ pub(super) struct Drills {
 #[derive(Debug, PartialEq)]
 struct Fault {
     name: &'static str,
-    drill: Drill,
+    drill: InjectedFault,
     /// What it ends in.
     cause: Cause,
     help: &'static str,
@@ -42,34 +42,49 @@ struct Fault {
 
 /// In the order in which they are caused: the panic takes parameters along that were only tried.
 static FAULTS: [Fault; 7] = [
-    Fault { name: "interlock", drill: Drill::Interlock, cause: Cause::Interlock, help: "The interlock opens" },
+    Fault { name: "interlock", drill: InjectedFault::Interlock, cause: Cause::Interlock, help: "The interlock opens" },
     Fault {
         name: "monitor",
-        drill: Drill::Monitor,
+        drill: InjectedFault::Monitor,
         cause: Cause::Monitor,
         help: "The voltage monitor stays where it is",
     },
     Fault {
         name: "sensor",
-        drill: Drill::Sensor,
+        drill: InjectedFault::Sensor,
         cause: Cause::Sensor(SensorFault::Range),
         help: "The displacement sensor is unplugged",
     },
-    Fault { name: "bus", drill: Drill::Bus, cause: Cause::Bus, help: "The monitor's converter does not answer" },
-    Fault { name: "overrun", drill: Drill::Overrun, cause: Cause::Overrun, help: "A tick takes longer than it may" },
+    Fault {
+        name: "bus",
+        drill: InjectedFault::Bus,
+        cause: Cause::Bus,
+        help: "The monitor's converter does not answer",
+    },
+    Fault {
+        name: "overrun",
+        drill: InjectedFault::Overrun,
+        cause: Cause::Overrun,
+        help: "A tick takes longer than it may",
+    },
     Fault {
         name: "panic",
-        drill: Drill::Panic,
+        drill: InjectedFault::Panic,
         cause: Cause::Panic,
         help: "The firmware panics: the chip starts again, and parameters that were only tried are gone",
     },
-    Fault { name: "hang", drill: Drill::Hang, cause: Cause::Watchdog, help: "The tick hangs, which the watchdog ends" },
+    Fault {
+        name: "hang",
+        drill: InjectedFault::Hang,
+        cause: Cause::Watchdog,
+        help: "The tick hangs, which the watchdog ends",
+    },
 ];
 
 impl Fault {
     /// Whether the chip starts again.
     fn resets(&self) -> bool {
-        matches!(self.drill, Drill::Panic | Drill::Hang)
+        matches!(self.drill, InjectedFault::Panic | InjectedFault::Hang)
     }
 }
 
@@ -122,7 +137,7 @@ impl Drills {
 
     pub(super) fn run(&self, mut client: Client, port: String, json: bool) -> Result<()> {
         let stop = interrupt::live_film();
-        let by_default = || FAULTS.iter().filter(|fault| fault.drill != Drill::Hang).collect();
+        let by_default = || FAULTS.iter().filter(|fault| fault.drill != InjectedFault::Hang).collect();
         let faults: Vec<&Fault> = if self.faults.is_empty() { by_default() } else { self.faults.clone() };
         let mut drills = Vec::new();
         let ended: Result<()> = faults.iter().try_for_each(|fault| {
@@ -172,7 +187,7 @@ impl Drills {
     fn cause(&self, fault: &Fault, client: &mut Client, stop: &AtomicBool) -> Result<Ended> {
         client.order(Command::Start(Mode::Voltage))?;
         let stood_v = stand(client, Some(self.voltage as f32), stop)?;
-        match client.ask(Command::Drill(fault.drill)) {
+        match client.ask(Command::InjectFault(fault.drill)) {
             Ok(Answer::Done) => {}
             Ok(Answer::Rejected(Reject::Unknown)) => return Err(unknown(fault)),
             Ok(other) => return Err(client.unexpected(&other)),
@@ -180,7 +195,7 @@ impl Drills {
             Err(_) if fault.resets() => {}
             Err(error) => return Err(error),
         }
-        if fault.drill == Drill::Monitor {
+        if fault.drill == InjectedFault::Monitor {
             // It stays where it is, which shows once the voltage changes.
             client.order(Command::SetVoltage(0.5 * self.voltage as f32))?;
         }
@@ -221,7 +236,7 @@ fn at_0_v(client: &mut Client, stop: &AtomicBool) -> Result<()> {
 
 /// An image that does not cause this fault.
 fn unknown(fault: &Fault) -> Error {
-    let cause = if fault.drill == Drill::Hang {
+    let cause = if fault.drill == InjectedFault::Hang {
         "this board does not cause it: a tick that hangs is ended by the watchdog, which QEMU does not have"
     } else {
         "this board causes no faults on purpose; the virtual board does: cargo xtask board"

@@ -253,7 +253,7 @@ fn at_rest(client: &mut Client, checks: &mut Checks) -> Result<f64> {
 
 /// The watchdog resets the board, which tells so once it is back.
 fn starve(client: &mut Client, checks: &mut Checks) -> Result<()> {
-    client.order(Command::StarveWatchdog)?;
+    client.order(Command::StopFeedingWatchdog)?;
     let reset = DriverState::Tripped(Cause::Watchdog);
     let never = AtomicBool::new(false);
     // Between a reset and the first tick nobody answers, which is no fault.

@@ -4,7 +4,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-use dea_driver::wire::{Command, Drill, Mode, Target, TickCodes};
+use dea_driver::wire::{Command, InjectedFault, Mode, Target, TickCodes};
 use fuzz_targets::{GOOD_BLOB, seal};
 use host_sim::files::parameters::{Board, Parameters};
 use springpot::Preset;
@@ -53,7 +53,7 @@ fn commands() -> Vec<Command> {
         Command::Step([500.0; 2].into_iter().collect()),
         Command::Try { length: GOOD_BLOB.len() as u16 },
         Command::PanicMessage,
-        Command::Drill(Drill::Hang),
+        Command::InjectFault(InjectedFault::Hang),
         Command::Follow {
             mode: Mode::Tracking,
             targets: [Target { value: 1e-4, sample_m: None }, Target { value: 1e-4, sample_m: Some(1e-5) }]
@@ -62,7 +62,7 @@ fn commands() -> Vec<Command> {
         },
         Command::Reload,
         Command::Inspect,
-        Command::StarveWatchdog,
+        Command::StopFeedingWatchdog,
         Command::Tick {
             mode: Mode::Voltage,
             inputs: [(0, 400.0), (1, 500.0)]

@@ -1,7 +1,7 @@
 //! Drills: faults that an image for them causes when a host asks, and no other image.
 
 use dea_driver::server::{Board, Session};
-use dea_driver::wire::{Answer, Command, Drill, Reject};
+use dea_driver::wire::{Answer, Command, InjectedFault, Reject};
 use dea_driver::{Device, DriverState, Store};
 
 use crate::board::{BOARD, Bench, ask};
@@ -44,7 +44,7 @@ impl Board for WithoutDrills {
 #[test]
 fn a_board_without_drills_rejects_them() {
     let mut board = WithoutDrills(Bench::new(Flash::new(), None));
-    for command in [Command::Drill(Drill::Hang), Command::StarveWatchdog, Command::Inspect] {
+    for command in [Command::InjectFault(InjectedFault::Hang), Command::StopFeedingWatchdog, Command::Inspect] {
         assert_eq!(ask(&mut Session::new("1.2.3"), &mut board, 0, command), Answer::Rejected(Reject::Unknown));
     }
 }
@@ -67,7 +67,7 @@ fn a_board_without_memory_has_no_trial() {
 #[test]
 fn an_image_for_drills_drills() {
     let mut host = Host::new(None);
-    host.bench.drills = Some(vec![]);
-    assert_eq!(host.ask(Command::Drill(Drill::Bus)), Answer::Done);
-    assert_eq!(host.bench.drills, Some(vec![Drill::Bus]));
+    host.bench.injected = Some(vec![]);
+    assert_eq!(host.ask(Command::InjectFault(InjectedFault::Bus)), Answer::Done);
+    assert_eq!(host.bench.injected, Some(vec![InjectedFault::Bus]));
 }

@@ -1,0 +1,211 @@
+//! The tasks: the control tick, the bytes of the link, and the background. Every image has them, on its own bench and machine.
+
+#[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
+mod tasks {
+    use cortex_m::peripheral::SCB;
+    use dea_driver::server::{Session, StartError};
+    use dea_driver::wire::{FRAME_LEN, Message, boards, encode};
+    use dea_driver::{Cause, Device, Drive, DriverState, Store, StoreError};
+    use heapless::spsc::{Consumer, Producer, Queue};
+    use stm32f4xx_hal::gpio::{Output, PC12, PinState};
+    use stm32f4xx_hal::hal_02::serial::Write;
+    use stm32f4xx_hal::pac::{DBGMCU, Interrupt, USART2};
+    use stm32f4xx_hal::prelude::*;
+    use stm32f4xx_hal::serial::{Event, Serial};
+    use stm32f4xx_hal::watchdog::IndependentWatchdog;
+
+    use crate::bench::{AdcBus, Bench};
+    use crate::board::{self, Background, Ticker};
+    use crate::clock;
+    use crate::flash::ParameterFlash;
+    use crate::machine;
+    use crate::outputs::{self, Pins};
+    use crate::panic::Message as PanicMessage;
+    use crate::reset;
+    use crate::serial;
+
+    /// Until there are parameters.
+    const RATE_HZ: f32 = 1000.0;
+    /// Bytes that wait for the background: 11 ms at that rate.
+    const RECEIVED: usize = 512;
+    /// Bytes that wait for the wire: the longest answer and two samples.
+    const SENDING: usize = 512;
+
+    #[shared]
+    struct Shared {
+        device: Device,
+        watchdog: IndependentWatchdog,
+    }
+
+    #[local]
+    struct Local {
+        bench: Bench,
+        debug: DBGMCU,
+        led: PC12<Output>,
+        serial: Serial<USART2>,
+        rx: Producer<'static, u8>,
+        received: Consumer<'static, u8>,
+        sending: Producer<'static, u8>,
+        tx: Consumer<'static, u8>,
+        store: Store<ParameterFlash>,
+        ticker: Ticker,
+        panic_message: PanicMessage,
+    }
+
+    #[init(local = [
+        adc_bus: Option<AdcBus> = None,
+        incoming: Queue<u8, RECEIVED> = Queue::new(),
+        outgoing: Queue<u8, SENDING> = Queue::new(),
+    ])]
+    fn init(cx: init::Context) -> (Shared, Local) {
+        machine::start();
+        let chip = cx.device;
+        let panic_message = PanicMessage::take();
+        let latched = reset::cause(&chip.RCC, &panic_message);
+        let (mut rcc, fault) = clock::start(chip.RCC, &chip.TIM5, panic_message.as_str().starts_with(clock::PANIC));
+
+        // The amplifier's enable output is low before anything else is set up.
+        let (enable, led, interlock) = outputs::start(chip.GPIOC, &mut rcc);
+
+        let core_hz = machine::core_hz(&rcc);
+        defmt::info!("firmware {}, core at {} Hz", env!("CARGO_PKG_VERSION"), core_hz);
+        if let Some(fault) = fault {
+            machine::report(fault);
+        }
+
+        let gpioa = chip.GPIOA.split(&mut rcc);
+        let adc = (gpioa.pa5, gpioa.pa6, gpioa.pa7);
+        let pins = Pins { enable, interlock, adc, port_b: chip.GPIOB.split(&mut rcc) };
+        let bench = Bench::new(chip.SPI1, chip.SPI2, pins, cx.local.adc_bus, &mut rcc);
+
+        let Ok(serial) = serial::open(chip.USART2, gpioa.pa2, gpioa.pa3, &mut rcc) else {
+            panic!("the clock is too slow for the link")
+        };
+        let (rx, received) = cx.local.incoming.split();
+        let (sending, tx) = cx.local.outgoing.split();
+
+        reset::warn_of_option_bytes(&chip.FLASH);
+        let Ok(store) = Store::new(ParameterFlash::new(chip.FLASH), boards::STM32F405) else {
+            panic!("two sectors hold two slots")
+        };
+        let mut watchdog = IndependentWatchdog::new(chip.IWDG);
+        let debug = chip.DBGMCU;
+        board::outlive_debugger(&debug);
+        board::watch(&mut watchdog);
+        let ticker = Ticker::start(cx.core.SYST, core_hz, RATE_HZ);
+        let shared = Shared { device: Device::new(latched), watchdog };
+        (shared, Local { bench, debug, led, serial, rx, received, sending, tx, store, ticker, panic_message })
+    }
+
+    /// The control tick.
+    #[task(binds = SysTick, priority = 2, local = [bench, debug, led, micros: u32 = 0], shared = [device, watchdog])]
+    fn tick(mut cx: tick::Context) {
+        let tick::LocalResources { bench, debug, led, micros, .. } = cx.local;
+        machine::begin_tick();
+        board::outlive_debugger(debug);
+        let (state, is_served, rate_hz) = cx.shared.device.lock(|device| {
+            bench.prepare(device.controller());
+            let drive = device.tick(bench.sample());
+            if bench.apply(drive).is_err() {
+                device.trip(Cause::Bus);
+            }
+            // The next tick is due already: this one was too slow.
+            if SCB::is_pendst_pending() {
+                device.trip(Cause::Overrun);
+                // Whatever comes of it, the cause is latched.
+                let _ = bench.apply(Drive { range: drive.range, ..Drive::OFF });
+            }
+            device.report(bench.inspection());
+            (device.state(), device.background_is_alive() && !board::is_watchdog_expiring(), device.rate_hz())
+        });
+
+        // Lit while the amplifier is enabled; lit with short gaps while the film is live although it is not; slow when disarmed,
+        // fast when tripped, in the same time at every rate. The light hangs between supply and pin.
+        *micros = micros.wrapping_add((1e6 / rate_hz) as u32);
+        let dark = match state {
+            DriverState::Armed | DriverState::Running => false,
+            DriverState::Disarmed => *micros & 1 << 19 == 0,
+            DriverState::Tripped(Cause::LiveFilm) => *micros & 0xf << 15 == 0,
+            DriverState::Tripped(_) => *micros & 1 << 16 == 0,
+        };
+        led.set_state(PinState::from(dark));
+        // Last, and only if the background still serves the host.
+        if is_served {
+            cx.shared.watchdog.lock(IndependentWatchdog::feed);
+        }
+    }
+
+    /// Bytes of the link, in and out.
+    #[task(binds = USART2, priority = 3, local = [serial, rx, tx])]
+    fn link(cx: link::Context) {
+        let link::LocalResources { serial, rx, tx, .. } = cx.local;
+        if let Some(byte) = machine::received(serial) {
+            // One that finds no room is lost, and its frame with it: that is counted where frames are.
+            let _ = rx.enqueue(byte);
+        }
+        if serial.is_tx_empty() {
+            match tx.dequeue() {
+                Some(byte) => {
+                    // It is empty, so there is no waiting.
+                    let _ = Write::write(serial, byte);
+                    serial.listen(Event::TxEmpty);
+                }
+                None => serial.unlisten(Event::TxEmpty),
+            }
+        }
+    }
+
+    /// Requests and telemetry, in the time that is left.
+    #[idle(local = [received, sending, store, ticker, panic_message], shared = [device, watchdog])]
+    fn idle(cx: idle::Context) -> ! {
+        let idle::LocalResources { received, sending, store, ticker, panic_message, .. } = cx.local;
+        let mut board =
+            Background { device: cx.shared.device, watchdog: cx.shared.watchdog, store, ticker, panic_message };
+        let mut session = Session::new(env!("CARGO_PKG_VERSION"));
+        match session.begin(&mut board) {
+            Ok(()) => defmt::info!("runs the parameters that it keeps"),
+            Err(StartError::Store(StoreError::Empty(found))) if machine::is_erased(found) => {
+                defmt::info!("waits for parameters");
+            }
+            Err(error) => defmt::error!("waits for parameters; those it keeps: {}", error),
+        }
+        loop {
+            board.device.lock(Device::background_is_running);
+            let mut quiet = true;
+            while let Some(byte) = received.dequeue() {
+                quiet = false;
+                if let Some(message) = session.serve(byte, &mut board) {
+                    send(&message, sending);
+                }
+            }
+            // A sample waits where it is until there is room, so that what is dropped is counted.
+            while sending.capacity() - sending.len() > FRAME_LEN
+                && let Some(record) = board.device.lock(Device::telemetry)
+            {
+                quiet = false;
+                send(&Message::Telemetry(record), sending);
+            }
+            if quiet {
+                // An interrupt that comes after the question still ends the wait.
+                cortex_m::interrupt::free(|_| {
+                    if !received.ready() {
+                        cortex_m::asm::wfi();
+                    }
+                });
+            }
+        }
+    }
+
+    /// Hands a message to the wire, waiting for room.
+    fn send(message: &Message, sending: &mut Producer<'static, u8>) {
+        let mut frame = [0; FRAME_LEN + 1];
+        // Every message fits: a test of the link holds that.
+        let length = encode(message, &mut frame).unwrap_or(0);
+        for &byte in &frame[..length] {
+            while sending.enqueue(byte).is_err() {
+                rtic::pend(Interrupt::USART2);
+            }
+        }
+        rtic::pend(Interrupt::USART2);
+    }
+}
