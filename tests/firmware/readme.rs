@@ -183,7 +183,7 @@ fn the_readme_works_as_written() {
     assert!(errors_pct[0] > 2.0 * errors_pct[1] && errors_pct[1] < 1.0, "{errors_pct:?}");
 
     let end = board.interrupt();
-    assert!(end.iter().any(|line| line.contains("the last run panicked: a drill")), "{end:?}");
+    assert!(end.iter().any(|line| line.contains("the last run panicked: injected fault")), "{end:?}");
     assert!(!end.iter().any(|line| line.contains("clock")), "{end:?}");
     // Nobody listens any more.
     TOOL.fails(&["link", "--port", port, "status"]);
