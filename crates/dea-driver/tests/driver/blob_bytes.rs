@@ -85,7 +85,7 @@ fn parameters_and_blob_carry_the_method() {
         let length = sent.encode(BOARD, &mut bytes).expect("valid");
         let blob = <Blob>::decode(&bytes[..length], BOARD).expect("valid");
         assert_eq!(blob.parameters(), &sent);
-        let received = blob.tracking().observer().law();
+        let received = blob.follower().compensator().observer().law();
         assert_eq!(received.method(), method);
         let (mut here, mut there) = (law.state(), received.state());
         for k in 0..100 {

@@ -10,7 +10,7 @@ use host_models::simulation::controllers::{self, ControllerKind};
 use host_models::simulation::tuning::ControllerTuning;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use springpot::{Applied, Feedforward, SensorSample, Tracking};
+use springpot::{Applied, Feedforward, Follower, SensorSample, Tracking};
 
 const TUNING: ControllerTuning = ControllerTuning {
     rate_hz: 1000.0,
@@ -30,7 +30,7 @@ fn near(rng: &mut Pcg64, usual: f64) -> f64 {
 /// The tracking law of a controller that read the blob of `parameters`.
 fn on_a_board(parameters: &Parameters, rate_hz: f64) -> Tracking<f32> {
     let (bytes, board) = parameters.checked_blob(rate_hz).expect("a blob");
-    <Blob>::decode(&bytes, board.id).expect("valid").tracking().clone()
+    <Blob>::decode(&bytes, board.id).expect("valid").follower().compensator().clone()
 }
 
 /// The tracking law of the host, built as `closed-loop` builds it with `limits` on the command line.
@@ -90,6 +90,8 @@ fn same_voltages(parameters: &Parameters, tracking: &Tracking<f32>) {
     let limits = LimitOptions::default().limits(parameters.board.as_ref()).expect("limits");
     let law = tracking.observer().law().clone();
     let feedforward = Feedforward::new(law.clone(), &parameters.actuator, limits).expect("valid");
+    let tracking = Follower::new(tracking.clone());
+    let feedforward = Follower::new(feedforward);
     let (mut tracked, mut fed) = (tracking.state(law.state()), feedforward.state(law.state()));
     let build = |kind| {
         let settings = TUNING.settings(kind, parameters, limits).expect("settings");
@@ -103,15 +105,15 @@ fn same_voltages(parameters: &Parameters, tracking: &Tracking<f32>) {
         let sample = (k % 10 == 0).then_some(SensorSample { displacement_m: 1e-6 * f32::from(k), age_ticks: 10 });
         let wide =
             sample.map(|sample| SensorSample { displacement_m: f64::from(sample.displacement_m), age_ticks: 10 });
-        let [commanded, fed_v] = voltages;
+        let [by_tracking, by_feedforward] = voltages.map(Applied::as_commanded);
         let bench = [
-            tracking_bench.tick(Applied::as_commanded(f64::from(commanded)), wide, f64::from(reference)),
-            feedforward_bench.tick(Applied::as_commanded(f64::from(fed_v)), wide, f64::from(reference)),
+            tracking_bench.tick(Applied::as_commanded(f64::from(voltages[0])), wide, f64::from(reference)),
+            feedforward_bench.tick(Applied::as_commanded(f64::from(voltages[1])), wide, f64::from(reference)),
         ];
-        tracking.observe(&mut tracked, Applied::as_commanded(commanded), sample);
-        feedforward.apply(&mut fed, Applied::as_commanded(fed_v));
-        voltages =
-            [tracking.command(&mut tracked, reference).voltage_v, feedforward.command(&mut fed, reference).voltage_v];
+        voltages = [
+            tracking.step(&mut tracked, by_tracking, sample, reference).voltage_v,
+            feedforward.step(&mut fed, by_feedforward, sample, reference).voltage_v,
+        ];
         assert_eq!(bench.map(|output| output.voltage_v), voltages.map(f64::from), "tick {k}");
     }
 }
