@@ -111,7 +111,7 @@ typedef struct {
     float least_swing;      /* of a reference that counts, m */
     float swing_forgetting; /* share of a swing that is forgotten in a tick */
     float hysteresis;
-    float missed;           /* periods without a crossing after which there is none */
+    float missed;           /* periods without a crossing after which a reference is not periodic */
     float agreement;
     float period;           /* ticks; 0 where it is taken from the reference */
     uint32_t harmonics;     /* that are learned, beside the mean */

@@ -3,7 +3,7 @@
 use crate::error::ControlError;
 use crate::scalar::Real;
 
-/// How an amplifier follows its command. Times in s; 0: at once.
+/// How an amplifier follows its command. Times in s; 0: without lag.
 ///
 /// The voltage V on the film follows the command u with a first-order lag. It rises with the time constant `rise_s`. It falls with the
 /// smaller of both, but no faster than a bleeder lets it:
@@ -50,11 +50,11 @@ pub struct AmplifierLag {
     pub fall_s: f64,
 }
 
-/// Longest time constant, s: what takes longer is no amplifier for a film that moves.
+/// Longest time constant, s: a slower amplifier cannot drive a film that moves.
 const MAX_S: f64 = 10.0;
 
 impl AmplifierLag {
-    /// An amplifier that follows at once.
+    /// An amplifier without lag.
     pub const NONE: Self = Self { rise_s: 0.0, fall_s: 0.0 };
 
     pub(crate) fn check(&self) -> Result<(), ControlError> {
@@ -95,7 +95,7 @@ pub struct AmplifierModel<T> {
 }
 
 impl<T: Real> AmplifierModel<T> {
-    /// Of `lag`, in ticks of `step_s` (s).
+    /// The model of `lag`, in ticks of `step_s` (s).
     ///
     /// # Errors
     ///
@@ -109,7 +109,7 @@ impl<T: Real> AmplifierModel<T> {
         Ok(Self { up: T::from_f64(up), down: T::from_f64(down), left: T::from_f64(left(lag.fall_s)) })
     }
 
-    /// The same, `None` for an amplifier that follows at once: it costs nothing.
+    /// As [`new`](Self::new), `None` for an amplifier without lag: it costs nothing.
     ///
     /// # Errors
     ///

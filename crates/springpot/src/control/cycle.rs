@@ -5,9 +5,9 @@ use crate::scalar::Real;
 
 /// Share of the last swing by which a reference must turn back before its extreme counts as a turning point.
 const HYSTERESIS: f64 = 0.1;
-/// Time over which a swing is forgotten, s: a smaller one is seen again after that.
+/// Time constant with which a swing decays, s: smaller swings are found again after that.
 const FORGETTING_S: f64 = 20.0;
-/// Largest relative difference of two intervals that belong to one period.
+/// Largest relative difference of two intervals of the same period.
 const AGREEMENT: f64 = 0.02;
 /// Periods without a crossing after which a reference counts as no longer periodic.
 const MISSED: f64 = 1.5;
@@ -15,9 +15,9 @@ const MISSED: f64 = 1.5;
 /// Settings of [`Cycle`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CycleFinder<T> {
-    /// Smallest swing that counts, m.
+    /// Smallest swing of a periodic reference, m.
     least: T,
-    /// Share of a swing that is forgotten in a tick.
+    /// Share by which a swing decays in a tick.
     forgetting: T,
 }
 
@@ -35,7 +35,7 @@ pub(crate) struct Cycle<T> {
     /// The last turning points, m.
     upper: T,
     lower: T,
-    /// Distance of the last turning points, m; slowly forgotten.
+    /// Distance of the last turning points, m; decays slowly.
     swing: T,
     /// Whether the next crossing upwards counts: one for each lower turning point.
     armed: bool,
@@ -58,7 +58,11 @@ impl<T: Real> CycleFinder<T> {
         take.number("least_swing", self.least, "of a reference that counts, m");
         take.number("swing_forgetting", self.forgetting, "share of a swing that is forgotten in a tick");
         take.number("hysteresis", T::from_f64(HYSTERESIS), "");
-        take.number("missed", T::from_f64(MISSED), "periods without a crossing after which there is none");
+        take.number(
+            "missed",
+            T::from_f64(MISSED),
+            "periods without a crossing after which a reference is not periodic",
+        );
         take.number("agreement", T::from_f64(AGREEMENT), "");
     }
 
@@ -109,7 +113,7 @@ impl<T: Real> CycleFinder<T> {
 }
 
 impl<T: Real> Cycle<T> {
-    /// Of a reference at rest at `position` (m).
+    /// The state for a reference at rest at `position` (m).
     pub(crate) fn at(position: T) -> Self {
         Self {
             before: position,

@@ -38,7 +38,7 @@ pub(crate) struct Fade<T> {
     floor: T,
 }
 
-/// What changes with every sample of a [`Fade`].
+/// State of a [`Fade`]: changes with every sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct FadeState<T> {
     /// The reference at the sample before, m.

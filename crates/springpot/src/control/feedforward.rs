@@ -46,7 +46,7 @@ pub struct Feedforward<T, M = crate::Compressed<T>> {
     inverse: Inverse<T>,
 }
 
-/// What changes with every tick of a [`Feedforward`].
+/// State of a [`Feedforward`]: changes with every tick.
 pub struct FeedforwardState<T: Scalar, M: Memory<T> = crate::Compressed<T>> {
     film: LawState<T, M>,
     inverse: InverseState<T>,

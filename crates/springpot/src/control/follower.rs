@@ -12,7 +12,7 @@ use crate::control::tracking::{Tracking, TrackingState};
 use crate::law::{LawState, Memory};
 use crate::scalar::Real;
 
-/// What a [`Follower`] compensates creep with: [`Tracking`], or [`Feedforward`] where no sensor corrects it.
+/// A control law that a [`Follower`] composes: [`Tracking`], or [`Feedforward`] where no sensor corrects it.
 ///
 /// The trait is sealed. Use it as a bound to write code for both.
 pub trait Compensator<T: Real>: sealed::Compensates<T> {}
@@ -176,7 +176,7 @@ pub struct Follower<T, C = Tracking<T>, const PAST: usize = 64> {
     learning: Option<Learning<T, PAST>>,
 }
 
-/// What changes with every tick of a [`Follower`].
+/// State of a [`Follower`]: changes with every tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FollowerState<T: Real, C: Compensator<T> = Tracking<T>, const PAST: usize = 64> {
     compensator: C::State,
@@ -281,13 +281,13 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> Follower<T, C, PAST> {
         self.compensator.command(&mut state.compensator, position)
     }
 
-    /// What compensates creep.
+    /// The control law that compensates creep.
     #[must_use]
     pub fn compensator(&self) -> &C {
         &self.compensator
     }
 
-    /// What learns cycles, if it is configured.
+    /// Learning of cycles, if it is configured.
     #[must_use]
     pub fn learning(&self) -> Option<&Learning<T, PAST>> {
         self.learning.as_ref()
@@ -324,7 +324,7 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> FollowerState<T, C, PAST> {
         self.cycles.as_ref().map(|cycles| &cycles.learned)
     }
 
-    /// What learned cycles add to the reference of this run now, m; 0 where nothing is learned.
+    /// The part of the followed reference that learned cycles add in this tick, m; 0 where nothing is learned.
     #[must_use]
     pub fn added(&self) -> T {
         match &self.cycles {

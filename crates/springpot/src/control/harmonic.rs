@@ -1,4 +1,4 @@
-//! A harmonic of the error, and how the film answers to what is added for it.
+//! A harmonic of the error, and the film's response to the correction that is added for it.
 
 use crate::numbers::Numbers;
 use crate::scalar::Real;
@@ -6,16 +6,16 @@ use crate::scalar::Real;
 /// Harmonics that are learned, beside the mean.
 pub const HARMONICS: usize = 6;
 
-/// Share of the way to the value that the first block shows, where nothing is known of the film's answer yet.
+/// Step size γ while the film's response is not measured yet.
 const FIRST_SHARE: f64 = 0.6;
-/// The same once the answer was seen.
+/// Step size γ once the response is measured.
 const LATER_SHARE: f64 = 0.8;
-/// Bounds of |1/P|²: beyond the upper one the film hardly answers.
+/// Bounds of |1/P|²: beyond the upper one the film hardly responds.
 const GAINS: [f64; 2] = [0.01, 25.0];
-/// Squares of signals over squares of noise above which a change counts as seen.
+/// Signal power over noise power above which a change is significant.
 const SEEN: f64 = 25.0;
 
-/// Blocks in a row without an answer after which nothing is added.
+/// Consecutive blocks without a response after which nothing is added.
 const SILENT_BLOCKS: u8 = 2;
 
 /// A complex number as real and imaginary part.
@@ -28,9 +28,9 @@ fn square<T: Real>([re, im]: Pair<T>) -> T {
 /// Complex amplitudes, so that a signal is Re(A exp(i h θ)).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Harmonic<T> {
-    /// What is added now, m.
+    /// Correction that is added now, m.
     pub(crate) added: Pair<T>,
-    /// What is to be added, and what was in the block before, m.
+    /// Correction that is approached, and the one of the block before, m.
     target: Pair<T>,
     tried: Pair<T>,
     /// Σ e exp(−i h θ) of this block, m.
@@ -39,9 +39,9 @@ pub(crate) struct Harmonic<T> {
     error: Pair<T>,
     /// 1 / P.
     gain: Pair<T>,
-    /// Share of the way in a step.
+    /// Step size γ.
     share: T,
-    /// Blocks in a row in which the film hardly answered. After two of them nothing is added any more.
+    /// Consecutive blocks in which the film hardly responded. After two of them nothing is added any more.
     silent: u8,
 }
 
@@ -55,7 +55,7 @@ impl<T: Real> Harmonic<T> {
         take.count("silent_blocks", u32::from(SILENT_BLOCKS), "");
     }
 
-    /// Nothing added, of a film that answers as its law says.
+    /// No correction, for a film that responds as its law predicts.
     pub(crate) fn new() -> Self {
         let (zero, one) = ([T::ZERO; 2], T::from_f64(1.0));
         Self {
@@ -70,10 +70,10 @@ impl<T: Real> Harmonic<T> {
         }
     }
 
-    /// What it has learned, nothing of it added yet.
+    /// The learned correction for another run, none of it added yet.
     pub(crate) fn kept(self) -> Self {
         let zero = [T::ZERO; 2];
-        // Nothing has changed against the block before: the film's answer stays as it was measured.
+        // No change against the block before: the measured response of the film stays.
         Self { added: zero, tried: self.target, sum: zero, ..self }
     }
 
@@ -88,7 +88,7 @@ impl<T: Real> Harmonic<T> {
         self.sum = [self.sum[0] + error * unit[0], self.sum[1] - error * unit[1]];
     }
 
-    /// Approaches what is to be added by the `share` of what is left.
+    /// Approaches the target by this `share` of the distance that is left.
     #[inline]
     pub(crate) fn approach(&mut self, share: T) {
         for (added, &target) in self.added.iter_mut().zip(&self.target) {
@@ -96,7 +96,7 @@ impl<T: Real> Harmonic<T> {
         }
     }
 
-    /// Halves what is to be added.
+    /// Halves the target.
     pub(crate) fn halve(&mut self) {
         self.target = self.target.map(|target| T::from_f64(0.5) * target);
     }
@@ -106,8 +106,8 @@ impl<T: Real> Harmonic<T> {
         square(self.sum)
     }
 
-    /// Ends a block with E = `scale` times the sum, each part of which noise gives the `variance` (m²). Whether E is more than
-    /// noise. `may_be_silent`: a harmonic, to which a film may hardly answer. To the mean it always does.
+    /// Ends a block with E = `scale` times the sum; noise gives each part of E the `variance` (m²). Returns whether E is significant.
+    /// `may_be_silent`: a harmonic, to which a film may hardly respond. To the mean it always does.
     pub(crate) fn learn(&mut self, scale: T, variance: T, may_be_silent: bool) -> bool {
         let error = [scale * self.sum[0], scale * self.sum[1]];
         // P = ΔE / ΔA, where both are far above the noise.
@@ -137,7 +137,7 @@ impl<T: Real> Harmonic<T> {
             self.target = [T::ZERO; 2];
             return false;
         }
-        // The share of the way falls where E is not above what noise gives.
+        // The step gets smaller where E is not above the noise.
         let (energy, noise) = (square(error), T::from_f64(4.0) * variance);
         let weight = energy * energy / (energy * energy + noise * noise);
         let share = if energy > T::ZERO { self.share * weight } else { T::ZERO };

@@ -25,9 +25,9 @@ pub struct VoltageCommand<T> {
 /// The voltage since the last tick, V, either sign.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Applied<T> {
-    /// The voltage that was commanded in the end, after all limits and supervisors. One that is not finite counts as the last one that was.
+    /// The voltage that was commanded in the end, after all limits and supervisors. A non-finite one counts as the last finite one.
     pub commanded_v: T,
-    /// The voltage that a monitor measured at the end of that time, or a tick before, if there is one. It tells the amplifier's gain and, of
+    /// The voltage that a monitor measured at the end of that time, or a tick before, if there is one. It shows the amplifier's gain and, of
     /// an [`AmplifierLag`](crate::AmplifierLag), how much faster it is. Non-finite readings are ignored.
     pub reading_v: Option<T>,
 }
@@ -44,13 +44,13 @@ impl<T: Real> Applied<T> {
     }
 }
 
-/// What [`Inverse`] remembers from tick to tick.
+/// State of an [`Inverse`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct InverseState<T> {
     pub(crate) path: Path<T>,
     /// Size of the voltage that was commanded last, V.
     commanded: T,
-    /// What the amplifier has made of it, V, apart from its gain.
+    /// The voltage behind the amplifier, V, apart from its gain.
     followed: T,
     /// Slow means of that voltage and of the one that was read, V, and their ratio: the amplifier's gain.
     followed_mean: T,

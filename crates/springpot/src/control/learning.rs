@@ -1,4 +1,4 @@
-//! Learning of periodic references: the opposite of what is left of the error in every cycle is added to the reference.
+//! Learning of periodic references: the negative of the error that remains in every cycle is added to the reference.
 
 mod numbers;
 
@@ -61,14 +61,14 @@ impl LearningOptions {
     }
 }
 
-/// Learns what a film leaves of a periodic reference, and adds the opposite to the reference.
+/// Learns the error that a film leaves of a periodic reference, and adds its negative to the reference.
 ///
 /// A [`Follower`](crate::Follower) puts it in front of feedforward or tracking. In front of another controller:
 /// [`observe`](LearningState::observe) each sample that arrives, then, in every tick, [`advance`](Self::advance) with the reference; it
 /// returns the one to follow instead.
 ///
-/// The error e, a sample minus the reference of its own time, has in every cycle of the reference the harmonics E_h. They answer to
-/// what is added, A_h, with P_h, which the inverse of the law makes nearly 1 where the law is right. So, block by block,
+/// The error e, a sample minus the reference of its own time, has in every cycle of the reference the harmonics E_h. They respond to
+/// the correction A_h with the factor P_h, which the inverse of the law makes nearly 1 where the law is right. So, block by block,
 ///
 /// ```text
 /// E_h = D_h + P_h A_h,      A_h ← A_h − γ E_h / P_h,      P_h ← ΔE_h / ΔA_h
@@ -76,14 +76,14 @@ impl LearningOptions {
 ///
 /// (higher harmonic control: W. Johnson, "Self-tuning regulators for multicyclic control of helicopter vibration", NASA TP-1996, 1982;
 /// here with P_h from the last two blocks). A sample that comes late costs nothing. Near a resonance that the law does not know, P_h is
-/// far from 1 and its phase turns: the first step shows it, and the next ones go by it. Where the film answers with less than a fifth, nothing
-/// is added.
+/// far from 1 and its phase turns: the first step measures it, and the next ones use it. Where the film responds with less than a fifth,
+/// nothing is added.
 ///
-/// A block is some time for the film to settle and then whole cycles. γ is 0.6 at first, 0.8 once P_h was seen, and less where E_h is no
-/// larger than what noise gives. Blocks without samples or with a limit show nothing; where limits leave no block at all, what is
-/// added is halved.
+/// A block is some time for the film to settle and then whole cycles. γ is 0.6 at first, 0.8 once P_h is measured, and less where E_h is
+/// no larger than its noise. Blocks without samples or with a limit are not used; where limits leave no block at all, the correction is
+/// halved.
 ///
-/// Harmonics up to 0.3 of the sensor's rate are learned. What is added has two lags of 5 ticks, so that no step of it reaches the voltage.
+/// Harmonics up to 0.3 of the sensor's rate are learned. The correction has two lags of 5 ticks, so that it has no steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Learning<T, const PAST: usize = 64> {
     finder: CycleFinder<T>,
@@ -95,11 +95,11 @@ pub struct Learning<T, const PAST: usize = 64> {
     largest_angle: T,
     /// Ticks in a second.
     rate: T,
-    /// Share of the way to what is to be added, per visit of a harmonic.
+    /// Share of the distance to its target by which a harmonic approaches it in a visit.
     approach: T,
 }
 
-/// What changes with every tick of a [`Learning`].
+/// State of a [`Learning`]: changes with every tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LearningState<T, const PAST: usize = 64> {
     cycle: Cycle<T>,
@@ -108,9 +108,9 @@ pub struct LearningState<T, const PAST: usize = 64> {
     turn: Pair<T>,
     /// Angle of a tick, rad; 0 without a period.
     angle: T,
-    /// Share of what was learned that is added: fades out where the period is lost.
+    /// Share of the learned correction that is added: fades out where the period is lost.
     share: T,
-    /// What is added, after one and two lags, m.
+    /// The correction after one and two lags, m.
     lagged: [T; 2],
     /// The mean and the harmonics.
     harmonics: [Harmonic<T>; HARMONICS + 1],
@@ -126,7 +126,7 @@ pub struct LearningState<T, const PAST: usize = 64> {
     unit: Pair<T>,
     power: Pair<T>,
     block: Block<T>,
-    /// Whether a block has shown the errors of this period.
+    /// Whether a block of this period has ended.
     has_learned: bool,
 }
 
@@ -146,11 +146,11 @@ const MIN_SAMPLES: f64 = 16.0;
 const APPROACH_S: f64 = 0.1;
 /// Weight of the newest value in the two lags.
 const SMOOTHING: f64 = 0.2;
-/// Share of the distance by which what is added fades in a round of visits.
+/// Share of the distance by which the correction fades in a round of visits.
 const FADING: f64 = 0.1;
-/// Share of what was learned below which it counts as faded out.
+/// Share of the learned correction below which it counts as faded out.
 const FADED: f64 = 0.01;
-/// Blocks of the longest kind without an end, in their least time, after which what is added is halved.
+/// Blocks of the longest kind without an end, in their least time, after which the correction is halved.
 const UNENDED: f64 = 4.0;
 /// Taylor's series of cosine and of sine over the angle, in its square.
 const COSINE: [f64; 4] = [1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0];
@@ -203,7 +203,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         })
     }
 
-    /// Nothing learned yet, of a reference that begins at `position` (m).
+    /// A state that has learned nothing, for a reference that begins at `position` (m).
     #[must_use]
     pub fn state(&self, position: T) -> LearningState<T, PAST> {
         let (zero, one) = (T::ZERO, T::from_f64(1.0));
@@ -230,7 +230,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         }
     }
 
-    /// Begins another run, whose reference begins at `position` (m), with what `state` has learned if it `keeps` it. The sample that has
+    /// Begins another run, whose reference begins at `position` (m), with the learned correction of `state` if it `keeps` it. The sample that has
     /// arrived last stays.
     pub fn restart(&self, state: &mut LearningState<T, PAST>, position: T, keeps: bool) {
         let LearningState { harmonics, arrived, newest, .. } = state;
@@ -280,7 +280,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             // The next cycle makes up for what is left.
             state.turn_by(turn - turn * behind / T::from_f64(TAU));
         } else if state.share > T::from_f64(FADED) {
-            // Another period: what was learned is faded out first.
+            // Another period: the correction fades out first.
             state.angle = T::ZERO;
             state.has_learned = false;
         } else {
@@ -290,7 +290,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         }
     }
 
-    /// A limit was met: the block shows nothing. Where limits leave no block, what was learned may be why.
+    /// A limit was met: the block is not used. Where limits leave no block, the correction may be the cause.
     fn yield_to_limits(&self, state: &mut LearningState<T, PAST>) {
         if !state.block.has_ended {
             state.begin_block();
@@ -302,7 +302,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         }
     }
 
-    /// Looks after one harmonic.
+    /// Updates one harmonic.
     #[inline]
     fn visit(&self, state: &mut LearningState<T, PAST>) {
         let visited = state.visited;
@@ -386,25 +386,25 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         self.arrived = None;
     }
 
-    /// What is added to the reference now, m.
+    /// The correction that is added to the reference now, m.
     #[must_use]
     pub fn added(&self) -> T {
         self.lagged[1]
     }
 
-    /// The period that is learned, ticks; `None` where there is none.
+    /// The period that is learned, ticks; `None` without one.
     #[must_use]
     pub fn period_ticks(&self) -> Option<T> {
         (self.angle > T::ZERO).then(|| T::from_f64(TAU) / self.angle)
     }
 
-    /// Whether the errors of this period have been seen.
+    /// Whether the errors of this period have been measured.
     #[must_use]
     pub fn has_learned(&self) -> bool {
         self.has_learned
     }
 
-    /// Forgets what was learned. What is added fades out with the two lags.
+    /// Resets the learned correction, which fades out with the two lags.
     pub fn forget(&mut self) {
         self.harmonics = [Harmonic::new(); HARMONICS + 1];
         self.block = Block::first();
@@ -459,7 +459,7 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         self.harmonics.iter_mut().for_each(Harmonic::begin);
     }
 
-    /// What is added to the reference (m): faded and smoothed.
+    /// The correction (m), faded and smoothed.
     #[inline]
     fn smooth(&mut self) -> T {
         let smoothing = T::from_f64(SMOOTHING);

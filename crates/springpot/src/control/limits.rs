@@ -10,7 +10,7 @@ use crate::error::{ControlError, first_not_positive};
 /// Limits of the path and of the voltage that a law commands, and the amplifier that carries it out. SI units; all limits must be finite
 /// and greater than 0.
 ///
-/// These limits shape commands. A supervisor that protects people and film stands behind them, with limits of its own.
+/// These limits shape commands. A supervisor that protects people and film comes after them, with its own limits.
 ///
 /// ```
 /// use springpot::{Actuator, CommandLimits, Feedforward, FeedforwardState, Law, LawOptions, Preset};
@@ -106,7 +106,7 @@ impl Limited {
     /// The largest acceleration of the shaped reference.
     pub const ACCELERATION: Self = Self(1 << 5);
 
-    /// What the amplifier can follow: up, its command would have to lead beyond the largest voltage; down, its bleeder does not take the
+    /// The speed of the amplifier: up, its command would have to lead beyond the largest voltage; down, its bleeder does not take the
     /// charge from the film as fast.
     pub const AMPLIFIER: Self = Self(1 << 7);
 

@@ -106,7 +106,7 @@ pub struct Observer<T, M = crate::Compressed<T>, const PAST: usize = 64> {
     max_innovation: T,
 }
 
-/// What changes with every tick of an [`Observer`].
+/// State of an [`Observer`]: changes with every tick.
 pub struct ObserverState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const PAST: usize = 64> {
     pub(crate) film: LawState<T, M>,
     /// Predictions of the last ticks: a ring that begins at `newest`.
@@ -139,7 +139,7 @@ pub struct ObserverState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const P
 /// Gains of the share that is in use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Gains<T> {
-    /// Of the proportional action, N/m, of the integral times the step, N/m, and of the double integral times its square, N/m.
+    /// Gain of the proportional action, of the integral times the step, and of the double integral times its square, N/m.
     proportional: T,
     integral: T,
     slope: T,

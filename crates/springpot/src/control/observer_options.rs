@@ -1,4 +1,4 @@
-//! What an observer is asked for, and what its sensor allows.
+//! Options of an observer, and the bandwidth that its sensor allows.
 
 use core::f64::consts::TAU;
 
@@ -61,7 +61,7 @@ impl ObserverOptions {
         if !(delay_s.is_finite() && delay_s >= 0.0) {
             return Err(ControlError::NotPositive { quantity: "delay_s", value: delay_s });
         }
-        // Infinite is as long as one likes.
+        // Infinite: nothing is forgotten.
         if adaptation_s.is_nan() || adaptation_s < 0.0 {
             return Err(ControlError::NotPositive { quantity: "adaptation_s", value: adaptation_s });
         }

@@ -1,4 +1,4 @@
-//! How fast an amplifier is, told from its monitor.
+//! How fast an amplifier is, estimated from its monitor.
 
 use crate::control::amplifier::{AmplifierLag, AmplifierModel};
 use crate::control::path::clamp;
@@ -23,7 +23,7 @@ pub(crate) struct PacedAmplifier<T> {
     nominal: AmplifierModel<T>,
 }
 
-/// What changes with every tick of a [`PacedAmplifier`].
+/// State of a [`PacedAmplifier`]: changes with every tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pace<T> {
     /// p.
@@ -34,7 +34,7 @@ pub(crate) struct Pace<T> {
     information: T,
 }
 
-/// A reading of the monitor, and how much it tells.
+/// A reading of the monitor, and how much it weighs.
 pub(crate) struct Reading<T> {
     /// V, apart from the amplifier's gain.
     pub(crate) voltage: T,
@@ -46,14 +46,14 @@ pub(crate) struct Reading<T> {
 
 /// Time over which the amplifier's gain and pace are estimated, s: a few cycles of a slow reference.
 pub(crate) const GAIN_S: f64 = 10.0;
-/// How far the pace is believed to be from 1 before anything is read, and the errors of readings, as a share of the largest voltage.
+/// Standard deviation of the pace from 1 before the first reading, and errors of readings as a share of the largest voltage.
 const DEVIATION: f64 = 0.3;
 const READING_SHARE: f64 = 0.004;
 /// Bounds of the pace: those within which the driver's monitor lets an amplifier be.
 const PACES: [f64; 2] = [1.0 / 1.5, 2.0];
 
 impl<T: Real> Reading<T> {
-    /// Λ₀ (V²): errors of readings last, so those of a second tell no more than one.
+    /// Λ₀ (V²): errors of readings last, so those of a second count as one.
     fn initial_information(&self) -> T {
         let error = T::from_f64(READING_SHARE / DEVIATION) * self.max_voltage;
         // 1 − λ is h / (GAIN_S + h), with h the duration of a tick.
@@ -69,7 +69,7 @@ impl<T: Real> Pace<T> {
 }
 
 impl<T: Real> PacedAmplifier<T> {
-    /// Of `lag`, in ticks of `step_s`; none that follows at once, which costs nothing.
+    /// The amplifier of `lag`, in ticks of `step_s`; `None` without lag, which costs nothing.
     pub(crate) fn lagging(lag: AmplifierLag, step_s: f64) -> Result<Option<Self>, ControlError> {
         Ok(AmplifierModel::lagging(lag, step_s)?.map(|nominal| Self { nominal }))
     }
@@ -118,7 +118,7 @@ impl<T: Real> PacedAmplifier<T> {
         } else if share < one {
             (one - share) * state.slope + nominal * (command - voltage)
         } else {
-            // At once is as fast as it gets.
+            // Without lag it cannot be faster.
             T::ZERO
         };
         let Some(reading) = reading else { return next };

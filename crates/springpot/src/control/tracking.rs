@@ -64,7 +64,7 @@ pub struct Tracking<T, M = crate::Compressed<T>, const PAST: usize = 64> {
     fade: Fade<T>,
 }
 
-/// What changes with every tick of a [`Tracking`].
+/// State of a [`Tracking`]: changes with every tick.
 pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const PAST: usize = 64> {
     observer: ObserverState<T, M, PAST>,
     inverse: InverseState<T>,

@@ -1,4 +1,4 @@
-//! The sequence that a follower stands for, written by hand: its specification, compared bit by bit.
+//! The sequence that a follower replaces, written by hand: its specification, compared bit by bit.
 
 extern crate std;
 
@@ -66,8 +66,8 @@ impl<C: Compensator<f32>> ByHand<C> {
             Event::ForgetCorrection => C::forget(state),
             Event::Feedback(is_on) => self.has_feedback = is_on,
         }
-        let heard = if self.has_feedback { tick.sample } else { None };
-        let x = compensator.observe(state, tick.applied, heard);
+        let corrects = if self.has_feedback { tick.sample } else { None };
+        let x = compensator.observe(state, tick.applied, corrects);
         let Some(reference) = tick.reference else {
             self.has_begun = false;
             C::leave_cycles(state, false);

@@ -1,4 +1,4 @@
-//! What learning computes with, in numbers.
+//! The constants that learning computes with.
 
 use core::f64::consts::TAU;
 
