@@ -92,7 +92,7 @@ fn cycles(follower: &Follower<f32>, state: &mut FollowerState<f32>, film: &mut F
     errors
 }
 
-/// What is learned in a run is there in the next one if it is carried over, and is not otherwise.
+/// The next run begins with the learned cycles of the last one if they are carried over, and without them otherwise.
 #[test]
 fn learned_cycles_are_carried_over_on_order() {
     let run = |carries_over: bool| {
