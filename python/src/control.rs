@@ -132,7 +132,7 @@ impl Loop {
     }
 }
 
-/// The sample that has arrived, if one has: NaN is none.
+/// The sample that has arrived, if one has; NaN counts as a missing one.
 fn sample(sensor: DisplacementSensor, since: Since, delay_s: f64, rate_hz: f64) -> PyResult<Option<SensorSample<f64>>> {
     let age_s = since.age_s.unwrap_or(delay_s);
     finite("age_s", age_s)?;

@@ -84,25 +84,25 @@ impl PyRecording {
         Ok(self.time_s.get_or_try_init(py, made)?.clone_ref(py))
     }
 
-    /// Voltage on the electrodes, V; None if there is none.
+    /// Voltage on the electrodes, V; None without such a column.
     #[getter]
     fn voltage_v(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
         self.column(py, "voltage_v")
     }
 
-    /// Total force on the film, N; None if there is none.
+    /// Total force on the film, N; None without such a column.
     #[getter]
     fn force_n(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
         self.column(py, "force_n")
     }
 
-    /// Measured displacement, m; None if there is none.
+    /// Measured displacement, m; None without such a column.
     #[getter]
     fn displacement_m(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
         self.column(py, "displacement_m")
     }
 
-    /// Weights of the squared residuals; None if there are none.
+    /// Weights of the squared residuals; None without such a column.
     #[getter]
     fn weight(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
         self.column(py, "weight")

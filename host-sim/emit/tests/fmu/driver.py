@@ -114,7 +114,7 @@ class Instance:
 
 @contextmanager
 def refused(status, what):
-    """What happens within is refused with this status."""
+    """The calls within are refused with this status."""
     try:
         yield
     except FMICallException as refusal:
