@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 
 use documents::Documents;
+use host_sim::cost::Cost;
 use host_sim::grid::Samples;
-use host_sim::report::cost::Cost;
 use host_sim::report::course::Course;
 use host_sim::report::drawing;
 use host_sim::report::figure::{Figure, Line, MAX_POINTS, Panel};

@@ -4,11 +4,11 @@ use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
 use host_io::files::parameters::DisplacementSensor;
-use host_models::simulation::controllers::{self, Controller, ControllerKind, ControllerOutput};
-use host_models::simulation::tuning::ControllerTuning;
 use host_models::replay::limits::LimitOptions;
 use host_models::replay::memory::Precision;
 use host_models::replay::observer::refused as observer_refused;
+use host_models::simulation::controllers::{self, Controller, ControllerKind, ControllerOutput};
+use host_models::simulation::tuning::ControllerTuning;
 use pyo3::prelude::*;
 use springpot::{Applied, CommandLimits, Limited, Observer, ObserverOptions, ObserverState, Real, SensorSample};
 

@@ -3,9 +3,9 @@
 use host_io::Error;
 use host_io::files::import::Quantity;
 use host_io::files::recording::Recording;
+use host_models::references::{Reference, Shape};
 use host_models::simulation::film::{Film, FilmState, Instruments, Plant, Waveform};
 use host_models::simulation::film_recording::Session;
-use host_models::references::{Reference, Shape};
 use pyo3::prelude::*;
 
 use crate::arrays::finite;

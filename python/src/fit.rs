@@ -1,24 +1,23 @@
 //! `fit`: parameters of the model from recordings.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::{Direction, Recording};
 use host_models::fit::options::{self, AtGap, Sharing, TopologyChoice, Weight};
-use host_models::fit::settings::topology_name;
 use host_models::fit::warnings::Severity;
-use host_models::fit::{self as fitting, Fit, FitOptions, Loss, Method, checks};
+use host_models::fit::{self as fitting, FitOptions, FitReport, Loss, Method};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::{Value, json};
+use serde_json::json;
 use springpot::Actuator;
 
 use crate::actuator::PyActuator;
 use crate::arrays::array;
 use crate::errors::{Raise, refused, with_arguments};
 use crate::model::PyModel;
-use crate::names::{choice, name_of};
+use crate::names::choice;
 use crate::recording::PyRecording;
 use crate::watch;
 
@@ -51,14 +50,17 @@ impl ActuatorSource<'_> {
 /// The series of a recording for the result: times, what was measured, what the model gives.
 type Series<'py> = [Bound<'py, numpy::PyArray1<f64>>; 3];
 
-/// `springpot.fit`: the model, the report as JSON, and the series of every recording.
+/// The model, the report as JSON, the series of every recording, and how much every warning matters.
+type Fitted<'py> = (PyModel, String, Vec<Series<'py>>, Vec<&'static str>);
+
+/// `springpot.fit`.
 #[pyfunction]
 pub(crate) fn fit<'py>(
     py: Python<'py>,
     recordings: Vec<Bound<'py, PyRecording>>,
     options: &Bound<'py, PyDict>,
     progress: Option<&Bound<'py, PyAny>>,
-) -> PyResult<(PyModel, String, Vec<Series<'py>>)> {
+) -> PyResult<Fitted<'py>> {
     let sources: Vec<&Recording> = recordings.iter().map(|recording| &recording.get().recording).collect();
     if sources.is_empty() {
         return Err(refused("recordings", "none is given"));
@@ -73,7 +75,7 @@ pub(crate) fn fit<'py>(
     let asked = asked(options)?;
     let settings = asked.settings_with(start, actuator).raise()?;
     let direction = asked.direction();
-    let (fit, measured, parameters, seconds) = watch::run(py, progress, |caller| {
+    let (mut fit, measured, parameters, seconds) = watch::run(py, progress, |caller| {
         let started = Instant::now();
         let (observations, warnings): (Vec<_>, Vec<_>) = asked.observations(&sources)?.into_iter().unzip();
         let mut fit = fitting::fit(&observations, &settings, caller.stop, &|stage| caller.report(stage))?;
@@ -83,11 +85,14 @@ pub(crate) fn fit<'py>(
         let measured: Vec<_> = observations.into_iter().map(|observation| observation.measured).collect();
         Ok((fit, measured, parameters, seconds))
     })?;
-    let report = report(&fit, &sources, direction, seconds).to_string();
+    fit.warnings.iter_mut().for_each(|warning| warning.text = with_arguments(&warning.text));
+    let files: Vec<&Path> = sources.iter().map(|recording| recording.path()).collect();
+    let report = json!(FitReport::new(&fit, &parameters, direction, &files, seconds)).to_string();
+    let severities = fit.warnings.iter().map(|warning| severity(warning.severity)).collect();
     let series = measured.into_iter().zip(fit.modelled);
     let series = series.map(|(measured, modelled)| [measured.time_s, measured.value, modelled].map(|v| array(py, v)));
     let name = parameters.name.clone();
-    Ok((PyModel::new_from(parameters, name), report, series.collect()))
+    Ok((PyModel::new_from(parameters, name), report, series.collect(), severities))
 }
 
 /// The value of the option `name`, if there is one.
@@ -153,47 +158,6 @@ fn asked(options: &Bound<'_, PyDict>) -> PyResult<FitOptions> {
     asked.seed = given(options, "seed")?.unwrap_or(asked.seed);
     asked.starts = given(options, "starts")?.unwrap_or(asked.starts);
     Ok(asked)
-}
-
-/// The report of `fit`, as `fit --json` prints it.
-fn report(fit: &Fit, sources: &[&Recording], direction: Direction, seconds: f64) -> Value {
-    let recordings: Vec<Value> = sources
-        .iter()
-        .enumerate()
-        .map(|(index, recording)| {
-            let agreement = &fit.agreements[index];
-            json!({
-                "file": host_io::error::shown(recording.path()),
-                "r2": agreement.r2,
-                "nrmse_pct": agreement.nrmse_pct,
-                "rmse": agreement.rmse,
-                "samples": agreement.samples,
-                "rate_hz": fit.rates_hz[index],
-                "offset": fit.readings[index].own_offset(),
-                "gain": fit.readings[index].own_gain(),
-            })
-        })
-        .collect();
-    let warnings: Vec<Value> = fit
-        .warnings
-        .iter()
-        .map(|warning| json!({"severity": severity(warning.severity), "text": with_arguments(&warning.text)}))
-        .collect();
-    json!({
-        "recordings": recordings,
-        "r2_mean": fit.r2_mean,
-        "seconds": seconds,
-        "evaluations": fit.evaluations,
-        "topology": topology_name(fit.candidate.topology),
-        "branches": fit.candidate.branches(),
-        "curve": fit.candidate.bend.name(),
-        "drive": name_of(&direction),
-        "interrupted": fit.interrupted,
-        "structures": fit.structures,
-        "uncertainty": fit.uncertainty,
-        "relaxations": checks::branch_rows(&fit.candidate),
-        "warnings": warnings,
-    })
 }
 
 fn severity(severity: Severity) -> &'static str {

@@ -4,7 +4,6 @@ use std::collections::HashMap;
 
 use host_io::files::recording::Direction;
 use host_models::agreement::{Agreement, mean_r2};
-use host_models::simulation::closed_loop::LimitShare;
 use host_models::references;
 use host_models::replay::comparison::Comparison;
 use host_models::replay::frequency_response::Sweep;
@@ -12,6 +11,7 @@ use host_models::replay::memory::{MemoryChoice, Precision, RunOptions};
 use host_models::replay::observer::{ObservedRecording, Tuning};
 use host_models::replay::simulate::Response;
 use host_models::replay::{feasibility, feedforward as planned, simulate as run};
+use host_models::simulation::closed_loop::LimitShare;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

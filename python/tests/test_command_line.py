@@ -52,6 +52,13 @@ def test_replay(tool: Tool, films: list[Path], fitted: tuple[Path, Any], drive: 
         assert np.sqrt(np.mean((row.measured - row.modelled) ** 2)) == pytest.approx(row.rmse, rel=1e-12)
 
 
+def _keys(document: Any) -> Any:
+    """The keys of a document, of its tables and of the rows of its lists."""
+    if isinstance(document, dict):
+        return {key: _keys(value) for key, value in document.items()}
+    return [_keys(row) for row in document] if isinstance(document, list) else None
+
+
 def test_fit(tool: Tool, films: list[Path], fitted: tuple[Path, Any]) -> None:
     path, expected = fitted
     result = sp.fit(films, branches=1, topology="parallel", curve="none")
@@ -59,11 +66,13 @@ def test_fit(tool: Tool, films: list[Path], fitted: tuple[Path, Any]) -> None:
     assert result.model.to_toml() == path.read_text(encoding="utf-8")
     for key in ("r2_mean", "evaluations", "topology", "branches", "interrupted", "structures", "relaxations"):
         assert getattr(result, key) == expected[key], key
+    # One document: no key has another name, and none is missing.
+    assert _keys(result.to_dict()) == _keys({**expected, "made": None})
     names = {"name", "value", "low", "high", "at_bound"}
-    for parameter, other in zip(result.parameters, expected["trust"]["estimates"], strict=True):
+    for parameter, other in zip(result.parameters, expected["uncertainty"]["estimates"], strict=True):
         assert {name: getattr(parameter, name) for name in names} == {name: other[name] for name in names}
         assert parameter.linear == (None if other["linear"] is None else tuple(other["linear"]))
-    assert result.undetermined == expected["trust"]["undetermined"]
+    assert result.undetermined == expected["uncertainty"]["undetermined"]
     assert [warning.text for warning in result.warnings] == expected["warnings"]
     for row, other in zip(result.recordings, expected["recordings"], strict=True):
         assert (row.r2, row.nrmse_pct, row.rmse, row.rate_hz) == tuple(other[key] for key in ("r2", "nrmse_pct", "rmse_m", "rate_hz"))

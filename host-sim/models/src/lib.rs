@@ -14,6 +14,8 @@
 #![warn(missing_docs)]
 
 pub mod agreement;
+pub mod compression;
+pub mod cost;
 pub mod excitation;
 pub mod fit;
 pub mod reduce;

@@ -11,12 +11,12 @@ use clap::{Args, ValueEnum};
 use dea_driver::Blob;
 use serde::Serialize;
 
+use crate::compression::Compression;
 use crate::error::{Error, Result, short, shown};
 use crate::files::output::{self, Folders};
 use crate::files::parameters::Parameters;
 use crate::quantity;
 use crate::replay::memory::MethodName;
-use crate::report::compression::Compression;
 use crate::terminal::{self, rounded};
 
 use fmu::Library;

@@ -8,12 +8,12 @@ use serde::Serialize;
 
 use super::figure::Figure;
 use super::numbers::{Document, Numbers};
-use super::origin::Origin;
 use super::page::{Page, Section, table};
 use super::{chart, drawing, origin};
 use crate::error::{Error, Result, shown};
 use crate::files::digest;
 use crate::files::output::{self, Folders, Staged};
+use crate::fit::report::Origin;
 
 /// The option of commands that draw what they computed.
 #[derive(Clone, Debug, Args)]
@@ -99,7 +99,7 @@ impl Plot {
 
     /// Date, version and command, and the files that were read with their digests.
     fn origin(&self) -> Result<Markup> {
-        let Origin { date, tool, command } = Origin::now();
+        let Origin { date, tool, command } = origin::now();
         let files = self.inputs.iter().filter(|input| input.is_file());
         let files: Vec<(String, String)> =
             files.map(|input| Ok((shown(input), digest::sha256(input)?))).collect::<Result<_>>()?;

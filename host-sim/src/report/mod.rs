@@ -5,14 +5,11 @@
 pub mod axis;
 pub mod chart;
 pub mod comparison_figure;
-pub mod compression;
-pub mod cost;
 pub mod course;
 pub mod drawing;
 pub mod figure;
 pub mod figure_file;
 pub mod fit_page;
-pub mod fit_report;
 pub mod model_figure;
 pub mod numbers;
 pub mod origin;

@@ -5,29 +5,16 @@ use std::ffi::OsString;
 
 use chrono::Utc;
 use maud::{Markup, html};
-use serde::Serialize;
 
 use super::page::{Row, table, text};
+use crate::fit::report::Origin;
 
-/// Time, program and command of a result.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Origin {
-    /// Date and time, UTC.
-    pub date: String,
-    /// Program and version.
-    pub tool: String,
-    /// The command as a shell takes it.
-    pub command: String,
-}
-
-impl Origin {
-    /// Of the running program, now.
-    pub fn now() -> Self {
-        Self {
-            date: Utc::now().format("%Y-%m-%d %H:%M:%S UTC").to_string(),
-            tool: format!("host-sim {}", env!("CARGO_PKG_VERSION")),
-            command: command(env::args_os().skip(1)),
-        }
+/// The running program, now.
+pub fn now() -> Origin {
+    Origin {
+        date: Utc::now().format("%Y-%m-%d %H:%M:%S UTC").to_string(),
+        tool: format!("host-sim {}", env!("CARGO_PKG_VERSION")),
+        command: command(env::args_os().skip(1)),
     }
 }
 

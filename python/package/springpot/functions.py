@@ -34,6 +34,10 @@ Method: TypeAlias = Literal["gl", "bdf2"]
 Precision: TypeAlias = Literal["f32", "f64"]
 
 
+# What a FitResult has from the report as it is.
+_REPORTED = ("r2_mean", "topology", "branches", "drive", "evaluations", "seconds", "interrupted", "structures", "relaxations")
+
+
 def _all(recordings: Recording | Path | Iterable[Recording | Path]) -> list[Recording]:
     """One recording or several, read where they are named."""
     several = [recordings] if isinstance(recordings, (Recording, str, PathLike)) else list(recordings)
@@ -204,29 +208,37 @@ def fit(
         "seed": seed,
         "starts": starts,
     }
-    model, text, series = _native.fit(_all(recordings), options, progress)
+    model, text, series, severities = _native.fit(_all(recordings), options, progress)
     report = json.loads(text)
-    uncertainty = report.pop("uncertainty") or {"estimates": [], "undetermined": []}
-    rows = zip(report.pop("recordings"), series, strict=True)
+    uncertainty = report["uncertainty"] or {"estimates": [], "undetermined": []}
     nan = float("nan")
     return FitResult(
         model=model,
         recordings=[
             FitRecording(
-                **{**row, "r2": nan if row["r2"] is None else row["r2"], "nrmse_pct": nan if row["nrmse_pct"] is None else row["nrmse_pct"]},
+                file=row["file"],
+                r2=nan if row["r2"] is None else row["r2"],
+                nrmse_pct=nan if row["nrmse_pct"] is None else row["nrmse_pct"],
+                rmse=row["rmse_m"] if drive == "force" else row["rmse_n"],
+                samples=row["samples"],
+                rate_hz=row["rate_hz"],
+                offset=row.get("offset"),
+                gain=row.get("gain"),
                 time_s=time_s,
                 measured=measured,
                 modelled=modelled,
             )
-            for row, (time_s, measured, modelled) in rows
+            for row, (time_s, measured, modelled) in zip(report["recordings"], series, strict=True)
         ],
         parameters=[
             Parameter(**{**row, "linear": None if row["linear"] is None else tuple(row["linear"])})
             for row in uncertainty["estimates"]
         ],
         undetermined=uncertainty["undetermined"],
-        warnings=[FitWarning(**row) for row in report.pop("warnings")],
-        **report,
+        warnings=[FitWarning(severity, text) for severity, text in zip(severities, report["warnings"], strict=True)],
+        curve=report["film"]["curve"],
+        report=report,
+        **{name: report[name] for name in _REPORTED},
     )
 
 

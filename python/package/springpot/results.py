@@ -221,6 +221,7 @@ class FitResult:
     interrupted: bool
     structures: list[dict[str, Any]] = field(default_factory=list)
     relaxations: list[dict[str, Any]] = field(default_factory=list)
+    report: dict[str, Any] = field(default_factory=dict)
 
     def columns(self) -> dict[str, list[Any]]:
         """One row per parameter, for ``pandas.DataFrame``; an end that is open is infinite."""
@@ -234,14 +235,8 @@ class FitResult:
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Everything but the model and the series, as plain numbers, strings, lists and dictionaries."""
-        series = {"time_s", "measured", "modelled"}
-        plain = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.name != "model"}
-        for name in ("recordings", "parameters", "warnings"):
-            plain[name] = [
-                {entry.name: getattr(row, entry.name) for entry in fields(row) if entry.name not in series} for row in plain[name]
-            ]
-        return plain
+        """The document that ``fit --json`` prints: plain numbers, strings, lists and dictionaries."""
+        return self.report
 
     def __repr__(self) -> str:
         early = ", ended early" if self.interrupted else ""

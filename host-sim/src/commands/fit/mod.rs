@@ -8,22 +8,18 @@ use clap::Args;
 
 use super::recordings::RecordingOptions;
 use super::with_flags;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::Observation;
-use crate::fit::{self, Fit, FitOptions, Settings, Warning};
+use crate::fit::{self, Fit, FitOptions, FitReport, Settings, Warning};
 use crate::interrupt;
 use crate::progress::Progress;
-use crate::report::compression::Compression;
 use crate::report::fit_page::FitPage;
-use crate::report::fit_report::FitReport;
 use crate::report::numbers::Document;
+use crate::report::origin;
 use crate::terminal;
-
-/// Rate that the compression is told for, Hz: that of `export` where none is given.
-const CONTROLLER_HZ: f64 = 1000.0;
 
 const PAGE_TITLE: &str = "Fit of the fully fractional generalised Maxwell model";
 
@@ -65,7 +61,11 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         reports.push(job.run(&settings, direction)?);
     }
     for report in &reports {
-        let of = if arguments.each { format!("{}: ", report.parameters_file) } else { String::new() };
+        let of = if arguments.each {
+            report.parameters_file.as_ref().map_or_else(String::new, |file| format!("{file}: "))
+        } else {
+            String::new()
+        };
         terminal::warnings(json, report.warnings.iter().map(|warning| format!("{of}{warning}")));
     }
     match reports.as_slice() {
@@ -154,8 +154,9 @@ impl Job<'_> {
         let seconds = started.elapsed().as_secs_f64();
         let parameters = fit.parameters(settings, direction, &self.recordings)?;
         let files: Vec<&Path> = self.recordings.iter().map(|recording| recording.path()).collect();
-        let compression = Compression::new(parameters.film(), CONTROLLER_HZ).ok();
-        let report = FitReport::new(&fit, &parameters, compression, direction, &files, &self.out, seconds);
+        let mut report = FitReport::new(&fit, &parameters, direction, &files, seconds);
+        report.parameters_file = Some(shown(&self.out));
+        report.made = Some(origin::now());
         Ok(Done { report, fit, observations: self.observations, parameters, direction })
     }
 }

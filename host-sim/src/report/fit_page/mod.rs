@@ -10,12 +10,12 @@ mod warnings;
 
 use maud::html;
 
-use super::fit_report::FitReport;
 use super::numbers::{Document, Form, Numbers};
 use super::page::{Page, Section};
 use crate::files::parameters::Parameters;
 use crate::files::recording::Direction;
 use crate::fit::Fit;
+use crate::fit::FitReport;
 use crate::fit::observation::Observation;
 
 /// What a page of a fit shows.

@@ -7,11 +7,11 @@ use super::super::page::{Row, table, text};
 
 /// The tables of the fit at `numbers`.
 pub fn tables(numbers: &Numbers<'_>) -> Markup {
-    html! { (estimates(&numbers.at("/trust"))) (film(&numbers.at("/film"))) }
+    html! { (estimates(&numbers.at("/uncertainty"))) (film(&numbers.at("/film"))) }
 }
 
-fn estimates(trust: &Numbers<'_>) -> Markup {
-    let rows: Vec<Row> = trust
+fn estimates(uncertainty: &Numbers<'_>) -> Markup {
+    let rows: Vec<Row> = uncertainty
         .at("/estimates")
         .rows()
         .iter()

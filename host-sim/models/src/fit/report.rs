@@ -1,34 +1,45 @@
-//! The report of a fit: JSON for machines, text for people.
+//! The report of a fit: one document for the command line's JSON, its page and Python; and as text.
 
 use std::fmt::Write;
 use std::path::Path;
 
+use host_io::terminal::rounded;
 use serde::Serialize;
 use springpot::Actuator;
 
-use super::compression::Compression;
-use super::cost::Cost;
-use super::origin::Origin;
+use super::checks::{self, BranchRow};
+use super::settings::topology_name;
+use super::{Fit, StructureRow, Uncertainty, Warning};
 use crate::agreement::Agreement;
+use crate::compression::Compression;
+use crate::cost::Cost;
 use crate::error::shown;
 use crate::files::parameters::Parameters;
 use crate::files::recording::Direction;
-use crate::fit::checks::{self, BranchRow};
-use crate::fit::selection::StructureRow;
-use crate::fit::settings::topology_name;
-use crate::fit::uncertainty::Uncertainty;
-use crate::fit::{Fit, Warning};
-use crate::terminal::rounded;
 
-/// The report of a fit, as `fit --json` prints it.
+/// Rate that the compression is reported for, Hz: the usual rate of a controller.
+const CONTROLLER_HZ: f64 = 1000.0;
+
+/// When, by which program and by which command a result was made.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Origin {
+    /// Date and time, UTC.
+    pub date: String,
+    /// Program and version.
+    pub tool: String,
+    /// The command as a shell takes it.
+    pub command: String,
+}
+
+/// The report of a fit.
 #[derive(Serialize)]
 pub struct FitReport {
     /// One row per recording.
     pub recordings: Vec<RecordingRow>,
     /// Mean of the recordings' R².
     pub r2_mean: f64,
-    /// The file of the parameters.
-    pub parameters_file: String,
+    /// The file of the parameters, if they are written to one.
+    pub parameters_file: Option<String>,
     /// Duration, s.
     pub seconds: f64,
     /// Number of residual evaluations.
@@ -37,15 +48,15 @@ pub struct FitReport {
     pub topology: &'static str,
     /// Number of branches.
     pub branches: usize,
+    /// Input of the model: `force` or `displacement`.
+    pub drive: &'static str,
     /// Whether the search was ended early.
     pub interrupted: bool,
     /// Structures that were compared; empty for a single structure.
     pub structures: Vec<StructureRow>,
     /// Uncertainty of the parameters, if it was computed.
-    #[serde(rename = "trust")]
     pub uncertainty: Option<Uncertainty>,
     /// What the compression of the law's memory costs at the controller's usual rate; none if there is no law at that rate.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub compression: Option<Compression>,
     /// What the law costs on a controller.
     pub cost: Cost,
@@ -53,8 +64,8 @@ pub struct FitReport {
     pub relaxations: Vec<BranchRow>,
     /// The film and its actuator.
     pub film: FilmRow,
-    /// When, by what, by which command.
-    pub made: Origin,
+    /// When, by which program and by which command, if a command made it.
+    pub made: Option<Origin>,
     /// Warnings to the user.
     pub warnings: Vec<Warning>,
 }
@@ -103,16 +114,8 @@ pub struct RecordingRow {
 }
 
 impl FitReport {
-    /// The report of `fit` to the recordings in `files`, which took `seconds`; its `parameters` are written to `out`.
-    pub fn new(
-        fit: &Fit,
-        parameters: &Parameters,
-        compression: Option<Compression>,
-        direction: Direction,
-        files: &[&Path],
-        out: &Path,
-        seconds: f64,
-    ) -> Self {
+    /// The report of `fit` to the recordings in `files`, which took `seconds`.
+    pub fn new(fit: &Fit, parameters: &Parameters, direction: Direction, files: &[&Path], seconds: f64) -> Self {
         let digests = digests(parameters);
         let row = |(index, (file, agreement)): (usize, (&&Path, &Agreement))| RecordingRow {
             file: shown(file),
@@ -129,15 +132,19 @@ impl FitReport {
         Self {
             recordings: files.iter().zip(&fit.agreements).enumerate().map(row).collect(),
             r2_mean: fit.r2_mean,
-            parameters_file: shown(out),
+            parameters_file: None,
             seconds,
             evaluations: fit.evaluations,
             topology: topology_name(fit.candidate.topology),
             branches: fit.candidate.branches(),
+            drive: match direction {
+                Direction::Force => "force",
+                Direction::Displacement => "displacement",
+            },
             interrupted: fit.interrupted,
             structures: fit.structures.clone(),
             uncertainty: fit.uncertainty.clone(),
-            compression,
+            compression: Compression::new(parameters.film(), CONTROLLER_HZ).ok(),
             cost: Cost::new(parameters.film()),
             relaxations: checks::branch_rows(&fit.candidate),
             film: FilmRow {
@@ -146,7 +153,7 @@ impl FitReport {
                 sizes_assumed: parameters.assumed_sizes,
                 curve: fit.candidate.bend.name(),
             },
-            made: Origin::now(),
+            made: None,
             warnings: fit.warnings.clone(),
         }
     }
@@ -185,8 +192,8 @@ impl FitReport {
         }
         let _ = write!(
             text,
-            "{}: {} with n = {}, R² mean {:.6}, {} evaluations in {:.1} s{}",
-            self.parameters_file,
+            "{}{} with n = {}, R² mean {:.6}, {} evaluations in {:.1} s{}",
+            self.parameters_file.as_ref().map_or_else(String::new, |file| format!("{file}: ")),
             self.topology,
             self.branches,
             self.r2_mean,
