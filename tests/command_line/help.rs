@@ -97,26 +97,11 @@ fn examples_run() {
 }
 
 #[test]
-fn a_wrong_command_line_points_to_its_help_and_to_what_was_meant() {
-    names(&TOOL.fails(&["replay"]), &["--params", "(host-sim replay --help tells the usage)"]);
-    names(&TOOL.fails(&["link", "--port", "x", "set"]), &["(host-sim link set --help tells the usage)"]);
-    names(&TOOL.fails(&["--json", "twin"]), &["(host-sim plant --help tells the usage)"]);
-    names(&TOOL.fails(&["link", "--port", "x"]), &["host-sim link --help"]);
-    names(&TOOL.fails(&["repaly"]), &["'repaly'", "'replay'", "(host-sim --help tells the usage)"]);
-    let misspelt = TOOL.fails(&["replay", "--parms", "preset:table3-n2", "rec.csv"]);
-    names(&misspelt, &["'--parms'", "; a similar argument exists: '--params'", "host-sim replay --help"]);
-    let value = TOOL.fails(&["reference", "--shape", "sinus", "--low", "0", "--high", "1mm", "--period", "1s"]);
-    names(&value, &["'sinus'", "'sine'", "host-sim reference --help"]);
-    names(&TOOL.fails(&["-q", "-v", "man"]), &["--quiet", "--verbose"]);
-}
-
-#[test]
 fn completions_and_man_pages() {
     for (shell, word) in [("bash", "complete -F"), ("zsh", "#compdef"), ("fish", "complete -c host-sim")] {
         let script = TOOL.with(&["completions", shell]).assert().success().get_output().stdout.clone();
         names(&String::from_utf8(script).expect("UTF-8"), &[word, "closed-loop", "max-voltage"]);
     }
-    names(&TOOL.fails(&["completions", "basch"]), &["basch", "bash"]);
     names(TOOL.json(&["completions", "bash"])["script"].as_str().expect("a script"), &["complete -F"]);
     let page = TOOL.with(&["man"]).assert().success().get_output().stdout.clone();
     names(&String::from_utf8(page).expect("UTF-8"), &[".TH host-sim 1", "feedforward"]);

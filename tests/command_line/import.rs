@@ -123,32 +123,3 @@ fn every_command_reads_what_import_reads() {
     let written = fs::read_to_string(path("responses/bare-names.csv")).expect("written");
     assert!(written.contains("time_s,voltage_v,force_n,displacement_m,measured_displacement_m"));
 }
-
-#[test]
-fn what_cannot_be_imported_leaves_nothing_behind() {
-    let (folder, file) = bench();
-    let out = text(&folder.path().join("recordings")).to_owned();
-    let fails = |arguments: &[&str]| {
-        let line = TOOL.fails(&[&["import", "--out", &out], arguments].concat());
-        assert!(!Path::new(&out).exists(), "{arguments:?}");
-        line
-    };
-    let bad = text(&folder.path().join("bad.csv")).to_owned();
-    fs::write(&bad, "Time (s),U (kV)\n0,5,0,5\n1,0,1,5\n1,5,2,5\n").expect("written");
-    // The good file is not written either.
-    names(&fails(&[&file, &bad]), &["bad.csv:2:", "4 cells below a header of 2", "decimal comma"]);
-    names(&fails(&[&file, "--columns", "voltage=Monitor"]), &["film.txt:2:", "Monitor"]);
-    names(&fails(&[&file, "--blank", "laser=3"]), &["--blank", "displacement=-9999"]);
-    names(&fails(&[&file, "--blank", "voltage=0"]), &["U [kV] is empty", "film.txt"]);
-    names(&fails(&[&file, "--blank", "force=0"]), &["no force to blank"]);
-    names(&fails(&[&file, "--from", "2.5"]), &["1 rows are left"]);
-    names(&fails(&[&file, "--from", "2", "--to", "1"]), &["--to"]);
-    names(&fails(&[&file, "--decimate", "0"]), &["--decimate"]);
-    names(&fails(&[&file, "--sheet", "Run 3"]), &["--sheet", "no workbook"]);
-    names(&fails(&[&file, &file]), &["two files"]);
-    // A recording is not overwritten by itself.
-    let kept = folder.path().join("kept.csv");
-    fs::write(&kept, "time_s,voltage_v\n0,0\n1,1\n").expect("written");
-    let line = TOOL.fails(&["import", text(&kept), "--out", text(folder.path())]);
-    names(&line, &["kept.csv", "overwrite"]);
-}

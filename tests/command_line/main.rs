@@ -2,6 +2,7 @@
 
 mod amplifier;
 mod bad_input;
+mod cases;
 mod control_commands;
 mod degenerate_input;
 mod demo;

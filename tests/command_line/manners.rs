@@ -121,28 +121,6 @@ fn no_nan_is_printed() {
     }
 }
 
-#[test]
-fn what_cannot_be_is_refused_before_the_memory_is_full() {
-    let folder = TempDir::new().expect("a folder");
-    let [recording, ..] = recordings("wang");
-    let out = folder.path().join("p.toml");
-    for starts in ["1000000000000", "100001", "0"] {
-        names(&TOOL.fails(&["fit", text(&recording), "--out", text(&out), "--starts", starts]), &["--starts", starts]);
-        names(&TOOL.fails(&["compare", text(&recording), "--starts", starts]), &["--starts", starts]);
-    }
-    let start = ["--start", "preset:table3-n1", "--starts", "1000000000000"];
-    names(&TOOL.fails(&[&["fit", text(&recording), "--out", text(&out)][..], &start].concat()), &["--starts"]);
-    let sine =
-        ["reference", "--low", "0", "--high", "1mm", "--period", "10s", "--duration", "20s", "--out", text(&out)];
-    let rise = |shape: &str, rise: &str| TOOL.fails(&[&sine[..], &["--shape", shape, "--rise", rise]].concat());
-    for shape in ["sine", "triangle", "random-walk", "steps"] {
-        names(&rise(shape, "1e9"), &["--rise", "1000000000", "20"]);
-    }
-    names(&rise("sine", "20.1s"), &["--rise", "never arrive"]);
-    names(&rise("steps", "11s"), &["--rise", "plateau"]);
-    assert!(!out.exists());
-}
-
 /// Warnings go to standard error: what is piped on is the result alone.
 #[test]
 fn warnings_are_no_results() {

@@ -1,8 +1,9 @@
 //! How faults end on the virtual board: at 0 V, with their cause latched.
 
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
-use std::thread;
-use std::time::{Duration, Instant};
+use std::process::{Child, ChildStdout, Stdio};
+use std::time::Instant;
 
 use dea_driver::wire::{Answer, BAUD, Command, InjectedFault, Mode, Reject, Status, boards};
 use dea_driver::{Cause, DriverState, SensorFault};
@@ -91,8 +92,6 @@ fn wait(client: &mut Client, until: impl Fn(&Status) -> bool) -> Status {
             return status;
         }
         assert!(start.elapsed() < DEADLINE, "still {status:?}");
-        // The board gets the time to tick.
-        thread::sleep(Duration::from_millis(2));
     }
 }
 
@@ -170,8 +169,7 @@ fn the_self_test_ends_in_a_table() {
     let link = |more: &[&str]| TOOL.with(&[["link", "--port", &port, "--json"].as_slice(), more].concat());
     let start = Instant::now();
     while !link(&["identify"]).output().expect("runs").status.success() {
-        assert!(start.elapsed() < DEADLINE, "QEMU does not listen");
-        thread::sleep(Duration::from_millis(20));
+        assert!(start.elapsed() < DEADLINE, "the image does not answer");
     }
     link(&["upload", "--try", "--blob", text(&parameters)]).assert().success();
     let sound = link(&["self-test"]).assert().success().get_output().stdout.clone();
@@ -186,29 +184,37 @@ fn the_self_test_ends_in_a_table() {
 }
 
 /// QEMU, ended with this value.
-struct Qemu(std::process::Child);
+struct Qemu {
+    child: Child,
+    _monitor: BufReader<ChildStdout>,
+}
 
 impl Drop for Qemu {
     fn drop(&mut self) {
-        self.0.kill().expect("runs");
-        self.0.wait().expect("ends");
+        self.child.kill().expect("runs");
+        self.child.wait().expect("ends");
     }
 }
 
-/// An image in QEMU as `firmware/emulate.sh` runs it, at a port of its own.
+/// An image in QEMU as `firmware/emulate.sh` runs it, at a port that the system chooses and QEMU's monitor reports.
 fn emulator_at_a_port(image: &Path) -> (Qemu, String) {
-    // Free now; whoever takes it before QEMU does makes that end.
-    let free =
-        std::net::TcpListener::bind(("127.0.0.1", 0)).and_then(|listener| listener.local_addr()).expect("a port");
     let arguments = std::fs::read_to_string(root().join("firmware/qemu.args")).expect("readable");
-    let qemu = std::process::Command::new("qemu-system-arm")
+    let mut child = std::process::Command::new("qemu-system-arm")
         .args(arguments.split_whitespace())
-        .args(["-serial", &format!("tcp:{free},server=on,wait=off,nodelay=on"), "-kernel"])
+        .args(["-chardev", "stdio,id=monitor", "-mon", "chardev=monitor"])
+        .args(["-serial", "tcp:127.0.0.1:0,server=on,wait=off,nodelay=on", "-kernel"])
         .arg(image)
-        .stdout(std::process::Stdio::null())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
         .spawn()
         .expect("installed by cargo xtask setup");
-    (Qemu(qemu), format!("tcp:{free}"))
+    child.stdin.as_ref().expect("piped").write_all(b"info chardev\n").expect("taken");
+    let mut monitor = BufReader::new(child.stdout.take().expect("piped"));
+    let mut lines = monitor.by_ref().lines().map(|line| line.expect("text"));
+    let listening = |line: String| line.split_once("disconnected:").map(|(_, port)| port.to_owned());
+    let port = lines.find_map(listening).expect("QEMU listens");
+    let (port, _) = port.split_once(',').expect("options");
+    (Qemu { child, _monitor: monitor }, port.to_owned())
 }
 
 /// A panic resets the chip; the next start keeps its message, and the trip until it is acknowledged.

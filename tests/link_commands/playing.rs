@@ -73,11 +73,7 @@ fn playing(board: &VirtualBoard, folder: &TempDir) -> (Child, BufReader<ChildStd
         .spawn()
         .expect("runs");
     let said = BufReader::new(player.stderr.take().expect("piped"));
-    let mut looks = 0;
-    while board.voltage().1 < 3000.0 {
-        looks += 1;
-        assert!(looks < 1000, "{:?}", board.voltage());
-    }
+    board.wait_for_voltage(|(_, now)| now >= 3000.0);
     (player, said)
 }
 

@@ -5,7 +5,7 @@ use std::net::TcpListener;
 #[cfg(target_os = "linux")]
 use std::os::fd::AsRawFd;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -21,6 +21,9 @@ use crate::flash::Flash;
 
 /// Ticks that are late are made up for if it is not by more than this.
 const MAX_DELAY: Duration = Duration::from_millis(50);
+
+/// A test that waits for longer than this has failed.
+const DEADLINE: Duration = Duration::from_secs(120);
 
 /// What happens on the bench.
 #[derive(Clone, Copy, Debug)]
@@ -75,8 +78,7 @@ impl Scene {
 pub struct VirtualBoard {
     /// Its port, as `--port` takes it.
     pub port: String,
-    /// Largest voltage command so far, and the present one, V.
-    voltage: Arc<Mutex<(f32, f32)>>,
+    shown: Arc<Shown>,
     /// Whether a hand has opened the interlock.
     opened: Arc<AtomicBool>,
     ended: Arc<AtomicBool>,
@@ -89,8 +91,8 @@ impl VirtualBoard {
         let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
         let port = format!("tcp:{}", listener.local_addr().expect("bound"));
         let ended = Arc::new(AtomicBool::new(false));
-        let (voltage, opened) = (Arc::new(Mutex::new((0.0, 0.0))), Arc::new(AtomicBool::new(false)));
-        let (flag, shown, hand) = (Arc::clone(&ended), Arc::clone(&voltage), Arc::clone(&opened));
+        let (shown, opened) = (Arc::new(Shown::default()), Arc::new(AtomicBool::new(false)));
+        let (flag, board, hand) = (Arc::clone(&ended), Arc::clone(&shown), Arc::clone(&opened));
         listener.set_nonblocking(true).expect("can be polled");
         let accept = move || {
             let (line, _) = listener.accept().ok()?;
@@ -99,8 +101,8 @@ impl VirtualBoard {
             line.set_nodelay(true).expect("can be set");
             Some(Box::new(line) as Box<dyn Line>)
         };
-        let thread = Some(thread::spawn(move || run(accept, scene, &flag, &shown, &hand)));
-        Self { port, voltage, opened, ended, thread }
+        let thread = Some(thread::spawn(move || run(accept, scene, &flag, &board, &hand)));
+        Self { port, shown, opened, ended, thread }
     }
 
     /// The same at a pseudo-terminal, which host-sim opens as any serial port.
@@ -111,15 +113,15 @@ impl VirtualBoard {
         let link = format!("/proc/self/fd/{}", far.as_raw_fd());
         let port = std::fs::read_link(link).expect("a path").to_string_lossy().into_owned();
         let ended = Arc::new(AtomicBool::new(false));
-        let (voltage, opened) = (Arc::new(Mutex::new((0.0, 0.0))), Arc::new(AtomicBool::new(false)));
-        let (flag, shown, hand) = (Arc::clone(&ended), Arc::clone(&voltage), Arc::clone(&opened));
+        let (shown, opened) = (Arc::new(Shown::default()), Arc::new(AtomicBool::new(false)));
+        let (flag, board, hand) = (Arc::clone(&ended), Arc::clone(&shown), Arc::clone(&opened));
         let mut near = Some(near);
         let thread = Some(thread::spawn(move || {
             // As long as this end is open, the port does not hang up when host-sim closes it.
             let _far = far;
-            run(move || near.take().map(|line| Box::new(line) as Box<dyn Line>), scene, &flag, &shown, &hand);
+            run(move || near.take().map(|line| Box::new(line) as Box<dyn Line>), scene, &flag, &board, &hand);
         }));
-        Self { port, voltage, opened, ended, thread }
+        Self { port, shown, opened, ended, thread }
     }
 
     /// Opens the interlock by hand, or closes it.
@@ -129,9 +131,42 @@ impl VirtualBoard {
 
     /// Largest voltage command so far, and the present one, V.
     pub fn voltage(&self) -> (f32, f32) {
-        // What was asked for last shows in a tick.
-        thread::sleep(Duration::from_millis(50));
-        *self.voltage.lock().expect("not poisoned")
+        // What was asked for last shows in the next tick.
+        let ticks = self.shown.now().ticks + 2;
+        self.wait_for(|shown| shown.ticks >= ticks)
+    }
+
+    /// Waits until the largest voltage command so far and the present one (V) are as they should be, and returns both.
+    pub fn wait_for_voltage(&self, is_reached: impl Fn((f32, f32)) -> bool) -> (f32, f32) {
+        self.wait_for(|shown| is_reached(shown.voltage))
+    }
+
+    fn wait_for(&self, is_there: impl Fn(&Ticks) -> bool) -> (f32, f32) {
+        let changed = self.shown.changed.wait_timeout_while(self.shown.now(), DEADLINE, |shown| !is_there(shown));
+        let (shown, timeout) = changed.expect("not poisoned");
+        assert!(!timeout.timed_out(), "still {shown:?}");
+        shown.voltage
+    }
+}
+
+/// What has happened on the board.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ticks {
+    ticks: u32,
+    /// Largest voltage command so far, and the present one, V.
+    voltage: (f32, f32),
+}
+
+/// The same for other threads, which wait for a change.
+#[derive(Debug, Default)]
+struct Shown {
+    ticks: Mutex<Ticks>,
+    changed: Condvar,
+}
+
+impl Shown {
+    fn now(&self) -> MutexGuard<'_, Ticks> {
+        self.ticks.lock().expect("not poisoned")
     }
 }
 
@@ -193,7 +228,7 @@ fn run(
     mut accept: impl FnMut() -> Option<Box<dyn Line>>,
     scene: Scene,
     ended: &AtomicBool,
-    voltage: &Mutex<(f32, f32)>,
+    shown: &Shown,
     opened: &AtomicBool,
 ) {
     let latched = if scene.panic_message.is_empty() { None } else { Some(Cause::Panic) };
@@ -219,8 +254,9 @@ fn run(
             drive = bench.device.tick(inputs);
             bench.device.report(found);
             let command_v = bench.device.status().command_v;
-            let mut voltage = voltage.lock().expect("not poisoned");
-            *voltage = (voltage.0.max(command_v), command_v);
+            let mut now = shown.now();
+            *now = Ticks { ticks, voltage: (now.voltage.0.max(command_v), command_v) };
+            shown.changed.notify_all();
         }
         if bench.starved {
             // The chip starts again, with what its flash keeps.
