@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use tempfile::TempDir;
-use tests::tool::{names, text};
+use tests::tool::text;
 
 use crate::TOOL;
 

@@ -1,8 +1,9 @@
 //! How faults end on the virtual board: at 0 V, with their cause latched.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::{Child, ChildStdout, Stdio};
+use std::process::{Child, Stdio};
 use std::time::Instant;
 
 use dea_driver::wire::{Answer, BAUD, Command, InjectedFault, Mode, Reject, Status, boards};
@@ -186,7 +187,7 @@ fn the_self_test_ends_in_a_table() {
 /// QEMU, ended with this value.
 struct Qemu {
     child: Child,
-    _monitor: BufReader<ChildStdout>,
+    _monitor: TcpStream,
 }
 
 impl Drop for Qemu {
@@ -199,18 +200,19 @@ impl Drop for Qemu {
 /// An image in QEMU as `firmware/emulate.sh` runs it, at a port that the system chooses and QEMU's monitor reports.
 fn emulator_at_a_port(image: &Path) -> (Qemu, String) {
     let arguments = std::fs::read_to_string(root().join("firmware/qemu.args")).expect("readable");
-    let mut child = std::process::Command::new("qemu-system-arm")
+    let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
+    let port = listener.local_addr().expect("bound").port();
+    let child = std::process::Command::new("qemu-system-arm")
         .args(arguments.split_whitespace())
-        .args(["-chardev", "stdio,id=monitor", "-mon", "chardev=monitor"])
+        .args(["-chardev", &format!("socket,id=monitor,host=127.0.0.1,port={port}"), "-mon", "chardev=monitor"])
         .args(["-serial", "tcp:127.0.0.1:0,server=on,wait=off,nodelay=on", "-kernel"])
         .arg(image)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
+        .stdout(Stdio::null())
         .spawn()
         .expect("installed by cargo xtask setup");
-    child.stdin.as_ref().expect("piped").write_all(b"info chardev\n").expect("taken");
-    let mut monitor = BufReader::new(child.stdout.take().expect("piped"));
-    let mut lines = monitor.by_ref().lines().map(|line| line.expect("text"));
+    let (monitor, _) = listener.accept().expect("QEMU connects");
+    (&monitor).write_all(b"info chardev\n").expect("taken");
+    let mut lines = BufReader::new(&monitor).lines().map(|line| line.expect("text"));
     let listening = |line: String| line.split_once("disconnected:").map(|(_, port)| port.to_owned());
     let port = lines.find_map(listening).expect("QEMU listens");
     let (port, _) = port.split_once(',').expect("options");

@@ -4,7 +4,8 @@ use core::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::safety::stillness::MIN_TICKS;
+/// Smallest number of ticks in which a sensor can be watched.
+pub(crate) const MIN_TICKS: u32 = 5;
 
 /// What film and bench allow.
 ///

@@ -1,9 +1,7 @@
 //! Whether a sensor moves with the film.
 
 use crate::safety::PlausibilityLimits;
-
-/// Smallest number of ticks in which a sensor can be watched.
-pub(crate) const MIN_TICKS: u32 = 5;
+use crate::safety::limits::MIN_TICKS;
 
 /// A sensor is still if the model has moved by this many times what the sensor has.
 const MOVES: f32 = 5.0;
