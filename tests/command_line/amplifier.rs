@@ -95,7 +95,7 @@ fn the_check_knows_what_was_identified() {
         &printed,
         &["not feasible", "must fall faster than the amplifier's bleeder lets it", &format!("first at {first:.3} s")],
     );
-    // Without its times nothing is said of it.
+    // Without its times it is not reported.
     let ideal = &TOOL.says_no(&[&base[..], &["preset:table3-n2"]].concat())["check"];
     assert!(ideal.get("amplifier").is_none(), "{ideal}");
 }

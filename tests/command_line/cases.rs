@@ -1,4 +1,4 @@
-//! What commands print, their exit statuses, and what they leave in their folder: `cases/*.trycmd`, each beside its input files.
+//! Messages of commands, their exit statuses, and the files in their folder: `cases/*.trycmd`, each beside its input files.
 //! `TRYCMD=overwrite cargo test -p tests --test command_line cases` writes what they print now.
 
 use std::path::Path;

@@ -35,7 +35,7 @@ impl Bench {
         path
     }
 
-    /// What `check` prints of a recording with this content, and its exit status.
+    /// Returns what `check` prints of a recording with this content, and its exit status.
     fn check(&self, content: &str) -> (Value, i32) {
         checked(&[&self.file("film.csv", content)])
     }
@@ -78,7 +78,7 @@ fn the_bench_file_of_the_page_makes_a_profile() {
     let report = TOOL.json(&["profile", "--board", &board, "--out", &out]);
     assert_eq!((&report["limit"], &report["peak_v"]), (&"max_field_v_per_m".into(), &3150.0.into()), "{report}");
     assert!(report.get("notes").is_none(), "{report}");
-    // Without the limits they are those of the paper's bench, which is said.
+    // Without the limits they are those of the paper's bench, which is reported.
     let (film, _) = toml.split_once("[board.limits]").expect("limits");
     let report = TOOL.json(&["profile", "--board", &bench.file("film.toml", film), "--out", &out]);
     names(&report["notes"].to_string(), &["no [board.limits]", "the paper's bench", "4200 V"]);
@@ -126,9 +126,9 @@ fn what_a_profile_excites_identifies_a_film() {
     }
     assert!((drive["rest_s"].as_f64().expect("a number") - 5.0).abs() < 0.3, "{drive}");
     assert!((drive["hold_s"].as_f64().expect("a number") - 61.0).abs() < 2.0, "{drive}");
-    let said = TOOL.with(&["check", &recording]).assert().success().get_output().stdout.clone();
+    let printed = TOOL.with(&["check", &recording]).assert().success().get_output().stdout.clone();
     names(
-        &String::from_utf8(said).expect("UTF-8"),
+        &String::from_utf8(printed).expect("UTF-8"),
         &["these recordings identify a film", "cycles of 0.0770, 0.1400, 0.2000 Hz"],
     );
 

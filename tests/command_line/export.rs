@@ -1,4 +1,4 @@
-//! What is exported is what the controller runs.
+//! `export` writes what the controller runs.
 
 use std::fs;
 
@@ -44,7 +44,7 @@ fn exported(params: &str, rate: &str) -> Vec<u8> {
     blob
 }
 
-/// What the compression costs is that of the law; none for a displacement behind a curve with mass.
+/// The cost of the compression is that of the law; none for a displacement behind a curve with mass.
 #[test]
 fn the_bound_of_the_compression_is_told() {
     let folder = TempDir::new().expect("a folder");
@@ -183,7 +183,7 @@ fn what_no_controller_takes_is_not_exported() {
     names(&TOOL.fails(&["export", "--params", text(&file), "--out", text(&file)]), &["overwrite"]);
 }
 
-/// What the example firmware for other boards holds is made of the file beside it, as its comment says.
+/// The blob of the example firmware for other boards is made of the file beside it, as its comment says.
 #[test]
 fn the_blob_of_the_example_for_other_boards_is_that_of_its_film() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/dea-driver/examples/other-board");

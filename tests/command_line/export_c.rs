@@ -29,7 +29,7 @@ fn compiled_and_ran(folder: &Path, main: &str, films: &[&str]) -> String {
     ran(folder, "./main", &[])
 }
 
-/// What the controller runs of `parameters` at 1 kHz.
+/// Returns what the controller runs of `parameters` at 1 kHz.
 fn controllers(parameters: &Parameters) -> Blob {
     let (bytes, board) = parameters.checked_blob(1000.0).expect("valid");
     Blob::decode(&bytes, board.id).expect("its own")
@@ -164,7 +164,7 @@ fn c_is_written_whole_or_not_at_all() {
     fs::create_dir(path("film.c")).expect("made");
     refused(preset, &path("film.c"), &["film.c", "directory"]);
     refused("preset:table9", &path("film-2.c"), &["preset"]);
-    // Somebody else's header stays.
+    // Another program's header stays.
     assert!(!path("springpot.h").exists() && !path("film-2.c").exists());
     fs::write(path("springpot.h"), "/* mine */").expect("written");
     refused(preset, &path("film-2.c"), &["springpot.h", "another folder"]);
@@ -182,7 +182,7 @@ fn c_is_written_whole_or_not_at_all() {
     fs::write(path("springpot.h"), &film).expect("written");
     refused(text(&path("springpot.h")), &path("other.c"), &["overwrite"]);
     assert_eq!(fs::read_to_string(path("read.c")).expect("there"), film);
-    // A file stands where the library's folder would.
+    // A file is where the library's folder would.
     let file = path("read.c");
     names(
         &TOOL.fails(&["export", "--params", preset, "--emit", "arduino", "--out", text(&file)]),

@@ -233,7 +233,7 @@ fn a_bad_path_is_refused_and_nothing_is_written() {
 
 /// A tick's inputs: voltage, reference, sample, whether there is one, its age, reading, whether there is one.
 type Input = [f64; 7];
-/// What comes out: displacement, force, command, shaped reference, disturbance, force scale, limits, whether the sensor is lost.
+/// The outputs: displacement, force, command, shaped reference, disturbance, force scale, limits, whether the sensor is lost.
 type Row = [f64; 8];
 
 /// FMPy in an environment of its own.
@@ -308,7 +308,7 @@ fn a_plant_has_the_bits_of_simulate() {
     }
 }
 
-/// What a bench would give along a recording: a reference within reach, late samples that fail for a while, a monitor that fails at times.
+/// The inputs of a bench along a recording: a reference within reach, late samples that fail for a while, a monitor that fails at times.
 fn bench(response: &[[f64; 4]]) -> Vec<Input> {
     let steps = response.len();
     let wanted = |k: usize| 0.8e-3 + 0.15 * response[k][3];

@@ -57,8 +57,8 @@ fn octave(folder: &Path, script: &str) -> String {
     let script = format!("addpath('{}'); {script}", matlab.display());
     let arguments = ["--no-init-file", "--no-history", "--quiet", "--eval", &script];
     let output = Command::new("octave-cli").current_dir(folder).args(arguments).output().expect("octave-cli");
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{script}\n{said}");
+    let printed = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{script}\n{printed}");
     String::from_utf8(output.stdout).expect("text")
 }
 
@@ -184,7 +184,7 @@ fn the_examples_of_the_page_run() {
     octave(folder.path(), &format!("set(0, 'defaultfigurevisible', 'off');\n{}\n{checks}", examples.concat()));
 }
 
-/// What the script cannot use is refused with file and line, and a MEX function of another film is found out.
+/// A file that the script cannot use is refused with file and line, and a MEX function of another film is found out.
 #[test]
 #[ignore = "needs Octave: cargo xtask faces"]
 fn the_script_refuses_what_it_cannot_use() {

@@ -60,7 +60,7 @@ fn auto_compares_structures_and_marks_its_choice() {
     let [a, b, c] = if full_sweep() { recordings("wang") } else { thinned_recordings("wang", folder.path(), 20) };
     let fit = json(&["fit", "--out", text(&out), text(&a), text(&b), text(&c)]);
     let structures = fit["structures"].as_array().expect("a list");
-    // n = 0 and 1 are the same model in both topologies. What is beyond linear films stands behind them.
+    // n = 0 and 1 are the same model in both topologies. Films that are not linear come after them.
     let linear = |row: &&Value| row["curve"] == "linear" && row["saturates"] == false;
     assert_eq!(structures.iter().filter(linear).count(), 10);
     let chosen: Vec<&Value> = structures.iter().filter(|row| row["chosen"] == true).collect();
@@ -230,7 +230,7 @@ fn gaps_and_signs() {
     let skipped = fit(&["--gap", "3", "--at-gap", "skip"]);
     assert!(warns(&skipped, "are not compared") && (755.0..=765.0).contains(&samples(&skipped)), "{skipped}");
     assert!(number(&skipped["r2_mean"]) > number(&whole["r2_mean"]));
-    // Shorter ones are none.
+    // Shorter ones are not counted.
     assert!(!warns(&fit(&["--gap", "10"]), "gap of"));
 
     sine_recording(&file, (0..1000).map(|k| 0.05 * f64::from(k)), |share| -1e-3 * share);

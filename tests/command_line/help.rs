@@ -26,7 +26,7 @@ fn examples(command: &Command) -> Vec<Vec<String>> {
     calls.map(|call| call.split(' ').map(str::to_owned).collect()).collect()
 }
 
-/// Every command has examples, each calls the command it stands at, and its options are those of this version.
+/// Every command has examples, each calls its own command, and its options are those of this version.
 #[test]
 fn examples_in_the_help_are_understood() {
     let root = host_sim::commands::command_line();
@@ -74,7 +74,7 @@ fn bench(folder: &Path) {
     fs::write(file("machine.csv"), machine).expect("written");
 }
 
-/// The examples of what computes in moments run as they stand, in one folder.
+/// The examples of what computes in moments run as they are written, in one folder.
 #[test]
 fn examples_run() {
     let folder = TempDir::new().expect("a folder");
@@ -87,8 +87,8 @@ fn examples_run() {
         for call in examples(root.find_subcommand(name).expect("a command")) {
             let command = std::process::Command::new(TOOL.0).args(&call).current_dir(folder.path()).output();
             let output = command.expect("runs");
-            let said = String::from_utf8_lossy(&output.stderr).into_owned();
-            assert!(output.status.success(), "{call:?}: {said}");
+            let printed = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert!(output.status.success(), "{call:?}: {printed}");
             assert!(!output.stdout.is_empty(), "{call:?}");
             run += 1;
         }

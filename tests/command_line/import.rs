@@ -65,10 +65,10 @@ fn what_was_understood_is_told_and_written() {
     );
     // For people: the same.
     let output = TOOL.with(&["import", &file, "--out", text(&out)]).assert().success().get_output().stdout.clone();
-    let said = String::from_utf8(output).expect("UTF-8");
-    names(&said, &["semicolons", "\"U [kV]\" in kV, × 1000: 0 to 4250 V", "ignored", "Raum", "film.csv"]);
+    let printed = String::from_utf8(output).expect("UTF-8");
+    names(&printed, &["semicolons", "\"U [kV]\" in kV, × 1000: 0 to 4250 V", "ignored", "Raum", "film.csv"]);
     // The drop-out that was not blanked.
-    names(&said, &["warning: a displacement of -9.999 m", "--blank"]);
+    names(&printed, &["warning: a displacement of -9.999 m", "--blank"]);
 }
 
 #[test]
@@ -113,7 +113,7 @@ fn every_command_reads_what_import_reads() {
     let (of_imported, nothing) = simulated(&imported, &path("imported.csv"));
     assert_eq!(of_lab, of_imported);
     names(&told, &["film.txt", "voltage = \"U [kV]\" (kV)"]);
-    assert_eq!(nothing, "", "a recording needs no telling");
+    assert_eq!(nothing, "", "a recording needs no message");
     // Chosen columns work there as well, and a response is CSV whatever the recording was.
     let mat = format!("{}/lab_files/bare-names.mat", env!("CARGO_MANIFEST_DIR"));
     let columns = ["--columns", "time=t:s,voltage=V:V,displacement=x:mm"];

@@ -1,4 +1,4 @@
-//! What the tool says while it works and how it ends: exit statuses, warnings, progress, figures, folders.
+//! Messages of the tool while it works and how it ends: exit statuses, warnings, progress, figures, folders.
 
 use std::fs;
 use std::path::Path;
@@ -36,7 +36,7 @@ fn hang_ups_are_ignored() -> bool {
     u64::from_str_radix(mask, 16).expect("hexadecimal") & 1 == 1
 }
 
-/// Shells and schedulers tell Ctrl-C, TERM and HUP apart by the exit status. Under `nohup` a hang-up ends nothing.
+/// The exit status distinguishes Ctrl-C, TERM and HUP for shells and schedulers. Under `nohup` a hang-up ends nothing.
 #[cfg(target_os = "linux")]
 #[test]
 fn each_signal_has_its_exit_status() {
@@ -103,7 +103,7 @@ fn a_full_disk_leaves_no_folder() {
     assert_eq!(fs::read_dir(&new).expect("it stays").count(), 0);
 }
 
-/// Of a measurement that does not change there is no R²: a dash, and the reason, in place of NaN.
+/// A measurement that does not change has no R²: a dash, and the reason, in place of NaN.
 #[test]
 fn no_nan_is_printed() {
     let folder = TempDir::new().expect("a folder");
@@ -133,22 +133,25 @@ fn warnings_are_no_results() {
     let export: Vec<&str> = export.iter().map(String::as_str).collect();
     for arguments in [&fit[..], &replay, &export] {
         let output = run(arguments);
-        let (results, told) = (utf8(&output.stdout), utf8(&output.stderr));
+        let (results, messages) = (utf8(&output.stdout), utf8(&output.stderr));
         assert!(output.status.success() && !results.contains("warning"), "{results}");
-        assert!(told.lines().count() > 0 && told.lines().all(|line| line.starts_with("warning: ")), "{told}");
+        assert!(
+            messages.lines().count() > 0 && messages.lines().all(|line| line.starts_with("warning: ")),
+            "{messages}"
+        );
         let quiet = run(&[&["-q"][..], arguments].concat());
         assert!(quiet.status.success() && quiet.stderr.is_empty(), "{}", utf8(&quiet.stderr));
         let json = run(&[arguments, &["--json"]].concat());
         assert!(json.stderr.is_empty() && serde_json::from_slice::<Value>(&json.stdout).is_ok());
     }
-    // What is wrong is told all the same.
+    // Errors are reported all the same.
     names(&TOOL.fails(&["--quiet", "replay", "--params", text(&film), "none.csv"]), &["none.csv"]);
 }
 
 /// Where standard error is no terminal, progress is a line now and then, with share, count and the time that is left; the share
-/// does not fall. `-v` tells each stage.
+/// does not fall. `-v` reports each stage.
 #[test]
-fn long_work_tells_how_far_it_is() {
+fn long_work_reports_how_far_it_is() {
     let folder = TempDir::new().expect("a folder");
     let film = folder.path().join("film.toml");
     let [recording, ..] = recordings("wang");
@@ -156,14 +159,15 @@ fn long_work_tells_how_far_it_is() {
     let arguments = [&["fit", "--json", "--out", text(&film), text(&recording)][..], &structures].concat();
     let output = TOOL.with(&arguments).env("HOST_SIM_PROGRESS_S", "0.02").output().expect("runs");
     assert!(serde_json::from_slice::<Value>(&output.stdout).is_ok(), "one document and nothing else");
-    let told = utf8(&output.stderr);
-    let lines: Vec<&str> = told.lines().filter(|line| line.contains(" of ") && line.contains(" % after ")).collect();
-    assert!(lines.iter().any(|line| line.contains("parallel with n = ") && line.ends_with(" left")), "{told}");
+    let messages = utf8(&output.stderr);
+    let lines: Vec<&str> =
+        messages.lines().filter(|line| line.contains(" of ") && line.contains(" % after ")).collect();
+    assert!(lines.iter().any(|line| line.contains("parallel with n = ") && line.ends_with(" left")), "{messages}");
     let share = |line: &str| -> u64 {
         let before = line.split(" % after ").next().expect("a share");
         before.rsplit(' ').next().expect("a number").parse().expect("a whole number")
     };
-    assert!(lines.is_sorted_by_key(|line| share(line)) && lines.iter().all(|line| share(line) <= 100), "{told}");
+    assert!(lines.is_sorted_by_key(|line| share(line)) && lines.iter().all(|line| share(line) <= 100), "{messages}");
     let quiet = [&arguments[..], &["--quiet"]].concat();
     let output = TOOL.with(&quiet).env("HOST_SIM_PROGRESS_S", "0.02").output().expect("runs");
     assert!(output.stderr.is_empty(), "{}", utf8(&output.stderr));
@@ -216,9 +220,9 @@ fn figures_are_short() {
     let replay = ["replay", "--params", text(&params), text(&profile)];
     for arguments in [&simulate[..], &replay] {
         let output = run(&[arguments, &["--precision", "f64"]].concat());
-        let (results, told) = (utf8(&output.stdout), utf8(&output.stderr));
-        println!("{results}{told}");
-        assert!(digits(&results).max(digits(&told)) <= 17, "{results}{told}");
+        let (results, messages) = (utf8(&output.stdout), utf8(&output.stderr));
+        println!("{results}{messages}");
+        assert!(digits(&results).max(digits(&messages)) <= 17, "{results}{messages}");
     }
 }
 
@@ -230,9 +234,9 @@ fn sine(folder: &Path, name: &str, low: &str, high: &str) -> String {
     text(&out).to_owned()
 }
 
-/// The check answers by its exit status, names what is in the way with what is needed and what is allowed, and its mend holds.
+/// The check answers by its exit status, names what is in the way with what is needed and what is allowed, and its correction holds.
 #[test]
-fn a_check_answers_and_mends() {
+fn a_check_answers_and_corrects() {
     let folder = TempDir::new().expect("a folder");
     let check = |reference: &str, more: &[&str]| {
         let base = ["feedforward", "--params", "preset:table3-n2", "--reference", reference, "--check"];
@@ -247,10 +251,10 @@ fn a_check_answers_and_mends() {
     assert_eq!((status, &report["feasible"]), (0, &true.into()));
     assert_eq!(report["binding"], Value::Array(Vec::new()));
 
-    // Above a voltage that is too low: needed and allowed are told, and the needed one is enough.
-    let (status, said, report) = check(&fits, &["--max-voltage", "2kV"]);
+    // Above a voltage that is too low: needed and allowed are reported, and the needed one is enough.
+    let (status, printed, report) = check(&fits, &["--max-voltage", "2kV"]);
     assert_eq!(status, 1);
-    names(&said, &["not feasible", "limit: voltage", "2000 V (--max-voltage) allowed"]);
+    names(&printed, &["not feasible", "limit: voltage", "2000 V (--max-voltage) allowed"]);
     let binding = &report["binding"][0];
     assert_eq!((&binding["limit"], binding["allowed"].as_f64()), (&"voltage".into(), Some(2000.0)));
     let needed = binding["needed"].as_f64().expect("V");
@@ -259,8 +263,8 @@ fn a_check_answers_and_mends() {
     assert_eq!(check(&fits, &["--max-voltage", &format!("{}", 0.9999 * needed)]).0, 1);
 
     // A field: the same.
-    let (status, said, report) = check(&fits, &["--max-field", "12MV/m"]);
-    names(&said, &["limit: field", "12.00 MV/m (--max-field) allowed"]);
+    let (status, printed, report) = check(&fits, &["--max-field", "12MV/m"]);
+    names(&printed, &["limit: field", "12.00 MV/m (--max-field) allowed"]);
     let needed = report["binding"][0]["needed"].as_f64().expect("V/m");
     assert_eq!((status, check(&fits, &["--max-field", &format!("{}", 1.0001 * needed)]).0), (1, 0));
 
@@ -272,18 +276,18 @@ fn a_check_answers_and_mends() {
     TOOL.json(&fit);
     let high = sine(folder.path(), "high.csv", "1mm", "50mm");
     let output = run(&["feedforward", "--params", text(&film), "--reference", &high, "--check"]);
-    let said = utf8(&output.stdout);
+    let printed = utf8(&output.stdout);
     assert_eq!(output.status.code(), Some(1));
-    names(&said, &["limit: voltage"]);
-    assert!(!said.contains("limit: field") && !said.contains('∞'), "{said}");
+    names(&printed, &["limit: voltage"]);
+    assert!(!printed.contains("limit: field") && !printed.contains('∞'), "{printed}");
 
     // A stroke that no offset makes feasible: a smaller one is named, with its offset, and is feasible.
     let wide = sine(folder.path(), "wide.csv", "0mm", "2.5mm");
-    let (status, said, report) = check(&wide, &["--max-voltage", "5kV"]);
-    println!("{said}");
+    let (status, printed, report) = check(&wide, &["--max-voltage", "5kV"]);
+    println!("{printed}");
     assert_eq!(status, 1);
     names(
-        &said,
+        &printed,
         &["limit: force", "0 N or more", "limit: voltage", "no offset makes it feasible", "of it with an offset of"],
     );
     let factor = report["smaller"]["factor"].as_f64().expect("a factor");
@@ -300,7 +304,7 @@ fn a_check_answers_and_mends() {
             format!("{time},{}\n", factor * x + offset * s * s * s * (10.0 + s * (6.0 * s - 15.0)))
         })
         .collect();
-    let mended = folder.path().join("mended.csv");
-    fs::write(&mended, "time_s,displacement_m\n".to_owned() + &rows.concat()).expect("written");
-    assert_eq!(check(text(&mended), &["--max-voltage", "5kV"]).0, 0);
+    let corrected = folder.path().join("corrected.csv");
+    fs::write(&corrected, "time_s,displacement_m\n".to_owned() + &rows.concat()).expect("written");
+    assert_eq!(check(text(&corrected), &["--max-voltage", "5kV"]).0, 0);
 }

@@ -173,7 +173,7 @@ fn each_command_draws_svg_and_png() {
     }
 }
 
-/// An ending that is none, an input and the command's own output are refused before anything is written.
+/// An unknown ending, an input and the command's own output are refused before anything is written.
 #[test]
 fn refused_figures_leave_nothing() {
     let bench = Bench::new();

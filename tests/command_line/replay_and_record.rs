@@ -67,7 +67,7 @@ fn simulate_and_replay_agree() {
         let (header, rows) = columns(&out);
         assert_eq!(header, "time_s,voltage_v,force_n,displacement_m");
         assert_eq!(rows.len(), 155_001);
-        assert_eq!(number(&rows[1000][0]), 1.0, "sample k stands at k / rate");
+        assert_eq!(number(&rows[1000][0]), 1.0, "sample k is at k / rate");
         // What was simulated, replayed against itself, agrees with itself.
         let again = ["replay", "--params", "preset:table3-n1", text(&out), "--memory", memory];
         let r2 = json(&again)["r2_mean"].as_f64().expect("r2");

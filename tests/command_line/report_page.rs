@@ -13,7 +13,7 @@ use crate::TOOL;
 /// Most bytes of a page of three recordings.
 const MAX_BYTES: usize = 1_000_000;
 
-/// What stands between `begin` and `end`, as often as it occurs.
+/// The text between `begin` and `end`, as often as it occurs.
 fn between<'a>(text: &'a str, begin: &'a str, end: &'a str) -> impl Iterator<Item = &'a str> {
     text.split(begin).skip(1).map(move |rest| rest.split(end).next().expect("a part"))
 }
@@ -149,7 +149,7 @@ fn a_relaxation_gets_logarithmic_time_and_names_are_escaped() {
     check_page(&page);
     assert!(page.contains("&lt;script&gt;alert(1)&lt;img src=x&gt; &amp; 'co'.csv"));
     assert!(!page.contains("<script>alert") && !page.contains("<img"));
-    // Warnings stand by their severity.
+    // Warnings show their severity.
     let warnings = printed["warnings"].as_array().expect("a list");
     assert_eq!(between(&page, "<span class=\"severity\">", "<").count(), warnings.len());
     assert!(warnings.iter().any(|warning| warning.as_str().expect("text").contains("constant")));

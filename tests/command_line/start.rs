@@ -22,11 +22,11 @@ fn ten_minutes_go_as_written() {
             None => command.clone(),
         };
         let output = Command::new("sh").args(["-c", &line]).current_dir(&folder).output().expect("runs");
-        let (said, complained) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        let (printed, complained) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
         assert!(output.status.success(), "{command}: {complained}");
-        let found: Vec<&str> = said.lines().filter(|line| !depends_on_qemu(line)).collect();
+        let found: Vec<&str> = printed.lines().filter(|line| !depends_on_qemu(line)).collect();
         let wanted: Vec<&String> = answer.iter().filter(|line| !depends_on_qemu(line)).collect();
-        assert_eq!(found.len(), wanted.len(), "{command}: {said}");
+        assert_eq!(found.len(), wanted.len(), "{command}: {printed}");
         for (found, wanted) in found.iter().zip(wanted) {
             assert!(same(found, wanted), "{command}\n{found}\n{wanted}");
         }

@@ -57,14 +57,14 @@ fn a_board_reports_identity_and_status() {
     assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table3-n2");
     assert_eq!(TOOL.json(&link(&board, &["status"]))["rate_hz"], 1000.0);
     assert!(TOOL.json(&link(&board, &["panic"]))["message"].is_null());
-    // It is no board for drills: what was armed for one ends at 0 V.
+    // It injects no faults: what was armed for one ends at 0 V.
     names(&TOOL.fails(&link(&board, &["drill", "bus"])), &["bus", "no faults on purpose", "cargo xtask board"]);
     assert_eq!(board.voltage().1, 0.0);
     assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "disarmed");
     names(&TOOL.fails(&link(&board, &["drill", "--voltage", "5"])), &["--voltage", "100"]);
 }
 
-/// What is not connected is shown as such.
+/// A part that is not connected is shown as such.
 #[test]
 fn the_status_tells_what_does_not_answer() {
     let parts = [dea_driver::wire::Part::Answers, dea_driver::wire::Part::Bus, dea_driver::wire::Part::Answers];
@@ -198,12 +198,12 @@ fn files_of_earlier_runs_stay() {
     assert_eq!(calm.voltage(), (0.0, 0.0));
     assert_eq!(fs::read_to_string(&out).expect("kept"), "an earlier run");
     assert!(!part.exists());
-    fs::write(&part, "notes\nof somebody else\n").expect("written");
+    fs::write(&part, "notes\nof another program\n").expect("written");
     names(&TOOL.fails(&play), &["out.csv.part", "move it away"]);
-    assert_eq!(fs::read_to_string(&part).expect("kept"), "notes\nof somebody else\n");
+    assert_eq!(fs::read_to_string(&part).expect("kept"), "notes\nof another program\n");
 }
 
-/// After a reset a board may run other parameters than were uploaded last: `play` tells which, and compares them if it is given any.
+/// After a reset a board may run other parameters than were uploaded last: `play` reports which, and compares them if it is given any.
 #[test]
 fn play_compares_the_parameters() {
     let folder = TempDir::new().expect("a folder");
@@ -257,7 +257,7 @@ fn a_trip_ends_the_playback() {
     assert_eq!(board.voltage(), (0.0, 0.0));
 }
 
-/// Disabled, and still at 3 kV: what no command can mend is told in every way there is.
+/// Disabled, and still at 3 kV: what no command can fix is reported in every way there is.
 #[test]
 fn a_film_that_stays_live_is_told() {
     let folder = TempDir::new().expect("a folder");
@@ -278,8 +278,8 @@ fn a_film_that_stays_live_is_told() {
 
 #[test]
 fn a_panic_before_the_start_stays_until_it_is_acknowledged() {
-    let board = VirtualBoard::start(Scene { panic_message: "a drill at src/drills.rs:75", ..Scene::CALM });
-    assert_eq!(TOOL.json(&link(&board, &["panic"]))["message"], "a drill at src/drills.rs:75");
+    let board = VirtualBoard::start(Scene { panic_message: "a panic at src/faults.rs:75", ..Scene::CALM });
+    assert_eq!(TOOL.json(&link(&board, &["panic"]))["message"], "a panic at src/faults.rs:75");
     assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "tripped: Panic");
     // New parameters do not clear it.
     upload(&board);
@@ -317,7 +317,7 @@ fn blobs_are_checked_before_they_are_sent_and_after() {
     assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table4-f7", "the old ones stay");
 }
 
-/// A peer that sends without end, but no valid frame, ends in a timeout after a few seconds. It is another device, not nobody.
+/// A peer that sends without end, but no valid frame, ends in a timeout after a few seconds. The message names another device.
 #[test]
 fn a_port_that_sends_garbage_ends_in_a_timeout() {
     let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a port");
@@ -336,7 +336,7 @@ fn a_port_that_sends_garbage_ends_in_a_timeout() {
     garbage.join().expect("the connection was closed");
 }
 
-/// The verbs over a serial port, and what is said when its plug is pulled.
+/// The verbs over a serial port, and the message when its plug is pulled.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_serial_port_is_as_good() {

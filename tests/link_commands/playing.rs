@@ -47,7 +47,7 @@ fn a_stream_without_ticks_ends() {
     assert!(!out.exists());
 }
 
-/// A board that answers and whose samples do not come: nobody knows how far it is, so the playback ends at 0 V and says so.
+/// A board that answers and whose samples do not come: its state is unknown, so the playback ends at 0 V and says so.
 #[test]
 fn a_playback_without_samples_ends_at_0_v() {
     let folder = TempDir::new().expect("a folder");
@@ -62,7 +62,7 @@ fn a_playback_without_samples_ends_at_0_v() {
     assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "disarmed");
 }
 
-/// A playback of a minute that stands at 3 kV, and what it says on standard error.
+/// A playback of a minute that stays at 3 kV, and its standard error.
 fn playing(board: &VirtualBoard, folder: &TempDir) -> (Child, BufReader<ChildStderr>) {
     upload(board);
     let (long, out) = (folder.path().join("long.csv"), folder.path().join("out.csv"));
@@ -72,31 +72,31 @@ fn playing(board: &VirtualBoard, folder: &TempDir) -> (Child, BufReader<ChildStd
         .stderr(Stdio::piped())
         .spawn()
         .expect("runs");
-    let said = BufReader::new(player.stderr.take().expect("piped"));
+    let printed = BufReader::new(player.stderr.take().expect("piped"));
     board.wait_for_voltage(|(_, now)| now >= 3000.0);
-    (player, said)
+    (player, printed)
 }
 
 fn ctrl_c(player: &Child) {
     assert!(Command::new("kill").args(["-INT", &player.id().to_string()]).status().expect("runs").success());
 }
 
-/// The second Ctrl-C neither ends a playback before the film is at 0 V nor keeps it from telling that it stays live.
+/// The second Ctrl-C neither ends a playback before the film is at 0 V nor keeps it from reporting that it stays live.
 #[test]
 fn a_second_ctrl_c_does_not_leave_a_live_film() {
     let folder = TempDir::new().expect("a folder");
     // Its discharge is watched for a second of its time, five of the host's.
     let board = VirtualBoard::start(Scene { tick: Duration::from_millis(5), enable_welded: true, ..Scene::CALM });
-    let (mut player, mut said) = playing(&board, &folder);
+    let (mut player, mut printed) = playing(&board, &folder);
     ctrl_c(&player);
     let mut line = String::new();
-    said.read_line(&mut line).expect("UTF-8");
+    printed.read_line(&mut line).expect("UTF-8");
     names(&line, &["bringing the film to 0 V"]);
     ctrl_c(&player);
-    let rest: Vec<String> = said.lines().map(|line| line.expect("UTF-8")).collect();
+    let rest: Vec<String> = printed.lines().map(|line| line.expect("UTF-8")).collect();
     assert_eq!(player.wait().expect("ends").code(), Some(2), "{rest:?}");
     names(&rest[0], &["still bringing the film to 0 V", "again to leave it"]);
-    names(rest.last().expect("said"), &["the film is live", "Do not touch it"]);
+    names(rest.last().expect("printed"), &["the film is live", "Do not touch it"]);
     assert!(folder.path().join("out.csv").exists(), "what was measured is kept");
 }
 
@@ -106,11 +106,11 @@ fn a_third_ctrl_c_says_what_it_leaves() {
     let folder = TempDir::new().expect("a folder");
     // Its discharge is watched for five seconds.
     let board = VirtualBoard::start(Scene { tick: Duration::from_millis(5), enable_welded: true, ..Scene::CALM });
-    let (mut player, said) = playing(&board, &folder);
-    let mut lines = said.lines().map(|line| line.expect("UTF-8"));
+    let (mut player, printed) = playing(&board, &folder);
+    let mut lines = printed.lines().map(|line| line.expect("UTF-8"));
     for told in ["bringing the film to 0 V", "still bringing the film", "leaving a film that may be live"] {
         ctrl_c(&player);
-        names(&lines.next().expect("said"), &[told]);
+        names(&lines.next().expect("printed"), &[told]);
     }
     assert_eq!(player.wait().expect("ends").code(), Some(130));
 }
@@ -120,10 +120,10 @@ fn a_third_ctrl_c_says_what_it_leaves() {
 fn ctrl_c_twice_ends_at_0_v() {
     let folder = TempDir::new().expect("a folder");
     let board = VirtualBoard::start(Scene::CALM);
-    let (mut player, mut said) = playing(&board, &folder);
+    let (mut player, mut printed) = playing(&board, &folder);
     ctrl_c(&player);
     let mut line = String::new();
-    said.read_line(&mut line).expect("UTF-8");
+    printed.read_line(&mut line).expect("UTF-8");
     // It may have ended already.
     let _ = Command::new("kill").args(["-INT", &player.id().to_string()]).status().expect("runs");
     assert_eq!(player.wait().expect("ends").code(), Some(130));

@@ -46,7 +46,7 @@ fn a_sound_board_passes() {
     assert_eq!(highest_v, 50.0);
 }
 
-/// What is wrong before anything is enabled leaves it at that.
+/// A fault that is found before anything is enabled ends the test there.
 #[test]
 fn nothing_is_enabled_before_all_answers() {
     let wrong = |found| Part::Wrong { wanted: 9, found };
@@ -54,7 +54,7 @@ fn nothing_is_enabled_before_all_answers() {
         (Scene { interlock_closed: false, ..Scene::CALM }, "interlock", "open"),
         (Scene { parts: [wrong(0), Part::Answers, Part::Answers], ..Scene::CALM }, "DAC", "0x0000 for 0x0009"),
         (Scene { parts: [Part::Answers, Part::Answers, wrong(8)], ..Scene::CALM }, "sensor's ADC", "0x0008 for 0x0009"),
-        (Scene { panic_message: "a drill", ..Scene::CALM }, "state", "tripped: Panic"),
+        (Scene { panic_message: "a panic", ..Scene::CALM }, "state", "tripped: Panic"),
     ] {
         let (failed, highest_v) = failed(scene, &[]);
         assert!(failed.contains(&(what.to_owned(), found.to_owned())), "{what}: {failed:?}");
@@ -101,10 +101,10 @@ fn it_ends_in_a_table() {
     assert!(refused.contains("--voltage") && refused.contains("500 V"), "{refused}");
 }
 
-/// What is said on standard error, line by line, until `what` is in one.
-fn said(lines: &mut impl Iterator<Item = std::io::Result<String>>, what: &str) {
+/// Reads standard error line by line until `what` is in one.
+fn printed(lines: &mut impl Iterator<Item = std::io::Result<String>>, what: &str) {
     let found = lines.map(|line| line.expect("UTF-8")).find(|line| line.contains(what));
-    assert!(found.is_some(), "{what:?} was never said");
+    assert!(found.is_some(), "{what:?} was never printed");
 }
 
 /// A self-test that waits for the interlock to be opened, and what else it will say on standard error.
@@ -117,7 +117,7 @@ fn waiting_for_a_hand(board: &VirtualBoard) -> (Child, impl Iterator<Item = std:
         .spawn()
         .expect("runs");
     let mut lines = BufReader::new(test.stderr.take().expect("piped")).lines();
-    said(&mut lines, "open the interlock within");
+    printed(&mut lines, "open the interlock within");
     (test, lines)
 }
 
@@ -127,7 +127,7 @@ fn the_interlock_is_tried_by_hand() {
     let board = VirtualBoard::start(Scene::CALM);
     let (test, mut lines) = waiting_for_a_hand(&board);
     board.open_interlock(true);
-    said(&mut lines, "close the interlock within");
+    printed(&mut lines, "close the interlock within");
     board.open_interlock(false);
     let output = test.wait_with_output().expect("ends");
     let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
@@ -143,7 +143,7 @@ fn ctrl_c_is_no_pass() {
     let board = VirtualBoard::start(Scene::CALM);
     let (test, mut lines) = waiting_for_a_hand(&board);
     assert!(Command::new("kill").args(["-INT", &test.id().to_string()]).status().expect("runs").success());
-    said(&mut lines, "stopped by Ctrl-C");
+    printed(&mut lines, "stopped by Ctrl-C");
     let output = test.wait_with_output().expect("ends");
     let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
     assert_eq!((report["passed"] == false, output.status.code()), (true, Some(2)), "{report}");

@@ -1,4 +1,4 @@
-//! What the tests share: models to try, and the paper's drive.
+//! Shared parts of the tests: models to try, and the paper's drive.
 
 /// The driver's bench and flash, as its own tests have them.
 #[path = "../../crates/dea-driver/tests/driver/bench.rs"]

@@ -18,13 +18,13 @@ impl Tool {
         command
     }
 
-    /// What it prints with `--json`: one document and nothing else.
+    /// Returns what it prints with `--json`: one document and nothing else.
     pub fn json(self, arguments: &[&str]) -> Value {
         let output = self.with(arguments).arg("--json").assert().success().get_output().stdout.clone();
         serde_json::from_slice(&output).expect("one JSON document and nothing else")
     }
 
-    /// What it prints with `--json` where the answer to what it was asked is no: exit status 1.
+    /// Returns what it prints with `--json` where the answer is no: exit status 1.
     pub fn says_no(self, arguments: &[&str]) -> Value {
         let output = self.with(arguments).arg("--json").assert().code(1).get_output().stdout.clone();
         serde_json::from_slice(&output).expect("one JSON document and nothing else")

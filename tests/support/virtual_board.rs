@@ -25,7 +25,7 @@ const MAX_DELAY: Duration = Duration::from_millis(50);
 /// A test that waits for longer than this has failed.
 const DEADLINE: Duration = Duration::from_secs(120);
 
-/// What happens on the bench.
+/// Events and parts of the bench.
 #[derive(Clone, Copy, Debug)]
 pub struct Scene {
     /// Whether the interlock is closed.
@@ -41,11 +41,11 @@ pub struct Scene {
     pub enable_held_down: bool,
     /// Codes of the monitor's ADC per code that it should show.
     pub monitor_gain: f32,
-    /// What the parts of the board answer.
+    /// Answers of the parts of the board.
     pub parts: [Part; 3],
     /// Whether there is a watchdog.
     pub watchdog: bool,
-    /// What the panic before this start said.
+    /// Message of the panic before this start.
     pub panic_message: &'static str,
     /// Stack that was used, bytes.
     pub stack_peak: u32,
@@ -149,7 +149,7 @@ impl VirtualBoard {
     }
 }
 
-/// What has happened on the board.
+/// State of the board for the test.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ticks {
     ticks: u32,
@@ -317,7 +317,7 @@ impl Film {
         Self { state: law.state(), law, drive, volts: 0.0, sampled: 0.0 }
     }
 
-    /// A monitor that shows what stood a tick ago, a sensor of 1 mm/V at 1 V with some noise.
+    /// A monitor that shows the voltage of a tick ago, a sensor of 1 mm/V at 1 V with some noise.
     fn inputs(&mut self, scene: &Scene, drive: Drive, tick: u32) -> (Inputs, Inspection) {
         self.sampled = self.volts;
         let code = if drive.enable { DacCode::from_volts(drive.dac_v, drive.range) } else { DacCode::ZERO };

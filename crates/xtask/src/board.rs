@@ -13,7 +13,7 @@ use crate::setup;
 const PORT: u16 = 4050;
 /// How the image ends its start.
 const READY: &str = "waits for parameters";
-/// What to type next, as firmware/README.md has it. TOOL stands for host-sim, LINK for its `link` at the port.
+/// Commands to type next, as in firmware/README.md. TOOL is host-sim, LINK is its `link` at the port.
 const NEXT: [&str; 9] = [
     "LINK upload --params preset:table3-n2 --bench --try",
     "LINK status",
@@ -63,7 +63,7 @@ fn free_port() -> Result<u16> {
     Ok(address.port())
 }
 
-/// What to type in another terminal.
+/// The commands for another terminal.
 fn next(port: u16) -> String {
     let tool = "cargo run --release -p host-sim --";
     let link = format!("{tool} link --port tcp:127.0.0.1:{port}");

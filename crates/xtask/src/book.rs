@@ -19,7 +19,7 @@ pub fn run() -> Result<()> {
     Ok(())
 }
 
-/// A page that stands elsewhere, under the name that it has in the book: `../firmware/README.md` is `firmware-README.md`.
+/// A page of another folder, under the name that it has in the book: `../firmware/README.md` is `firmware-README.md`.
 fn flat(link: &str) -> String {
     link.trim_start_matches("../").replace('/', "-")
 }

@@ -103,7 +103,7 @@ struct Module {
     words: BTreeSet<String>,
 }
 
-/// What a path leads to.
+/// Target of a path.
 enum Found {
     Module(usize),
     /// An item that this module defines.
@@ -247,7 +247,7 @@ impl Crate {
             path.pop();
         }
         let name = if last == "self" { path.last().cloned().unwrap_or_default() } else { last.to_owned() };
-        // A re-export is no use of its own; it is followed by whoever uses it.
+        // A re-export is no use; the file that uses it depends on the target.
         let leaves = matches!(path.first().map(String::as_str), Some("crate" | "super"));
         if !is_public || leaves {
             self.modules[module].paths.push(path.clone());
@@ -255,7 +255,7 @@ impl Crate {
         self.modules[module].imports.insert(name, path);
     }
 
-    /// What `path`, named in `module`, leads to; nothing if it leads out of the crate.
+    /// Returns the target of `path`, named in `module`; nothing if it leads out of the crate.
     fn resolve(&self, module: usize, path: &[String], seen: &mut Seen) -> Option<Found> {
         let mut here = module;
         for (index, name) in path.iter().enumerate() {

@@ -17,7 +17,7 @@ use std::process::Command;
 use crate::process::{Result, output, root};
 use crate::setup::{TARGETS, Toolchain, built};
 
-/// Functions of `tests/embedded/src/cycles.rs`, and the rows of docs/results.md that they stand for.
+/// Functions of `tests/embedded/src/cycles.rs`, and the rows of docs/results.md that they are for.
 const KERNELS: [(&str, &str); 14] = [
     ("creep_12_36", "creep/12+36"),
     ("relaxation_12_36", "relaxation/12+36"),
@@ -61,7 +61,7 @@ struct Instruction<'a> {
     operands: &'a str,
 }
 
-/// What was executed, in order: address and function.
+/// The executed instructions, in order: address and function.
 struct Trace<'a> {
     instructions: HashMap<u64, Instruction<'a>>,
     executed: Vec<(u64, &'a str)>,
@@ -193,7 +193,7 @@ mod tests {
     /// Instructions: address, code, text.
     type Listing = [(&'static str, &'static str, &'static str)];
 
-    /// What QEMU prints: the disassembly, then the address and the function of every executed instruction.
+    /// Parses the output of QEMU: the disassembly, then the address and the function of every executed instruction.
     fn trace(listing: &Listing, executed: &[(&str, &str)]) -> String {
         let line = |(address, code, text): &(&str, &str, &str)| format!("0x0000{address}:  {code}  {text}\n");
         let disassembly: String = listing.iter().map(line).collect();
@@ -235,7 +235,7 @@ mod tests {
         assert_eq!(cycles(&listing, &executed), (1.0 + 3.0) + (1.0 + 3.0) + (1.0 + 1.0) + 3.0);
     }
 
-    /// What a kernel calls is part of it, and its last call counts: the first ones warm up.
+    /// Functions that a kernel calls are part of it, and its last call counts: the first ones warm up.
     #[test]
     fn calls_and_the_last_of_several_runs() {
         let listing = [
@@ -253,7 +253,7 @@ mod tests {
         assert!(other.is_err_and(|error| error.contains("another is not in the trace")));
     }
 
-    /// Instructions alone, without what stands before them, against tables 3-1 and 7-1 of Arm 100166.
+    /// Instructions alone, without those before them, against tables 3-1 and 7-1 of Arm 100166.
     #[test]
     fn single_instructions() {
         for (mnemonic, operands, expected) in [

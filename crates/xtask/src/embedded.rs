@@ -11,7 +11,7 @@ use crate::packages::LIBRARIES;
 use crate::process::{Result, cargo, output, root, run as run_command};
 use crate::setup::{OTHER_TARGETS, TARGETS, Toolchain};
 
-/// What an image printed: lines of `cost NAME INSTRUCTIONS` and `bits NAME CHECKSUM`.
+/// Output of an image: lines of `cost NAME INSTRUCTIONS` and `bits NAME CHECKSUM`.
 #[derive(Default)]
 struct Printed {
     costs: BTreeMap<String, u64>,
@@ -168,7 +168,7 @@ fn is_of(full_name: &str, name: &str) -> bool {
     full_name.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
 }
 
-/// What a step and a tick may cost on the Cortex-M4F, independent of what the documents state.
+/// Checks what a step and a tick may cost on the Cortex-M4F, independent of what the documents state.
 fn within_bars(counted: &BTreeMap<String, u64>) -> Result<()> {
     let bars = [
         ("creep/12+36", 550),
@@ -192,7 +192,7 @@ fn within_bars(counted: &BTreeMap<String, u64>) -> Result<()> {
     Ok(())
 }
 
-/// What of `counted` is not stated within 2 % in the column whose title begins with `column`; a row's name is the beginning of
+/// Returns the parts of `counted` that are not stated within 2 % in the column whose title begins with `column`; a row's name is the beginning of
 /// theirs.
 fn compare(documents: &Documents, column: &str, counted: &BTreeMap<String, u64>) -> Vec<String> {
     let mut unmentioned: Vec<&String> = counted.keys().collect();

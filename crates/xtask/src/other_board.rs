@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use crate::process::{Result, cargo, command, output, root, run as run_command};
 use crate::setup::{OTHER_TARGETS, Toolchain, built};
 
-/// What the example prints stands here.
+/// The output of the example is here.
 const PAGE: &str = "docs/own-board.md";
 
-/// What the film may be from the sine, µm: a fortieth of its 400 µm from peak to peak. Without a sensor the film, which pulls 3 % harder
+/// Largest distance of the film from the sine, µm: a fortieth of its 400 µm from peak to peak. Without a sensor the film, which pulls 3 % harder
 /// than its model, would be 18 to 24 µm from it.
 const MAX_ERROR_UM: f64 = 10.0;
 
@@ -56,7 +56,7 @@ fn judge(place: &str, printed: &str) -> Result<()> {
     Ok(())
 }
 
-/// Whether the film was near the sine, and trip and end are as they must be.
+/// Checks that the film was near the sine, and trip and end are as they must be.
 fn went_well(printed: &str) -> Result<()> {
     let lines: Vec<&str> = printed.lines().collect();
     let [sine, trip, end, _bits] = lines.as_slice() else { return Err("not four lines".into()) };

@@ -11,7 +11,7 @@ use crate::setup;
 const MAX_BYTES: usize = 1_000_000;
 /// Runs within a copy of the page and leaves its findings in an element.
 const CHECKS: &str = include_str!("page.js");
-/// What it must find.
+/// Its findings that are errors.
 const FINDINGS: [(&str, &str); 6] = [
     ("blank", "plots without a line"),
     ("unlike", "numbers that are not those of the document"),
@@ -121,12 +121,12 @@ fn headless(browser: &str, folder: &Path, page: &Path, options: &[&str]) -> Comm
     browser
 }
 
-/// What `browser` prints, if the page said nothing to its console.
+/// Returns what `browser` prints, if the page wrote nothing to its console.
 fn quiet(mut browser: Command, name: &str) -> Result<String> {
     let done = browser.output().map_err(|error| format!("{name}: {error}"))?;
     let messages = String::from_utf8_lossy(&done.stderr);
     if let Some(line) = messages.lines().find(|line| line.contains("CONSOLE")) {
-        return Err(format!("{name}: the page told the console: {line}"));
+        return Err(format!("{name}: the page wrote to the console: {line}"));
     }
     if !done.status.success() {
         return Err(format!("{name}: the browser ended with {}: {messages}", done.status));

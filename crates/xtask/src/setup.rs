@@ -93,7 +93,7 @@ fn decoder() -> Result<()> {
     run_command(cargo(&["install", "--quiet", "--locked", "defmt-print"]))
 }
 
-/// What images for `targets` are compiled with, installed if it is missing.
+/// Toolchain that compiles images for `targets`, installed if it is missing.
 pub fn toolchain(targets: &[&str]) -> Result<Toolchain> {
     // For trying the other way where rustup would do.
     let without_rustup = env::var_os("XTASK_WITHOUT_RUSTUP").is_some();
@@ -150,7 +150,7 @@ fn qemu() -> Result<()> {
     }
 }
 
-/// What compiles libFuzzer.
+/// Installs the compiler for libFuzzer.
 pub fn cpp_compiler() -> Result<()> {
     if !(has("c++") || apt_install(&["g++"], None).is_ok() && has("c++")) {
         return Err("a C++ compiler is needed: install g++ and run again".into());
@@ -158,7 +158,7 @@ pub fn cpp_compiler() -> Result<()> {
     Ok(())
 }
 
-/// What compiles the emitted C and runs it: gcc and clang with their sanitizers, cross-compilers for Cortex-M and RISC-V with their C
+/// Installs what compiles the emitted C and runs it: gcc and clang with their sanitizers, cross-compilers for Cortex-M and RISC-V with their C
 /// libraries, QEMU with boards of both.
 pub fn c_compilers() -> Result<()> {
     cpp_compiler()?;
@@ -256,7 +256,7 @@ pub fn chromium() -> Result<String> {
     there().ok_or_else(|| format!("a browser is needed: install {} and run again", NAMES.join(" or ")))
 }
 
-/// What makes a book of Markdown, installed within the project if it is missing.
+/// Path of mdBook, installed within the project if it is missing.
 pub fn mdbook() -> Result<String> {
     const VERSION: &str = "0.4.52";
     if has("mdbook") {

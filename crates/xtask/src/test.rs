@@ -10,10 +10,10 @@ use crate::packages::LIBRARIES;
 use crate::process::{Result, cargo, output, root, run as run_command};
 use crate::{embedded, firmware, other_board, packages, setup};
 
-/// What the tests read: with `full` they run all cases of their sweeps, otherwise a sample.
+/// Variable that the tests read: with `full` they run all cases of their sweeps, otherwise a sample.
 const SWEEP: &str = "SPRINGPOT_SWEEP";
 
-/// What has passed of a run.
+/// Stages of a run that have passed.
 struct Stages {
     begun: Instant,
     /// Stages with their seconds.
