@@ -16,7 +16,9 @@ pub trait Numbers<T> {
 
     /// An array of constants.
     fn array<const N: usize>(&mut self, name: &'static str, values: [T; N], about: &'static str) {
-        values.into_iter().for_each(|value| self.number(name, value, about));
+        for value in values {
+            self.number(name, value, about);
+        }
     }
 
     /// A field that is a structure of its own, or several of those: an array.

@@ -104,14 +104,14 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     lags: bool,
     /// What this run follows: a voltage (V) or a reference (m), as its mode has it; none until one is set.
     target: Ramp,
-    parameters: Parameters<HEAD, FAST, SLOW>,
-    checksum: Option<u32>,
+    open_loop: LawState<f32, Watched>,
     follower: Follower<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
-    /// The film as the ticks estimate it, its reference, and what is learned of its cycles.
-    course: FollowerState<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
     /// The film as the commanded voltage alone moves it: no sensor corrects it. Its law has fewer modes.
     watched: Law<f32, Watched>,
-    open_loop: LawState<f32, Watched>,
+    parameters: Parameters<HEAD, FAST, SLOW>,
+    checksum: Option<u32>,
+    /// The film as the ticks estimate it, its reference, and what is learned of its cycles.
+    course: FollowerState<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
     #[cfg(feature = "loop-test")]
     test: LoopTest<HEAD, FAST, SLOW>,
 }

@@ -247,10 +247,13 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> Follower<T, C, PAST> {
         applied: Applied<T>,
         sample: Option<SensorSample<T>>,
     ) -> T {
-        if let Some((cycles, sample)) = state.cycles.as_mut().zip(sample) {
+        if let Some(cycles) = &mut state.cycles
+            && let Some(sample) = sample
+        {
             cycles.learned.observe(sample);
         }
-        self.compensator.observe(&mut state.compensator, applied, sample.filter(|_| state.has_feedback))
+        let fed_back = if state.has_feedback { sample } else { None };
+        self.compensator.observe(&mut state.compensator, applied, fed_back)
     }
 
     /// Second phase: the voltage that takes the film to `reference` (m) at the end of this tick, as far as the limits allow. A non-finite
@@ -258,7 +261,7 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> Follower<T, C, PAST> {
     #[inline]
     pub fn command(&self, state: &mut FollowerState<T, C, PAST>, reference: T) -> VoltageCommand<T> {
         let FollowerState { compensator, cycles, .. } = state;
-        let Some((learning, cycles)) = self.learning.as_ref().zip(cycles.as_mut()) else {
+        let (Some(learning), Some(cycles)) = (&self.learning, cycles) else {
             return self.compensator.command(compensator, reference);
         };
         if !cycles.has_begun {
@@ -273,7 +276,8 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> Follower<T, C, PAST> {
 
     /// Second phase of a tick whose voltage something else sets: ends the run, and takes the reference to where the film is, with all of
     /// the sensor's correction in use. Returns the command that would hold the film there.
-    #[inline]
+    // Not inlined: a tick that follows would pay for it.
+    #[inline(never)]
     pub fn standby(&self, state: &mut FollowerState<T, C, PAST>) -> VoltageCommand<T> {
         state.end_run();
         C::correct_fully(&mut state.compensator);
@@ -326,6 +330,7 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> FollowerState<T, C, PAST> {
 
     /// The part of the followed reference that learned cycles add in this tick, m; 0 where nothing is learned.
     #[must_use]
+    #[inline]
     pub fn added(&self) -> T {
         match &self.cycles {
             Some(cycles) if cycles.has_begun => cycles.learned.added(),

@@ -130,7 +130,7 @@ fn build_in<T: Real + Send + 'static>(
             let length = window_length(WINDOW_S, settings.rate_hz);
             let (law, rest) = window_law::<T>(parameters.film(), law.step_s(), length)?;
             let follower = Follower::new(Feedforward::new(law, &actuator, limits)?);
-            Box::new(Following { state: follower.state(rest), follower, seen: |_| None })
+            Box::new(Following { state: follower.state(rest), follower, correction: |_| None })
         }
         ControllerKind::Pi => {
             let gains =
@@ -140,15 +140,15 @@ fn build_in<T: Real + Send + 'static>(
         ControllerKind::Feedforward => {
             let (rest, learning) = (law.state(), learning.transpose()?);
             let follower = learning_too(Feedforward::new(law, &actuator, limits)?, learning);
-            Box::new(Following { state: follower.state(rest), follower, seen: |_| None })
+            Box::new(Following { state: follower.state(rest), follower, correction: |_| None })
         }
         ControllerKind::Tracking => {
             let (rest, learning) = (law.state(), learning.transpose()?);
             let tracking = Tracking::new(law, &actuator, limits, settings.observer).map_err(refused)?;
             let follower = learning_too(tracking, learning);
-            let seen =
+            let correction =
                 |state: &FollowerState<T>| Some((state.observer().disturbance(), state.observer().force_scale()));
-            Box::new(Following { state: follower.state(rest), follower, seen })
+            Box::new(Following { state: follower.state(rest), follower, correction })
         }
     })
 }
@@ -275,26 +275,28 @@ fn learning_too<T: Real, C: Compensator<T>>(compensator: C, learning: Option<Lea
     }
 }
 
+/// Disturbance (N) and force scale that the sensor has shown, if there is one.
+type Correction<T> = Option<(T, T)>;
+
 /// `Feedforward`, `Window` with another memory, and `Tracking`.
 struct Following<T: Real, C: Compensator<T>> {
     follower: Follower<T, C>,
     state: FollowerState<T, C>,
-    /// Disturbance (N) and force scale that the sensor has shown, if there is one.
-    seen: fn(&FollowerState<T, C>) -> Option<(T, T)>,
+    correction: fn(&FollowerState<T, C>) -> Correction<T>,
 }
 
 impl<T: Real, C: Compensator<T>> Controller for Following<T, C> {
     fn tick(&mut self, applied: Applied<f64>, sample: Option<SensorSample<f64>>, reference_m: f64) -> ControllerOutput {
-        let Self { follower, state, seen } = self;
+        let Self { follower, state, correction } = self;
         let command = follower.step(state, of_type(applied), sample.map(in_type), T::from_f64(reference_m));
-        let seen = seen(state);
+        let correction = correction(state);
         ControllerOutput {
             voltage_v: command.voltage_v.to_f64(),
             reference_m: follower.learning().is_none().then(|| command.reference_m.to_f64()),
             limited: command.limited,
             estimate_m: Some(state.displacement().to_f64()),
-            disturbance_n: seen.map(|(disturbance, _)| disturbance.to_f64()),
-            force_scale: seen.map(|(_, scale)| scale.to_f64()),
+            disturbance_n: correction.map(|(disturbance, _)| disturbance.to_f64()),
+            force_scale: correction.map(|(_, scale)| scale.to_f64()),
         }
     }
 }

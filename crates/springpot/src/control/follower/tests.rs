@@ -35,6 +35,7 @@ enum Event {
 }
 
 /// The sequence by hand. The sample is handed to learning only once the run has begun, as a program without a follower does.
+#[allow(clippy::struct_excessive_bools)] // the flags that programs carried
 struct ByHand<C: Compensator<f32>> {
     compensator: C,
     state: C::State,
