@@ -292,7 +292,7 @@ fn what_makes_no_fit_is_refused() {
     with(&["--method", "guess"], &["--method", "guess"]);
     with(&["--weights", "1"], &["--weights", "1 weights for 2 recordings"]);
     with(&["--weights", "1,-1"], &["--weights", "-1"]);
-    with(&["--weights", "1,log-time"], &["--weights", "log-time stands alone"]);
+    with(&["--weights", "1,log-time"], &["--weights", "log-time excludes other weights"]);
     with(&["--weights", "heavy"], &["--weights", "log-time"]);
     with(&["--gap", "0"], &["--gap", "greater than 0"]);
     with(&["--at-gap", "skip"], &["--gap"]);

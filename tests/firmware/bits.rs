@@ -10,7 +10,7 @@ use tests::tool::text;
 
 use crate::{TOOL, image, stated};
 
-/// Of each recording the first 8 s, and in a full sweep all 155 s: how long, and the steps of three.
+/// Length of the part of each recording that is compared, 8 s, or all 155 s in a full sweep, and the steps of three recordings.
 fn span() -> (&'static str, u64) {
     if full_sweep() { ("155", 465_003) } else { ("8", 24_003) }
 }

@@ -17,7 +17,7 @@ use tests::tool::text;
 
 use crate::{DEADLINE, TOOL, image, root, stated};
 
-/// The image for use, without anything connected: it says so, refuses to be armed, and rejects drills. QEMU's flash cannot be
+/// The image for use, without anything connected: it reports this, refuses to be armed, and rejects fault injection. QEMU's flash cannot be
 /// written: the parameters are refused as the flash refuses them, and what ran before goes on.
 #[test]
 fn without_a_bench_nothing_is_enabled() {
@@ -134,24 +134,24 @@ fn wait_for_0_v(client: &mut Client, mut meanwhile: impl FnMut(&mut Client, u32)
 
 #[test]
 fn every_fault_ends_at_0_v_with_its_cause() {
-    let drills = [
+    let faults = [
         (InjectedFault::Interlock, Cause::Interlock),
         (InjectedFault::Monitor, Cause::Monitor),
         (InjectedFault::Sensor, Cause::Sensor(SensorFault::Range)),
         (InjectedFault::Bus, Cause::Bus),
         (InjectedFault::Overrun, Cause::Overrun),
     ];
-    for (drill, cause) in drills {
+    for (fault, cause) in faults {
         let (_emulator, mut client) = live(ANY_SILENCE_S);
-        if drill == InjectedFault::Monitor {
+        if fault == InjectedFault::Monitor {
             // It stays where it is, which shows once the voltage is to change.
-            client.order(Command::InjectFault(drill)).expect("done");
+            client.order(Command::InjectFault(fault)).expect("done");
             client.order(Command::SetVoltage(1000.0)).expect("done");
         } else {
-            client.order(Command::InjectFault(drill)).expect("done");
+            client.order(Command::InjectFault(fault)).expect("done");
         }
         let status = wait(&mut client, |status| matches!(status.state, DriverState::Tripped(_)));
-        println!("{drill:?}: {:?} at tick {}, {} V", status.state, status.tripped_at, status.command_v);
+        println!("{fault:?}: {:?} at tick {}, {} V", status.state, status.tripped_at, status.command_v);
         assert_eq!((status.state, status.command_v), (DriverState::Tripped(cause), 0.0));
         // The cause stays although the fault is gone, until it is acknowledged.
         assert!(client.arm().is_err());
@@ -281,7 +281,7 @@ fn garbage_is_not_obeyed() {
     assert!(status.damaged_frames - running.damaged_frames > tick - heartbeat.latest, "{status:?}");
 }
 
-/// What the line brings in a tick of a millisecond, ten bits to a byte.
+/// Bytes that the line carries in a tick of a millisecond, ten bits to a byte.
 const BYTES_PER_TICK: usize = BAUD as usize / 10_000;
 
 fn flood(port: &mut Port, random: &mut Pcg64, bytes: usize) {
@@ -315,7 +315,7 @@ fn a_truncated_upload_changes_nothing() {
     client.arm().expect("the old parameters are in force");
 }
 
-/// A blob whose contents nobody has checked.
+/// A blob whose contents are not checked.
 fn unchecked(parameters: &dea_driver::Parameters) -> Vec<u8> {
     let body = postcard::to_vec::<_, { dea_driver::BLOB_LEN }>(parameters).expect("fits");
     let mut bytes = b"DEA\x01".to_vec();

@@ -47,13 +47,13 @@ impl Board {
         Self { started, log: receiver }
     }
 
-    /// What it says up to the line that holds `what`.
-    fn said_until(&self, what: &str) -> Vec<String> {
-        let mut said = Vec::new();
-        while !said.last().is_some_and(|line: &String| line.contains(what)) {
-            said.push(self.log.recv_timeout(DEADLINE).unwrap_or_else(|_| panic!("{what:?} is missing in {said:?}")));
+    /// Lines of the output up to the one that contains `what`.
+    fn lines_until(&self, what: &str) -> Vec<String> {
+        let mut lines = Vec::new();
+        while !lines.last().is_some_and(|line: &String| line.contains(what)) {
+            lines.push(self.log.recv_timeout(DEADLINE).unwrap_or_else(|_| panic!("{what:?} is missing in {lines:?}")));
         }
-        said
+        lines
     }
 
     /// Ctrl-C in its terminal. Returns what was left to say.
@@ -131,9 +131,9 @@ fn the_readme_works_as_written() {
     let page = fs::read_to_string(root().join("firmware/README.md")).expect("readable");
     let folder = TempDir::new().expect("a folder");
     let mut board = Board::start();
-    let begin = board.said_until("In another terminal:");
+    let begin = board.lines_until("In another terminal:");
     println!("{}", begin.join("\n"));
-    let listens = begin.last().expect("said");
+    let listens = begin.last().expect("a line");
     let port = listens.split("listens at ").nth(1).and_then(|rest| rest.split(". ").next()).expect("a port");
     // The log is the page's, and so are the commands below it.
     let log: Vec<&str> = begin.iter().map(String::as_str).skip_while(|line| !line.contains("firmware")).collect();
@@ -141,7 +141,7 @@ fn the_readme_works_as_written() {
     assert_eq!(blocks(&page, "```text\n")[0].trim_end(), log);
     let shown = shown(&page);
     assert!(shown.len() >= 9, "{} commands", shown.len());
-    let next = board.said_until(&shown.last().expect("some").command.replace(PORT, port));
+    let next = board.lines_until(&shown.last().expect("some").command.replace(PORT, port));
     let next: Vec<&str> = next.iter().map(|line| line.trim()).filter(|line| !line.is_empty()).collect();
     let commands: Vec<String> = shown.iter().map(|shown| shown.command.replace(PORT, port)).collect();
     assert_eq!(next, commands);
@@ -150,14 +150,14 @@ fn the_readme_works_as_written() {
         let line = command.replace(HOST_SIM, &format!("'{}'", TOOL.0)).replace(PORT, port);
         let run = || Command::new("sh").args(["-c", &line]).current_dir(&folder).output().expect("runs");
         let output = if command.contains(" play ") { beside_busy_loops(run) } else { run() };
-        let (said, complained) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-        println!("$ {command}\n{said}{complained}");
+        let (printed, complained) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        println!("$ {command}\n{printed}{complained}");
         assert!(output.status.success(), "{command}: {complained}");
         let (found, wanted): (Vec<_>, Vec<_>) =
-            (said.lines().map(words).collect(), answer.iter().map(|line| words(line)).collect());
+            (printed.lines().map(words).collect(), answer.iter().map(|line| words(line)).collect());
         assert_eq!(found, wanted, "{command}");
         if command.contains("--mode tracking") {
-            // The same without the sensor, which the page only tells of.
+            // The same without the sensor, which the page only mentions.
             let blind = line.replace("--mode tracking", "--mode feedforward").replace("sine-log", "blind-log");
             assert!(Command::new("sh").args(["-c", &blind]).current_dir(&folder).status().expect("runs").success());
         }
@@ -185,6 +185,6 @@ fn the_readme_works_as_written() {
     let end = board.interrupt();
     assert!(end.iter().any(|line| line.contains("the last run panicked: injected fault")), "{end:?}");
     assert!(!end.iter().any(|line| line.contains("clock")), "{end:?}");
-    // Nobody listens any more.
+    // The port is closed.
     TOOL.fails(&["link", "--port", port, "status"]);
 }

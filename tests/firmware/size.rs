@@ -1,10 +1,10 @@
-//! What the images take.
+//! Flash and RAM of the images.
 
 use documents::Tolerance;
 
 use crate::{image, stated};
 
-/// What docs/results.md states of flash and RAM is what the images take, within 2 %: the one for a board, and the one for QEMU, which
+/// Flash and RAM in docs/results.md are those of the images within 2 %: the one for a board, and the one for QEMU, which
 /// has the loop test as well. The linker holds the budget of both.
 #[test]
 fn the_images_take_what_is_stated() {

@@ -82,7 +82,7 @@ fn goes_on_to_0_v() -> bool {
         0 => "bringing the film to 0 V, then exiting",
         1 => "still bringing the film to 0 V; press Ctrl-C again to leave it as it is",
         _ => {
-            "leaving a film that may be live: its board disables the amplifier once it has heard nothing for heartbeat_s. \
+            "leaving a film that may be live: its board disables the amplifier after heartbeat_s without a message. \
                  Measure before you touch it"
         }
     });

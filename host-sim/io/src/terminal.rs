@@ -103,8 +103,8 @@ pub fn message(text: impl Display) {
     line(&format!("host-sim: {text}"));
 }
 
-/// Prints how something was understood, except with `-q`.
-pub fn told(text: impl Display) {
+/// Prints how an input was read, except with `-q`.
+pub fn information(text: impl Display) {
     if verbosity() >= Verbosity::Normal {
         message(text);
     }

@@ -1,4 +1,4 @@
-//! What the compression of a law's memory costs, for machines and people.
+//! Cost of the compression of a law's memory, for machines and people.
 
 use serde::Serialize;
 use springpot::CompressionBound;
@@ -11,7 +11,7 @@ use crate::files::parameters::Film;
 pub struct Compression {
     /// Rate of the law, Hz.
     pub rate_hz: f64,
-    /// Its bounds; null where there are none.
+    /// Its bounds; null where they do not exist.
     #[serde(flatten)]
     pub bound: CompressionBound,
 }

@@ -1,4 +1,4 @@
-//! What a law costs on a controller.
+//! Cost of a law on a controller.
 
 use serde::Serialize;
 use springpot::{Law, LawState};

@@ -69,7 +69,7 @@ struct Intervals {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let log = AmplifierLog::read(&arguments.log, &arguments.reading.hints())?;
-    recordings::tell_of(log.understood.as_ref());
+    recordings::report_understood(log.understood.as_ref());
     let parameters = arguments.params.as_deref().map(Parameters::load).transpose()?;
     let plot = arguments.check_outputs()?;
     let bar = Progress::unknown("identify the amplifier");
@@ -132,7 +132,7 @@ impl Report {
             noise_v: identified.noise_v,
             samples: identified.samples,
             interval_s: identified.interval_s,
-            not_determined: open.into_iter().filter_map(|(time, name, mend)| missing(time, name, mend)).collect(),
+            not_determined: open.into_iter().filter_map(|(time, name, remedy)| missing(time, name, remedy)).collect(),
             warnings: identified.warnings.clone(),
             plot: arguments.plot.path().map(shown),
             out: arguments.out.as_deref().map(shown),
@@ -153,11 +153,11 @@ fn written(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
 
-fn missing(time: Time, name: &str, mend: &str) -> Option<String> {
+fn missing(time: Time, name: &str, remedy: &str) -> Option<String> {
     match time {
         Time::Known(..) => None,
         Time::Open([low, high]) => Some(format!(
-            "{name} is not determined by this log: anything from {low:.3} to {high:.3} s fits as well; {mend}"
+            "{name} is not determined by this log: anything from {low:.3} to {high:.3} s fits as well; {remedy}"
         )),
     }
 }

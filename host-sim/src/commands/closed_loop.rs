@@ -189,7 +189,7 @@ struct Report {
     out: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     plot: Option<String>,
-    /// What is not known of the electric field.
+    /// Note on the electric field, if the film's sizes are assumed.
     #[serde(skip_serializing_if = "Option::is_none")]
     field_note: Option<String>,
 }

@@ -164,7 +164,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 
 /// The files of a demo.
 struct OutputFiles {
-    /// Of the simulated film, if that is recorded.
+    /// Recordings of the simulated film, if they are made.
     recordings: Vec<PathBuf>,
     parameters: PathBuf,
     page: PathBuf,

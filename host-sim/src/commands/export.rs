@@ -34,7 +34,7 @@ pub(super) struct Arguments {
     /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
     #[arg(long, value_enum, default_value_t = MethodName::Gl)]
     method: MethodName,
-    /// What is written: the blob itself, a constant for a program, or the law in another language.
+    /// Output: the blob itself, a constant for a program, or the law in another language.
     #[arg(long, value_enum, default_value_t = Emit::Blob)]
     emit: Emit,
     /// Where it goes: a file, of --emit c and sfunction a NAME.c, of --emit fmu and fmu2 a NAME.fmu, of --emit arduino a folder.
@@ -66,7 +66,7 @@ struct Report {
     bytes: usize,
     rate_hz: f64,
     board: u16,
-    /// What the compression of its law costs.
+    /// Cost of the compression of its law.
     compression: Compression,
     /// Whether the file has a board; otherwise that of the paper's bench is used.
     own_board: bool,
@@ -81,7 +81,7 @@ struct Report {
     platform_note: Option<String>,
     /// All files.
     written: Vec<String>,
-    /// What is not known of the electric field.
+    /// Note on the electric field, if the film's sizes are assumed.
     #[serde(skip_serializing_if = "Option::is_none")]
     field_note: Option<String>,
 }

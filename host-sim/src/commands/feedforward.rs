@@ -55,7 +55,7 @@ struct Report {
     largest_voltage_v: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     check: Option<Feasibility>,
-    /// What is not known of the electric field.
+    /// Note on the electric field, if the film's sizes are assumed.
     #[serde(skip_serializing_if = "Option::is_none")]
     field_note: Option<String>,
 }

@@ -35,7 +35,7 @@ pub(super) struct Arguments {
     /// Displacement about which a film with an elastic curve oscillates, m.
     #[arg(long, value_name = "M", value_parser = quantity::metres, default_value_t = 0.0)]
     at: f64,
-    /// Of the law that the controller steps (f32, compressed), instead of the continuous Eq. 11.
+    /// Use the law that the controller steps (f32, compressed), instead of the continuous Eq. 11.
     #[arg(long)]
     discrete: bool,
     /// Steps per second of the law (1000 if left out).

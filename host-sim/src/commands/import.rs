@@ -51,7 +51,7 @@ struct Imported {
     understood: Understood,
     out: String,
     rows: usize,
-    /// Of the median interval.
+    /// Rate of the median interval.
     rate_hz: f64,
     duration_s: f64,
     /// Readings that `--blank` emptied.
@@ -83,7 +83,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         let (series, blanked) = series.edited(&edits).map_err(|cause| Error::file(path, cause))?;
         let understood = series.understood.clone();
         let recording = Recording::from_series(path, series);
-        // A drive with gaps is no recording: told now, not when it is fitted.
+        // A drive with gaps is an error now, not only when it is fitted.
         recording.drive()?;
         imported.push((Imported::new(&recording, understood, out, blanked, starts_at_rest), recording));
     }

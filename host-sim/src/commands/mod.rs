@@ -55,12 +55,12 @@ struct Cli {
     /// No progress and no warnings on standard error: errors alone.
     #[arg(short, long, global = true)]
     quiet: bool,
-    /// Tell each stage of the work on standard error.
+    /// Report each stage of the work on standard error.
     #[arg(short, long, global = true, conflicts_with = "quiet")]
     verbose: bool,
 }
 
-/// What a command found, for scripts: the exit status is 0 for yes and 1 for no.
+/// Result of a command for scripts: the exit status is 0 for yes and 1 for no.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// The work is done, and what was asked for holds.
@@ -73,9 +73,9 @@ pub enum Verdict {
 enum CliCommand {
     /// Do everything once: fit recordings, replay them, follow a sine; three simulated recordings if none are given.
     Demo(demo::Arguments),
-    /// Turn files of other programs (text, .xlsx, .mat) into recordings, and tell what was understood.
+    /// Turn files of other programs (text, .xlsx, .mat) into recordings, and report how they were read.
     Import(import::Arguments),
-    /// Tell whether recordings identify a film, and what to record instead. Exit status 1 if they do not.
+    /// Report whether recordings identify a film, and what to record instead. Exit status 1 if they do not.
     Check(check::Arguments),
     /// Write a voltage over time that identifies a film, within a board's limits.
     Profile(profile::Arguments),

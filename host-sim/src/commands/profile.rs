@@ -49,12 +49,12 @@ struct Report {
     rate_hz: f64,
     duration_s: f64,
     peak_v: f64,
-    /// What the limits allow on the undeformed film, and which of them.
+    /// Largest voltage that the limits allow on the undeformed film, V, and the limit that sets it.
     largest_v: f64,
     limit: &'static str,
     largest_slew_v_per_s: f64,
     parts: Vec<Part>,
-    /// What is assumed.
+    /// Assumptions.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     notes: Vec<String>,
 }

@@ -1,4 +1,4 @@
-//! Recordings as commands take them: read in the laboratory's own dialect, and told how.
+//! Recordings as commands take them: reads the laboratory's own formats, and reports how each was read.
 
 use std::path::{Path, PathBuf};
 
@@ -11,11 +11,11 @@ use crate::grid::Grid;
 use crate::references;
 use crate::terminal;
 
-/// What is said about files that have not the names of recordings.
+/// Options for files whose columns do not have the names of a recording.
 #[derive(Clone, Debug, Default, Args)]
 pub(super) struct RecordingOptions {
     /// Which column is what, by its name or number, with a unit and a factor if need be:
-    /// time=Zeit:s,voltage="HV mon"*2000,displacement=3:mm. What is left out goes by names and units; force=none leaves it out.
+    /// time=Zeit:s,voltage="HV mon"*2000,displacement=3:mm. Other columns are found by names and units; force=none leaves it out.
     /// Logs of an amplifier have a command beside the voltage, material tests stretch and stress.
     #[arg(long, value_name = "COLUMNS")]
     columns: Option<Choices>,
@@ -29,26 +29,26 @@ impl RecordingOptions {
         Hints { choices: self.columns.clone().unwrap_or_default(), sheet: self.sheet.clone() }
     }
 
-    /// Reads all `paths`; what was understood of files with other names than those of recordings goes to standard error.
+    /// Reads all `paths`; how files with other names were read is reported on standard error.
     pub(super) fn read(&self, paths: &[PathBuf]) -> Result<Vec<Recording>> {
         let hints = self.hints();
         let recordings =
             paths.iter().map(|path| Recording::read_with(path, &hints)).collect::<Result<Vec<Recording>>>()?;
-        recordings.iter().for_each(tell);
+        recordings.iter().for_each(report);
         Ok(recordings)
     }
 
     /// Reads the recording at `path`, as [`read`](Self::read).
     pub(super) fn read_one(&self, path: &Path) -> Result<Recording> {
         let recording = Recording::read_with(path, &self.hints())?;
-        tell(&recording);
+        report(&recording);
         Ok(recording)
     }
 
     /// Reads the reference at `path`, as [`read`](Self::read).
     pub(super) fn read_reference(&self, path: &Path) -> Result<Recording> {
         let recording = Recording::read_reference(path, &self.hints())?;
-        tell(&recording);
+        report(&recording);
         Ok(recording)
     }
 
@@ -58,14 +58,14 @@ impl RecordingOptions {
     }
 }
 
-/// Tells what was understood of a `recording` that has other names.
-pub(super) fn tell(recording: &Recording) {
-    tell_of(recording.understood());
+/// Reports how a `recording` with other names was read.
+pub(super) fn report(recording: &Recording) {
+    report_understood(recording.understood());
 }
 
-/// Tells what was understood of a file that has other names.
-pub(super) fn tell_of(understood: Option<&Understood>) {
+/// Reports how a file with other names was read.
+pub(super) fn report_understood(understood: Option<&Understood>) {
     if let Some(understood) = understood {
-        terminal::told(understood.line());
+        terminal::information(understood.line());
     }
 }

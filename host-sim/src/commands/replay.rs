@@ -59,7 +59,7 @@ pub(super) struct RecordingAgreement {
 pub(super) struct Report {
     pub(super) recordings: Vec<RecordingAgreement>,
     pub(super) r2_mean: f64,
-    /// What is not known of the electric field.
+    /// Note on the electric field, if the film's sizes are assumed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) field_note: Option<String>,
 }

@@ -75,7 +75,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     })
 }
 
-/// What drives the model, and what follows.
+/// Panels of the drive and of the response.
 fn panels(response: &Response, grid: Grid) -> Vec<Panel> {
     let time = grid.times_s();
     let voltage = response.voltage_v.as_ref().map(|volts| {

@@ -43,7 +43,7 @@ pub(super) struct Arguments {
     recordings: Vec<PathBuf>,
 }
 
-/// What is written.
+/// Files that are written.
 const FILES: [&str; 6] = ["figure-6.svg", "figure-6.png", "figure-7.svg", "figure-7.png", "study.html", "study.md"];
 
 #[derive(Serialize)]

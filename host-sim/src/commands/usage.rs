@@ -1,4 +1,4 @@
-//! What is wrong with a command line, and where its usage is told.
+//! Errors of a command line, each with the help that shows the usage.
 
 use std::any::TypeId;
 use std::ffi::OsString;
@@ -18,7 +18,7 @@ pub(super) fn with_signed_numbers(command: Command) -> Command {
         .mut_subcommands(with_signed_numbers)
 }
 
-/// The error of a command line that clap refuses: one line, with the help that tells the usage.
+/// The error of a command line that clap refuses: one line, with the help that shows the usage.
 pub(super) fn error(error: &clap::Error, arguments: &[OsString]) -> Error {
     let called = called(arguments);
     if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
@@ -33,7 +33,7 @@ pub(super) fn error(error: &clap::Error, arguments: &[OsString]) -> Error {
         .filter(|line| !line.starts_with("tip: to pass"));
     let words: Vec<String> = lines.flat_map(str::split_whitespace).map(shortened).collect();
     let cause = words.join(" ").replace(" tip: ", "; ");
-    Error::Usage(format!("{} ({called} --help tells the usage)", cause.strip_prefix("error: ").unwrap_or(&cause)))
+    Error::Usage(format!("{} ({called} --help shows the usage)", cause.strip_prefix("error: ").unwrap_or(&cause)))
 }
 
 /// A word that fits in a line.

@@ -36,7 +36,7 @@ pub fn chart(panel: &Panel, group: &str) -> Markup {
     }
 }
 
-/// What a screen reader says of `panel`: its lines with their ranges, and the keys.
+/// Text of `panel` for a screen reader: its lines with their ranges, and the keys.
 fn spoken(panel: &Panel) -> String {
     let mut lines: Vec<String> = panel
         .drawn()
@@ -89,7 +89,7 @@ fn data(panel: &Panel) -> Value {
     })
 }
 
-/// Digits that tell values of x apart as finely as six do on an axis that begins at 0.
+/// Digits that distinguish values of x as finely as six do on an axis that begins at 0.
 fn x_digits(points: &[(f64, f64)]) -> usize {
     let (low, high) = points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (x, _)| (l.min(*x), h.max(*x)));
     let more = (low.abs().max(high.abs()) / (high - low)).log10().ceil();

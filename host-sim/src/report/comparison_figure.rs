@@ -1,4 +1,4 @@
-//! What was measured beside what a model makes of it.
+//! Measured values beside those of a model.
 
 use super::axis::Axis;
 use super::figure::{Colour, Line, Panel};

@@ -15,7 +15,7 @@ pub enum Course {
     Other,
 }
 
-/// Changes of a held load up to this share of its size are none.
+/// A load counts as held while it changes by at most this share of its size.
 const STEADY: f64 = 0.02;
 /// A held load lasts at least this share of its recording.
 const MIN_HELD_SHARE: f64 = 0.6;

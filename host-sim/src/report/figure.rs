@@ -1,9 +1,9 @@
 //! Figures: panels of lines with their axes. [`drawing`](super::drawing) makes SVG and PNG of them, [`chart`](super::chart) plots of a page.
 
-/// Colours that colour-blind people can tell apart (Okabe and Ito).
+/// Colours that colour-blind people can distinguish (Okabe and Ito).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Colour {
-    /// What was measured or asked for, beneath other lines.
+    /// Measured or requested values, beneath other lines.
     Grey,
     /// The first of the lines on top.
     Blue,
@@ -122,7 +122,7 @@ impl Line {
         self
     }
 
-    /// What lies beneath: wide and grey, so that a thin line on top leaves both visible.
+    /// A line beneath others: wide and grey, so that a thin line on top leaves both visible.
     #[must_use]
     pub fn beneath(self) -> Self {
         self.wide(4.5).coloured(Colour::Grey)
@@ -132,7 +132,7 @@ impl Line {
 /// Values of x that are marked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Band {
-    /// What they are.
+    /// Their name.
     pub label: String,
     /// The lowest.
     pub from: f64,
@@ -159,7 +159,7 @@ pub struct Panel {
     pub is_path: bool,
     /// Values of x that are marked.
     pub band: Option<Band>,
-    /// What the reader should see, in a sentence or two.
+    /// Explanation for the reader, in a sentence or two.
     pub caption: String,
 }
 
@@ -231,7 +231,7 @@ impl Panel {
 /// Panels, one above the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
-    /// What it shows.
+    /// Its title.
     pub title: String,
     /// Its panels.
     pub panels: Vec<Panel>,

@@ -29,8 +29,8 @@ impl PlotOption {
         self.plot.as_deref()
     }
 
-    /// The figure to draw. Refuses, before long work begins, an ending that is none, a file that could not be written, one of `inputs`, and one of the
-    /// command's own `outputs`.
+    /// The figure to draw. Refuses, before long work begins, an unknown file extension, a file that could not be written, one of
+    /// `inputs`, and one of the command's own `outputs`.
     ///
     /// # Errors
     ///
@@ -54,7 +54,7 @@ impl PlotOption {
 #[must_use]
 pub struct Plot {
     path: Option<PathBuf>,
-    /// What is read; a preset among them is no file.
+    /// Files that are read, and presets, which are not files.
     inputs: Vec<PathBuf>,
 }
 

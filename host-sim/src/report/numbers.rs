@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::error::{Error, Result};
 
-/// What `--json` prints, to the letter.
+/// Output of `--json`, to the letter.
 #[derive(Clone, Debug)]
 pub struct Document {
     text: String,
@@ -57,13 +57,13 @@ impl<'a> Numbers<'a> {
         Self { document: &document.value, place: String::new() }
     }
 
-    /// What stands at `path` (a JSON pointer) beneath this place.
+    /// The place at `path` (a JSON pointer) beneath this one.
     #[must_use]
     pub fn at(&self, path: &str) -> Self {
         Self { document: self.document, place: format!("{}{path}", self.place) }
     }
 
-    /// The value there; null if there is none.
+    /// The value there; null if it is missing.
     pub fn value(&self) -> &'a Value {
         self.document.pointer(&self.place).unwrap_or(&Value::Null)
     }
@@ -78,7 +78,7 @@ impl<'a> Numbers<'a> {
         self.at(path).value().as_str().unwrap_or_default()
     }
 
-    /// The number at `path`, with its place for those who check it; a dash where there is none.
+    /// The number at `path`, with its place for those who check it; a dash if it is missing.
     pub fn number(&self, path: &str, form: Form) -> Markup {
         let there = self.at(path);
         let Some(value) = there.value().as_f64() else { return html! { "–" } };

@@ -24,7 +24,7 @@ pub fn files_table<'a>(caption: &str, files: impl IntoIterator<Item = (&'a str, 
     table(caption, &["file", "SHA-256"], &files.into_iter().map(row).collect::<Vec<Row>>())
 }
 
-/// Rows that tell when something was made (`date`), by which `tool` and by which `command`.
+/// Rows that state when something was made (`date`), by which `tool` and by which `command`.
 pub fn rows([date, tool, command]: [&str; 3]) -> [Row; 3] {
     [("made", date), ("by", tool), ("command", command)]
         .map(|(name, value)| Row::new(vec![text(name), html! { code { (value) } }]))

@@ -11,7 +11,7 @@ const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
 const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
 const UPLOT_LICENCE: &str = include_str!("assets/uplot/LICENSE");
 
-/// Nothing is loaded from anywhere, whatever text stands in the page.
+/// Nothing is loaded from anywhere, whatever text is in the page.
 const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; \
                       form-action 'none'";
 
@@ -19,7 +19,7 @@ const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; style-src 
 pub struct Page<'a> {
     /// Its title.
     pub title: &'a str,
-    /// What stands under the title.
+    /// Text under the title.
     pub lead: Markup,
     /// Its parts.
     pub sections: Vec<Section>,

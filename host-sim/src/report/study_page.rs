@@ -21,7 +21,7 @@ pub struct StudyPage {
     pub figures: [StudyFigure; 2],
     why_eq9_stops: String,
     thinned: bool,
-    /// What drives the model, in a sentence.
+    /// Drive of the model, in a sentence.
     drive: &'static str,
 }
 

@@ -252,7 +252,7 @@ impl Field {
             self.number(record)?.ok_or_else(|| format!("no value for {}; every row needs its time", self.name))?;
         match before {
             Some(before) if now <= before => {
-                let way = if now < before { "goes backwards" } else { "stands still" };
+                let way = if now < before { "goes backwards" } else { "does not increase" };
                 Err(format!("{} {way} at {now} s; sort the rows and remove doubles", self.name))
             }
             _ => Ok(now),

@@ -70,8 +70,11 @@ impl Port {
         let mut port = SerialPort::open(name, BAUD).map_err(|e| {
             let known = SerialPort::available_ports().unwrap_or_default();
             let known: Vec<String> = known.iter().map(|path| path.display().to_string()).collect();
-            let known =
-                if known.is_empty() { "there is none here".into() } else { format!("there are {}", known.join(", ")) };
+            let known = if known.is_empty() {
+                "this computer has no serial port".into()
+            } else {
+                format!("there are {}", known.join(", "))
+            };
             fault(format!("{e}; a serial port is expected ({known}) or tcp:HOST:PORT"))
         })?;
         port.set_write_timeout(OF_A_BOARD).and_then(|()| port.discard_buffers()).map_err(|e| fault(e.to_string()))?;

@@ -1,4 +1,4 @@
-//! Whether recordings identify a film, and what to record instead.
+//! Check of whether recordings identify a film, and advice on what to record instead.
 
 use serde::Serialize;
 

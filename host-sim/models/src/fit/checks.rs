@@ -120,7 +120,7 @@ pub fn of_uncertainty(uncertainty: &Uncertainty, candidate: &Candidate, warnings
 }
 
 /// The branches of `candidate` that `concerns` names, each with its relaxation time and its share of the stiffness, in brackets;
-/// empty if there are none.
+/// empty without such branches.
 fn described_branches(candidate: &Candidate, concerns: &dyn Fn(usize) -> bool) -> String {
     let all = branch_rows(candidate).into_iter().enumerate();
     let described: Vec<String> =

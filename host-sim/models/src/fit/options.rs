@@ -25,7 +25,7 @@ pub struct FitOptions {
     /// How branches are connected.
     #[arg(long, value_enum, default_value_t = TopologyChoice::Auto)]
     pub topology: TopologyChoice,
-    /// What is fitted beyond a linear film: an elastic curve, a drive that saturates, both, or what left-out recordings ask for.
+    /// Extension of the linear film: an elastic curve, a drive that saturates, both, or what left-out recordings ask for.
     #[arg(long, value_enum, default_value_t = CurveChoice::Auto)]
     pub curve: CurveChoice,
     /// How parameters are searched for.
@@ -64,7 +64,7 @@ pub struct FitOptions {
     /// Time without rows, s, beyond which --at-gap applies. By default the input is interpolated.
     #[arg(long, value_name = "S", value_parser = quantity::seconds)]
     pub gap: Option<f64>,
-    /// What is done at a gap: end the recording there, or skip as much time after it as it lasted.
+    /// Action at a gap: end the recording there, or skip as much time after it as it lasted.
     #[arg(long, value_enum, default_value_t = AtGap::End, requires = "gap")]
     pub at_gap: AtGap,
     /// Turn the sign of what is measured.
@@ -125,7 +125,7 @@ fn weight(text: &str) -> std::result::Result<Weight, String> {
     quantity::number(text).map(Weight::Recording).map_err(|cause| format!("{cause}; or use log-time"))
 }
 
-/// Whether the recordings share a quantity of their readings.
+/// Sharing of a quantity of the readings among the recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Sharing {
     /// One for all.
@@ -297,7 +297,7 @@ impl FitOptions {
             })
             .collect();
         if !(log_time || weights.len() == self.weights.len()) {
-            return Err(Error::field("weights", "log-time stands alone; a column weight adds weights of your own"));
+            return Err(Error::field("weights", "log-time excludes other weights; add your own with a column weight"));
         }
         if !(weights.is_empty() || weights.len() == recordings.len()) {
             let cause = format!("{} weights for {} recordings", weights.len(), recordings.len());

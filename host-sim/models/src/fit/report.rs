@@ -56,9 +56,9 @@ pub struct FitReport {
     pub structures: Vec<StructureRow>,
     /// Uncertainty of the parameters, if it was computed.
     pub uncertainty: Option<Uncertainty>,
-    /// What the compression of the law's memory costs at the controller's usual rate; none if there is no law at that rate.
+    /// Cost of the compression of the law's memory at the controller's usual rate; none if there is no law at that rate.
     pub compression: Option<Compression>,
-    /// What the law costs on a controller.
+    /// Cost of the law on a controller.
     pub cost: Cost,
     /// Relaxation times of the branches.
     pub relaxations: Vec<BranchRow>,

@@ -1,4 +1,4 @@
-//! Whether a film can follow a reference at all, before any voltage is applied.
+//! Check of whether a film can follow a reference at all, before any voltage is applied.
 
 mod demand;
 
@@ -11,7 +11,7 @@ use crate::files::parameters::Parameters;
 use crate::grid::Grid;
 use crate::references::minimum_jerk;
 
-/// Whether a reference can be followed, and which offset makes it so.
+/// Result of the check of a reference, and the offset that makes it feasible.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Feasibility {
     /// Whether it needs no voltage below 0 or above the largest, no faster change than the limits, and no amplifier faster than the board's.
@@ -107,7 +107,7 @@ pub struct AmplifierDemand {
 /// Time in which an offset is added, s.
 const RISE_S: f64 = 2.0;
 
-/// Whether the model of `parameters` can follow `reference` (m, on `grid`) within `limits`.
+/// Checks whether the model of `parameters` can follow `reference` (m, on `grid`) within `limits`.
 ///
 /// # Errors
 ///

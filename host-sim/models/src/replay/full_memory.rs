@@ -160,7 +160,7 @@ fn ln_s_at(share: f64, ln_radius: f64, step: f64, method: Discretisation) -> Com
     let grown = ln_radius.exp_m1();
     let half = (0.5 * angle).sin();
     let difference = Complex::new(-(grown * cos - 2.0 * half * half), -(grown + 1.0) * sin);
-    // δ(ζ): with backward differences of second order (1 − ζ)(3 − ζ)/2.
+    // δ(ζ): with second-order backward differences (1 − ζ)(3 − ζ)/2.
     let delta = if method == Discretisation::Gl { difference } else { difference * (difference * 0.5 + 1.0) };
     let (size, phase) = delta.to_polar();
     Complex::new((size / step).ln(), phase)

@@ -65,7 +65,7 @@ pub enum MethodName {
     /// Grünwald–Letnikov, of first order in the step: Eq. 2 of the paper.
     #[default]
     Gl,
-    /// Backward differences of second order.
+    /// Second-order backward differences.
     Bdf2,
 }
 

@@ -1,4 +1,4 @@
-//! What a reference asks of an amplifier that lags, against a film whose voltage has a closed form.
+//! Demand of a reference on an amplifier that lags, against a film whose voltage has a closed form.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! What a caller other than the command line has: recordings made of values, and runs that it ends.
+//! Inputs of a caller other than the command line: recordings made of values, and runs that it ends.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 

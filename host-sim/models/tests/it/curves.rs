@@ -273,7 +273,7 @@ fn the_feasible_band_behind_a_curve_is_bracketed() {
     assert!(check(9e-3).beyond_curve_pct > 10.0);
 }
 
-/// What a file says is what is run, and comes back as it was written.
+/// A curve in a file is used as it is written, and is unchanged when the file is written again.
 #[test]
 fn curves_in_parameter_files() {
     let text = bent_parameters().to_toml();

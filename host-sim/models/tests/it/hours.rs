@@ -44,7 +44,7 @@ const LIMITS: CommandLimits = CommandLimits {
 /// A film that is a fifth stiffer needs more than 6 kV.
 const HIGHER: CommandLimits = CommandLimits { max_voltage_v: 8000.0, max_field_v_per_m: 8e7, ..LIMITS };
 
-/// What the observer lets through of the sensor's 5 µm: 0.7 to 1.1 µm on these films, where all else is compensated.
+/// Effect of the sensor's 5 µm of noise after the observer: 0.7 to 1.1 µm on these films, where all else is compensated.
 const NOISE_M: f64 = 1.25e-6;
 
 /// A film, and the law that was fitted to recordings of it.
@@ -169,7 +169,7 @@ struct Case {
     period_s: f64,
     seconds: f64,
     change: Change,
-    /// What it becomes, evenly, by the end of the run.
+    /// The change at the end of the run, which is reached evenly.
     warm: Option<Change>,
     limits: CommandLimits,
 }
@@ -284,7 +284,7 @@ struct Sums {
     squares: f64,
     largest: f64,
     late_squares: f64,
-    /// Of the cycle so far, m.
+    /// Sum of the cycle so far, m.
     sum: f64,
     first_mean: Option<f64>,
     drift: f64,

@@ -243,7 +243,7 @@ fn numbered(rows: &str, after: &str) -> String {
     rows.lines().enumerate().map(|(k, row)| format!("{k};{row}{after}\n")).collect()
 }
 
-/// What another program wrote: SciPy, compressed or not, and openpyxl.
+/// Files of other programs: SciPy, compressed or not, and openpyxl.
 #[test]
 fn files_of_matlab_and_spreadsheets_give_the_samples() {
     for (name, columns) in [
@@ -277,7 +277,7 @@ fn files_of_matlab_and_spreadsheets_give_the_samples() {
     has(&error, &["Run 5", "Run 3, Notes, Run 4"]);
 }
 
-/// What may be read in two ways shows both, and is not guessed.
+/// A file that may be read in two ways is an error that shows both.
 #[test]
 fn two_readings_are_an_error_that_shows_both() {
     let folder = Folder::new();
@@ -366,7 +366,7 @@ fn hostile_files_are_refused_with_their_cause() {
     has(&folder.refused("", ""), &["is empty", "time_s"]);
     has(&folder.refused("Film 3\nOperator;AB\n\n", ""), &["no rows of numbers", "Film 3"]);
     has(&folder.refused("Time (s);U (kV)\n0;0\n", ""), &["1 data rows"]);
-    has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\n1;3\n", ""), &["film.txt:4:", "stands still"]);
+    has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\n1;3\n", ""), &["film.txt:4:", "does not increase"]);
     has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\n0,5;3\n", ""), &["film.txt:4:", "backwards"]);
     has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\nNaN;3\n", ""), &["film.txt:4:", "every row needs its time"]);
     has(&folder.refused("Time (s);U (kV)\n0;0\n1;2\n2;high\n", ""), &["film.txt:4:", "high", "not a number"]);

@@ -79,7 +79,7 @@ fn recorded(peak_v: f64, hz: f64, seed: u64) -> Observation {
     }
 }
 
-/// What `fit` finds in recordings of two amplitudes and three frequencies, and its mean NRMSE (%).
+/// The parameters that `fit` finds in recordings of two amplitudes and three frequencies, and its mean NRMSE (%).
 fn fitted(curve: CurveChoice) -> (Parameters, f64) {
     let drives = [(2700.0, 0.3, 1), (2700.0, 0.1, 2), (1700.0, 0.2, 3)];
     let observations: Vec<Observation> =

@@ -19,7 +19,7 @@ const HELD_M: f64 = 0.01;
 /// Seconds between even rows.
 const STEP_S: f64 = 0.1;
 const ROWS: usize = 1000;
-/// What noise-free recordings leave to the discretisation.
+/// Smallest R² of noise-free recordings; the discretisation causes the rest.
 const MIN_R2: f64 = 0.9999;
 
 /// A springpot alone.
@@ -204,7 +204,7 @@ fn ramps_and_holds_at_uneven_times() {
     finds_the_springpot(dense.chain(bursts).map(ramp));
 }
 
-/// What the input does between the model's steps is not fitted, and there is a warning.
+/// Changes of the input between the model's steps are not fitted, and there is a warning.
 #[test]
 fn an_input_that_moves_between_the_steps_is_told() {
     let pulse = |t: f64| if (t - 50.05).abs() < 0.002 { HELD_M } else { 0.1 * HELD_M * (0.2 * t).sin() };

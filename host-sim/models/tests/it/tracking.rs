@@ -242,8 +242,8 @@ fn the_tracking_table() {
     assert!(missed.is_empty(), "{missed:#?}");
 }
 
-/// What feedforward and tracking are compared with: no compensation, one spring, a plain window, and PI alone. The default runs one row
-/// of ten, without the window, which costs 10 000 multiplications a tick; `cargo xtask sweep` runs all.
+/// Controllers for comparison with feedforward and tracking: no compensation, one spring, a plain window, and PI alone. The default runs
+/// one row of ten, without the window, which costs 10 000 multiplications a tick; `cargo xtask sweep` runs all.
 #[test]
 fn the_controllers_to_compare_with() {
     let parameters = both_films();

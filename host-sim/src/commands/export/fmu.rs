@@ -11,12 +11,12 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 
 use crate::error::{Error, Result, shown};
 
-/// What was compiled of an FMU's sources.
+/// Compiled library of an FMU's sources.
 #[derive(Default)]
 pub(super) struct Library {
-    /// What the library runs on.
+    /// Platform of the library.
     pub(super) platform: Option<&'static str>,
-    /// Why there is none.
+    /// Reason why there is no library.
     pub(super) note: Option<String>,
     /// Its path within the archive, and its bytes.
     file: Option<(String, Vec<u8>)>,
@@ -71,7 +71,7 @@ impl Library {
     }
 }
 
-/// The bytes of the FMU for `out`: the same for the same content, since nothing in them tells when or where it was written.
+/// The bytes of the FMU for `out`: the same for the same content, since they do not depend on when and where it was written.
 pub(super) fn archive(fmu: &Fmu, library: &Library, out: &Path) -> Result<Vec<u8>> {
     let options = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)

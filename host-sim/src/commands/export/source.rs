@@ -14,7 +14,7 @@ use crate::files::parameters::Parameters;
 use super::description;
 use super::fmu::{Library, archive};
 
-/// What is written, checked before long work begins.
+/// Output of an export, checked before long work begins.
 pub(super) struct Source {
     /// The film's name in C.
     pub(super) symbol: String,

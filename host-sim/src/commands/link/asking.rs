@@ -13,7 +13,8 @@ use crate::link::Client;
 pub(super) const PATIENCE: Duration = Duration::from_secs(60);
 /// How often it is asked.
 const EVERY: Duration = Duration::from_millis(20);
-/// Time of the board after which a voltage that stands is measured, and for which, s. The board's, since an emulator may be slow.
+/// A constant voltage is measured after the first of these times and for the second, s. Both are times of the board, since an emulator
+/// may be slow.
 const SETTLES_S: f32 = 0.1;
 const MEASURED_S: f32 = 0.3;
 /// Fewest readings that are averaged.
@@ -42,7 +43,7 @@ pub(super) fn going_on(stop: &AtomicBool) -> Result<()> {
     if stop.load(Ordering::Relaxed) { Err(Error::Computation("stopped by Ctrl-C".into())) } else { Ok(()) }
 }
 
-/// What the board finds of its parts.
+/// State of the board's parts.
 pub(super) fn inspect(client: &mut Client) -> Result<Inspection> {
     match client.ask(Command::Inspect)? {
         Answer::Inspection(found) => Ok(found),
@@ -50,9 +51,9 @@ pub(super) fn inspect(client: &mut Client) -> Result<Inspection> {
     }
 }
 
-/// Holds `volts`, or 0 V, and returns what the monitor shows once it stands, V.
-pub(super) fn stand(client: &mut Client, volts: Option<f32>, stop: &AtomicBool) -> Result<f64> {
-    let (mut sum_v, mut count, mut stands_since) = (0.0, 0.0, None);
+/// Holds `volts`, or 0 V, and returns the mean of the monitor once the command is constant, V.
+pub(super) fn hold(client: &mut Client, volts: Option<f32>, stop: &AtomicBool) -> Result<f64> {
+    let (mut sum_v, mut count, mut constant_since) = (0.0, 0.0, None);
     let wanted_v = volts.unwrap_or(0.0);
     let measured = wait(client, PATIENCE, stop, |client| {
         client.order(volts.map_or(Command::Heartbeat, Command::SetVoltage))?;
@@ -61,15 +62,15 @@ pub(super) fn stand(client: &mut Client, volts: Option<f32>, stop: &AtomicBool) 
             return Err(client.unexpected(&Answer::Refused(Refusal::State(state))));
         }
         if (command_v - wanted_v).abs() > 0.5 {
-            (sum_v, count, stands_since) = (0.0, 0.0, None);
+            (sum_v, count, constant_since) = (0.0, 0.0, None);
             return Ok(false);
         }
-        let stood_s = ticks.wrapping_sub(*stands_since.get_or_insert(ticks)) as f32 / rate_hz;
-        if stood_s >= SETTLES_S {
+        let held_s = ticks.wrapping_sub(*constant_since.get_or_insert(ticks)) as f32 / rate_hz;
+        if held_s >= SETTLES_S {
             sum_v += f64::from(monitor_v);
             count += 1.0;
         }
-        Ok(stood_s >= SETTLES_S + MEASURED_S && count >= READINGS)
+        Ok(held_s >= SETTLES_S + MEASURED_S && count >= READINGS)
     })?;
     if measured {
         Ok(sum_v / count)

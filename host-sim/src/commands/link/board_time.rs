@@ -18,11 +18,11 @@ pub(super) struct BoardTime {
     interval_s: f64,
     /// Tick of the first sample, at 0 s.
     first: Option<u32>,
-    /// Of the last sample, s.
+    /// Board time of the last sample, s.
     sampled_s: f64,
     /// The host's time when it was last looked for samples, and when there were some, s.
     looked_s: f64,
-    heard_s: f64,
+    received_s: f64,
     /// By how much the board is behind the host, s.
     behind_s: f64,
     now_s: f64,
@@ -38,18 +38,18 @@ impl BoardTime {
             first: None,
             sampled_s: 0.0,
             looked_s: 0.0,
-            heard_s: 0.0,
+            received_s: 0.0,
             behind_s: 0.0,
             now_s: 0.0,
         }
     }
 
     /// All samples that had come were taken at `host_s` (s), the newest of them of this tick.
-    pub(super) fn heard(&mut self, newest: Option<u32>, host_s: f64) {
+    pub(super) fn update(&mut self, newest: Option<u32>, host_s: f64) {
         let passed_s = host_s - self.looked_s;
         self.looked_s = host_s;
         let Some(tick) = newest else { return };
-        self.heard_s = host_s;
+        self.received_s = host_s;
         let Some(first) = self.first else {
             (self.first, self.behind_s) = (Some(tick), host_s);
             return;
@@ -67,6 +67,6 @@ impl BoardTime {
 
     /// For how long no sample has come, beyond the time that there is between two, by the host's time, s.
     pub(super) fn silent_s(&self) -> f64 {
-        self.looked_s - self.heard_s - self.interval_s
+        self.looked_s - self.received_s - self.interval_s
     }
 }

@@ -1,4 +1,4 @@
-//! What keeps talking to a controller: streams and playback.
+//! Verbs that keep talking to a controller: streams and playback.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -37,7 +37,7 @@ const SILENT_MONITOR: Duration = Duration::from_secs(2);
 const LOOKS: u32 = 3;
 /// A board that has sent no sample for so long does not tick.
 const SILENT_STREAM_S: f64 = 2.0;
-/// So many values in a row are sent at the most to a board whose time stands, and those that fit between two samples.
+/// Largest number of values in a row that are sent to a board whose time does not change, beyond those that fit between two samples.
 const MAX_STALLED_ROUNDS: f64 = 200.0;
 /// So many frames in a row may be lost.
 const MAX_DAMAGED: u32 = 2;
@@ -60,7 +60,7 @@ pub(super) struct Play {
     /// Recording whose voltage (its magnitude), or whose displacement, is played.
     #[arg(value_name = "REC.csv")]
     recording: PathBuf,
-    /// What the controller follows.
+    /// Quantity that the controller follows.
     #[arg(long, value_enum, default_value_t = What::Voltage)]
     mode: What,
     /// Begin with what the run before has learned of the same periodic reference.
@@ -101,7 +101,7 @@ impl Stream {
     pub(super) fn run(&self, mut client: Client, json: bool) -> Result<()> {
         let stop = interrupt::stop_flag();
         let mut log = Log::begin(&mut client, self)?;
-        // It listens: whoever armed keeps the amplifier enabled, not this.
+        // It only listens: the host that armed keeps the amplifier enabled.
         let ended = self.begin(&mut client).and_then(|()| self.talk(&mut client, &mut log, stop, |_, _| Ok(true)));
         self.finish(client, log, true, ended, json)
     }
@@ -138,7 +138,7 @@ impl Stream {
                 ));
             }
             let host_s = start.elapsed().as_secs_f64();
-            time.heard(newest, host_s);
+            time.update(newest, host_s);
             let now_s = time.now_s(host_s);
             // A board that does not tick has no time of its own.
             let is_silent = time.silent_s() > SILENT_STREAM_S;
@@ -155,7 +155,7 @@ impl Stream {
         Ok(())
     }
 
-    /// Ends the stream and keeps what came, whatever ended it: that is told before anything else. A run that has not `begun` leaves
+    /// Ends the stream and keeps what came, whatever ended it; the reason of the end is reported first. A run that has not `begun` leaves
     /// the file as it is.
     fn finish(&self, mut client: Client, mut log: Log, begun: bool, ended: Result<()>, json: bool) -> Result<()> {
         let state = client.order(Command::Stream { every: 0 }).and_then(|()| client.status());
@@ -197,10 +197,13 @@ impl Play {
     /// Checks what is wrong without a board, and returns the parameters that it should run.
     pub(super) fn check(&self) -> Result<Option<Vec<u8>>> {
         let recording = self.read()?;
-        recordings::tell(&recording);
+        recordings::report(&recording);
         self.values(&recording)?;
         if self.mode == What::Voltage && has_both_signs(&recording) {
-            terminal::told(format!("{}: the voltage has both signs; its magnitude is played", shown(&self.recording)));
+            terminal::information(format!(
+                "{}: the voltage has both signs; its magnitude is played",
+                shown(&self.recording)
+            ));
         }
         self.stream.check()?;
         output::check(&self.stream.out, &[&self.recording], Folders::Exist)?;
@@ -214,7 +217,7 @@ impl Play {
         }
     }
 
-    /// What is played of `recording`, `SENT_HZ` times a second.
+    /// Values of `recording` to play, `SENT_HZ` a second.
     fn values(&self, recording: &Recording) -> Result<Vec<f32>> {
         if self.mode != What::Voltage {
             let (reference, _) = references::on_grid(recording, SENT_HZ)?;
@@ -254,7 +257,7 @@ impl Play {
         // 0 V before anything else, whatever has happened. After a trip it is there already.
         let disarmed = disarm(&mut client);
         let live = client.status().is_ok_and(|status| status.state == DriverState::Tripped(Cause::LiveFilm));
-        // A live film is told before what led to it.
+        // A live film is reported before its cause.
         let ended = if live { disarmed.and(played) } else { played.and(disarmed) };
         self.stream.finish(client, log, begun, ended, json)
     }
@@ -284,12 +287,12 @@ impl Play {
     fn play(&self, client: &mut Client, log: &mut Log, values: &[f32], stop: &AtomicBool) -> Result<()> {
         let mut damaged = 0;
         let mut rounds = 0;
-        let most_stood = MAX_STALLED_ROUNDS + SENT_HZ * f64::from(self.stream.every) / log.rate_hz;
-        let (mut before_s, mut stood) = (f64::NAN, 0.0);
+        let max_stalled = MAX_STALLED_ROUNDS + SENT_HZ * f64::from(self.stream.every) / log.rate_hz;
+        let (mut before_s, mut stalled) = (f64::NAN, 0.0);
         self.stream.talk(client, log, stop, |now_s, client| {
-            stood = if now_s == before_s { stood + 1.0 } else { 0.0 };
+            stalled = if now_s == before_s { stalled + 1.0 } else { 0.0 };
             before_s = now_s;
-            if stood > most_stood {
+            if stalled > max_stalled {
                 return Err(client.silent_stream());
             }
             let Some(&value) = values.get((now_s * SENT_HZ) as usize) else { return Ok(false) };
@@ -317,7 +320,7 @@ impl Play {
 }
 
 /// Disarms, and waits until the monitor shows that the film is at 0 V. It fails where the film is live although the amplifier is
-/// disabled, which the board knows how to tell, and where the monitor does not answer.
+/// disabled, which the board detects, and where the monitor does not answer.
 pub(super) fn disarm(client: &mut Client) -> Result<()> {
     let mut done = client.order(Command::Disarm);
     let start = Instant::now();
@@ -346,7 +349,7 @@ pub(super) fn disarm(client: &mut Client) -> Result<()> {
     }
 }
 
-/// What comes, written as it comes.
+/// Samples, written as they arrive.
 struct Log {
     /// Ticks per second.
     rate_hz: f64,

@@ -2,7 +2,7 @@
 
 mod asking;
 mod board_time;
-mod drill;
+mod fault_injection;
 mod live;
 mod self_test;
 mod status;
@@ -40,7 +40,7 @@ enum Verb {
     Arm,
     /// Begin a run, at 0 V.
     Start {
-        /// What is followed.
+        /// Quantity that the controller follows.
         #[arg(value_enum)]
         mode: What,
         #[command(flatten)]
@@ -58,7 +58,7 @@ enum Verb {
     Set(Set),
     /// Forget what was learned of a periodic reference, or carry it over to the next run, for parameters with board.control.harmonics.
     Learning {
-        /// What is to become of it.
+        /// Use of what was learned.
         #[arg(value_enum)]
         order: Order,
         #[command(flatten)]
@@ -70,16 +70,17 @@ enum Verb {
     Stream(live::Stream),
     /// Arm, play the voltage or the displacement of a recording, and disarm; Ctrl-C ends it at 0 V.
     Play(live::Play),
-    /// What the firmware said when it panicked last.
+    /// Print the message of the last panic of the firmware.
     Panic,
     /// Cause faults on purpose, one after another, and show that each ends at 0 V: on the virtual board (`cargo xtask board`) alone.
-    Drill(drill::Drills),
+    #[command(name = "drill")]
+    FaultInjection(fault_injection::FaultInjection),
     /// Check buses, converters, enable output, interlock and monitor, at 50 V at the most: the first thing to run on a new board, and
     /// before a film is connected.
     SelfTest(self_test::SelfTest),
 }
 
-/// What a controller follows.
+/// Quantity that a controller follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum What {
     /// The voltage that is set.
@@ -100,7 +101,7 @@ impl From<What> for Mode {
     }
 }
 
-/// What is to become of what was learned.
+/// Use of what was learned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Order {
     /// It is forgotten now.
@@ -139,7 +140,7 @@ struct Target {
 
 #[derive(Clone, Copy, Debug, Args)]
 struct Token {
-    /// What `arm` printed: only who armed may go on.
+    /// Token that `arm` printed: only the host that armed may continue.
     #[arg(long, value_name = "N", default_value_t = 0)]
     token: u16,
 }
@@ -172,12 +173,12 @@ struct Source {
     /// Ticks per second.
     #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0, conflicts_with = "blob")]
     rate: f64,
-    /// Take calibrations and limits of the paper's bench (10 V for 10 kV, 6 kV at the most) where the file tells none.
+    /// Take calibrations and limits of the paper's bench (10 V for 10 kV, 6 kV at the most) where the file has none.
     #[arg(long)]
     bench: bool,
 }
 
-/// What a verb without figures reports.
+/// Report of a verb without figures.
 #[derive(Serialize)]
 struct Done {
     port: String,
@@ -191,14 +192,14 @@ struct Who {
     board: u16,
     protocol: u8,
     schema: u16,
-    /// What the parameters are called; none if there are none.
+    /// Name of the parameters; null without parameters.
     parameters: Option<String>,
     /// Checksum of their blob, as hexadecimal digits.
     checksum: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    // What is wrong with files shows before anybody is talked to.
+    // Errors in files are reported before the port is opened.
     let blob = match &arguments.verb {
         Verb::Upload(upload) => match upload.source.blob()? {
             Some(blob) => Some(blob),
@@ -213,8 +214,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             test.check()?;
             None
         }
-        Verb::Drill(drills) => {
-            drills.check()?;
+        Verb::FaultInjection(faults) => {
+            faults.check()?;
             None
         }
         _ => None,
@@ -227,7 +228,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Verb::Panic => return panicked(client, port, json),
         Verb::Stream(stream) => return stream.run(client, json),
         Verb::SelfTest(test) => return test.run(client, &identity, port, json),
-        Verb::Drill(drills) => return drills.run(client, port, json),
+        Verb::FaultInjection(faults) => return faults.run(client, port, json),
         Verb::Play(play) => return play.run(client, blob.as_deref(), json),
         Verb::Arm => {
             let armed = Armed { port, done: "armed", token: client.arm()? };

@@ -8,7 +8,7 @@ use dea_driver::wire::{Command, Identity, Mode, Part, Status};
 use dea_driver::{Cause, DriverState};
 use serde::Serialize;
 
-use super::asking::{answer, going_on, inspect, some_ticks, stand, wait};
+use super::asking::{answer, going_on, hold, inspect, some_ticks, wait};
 use super::live;
 use crate::error::{Error, Result};
 use crate::interrupt;
@@ -16,14 +16,14 @@ use crate::link::{Client, named};
 use crate::quantity;
 use crate::terminal;
 
-/// What a board may take to come back from a reset.
+/// Longest time of a board for a reset.
 const COMES_BACK: Duration = Duration::from_secs(5);
-/// What a person may take to open an interlock, and to close it.
+/// Longest time for a person to open an interlock, and to close it.
 const BY_HAND: Duration = Duration::from_secs(60);
 /// The monitor agrees with the command within this share of it: ranges and gains that are taken for each other are off by a sixth at
 /// the least.
 const SHARE: f64 = 0.1;
-/// What a bench has at its output by now is back at rest in this time, or its bleeder is not there.
+/// Longest time in which the output of a bench discharges; a longer one means that the bleeder is missing.
 const DISCHARGE: Duration = Duration::from_secs(10);
 /// Readings between an ADC's ends, V. With the resistor at its input one that leads nowhere reads less, and a saturated one more.
 const PLUGGED_V: std::ops::RangeInclusive<f32> = 0.05..=10.2;
@@ -46,7 +46,7 @@ pub(super) struct SelfTest {
 struct Check {
     what: &'static str,
     found: String,
-    /// What it should be, or what to look at.
+    /// The expected value, or what to check.
     wanted: String,
     passed: bool,
 }
@@ -128,7 +128,7 @@ impl SelfTest {
         tried.and(disarmed).and(off)?;
         if self.watchdog && checks.passed() {
             going_on(stop)?;
-            starve(client, checks)?;
+            stop_feeding_watchdog(client, checks)?;
         }
         Ok(())
     }
@@ -140,7 +140,7 @@ impl SelfTest {
 
     /// With the amplifier enabled: its pin, the DAC, a voltage, and the interlock.
     fn enabled(&self, client: &mut Client, checks: &mut Checks, rest_v: f64, stop: &AtomicBool) -> Result<()> {
-        let zero_v = stand(client, None, stop)?;
+        let zero_v = hold(client, None, stop)?;
         let parts = inspect(client)?;
         checks.add(
             "enable, armed",
@@ -155,8 +155,8 @@ impl SelfTest {
             parts.dac == Part::Answers,
         );
         client.order(Command::Start(Mode::Voltage))?;
-        let stood_v = stand(client, Some(self.voltage as f32), stop)?;
-        let (rise_v, wanted_v) = (stood_v - zero_v, self.voltage);
+        let held_v = hold(client, Some(self.voltage as f32), stop)?;
+        let (rise_v, wanted_v) = (held_v - zero_v, self.voltage);
         checks.add(
             "monitor",
             format!("{rise_v:.1} V above {zero_v:.1} V at a command of 0 V"),
@@ -190,7 +190,7 @@ impl SelfTest {
         Ok(())
     }
 
-    /// Somebody opens the interlock, and closes it again: once the film is back at its voltage at rest, since whoever opens it may reach
+    /// Asks the user to open the interlock and to close it, once the film is back at its voltage at rest, since the user may then reach
     /// in.
     fn by_hand(&self, client: &mut Client, checks: &mut Checks, rest_v: f64, stop: &AtomicBool) -> Result<()> {
         let fell = wait(client, DISCHARGE, stop, |client| {
@@ -251,12 +251,12 @@ fn at_rest(client: &mut Client, checks: &mut Checks) -> Result<f64> {
     Ok(f64::from(monitor_v))
 }
 
-/// The watchdog resets the board, which tells so once it is back.
-fn starve(client: &mut Client, checks: &mut Checks) -> Result<()> {
+/// Lets the watchdog reset the board, which reports the reset after its start.
+fn stop_feeding_watchdog(client: &mut Client, checks: &mut Checks) -> Result<()> {
     client.order(Command::StopFeedingWatchdog)?;
     let reset = DriverState::Tripped(Cause::Watchdog);
     let never = AtomicBool::new(false);
-    // Between a reset and the first tick nobody answers, which is no fault.
+    // There is no response between a reset and the first tick, which is not a fault.
     let came =
         wait(client, COMES_BACK, &never, |client| Ok(client.status().is_ok_and(|status| status.state == reset)))?;
     let found = if came { named(reset) } else { "no reset".into() };
@@ -268,10 +268,10 @@ fn level(high: bool) -> &'static str {
     if high { "high" } else { "low" }
 }
 
-/// What the answer of a converter hints at.
+/// Advice for the answer of a converter.
 fn advice(part: Part, sound: &'static str) -> &'static str {
     match part {
-        Part::Wrong { found: 0 | 0xffff, .. } => "nobody drives the line: look at supply, select, clock and data out",
+        Part::Wrong { found: 0 | 0xffff, .. } => "the line is not driven: check supply, select, clock and data out",
         Part::Wrong { wanted, found } if wanted ^ found == 1 => {
             "the last bit is wrong: look at the clock's edges on a scope"
         }

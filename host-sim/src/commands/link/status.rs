@@ -21,14 +21,14 @@ struct How {
     monitor_v: Option<f32>,
     /// Whether the monitor shows voltage.
     live: bool,
-    /// None of a board that does not tell of its parts.
+    /// Null for a board that does not report its parts.
     parts: Option<Parts>,
     damaged_frames: u32,
     unknown_frames: u32,
     stack_peak_bytes: u32,
 }
 
-/// What the last tick has found, as `self-test` names it.
+/// Parts as of the last tick, as `self-test` names them.
 #[derive(Serialize)]
 struct Parts {
     interlock_closed: bool,
@@ -100,7 +100,7 @@ pub(super) fn report(mut client: Client, port: String, json: bool) -> Result<()>
         let trip = if tripped_at > 0 { format!(", last trip at tick {tripped_at}") } else { String::new() };
         let monitor = how.monitor_v.map_or("unknown".into(), |volts| format!("{volts:.0} V"));
         let live = if how.live { ", the film is live" } else { "" };
-        let parts = how.parts.as_ref().map_or("this board does not tell of its parts".into(), Parts::line);
+        let parts = how.parts.as_ref().map_or("this board does not report its parts".into(), Parts::line);
         format!(
             "{}: {}, {parameters}, {command_v:.0} V commanded, monitor {monitor}{live}, tick {ticks}{trip}\n{parts}\n\
              frames: {damaged_frames} damaged, {unknown_frames} not understood; stack: {} bytes at the most",

@@ -1,4 +1,4 @@
-//! What the model costs on a controller, and what the compression of its memory costs in accuracy.
+//! Cost of the model on a controller, and loss of accuracy by the compression of its memory.
 
 use maud::{Markup, html};
 

@@ -18,7 +18,7 @@ use crate::fit::Fit;
 use crate::fit::FitReport;
 use crate::fit::observation::Observation;
 
-/// What a page of a fit shows.
+/// Contents of the page of a fit.
 pub struct FitPage<'a> {
     /// The report.
     pub report: &'a FitReport,
@@ -33,7 +33,7 @@ pub struct FitPage<'a> {
 }
 
 impl FitPage<'_> {
-    /// The page. The report stands in `document`, which `--json` prints, at `place`; `more` follows the recordings.
+    /// The page. The report is in `document`, which `--json` prints, at `place`; `more` follows the recordings.
     pub fn html(&self, title: &str, document: &Document, place: &str, more: Vec<Section>) -> String {
         let numbers = Numbers::from_document(document).at(place);
         let recordings = html! {

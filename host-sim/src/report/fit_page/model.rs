@@ -108,7 +108,7 @@ fn band(observations: &[Observation]) -> Option<(f64, f64)> {
     (from_hz.is_finite() && highest_hz > from_hz).then_some((from_hz, highest_hz))
 }
 
-/// What acts on the film: of a voltage its square.
+/// Load on the film; a voltage acts by its square.
 fn load(input: &Input) -> Samples {
     let Samples { time_s, value } = input.samples();
     let value = match input {

@@ -1,4 +1,4 @@
-//! What the fit was made from, when and by what.
+//! Origin of the fit: its inputs, its date and its tool.
 
 use maud::{Markup, html};
 

@@ -18,7 +18,7 @@ use crate::spectrum::Spectrum;
 struct Shown<'a> {
     observation: &'a Observation,
     modelled: &'a [f64],
-    /// Of what was measured.
+    /// Axis of the measured quantity.
     axis: Axis,
     /// The same for differences.
     fine: Axis,
@@ -89,7 +89,7 @@ impl Shown<'_> {
         for (name, cycle, colour) in cycles {
             panel = panel.with(self.path(format!("{name}, model"), cycle, self.modelled).coloured(colour));
         }
-        panel.captioned("How far the last loop stands from the first is creep; the width of a loop is loss.")
+        panel.captioned("The distance of the last loop from the first is creep; the width of a loop is loss.")
     }
 
     fn whole_loop(&self) -> Panel {

@@ -141,19 +141,19 @@ impl Trial {
             let after = self.bench.device.state();
             match (self.ear.hear(byte), answer) {
                 (None, None) => assert_eq!(before, after, "no frame has ended"),
-                (Some(heard), Some(Message::Answer { sequence, answer })) => {
+                (Some(received), Some(Message::Answer { sequence, answer })) => {
                     fits_in_a_frame(sequence, &answer);
-                    self.check(&heard, (sequence, &answer), before, after);
+                    self.check(&received, (sequence, &answer), before, after);
                 }
-                (heard, answer) => panic!("{heard:?}, answered {answer:?}"),
+                (received, answer) => panic!("{received:?}, answered {answer:?}"),
             }
         }
     }
 
-    fn check(&mut self, heard: &Heard, (sequence, answer): (u16, &Answer), before: DriverState, after: DriverState) {
-        match heard {
+    fn check(&mut self, received: &Heard, (sequence, answer): (u16, &Answer), before: DriverState, after: DriverState) {
+        match received {
             Heard::Damaged | Heard::Unknown => {
-                let reject = if *heard == Heard::Damaged { Reject::Damaged } else { Reject::Unknown };
+                let reject = if *received == Heard::Damaged { Reject::Damaged } else { Reject::Unknown };
                 assert_eq!((sequence, answer), (0, &Answer::Rejected(reject)));
                 assert_eq!(before, after, "obeyed what is no request");
             }

@@ -125,7 +125,7 @@ fn request(message: &[u8]) -> Option<Heading> {
             let steps = at_most(take, 24)?;
             skip(take, 4 * steps)?;
         }
-        18 => drop(varint(take, 5).filter(|&drill| drill < 7)?),
+        18 => drop(varint(take, 5).filter(|&fault| fault < 7)?),
         19 => {
             mode(take)?;
             for _ in 0..at_most(take, 24)? {

@@ -327,7 +327,7 @@ fn next_time(name: &str, cell: Option<f64>, before: Option<f64>) -> std::result:
     let now = cell.ok_or_else(|| format!("no value for {name}; every row needs its time"))?;
     match before {
         Some(before) if now <= before => {
-            let way = if now < before { "goes backwards" } else { "stands still" };
+            let way = if now < before { "goes backwards" } else { "does not increase" };
             Err(format!("{name} {way} at {now} s; sort the rows and remove doubles"))
         }
         _ => Ok(now),

@@ -235,7 +235,7 @@ impl Titles<'_> {
         let named = |k: &usize| self.senses[*k].named == Some(quantity) && !taken.contains(k);
         match (0..self.titles.len()).find(named) {
             Some(index) => Err(format!(
-                "column {} is the {} by its name, and its unit is none of {}; say what one of its numbers is in SI units, as in \
+                "column {} is the {} by its name, but its unit is not one of {}; say what one of its numbers is in SI units, as in \
                  `columns` {}={}*0.001",
                 self.shown(index),
                 quantity.name(),

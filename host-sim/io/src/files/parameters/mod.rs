@@ -137,8 +137,8 @@ impl Parameters {
         Ok((place.actuator(&file.actuator, *file.schema.get_ref())?, file.actuator.sizes_are_assumed()))
     }
 
-    /// Loads the actuator and the board of a parameter file, which may lack the model; the board of the paper's bench where there
-    /// is none. The last is whether the film's sizes are assumed.
+    /// Loads the actuator and the board of a parameter file, which may lack the model; the board of the paper's bench if the
+    /// file has no board. The last is whether the film's sizes are assumed.
     ///
     /// # Errors
     ///

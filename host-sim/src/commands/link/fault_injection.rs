@@ -9,7 +9,7 @@ use dea_driver::wire::{Answer, Command, InjectedFault, Mode, Reject, Status};
 use dea_driver::{Cause, DriverState, SensorFault};
 use serde::Serialize;
 
-use super::asking::{PATIENCE, going_on, some_ticks, stand, wait};
+use super::asking::{PATIENCE, going_on, hold, some_ticks, wait};
 use super::live;
 use crate::error::{Error, Result};
 use crate::interrupt;
@@ -17,11 +17,11 @@ use crate::link::{Client, named};
 use crate::quantity;
 use crate::terminal;
 
-/// What a board that panics may take to answer again.
+/// Longest time of a board that panics until it answers again.
 const COMES_BACK: Duration = Duration::from_secs(60);
 
 #[derive(Debug, Args)]
-pub(super) struct Drills {
+pub(super) struct FaultInjection {
     /// Which faults; all but `hang` by default, which needs a watchdog that QEMU does not have.
     #[arg(value_parser = fault(), value_name = "FAULT")]
     faults: Vec<&'static Fault>,
@@ -34,48 +34,53 @@ pub(super) struct Drills {
 #[derive(Debug, PartialEq)]
 struct Fault {
     name: &'static str,
-    drill: InjectedFault,
-    /// What it ends in.
+    injected: InjectedFault,
+    /// Cause of the trip that it ends in.
     cause: Cause,
     help: &'static str,
 }
 
 /// In the order in which they are caused: the panic takes parameters along that were only tried.
 static FAULTS: [Fault; 7] = [
-    Fault { name: "interlock", drill: InjectedFault::Interlock, cause: Cause::Interlock, help: "The interlock opens" },
+    Fault {
+        name: "interlock",
+        injected: InjectedFault::Interlock,
+        cause: Cause::Interlock,
+        help: "The interlock opens",
+    },
     Fault {
         name: "monitor",
-        drill: InjectedFault::Monitor,
+        injected: InjectedFault::Monitor,
         cause: Cause::Monitor,
         help: "The voltage monitor stays where it is",
     },
     Fault {
         name: "sensor",
-        drill: InjectedFault::Sensor,
+        injected: InjectedFault::Sensor,
         cause: Cause::Sensor(SensorFault::Range),
         help: "The displacement sensor is unplugged",
     },
     Fault {
         name: "bus",
-        drill: InjectedFault::Bus,
+        injected: InjectedFault::Bus,
         cause: Cause::Bus,
         help: "The monitor's converter does not answer",
     },
     Fault {
         name: "overrun",
-        drill: InjectedFault::Overrun,
+        injected: InjectedFault::Overrun,
         cause: Cause::Overrun,
         help: "A tick takes longer than it may",
     },
     Fault {
         name: "panic",
-        drill: InjectedFault::Panic,
+        injected: InjectedFault::Panic,
         cause: Cause::Panic,
         help: "The firmware panics: the chip starts again, and parameters that were only tried are gone",
     },
     Fault {
         name: "hang",
-        drill: InjectedFault::Hang,
+        injected: InjectedFault::Hang,
         cause: Cause::Watchdog,
         help: "The tick hangs, which the watchdog ends",
     },
@@ -84,7 +89,7 @@ static FAULTS: [Fault; 7] = [
 impl Fault {
     /// Whether the chip starts again.
     fn resets(&self) -> bool {
-        matches!(self.drill, InjectedFault::Panic | InjectedFault::Hang)
+        matches!(self.injected, InjectedFault::Panic | InjectedFault::Hang)
     }
 }
 
@@ -99,8 +104,9 @@ fn fault() -> impl TypedValueParser<Value = &'static Fault> {
 #[derive(Serialize)]
 struct Ended {
     fault: &'static str,
-    /// By the monitor, before it.
-    stood_v: f64,
+    /// Voltage of the monitor before the fault.
+    #[serde(rename = "stood_v")]
+    held_v: f64,
     wanted: String,
     state: String,
     command_v: f32,
@@ -111,22 +117,23 @@ struct Ended {
 struct Report {
     port: String,
     passed: bool,
-    drills: Vec<Ended>,
+    #[serde(rename = "drills")]
+    ended: Vec<Ended>,
 }
 
 impl Report {
     fn table(&self) -> String {
         let mut text = format!("        {:10} {:>8}  {:26} then", "fault", "at", "ended in");
-        for Ended { fault, stood_v, wanted, state, command_v, passed } in &self.drills {
+        for Ended { fault, held_v, wanted, state, command_v, passed } in &self.ended {
             let mark = if *passed { "ok" } else { "FAILED" };
             let wanted = if *passed { String::new() } else { format!(" (wanted: {wanted})") };
-            text += &format!("\n{mark:6}  {fault:10} {stood_v:6.0} V  {state:26} {command_v:.0} V{wanted}");
+            text += &format!("\n{mark:6}  {fault:10} {held_v:6.0} V  {state:26} {command_v:.0} V{wanted}");
         }
         text
     }
 }
 
-impl Drills {
+impl FaultInjection {
     pub(super) fn check(&self) -> Result<()> {
         if (100.0..=10e3).contains(&self.voltage) {
             Ok(())
@@ -137,33 +144,37 @@ impl Drills {
 
     pub(super) fn run(&self, mut client: Client, port: String, json: bool) -> Result<()> {
         let stop = interrupt::live_film();
-        let by_default = || FAULTS.iter().filter(|fault| fault.drill != InjectedFault::Hang).collect();
+        let by_default = || FAULTS.iter().filter(|fault| fault.injected != InjectedFault::Hang).collect();
         let faults: Vec<&Fault> = if self.faults.is_empty() { by_default() } else { self.faults.clone() };
-        let mut drills = Vec::new();
-        let ended: Result<()> = faults.iter().try_for_each(|fault| {
-            drills.push(self.drill(fault, &mut client, stop)?);
+        let mut ended = Vec::new();
+        let done: Result<()> = faults.iter().try_for_each(|fault| {
+            ended.push(self.inject(fault, &mut client, stop)?);
             Ok(())
         });
-        let report = Report { port, passed: ended.is_ok() && drills.iter().all(|ended| ended.passed), drills };
-        let failed: Vec<&str> = report.drills.iter().filter(|e| !e.passed).map(|e| e.fault).collect();
+        let report = Report { port, passed: done.is_ok() && ended.iter().all(|ended| ended.passed), ended };
+        let failed: Vec<&str> = report.ended.iter().filter(|e| !e.passed).map(|e| e.fault).collect();
         let failed = failed.join(", ");
-        if ended.is_ok() || !report.drills.is_empty() {
+        if done.is_ok() || !report.ended.is_empty() {
             terminal::report(json, &report, || report.table())?;
         }
-        ended?;
+        done?;
         if client.status()?.rate_hz == 0.0 {
             terminal::message(
                 "the board has started again, without the parameters that were only tried: upload them anew",
             );
         }
-        if failed.is_empty() { Ok(()) } else { Err(Error::Computation(format!("drills that failed: {failed}"))) }
+        if failed.is_empty() {
+            Ok(())
+        } else {
+            Err(Error::Computation(format!("faults that did not end as wanted: {failed}")))
+        }
     }
 
     /// Brings the film to the voltage, causes the fault, and acknowledges what it ended in.
-    fn drill(&self, fault: &Fault, client: &mut Client, stop: &AtomicBool) -> Result<Ended> {
+    fn inject(&self, fault: &Fault, client: &mut Client, stop: &AtomicBool) -> Result<Ended> {
         going_on(stop)?;
         if client.status()?.rate_hz > 0.0 {
-            // What is refused is refused for what a tick has found since the last drill.
+            // The board refuses by what a tick has found since the last fault.
             some_ticks(client, stop)?;
         }
         // What another host has armed meanwhile is its own.
@@ -186,8 +197,8 @@ impl Drills {
     /// With the amplifier enabled.
     fn cause(&self, fault: &Fault, client: &mut Client, stop: &AtomicBool) -> Result<Ended> {
         client.order(Command::Start(Mode::Voltage))?;
-        let stood_v = stand(client, Some(self.voltage as f32), stop)?;
-        match client.ask(Command::InjectFault(fault.drill)) {
+        let held_v = hold(client, Some(self.voltage as f32), stop)?;
+        match client.ask(Command::InjectFault(fault.injected)) {
             Ok(Answer::Done) => {}
             Ok(Answer::Rejected(Reject::Unknown)) => return Err(unknown(fault)),
             Ok(other) => return Err(client.unexpected(&other)),
@@ -195,7 +206,7 @@ impl Drills {
             Err(_) if fault.resets() => {}
             Err(error) => return Err(error),
         }
-        if fault.drill == InjectedFault::Monitor {
+        if fault.injected == InjectedFault::Monitor {
             // It stays where it is, which shows once the voltage changes.
             client.order(Command::SetVoltage(0.5 * self.voltage as f32))?;
         }
@@ -204,7 +215,7 @@ impl Drills {
         wait(client, patience, stop, |client| {
             status = match client.status() {
                 Ok(status) => Some(status),
-                // Between a reset and its start nobody answers, which is no fault.
+                // There is no response between a reset and the start, which is not a fault.
                 Err(_) if fault.resets() => None,
                 Err(error) => return Err(error),
             };
@@ -214,7 +225,7 @@ impl Drills {
         let wanted = DriverState::Tripped(fault.cause);
         Ok(Ended {
             fault: fault.name,
-            stood_v,
+            held_v,
             wanted: named(wanted),
             state: named(status.state),
             command_v: status.command_v,
@@ -236,7 +247,7 @@ fn at_0_v(client: &mut Client, stop: &AtomicBool) -> Result<()> {
 
 /// An image that does not cause this fault.
 fn unknown(fault: &Fault) -> Error {
-    let cause = if fault.drill == InjectedFault::Hang {
+    let cause = if fault.injected == InjectedFault::Hang {
         "this board does not cause it: a tick that hangs is ended by the watchdog, which QEMU does not have"
     } else {
         "this board causes no faults on purpose; the virtual board does: cargo xtask board"
