@@ -44,29 +44,54 @@ pub enum Calibration {
 pub const MAX_POINTS: usize = 8;
 
 /// Why a calibration is refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum CalibrationError {
     /// A parabola with a coefficient that is not finite, or that does not rise from 0 V to full scale.
-    Falls,
+    Falls {
+        /// The quantity at 0 V.
+        offset: f32,
+        /// Its change per volt at 0 V.
+        gain: f32,
+        /// Its change per volt at full scale.
+        end_gain: f32,
+        /// Full scale, V.
+        full_scale_v: f32,
+    },
     /// Fewer than two points, or more than [`MAX_POINTS`].
     Number,
     /// The first point is not at 0 V.
-    Start,
-    /// From this point, counted from 1, to the next, u or y does not rise, or is not finite.
-    Point(usize),
+    Start {
+        /// The volts of the first point.
+        first_v: f32,
+    },
+    /// From a point to the next, u or y does not rise, or is not finite.
+    Point {
+        /// Number of the first of the two, from 1.
+        number: usize,
+        /// The first of the two, \[u, y\].
+        from: [f32; 2],
+        /// The next.
+        to: [f32; 2],
+    },
 }
 
 impl fmt::Display for CalibrationError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Falls => f.write_str("it must rise over its full scale"),
+            Self::Falls { offset, gain, end_gain, full_scale_v } => write!(
+                f,
+                "the parabola from {offset} does not rise by a finite amount per volt over its full scale ({gain} at 0 V, \
+                 {end_gain} at {full_scale_v} V); correct gain and quadratic"
+            ),
             Self::Number => write!(f, "it needs 2 to {MAX_POINTS} points"),
-            Self::Start => f.write_str("the first point must be at 0 V"),
-            Self::Point(number) => {
-                write!(f, "volts and quantity must rise from point {number} to point {}", number + 1)
-            }
+            Self::Start { first_v } => write!(f, "the first point is at {first_v} V; it must be at 0 V"),
+            Self::Point { number, from: [u0, y0], to: [u1, y1] } => write!(
+                f,
+                "point {number} ({u0} V, {y0}) is followed by point {} ({u1} V, {y1}); volts and quantity must rise",
+                number + 1
+            ),
         }
     }
 }
@@ -100,18 +125,26 @@ impl Calibration {
         match self {
             &Self::Parabola { offset, gain, quadratic } => {
                 let finite = offset.is_finite() && gain.is_finite() && quadratic.is_finite();
-                let rises = gain > 0.0 && gain + 2.0 * quadratic * full_scale_v > 0.0;
-                if finite && rises { Ok(()) } else { Err(CalibrationError::Falls) }
+                let end_gain = gain + 2.0 * quadratic * full_scale_v;
+                if finite && gain > 0.0 && end_gain > 0.0 {
+                    Ok(())
+                } else {
+                    Err(CalibrationError::Falls { offset, gain, end_gain, full_scale_v })
+                }
             }
             Self::Points(points) => {
                 let &[[first_v, _], _, ..] = points.as_slice() else { return Err(CalibrationError::Number) };
                 if first_v != 0.0 {
-                    return Err(CalibrationError::Start);
+                    return Err(CalibrationError::Start { first_v });
                 }
-                match points.windows(2).position(|pair| !rises(pair)) {
-                    Some(index) => Err(CalibrationError::Point(index + 1)),
-                    None => Ok(()),
+                for (index, pair) in points.windows(2).enumerate() {
+                    if let &[from, to] = pair
+                        && !rises(from, to)
+                    {
+                        return Err(CalibrationError::Point { number: index + 1, from, to });
+                    }
                 }
+                Ok(())
             }
         }
     }
@@ -164,11 +197,8 @@ fn square_root(value: f32) -> f32 {
     0.5 * (root + value / root)
 }
 
-fn rises(pair: &[[f32; 2]]) -> bool {
-    match *pair {
-        [[u0, y0], [u1, y1]] => u0 < u1 && y0 < y1 && u1.is_finite() && y0.is_finite() && y1.is_finite(),
-        _ => false,
-    }
+fn rises([u0, y0]: [f32; 2], [u1, y1]: [f32; 2]) -> bool {
+    u0 < u1 && y0 < y1 && u1.is_finite() && y0.is_finite() && y1.is_finite()
 }
 
 /// Where the lines between `points` are at `value`, with the columns in the order of `turned`; at the ends beyond them. Kept apart

@@ -82,9 +82,15 @@ pub enum BlobError {
         expected: [u8; 3],
     },
     /// A rate that is not within 1 Hz…100 kHz.
-    Rate,
+    Rate {
+        /// The rate, Hz.
+        rate_hz: f32,
+    },
     /// An offset of the sensor that is not finite.
-    Offset,
+    Offset {
+        /// The offset, m.
+        offset_m: f32,
+    },
     /// A calibration that was refused, of this instrument.
     Calibration(&'static str, CalibrationError),
     /// A law that was refused.
@@ -95,16 +101,56 @@ pub enum BlobError {
     Limits(LimitsError),
     /// Settings of the control that were refused.
     Control(ControlError),
-    /// An instrument that does not cover 0 V to the largest voltage of the limits.
-    Reach(&'static str),
+    /// An instrument that ends below the largest voltage of the limits; for the monitor, within its band.
+    Reach {
+        /// The instrument.
+        instrument: &'static str,
+        /// Its full scale, V.
+        full_scale_v: f32,
+        /// The voltage of the film at its full scale, V.
+        reached_v: f32,
+        /// The voltage of the film that it must reach, V.
+        needed_v: f32,
+    },
+    /// An amplifier that is outside the monitor's band around 0 V at a command of 0 V.
+    Rest {
+        /// Its voltage at a command of 0 V, V.
+        amplifier_v: f32,
+        /// The band, V.
+        band_v: f32,
+    },
     /// An amplifier so steep that a step of a DAC of 16 bits is more than the monitor's band.
-    Coarse,
+    Coarse {
+        /// Largest step at the film, V.
+        step_v: f32,
+        /// The band, V.
+        band_v: f32,
+    },
     /// Limits for a film of another thickness than the actuator's.
-    Thickness,
-    /// A sensor whose plausible range holds what it reads when it is unplugged, 0 V, or saturated.
-    Unplugged,
+    Thickness {
+        /// The thickness of the limits, m.
+        limits_m: f32,
+        /// The actuator's, m.
+        actuator_m: f64,
+    },
+    /// A sensor whose plausible range contains its reading when it is unplugged, 0 V, or saturated.
+    Unplugged {
+        /// Its reading when it is unplugged, m.
+        unplugged_m: f32,
+        /// Its reading when it is saturated, m.
+        saturated_m: f32,
+        /// Lowest plausible value, m.
+        low_m: f32,
+        /// Highest plausible value, m.
+        high_m: f32,
+    },
     /// A sensor that would count as stuck before its samples can show that the film moves.
-    Stuck,
+    Stuck {
+        /// The ticks after which it counts as stuck.
+        stuck_ticks: u32,
+        /// Fewest ticks in which its samples show that the film moves.
+        min_ticks: f32,
+    },
 }
 
 impl fmt::Display for BlobError {
@@ -121,25 +167,42 @@ impl fmt::Display for BlobError {
                 write!(f, "the law in the blob has {head} + {fast} + {slow} weights, the controller's ")?;
                 write!(f, "{} + {} + {}", expected[0], expected[1], expected[2])
             }
-            Self::Rate => f.write_str("rate_hz must be from 1 to 100000"),
-            Self::Offset => f.write_str("sensor_offset_m must be finite"),
+            Self::Rate { rate_hz } => write!(f, "rate_hz is {rate_hz}; it must be from 1 to 100000"),
+            Self::Offset { offset_m } => write!(f, "sensor_offset_m is {offset_m}; it must be finite"),
             Self::Calibration(which, error) => write!(f, "the calibration of the {which}: {error}"),
             Self::Law(error) => write!(f, "law: {error}"),
             Self::Actuator(error) => write!(f, "actuator: {error}"),
             Self::Limits(error) => write!(f, "limits: {error}"),
             Self::Control(error) => write!(f, "control: {error}"),
-            Self::Reach(which) => {
-                write!(f, "the {which} does not reach from 0 V to limits.max_voltage_v, within the monitor's band")
-            }
-            Self::Coarse => {
-                f.write_str("the amplifier: a step of the DAC is more than limits.monitor.band_v at the film")
-            }
-            Self::Thickness => f.write_str("limits.thickness_m is not the actuator's thickness_m"),
-            Self::Unplugged => f.write_str(
-                "limits.sensor: low to high must not hold what an unplugged sensor (0 V) or a saturated one reads",
+            Self::Reach { instrument, full_scale_v, reached_v, needed_v } => write!(
+                f,
+                "the {instrument} reaches {reached_v} V at its full scale of {full_scale_v} V, and the limits need \
+                 {needed_v} V; correct its calibration or lower limits.max_voltage_v"
             ),
-            Self::Stuck => f.write_str(
-                "limits.sensor.stuck_ticks must last at least five times control.delay_s + sample_interval_s",
+            Self::Rest { amplifier_v, band_v } => write!(
+                f,
+                "the amplifier is at {amplifier_v} V at a command of 0 V, outside limits.monitor.band_v ({band_v} V); \
+                 correct its calibration or widen the band"
+            ),
+            Self::Coarse { step_v, band_v } => write!(
+                f,
+                "the amplifier: a step of the DAC is {step_v} V at the film, more than limits.monitor.band_v \
+                 ({band_v} V); correct its calibration or widen the band"
+            ),
+            Self::Thickness { limits_m, actuator_m } => write!(
+                f,
+                "limits.thickness_m is {limits_m}, the actuator's thickness_m {actuator_m}; they must agree within 1 %"
+            ),
+            Self::Unplugged { unplugged_m, saturated_m, low_m, high_m } => write!(
+                f,
+                "limits.sensor: low to high ({low_m} m to {high_m} m) contains the reading of an unplugged sensor \
+                 ({unplugged_m} m at 0 V) or of a saturated one ({saturated_m} m at full scale); narrow the range, or \
+                 correct the calibration or sensor_offset_m"
+            ),
+            Self::Stuck { stuck_ticks, min_ticks } => write!(
+                f,
+                "limits.sensor.stuck_ticks is {stuck_ticks}; it must be at least {min_ticks}, which is five times \
+                 control.delay_s + sample_interval_s"
             ),
         }
     }
@@ -167,10 +230,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
         converters: &Converters,
     ) -> Result<Self, BlobError> {
         if !(1.0..=100_000.0).contains(&parameters.rate_hz) {
-            return Err(BlobError::Rate);
+            return Err(BlobError::Rate { rate_hz: parameters.rate_hz });
         }
         if !parameters.sensor_offset_m.is_finite() {
-            return Err(BlobError::Offset);
+            return Err(BlobError::Offset { offset_m: parameters.sensor_offset_m });
         }
         let command_v = converters.command_v.unwrap_or(parameters.command_range.full_scale_v());
         for (name, calibration, largest_v) in [
@@ -189,9 +252,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
             .map_err(BlobError::Limits)?;
         parameters.check_reach(command_v, converters.monitor_v)?;
         let sensor_m = |volts| parameters.sensor.apply(volts) - parameters.sensor_offset_m;
-        let plausible = parameters.limits.sensor.low..=parameters.limits.sensor.high;
-        if plausible.contains(&sensor_m(0.0)) || plausible.contains(&sensor_m(converters.sensor_v)) {
-            return Err(BlobError::Unplugged);
+        let (unplugged_m, saturated_m) = (sensor_m(0.0), sensor_m(converters.sensor_v));
+        let (low_m, high_m) = (parameters.limits.sensor.low, parameters.limits.sensor.high);
+        if (low_m..=high_m).contains(&unplugged_m) || (low_m..=high_m).contains(&saturated_m) {
+            return Err(BlobError::Unplugged { unplugged_m, saturated_m, low_m, high_m });
         }
         let limits = parameters.control.command_limits(&parameters.limits, parameters.amplifier_lag);
         let refused = |error| match error {
@@ -242,32 +306,36 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
 }
 
 impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, FAST, SLOW> {
-    /// Whether the instruments cover what the limits allow, and the limits are for this film.
+    /// Checks that the instruments cover the range of the limits, and that the limits are for this film.
     fn check_reach(&self, command_v: f32, monitor_v: f32) -> Result<(), BlobError> {
         let limits = &self.limits;
         // A monitor that ends below the limit could never show that it is exceeded.
-        if self.monitor.apply(monitor_v) < limits.monitored_v() {
-            return Err(BlobError::Reach("monitor"));
+        // The last code of the DAC is one step short of full scale.
+        for (instrument, full_scale_v, reached_v, needed_v) in [
+            ("monitor", monitor_v, self.monitor.apply(monitor_v), limits.monitored_v()),
+            ("amplifier", command_v, self.amplifier.apply(command_v), limits.max_voltage_v),
+        ] {
+            if reached_v < needed_v {
+                return Err(BlobError::Reach { instrument, full_scale_v, reached_v, needed_v });
+            }
         }
-        // The last code is one step short of full scale.
-        if self.amplifier.apply(command_v) < limits.max_voltage_v {
-            return Err(BlobError::Reach("amplifier"));
+        let (amplifier_v, band_v) = (self.amplifier.apply(0.0), limits.monitor.band_v);
+        if amplifier_v.abs() > band_v {
+            return Err(BlobError::Rest { amplifier_v, band_v });
         }
-        // At a command of 0 V the amplifier must be within the monitor's band around 0 V.
-        if self.amplifier.apply(0.0).abs() > limits.monitor.band_v {
-            return Err(BlobError::Reach("amplifier"));
+        let step_v = self.amplifier.steepest(command_v) * command_v / 65_536.0;
+        if step_v > band_v {
+            return Err(BlobError::Coarse { step_v, band_v });
         }
-        if self.amplifier.steepest(command_v) * command_v > 65_536.0 * limits.monitor.band_v {
-            return Err(BlobError::Coarse);
+        let (limits_m, actuator_m) = (limits.thickness_m, self.actuator.thickness_m);
+        if !(0.99..=1.01).contains(&(f64::from(limits_m) / actuator_m)) {
+            return Err(BlobError::Thickness { limits_m, actuator_m });
         }
-        if !(0.99..=1.01).contains(&(f64::from(limits.thickness_m) / self.actuator.thickness_m)) {
-            return Err(BlobError::Thickness);
-        }
+        let stuck_ticks = limits.sensor.stuck_ticks;
+        let min_ticks = 5.0 * (self.control.delay_s + self.control.sample_interval_s) * self.rate_hz;
         #[allow(clippy::cast_precision_loss)] // compared, not counted
-        if (limits.sensor.stuck_ticks as f32)
-            < 5.0 * (self.control.delay_s + self.control.sample_interval_s) * self.rate_hz
-        {
-            return Err(BlobError::Stuck);
+        if (stuck_ticks as f32) < min_ticks {
+            return Err(BlobError::Stuck { stuck_ticks, min_ticks });
         }
         Ok(())
     }

@@ -34,7 +34,7 @@ use crate::safety::Limits;
 /// // What a controller could not keep is refused.
 /// let limits = Limits { max_voltage_v: 50e3, ..parameters.limits };
 /// let refused = Blob::new(Parameters { limits, ..parameters });
-/// assert_eq!(refused.err(), Some(BlobError::Reach("monitor")));
+/// assert!(matches!(refused.err(), Some(BlobError::Reach { instrument: "monitor", .. })));
 /// # Ok(())
 /// # }
 /// ```

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use serde::{Deserialize, Serialize};
+use springpot::AmplifierLag;
 
 /// Smallest number of ticks in which a sensor can be watched.
 pub(crate) const MIN_TICKS: u32 = 5;
@@ -18,7 +19,7 @@ pub(crate) const MIN_TICKS: u32 = 5;
 ///
 /// // Limits that protect nothing are refused.
 /// let deaf = Limits { heartbeat_s: 1e6, ..limits };
-/// assert_eq!(deaf.check(), Err(LimitsError::TooLarge("heartbeat_s")));
+/// assert_eq!(deaf.check(), Err(LimitsError::TooLarge { quantity: "heartbeat_s", value: 1e6, max: 60.0 }));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -115,37 +116,67 @@ pub enum OnSensorFault {
 }
 
 /// Why limits were refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum LimitsError {
     /// A quantity that is not finite or not greater than zero; the name carries its unit.
-    NotPositive(&'static str),
+    NotPositive {
+        /// Name of the quantity.
+        quantity: &'static str,
+        /// The value.
+        value: f32,
+    },
     /// Monitor limits that cannot be kept.
-    Monitor,
+    Monitor(MonitorLimits),
     /// Sensor limits that cannot be kept.
-    Sensor,
-    /// Time constants of the amplifier that are negative, not finite or above 10 s.
-    Amplifier,
+    Sensor(PlausibilityLimits),
+    /// Time constants of the amplifier that are negative, not finite or above 10 s / 1.5: an amplifier may be half as slow again.
+    Amplifier(AmplifierLag),
     /// A limit so large that it protects nothing, on its own or beside the others.
-    TooLarge(&'static str),
+    TooLarge {
+        /// Name of the limit; in the sensor's unit for those of the sensor.
+        quantity: &'static str,
+        /// The value.
+        value: f32,
+        /// Largest value that protects something.
+        max: f32,
+    },
     /// A limit so small that it protects nothing.
-    TooSmall(&'static str),
+    TooSmall {
+        /// Name of the limit.
+        quantity: &'static str,
+        /// The value.
+        value: f32,
+        /// Smallest value that protects something.
+        min: f32,
+    },
 }
 
 impl fmt::Display for LimitsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::NotPositive(quantity) => write!(f, "{quantity} must be finite and greater than 0"),
-            Self::Monitor => {
-                f.write_str("monitor: slew and band must be greater than 0, share and settling time not negative")
+            Self::NotPositive { quantity, value } => {
+                write!(f, "{quantity} is {value}; it must be finite and greater than 0")
             }
-            Self::Amplifier => f.write_str("amplifier: rise_s and fall_s must be from 0 to 10"),
-            Self::TooLarge(quantity) => write!(f, "{quantity} is so large that it protects nothing"),
-            Self::TooSmall(quantity) => write!(f, "{quantity} is so small that it protects nothing"),
-            Self::Sensor => write!(
+            Self::Monitor(MonitorLimits { slew_v_per_s, band_v, band_share, settle_s }) => write!(
                 f,
-                "sensor: low must be below high, jump and stuck_band greater than 0, stuck_ticks at least {MIN_TICKS}"
+                "monitor: slew_v_per_s ({slew_v_per_s}) and band_v ({band_v}) must be greater than 0, \
+                 band_share ({band_share}) and settle_s ({settle_s}) not negative, and all finite"
+            ),
+            Self::Amplifier(AmplifierLag { rise_s, fall_s }) => {
+                write!(f, "amplifier: rise_s ({rise_s}) and fall_s ({fall_s}) must be from 0 to 6.66")
+            }
+            Self::TooLarge { quantity, value, max } => {
+                write!(f, "{quantity} is {value}, too large to protect anything; it must be at most {max}")
+            }
+            Self::TooSmall { quantity, value, min } => {
+                write!(f, "{quantity} is {value}, too small to protect anything; it must be at least {min}")
+            }
+            Self::Sensor(PlausibilityLimits { low, high, jump, stuck_ticks, stuck_band }) => write!(
+                f,
+                "sensor: low ({low}) must be below high ({high}), jump ({jump}) and stuck_band ({stuck_band}) greater \
+                 than 0, stuck_ticks ({stuck_ticks}) at least {MIN_TICKS}, and all finite"
             ),
         }
     }
@@ -196,12 +227,12 @@ impl Limits {
             ("discharge_s", self.discharge_s),
         ];
         first(&values, |&(_, value)| !positive(value))
-            .map_or(Ok(()), |&(name, _)| Err(LimitsError::NotPositive(name)))?;
+            .map_or(Ok(()), |&(quantity, value)| Err(LimitsError::NotPositive { quantity, value }))?;
         if !self.monitor.are_valid() {
-            return Err(LimitsError::Monitor);
+            return Err(LimitsError::Monitor(self.monitor));
         }
         if !self.sensor.are_valid() {
-            return Err(LimitsError::Sensor);
+            return Err(LimitsError::Sensor(self.sensor));
         }
         self.check_that_they_protect()
     }
@@ -230,11 +261,12 @@ impl Limits {
             ("sensor.jump", sensor.jump, 0.25 * (sensor.high - sensor.low)),
             ("sensor.stuck_band", sensor.stuck_band, 0.01 * self.max_displacement_m),
         ];
-        let beyond = first(&bounds, |&(_, value, most)| value > most);
-        beyond.map_or(Ok(()), |&(name, ..)| Err(LimitsError::TooLarge(name)))?;
+        let beyond = first(&bounds, |&(_, value, max)| value > max);
+        beyond.map_or(Ok(()), |&(quantity, value, max)| Err(LimitsError::TooLarge { quantity, value, max }))?;
         // A dead monitor shows once the expected voltage has left the band: within a second.
-        if self.monitor.slew_v_per_s < self.max_voltage_v {
-            return Err(LimitsError::TooSmall("monitor.slew_v_per_s"));
+        let (value, min) = (self.monitor.slew_v_per_s, self.max_voltage_v);
+        if value < min {
+            return Err(LimitsError::TooSmall { quantity: "monitor.slew_v_per_s", value, min });
         }
         Ok(())
     }
@@ -253,8 +285,9 @@ impl PlausibilityLimits {
     /// Whether a stuck sensor is noticed in time, at `rate_hz` ticks a second.
     #[allow(clippy::cast_precision_loss)] // compared, not counted
     pub(crate) fn check_rate(&self, rate_hz: f32) -> Result<(), LimitsError> {
-        if self.stuck_ticks as f32 > MAX_STUCK_S * rate_hz {
-            return Err(LimitsError::TooLarge("sensor.stuck_ticks"));
+        let (value, max) = (self.stuck_ticks as f32, MAX_STUCK_S * rate_hz);
+        if value > max {
+            return Err(LimitsError::TooLarge { quantity: "sensor.stuck_ticks", value, max });
         }
         Ok(())
     }

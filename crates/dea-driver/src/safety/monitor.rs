@@ -78,12 +78,12 @@ impl Monitor {
     ///
     /// # Errors
     ///
-    /// [`LimitsError::Amplifier`] for a time constant that is negative, not finite or above 10 s.
+    /// [`LimitsError::Amplifier`] for a time constant that is negative, not finite or above 10 s / 1.5.
     pub fn behind(self, lag: AmplifierLag, rate_hz: f32) -> Result<Self, LimitsError> {
         let step_s = 1.0 / f64::from(rate_hz);
         let model = |by: f64| {
-            let lag = AmplifierLag { rise_s: by * lag.rise_s, fall_s: by * lag.fall_s };
-            AmplifierModel::lagging(lag, step_s).map_err(|_| LimitsError::Amplifier)
+            let scaled = AmplifierLag { rise_s: by * lag.rise_s, fall_s: by * lag.fall_s };
+            AmplifierModel::lagging(scaled, step_s).map_err(|_| LimitsError::Amplifier(lag))
         };
         model(1.0)?;
         let lag = model(MAX_SPEED_RATIO)?.zip(model(MIN_SPEED_RATIO)?).map(|(slow, fast)| [slow, fast]);

@@ -213,7 +213,7 @@ impl Supervisor {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // saturates
     pub fn new(limits: &Limits, rate_hz: f32) -> Result<Self, LimitsError> {
         if !positive(rate_hz) {
-            return Err(LimitsError::NotPositive("rate_hz"));
+            return Err(LimitsError::NotPositive { quantity: "rate_hz", value: rate_hz });
         }
         limits.check()?;
         limits.sensor.check_rate(rate_hz)?;

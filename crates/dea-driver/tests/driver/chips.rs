@@ -349,8 +349,12 @@ fn calibrations_are_inverted() {
         Calibration::Parabola { offset: f32::INFINITY, gain: 1.0, quadratic: 0.0 },
         Calibration::Parabola { offset: 0.0, gain: 1.0, quadratic: -0.06 },
     ] {
-        assert_eq!(bad.check(10.0), Err(CalibrationError::Falls), "{bad:?}");
+        assert!(matches!(bad.check(10.0), Err(CalibrationError::Falls { .. })), "{bad:?}");
     }
+    // The text states the values that were compared.
+    let falls = Calibration::Parabola { offset: 0.25, gain: 1.5, quadratic: -0.125 };
+    let text = falls.check(10.0).expect_err("refused").to_string();
+    assert!(["0.25", "1.5 at 0 V", "-1 at 10 V"].iter().all(|value| text.contains(value)), "{text}");
 }
 
 /// A converter that needs 0.6 V before it starts and bends up to 0.8 V: no parabola is within 400 V of it and 0 V at rest.
@@ -397,13 +401,21 @@ fn points_that_are_no_calibration_are_refused() {
     assert_eq!(refused(&[[0.0, 0.0]]), CalibrationError::Number);
     let many: Vec<_> = (0u8..9).map(|k| [f32::from(k), f32::from(k)]).collect();
     assert_eq!(refused(&many), CalibrationError::Number);
-    assert_eq!(refused(&[[0.1, 0.0], [1.0, 1.0]]), CalibrationError::Start);
+    let late = refused(&[[0.1, 0.0], [1.0, 1.0]]);
+    assert_eq!(late, CalibrationError::Start { first_v: 0.1 });
+    assert!(late.to_string().contains("at 0.1 V"), "{late}");
+    let number = |points: &[[f32; 2]]| match refused(points) {
+        CalibrationError::Point { number, .. } => number,
+        error => panic!("{error}"),
+    };
     for (second, third) in [([1.0, 0.0], [2.0, 1.0]), ([0.0, 1.0], [2.0, 2.0]), ([f32::NAN, 1.0], [2.0, 2.0])] {
-        assert_eq!(refused(&[[0.0, 0.0], second, third]), CalibrationError::Point(1));
+        assert_eq!(number(&[[0.0, 0.0], second, third]), 1);
     }
     for third in [[2.0, 0.5], [0.5, 2.0], [2.0, f32::NAN], [f32::INFINITY, 3.0], [2.0, f32::INFINITY]] {
-        assert_eq!(refused(&[[0.0, 0.0], [1.0, 1.0], third]), CalibrationError::Point(2));
+        assert_eq!(number(&[[0.0, 0.0], [1.0, 1.0], third]), 2);
     }
-    assert_eq!(refused(&[[0.0, f32::NEG_INFINITY], [1.0, 1.0]]), CalibrationError::Point(1));
-    assert_eq!(refused(&[[f32::NAN, 0.0], [1.0, 1.0]]), CalibrationError::Start);
+    assert_eq!(number(&[[0.0, f32::NEG_INFINITY], [1.0, 1.0]]), 1);
+    assert!(matches!(refused(&[[f32::NAN, 0.0], [1.0, 1.0]]), CalibrationError::Start { .. }));
+    let falls = refused(&[[0.0, 0.0], [2.5, 3000.0], [1.5, 7000.0]]).to_string();
+    assert!(["point 2 (2.5 V, 3000)", "point 3 (1.5 V, 7000)"].iter().all(|point| falls.contains(point)), "{falls}");
 }

@@ -1,9 +1,10 @@
 //! Limits: commands stay within them, and those that protect nothing or cannot be kept are refused.
 
 use dea_driver::{
-    Blob, Cause, Controller, DriverState, Inputs, Limits, LimitsError, Mode, Parameters, PlausibilityLimits, Supervisor,
+    Blob, Cause, Controller, DriverState, Inputs, Limits, LimitsError, Mode, MonitorLimits, Parameters,
+    PlausibilityLimits, Supervisor,
 };
-use springpot::{Actuator, Curve, Law, LawOptions, Maxwell, Preset, VoltageDrive};
+use springpot::{Actuator, AmplifierLag, Curve, Law, LawOptions, Maxwell, Preset, VoltageDrive};
 
 use crate::bench::{bench_limits, board_parameters};
 use crate::supervisor_bench::{Bench, RATE_HZ};
@@ -65,12 +66,13 @@ fn limits_without_an_end_are_refused() {
         let mut limits = bench_limits();
         change(&mut limits);
         let error = Supervisor::new(&limits, RATE_HZ).expect_err("refused");
-        assert!(matches!(error, LimitsError::TooLarge(_)), "{error}");
+        assert!(matches!(error, LimitsError::TooLarge { .. }), "{error}");
     }
     // A monitor that may be as slow as this would be dead for 239 s before it shows.
     let mut limits = bench_limits();
     limits.monitor.slew_v_per_s = 1.0;
-    assert_eq!(Supervisor::new(&limits, RATE_HZ).err(), Some(LimitsError::TooSmall("monitor.slew_v_per_s")));
+    let too_slow = LimitsError::TooSmall { quantity: "monitor.slew_v_per_s", value: 1.0, min: 6500.0 };
+    assert_eq!(Supervisor::new(&limits, RATE_HZ).err(), Some(too_slow));
 }
 
 #[test]
@@ -89,12 +91,14 @@ fn limits_that_cannot_be_kept_are_refused() {
             (Limits { discharge_s: bad, ..good }, "discharge_s"),
         ];
         for (limits, name) in cases {
-            assert_eq!(refused(limits), Some(LimitsError::NotPositive(name)));
+            let error = refused(limits).expect("refused");
+            assert!(matches!(error, LimitsError::NotPositive { quantity, .. } if quantity == name), "{error}");
         }
-        assert_eq!(Supervisor::new(&good, bad).err(), Some(LimitsError::NotPositive("rate_hz")));
+        let error = Supervisor::new(&good, bad).expect_err("refused");
+        assert!(matches!(error, LimitsError::NotPositive { quantity: "rate_hz", .. }), "{error}");
         let mut monitor = good;
         monitor.monitor.slew_v_per_s = bad;
-        assert_eq!(refused(monitor), Some(LimitsError::Monitor));
+        assert!(matches!(refused(monitor), Some(LimitsError::Monitor(_))));
     }
     for spoil in [
         |sensor: &mut PlausibilityLimits| sensor.low = sensor.high,
@@ -106,7 +110,7 @@ fn limits_that_cannot_be_kept_are_refused() {
     ] {
         let mut limits = good;
         spoil(&mut limits.sensor);
-        assert_eq!(refused(limits), Some(LimitsError::Sensor));
+        assert!(matches!(refused(limits), Some(LimitsError::Sensor(_))));
     }
 }
 
@@ -138,7 +142,7 @@ fn limits_at_their_bounds_are_kept_and_beyond_are_refused() {
         |l: &mut Limits| l.monitor.settle_s = -0.01,
         |l: &mut Limits| l.monitor.settle_s = f32::INFINITY,
     ] {
-        assert_eq!(checked(monitor), Err(LimitsError::Monitor));
+        assert!(matches!(checked(monitor), Err(LimitsError::Monitor(_))));
     }
     for sensor in [
         |l: &mut Limits| l.sensor.low = f32::NEG_INFINITY,
@@ -148,9 +152,41 @@ fn limits_at_their_bounds_are_kept_and_beyond_are_refused() {
         |l: &mut Limits| l.sensor.jump = 0.0,
         |l: &mut Limits| l.sensor.stuck_ticks = 4,
     ] {
-        assert_eq!(checked(sensor), Err(LimitsError::Sensor));
+        assert!(matches!(checked(sensor), Err(LimitsError::Sensor(_))));
     }
-    assert_eq!(checked(|l| l.sensor.jump = 2.6e-3), Err(LimitsError::TooLarge("sensor.jump")));
+    let jump = checked(|l| l.sensor.jump = 2.6e-3);
+    assert!(matches!(jump, Err(LimitsError::TooLarge { quantity: "sensor.jump", .. })), "{jump:?}");
+}
+
+/// The text of a refusal states the values that were compared.
+#[test]
+fn refused_limits_state_their_values() {
+    let states = |change: fn(&mut Limits), values: &[&str]| {
+        let mut limits = bench_limits();
+        change(&mut limits);
+        let text = Supervisor::new(&limits, RATE_HZ).expect_err("refused").to_string();
+        assert!(!text.contains('\n'), "{text}");
+        for value in values {
+            assert!(text.contains(value), "{value} is missing: {text}");
+        }
+    };
+    states(|l| l.heartbeat_s = 61.5, &["heartbeat_s", "61.5", "60"]);
+    states(|l| l.max_displacement_m = 0.0125, &["max_displacement_m", "0.0125", "0.009"]);
+    states(|l| l.sensor.stuck_ticks = 10_001, &["sensor.stuck_ticks", "10001", "10000"]);
+    states(|l| l.monitor.slew_v_per_s = 12.5, &["monitor.slew_v_per_s", "12.5", "6500"]);
+    states(|l| l.discharge_s = -1.5, &["discharge_s", "-1.5", "greater than 0"]);
+    let monitor = |l: &mut Limits| {
+        l.monitor = MonitorLimits { slew_v_per_s: 7e4, band_v: 61.0, band_share: -0.25, settle_s: 0.125 };
+    };
+    states(monitor, &["70000", "61", "-0.25", "0.125"]);
+    let sensor = |l: &mut Limits| {
+        l.sensor = PlausibilityLimits { low: 0.25, high: 0.125, jump: 0.5, stuck_ticks: 77, stuck_band: 0.0625 };
+    };
+    states(sensor, &["0.25", "0.125", "0.5", "77", "0.0625", "at least 5"]);
+    let lag = AmplifierLag { rise_s: 6.75, fall_s: 0.25 };
+    let supervisor = Supervisor::new(&bench_limits(), RATE_HZ).expect("valid");
+    let text = supervisor.behind(lag, RATE_HZ).expect_err("refused").to_string();
+    assert!(["6.75", "0.25", "0 to 6.66"].iter().all(|value| text.contains(value)), "{text}");
 }
 
 /// What a file need not state: a tenth of the force, a second, and 2 µm.

@@ -79,6 +79,16 @@ fn wrong_values_are_refused() {
         println!("{error}");
         error
     };
+    // The text of a refusal states the values that were compared, in one line.
+    let states = |change: &dyn Fn(&mut Parameters), is: &dyn Fn(BlobError) -> bool, values: &[&str]| {
+        let error = refused(change);
+        assert!(is(error), "{error:?}");
+        let text = error.to_string();
+        assert!(!text.contains('\n'), "{text}");
+        for value in values {
+            assert!(text.contains(value), "{value} is missing: {text}");
+        }
+    };
     for nan in [f64::NAN, f64::INFINITY, -1.0] {
         let wrong_law = |which, change: &dyn Fn(&mut Parameters)| {
             assert_eq!(refused(change), BlobError::Law(LawError::Coefficient(which)));
@@ -106,42 +116,48 @@ fn wrong_values_are_refused() {
         let falls =
             matches!(curve, BlobError::Law(LawError::Curve(CurveError::NotMonotone { slope, .. })) if slope < 0.0);
         assert!(falls || curve == BlobError::Law(LawError::Curve(CurveError::Knot { index: 1 })), "{curve:?}");
-        assert_eq!(refused(&|p| p.rate_hz = nan as f32), BlobError::Rate);
+        assert!(matches!(refused(&|p| p.rate_hz = nan as f32), BlobError::Rate { .. }));
         assert!(matches!(refused(&|p| p.limits.max_voltage_v = nan as f32), BlobError::Limits(_)));
-        assert_eq!(
+        assert!(matches!(
             refused(&|p| p.monitor = Calibration::linear(nan as f32)),
-            BlobError::Calibration("monitor", CalibrationError::Falls)
-        );
+            BlobError::Calibration("monitor", CalibrationError::Falls { .. })
+        ));
     }
-    assert_eq!(refused(&|p| p.sensor_offset_m = f32::NAN), BlobError::Offset);
+    states(&|p| p.sensor_offset_m = f32::NAN, &|e| matches!(e, BlobError::Offset { .. }), &["NaN"]);
+    states(&|p| p.rate_hz = 0.5, &|e| matches!(e, BlobError::Rate { .. }), &["0.5", "1 to 100000"]);
     assert_eq!(refused(&|p| p.law.head[3] = f32::NAN), BlobError::Law(LawError::Coefficient("head")));
     assert_eq!(refused(&|p| p.law.slow[5].0 = 1.01), BlobError::Law(LawError::Coefficient("slow")));
-    // Instruments that cannot show or reach what the limits allow, and limits for another film.
-    assert_eq!(refused(&|p| p.monitor = Calibration::linear(650.0)), BlobError::Reach("monitor"));
-    assert_eq!(refused(&|p| p.amplifier = Calibration::linear(600.0)), BlobError::Reach("amplifier"));
-    // A step of 16 bits of 10 V is 153 V at the film, and 76 V where the points are steepest.
-    assert_eq!(refused(&|p| p.amplifier = Calibration::linear(1e6)), BlobError::Coarse);
-    let steep = Calibration::points(&[[0.0, 0.0], [1.0, 10.0], [1.01, 5010.0], [10.0, 7000.0]]).expect("rising");
-    assert_eq!(refused(&|p| p.amplifier = steep.clone()), BlobError::Coarse);
-    let offset = Calibration::Parabola { offset: 7000.0, gain: 1000.0, quadratic: 0.0 };
-    assert_eq!(refused(&|p| p.amplifier = offset.clone()), BlobError::Reach("amplifier"));
-    // Points that end below the limit, or that stand above 0 V at rest; ones that fall.
+    // Instruments that cannot show or reach the largest voltage of the limits, and limits for another film.
+    let short = |which: &'static str| move |e| matches!(e, BlobError::Reach { instrument, .. } if instrument == which);
     let points = |points: &[[f32; 2]]| Calibration::points(points).expect("rising");
-    assert_eq!(refused(&|p| p.amplifier = points(&[[0.0, 0.0], [5.0, 6000.0]])), BlobError::Reach("amplifier"));
-    assert_eq!(refused(&|p| p.monitor = points(&[[0.0, 0.0], [5.0, 6000.0]])), BlobError::Reach("monitor"));
-    assert_eq!(refused(&|p| p.amplifier = points(&[[0.0, 100.0], [5.0, 8000.0]])), BlobError::Reach("amplifier"));
+    let linear = Calibration::linear;
+    states(&|p| p.monitor = linear(625.0), &short("monitor"), &["monitor", "6400 V", "10.24 V", "6755 V"]);
+    states(&|p| p.amplifier = linear(600.0), &short("amplifier"), &["amplifier", "6000 V", "10 V", "6500 V"]);
+    states(&|p| p.amplifier = points(&[[0.0, 0.0], [5.0, 6000.0]]), &short("amplifier"), &["6000 V", "6500 V"]);
+    states(&|p| p.monitor = points(&[[0.0, 0.0], [5.0, 6000.0]]), &short("monitor"), &["6000 V", "6755 V"]);
+    // A step of 16 bits of 10 V is 153 V at the film, and 76 V where the points are steepest.
+    let coarse = |e| matches!(e, BlobError::Coarse { .. });
+    states(&|p| p.amplifier = linear(1e6), &coarse, &["152.5", "60 V"]);
+    let steep = points(&[[0.0, 0.0], [1.0, 10.0], [1.01, 5010.0], [10.0, 7000.0]]);
+    states(&|p| p.amplifier = steep.clone(), &coarse, &["76.2", "60 V"]);
+    // An amplifier above 0 V at rest.
+    let rest = |e| matches!(e, BlobError::Rest { .. });
+    let offset = Calibration::Parabola { offset: 7000.0, gain: 1000.0, quadratic: 0.0 };
+    states(&|p| p.amplifier = offset.clone(), &rest, &["7000 V", "60 V"]);
+    states(&|p| p.amplifier = points(&[[0.0, 100.0], [5.0, 8000.0]]), &rest, &["100 V", "60 V"]);
+    // Points that fall.
     let falling: dea_driver::heapless::Vec<_, MAX_POINTS> =
         [[0.0, 0.0], [2.0, 3000.0], [1.0, 7000.0]].as_slice().try_into().expect("room");
-    assert_eq!(
-        refused(&|p| p.amplifier = Calibration::Points(falling.clone())),
-        BlobError::Calibration("amplifier", CalibrationError::Point(2))
-    );
-    assert_eq!(refused(&|p| p.limits.thickness_m = 170e-6), BlobError::Thickness);
+    let falls = |e| matches!(e, BlobError::Calibration("amplifier", CalibrationError::Point { number: 2, .. }));
+    states(&|p| p.amplifier = Calibration::Points(falling.clone()), &falls, &["2 V, 3000", "1 V, 7000"]);
+    let thickness = |e| matches!(e, BlobError::Thickness { .. });
+    states(&|p| p.limits.thickness_m = 170e-6, &thickness, &["0.00017", "0.00016"]);
     // A sensor that seems plausible when it is unplugged, and when it is saturated; one that is stuck before it could show it.
-    assert_eq!(refused(&|p| p.limits.sensor.low = -1.1e-3), BlobError::Unplugged);
-    assert_eq!(refused(&|p| p.limits.sensor.high = 9.3e-3), BlobError::Unplugged);
-    assert_eq!(refused(&|p| p.sensor_offset_m = -0.2e-3), BlobError::Unplugged);
-    assert_eq!(refused(&|p| p.limits.sensor.stuck_ticks = 99), BlobError::Stuck);
+    let unplugged = |e| matches!(e, BlobError::Unplugged { .. });
+    states(&|p| p.limits.sensor.low = -1.1e-3, &unplugged, &["-0.0011 m", "0.009 m", "-0.001 m", "0.00924"]);
+    states(&|p| p.limits.sensor.high = 9.3e-3, &unplugged, &["-0.0009 m", "0.0093 m", "-0.001 m", "0.00924"]);
+    states(&|p| p.sensor_offset_m = -0.2e-3, &unplugged, &["-0.0009 m", "0.009 m", "-0.0008", "0.00944"]);
+    states(&|p| p.limits.sensor.stuck_ticks = 99, &|e| matches!(e, BlobError::Stuck { .. }), &["99", "100"]);
     // A sensor that is lost between two samples.
     assert!(matches!(refused(&|p| p.control.lost_after_s = 0.009), BlobError::Control(_)));
     // A coupling that pulls the film in within a step.
