@@ -112,7 +112,7 @@ mod tasks {
             // The next tick is due already: this one was too slow.
             if SCB::is_pendst_pending() {
                 device.trip(Cause::Overrun);
-                // Whatever comes of it, the cause is latched.
+                // The cause is latched, whatever the outcome.
                 let _ = bench.apply(Drive { range: drive.range, ..Drive::OFF });
             }
             device.report(bench.inspection());

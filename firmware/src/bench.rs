@@ -84,12 +84,12 @@ impl Bench {
     /// The converters need nothing of the controller.
     pub fn prepare(&mut self, _: Option<&Controller>) {}
 
-    /// What the last tick has found.
+    /// State of the parts in the last tick.
     pub fn inspection(&self) -> Inspection {
         self.found
     }
 
-    /// What interlock and sensors say: a frame for each converter. One that does not answer, or has lost its range, is set up again.
+    /// Samples interlock and sensors, with a frame for each converter. One that does not answer, or has lost its range, is set up again.
     pub fn sample(&mut self) -> Inputs {
         let monitor = self.monitor.as_mut().map_or(Err(AdcError::Bus), Adc::volts);
         let sensor = self.displacement.as_mut().map_or(Err(AdcError::Bus), Adc::volts);

@@ -1,4 +1,4 @@
-//! What QEMU's chip lacks: a line with a baud rate, and ticks that come in time.
+//! Replacements for parts that QEMU's chip lacks: a line with a baud rate, and ticks that come in time.
 //!
 //! Under `-icount` an instruction takes a nanosecond of the chip's time, however busy the machine is. Two things still depend on
 //! the machine, and would end a run that is right on a board:
@@ -59,7 +59,7 @@ pub fn is_erased(_: Option<BlobError>) -> bool {
 
 /// A tick begins: its period starts now, and the line goes on.
 pub fn begin_tick() {
-    // SAFETY: writing the current value only restarts the counter, which whoever owns the timer reads as a shorter tick; no
+    // SAFETY: writing the current value only restarts the counter, which the timer's owner reads as a shorter tick; no
     // time is measured across the start of a tick.
     unsafe { (*SYST::PTR).cvr.write(0) };
     SCB::clear_pendst();

@@ -12,7 +12,7 @@ const KEPT: usize = 64;
 
 /// A film at rest once there are parameters for one.
 pub struct Film {
-    /// Of the parameters that it was made of.
+    /// Checksum of the parameters that it was made from.
     checksum: Option<u32>,
     law: Law<f32>,
     drive: VoltageDrive<f32>,
@@ -24,7 +24,7 @@ pub struct Film {
     sensor_offset_m: f32,
     /// Between the film's electrodes, V.
     voltage_v: f32,
-    /// The last displacements, m, and where the newest stands.
+    /// The last displacements, m, and the index of the newest.
     past: [f32; KEPT],
     newest: usize,
     /// Ticks by which a sample of the sensor is late.

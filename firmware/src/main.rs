@@ -4,11 +4,11 @@
 //!
 //! 1. sample: interlock, voltage monitor, displacement sensor;
 //! 2. check: sensors, limits, the host's heartbeat;
-//! 3. estimate: where the model is under the voltage that stood;
+//! 3. estimate: where the model is under the voltage applied since the last tick;
 //! 4. command: what the mode asks for, within the limits;
 //! 5. log: every so-many-th tick, for the host.
 //!
-//! 2 to 5 are [`dea_driver::Controller::tick`]. Bytes of the link (USART2, 460 800 baud) come and go by interrupt, above the
+//! 2 to 5 are [`dea_driver::Controller::tick`]. Bytes of the link (USART2, 460 800 baud) are received and sent by interrupt, above the
 //! tick, since the chip keeps only one; requests are answered in the background, below it. Whatever goes wrong ends with PC6
 //! low, which disables the amplifier: a trip at once, a panic before it resets the chip, a hanging tick by the watchdog after
 //! 50 ms, a hanging background by the same half a second later, a reset by the resistor at the pin.

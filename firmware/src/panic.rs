@@ -1,4 +1,4 @@
-//! What happens when the firmware panics: the amplifier is disabled, the message is kept, the chip is reset.
+//! The panic handler: the amplifier is disabled, the message is kept, the chip is reset.
 //!
 //! A stack that overflows leaves nothing to run this on: then the core locks up, and the watchdog resets it.
 
@@ -14,13 +14,13 @@ use stm32f4xx_hal::pac::GPIOC;
 
 use crate::clock;
 
-/// Tells a record from what the memory holds after power-up.
+/// Marks a record, unlike the memory's contents after power-up.
 const MAGIC: u32 = 0x7061_6e69;
 
-/// Says that the parameters in force are only tried.
+/// Marks that the parameters in force are only tried.
 const ON_TRIAL: u32 = 0x7472_6961;
 
-/// Whether they are, over a reset.
+/// Mark of a trial, kept over a reset.
 #[unsafe(link_section = ".panic_record")]
 static mut TRIAL: MaybeUninit<u32> = MaybeUninit::uninit();
 
@@ -30,7 +30,7 @@ pub fn remember_trial(on_trial: bool) {
     unsafe { addr_of_mut!(TRIAL).cast::<u32>().write_volatile(if on_trial { ON_TRIAL } else { 0 }) };
 }
 
-/// What was remembered last. After power-up the memory holds anything else.
+/// Reads whether a trial was remembered last. After power-up the memory holds anything else.
 pub fn remembers_trial() -> bool {
     // SAFETY: as above.
     unsafe { addr_of_mut!(TRIAL).cast::<u32>().read_volatile() == ON_TRIAL }
@@ -118,7 +118,7 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     panic!("hard fault at {:#010x}", frame.pc());
 }
 
-/// An interrupt that nobody asked for.
+/// Handles an interrupt that was not enabled.
 #[exception]
 unsafe fn DefaultHandler(number: i16) {
     panic!("unexpected interrupt {number}");

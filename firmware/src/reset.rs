@@ -16,7 +16,7 @@ pub fn cause(rcc: &RCC, panic_message: &Message) -> Option<Cause> {
             return Some(Cause::Panic);
         }
     }
-    // Below 1.8 V the chip cannot tell a dip from being switched on: there every flag of the supply is set. Every reset sets that
+    // Below 1.8 V the chip cannot distinguish a dip from being switched on: there every flag of the supply is set. Every reset sets that
     // of the pin.
     if flags.wdgrstf().bit_is_set() || flags.wwdgrstf().bit_is_set() {
         Some(Cause::Watchdog)

@@ -17,9 +17,9 @@ pub fn open(usart: USART2, tx: PA2, rx: PA3, rcc: &mut Rcc) -> Result<Serial<USA
 }
 
 /// The byte that has come, if one has, whatever the line says of it: noise on one of three samples of a bit need not have changed it,
-/// and the checksum of its frame tells.
+/// and the checksum of its frame shows it.
 pub fn received(_owner: &mut Serial<USART2>) -> Option<u8> {
-    // SAFETY: the port is the caller's alone. Reading its data register after its status clears what the status said.
+    // SAFETY: the port is the caller's alone. Reading its data register after its status clears the flags of the status.
     let usart = unsafe { &*USART2::PTR };
     let status = usart.sr().read();
     let came = status.rxne().bit_is_set();

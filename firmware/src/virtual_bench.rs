@@ -13,7 +13,7 @@ use stm32f4xx_hal::rcc::Rcc;
 use crate::film::Film;
 use crate::outputs::Pins;
 
-/// The fault to inject: its place in [`FAULTS`], from 1; 0 is none.
+/// The fault to inject: its place in [`FAULTS`], from 1; 0 for no fault.
 static REQUESTED: AtomicU8 = AtomicU8::new(0);
 
 /// The faults that can be injected. A tick that hangs needs a watchdog, which QEMU does not have.
@@ -28,7 +28,7 @@ const FAULTS: [InjectedFault; 6] = [
 
 /// The range of both simulated ADCs.
 const ADC: AdcRange = AdcRange::UpTo10V24;
-/// What the sensor shows before there are parameters, V.
+/// Reading of the sensor before there are parameters, V.
 const AT_REST_V: f32 = 1.0;
 /// Largest noise of the sensor, codes: a live sensor is never still.
 const NOISE: u32 = 8;
@@ -46,9 +46,9 @@ pub type AdcBus = ();
 /// The bench. Like the board's converters its monitor is sampled at the end of a frame, and answers in that of the next tick.
 pub struct Bench {
     film: Option<Film>,
-    /// What the monitor shows, as its code.
+    /// Reading of the monitor, as its code.
     monitor: u16,
-    /// What it showed in the tick before.
+    /// Its reading in the tick before.
     sampled: u16,
     noise: u32,
     stuck: bool,
@@ -122,7 +122,7 @@ impl Bench {
         inputs
     }
 
-    /// What the last tick has found.
+    /// State of the parts in the last tick.
     pub fn inspection(&self) -> Inspection {
         self.found
     }

@@ -24,7 +24,7 @@ fn read(register: u8, answer: u16) -> Vec<OnSpi<u8>> {
     [written(0x80 | register, 0), answered(0x18, 0, answer)].concat()
 }
 
-/// A code, while the DAC says which one stood.
+/// A new code, while the DAC returns the previous one.
 fn commanded(code: u16, stood: u16) -> Vec<OnSpi<u8>> {
     [written(0x80, 0), answered(0x00, code, stood)].concat()
 }
@@ -73,7 +73,7 @@ pub fn main() {
     let on_pin: Vec<_> = on_pin.into_iter().map(OnPin::set).collect();
     let amplifier = Amplifier::new(Spi::new(&on_dac), Pin::new(&on_pin), CommandRange::TenVolts);
     let mut amplifier = amplifier.expect("answers");
-    // The monitor shows what stood a tick ago; the sensor reads 1 V of a film at rest, with its noise.
+    // The monitor shows the voltage of a tick ago; the sensor reads 1 V of a film at rest, with its noise.
     let at_rest = [6400, 6401].repeat(DISARMED);
     let mut monitor = adc(&[[0; DISARMED - 1].as_slice(), &[320]].concat());
     let mut sensor = adc(&at_rest[..DISARMED]);

@@ -16,7 +16,7 @@ const RATE_HZ: u16 = 500;
 const DAC_V: f32 = 2.5;
 const ADC_V: f32 = 3.3;
 
-/// What the checks of the parameters need to know of them. An ADC ends one count below its full scale.
+/// Their ranges, for the checks of the parameters. An ADC ends one count below its full scale.
 const CONVERTERS: Converters =
     Converters { command_v: Some(DAC_V), monitor_v: ADC_V * (4095.0 / 4096.0), sensor_v: ADC_V * (4095.0 / 4096.0) };
 
@@ -57,7 +57,7 @@ struct Board {
 }
 
 impl Board {
-    /// What is sampled at the beginning of a tick. A converter that does not answer is `None`.
+    /// Samples the inputs at the beginning of a tick. A converter that does not answer is `None`.
     fn sample(&mut self) -> Inputs {
         Inputs {
             interlock_closed: true,
@@ -66,7 +66,7 @@ impl Board {
         }
     }
 
-    /// What is put out at its end. The enable output comes first where it goes low, and last where it goes high.
+    /// Writes the outputs at its end. The enable output comes first where it goes low, and last where it goes high.
     fn put_out(&mut self, outputs: &Outputs) {
         if outputs.enable {
             self.dac = dac_code(outputs.dac_v);
@@ -86,7 +86,7 @@ fn tick(controller: &mut Controller, board: &mut Board) -> Outputs {
     outputs
 }
 
-/// Until the next tick, the simulated film moves under what stands.
+/// Moves the simulated film under the present voltage until the next tick.
 fn wait(board: &mut Board) {
     board.film.step(if board.enable { board.dac } else { 0 });
 }

@@ -26,8 +26,8 @@ const RANGE_BITS: u16 = 0x7;
 /// An amplifier that follows channel A of an AD5754 while its enable input is high.
 ///
 /// The DAC drives 0…5 V or 0…10 V, straight binary (its BIN/2sCOMP pin high), LDAC tied low. SPI mode 1, up to 17 MHz. SDO must be
-/// wired: before the amplifier is enabled the DAC's range, protection, power and code are read back, with every command the code that
-/// stood, and while it is disabled the power. A DAC that does not hold what it was sent, or is at its limits, disables the amplifier.
+/// wired: before the amplifier is enabled the DAC's range, protection, power and code are read back, with every command the code
+/// before it, and while it is disabled the power. A DAC that does not hold what it was sent, or is at its limits, disables the amplifier.
 ///
 /// ```
 /// use dea_driver::chips::{Amplifier, CommandRange, Drive};
@@ -76,9 +76,9 @@ pub enum AmplifierError {
     Enable,
     /// The DAC does not hold what it was sent: it is not there, has lost its supply, or its SDO is not wired.
     Readback {
-        /// What it was sent.
+        /// The value that it was sent.
         wanted: u16,
-        /// What it holds.
+        /// The value that it holds.
         found: u16,
     },
 }

@@ -63,7 +63,7 @@ pub struct Ads868x<SPI> {
     fault: AdcError,
 }
 
-/// What the next frame is for.
+/// Purpose of the next frame.
 #[derive(Clone, Copy)]
 enum Frame {
     SetRange,
@@ -82,9 +82,9 @@ pub enum AdcError {
     Bus,
     /// The chip does not have the range that it was set to: no chip, another one, or one that has been without supply.
     Range {
-        /// What should have come: the register, or what a frame carries beside its sample.
+        /// The expected value: the register, or the part of a frame beside its sample.
         wanted: u16,
-        /// What came.
+        /// The received value.
         found: u16,
     },
     /// It is being set up for the first time. Later the fault stays until there is a sample again.
@@ -101,7 +101,7 @@ impl<SPI: SpiDevice> Ads868x<SPI> {
     ///
     /// # Errors
     ///
-    /// [`AdcError`] where there is none yet, or none that can be trusted: the chip is set up again by the next readings.
+    /// [`AdcError`] where there is no sample yet, or no reliable one: the chip is set up again by the next readings.
     pub fn read(&mut self) -> Result<AdcCode, AdcError> {
         let [range_high, range_low] = range_sel(self.range).to_be_bytes();
         let [fields_high, fields_low] = RANGE_INCL.to_be_bytes();

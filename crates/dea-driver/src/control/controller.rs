@@ -13,7 +13,7 @@ use crate::safety::{Cause, Readings, Refusal, Supervisor};
 /// Longest time in which a new target is approached, s.
 const RAMP_S: f32 = 0.05;
 
-/// What was sampled at the beginning of a tick.
+/// Samples of the beginning of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Inputs {
@@ -100,9 +100,9 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     mode: Mode,
     /// Whether the law commanded the voltage in the last tick, or has been started since.
     ran: bool,
-    /// Whether the amplifier lags: how fast it is, its monitor tells.
+    /// Whether the amplifier lags: the estimate then uses its monitor.
     lags: bool,
-    /// What this run follows: a voltage (V) or a reference (m), as its mode has it; none until one is set.
+    /// The target of this run: a voltage (V) or a reference (m), depending on its mode; none until one is set.
     target: Ramp,
     open_loop: LawState<f32, Watched>,
     follower: Follower<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
@@ -206,7 +206,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             disturbance_share: if corrects { observer.disturbance() * self.shares_per_n } else { 0.0 },
         });
 
-        // Estimate: step the film under the voltage that stood since the last tick, and correct it with a sample if one is
+        // Estimate: step the film under the voltage applied since the last tick, and correct it with a sample if one is
         // due. Nothing is learned from a film that is not driven.
         let sample = self.sampler.next(checked.displacement_m.filter(|_| self.supervisor.runs()));
         let applied = Applied { commanded_v: stood_v, reading_v: self.lags.then_some(monitor_v) };
@@ -241,7 +241,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         let furthest_m = checked.displacement_m.filter(|&measured_m| measured_m > estimated_m).unwrap_or(estimated_m);
         let command_v = self.supervisor.command(wanted_v, 1.0 + self.thinning_per_m * furthest_m);
         let enable = self.supervisor.enables();
-        // An amplifier that stands above 0 V at a command of 0 V would need less than that, which a DAC of both signs would give.
+        // An amplifier that is above 0 V at a command of 0 V would need less than that, which a DAC of both signs would give.
         let inverse_v = self.parameters.amplifier.invert(command_v);
         let dac_v = if enable && inverse_v > 0.0 { inverse_v } else { 0.0 };
 
@@ -350,7 +350,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
     }
 
     /// Sets the voltage of [`Mode::Voltage`] (V at the film): approached in a straight line in the time since the value
-    /// before, 50 ms at most. One that is set while armed tells whether it is within the limits; [`start`](Self::start) clears it.
+    /// before, 50 ms at most. One that is set while armed is only checked against the limits; [`start`](Self::start) clears it.
     ///
     /// # Errors
     ///

@@ -1,8 +1,8 @@
-//! What a run does, and the record of a tick.
+//! The modes of a run, and the record of a tick.
 
 use serde::{Deserialize, Serialize};
 
-/// What the law does while running.
+/// Task of the law while running.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Mode {
@@ -14,7 +14,7 @@ pub enum Mode {
     Tracking,
 }
 
-/// What is to become of what was learned of a periodic reference.
+/// An order for the correction learned for a periodic reference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum LearningOrder {
@@ -42,7 +42,7 @@ pub struct Telemetry {
     pub predicted_m: f32,
     /// The shaped reference, without what was learned; of [`Mode::Voltage`] the prediction, m.
     pub reference_m: f32,
-    /// What was learned of the reference's cycles and is added to it, m.
+    /// Correction learned from the reference's cycles and added to it, m.
     pub learned_m: f32,
     /// Force that the model does not explain, N.
     pub disturbance_n: f32,

@@ -201,7 +201,7 @@ impl fmt::Display for BlobError {
             ),
             Self::Stuck { stuck_ticks, min_ticks } => write!(
                 f,
-                "limits.sensor.stuck_ticks is {stuck_ticks}; it must be at least {min_ticks}, which is five times \
+                "limits.sensor.stuck_ticks is {stuck_ticks}; it must be at least {min_ticks:.1}, which is five times \
                  control.delay_s + sample_interval_s"
             ),
         }

@@ -60,7 +60,7 @@ pub struct Parameters<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     pub monitor: Calibration,
     /// Displacement sensor (V) → displacement (m).
     pub sensor: Calibration,
-    /// What film and bench allow.
+    /// The limits of film and bench.
     pub limits: Limits,
     /// How references are followed and the film is observed.
     pub control: Control,

@@ -4,8 +4,8 @@
 //! until the header is complete, the slot does not count, and the other one is untouched. The contents of a slot are
 //! checked by the blob's own checksum.
 //!
-//! Nothing in an erased slot tells that it held a newer set. So both slots are in use from the first save on, and one that stands
-//! alone tells it.
+//! An erased slot does not show that it held a newer set. So both slots are in use from the first save on, and a set that is
+//! alone shows it.
 
 use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind};
 
@@ -179,7 +179,7 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
         let newest = slots.into_iter().flatten().next();
         let sequence = newest.map_or(ALONE + 1, Slot::next);
         let index = match valid.or(newest) {
-            // Its number does not tell that a newer set stood beside it. What is left of that one does, and stays until this save is
+            // Its number does not show that a newer set was beside it. What is left of that one does, and stays until this save is
             // complete.
             Some(slot) if slot.sequence == ALONE && !self.is_first_of_earlier_versions(slot)? => slot.index,
             Some(slot) => 1 - slot.index,

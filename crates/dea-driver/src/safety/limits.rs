@@ -8,7 +8,7 @@ use springpot::AmplifierLag;
 /// Smallest number of ticks in which a sensor can be watched.
 pub(crate) const MIN_TICKS: u32 = 5;
 
-/// What film and bench allow.
+/// Limits of film and bench.
 ///
 /// ```
 /// use dea_driver::{Limits, LimitsError};
@@ -84,7 +84,7 @@ pub struct PlausibilityLimits {
     /// `stuck_band` while the model moves five times as far within these ticks is stuck a fifth of them later, which must be
     /// longer than the sensor's delay and the interval of its samples.
     pub stuck_ticks: u32,
-    /// What a sensor may move, in its unit, without having followed the film: more than the noise of its converter.
+    /// Largest movement of a stuck sensor, in its unit: more than the noise of its converter.
     #[serde(default = "stuck_band")]
     pub stuck_band: f32,
 }
@@ -237,7 +237,7 @@ impl Limits {
         self.check_that_they_protect()
     }
 
-    /// What is beyond these bounds was meant in another unit, or to switch a limit off.
+    /// Checks the bounds beyond which a limit was meant in another unit, or is switched off.
     fn check_that_they_protect(&self) -> Result<(), LimitsError> {
         let sensor = &self.sensor;
         let farthest_m = sensor.low.abs().max(sensor.high.abs());
@@ -282,7 +282,7 @@ fn first<T>(items: &[T], wrong: impl Fn(&T) -> bool) -> Option<&T> {
 const MAX_STUCK_S: f32 = 10.0;
 
 impl PlausibilityLimits {
-    /// Whether a stuck sensor is noticed in time, at `rate_hz` ticks a second.
+    /// Checks that a stuck sensor is noticed in time, at `rate_hz` ticks a second.
     #[allow(clippy::cast_precision_loss)] // compared, not counted
     pub(crate) fn check_rate(&self, rate_hz: f32) -> Result<(), LimitsError> {
         let (value, max) = (self.stuck_ticks as f32, MAX_STUCK_S * rate_hz);

@@ -1,4 +1,4 @@
-//! What keeps the film and its user safe: limits, the checks of the sensors, and the supervisor.
+//! Protection of the film and its user: limits, the checks of the sensors, and the supervisor.
 
 mod limits;
 mod monitor;

@@ -1,4 +1,4 @@
-//! Whether a sensor is plausible.
+//! The check that a sensor is plausible.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,4 +1,4 @@
-//! Whether a sensor moves with the film.
+//! The check that a sensor moves with the film.
 
 use crate::safety::PlausibilityLimits;
 use crate::safety::limits::MIN_TICKS;

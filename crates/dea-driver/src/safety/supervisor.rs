@@ -9,7 +9,7 @@ use crate::safety::limits::positive;
 use crate::safety::monitor::bounded;
 use crate::safety::{Limits, LimitsError, Monitor, OnSensorFault, Plausibility, SensorFault};
 
-/// Where the driver stands.
+/// State of the driver.
 ///
 /// ```text
 /// Disarmed ──arm──▶ Armed ──start──▶ Running        Armed, Running ──disarm──▶ Disarmed
@@ -195,7 +195,7 @@ pub struct Supervisor {
     command_v: f32,
     monitor: Monitor,
     sensor: Plausibility,
-    /// Of the last tick.
+    /// State of the interlock in the last tick.
     interlock_closed: bool,
     monitor_v: f32,
     last_fault: Option<SensorFault>,
@@ -446,7 +446,7 @@ impl Supervisor {
         Tick { state: self.state, displacement_m }
     }
 
-    /// Nothing but the monitor tells that a disabled amplifier is really off: an enable input that is welded, or wired to
+    /// Only the monitor shows that a disabled amplifier is really off: an enable input that is welded, or wired to
     /// nothing, shows here alone. This outranks the cause that disabled it.
     fn check_film_at_0_v(&mut self) {
         self.live_ticks = if self.enables() {
@@ -458,7 +458,7 @@ impl Supervisor {
         } else if self.is_at_0_v() {
             self.live_ticks.saturating_sub(1)
         } else {
-            // Unknown: a monitor that does not answer acquits nobody.
+            // Unknown: a monitor that does not answer proves nothing.
             self.live_ticks
         };
         if self.live_ticks > self.discharge_ticks && self.state != DriverState::Tripped(Cause::LiveFilm) {

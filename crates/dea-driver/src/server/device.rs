@@ -9,7 +9,7 @@ use crate::wire::{Answer, Inspection, Reject, Status};
 
 /// Records that wait for the link.
 const WAITING: usize = 16;
-/// Longest time in which the background does not come round, s: it waits for the line, and steps the loop test.
+/// Longest time of a turn of the background's loop, s: it waits for the line, and steps the loop test.
 const BACKGROUND_S: f32 = 0.5;
 /// Ticks per second until there are parameters.
 const RATE_HZ: f32 = 1000.0;
@@ -42,11 +42,11 @@ pub struct Device<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: us
     controller: Option<Controller<HEAD, FAST, SLOW>>,
     /// Why the last run ended, until it is acknowledged.
     latched: Option<Cause>,
-    /// Whether older parameters are in force than were saved last, and nobody has acknowledged that.
+    /// Whether older parameters are in force than were saved last, and no host has acknowledged that.
     parameters_lost: bool,
-    /// Ticks since the background came round.
+    /// Ticks since the background's last sign of life.
     ticks_alone: u32,
-    /// What the board has found of its parts.
+    /// State of the board's parts, as last reported.
     inspection: Option<Inspection>,
     stream: Stream,
     /// The controller of whole ticks of the loop test.
@@ -110,7 +110,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         self.controller.as_ref()
     }
 
-    /// Whether the amplifier is disabled, so that parameters may change.
+    /// Checks that the amplifier is disabled, so that parameters may change.
     ///
     /// # Errors
     ///
@@ -154,13 +154,13 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         }
     }
 
-    /// The background, which serves the host, has come round: to be called once in every turn of its loop.
+    /// Reports that the background, which serves the host, is alive: to be called once in every turn of its loop.
     pub fn background_is_running(&mut self) {
         self.ticks_alone = 0;
     }
 
-    /// Whether the background has come round within half a second. A tick whose background hangs must not go on feeding the
-    /// watchdog: nobody would hear a host that wants to stop.
+    /// Whether the background has been alive within half a second. A tick whose background hangs must not go on feeding the
+    /// watchdog: a host that wants to stop would get no response.
     #[must_use]
     pub fn background_is_alive(&self) -> bool {
         #[allow(clippy::cast_precision_loss)] // compared, not counted
@@ -185,12 +185,12 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         Drive { enable: outputs.enable, dac_v: outputs.dac_v, range: controller.parameters().command_range }
     }
 
-    /// Tells what the board finds of its parts, for a host that asks: in every tick, or as often as they are looked at.
+    /// Stores the state of the board's parts, for a host that asks: in every tick, or as often as they are looked at.
     pub fn report(&mut self, inspection: Inspection) {
         self.inspection = Some(inspection);
     }
 
-    /// What the board has told of its parts last.
+    /// Last reported state of the board's parts.
     #[must_use]
     pub fn inspection(&self) -> Option<Inspection> {
         self.inspection

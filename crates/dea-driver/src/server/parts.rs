@@ -1,4 +1,4 @@
-//! What the errors of the converters are for a host that asks.
+//! Conversion of the converters' errors to the states that a host can ask for.
 
 use crate::chips::{AdcError, AmplifierError};
 use crate::wire::Part;

@@ -9,7 +9,7 @@ use crate::safety::{Cause, DriverState, Refusal};
 use crate::server::{Denial, Device, Upload};
 use crate::wire::{Answer, Command, Identity, InjectedFault, Message, Receiver, Reject, Request, Status, VERSION};
 
-/// What a board lends to a [`Session`]. The sizes are those of its controller's law.
+/// The parts of a board that a [`Session`] uses. The sizes are those of its controller's law.
 pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
     /// The flash of its parameters.
     type Flash: NorFlash;
@@ -50,13 +50,13 @@ pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usiz
         let _ = on_trial;
     }
 
-    /// What was remembered last, before a reset or since.
+    /// Whether a trial was remembered last, before a reset or since.
     fn remembers_trial(&self) -> bool {
         false
     }
 
     /// Feeds the watchdog no more, so that it resets the chip: shows that there is one. The amplifier is disabled. False where there is
-    /// none to be tried.
+    /// no watchdog to be tried.
     fn stop_feeding_watchdog(&mut self) -> bool {
         false
     }
@@ -143,7 +143,7 @@ pub struct Session<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: u
     firmware: &'static str,
     receiver: Receiver,
     upload: Upload,
-    /// Of the host that armed last; 0 if none has.
+    /// Token of the host that armed last; 0 if none has.
     token: u16,
     /// Whether the parameters in force are only tried.
     on_trial: bool,
@@ -157,11 +157,11 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
     }
 
     /// Ticks with the stored parameters, if there are any: to be called once after a reset. If they are not those that ran before it,
-    /// whoever uploaded those must know: [`Cause::Parameters`](crate::Cause) is latched.
+    /// the host that uploaded those must know: [`Cause::Parameters`](crate::Cause) is latched.
     ///
     /// # Errors
     ///
-    /// Why there are none, or why they were refused; the link works all the same.
+    /// [`StartError`] if there are no stored parameters, or if they were refused; the link works all the same.
     pub fn begin<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Result<(), StartError> {
         install_stored(board)?;
         if board.remembers_trial() {
@@ -180,7 +180,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
         })
     }
 
-    /// Executes a command: the one place where commands are told apart.
+    /// Executes a command: the only place that distinguishes commands.
     fn answer<B: Board<HEAD, FAST, SLOW>>(&mut self, token: u16, command: &Command, board: &mut B) -> Answer {
         let done = match *command {
             Command::Identify => return self.identity(B::ID),
@@ -371,7 +371,7 @@ fn install<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     Ok(())
 }
 
-/// What the host that armed alone may do.
+/// An action of the host that armed, and of no other.
 #[derive(Clone, Copy)]
 enum Act {
     StayAlive,

@@ -1,8 +1,8 @@
-//! What a board finds of its parts.
+//! The state of a board's parts.
 
 use serde::{Deserialize, Serialize};
 
-/// What a board finds of its parts in a tick, whether or not there are parameters.
+/// State of a board's parts in a tick, with or without parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Inspection {
@@ -31,11 +31,11 @@ pub enum Part {
     Answers,
     /// The transfer failed.
     Bus,
-    /// What was read back is not what it was sent: not there, without supply, not wired, or another chip.
+    /// The value read back differs from the one sent: the part is not there, without supply, not wired, or another chip.
     Wrong {
-        /// What it was sent.
+        /// The value that it was sent.
         wanted: u16,
-        /// What was read.
+        /// The value that was read.
         found: u16,
     },
     /// It is being set up.

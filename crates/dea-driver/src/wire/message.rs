@@ -18,7 +18,7 @@ pub const CHUNK: usize = 128;
 pub struct Request {
     /// Chosen by the host; comes back with the answer.
     pub sequence: u16,
-    /// What [`Answer::Armed`] gave to the host that armed; 0 from any other.
+    /// The token of [`Answer::Armed`] from the host that armed; 0 from any other.
     pub token: u16,
     /// The command.
     pub command: Command,
@@ -86,14 +86,14 @@ pub enum Command {
     /// Tick the control on the film of the loop test, without hardware. Only while the amplifier is disabled.
     /// Answered by [`Answer::Followed`]; rejected as unknown by an image without the feature `loop-test`.
     Follow {
-        /// What the law does.
+        /// Task of the law.
         mode: Mode,
         /// Tick by tick.
         targets: Vec<Target, BATCH>,
     },
     /// Run the stored parameters, as after a reset. Only while the amplifier is disabled.
     Reload,
-    /// What the board finds of its parts. Answered by [`Answer::Inspection`]; rejected as unknown by a board that does not tell.
+    /// Asks for the state of the board's parts. Answered by [`Answer::Inspection`]; rejected as unknown by a board without that.
     Inspect,
     /// Feed the watchdog no more, so that it resets the chip. Only while the amplifier is disabled; rejected as unknown by a board that
     /// does not.
@@ -101,12 +101,12 @@ pub enum Command {
     /// Tick the whole controller of the loop test, armed and running, on these codes, without hardware. Only while the amplifier is
     /// disabled. Answered by [`Answer::Ticked`]; rejected as unknown by an image without the feature `loop-test`.
     Tick {
-        /// What the controller follows.
+        /// Target of the controller.
         mode: Mode,
         /// Tick by tick.
         inputs: Vec<TickCodes, BATCH>,
     },
-    /// What is to become of what was learned of a periodic reference. While the amplifier is enabled, only from the host that armed.
+    /// An order for the correction learned for a periodic reference. While the amplifier is enabled, only from the host that armed.
     Learning(LearningOrder),
 }
 
@@ -162,21 +162,21 @@ pub enum Answer {
     Status(Status),
     /// Which parameters are in force.
     Parameters {
-        /// What they are called.
+        /// Name of the set.
         name: String<32>,
         /// Checksum of their blob, its last four bytes.
         checksum: Option<u32>,
     },
-    /// What the model did.
+    /// Result of the model.
     Steps {
         /// Step by step.
         steps: Vec<Step, BATCH>,
         /// Cycles of the processor that all of them took.
         cycles: u32,
     },
-    /// What the firmware said when it panicked last; empty if it never did.
+    /// Message of the firmware's last panic; empty if there was none.
     PanicMessage(String<200>),
-    /// What the control did.
+    /// Result of the control.
     Followed {
         /// Tick by tick.
         ticks: Vec<Followed, BATCH>,
@@ -188,9 +188,9 @@ pub enum Answer {
         /// Another one every time; never 0.
         token: u16,
     },
-    /// What a board finds of its parts.
+    /// State of the board's parts.
     Inspection(Inspection),
-    /// What the controller did.
+    /// Result of the controller.
     Ticked {
         /// Tick by tick.
         ticks: Vec<Ticked, BATCH>,

@@ -35,7 +35,7 @@ use crate::scale::cases;
 const ASTRAY: u32 = 23;
 const LIVE: u32 = 1002;
 
-/// What an ADC reads.
+/// Reading of an ADC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Adc {
     Zero,
@@ -105,7 +105,7 @@ struct Case {
     fault: Fault,
     state: State,
     range: CommandRange,
-    /// Of the commands that move: V in mode voltage, m otherwise.
+    /// Mean of the commands that move: V in mode voltage, m otherwise.
     mean: f64,
     amplitude: f64,
     frequency_hz: f64,
@@ -224,7 +224,7 @@ impl Board {
         })
     }
 
-    /// What a host does in `tick`; errors are what it is told.
+    /// Does the work of a host in `tick`; errors are the board's refusals.
     fn host(&mut self, case: &Case, tick: u32) {
         let device = &mut self.device;
         let mode = if let State::Running(mode) = case.state { MODES[usize::from(mode)] } else { Mode::Voltage };
@@ -262,7 +262,7 @@ impl Board {
     }
 }
 
-/// What the film did, and what the driver said.
+/// Behaviour of the film, and the driver's reports.
 #[derive(Default)]
 struct Watch {
     /// Ticks in a row.
@@ -349,10 +349,10 @@ fn no_fault_of_an_actuator_keeps_a_film_astray() {
         let end = end.unwrap_or("nothing to notice".into());
         *counts.entry((case.fault.name(), case.state)).or_default().entry(end).or_default() += 1;
         (astray, live) = (watch.largest_astray.max(astray), watch.largest_live.max(live));
-        // What moves the film away from the command is always told.
+        // Every fault that moves the film away from the command is reported.
         assert!(watch.largest_astray < ASTRAY - 1 || watch.first.is_some(), "{case:?}");
     }
-    println!("actuator: {number} runs; astray for {astray} ms at the most, live without being told for {live} ms");
+    println!("actuator: {number} runs; astray for {astray} ms at the most, live without a report for {live} ms");
     for ((fault, state), ends) in counts {
         println!("  {fault}, {state:?}: {ends:?}");
     }

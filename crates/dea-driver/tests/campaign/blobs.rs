@@ -53,7 +53,7 @@ fn benches() -> Vec<Parameters> {
         monitor: points(&[[0.0, -5.0], [5.0, 4900.0], [10.0, 9800.0]]),
         ..paper.clone()
     };
-    // Behind an elastic curve, through a drive that saturates, in the discretisation of second order.
+    // Behind an elastic curve, through a drive that saturates, in the second-order discretisation.
     let options = LawOptions::at_step(1e-3).with_method(Discretisation::Bdf2);
     let stiffening = Curve::through(&[(-0.5e-3, -0.45e-3), (0.0, 0.0), (1e-3, 1.2e-3), (2e-3, 2.9e-3)]).expect("rises");
     let law = Law::compressed(&model, options).and_then(|law| law.behind(&stiffening)).expect("valid");

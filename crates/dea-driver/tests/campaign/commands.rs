@@ -42,7 +42,7 @@ fn limits(on_sensor_fault: OnSensorFault) -> Limits {
 #[derive(Clone, Copy, PartialEq)]
 enum Mood {
     Healthy,
-    /// Of one fault in twenty ticks or so.
+    /// One fault in about twenty ticks.
     Troubled,
     Chaos,
     /// The amplifier goes on although it is disabled.
@@ -279,7 +279,7 @@ fn run_supervisor(mut supervisor: Supervisor, mut reference: Reference, seed: u6
     }
 }
 
-/// What is asked for, V, and how much thinner the film is.
+/// The wanted voltage, V, and how much thinner the film is.
 fn wanted(source: &mut Source) -> (f32, f32) {
     let wanted_v = match source.below(64) {
         0 => f32::NAN,

@@ -6,7 +6,7 @@
 //! copied. Two states are the same if state and cause, the supervisor's counters up to where they act, the sign of the command, what the
 //! last readings allow, the owner of the token and the independent count of the owner's silence are.
 //!
-//! Pass, in every transition: an enabled amplifier implies that this tick's interlock is closed and that the host that armed was heard
+//! Pass, in every transition: an enabled amplifier implies that this tick's interlock is closed and that a request of the host that armed came
 //! within its timeout, as a count has it that knows only answers; more than 0 V while running only; while the amplifier is enabled, what
 //! another host asks for is `Rejected(Token)` and changes nothing in the supervisor; a trip ends by `Acknowledge` alone. The search finds
 //! a host that uses the other one's token.
@@ -87,7 +87,7 @@ fn steps() -> Vec<Step> {
     steps
 }
 
-/// What every search starts from.
+/// Start of every search.
 struct Start {
     timeout_ticks: u32,
     controller: Controller,
@@ -181,7 +181,7 @@ impl<'a> World<'a> {
         Ok(())
     }
 
-    /// What keeps the amplifier enabled, from the host that armed alone.
+    /// Sends a command that only the host that armed may send, and that keeps the amplifier enabled.
     fn drive(&mut self, host: usize, command: Command) -> Result<(), String> {
         let owns = self.owner == Some(host);
         let live = self.bench.device.state().is_live();
@@ -225,7 +225,7 @@ impl<'a> World<'a> {
             (enable == state.is_live(), "enabled in a state that is not live, or not in one that is"),
             (!enable || inputs.interlock_closed, "enabled although the interlock is open"),
             (!enable || inputs.monitor_adc_v.is_some(), "enabled without a monitor"),
-            (!enable || self.owner.is_some(), "enabled although nobody has armed"),
+            (!enable || self.owner.is_some(), "enabled although no host has armed"),
             (
                 !enable || self.silent_ticks <= self.start.timeout_ticks,
                 "enabled although the host that armed is silent",

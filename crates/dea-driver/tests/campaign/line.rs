@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 /// Bytes that 460 800 baud carry in a millisecond.
 const BYTES_PER_MS: usize = 46;
 
-/// What the adapter does with bytes while it stalls.
+/// Treatment of bytes while the adapter stalls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stall {
     /// It keeps them, and delivers them afterwards.
@@ -18,7 +18,7 @@ pub enum Stall {
     Loses,
 }
 
-/// Which way a line goes. The adapter stands between its wire and the host, and cannot hold up the board.
+/// Which way a line goes. The adapter is between its wire and the host, and cannot hold up the board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Way {
     ToBoard,

@@ -2,7 +2,7 @@
 //! of either direction about every 20 s, while a host plays a voltage and a stream of records runs.
 //!
 //! Pass: with errors of 1e-5 and less nothing but a stall of 1 s towards the board trips it, and the host plays again afterwards; every
-//! record that is missing at the host is told by the tick numbers of its neighbours, and by `dropped` where the board dropped it; every
+//! record that is missing at the host is evident from the tick numbers of its neighbours, and by `dropped` where the board dropped it; every
 //! frame that does not arrive as it was sent is counted, answered with number 0, and leaves the device as it was, bit by bit; the only
 //! cause is `Heartbeat`, in the first tick after `heartbeat_s` without an accepted request, with the amplifier disabled.
 //!
@@ -170,7 +170,7 @@ fn decoded(frame: &[u8]) -> Request {
     receiver.push(0).expect("a frame").expect("as it was sent")
 }
 
-/// What a run counted.
+/// Counts of a run.
 struct Run {
     firmware: Firmware,
     player: Player,
@@ -237,7 +237,7 @@ fn gaps(run: &Run, every: u16) -> (u32, u32) {
         if let Some(last) = last {
             let ticks = record.tick - last;
             assert_eq!(ticks % u32::from(every), 0);
-            assert_eq!(ticks / u32::from(every) - 1, between, "a gap that is not told, at tick {}", record.tick);
+            assert_eq!(ticks / u32::from(every) - 1, between, "a gap that is not reported, at tick {}", record.tick);
         }
         last = Some(record.tick);
     }

@@ -16,10 +16,10 @@
 //! and not in the first 20 ms: 1 − exp(−0.48 λ). A reading outside the band may show the first arc less deep than that, if R is so short:
 //! then it takes two more.
 //!
-//! Nobody sees an arc before there is one, nor one between two ticks: at T = 100 ms, one run in a hundred has its second arc too late
+//! No check sees an arc before there is one, nor one between two ticks: at T = 100 ms, one run in a hundred has its second arc too late
 //! (R ≥ 1.5 ms), and one in four shows it too late (R = 0.5 ms, 4 kV).
 //!
-//! Not told apart from a healthy monitor, by principle: a frozen one while the command stays within the band of where it froze, or leaves it
+//! Not distinguishable from a healthy monitor, by principle: a frozen one while the command stays within the band of where it froze, or leaves it
 //! for less than a tick in 17; a gain that is wrong by g − 1 below 60 V / (|g − 1| − 3 %), which are 857 V for 0.9 and 1.1.
 //!
 //! 600 runs in the sample, 10 000 in full, of 30 s from the fault.
@@ -47,7 +47,7 @@ const RATE_HZ: f32 = 1000.0;
 const NOISE_V: f64 = 3.0;
 /// Ticks of a run from the fault on.
 const TICKS: u32 = 30_000;
-/// The window in which a fault is to be told, ticks, and the ticks outside the band that tell it.
+/// The window in which a fault must be reported, ticks, and the ticks outside the band that reveal it.
 const WINDOW: u32 = 500;
 const TELLING: u32 = 49;
 
@@ -73,7 +73,7 @@ fn started(limits: &Limits) -> Supervisor {
     supervisor
 }
 
-/// What the monitor shows.
+/// Reading of the monitor.
 enum Fault {
     Arcs(Arcing),
     Frozen,
@@ -217,7 +217,7 @@ fn summary(name: &str, runs: &[&Run]) {
     );
 }
 
-/// Of the arcs of a kind no more trip too late than the closed form has it, but for three standard deviations and three runs.
+/// Checks that no more arcs of a kind trip too late than the closed form predicts, within three standard deviations and three runs.
 fn arcs_in_time(name: &str, runs: &[Run], of_kind: impl Fn(&Shows) -> bool) {
     let arcs: Vec<&Run> = runs.iter().filter(|run| run.shows.as_ref().is_some_and(&of_kind)).collect();
     let expected: f64 = arcs.iter().filter_map(|run| run.shows).map(|shows| 1.0 - shows.in_time).sum();

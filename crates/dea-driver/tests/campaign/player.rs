@@ -25,7 +25,7 @@ pub struct Player {
     asked: Option<Asked>,
     next: Option<Command>,
     plays: bool,
-    /// What it was told.
+    /// States that the board reported.
     pub states: Vec<DriverState>,
     pub records: Vec<Telemetry>,
     pub damaged: u32,
@@ -51,7 +51,7 @@ impl Player {
         self.plays
     }
 
-    /// What is sent in millisecond `now`.
+    /// The request to send in millisecond `now`.
     pub fn send(&mut self, now: u32, mut line: impl FnMut(&[u8])) {
         let mut emit = |host: &mut Self, command: Command| {
             host.sequence = host.sequence.wrapping_add(1).max(1);

@@ -6,8 +6,8 @@
 //!
 //! Pass: never silently older. After every restart, twice in a row since bits may be unstable, [`Store::load`] gives the newest set
 //! that is known to be stored (its save returned, or an earlier start has found it without a warning), or one whose save was cut off
-//! after that, or an older one or none with the loss told. Every set that is loaded is one that was saved, to the bit, and a save with
-//! the power on succeeds. Factory flash never tells a loss.
+//! after that, or an older one or none with the loss reported. Every set that is loaded is one that was saved, to the bit, and a save with
+//! the power on succeeds. Factory flash never reports a loss.
 //!
 //! Cases: 300 seeds in the sample, 10 000 in full.
 
@@ -20,7 +20,7 @@ use crate::nor_flash::{SECTOR, TornFlash};
 use crate::scale::{cases, grouped};
 
 const BOARD: u16 = 0x0405;
-/// Sets that can be told apart by their names, which are their numbers.
+/// Sets that differ by their names, which are their numbers.
 const SETS: usize = 24;
 
 #[derive(Default)]
@@ -64,7 +64,7 @@ fn slot(sequence: u32, blob: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// What the flash holds at first, and the newest set in it.
+/// Initial contents of the flash, and the newest set in it.
 fn contents(sets: &[Vec<u8>], random: &mut Pcg64) -> (Vec<u8>, Option<usize>) {
     let blank = vec![0xff; SECTOR];
     let two = |first: u32, second: u32| [slot(first, &sets[0]), slot(second, &sets[1])].concat();
@@ -223,8 +223,8 @@ fn never_silently_older() {
     );
     println!(
         "power_loss: started {} times with the newest set ({} with a needless warning, {} without a word of a later \
-         save that was cut off), {} with one whose save was cut off, {} with an older one and told, \
-         {} with none and told ({} by power alone, and {} in flash of earlier versions)",
+         save that was cut off), {} with one whose save was cut off, {} with an older one and a report, \
+         {} with none and a report ({} by power alone, and {} in flash of earlier versions)",
         shown(counts.newest),
         shown(counts.warned),
         shown(counts.cut_untold),

@@ -29,9 +29,9 @@ pub struct Reference {
     pub ticks: u64,
     pub tripped_at: u64,
     pub command_v: f64,
-    /// Ticks since the host that armed was heard.
+    /// Ticks since the last request of the host that armed.
     pub silent_ticks: u64,
-    /// Of the last tick.
+    /// Readings of the last tick.
     pub readings: Option<Readings>,
     pub sensor_faults: Vec<SensorFault>,
     /// Ticks with the amplifier disabled and voltage at the monitor, less those at 0 V.
@@ -289,7 +289,7 @@ impl MonitorReference {
     }
 }
 
-/// What agrees in a tick, V.
+/// Voltages that agree in a tick, V.
 struct Agreed {
     low_v: f64,
     high_v: f64,

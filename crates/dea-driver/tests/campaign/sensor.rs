@@ -23,10 +23,10 @@ use crate::scale::cases;
 const FAULT: u32 = 10_000;
 /// Ticks by which a healthy sample is late.
 const LATE: usize = 10;
-/// What a film may exceed its stroke by.
+/// Largest overshoot of a film beyond its stroke.
 const MARGIN: f64 = 1.1;
 
-/// What the sensor shows from the fault on.
+/// Reading of the sensor from the fault on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
     /// The value of that moment, with noise of the converter, LSB rms.
@@ -45,7 +45,7 @@ const FAULTS: [&str; 5] = ["frozen", "drift", "gain", "slip", "delay"];
 const FILMS: [&str; 5] = ["model", "stiffer", "softer", "less force", "strip"];
 const MODES: [Mode; 3] = [Mode::Tracking, Mode::Feedforward, Mode::Voltage];
 
-/// What the film is asked to do, m.
+/// Reference of the film, m.
 #[derive(Clone, Debug)]
 enum Shape {
     Sine { mean_m: f64, amplitude_m: f64, frequency_hz: f64 },
@@ -215,7 +215,7 @@ impl Run {
         self.furthest_m = self.furthest_m.max(displacement_m.abs());
     }
 
-    /// What a host sends every 10 ms.
+    /// The request that a host sends every 10 ms.
     fn set(&mut self, case: &Case, tick: u32) {
         self.controller.heartbeat();
         let wanted_m = case.shape.at(tick);
@@ -257,7 +257,7 @@ enum End {
     Violation,
 }
 
-/// Whether a healthy film of that kind may trip so: the model is told apart from a film that it does not describe.
+/// Whether a healthy film of that kind may trip so: the check notices a film that the model does not describe.
 fn is_honest(case: &Case, cause: Cause, furthest_m: f64) -> bool {
     match cause {
         Cause::Displacement => furthest_m > 0.97 * case.limit_m,

@@ -7,7 +7,7 @@
 //! ways in full. Sensor faults trip, or are ridden through on the model (by the first two kinds of each deviation in full).
 //!
 //! Pass, in every transition: an enabled amplifier implies that this tick's interlock is closed, that nothing is latched, that the host
-//! has armed since the last disarm or trip, and that it was heard within its timeout, as an independent counter has it; the command is
+//! has armed since the last disarm or trip, and that its last request was within its timeout, as an independent counter has it; the command is
 //! above 0 V while running only, and never above its limit; requests change states as the diagram at [`DriverState`] has it; a trip
 //! ends by `acknowledge` only, and only [`Cause::LiveFilm`] replaces another cause. The search finds each of four faults that are put
 //! into it on purpose.
@@ -70,7 +70,7 @@ const REQUESTS: [Request; 7] = [
     Request::Trip,
 ];
 
-/// What the search moves: the supervisor, or one that is broken on purpose.
+/// Subject of the search: the supervisor, or one that is broken on purpose.
 trait Machine: Clone {
     fn with_supervisor(supervisor: Supervisor) -> Self;
     fn supervisor(&self) -> &Supervisor;
@@ -112,7 +112,7 @@ impl Machine for Supervisor {
     }
 }
 
-/// What the monitor shows.
+/// Reading of the monitor.
 #[derive(Clone, Copy, PartialEq)]
 enum MonitorClass {
     FollowsCommand,
@@ -122,7 +122,7 @@ enum MonitorClass {
     Silent,
 }
 
-/// What the displacement sensor shows.
+/// Reading of the displacement sensor.
 #[derive(Clone, Copy, PartialEq)]
 enum SensorClass {
     Moves,
@@ -196,11 +196,11 @@ fn classes(most: usize, kinds: usize) -> Vec<Class> {
     classes.into_iter().map(|(class, _)| class).collect()
 }
 
-/// What the search itself knows, apart from the supervisor.
+/// Record that the search keeps, apart from the supervisor.
 #[derive(Clone, Copy)]
 struct Witness {
     armed: bool,
-    /// Ticks since the host was heard, no more than one beyond its timeout.
+    /// Ticks since the host's last request, at most one beyond its timeout.
     silent_ticks: u32,
     /// The value that the sensor showed last, m.
     shown_m: f32,
@@ -296,7 +296,7 @@ impl<M: Machine> Node<M> {
         if supervisor.enables() {
             for (holds, what) in [
                 (witness.interlock_closed, "the interlock is open"),
-                (witness.armed, "nobody has armed"),
+                (witness.armed, "no host has armed"),
                 (witness.silent_ticks <= HEARTBEAT_TICKS, "the host is silent"),
                 (readings.monitor_v <= MAX_V * 1.03 + BAND_V, "the monitor shows more than the limit, or nothing"),
             ] {
@@ -338,7 +338,7 @@ impl<M: Machine> Node<M> {
         }
     }
 
-    /// What tells states apart. Its 64 bits coincide for two of a million states with a probability of 3e-8.
+    /// Hash that identifies a state. Its 64 bits coincide for two of a million states with a probability of 3e-8.
     fn key(&self, text: &mut String) -> u64 {
         text.clear();
         let supervisor = self.machine.supervisor();

@@ -52,7 +52,7 @@ fn ticks_of_arcing(dwell_ms: f64, recharge_ms: f64, seed: u64) -> u32 {
     panic!("a minute of arcs, {dwell_ms} ms apart, and no trip");
 }
 
-/// A film that breaks down again and again, whatever time it takes to be charged (600 pF on 1 mA: 2.4 ms) and stays so. Arcs are not told
+/// A film that breaks down again and again, whatever time it takes to be charged (600 pF on 1 mA: 2.4 ms) and stays so. Arcs are not distinguished
 /// from glitches by how long they show: a film that is charged within a tick hardly shows them.
 #[test]
 fn a_film_that_arcs_again_and_again_trips() {
@@ -109,7 +109,7 @@ fn a_film_that_arced_again_stays_unbelieved() {
     }
 }
 
-/// What falls less deep, or not at once, is no arc.
+/// A fall that is less deep, or not at once, is no arc.
 #[test]
 fn only_a_steep_and_deep_fall_is_an_arc() {
     let every_100 = |shown_v: f32| trips_at(100_000, move |tick| if tick % 100 == 50 { shown_v } else { 4000.0 });

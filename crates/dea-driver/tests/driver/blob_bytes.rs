@@ -13,7 +13,7 @@ const PRESET: &[u8] = include_bytes!("blobs/table3-n2.bin");
 const CURVED: &[u8] = include_bytes!("blobs/behind-a-curve.bin");
 const COUPLED: &[u8] = include_bytes!("blobs/coupled-from-start.bin");
 
-/// What `bytes` hold, after a check that they would be written the same today.
+/// Decodes `bytes`, after a check that they would be written the same today.
 fn parameters(bytes: &[u8]) -> Parameters {
     let parameters = <Blob>::decode(bytes, BOARD).expect("valid").into_parameters();
     let mut again = [0; BLOB_LEN];
@@ -40,9 +40,9 @@ fn a_blob_is_read_and_written_byte_for_byte() {
     assert_eq!(preset.rate_hz, 1000.0);
 }
 
-/// With another actuator, the weight acting from the start, and what stands behind them.
+/// With another actuator, the weight acting from the start, and the fields behind them.
 #[test]
-fn every_field_of_the_actuator_stands_where_it_stood() {
+fn every_field_of_the_actuator_keeps_its_place() {
     let coupled = parameters(COUPLED);
     let actuator = Actuator { stretch_coupling: 12.5, preload: Preload::FromStart, ..Actuator::KARNER_2022 };
     assert_eq!(coupled.actuator, actuator);
@@ -55,7 +55,7 @@ fn every_field_of_the_actuator_stands_where_it_stood() {
     assert_eq!(coupled.sensor_offset_m, 0.0);
 }
 
-/// Behind an elastic curve, through a drive that saturates, in the discretisation of second order.
+/// Behind an elastic curve, through a drive that saturates, in the second-order discretisation.
 #[test]
 fn a_blob_carries_the_curve_and_the_method() {
     let curved = parameters(CURVED);

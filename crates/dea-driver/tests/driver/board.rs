@@ -7,7 +7,7 @@ use embedded_storage::nor_flash::NorFlash;
 
 pub const BOARD: u16 = 7;
 
-/// A board whose amplifier and monitor follow at once, and whose film stands still.
+/// A board whose amplifier and monitor follow at once, and whose film does not move.
 pub struct Bench<F> {
     pub device: Device,
     pub store: Store<F>,

@@ -44,7 +44,7 @@ fn enabling(range: u8) -> Vec<OnSpi<u8>> {
     [started(range), checked.concat()].concat()
 }
 
-/// A code is written while the DAC answers with the one that stood.
+/// A code is written while the DAC answers with the previous one.
 fn commanded(code: [u8; 2], stood: [u8; 2]) -> Vec<OnSpi<u8>> {
     [written([0x80, 0, 0]), exchanged([0x00, code[0], code[1]], [0x80, stood[0], stood[1]])].concat()
 }
@@ -204,7 +204,7 @@ fn starting(adc: &mut Ads868x<Spi<u8>>) {
     set_up_after(AdcError::Starting, adc);
 }
 
-/// Four readings without a sample, which tell the last fault.
+/// Four readings without a sample, which report the last fault.
 fn set_up_after(fault: AdcError, adc: &mut Ads868x<Spi<u8>>) {
     for _ in 0..4 {
         assert_eq!(adc.read(), Err(fault));
@@ -226,7 +226,7 @@ fn adc_sets_its_range_checks_it_and_reads() {
     adc.destroy().done();
 }
 
-/// After a dip of its supply the chip is back on ±12.288 V, where 0 V is half of its codes, and says nothing of its range. Anything
+/// After a dip of its supply the chip is back on ±12.288 V, where 0 V is half of its codes, and does not report its range. Anything
 /// but the range alone beside the sample is no sample.
 #[test]
 fn an_adc_that_lost_its_range_is_noticed_and_set_up_again() {

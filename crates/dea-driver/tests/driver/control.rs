@@ -28,7 +28,7 @@ fn follows_the_voltage_that_was_set_and_observes() {
     assert_eq!(outputs.telemetry.tick, 3002);
 }
 
-/// An amplifier that stands above 0 V at a command of 0 V cannot be brought below: a DAC of both signs must not be asked to.
+/// An amplifier that is above 0 V at a command of 0 V cannot be brought below: a DAC of both signs must not be asked to.
 #[test]
 fn the_dac_is_never_asked_for_less_than_0_v() {
     let mut parameters = board_parameters();
@@ -102,7 +102,7 @@ fn tracking_follows_a_film_that_the_model_does_not_know() {
     let (tracking, sample) = off(Mode::Tracking);
     println!("off by {:.1} µm, with the sensor {:.1} µm; {sample:?}", 1e6 * feedforward, 1e6 * tracking);
     assert!(feedforward > 60e-6 && tracking < 8e-6);
-    // Where the film is swinging, the log tells by how much it is pulled less.
+    // Where the film is swinging, the log shows by how much it is pulled less.
     assert!((sample.force_scale - 0.9).abs() < 0.05 && sample.limited == 0);
 }
 
@@ -133,7 +133,7 @@ fn tracking_goes_on_without_its_sensor() {
     }
 }
 
-/// A staircase without a film, as an amplifier is calibrated: the sensor stands still, and nothing trips.
+/// A staircase without a film, as an amplifier is calibrated: the sensor does not move, and nothing trips.
 #[test]
 fn voltages_may_be_played_without_a_film() {
     let mut bench = Bench::new();
@@ -226,7 +226,7 @@ fn an_implausible_sensor_does_not_limit_the_field() {
     assert!(before > 4300.0 && (after - before).abs() < 5.0, "{before} V, then {after} V");
 }
 
-/// The model feels the voltage that stood until the trip, in the tick that trips.
+/// The model feels the voltage applied until the trip, in the tick that trips.
 #[test]
 fn the_model_feels_the_last_tick_before_a_trip() {
     let predicted = |trips: bool| {
@@ -259,7 +259,7 @@ fn feedforward_needs_no_sensor() {
     assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
 }
 
-/// What was set for one run is gone when it ends, however it ends: the next one begins at 0 V.
+/// The target of a run is cleared when it ends, however it ends: the next one begins at 0 V.
 #[test]
 fn targets_do_not_outlive_a_run() {
     let ends: [fn(&mut Bench); 4] = [

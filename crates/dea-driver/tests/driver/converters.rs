@@ -19,7 +19,7 @@ use crate::bench::bench_limits;
 
 const VARIANTS: [Variant; 3] = [Variant::Ads8681, Variant::Ads8685, Variant::Ads8689];
 
-/// The board's buses: 5.25 MHz, and pull-downs where nobody drives.
+/// The board's buses: 5.25 MHz, and pull-downs on lines that no chip drives.
 const BOARD: SpiTiming = SpiTiming {
     sck_hz: 5_250_000,
     between_bytes_ns: 200,
@@ -48,7 +48,7 @@ struct Bench<DAC, EN> {
     ticks: u64,
     /// The largest output of the DAC while the amplifier was disabled, V.
     while_disabled_v: f64,
-    /// Of the last tick.
+    /// Results of the last tick.
     applied: Result<(), AmplifierError>,
     read: Result<f32, AdcError>,
 }
@@ -80,7 +80,7 @@ fn with_dac<D: SpiDevice>(
     dac.borrow_mut().set_clr(!clr_at_enable, clock.now());
     let enable = Rc::new(Cell::new(false));
     let pin = {
-        // CLR stands at the enable output, or at 3.3 V.
+        // CLR is at the enable output, or at 3.3 V.
         let (dac, enable) = (Rc::clone(&dac), Rc::clone(&enable));
         Line::new(&clock, 50, move |level, now| {
             enable.set(level);
@@ -149,7 +149,7 @@ impl<DAC: SpiDevice, EN: OutputPin> Bench<DAC, EN> {
         self.device.start(mode).expect("armed");
     }
 
-    /// What is wrong with the amplifier alone shows in the tick that would enable it.
+    /// A fault of the amplifier alone shows in the tick that would enable it.
     fn arming_trips(&mut self) {
         self.device.arm().expect("the readings are healthy");
         self.tick();
@@ -177,8 +177,8 @@ impl<DAC: SpiDevice, EN: OutputPin> Bench<DAC, EN> {
     }
 }
 
-/// A run from power-up to 3 kV and back, with every member of the ADC's family: no rule of the models is broken, what is read is what
-/// stands, and the DAC shows 0 V as long as the amplifier is disabled, also on a bench whose CLR is at 3.3 V.
+/// A run from power-up to 3 kV and back, with every member of the ADC's family: no rule of the models is broken, the readings are the
+/// present values, and the DAC shows 0 V as long as the amplifier is disabled, also on a bench whose CLR is at 3.3 V.
 #[test]
 fn a_run_breaks_no_rule_of_the_data_sheets() {
     for (variant, clr_at_enable) in VARIANTS.map(|variant| (variant, true)).into_iter().chain([(VARIANTS[0], false)]) {
@@ -254,7 +254,7 @@ fn an_adc_whose_supply_dips_shows_and_comes_back() {
     }
 }
 
-/// Nobody on the wire: it shows while the amplifier is disabled, and is not enabled by arming.
+/// No chip on the wire: it shows while the amplifier is disabled, and is not enabled by arming.
 #[test]
 fn a_missing_dac_shows_and_is_not_enabled() {
     for level in [false, true] {

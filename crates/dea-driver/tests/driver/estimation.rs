@@ -1,4 +1,4 @@
-//! What the controller knows of its film: from the sensor, and from the model that is corrected by it.
+//! The controller's estimate of its film: from the sensor, and from the model that is corrected by it.
 
 use dea_driver::{Controller, Mode};
 

@@ -1,4 +1,4 @@
-//! Drills: faults that an image for them causes when a host asks, and no other image.
+//! Fault injection: faults that an image for it causes when a host asks, and no other image.
 
 use dea_driver::server::{Board, Session};
 use dea_driver::wire::{Answer, Command, InjectedFault, Reject};
@@ -8,10 +8,10 @@ use crate::board::{BOARD, Bench, ask};
 use crate::flash::Flash;
 use crate::host::{Host, blob};
 
-/// A board that says nothing of drills.
-struct WithoutDrills(Bench<Flash>);
+/// A board that does not implement fault injection.
+struct WithoutFaults(Bench<Flash>);
 
-impl Board for WithoutDrills {
+impl Board for WithoutFaults {
     type Flash = Flash;
     const ID: u16 = BOARD;
 
@@ -40,10 +40,10 @@ impl Board for WithoutDrills {
     }
 }
 
-/// A board neither drills nor starves its watchdog unless it says so.
+/// A board neither injects faults nor stops feeding its watchdog unless it implements that.
 #[test]
-fn a_board_without_drills_rejects_them() {
-    let mut board = WithoutDrills(Bench::new(Flash::new(), None));
+fn a_board_without_fault_injection_rejects_it() {
+    let mut board = WithoutFaults(Bench::new(Flash::new(), None));
     for command in [Command::InjectFault(InjectedFault::Hang), Command::StopFeedingWatchdog, Command::Inspect] {
         assert_eq!(ask(&mut Session::new("1.2.3"), &mut board, 0, command), Answer::Rejected(Reject::Unknown));
     }
@@ -52,7 +52,7 @@ fn a_board_without_drills_rejects_them() {
 /// A board without memory over a reset begins as if nothing had been tried.
 #[test]
 fn a_board_without_memory_has_no_trial() {
-    let mut board = WithoutDrills(Bench::new(Flash::new(), None));
+    let mut board = WithoutFaults(Bench::new(Flash::new(), None));
     board.store().save(&blob()).expect("saved");
     Session::new("1.2.3").begin(&mut board).expect("stored");
     let inputs = board.0.inputs();
@@ -63,9 +63,9 @@ fn a_board_without_memory_has_no_trial() {
     assert_eq!(status.state, DriverState::Disarmed);
 }
 
-/// An image for drills causes the fault that was asked for, and says so.
+/// An image for fault injection causes the fault that was asked for, and confirms it.
 #[test]
-fn an_image_for_drills_drills() {
+fn an_image_for_fault_injection_causes_the_fault() {
     let mut host = Host::new(None);
     host.bench.injected = Some(vec![]);
     assert_eq!(host.ask(Command::InjectFault(InjectedFault::Bus)), Answer::Done);

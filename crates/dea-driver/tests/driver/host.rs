@@ -12,7 +12,7 @@ use crate::flash::Flash;
 pub struct Host {
     pub session: Session,
     pub bench: Bench<Flash>,
-    /// Of the last arming.
+    /// Token of the last arming.
     pub token: u16,
 }
 
@@ -69,7 +69,7 @@ impl Host {
 /// Parameters of this board.
 pub fn blob() -> Vec<u8> {
     let mut parameters = board_parameters();
-    // The film of this bench stands still, which no model explains.
+    // The film of this bench does not move, which no model explains.
     parameters.limits.max_disturbance_share = 0.4;
     encoded(&parameters)
 }

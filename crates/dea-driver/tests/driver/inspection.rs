@@ -1,4 +1,4 @@
-//! What a host asks of a board before it enables anything, and whole ticks for the processor in the loop.
+//! The requests of a host before it enables anything, and whole ticks for the processor in the loop.
 
 use dea_driver::chips::{AdcCode, AdcRange, CommandRange, DacCode};
 use dea_driver::wire::{Answer, Command, Inspection, Mode, Part, Reject, TickCodes, Ticked};

@@ -76,7 +76,7 @@ fn the_monitor_expects_the_lag() {
     assert!(trips_after(AmplifierLag::NONE, risen(0.1)).is_some());
 }
 
-/// With 0.5 s from 6.5 kV into 60 V takes 2.4 s: longer than the second of the limits. A film that stays live is told all the same.
+/// With 0.5 s from 6.5 kV into 60 V takes 2.4 s: longer than the second of the limits. A film that stays live is reported all the same.
 #[test]
 fn a_film_may_take_the_time_of_its_bleeder() {
     for (bleeder_s, state) in [(0.5, DriverState::Disarmed), (1.0, DriverState::Tripped(Cause::LiveFilm))] {

@@ -34,7 +34,7 @@ fn run<const HEAD: usize, const FAST: usize, const SLOW: usize>(blob: Blob<HEAD,
     let mut dac_v = 0.0;
     let mut tick = |controller: &mut Controller<HEAD, FAST, SLOW>, k: u16| {
         controller.heartbeat();
-        // A film that stands still, and the sensor's noise: feedforward only checks it.
+        // A film that does not move, and the sensor's noise: feedforward only checks it.
         let sensor_adc_v = Some(1.0 + 1e-3 * f32::from(k % 3));
         let outputs = controller.tick(Inputs { interlock_closed: true, monitor_adc_v: Some(dac_v), sensor_adc_v });
         dac_v = outputs.dac_v;

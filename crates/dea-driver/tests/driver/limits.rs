@@ -189,7 +189,7 @@ fn refused_limits_state_their_values() {
     assert!(["6.75", "0.25", "0 to 6.66"].iter().all(|value| text.contains(value)), "{text}");
 }
 
-/// What a file need not state: a tenth of the force, a second, and 2 µm.
+/// Values that a file need not state: a tenth of the force, a second, and 2 µm.
 #[test]
 fn limits_that_are_not_stated_have_values() {
     let stated = serde_json::json!({
@@ -235,7 +235,7 @@ fn stroke_at_the_trip(model: &Maxwell, curve: Option<&Curve>) -> f64 {
         let noise_v = 2e-3 * (tick % 3) as f32;
         let inputs = Inputs { interlock_closed: true, monitor_adc_v: Some(dac_v), sensor_adc_v: Some(1.0 + noise_v) };
         let outputs = controller.tick(inputs);
-        // The film under the voltage that stood until this tick, as the controller steps it.
+        // The film under the voltage applied until this tick, as the controller steps it.
         let before_m = film.position();
         law.displacement_under(&mut film, drive.load(command_v));
         (command_v, dac_v) = (f64::from(outputs.telemetry.command_v), outputs.dac_v);

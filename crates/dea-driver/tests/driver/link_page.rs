@@ -90,7 +90,7 @@ fn each_command_is_refused_outside_its_states() {
     }
 }
 
-/// What is beyond the limits is so in every state.
+/// A value beyond the limits is refused in every state.
 #[test]
 fn values_beyond_the_limits_are_rejected_in_every_state() {
     for state in [DriverState::Disarmed, DriverState::Armed, DriverState::Running, DriverState::Tripped(Cause::Overrun)]

@@ -92,7 +92,7 @@ fn the_monitor_s_band_knows_the_amplifier_s_slew() {
 }
 
 /// A command that turns back while an amplifier is ahead of its slew: every voltage that an amplifier of that slew or a faster one may be at
-/// agrees. The amplifier was expected where the slowest one stands, so that a faster one on its way back tripped.
+/// agrees. The amplifier was expected where the slowest one is, so that a faster one on its way back tripped.
 #[test]
 fn an_amplifier_that_is_faster_than_its_slew_may_turn_back() {
     let mut limits = bench_limits();
@@ -107,7 +107,7 @@ fn an_amplifier_that_is_faster_than_its_slew_may_turn_back() {
                 film_v += (command_v - film_v).clamp(-slew_v_per_tick, slew_v_per_tick);
                 assert!(monitor.agrees(command_v, film_v), "{slew_v_per_tick} V, {half_period} ticks: tick {tick}");
             }
-            // One that stays where it is trips once the command has stood for long enough.
+            // One that stays where it is trips once the command has been constant for long enough.
             let stays = film_v;
             let command_v = if stays > 3000.0 { 0.0 } else { 6000.0 };
             let trips = (0..400).find(|_| !monitor.agrees(command_v, stays));
@@ -133,7 +133,7 @@ fn a_film_that_was_live_for_long_is_acknowledged_once() {
     assert_eq!(bench.tick(live), DriverState::Tripped(Cause::LiveFilm));
 }
 
-/// A disabled amplifier that goes on: told after the time that a film has to discharge, in every state and after every cause, and
+/// A disabled amplifier that stays live: reported after the time that a film has to discharge, in every state and after every cause, and
 /// not acknowledged as long as it lasts.
 #[test]
 fn a_film_that_stays_live_is_noticed() {
@@ -181,7 +181,7 @@ fn a_film_that_stays_live_is_noticed() {
     assert_eq!(bench.supervisor.state(), DriverState::Tripped(Cause::LiveFilm));
     bench.tick(|r| r.monitor_v = f32::NAN);
     assert_eq!(bench.supervisor.acknowledge(), Err(Refusal::LiveVoltage));
-    // A film that discharges in time is none; nor is one that is driven.
+    // A film that discharges in time is not live, nor is one that is driven.
     let mut bench = Bench::run(&bench_limits());
     (0..5000).for_each(|_| {
         bench.supervisor.heartbeat();
@@ -207,7 +207,7 @@ fn a_reading_may_be_a_tick_old() {
             let wanted_v = if tick / 200 % 2 == 0 { 6000.0 } else { 0.0 };
             let last_v = *stood_v.last().expect("one");
             stood_v.push(last_v + (wanted_v - last_v).clamp(-slew_v, slew_v));
-            // The command of the last tick, and what stood when the reading was taken.
+            // The command of the last tick, and the voltage when the reading was taken.
             !monitor.agrees(*stood_v.last().expect("one"), stood_v[stood_v.len() - 1 - age])
         })
     };

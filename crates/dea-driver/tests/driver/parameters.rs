@@ -1,4 +1,4 @@
-//! Parameters: which ones run after an upload and after a reset, and whether a host is told.
+//! Parameters: which ones run after an upload and after a reset, and whether the host gets a report.
 
 use dea_driver::wire::{Answer, Command, Reject};
 use dea_driver::{Cause, DriverState, Refusal, Store};
@@ -54,7 +54,7 @@ fn damaged_parameters_are_not_replaced_silently() {
         let mut host = reset(damaged.clone(), latched);
         let tripped = DriverState::Tripped(Cause::Parameters);
         if let Some(cause) = latched {
-            // Each is told by itself.
+            // Each is reported by itself.
             assert_eq!(host.state(), DriverState::Tripped(cause));
             assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
         }

@@ -1,4 +1,4 @@
-//! What a sensor shows, value by value: when it counts as stuck, for how long, and what a reset forgets.
+//! Readings of a sensor, value by value: when it counts as stuck, for how long, and what a reset clears.
 
 use dea_driver::{Plausibility, PlausibilityLimits, SensorFault};
 
@@ -17,10 +17,10 @@ fn stuck_ticks(ticks: u32, moves_m: impl Fn(u32) -> f32, modelled_m: impl Fn(u32
         .collect()
 }
 
-/// A frozen sensor is told a fifth of `stuck_ticks` after the model has moved five bands, whenever that is, and stays stuck when a
+/// A frozen sensor is reported a fifth of `stuck_ticks` after the model has moved five bands, whenever that is, and stays stuck when a
 /// swing brings the model back.
 #[test]
-fn a_frozen_sensor_is_told_after_a_fifth_of_its_ticks() {
+fn a_frozen_sensor_is_reported_after_a_fifth_of_its_ticks() {
     for moved in [50, 137, 480, 700, 1210] {
         let stuck = stuck_ticks(moved + 1000, |_| 0.0, |tick| if tick < moved { 0.0 } else { 20e-6 });
         assert_eq!(stuck, (moved + 100..moved + 1000).collect::<Vec<_>>(), "moved in tick {moved}");

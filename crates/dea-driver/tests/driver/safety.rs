@@ -17,7 +17,7 @@ fn every_fault_ends_at_0_v_with_its_cause() {
         (Cause::Sensor(SensorFault::Range), 1, |r| r.displacement_m = f32::NAN),
         (Cause::Sensor(SensorFault::Range), 1, |r| r.displacement_m = f32::NEG_INFINITY),
         (Cause::Sensor(SensorFault::Jump), 1, |r| r.displacement_m += 0.5e-3),
-        // 500 equal values, the first of which is one. The model stands still.
+        // 500 equal values, the first of which is one. The model does not move.
         (Cause::Sensor(SensorFault::Stuck), 501, |r| r.displacement_m = 0.9e-3),
         (Cause::Interlock, 1, |r| {
             *r = Readings { interlock_closed: false, monitor_v: f32::NAN, displacement_m: f32::NAN, ..*r }
@@ -30,7 +30,7 @@ fn every_fault_ends_at_0_v_with_its_cause() {
     }
 }
 
-/// What seems plausible and is not: the model alone, and what it cannot explain.
+/// Values that seem plausible and are not: the model alone, and what it cannot explain.
 #[test]
 fn the_model_watches_the_sensor() {
     let faults: [(Cause, Spoil); 4] = [
@@ -74,7 +74,7 @@ fn trips_from_elsewhere_latch_the_first_cause() {
         bench.supervisor.trip(Cause::Interlock);
         bench.is_safe(cause);
     }
-    // From disarmed as well: after a reset the cause is told before anything can be armed.
+    // From disarmed as well: after a reset the cause is reported before anything can be armed.
     let mut bench = Bench::new(&bench_limits());
     bench.supervisor.trip(Cause::Panic);
     bench.is_safe(Cause::Panic);

@@ -12,12 +12,12 @@ use crate::film_bench::{FilmBench, adc_v};
 /// Tick of the fault.
 const FAULT: u32 = 20_000;
 
-/// What the sensor shows (m) of a film at `displacement_m`, `ticks` after the fault, when it stood at `held_m`.
+/// A fault of the sensor: its reading (m) of a film at `displacement_m`, `ticks` after the fault, when the film was at `held_m`.
 struct Fault<'a> {
     reads_m: &'a dyn Fn(u32, f64, f64) -> f64,
-    /// Of the whole sensor before the fault, m rms.
+    /// Noise of the whole sensor before the fault, m rms.
     noise_m: f64,
-    /// Of the converter, of 0.156 µm each.
+    /// Noise of the converter, in steps of 0.156 µm.
     noise_lsb: f64,
 }
 

@@ -153,7 +153,7 @@ fn only_the_host_that_armed_keeps_it_enabled() {
     }
 }
 
-/// Another host is told so, and has no effect, whatever the order of its requests.
+/// Another host is refused, and has no effect, whatever the order of its requests.
 #[test]
 fn another_host_cannot_start_or_move_what_it_did_not_arm() {
     let mut host = Host::with_parameters();
@@ -181,7 +181,7 @@ fn another_host_cannot_start_or_move_what_it_did_not_arm() {
     assert_eq!(host.ask(Command::Stop), Answer::Done);
 }
 
-/// The watchdog is fed as long as the background comes round within half a second, whatever the rate, parameters or not.
+/// The watchdog is fed as long as the background's loop turns within half a second, whatever the rate, parameters or not.
 #[test]
 fn a_background_that_hangs_is_noticed_by_the_tick() {
     let inputs = Inputs { interlock_closed: true, monitor_adc_v: Some(0.0), sensor_adc_v: Some(1.0) };
@@ -202,7 +202,7 @@ fn a_background_that_hangs_is_noticed_by_the_tick() {
     }
 }
 
-/// Frames that were damaged or unknown and the depth of the stack are told with the state.
+/// Frames that were damaged or unknown and the depth of the stack are reported with the state.
 #[test]
 fn the_status_counts_what_was_refused() {
     let mut host = Host::with_parameters();
@@ -242,9 +242,9 @@ fn no_token_is_0_or_the_one_before() {
     assert!(first.len() > 1000, "{} tokens", first.len());
 }
 
-/// Records that nobody takes are counted, and the next one tells how many. The queue holds 16.
+/// Records that no host takes are counted, and the next one reports how many. The queue holds 16.
 #[test]
-fn dropped_records_are_told() {
+fn dropped_records_are_reported() {
     let mut host = Host::with_parameters();
     assert!(host.bench.device.controller().is_some_and(|controller| controller.parameters().rate_hz == 1000.0));
     assert_eq!(host.ask(Command::Stream { every: 1 }), Answer::Done);

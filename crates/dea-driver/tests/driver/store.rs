@@ -131,7 +131,7 @@ fn wrong_values_are_refused() {
     let short = |which: &'static str| move |e| matches!(e, BlobError::Reach { instrument, .. } if instrument == which);
     let points = |points: &[[f32; 2]]| Calibration::points(points).expect("rising");
     let linear = Calibration::linear;
-    states(&|p| p.monitor = linear(625.0), &short("monitor"), &["monitor", "6400 V", "10.24 V", "6755 V"]);
+    states(&|p| p.monitor = linear(625.0), &short("monitor"), &["monitor", "6399.9", "10.23", "6755 V"]);
     states(&|p| p.amplifier = linear(600.0), &short("amplifier"), &["amplifier", "6000 V", "10 V", "6500 V"]);
     states(&|p| p.amplifier = points(&[[0.0, 0.0], [5.0, 6000.0]]), &short("amplifier"), &["6000 V", "6500 V"]);
     states(&|p| p.monitor = points(&[[0.0, 0.0], [5.0, 6000.0]]), &short("monitor"), &["6000 V", "6755 V"]);
@@ -154,10 +154,10 @@ fn wrong_values_are_refused() {
     states(&|p| p.limits.thickness_m = 170e-6, &thickness, &["0.00017", "0.00016"]);
     // A sensor that seems plausible when it is unplugged, and when it is saturated; one that is stuck before it could show it.
     let unplugged = |e| matches!(e, BlobError::Unplugged { .. });
-    states(&|p| p.limits.sensor.low = -1.1e-3, &unplugged, &["-0.0011 m", "0.009 m", "-0.001 m", "0.00924"]);
-    states(&|p| p.limits.sensor.high = 9.3e-3, &unplugged, &["-0.0009 m", "0.0093 m", "-0.001 m", "0.00924"]);
-    states(&|p| p.sensor_offset_m = -0.2e-3, &unplugged, &["-0.0009 m", "0.009 m", "-0.0008", "0.00944"]);
-    states(&|p| p.limits.sensor.stuck_ticks = 99, &|e| matches!(e, BlobError::Stuck { .. }), &["99", "100"]);
+    states(&|p| p.limits.sensor.low = -1.1e-3, &unplugged, &["-0.0011 m", "0.009 m", "-0.001 m", "0.0092"]);
+    states(&|p| p.limits.sensor.high = 9.3e-3, &unplugged, &["-0.0009 m", "0.0093 m", "-0.001 m", "0.0092"]);
+    states(&|p| p.sensor_offset_m = -0.2e-3, &unplugged, &["-0.0009 m", "0.009 m", "-0.0008", "0.0094"]);
+    states(&|p| p.limits.sensor.stuck_ticks = 99, &|e| matches!(e, BlobError::Stuck { .. }), &["99", "100.0"]);
     // A sensor that is lost between two samples.
     assert!(matches!(refused(&|p| p.control.lost_after_s = 0.009), BlobError::Control(_)));
     // A coupling that pulls the film in within a step.
@@ -262,10 +262,10 @@ fn a_save_over_a_damaged_set_that_is_cut_off_is_told() {
     }
 }
 
-/// The first set ever stands twice. One of the two is damaged, and the save over it is cut off: the other one is still there. Both are
-/// damaged: the fault of the newest is told.
+/// The first set is stored twice. One of the two is damaged, and the save over it is cut off: the other one is still there. Both are
+/// damaged: the fault of the newest is reported.
 #[test]
-fn the_first_set_stands_twice() {
+fn the_first_set_is_stored_twice() {
     let [first, second] = ["first", "second"].map(|name| bytes_of(&named(name)));
     let mut store = store(Flash::new());
     store.save(&first).expect("saved");
@@ -287,9 +287,9 @@ fn the_first_set_stands_twice() {
     assert_eq!(self::store(flash).load().err(), Some(StoreError::Empty(Some(BlobError::Checksum))));
 }
 
-/// Numbers that wrap pass over those of sets that stand alone: whichever slot they are in, a set beside which another was cut off says so.
+/// Numbers that wrap pass over those of sets that are alone: whichever slot they are in, a set beside which another was cut off reports it.
 #[test]
-fn no_number_that_wraps_tells_of_a_first_set() {
+fn no_number_that_wraps_marks_a_first_set() {
     let [one, two] = ["one", "two"].map(|name| bytes_of(&named(name)));
     for [first, second] in [[u32::MAX - 1, u32::MAX], [u32::MAX, u32::MAX - 1]] {
         let bytes = [slot(first, &one), slot(second, &two)].concat();
@@ -379,10 +379,10 @@ fn power_may_go_at_any_byte() {
     }
 }
 
-/// A set that stands in one slot alone, as its number and the other slot tell it: the first of all of an earlier version, which wrote it
+/// A set that is in one slot alone, as its number and the other slot show: the first of all of an earlier version, which wrote it
 /// to the first slot, or one beside which another was cut off.
 #[test]
-fn a_set_that_stands_alone_is_the_first_or_lost_another() {
+fn a_set_in_one_slot_is_the_first_or_lost_another() {
     let slot = |sequence: u32| {
         let mut slot = [sequence.to_le_bytes(), (!sequence).to_le_bytes()].concat();
         slot.extend(bytes_of(&named("alone")));

@@ -4,7 +4,7 @@ use dea_driver::{Cause, DriverState, Limits, Readings, Refusal, Supervisor};
 
 pub const RATE_HZ: f32 = 1000.0;
 
-/// What a fault does to the readings of a tick.
+/// Effect of a fault on the readings of a tick.
 pub type Spoil = fn(&mut Readings);
 
 /// A closed interlock, and a model that explains the film.
@@ -23,7 +23,7 @@ pub fn readings(monitor_v: f32, displacement_m: f32, predicted_m: f32) -> Readin
 /// A film on a bench: the amplifier follows its command within a tick, the film stretches with V².
 pub struct Bench {
     pub supervisor: Supervisor,
-    /// What is asked for in every tick, V.
+    /// The wanted voltage in every tick, V.
     pub wanted_v: f32,
     noise: u32,
 }

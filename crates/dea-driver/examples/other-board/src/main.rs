@@ -3,7 +3,7 @@
 //!
 //! It runs in QEMU on a Cortex-M33 (`cargo run --release`) and on RISC-V (`--target riscv32imac-unknown-none-elf`), and as a
 //! program of the host (`--target x86_64-unknown-linux-gnu`), with the same bits. On a real board, buses and pins of its HAL
-//! take the place of [`Film`] and its timer that of [`Film::wait`]; `docs/own-board.md` tells what else it needs.
+//! take the place of [`Film`] and its timer that of [`Film::wait`]; `docs/own-board.md` describes what else it needs.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 use core::{cell::Cell, cell::RefCell, convert::Infallible, f32::consts::PI, fmt::Display};
@@ -29,7 +29,7 @@ const CONVERTERS: Converters = Converters { command_v: Some(DAC_V), monitor_v: M
 const MONITOR: u8 = 0; // channels of the ADC
 const SENSOR: u8 = 1;
 
-/// What the controller is connected to, on buses and pins of any HAL.
+/// The hardware that the controller is connected to, on buses and pins of any HAL.
 struct Board<Dac, Adc, Enable, Interlock> {
     dac: Dac,
     adc: Adc,

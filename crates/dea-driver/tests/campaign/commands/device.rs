@@ -175,7 +175,7 @@ impl Bench {
         counts.trip(before, self.reference.state);
     }
 
-    /// What a value in or outside the limits is answered with.
+    /// Expected answer to a value in or outside the limits.
     fn expected(&self, within: bool) -> Result<(), Denial> {
         match self.reference.state {
             _ if !within => Err(Denial::Rejected(Reject::Value)),

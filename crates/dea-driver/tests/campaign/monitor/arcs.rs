@@ -57,7 +57,7 @@ pub struct Shows {
 }
 
 impl Shows {
-    /// Of a film that takes `charging_ms` to be charged to `volts`.
+    /// Arcs of a film that takes `charging_ms` to be charged to `volts`.
     pub fn new(dwell_ms: f64, charging_ms: f64, volts: f64) -> Self {
         let band = (60.0 + 0.03 * volts) / volts;
         let probability = |depth: f64| (charging_ms * depth).min(1.0);
