@@ -112,7 +112,7 @@ impl Fit {
     ///
     /// # Errors
     ///
-    /// [`Error`](crate::error::Error) for a file that cannot be read again, or elements out of range.
+    /// [`Error`] for a file that cannot be read again, or elements out of range.
     pub fn parameters(
         &self,
         settings: &Settings,
