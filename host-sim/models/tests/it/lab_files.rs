@@ -330,7 +330,7 @@ fn columns_are_chosen_by_name_number_unit_and_factor() {
     has(&folder.refused(&file, "voltage=9:V"), &["voltage=9", "4 columns"]);
     has(&folder.refused(&file, "voltage=Monitor"), &["\"Monitor\"", "HV mon"]);
     has(&folder.refused(&file, "time=Zeit"), &["Zeit", "no unit"]);
-    has(&folder.refused(&file, "time=Zeit:s,voltage=2*1000"), &["Laser (V)", "none of m", "displacement=3*0.001"]);
+    has(&folder.refused(&file, "time=Zeit:s,voltage=2*1000"), &["Laser (V)", "not one of m", "displacement=3*0.001"]);
     for (columns, word) in [
         ("volts=1", "not one of time, voltage"),
         ("voltage", "quantity=column"),
