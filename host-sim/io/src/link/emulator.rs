@@ -88,7 +88,7 @@ impl Emulator {
     /// Whether QEMU is there.
     pub fn is_installed() -> bool {
         let mut version = Command::new(QEMU);
-        version.arg("version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        version.arg("-version").stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
         version.status().is_ok_and(|status| status.success())
     }
 
