@@ -141,7 +141,7 @@ fn an_amplifier_is_described_by_points_as_well() {
     for (wrong, words) in [
         (
             "{ points = [[0.0, 0.0], [0.6, 15.0], [0.5, 160.0], [5.0, 6000.0]] }",
-            ["amplifier", "from point 2 to point 3"],
+            ["amplifier", "point 2 (0.6 V, 15) is followed by point 3 (0.5 V, 160)"],
         ),
         ("{ points = [[0.0, 0.0], [4.0, 5000.0]] }", ["amplifier", "max_voltage_v"]),
         ("{ points = [[0.0, 0.0]] }", ["amplifier", "points"]),
