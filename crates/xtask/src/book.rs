@@ -48,11 +48,9 @@ fn lay_out(docs: &Path, source: &Path) -> Result<()> {
         }
     }
     for link in &elsewhere {
-        let text = read(&docs.join(link))?
-            .replace("](../docs/", "](")
-            .replace("](../../docs/", "](")
-            .replace("](../../../docs/", "](");
-        write(&source.join(flat(link)), &text)?;
+        // As from a folder of the root, which docs is one of.
+        let text = read(&docs.join(link))?.replace("](../../../", "](../").replace("](../../", "](../");
+        write(&source.join(flat(link)), &moved(text.replace("](../docs/", "](")))?;
     }
     Ok(())
 }
