@@ -20,9 +20,11 @@ pub fn command(program: &str, arguments: &[&str]) -> Command {
     command
 }
 
-/// This project's cargo.
+/// This project's cargo. Incremental builds are off: cut into small units, the image that may not panic does not link.
 pub fn cargo(arguments: &[&str]) -> Command {
-    command(&env::var("CARGO").unwrap_or_else(|_| "cargo".into()), arguments)
+    let mut cargo = command(&env::var("CARGO").unwrap_or_else(|_| "cargo".into()), arguments);
+    cargo.env("CARGO_INCREMENTAL", "0");
+    cargo
 }
 
 /// Runs `command`, its output on the terminal.

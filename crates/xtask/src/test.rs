@@ -1,9 +1,10 @@
 //! Every check and every test, stage by stage, on the host and in QEMU.
 
+use std::num::NonZero;
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
-use std::{fs, io};
+use std::{env, fs, io, thread};
 
 use crate::embedded::Films;
 use crate::packages::LIBRARIES;
@@ -12,6 +13,9 @@ use crate::{embedded, firmware, other_board, packages, setup};
 
 /// Variable that the tests read: with `full` they run all cases of their sweeps, otherwise a sample.
 const SWEEP: &str = "SPRINGPOT_SWEEP";
+
+/// Variable that Rust's test programs read: how many tests run at a time.
+const THREADS: &str = "RUST_TEST_THREADS";
 
 /// Stages of a run that have passed.
 struct Stages {
@@ -48,7 +52,7 @@ impl Stages {
         (name, stage): (&'static str, impl FnOnce() -> Result<()> + Send),
         others: impl FnOnce(&mut Self) -> Result<()>,
     ) -> Result<()> {
-        std::thread::scope(|scope| {
+        thread::scope(|scope| {
             let thread = scope.spawn(|| {
                 let mut stages = Self::begin();
                 stages.run(name, stage).map(|()| stages)
@@ -118,9 +122,14 @@ pub fn sweep() -> Result<()> {
 /// The tests that run the firmware's images.
 pub const QEMU: [&str; 2] = ["--features", "tests/qemu"];
 
-/// The tests of the workspace.
+/// The tests of the workspace, more at a time than two cores can run: those of boards and emulators mostly wait.
 fn tests(options: &[&str]) -> Command {
-    cargo(&[["test", "--quiet", "--workspace"].as_slice(), options].concat())
+    let mut tests = cargo(&[["test", "--quiet", "--workspace"].as_slice(), options].concat());
+    if env::var_os(THREADS).is_none() {
+        let cores = thread::available_parallelism().map_or(2, NonZero::get);
+        tests.env(THREADS, (2 * cores).to_string());
+    }
+    tests
 }
 
 /// Sources of libraries whose manifest says `test = false`: a test in them would never run.

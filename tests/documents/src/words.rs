@@ -63,12 +63,6 @@ fn lines(list: &str) -> impl Iterator<Item = &str> {
     list.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'))
 }
 
-/// Folders and files that are not checked yet.
-#[must_use]
-pub fn not_yet_clean() -> Vec<&'static str> {
-    lines(include_str!("../words/not_yet_clean.txt")).collect()
-}
-
 /// Whether `path` is `folder` or in it.
 #[must_use]
 pub fn within(path: &str, folder: &str) -> bool {
