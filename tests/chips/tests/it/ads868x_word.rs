@@ -25,58 +25,33 @@ fn word(order: FlagOrder, code: u16, dataout: u32) -> u32 {
 }
 
 #[test]
-fn without_flags_the_lower_half_is_0() {
-    assert_eq!(word(FlagOrder::RangeFirst, 0xa686, 0), 0xa686_0000);
-}
-
-#[test]
-fn table_7_6_all_flags() {
-    // 16 bits, address 0101, range 0011, AVDD 01, input 10, two parities, 00.
-    // 0xa686 has 7 ones: its parity bit is 1. With the flags there are 7 + 2 + 2 + 1 + 1 = 13: 1.
-    assert_eq!(word(FlagOrder::RangeFirst, 0xa686, 0x7d08), 0xa686_0000 | 0b0101_0011_01_10_11_00);
-}
-
-#[test]
-fn table_7_7_some_flags() {
-    // DEVICE_ADDR_INCL 0, both AVDD flags, no input flags, range, parity: D[15:12] range, D[11:10] AVDD, D[9:8] parity.
-    // 7 ones, and with range and AVDD 7 + 2 + 1 = 10: parities 1 and 0.
-    assert_eq!(word(FlagOrder::RangeFirst, 0xa686, 0x3108), 0xa686_0000 | 0b0011_01_10 << 8);
-}
-
-#[test]
-fn the_range_alone_stands_at_bits_15_to_12_in_either_order() {
-    for order in [FlagOrder::RangeFirst, FlagOrder::AlarmsFirst] {
-        assert_eq!(word(order, 0xa686, 0x0100), 0xa686_3000);
+fn words_with_their_flags() {
+    use FlagOrder::{AlarmsFirst, RangeFirst};
+    for (what, order, code, dataout, lower) in [
+        ("no flags", RangeFirst, 0xa686, 0, 0),
+        // 16 bits, address 0101, range 0011, AVDD 01, input 10, two parities, 00.
+        // 0xa686 has 7 ones: its parity bit is 1. With the flags there are 7 + 2 + 2 + 1 + 1 = 13: 1.
+        ("table 7-6", RangeFirst, 0xa686, 0x7d08, 0b0101_0011_01_10_11_00),
+        // Without the address and the input flags. 7 ones, and with range and AVDD 7 + 2 + 1 = 10: parities 1 and 0.
+        ("table 7-7", RangeFirst, 0xa686, 0x3108, 0b0011_01_10 << 8),
+        ("older sheets, all flags", AlarmsFirst, 0xa686, 0x7d08, 0b0101_01_10_0011_11_00),
+        ("older sheets, some flags", AlarmsFirst, 0xa686, 0x3108, 0b01_0011_10 << 8),
+        ("range alone", RangeFirst, 0xa686, 0x0100, 0x3000),
+        ("range alone", AlarmsFirst, 0xa686, 0x0100, 0x3000),
+        ("address, range", RangeFirst, 0, 0x4100, 0b0101_0011 << 8),
+        ("address alone", RangeFirst, 0, 0x4000, 0b0101 << 12),
+        // At code 0 the input is below nothing and above nothing.
+        ("AVDD low alone", RangeFirst, 0, 0x2000, 1 << 15),
+        ("AVDD high alone", RangeFirst, 0, 0x1000, 0),
+        ("input high alone", RangeFirst, 0x8000, 0x0400, 0x8000),
+        // Measured by a user of TI's forum: the range at bits 15–12 and the input's high flag at bit 9.
+        ("thread 981061", RangeFirst, 0x8000, 0x3d00, 0b0011_01_10 << 8),
+        // Shown by TI: only the parity is included, the result is 0xa686, and 0xc follows.
+        ("thread 1218070", RangeFirst, 0xa686, 0x0008, 0xc000),
+        ("even parity", RangeFirst, 0xa687, 0x0008, 0),
+    ] {
+        assert_eq!(word(order, code, dataout), u32::from(code) << 16 | lower, "{what}, {order:?}");
     }
-}
-
-#[test]
-fn where_a_field_stands_depends_on_those_before_it() {
-    assert_eq!(word(FlagOrder::RangeFirst, 0, 0x4100), 0b0101_0011 << 8, "address, range");
-    assert_eq!(word(FlagOrder::RangeFirst, 0, 0x4000), 0b0101 << 12);
-    // At code 0 the input is below nothing and above nothing.
-    assert_eq!(word(FlagOrder::RangeFirst, 0, 0x2000), 1 << 15, "AVDD low alone");
-    assert_eq!(word(FlagOrder::RangeFirst, 0, 0x1000), 0, "AVDD high alone");
-    assert_eq!(word(FlagOrder::RangeFirst, 0x8000, 0x0400), 0x8000_8000, "input high alone");
-}
-
-#[test]
-fn what_a_user_of_the_forum_measured() {
-    // Thread 981061: DATAOUT_CTL 0x3d00 and RANGE_SEL 3 gave the range at bits 15–12 and the input's high flag at bit 9.
-    assert_eq!(word(FlagOrder::RangeFirst, 0x8000, 0x3d00), 0x8000_0000 | 0b0011_01_10 << 8);
-}
-
-#[test]
-fn the_order_of_the_older_sheets() {
-    assert_eq!(word(FlagOrder::AlarmsFirst, 0xa686, 0x7d08), 0xa686_0000 | 0b0101_01_10_0011_11_00);
-    assert_eq!(word(FlagOrder::AlarmsFirst, 0xa686, 0x3108), 0xa686_0000 | 0b01_0011_10 << 8);
-}
-
-#[test]
-fn parity_as_ti_showed_it() {
-    // Thread 1218070: only the parity is included, the result is 0xa686, and 0xc follows.
-    assert_eq!(word(FlagOrder::RangeFirst, 0xa686, 0x0008), 0xa686_c000);
-    assert_eq!(word(FlagOrder::RangeFirst, 0xa687, 0x0008), 0xa687_0000);
 }
 
 #[test]
