@@ -6,9 +6,7 @@ use crate::master::Dac;
 
 /// All channels at 5 V in 0 V to 10 V.
 fn running(unspecified: Unspecified) -> Dac {
-    let mut dac = Dac::powered(Coding::OffsetBinary, unspecified, 1);
-    dac.write(0x04_8000);
-    dac.write(0x1d_0000);
+    let mut dac = Dac::loaded(Coding::OffsetBinary, unspecified, 1, 0x8000);
     assert_eq!(dac.settled(), [5.0; 4]);
     dac
 }

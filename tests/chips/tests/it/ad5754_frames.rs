@@ -5,10 +5,6 @@ use embedded_hal::spi::MODE_0;
 
 use crate::master::Dac;
 
-fn rules(dac: &Dac) -> Vec<Rule> {
-    dac.chip.violations().iter().map(|violation| violation.rule).collect()
-}
-
 #[test]
 fn registers_at_power_up() {
     let mut dac = Dac::plain();
@@ -18,7 +14,7 @@ fn registers_at_power_up() {
     }
     assert_eq!(dac.read(0x90_0000), 0, "power control");
     assert_eq!(dac.read(0x99_0000), 0x0004, "control: clamp enabled");
-    assert!(rules(&dac).is_empty());
+    assert!(dac.rules().is_empty());
 }
 
 #[test]
@@ -60,7 +56,7 @@ fn fewer_than_24_bits_are_ignored() {
         dac.master.send(&mut dac.chip, 0x0c_0005 >> (24 - count), count);
     }
     assert_eq!(dac.chip.range(Channel::A), DacRange::Unipolar5);
-    assert_eq!(rules(&dac), [0, 1, 8, 16, 23].map(Rule::ShortFrame));
+    assert_eq!(dac.rules(), [0, 1, 8, 16, 23].map(Rule::ShortFrame));
 }
 
 #[test]
@@ -68,13 +64,13 @@ fn of_more_bits_the_last_24_count() {
     let mut dac = Dac::plain();
     dac.master.send(&mut dac.chip, 0x0c_0005_0c_0003, 48);
     assert_eq!(dac.chip.range(Channel::A), DacRange::Bipolar5);
-    assert!(rules(&dac).is_empty(), "two chips in a chain are allowed");
+    assert!(dac.rules().is_empty(), "two chips in a chain are allowed");
     dac.master.send(&mut dac.chip, 0x1_0c_0004, 25);
     assert_eq!(dac.chip.range(Channel::A), DacRange::Bipolar10);
     // 0x0c0001 with a bit too many at its end is 0x180002, no operation.
     dac.master.send(&mut dac.chip, 0x0c_0001 << 1, 25);
     assert_eq!(dac.chip.range(Channel::A), DacRange::Bipolar10);
-    assert_eq!(rules(&dac), [Rule::OddFrame(25), Rule::OddFrame(25)]);
+    assert_eq!(dac.rules(), [Rule::OddFrame(25), Rule::OddFrame(25)]);
 }
 
 #[test]
@@ -92,7 +88,7 @@ fn sync_is_high_for_100_ns_between_frames() {
     dac.master.high_ns = 99;
     dac.write(0x0c_0001);
     assert_eq!(dac.chip.range(Channel::A), DacRange::Unipolar5, "the frame was not seen");
-    assert_eq!(rules(&dac), [Rule::SyncHigh(99)]);
+    assert_eq!(dac.rules(), [Rule::SyncHigh(99)]);
     dac.master.high_ns = 100;
     dac.write(0x0c_0001);
     assert_eq!(dac.chip.range(Channel::A), DacRange::Unipolar10);
@@ -105,7 +101,7 @@ fn an_answer_needs_200_ns() {
     dac.write(0x88_0000);
     dac.master.high_ns = 199;
     assert_eq!(dac.write(0x18_0000), 0x88_0000, "the command comes back");
-    assert_eq!(rules(&dac), [Rule::SyncHighBeforeAnswer(199)]);
+    assert_eq!(dac.rules(), [Rule::SyncHighBeforeAnswer(199)]);
     dac.write(0x88_0000);
     dac.master.high_ns = 200;
     assert_eq!(dac.write(0x18_0000), 0x0004);
@@ -129,7 +125,7 @@ fn the_clock_has_33_ns_and_13_ns_at_its_ends() {
     dac.master.half_ns = 16;
     dac.write(0x0c_0001);
     assert_eq!(dac.chip.range(Channel::A), DacRange::Unipolar5);
-    assert!(rules(&dac).contains(&Rule::ClockPeriod(32)));
+    assert!(dac.rules().contains(&Rule::ClockPeriod(32)));
     dac.master.half_ns = 17;
     dac.write(0x0c_0001);
     assert_eq!(dac.chip.range(Channel::A), DacRange::Unipolar10, "34 ns");
@@ -139,7 +135,7 @@ fn the_clock_has_33_ns_and_13_ns_at_its_ends() {
     dac.master.margin_ns = 12;
     dac.write(0x0c_0003);
     assert_eq!(dac.chip.range(Channel::A), DacRange::Unipolar10, "SYNC rose 12 ns after the last edge");
-    assert_eq!(rules(&dac), [Rule::SelectAfterClock(12), Rule::ShortFrame(23)]);
+    assert_eq!(dac.rules(), [Rule::SelectAfterClock(12), Rule::ShortFrame(23)]);
     dac.master.margin_ns = 13;
     dac.write(0x0c_0003);
     assert_eq!(dac.chip.range(Channel::A), DacRange::Bipolar5);
@@ -153,7 +149,7 @@ fn a_clock_right_after_sync_is_lost() {
     dac.chip.sclk(true, Sdi::stable(true), now + 2);
     dac.chip.sclk(false, Sdi::stable(true), now + 12);
     dac.chip.deselect(now + 100);
-    assert_eq!(rules(&dac), [Rule::ClockAfterSelect(12), Rule::ShortFrame(0)]);
+    assert_eq!(dac.rules(), [Rule::ClockAfterSelect(12), Rule::ShortFrame(0)]);
 
     // 13 ns after SYNC, then every 33 ns: 0x0c0001 is taken.
     let now = now + 1_000;
@@ -165,7 +161,7 @@ fn a_clock_right_after_sync_is_lost() {
     }
     dac.chip.deselect(now + 1_000);
     assert_eq!(dac.chip.range(Channel::A), DacRange::Unipolar10);
-    assert_eq!(rules(&dac).len(), 2);
+    assert_eq!(dac.rules().len(), 2);
 }
 
 #[test]
@@ -177,7 +173,7 @@ fn what_does_not_exist_is_ignored() {
         dac.write(word);
     }
     assert_eq!(dac.chip.range(Channel::A), DacRange::Unipolar5);
-    assert_eq!(rules(&dac), unknown.map(|word| Rule::UnknownCommand(word as u32)));
+    assert_eq!(dac.rules(), unknown.map(|word| Rule::UnknownCommand(word as u32)));
 }
 
 #[test]
@@ -188,7 +184,7 @@ fn reads_of_what_does_not_exist_give_nothing_known() {
     for word in unknown {
         assert_eq!(dac.read(word), 0x5a_ffff, "{word:#08x}");
     }
-    assert_eq!(rules(&dac), unknown.map(|word| Rule::UnknownCommand(word as u32)));
+    assert_eq!(dac.rules(), unknown.map(|word| Rule::UnknownCommand(word as u32)));
     dac.write(0x11_000f);
     assert!(!dac.chip.is_powered(Channel::A), "power control at address 1");
 }

@@ -71,8 +71,7 @@ fn a_code_for_a_channel_without_power_is_lost() {
     dac.write(0x10_0001);
     dac.wait(10_000);
     dac.write(0x04_8000);
-    let lost: Vec<_> = dac.chip.violations().iter().map(|violation| violation.rule).collect();
-    assert_eq!(lost, [1, 2, 3].map(Rule::WriteWhilePoweredDown));
+    assert_eq!(dac.rules(), [1, 2, 3].map(Rule::WriteWhilePoweredDown));
     dac.write(0x10_000f);
     dac.wait(10_000);
     dac.write(0x1d_0000);
@@ -91,7 +90,7 @@ fn a_channel_is_loaded_10_us_after_its_power_up() {
     dac.chip.set_ldac(true, powered + 10_050);
     dac.master.now = powered + 10_050;
     assert_eq!(dac.settled()[0], 0.0);
-    assert!(dac.chip.violations().iter().any(|violation| violation.rule == Rule::LoadDuringPowerUp(0)));
+    assert!(dac.rules().contains(&Rule::LoadDuringPowerUp(0)));
     dac.ldac_pulse();
     assert_eq!(dac.settled()[0], 5.0);
     assert_eq!(dac.chip.loaded_code(Channel::A), 0x8000);
@@ -135,8 +134,7 @@ fn ldac_falls_130_ns_after_sync_and_stays_low_for_20_ns() {
     assert_eq!(pulse(129, 20), 0.0);
     assert_eq!(pulse(130, 19), 0.0);
     assert_eq!(pulse(130, 20), 5.0);
-    let rules: Vec<_> = dac.chip.violations().iter().map(|violation| violation.rule).collect();
-    assert_eq!(rules, [Rule::LdacAfterSync(129), Rule::LdacLow(19)]);
+    assert_eq!(dac.rules(), [Rule::LdacAfterSync(129), Rule::LdacLow(19)]);
 }
 
 #[test]
@@ -165,9 +163,7 @@ fn a_change_under_way_goes_on_from_where_it_is() {
 
 #[test]
 fn a_new_range_moves_the_output() {
-    let mut dac = Dac::powered(Coding::OffsetBinary, PLAIN, 1);
-    dac.write(0x04_8000);
-    dac.write(0x1d_0000);
+    let mut dac = Dac::loaded(Coding::OffsetBinary, PLAIN, 1, 0x8000);
     assert_eq!(dac.settled(), [5.0; 4]);
     dac.write(0x08_0004);
     assert_eq!(dac.settled(), [0.0, 5.0, 5.0, 5.0], "mid-scale of ±10 V");
@@ -179,9 +175,7 @@ fn clr_clears_and_holds_off_loads() {
     for (coding, range) in
         [(Coding::OffsetBinary, 1), (Coding::OffsetBinary, 4), (Coding::TwosComplement, 1), (Coding::TwosComplement, 4)]
     {
-        let mut dac = Dac::powered(coding, PLAIN, range);
-        dac.write(0x04_2000);
-        dac.write(0x1d_0000);
+        let mut dac = Dac::loaded(coding, PLAIN, range, 0x2000);
         let before = dac.settled();
         assert_ne!(before, [0.0; 4]);
         dac.chip.set_clr(false, dac.master.now);
@@ -201,9 +195,7 @@ fn clr_clears_and_holds_off_loads() {
 
 #[test]
 fn the_input_registers_outlive_a_clear() {
-    let mut dac = Dac::powered(Coding::OffsetBinary, Unspecified::hostile(), 1);
-    dac.write(0x04_8000);
-    dac.write(0x1d_0000);
+    let mut dac = Dac::loaded(Coding::OffsetBinary, Unspecified::hostile(), 1, 0x8000);
     dac.write(0x1c_0000);
     assert_eq!(dac.settled(), [0.0; 4], "the clear command");
     assert_eq!(dac.chip.loaded_code(Channel::A), 0);
@@ -230,9 +222,7 @@ fn clr_select_chooses_what_a_clear_sets() {
 
 #[test]
 fn clr_takes_20_ns() {
-    let mut dac = Dac::powered(Coding::OffsetBinary, PLAIN, 1);
-    dac.write(0x04_8000);
-    dac.write(0x1d_0000);
+    let mut dac = Dac::loaded(Coding::OffsetBinary, PLAIN, 1, 0x8000);
     dac.settled();
     for (width, expected) in [(19, 5.0), (20, 0.0)] {
         dac.chip.set_clr(false, dac.master.now);

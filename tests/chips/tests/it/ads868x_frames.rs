@@ -7,10 +7,6 @@ use crate::master::Adc;
 
 const VARIANTS: [Variant; 3] = [Variant::Ads8681, Variant::Ads8685, Variant::Ads8689];
 
-fn rules(adc: &Adc) -> Vec<Rule> {
-    adc.chip.violations().iter().map(|violation| violation.rule).collect()
-}
-
 #[test]
 fn times_of_the_variants() {
     let times = |variant: Variant| (variant.conversion_ns(), variant.acquisition_ns(), variant.cycle_ns());
@@ -28,7 +24,7 @@ fn the_sample_is_taken_when_select_rises_and_read_in_the_next_frame() {
     let read = adc.frame(0);
     let code = 32768 + (first as f64 * 1e-6 / 375e-6).round() as u32;
     assert_eq!(read, code << 16);
-    assert!(rules(&adc).is_empty());
+    assert!(adc.rules().is_empty());
 }
 
 #[test]
@@ -44,7 +40,7 @@ fn a_frame_that_begins_in_a_conversion_is_not_seen() {
         adc.frame(0xd014_0001);
         assert_eq!(adc.master.floating, 32, "{variant:?}: SDO is not driven");
         assert_eq!(adc.chip.register(0x14), 0, "the command is lost");
-        assert_eq!(rules(&adc), [Rule::FrameDuringConversion(1)]);
+        assert_eq!(adc.rules(), [Rule::FrameDuringConversion(1)]);
         assert_eq!(adc.chip.unseen_frames(), 1);
         // Its end samples nothing either: the old result is still there.
         adc.master.high_ns = 100_000;
@@ -104,7 +100,7 @@ fn the_input_needs_its_time_of_acquisition() {
             adc.master.now = end + acquired;
             let code = (32768.0 + volts / 375e-6).round() as u32;
             assert_eq!(adc.frame(0), code << 16, "{variant:?}: on its way from the sample before");
-            assert_eq!(rules(&adc).contains(&Rule::Acquisition(acquired)), missing > 0);
+            assert_eq!(adc.rules().contains(&Rule::Acquisition(acquired)), missing > 0);
         }
     }
 }
@@ -115,7 +111,7 @@ fn a_frame_without_clocks_converts() {
     adc.chip.set_input(3.75);
     adc.master.send(&mut adc.chip, 0, 0);
     assert_eq!(adc.frame(0), 42768 << 16);
-    assert!(rules(&adc).is_empty());
+    assert!(adc.rules().is_empty());
 }
 
 #[test]
@@ -127,7 +123,7 @@ fn a_short_frame_reads_and_converts_but_writes_nothing() {
     adc.chip.set_input(0.0);
     adc.master.send(&mut adc.chip, 0xd014_0001 >> 1, 31);
     assert_eq!(adc.chip.register(0x14), 0);
-    assert_eq!(rules(&adc), [Rule::ShortFrame(16), Rule::ShortFrame(31)]);
+    assert_eq!(adc.rules(), [Rule::ShortFrame(16), Rule::ShortFrame(31)]);
     assert_eq!(adc.frame(0), 32768 << 16);
 }
 
@@ -174,7 +170,7 @@ fn clocks_keep_7_5_ns_from_the_select() {
     adc.chip.sclk(true, Sdi::stable(true), now + 7);
     adc.chip.sclk(false, Sdi::stable(true), now + 30);
     adc.chip.deselect(now + 1_000);
-    assert_eq!(rules(&adc), [Rule::ClockAfterSelect(7)]);
+    assert_eq!(adc.rules(), [Rule::ClockAfterSelect(7)]);
     adc.chip.clear_violations();
     let now = now + 10_000;
     adc.chip.select(now);
@@ -185,13 +181,13 @@ fn clocks_keep_7_5_ns_from_the_select() {
         adc.chip.sclk(false, Sdi::stable(bit), now + 105 + k * 50);
     }
     adc.chip.deselect(now + 100 + 31 * 50 + 7);
-    assert_eq!(rules(&adc), [Rule::SelectAfterClock(7), Rule::ShortFrame(31)]);
+    assert_eq!(adc.rules(), [Rule::SelectAfterClock(7), Rule::ShortFrame(31)]);
     assert_eq!(adc.chip.register(0x14), 0);
     adc.chip.clear_violations();
     (adc.master.now, adc.master.half_ns, adc.master.margin_ns) = (now + 10_000, 8, 8);
     adc.write(0x14, 1);
     assert_eq!(adc.chip.register(0x14), 1, "8 ns are enough");
-    assert_eq!(rules(&adc), []);
+    assert_eq!(adc.rules(), []);
 }
 
 #[test]

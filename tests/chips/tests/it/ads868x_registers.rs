@@ -131,8 +131,7 @@ fn rst_pwrctl_needs_its_key_first() {
     adc.frame(0xd204_6900);
     adc.frame(0xd404_0000);
     assert_eq!(adc.half_word(low), 0);
-    let rules: Vec<_> = adc.chip.violations().iter().map(|violation| violation.rule).collect();
-    assert_eq!(rules, [Rule::WithoutKey; 3]);
+    assert_eq!(adc.rules(), [Rule::WithoutKey; 3]);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! A master that sends any number of bits at any speed.
 
-use converter_chips::{Ad5754, Ads868x, Bit, Coding, SerialChip, Unspecified, Variant, clock_bit};
+use converter_chips::{Ad5754, Ads868x, Bit, Coding, Rule, SerialChip, Unspecified, Variant, clock_bit};
 use embedded_hal::spi::{MODE_0, MODE_1, Mode};
 
 pub struct Master {
@@ -78,6 +78,14 @@ impl Dac {
         dac
     }
 
+    /// All channels powered up in `range`, and loaded with `code`.
+    pub fn loaded(coding: Coding, unspecified: Unspecified, range: u64, code: u64) -> Self {
+        let mut dac = Self::powered(coding, unspecified, range);
+        dac.write(0x04_0000 | code);
+        dac.write(0x1d_0000);
+        dac
+    }
+
     pub fn write(&mut self, word: u64) -> u64 {
         self.master.send(&mut self.chip, word, 24)
     }
@@ -90,6 +98,10 @@ impl Dac {
 
     pub fn wait(&mut self, ns: u64) {
         self.master.now += ns;
+    }
+
+    pub fn rules(&self) -> Vec<Rule> {
+        self.chip.violations().iter().map(|violation| violation.rule).collect()
     }
 
     pub fn ldac_pulse(&mut self) {
@@ -119,6 +131,10 @@ impl Adc {
 
     pub fn frame(&mut self, word: u32) -> u32 {
         self.master.send(&mut self.chip, u64::from(word), 32) as u32
+    }
+
+    pub fn rules(&self) -> Vec<Rule> {
+        self.chip.violations().iter().map(|violation| violation.rule).collect()
     }
 
     /// Contents of a half-word, from the frame after the command.
