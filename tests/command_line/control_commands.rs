@@ -84,7 +84,7 @@ fn feedforward_and_simulate_are_each_others_inverse() {
 
 /// The check needs no voltage output. The offset that it reports is sufficient, and a smaller one is not.
 #[test]
-fn check_tells_the_feasible_band() {
+fn check_reports_the_feasible_band() {
     let bench = Bench::new();
     let check = |reference: &Path| {
         let arguments =

@@ -158,7 +158,7 @@ fn film(voltage: impl Fn(f64, f64) -> f64, stroke_mm: impl Fn(usize, f64) -> Str
 }
 
 #[test]
-fn what_prevents_a_fit_is_told_with_what_to_record() {
+fn what_prevents_a_fit_is_reported_with_what_to_record() {
     let bench = Bench::new();
     let plain = |_: usize, stroke: f64| stroke.to_string();
     let two_sizes = |t: f64, volts: f64| if t < 22.0 { volts } else { 0.5 * volts };

@@ -46,7 +46,7 @@ fn exported(params: &str, rate: &str) -> Vec<u8> {
 
 /// The cost of the compression is that of the law; none for a displacement behind a curve with mass.
 #[test]
-fn the_bound_of_the_compression_is_told() {
+fn the_bound_of_the_compression_is_reported() {
     let folder = TempDir::new().expect("a folder");
     let (file, out) = (folder.path().join("p.toml"), folder.path().join("p.bin"));
     let preset = ["export", "--params", "preset:table3-n2", "--rate", "500", "--out", text(&out)];

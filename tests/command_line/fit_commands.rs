@@ -156,7 +156,7 @@ fn a_window_leaves_out_values_and_keeps_the_memory() {
 
 /// Without its own sizes a film's field is not known: the fit says so, its file carries it, and no check claims it.
 #[test]
-fn assumed_sizes_are_told_and_no_field_is_claimed() {
+fn assumed_sizes_are_reported_and_no_field_is_claimed() {
     let folder = TempDir::new().expect("a folder");
     let path = |name: &str| folder.path().join(name);
     let (own, assumed, sized, again, reference) =

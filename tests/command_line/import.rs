@@ -38,7 +38,7 @@ fn close(read: &[f64], written: &[f64]) {
 }
 
 #[test]
-fn what_was_understood_is_told_and_written() {
+fn what_was_understood_is_reported_and_written() {
     let (folder, file) = bench();
     let out = folder.path().join("recordings");
     let report = TOOL.json(&["import", &file, "--blank", "displacement=-9999", "--out", text(&out)]);

@@ -66,7 +66,7 @@ fn a_board_reports_identity_and_status() {
 
 /// A part that is not connected is shown as such.
 #[test]
-fn the_status_tells_what_does_not_answer() {
+fn the_status_reports_what_does_not_answer() {
     let parts = [dea_driver::wire::Part::Answers, dea_driver::wire::Part::Bus, dea_driver::wire::Part::Answers];
     let board = VirtualBoard::start(Scene { interlock_closed: false, parts, ..Scene::CALM });
     let line = TOOL.with(&link(&board, &["status"])).assert().success().get_output().stdout.clone();
@@ -259,7 +259,7 @@ fn a_trip_ends_the_playback() {
 
 /// Disabled, and still at 3 kV: what no command can fix is reported in every way there is.
 #[test]
-fn a_film_that_stays_live_is_told() {
+fn a_film_that_stays_live_is_reported() {
     let folder = TempDir::new().expect("a folder");
     let (high, out) = (folder.path().join("high.csv"), folder.path().join("out.csv"));
     fs::write(&high, "time_s,voltage_v\n0,0\n0.5,3000\n1,3000\n").expect("written");

@@ -189,7 +189,7 @@ fn garbage_is_counted_and_not_executed() {
 }
 
 #[test]
-fn unknown_and_overlong_frames_are_told_apart() {
+fn unknown_and_overlong_frames_are_distinguished() {
     let mut receiver = Receiver::new();
     // A command that this version does not know, and one with more behind it than it should have.
     assert_eq!(receive::<Request>(&mut receiver, &frame(&(1u16, 0u16, 200u8))), [Err(FrameError::Unknown)]);

@@ -71,7 +71,7 @@ fn damaged_parameters_are_not_replaced_silently() {
 
 /// Parameters that are only tried are gone after a reset, and the stored ones may allow more.
 #[test]
-fn a_reset_during_a_trial_is_told() {
+fn a_reset_during_a_trial_is_reported() {
     let reset = |host: Host| {
         let mut next = Host::new(None);
         next.bench.store = host.bench.store;

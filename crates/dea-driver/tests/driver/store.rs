@@ -226,7 +226,7 @@ fn slot(sequence: u32, blob: &[u8]) -> Vec<u8> {
 /// The second set is damaged, and the save that would replace it is cut off, at every thirteenth byte: the first one never runs
 /// silently. With flash of this version, and of earlier ones, which wrote the first set to one slot alone.
 #[test]
-fn a_save_over_a_damaged_set_that_is_cut_off_is_told() {
+fn a_save_over_a_damaged_set_that_is_cut_off_is_reported() {
     let [first, second, third] = ["first", "second", "third"].map(|name| bytes_of(&named(name)));
     let written = {
         let mut store = store(Flash::new());

@@ -137,7 +137,7 @@ fn cycles(amplifier: AmplifierLag, known: AmplifierLag, read: impl Fn(u32, [f64;
 /// An amplifier that is up to 1.4 times slower or faster than it says: the readings of a monitor that is exact, late by a tick with 10 V
 /// of noise, negative, or lost at times leave a third of the error and less: what the first cycles did to the film stays a while.
 #[test]
-fn the_monitor_tells_how_fast_the_amplifier_is() {
+fn the_amplifiers_time_follows_from_the_monitor() {
     let stated = AmplifierLag { rise_s: 0.1, fall_s: 0.5 };
     // A fixed pattern of 10 V, without mean or memory to speak of.
     let noise = |k: u32| 10.0 * (f64::from(k.wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 23) - 1.0);

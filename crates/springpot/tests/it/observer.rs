@@ -130,7 +130,7 @@ fn finds_an_unknown_force_within_the_bandwidth() {
 
 /// A film that has become stiffer shows in the force scale, and in nothing else after a while.
 #[test]
-fn tells_drift_of_stiffness() {
+fn reports_drift_of_stiffness() {
     for factor in [0.8, 1.25] {
         let observer = observer(ObserverOptions::at_bandwidth(0.6));
         let mut sensor = Sensor { interval: 10, delay: 10, past: Vec::new() };

@@ -237,7 +237,7 @@ fn an_amplifier_without_a_lag_has_none() {
 }
 
 #[test]
-fn what_is_not_the_model_s_is_told() {
+fn what_the_model_does_not_explain_is_reported() {
     let partial = |time_s: f64| [1000.0, 4000.0, 2000.0, 3000.0][(time_s / 2.0 + 1e-9) as usize % 4];
     let warnings = |bench: &Bench, command: &dyn Fn(f64) -> f64| {
         identify(&bench.log(1000.0, 24.0, command)).expect("identified").warnings

@@ -206,7 +206,7 @@ fn ramps_and_holds_at_uneven_times() {
 
 /// Changes of the input between the model's steps are not fitted, and there is a warning.
 #[test]
-fn an_input_that_moves_between_the_steps_is_told() {
+fn an_input_that_moves_between_the_steps_is_reported() {
     let pulse = |t: f64| if (t - 50.05).abs() < 0.002 { HELD_M } else { 0.1 * HELD_M * (0.2 * t).sin() };
     let mut times: Vec<f64> = (0..ROWS).map(even_s).chain((1..=8).map(|k| 50.04 + 0.002 * f64::from(k))).collect();
     times.sort_by(f64::total_cmp);

@@ -119,7 +119,7 @@ fn without_a_reference_there_is_no_output() {
 }
 
 #[test]
-fn over_current_with_the_clamp_is_only_told() {
+fn over_current_with_the_clamp_is_only_reported() {
     let mut dac = running(Unspecified::plain());
     for (k, channel) in Channel::ALL.into_iter().enumerate() {
         dac.chip.set_over_current(channel, true, dac.master.now);

@@ -234,7 +234,7 @@ fn clr_takes_20_ns() {
 }
 
 #[test]
-fn a_read_shows_the_register_that_the_model_is_told_to_show() {
+fn a_read_returns_the_register_that_the_model_is_configured_for() {
     for (unspecified, expected) in [(Unspecified::hostile(), 0x1234), (PLAIN, 0)] {
         let mut dac = Dac::powered(Coding::OffsetBinary, unspecified, 1);
         dac.write(0x00_1234);

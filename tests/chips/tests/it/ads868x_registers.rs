@@ -82,7 +82,7 @@ fn bits_25_and_26_do_not_matter_to_the_other_commands() {
 }
 
 #[test]
-fn answers_stand_at_the_top_and_come_once() {
+fn answers_are_left_aligned_and_come_once() {
     let mut adc = adc();
     adc.chip.set_input(3.75);
     adc.frame(0xd024_1234);
