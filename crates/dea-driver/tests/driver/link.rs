@@ -2,8 +2,9 @@
 
 use dea_driver::server::{Upload, UploadError};
 use dea_driver::wire::{
-    Answer, BATCH, CHUNK, Command, FRAME_LEN, Followed, FrameError, Identity, InjectedFault, Inspection, Message, Mode,
-    Part, Receiver, Reject, Request, Status, Step, Target, Telemetry, TickCodes, Ticked, VERSION, encode,
+    Answer, BATCH, CHUNK, Command, FRAME_LEN, Followed, FrameError, Identity, InjectedFault, Inspection, LearningOrder,
+    Message, Mode, Part, Receiver, Reject, Request, Status, Step, Target, Telemetry, TickCodes, Ticked, VERSION,
+    encode,
 };
 use dea_driver::{BLOB_LEN, Cause, DriverState, Refusal, SensorFault};
 use rand::{RngExt, SeedableRng};
@@ -48,6 +49,8 @@ fn commands() -> Vec<Command> {
         Command::Reload,
         Command::Follow { mode: Mode::Tracking, targets: [Target { value: 1.0, sample_m: Some(2.0) }; BATCH].into() },
         Command::Inspect,
+        Command::Learning(LearningOrder::Forget),
+        Command::Learning(LearningOrder::CarryOver),
         Command::StopFeedingWatchdog,
         Command::Tick { mode: Mode::Tracking, inputs: [codes; BATCH].into() },
     ]
