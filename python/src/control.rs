@@ -227,26 +227,13 @@ impl PyFeedforward {
     ) -> PyResult<Self> {
         let model = model.get();
         let limits = self::limits(limits, model)?;
-        Loop::new(ControllerKind::Feedforward, model, usual(rate_hz), limits, precision).map(Self)
+        Loop::new(ControllerKind::Feedforward, model, ControllerTuning::at_rate(rate_hz), limits, precision).map(Self)
     }
 
     /// One tick, as of Tracking, without a sensor.
     #[pyo3(signature = (reference_m, *, applied_v=None, monitor_v=None))]
     fn tick(&self, reference_m: f64, applied_v: Option<f64>, monitor_v: Option<f64>) -> PyResult<PyTick> {
         locked(&self.0).tick(reference_m, Since { applied_v, monitor_v, sample_m: None, age_s: None })
-    }
-}
-
-/// A tuning of which only the rate matters.
-fn usual(rate_hz: f64) -> ControllerTuning {
-    ControllerTuning {
-        rate_hz,
-        bandwidth_hz: None,
-        adaptation_s: None,
-        sensor_rate_hz: 100.0,
-        sensor_delay_s: 0.01,
-        harmonics: None,
-        period_s: None,
     }
 }
 
@@ -335,7 +322,13 @@ impl PyObserver {
         let model = model.get();
         let limits = LimitOptions { max_voltage: max_voltage_v, ..LimitOptions::default() };
         let limits = limits.limits(model.parameters.board.as_ref()).raise()?;
-        let tuning = ControllerTuning { bandwidth_hz, adaptation_s, sensor_rate_hz, sensor_delay_s, ..usual(rate_hz) };
+        let tuning = ControllerTuning {
+            bandwidth_hz,
+            adaptation_s,
+            sensor_rate_hz,
+            sensor_delay_s,
+            ..ControllerTuning::at_rate(rate_hz)
+        };
         let options = tuning.settings(ControllerKind::Tracking, &model.parameters, limits).raise()?.observer;
         let observer = match choice("precision", precision)? {
             Precision::F32 => built(model, rate_hz, limits.max_voltage_v, options).map(AnyObserver::F32),

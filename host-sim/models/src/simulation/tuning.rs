@@ -28,6 +28,20 @@ pub struct ControllerTuning {
 }
 
 impl ControllerTuning {
+    /// A tuning at `rate_hz` that requests nothing: a sensor of 100 Hz that is 10 ms late, no learning.
+    #[must_use]
+    pub const fn at_rate(rate_hz: f64) -> Self {
+        Self {
+            rate_hz,
+            bandwidth_hz: None,
+            adaptation_s: None,
+            sensor_rate_hz: 100.0,
+            sensor_delay_s: 0.01,
+            harmonics: None,
+            period_s: None,
+        }
+    }
+
     /// The settings of a controller of `kind` for `parameters` within `limits`, for a reference whose peak is 0.
     ///
     /// # Errors

@@ -12,16 +12,6 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use springpot::{Applied, Feedforward, Follower, SensorSample, Tracking};
 
-const TUNING: ControllerTuning = ControllerTuning {
-    rate_hz: 1000.0,
-    bandwidth_hz: None,
-    adaptation_s: None,
-    sensor_rate_hz: 100.0,
-    sensor_delay_s: 0.01,
-    harmonics: None,
-    period_s: None,
-};
-
 /// A limit near `usual` with as many digits as a file states.
 fn near(rng: &mut Pcg64, usual: f64) -> f64 {
     format!("{:.3e}", usual * rng.random_range(0.7..1.0)).parse().expect("a number")
@@ -36,8 +26,8 @@ fn on_a_board(parameters: &Parameters, rate_hz: f64) -> Tracking<f32> {
 /// The tracking law of the host, built as `closed-loop` builds it with `limits` on the command line.
 fn on_the_host(parameters: &Parameters, rate_hz: f64, limits: &LimitOptions) -> Tracking<f32> {
     let limits = limits.limits(parameters.board.as_ref()).expect("limits");
-    let tuning = ControllerTuning { rate_hz, ..TUNING };
-    let settings = tuning.settings(ControllerKind::Tracking, parameters, limits).expect("settings");
+    let settings =
+        ControllerTuning::at_rate(rate_hz).settings(ControllerKind::Tracking, parameters, limits).expect("settings");
     let law = parameters.film().compressed_law(rate_hz).expect("a law");
     Tracking::new(law, &parameters.actuator, settings.limits, settings.observer).expect("valid")
 }
@@ -94,7 +84,7 @@ fn same_voltages(parameters: &Parameters, tracking: &Tracking<f32>) {
     let feedforward = Follower::new(feedforward);
     let (mut tracked, mut fed) = (tracking.state(law.state()), feedforward.state(law.state()));
     let build = |kind| {
-        let settings = TUNING.settings(kind, parameters, limits).expect("settings");
+        let settings = ControllerTuning::at_rate(1000.0).settings(kind, parameters, limits).expect("settings");
         controllers::build(kind, parameters, &settings, Precision::F32).expect("a controller")
     };
     let [mut tracking_bench, mut feedforward_bench] =
