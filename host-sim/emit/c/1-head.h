@@ -65,7 +65,7 @@
 #endif
 #endif
 #if defined(FLT_EVAL_METHOD)
-#if FLT_EVAL_METHOD != 0
+#if FLT_EVAL_METHOD != 0 && FLT_EVAL_METHOD != 16 /* 16: a processor that computes in _Float16, too */
 #error "springpot.h: float must be computed in single precision; on x86 compile with -msse2 -mfpmath=sse"
 #endif
 #endif

@@ -66,6 +66,17 @@ fn fast_math_is_refused() {
     }
 }
 
+/// How wide gcc says that arithmetic is: 16 on processors that also compute in half precision, where `float` stays single.
+#[test]
+fn wider_arithmetic_alone_is_refused() {
+    let says = |method: &'static str| ["-std=gnu99", "-U__FLT_EVAL_METHOD__", method];
+    refuses("gcc", &[&says("-D__FLT_EVAL_METHOD__=1"), &says("-D__FLT_EVAL_METHOD__=2")]);
+    let sources = Sources::new(&cases());
+    for method in ["-D__FLT_EVAL_METHOD__=0", "-D__FLT_EVAL_METHOD__=16"] {
+        sources.compile("gcc", &with(&says(method), &["-O2"]), &["host.c"]);
+    }
+}
+
 /// A build for a processor with fused multiply-add, in gcc's default mode, which fuses: the header switches it off. Without what
 /// switches it off the same build does fuse.
 #[cfg(target_arch = "x86_64")]
