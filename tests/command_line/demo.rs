@@ -1,4 +1,4 @@
-//! The demo: the README's first command, with simulated recordings and with those of a user.
+//! The demo with simulated recordings and with those of a user. `docs/start.md`, which a test runs, shows what it prints.
 
 use std::fs;
 use std::path::Path;
@@ -7,7 +7,6 @@ use tempfile::TempDir;
 use tests::recordings;
 use tests::table::column;
 use tests::tool::{names, text};
-use tests::transcript::{depends_on_qemu, same};
 
 use crate::TOOL;
 use crate::report_page::{check_numbers, check_page, document};
@@ -16,25 +15,6 @@ use crate::report_page::{check_numbers, check_page, document};
 fn rows(path: &Path) -> Vec<String> {
     let content = fs::read_to_string(path).expect("written");
     content.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
-}
-
-/// The README shows what its first command prints.
-#[test]
-fn the_readme_shows_what_the_demo_prints() {
-    let folder = TempDir::new().expect("a folder");
-    let printed = TOOL.with(&["demo"]).current_dir(folder.path()).assert().success().get_output().stdout.clone();
-    let printed = String::from_utf8(printed).expect("UTF-8");
-    println!("{printed}");
-    let readme = include_str!("../../README.md");
-    let (_, shown) = readme.split_once("The first prints\n\n```text\n").expect("the README shows it");
-    let (shown, _) = shown.split_once("```").expect("the block ends");
-    let lines =
-        |text: &str| -> Vec<String> { text.lines().filter(|line| !depends_on_qemu(line)).map(str::to_owned).collect() };
-    let (printed, shown) = (lines(&printed), lines(shown));
-    assert_eq!(printed.len(), shown.len());
-    for (printed, shown) in printed.iter().zip(&shown) {
-        assert!(same(printed, shown), "{printed}\n{shown}");
-    }
 }
 
 #[test]
