@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 /// Virtual time in nanoseconds, shared by all that hold a clone.
 ///
-/// Nothing moves it but the bus, a delay, a [`Line`](crate::Line), and the test.
+/// Nothing moves it but the bus, a [`Line`](crate::Line), and the test.
 #[derive(Clone, Debug, Default)]
 pub struct Clock(Rc<Cell<u64>>);
 
@@ -30,21 +30,5 @@ impl Clock {
     /// Moves the clock to `ns`; time that has passed already stays passed.
     pub fn advance_to(&self, ns: u64) {
         self.0.set(self.0.get().max(ns));
-    }
-
-    /// A delay of embedded-hal that moves this clock.
-    #[must_use]
-    pub fn delay(&self) -> VirtualDelay {
-        VirtualDelay(self.clone())
-    }
-}
-
-/// [`DelayNs`](embedded_hal::delay::DelayNs) in virtual time: takes exactly as long as it is asked to.
-#[derive(Clone, Debug)]
-pub struct VirtualDelay(Clock);
-
-impl embedded_hal::delay::DelayNs for VirtualDelay {
-    fn delay_ns(&mut self, ns: u32) {
-        self.0.advance(u64::from(ns));
     }
 }

@@ -17,32 +17,20 @@ pub enum Rule {
     ShortFrame(u32),
     /// AD5754: more than 24 bits, but no multiple of it. The last 24 are carried out.
     OddFrame(u32),
-    /// AD5754: bit DB22 is 1, or the register or address does not exist. The frame is ignored.
+    /// A command, register or setting that does not exist, or that the model does not have. It is ignored.
     UnknownCommand(u32),
-    /// AD5754: a code was written to a channel that is powered down. The channel (0 is A) did not take it.
-    WriteWhilePoweredDown(u8),
-    /// AD5754: a channel (0 is A) was loaded less than 10 µs after power-up. It did not take the code.
-    LoadDuringPowerUp(u8),
-    /// AD5754: LDAC fell less than 130 ns (t10) after SYNC rose on a new code. It loaded nothing.
-    LdacAfterSync(u64),
-    /// AD5754: LDAC was low for less than 20 ns (t11). It had no effect.
-    LdacLow(u64),
-    /// AD5754: CLR was low for less than 20 ns (t13). It had no effect.
-    ClrLow(u64),
+    /// AD5754: a code was written while the channel is powered down. It did not take it.
+    WriteWhilePoweredDown,
+    /// AD5754: the channel was loaded less than 10 µs after power-up. It did not take the code.
+    LoadDuringPowerUp,
     /// AD5754: a load or an update came while CLR was low. It had no effect.
     LoadWhileClear,
     /// ADS868x: CONVST/CS fell while a conversion ran, so many ns before its end. The frame is not seen.
     FrameDuringConversion(u64),
-    /// ADS868x: CONVST/CS fell while the chip was in reset or powering up. The frame is not seen.
+    /// ADS868x: CONVST/CS fell while the chip was powering up. The frame is not seen.
     FrameDuringReset,
     /// ADS868x: less than tACQ from the end of a conversion to the next sample. The sample is not settled.
     Acquisition(u64),
-    /// ADS868x: woken from NAP less than 20 µs before the sample. The result is the old one.
-    NapWake(u64),
-    /// ADS868x: RST was low for less than 100 ns. It had no effect.
-    RstLow(u64),
-    /// ADS868x: RST_PWRCTL was written without its key. The bits are as before.
-    WithoutKey,
 }
 
 /// When a rule was broken.

@@ -1,6 +1,6 @@
 //! A master that sends any number of bits at any speed.
 
-use converter_chips::{Ad5754, Ads868x, Bit, Coding, Rule, SerialChip, Unspecified, Variant, clock_bit};
+use converter_chips::{Ad5754, Ads868x, Bit, Rule, SerialChip, Variant, clock_bit};
 use embedded_hal::spi::{MODE_0, MODE_1, Mode};
 
 pub struct Master {
@@ -54,35 +54,40 @@ impl Master {
     }
 }
 
-/// An AD5754 and its master.
-pub struct Dac {
-    pub chip: Ad5754,
+/// A chip and its master.
+pub struct Bench<C> {
+    pub chip: C,
     pub master: Master,
 }
 
+pub type Dac = Bench<Ad5754>;
+pub type Adc = Bench<Ads868x>;
+
+impl<C> Bench<C> {
+    pub fn wait(&mut self, ns: u64) {
+        self.master.now += ns;
+    }
+}
+
 impl Dac {
-    pub fn new(coding: Coding, unspecified: Unspecified) -> Self {
-        Self { chip: Ad5754::with_unspecified(coding, unspecified), master: Master::new(MODE_1) }
+    pub fn new() -> Self {
+        Self { chip: Ad5754::new(), master: Master::new(MODE_1) }
     }
 
-    pub fn plain() -> Self {
-        Self::new(Coding::OffsetBinary, Unspecified::plain())
-    }
-
-    /// All channels powered up in `range`, and ready to be loaded.
-    pub fn powered(coding: Coding, unspecified: Unspecified, range: u64) -> Self {
-        let mut dac = Self::new(coding, unspecified);
-        dac.write(0x0c_0000 | range);
-        dac.write(0x10_000f);
+    /// Powered up in `range`, and ready to be loaded.
+    pub fn powered(range: u64) -> Self {
+        let mut dac = Self::new();
+        dac.write(0x08_0000 | range);
+        dac.write(0x10_0001);
         dac.wait(10_000);
         dac
     }
 
-    /// All channels powered up in `range`, and loaded with `code`.
-    pub fn loaded(coding: Coding, unspecified: Unspecified, range: u64, code: u64) -> Self {
-        let mut dac = Self::powered(coding, unspecified, range);
-        dac.write(0x04_0000 | code);
-        dac.write(0x1d_0000);
+    /// Powered up in `range`, and loaded with `code` by LDAC, which stays low.
+    pub fn loaded(range: u64, code: u64) -> Self {
+        let mut dac = Self::powered(range);
+        dac.chip.set_ldac(false, dac.master.now);
+        dac.write(code);
         dac
     }
 
@@ -96,32 +101,15 @@ impl Dac {
         self.write(0x18_0000)
     }
 
-    pub fn wait(&mut self, ns: u64) {
-        self.master.now += ns;
-    }
-
     pub fn rules(&self) -> Vec<Rule> {
         self.chip.violations().iter().map(|violation| violation.rule).collect()
     }
 
-    pub fn ldac_pulse(&mut self) {
-        self.wait(200);
-        self.chip.set_ldac(false, self.master.now);
-        self.wait(50);
-        self.chip.set_ldac(true, self.master.now);
-    }
-
-    /// All outputs after they have settled, V.
-    pub fn settled(&mut self) -> [f64; 4] {
+    /// The output after it has settled, V.
+    pub fn settled(&mut self) -> f64 {
         self.wait(10_000);
-        converter_chips::Channel::ALL.map(|channel| self.chip.volts(channel, self.master.now))
+        self.chip.volts(self.master.now)
     }
-}
-
-/// An ADS868x and its master.
-pub struct Adc {
-    pub chip: Ads868x,
-    pub master: Master,
 }
 
 impl Adc {
@@ -135,16 +123,6 @@ impl Adc {
 
     pub fn rules(&self) -> Vec<Rule> {
         self.chip.violations().iter().map(|violation| violation.rule).collect()
-    }
-
-    /// Contents of a half-word, from the frame after the command.
-    pub fn half_word(&mut self, address: u32) -> u32 {
-        self.frame(0xc800_0000 | address << 16);
-        self.frame(0)
-    }
-
-    pub fn write(&mut self, address: u32, bits: u32) {
-        self.frame(0xd000_0000 | address << 16 | bits);
     }
 
     /// A conversion of the present input, and the word that brings its result.

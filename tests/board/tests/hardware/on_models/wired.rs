@@ -6,7 +6,7 @@ use std::rc::Rc;
 use board_on_host::board::Board;
 use board_on_host::chip::gpio::Pin;
 use board_on_host::wires::{SpiByte, SpiSlave, Wiring};
-use converter_chips::{Ad5754, Ads868x, Bit, Coding, SerialChip, Variant, clock_bit};
+use converter_chips::{Ad5754, Ads868x, Bit, SerialChip, Variant, clock_bit};
 use embedded_hal::spi::{MODE_0, MODE_1, MODE_2, MODE_3};
 
 use super::slaves::{adc_wiring, dac_wiring};
@@ -23,7 +23,7 @@ pub struct Converters {
 impl Converters {
     /// Wires them to a board: straight binary, LDAC to ground, CLR to the enable output; RST high.
     pub fn on(board: &Board, variant: Variant) -> Self {
-        let dac = Rc::new(RefCell::new(Ad5754::new(Coding::OffsetBinary)));
+        let dac = Rc::new(RefCell::new(Ad5754::new()));
         dac.borrow_mut().set_ldac(false, 0);
         let adc = || Rc::new(RefCell::new(Ads868x::new(variant)));
         let (monitor, sensor) = (adc(), adc());
