@@ -81,7 +81,7 @@ fn the_controller_runs_what_the_host_runs() {
     for preset in springpot::Preset::ALL {
         for rate in [200.0, 1000.0, 5000.0] {
             let blob = exported(&format!("preset:{}", preset.name()), &rate.to_string());
-            let blob = <Blob>::decode(&blob, boards::STM32F405).expect("valid");
+            let blob = Blob::decode(&blob, boards::STM32F405).expect("valid");
             let mut controller = Controller::new(blob);
             let parameters = Parameters::preset(preset.name()).expect("there");
             let law: Law<f32> = Law::compressed(&parameters.model, LawOptions::at_step(1.0 / rate)).expect("valid");
@@ -105,7 +105,7 @@ fn a_board_of_its_own_goes_into_the_blob() {
     let mut parameters = Parameters::preset("table3-n2").expect("there");
     parameters.sensor_offset_m = 12e-6;
     fs::write(&file, parameters.to_toml() + &board_table()).expect("written");
-    let blob = <Blob>::decode(&exported(text(&file), "2000"), 7).expect("for board 7").into_parameters();
+    let blob = Blob::decode(&exported(text(&file), "2000"), 7).expect("for board 7").into_parameters();
     assert_eq!((blob.rate_hz, blob.command_range), (2000.0, CommandRange::FiveVolts));
     assert_eq!(blob.amplifier, Calibration::Parabola { offset: 0.0, gain: 1200.0, quadratic: -3.5 });
     assert_eq!(blob.monitor, Calibration::Parabola { offset: 1.5, gain: 1000.0, quadratic: 0.0 });
@@ -128,7 +128,7 @@ fn an_amplifier_is_described_by_points_as_well() {
     let good = Parameters::preset("table3-n2").expect("there").to_toml() + &board_table();
     assert!(good.contains(parabola));
     fs::write(&file, good.replace(parabola, points)).expect("written");
-    let blob = <Blob>::decode(&exported(text(&file), "1000"), 7).expect("for board 7").into_parameters();
+    let blob = Blob::decode(&exported(text(&file), "1000"), 7).expect("for board 7").into_parameters();
     let expected = Calibration::points(&[[0.0, 0.0], [0.6, 15.0], [0.8, 160.0], [5.0, 6000.0]]).expect("rising");
     assert_eq!(blob.amplifier, expected);
     // Through other commands, with short numbers.

@@ -307,7 +307,7 @@ fn a_truncated_upload_changes_nothing() {
         assert_eq!(name, "karner-2022-table3-n2");
     }
     // NaN in the parameters, with a checksum that holds, is refused by the board as well.
-    let mut parameters = <dea_driver::Blob>::decode(&blob, boards::STM32F405).expect("valid").into_parameters();
+    let mut parameters = dea_driver::Blob::decode(&blob, boards::STM32F405).expect("valid").into_parameters();
     parameters.law.head[2] = f32::NAN;
     let spoiled = unchecked(&parameters);
     assert!(client.upload(&spoiled, false).is_err());

@@ -24,7 +24,7 @@ pub use chips::{AdcError, Ads868x, Amplifier, AmplifierError};
 pub use control::{Controller, Inputs, LearningOrder, Mode, Outputs, SetpointError, Telemetry};
 #[cfg(feature = "loop-test")]
 pub use control::{Followed, Step, Target, TickCodes, Ticked};
-pub use parameters::{BLOB_LEN, Blob, BlobError, Control, Parameters, SCHEMA};
+pub use parameters::{BLOB_LEN, Blob, BlobError, Control, ControllerMemory, Parameters, SCHEMA};
 #[cfg(feature = "store")]
 pub use parameters::{BlobHeader, Store, StoreError, Stored};
 pub use safety::{

@@ -1,7 +1,5 @@
 //! From an instrument's volts to a quantity and back.
 
-use core::fmt;
-
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
@@ -44,11 +42,15 @@ pub enum Calibration {
 pub const MAX_POINTS: usize = 8;
 
 /// Why a calibration is refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum CalibrationError {
     /// A parabola with a coefficient that is not finite, or that does not rise from 0 V to full scale.
+    #[error(
+        "the parabola from {offset} does not rise by a finite amount per volt over its full scale ({gain} at 0 V, {end_gain} at \
+         {full_scale_v} V); correct gain and quadratic"
+    )]
     Falls {
         /// The quantity at 0 V.
         offset: f32,
@@ -60,13 +62,19 @@ pub enum CalibrationError {
         full_scale_v: f32,
     },
     /// Fewer than two points, or more than [`MAX_POINTS`].
+    #[error("it needs 2 to {MAX_POINTS} points")]
     Number,
     /// The first point is not at 0 V.
+    #[error("the first point is at {first_v} V; it must be at 0 V")]
     Start {
         /// The volts of the first point.
         first_v: f32,
     },
     /// From a point to the next, u or y does not rise, or is not finite.
+    #[error(
+        "point {number} ({} V, {}) is followed by point {} ({} V, {}); volts and quantity must rise",
+        from[0], from[1], number + 1, to[0], to[1]
+    )]
     Point {
         /// Number of the first of the two, from 1.
         number: usize,
@@ -76,27 +84,6 @@ pub enum CalibrationError {
         to: [f32; 2],
     },
 }
-
-impl fmt::Display for CalibrationError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Falls { offset, gain, end_gain, full_scale_v } => write!(
-                f,
-                "the parabola from {offset} does not rise by a finite amount per volt over its full scale ({gain} at 0 V, \
-                 {end_gain} at {full_scale_v} V); correct gain and quadratic"
-            ),
-            Self::Number => write!(f, "it needs 2 to {MAX_POINTS} points"),
-            Self::Start { first_v } => write!(f, "the first point is at {first_v} V; it must be at 0 V"),
-            Self::Point { number, from: [u0, y0], to: [u1, y1] } => write!(
-                f,
-                "point {number} ({u0} V, {y0}) is followed by point {} ({u1} V, {y1}); volts and quantity must rise",
-                number + 1
-            ),
-        }
-    }
-}
-
-impl core::error::Error for CalibrationError {}
 
 impl Calibration {
     /// A straight line through zero.

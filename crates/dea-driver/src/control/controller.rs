@@ -7,7 +7,7 @@ use crate::control::loop_test::{Followed, LoopTest, Step, Target};
 use crate::control::sampler::Sampler;
 use crate::control::setpoint::{Ramp, SetpointError};
 use crate::control::{LearningOrder, Mode, Telemetry};
-use crate::parameters::{Blob, Parameters};
+use crate::parameters::{Blob, ControllerMemory, Parameters, Watched};
 use crate::safety::{Cause, Readings, Refusal, Supervisor};
 
 /// Longest time in which a new target is approached, s.
@@ -36,12 +36,9 @@ pub struct Outputs {
     pub telemetry: Telemetry,
 }
 
-/// The memory of the film that no sensor corrects. It watches limits alone, for which 1 % is enough: see [`Law::coarser`].
-type Watched = Compressed<f32, 4, 11, 7>;
-
 /// A film's law, its control and its supervisor, ticked at a fixed rate.
 ///
-/// `HEAD`, `FAST` and `SLOW` are the sizes of the law's memory ([`Compressed`]), as of the [`Blob`].
+/// `M` is the memory of its law, as of the [`Blob`].
 ///
 /// A tick cannot fail, and takes the same number of operations every time, apart from samples of the sensor, which may arrive
 /// more slowly. It converts between volts at the converters and quantities; converters and their codes are the caller's.
@@ -88,7 +85,7 @@ type Watched = Compressed<f32, 4, 11, 7>;
 /// ```
 #[derive(Clone, Debug)]
 #[repr(C)] // what a tick needs first, within the reach of a load's offset
-pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     supervisor: Supervisor,
     /// How the film thins with the stroke, 1/m.
     thinning_per_m: f32,
@@ -105,34 +102,34 @@ pub struct Controller<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     /// The target of this run: a voltage (V) or a reference (m), depending on its mode; none until one is set.
     target: Ramp,
     open_loop: LawState<f32, Watched>,
-    follower: Follower<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
+    follower: Follower<f32, Tracking<f32, M>>,
     /// The film as the commanded voltage alone moves it: no sensor corrects it. Its law has fewer modes.
     watched: Law<f32, Watched>,
-    parameters: Parameters<HEAD, FAST, SLOW>,
+    parameters: Parameters<M>,
     checksum: Option<u32>,
     /// The film as the ticks estimate it, its reference, and what is learned of its cycles.
-    course: FollowerState<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
+    course: FollowerState<f32, Tracking<f32, M>>,
     #[cfg(feature = "loop-test")]
-    test: LoopTest<HEAD, FAST, SLOW>,
+    test: LoopTest<M>,
 }
 
-impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, FAST, SLOW> {
+impl<M: ControllerMemory> Controller<M> {
     /// The controller of `blob`, disarmed, its film at rest.
     #[must_use]
     #[allow(clippy::needless_pass_by_value)] // a blob is for one controller
-    pub fn new(blob: Blob<HEAD, FAST, SLOW>) -> Self {
+    pub fn new(blob: Blob<M>) -> Self {
         Self::from_parts(blob.parameters(), blob.checksum(), blob.follower(), blob.supervisor())
     }
 
     // Of references, so that nothing large is moved on the stack of a small chip.
     fn from_parts(
-        parameters: &Parameters<HEAD, FAST, SLOW>,
+        parameters: &Parameters<M>,
         checksum: Option<u32>,
-        follower: &Follower<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
+        follower: &Follower<f32, Tracking<f32, M>>,
         supervisor: &Supervisor,
     ) -> Self {
         let law = follower.compensator().observer().law();
-        let watched = law.coarser();
+        let watched = M::watched(law);
         let shares_per_n = shares_per_n(parameters);
         let thinning_per_m = thinning_per_m(parameters);
         let sampler =
@@ -145,7 +142,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
             checksum,
             supervisor: *supervisor,
             follower: follower.clone(),
-            course: follower.state(law.state()),
+            course: follower.state(M::at_rest(law)),
             open_loop: watched.state(),
             watched,
             thinning_per_m,
@@ -166,7 +163,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
 
     /// The parameters.
     #[must_use]
-    pub fn parameters(&self) -> &Parameters<HEAD, FAST, SLOW> {
+    pub fn parameters(&self) -> &Parameters<M> {
         &self.parameters
     }
 
@@ -341,7 +338,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
         self.course.forget_correction();
         self.course.forget_cycles();
         if !self.course.displacement().is_finite() {
-            self.course = self.follower.state(self.follower.compensator().observer().law().state());
+            self.course = self.follower.state(M::at_rest(self.follower.compensator().observer().law()));
         }
         if !self.open_loop.position().is_finite() {
             self.open_loop = self.watched.state();
@@ -417,7 +414,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
 
 /// The loop test: a film apart from the one of the ticks, which a host steps and compares bit by bit.
 #[cfg(feature = "loop-test")]
-impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, FAST, SLOW> {
+impl<M: ControllerMemory> Controller<M> {
     /// Resets the loop test to rest at x = 0.
     pub fn rest(&mut self) {
         self.test = LoopTest::at_rest(self.follower.compensator());
@@ -447,17 +444,13 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Controller<HEAD, F
 /// A film of constant volume is thinner by as much as it is longer, whether or not the model's force knows it; a coupling that was
 /// fitted may be larger, since the film gets wider as well.
 #[allow(clippy::cast_possible_truncation)] // as the laws have it
-fn thinning_per_m<const HEAD: usize, const FAST: usize, const SLOW: usize>(
-    parameters: &Parameters<HEAD, FAST, SLOW>,
-) -> f32 {
+fn thinning_per_m<M: ControllerMemory>(parameters: &Parameters<M>) -> f32 {
     let actuator = &parameters.actuator;
     actuator.thinning_per_m().max(1.0 / actuator.length_m) as f32
 }
 
 /// Shares of the force at the largest voltage, with the film at rest, per newton.
 #[allow(clippy::cast_possible_truncation)] // as the laws have it
-fn shares_per_n<const HEAD: usize, const FAST: usize, const SLOW: usize>(
-    parameters: &Parameters<HEAD, FAST, SLOW>,
-) -> f32 {
+fn shares_per_n<M: ControllerMemory>(parameters: &Parameters<M>) -> f32 {
     (1.0 / parameters.actuator.electrostatic_force(f64::from(parameters.limits.max_voltage_v))) as f32
 }

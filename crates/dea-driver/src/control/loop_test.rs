@@ -2,10 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 #[cfg(feature = "loop-test")]
-use springpot::{Applied, Compressed, LawState, SensorSample, Tracking, TrackingState};
+use springpot::{Applied, LawState, SensorSample, Tracking, TrackingState};
 
 #[cfg(feature = "loop-test")]
 use crate::control::Mode;
+#[cfg(feature = "loop-test")]
+use crate::parameters::ControllerMemory;
 use crate::safety::DriverState;
 
 /// The input of a tick of a loop test.
@@ -71,23 +73,23 @@ pub struct Ticked {
 /// A film and a course apart from those of the tick.
 #[cfg(feature = "loop-test")]
 #[derive(Clone, Debug)]
-pub(crate) struct LoopTest<const HEAD: usize, const FAST: usize, const SLOW: usize> {
-    film: LawState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
-    course: TrackingState<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+pub(crate) struct LoopTest<M: ControllerMemory> {
+    film: LawState<f32, M>,
+    course: TrackingState<f32, M>,
     /// The voltage that was commanded last, V.
     voltage_v: f32,
 }
 
 #[cfg(feature = "loop-test")]
-impl<const HEAD: usize, const FAST: usize, const SLOW: usize> LoopTest<HEAD, FAST, SLOW> {
+impl<M: ControllerMemory> LoopTest<M> {
     /// At rest at x = 0.
-    pub(crate) fn at_rest(tracking: &Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>) -> Self {
-        let film = tracking.observer().law().state();
+    pub(crate) fn at_rest(tracking: &Tracking<f32, M>) -> Self {
+        let film = M::at_rest(tracking.observer().law());
         Self { course: tracking.state(film.clone()), film, voltage_v: 0.0 }
     }
 
     /// Steps the film under `volts`, and Eq. 1 back from its force to the voltage.
-    pub(crate) fn step(&mut self, tracking: &Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>, volts: f32) -> Step {
+    pub(crate) fn step(&mut self, tracking: &Tracking<f32, M>, volts: f32) -> Step {
         let (law, drive) = (tracking.observer().law(), tracking.observer().drive());
         let load = drive.load(volts);
         let displacement_m = law.displacement_under(&mut self.film, load);
@@ -99,7 +101,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> LoopTest<HEAD, FAS
     /// Ticks the control, with a sample that is `age_ticks` old.
     pub(crate) fn follow(
         &mut self,
-        tracking: &Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>,
+        tracking: &Tracking<f32, M>,
         mode: Mode,
         target: Target,
         age_ticks: usize,

@@ -1,7 +1,5 @@
 //! Values that a host sets from time to time.
 
-use core::fmt;
-
 use crate::safety::DriverState;
 
 /// A value that a host sets from time to time: approached in a straight line, in the time since the one before.
@@ -50,22 +48,13 @@ impl Ramp {
 }
 
 /// Why a voltage or a reference was not set.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum SetpointError {
     /// NaN, or beyond the limits.
+    #[error("the value is NaN or beyond the limits")]
     OutOfRange,
     /// The amplifier is disabled: a set-point would wait for the next run.
+    #[error("no set-point in the state {0:?}")]
     NotLive(DriverState),
 }
-
-impl fmt::Display for SetpointError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::OutOfRange => f.write_str("the value is NaN or beyond the limits"),
-            Self::NotLive(state) => write!(f, "no set-point in the state {state:?}"),
-        }
-    }
-}
-
-impl core::error::Error for SetpointError {}

@@ -1,12 +1,10 @@
 //! The parameters of a board as bytes: what `host-sim export` writes and the `Store` keeps. The crate's `doc/blob.md`
 //! describes the format. No other file reads or writes a blob's header.
 
-use core::fmt;
-
-use springpot::{ActuatorError, Compressed, ControlError, Follower, Law, LawError, Learning, Tracking};
+use springpot::{ActuatorError, Compressed, ControlError, Follower, LawError, Learning, Tracking};
 
 use crate::chips::{CalibrationError, Converters};
-use crate::parameters::Parameters;
+use crate::parameters::{ControllerMemory, Parameters};
 use crate::safety::{LimitsError, Supervisor};
 
 /// The version of the format.
@@ -34,47 +32,58 @@ pub const BLOB_LEN: usize = 1016;
 /// assert_eq!(blob.parameters(), &parameters);
 ///
 /// // Damage and blobs for other boards are refused.
-/// assert_eq!(<Blob>::decode(&bytes[..length], 8).err(), Some(BlobError::Board { found: 7 }));
+/// assert_eq!(Blob::decode(&bytes[..length], 8).err(), Some(BlobError::Board { found: 7 }));
 /// bytes[100] ^= 1;
-/// assert_eq!(<Blob>::decode(&bytes[..length], BOARD).err(), Some(BlobError::Checksum));
+/// assert_eq!(Blob::decode(&bytes[..length], BOARD).err(), Some(BlobError::Checksum));
 /// # Ok(())
 /// # }
 /// ```
 #[doc = include_str!("../../doc/blob.md")]
 #[derive(Clone, Debug)]
-pub struct Blob<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
-    parameters: Parameters<HEAD, FAST, SLOW>,
-    follower: Follower<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>>,
+pub struct Blob<M: ControllerMemory = Compressed<f32>> {
+    parameters: Parameters<M>,
+    follower: Follower<f32, Tracking<f32, M>>,
     supervisor: Supervisor,
     checksum: Option<u32>,
 }
 
 /// Why a blob was refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum BlobError {
     /// Fewer bytes than its header states, or than a header has.
+    #[error("the parameter blob is truncated")]
     Truncated,
     /// Not a blob.
+    #[error("not a parameter blob")]
     Magic,
     /// Another version of the format.
+    #[error("the blob has schema {found}; this firmware reads {SCHEMA}")]
     Schema {
         /// The version found.
         found: u16,
     },
     /// Made for another board.
+    #[error("the blob is for board {found}")]
     Board {
         /// The board it is for.
         found: u16,
     },
     /// Longer than a blob can be.
+    #[error("longer than {BLOB_LEN} bytes")]
     TooLong,
     /// Damaged: the checksum does not match.
+    #[error("the blob is damaged: its checksum does not hold")]
     Checksum,
     /// The checksum holds, but the contents are not parameters.
+    #[error("the blob does not hold parameters")]
     Contents,
     /// For a law of another memory.
+    #[error(
+        "the law in the blob has {} + {} + {} weights, the controller's {} + {} + {}",
+        found[0], found[1], found[2], expected[0], expected[1], expected[2]
+    )]
     LawSizes {
         /// Head, fast and slow weights of the law in the blob.
         found: [u8; 3],
@@ -82,26 +91,37 @@ pub enum BlobError {
         expected: [u8; 3],
     },
     /// A rate that is not within 1 Hz…100 kHz.
+    #[error("rate_hz is {rate_hz}; it must be from 1 to 100000")]
     Rate {
         /// The rate, Hz.
         rate_hz: f32,
     },
     /// An offset of the sensor that is not finite.
+    #[error("sensor_offset_m is {offset_m}; it must be finite")]
     Offset {
         /// The offset, m.
         offset_m: f32,
     },
     /// A calibration that was refused, of this instrument.
+    #[error("the calibration of the {0}: {1}")]
     Calibration(&'static str, CalibrationError),
     /// A law that was refused.
+    #[error("law: {0}")]
     Law(LawError),
     /// An actuator that was refused, on its own or at the largest voltage.
+    #[error("actuator: {0}")]
     Actuator(ActuatorError),
     /// Limits that were refused.
+    #[error("limits: {0}")]
     Limits(LimitsError),
     /// Settings of the control that were refused.
+    #[error("control: {0}")]
     Control(ControlError),
     /// An instrument that ends below the largest voltage of the limits; for the monitor, within its band.
+    #[error(
+        "the {instrument} reaches {reached_v} V at its full scale of {full_scale_v} V, and the limits need {needed_v} V; correct its \
+         calibration or lower limits.max_voltage_v"
+    )]
     Reach {
         /// The instrument.
         instrument: &'static str,
@@ -113,6 +133,10 @@ pub enum BlobError {
         needed_v: f32,
     },
     /// An amplifier that is outside the monitor's band around 0 V at a command of 0 V.
+    #[error(
+        "the amplifier is at {amplifier_v} V at a command of 0 V, outside limits.monitor.band_v ({band_v} V); correct its calibration \
+         or widen the band"
+    )]
     Rest {
         /// Its voltage at a command of 0 V, V.
         amplifier_v: f32,
@@ -120,6 +144,10 @@ pub enum BlobError {
         band_v: f32,
     },
     /// An amplifier so steep that a step of a DAC of 16 bits is more than the monitor's band.
+    #[error(
+        "the amplifier: a step of the DAC is {step_v} V at the film, more than limits.monitor.band_v ({band_v} V); correct its \
+         calibration or widen the band"
+    )]
     Coarse {
         /// Largest step at the film, V.
         step_v: f32,
@@ -127,6 +155,7 @@ pub enum BlobError {
         band_v: f32,
     },
     /// Limits for a film of another thickness than the actuator's.
+    #[error("limits.thickness_m is {limits_m}, the actuator's thickness_m {actuator_m}; they must agree within 1 %")]
     Thickness {
         /// The thickness of the limits, m.
         limits_m: f32,
@@ -134,6 +163,10 @@ pub enum BlobError {
         actuator_m: f64,
     },
     /// A sensor whose plausible range contains its reading when it is unplugged, 0 V, or saturated.
+    #[error(
+        "limits.sensor: low to high ({low_m} m to {high_m} m) contains the reading of an unplugged sensor ({unplugged_m} m at 0 V) or \
+         of a saturated one ({saturated_m} m at full scale); narrow the range, or correct the calibration or sensor_offset_m"
+    )]
     Unplugged {
         /// Its reading when it is unplugged, m.
         unplugged_m: f32,
@@ -145,6 +178,10 @@ pub enum BlobError {
         high_m: f32,
     },
     /// A sensor that would count as stuck before its samples can show that the film moves.
+    #[error(
+        "limits.sensor.stuck_ticks is {stuck_ticks}; it must be at least {min_ticks:.1}, which is five times control.delay_s + \
+         sample_interval_s"
+    )]
     Stuck {
         /// The ticks after which it counts as stuck.
         stuck_ticks: u32,
@@ -153,70 +190,13 @@ pub enum BlobError {
     },
 }
 
-impl fmt::Display for BlobError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Truncated => f.write_str("the parameter blob is truncated"),
-            Self::Magic => f.write_str("not a parameter blob"),
-            Self::Schema { found } => write!(f, "the blob has schema {found}; this firmware reads {SCHEMA}"),
-            Self::Board { found } => write!(f, "the blob is for board {found}"),
-            Self::TooLong => write!(f, "longer than {BLOB_LEN} bytes"),
-            Self::Checksum => f.write_str("the blob is damaged: its checksum does not hold"),
-            Self::Contents => f.write_str("the blob does not hold parameters"),
-            Self::LawSizes { found: [head, fast, slow], expected } => {
-                write!(f, "the law in the blob has {head} + {fast} + {slow} weights, the controller's ")?;
-                write!(f, "{} + {} + {}", expected[0], expected[1], expected[2])
-            }
-            Self::Rate { rate_hz } => write!(f, "rate_hz is {rate_hz}; it must be from 1 to 100000"),
-            Self::Offset { offset_m } => write!(f, "sensor_offset_m is {offset_m}; it must be finite"),
-            Self::Calibration(which, error) => write!(f, "the calibration of the {which}: {error}"),
-            Self::Law(error) => write!(f, "law: {error}"),
-            Self::Actuator(error) => write!(f, "actuator: {error}"),
-            Self::Limits(error) => write!(f, "limits: {error}"),
-            Self::Control(error) => write!(f, "control: {error}"),
-            Self::Reach { instrument, full_scale_v, reached_v, needed_v } => write!(
-                f,
-                "the {instrument} reaches {reached_v} V at its full scale of {full_scale_v} V, and the limits need \
-                 {needed_v} V; correct its calibration or lower limits.max_voltage_v"
-            ),
-            Self::Rest { amplifier_v, band_v } => write!(
-                f,
-                "the amplifier is at {amplifier_v} V at a command of 0 V, outside limits.monitor.band_v ({band_v} V); \
-                 correct its calibration or widen the band"
-            ),
-            Self::Coarse { step_v, band_v } => write!(
-                f,
-                "the amplifier: a step of the DAC is {step_v} V at the film, more than limits.monitor.band_v \
-                 ({band_v} V); correct its calibration or widen the band"
-            ),
-            Self::Thickness { limits_m, actuator_m } => write!(
-                f,
-                "limits.thickness_m is {limits_m}, the actuator's thickness_m {actuator_m}; they must agree within 1 %"
-            ),
-            Self::Unplugged { unplugged_m, saturated_m, low_m, high_m } => write!(
-                f,
-                "limits.sensor: low to high ({low_m} m to {high_m} m) contains the reading of an unplugged sensor \
-                 ({unplugged_m} m at 0 V) or of a saturated one ({saturated_m} m at full scale); narrow the range, or \
-                 correct the calibration or sensor_offset_m"
-            ),
-            Self::Stuck { stuck_ticks, min_ticks } => write!(
-                f,
-                "limits.sensor.stuck_ticks is {stuck_ticks}; it must be at least {min_ticks:.1}, which is five times \
-                 control.delay_s + sample_interval_s"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for BlobError {}
-
-impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, SLOW> {
+impl<M: ControllerMemory> Blob<M> {
     /// Checks `parameters` of a board with [`Converters::AD5754_ADS868X`] and builds what a controller needs.
     ///
     /// # Errors
     ///
     /// [`BlobError`] for the first value that is wrong.
-    pub fn new(parameters: Parameters<HEAD, FAST, SLOW>) -> Result<Self, BlobError> {
+    pub fn new(parameters: Parameters<M>) -> Result<Self, BlobError> {
         Self::with_converters(parameters, &Converters::AD5754_ADS868X)
     }
 
@@ -225,10 +205,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
     /// # Errors
     ///
     /// As [`new`](Self::new).
-    pub fn with_converters(
-        parameters: Parameters<HEAD, FAST, SLOW>,
-        converters: &Converters,
-    ) -> Result<Self, BlobError> {
+    pub fn with_converters(parameters: Parameters<M>, converters: &Converters) -> Result<Self, BlobError> {
         if !(1.0..=100_000.0).contains(&parameters.rate_hz) {
             return Err(BlobError::Rate { rate_hz: parameters.rate_hz });
         }
@@ -245,7 +222,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
         }
         parameters.actuator.check().map_err(BlobError::Actuator)?;
         let step_s = 1.0 / f64::from(parameters.rate_hz);
-        let law = Law::from_coefficients(&parameters.law, step_s, parameters.actuator.mass_kg);
+        let law = M::law(&parameters.law, step_s, parameters.actuator.mass_kg);
         let law = law.map_err(BlobError::Law)?;
         let supervisor = Supervisor::new(&parameters.limits, parameters.rate_hz)
             .and_then(|supervisor| supervisor.behind(parameters.amplifier_lag, parameters.rate_hz))
@@ -278,7 +255,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
 
     /// The parameters.
     #[must_use]
-    pub fn parameters(&self) -> &Parameters<HEAD, FAST, SLOW> {
+    pub fn parameters(&self) -> &Parameters<M> {
         &self.parameters
     }
 
@@ -290,13 +267,13 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
 
     /// The parameters, to alter and check again.
     #[must_use]
-    pub fn into_parameters(self) -> Parameters<HEAD, FAST, SLOW> {
+    pub fn into_parameters(self) -> Parameters<M> {
         self.parameters
     }
 
     /// The control law along the law of the film, with learning of periodic references if the parameters ask for it.
     #[must_use]
-    pub fn follower(&self) -> &Follower<f32, Tracking<f32, Compressed<f32, HEAD, FAST, SLOW>>> {
+    pub fn follower(&self) -> &Follower<f32, Tracking<f32, M>> {
         &self.follower
     }
 
@@ -305,7 +282,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, S
     }
 }
 
-impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, FAST, SLOW> {
+impl<M: ControllerMemory> Parameters<M> {
     /// Checks that the instruments cover the range of the limits, and that the limits are for this film.
     fn check_reach(&self, command_v: f32, monitor_v: f32) -> Result<(), BlobError> {
         let limits = &self.limits;
@@ -349,7 +326,7 @@ pub use bytes::BlobHeader;
 mod bytes {
     use super::{BLOB_LEN, Blob, BlobError, SCHEMA};
     use crate::chips::Converters;
-    use crate::parameters::Parameters;
+    use crate::parameters::{ControllerMemory, Parameters};
 
     const MAGIC: [u8; 4] = *b"DEA\x01";
     const CHECKSUM_LEN: usize = 4;
@@ -400,10 +377,10 @@ mod bytes {
         }
     }
 
-    impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, FAST, SLOW> {
+    impl<M: ControllerMemory> Parameters<M> {
         /// The sizes of the law, and whether a blob has to state them.
         fn sizes() -> Result<([u8; 3], bool), BlobError> {
-            let [head, fast, slow] = [HEAD, FAST, SLOW].map(u8::try_from);
+            let [head, fast, slow] = M::SIZES.map(u8::try_from);
             // More than 255 weights do not fit in a blob.
             let (Ok(head), Ok(fast), Ok(slow)) = (head, fast, slow) else { return Err(BlobError::TooLong) };
             let sizes = [head, fast, slow];
@@ -443,7 +420,7 @@ mod bytes {
         }
     }
 
-    impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Blob<HEAD, FAST, SLOW> {
+    impl Blob {
         /// Reads and checks the blob at the start of `bytes`, which must be for `board`, with
         /// [`Converters::AD5754_ADS868X`].
         ///
@@ -453,12 +430,14 @@ mod bytes {
         pub fn decode(bytes: &[u8], board: u16) -> Result<Self, BlobError> {
             Self::decode_for(bytes, board, &Converters::AD5754_ADS868X)
         }
+    }
 
-        /// The same for a board with other `converters`.
+    impl<M: ControllerMemory> Blob<M> {
+        /// The same for a board with other `converters`, or a law with another memory.
         ///
         /// # Errors
         ///
-        /// As [`decode`](Self::decode).
+        /// As [`decode`](Blob::decode).
         pub fn decode_for(bytes: &[u8], board: u16, converters: &Converters) -> Result<Self, BlobError> {
             let header = BlobHeader::read(bytes)?;
             let end = header.contents_end();
@@ -484,7 +463,7 @@ mod bytes {
             } else {
                 contents.split_first_chunk().map(|(&sizes, rest)| (sizes, rest)).ok_or(BlobError::Contents)?
             };
-            let (expected, _) = Parameters::<HEAD, FAST, SLOW>::sizes()?;
+            let (expected, _) = Parameters::<M>::sizes()?;
             if found != expected {
                 return Err(BlobError::LawSizes { found, expected });
             }

@@ -1,6 +1,7 @@
 //! The parameters of a board: values, bytes, and two slots of flash (feature `store`).
 
 mod blob;
+mod memory;
 mod settings;
 #[cfg(feature = "store")]
 mod store;
@@ -8,6 +9,8 @@ mod store;
 #[cfg(feature = "store")]
 pub use blob::BlobHeader;
 pub use blob::{BLOB_LEN, Blob, BlobError, SCHEMA};
+pub use memory::ControllerMemory;
+pub(crate) use memory::Watched;
 pub use settings::{Control, Parameters};
 #[cfg(feature = "store")]
 pub use store::{Store, StoreError, Stored};

@@ -2,16 +2,15 @@
 
 use heapless::String;
 use serde::{Deserialize, Serialize};
-use springpot::{
-    Actuator, AmplifierLag, Coefficients, CommandLimits, Compressed, Law, LearningOptions, ObserverOptions,
-};
+use springpot::{Actuator, AmplifierLag, CommandLimits, Compressed, Law, LearningOptions, ObserverOptions};
 
 use crate::chips::{Calibration, CommandRange};
+use crate::parameters::ControllerMemory;
 use crate::safety::Limits;
 
 /// All that a controller needs to know about its board and film. SI units.
 ///
-/// `HEAD`, `FAST` and `SLOW` are the sizes of the law's memory ([`Compressed`]); a lean memory makes a cheaper tick.
+/// `M` is the memory of the law, as of every type that depends on it: see [`ControllerMemory`].
 ///
 /// [`bench`](Self::bench) gives a set to start from; replace what differs. Nothing is checked until a [`Blob`](crate::Blob)
 /// is made of it.
@@ -39,13 +38,14 @@ use crate::safety::Limits;
 /// # }
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Parameters<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+#[serde(bound = "")]
+pub struct Parameters<M: ControllerMemory = Compressed<f32>> {
     /// Name of the set.
     pub name: String<32>,
     /// Ticks per second.
     pub rate_hz: f32,
     /// The film's law at that rate, as a host computed it.
-    pub law: Coefficients<f32, HEAD, FAST, SLOW>,
+    pub law: M::Coefficients,
     /// The actuator, whose mass is the law's.
     pub actuator: Actuator,
     /// Value of the displacement sensor for a film at rest, m.
@@ -66,17 +66,17 @@ pub struct Parameters<const HEAD: usize = 12, const FAST: usize = 12, const SLOW
     pub control: Control,
 }
 
-impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Parameters<HEAD, FAST, SLOW> {
+impl<M: ControllerMemory> Parameters<M> {
     /// A bench like the paper's around `actuator`, whose film steps `law`: an amplifier and a monitor of 1000:1 on 0 to 10 V,
     /// a sensor of 1 mm/V that reads 1 V at rest, [`Limits::bench`], [`Control::BENCH`], no name.
     /// The coefficients carry the law's [`Discretisation`](springpot::Discretisation), so that a controller steps a law of either.
     #[must_use]
     #[allow(clippy::cast_possible_truncation)] // the parameters are in single precision
-    pub fn bench(law: &Law<f32, Compressed<f32, HEAD, FAST, SLOW>>, actuator: Actuator) -> Self {
+    pub fn bench(law: &Law<f32, M>, actuator: Actuator) -> Self {
         Self {
             name: String::new(),
             rate_hz: (1.0 / law.step_s()) as f32,
-            law: law.coefficients(),
+            law: M::coefficients(law),
             actuator,
             sensor_offset_m: 0.0,
             command_range: CommandRange::TenVolts,

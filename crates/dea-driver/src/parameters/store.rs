@@ -7,10 +7,13 @@
 //! An erased slot does not show that it held a newer set. So both slots are in use from the first save on, and a set that is
 //! alone shows it.
 
+use core::marker::PhantomData;
+
 use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind};
+use springpot::Compressed;
 
 use crate::chips::Converters;
-use crate::parameters::{BLOB_LEN, Blob, BlobError};
+use crate::parameters::{BLOB_LEN, Blob, BlobError, ControllerMemory};
 
 /// Bytes before the blob: sequence number and its complement.
 const HEADER: usize = 8;
@@ -19,7 +22,7 @@ const SLOT: usize = HEADER + BLOB_LEN;
 /// The sequence number of the first set of earlier versions, which wrote it to the first slot alone. No other set gets it.
 const ALONE: u32 = 1;
 
-/// Two slots in a flash of two erasable parts, for parameters of a law of these sizes.
+/// Two slots in a flash of two erasable parts, for parameters of a law with the memory `M`.
 ///
 /// ```
 /// use dea_driver::{BLOB_LEN, Parameters, Store, StoreError};
@@ -66,18 +69,19 @@ const ALONE: u32 = 1;
 /// # Ok(())
 /// # }
 /// ```
-pub struct Store<F, const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+pub struct Store<F, M: ControllerMemory = Compressed<f32>> {
     flash: F,
     board: u16,
     converters: Converters,
     slot_bytes: u32,
+    memory: PhantomData<M>,
 }
 
 /// Parameters as they were found.
 #[derive(Clone, Debug)]
-pub struct Stored<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+pub struct Stored<M: ControllerMemory = Compressed<f32>> {
     /// The newest that hold.
-    pub blob: Blob<HEAD, FAST, SLOW>,
+    pub blob: Blob<M>,
     /// Whether newer ones were damaged, or cut off while they were saved: these may allow more than those did.
     pub newer_lost: bool,
 }
@@ -98,7 +102,7 @@ pub enum StoreError {
     Refused(BlobError),
 }
 
-impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store<F, HEAD, FAST, SLOW> {
+impl<F: NorFlash> Store<F> {
     /// A store in the first two equal parts of `flash`, each a whole number of its erasable parts, for a board with
     /// [`Converters::AD5754_ADS868X`].
     ///
@@ -108,12 +112,14 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
     pub fn new(flash: F, board: u16) -> Result<Self, StoreError> {
         Self::with_converters(flash, board, Converters::AD5754_ADS868X)
     }
+}
 
-    /// The same for a board with other `converters`.
+impl<F: NorFlash, M: ControllerMemory> Store<F, M> {
+    /// The same for a board with other `converters`, or a law with another memory.
     ///
     /// # Errors
     ///
-    /// As [`new`](Self::new).
+    /// As [`new`](Store::new).
     pub fn with_converters(flash: F, board: u16, converters: Converters) -> Result<Self, StoreError> {
         let half = flash.capacity() / 2;
         let slot = half - half % F::ERASE_SIZE.max(1);
@@ -122,7 +128,7 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
         if slot < SLOT || !words(F::WRITE_SIZE) || !words(F::READ_SIZE) {
             return Err(StoreError::Geometry);
         }
-        Ok(Self { flash, board, converters, slot_bytes })
+        Ok(Self { flash, board, converters, slot_bytes, memory: PhantomData })
     }
 
     /// Checks a blob for this board.
@@ -130,7 +136,7 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
     /// # Errors
     ///
     /// [`StoreError::Refused`].
-    pub fn decode(&self, bytes: &[u8]) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {
+    pub fn decode(&self, bytes: &[u8]) -> Result<Blob<M>, StoreError> {
         Blob::decode_for(bytes, self.board, &self.converters).map_err(StoreError::Refused)
     }
 
@@ -139,7 +145,7 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
     /// # Errors
     ///
     /// [`StoreError::Empty`] where no slot holds any, [`StoreError::Flash`].
-    pub fn load(&mut self) -> Result<Stored<HEAD, FAST, SLOW>, StoreError> {
+    pub fn load(&mut self) -> Result<Stored<M>, StoreError> {
         let mut fault = None;
         let slots = self.newest_first()?;
         for slot in slots.into_iter().flatten() {
@@ -171,7 +177,7 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
     /// # Errors
     ///
     /// [`StoreError::Refused`] for a blob that a controller would refuse; nothing is written then.
-    pub fn save(&mut self, bytes: &[u8]) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {
+    pub fn save(&mut self, bytes: &[u8]) -> Result<Blob<M>, StoreError> {
         self.decode(bytes)?;
         let slots = self.newest_first()?;
         let valid = slots.into_iter().flatten().find(|slot| self.read(slot.index).is_ok());
@@ -196,7 +202,7 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
     }
 
     /// Writes a slot and reads it back.
-    fn write(&mut self, slot: Slot, bytes: &[u8]) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {
+    fn write(&mut self, slot: Slot, bytes: &[u8]) -> Result<Blob<M>, StoreError> {
         let start = self.start_of(slot.index);
         let mut body = [0xff; BLOB_LEN];
         body.iter_mut().zip(bytes).for_each(|(place, byte)| *place = *byte);
@@ -252,7 +258,7 @@ impl<F: NorFlash, const HEAD: usize, const FAST: usize, const SLOW: usize> Store
         Ok(bytes.iter().all(|&byte| byte == 0xff))
     }
 
-    fn read(&mut self, index: u32) -> Result<Blob<HEAD, FAST, SLOW>, StoreError> {
+    fn read(&mut self, index: u32) -> Result<Blob<M>, StoreError> {
         let mut body = [0; BLOB_LEN];
         #[allow(clippy::cast_possible_truncation)] // eight
         let start = self.start_of(index) + HEADER as u32;

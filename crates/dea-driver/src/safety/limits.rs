@@ -1,7 +1,5 @@
 //! Every limit of film and bench, and the check that they can be kept.
 
-use core::fmt;
-
 use serde::{Deserialize, Serialize};
 use springpot::AmplifierLag;
 
@@ -116,11 +114,12 @@ pub enum OnSensorFault {
 }
 
 /// Why limits were refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum LimitsError {
     /// A quantity that is not finite or not greater than zero; the name carries its unit.
+    #[error("{quantity} is {value}; it must be finite and greater than 0")]
     NotPositive {
         /// Name of the quantity.
         quantity: &'static str,
@@ -128,12 +127,23 @@ pub enum LimitsError {
         value: f32,
     },
     /// Monitor limits that cannot be kept.
+    #[error(
+        "monitor: slew_v_per_s ({}) and band_v ({}) must be greater than 0, band_share ({}) and settle_s ({}) not negative, and all finite",
+        .0.slew_v_per_s, .0.band_v, .0.band_share, .0.settle_s
+    )]
     Monitor(MonitorLimits),
     /// Sensor limits that cannot be kept.
+    #[error(
+        "sensor: low ({}) must be below high ({}), jump ({}) and stuck_band ({}) greater than 0, stuck_ticks ({}) at least \
+         {MIN_TICKS}, and all finite",
+        .0.low, .0.high, .0.jump, .0.stuck_band, .0.stuck_ticks
+    )]
     Sensor(PlausibilityLimits),
     /// Time constants of the amplifier that are negative, not finite or above 10 s / 1.5: an amplifier may be half as slow again.
+    #[error("amplifier: rise_s ({}) and fall_s ({}) must be from 0 to 6.66", .0.rise_s, .0.fall_s)]
     Amplifier(AmplifierLag),
     /// A limit so large that it protects nothing, on its own or beside the others.
+    #[error("{quantity} is {value}, too large to protect anything; it must be at most {max}")]
     TooLarge {
         /// Name of the limit; in the sensor's unit for those of the sensor.
         quantity: &'static str,
@@ -143,6 +153,7 @@ pub enum LimitsError {
         max: f32,
     },
     /// A limit so small that it protects nothing.
+    #[error("{quantity} is {value}, too small to protect anything; it must be at least {min}")]
     TooSmall {
         /// Name of the limit.
         quantity: &'static str,
@@ -152,37 +163,6 @@ pub enum LimitsError {
         min: f32,
     },
 }
-
-impl fmt::Display for LimitsError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotPositive { quantity, value } => {
-                write!(f, "{quantity} is {value}; it must be finite and greater than 0")
-            }
-            Self::Monitor(MonitorLimits { slew_v_per_s, band_v, band_share, settle_s }) => write!(
-                f,
-                "monitor: slew_v_per_s ({slew_v_per_s}) and band_v ({band_v}) must be greater than 0, \
-                 band_share ({band_share}) and settle_s ({settle_s}) not negative, and all finite"
-            ),
-            Self::Amplifier(AmplifierLag { rise_s, fall_s }) => {
-                write!(f, "amplifier: rise_s ({rise_s}) and fall_s ({fall_s}) must be from 0 to 6.66")
-            }
-            Self::TooLarge { quantity, value, max } => {
-                write!(f, "{quantity} is {value}, too large to protect anything; it must be at most {max}")
-            }
-            Self::TooSmall { quantity, value, min } => {
-                write!(f, "{quantity} is {value}, too small to protect anything; it must be at least {min}")
-            }
-            Self::Sensor(PlausibilityLimits { low, high, jump, stuck_ticks, stuck_band }) => write!(
-                f,
-                "sensor: low ({low}) must be below high ({high}), jump ({jump}) and stuck_band ({stuck_band}) greater \
-                 than 0, stuck_ticks ({stuck_ticks}) at least {MIN_TICKS}, and all finite"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for LimitsError {}
 
 impl Limits {
     /// Limits of a bench like the paper's with a film of `thickness_m` (m): 6 kV, 42 V/µm, 8 mm, a monitor and a sensor

@@ -1,7 +1,5 @@
 //! The states of the driver, their transitions, and what trips it.
 
-use core::fmt;
-
 use serde::{Deserialize, Serialize};
 use springpot::AmplifierLag;
 
@@ -80,32 +78,23 @@ pub enum Cause {
 }
 
 /// Why a request was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum Refusal {
     /// Not from this state.
+    #[error("not in the state {0:?}")]
     State(DriverState),
     /// The interlock is open.
+    #[error("the interlock is open")]
     InterlockOpen,
     /// There is voltage on the film while it should be at 0 V.
+    #[error("there is voltage on the film, or the monitor does not answer")]
     LiveVoltage,
     /// The displacement sensor is implausible.
+    #[error("the displacement sensor is implausible: {0:?}")]
     Sensor(SensorFault),
 }
-
-impl fmt::Display for Refusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::State(state) => write!(f, "not in the state {state:?}"),
-            Self::InterlockOpen => f.write_str("the interlock is open"),
-            Self::LiveVoltage => f.write_str("there is voltage on the film, or the monitor does not answer"),
-            Self::Sensor(fault) => write!(f, "the displacement sensor is implausible: {fault:?}"),
-        }
-    }
-}
-
-impl core::error::Error for Refusal {}
 
 /// The sensors' values in a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]

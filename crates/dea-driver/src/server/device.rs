@@ -1,9 +1,11 @@
 //! A controller once there are parameters, with what outlives it.
 
 use heapless::{Deque, String};
+use springpot::Compressed;
 
 use crate::chips::Drive;
 use crate::control::{Controller, Inputs, LearningOrder, Mode, SetpointError, Telemetry};
+use crate::parameters::ControllerMemory;
 use crate::safety::{Cause, DriverState, Refusal, Supervisor};
 use crate::wire::{Answer, Inspection, Reject, Status};
 
@@ -25,7 +27,7 @@ const RATE_HZ: f32 = 1000.0;
 ///
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
 /// // The watchdog has reset the board: the cause stays until a host acknowledges it.
-/// let mut device: Device = Device::new(Some(Cause::Watchdog));
+/// let mut device = Device::new(Some(Cause::Watchdog));
 /// let inputs = Inputs { interlock_closed: true, monitor_adc_v: Some(0.0), sensor_adc_v: Some(1.0) };
 /// assert_eq!(device.tick(inputs), Drive::OFF);
 ///
@@ -37,9 +39,9 @@ const RATE_HZ: f32 = 1000.0;
 /// # Ok(())
 /// # }
 /// ```
-#[derive(Debug, Default)]
-pub struct Device<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
-    controller: Option<Controller<HEAD, FAST, SLOW>>,
+#[derive(Debug)]
+pub struct Device<M: ControllerMemory = Compressed<f32>> {
+    controller: Option<Controller<M>>,
     /// Why the last run ended, until it is acknowledged.
     latched: Option<Cause>,
     /// Whether older parameters are in force than were saved last, and no host has acknowledged that.
@@ -51,7 +53,7 @@ pub struct Device<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: us
     stream: Stream,
     /// The controller of whole ticks of the loop test.
     #[cfg(feature = "loop-test")]
-    pub(super) test: Option<Controller<HEAD, FAST, SLOW>>,
+    pub(super) test: Option<Controller<M>>,
 }
 
 /// Why a device did not do as asked.
@@ -88,10 +90,18 @@ impl From<Denial> for Answer {
     }
 }
 
-impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST, SLOW> {
+impl Device {
     /// A device without parameters. `latched` is why the run before ended, unless it was switched off.
     #[must_use]
     pub const fn new(latched: Option<Cause>) -> Self {
+        Self::with_memory(latched)
+    }
+}
+
+impl<M: ControllerMemory> Device<M> {
+    /// As [`new`](Device::new), for controllers whose law has the memory `M`.
+    #[must_use]
+    pub const fn with_memory(latched: Option<Cause>) -> Self {
         Self {
             controller: None,
             latched,
@@ -106,7 +116,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
 
     /// The controller, once there are parameters.
     #[must_use]
-    pub fn controller(&self) -> Option<&Controller<HEAD, FAST, SLOW>> {
+    pub fn controller(&self) -> Option<&Controller<M>> {
         self.controller.as_ref()
     }
 
@@ -127,7 +137,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
     /// # Errors
     ///
     /// [`Refusal::State`] while the amplifier is enabled; the old controller stays.
-    pub fn install(&mut self, mut controller: Controller<HEAD, FAST, SLOW>) -> Result<(), Refusal> {
+    pub fn install(&mut self, mut controller: Controller<M>) -> Result<(), Refusal> {
         self.is_off()?;
         if let DriverState::Tripped(cause) = self.state() {
             controller.trip(cause);
@@ -344,7 +354,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         Ok(())
     }
 
-    pub(super) fn installed(&mut self) -> Result<&mut Controller<HEAD, FAST, SLOW>, Denial> {
+    pub(super) fn installed(&mut self) -> Result<&mut Controller<M>, Denial> {
         self.controller.as_mut().ok_or(Denial::Rejected(Reject::NoParameters))
     }
 }

@@ -2,12 +2,13 @@
 
 use crate::chips::{AdcCode, AdcRange, DacCode};
 use crate::control::{Controller, Followed, Inputs, Mode, Outputs, Step, Target, TickCodes, Ticked};
+use crate::parameters::ControllerMemory;
 use crate::safety::DriverState;
 use crate::server::{Denial, Device};
 use crate::wire::Reject;
 
 /// The loop test, which takes time that the tick of an enabled amplifier may need.
-impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST, SLOW> {
+impl<M: ControllerMemory> Device<M> {
     /// [`Controller::rest`], and a controller at rest for [`tick_test`](Self::tick_test).
     ///
     /// # Errors
@@ -52,7 +53,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
         Ok(targets.iter().map(|&target| controller.follow(mode, target)).collect())
     }
 
-    fn disabled(&mut self) -> Result<&mut Controller<HEAD, FAST, SLOW>, Denial> {
+    fn disabled(&mut self) -> Result<&mut Controller<M>, Denial> {
         let off = self.is_off();
         let controller = self.installed()?;
         off?;
@@ -61,11 +62,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Device<HEAD, FAST,
 }
 
 /// A tick of the loop test: codes in, codes out. What a host would ask for is asked for here, and may be refused.
-fn tick_on_codes<const HEAD: usize, const FAST: usize, const SLOW: usize>(
-    controller: &mut Controller<HEAD, FAST, SLOW>,
-    mode: Mode,
-    codes: TickCodes,
-) -> Ticked {
+fn tick_on_codes<M: ControllerMemory>(controller: &mut Controller<M>, mode: Mode, codes: TickCodes) -> Ticked {
     let volts = |code| Some(AdcCode(code).volts(AdcRange::default()));
     let _ = match controller.supervisor().state() {
         DriverState::Disarmed => controller.arm(),

@@ -2,15 +2,16 @@
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::String;
+use springpot::Compressed;
 
 use crate::control::{Controller, LearningOrder, Mode};
-use crate::parameters::{Blob, SCHEMA, Store, StoreError};
+use crate::parameters::{Blob, ControllerMemory, SCHEMA, Store, StoreError};
 use crate::safety::{Cause, DriverState, Refusal};
 use crate::server::{Denial, Device, Upload};
 use crate::wire::{Answer, Command, Identity, InjectedFault, Message, Receiver, Reject, Request, Status, VERSION};
 
-/// The parts of a board that a [`Session`] uses. The sizes are those of its controller's law.
-pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+/// The parts of a board that a [`Session`] uses. `M` is the memory of its controller's law.
+pub trait Board<M: ControllerMemory = Compressed<f32>> {
     /// The flash of its parameters.
     type Flash: NorFlash;
 
@@ -18,13 +19,13 @@ pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usiz
     const ID: u16;
 
     /// Runs `work` while no tick can interrupt it, and returns how many cycles of the processor it took.
-    fn with<R>(&mut self, work: impl FnOnce(&mut Device<HEAD, FAST, SLOW>) -> R) -> (R, u32);
+    fn with<R>(&mut self, work: impl FnOnce(&mut Device<M>) -> R) -> (R, u32);
 
     /// Slowest and fastest tick rate that it supports, Hz.
     fn rates_hz(&self) -> (f32, f32);
 
     /// The store of its parameters.
-    fn store(&mut self) -> &mut Store<Self::Flash, HEAD, FAST, SLOW>;
+    fn store(&mut self) -> &mut Store<Self::Flash, M>;
 
     /// Saves a blob. Ticks may be held up while the flash erases and writes, a second or two; the amplifier is disabled.
     ///
@@ -139,7 +140,7 @@ pub trait Board<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usiz
 /// assert!(matches!(answer, Some(Message::Answer { sequence: 5, answer: Answer::Identity(_) })));
 /// ```
 #[derive(Debug)]
-pub struct Session<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: usize = 24> {
+pub struct Session {
     firmware: &'static str,
     receiver: Receiver,
     upload: Upload,
@@ -149,7 +150,7 @@ pub struct Session<const HEAD: usize = 12, const FAST: usize = 12, const SLOW: u
     on_trial: bool,
 }
 
-impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST, SLOW> {
+impl Session {
     /// A session that has received nothing, of a `firmware` of that version.
     #[must_use]
     pub const fn new(firmware: &'static str) -> Self {
@@ -162,7 +163,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
     /// # Errors
     ///
     /// [`StartError`] if there are no stored parameters, or if they were refused; the link works all the same.
-    pub fn begin<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Result<(), StartError> {
+    pub fn begin<M: ControllerMemory, B: Board<M>>(&mut self, board: &mut B) -> Result<(), StartError> {
         install_stored(board)?;
         if board.remembers_trial() {
             board.with(Device::lose_parameters);
@@ -171,7 +172,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
     }
 
     /// Adds a byte from the host; at the end of a request, executes it and returns the answer.
-    pub fn serve<B: Board<HEAD, FAST, SLOW>>(&mut self, byte: u8, board: &mut B) -> Option<Message> {
+    pub fn serve<M: ControllerMemory, B: Board<M>>(&mut self, byte: u8, board: &mut B) -> Option<Message> {
         Some(match self.receiver.push(byte)? {
             Ok(Request { sequence, token, command }) => {
                 Message::Answer { sequence, answer: self.answer(token, &command, board) }
@@ -181,7 +182,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
     }
 
     /// Executes a command: the only place that distinguishes commands.
-    fn answer<B: Board<HEAD, FAST, SLOW>>(&mut self, token: u16, command: &Command, board: &mut B) -> Answer {
+    fn answer<M: ControllerMemory, B: Board<M>>(&mut self, token: u16, command: &Command, board: &mut B) -> Answer {
         let done = match *command {
             Command::Identify => return self.identity(B::ID),
             Command::Heartbeat => self.drive(token, Act::StayAlive, board),
@@ -245,7 +246,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
         done.map_or_else(Answer::from, |()| Answer::Done)
     }
 
-    fn reload<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Result<(), Denial> {
+    fn reload<M: ControllerMemory, B: Board<M>>(&mut self, board: &mut B) -> Result<(), Denial> {
         install_stored(board).map_err(|error| match error {
             StartError::Refused(refusal) => Denial::Refused(refusal),
             StartError::Rejected(reject) => Denial::Rejected(reject),
@@ -255,7 +256,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
         Ok(())
     }
 
-    fn acknowledge<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Result<(), Denial> {
+    fn acknowledge<M: ControllerMemory, B: Board<M>>(&mut self, board: &mut B) -> Result<(), Denial> {
         let before = board.with(|device| device.state()).0;
         board.with(Device::acknowledge).0?;
         if before == DriverState::Tripped(Cause::Parameters) {
@@ -265,12 +266,12 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
         Ok(())
     }
 
-    fn try_out<B: Board<HEAD, FAST, SLOW>>(&mut self, on_trial: bool, board: &mut B) {
+    fn try_out<M: ControllerMemory, B: Board<M>>(&mut self, on_trial: bool, board: &mut B) {
         self.on_trial = on_trial;
         board.remember_trial(on_trial);
     }
 
-    fn arm<B: Board<HEAD, FAST, SLOW>>(&mut self, board: &mut B) -> Answer {
+    fn arm<M: ControllerMemory, B: Board<M>>(&mut self, board: &mut B) -> Answer {
         let (armed, _) = board.with(|device| device.arm().map(|()| device.status().ticks));
         match armed {
             Ok(ticks) => {
@@ -283,9 +284,9 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
 
     /// Acts for the host that armed, and restarts its timeout. While the amplifier is enabled, no other host's request keeps it
     /// so, or moves it.
-    fn drive<B: Board<HEAD, FAST, SLOW>>(&self, token: u16, act: Act, board: &mut B) -> Result<(), Denial> {
+    fn drive<M: ControllerMemory, B: Board<M>>(&self, token: u16, act: Act, board: &mut B) -> Result<(), Denial> {
         let armed_it = token != 0 && token == self.token;
-        let work = |device: &mut Device<HEAD, FAST, SLOW>| {
+        let work = |device: &mut Device<M>| {
             if device.state().is_live() && !armed_it {
                 return Err(Denial::Rejected(Reject::Token));
             }
@@ -307,7 +308,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
         Answer::Identity(Identity { protocol: VERSION, schema: SCHEMA, board, firmware })
     }
 
-    fn status<B: Board<HEAD, FAST, SLOW>>(&self, board: &mut B) -> Answer {
+    fn status<M: ControllerMemory, B: Board<M>>(&self, board: &mut B) -> Answer {
         let status = board.with(|device| device.status()).0;
         Answer::Status(Status {
             damaged_frames: self.receiver.damaged(),
@@ -318,7 +319,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
     }
 
     /// Runs the uploaded blob from now on, and stores it if `keep`. Whatever fails, the old parameters stay.
-    fn take_over<B: Board<HEAD, FAST, SLOW>>(
+    fn take_over<M: ControllerMemory, B: Board<M>>(
         &mut self,
         length: usize,
         keep: bool,
@@ -338,10 +339,7 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> Session<HEAD, FAST
     }
 }
 
-fn controller<const HEAD: usize, const FAST: usize, const SLOW: usize>(
-    blob: Blob<HEAD, FAST, SLOW>,
-    board: &impl Board<HEAD, FAST, SLOW>,
-) -> Result<Controller<HEAD, FAST, SLOW>, Reject> {
+fn controller<M: ControllerMemory>(blob: Blob<M>, board: &impl Board<M>) -> Result<Controller<M>, Reject> {
     let (slowest, fastest) = board.rates_hz();
     if !(slowest..=fastest).contains(&blob.parameters().rate_hz) {
         return Err(Reject::Rate);
@@ -349,9 +347,7 @@ fn controller<const HEAD: usize, const FAST: usize, const SLOW: usize>(
     Ok(Controller::new(blob))
 }
 
-fn install_stored<B: Board<HEAD, FAST, SLOW>, const HEAD: usize, const FAST: usize, const SLOW: usize>(
-    board: &mut B,
-) -> Result<(), StartError> {
+fn install_stored<M: ControllerMemory, B: Board<M>>(board: &mut B) -> Result<(), StartError> {
     let stored = board.store().load().map_err(StartError::Store)?;
     let controller = controller(stored.blob, board).map_err(StartError::Rejected)?;
     install(controller, board).map_err(StartError::Refused)?;
@@ -361,10 +357,7 @@ fn install_stored<B: Board<HEAD, FAST, SLOW>, const HEAD: usize, const FAST: usi
     Ok(())
 }
 
-fn install<const HEAD: usize, const FAST: usize, const SLOW: usize>(
-    controller: Controller<HEAD, FAST, SLOW>,
-    board: &mut impl Board<HEAD, FAST, SLOW>,
-) -> Result<(), Refusal> {
+fn install<M: ControllerMemory>(controller: Controller<M>, board: &mut impl Board<M>) -> Result<(), Refusal> {
     let rate_hz = controller.parameters().rate_hz;
     board.with(|device| device.install(controller)).0?;
     board.set_rate(rate_hz);

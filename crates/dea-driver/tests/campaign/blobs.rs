@@ -400,7 +400,7 @@ fn no_blob_breaks_the_limits() {
         let base = &benches[random.random_range(0..benches.len())];
         let contents = contents(base, &mut random);
         counts.blobs += 1;
-        match <Blob>::decode(&framed(&contents), BOARD) {
+        match Blob::decode(&framed(&contents), BOARD) {
             Ok(blob) => {
                 counts.decoded += 1;
                 let parameters = blob.parameters().clone();
@@ -453,10 +453,10 @@ fn bytes_at_random_are_no_blob() {
             let end = length.min(10);
             bytes[..end].copy_from_slice(&header[..end]);
         }
-        assert!(<Blob>::decode(&bytes, BOARD).is_err());
+        assert!(Blob::decode(&bytes, BOARD).is_err());
         raw += 1;
         let contents: Vec<u8> = (0..random.random_range(0..BLOB_LEN - 14)).map(|_| random.random()).collect();
-        assert!(<Blob>::decode(&framed(&contents), BOARD).is_err());
+        assert!(Blob::decode(&framed(&contents), BOARD).is_err());
         framed_ones += 1;
     }
     println!("blobs: {} at random, {} with a checksum that holds: none decodes", grouped(raw), grouped(framed_ones));

@@ -103,7 +103,7 @@ impl Start {
         parameters.limits.discharge_s = timeout_ticks as f32 / RATE_HZ;
         parameters.limits.max_slew_v_per_s = 1e6;
         parameters.limits.monitor.slew_v_per_s = 1e6;
-        let mut store: Store<TornFlash> = Store::new(TornFlash::new(&[0xff; 2 * SECTOR], 1), BOARD).expect("two parts");
+        let mut store = Store::new(TornFlash::new(&[0xff; 2 * SECTOR], 1), BOARD).expect("two parts");
         store.save(&encoded(&parameters)).expect("valid");
         let controller = Controller::new(Blob::new(parameters).expect("valid"));
         Self { timeout_ticks, controller, flash: store.destroy().bytes(), steals }

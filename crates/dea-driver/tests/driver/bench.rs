@@ -1,7 +1,7 @@
 //! The bench of these tests: limits and parameters of a film like the paper's.
 
-use dea_driver::{Limits, Parameters, PlausibilityLimits};
-use springpot::{Actuator, Compressed, Law, LawOptions, Preset};
+use dea_driver::{ControllerMemory, Limits, Parameters, PlausibilityLimits};
+use springpot::{Actuator, Law, LawOptions, Preset};
 
 /// Limits of a bench with a film like the paper's.
 pub fn bench_limits() -> Limits {
@@ -24,9 +24,7 @@ pub fn board_parameters() -> Parameters {
 }
 
 /// The same with a law of any size.
-pub fn of_law<const HEAD: usize, const FAST: usize, const SLOW: usize>(
-    law: &Law<f32, Compressed<f32, HEAD, FAST, SLOW>>,
-) -> Parameters<HEAD, FAST, SLOW> {
+pub fn of_law<M: ControllerMemory>(law: &Law<f32, M>) -> Parameters<M> {
     let name = "table3-n2".try_into().expect("short");
     Parameters { name, limits: bench_limits(), ..Parameters::bench(law, Actuator::KARNER_2022) }
 }

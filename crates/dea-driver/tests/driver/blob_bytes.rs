@@ -15,7 +15,7 @@ const COUPLED: &[u8] = include_bytes!("blobs/coupled-from-start.bin");
 
 /// Decodes `bytes`, after a check that they would be written the same today.
 fn parameters(bytes: &[u8]) -> Parameters {
-    let parameters = <Blob>::decode(bytes, BOARD).expect("valid").into_parameters();
+    let parameters = Blob::decode(bytes, BOARD).expect("valid").into_parameters();
     let mut again = [0; BLOB_LEN];
     let length = parameters.encode(BOARD, &mut again).expect("valid");
     assert_eq!(again[..length], *bytes);
@@ -83,7 +83,7 @@ fn parameters_and_blob_carry_the_method() {
         let sent = Parameters::bench(&law, Actuator::KARNER_2022);
         let mut bytes = [0; BLOB_LEN];
         let length = sent.encode(BOARD, &mut bytes).expect("valid");
-        let blob = <Blob>::decode(&bytes[..length], BOARD).expect("valid");
+        let blob = Blob::decode(&bytes[..length], BOARD).expect("valid");
         assert_eq!(blob.parameters(), &sent);
         let received = blob.follower().compensator().observer().law();
         assert_eq!(received.method(), method);

@@ -1,7 +1,9 @@
 //! A controller with a lean memory: its tick, its blob, its store.
 
+use dea_driver::chips::Converters;
 use dea_driver::{
-    BLOB_LEN, Blob, BlobError, BlobHeader, Controller, DriverState, Inputs, Mode, Parameters, SCHEMA, Store,
+    BLOB_LEN, Blob, BlobError, BlobHeader, Controller, ControllerMemory, DriverState, Inputs, Mode, Parameters, SCHEMA,
+    Store,
 };
 use springpot::{Compressed, Law, LawOptions, Preset};
 
@@ -11,28 +13,30 @@ use crate::flash::Flash;
 const BOARD: u16 = 0x0405;
 
 /// 8 + 18 weights instead of 12 + 36, true to 1e-4 over an hour.
-type LeanBlob = Blob<8, 14, 4>;
+type Lean = Compressed<f32, 8, 14, 4>;
 
-fn lean_parameters() -> Parameters<8, 14, 4> {
+fn lean_blob(bytes: &[u8]) -> Result<Blob<Lean>, BlobError> {
+    Blob::decode_for(bytes, BOARD, &Converters::AD5754_ADS868X)
+}
+
+fn lean_parameters() -> Parameters<Lean> {
     let model = Preset::TABLE3_N2.model().expect("valid");
     let options = LawOptions::at_step(1e-3).with_horizon(3600.0).with_tolerance(1e-3);
-    let law: Law<f32, Compressed<f32, 8, 14, 4>> = Law::compressed(&model, options).expect("valid");
+    let law: Law<f32, Lean> = Law::compressed(&model, options).expect("valid");
     of_law(&law)
 }
 
-fn bytes_of<const HEAD: usize, const FAST: usize, const SLOW: usize>(
-    parameters: &Parameters<HEAD, FAST, SLOW>,
-) -> Vec<u8> {
+fn bytes_of<M: ControllerMemory>(parameters: &Parameters<M>) -> Vec<u8> {
     let mut bytes = [0; BLOB_LEN];
     let length = parameters.encode(BOARD, &mut bytes).expect("valid");
     bytes[..length].to_vec()
 }
 
 /// Voltages of a feedforward run to 0.5 mm and back: amplifier and monitor follow at once.
-fn run<const HEAD: usize, const FAST: usize, const SLOW: usize>(blob: Blob<HEAD, FAST, SLOW>) -> Vec<f32> {
+fn run<M: ControllerMemory>(blob: Blob<M>) -> Vec<f32> {
     let mut controller = Controller::new(blob);
     let mut dac_v = 0.0;
-    let mut tick = |controller: &mut Controller<HEAD, FAST, SLOW>, k: u16| {
+    let mut tick = |controller: &mut Controller<M>, k: u16| {
         controller.heartbeat();
         // A film that does not move, and the sensor's noise: feedforward only checks it.
         let sensor_adc_v = Some(1.0 + 1e-3 * f32::from(k % 3));
@@ -62,17 +66,17 @@ fn a_lean_controller_ticks() {
     let largest = default.iter().copied().fold(0.0, f32::max);
     println!("lean and default differ by at most {furthest} V of {largest} V");
     assert!(largest > 2000.0 && furthest < 1e-3 * largest);
-    assert!(size_of::<Controller<8, 14, 4>>() < size_of::<Controller>());
+    assert!(size_of::<Controller<Lean>>() < size_of::<Controller>());
 }
 
 #[test]
 fn a_blob_of_a_law_of_other_sizes_is_refused() {
     let (lean, default) = (bytes_of(&lean_parameters()), bytes_of(&board_parameters()));
     let (lean_sizes, default_sizes) = ([8, 14, 4], [12, 12, 24]);
-    assert_eq!(LeanBlob::decode(&lean, BOARD).expect("its own").into_parameters(), lean_parameters());
-    let error = <Blob>::decode(&lean, BOARD).expect_err("lean");
+    assert_eq!(lean_blob(&lean).expect("its own").into_parameters(), lean_parameters());
+    let error = Blob::decode(&lean, BOARD).expect_err("lean");
     assert_eq!(error, BlobError::LawSizes { found: lean_sizes, expected: default_sizes });
-    let error = LeanBlob::decode(&default, BOARD).expect_err("of the default sizes");
+    let error = lean_blob(&default).expect_err("of the default sizes");
     assert_eq!(error, BlobError::LawSizes { found: default_sizes, expected: lean_sizes });
     assert_eq!(error.to_string(), "the law in the blob has 12 + 12 + 24 weights, the controller's 8 + 14 + 4");
 
@@ -80,13 +84,14 @@ fn a_blob_of_a_law_of_other_sizes_is_refused() {
     assert_eq!(BlobHeader::read(&default).expect("a blob").schema, SCHEMA);
     assert_eq!(BlobHeader::read(&lean).expect("a blob").schema, SCHEMA | 0x100);
     for length in 0..lean.len() {
-        assert_eq!(LeanBlob::decode(&lean[..length], BOARD).err(), Some(BlobError::Truncated), "{length} bytes");
+        assert_eq!(lean_blob(&lean[..length]).err(), Some(BlobError::Truncated), "{length} bytes");
     }
 }
 
 #[test]
 fn a_lean_blob_is_kept() {
-    let mut store: Store<Flash, 8, 14, 4> = Store::new(Flash::new(), BOARD).expect("two sectors");
+    let store = Store::<_, Lean>::with_converters(Flash::new(), BOARD, Converters::AD5754_ADS868X);
+    let mut store = store.expect("two sectors");
     store.save(&bytes_of(&lean_parameters())).expect("valid");
     assert_eq!(*store.load().expect("saved").blob.parameters(), lean_parameters());
     assert!(store.save(&bytes_of(&board_parameters())).is_err());

@@ -54,7 +54,7 @@ fn the_loop_test_is_the_law_itself() {
     assert_eq!(device.step::<Vec<Step>>(&[0.0]), Err(running));
     assert_eq!(device.follow::<Vec<Followed>>(Mode::Voltage, &[]), Err(running));
     // Nor before there are parameters.
-    assert_eq!(<Device>::new(None).rest(), Err(Denial::Rejected(Reject::NoParameters)));
+    assert_eq!(Device::new(None).rest(), Err(Denial::Rejected(Reject::NoParameters)));
 }
 
 /// The loop test of the control is `springpot::Tracking` itself, bit for bit, in all three modes.

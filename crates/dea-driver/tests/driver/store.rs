@@ -33,7 +33,7 @@ fn found(store: &mut Store<Flash>) -> (String, bool) {
 #[test]
 fn a_blob_comes_back_as_it_was() {
     let mut parameters = board_parameters();
-    let blob = <Blob>::decode(&bytes_of(&parameters), BOARD).expect("valid");
+    let blob = Blob::decode(&bytes_of(&parameters), BOARD).expect("valid");
     assert_eq!(*blob.parameters(), parameters);
     // The law is the one that a host steps, to the bit.
     let model = springpot::Preset::TABLE3_N2.model().expect("valid");
@@ -46,7 +46,7 @@ fn a_blob_comes_back_as_it_was() {
     parameters.name = "a name of thirty-two characters.".try_into().expect("short");
     let bytes = bytes_of(&parameters);
     println!("blob: at most {} bytes", bytes.len());
-    assert_eq!(<Blob>::decode(&bytes, BOARD).expect("valid").into_parameters(), parameters);
+    assert_eq!(Blob::decode(&bytes, BOARD).expect("valid").into_parameters(), parameters);
 }
 
 /// Every single bit flip, every truncation, and any other bytes are refused.
@@ -56,14 +56,14 @@ fn damage_is_refused() {
     for bit in 0..8 * bytes.len() {
         let mut damaged = bytes.clone();
         damaged[bit / 8] ^= 1 << (bit % 8);
-        assert!(<Blob>::decode(&damaged, BOARD).is_err(), "bit {bit}");
+        assert!(Blob::decode(&damaged, BOARD).is_err(), "bit {bit}");
     }
     for length in 0..bytes.len() {
-        assert_eq!(<Blob>::decode(&bytes[..length], BOARD).err(), Some(BlobError::Truncated), "{length} bytes");
+        assert_eq!(Blob::decode(&bytes[..length], BOARD).err(), Some(BlobError::Truncated), "{length} bytes");
     }
-    assert_eq!(<Blob>::decode(&[0xff; BLOB_LEN], BOARD).err(), Some(BlobError::Magic));
-    assert_eq!(<Blob>::decode(&[0; BLOB_LEN], BOARD).err(), Some(BlobError::Magic));
-    assert_eq!(<Blob>::decode(&bytes, BOARD + 1).err(), Some(BlobError::Board { found: BOARD }));
+    assert_eq!(Blob::decode(&[0xff; BLOB_LEN], BOARD).err(), Some(BlobError::Magic));
+    assert_eq!(Blob::decode(&[0; BLOB_LEN], BOARD).err(), Some(BlobError::Magic));
+    assert_eq!(Blob::decode(&bytes, BOARD + 1).err(), Some(BlobError::Board { found: BOARD }));
 }
 
 /// Values that are whole but wrong are refused, by name, before anything is written.
@@ -439,7 +439,7 @@ impl<const READ: usize, const WRITE: usize, const PART: usize> NorFlash for Word
 #[test]
 fn flash_of_any_fitting_geometry_is_taken() {
     fn takes<const READ: usize, const WRITE: usize, const PART: usize>() -> bool {
-        match <Store<_>>::new(Words::<READ, WRITE, PART>, BOARD) {
+        match Store::new(Words::<READ, WRITE, PART>, BOARD) {
             Ok(_) => true,
             Err(error) => {
                 assert_eq!(error, StoreError::Geometry);
@@ -456,5 +456,5 @@ fn flash_of_any_fitting_geometry_is_taken() {
 #[test]
 fn a_flash_that_is_too_small_is_refused() {
     let flash = Flash { bytes: vec![0xff; SECTOR], power: usize::MAX };
-    assert!(matches!(<Store<Flash>>::new(flash, BOARD), Err(StoreError::Geometry)));
+    assert!(matches!(Store::new(flash, BOARD), Err(StoreError::Geometry)));
 }

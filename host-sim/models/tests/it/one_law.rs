@@ -20,7 +20,7 @@ fn near(rng: &mut Pcg64, usual: f64) -> f64 {
 /// The tracking law of a controller that read the blob of `parameters`.
 fn on_a_board(parameters: &Parameters, rate_hz: f64) -> Tracking<f32> {
     let (bytes, board) = parameters.checked_blob(rate_hz).expect("a blob");
-    <Blob>::decode(&bytes, board.id).expect("valid").follower().compensator().clone()
+    Blob::decode(&bytes, board.id).expect("valid").follower().compensator().clone()
 }
 
 /// The tracking law of the host, built as `closed-loop` builds it with `limits` on the command line.

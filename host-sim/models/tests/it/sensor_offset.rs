@@ -96,7 +96,7 @@ fn replay_fit_observer_and_processor_agree() {
 
         let Task::Observe(targets) = observer_task(&recording, &parameters) else { panic!("not to observe") };
         let (blob, board) = parameters.checked_blob(RATE_HZ).expect("a blob");
-        let mut host = Controller::new(<Blob>::decode(&blob, board.id).expect("valid"));
+        let mut host = Controller::new(Blob::decode(&blob, board.id).expect("valid"));
         let followed = targets.iter().map(|&target| host.follow(Mode::Voltage, target).displacement_m);
         let largest = |errors: &mut dyn Iterator<Item = f64>| errors.fold(0.0, |largest: f64, e| largest.max(e.abs()));
         [

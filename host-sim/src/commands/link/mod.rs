@@ -303,7 +303,7 @@ impl Source {
                 // A blob for another board is refused there; whatever else is wrong is found here.
                 let refused = |error| Error::file(path, error);
                 let board = BlobHeader::read(&bytes).map_err(refused)?.board;
-                <Blob>::decode(&bytes, board).map_err(refused)?;
+                Blob::decode(&bytes, board).map_err(refused)?;
                 bytes
             }
         }))

@@ -54,7 +54,7 @@ fn sealed(contents: &[u8]) -> Vec<u8> {
 fn decode(bytes: &[u8]) -> bool {
     let header = BlobHeader::read(bytes);
     assert_eq!(header.is_ok(), bytes.len() >= HEADER && bytes.starts_with(b"DEA\x01"));
-    let Ok(blob) = <Blob>::decode(bytes, BOARD) else { return false };
+    let Ok(blob) = Blob::decode(bytes, BOARD) else { return false };
     let header = header.expect("a blob has one");
     let end = HEADER + usize::from(header.length) + 4;
     assert!(end <= BLOB_LEN && header.board == BOARD);
@@ -67,7 +67,7 @@ fn decode(bytes: &[u8]) -> bool {
         assert_eq!(again, bytes[..end], "encoded again");
     } else {
         assert!(again.len() < end, "{} bytes from {end}", again.len());
-        let shorter = <Blob>::decode(&again, BOARD).expect("what was accepted is accepted again");
+        let shorter = Blob::decode(&again, BOARD).expect("what was accepted is accepted again");
         assert_eq!(shorter.parameters(), blob.parameters());
         assert_eq!(encoded(&shorter), again);
     }
@@ -154,14 +154,14 @@ fn slot(sector: &[u8]) -> Slot {
     let word = |at: usize| u32::from_le_bytes(*sector[at..].first_chunk().expect("longer"));
     let sequence = (word(0) == !word(4)).then_some(word(0));
     let body = &sector[SLOT_HEADER..][..BLOB_LEN];
-    let blob = <Blob>::decode(body, BOARD).ok().map(|blob| encoded(&blob));
+    let blob = Blob::decode(body, BOARD).ok().map(|blob| encoded(&blob));
     Slot { sequence, blob, erased: sector[..SLOT_HEADER + BLOB_LEN].iter().all(|&byte| byte == 0xff) }
 }
 
 /// The newest slot whose blob is valid wins, and newer ones that are damaged or cut off are reported.
 fn load(flash: &Flash) -> bool {
     let slots: Vec<Slot> = flash.0.chunks(SECTOR).map(slot).collect();
-    let mut store: Store<Flash> = Store::new(flash.clone(), BOARD).expect("two sectors");
+    let mut store = Store::new(flash.clone(), BOARD).expect("two sectors");
     let loaded = store.load();
     let found = loaded.as_ref().ok().map(|stored| (encoded(&stored.blob), stored.newer_lost));
     // Of two numbers that are as far apart as can be, neither is newer.

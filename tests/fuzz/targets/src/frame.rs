@@ -112,7 +112,7 @@ impl Trial {
         let latched = (start & 2 != 0).then_some(Cause::Watchdog);
         let kept = start & 1 == 0;
         if kept {
-            let mut store: Store<Flash> = Store::new(flash, BOARD).expect("two sectors");
+            let mut store = Store::new(flash, BOARD).expect("two sectors");
             store.save(&GOOD_BLOB).expect("valid");
             flash = store.destroy();
         }

@@ -53,7 +53,7 @@ impl Bench {
         let blob = Blob::new(parameters.clone()).expect("valid");
         let observer = blob.follower().compensator().observer();
         let (law, drive) = (observer.law().coarser(), *observer.drive());
-        let mut device: Device = Device::new(Some(Cause::Watchdog));
+        let mut device = Device::new(Some(Cause::Watchdog));
         device.stream(1);
         Self {
             device,

@@ -207,7 +207,7 @@ impl Parameters {
     pub fn checked_blob(&self, rate_hz: f64) -> Result<(Vec<u8>, Board)> {
         let board = self.board_or_bench(rate_hz);
         let blob = self.to_blob(&board, rate_hz)?;
-        <Blob>::decode(&blob, board.id).map_err(|e| Error::Computation(short(&e)))?;
+        Blob::decode(&blob, board.id).map_err(|e| Error::Computation(short(&e)))?;
         Ok((blob, board))
     }
 
@@ -222,8 +222,6 @@ impl Parameters {
         let parameters = BoardParameters {
             name: shortened(&self.name),
             rate_hz,
-            law: law.coefficients(),
-            actuator: self.actuator,
             sensor_offset_m: self.sensor_offset_m as f32,
             command_range: board.command_range,
             amplifier: board.amplifier.clone(),
@@ -232,6 +230,7 @@ impl Parameters {
             sensor: board.sensor.clone(),
             limits: board.limits,
             control: board.control,
+            ..BoardParameters::bench(&law, self.actuator)
         };
         let mut bytes = vec![0; BLOB_LEN];
         let refused = |error: BlobError| Error::Computation(short(&error));
