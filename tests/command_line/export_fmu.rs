@@ -90,12 +90,7 @@ fn an_fmu_is_whole_and_the_same_every_time() {
         let one = |name: &str| &described.iter().find(|(element, _)| element == name).expect(name).1;
         let root = one("fmiModelDescription");
         assert_eq!(root["fmiVersion"], version);
-        assert_eq!(root["license"], "0BSD AND BSD-2-Clause");
-        let standard: Vec<&String> = files.keys().filter(|name| name.contains("Types")).collect();
-        assert!(
-            standard.len() == 2 && standard.iter().all(|name| read(name).contains("2-Clause BSD License")),
-            "{standard:?}"
-        );
+        assert_eq!(root["license"], "0BSD");
         assert_eq!(root["description"], "The dielectric elastomer actuator rich and its control");
         assert_eq!(one("CoSimulation")["modelIdentifier"], symbol);
         assert_eq!(one("DefaultExperiment")["stepSize"], "0.001");
@@ -452,7 +447,8 @@ fn controllers_have_the_bits_of_rust() {
     assert!(learned > 1e-6, "something was learned");
 }
 
-/// FMPy finds nothing against schema and standard; steps, states, refusals and a library that is built anew are as they should be.
+/// FMPy finds nothing against schema and standard; steps, states, refusals, also those of another film's states, and a library that is built
+/// anew are as they should be, and the sanitizers of gcc find nothing on the way.
 #[test]
 #[ignore = "needs FMPy: cargo xtask faces fmu"]
 fn fmpy_accepts_fmus() {
@@ -460,11 +456,13 @@ fn fmpy_accepts_fmus() {
     fs::write(folder.path().join("rich.toml"), rich()).expect("written");
     let rich = folder.path().join("rich.toml");
     for (emit, ..) in VERSIONS {
-        for (params, name) in [("preset:table3-n2", "paper"), (text(&rich), "rich")] {
+        let fmus = [("preset:table3-n2", "paper"), (text(&rich), "rich")].map(|(params, name)| {
             let fmu = folder.path().join(format!("{name}-{emit}.fmu"));
             TOOL.json(&["export", "--params", params, "--emit", emit, "--out", text(&fmu)]);
-            let learns = if name == "rich" { "learns" } else { "does-not-learn" };
-            Importer::there().call(&["check", text(&fmu), learns]);
-        }
+            fmu
+        });
+        let [paper, rich] = fmus.each_ref().map(|fmu| text(fmu));
+        Importer::there().call(&["check", paper, "does-not-learn", rich]);
+        Importer::there().call(&["check", rich, "learns", paper]);
     }
 }

@@ -4,8 +4,35 @@
  *
  * With FMI2_FUNCTION_PREFIX the names of functions begin with it, for programs that link several FMUs.
  */
-#include "fmi2FunctionTypes.h"
 #include "springpot_fmu.h"
+
+#if defined(FMI_STANDARD_HEADERS)
+/* The standard's own headers, which declare all functions: a signature that differs does not compile. */
+#include "fmi2Functions.h"
+#else
+/* What is used of the standard's types, so that an FMU needs no files of others. */
+#define fmi2TypesPlatform "default"
+#define fmi2False 0
+typedef void *fmi2Component;
+typedef void *fmi2ComponentEnvironment;
+typedef unsigned int fmi2ValueReference;
+typedef double fmi2Real;
+typedef int fmi2Integer;
+typedef int fmi2Boolean;
+typedef const char *fmi2String;
+typedef char fmi2Byte;
+typedef enum { fmi2OK, fmi2Warning, fmi2Discard, fmi2Error, fmi2Fatal, fmi2Pending } fmi2Status;
+typedef enum { fmi2ModelExchange, fmi2CoSimulation } fmi2Type;
+typedef enum { fmi2DoStepStatus, fmi2PendingStatus, fmi2LastSuccessfulTime, fmi2Terminated } fmi2StatusKind;
+typedef void (*fmi2CallbackLogger)(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, ...);
+typedef struct {
+    fmi2CallbackLogger logger;
+    void *(*allocateMemory)(size_t, size_t);
+    void (*freeMemory)(void *);
+    void (*stepFinished)(fmi2ComponentEnvironment, fmi2Status);
+    fmi2ComponentEnvironment componentEnvironment;
+} fmi2CallbackFunctions;
+#endif
 
 #ifndef FMI2_FUNCTION_PREFIX
 #define FMI2_FUNCTION_PREFIX
@@ -27,10 +54,8 @@ typedef struct {
 static fmi2Status fmu_logged(const fmu_instance *fmu, fmu_result result)
 {
     if ((result.status != FMU_OK) && (fmu->log != NULL)) {
-        const fmi2Status status = (fmi2Status)result.status;
         /* No text has a percent sign, so that each is its own format. */
-        fmu->log(fmu->environment, fmu->name, status, (result.status == FMU_DISCARD) ? "logStatusDiscard" : "logStatusError",
-            result.why);
+        fmu->log(fmu->environment, fmu->name, (fmi2Status)result.status, "logStatusError", result.why);
     }
     return (fmi2Status)result.status;
 }
@@ -100,7 +125,7 @@ FMU_STATUS(DoStep)(fmi2Component instance, fmi2Real currentCommunicationPoint, f
     fmi2Boolean noSetFMUStatePriorToCurrentPoint)
 {
     fmu_instance *fmu = (fmu_instance *)instance;
-    return fmu_logged(fmu, fmu_step(&fmu->state, communicationStepSize));
+    return fmu_logged(fmu, fmu_step(&fmu->state, currentCommunicationPoint, communicationStepSize));
 }
 
 /* ---- Values: an Integer is a whole number or the mode. */

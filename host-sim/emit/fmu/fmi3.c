@@ -4,8 +4,42 @@
  *
  * With FMI3_FUNCTION_PREFIX the names of functions begin with it, for programs that link several FMUs.
  */
-#include "fmi3FunctionTypes.h"
 #include "springpot_fmu.h"
+
+#if defined(FMI_STANDARD_HEADERS)
+/* The standard's own headers, which declare all functions: a signature that differs does not compile. */
+#include "fmi3Functions.h"
+#else
+/* What is used of the standard's types, so that an FMU needs no files of others. */
+#define fmi3False false
+typedef void *fmi3Instance;
+typedef void *fmi3InstanceEnvironment;
+typedef uint32_t fmi3ValueReference;
+typedef float fmi3Float32;
+typedef double fmi3Float64;
+typedef int8_t fmi3Int8;
+typedef uint8_t fmi3UInt8;
+typedef int16_t fmi3Int16;
+typedef uint16_t fmi3UInt16;
+typedef int32_t fmi3Int32;
+typedef uint32_t fmi3UInt32;
+typedef int64_t fmi3Int64;
+typedef uint64_t fmi3UInt64;
+typedef bool fmi3Boolean;
+typedef bool fmi3Clock;
+typedef const char *fmi3String;
+typedef uint8_t fmi3Byte;
+typedef const fmi3Byte *fmi3Binary;
+typedef enum { fmi3OK, fmi3Warning, fmi3Discard, fmi3Error, fmi3Fatal } fmi3Status;
+typedef int fmi3DependencyKind;
+typedef int fmi3IntervalQualifier;
+typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment, fmi3Status, fmi3String, fmi3String);
+/* These are never called. */
+typedef void (*fmi3ClockUpdateCallback)(void);
+typedef void (*fmi3IntermediateUpdateCallback)(void);
+typedef void (*fmi3LockPreemptionCallback)(void);
+typedef void (*fmi3UnlockPreemptionCallback)(void);
+#endif
 
 #ifndef FMI3_FUNCTION_PREFIX
 #define FMI3_FUNCTION_PREFIX
@@ -26,8 +60,7 @@ typedef struct {
 static fmi3Status fmu_logged(const fmu_instance *fmu, fmu_result result)
 {
     if ((result.status != FMU_OK) && (fmu->log != NULL)) {
-        const fmi3Status status = (fmi3Status)result.status;
-        fmu->log(fmu->environment, status, (result.status == FMU_DISCARD) ? "logStatusDiscard" : "logStatusError", result.why);
+        fmu->log(fmu->environment, (fmi3Status)result.status, "logStatusError", result.why);
     }
     return (fmi3Status)result.status;
 }
@@ -90,7 +123,7 @@ FMU_STATUS(DoStep)(fmi3Instance instance, fmi3Float64 currentCommunicationPoint,
     fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
 {
     fmu_instance *fmu = (fmu_instance *)instance;
-    const fmu_result result = fmu_step(&fmu->state, communicationStepSize);
+    const fmu_result result = fmu_step(&fmu->state, currentCommunicationPoint, communicationStepSize);
     *eventHandlingNeeded = fmi3False;
     *terminateSimulation = fmi3False;
     *earlyReturn = fmi3False;

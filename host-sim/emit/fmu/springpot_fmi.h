@@ -4,7 +4,6 @@
  *
  * The file that includes it defines FMI(name), which puts the version in front of a name of the standard; FMI_PREFIX, which function names
  * begin with; FMI_STATE and FMI_DESERIALIZE, two words that the versions spell differently; FMI_VERSION; fmu_instance and fmu_logged.
- * Functions are declared by the standard's types, so that a wrong signature does not compile.
  */
 #ifndef SPRINGPOT_FMI_H
 #define SPRINGPOT_FMI_H
@@ -24,10 +23,9 @@
 
 #define FMU_JOINED(first, second) first##second
 #define FMU_JOIN(first, second) FMU_JOINED(first, second)
-/* A function of the standard: its declaration, then the head of its definition. */
+/* The head of a function of the standard. */
 #define FMU_NAME(name) FMU_JOIN(FMI_PREFIX, FMI(name))
-#define FMU_DECLARED(result, name) FMU_VISIBLE FMI(name##TYPE) FMU_NAME(name); result FMU_NAME(name)
-#define FMU_FUNCTION(result, name) FMU_DECLARED(result, name)
+#define FMU_FUNCTION(result, name) FMU_VISIBLE result FMU_NAME(name)
 #define FMU_STATUS(name) FMU_FUNCTION(FMI(Status), name)
 #define FMU_STATE(before, after) FMU_STATUS(FMU_JOIN(before, FMU_JOIN(FMI_STATE, after)))
 

@@ -11,7 +11,7 @@
 #include <string.h>
 
 #include "springpot.h"
-/* FMU_FILM, FMU_IDENTIFIER, FMU_TOKEN, FMU_STEP_S, FMU_LEARNS */
+/* FMU_FILM, FMU_TOKEN, FMU_STEP_S, FMU_LEARNS */
 #include "springpot_fmu_film.h"
 
 SPRINGPOT_FILM(FMU_FILM);
@@ -66,7 +66,7 @@ static int fmu_type(uint32_t variable)
 enum { FMU_INSTANTIATED, FMU_INITIALISING, FMU_STEPPING, FMU_TERMINATED };
 
 /* Statuses have these values in both versions. */
-enum { FMU_OK = 0, FMU_DISCARD = 2, FMU_ERROR = 3 };
+enum { FMU_OK = 0, FMU_ERROR = 3 };
 
 /* How a call ended, and why it failed if it did. */
 typedef struct {
@@ -75,11 +75,13 @@ typedef struct {
 } fmu_result;
 
 typedef struct {
+    char token[sizeof FMU_TOKEN]; /* of this FMU: states of others are refused */
     uint32_t phase;
     uint32_t wholes[FMU_VARIABLES]; /* whole numbers, flags and the mode */
     double reals[FMU_VARIABLES];
     double start; /* s */
     double ticks; /* since then */
+    double next;  /* where the next step begins by the importer's clock, s */
     union {
         springpot_state plant;
         springpot_observer_state observer;
@@ -100,13 +102,6 @@ static fmu_result fmu_error(const char *why)
     return result;
 }
 
-static fmu_result fmu_discard(const char *why)
-{
-    fmu_result result = {FMU_DISCARD, ""};
-    result.why = why;
-    return result;
-}
-
 /* ---- From instantiation to the first tick. */
 
 /* The state of an FMU that was just instantiated: start values. */
@@ -114,6 +109,7 @@ static void fmu_start(fmu_state *state)
 {
     /* Bytes between members too: equal states are equal bytes. */
     memset(state, 0, sizeof *state);
+    memcpy(state->token, FMU_TOKEN, sizeof FMU_TOKEN);
     state->phase = FMU_INSTANTIATED;
     state->wholes[FMU_MODE] = FMU_PLANT;
     state->reals[FMU_FORCE_SCALE] = 1.0;
@@ -313,10 +309,12 @@ static double fmu_ticks(double step_s)
     return ticks;
 }
 
-/* A communication step (s): all of it, or nothing where it is refused. A sample and a reading arrive in its first tick. */
-static fmu_result fmu_step(fmu_state *state, double step_s)
+/* A communication step of `step_s` from `time_s`: all of it, or nothing where it is refused. A sample and a reading arrive in its first
+ * tick. */
+static fmu_result fmu_step(fmu_state *state, double time_s, double step_s)
 {
     const double ticks = fmu_ticks(step_s);
+    const double gap = (state->ticks > 0.0) ? ((time_s - state->next) / FMU_STEP_S) : 0.0;
     const bool is_controller = state->wholes[FMU_MODE] >= FMU_FEEDFORWARD;
     springpot_sample sample;
     const springpot_sample *arrived = NULL;
@@ -326,11 +324,15 @@ static fmu_result fmu_step(fmu_state *state, double step_s)
         return fmu_error("a step comes after initialisation and before termination");
     }
     if (ticks < 1.0) {
-        return fmu_discard("a communication step is a whole multiple of the step size in modelDescription.xml, the tick of the law: nothing was done");
+        return fmu_error("a communication step must be a whole multiple of the step size in modelDescription.xml, the tick of the law: "
+                         "nothing was done");
     }
     if (is_controller && (ticks > 1.0)) {
-        return fmu_discard("a controller ticks once in a communication step, because its commands in between would not be applied: "
-                           "take steps of the size in modelDescription.xml; nothing was done");
+        return fmu_error("a controller ticks once in a communication step, because its commands in between would not be applied: "
+                         "take steps of the size in modelDescription.xml; nothing was done");
+    }
+    if (!((gap < 0.5) && (gap > -0.5))) {
+        return fmu_error("a step must begin where the last one ended: nothing was done");
     }
     sample.displacement = (float)state->reals[FMU_SAMPLE];
     sample.age_ticks = state->wholes[FMU_SAMPLE_AGE];
@@ -348,6 +350,7 @@ static fmu_result fmu_step(fmu_state *state, double step_s)
         arrived = NULL;
     }
     state->ticks += ticks;
+    state->next = time_s + step_s;
     return fmu_ok();
 }
 
@@ -379,56 +382,67 @@ static fmu_result fmu_copy(const fmu_state *state, void **copy)
     return fmu_ok();
 }
 
-static fmu_result fmu_restore(fmu_state *state, const void *copy)
+/* Refuses what is no state of this FMU. */
+static fmu_result fmu_own(const fmu_state *copy)
 {
-    if (copy == NULL) {
-        return fmu_error("there is no state to set");
-    }
-    memcpy(state, copy, sizeof *state);
-    return fmu_ok();
+    const bool is_own = (copy != NULL) && (memcmp(copy->token, FMU_TOKEN, sizeof FMU_TOKEN) == 0);
+    return is_own ? fmu_ok() : fmu_error("there is no state, or it is of another FMU");
 }
 
-#define FMU_TOKEN_BYTES (sizeof FMU_TOKEN - 1U)
-#define FMU_CHECK_BYTES sizeof(uint64_t)
-#define FMU_SERIALIZED_BYTES (FMU_TOKEN_BYTES + FMU_CHECK_BYTES + sizeof(fmu_state))
+static fmu_result fmu_restore(fmu_state *state, const void *copy)
+{
+    const fmu_result result = fmu_own((const fmu_state *)copy);
+    if (result.status == FMU_OK) {
+        memcpy(state, copy, sizeof *state);
+    }
+    return result;
+}
+
+#define FMU_SERIALIZED_BYTES (sizeof(fmu_state) + sizeof(uint64_t))
 
 /* FNV-1a over the bytes of a state: what was cut or changed is refused. */
-static uint64_t fmu_checksum(const unsigned char *bytes, size_t count)
+static uint64_t fmu_checksum(const unsigned char *bytes)
 {
     uint64_t sum = UINT64_C(14695981039346656037);
     size_t i;
-    for (i = 0U; i < count; i++) {
+    for (i = 0U; i < sizeof(fmu_state); i++) {
         sum = (sum ^ (uint64_t)bytes[i]) * UINT64_C(1099511628211);
     }
     return sum;
 }
 
+/* The bytes of a state, and their checksum. */
 static fmu_result fmu_serialize(const void *copy, unsigned char *bytes, size_t count)
 {
+    const fmu_result result = fmu_own((const fmu_state *)copy);
     uint64_t sum;
-    if ((copy == NULL) || (bytes == NULL) || (count < FMU_SERIALIZED_BYTES)) {
-        return fmu_error("there is no state, or too little room for it: ask for its size");
+    if (result.status != FMU_OK) {
+        return result;
     }
-    sum = fmu_checksum((const unsigned char *)copy, sizeof(fmu_state));
-    memcpy(bytes, FMU_TOKEN, FMU_TOKEN_BYTES);
-    memcpy(&bytes[FMU_TOKEN_BYTES], &sum, FMU_CHECK_BYTES);
-    memcpy(&bytes[FMU_TOKEN_BYTES + FMU_CHECK_BYTES], copy, sizeof(fmu_state));
-    return fmu_ok();
+    if ((bytes == NULL) || (count < FMU_SERIALIZED_BYTES)) {
+        return fmu_error("there is too little room for a state: ask for its size");
+    }
+    sum = fmu_checksum((const unsigned char *)copy);
+    memcpy(bytes, copy, sizeof(fmu_state));
+    memcpy(&bytes[sizeof(fmu_state)], &sum, sizeof sum);
+    return result;
 }
 
 static fmu_result fmu_deserialize(const unsigned char *bytes, size_t count, void **copy)
 {
     fmu_state state;
     uint64_t sum;
-    if ((bytes == NULL) || (count != FMU_SERIALIZED_BYTES) || (memcmp(bytes, FMU_TOKEN, FMU_TOKEN_BYTES) != 0)) {
+    fmu_result result;
+    if ((bytes == NULL) || (count != FMU_SERIALIZED_BYTES)) {
         return fmu_error("these bytes are no state of this FMU");
     }
-    memcpy(&sum, &bytes[FMU_TOKEN_BYTES], FMU_CHECK_BYTES);
-    memcpy(&state, &bytes[FMU_TOKEN_BYTES + FMU_CHECK_BYTES], sizeof state);
-    if (sum != fmu_checksum(&bytes[FMU_TOKEN_BYTES + FMU_CHECK_BYTES], sizeof state)) {
-        return fmu_error("this state was changed: its checksum is wrong");
+    memcpy(&state, bytes, sizeof state);
+    memcpy(&sum, &bytes[sizeof state], sizeof sum);
+    result = fmu_own(&state);
+    if ((result.status == FMU_OK) && (sum != fmu_checksum(bytes))) {
+        result = fmu_error("this state was changed: its checksum is wrong");
     }
-    return fmu_copy(&state, copy);
+    return (result.status == FMU_OK) ? fmu_copy(&state, copy) : result;
 }
 
 #endif /* SPRINGPOT_FMU_H */

@@ -18,8 +18,7 @@ const UNITS: &str = "  <UnitDefinitions>
 ";
 
 const LOG_CATEGORIES: &str = "  <LogCategories>
-    <Category name=\"logStatusDiscard\" description=\"A step that was refused; nothing was done\"/>
-    <Category name=\"logStatusError\" description=\"A call that was refused\"/>
+    <Category name=\"logStatusError\" description=\"A call that was refused; nothing was done\"/>
   </LogCategories>
 ";
 
@@ -36,7 +35,7 @@ pub(super) fn model(of: &Described) -> String {
     let _ = writeln!(
         text,
         "<fmiModelDescription fmiVersion=\"{number}\" modelName=\"{symbol}\" {token_is}=\"{token}\" \
-         description=\"The dielectric elastomer actuator {name} and its control\" license=\"0BSD AND BSD-2-Clause\" \
+         description=\"The dielectric elastomer actuator {name} and its control\" license=\"0BSD\" \
          generationTool=\"host-sim {tool}\" variableNamingConvention=\"structured\">"
     );
     interface(&mut text, of);

@@ -5,7 +5,6 @@
 //! | `fmu/springpot_fmu.h` | variables, ticks and states, written by hand, for both versions |
 //! | `fmu/fmi2.c`, `fmu/fmi3.c` | the functions of a version in front of that |
 //! | `fmu/springpot_fmi.h` | what both versions share of these |
-//! | `fmu/standard` | types of the standard, under their own licence (2-clause BSD, in each file), as they are |
 //! | `variables` | what an importer sees |
 //! | `description` | modelDescription.xml and buildDescription.xml |
 
@@ -29,31 +28,17 @@ pub enum Version {
 }
 
 impl Version {
-    /// Sources that are the same for every film; those that are compiled first.
-    fn sources(self) -> &'static [(&'static str, &'static str)] {
-        match self {
-            Self::Fmi2 => &[
-                ("fmi2.c", include_str!("../../fmu/fmi2.c")),
-                ("springpot_fmi.h", FUNCTIONS),
-                ("springpot_fmu.h", COMMON),
-                ("springpot.h", HEADER),
-                ("fmi2FunctionTypes.h", include_str!("../../fmu/standard/fmi2FunctionTypes.h")),
-                ("fmi2TypesPlatform.h", include_str!("../../fmu/standard/fmi2TypesPlatform.h")),
-            ],
-            Self::Fmi3 => &[
-                ("fmi3.c", include_str!("../../fmu/fmi3.c")),
-                ("springpot_fmi.h", FUNCTIONS),
-                ("springpot_fmu.h", COMMON),
-                ("springpot.h", HEADER),
-                ("fmi3FunctionTypes.h", include_str!("../../fmu/standard/fmi3FunctionTypes.h")),
-                ("fmi3PlatformTypes.h", include_str!("../../fmu/standard/fmi3PlatformTypes.h")),
-            ],
-        }
+    /// Sources that are the same for every film; the one that is compiled first.
+    fn sources(self) -> [(&'static str, &'static str); 4] {
+        let interface = match self {
+            Self::Fmi2 => ("fmi2.c", include_str!("../../fmu/fmi2.c")),
+            Self::Fmi3 => ("fmi3.c", include_str!("../../fmu/fmi3.c")),
+        };
+        let functions = include_str!("../../fmu/springpot_fmi.h");
+        let common = include_str!("../../fmu/springpot_fmu.h");
+        [interface, ("springpot_fmi.h", functions), ("springpot_fmu.h", common), ("springpot.h", HEADER)]
     }
 }
-
-const FUNCTIONS: &str = include_str!("../../fmu/springpot_fmi.h");
-const COMMON: &str = include_str!("../../fmu/springpot_fmu.h");
 
 /// The text files of an FMU, and those of them to compile.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -81,7 +66,8 @@ struct Described<'a> {
 pub fn fmu(of: &Film, version: Version) -> Fmu {
     let text = film(of);
     let own = format!("{}.c", of.symbol);
-    let compiled = vec![version.sources()[0].0.to_owned(), own.clone()];
+    let sources = version.sources();
+    let compiled = vec![sources[0].0.to_owned(), own.clone()];
     let mut described = Described {
         symbol: of.symbol,
         name: plain(of.name),
@@ -93,7 +79,7 @@ pub fn fmu(of: &Film, version: Version) -> Fmu {
         compiled: &compiled,
     };
     // Of everything that a library and its description are made of.
-    let fixed = version.sources().iter().map(|(_, text)| *text);
+    let fixed = sources.iter().map(|(_, text)| *text);
     let parts = [description::model(&described), text.clone()];
     described.token = token(fixed.chain(parts.iter().map(String::as_str)));
 
@@ -101,7 +87,7 @@ pub fn fmu(of: &Film, version: Version) -> Fmu {
     if version == Version::Fmi3 {
         files.push(("sources/buildDescription.xml".into(), description::build(&described)));
     }
-    files.extend(version.sources().iter().map(|(name, text)| (format!("sources/{name}"), (*text).to_owned())));
+    files.extend(sources.iter().map(|(name, text)| (format!("sources/{name}"), (*text).to_owned())));
     files.push(("sources/springpot_fmu_film.h".into(), film_header(&described)));
     files.push((format!("sources/{own}"), text));
     Fmu { files, compiled }

@@ -1,13 +1,14 @@
 """Drives an FMU of host-sim export with FMPy, for tests/command_line/export_fmu.rs.
 
 driver.py run FILE.fmu MODE INPUTS OUTPUTS [PARAMETER…]    a run tick by tick, these parameters true: rows of f64 in, rows of f64 out
-driver.py check FILE.fmu learns|does-not-learn             schema, steps, states, refusals; a library built anew
+driver.py check FILE.fmu learns|does-not-learn OTHER.fmu   schema, signatures, steps, states, refusals; libraries built anew, one with sanitizers
 driver.py cost FILE.fmu                                    prints what steps take
 """
 
 import math
 import os
 import shutil
+import subprocess
 import sys
 import tempfile
 import time
@@ -26,7 +27,8 @@ MODES = {"plant": 1, "observer": 2, "feedforward": 3, "tracking": 4}
 REALS_IN = ["voltage", "reference", "sample", "reading"]
 FLAGS_IN = ["sample_taken", "reading_taken"]
 REALS_OUT = ["displacement", "force", "command", "shaped_reference", "disturbance", "force_scale"]
-DISCARD, ERROR = 2, 3
+ERROR = 3
+HEADERS = os.path.join(os.path.dirname(fmpy.__file__), "c-code")
 
 
 class Instance:
@@ -95,8 +97,9 @@ class Instance:
     def state(self):
         return self.fmu.getFMUState() if self.is_3 else self.fmu.getFMUstate()
 
-    def restore(self, state):
+    def restore(self, state, time=0.0):
         (self.fmu.setFMUState if self.is_3 else self.fmu.setFMUstate)(state)
+        self.time = time
 
     def free(self, state):
         (self.fmu.freeFMUState if self.is_3 else self.fmu.freeFMUstate)(state)
@@ -113,12 +116,12 @@ class Instance:
 
 
 @contextmanager
-def refused(status, what):
-    """The calls within are refused with this status."""
+def refused(what):
+    """The calls within are refused as errors, not to be tried again."""
     try:
         yield
     except FMICallException as refusal:
-        assert refusal.status == status, f"{what}: status {refusal.status}"
+        assert refusal.status == ERROR, f"{what}: status {refusal.status}"
     else:
         raise AssertionError(f"{what} is accepted")
 
@@ -150,8 +153,12 @@ def check_steps(folder, description):
     assert one.outputs()[0] > 1e-5, "the film moves"
     for step_s in [0.5 * STEP_S, 1.5 * STEP_S, 0.0, -STEP_S, 1.001 * STEP_S, float("nan"), float("inf")]:
         before = five.outputs()
-        with refused(DISCARD, f"a step of {step_s} s"):
+        with refused(f"a step of {step_s} s"):
             five.fmu.doStep(five.time, step_s)
+        assert five.outputs() == before
+    for gap_s in [-STEP_S, STEP_S, 1.0, float("nan")]:
+        with refused(f"a step that begins {gap_s} s after the last one ended"):
+            five.fmu.doStep(five.time + gap_s, STEP_S)
         assert five.outputs() == before
     one.step()
     five.step()
@@ -169,8 +176,9 @@ def check_steps(folder, description):
     both.end()
     for mode in [3, 4]:
         controller = Instance(folder, description, mode=mode, reference=1e-3).begun()
-        with refused(DISCARD, "a controller's step of two ticks"):
-            controller.step(2 * STEP_S)
+        for ticks in [2, 10]:
+            with refused(f"a controller's step of {ticks} ticks"):
+                controller.step(ticks * STEP_S)
         controller.step()
         controller.end()
     one.end()
@@ -199,20 +207,21 @@ def check_states(folder, description, learns):
             return rows
 
         ticks(film, 4000)
-        state = film.state()
+        state, now = film.state(), film.time
         content = film.bytes_of(state)
         expected = ticks(film, 2000)
         assert expected[0] != expected[-1], name
-        film.restore(state)
+        film.restore(state, now)
         assert ticks(film, 2000) == expected, f"{name}: from a state"
         other = Instance(folder, description, mode=1).begun()
-        other.restore(other.state_of(content))
+        other.restore(other.state_of(content), now)
         assert ticks(other, 2000) == expected, f"{name}: from bytes in another instance"
         for changed in [content[:-1], bytes([content[0] ^ 1]) + content[1:], content[:-9] + bytes([content[-9] ^ 4]) + content[-8:]]:
-            with refused(ERROR, "a state that was changed"):
+            with refused("a state that was changed"):
                 film.state_of(changed)
         film.free(state)
         film.fmu.reset()
+        film.time = 0.0
         if not film.is_3:
             film.fmu.setupExperiment(startTime=0.0)
         film.fmu.enterInitializationMode()
@@ -229,31 +238,44 @@ def check_states(folder, description, learns):
             without.end()
 
 
-def check_refusals(folder, description, learns):
+def check_refusals(folder, description, learns, other_path):
     learner = Instance(folder, description, mode=4, learning=True)
     if learns:
         learner.begun()
     else:
-        with refused(ERROR, "learning by a film that does not learn"):
+        with refused("learning by a film that does not learn"):
             learner.begun()
     film = Instance(folder, description, mode=1)
-    with refused(ERROR, "a step before initialisation has ended"):
+    with refused("a step before initialisation has ended"):
         film.step()
     for value in [float("nan"), float("inf"), 1e39]:
-        with refused(ERROR, f"{value} V"):
+        with refused(f"{value} V"):
             film.set_reals(["voltage"], [value])
     for name, value in [("mode", 0), ("mode", 5), ("sample_age", 64), ("sample_age", -1), ("displacement", 1.0), ("limits", 1)]:
-        with refused(ERROR, f"{name} = {value}"):
+        with refused(f"{name} = {value}"):
             film.set(**{name: value})
-    with refused(ERROR, "a real of a flag"):
+    with refused("a real of a flag"):
         film.set_reals(["learning"], [1.0])
     film.begun()
-    with refused(ERROR, "a mode after initialisation"):
+    with refused("a mode after initialisation"):
         film.set_whole("mode", 2)
     film.step()
+    # A film of another file, whose states have the same size.
+    stranger_folder = fmpy.extract(other_path)
+    stranger = Instance(stranger_folder, fmpy.read_model_description(other_path), mode=1).begun()
+    state = stranger.state()
+    for what, call in [("a state", film.restore), ("to serialise a state", film.bytes_of)]:
+        with refused(f"{what} of another film"):
+            call(state)
+    with refused("bytes of another film"):
+        film.state_of(stranger.bytes_of(state))
+    stranger.free(state)
+    stranger.end()
+    shutil.rmtree(stranger_folder)
     film.end()
     if film.is_3:
-        assert any("single precision" in text for _, text in film.messages), film.messages
+        for words in ["single precision", "another FMU"]:
+            assert any(words in text for _, text in film.messages), film.messages
     other = fmpy.read_model_description(folder)
     other.guid = "{00000000-0000-0000-0000-000000000000}"
     try:
@@ -288,16 +310,39 @@ def cost(path):
     shutil.rmtree(folder)
 
 
-def check(path, learns):
+def calls(path, learns, other):
+    """All but what reads the file: FILE may be a folder."""
+    description, folder = fmpy.read_model_description(path), path if os.path.isdir(path) else fmpy.extract(path)
     learns = {"learns": True, "does-not-learn": False}[learns]
+    check_steps(folder, description)
+    check_states(folder, description, learns)
+    check_refusals(folder, description, learns, other)
+
+
+def check_sanitized(folder, description, *arguments):
+    """The same calls with the sanitizers of gcc in the library; Python itself has leaks."""
+    sources, is_3 = os.path.join(folder, "sources"), description.fmiVersion.startswith("3")
+    interface = "fmi3.c" if is_3 else "fmi2.c"
+    symbol = description.coSimulation.modelIdentifier
+    gcc = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror"]
+    # Signatures against the standard's headers, which FMPy has.
+    subprocess.run([*gcc, "-fsyntax-only", "-DFMI_STANDARD_HEADERS", f"-I{HEADERS}", interface], cwd=sources, check=True)
+    library = os.path.join(folder, "binaries", "x86_64-linux" if is_3 else "linux64", f"{symbol}.so")
+    checks = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fPIC", "-shared"]
+    subprocess.run([*gcc, *checks, interface, f"{symbol}.c", "-lm", "-o", library], cwd=sources, check=True)
+    runtime = subprocess.run(["gcc", "-print-file-name=libasan.so"], check=True, capture_output=True, text=True).stdout.strip()
+    environment = {**os.environ, "LD_PRELOAD": runtime, "ASAN_OPTIONS": "detect_leaks=0"}
+    subprocess.run([sys.executable, __file__, "calls", folder, *arguments], env=environment, check=True)
+
+
+def check(path, learns, other):
     problems = validate_fmu(path)
     assert not problems, problems
     description, folder = fmpy.read_model_description(path), fmpy.extract(path)
-    check_steps(folder, description)
-    check_states(folder, description, learns)
-    check_refusals(folder, description, learns)
+    calls(path, learns, other)
     moved = constant(path)
     assert len(moved) == 501 and moved[0] == 0.0 and moved[-1] > moved[1] > 0.0
+    check_sanitized(folder, description, learns, other)
     # Built anew from the sources in the FMU, by its own description, with the CMake of this environment.
     os.environ["PATH"] = os.path.dirname(sys.executable) + os.pathsep + os.environ["PATH"]
     shutil.rmtree(os.path.join(folder, "binaries"))
@@ -308,4 +353,4 @@ def check(path, learns):
 
 
 if __name__ == "__main__":
-    {"run": run, "check": check, "cost": cost}[sys.argv[1]](*sys.argv[2:])
+    {"run": run, "check": check, "calls": calls, "cost": cost}[sys.argv[1]](*sys.argv[2:])
