@@ -210,7 +210,7 @@ fn c_is_written_whole_or_not_at_all() {
 #[test]
 fn the_arduino_library_is_described() {
     let folder = TempDir::new().expect("a folder");
-    let out = folder.path().join("libraries/vhb 5 s");
+    let out = folder.path().join("libraries/vhb-5-s");
     let report = TOOL.json(&["export", "--params", "preset:table3-n2", "--emit", "arduino", "--out", text(&out)]);
     assert_eq!(report["symbol"], "film_vhb_5_s", "{report}");
     let read = |name: &str| fs::read_to_string(out.join(name)).expect(name);
@@ -220,7 +220,8 @@ fn the_arduino_library_is_described() {
     let properties = read("library.properties");
     for key in ["name", "version", "author", "maintainer", "sentence", "paragraph", "category", "url", "architectures"]
     {
-        assert!(properties.lines().any(|line| line.starts_with(&format!("{key}="))), "{key}: {properties}");
+        let value = properties.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix('='));
+        assert!(value.is_some_and(|value| !value.is_empty()), "{key}: {properties}");
     }
     let described: serde_json::Value = serde_json::from_str(&read("library.json")).expect("JSON");
     assert_eq!(described["name"], "springpot_film_vhb_5_s");
@@ -240,16 +241,19 @@ fn the_arduino_library_compiles() {
     write(
         "Arduino.h",
         "#pragma once\n#include <stdint.h>\n#include <math.h>\n#define A0 14\nunsigned long micros();\nint analogRead(int pin);\n\
-         void analogWrite(int pin, int code);\nvoid setup();\nvoid loop();\n",
+         void analogWrite(int pin, int code);\nvoid setup();\nvoid loop();\n\
+         struct Port { void begin(long) {} void println(const char *text); };\nextern Port Serial;\n",
     );
     let sketch = fs::read_to_string(out.join("examples/Tracking/Tracking.ino")).expect("there");
     write("sketch.cpp", &format!("#include <Arduino.h>\n{sketch}"));
     write(
         "board.cpp",
-        "#include <Arduino.h>\n#include <stdio.h>\nstatic unsigned long now;\nstatic int writes, largest;\n\
+        "#include <Arduino.h>\n#include <stdio.h>\nstatic unsigned long now;\nstatic int writes, largest, last;\n\
+         Port Serial;\nvoid Port::println(const char *text) { printf(\"%s\\n\", text); }\n\
          unsigned long micros() { return now; }\nint analogRead(int) { return 102 + (int)(2.0e-3 * largest); }\n\
-         void analogWrite(int, int code) { ++writes; if (code > largest) { largest = code; } }\n\
-         int main() { setup(); for (; now < 1000000UL; now += 100UL) { loop(); } printf(\"%d %d\\n\", writes, largest); }\n",
+         void analogWrite(int, int code) { ++writes; last = code; if (code > largest) { largest = code; } }\n\
+         int main() { setup(); for (; now < 1000000UL; now += LOOP_US) { loop(); }\n\
+         printf(\"%d %d %d\\n\", writes, largest, last); }\n",
     );
     let src = out.join("src");
     let include = format!("-I{}", text(&src));
@@ -258,10 +262,17 @@ fn the_arduino_library_compiles() {
         "gcc",
         &["-std=gnu11", "-Os", "-Wall", "-Wextra", "-Werror", "-c", text(&src.join("film_vhb.c"))],
     );
-    let cpp = ["-std=gnu++11", "-Os", "-Wall", "-Wextra", "-Werror", "-I.", &include, "sketch.cpp", "board.cpp"];
-    ran(folder.path(), "g++", &[cpp.as_slice(), &["film_vhb.o", "-lm", "-o", "board"]].concat());
-    let printed = ran(folder.path(), "./board", &[]);
+    let run = |loop_us: &str| {
+        let cpp =
+            ["-std=gnu++11", "-Os", "-Wall", "-Wextra", "-Werror", "-I.", &include, loop_us, "sketch.cpp", "board.cpp"];
+        ran(folder.path(), "g++", &[cpp.as_slice(), &["film_vhb.o", "-lm", "-o", "board"]].concat());
+        ran(folder.path(), "./board", &[])
+    };
+    let printed = run("-DLOOP_US=100UL");
     let numbers: Vec<i32> = printed.split_whitespace().map(|word| word.parse().expect("a number")).collect();
     assert_eq!(numbers[0], 1000, "a tick every millisecond of a second");
     assert!((20..=255).contains(&numbers[1]), "codes up to {}", numbers[1]);
+    // A board that is too slow for the rate: a tick, then 0 V for good, and a line.
+    let printed = run("-DLOOP_US=2500UL");
+    assert!(printed.starts_with("too slow") && printed.ends_with(" 0\n"), "{printed}");
 }

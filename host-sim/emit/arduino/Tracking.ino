@@ -17,21 +17,34 @@ static springpot_follower_state state;
 static float commanded_v = 0.0F;
 static float angle = 0.0F;
 static uint32_t next_us = 0U;
+static float fraction_us = 0.0F;
+static bool is_late = false;
 
 void setup()
 {
     springpot_follower_init(&@SYMBOL@, &state, true, true);  // with a sensor; cycles are learned if the film's file says so
+    Serial.begin(115200);
     next_us = micros();
 }
 
 void loop()
 {
-    // One tick every step_s: the law is right at this rate and at no other.
-    const uint32_t step_us = (uint32_t)((@SYMBOL@.step_s * 1e6F) + 0.5F);
-    if ((int32_t)(micros() - next_us) < 0) {
+    // One tick every step_s: the law is right at this rate and at no other. A board that misses a tick stops at 0 V.
+    const float step_us = @SYMBOL@.step_s * 1e6F;
+    const int32_t late_us = (int32_t)(micros() - next_us);
+    if ((late_us < 0) || is_late) {
         return;
     }
-    next_us += step_us;
+    if (late_us > (int32_t)step_us) {
+        is_late = true;
+        analogWrite(COMMAND_PIN, 0);
+        Serial.println("too slow: a tick was missed; export the film with a lower --rate");
+        return;
+    }
+    fraction_us += step_us - (float)(uint32_t)step_us;
+    const uint32_t whole_us = (uint32_t)fraction_us;
+    fraction_us -= (float)whole_us;
+    next_us += (uint32_t)step_us + whole_us;
 
     springpot_sample sample;
     sample.displacement = (METRES_PER_CODE * (float)analogRead(SENSOR_PIN)) - METRES_AT_REST;
