@@ -1,10 +1,12 @@
 //! `Actuator`: Eq. 1 and the weight.
 
+use host_io::choice::Choice;
 use pyo3::prelude::*;
-use springpot::{Actuator, Preload};
+use springpot::Actuator;
 
 use crate::arrays::each;
-use crate::errors::{Raise, refused};
+use crate::errors::Raise;
+use crate::names::choice;
 
 /// An actuator: Eq. 1 and the weight, as the table `[actuator]` of a parameter file has them.
 ///
@@ -32,11 +34,6 @@ impl PyActuator {
         stretch_coupling: f64,
         saturation_v: Option<f64>,
     ) -> PyResult<Self> {
-        let preload = match preload {
-            "settled" => Preload::Settled,
-            "from-start" => Preload::FromStart,
-            _ => return Err(refused("preload", format!("{preload:?} is not one of settled, from-start"))),
-        };
         let actuator = Actuator {
             relative_permittivity,
             length_m,
@@ -45,7 +42,7 @@ impl PyActuator {
             mass_kg,
             stretch_coupling,
             saturation_v,
-            preload,
+            preload: choice("preload", preload)?,
         };
         actuator.check().map_err(host_io::Error::from).raise()?;
         Ok(Self(actuator))
@@ -84,10 +81,7 @@ impl PyActuator {
     /// When the weight acts: settled or from-start.
     #[getter]
     fn preload(&self) -> &'static str {
-        match self.0.preload {
-            Preload::Settled => "settled",
-            Preload::FromStart => "from-start",
-        }
+        self.0.preload.name()
     }
 
     /// Growth of the force with displacement, 1/m.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
 use host_io::files::parameters::DisplacementSensor;
-use host_models::replay::limits::LimitOptions;
+use host_models::replay::limits::command_limits;
 use host_models::replay::memory::Precision;
 use host_models::replay::observer::refused as observer_refused;
 use host_models::simulation::controllers::{self, Controller, ControllerKind, ControllerOutput};
@@ -19,22 +19,8 @@ use crate::names::choice;
 
 /// Limits as a dictionary gives them; what is left out is the board's or the paper's bench's.
 pub(crate) fn limits(given: Option<HashMap<String, f64>>, model: &PyModel) -> PyResult<CommandLimits> {
-    let mut options = LimitOptions::default();
-    for (name, value) in given.unwrap_or_default() {
-        let limit = match name.as_str() {
-            "max_voltage_v" => &mut options.max_voltage,
-            "max_field_v_per_m" => &mut options.max_field,
-            "max_slew_v_per_s" => &mut options.max_slew,
-            "max_velocity_m_per_s" => &mut options.max_velocity,
-            "max_acceleration_m_per_s2" => &mut options.max_acceleration,
-            _ => {
-                let names = "max_voltage_v, max_field_v_per_m, max_slew_v_per_s, max_velocity_m_per_s, max_acceleration_m_per_s2";
-                return Err(refused("limits", format!("no limit {name:?}; there are {names}")));
-            }
-        };
-        *limit = Some(value);
-    }
-    options.limits(model.parameters.board.as_ref()).raise()
+    let given = given.unwrap_or_default();
+    command_limits(model.parameters.board.as_ref(), given.iter().map(|(name, value)| (name.as_str(), *value))).raise()
 }
 
 /// The names of `limited`.
@@ -320,8 +306,8 @@ impl PyObserver {
         precision: &str,
     ) -> PyResult<Self> {
         let model = model.get();
-        let limits = LimitOptions { max_voltage: max_voltage_v, ..LimitOptions::default() };
-        let limits = limits.limits(model.parameters.board.as_ref()).raise()?;
+        let largest = max_voltage_v.map(|volts| ("max_voltage_v", volts));
+        let limits = command_limits(model.parameters.board.as_ref(), largest).raise()?;
         let tuning = ControllerTuning {
             bandwidth_hz,
             adaptation_s,

@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use host_io::choice::Choice;
 use host_io::files::parameters::Parameters;
-use host_io::files::recording::{Direction, Recording};
-use host_models::fit::options::{self, AtGap, Sharing, TopologyChoice, Weight};
+use host_io::files::recording::Recording;
+use host_models::fit::options::Weight;
 use host_models::fit::warnings::Severity;
-use host_models::fit::{self as fitting, FitOptions, FitReport, Loss, Method};
+use host_models::fit::{self as fitting, FitOptions, FitReport};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::json;
@@ -73,8 +74,8 @@ pub(crate) fn fit<'py>(
     }
     let start = start.map(|model| model.get().parameters.clone());
     let asked = asked(options)?;
-    let settings = asked.settings_with(start, actuator).raise()?;
-    let direction = asked.direction();
+    let settings = asked.settings(start, actuator).raise()?;
+    let direction = asked.drive;
     let (mut fit, measured, parameters, seconds) = watch::run(py, progress, |caller| {
         let started = Instant::now();
         let (observations, warnings): (Vec<_>, Vec<_>) = asked.observations(&sources)?.into_iter().unzip();
@@ -115,49 +116,38 @@ fn is_given(options: &Bound<'_, PyDict>, name: &str) -> bool {
 
 /// The options of the command, each under its name.
 fn asked(options: &Bound<'_, PyDict>) -> PyResult<FitOptions> {
-    let mut asked = FitOptions::default();
-    if let Some(number) = options.get_item("branches")?.filter(|value| !value.is_none()) {
-        asked.branches = options::branches(&number.str()?.to_string()).map_err(|cause| refused("branches", cause))?;
+    /// The choice of the option `name`, if it is given.
+    fn chosen<T: Choice>(options: &Bound<'_, PyDict>, name: &str, default: T) -> PyResult<T> {
+        given::<String>(options, name)?.map_or(Ok(default), |text| choice(name, &text))
     }
-    let word = |name: &str| given::<String>(options, name);
-    if let Some(text) = word("topology")? {
-        asked.topology = choice::<TopologyChoice>("topology", &text)?;
-    }
-    if let Some(text) = word("curve")? {
-        asked.curve = choice("curve", &text)?;
-    }
-    if let Some(text) = word("method")? {
-        asked.method = choice::<Method>("method", &text)?;
-    }
-    if let Some(text) = word("drive")? {
-        asked.drive = choice::<Direction>("drive", &text)?;
-    }
-    if let Some(text) = word("loss")? {
-        asked.loss = choice::<Loss>("loss", &text)?;
-    }
-    for (name, sharing) in [("offset", &mut asked.offset), ("gain", &mut asked.gain)] {
-        if let Some(text) = word(name)? {
-            *sharing = choice::<Sharing>(name, &text)?;
-        }
-    }
-    if let Some(text) = word("at_gap")? {
-        asked.at_gap = choice::<AtGap>("at_gap", &text)?;
-    }
-    asked.weights = match given(options, "weights")? {
-        None => Vec::new(),
-        Some(Weights::Word(word)) if word == "log-time" => vec![Weight::LogTime],
-        Some(Weights::Word(word)) => return Err(refused("weights", format!("{word:?}; give numbers, or log-time"))),
-        Some(Weights::Each(weights)) => weights.into_iter().map(Weight::Recording).collect(),
-    };
-    asked.free = given(options, "free")?.unwrap_or_default();
-    asked.hold = given(options, "hold")?.unwrap_or_default();
-    asked.gap = given(options, "gap_s")?;
-    asked.invert = given(options, "invert")?.unwrap_or_default();
-    asked.from = given(options, "from_s")?.unwrap_or(asked.from);
-    asked.to = given(options, "to_s")?;
-    asked.seed = given(options, "seed")?.unwrap_or(asked.seed);
-    asked.starts = given(options, "starts")?.unwrap_or(asked.starts);
-    Ok(asked)
+    let usual = FitOptions::default();
+    let branches = options.get_item("branches")?.filter(|value| !value.is_none());
+    let branches = branches.map(|number| PyResult::Ok(number.str()?.to_string())).transpose()?;
+    Ok(FitOptions {
+        branches: branches.map_or(Ok(usual.branches), |text| text.parse()).map_err(|cause: String| refused("branches", cause))?,
+        topology: chosen(options, "topology", usual.topology)?,
+        curve: chosen(options, "curve", usual.curve)?,
+        method: chosen(options, "method", usual.method)?,
+        drive: chosen(options, "drive", usual.drive)?,
+        loss: chosen(options, "loss", usual.loss)?,
+        offset: chosen(options, "offset", usual.offset)?,
+        gain: chosen(options, "gain", usual.gain)?,
+        at_gap: chosen(options, "at_gap", usual.at_gap)?,
+        weights: match given(options, "weights")? {
+            None => Vec::new(),
+            Some(Weights::Word(word)) if word == "log-time" => vec![Weight::LogTime],
+            Some(Weights::Word(word)) => return Err(refused("weights", format!("{word:?}; give numbers, or log-time"))),
+            Some(Weights::Each(weights)) => weights.into_iter().map(Weight::Recording).collect(),
+        },
+        free: given(options, "free")?.unwrap_or_default(),
+        hold: given(options, "hold")?.unwrap_or_default(),
+        gap_s: given(options, "gap_s")?,
+        invert: given(options, "invert")?.unwrap_or_default(),
+        from_s: given(options, "from_s")?.unwrap_or(usual.from_s),
+        to_s: given(options, "to_s")?,
+        seed: given(options, "seed")?.unwrap_or(usual.seed),
+        starts: given(options, "starts")?.unwrap_or(usual.starts),
+    })
 }
 
 fn severity(severity: Severity) -> &'static str {

@@ -1,15 +1,16 @@
 //! `Law` and `LawState`: the step of the controller, sample by sample or along an array.
 
+use host_io::choice::Choice;
 use host_io::files::parameters::Parameters;
-use host_models::replay::memory::{MethodName, Precision};
+use host_models::replay::memory::Precision;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use springpot::{Compressed, Discretisation, Law, LawState};
+use springpot::{Compressed, Law, LawState};
 
 use crate::arrays::{each_complex, finite, steps};
 use crate::errors::{Raise, refused};
 use crate::model::PyModel;
-use crate::names::{choice, name_of};
+use crate::names::choice;
 
 /// A law in the arithmetic of the controller, or in twice as many digits.
 #[derive(Clone)]
@@ -65,21 +66,17 @@ impl PyLaw {
 
     /// How a derivative becomes a difference: gl or bdf2.
     #[getter]
-    fn method(&self) -> String {
-        let method = match &self.law {
-            AnyLaw::F32(law) => law.method(),
-            AnyLaw::F64(law) => law.method(),
-        };
-        name_of(&if method == Discretisation::Bdf2 { MethodName::Bdf2 } else { MethodName::Gl })
+    fn method(&self) -> &'static str {
+        self.parameters.method.name()
     }
 
     /// Arithmetic of a step: f32 or f64.
     #[getter]
-    fn precision(&self) -> String {
-        name_of(&match self.law {
-            AnyLaw::F32(_) => Precision::F32,
-            AnyLaw::F64(_) => Precision::F64,
-        })
+    fn precision(&self) -> &'static str {
+        match self.law {
+            AnyLaw::F32(_) => Precision::F32.name(),
+            AnyLaw::F64(_) => Precision::F64.name(),
+        }
     }
 
     /// Force of a step of displacement within one step, N/m.

@@ -2,16 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use host_io::choice::Choice;
 use host_io::files::output::Staged;
 use host_io::files::parameters::{ElasticCurve, Parameters};
-use host_models::fit::settings::topology_name;
-use host_models::replay::memory::MethodName;
 use pyo3::prelude::*;
-use springpot::{Discretisation, Maxwell, Preset, Springpot, Topology};
+use springpot::{Discretisation, Maxwell, Preset, Springpot};
 
 use crate::actuator::PyActuator;
 use crate::arrays::{each, finite};
-use crate::errors::{Raise, refused};
+use crate::errors::Raise;
 use crate::names::choice;
 
 /// A springpot as it is written: c in N·s^α/m, and α.
@@ -40,8 +39,7 @@ impl PyModel {
 
     /// The parameters, stepped by the method of that name.
     pub(crate) fn with_method(&self, method: &str) -> PyResult<Parameters> {
-        let method: MethodName = choice("method", method)?;
-        Ok(self.parameters.clone().with_method(method.into()))
+        Ok(self.parameters.clone().with_method(choice("method", method)?))
     }
 }
 
@@ -58,15 +56,10 @@ impl PyModel {
         name: &str,
     ) -> PyResult<Self> {
         let actuator = actuator.map_or(springpot::Actuator::KARNER_2022, |actuator| actuator.get().0);
-        let topology = match topology {
-            "parallel" => Topology::Parallel,
-            "eq11" => Topology::Eq11,
-            _ => return Err(refused("topology", format!("{topology:?} is not one of parallel, eq11"))),
-        };
         finite("sensor_offset_m", sensor_offset_m)?;
         let springpot = |(c, alpha): Element| Springpot::new(c, alpha);
         let branches: Vec<[Springpot; 2]> = branches.into_iter().map(|(a, b)| [springpot(a), springpot(b)]).collect();
-        let model = Maxwell::new(springpot(main), &branches, topology, actuator.mass_kg)
+        let model = Maxwell::new(springpot(main), &branches, choice("topology", topology)?, actuator.mass_kg)
             .map_err(host_io::Error::from)
             .raise()?;
         let parameters = Parameters {
@@ -106,7 +99,7 @@ impl PyModel {
     /// How the branches are connected: parallel or eq11.
     #[getter]
     fn topology(&self) -> &'static str {
-        topology_name(self.parameters.model.topology())
+        self.parameters.model.topology().name()
     }
 
     /// The springpot beside the branches: c in N s^alpha/m, and alpha.

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`files`] | reads and writes recordings, parameters, tables |
 //! | [`link`] | the host's side of the link to a controller |
+//! | [`choice`] | choices by their names |
 //! | [`grid`] | sampled series |
 //! | [`quantity`], [`progress`], [`terminal`], [`interrupt`] | what people type; progress; what is printed; signals |
 //! | [`error`](mod@error) | errors that name the place and the fix |
@@ -12,6 +13,7 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod choice;
 pub mod error;
 pub mod files;
 pub mod grid;

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use clap::ValueEnum;
+use host_io::choice;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
@@ -30,17 +30,18 @@ pub fn on_grid(recording: &Recording, rate_hz: f64) -> Result<(Vec<f64>, Grid)> 
     Ok((values, grid))
 }
 
-/// Shape of a reference.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Shape {
-    /// Sine from its trough.
-    Sine,
-    /// Triangle from its trough, corners rounded.
-    Triangle,
-    /// Plateaus of equal length at low, high, middle, low, …
-    Steps,
-    /// Band-limited random walk.
-    RandomWalk,
+choice! {
+    /// Shape of a reference.
+    pub enum Shape {
+        /// Sine from its trough.
+        Sine = "sine",
+        /// Triangle from its trough, corners rounded.
+        Triangle = "triangle",
+        /// Plateaus of equal length at low, high, middle, low, …
+        Steps = "steps",
+        /// Band-limited random walk.
+        RandomWalk = "random-walk",
+    }
 }
 
 /// A reference between two displacements, which begins with a rise from 0.

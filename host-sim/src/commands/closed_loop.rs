@@ -2,18 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Serialize;
 use springpot::{AmplifierLag, CommandLimits};
 
+use super::choice::named;
+use super::options::LimitOptions;
 use super::recordings::RecordingOptions;
+use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
 use crate::progress::Progress;
 use crate::quantity::{self, at_most, positive};
-use crate::replay::limits::LimitOptions;
 use crate::replay::memory::Precision;
 use crate::report::figure::Figure;
 use crate::report::figure_file::{Plot, PlotOption};
@@ -42,7 +44,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "REF.csv")]
     reference: PathBuf,
     /// Which controller.
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = named::<ControllerKind>())]
     controller: ControllerKind,
     /// Where the run goes: time_s, voltage_v, displacement_m, reference_m, limited, estimate_m, disturbance_n, force_scale.
     #[arg(long, value_name = "CSV")]
@@ -55,7 +57,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
     rate: f64,
     /// Arithmetic of the controller.
-    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    #[arg(long, value_parser = named::<Precision>(), default_value = "f32")]
     precision: Precision,
     /// Seed of the sensors' noise.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -90,10 +92,10 @@ enum PlantChoice {
 }
 
 fn plant_choice(text: &str) -> std::result::Result<PlantChoice, String> {
-    match <film::Plant as ValueEnum>::from_str(text, false) {
-        Ok(film) => Ok(PlantChoice::Nonlinear(film)),
-        Err(_) if text.starts_with("preset:") || Path::new(text).exists() => Ok(PlantChoice::Parameters(text.into())),
-        Err(_) => Err("use hossain, wang, a parameter file or preset:NAME".into()),
+    match film::Plant::from_name(text) {
+        Some(film) => Ok(PlantChoice::Nonlinear(film)),
+        None if text.starts_with("preset:") || Path::new(text).exists() => Ok(PlantChoice::Parameters(text.into())),
+        None => Err("use hossain, wang, a parameter file or preset:NAME".into()),
     }
 }
 

@@ -2,10 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde::Serialize;
 
+use super::choice::named;
 use super::recordings::{self, RecordingOptions};
+use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
 use crate::files::material_test::{MaterialTest, Strain};
 use crate::files::output::{self, Folders};
@@ -23,7 +25,7 @@ pub(super) struct Arguments {
     area: Option<f64>,
     /// Strain that times L is the displacement: engineering (stretch − 1), neo-hookean ((stretch − stretch⁻²)/3) or hencky (its
     /// logarithm). All agree for small strains.
-    #[arg(long, value_enum, default_value_t = Strain::Engineering)]
+    #[arg(long, value_parser = named::<Strain>(), default_value = "engineering")]
     strain: Strain,
     #[command(flatten)]
     reading: RecordingOptions,
@@ -59,7 +61,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let size = |name: &str, value: Option<f64>, unit: &str| value.map(|value| format!(", {name} = {value} {unit}"));
     let sizes: String =
         [size("L", arguments.length, "m"), size("A", arguments.area, "m2")].into_iter().flatten().collect();
-    let strain = arguments.strain.to_possible_value().map_or_else(String::new, |name| name.get_name().to_owned());
+    let strain = arguments.strain.name();
     let comment = format!("{}, as a body{sizes}, {strain} strain", shown(path));
     output::write_columns(
         &arguments.out,

@@ -16,6 +16,7 @@ use self::firmware::Firmware;
 use super::fit::{Done, Job};
 use super::recordings::RecordingOptions;
 use super::{feedforward as feedforward_command, replay};
+use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::parameters::Parameters;
@@ -27,7 +28,7 @@ use crate::references::{Reference, Shape};
 use crate::replay::comparison::Comparison;
 use crate::replay::feasibility::{self, Feasibility};
 use crate::replay::feedforward;
-use crate::replay::limits::LimitOptions;
+use crate::replay::limits::command_limits;
 use crate::replay::memory::{Precision, RunOptions};
 use crate::report::numbers::{Document, Numbers};
 use crate::report::page::Section;
@@ -294,8 +295,8 @@ fn limits_of(recordings: &[Recording], actuator: &Actuator, peak_m: f64) -> Resu
             Input::Force(_) | Input::Displacement(_) => return Ok(None),
         }
     }
-    let max_field = Some(largest_v * actuator.thinning(peak_m) / actuator.thickness_m);
-    LimitOptions { max_voltage: Some(largest_v), max_field, ..LimitOptions::default() }.limits(None).map(Some)
+    let max_field = largest_v * actuator.thinning(peak_m) / actuator.thickness_m;
+    command_limits(None, [("max_voltage_v", largest_v), ("max_field_v_per_m", max_field)]).map(Some)
 }
 
 /// A sine, and the runs along it by their controllers.

@@ -11,12 +11,10 @@ use clap::{Args, ValueEnum};
 use dea_driver::Blob;
 use serde::Serialize;
 
+use super::options::LawOptions;
 use crate::compression::Compression;
 use crate::error::{Error, Result, short, shown};
 use crate::files::output::{self, Folders};
-use crate::files::parameters::Parameters;
-use crate::quantity;
-use crate::replay::memory::MethodName;
 use crate::terminal::{self, rounded};
 
 use fmu::Library;
@@ -25,15 +23,8 @@ use source::Source;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
-    #[arg(long, value_name = "P")]
-    params: String,
-    /// Ticks per second of the controller.
-    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
-    rate: f64,
-    /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
-    #[arg(long, value_enum, default_value_t = MethodName::Gl)]
-    method: MethodName,
+    #[command(flatten)]
+    law: LawOptions,
     /// Output: the blob itself, a constant for a program, or the law in another language.
     #[arg(long, value_enum, default_value_t = Emit::Blob)]
     emit: Emit,
@@ -87,8 +78,8 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let parameters = Parameters::load(&arguments.params)?.with_method(arguments.method.into());
-    let inputs = [arguments.params.as_ref()];
+    let parameters = arguments.law.parameters()?;
+    let inputs = [arguments.law.params.as_ref()];
     let source = match arguments.emit {
         Emit::C => Some(Source::c(&arguments.out, &inputs)?),
         Emit::Arduino => Some(Source::arduino(&arguments.out, &inputs)?),
@@ -100,18 +91,18 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             None
         }
     };
-    super::board_rate(arguments.rate)?;
-    let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());
-    let (blob, board) = parameters.checked_blob(arguments.rate).map_err(refused)?;
+    super::board_rate(arguments.law.rate)?;
+    let refused = |error: Error| error.about(&arguments.law.params, arguments.law.params.as_ref());
+    let (blob, board) = parameters.checked_blob(arguments.law.rate).map_err(refused)?;
 
-    let compression = Compression::new(parameters.film(), arguments.rate)?;
+    let compression = Compression::new(parameters.film(), arguments.law.rate)?;
 
     let mut library = Library::default();
     let files = match &source {
         Some(source) => {
             // What the controller runs, from the bytes that it would get.
             let blob = Blob::decode(&blob, board.id).map_err(|e| Error::Computation(short(&e)))?;
-            source.write(&parameters, arguments.rate, &blob, &inputs, &mut library)?
+            source.write(&parameters, arguments.law.rate, &blob, &inputs, &mut library)?
         }
         None => {
             let content = match arguments.emit {
@@ -125,7 +116,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let report = Report {
         out: shown(&arguments.out),
         bytes: files.iter().map(|(_, bytes)| bytes).sum(),
-        rate_hz: arguments.rate,
+        rate_hz: arguments.law.rate,
         board: board.id,
         compression,
         symbol: source.map(|source| source.symbol),

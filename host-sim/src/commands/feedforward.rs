@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
+use super::Verdict;
+use super::options::{LimitOptions, RunArguments};
 use super::recordings::RecordingOptions;
-use super::{ModelOptions, Verdict};
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
 use crate::progress::Progress;
 use crate::replay::feasibility::{self, Binding, Feasibility, Limit, Smaller};
 use crate::replay::feedforward::{self, VoltagePlan};
-use crate::replay::limits::LimitOptions;
 use crate::report::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::PlotOption;
@@ -23,7 +23,7 @@ use crate::terminal::{self, decimals};
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
-    model: ModelOptions,
+    model: RunArguments,
     #[command(flatten)]
     limits: LimitOptions,
     /// Reference to follow: time_s, displacement_m.
@@ -62,11 +62,11 @@ struct Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
     let options = arguments.model.run_options();
-    let parameters = arguments.model.parameters()?;
+    let parameters = arguments.model.law.parameters()?;
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
     let (reference, grid) = arguments.reading.reference(&arguments.reference, options.rate_hz)?;
-    let about = |error: Error| error.about(&arguments.model.params, &arguments.reference);
-    let inputs = [arguments.reference.as_path(), arguments.model.params.as_ref()];
+    let about = |error: Error| error.about(&arguments.model.law.params, &arguments.reference);
+    let inputs = [arguments.reference.as_path(), arguments.model.law.params.as_ref()];
     let plot = arguments.plot.check(&inputs, arguments.out.as_deref().as_slice())?;
     arguments.out.iter().try_for_each(|out| output::check(out, &inputs, Folders::Exist))?;
     let check =

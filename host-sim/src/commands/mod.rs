@@ -2,6 +2,7 @@
 
 mod amplifier;
 mod check;
+mod choice;
 mod closed_loop;
 mod compare;
 mod completions;
@@ -17,6 +18,7 @@ mod import;
 mod link;
 mod man;
 mod observe;
+mod options;
 mod pil;
 mod plant;
 mod profile;
@@ -30,14 +32,11 @@ mod usage;
 
 use std::ffi::OsString;
 
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 pub use self::flags::with_flags;
 use crate::error::{Error, Result};
-use crate::files::parameters::Parameters;
 use crate::interrupt;
-use crate::quantity;
-use crate::replay::memory::{MemoryChoice, MethodName, Precision, RunOptions};
 use crate::terminal::{self, Verbosity};
 
 /// Creep compensation for dielectric elastomer actuators, on the bench.
@@ -118,37 +117,6 @@ enum CliCommand {
     Completions(completions::Arguments),
     /// Print the man page, or write those of all commands into a folder.
     Man(man::Arguments),
-}
-
-/// Options of every command that steps a model.
-#[derive(Clone, Debug, Args)]
-struct ModelOptions {
-    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
-    #[arg(long, value_name = "P")]
-    params: String,
-    /// Steps per second.
-    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
-    rate: f64,
-    /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
-    #[arg(long, value_enum, default_value_t = MethodName::Gl)]
-    method: MethodName,
-    /// How much of the past the model remembers: compressed (as on the controller), full, or window:SECONDS.
-    #[arg(long, value_name = "MEMORY", default_value = "compressed")]
-    memory: MemoryChoice,
-    /// Arithmetic of a step; full memory is computed in f64 and rounded at the end.
-    #[arg(long, value_enum, default_value_t = Precision::F32)]
-    precision: Precision,
-}
-
-impl ModelOptions {
-    /// The parameters, stepped by the method.
-    fn parameters(&self) -> Result<Parameters> {
-        Ok(Parameters::load(&self.params)?.with_method(self.method.into()))
-    }
-
-    fn run_options(&self) -> RunOptions {
-        RunOptions { rate_hz: self.rate, memory: self.memory, precision: self.precision }
-    }
 }
 
 /// The command line with its examples, for help, completions and man pages.

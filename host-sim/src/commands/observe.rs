@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
+use super::choice::named;
+use super::options::LawOptions;
 use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders, Staged};
@@ -12,7 +14,7 @@ use crate::files::parameters::Parameters;
 use crate::grid::Grid;
 use crate::progress::Progress;
 use crate::quantity;
-use crate::replay::memory::{MethodName, Precision};
+use crate::replay::memory::Precision;
 use crate::replay::observer::{Estimates, ObservedRecording, ObserverSummary, Tuning};
 use crate::report::axis::{DISPLACEMENT, MICROMETRES};
 use crate::report::figure::{Colour, Figure, Line, Panel};
@@ -21,9 +23,8 @@ use crate::terminal::{self, decimals};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
-    #[arg(long, value_name = "P")]
-    params: String,
+    #[command(flatten)]
+    law: LawOptions,
     /// Recording of voltage and displacement.
     #[arg(value_name = "REC.csv")]
     recording: PathBuf,
@@ -41,14 +42,8 @@ pub(super) struct Arguments {
     /// Time over which a disturbance that swings with the load becomes a change of the force scale; 0 for never.
     #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 30.0)]
     adaptation: f64,
-    /// Steps per second.
-    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
-    rate: f64,
-    /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
-    #[arg(long, value_enum, default_value_t = MethodName::Gl)]
-    method: MethodName,
     /// Arithmetic of a step.
-    #[arg(long, value_enum, default_value_t = Precision::F32)]
+    #[arg(long, value_parser = named::<Precision>(), default_value = "f32")]
     precision: Precision,
 }
 
@@ -62,17 +57,17 @@ struct Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let tuning = Tuning::new(arguments.bandwidth, arguments.adaptation)?;
-    let parameters = Parameters::load(&arguments.params)?.with_method(arguments.method.into());
+    let parameters = arguments.law.parameters()?;
     let recording = arguments.reading.read_one(&arguments.recording)?;
-    let inputs = [arguments.recording.as_path(), arguments.params.as_ref()];
+    let inputs = [arguments.recording.as_path(), arguments.law.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;
     let plot = arguments.plot.check(&inputs, &[&arguments.out])?;
-    let run = ObservedRecording::from_recording(&recording, arguments.rate)?;
+    let run = ObservedRecording::from_recording(&recording, arguments.law.rate)?;
     let grid = run.grid;
     let bar = Progress::over(grid.samples as u64, "observe");
     let estimates = run
         .estimate(&parameters, tuning, arguments.precision, &bar)
-        .map_err(|e| e.about(&arguments.params, recording.path()))?;
+        .map_err(|e| e.about(&arguments.law.params, recording.path()))?;
     bar.finish_and_clear();
     let table = stage(&arguments.out, grid, &run.voltage_v, &estimates)?;
     let observed = estimates.summary();

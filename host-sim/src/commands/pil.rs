@@ -5,34 +5,27 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::choice::named;
+use super::options::LawOptions;
 use super::recordings::RecordingOptions;
 use crate::error::{Error, Result, shown};
-use crate::files::parameters::Parameters;
 use crate::link::Emulator;
 use crate::progress::Progress;
 use crate::quantity;
-use crate::replay::memory::MethodName;
 use crate::simulation::film::Plant;
 use crate::simulation::processor::{BitComparison, FirmwareLaw, ProcessorTest, Task, TaskOptions};
 use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
-    #[arg(long, value_name = "P")]
-    params: String,
+    #[command(flatten)]
+    model: LawOptions,
     /// Which code of the firmware.
-    #[arg(long, value_enum, default_value_t = FirmwareLaw::Step)]
+    #[arg(long, value_parser = named::<FirmwareLaw>(), default_value = "step")]
     law: FirmwareLaw,
     /// The film of feedforward and tracking.
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = named::<Plant>())]
     plant: Option<Plant>,
-    /// Steps per second.
-    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
-    rate: f64,
-    /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
-    #[arg(long, value_enum, default_value_t = MethodName::Gl)]
-    method: MethodName,
     /// Length of every file that is used; all of it if not given.
     #[arg(long, value_name = "SECONDS", value_parser = quantity::seconds)]
     duration: Option<f64>,
@@ -76,12 +69,12 @@ struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let parameters = Parameters::load(&arguments.params)?.with_method(arguments.method.into());
-    let rate_hz = super::board_rate(arguments.rate)?;
+    let parameters = arguments.model.parameters()?;
+    let rate_hz = super::board_rate(arguments.model.rate)?;
     if arguments.duration.is_some_and(|seconds| !(seconds.is_finite() && seconds > 0.0)) {
         return Err(Error::field("duration", "must be finite and greater than 0 s"));
     }
-    let refused = |error: Error| error.about(&arguments.params, arguments.params.as_ref());
+    let refused = |error: Error| error.about(&arguments.model.params, arguments.model.params.as_ref());
     let (blob, board) = parameters.checked_blob(rate_hz).map_err(refused)?;
     let options = TaskOptions { law: arguments.law, plant: arguments.plant, rate_hz, duration_s: arguments.duration };
     let tasks = arguments

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::choice::named;
+use crate::choice::Choice;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders};
 use crate::progress::Progress;
@@ -16,7 +18,7 @@ use crate::terminal;
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     /// Which film.
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = named::<Plant>())]
     plant: Plant,
     /// Frequency of the unipolar voltage V̂/2 (1 − cos 2πft); give it more than once for several tones.
     #[arg(long, value_name = "HZ", value_parser = quantity::hertz, required = true)]

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::choice::named;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::quantity;
@@ -17,7 +18,7 @@ use crate::terminal;
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     /// Shape of the reference.
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = named::<Shape>())]
     shape: Shape,
     /// Lowest displacement after the rise from 0.
     #[arg(long, value_name = "M", value_parser = quantity::metres)]

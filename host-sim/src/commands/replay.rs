@@ -6,15 +6,17 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::ModelOptions;
+use super::choice::named;
+use super::options::RunArguments;
 use super::recordings::RecordingOptions;
 use crate::agreement::Agreement;
+use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::{Direction, Recording};
 use crate::progress::Progress;
 use crate::replay::comparison::Comparison;
-use crate::replay::memory::{Precision, RunOptions};
+use crate::replay::memory::RunOptions;
 use crate::replay::simulate::Response;
 use crate::report::axis::{DISPLACEMENT, FORCE, MICROMETRES, MILLINEWTONS};
 use crate::report::comparison_figure;
@@ -25,10 +27,10 @@ use crate::terminal::{self, decimals, rounded};
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
-    model: ModelOptions,
+    model: RunArguments,
     /// Input of the model: the recorded voltage or force, or the recorded displacement, from which the force is
     /// predicted.
-    #[arg(long, value_enum, default_value_t = Direction::Force)]
+    #[arg(long, value_parser = named::<Direction>(), default_value = "force")]
     drive: Direction,
     /// Folder for the responses, one CSV per recording.
     #[arg(long, value_name = "DIR")]
@@ -87,7 +89,7 @@ impl Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
-    let parameters = arguments.model.parameters()?;
+    let parameters = arguments.model.law.parameters()?;
     // All are read before any is run: a bad one is refused at once.
     let recordings = arguments.reading.read(&arguments.recordings)?;
     let comparisons = recordings
@@ -95,12 +97,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         .map(|recording| Comparison::new(recording, arguments.drive, &parameters, options.rate_hz))
         .collect::<Result<Vec<Comparison<'_>>>>()?;
     let outputs = match &arguments.out {
-        Some(folder) => output_paths(folder, &recordings, &arguments.model.params)?.into_iter().map(Some).collect(),
+        Some(folder) => output_paths(folder, &recordings, &arguments.model.law.params)?.into_iter().map(Some).collect(),
         None => vec![None; comparisons.len()],
     };
 
     let inputs: Vec<&Path> =
-        recordings.iter().map(Recording::path).chain([Path::new(&arguments.model.params)]).collect();
+        recordings.iter().map(Recording::path).chain([Path::new(&arguments.model.law.params)]).collect();
     let written: Vec<&Path> = outputs.iter().flatten().map(PathBuf::as_path).collect();
     let plot = arguments.plot.check(&inputs, &written)?;
 
@@ -115,7 +117,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         bar.set_message(format!("replay {} ({} of {})", shown(recording.path()), number + 1, comparisons.len()));
         let (response, agreement) = comparison
             .run(&parameters, &options, &bar)
-            .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
+            .map_err(|e| e.about(&arguments.model.law.params, recording.path()))?;
         rows.push(RecordingAgreement::new(recording, arguments.drive, &agreement));
         if plot.is_wanted() {
             panels.extend(compared(comparison, arguments.drive, &comparison.readings(&parameters, &response)));
@@ -135,11 +137,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 
 /// How the model was run: a fit runs it at the recording's own rate, and with full memory.
 fn how(options: &RunOptions) -> String {
-    let precision = match options.precision {
-        Precision::F32 => "f32",
-        Precision::F64 => "f64",
-    };
-    format!("at {} Hz, memory {}, {precision}", rounded(options.rate_hz), options.memory)
+    format!("at {} Hz, memory {}, {}", rounded(options.rate_hz), options.memory, options.precision.name())
 }
 
 fn output_paths(folder: &Path, recordings: &[Recording], parameters: &str) -> Result<Vec<PathBuf>> {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
-use super::ModelOptions;
+use super::options::RunArguments;
 use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders, Staged};
@@ -20,7 +20,7 @@ use crate::terminal::{self, decimals, rounded};
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
-    model: ModelOptions,
+    model: RunArguments,
     /// Recording whose voltage or force is the input of the model.
     #[arg(long, value_name = "REC.csv")]
     profile: PathBuf,
@@ -44,15 +44,15 @@ struct Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let options = arguments.model.run_options();
-    let parameters = arguments.model.parameters()?;
+    let parameters = arguments.model.law.parameters()?;
     let recording = arguments.reading.read_one(&arguments.profile)?;
-    let inputs = [arguments.profile.as_path(), arguments.model.params.as_ref()];
+    let inputs = [arguments.profile.as_path(), arguments.model.law.params.as_ref()];
     output::check(&arguments.out, &inputs, Folders::Exist)?;
     let plot = arguments.plot.check(&inputs, &[&arguments.out])?;
     let grid = recording.grid(options.rate_hz)?;
     let bar = Progress::over(grid.samples as u64, "simulate");
     let response = simulate::response(&parameters, &recording.drive()?, grid, &options, &bar)
-        .map_err(|e| e.about(&arguments.model.params, recording.path()))?;
+        .map_err(|e| e.about(&arguments.model.law.params, recording.path()))?;
     bar.finish_and_clear();
     let table = response.stage(&arguments.out, grid, &[])?;
     let report = Report {

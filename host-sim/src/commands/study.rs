@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
+use super::choice::named;
 use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folder, Folders, Staged};
@@ -24,7 +25,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Input of the models: the recorded voltage or force, or the recorded displacement, from which the force is fitted.
-    #[arg(long, value_enum, default_value_t = Direction::Force)]
+    #[arg(long, value_parser = named::<Direction>(), default_value = "force")]
     drive: Direction,
     /// File with the actuator table: geometry, permittivity, mass, preload. The default is the paper's, without mass if
     /// displacement drives.

@@ -8,6 +8,7 @@ use springpot::Topology;
 use super::chart;
 use super::figure::{Colour, Figure, Line, Panel};
 use super::page::{self, Page, Row, Section};
+use crate::choice::Choice;
 use crate::files::recording::Input;
 use crate::fit::Method;
 use crate::fit::observation::Observation;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::choice;
 use crate::error::{Error, Result};
 use crate::files::csv::Names;
 use crate::files::import::{Hints, Quantity, Understood};
@@ -31,16 +32,18 @@ const TEST: Layout<4> = Layout {
     needed: &[&[0, 2], &[1, 3]],
 };
 
-/// How a stretch λ is written as a strain. All agree for small strains, so that coefficients keep their meaning there.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum Strain {
-    /// λ − 1.
-    #[default]
-    Engineering,
-    /// (λ − λ⁻²) / 3: to it the nominal stress of a neo-Hookean body in uniaxial tension is proportional.
-    NeoHookean,
-    /// ln λ, the logarithmic strain.
-    Hencky,
+choice! {
+    /// How a stretch λ is written as a strain. All agree for small strains, so that coefficients keep their meaning there.
+    #[derive(Default)]
+    pub enum Strain {
+        /// λ − 1.
+        #[default]
+        Engineering = "engineering",
+        /// (λ − λ⁻²) / 3: to it the nominal stress of a neo-Hookean body in uniaxial tension is proportional.
+        NeoHookean = "neo-hookean",
+        /// ln λ, the logarithmic strain.
+        Hencky = "hencky",
+    }
 }
 
 impl Strain {

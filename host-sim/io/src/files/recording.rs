@@ -5,6 +5,7 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use crate::choice;
 use crate::error::{Error, Result};
 use crate::files::csv::{self, Column, Names, Table};
 use crate::files::digest;
@@ -40,13 +41,14 @@ pub enum Input<S = Samples> {
     Displacement(S),
 }
 
-/// Which of a recording's columns is the input of the model, and which is its output (`--drive`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Direction {
-    /// Voltage or force is the input, displacement the output.
-    Force,
-    /// Displacement is the input, force the output.
-    Displacement,
+choice! {
+    /// Which of a recording's columns is the input of the model, and which is its output (`--drive`).
+    pub enum Direction {
+        /// Voltage or force is the input, displacement the output.
+        Force = "force",
+        /// Displacement is the input, force the output.
+        Displacement = "displacement",
+    }
 }
 
 /// Column names with the factor to SI units.

@@ -1,8 +1,8 @@
-//! Fit options: of a command line, or set one by one.
+//! Fit options.
 
-use std::path::Path;
+use std::str::FromStr;
 
-use clap::{Args, FromArgMatches, ValueEnum};
+use host_io::choice;
 use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use super::candidate::{Bend, Candidate, Variable};
@@ -17,71 +17,72 @@ use crate::files::recording::{Direction, Recording};
 use crate::quantity;
 
 /// Options of a fit.
-#[derive(Clone, Debug, Args)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct FitOptions {
-    /// Branches of two springpots, 0 to 5, or auto.
-    #[arg(long, value_name = "N|auto", default_value = "auto", value_parser = branches)]
+    /// Branches of two springpots.
     pub branches: Branches,
     /// How branches are connected.
-    #[arg(long, value_enum, default_value_t = TopologyChoice::Auto)]
     pub topology: TopologyChoice,
-    /// Extension of the linear film: an elastic curve, a drive that saturates, both, or what left-out recordings ask for.
-    #[arg(long, value_enum, default_value_t = CurveChoice::Auto)]
+    /// Extension of the linear film.
     pub curve: CurveChoice,
     /// How parameters are searched for.
-    #[arg(long, value_enum, default_value_t = Method::Lm)]
     pub method: Method,
     /// Input of the model.
-    #[arg(long, value_enum, default_value_t = Direction::Force)]
     pub drive: Direction,
-    /// Fit this too: stretch_coupling and offset_m (freed by default), mass_kg, or one of relative_permittivity,
-    /// length_m, width_m and thickness_m.
-    #[arg(long, value_name = "NAME")]
+    /// Names of quantities that are fitted as well: stretch_coupling and offset_m (freed by default), mass_kg, or one of
+    /// relative_permittivity, length_m, width_m and thickness_m.
     pub free: Vec<String>,
-    /// Do not fit this: stretch_coupling, offset_m, or with --start an element as warnings name it, such as main.alpha.
-    #[arg(long, value_name = "NAME")]
+    /// Names of what is not fitted: stretch_coupling, offset_m, or of a start an element such as main.alpha.
     pub hold: Vec<String>,
-    /// File with the actuator table: geometry, permittivity, mass, preload, coupling. Without it the paper's sizes are assumed
-    /// (40 mm x 60 mm x 160 um), and no field limit is claimed; without mass if displacement drives.
-    #[arg(long, value_name = "P")]
-    pub actuator: Option<String>,
-    /// Start parameters, instead of random starts; they also give branches and topology.
-    #[arg(long, value_name = "P", conflicts_with_all = ["actuator", "branches"])]
-    pub start: Option<String>,
     /// Loss function of the residuals.
-    #[arg(long, value_enum, default_value_t = Loss::Square)]
     pub loss: Loss,
-    /// Weight of each recording, in their order; or log-time: every decade of time since the recording's start counts the same.
-    /// A column weight of a recording weighs its rows.
-    #[arg(long, value_name = "W,W,…|log-time", value_delimiter = ',', value_parser = weight)]
+    /// Weight of each recording, in their order, or [`Weight::LogTime`] alone.
     pub weights: Vec<Weight>,
-    /// The sensor's offset: one for all recordings, or per-recording, where it was zeroed anew.
-    #[arg(long, value_enum, default_value_t = Sharing::Joint)]
+    /// The sensor's offset.
     pub offset: Sharing,
-    /// The size of the readings: one for all recordings, or per-recording, for other specimens; relative to the first.
-    #[arg(long, value_enum, default_value_t = Sharing::Joint)]
+    /// The size of the readings, relative to the first recording.
     pub gain: Sharing,
-    /// Time without rows, s, beyond which --at-gap applies. By default the input is interpolated.
-    #[arg(long, value_name = "S", value_parser = quantity::seconds)]
-    pub gap: Option<f64>,
-    /// Action at a gap: end the recording there, or skip as much time after it as it lasted.
-    #[arg(long, value_enum, default_value_t = AtGap::End, requires = "gap")]
+    /// Time without rows, s, beyond which `at_gap` applies; the input is interpolated if left out.
+    pub gap_s: Option<f64>,
+    /// Action at a gap.
     pub at_gap: AtGap,
-    /// Turn the sign of what is measured.
-    #[arg(long)]
+    /// Whether the sign of what is measured is turned.
     pub invert: bool,
-    /// Fit what was measured from here on, s; the model still runs from the first row.
-    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 0.0)]
-    pub from: f64,
-    /// Fit what was measured up to here, s. The default is the end.
-    #[arg(long, value_name = "S", value_parser = quantity::seconds)]
-    pub to: Option<f64>,
+    /// What was measured from here on is fitted, s; the model still runs from the first row.
+    pub from_s: f64,
+    /// What was measured up to here is fitted, s; to the end if left out.
+    pub to_s: Option<f64>,
     /// Seed of the random starts.
-    #[arg(long, value_name = "N", default_value_t = Settings::default().seed)]
     pub seed: u64,
     /// Random starts per structure.
-    #[arg(long, value_name = "N", default_value_t = Settings::default().starts)]
     pub starts: usize,
+}
+
+impl Default for FitOptions {
+    /// Structure and curve selected by recordings that are left out.
+    fn default() -> Self {
+        let Settings { seed, starts, .. } = Settings::default();
+        Self {
+            branches: Branches::Auto,
+            topology: TopologyChoice::Auto,
+            curve: CurveChoice::Auto,
+            method: Method::Lm,
+            drive: Direction::Force,
+            free: Vec::new(),
+            hold: Vec::new(),
+            loss: Loss::Square,
+            weights: Vec::new(),
+            offset: Sharing::Joint,
+            gain: Sharing::Joint,
+            gap_s: None,
+            at_gap: AtGap::End,
+            invert: false,
+            from_s: 0.0,
+            to_s: None,
+            seed,
+            starts,
+        }
+    }
 }
 
 /// How many branches a model has.
@@ -93,20 +94,19 @@ pub enum Branches {
     Number(usize),
 }
 
-/// The branches that `text` names: a number or `auto`.
-///
-/// # Errors
-///
-/// The error, and what would be right.
-pub fn branches(text: &str) -> std::result::Result<Branches, String> {
-    if text == "auto" {
-        return Ok(Branches::Auto);
+impl FromStr for Branches {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        text.parse()
+            .ok()
+            .filter(|n| *n <= MAX_BRANCHES)
+            .map(Self::Number)
+            .ok_or_else(|| format!("use auto or a number from 0 to {MAX_BRANCHES}"))
     }
-    text.parse()
-        .ok()
-        .filter(|n| *n <= MAX_BRANCHES)
-        .map(Branches::Number)
-        .ok_or_else(|| format!("use auto or a number from 0 to {MAX_BRANCHES}"))
 }
 
 /// A weight of residuals.
@@ -118,69 +118,56 @@ pub enum Weight {
     LogTime,
 }
 
-fn weight(text: &str) -> std::result::Result<Weight, String> {
-    if text == "log-time" {
-        return Ok(Weight::LogTime);
+impl FromStr for Weight {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        if text == "log-time" {
+            return Ok(Self::LogTime);
+        }
+        quantity::number(text).map(Self::Recording).map_err(|cause| format!("{cause}; or use log-time"))
     }
-    quantity::number(text).map(Weight::Recording).map_err(|cause| format!("{cause}; or use log-time"))
 }
 
-/// Sharing of a quantity of the readings among the recordings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Sharing {
-    /// One for all.
-    Joint,
-    /// Each has its own.
-    PerRecording,
+choice! {
+    /// Sharing of a quantity of the readings among the recordings.
+    pub enum Sharing {
+        /// One for all.
+        Joint = "joint",
+        /// Each has its own.
+        PerRecording = "per-recording",
+    }
 }
 
-/// Treatment of missing rows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum AtGap {
-    /// The recording ends there.
-    End,
-    /// As much time after it is skipped as it lasted.
-    Skip,
+choice! {
+    /// Treatment of missing rows.
+    pub enum AtGap {
+        /// The recording ends there.
+        End = "end",
+        /// As much time after it is skipped as it lasted.
+        Skip = "skip",
+    }
 }
 
-/// Which topologies are tried.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum TopologyChoice {
-    /// As published.
-    Eq11,
-    /// The generalised Maxwell model.
-    Parallel,
-    /// Both.
-    Auto,
-}
-
-impl Default for FitOptions {
-    /// Those of a command line without options.
-    fn default() -> Self {
-        let nothing = Self::augment_args(clap::Command::new("fit")).try_get_matches_from(["fit"]);
-        nothing.and_then(|matches| Self::from_arg_matches(&matches)).expect("every option has a default")
+choice! {
+    /// Which topologies are tried.
+    pub enum TopologyChoice {
+        /// As published.
+        Eq11 = "eq11",
+        /// The generalised Maxwell model.
+        Parallel = "parallel",
+        /// Both.
+        Auto = "auto",
     }
 }
 
 impl FitOptions {
-    /// The settings that the options give; the files that they name are read.
+    /// The settings that the options give, with a `start`, and an `actuator` with whether its sizes are assumed.
     ///
     /// # Errors
     ///
-    /// [`Error`] naming the option or the file that cannot be used.
-    pub fn settings(&self) -> Result<Settings> {
-        let start = self.start.as_deref().map(Parameters::load).transpose()?;
-        let actuator = self.actuator.as_deref().map(Parameters::load_sized_actuator).transpose()?;
-        self.settings_with(start, actuator)
-    }
-
-    /// The same from a `start` and an `actuator` that are at hand, the latter with whether its sizes are assumed; the files that the
-    /// options name are not read.
-    ///
-    /// # Errors
-    ///
-    /// As [`settings`](Self::settings).
-    pub fn settings_with(&self, start: Option<Parameters>, actuator: Option<(Actuator, bool)>) -> Result<Settings> {
+    /// [`Error`] naming the option that cannot be used.
+    pub fn settings(&self, start: Option<Parameters>, actuator: Option<(Actuator, bool)>) -> Result<Settings> {
         let (actuator, assumed_sizes) = match (actuator, &start) {
             (Some(given), _) => given,
             (None, Some(start)) => (start.actuator, start.assumed_sizes),
@@ -306,13 +293,13 @@ impl FitOptions {
         if let Some(weight) = weights.iter().find(|w| !(1e-6..=1e6).contains(*w)) {
             return Err(Error::field("weights", format!("{weight:?} must be from 1e-6 to 1e6")));
         }
-        if self.from < 0.0 {
-            return Err(Error::field("from_s", format!("{:?} s must be at least 0", self.from)));
+        if self.from_s < 0.0 {
+            return Err(Error::field("from_s", format!("{:?} s must be at least 0", self.from_s)));
         }
-        if let Some(to) = self.to.filter(|to| *to <= self.from) {
-            return Err(Error::field("to_s", format!("{to:?} s must be after `from_s`, {:?} s", self.from)));
+        if let Some(to) = self.to_s.filter(|to| *to <= self.from_s) {
+            return Err(Error::field("to_s", format!("{to:?} s must be after `from_s`, {:?} s", self.from_s)));
         }
-        let gaps = match (self.gap, self.at_gap) {
+        let gaps = match (self.gap_s, self.at_gap) {
             (None, _) => Gaps::Interpolate,
             (Some(gap), _) if !(gap.is_finite() && gap > 0.0) => {
                 return Err(Error::field("gap_s", format!("{gap:?} s must be finite and greater than 0")));
@@ -320,7 +307,7 @@ impl FitOptions {
             (Some(gap), AtGap::End) => Gaps::End(gap),
             (Some(gap), AtGap::Skip) => Gaps::Skip(gap),
         };
-        let window = Window { from_s: self.from, to_s: self.to.unwrap_or(f64::INFINITY) };
+        let window = Window { from_s: self.from_s, to_s: self.to_s.unwrap_or(f64::INFINITY) };
         let preparation = Preparation { window, gaps, inverted: self.invert, log_time };
         // The mean is 1, so that residuals keep their unit.
         let mean = weights.iter().sum::<f64>() / weights.len().max(1) as f64;
@@ -340,16 +327,6 @@ impl FitOptions {
                 Ok((observation, warnings))
             })
             .collect()
-    }
-
-    /// Input and output of the model.
-    pub fn direction(&self) -> Direction {
-        self.drive
-    }
-
-    /// Parameter files that are read.
-    pub fn parameter_files(&self) -> impl Iterator<Item = &Path> {
-        self.actuator.iter().chain(&self.start).map(Path::new)
     }
 }
 

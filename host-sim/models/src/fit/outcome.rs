@@ -17,6 +17,7 @@ use crate::agreement::{Agreement, mean_r2};
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Input, Recording};
+use host_io::choice::Choice;
 
 /// A fit.
 #[derive(Clone, Debug)]

@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use clap::ValueEnum;
+use host_io::choice;
 use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use super::candidate::{Candidate, Variable};
@@ -11,43 +11,36 @@ use crate::error::{Error, Result};
 use crate::files::recording::Direction;
 use crate::progress::Stage;
 
-/// How parameters are searched for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Method {
-    /// Levenberg–Marquardt with exact derivatives from many starts.
-    Lm,
-    /// Generalised pattern search from the paper's start: the paper's procedure.
-    PatternSearch,
-}
-
-impl Method {
-    /// The name on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Lm => "lm",
-            Self::PatternSearch => "pattern-search",
-        }
+choice! {
+    /// How parameters are searched for.
+    pub enum Method {
+        /// Levenberg–Marquardt with exact derivatives from many starts.
+        Lm = "lm",
+        /// Generalised pattern search from the paper's start: the paper's procedure.
+        PatternSearch = "pattern-search",
     }
 }
 
-/// Nonlinearities that may be fitted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum CurveChoice {
-    /// Select: none, a drive that saturates, an elastic curve, or both.
-    Auto,
-    /// A linear film: Eq. 11.
-    #[default]
-    None,
-    /// A drive that saturates, `actuator.saturation_v`.
-    Saturation,
-    /// The curve of rubber with one shape parameter.
-    MooneyRivlin,
-    /// The curve of rubber whose chains become taut.
-    Gent,
-    /// A curve of monotone pieces.
-    Free,
-    /// A curve of monotone pieces, and a drive that saturates.
-    Both,
+choice! {
+    /// Nonlinearities that may be fitted.
+    #[derive(Default)]
+    pub enum CurveChoice {
+        /// Select: none, a drive that saturates, an elastic curve, or both.
+        Auto = "auto",
+        /// A linear film: Eq. 11.
+        #[default]
+        None = "none",
+        /// A drive that saturates, `actuator.saturation_v`.
+        Saturation = "saturation",
+        /// The curve of rubber with one shape parameter.
+        MooneyRivlin = "mooney-rivlin",
+        /// The curve of rubber whose chains become taut.
+        Gent = "gent",
+        /// A curve of monotone pieces.
+        Free = "free",
+        /// A curve of monotone pieces, and a drive that saturates.
+        Both = "both",
+    }
 }
 
 /// The settings of a fit: what is fitted, and how.

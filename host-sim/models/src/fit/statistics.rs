@@ -1,6 +1,7 @@
 //! Statistics of recordings and residuals: ranges, loss functions, autocorrelation.
 
 use host_fft::Planner;
+use host_io::choice;
 
 /// Smallest and largest value.
 pub(crate) fn range(values: &[f64]) -> (f64, f64) {
@@ -22,13 +23,14 @@ pub fn median(values: &[f64]) -> f64 {
     sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Loss function of a fit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Loss {
-    /// Squares: best for noise.
-    Square,
-    /// Huber's: squares up to 0.5 % of the measured range, absolute values beyond, so that drop-outs have little effect.
-    Huber,
+choice! {
+    /// Loss function of a fit.
+    pub enum Loss {
+        /// Squares: best for noise.
+        Square = "square",
+        /// Huber's: squares up to 0.5 % of the measured range, absolute values beyond, so that drop-outs have little effect.
+        Huber = "huber",
+    }
 }
 
 /// Huber's loss with its limit, in the residuals' unit.

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use host_io::choice;
 use springpot::{Discretisation, Law, LawState, Memory, Real, Window};
 
 use crate::error::{Error, Result};
@@ -50,31 +51,13 @@ impl fmt::Display for MemoryChoice {
     }
 }
 
-/// The arithmetic of a run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Precision {
-    /// As on the controller.
-    F32,
-    /// For reference.
-    F64,
-}
-
-/// How s is discretised, as a command line names it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub enum MethodName {
-    /// Grünwald–Letnikov, of first order in the step: Eq. 2 of the paper.
-    #[default]
-    Gl,
-    /// Second-order backward differences.
-    Bdf2,
-}
-
-impl From<MethodName> for Discretisation {
-    fn from(name: MethodName) -> Self {
-        match name {
-            MethodName::Gl => Self::Gl,
-            MethodName::Bdf2 => Self::Bdf2,
-        }
+choice! {
+    /// The arithmetic of a run.
+    pub enum Precision {
+        /// As on the controller.
+        F32 = "f32",
+        /// For reference.
+        F64 = "f64",
     }
 }
 

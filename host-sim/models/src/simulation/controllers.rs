@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use clap::ValueEnum;
+use host_io::choice;
 use springpot::{
     Actuator, Applied, CommandLimits, Compensator, Feedforward, Follower, FollowerState, Learning, LearningOptions,
     Limited, Observer, ObserverOptions, Preload, Real, SensorSample, Tracking,
@@ -13,34 +13,21 @@ use crate::files::parameters::Parameters;
 use crate::replay::memory::{Precision, window_law, window_length};
 use crate::replay::observer::refused;
 
-/// Which controller.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
-pub enum ControllerKind {
-    /// No compensation: V² in proportion to the reference, scaled on its peak.
-    None,
-    /// Static inverse: Eq. 1 with one spring.
-    Static,
-    /// The inverse of the law with a plain window of 10 s.
-    Window,
-    /// Proportional–integral feedback alone.
-    Pi,
-    /// The inverse of the law.
-    Feedforward,
-    /// Feedforward and observer.
-    Tracking,
-}
-
-impl ControllerKind {
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Static => "static",
-            Self::Window => "window",
-            Self::Pi => "pi",
-            Self::Feedforward => "feedforward",
-            Self::Tracking => "tracking",
-        }
+choice! {
+    /// Which controller.
+    pub enum ControllerKind {
+        /// No compensation: V² in proportion to the reference, scaled on its peak.
+        None = "none",
+        /// Static inverse: Eq. 1 with one spring.
+        Static = "static",
+        /// The inverse of the law with a plain window of 10 s.
+        Window = "window",
+        /// Proportional–integral feedback alone.
+        Pi = "pi",
+        /// The inverse of the law.
+        Feedforward = "feedforward",
+        /// Feedforward and observer.
+        Tracking = "tracking",
     }
 }
 

@@ -14,8 +14,8 @@
 
 use std::f64::consts::TAU;
 
-use clap::ValueEnum;
 use differential_equations::prelude::{ExplicitRungeKutta, IVP};
+use host_io::choice;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
@@ -23,13 +23,14 @@ use springpot::{EPSILON_0, GRAVITY};
 
 use crate::error::{Error, Result};
 
-/// Which film.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Plant {
-    /// Constants after Hossain et al. 2012: soft, 5 mm at 6 kV, stretched six times by the weight.
-    Hossain,
-    /// Constants after Wang et al. 2016: stiffening (Arruda–Boyce), 1.6 mm at 6 kV.
-    Wang,
+choice! {
+    /// Which film.
+    pub enum Plant {
+        /// Constants after Hossain et al. 2012: soft, 5 mm at 6 kV, stretched six times by the weight.
+        Hossain = "hossain",
+        /// Constants after Wang et al. 2016: stiffening (Arruda–Boyce), 1.6 mm at 6 kV.
+        Wang = "wang",
+    }
 }
 
 const LENGTH_M: f64 = 10e-3;
@@ -55,16 +56,6 @@ pub struct Film {
     /// Share of the weight that pulls; its inertia stays.
     pull: f64,
     rest_stretch: f64,
-}
-
-impl Plant {
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Hossain => "hossain",
-            Self::Wang => "wang",
-        }
-    }
 }
 
 impl Film {

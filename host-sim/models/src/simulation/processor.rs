@@ -4,11 +4,11 @@
 
 use std::path::Path;
 
-use clap::ValueEnum;
 use dea_driver::chips::{AdcRange, DacCode};
 use dea_driver::server::Denial;
 use dea_driver::wire::{Answer, BATCH, Command, Followed, Identity, Mode, Step, Target, TickCodes, Ticked};
 use dea_driver::{Blob, Controller as HostController, Device, DriverState, Parameters};
+use host_io::choice;
 use indicatif::ProgressBar;
 use rayon::prelude::*;
 use springpot::{Applied, SensorSample};
@@ -23,19 +23,20 @@ use crate::simulation::closed_loop::{self, BenchModel};
 use crate::simulation::controllers::{Controller, ControllerOutput};
 use crate::simulation::film::{Film, Plant};
 
-/// The code of the firmware that is compared.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum FirmwareLaw {
-    /// The model and Eq. 1, both ways, under a recorded voltage.
-    Step,
-    /// The observer, along a recorded voltage and displacement.
-    Observer,
-    /// Feedforward, its loop closed around a simulated film.
-    Feedforward,
-    /// Tracking, likewise, with a sensor of 5 µm noise at 100 Hz that is 10 ms late.
-    Tracking,
-    /// The whole tick, codes of the converters in and out, along a recorded voltage and displacement.
-    Tick,
+choice! {
+    /// The code of the firmware that is compared.
+    pub enum FirmwareLaw {
+        /// The model and Eq. 1, both ways, under a recorded voltage.
+        Step = "step",
+        /// The observer, along a recorded voltage and displacement.
+        Observer = "observer",
+        /// Feedforward, its loop closed around a simulated film.
+        Feedforward = "feedforward",
+        /// Tracking, likewise, with a sensor of 5 µm noise at 100 Hz that is 10 ms late.
+        Tracking = "tracking",
+        /// The whole tick, codes of the converters in and out, along a recorded voltage and displacement.
+        Tick = "tick",
+    }
 }
 
 impl FirmwareLaw {

@@ -7,6 +7,7 @@ use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::quantity::{at_most, positive};
 use crate::simulation::controllers::{ControllerKind, ControllerSettings, PI_HZ};
+use host_io::choice::Choice;
 
 /// The requested tuning of a controller.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -15,6 +15,7 @@ use crate::fit::descent::{Context, PreparedObservations};
 use crate::fit::observation::Observation;
 use crate::fit::settings::topology_name;
 use crate::fit::{Method, Settings, pattern_search};
+use host_io::choice::Choice;
 
 /// Branches of the joint fits.
 const BRANCHES: [usize; 5] = [1, 2, 3, 4, 5];

@@ -83,8 +83,8 @@ fn a_run_ends_when_its_caller_says() {
 #[test]
 fn options_have_their_defaults() {
     let options = FitOptions::default();
-    assert_eq!(options.direction(), Direction::Force);
-    let settings = options.settings().expect("settings");
+    assert_eq!(options.drive, Direction::Force);
+    let settings = options.settings(None, None).expect("settings");
     let usual = Settings::default();
     assert_eq!((settings.seed, settings.starts), (usual.seed, usual.starts));
     assert_eq!((settings.branches, settings.topologies), (usual.branches, usual.topologies));

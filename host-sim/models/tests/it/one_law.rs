@@ -1,10 +1,10 @@
 //! Host and controller build one control law, to the bit: `closed-loop`, `feedforward`, Python and the blob.
 //!
-//! `closed-loop` and Python build it from [`LimitOptions`] and [`ControllerTuning`], `feedforward` from [`LimitOptions`].
+//! `closed-loop` and Python build it from [`command_limits`] and [`ControllerTuning`], `feedforward` from [`command_limits`].
 
 use dea_driver::Blob;
 use host_io::files::parameters::Parameters;
-use host_models::replay::limits::LimitOptions;
+use host_models::replay::limits::command_limits;
 use host_models::replay::memory::Precision;
 use host_models::simulation::controllers::{self, ControllerKind};
 use host_models::simulation::tuning::ControllerTuning;
@@ -24,8 +24,8 @@ fn on_a_board(parameters: &Parameters, rate_hz: f64) -> Tracking<f32> {
 }
 
 /// The tracking law of the host, built as `closed-loop` builds it with `limits` on the command line.
-fn on_the_host(parameters: &Parameters, rate_hz: f64, limits: &LimitOptions) -> Tracking<f32> {
-    let limits = limits.limits(parameters.board.as_ref()).expect("limits");
+fn on_the_host(parameters: &Parameters, rate_hz: f64, limits: &[(&str, f64)]) -> Tracking<f32> {
+    let limits = command_limits(parameters.board.as_ref(), limits.iter().copied()).expect("limits");
     let settings =
         ControllerTuning::at_rate(rate_hz).settings(ControllerKind::Tracking, parameters, limits).expect("settings");
     let law = parameters.film().compressed_law(rate_hz).expect("a law");
@@ -36,11 +36,7 @@ fn on_the_host(parameters: &Parameters, rate_hz: f64, limits: &LimitOptions) -> 
 fn without_a_board_both_have_the_same_bench() {
     let parameters = Parameters::load("preset:table3-n2").expect("a preset");
     for rate_hz in [100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0, 5000.0] {
-        assert_eq!(
-            on_the_host(&parameters, rate_hz, &LimitOptions::default()),
-            on_a_board(&parameters, rate_hz),
-            "{rate_hz} Hz"
-        );
+        assert_eq!(on_the_host(&parameters, rate_hz, &[]), on_a_board(&parameters, rate_hz), "{rate_hz} Hz");
     }
 }
 
@@ -49,11 +45,16 @@ fn random_limits_make_one_law() {
     let mut rng = Pcg64::seed_from_u64(27);
     let film = Parameters::load("preset:table3-n2").expect("a preset");
     for case in 0..60 {
-        let limits = [6000.0, 4.2e7, 50e3, 0.05, 0.5].map(|usual| Some(near(&mut rng, usual)));
-        let [max_voltage, max_field, max_slew, max_velocity, max_acceleration] = limits;
-        let given = LimitOptions { max_voltage, max_field, max_slew, max_velocity, max_acceleration };
+        let given = [
+            ("max_voltage_v", 6000.0),
+            ("max_field_v_per_m", 4.2e7),
+            ("max_slew_v_per_s", 50e3),
+            ("max_velocity_m_per_s", 0.05),
+            ("max_acceleration_m_per_s2", 0.5),
+        ]
+        .map(|(name, usual)| (name, near(&mut rng, usual)));
         let mut board = film.bench(1000.0);
-        let [voltage, field, slew, velocity, acceleration] = limits.map(|limit| limit.expect("given") as f32);
+        let [voltage, field, slew, velocity, acceleration] = given.map(|(_, limit)| limit as f32);
         (board.limits.max_voltage_v, board.limits.max_field_v_per_m) = (voltage, field);
         board.limits.max_slew_v_per_s = slew;
         (board.control.max_velocity_m_per_s, board.control.max_acceleration_m_per_s2) = (velocity, acceleration);
@@ -68,7 +69,7 @@ fn random_limits_make_one_law() {
         let stated = Parameters { board: Some(board), ..film.clone() };
         let law = on_a_board(&stated, 1000.0);
         let read = Parameters::from_toml(std::path::Path::new("film.toml"), &stated.to_toml()).expect("parameters");
-        assert_eq!(on_the_host(&read, 1000.0, &LimitOptions::default()), law, "case {case}, in the file");
+        assert_eq!(on_the_host(&read, 1000.0, &[]), law, "case {case}, in the file");
         if case < 5 {
             same_voltages(&read, &law);
         }
@@ -77,7 +78,7 @@ fn random_limits_make_one_law() {
 
 /// The controllers of the bench, built as a whole, against the blob's law: a reference that meets the limits.
 fn same_voltages(parameters: &Parameters, tracking: &Tracking<f32>) {
-    let limits = LimitOptions::default().limits(parameters.board.as_ref()).expect("limits");
+    let limits = command_limits(parameters.board.as_ref(), []).expect("limits");
     let law = tracking.observer().law().clone();
     let feedforward = Feedforward::new(law.clone(), &parameters.actuator, limits).expect("valid");
     let tracking = Follower::new(tracking.clone());

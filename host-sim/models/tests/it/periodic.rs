@@ -2,6 +2,7 @@
 //!
 //! `cargo test -p host-models --test it periodic -- --nocapture` prints the rows of docs/results.md; `cargo xtask sweep` runs all of them.
 
+use host_io::choice::Choice;
 use host_io::grid::Grid;
 use host_models::references::{Reference, Shape};
 use host_models::replay::memory::Precision;

@@ -10,6 +10,7 @@ use std::sync::{Mutex, PoisonError};
 use crate::recordings::recordings;
 use crate::sweep::full_sweep;
 use documents::{Documents, Tolerance};
+use host_io::choice::Choice;
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::{Direction, Recording};
 use host_io::grid::Grid;

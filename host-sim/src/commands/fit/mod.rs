@@ -1,11 +1,14 @@
 //! `fit`: parameters of the model from recordings.
 
+mod options;
+
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use clap::Args;
 
+use self::options::FitArguments;
 use super::recordings::RecordingOptions;
 use super::with_flags;
 use crate::error::{Error, Result, shown};
@@ -13,7 +16,7 @@ use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::Observation;
-use crate::fit::{self, Fit, FitOptions, FitReport, Settings, Warning};
+use crate::fit::{self, Fit, FitReport, Settings, Warning};
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::report::fit_page::FitPage;
@@ -29,7 +32,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "P.toml")]
     out: PathBuf,
     #[command(flatten)]
-    options: FitOptions,
+    options: FitArguments,
     /// Fit each recording alone; writes one file per recording beside --out.
     #[arg(long)]
     each: bool,
@@ -44,10 +47,11 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    let settings = arguments.options.settings()?;
-    let direction = arguments.options.direction();
+    let options = arguments.options.options();
+    let settings = arguments.options.settings(&options)?;
+    let direction = options.drive;
     let recordings = arguments.reading.read(&arguments.recordings)?;
-    let observed = arguments.options.observations(&recordings.iter().collect::<Vec<_>>())?;
+    let observed = options.observations(&recordings.iter().collect::<Vec<_>>())?;
     let jobs = arguments.jobs(&recordings, &observed)?;
     let all = jobs.len();
     let stop = interrupt::stop_flag();

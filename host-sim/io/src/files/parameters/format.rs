@@ -10,6 +10,7 @@ use toml::Spanned;
 use super::Parameters;
 use super::board::BoardTable;
 use super::curve::CurveTable;
+use crate::choice::Choice;
 
 /// The versions of the format: the second has elastic curves, saturation, and couplings of either sign.
 pub(super) const SCHEMAS: [u32; 2] = [1, 2];
@@ -68,7 +69,7 @@ pub(super) struct ActuatorTable {
     thickness_m: Spanned<f64>,
     mass_kg: Spanned<f64>,
     #[serde(default)]
-    preload: PreloadName,
+    preload: Preload,
     stretch_coupling: Option<Spanned<f64>>,
     saturation_v: Option<Spanned<f64>>,
     #[serde(default)]
@@ -84,18 +85,10 @@ enum SizesName {
     Assumed,
 }
 
-#[derive(Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-enum PreloadName {
-    #[default]
-    Settled,
-    FromStart,
-}
-
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ModelTable {
-    topology: TopologyName,
+    topology: Topology,
     main: ElementTable,
     /// Branches of two springpots each.
     pub(super) branches: Vec<Spanned<Vec<ElementTable>>>,
@@ -106,13 +99,6 @@ pub(super) struct ModelTable {
 pub(super) struct SensorTable {
     /// Reading of the displacement sensor for a film at x = 0, m.
     pub(super) offset_m: Spanned<f64>,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum TopologyName {
-    Eq11,
-    Parallel,
 }
 
 #[derive(Deserialize)]
@@ -130,10 +116,7 @@ impl ActuatorTable {
             width_m: *self.width_m.get_ref(),
             thickness_m: *self.thickness_m.get_ref(),
             mass_kg: *self.mass_kg.get_ref(),
-            preload: match self.preload {
-                PreloadName::Settled => Preload::Settled,
-                PreloadName::FromStart => Preload::FromStart,
-            },
+            preload: self.preload,
             stretch_coupling: self.stretch_coupling.as_ref().map_or(0.0, |kappa| *kappa.get_ref()),
             saturation_v: self.saturation_v.as_ref().map(|volts| *volts.get_ref()),
         }
@@ -177,11 +160,7 @@ impl ModelTable {
         let elements: Vec<Springpot> =
             self.branches.iter().flat_map(|branch| branch.get_ref()).map(ElementTable::element).collect();
         let (branches, _) = elements.as_chunks::<2>();
-        let topology = match self.topology {
-            TopologyName::Eq11 => Topology::Eq11,
-            TopologyName::Parallel => Topology::Parallel,
-        };
-        Maxwell::new(self.main.element(), branches, topology, mass_kg)
+        Maxwell::new(self.main.element(), branches, self.topology, mass_kg)
     }
 
     /// Place of the value that an error is about.
@@ -225,14 +204,7 @@ pub(super) fn write(parameters: &Parameters) -> String {
     let new = parameters.curve.is_some() || saturation_v.is_some() || stretch_coupling < 0.0;
     let schema = SCHEMAS[usize::from(new)];
     let saturation = saturation_v.map(|volts| format!("saturation_v = {volts:?}\n")).unwrap_or_default();
-    let preload = match preload {
-        Preload::Settled => "settled",
-        Preload::FromStart => "from-start",
-    };
-    let topology = match parameters.model.topology() {
-        Topology::Eq11 => "eq11",
-        Topology::Parallel => "parallel",
-    };
+    let (preload, topology) = (preload.name(), parameters.model.topology().name());
     let element = |e: &Springpot| format!("{{ c = {:?}, alpha = {:?} }}", e.c, e.alpha);
     let mut text = format!(
         "schema = {schema}\n\

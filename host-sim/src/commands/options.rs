@@ -1,0 +1,85 @@
+//! Options that several commands have.
+
+use clap::Args;
+use springpot::{CommandLimits, Discretisation};
+
+use super::choice::named;
+use crate::error::Result;
+use crate::files::parameters::{Board, Parameters};
+use crate::quantity;
+use crate::replay::limits::command_limits;
+use crate::replay::memory::{MemoryChoice, Precision, RunOptions};
+
+/// A film, and how its law is made.
+#[derive(Clone, Debug, Args)]
+pub(super) struct LawOptions {
+    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
+    #[arg(long, value_name = "P")]
+    pub(super) params: String,
+    /// Steps per second.
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 1000.0)]
+    pub(super) rate: f64,
+    /// How a derivative in time becomes a difference of samples: Grünwald–Letnikov as in the paper, or second order.
+    #[arg(long, value_parser = named::<Discretisation>(), default_value = "gl")]
+    method: Discretisation,
+}
+
+impl LawOptions {
+    /// The parameters, stepped by the method.
+    pub(super) fn parameters(&self) -> Result<Parameters> {
+        Ok(Parameters::load(&self.params)?.with_method(self.method))
+    }
+}
+
+/// A run of such a law.
+#[derive(Clone, Debug, Args)]
+pub(super) struct RunArguments {
+    #[command(flatten)]
+    pub(super) law: LawOptions,
+    /// How much of the past the model remembers: compressed (as on the controller), full, or window:SECONDS.
+    #[arg(long, value_name = "MEMORY", default_value = "compressed")]
+    memory: MemoryChoice,
+    /// Arithmetic of a step; full memory is computed in f64 and rounded at the end.
+    #[arg(long, value_parser = named::<Precision>(), default_value = "f32")]
+    precision: Precision,
+}
+
+impl RunArguments {
+    pub(super) fn run_options(&self) -> RunOptions {
+        RunOptions { rate_hz: self.law.rate, memory: self.memory, precision: self.precision }
+    }
+}
+
+/// Limits of the command. Defaults are those of the board, or without one those of the paper's bench.
+#[derive(Clone, Debug, Args)]
+pub(super) struct LimitOptions {
+    /// Largest voltage; the parameters' or 6000 if left out.
+    #[arg(long, value_name = "V", value_parser = quantity::volts)]
+    max_voltage: Option<f64>,
+    /// Largest electric field in the film as it thins, V/m; the parameters' or 4.2e7 if left out.
+    #[arg(long, value_name = "V/M", value_parser = quantity::volts_per_metre)]
+    max_field: Option<f64>,
+    /// Largest change of voltage, V/s; the parameters' or 50e3 if left out.
+    #[arg(long, value_name = "V/S", value_parser = quantity::volts_per_second)]
+    max_slew: Option<f64>,
+    /// Largest speed of the shaped reference, m/s; the parameters' or 0.05 if left out.
+    #[arg(long, value_name = "M/S", value_parser = quantity::metres_per_second)]
+    max_velocity: Option<f64>,
+    /// Largest acceleration of the shaped reference, m/s²; the parameters' or 0.5 if left out.
+    #[arg(long, value_name = "M/S2", value_parser = quantity::metres_per_second_squared)]
+    max_acceleration: Option<f64>,
+}
+
+impl LimitOptions {
+    /// The limits on `board`.
+    pub(super) fn limits(&self, board: Option<&Board>) -> Result<CommandLimits> {
+        let given = [
+            ("max_voltage_v", self.max_voltage),
+            ("max_field_v_per_m", self.max_field),
+            ("max_slew_v_per_s", self.max_slew),
+            ("max_velocity_m_per_s", self.max_velocity),
+            ("max_acceleration_m_per_s2", self.max_acceleration),
+        ];
+        command_limits(board, given.into_iter().filter_map(|(name, value)| Some((name, value?))))
+    }
+}
