@@ -91,7 +91,7 @@ fn fuzzers(arguments: &[&str]) -> Command {
 /// Mutants as `.cargo/mutants.toml` states, with cargo-mutants, which is installed if it is missing.
 fn mutants() -> Result<()> {
     if output(cargo(&["mutants", "--version"])).is_err() {
-        run_command(cargo(&["install", "--locked", "cargo-mutants"]))?;
+        setup::cargo_install(&["cargo-mutants"])?;
     }
     run_command(cargo(&["mutants", "--output", "target"]))
 }

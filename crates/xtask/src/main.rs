@@ -28,13 +28,17 @@ use embedded::Films;
 #[derive(Parser)]
 #[command(name = "cargo xtask")]
 struct Cli {
+    /// Install nothing: a chore ends where something is missing, and names it.
+    #[arg(long, global = true)]
+    no_install: bool,
     #[command(subcommand)]
     chore: Chore,
 }
 
 #[derive(Subcommand)]
 enum Chore {
-    /// Install what is missing, then run every check and every test, on the host and in QEMU.
+    /// Install what is missing, then run every check and every test, on the host and in QEMU. Names what it will install, and asks once
+    /// on a terminal.
     Test,
     /// Run the tests with all cases of their sweeps, of which `test` runs a sample: some 20 minutes on two cores.
     Sweep,
@@ -79,7 +83,9 @@ enum Chore {
 }
 
 fn main() -> ExitCode {
-    let done = match Cli::parse().chore {
+    let cli = Cli::parse();
+    setup::allow_installing(!cli.no_install);
+    let done = match cli.chore {
         Chore::Test => test::run(),
         Chore::Sweep => test::sweep(),
         Chore::Setup => setup::run().map(drop),

@@ -3,11 +3,13 @@
 use std::env;
 use std::ffi::OsString;
 use std::fs;
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use crate::process::{Result, cargo, command, output, root, run as run_command};
+use crate::process::{Result, cargo, command, line, output, root, run as run_command};
 
 /// The chips: Cortex-M4F (hard float) and Cortex-M0 (soft float, no compare-and-swap).
 pub const TARGETS: [&str; 2] = ["thumbv7em-none-eabihf", "thumbv6m-none-eabi"];
@@ -43,6 +45,7 @@ impl Toolchain {
                 let mut command = command("/usr/bin/cargo", arguments);
                 command
                     .arg("-Zbuild-std=core")
+                    .env("CARGO_INCREMENTAL", "0")
                     .env("RUSTC_BOOTSTRAP", "1")
                     .env("RUSTC", "/usr/bin/rustc")
                     .env("PATH", path)
@@ -63,6 +66,73 @@ impl Toolchain {
             Self::Rustup => run_command(self.cargo(folder, target, &lint)),
             Self::Debian { .. } => Ok(()),
         }
+    }
+}
+
+/// Whether anything may be installed.
+static MAY_INSTALL: AtomicBool = AtomicBool::new(true);
+
+/// Lets a chore install what it needs, or not.
+pub fn allow_installing(may: bool) {
+    MAY_INSTALL.store(may, Ordering::Relaxed);
+}
+
+/// Runs a command that installs something, if that is allowed.
+fn install(command: Command) -> Result<()> {
+    if MAY_INSTALL.load(Ordering::Relaxed) { run_command(command) } else { Err(forbidden(&line(&command))) }
+}
+
+fn forbidden(what: &str) -> String {
+    format!("missing, and not installed with --no-install: {what}")
+}
+
+/// Installs a program into cargo's folder of programs, or where `options` say.
+pub fn cargo_install(options: &[&str]) -> Result<()> {
+    install(cargo(&[["install", "--quiet", "--locked"].as_slice(), options].concat()))
+}
+
+/// Names what `run` and the compiler for `targets` will install and change, and asks once whether they may, on a terminal. Without
+/// one it goes ahead.
+pub fn agree(targets: &[&str]) -> Result<()> {
+    let mut missing = Vec::new();
+    if !has("defmt-print") {
+        missing.push("defmt-print: cargo install, into cargo's folder of programs".to_owned());
+    }
+    let absent = absent(targets);
+    if !absent.is_empty() && (has("rustup") || !has_debians_compiler()) {
+        let debian = "without rustup the Debian packages rustc-web, cargo-web, rust-web-src";
+        missing.push(format!("compiler targets {}: rustup target add; {debian}", absent.join(", ")));
+    }
+    if !knows_the_boards() {
+        missing.push(
+            "QEMU 10 for Arm: apt-get install qemu-system-arm, as root; on Debian 12 from its backports, which are added to \
+             /etc/apt/sources.list.d"
+                .to_owned(),
+        );
+    }
+    if missing.is_empty() {
+        return Ok(());
+    }
+    println!("to be installed:\n  {}", missing.join("\n  "));
+    let may = MAY_INSTALL.load(Ordering::Relaxed);
+    let answer = if may && io::stdin().is_terminal() && io::stdout().is_terminal() {
+        print!("Go ahead? [Y/n] ");
+        let mut answer = String::new();
+        let read = io::stdout().flush().and_then(|()| io::stdin().read_line(&mut answer));
+        read.map_err(|error| format!("no answer: {error}"))?;
+        Some(answer)
+    } else {
+        None
+    };
+    decide(&missing, may, answer.as_deref())
+}
+
+/// Returns an error where nothing may be installed, or the answer to the question, if there was one, is not yes.
+fn decide(missing: &[String], may_install: bool, answer: Option<&str>) -> Result<()> {
+    match answer.map(|answer| answer.trim().to_lowercase()).as_deref() {
+        _ if !may_install => Err(forbidden(&missing.join("; "))),
+        None | Some("" | "y" | "yes") => Ok(()),
+        Some(_) => Err("nothing was installed: the answer was not y".into()),
     }
 }
 
@@ -90,7 +160,16 @@ fn decoder() -> Result<()> {
     if has("defmt-print") {
         return Ok(());
     }
-    run_command(cargo(&["install", "--quiet", "--locked", "defmt-print"]))
+    // It decodes some lines a second: optimised, it takes three times as long to build.
+    let mut cargo = cargo(&["install", "--quiet", "--locked", "defmt-print"]);
+    cargo.env("CARGO_PROFILE_RELEASE_OPT_LEVEL", "0").env("CARGO_PROFILE_RELEASE_LTO", "off");
+    install(cargo)
+}
+
+/// Those of `targets` that rustup has not installed.
+fn absent<'a>(targets: &[&'a str]) -> Vec<&'a str> {
+    let installed = output(command("rustup", &["target", "list", "--installed"])).unwrap_or_default();
+    targets.iter().copied().filter(|target| !installed.lines().any(|line| line == *target)).collect()
 }
 
 /// Toolchain that compiles images for `targets`, installed if it is missing.
@@ -98,18 +177,16 @@ pub fn toolchain(targets: &[&str]) -> Result<Toolchain> {
     // For trying the other way where rustup would do.
     let without_rustup = env::var_os("XTASK_WITHOUT_RUSTUP").is_some();
     if !without_rustup {
-        let installed = || output(command("rustup", &["target", "list", "--installed"])).unwrap_or_default();
-        let complete = |list: &str| targets.iter().all(|target| list.lines().any(|line| line == *target));
-        if complete(&installed()) {
+        if absent(targets).is_empty() {
             return Ok(Toolchain::Rustup);
         }
-        let added = run_command(command("rustup", &[["target", "add"].as_slice(), targets].concat()));
-        if added.is_ok() && complete(&installed()) {
+        let added = install(command("rustup", &[["target", "add"].as_slice(), targets].concat()));
+        if added.is_ok() && absent(targets).is_empty() {
             return Ok(Toolchain::Rustup);
         }
         println!("rustup cannot add {} here; Debian's compiler will build for them", targets.join(", "));
     }
-    if !(has("/usr/bin/cargo") && rust_source().exists()) {
+    if !has_debians_compiler() {
         apt_install(&["rustc-web", "cargo-web", "rust-web-src"], None)?;
     }
     let sysroot = output(command("rustc", &["--print", "sysroot"]))?;
@@ -122,19 +199,22 @@ pub fn toolchain(targets: &[&str]) -> Result<Toolchain> {
     Ok(Toolchain::Debian { path })
 }
 
-/// Where Debian's compiler looks for the library's sources.
-fn rust_source() -> PathBuf {
-    output(command("/usr/bin/rustc", &["--print", "sysroot"]))
-        .map(|sysroot| PathBuf::from(sysroot.trim()).join("lib/rustlib/src/rust/library"))
-        .unwrap_or_default()
+/// Whether Debian's compiler is there, with the library's sources.
+fn has_debians_compiler() -> bool {
+    let sysroot = output(command("/usr/bin/rustc", &["--print", "sysroot"]));
+    let has_sources = |sysroot: String| Path::new(sysroot.trim()).join("lib/rustlib/src/rust/library").exists();
+    has("/usr/bin/cargo") && sysroot.is_ok_and(has_sources)
+}
+
+/// Boards that QEMU for Arm has to know.
+const BOARDS: [&str; 3] = ["olimex-stm32-h405", "microbit", "mps2-an505"];
+
+fn knows_the_boards() -> bool {
+    let boards = output(command("qemu-system-arm", &["-M", "help"])).unwrap_or_default();
+    BOARDS.iter().all(|board| boards.lines().any(|line| line.starts_with(board)))
 }
 
 fn qemu() -> Result<()> {
-    const BOARDS: [&str; 3] = ["olimex-stm32-h405", "microbit", "mps2-an505"];
-    let knows_the_boards = || {
-        let boards = output(command("qemu-system-arm", &["-M", "help"])).unwrap_or_default();
-        BOARDS.iter().all(|board| boards.lines().any(|line| line.starts_with(board)))
-    };
     if knows_the_boards() {
         return Ok(());
     }
@@ -268,7 +348,7 @@ pub fn mdbook() -> Result<String> {
         // Without its server and its search, which a book that opens from the disk does not have.
         let folder = tools.to_string_lossy().into_owned();
         let package = format!("mdbook@{VERSION}");
-        run_command(cargo(&["install", "--quiet", "--locked", "--no-default-features", "--root", &folder, &package]))?;
+        cargo_install(&["--no-default-features", "--root", &folder, &package])?;
     }
     Ok(program)
 }
@@ -286,15 +366,15 @@ fn apt_install(packages: &[&str], further: Option<&str>) -> Result<()> {
     if let Some(suite) = &suite {
         add_suite(suite)?;
     }
-    run_command(as_root("apt-get", &["update", "-qq"]))?;
+    install(as_root("apt-get", &["update", "-qq"]))?;
     let mut arguments = vec!["install", "-y", "-qq", "--no-install-recommends"];
     if let Some(suite) = &suite {
         arguments.extend(["-t", suite]);
     }
     arguments.extend(packages);
-    let mut install = as_root("apt-get", &arguments);
-    install.env("DEBIAN_FRONTEND", "noninteractive");
-    run_command(install)
+    let mut packages = as_root("apt-get", &arguments);
+    packages.env("DEBIAN_FRONTEND", "noninteractive");
+    install(packages)
 }
 
 fn as_root(program: &str, arguments: &[&str]) -> Command {
@@ -321,9 +401,45 @@ fn add_suite(suite: &str) -> Result<()> {
         .find(|line| line.len() == 4 && line[1] == base && line[3] == "main")
         .map(|line| line[2])
         .ok_or_else(|| format!("no mirror of {base} is known to apt; add the suite {suite} by hand"))?;
-    let line = format!("deb {mirror} {suite} main\n");
-    let temporary = env::temp_dir().join(format!("{suite}.list"));
-    fs::write(&temporary, line).map_err(|error| format!("{}: {error}", temporary.display()))?;
-    let from = temporary.to_string_lossy().into_owned();
-    run_command(as_root("install", &["-m", "644", &from, &format!("/etc/apt/sources.list.d/{suite}.list")]))
+    // Straight into the file: one in a shared temporary folder could be replaced before root reads it.
+    let mut tee = as_root("tee", &[&format!("/etc/apt/sources.list.d/{suite}.list")]);
+    tee.stdin(Stdio::piped());
+    let command = line(&tee);
+    if !MAY_INSTALL.load(Ordering::Relaxed) {
+        return Err(forbidden(&command));
+    }
+    println!("$ {command}");
+    let failed = |error: io::Error| format!("{command}: {error}");
+    let mut tee = tee.spawn().map_err(failed)?;
+    let written = tee.stdin.take().map(|mut stdin| stdin.write_all(format!("deb {mirror} {suite} main\n").as_bytes()));
+    let status = tee.wait().map_err(failed)?;
+    written.unwrap_or(Ok(())).map_err(failed)?;
+    if status.success() { Ok(()) } else { Err(format!("{status}: {command}")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_installed_against_an_answer_or_the_option() {
+        let missing = ["QEMU".to_owned()];
+        for answer in [None, Some("\n"), Some("Y\n"), Some("yes\n")] {
+            assert_eq!(decide(&missing, true, answer), Ok(()), "{answer:?}");
+        }
+        assert!(decide(&missing, true, Some("n\n")).is_err());
+        assert!(
+            decide(&missing, false, None).is_err_and(|error| error.contains("QEMU") && error.contains("--no-install"))
+        );
+    }
+
+    /// Cut into small units, the image that may not panic does not link.
+    #[test]
+    fn no_image_is_built_incrementally() {
+        for toolchain in [Toolchain::Rustup, Toolchain::Debian { path: OsString::new() }] {
+            let cargo = toolchain.cargo(Path::new("."), TARGETS[0], &["build"]);
+            let off = ("CARGO_INCREMENTAL".as_ref(), Some("0".as_ref()));
+            assert!(cargo.get_envs().any(|variable| variable == off), "{:?}", cargo.get_program());
+        }
+    }
 }

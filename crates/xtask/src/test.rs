@@ -76,13 +76,15 @@ impl Stages {
 
 /// Installs what is missing and runs every check and test.
 pub fn run() -> Result<()> {
+    let [other_core, _] = setup::OTHER_TARGETS;
+    setup::agree(&[setup::TARGETS.as_slice(), &[other_core]].concat())?;
     let mut stages = Stages::begin();
     let images = || {
         let toolchain = setup::run()?;
         firmware::images(&toolchain)?;
         embedded::libraries(&toolchain)?;
         embedded::run(&toolchain, Films::Few)?;
-        other_board::on_cortex_m33(&setup::toolchain(&[setup::OTHER_TARGETS[0]])?)
+        other_board::on_cortex_m33(&setup::toolchain(&[other_core])?)
     };
     stages.run_beside(("tools, images, and steps on chips", images), |stages| {
         stages.run("format", || run_command(cargo(&["fmt", "--all", "--check"])))?;
@@ -214,7 +216,7 @@ fn micromath(options: &[&str]) -> Result<()> {
 /// Checks licences with cargo-deny, which is installed if it is missing.
 pub fn deny() -> Result<()> {
     if output(cargo(&["deny", "--version"])).is_err() {
-        run_command(cargo(&["install", "--locked", "cargo-deny"]))?;
+        setup::cargo_install(&["cargo-deny"])?;
     }
     let checks = ["check", "licenses", "bans", "sources"];
     run_command(cargo(&[["deny", "--workspace", "--all-features"].as_slice(), &checks].concat()))?;
