@@ -48,9 +48,9 @@ pub struct FitOptions {
     pub at_gap: AtGap,
     /// Whether the sign of what is measured is turned.
     pub invert: bool,
-    /// What was measured from here on is fitted, s; the model still runs from the first row.
+    /// Time from which values are fitted, s; the model still runs from the first row.
     pub from_s: f64,
-    /// What was measured up to here is fitted, s; to the end if left out.
+    /// Time up to which values are fitted, s; to the end if left out.
     pub to_s: Option<f64>,
     /// Seed of the random starts.
     pub seed: u64,
