@@ -133,7 +133,7 @@ fn a_log_that_is_none_is_one_line() {
     fails("time_s,monitor_v\n0,0\n1,1\n", &["bad.csv:1:", "no column command_v"]);
     fails("time_s,command_v\n0,0\n1,1\n", &["bad.csv:1:", "no column monitor_v", "voltage_v"]);
     fails(&format!("{head}0,0,0\n1,1,1\n"), &["bad.csv: 2 rows", "at least 50"]);
-    fails(&format!("{head}0,0,0\n1,NaN,0\n"), &["bad.csv:3:", "command_v is NaN"]);
+    fails(&format!("{head}0,0,0\n1,high,0\n"), &["bad.csv:3:", "command_v is \"high\""]);
     fails(&format!("{head}0,0,0\n1,0,0\n0.5,0,0\n"), &["bad.csv:4:", "goes backwards"]);
     fails(&format!("{head}{}", rows(&|k| format!("{k},3000,{}\n", k % 3))), &["bad.csv: command_v stays at 3000 V"]);
     fails(&format!("{head}{}", rows(&|k| format!("{k},{},5\n", 100 * (k % 20)))), &["bad.csv: the monitor shows 5 V"]);

@@ -69,7 +69,7 @@ struct Intervals {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let log = AmplifierLog::read(&arguments.log, &arguments.reading.hints())?;
-    recordings::report_understood(log.understood.as_ref());
+    recordings::report_understood(&log.understood);
     let parameters = arguments.params.as_deref().map(Parameters::load).transpose()?;
     let plot = arguments.check_outputs()?;
     let bar = Progress::unknown("identify the amplifier");

@@ -55,7 +55,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     output::check(&arguments.out, &[&arguments.test], Folders::Exist)?;
     let path = &arguments.test;
     let test = MaterialTest::read(path, &arguments.reading.hints())?;
-    recordings::report_understood(test.understood.as_ref());
+    recordings::report_understood(&test.understood);
     let (displacement, force) =
         (test.displacement_m(arguments.length, arguments.strain)?, test.force_n(arguments.area)?);
     let size = |name: &str, value: Option<f64>, unit: &str| value.map(|value| format!(", {name} = {value} {unit}"));

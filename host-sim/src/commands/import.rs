@@ -146,13 +146,7 @@ impl Imported {
             let largest = voltage.high.abs().max(voltage.low.abs());
             if largest > 0.0 && largest < 50.0 {
                 let column = understood.columns.iter().find(|column| column.quantity == Quantity::Voltage);
-                let column = column.map_or_else(
-                    || "NAME".into(),
-                    |column| match column.column {
-                        Some(number) => number.to_string(),
-                        None => format!("{:?}", column.name),
-                    },
-                );
+                let column = column.map_or(0, |column| column.column);
                 warnings.push(format!(
                     "the largest voltage is {largest} V: a monitor's output? Multiply it, as in --columns voltage={column}*1000"
                 ));
@@ -211,14 +205,13 @@ fn stage(out: &Path, report: &Imported, recording: &Recording) -> Result<Staged>
 
 /// Where a column comes from: `column 2 "U [kV]", × 1000`.
 fn origin(column: &UnderstoodColumn) -> String {
-    let number = column.column.map_or_else(String::new, |number| format!("column {number} "));
     let unit = if column.unit.is_empty() { String::new() } else { format!(" in {}", column.unit) };
     let by = match column.by {
         By::Unit => ", by its unit alone",
         By::Choice => ", as chosen",
-        By::Name => "",
+        By::OwnName | By::Name => "",
     };
-    format!("{number}{:?}{unit}, × {}{by}", column.name, column.factor)
+    format!("column {} {:?}{unit}, × {}{by}", column.column, column.name, column.factor)
 }
 
 fn text(file: &Imported) -> String {

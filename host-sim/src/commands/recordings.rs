@@ -60,12 +60,12 @@ impl RecordingOptions {
 
 /// Reports how a `recording` with other names was read.
 pub(super) fn report(recording: &Recording) {
-    report_understood(recording.understood());
+    recording.understood().into_iter().for_each(report_understood);
 }
 
-/// Reports how a file with other names was read.
-pub(super) fn report_understood(understood: Option<&Understood>) {
-    if let Some(understood) = understood {
+/// Reports how a file was read, if it has other names.
+pub(super) fn report_understood(understood: &Understood) {
+    if !understood.is_own() {
         terminal::information(understood.line());
     }
 }

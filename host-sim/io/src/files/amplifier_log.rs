@@ -6,9 +6,9 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
-use crate::files::csv::{Names, Table};
-use crate::files::import::{Hints, Quantity, Understood};
+use crate::files::import::{Hints, Names, Quantity, Understood};
 use crate::files::layout::Layout;
+use crate::files::table::Table;
 
 /// A log, row by row; time from its first row.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,17 +20,17 @@ pub struct AmplifierLog {
     pub command_v: Vec<f64>,
     /// High voltage that the monitor showed, V; NaN where it gave nothing.
     pub monitor_v: Vec<f64>,
-    /// Interpretation of a file with other names.
-    pub understood: Option<Understood>,
+    /// Interpretation of the file.
+    pub understood: Understood,
 }
 
-const COMMAND: &Names = &[("command_v", 1.0), ("command_kv", 1e3)];
-const MONITOR: &Names = &[("monitor_v", 1.0), ("monitor_kv", 1e3), ("voltage_v", 1.0), ("voltage_kv", 1e3)];
+const COMMAND: &Names = &[("command_v", "V"), ("command_kv", "kV")];
+const MONITOR: &Names = &[("monitor_v", "V"), ("monitor_kv", "kV"), ("voltage_v", "V"), ("voltage_kv", "kV")];
 
 const LOG: Layout<2> = Layout {
     what: "a CSV log",
     columns: [(Quantity::Command, COMMAND), (Quantity::Voltage, MONITOR)],
-    needed: &[&[0], &[1]],
+    needed: &[&[Quantity::Command], &[Quantity::Voltage]],
 };
 
 /// Fewer rows do not separate a lag from noise.
@@ -55,10 +55,11 @@ impl AmplifierLog {
     ///
     /// As [`read`](Self::read).
     pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
-        Self::new(path, LOG.from_csv(path, csv)?, None)
+        let (table, understood) = LOG.from_csv(path, csv)?;
+        Self::new(path, table, understood)
     }
 
-    fn new(path: &Path, table: Table<2>, understood: Option<Understood>) -> Result<Self> {
+    fn new(path: &Path, table: Table<2>, understood: Understood) -> Result<Self> {
         let Table { time_s, columns: [command, monitor], .. } = table;
         let fault = |cause: String| Error::file(path, cause);
         if time_s.len() < MIN_ROWS {

@@ -1,12 +1,12 @@
-//! Interpretation of a file of columns: by the names that this tool writes, or as laboratories have it.
+//! Kinds of files with columns: their columns, by the names that this tool writes or as laboratories have them.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::csv::{self, Names, Table};
-use crate::files::import::{self, Hints, Quantity, Request, Series, Understood};
+use crate::files::import::{self, Hints, Names, Quantity, Request, Series, Understood};
+use crate::files::table::Table;
 
 /// The columns that a kind of file has beside its times.
 #[derive(Clone, Copy, Debug)]
@@ -16,38 +16,26 @@ pub struct Layout<const N: usize> {
     /// Quantity of each column, and the names that it has in a file of this tool.
     pub columns: [(Quantity, &'static Names); N],
     /// At least one column of every set must exist.
-    pub needed: &'static [&'static [usize]],
+    pub needed: &'static [&'static [Quantity]],
 }
+
+/// Names of a column of times.
+const TIME: &Names = &[("time_s", "s"), ("time_ms", "ms"), ("Time (s)", "s")];
 
 impl<const N: usize> Layout<N> {
     /// Reads the file at `path`, of which a person says `hints`: one with the names of this tool, or any that
-    /// [`crate::files::import`] understands; then it comes with what was understood.
+    /// [`crate::files::import`] understands.
     ///
     /// # Errors
     ///
     /// [`Error`] naming the file and line of the first thing that cannot be used.
-    pub fn read(&self, path: &Path, hints: &Hints) -> Result<(Table<N>, Option<Understood>)> {
-        const HEAD: u64 = 1 << 16;
+    pub fn read(&self, path: &Path, hints: &Hints) -> Result<(Table<N>, Understood)> {
         if path.is_dir() {
             return Err(Error::file(path, format!("is a directory; name {} in it", self.what)));
         }
-        let fault = |error: std::io::Error| Error::file(path, error);
-        let mut rest = File::open(path).map_err(fault)?;
-        let mut head = Vec::new();
-        rest.by_ref().take(HEAD).read_to_end(&mut head).map_err(fault)?;
-        if *hints == Hints::default() && csv::has_names(&head, self.names(), self.needed) {
-            return Ok((self.from_csv(path, head.chain(rest))?, None));
-        }
-        let wanted: Vec<Quantity> =
-            [Quantity::Time].into_iter().chain(self.columns.map(|(quantity, _)| quantity)).collect();
-        let sets: Vec<Vec<Quantity>> =
-            self.needed.iter().map(|set| set.iter().map(|&index| self.columns[index].0).collect()).collect();
-        let needed: Vec<&[Quantity]> =
-            [[Quantity::Time].as_slice()].into_iter().chain(sets.iter().map(Vec::as_slice)).collect();
-        let request = Request { wanted: &wanted, needed: &needed };
-        let series = import::read(path, &head, rest, &request, hints)?;
-        let table = self.table(&series);
-        Ok((table, Some(series.understood)))
+        let file = File::open(path).map_err(|error| Error::file(path, error))?;
+        let series = self.ask(|request| import::read(path, file, request, hints))?;
+        Ok((self.table(&series), series.understood))
     }
 
     /// Reads CSV text with the names of this tool; `path` is what errors name.
@@ -55,8 +43,9 @@ impl<const N: usize> Layout<N> {
     /// # Errors
     ///
     /// As [`read`](Self::read).
-    pub fn from_csv(&self, path: &Path, csv: impl Read) -> Result<Table<N>> {
-        Table::from_csv(path, csv, self.names(), self.needed)
+    pub fn from_csv(&self, path: &Path, csv: impl Read) -> Result<(Table<N>, Understood)> {
+        let series = self.ask(|request| import::from_csv(path, csv, request))?;
+        Ok((self.table(&series), series.understood))
     }
 
     /// The columns of `series`, time from the first row.
@@ -69,7 +58,10 @@ impl<const N: usize> Layout<N> {
         }
     }
 
-    fn names(&self) -> [&'static Names; N] {
-        self.columns.map(|(_, names)| names)
+    /// Passes the columns that are wanted and needed to `read`.
+    fn ask(&self, read: impl FnOnce(&Request<'_>) -> Result<Series>) -> Result<Series> {
+        let wanted: Vec<_> = [(Quantity::Time, TIME)].into_iter().chain(self.columns).collect();
+        let needed: Vec<&[Quantity]> = [[Quantity::Time].as_slice()].iter().chain(self.needed).copied().collect();
+        read(&Request { wanted: &wanted, needed: &needed })
     }
 }

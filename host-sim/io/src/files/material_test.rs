@@ -4,22 +4,27 @@ use std::path::Path;
 
 use crate::choice;
 use crate::error::{Error, Result};
-use crate::files::csv::Names;
-use crate::files::import::{Hints, Quantity, Understood};
+use crate::files::import::{Hints, Names, Quantity, Understood};
 use crate::files::layout::Layout;
 
-const STRETCH: &Names = &[("stretch", 1.0)];
-const STRESS: &Names = &[("nominal_stress_pa", 1.0), ("nominal_stress_kpa", 1e3), ("nominal_stress_mpa", 1e6)];
+const STRETCH: &Names = &[("stretch", "")];
+const STRESS: &Names = &[("nominal_stress_pa", "Pa"), ("nominal_stress_kpa", "kPa"), ("nominal_stress_mpa", "MPa")];
 /// As testing machines name them.
 const DISPLACEMENT: &Names = &[
-    ("displacement_m", 1.0),
-    ("displacement_mm", 1e-3),
-    ("extension_mm", 1e-3),
-    ("Extension (mm)", 1e-3),
-    ("Displacement (mm)", 1e-3),
+    ("displacement_m", "m"),
+    ("displacement_mm", "mm"),
+    ("extension_mm", "mm"),
+    ("Extension (mm)", "mm"),
+    ("Displacement (mm)", "mm"),
 ];
-const FORCE: &Names =
-    &[("force_n", 1.0), ("force_kn", 1e3), ("load_n", 1.0), ("Load (N)", 1.0), ("Force (N)", 1.0), ("Load (kN)", 1e3)];
+const FORCE: &Names = &[
+    ("force_n", "N"),
+    ("force_kn", "kN"),
+    ("load_n", "N"),
+    ("Load (N)", "N"),
+    ("Force (N)", "N"),
+    ("Load (kN)", "kN"),
+];
 
 const TEST: Layout<4> = Layout {
     what: "a CSV table of a material test",
@@ -29,7 +34,7 @@ const TEST: Layout<4> = Layout {
         (Quantity::Displacement, DISPLACEMENT),
         (Quantity::Force, FORCE),
     ],
-    needed: &[&[0, 2], &[1, 3]],
+    needed: &[&[Quantity::Stretch, Quantity::Displacement], &[Quantity::Stress, Quantity::Force]],
 };
 
 choice! {
@@ -62,8 +67,8 @@ impl Strain {
 pub struct MaterialTest {
     /// Times in s, increasing from 0.
     pub time_s: Vec<f64>,
-    /// Interpretation of a file with other names.
-    pub understood: Option<Understood>,
+    /// Interpretation of the file.
+    pub understood: Understood,
     deformation: Deformation,
     load: Load,
 }

@@ -1,7 +1,6 @@
 //! Files that are read and written: recordings, logs, material tests, parameters, results.
 
 pub mod amplifier_log;
-pub mod csv;
 pub mod digest;
 pub mod import;
 pub mod journal;
@@ -10,3 +9,4 @@ pub mod material_test;
 pub mod output;
 pub mod parameters;
 pub mod recording;
+pub mod table;

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 
 use crate::choice;
 use crate::error::{Error, Result};
-use crate::files::csv::{self, Column, Names, Table};
 use crate::files::digest;
-use crate::files::import::{Hints, Quantity, Series, Understood};
+use crate::files::import::{Hints, Names, Quantity, Series, Understood};
 use crate::files::layout::Layout;
+use crate::files::table::{Column, MAX_VALUE, Table};
 use crate::grid::{Grid, Samples};
 
 /// A recording in SI units, time from its first sample.
@@ -26,8 +26,8 @@ pub struct Recording {
     force_n: Option<Column>,
     displacement_m: Option<Column>,
     weight: Option<Column>,
-    /// Interpretation of a file with other names.
-    understood: Option<Understood>,
+    /// Interpretation of its file.
+    understood: Understood,
 }
 
 /// The input of a model with its values: [`Samples`] as recorded, or another form of them such as a series on a grid.
@@ -51,11 +51,11 @@ choice! {
     }
 }
 
-/// Column names with the factor to SI units.
-const VOLTAGE: &Names = &[("voltage_v", 1.0), ("voltage_kv", 1e3)];
-const FORCE: &Names = &[("force_n", 1.0)];
-const WEIGHT: &Names = &[("weight", 1.0)];
-const DISPLACEMENT: &Names = &[("displacement_m", 1.0), ("displacement_mm", 1e-3), ("displacement_um", 1e-6)];
+/// Column names with their units.
+const VOLTAGE: &Names = &[("voltage_v", "V"), ("voltage_kv", "kV")];
+const FORCE: &Names = &[("force_n", "N")];
+const WEIGHT: &Names = &[("weight", "")];
+const DISPLACEMENT: &Names = &[("displacement_m", "m"), ("displacement_mm", "mm"), ("displacement_um", "µm")];
 
 /// Columns of a recording: a voltage or a force.
 const RECORDING: Layout<4> = Layout {
@@ -66,11 +66,14 @@ const RECORDING: Layout<4> = Layout {
         (Quantity::Displacement, DISPLACEMENT),
         (Quantity::Weight, WEIGHT),
     ],
-    needed: &[&[0, 1]],
+    needed: &[&[Quantity::Voltage, Quantity::Force]],
 };
 /// Columns of a reference.
-const REFERENCE: Layout<1> =
-    Layout { what: "a CSV reference", columns: [(Quantity::Displacement, DISPLACEMENT)], needed: &[&[0]] };
+const REFERENCE: Layout<1> = Layout {
+    what: "a CSV reference",
+    columns: [(Quantity::Displacement, DISPLACEMENT)],
+    needed: &[&[Quantity::Displacement]],
+};
 
 /// Largest time on the clock of a held recording's first row that is still the time since its load was applied, as a share of
 /// its duration; a recording that begins later was cut out of a longer one.
@@ -107,12 +110,13 @@ impl Recording {
     ///
     /// As [`read`](Self::read).
     pub fn from_csv(path: &Path, csv: impl Read) -> Result<Self> {
-        Ok(Self::new(path, RECORDING.from_csv(path, csv)?, None))
+        let (table, understood) = RECORDING.from_csv(path, csv)?;
+        Ok(Self::new(path, table, understood))
     }
 
     /// The recording of the `series` in the file at `path`.
     pub fn from_series(path: &Path, series: Series) -> Self {
-        Self::new(path, RECORDING.table(&series), Some(series.understood))
+        Self::new(path, RECORDING.table(&series), series.understood)
     }
 
     /// A recording of values that are at hand, in SI units: its rows are at `time_s` (s), the `columns` are of one length with them,
@@ -126,7 +130,7 @@ impl Recording {
         if time_s.len() < 2 {
             return Err(fault(format!("{} rows; a recording needs at least 2", time_s.len())));
         }
-        if let Some(row) = time_s.iter().position(|t| t.is_nan() || t.abs() > csv::MAX_VALUE) {
+        if let Some(row) = time_s.iter().position(|t| t.is_nan() || t.abs() > MAX_VALUE) {
             return Err(fault(format!("time_s[{row}] is {}; no clock shows that", time_s[row])));
         }
         if let Some(row) = (1..time_s.len()).find(|&row| time_s[row] <= time_s[row - 1]) {
@@ -149,7 +153,7 @@ impl Recording {
             if values.len() != time_s.len() {
                 return Err(fault(format!("{} values of {name} at {} times", values.len(), time_s.len())));
             }
-            if let Some(row) = values.iter().position(|value| value.abs() > csv::MAX_VALUE) {
+            if let Some(row) = values.iter().position(|value| value.abs() > MAX_VALUE) {
                 return Err(fault(format!("{name}[{row}] is {}; no instrument reads that", values[row])));
             }
             let cells = values.into_iter().map(|value| (!value.is_nan()).then_some(value)).collect();
@@ -157,7 +161,8 @@ impl Recording {
             found[slot] = column.has_values().then_some(column);
         }
         let time_s = time_s.into_iter().map(|t| t - start_s).collect();
-        Ok(Self { is_file: false, ..Self::new(Path::new(name), Table { time_s, start_s, columns: found }, None) })
+        let table = Table { time_s, start_s, columns: found };
+        Ok(Self { is_file: false, ..Self::new(Path::new(name), table, Understood::default()) })
     }
 
     /// SHA-256 of its file in hexadecimal digits; none of a recording that is no file.
@@ -169,7 +174,7 @@ impl Recording {
         self.is_file.then(|| digest::sha256(&self.path)).transpose()
     }
 
-    fn new(path: &Path, table: Table<4>, understood: Option<Understood>) -> Self {
+    fn new(path: &Path, table: Table<4>, understood: Understood) -> Self {
         let Table { mut time_s, start_s, columns } = table;
         // A voltage drives; without one, force or displacement may.
         let inputs = if columns[0].is_some() { &columns[..1] } else { &columns[..3] };
@@ -203,25 +208,19 @@ impl Recording {
 
     /// The series of the recording, with their times.
     pub fn into_series(self) -> Series {
-        let columns: Vec<(Quantity, Column)> = [
+        let columns = [
             (Quantity::Voltage, self.voltage_v),
             (Quantity::Force, self.force_n),
             (Quantity::Displacement, self.displacement_m),
             (Quantity::Weight, self.weight),
-        ]
-        .into_iter()
-        .filter_map(|(quantity, column)| Some((quantity, column?)))
-        .collect();
-        let understood = self.understood.unwrap_or_else(|| {
-            let names: Vec<&str> = columns.iter().map(|(_, column)| column.name()).collect();
-            Understood::of_recording(&self.path, &names)
-        });
-        Series { clock_s: self.time_s, columns, understood }
+        ];
+        let columns = columns.into_iter().filter_map(|(quantity, column)| Some((quantity, column?))).collect();
+        Series { clock_s: self.time_s, columns, understood: self.understood }
     }
 
     /// Interpretation of the file, if it has not the names of recordings.
     pub fn understood(&self) -> Option<&Understood> {
-        self.understood.as_ref()
+        Some(&self.understood).filter(|understood| !understood.is_own())
     }
 
     /// Times of all rows, s.

@@ -10,19 +10,16 @@ mod film;
 mod fitting;
 mod full_memory;
 mod hours;
-mod lab_files;
 mod measured_curve;
 #[path = "../../../../crates/springpot/tests/it/support/models.rs"]
 mod models;
 mod one_law;
-mod other_files;
 mod periodic;
 mod plant;
 mod plants;
 #[path = "../../../../tests/support/recordings.rs"]
 mod recordings;
 mod reduce;
-mod refused_recordings;
 mod relaxation;
 mod sensor_offset;
 #[allow(dead_code)] // samples of cases are for springpot's own sweeps

@@ -1,5 +1,6 @@
 //! Columns in SI units from a file, and what was understood of it.
 
+use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
@@ -7,14 +8,18 @@ use serde::Serialize;
 
 use super::choice::Choices;
 use super::mapping::{self, By, Chosen};
+use super::numbers::{self, Cell, Decimal};
 use super::source::{Source, Value};
 use super::text::TextTable;
 use super::{Hints, Quantity, Request, encoding, kind, mat, workbook};
 use crate::error::{Error, Result, shown};
-use crate::files::csv::{Column, MAX_VALUE};
+use crate::files::table::{Column, MAX_VALUE};
 
-/// Largest file, in bytes.
+/// Bytes from which the kind of a file is found.
+const HEAD: u64 = 1 << 16;
+/// Largest file, in bytes; hours of a recording are more than a laboratory's file.
 const MAX_FILE: u64 = 1 << 29;
+const MAX_OWN_FILE: u64 = 1 << 33;
 
 /// The columns of a file.
 #[derive(Clone, Debug)]
@@ -35,7 +40,7 @@ impl Series {
 }
 
 /// Interpretation of a file.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Understood {
     /// The file.
     pub file: String,
@@ -56,9 +61,8 @@ pub struct Understood {
 pub struct UnderstoodColumn {
     /// The quantity.
     pub quantity: Quantity,
-    /// Its number, from one; none in a recording, whose columns have fixed names.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub column: Option<usize>,
+    /// Its number, from one.
+    pub column: usize,
     /// Its name in the file.
     pub name: String,
     /// Its unit there; empty where a factor alone was given.
@@ -70,22 +74,9 @@ pub struct UnderstoodColumn {
 }
 
 impl Understood {
-    /// Interpretation of the names `columns` of a recording.
-    pub fn of_recording(path: &Path, columns: &[&str]) -> Self {
-        let column = |name: &&str| {
-            let (quantity, unit, factor) = mapping::of_recording(name)?;
-            let (name, unit) = ((*name).to_owned(), unit.to_owned());
-            Some(UnderstoodColumn { quantity, column: None, name, unit, factor, by: By::Name })
-        };
-        let columns = columns.iter().filter_map(column).collect();
-        Self {
-            file: shown(path),
-            format: "recording (CSV)".into(),
-            header_line: 0,
-            preamble_lines: 0,
-            columns,
-            ignored: Vec::new(),
-        }
+    /// Whether the file is CSV with the names of this tool, or no file.
+    pub fn is_own(&self) -> bool {
+        self.columns.iter().all(|column| column.by == By::OwnName)
     }
 
     /// From the numbers of the file to SI, for `quantity`.
@@ -108,31 +99,81 @@ impl Understood {
     }
 }
 
-/// Reads the file at `path`, whose first bytes are `head` and the others `rest`.
+/// Reads the `file` at `path`.
 ///
 /// # Errors
 ///
 /// [`Error`] naming file and line, the cause and what to do.
-pub fn read(path: &Path, head: &[u8], rest: impl Read, request: &Request<'_>, hints: &Hints) -> Result<Series> {
-    let kind = kind::detect(head).map_err(|cause| Error::file(path, cause))?;
-    if kind == kind::Kind::Text && head.contains(&0) {
+pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -> Result<Series> {
+    let unreadable = |error: std::io::Error| Error::file(path, error);
+    let mut bytes = Vec::new();
+    file.by_ref().take(HEAD).read_to_end(&mut bytes).map_err(unreadable)?;
+    let own = *hints == Hints::default() && has_own_names(&String::from_utf8_lossy(&bytes), request);
+    let kind = if own { kind::Kind::Text } else { kind::detect(&bytes).map_err(|cause| Error::file(path, cause))? };
+    if !own && kind == kind::Kind::Text && bytes.contains(&0) {
         // Before a gigabyte of it is read.
-        encoding::readings(head).map_err(|cause| Error::file(path, cause))?;
+        encoding::readings(&bytes).map_err(|cause| Error::file(path, cause))?;
     }
-    let mut bytes = head.to_vec();
-    rest.take(MAX_FILE).read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;
-    if bytes.len() as u64 >= MAX_FILE {
-        return Err(Error::file(path, "more than 512 MiB; export it as CSV with the names of recordings, or in parts"));
+    let most = if own { MAX_OWN_FILE } else { MAX_FILE };
+    file.take(most).read_to_end(&mut bytes).map_err(unreadable)?;
+    if bytes.len() as u64 >= most {
+        let cause = format!("more than {} MiB; export it as CSV with the names of recordings, or in parts", most >> 20);
+        return Err(Error::file(path, cause));
     }
     if hints.sheet.is_some() && kind != kind::Kind::Workbook {
         return Err(Error::field("sheet", format!("{} is no workbook", shown(path))));
     }
     match kind {
+        _ if own => own_names(path, bytes, request),
         kind::Kind::Text => text(path, &bytes, request, &hints.choices),
         kind::Kind::Workbook => spreadsheet(path, bytes, request, hints),
         kind::Kind::Mat => variables(path, &bytes, request, &hints.choices),
     }
 }
+
+/// Reads CSV text with the names of this tool; `path` is what errors name.
+///
+/// # Errors
+///
+/// As [`read`].
+pub fn from_csv(path: &Path, mut csv: impl Read, request: &Request<'_>) -> Result<Series> {
+    let mut bytes = Vec::new();
+    csv.read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;
+    own_names(path, bytes, request)
+}
+
+/// Whether a text that begins with `head` has the names of this tool for what is needed, with numbers below them. Decimal commas in
+/// quotes are the dialect of another program.
+fn has_own_names(head: &str, request: &Request<'_>) -> bool {
+    let Ok(table) = TextTable::below_names(head.trim_start_matches(MARK)) else { return false };
+    match mapping::own(&table.titles(), request) {
+        // Two columns of a kind.
+        Err(_) => true,
+        Ok(None) => false,
+        Ok(Some(chosen)) => match table.rows().next() {
+            Some(Ok((_, cells))) => chosen.iter().all(|column| {
+                let cell = cells.get(column.index).map(|text| numbers::cell(text, Decimal::Point));
+                !matches!(cell, Some(Cell::Text(_)))
+            }),
+            _ => true,
+        },
+    }
+}
+
+/// Reads CSV text with the names of this tool. Programs that join files leave more than one byte order mark.
+fn own_names(path: &Path, bytes: Vec<u8>, request: &Request<'_>) -> Result<Series> {
+    let text = String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned());
+    let text = text.trim_start_matches(MARK);
+    let table = TextTable::below_names(text).map_err(|(line, cause)| at(path, line, cause))?;
+    let line = table.head.line;
+    let own = mapping::own(&table.titles(), request).map_err(|cause| at(path, line, cause))?;
+    let source = Source::Text("UTF-8", table);
+    let chosen = own.map_or_else(|| map(path, &source, request, &Choices::default()), Ok)?;
+    extract(path, &source, &chosen)
+}
+
+/// A byte order mark.
+const MARK: char = '\u{feff}';
 
 /// Reads text; in each of the encodings that it may be in.
 fn text(path: &Path, bytes: &[u8], request: &Request<'_>, choices: &Choices) -> Result<Series> {
@@ -245,25 +286,22 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen]) -> Result<Series
         name => name.chars().take(40).collect(),
     };
     let names: Vec<String> = chosen.iter().map(name).collect();
-    let rows = source.rows(&indices).map_err(|cause| Error::file(path, cause))?;
-    let mut clock_s: Vec<f64> = Vec::with_capacity(rows);
+    let mut clock_s: Vec<f64> = Vec::new();
     let mut columns: Vec<Column> = names.iter().map(|name| Column::empty(name.clone())).collect();
-    for row in 0..rows {
-        source
-            .row(row, &indices, |line, place, value| {
-                let Chosen { quantity, factor, .. } = &chosen[place];
-                let cell = si(&names[place], value, *factor)?;
-                if *quantity == Quantity::Time {
-                    clock_s.push(next_time(&names[place], cell, clock_s.last().copied())?);
-                } else {
-                    columns[place].push(cell, line);
-                }
-                Ok(())
-            })
-            .map_err(|(line, cause)| at(path, line, cause))?;
-    }
-    if rows < 2 {
-        return Err(Error::file(path, format!("{rows} data rows; at least 2 are needed")));
+    source
+        .each(&indices, |line, place, value| {
+            let Chosen { quantity, factor, .. } = &chosen[place];
+            let cell = si(&names[place], value, *factor)?;
+            if *quantity == Quantity::Time {
+                clock_s.push(next_time(&names[place], cell, clock_s.last().copied())?);
+            } else {
+                columns[place].push(cell, line);
+            }
+            Ok(())
+        })
+        .map_err(|(line, cause)| at(path, line, cause))?;
+    if clock_s.len() < 2 {
+        return Err(Error::file(path, format!("{} data rows; a recording needs at least 2", clock_s.len())));
     }
     let used = |index: &usize| !indices.contains(index);
     let head = source.head();
@@ -277,7 +315,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen]) -> Result<Series
             .zip(&names)
             .map(|(column, name)| UnderstoodColumn {
                 quantity: column.quantity,
-                column: Some(column.index + 1),
+                column: column.index + 1,
                 name: name.clone(),
                 unit: column.unit.clone(),
                 factor: column.factor,
@@ -306,7 +344,7 @@ fn si(name: &str, value: Value<'_>, factor: f64) -> std::result::Result<Option<f
         Value::Number(number) if number.is_finite() && (number * factor).abs() <= MAX_VALUE => {
             Ok(Some(number * factor))
         }
-        Value::Number(number) => Err(format!("{name} is {number}; no instrument reads that")),
+        Value::Number(number) => Err(format!("{name} is {number:?}; no instrument reads that")),
         Value::Text(text) if is_clock(text) => {
             Err(format!("{name} is {text:?}, a time of day; export the seconds since the start"))
         }

@@ -6,7 +6,7 @@
 use super::choice::{Choice, Choices, Column};
 use super::names::{Sense, Title, UnitSense};
 use super::units;
-use super::{Quantity, Request};
+use super::{Names, Quantity, Request};
 
 /// A column that was understood.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +27,9 @@ pub struct Chosen {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum By {
+    /// Its name, which is that of this tool.
+    #[serde(rename = "name")]
+    OwnName,
     /// Its name.
     Name,
     /// Its unit alone.
@@ -35,23 +38,31 @@ pub enum By {
     Choice,
 }
 
-/// Names of recordings, with unit and factor.
-const RECORDING: &[(&str, Quantity, &str, f64)] = &[
-    ("time_s", Quantity::Time, "s", 1.0),
-    ("time_ms", Quantity::Time, "ms", 1e-3),
-    ("Time (s)", Quantity::Time, "s", 1.0),
-    ("voltage_v", Quantity::Voltage, "V", 1.0),
-    ("voltage_kv", Quantity::Voltage, "kV", 1e3),
-    ("force_n", Quantity::Force, "N", 1.0),
-    ("displacement_m", Quantity::Displacement, "m", 1.0),
-    ("displacement_mm", Quantity::Displacement, "mm", 1e-3),
-    ("displacement_um", Quantity::Displacement, "µm", 1e-6),
-    ("weight", Quantity::Weight, "", 1.0),
-];
-
-/// Quantity, unit and factor of a column of a recording.
-pub fn of_recording(name: &str) -> Option<(Quantity, &'static str, f64)> {
-    RECORDING.iter().find(|(known, ..)| *known == name).map(|(_, quantity, unit, factor)| (*quantity, *unit, *factor))
+/// The columns that have the names of this tool, where they are all that is needed. No other column counts then.
+///
+/// # Errors
+///
+/// Two columns of one kind.
+pub fn own(titles: &[Title], request: &Request<'_>) -> Result<Option<Vec<Chosen>>, String> {
+    let mut found: Vec<Chosen> = Vec::new();
+    for (index, title) in titles.iter().enumerate().filter(|(_, title)| title.unit.is_none()) {
+        let of_title = |(quantity, names): &(Quantity, &Names)| {
+            names.iter().find(|(name, _)| *name == title.name).map(|(_, unit)| (*quantity, *unit))
+        };
+        let Some((quantity, unit)) = request.wanted.iter().find_map(of_title) else { continue };
+        if let Some(other) = found.iter().find(|column| column.quantity == quantity) {
+            return Err(format!("both {} and {}; leave one of them", titles[other.index].name, title.name));
+        }
+        let factor = match units::read(unit) {
+            units::Read::Unit(unit) => unit.factor,
+            _ => 1.0,
+        };
+        found.push(Chosen { quantity, index, unit: unit.into(), factor, by: By::OwnName });
+    }
+    let has = |quantity: &Quantity| found.iter().any(|column| column.quantity == *quantity);
+    let complete = request.needed.iter().all(|set| set.iter().any(has));
+    found.sort_by_key(|column| column.quantity);
+    Ok(complete.then_some(found))
 }
 
 /// The columns with `titles` that `request` asks for.
@@ -60,23 +71,29 @@ pub fn of_recording(name: &str) -> Option<(Quantity, &'static str, f64)> {
 ///
 /// What is missing, or what may be read in two ways, and what to give with `--columns`.
 pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices) -> Result<Vec<Chosen>, String> {
-    let titles = Titles { titles, senses: titles.iter().map(|title| title.sense(request.wanted)).collect() };
-    if let (true, Some(found)) = (choices.is_empty(), titles.of_a_recording(request)) {
-        return found;
+    let titles = Titles { titles, senses: titles.iter().map(|title| title.sense(request)).collect() };
+    // A log in another dialect.
+    let displacement = |found: &[Chosen]| {
+        found.iter().any(|column| column.quantity == Quantity::Displacement) || !request.wants(Quantity::Displacement)
+    };
+    if let (true, Some(found)) = (choices.is_empty(), own(titles.titles, request)?.filter(|found| displacement(found)))
+    {
+        return Ok(found.into_iter().map(|column| Chosen { by: By::Name, ..column }).collect());
     }
-    let other = |quantity: &Quantity| !request.wanted.contains(quantity) && choices.get(*quantity).is_some();
+    let other = |quantity: &Quantity| !request.wants(*quantity) && choices.get(*quantity).is_some();
     if let Some(other) = [Quantity::Command, Quantity::Stretch, Quantity::Stress].iter().find(|q| other(q)) {
-        let names: Vec<&str> = request.wanted.iter().map(|quantity| quantity.name()).collect();
+        let names: Vec<&str> = request.wanted.iter().map(|(quantity, _)| quantity.name()).collect();
         return Err(format!("`columns` {}: what is read here is {}", other.name(), names.join(", ")));
     }
     let mut chosen: Vec<Chosen> = Vec::new();
-    for quantity in request.wanted {
+    for (quantity, _) in request.wanted {
         if let Some(choice) = choices.get(*quantity) {
             chosen.extend(titles.chosen(choice)?);
         }
     }
     let mut missing = Vec::new();
-    for quantity in request.wanted.iter().copied().filter(|quantity| choices.get(*quantity).is_none()) {
+    let wanted = request.wanted.iter().map(|(quantity, _)| *quantity);
+    for quantity in wanted.filter(|quantity| choices.get(*quantity).is_none()) {
         let taken: Vec<usize> = chosen.iter().map(|column| column.index).collect();
         match titles.named(quantity, &taken)? {
             Some(column) => chosen.push(column),
@@ -110,27 +127,6 @@ struct Titles<'a> {
 }
 
 impl Titles<'_> {
-    /// The columns of a recording, where the names are those of recordings. No other column counts then, as in any recording.
-    fn of_a_recording(&self, request: &Request<'_>) -> Option<Result<Vec<Chosen>, String>> {
-        let mut found: Vec<Chosen> = Vec::new();
-        for (index, title) in self.titles.iter().enumerate() {
-            let known = RECORDING.iter().find(|(name, ..)| *name == title.name && title.unit.is_none());
-            let Some((name, quantity, unit, factor)) = known else { continue };
-            if let Some(other) = found.iter().find(|column| column.quantity == *quantity) {
-                let first = &self.titles[other.index].name;
-                return Some(Err(format!("both {first} and {name}; leave one of them")));
-            }
-            let (unit, factor) = ((*unit).to_owned(), *factor);
-            found.push(Chosen { quantity: *quantity, index, unit, factor, by: By::Name });
-        }
-        let has = |quantity: Quantity| found.iter().any(|column| column.quantity == quantity);
-        let complete = request.needed.iter().all(|set| set.iter().any(|quantity| has(*quantity)))
-            && (has(Quantity::Displacement) || !request.wanted.contains(&Quantity::Displacement));
-        found.retain(|column| request.wanted.contains(&column.quantity));
-        found.sort_by_key(|column| column.quantity);
-        complete.then_some(Ok(found))
-    }
-
     /// The column that a person chose.
     fn chosen(&self, choice: &Choice) -> Result<Option<Chosen>, String> {
         let quantity = choice.quantity;
@@ -288,7 +284,7 @@ impl Titles<'_> {
             "" => format!("{}={column}", quantity.name()),
             unit => format!("{}={column}:{unit}", quantity.name()),
         };
-        let names: Vec<String> = set.iter().map(|quantity| quantity.expected(request.wanted).to_owned()).collect();
+        let names: Vec<String> = set.iter().map(|quantity| quantity.expected(request).to_owned()).collect();
         if self.titles.iter().all(|title| title.name.is_empty()) {
             let first = request.needed.iter().filter_map(|set| set.first());
             let all: Vec<String> = first.zip(1..).map(|(quantity, k)| choice(*quantity, &k.to_string())).collect();

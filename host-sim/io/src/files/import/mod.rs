@@ -1,7 +1,7 @@
-//! Files as laboratories have them: text of any dialect, spreadsheets and variables of MATLAB, read as columns in SI units.
+//! Files of columns: CSV with the names of this tool, and files as laboratories have them (text of any dialect, spreadsheets and variables
+//! of MATLAB), read as columns in SI units.
 //!
-//! [`crate::files::csv`] reads the files that recordings are described as; everything else comes here. The interpretation is reported
-//! ([`Understood`]), and what may be read in two ways is an error that shows both.
+//! The interpretation is reported ([`Understood`]), and what may be read in two ways is an error that shows both.
 
 mod choice;
 mod edit;
@@ -20,9 +20,8 @@ mod workbook;
 
 pub use choice::Choices;
 pub use edit::{Blank, Edits};
-pub use extract::{Series, Understood, UnderstoodColumn, read};
+pub use extract::{Series, Understood, UnderstoodColumn, from_csv, read};
 pub use mapping::By;
-pub(super) use text::{Separator, more_cells};
 
 /// Quantity of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
@@ -107,12 +106,10 @@ impl Quantity {
         }
     }
 
-    /// The names that are expected first where the quantities `wanted` are asked for.
-    fn expected(self, wanted: &[Self]) -> &'static str {
+    /// The names that are expected first in a file of `request`.
+    fn expected(self, request: &Request<'_>) -> &'static str {
         match self {
-            Self::Voltage if wanted.contains(&Self::Command) => {
-                "monitor_v or voltage_v (or such as \"HV monitor (kV)\")"
-            }
+            Self::Voltage if request.wants(Self::Command) => "monitor_v or voltage_v (or such as \"HV monitor (kV)\")",
             Self::Time => "time_s (or such as \"Time (s)\")",
             Self::Voltage => "voltage_v (or such as \"Voltage (kV)\")",
             Self::Force => "force_n",
@@ -125,13 +122,22 @@ impl Quantity {
     }
 }
 
+/// Names that a column has in a file of this tool, with their units.
+pub type Names = [(&'static str, &'static str)];
+
 /// Requirements for a file.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
-    /// Quantities that are taken where they are.
-    pub wanted: &'a [Quantity],
+    /// Quantities that are taken where they are, with their names in a file of this tool.
+    pub wanted: &'a [(Quantity, &'static Names)],
     /// One of every set must exist.
     pub needed: &'a [&'a [Quantity]],
+}
+
+impl Request<'_> {
+    fn wants(&self, quantity: Quantity) -> bool {
+        self.wanted.iter().any(|(wanted, _)| *wanted == quantity)
+    }
 }
 
 /// Options of the user for a file.

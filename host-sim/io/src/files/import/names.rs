@@ -1,7 +1,7 @@
 //! Titles of columns: what is measured, and in which unit.
 
-use super::Quantity;
 use super::units::{self, Unit};
+use super::{Quantity, Request};
 
 /// The title of a column.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -114,13 +114,13 @@ impl Title {
         Self { name: name.into(), unit: None }
     }
 
-    /// Interpretation of the title if the quantities `wanted` are required.
-    pub fn sense(&self, wanted: &[Quantity]) -> Sense {
+    /// Interpretation of the title in a file of `request`.
+    pub fn sense(&self, request: &Request<'_>) -> Sense {
         let (base, unit) = match &self.unit {
             Some(text) if !text.trim().is_empty() => (self.name.clone(), unit_cell(text)),
             _ => split(&self.name),
         };
-        Sense { named: quantity(&base, wanted), unit }
+        Sense { named: quantity(&base, request), unit }
     }
 }
 
@@ -201,8 +201,8 @@ fn letter_quantity(name: &str) -> Option<Quantity> {
     LETTERS.iter().find(|(_, letters)| letters.contains(&name.as_str())).map(|(quantity, _)| *quantity)
 }
 
-/// The quantity that the words of `name` mean if `wanted` are required.
-fn quantity(name: &str, wanted: &[Quantity]) -> Option<Quantity> {
+/// The quantity that the words of `name` mean in a file of `request`.
+fn quantity(name: &str, request: &Request<'_>) -> Option<Quantity> {
     let lower = name.to_lowercase();
     let all = lower.trim();
     if all == "weight" {
@@ -223,10 +223,10 @@ fn quantity(name: &str, wanted: &[Quantity]) -> Option<Quantity> {
         (Some((quantity, _)), None) => Some(*quantity),
         _ => None,
     };
-    let of_two = |(_, candidates): &&(Quantity, &[&str])| wanted.contains(&Quantity::Command) && says(candidates);
+    let of_two = |(_, candidates): &&(Quantity, &[&str])| request.wants(Quantity::Command) && says(candidates);
     if let Some(quantity) = only(&mut OF_TWO_VOLTAGES.iter().filter(of_two)) {
         return Some(quantity);
     }
-    let others = OTHER_WORDS.iter().filter(|(quantity, _)| wanted.contains(quantity));
+    let others = OTHER_WORDS.iter().filter(|(quantity, _)| request.wants(*quantity));
     only(&mut WORDS.iter().chain(others).filter(|(_, candidates)| says(candidates)))
 }

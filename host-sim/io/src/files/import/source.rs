@@ -63,75 +63,70 @@ impl Source<'_> {
         }
     }
 
-    /// Number of rows of the columns `indices`.
+    /// Passes the cells `indices` of every row and its line to `take`, each with its place in `indices`. Variables have no lines: their rows
+    /// count.
     ///
     /// # Errors
     ///
-    /// Where variables have different lengths.
-    pub fn rows(&self, indices: &[usize]) -> Result<usize, String> {
-        match self {
-            Self::Text(_, table) => Ok(table.len()),
-            Self::Sheet(sheet) => Ok(sheet.len()),
-            Self::Series(series) => {
-                let length = |index: &usize| series[*index].values.len();
-                let rows = indices.first().map_or(0, length);
-                match indices.iter().find(|index| length(index) != rows) {
-                    None => Ok(rows),
-                    Some(&other) => Err(format!(
-                        "{} has {rows} numbers and {} has {}; save series of one length",
-                        series[indices[0]].name,
-                        series[other].name,
-                        series[other].values.len()
-                    )),
-                }
-            }
-        }
-    }
-
-    /// Passes the cells `indices` of row `row` and its line to `take`. Variables have no lines: their rows count.
-    ///
-    /// # Errors
-    ///
-    /// The line and the cause where the row cannot be read, and what `take` returns.
-    pub fn row(
+    /// The line and the cause where a row cannot be read, and what `take` returns.
+    pub fn each(
         &self,
-        row: usize,
         indices: &[usize],
         mut take: impl FnMut(u64, usize, Value<'_>) -> Result<(), String>,
     ) -> Result<(), (u64, String)> {
         match self {
             Self::Text(_, table) => {
-                let (line, cells) = table.row(row)?;
-                for (place, &index) in indices.iter().enumerate() {
-                    let value = match cells.get(index).map(|text| numbers::cell(text, table.decimal)) {
-                        None => Value::Ended,
-                        Some(Cell::Nothing) => Value::Nothing,
-                        Some(Cell::Number(value)) => Value::Number(value),
-                        Some(Cell::Text(text)) => Value::Text(text),
-                    };
-                    take(line, place, value).map_err(|cause| (line, cause))?;
+                for row in table.rows() {
+                    let (line, cells) = row?;
+                    for (place, &index) in indices.iter().enumerate() {
+                        let value = match cells.get(index).map(|text| numbers::cell(text, table.decimal)) {
+                            None => Value::Ended,
+                            Some(Cell::Nothing) => Value::Nothing,
+                            Some(Cell::Number(value)) => Value::Number(value),
+                            Some(Cell::Text(text)) => Value::Text(text),
+                        };
+                        take(line, place, value).map_err(|cause| (line, cause))?;
+                    }
                 }
             }
             Self::Sheet(sheet) => {
-                let (line, cells) = sheet.row(row);
-                for (place, &index) in indices.iter().enumerate() {
-                    let value = match cells.get(index) {
-                        None | Some(SheetCell::Nothing) => Value::Nothing,
-                        Some(SheetCell::Number(value)) => Value::Number(*value),
-                        Some(SheetCell::Text(text)) => Value::Text(text),
-                    };
-                    take(line, place, value).map_err(|cause| (line, cause))?;
+                for (line, cells) in &sheet.rows {
+                    for (place, &index) in indices.iter().enumerate() {
+                        let value = match cells.get(index) {
+                            None | Some(SheetCell::Nothing) => Value::Nothing,
+                            Some(SheetCell::Number(value)) => Value::Number(*value),
+                            Some(SheetCell::Text(text)) => Value::Text(text),
+                        };
+                        take(*line, place, value).map_err(|cause| (*line, cause))?;
+                    }
                 }
             }
             Self::Series(series) => {
-                let line = row as u64 + 1;
-                for (place, &index) in indices.iter().enumerate() {
-                    let number = series[index].values[row];
-                    let value = if number.is_nan() { Value::Nothing } else { Value::Number(number) };
-                    take(line, place, value).map_err(|cause| (0, format!("{cause} (number {line})")))?;
+                for row in 0..same_length(series, indices).map_err(|cause| (0, cause))? {
+                    let line = row as u64 + 1;
+                    for (place, &index) in indices.iter().enumerate() {
+                        let number = series[index].values[row];
+                        let value = if number.is_nan() { Value::Nothing } else { Value::Number(number) };
+                        take(line, place, value).map_err(|cause| (0, format!("{cause} (number {line})")))?;
+                    }
                 }
             }
         }
         Ok(())
+    }
+}
+
+/// Length of the `series` at `indices`.
+fn same_length(series: &[mat::Series], indices: &[usize]) -> Result<usize, String> {
+    let length = |index: &usize| series[*index].values.len();
+    let rows = indices.first().map_or(0, length);
+    match indices.iter().find(|index| length(index) != rows) {
+        None => Ok(rows),
+        Some(&other) => Err(format!(
+            "{} has {rows} numbers and {} has {}; save series of one length",
+            series[indices[0]].name,
+            series[other].name,
+            series[other].values.len()
+        )),
     }
 }

@@ -42,12 +42,20 @@ impl Separator {
 
     /// The cells of `line`, without the quotes around them.
     pub fn split(self, line: &str) -> Vec<&str> {
+        self.cells(line).0
+    }
+
+    /// The cells of `line`, and whether the last has a quote that is not closed. A quote inside a cell is a letter; one that begins a
+    /// cell holds separators in it.
+    fn cells(self, line: &str) -> (Vec<&str>, bool) {
         let mut cells = Vec::new();
         let line = if self == Self::Blanks { line.trim() } else { line };
         let (mut start, mut quoted) = (0, false);
         for (at, c) in line.char_indices() {
             if c == '"' {
-                quoted = !quoted;
+                // Two quotes in a quoted cell are a letter: the second opens it again.
+                let opens = line[start..at].trim_start();
+                quoted = !quoted && (opens.is_empty() || opens.ends_with('"'));
             } else if !quoted && self.is(c) {
                 cells.push(bare(&line[start..at]));
                 start = at + c.len_utf8();
@@ -57,7 +65,7 @@ impl Separator {
         if self == Self::Blanks {
             cells.retain(|cell| !cell.is_empty());
         }
-        cells
+        (cells, quoted)
     }
 }
 
@@ -71,6 +79,8 @@ fn bare(cell: &str) -> &str {
 struct Line<'a> {
     number: u64,
     text: &'a str,
+    /// Text from its beginning on.
+    rest: &'a str,
 }
 
 /// Rows of numbers in a text.
@@ -82,26 +92,41 @@ pub struct TextTable<'a> {
     pub separator: Separator,
     /// How numbers are written.
     pub decimal: Decimal,
-    rows: Vec<Line<'a>>,
+    /// Number of columns.
+    columns: usize,
+    /// The first row of numbers.
+    first: Line<'a>,
+    /// Text from that row on.
+    rows: &'a str,
 }
 
-/// Longest line, in bytes: as for recordings.
+/// Longest line, in bytes.
 const MAX_LINE: usize = 1 << 16;
 
 impl<'a> TextTable<'a> {
+    /// The rows in a `text` whose first line has the names: the dialect of this tool, with commas and decimal points.
+    ///
+    /// # Errors
+    ///
+    /// Line and cause where the names cannot be read.
+    pub fn below_names(text: &'a str) -> Result<Self, (u64, String)> {
+        let mut lines = lines(text, 1).filter(|line| !is_comment(line.text));
+        let end = text.lines().count() as u64 + 1;
+        let header = lines.next().unwrap_or(Line { number: end, text: "", rest: "" });
+        let titles: Vec<Title> = header.cells(Separator::Comma)?.into_iter().map(Title::new).collect();
+        let first = lines.next().unwrap_or(Line { number: end, text: "", rest: "" });
+        let head = Head { line: header.number, titles, ..Head::default() };
+        let (columns, rows) = (head.titles.len(), first.rest);
+        Ok(Self { head, separator: Separator::Comma, decimal: Decimal::Point, columns, first, rows })
+    }
+
     /// Finds the rows of numbers in `text`.
     ///
     /// # Errors
     ///
     /// Line (0 for the whole file) and cause if they are missing, or can be read in two ways.
     pub fn find(text: &'a str) -> Result<Self, (u64, String)> {
-        let lines = lines(text);
-        if let Some(line) = lines.iter().find(|line| line.text.len() > MAX_LINE) {
-            return Err((
-                line.number,
-                format!("a line of more than {MAX_LINE} characters; this is not a CSV recording"),
-            ));
-        }
+        let lines: Vec<Line<'_>> = lines(text, 1).collect();
         let mut found: Vec<Self> = Vec::new();
         for separator in Separator::ALL {
             // Blanks occur between other separators too: they count where nothing else does.
@@ -113,7 +138,7 @@ impl<'a> TextTable<'a> {
         match found.as_slice() {
             [one] => Ok(one.clone()),
             [first, second, ..] => {
-                let row = first.rows[0];
+                let row = first.first;
                 let shown = |table: &Self| {
                     format!("separated by {}: {}", table.separator.name(), table.separator.split(row.text).join(" | "))
                 };
@@ -150,10 +175,9 @@ impl<'a> TextTable<'a> {
         for line in &rows[first..] {
             separator.split(line.text).iter().for_each(|cell| signs.count(cell));
         }
-        let line = rows[first].number;
-        let decimal = decimal(signs, separator).map_err(|cause| (line, cause))?;
-        let columns = separator.split(rows[first].text).len();
         let data_line = rows[first].number;
+        let decimal = decimal(signs, separator).map_err(|cause| (data_line, cause))?;
+        let columns = separator.split(rows[first].text).len();
         let top = |line: &Line<'a>, comment: bool| {
             let text = if comment { line.text.trim_start_matches(['#', '%', '!', ' ']) } else { line.text };
             TopRow { line: line.number, cells: header_cells(text, separator, columns), comment }
@@ -166,56 +190,63 @@ impl<'a> TextTable<'a> {
         while head.titles.len() > columns && head.titles.last().is_some_and(|title| title.name.is_empty()) {
             head.titles.pop();
         }
-        Ok(Some(Self { head, separator, decimal, rows: rows[first..].to_vec() }))
+        let (titles, first) = (head.titles.len(), rows[first]);
+        let columns = if titles == 0 { columns } else { titles };
+        Ok(Some(Self { head, separator, decimal, columns, first, rows: first.rest }))
     }
 
-    /// Number of rows.
-    pub fn len(&self) -> usize {
-        self.rows.len()
-    }
-
-    /// Titles of all columns; of none where there is no header.
+    /// Titles of all columns, empty where there is no header.
     pub fn titles(&self) -> Vec<Title> {
-        let columns = self.separator.split(self.rows[0].text).len();
         let mut titles = self.head.titles.clone();
-        titles.resize(titles.len().max(columns), Title::default());
+        titles.resize(self.columns, Title::default());
         titles
     }
 
-    /// Line and cells of row `row`.
-    ///
-    /// # Errors
-    ///
-    /// Its line and the cause where it has more cells than the header.
-    pub fn row(&self, row: usize) -> Result<(u64, Vec<&'a str>), (u64, String)> {
-        let Line { number, text } = self.rows[row];
-        let cells = self.separator.split(text);
-        let columns = self.titles_len();
-        if cells.len() > columns && cells[columns..].iter().any(|cell| !cell.is_empty()) {
-            return Err((number, more_cells(cells.len(), columns, self.separator)));
-        }
-        Ok((number, cells))
-    }
-
-    fn titles_len(&self) -> usize {
-        if self.head.titles.is_empty() { self.separator.split(self.rows[0].text).len() } else { self.head.titles.len() }
+    /// Line and cells of every row, or line and cause where it cannot be used.
+    pub fn rows(&self) -> impl Iterator<Item = Result<(u64, Vec<&'a str>), (u64, String)>> {
+        lines(self.rows, self.first.number).filter(|line| !is_comment(line.text)).map(|line| {
+            let cells = line.cells(self.separator)?;
+            if cells.iter().skip(self.columns).any(|cell| !cell.is_empty()) {
+                return Err((line.number, more_cells(cells.len(), self.columns, self.separator)));
+            }
+            Ok((line.number, cells))
+        })
     }
 }
 
-/// Lines with text on them. Line ends of all systems end them.
-fn lines(text: &str) -> Vec<Line<'_>> {
-    let mut lines = Vec::new();
-    let (mut number, mut rest) = (0, text);
-    while !rest.is_empty() {
-        number += 1;
+impl<'a> Line<'a> {
+    /// Its cells, between `separator`.
+    ///
+    /// # Errors
+    ///
+    /// Its number and why it cannot be used.
+    fn cells(&self, separator: Separator) -> Result<Vec<&'a str>, (u64, String)> {
+        if self.text.len() > MAX_LINE {
+            let cause = format!("a line of more than {MAX_LINE} characters; this is not a table of numbers");
+            return Err((self.number, cause));
+        }
+        match separator.cells(self.text) {
+            (_, true) => Err((self.number, "a quote is not closed on this line".into())),
+            (cells, false) => Ok(cells),
+        }
+    }
+}
+
+/// The lines of `text` that are not blank; the first of all is number `number`. Line ends of all systems end them.
+fn lines(text: &str, mut number: u64) -> impl Iterator<Item = Line<'_>> {
+    let mut rest = text;
+    let next = move || {
+        if rest.is_empty() {
+            return None;
+        }
+        let (number_here, begin) = (number, rest);
         let end = rest.find(['\n', '\r']).unwrap_or(rest.len());
         let (line, after) = rest.split_at(end);
         rest = after.strip_prefix("\r\n").or_else(|| after.strip_prefix(['\n', '\r'])).unwrap_or(after);
-        if !line.trim().is_empty() {
-            lines.push(Line { number, text: line });
-        }
-    }
-    lines
+        number += 1;
+        Some(Line { number: number_here, text: line, rest: begin })
+    };
+    std::iter::from_fn(next).filter(|line| !line.text.trim().is_empty())
 }
 
 fn is_comment(line: &str) -> bool {
@@ -316,7 +347,7 @@ fn refuse_shifted(head: &Head, row: &Line<'_>, columns: usize, separator: Separa
 }
 
 /// The error about a row of `cells` below a header of `titles`.
-pub fn more_cells(cells: usize, titles: usize, separator: Separator) -> String {
+fn more_cells(cells: usize, titles: usize, separator: Separator) -> String {
     let cause = match separator {
         Separator::Comma => {
             "; decimal commas in a file separated by commas shift every value: export with a decimal point, or separated by \

@@ -27,7 +27,8 @@ pub struct Sheet {
     pub name: String,
     /// Lines above the numbers.
     pub head: Head,
-    rows: Vec<(u64, Vec<SheetCell>)>,
+    /// The rows, with their numbers.
+    pub rows: Vec<(u64, Vec<SheetCell>)>,
 }
 
 /// Most columns: a workbook may have cells far out.
@@ -133,16 +134,5 @@ impl Sheet {
         let mut titles = self.head.titles.clone();
         titles.resize(titles.len().max(self.rows[0].1.len()), Title::default());
         titles
-    }
-
-    /// Number of rows.
-    pub fn len(&self) -> usize {
-        self.rows.len()
-    }
-
-    /// Number and cells of row `row`.
-    pub fn row(&self, row: usize) -> (u64, &[SheetCell]) {
-        let (number, cells) = &self.rows[row];
-        (*number, cells)
     }
 }

@@ -1,0 +1,80 @@
+//! Tables: columns of numbers over time, in SI units.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::grid::Samples;
+
+/// Largest value, in any unit.
+pub(super) const MAX_VALUE: f64 = 1e15;
+
+/// Columns in SI units, time from the first row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table<const N: usize> {
+    /// Times in s, increasing from 0.
+    pub time_s: Vec<f64>,
+    /// Time of the first row by the file's clock, s.
+    pub start_s: f64,
+    /// The requested columns; `None` for a column that is missing or empty throughout.
+    pub columns: [Option<Column>; N],
+}
+
+/// One quantity over the rows; a cell may be empty where nothing was measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    name: String,
+    cells: Vec<Option<f64>>,
+    /// Line of the first empty cell.
+    first_gap: Option<u64>,
+}
+
+impl Column {
+    /// A column without cells yet.
+    pub(super) fn empty(name: String) -> Self {
+        Self { name, cells: Vec::new(), first_gap: None }
+    }
+
+    /// Adds the cell of `line`.
+    pub(super) fn push(&mut self, cell: Option<f64>, line: u64) {
+        if cell.is_none() && self.first_gap.is_none() {
+            self.first_gap = Some(line);
+        }
+        self.cells.push(cell);
+    }
+
+    /// Whether any cell has a value.
+    pub(super) fn has_values(&self) -> bool {
+        self.cells.iter().any(Option::is_some)
+    }
+
+    /// The cells, row by row.
+    pub(super) fn cells(&self) -> &[Option<f64>] {
+        &self.cells
+    }
+
+    /// The same column with other cells, whose gaps are at no line of the file.
+    pub(super) fn with_cells(&self, cells: Vec<Option<f64>>) -> Self {
+        let first_gap = cells.iter().any(Option::is_none).then_some(self.first_gap).flatten();
+        Self { name: self.name.clone(), cells, first_gap }
+    }
+
+    /// The cells that are not empty, at their times.
+    pub fn present(&self, time_s: &[f64]) -> Samples {
+        let (time_s, value) = time_s.iter().zip(&self.cells).filter_map(|(&t, cell)| cell.map(|v| (t, v))).unzip();
+        Samples { time_s, value }
+    }
+
+    /// All cells.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Line`] where a cell is empty; `why` is the reason that it must not be.
+    pub fn complete(&self, path: &Path, time_s: &[f64], why: &str) -> Result<Samples> {
+        let empty = |at: &str| format!("{} is empty{at}; {why}", self.name);
+        match (self.first_gap, self.cells.iter().position(Option::is_none)) {
+            (_, None) => Ok(self.present(time_s)),
+            (Some(line), _) => Err(Error::line(path, line, empty(""))),
+            (None, Some(row)) => Err(Error::file(path, empty(&format!(" at {} s", time_s[row])))),
+        }
+    }
+}
