@@ -183,26 +183,31 @@ static void mdlOutputs(SimStruct *S, int_T tid)
     springpot_tick_state state;
     springpot_tick_input in;
     springpot_tick_output out;
+    int_T k;
 
     (void)tid;
+    memcpy(&state, ssGetDWork(S, KEPT), sizeof state);
+    for (k = 0; k < has->count; k++) {
+        const float value = input_at(S, k);
+        /* NaN is missing; a reference that is missing leaves the last one in force. A film would keep it for good. */
+        const bool may_miss = (k > 0) || (state.kind == SPRINGPOT_TICK_FEEDFORWARD) || (state.kind == SPRINGPOT_TICK_TRACKING);
+        if (!springpot_is_finite(value) && !(may_miss && (value != value))) {
+            ssSetErrorStatus(S, (k == 0) ? "@NAME@_sfun: the first input is not finite in single precision"
+                                         : "@NAME@_sfun: a sample or an applied voltage is infinite in single precision");
+            return;
+        }
+    }
     in.u = input_at(S, 0);
     in.sample = input_at(S, has->sample);
     in.age_ticks = (uint32_t)whole(S, AGE, 0, (int_T)SPRINGPOT_PAST - 1);
     in.applied = input_at(S, has->applied);
     in.reading = SPRINGPOT_NO_READING;
-    memcpy(&state, ssGetDWork(S, KEPT), sizeof state);
-    /* A reference that is not finite leaves the last one in force. */
-    if (springpot_is_finite(in.u) || (state.kind == SPRINGPOT_TICK_FEEDFORWARD) || (state.kind == SPRINGPOT_TICK_TRACKING)) {
-        out = springpot_tick(&@SYMBOL@, &state, &in);
-        memcpy(ssGetDWork(S, NEXT), &state, sizeof state);
-        *(real_T *)ssGetOutputPortSignal(S, 0) = (real_T)out.displacement;
-        *(real_T *)ssGetOutputPortSignal(S, 1) = (real_T)out.voltage;
-        *(real_T *)ssGetOutputPortSignal(S, 2) = (real_T)out.force;
-        *(real_T *)ssGetOutputPortSignal(S, 3) = (real_T)out.limited;
-    } else {
-        /* The film would keep it for good. */
-        ssSetErrorStatus(S, "@NAME@_sfun: the first input is not finite in single precision");
-    }
+    out = springpot_tick(&@SYMBOL@, &state, &in);
+    memcpy(ssGetDWork(S, NEXT), &state, sizeof state);
+    *(real_T *)ssGetOutputPortSignal(S, 0) = (real_T)out.displacement;
+    *(real_T *)ssGetOutputPortSignal(S, 1) = (real_T)out.voltage;
+    *(real_T *)ssGetOutputPortSignal(S, 2) = (real_T)out.force;
+    *(real_T *)ssGetOutputPortSignal(S, 3) = (real_T)out.limited;
 }
 
 #define MDL_UPDATE

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::Command;
 
 use host_emit::{matlab, symbol};
+use springpot::SensorSample;
 use tempfile::TempDir;
 
 use crate::bits::{inputs, recorded};
@@ -171,30 +172,35 @@ fn the_block_has_the_bits_of_rust_over_three_recordings() {
 fn the_block_refuses_what_it_cannot_step() {
     let folder = exported(&films::plain(), "film");
     block(folder.path(), "film");
-    let run = |parameters: &[&str], first: f32| {
-        let input = Input { a: first, b: 0.0, sample: None, flags: 0 };
+    let run = |parameters: &[&str], first: f32, second: Option<f32>| {
+        let sample = second.map(|displacement_m| SensorSample { displacement_m, age_ticks: 0 });
+        let input = Input { a: first, b: 0.0, sample, flags: 0 };
         let file = folder.path().join("input");
         fs::write(&file, &job::bytes(Kind::Force, 0, &[input])[12..]).expect("written");
         let mut command = Command::new(folder.path().join("block"));
         let output = command.args(parameters).stdin(fs::File::open(&file).expect("written")).output().expect("runs");
         (output.status.success(), String::from_utf8(output.stderr).expect("text"))
     };
-    for (parameters, first, words) in [
-        (["0", "0"].as_slice(), 0.0, "film_sfun: the mode"),
-        (&["7", "0"], 0.0, "film_sfun: the mode"),
-        (&["1.5", "0"], 0.0, "film_sfun: the mode"),
-        (&["nan", "0"], 0.0, "film_sfun: the mode"),
-        (&["6", "64"], 0.0, "film_sfun: the age"),
-        (&["6", "-1"], 0.0, "film_sfun: the age"),
-        (&["6"], 0.0, "number of parameters"),
-        (&["3", "0"], f32::INFINITY, "film_sfun: the first input"),
-        (&["5", "0"], f32::NAN, "film_sfun: the first input"),
+    let infinite = Some(f32::NEG_INFINITY);
+    for (parameters, first, second, words) in [
+        (["0", "0"].as_slice(), 0.0, None, "film_sfun: the mode"),
+        (&["7", "0"], 0.0, None, "film_sfun: the mode"),
+        (&["1.5", "0"], 0.0, None, "film_sfun: the mode"),
+        (&["nan", "0"], 0.0, None, "film_sfun: the mode"),
+        (&["6", "64"], 0.0, None, "film_sfun: the age"),
+        (&["6", "-1"], 0.0, None, "film_sfun: the age"),
+        (&["6"], 0.0, None, "number of parameters"),
+        (&["3", "0"], f32::INFINITY, None, "film_sfun: the first input"),
+        (&["5", "0"], f32::NAN, None, "film_sfun: the first input"),
+        (&["6", "0"], f32::INFINITY, None, "film_sfun: the first input"),
+        (&["5", "0"], 0.0, infinite, "film_sfun: a sample"),
+        (&["6", "0"], 0.0, infinite, "film_sfun: a sample"),
     ] {
-        let (good, stderr) = run(parameters, first);
+        let (good, stderr) = run(parameters, first, second);
         assert!(!good && stderr.contains(words), "{parameters:?}: {stderr}");
     }
     for (mode, inputs) in [("1", 1), ("4", 2), ("5", 2), ("6", 3)] {
-        let (good, stderr) = run(&[mode, "0"], if mode == "6" { f32::NAN } else { 0.0 });
+        let (good, stderr) = run(&[mode, "0"], if mode == "6" { f32::NAN } else { 0.0 }, None);
         assert!(good, "{stderr}");
         assert_eq!(stderr, format!("{inputs} inputs every 0.001 s from 0 s\n"));
     }
