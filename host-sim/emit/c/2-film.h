@@ -108,33 +108,33 @@ typedef struct {
 
 /* Learning of periodic references. */
 typedef struct {
-    float least_swing;      /* of a reference that counts, m */
-    float swing_forgetting; /* share of a swing that is forgotten in a tick */
+    float min_swing;              /* of a reference that counts, m */
+    float swing_decay;            /* share of a swing that is lost in a tick */
     float hysteresis;
-    float missed;           /* periods without a crossing after which a reference is not periodic */
+    float overdue;                /* periods without a crossing after which a reference is not periodic */
     float agreement;
-    float period;           /* ticks; 0 where it is taken from the reference */
-    uint32_t harmonics;     /* that are learned, beside the mean */
-    float largest_angle;    /* in a tick, of a harmonic that is learned, rad */
-    float rate;             /* ticks in a second */
+    float period;                 /* ticks; 0 where it is taken from the reference */
+    uint32_t harmonics;           /* that are learned, beside the mean */
+    float largest_angle;          /* in a tick, of a harmonic that is learned, rad */
+    float rate;                   /* ticks in a second */
     float approach;
-    float first_share;
-    float largest_share;
-    float gains[2];
-    float seen;
-    uint32_t silent_blocks;
-    float series_angle;     /* largest angle of the series of cosine and sine, rad */
+    float initial_step_size;
+    float step_size;
+    float inverse_gains[2];
+    float significance;
+    uint32_t unresponsive_blocks;
+    float series_angle;           /* largest angle of the series of cosine and sine, rad */
     float cosine[4];
     float sine[4];
     float settling_s[2];
-    float least_s[2];
-    float longest_s;
-    float least_samples;
+    float min_block_s[2];
+    float max_block_s;
+    float min_samples;
     float smoothing;
-    float fading;
+    float fade_weight;
     float same_period;
-    float faded;
-    float turn;             /* 2 pi */
+    float faded_out;
+    float turn;                   /* 2 pi */
 } springpot_learning;
 
 /* The constants of a film at its rate. */

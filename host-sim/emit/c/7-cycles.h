@@ -3,42 +3,42 @@
 
 /* Turning points and crossings of a reference. */
 typedef struct {
-    float before;  /* m */
-    float extreme; /* m */
-    float upper;   /* m */
-    float lower;   /* m */
-    float swing;   /* m */
-    float since;   /* ticks */
+    float previous; /* m */
+    float extreme;  /* m */
+    float upper;    /* m */
+    float lower;    /* m */
+    float swing;    /* m */
+    float ticks_since_crossing;
     float interval; /* ticks */
-    uint32_t rises;
-    uint32_t armed;
-    uint32_t agrees;
+    uint32_t is_rising;
+    uint32_t is_armed;
+    uint32_t is_periodic;
 } springpot_cycle;
 
 /* A harmonic of the error, complex amplitudes in m. */
 typedef struct {
     float added[2];
     float target[2];
-    float tried[2];
+    float previous_target[2];
     float sum[2];
     float error[2];
-    float gain[2];
-    float share;
-    uint32_t silent;
+    float inverse_gain[2];
+    float step_size;
+    uint32_t unresponsive_blocks;
 } springpot_harmonic;
 
 /* The cycles over which harmonics are measured. */
 typedef struct {
     float ticks;
-    float unended;
-    float turned; /* rad */
-    float end;    /* rad */
+    float ticks_since_end;
+    float angle;    /* rad */
+    float next_end; /* rad */
     float samples;
-    float squares;  /* m^2 */
+    float sum_of_squares; /* m^2 */
     float scale;
     float variance; /* m^2 */
     uint32_t has_ended;
-    uint32_t is_rough;
+    uint32_t is_short;
 } springpot_block;
 
 /* A reference and its phase. */
@@ -48,19 +48,19 @@ typedef struct {
 } springpot_turn;
 
 /* For reading: lagged[1] is what is added to the reference now (m), angle what a tick turns (rad; 0 without a period),
- * has_learned whether the errors of this period have been seen. */
+ * has_learned whether the errors of this period have been measured. */
 typedef struct {
     springpot_cycle cycle;
     float phase[2];
-    float turn[2];
+    float rotation[2];
     float angle; /* rad */
-    float share;
+    float fade;
     float lagged[2]; /* m */
     springpot_harmonic harmonics[SPRINGPOT_HARMONICS + 1U];
     uint32_t has_arrived;
     float arrived;        /* m */
     uint32_t arrived_at;
-    uint32_t visited;
+    uint32_t index;
     float error; /* m */
     float unit[2];
     float power[2];
@@ -73,15 +73,15 @@ typedef struct {
 SPRINGPOT_ASSERT(sizeof(springpot_learning_state) == 1316U, a_state_of_learning_takes_1316_bytes);
 
 /* `angle` (rad) within its bound, and exp(i) of it. */
-static inline void springpot_turn_by(const springpot_learning *learning, springpot_learning_state *state, float angle)
+static inline void springpot_set_angle(const springpot_learning *learning, springpot_learning_state *state, float angle)
 {
     const float bounded = (angle < learning->series_angle) ? angle : learning->series_angle;
     const float square = bounded * bounded;
     const float *a = learning->cosine;
     const float *b = learning->sine;
     state->angle = bounded;
-    state->turn[0] = a[0] + (square * (a[1] + (square * (a[2] + (square * a[3])))));
-    state->turn[1] = bounded * (b[0] + (square * (b[1] + (square * (b[2] + (square * b[3]))))));
+    state->rotation[0] = a[0] + (square * (a[1] + (square * (a[2] + (square * a[3])))));
+    state->rotation[1] = bounded * (b[0] + (square * (b[1] + (square * (b[2] + (square * b[3]))))));
 }
 
 /* Begins a block, as rough as the one before. */
@@ -89,10 +89,10 @@ static inline void springpot_begin_block(const springpot_learning *learning, spr
 {
     uint32_t i;
     state->block.ticks = 0.0F;
-    state->block.turned = 0.0F;
-    state->block.end = (learning != NULL) ? learning->turn : 0.0F;
+    state->block.angle = 0.0F;
+    state->block.next_end = (learning != NULL) ? learning->turn : 0.0F;
     state->block.samples = 0.0F;
-    state->block.squares = 0.0F;
+    state->block.sum_of_squares = 0.0F;
     state->block.scale = 0.0F;
     state->block.variance = 0.0F;
     state->block.has_ended = 0U;
@@ -113,19 +113,19 @@ static inline void springpot_learning_forget(const springpot_film *film, springp
         for (part = 0U; part < 2U; part++) {
             harmonic->added[part] = 0.0F;
             harmonic->target[part] = 0.0F;
-            harmonic->tried[part] = 0.0F;
+            harmonic->previous_target[part] = 0.0F;
             harmonic->error[part] = 0.0F;
         }
-        harmonic->gain[0] = 1.0F;
-        harmonic->gain[1] = 0.0F;
-        harmonic->share = (film->learning != NULL) ? film->learning->first_share : 0.0F;
-        harmonic->silent = 0U;
+        harmonic->inverse_gain[0] = 1.0F;
+        harmonic->inverse_gain[1] = 0.0F;
+        harmonic->step_size = (film->learning != NULL) ? film->learning->initial_step_size : 0.0F;
+        harmonic->unresponsive_blocks = 0U;
     }
     springpot_begin_block(film->learning, state);
-    state->block.unended = 0.0F;
-    state->block.is_rough = 1U;
+    state->block.ticks_since_end = 0.0F;
+    state->block.is_short = 1U;
     state->has_learned = 0U;
-    state->visited = 0U;
+    state->index = 0U;
 }
 
 /* Begins another run, whose reference begins at `position` (m), with what was learned if it `keeps` it. The sample that has arrived last
@@ -140,25 +140,25 @@ static inline void springpot_learning_restart(
     if (!keeps) {
         springpot_learning_forget(film, state);
     }
-    state->cycle.before = position;
+    state->cycle.previous = position;
     state->cycle.extreme = position;
     state->cycle.upper = position;
     state->cycle.lower = position;
     state->cycle.swing = 0.0F;
-    state->cycle.since = 0.0F;
+    state->cycle.ticks_since_crossing = 0.0F;
     state->cycle.interval = 0.0F;
-    state->cycle.rises = 1U;
-    state->cycle.armed = 0U;
-    state->cycle.agrees = 0U;
+    state->cycle.is_rising = 1U;
+    state->cycle.is_armed = 0U;
+    state->cycle.is_periodic = 0U;
     state->phase[0] = 1.0F;
     state->phase[1] = 0.0F;
     state->angle = 0.0F;
-    state->turn[0] = 1.0F;
-    state->turn[1] = 0.0F;
+    state->rotation[0] = 1.0F;
+    state->rotation[1] = 0.0F;
     if (given) {
-        springpot_turn_by(learning, state, learning->turn / learning->period);
+        springpot_set_angle(learning, state, learning->turn / learning->period);
     }
-    state->share = given ? 1.0F : 0.0F;
+    state->fade = given ? 1.0F : 0.0F;
     state->lagged[0] = 0.0F;
     state->lagged[1] = 0.0F;
     for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
@@ -166,8 +166,8 @@ static inline void springpot_learning_restart(
         harmonic->added[0] = 0.0F;
         harmonic->added[1] = 0.0F;
         /* Nothing has changed against the block before: the film's answer stays as it was measured. */
-        harmonic->tried[0] = harmonic->target[0];
-        harmonic->tried[1] = harmonic->target[1];
+        harmonic->previous_target[0] = harmonic->target[0];
+        harmonic->previous_target[1] = harmonic->target[1];
     }
     for (i = 0U; i < SPRINGPOT_PAST; i++) {
         state->past[i].reference = position;
@@ -177,15 +177,15 @@ static inline void springpot_learning_restart(
     /* The ring begins at 0 again. */
     state->arrived_at = (state->arrived_at + (SPRINGPOT_PAST - state->newest)) % SPRINGPOT_PAST;
     state->newest = 0U;
-    state->visited = 0U;
+    state->index = 0U;
     state->error = 0.0F;
     state->unit[0] = 1.0F;
     state->unit[1] = 0.0F;
     state->power[0] = 1.0F;
     state->power[1] = 0.0F;
     springpot_begin_block(learning, state);
-    state->block.unended = 0.0F;
-    state->block.is_rough = 1U;
+    state->block.ticks_since_end = 0.0F;
+    state->block.is_short = 1U;
     state->has_learned = 0U;
 }
 
@@ -208,79 +208,79 @@ static inline float springpot_square(const float *pair)
 static inline bool springpot_find_cycle(
     const springpot_learning *learning, springpot_cycle *cycle, float reference, float *late)
 {
-    const float before = cycle->before;
-    const bool rises = cycle->rises != 0U;
+    const float previous = cycle->previous;
+    const bool is_rising = cycle->is_rising != 0U;
     float hysteresis;
-    float back;
+    float reversal;
     float middle;
     bool crossed;
 
-    cycle->swing = cycle->swing - (learning->swing_forgetting * cycle->swing);
+    cycle->swing = cycle->swing - (learning->swing_decay * cycle->swing);
     hysteresis = learning->hysteresis * cycle->swing;
-    hysteresis = (hysteresis > learning->least_swing) ? hysteresis : learning->least_swing;
-    if (rises ? (reference > cycle->extreme) : (reference < cycle->extreme)) {
+    hysteresis = (hysteresis > learning->min_swing) ? hysteresis : learning->min_swing;
+    if (is_rising ? (reference > cycle->extreme) : (reference < cycle->extreme)) {
         cycle->extreme = reference;
     }
-    back = rises ? (cycle->extreme - reference) : (reference - cycle->extreme);
-    if (back > hysteresis) {
-        if (rises) {
+    reversal = is_rising ? (cycle->extreme - reference) : (reference - cycle->extreme);
+    if (reversal > hysteresis) {
+        if (is_rising) {
             cycle->upper = cycle->extreme;
         } else {
             cycle->lower = cycle->extreme;
-            cycle->armed = 1U;
+            cycle->is_armed = 1U;
         }
         cycle->swing = cycle->upper - cycle->lower;
-        cycle->rises = rises ? 0U : 1U;
+        cycle->is_rising = is_rising ? 0U : 1U;
         cycle->extreme = reference;
     }
-    cycle->before = reference;
-    cycle->since = cycle->since + 1.0F;
-    if (cycle->since > (learning->missed * cycle->interval)) {
-        cycle->agrees = 0U;
+    cycle->previous = reference;
+    cycle->ticks_since_crossing = cycle->ticks_since_crossing + 1.0F;
+    if (cycle->ticks_since_crossing > (learning->overdue * cycle->interval)) {
+        cycle->is_periodic = 0U;
     }
     middle = 0.5F * (cycle->upper + cycle->lower);
-    crossed = (cycle->armed != 0U) && (before < middle) && (reference >= middle);
+    crossed = (cycle->is_armed != 0U) && (previous < middle) && (reference >= middle);
     if (crossed) {
-        const float ago = (reference - middle) / (reference - before);
-        const float interval = cycle->since - ago;
+        const float ticks_ago = (reference - middle) / (reference - previous);
+        const float interval = cycle->ticks_since_crossing - ticks_ago;
         const float difference = interval - cycle->interval;
         const float tolerance = learning->agreement * interval;
-        cycle->armed = 0U;
-        cycle->agrees = ((difference < tolerance) && (-difference < tolerance)) ? 1U : 0U;
+        cycle->is_armed = 0U;
+        cycle->is_periodic = ((difference < tolerance) && (-difference < tolerance)) ? 1U : 0U;
         cycle->interval = interval;
-        cycle->since = ago;
-        *late = ago;
+        cycle->ticks_since_crossing = ticks_ago;
+        *late = ticks_ago;
     }
     return crossed;
 }
 
 /* Takes the period from the reference. */
-static inline void springpot_follow_period(
+static inline void springpot_track_period(
     const springpot_learning *learning, springpot_learning_state *state, float reference)
 {
     float late = 0.0F;
     const bool crossed = springpot_find_cycle(learning, &state->cycle, reference, &late);
 
-    if (state->cycle.agrees == 0U) {
+    if (state->cycle.is_periodic == 0U) {
         state->angle = 0.0F;
         state->has_learned = 0U;
     } else if (crossed) {
-        const float turn = learning->turn / state->cycle.interval;
+        const float angle = learning->turn / state->cycle.interval;
         const float cosine = state->phase[0];
         /* The crossing is where the phase is 0: `late` ticks ago. */
-        const float behind = state->phase[1] - ((turn * late) * cosine);
-        if ((state->angle > 0.0F) && (cosine > 0.0F) && (behind < learning->same_period)
-            && (-behind < learning->same_period)) {
+        const float phase_error = state->phase[1] - ((angle * late) * cosine);
+        if ((state->angle > 0.0F) && (cosine > 0.0F) && (phase_error < learning->same_period)
+            && (-phase_error < learning->same_period)) {
             /* The next cycle makes up for what is left. */
-            springpot_turn_by(learning, state, turn - ((turn * behind) / learning->turn));
-        } else if (state->share > learning->faded) {
+            springpot_set_angle(learning, state, angle - ((angle * phase_error) / learning->turn));
+        } else if (state->fade > learning->faded_out) {
             /* Another period: what was learned is faded out first. */
             state->angle = 0.0F;
             state->has_learned = 0U;
         } else {
             state->phase[0] = 1.0F;
-            state->phase[1] = turn * late;
-            springpot_turn_by(learning, state, turn);
+            state->phase[1] = angle * late;
+            springpot_set_angle(learning, state, angle);
             springpot_begin_block(learning, state);
         }
     } else {

@@ -1,43 +1,43 @@
 /* Ends a block for a harmonic: E = `scale` times its sum, each part of which noise gives the `variance` (m^2). Whether E is more than
  * noise. */
-static inline bool springpot_learn(const springpot_learning *learning, springpot_harmonic *harmonic, float scale,
-    float variance, bool may_be_silent)
+static inline bool springpot_update_harmonic(const springpot_learning *learning, springpot_harmonic *harmonic, float scale,
+    float variance, bool may_be_unresponsive)
 {
     const float error[2] = {scale * harmonic->sum[0], scale * harmonic->sum[1]};
     /* P = dE / dA, where both are far above the noise. */
-    const float answer[2] = {error[0] - harmonic->error[0], error[1] - harmonic->error[1]};
-    const float change[2] = {harmonic->target[0] - harmonic->tried[0], harmonic->target[1] - harmonic->tried[1]};
-    const float seen = learning->seen * variance;
-    const float answered = springpot_square(answer);
+    const float response[2] = {error[0] - harmonic->error[0], error[1] - harmonic->error[1]};
+    const float change[2] = {harmonic->target[0] - harmonic->previous_target[0], harmonic->target[1] - harmonic->previous_target[1]};
+    const float threshold = learning->significance * variance;
+    const float response_power = springpot_square(response);
     const float changed = springpot_square(change);
     bool is_more = false;
 
     harmonic->error[0] = error[0];
     harmonic->error[1] = error[1];
-    harmonic->tried[0] = harmonic->target[0];
-    harmonic->tried[1] = harmonic->target[1];
-    if ((changed > seen) && (answered > seen) && (answered > 0.0F)) {
-        const float gain[2] = {
-            ((change[0] * answer[0]) + (change[1] * answer[1])) / answered,
-            ((change[1] * answer[0]) - (change[0] * answer[1])) / answered,
+    harmonic->previous_target[0] = harmonic->target[0];
+    harmonic->previous_target[1] = harmonic->target[1];
+    if ((changed > threshold) && (response_power > threshold) && (response_power > 0.0F)) {
+        const float inverse_gain[2] = {
+            ((change[0] * response[0]) + (change[1] * response[1])) / response_power,
+            ((change[1] * response[0]) - (change[0] * response[1])) / response_power,
         };
-        const float size = springpot_square(gain);
-        if (size > learning->gains[1]) {
-            harmonic->silent = harmonic->silent + ((harmonic->silent < 255U) ? 1U : 0U);
-        } else if (size > learning->gains[0]) {
-            harmonic->gain[0] = gain[0];
-            harmonic->gain[1] = gain[1];
-            harmonic->share = learning->largest_share;
-            harmonic->silent = 0U;
+        const float size = springpot_square(inverse_gain);
+        if (size > learning->inverse_gains[1]) {
+            harmonic->unresponsive_blocks = harmonic->unresponsive_blocks + ((harmonic->unresponsive_blocks < 255U) ? 1U : 0U);
+        } else if (size > learning->inverse_gains[0]) {
+            harmonic->inverse_gain[0] = inverse_gain[0];
+            harmonic->inverse_gain[1] = inverse_gain[1];
+            harmonic->step_size = learning->step_size;
+            harmonic->unresponsive_blocks = 0U;
         } else {
-            /* too large an answer to be one */
+            /* too large a response to be one */
         }
-    } else if (changed > (learning->gains[1] * seen)) {
-        harmonic->silent = harmonic->silent + ((harmonic->silent < 255U) ? 1U : 0U);
+    } else if (changed > (learning->inverse_gains[1] * threshold)) {
+        harmonic->unresponsive_blocks = harmonic->unresponsive_blocks + ((harmonic->unresponsive_blocks < 255U) ? 1U : 0U);
     } else {
         /* too small a change to show anything */
     }
-    if ((harmonic->silent >= learning->silent_blocks) && may_be_silent) {
+    if ((harmonic->unresponsive_blocks >= learning->unresponsive_blocks) && may_be_unresponsive) {
         harmonic->target[0] = 0.0F;
         harmonic->target[1] = 0.0F;
     } else {
@@ -45,33 +45,33 @@ static inline bool springpot_learn(const springpot_learning *learning, springpot
         const float energy = springpot_square(error);
         const float noise = 4.0F * variance;
         const float weight = (energy * energy) / ((energy * energy) + (noise * noise));
-        const float share = (energy > 0.0F) ? (harmonic->share * weight) : 0.0F;
-        const float re = harmonic->gain[0];
-        const float im = harmonic->gain[1];
+        const float share = (energy > 0.0F) ? (harmonic->step_size * weight) : 0.0F;
+        const float re = harmonic->inverse_gain[0];
+        const float im = harmonic->inverse_gain[1];
         harmonic->target[0] = harmonic->target[0] - (share * ((re * error[0]) - (im * error[1])));
         harmonic->target[1] = harmonic->target[1] - (share * ((re * error[1]) + (im * error[0])));
-        is_more = energy > seen;
+        is_more = energy > threshold;
     }
     return is_more;
 }
 
 /* Ends a block. What the harmonics do not explain of the error is noise. */
-static inline void springpot_close_block(springpot_learning_state *state)
+static inline void springpot_complete_block(springpot_learning_state *state)
 {
     springpot_block *block = &state->block;
     float explained = 0.5F * springpot_square(state->harmonics[0].sum);
-    float left;
+    float residual;
     uint32_t i;
 
     block->scale = 2.0F / block->samples;
     for (i = 1U; i <= SPRINGPOT_HARMONICS; i++) {
         explained = explained + springpot_square(state->harmonics[i].sum);
     }
-    left = block->squares - (block->scale * explained);
-    block->variance = (left > 0.0F) ? ((block->scale * left) / block->samples) : 0.0F;
+    residual = block->sum_of_squares - (block->scale * explained);
+    block->variance = (residual > 0.0F) ? ((block->scale * residual) / block->samples) : 0.0F;
     block->has_ended = 1U;
-    block->is_rough = 0U;
-    block->unended = 0.0F;
+    block->is_short = 0U;
+    block->ticks_since_end = 0.0F;
 }
 
 /* Takes the sample that has arrived since the round before, or ends the block. */
@@ -79,8 +79,8 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
 {
     const float visits = (float)(SPRINGPOT_HARMONICS + 1U);
     springpot_block *block = &state->block;
-    const springpot_turn *seen = &state->past[state->arrived_at % SPRINGPOT_PAST];
-    const float error = state->arrived - seen->reference;
+    const springpot_turn *measured = &state->past[state->arrived_at % SPRINGPOT_PAST];
+    const float error = state->arrived - measured->reference;
     const bool is_seen = (state->has_arrived != 0U) && springpot_is_finite(error);
     /* Keeps the phase on the circle: a step of Newton's method. */
     const float keep =
@@ -95,28 +95,28 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
     state->error = 0.0F;
     state->phase[0] = state->phase[0] * keep;
     state->phase[1] = state->phase[1] * keep;
-    state->share = state->share + (learning->fading * (on - state->share));
+    state->fade = state->fade + (learning->fade_weight * (on - state->fade));
     state->has_arrived = 0U;
     block->ticks = block->ticks + visits;
-    block->unended = block->unended + visits;
+    block->ticks_since_end = block->ticks_since_end + visits;
     which = ((learning->rate * state->angle) < learning->turn) ? 0U : 1U;
     settling = learning->settling_s[which] * learning->rate;
     if (!((block->ticks < settling) || (state->angle <= 0.0F))) {
-        block->turned = block->turned + (visits * state->angle);
-        if (block->turned >= block->end) {
-            const float least = learning->least_s[(block->is_rough != 0U) ? 0U : 1U] * learning->rate;
-            block->end = block->end + learning->turn;
-            if ((block->ticks >= (settling + least)) && (block->samples >= learning->least_samples)) {
-                springpot_close_block(state);
+        block->angle = block->angle + (visits * state->angle);
+        if (block->angle >= block->next_end) {
+            const float least = learning->min_block_s[(block->is_short != 0U) ? 0U : 1U] * learning->rate;
+            block->next_end = block->next_end + learning->turn;
+            if ((block->ticks >= (settling + least)) && (block->samples >= learning->min_samples)) {
+                springpot_complete_block(state);
                 closed = true;
             }
         }
         if ((!closed) && is_seen) {
             block->samples = block->samples + 1.0F;
-            block->squares = block->squares + (error * error);
+            block->sum_of_squares = block->sum_of_squares + (error * error);
             state->error = error;
-            state->unit[0] = seen->phase[0];
-            state->unit[1] = seen->phase[1];
+            state->unit[0] = measured->phase[0];
+            state->unit[1] = measured->phase[1];
         }
     }
 }
@@ -125,15 +125,15 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
 static inline void springpot_visit(const springpot_learning *learning, springpot_learning_state *state)
 {
     /* After the last one the first. */
-    const uint32_t visited = (state->visited <= SPRINGPOT_HARMONICS) ? state->visited : 0U;
-    springpot_harmonic *harmonic = &state->harmonics[visited];
+    const uint32_t index = (state->index <= SPRINGPOT_HARMONICS) ? state->index : 0U;
+    springpot_harmonic *harmonic = &state->harmonics[index];
     float cosine;
     float sine;
 
-    if (visited == 0U) {
+    if (index == 0U) {
         springpot_begin_round(learning, state);
     }
-    state->visited = visited + 1U;
+    state->index = index + 1U;
     cosine = state->power[0];
     sine = state->power[1];
     state->power[0] = (cosine * state->unit[0]) - (sine * state->unit[1]);
@@ -144,17 +144,17 @@ static inline void springpot_visit(const springpot_learning *learning, springpot
         harmonic->sum[0] = harmonic->sum[0] + (state->error * cosine);
         harmonic->sum[1] = harmonic->sum[1] - (state->error * sine);
     } else {
-        const bool is_learned = (visited <= learning->harmonics)
-            && (((float)visited * state->angle) <= learning->largest_angle);
+        const bool is_learned = (index <= learning->harmonics)
+            && (((float)index * state->angle) <= learning->largest_angle);
         /* The mean has half of what a harmonic has of the sum. */
-        const float scale = (visited == 0U) ? (0.5F * state->block.scale) : state->block.scale;
+        const float scale = (index == 0U) ? (0.5F * state->block.scale) : state->block.scale;
         if (is_learned) {
-            const bool is_more = springpot_learn(learning, harmonic, scale, state->block.variance, visited > 0U);
+            const bool is_more = springpot_update_harmonic(learning, harmonic, scale, state->block.variance, index > 0U);
             if (is_more) {
-                state->block.is_rough = 1U;
+                state->block.is_short = 1U;
             }
         }
-        if (visited == SPRINGPOT_HARMONICS) {
+        if (index == SPRINGPOT_HARMONICS) {
             state->has_learned = 1U;
             springpot_begin_block(learning, state);
         }
@@ -205,10 +205,10 @@ static inline float springpot_learning_advance(
     if (learning != NULL) {
         const float cosine = state->phase[0];
         const float sine = state->phase[1];
-        state->phase[0] = (cosine * state->turn[0]) - (sine * state->turn[1]);
-        state->phase[1] = (cosine * state->turn[1]) + (sine * state->turn[0]);
+        state->phase[0] = (cosine * state->rotation[0]) - (sine * state->rotation[1]);
+        state->phase[1] = (cosine * state->rotation[1]) + (sine * state->rotation[0]);
         if (learning->period <= 0.0F) {
-            springpot_follow_period(learning, state, reference_m);
+            springpot_track_period(learning, state, reference_m);
         }
         state->newest = (state->newest + (SPRINGPOT_PAST - 1U)) % SPRINGPOT_PAST;
         state->past[state->newest].reference = reference_m;
@@ -219,9 +219,9 @@ static inline float springpot_learning_advance(
             if (state->block.has_ended == 0U) {
                 springpot_begin_block(learning, state);
             }
-            if (state->block.unended > (learning->longest_s * learning->rate)) {
+            if (state->block.ticks_since_end > (learning->max_block_s * learning->rate)) {
                 uint32_t i;
-                state->block.unended = 0.0F;
+                state->block.ticks_since_end = 0.0F;
                 for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
                     state->harmonics[i].target[0] = 0.5F * state->harmonics[i].target[0];
                     state->harmonics[i].target[1] = 0.5F * state->harmonics[i].target[1];
@@ -230,7 +230,7 @@ static inline float springpot_learning_advance(
         }
         springpot_visit(learning, state);
         state->lagged[0] =
-            state->lagged[0] + (learning->smoothing * ((state->share * springpot_sum(state)) - state->lagged[0]));
+            state->lagged[0] + (learning->smoothing * ((state->fade * springpot_sum(state)) - state->lagged[0]));
         state->lagged[1] = state->lagged[1] + (learning->smoothing * (state->lagged[0] - state->lagged[1]));
         followed = reference_m + state->lagged[1];
     }

@@ -10,19 +10,19 @@ use crate::scalar::Real;
 pub(super) struct Block<T> {
     /// Ticks since its begin, and since the last block ended.
     pub(super) ticks: T,
-    pub(super) unended: T,
-    /// Angle that the cycles have turned since the film settled, and where the next one ends, rad.
-    pub(super) turned: T,
-    pub(super) end: T,
+    pub(super) ticks_since_end: T,
+    /// Angle of the cycles since the film settled, and where the next one ends, rad.
+    pub(super) angle: T,
+    pub(super) next_end: T,
     pub(super) samples: T,
     /// Σ e², m².
-    pub(super) squares: T,
+    pub(super) sum_of_squares: T,
     /// Once it has ended: what makes E of the sums, and the variance of each part of E by noise, m².
     pub(super) scale: T,
     pub(super) variance: T,
     pub(super) has_ended: bool,
     /// Whether the block before showed more than noise: then this one is short.
-    pub(super) is_rough: bool,
+    pub(super) is_short: bool,
 }
 
 impl<T: Real> Block<T> {
@@ -31,27 +31,27 @@ impl<T: Real> Block<T> {
         let zero = T::ZERO;
         Self {
             ticks: zero,
-            unended: zero,
-            turned: zero,
-            end: T::from_f64(TAU),
+            ticks_since_end: zero,
+            angle: zero,
+            next_end: T::from_f64(TAU),
             samples: zero,
-            squares: zero,
+            sum_of_squares: zero,
             scale: zero,
             variance: zero,
             has_ended: false,
-            is_rough: true,
+            is_short: true,
         }
     }
 
     /// Ends it. What the harmonics do not explain of e is noise.
-    pub(super) fn close(&mut self, harmonics: &[Harmonic<T>; HARMONICS + 1]) {
+    pub(super) fn complete(&mut self, harmonics: &[Harmonic<T>; HARMONICS + 1]) {
         self.scale = T::from_f64(2.0) / self.samples;
         let [mean, harmonics @ ..] = harmonics;
         let explained = harmonics.iter().fold(T::from_f64(0.5) * mean.power(), |sum, harmonic| sum + harmonic.power());
-        let left = self.squares - self.scale * explained;
-        self.variance = if left > T::ZERO { self.scale * left / self.samples } else { T::ZERO };
+        let residual = self.sum_of_squares - self.scale * explained;
+        self.variance = if residual > T::ZERO { self.scale * residual / self.samples } else { T::ZERO };
         self.has_ended = true;
-        self.is_rough = false;
-        self.unended = T::ZERO;
+        self.is_short = false;
+        self.ticks_since_end = T::ZERO;
     }
 }

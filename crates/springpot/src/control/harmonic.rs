@@ -7,16 +7,16 @@ use crate::scalar::Real;
 pub const HARMONICS: usize = 6;
 
 /// Step size γ while the film's response is not measured yet.
-const FIRST_SHARE: f64 = 0.6;
+const INITIAL_STEP_SIZE: f64 = 0.6;
 /// Step size γ once the response is measured.
-const LATER_SHARE: f64 = 0.8;
+const STEP_SIZE: f64 = 0.8;
 /// Bounds of |1/P|²: beyond the upper one the film hardly responds.
-const GAINS: [f64; 2] = [0.01, 25.0];
+const INVERSE_GAINS: [f64; 2] = [0.01, 25.0];
 /// Signal power over noise power above which a change is significant.
-const SEEN: f64 = 25.0;
+const SIGNIFICANCE: f64 = 25.0;
 
 /// Consecutive blocks without a response after which nothing is added.
-const SILENT_BLOCKS: u8 = 2;
+const UNRESPONSIVE_BLOCKS: u8 = 2;
 
 /// A complex number as real and imaginary part.
 pub(crate) type Pair<T> = [T; 2];
@@ -32,27 +32,27 @@ pub(crate) struct Harmonic<T> {
     pub(crate) added: Pair<T>,
     /// Correction that is approached, and the one of the block before, m.
     target: Pair<T>,
-    tried: Pair<T>,
+    previous_target: Pair<T>,
     /// Σ e exp(−i h θ) of this block, m.
     sum: Pair<T>,
     /// E of the block before, m.
     error: Pair<T>,
     /// 1 / P.
-    gain: Pair<T>,
+    inverse_gain: Pair<T>,
     /// Step size γ.
-    share: T,
+    step_size: T,
     /// Consecutive blocks in which the film hardly responded. After two of them nothing is added any more.
-    silent: u8,
+    unresponsive_blocks: u8,
 }
 
 impl<T: Real> Harmonic<T> {
     /// Visits what a harmonic is learned with.
     pub(crate) fn numbers(take: &mut impl Numbers<T>) {
-        take.number("first_share", T::from_f64(FIRST_SHARE), "");
-        take.number("largest_share", T::from_f64(LATER_SHARE), "");
-        take.array("gains", GAINS.map(T::from_f64), "");
-        take.number("seen", T::from_f64(SEEN), "");
-        take.count("silent_blocks", u32::from(SILENT_BLOCKS), "");
+        take.number("initial_step_size", T::from_f64(INITIAL_STEP_SIZE), "");
+        take.number("step_size", T::from_f64(STEP_SIZE), "");
+        take.array("inverse_gains", INVERSE_GAINS.map(T::from_f64), "");
+        take.number("significance", T::from_f64(SIGNIFICANCE), "");
+        take.count("unresponsive_blocks", u32::from(UNRESPONSIVE_BLOCKS), "");
     }
 
     /// No correction, for a film that responds as its law predicts.
@@ -61,20 +61,20 @@ impl<T: Real> Harmonic<T> {
         Self {
             added: zero,
             target: zero,
-            tried: zero,
+            previous_target: zero,
             sum: zero,
             error: zero,
-            gain: [one, T::ZERO],
-            share: T::from_f64(FIRST_SHARE),
-            silent: 0,
+            inverse_gain: [one, T::ZERO],
+            step_size: T::from_f64(INITIAL_STEP_SIZE),
+            unresponsive_blocks: 0,
         }
     }
 
     /// The learned correction for another run, none of it added yet.
-    pub(crate) fn kept(self) -> Self {
+    pub(crate) fn carried_over(self) -> Self {
         let zero = [T::ZERO; 2];
         // No change against the block before: the measured response of the film stays.
-        Self { added: zero, tried: self.target, sum: zero, ..self }
+        Self { added: zero, previous_target: self.target, sum: zero, ..self }
     }
 
     /// Begins a block.
@@ -84,7 +84,7 @@ impl<T: Real> Harmonic<T> {
 
     /// Adds an `error` (m) at the phase of `unit` = exp(i h θ).
     #[inline]
-    pub(crate) fn see(&mut self, error: T, unit: Pair<T>) {
+    pub(crate) fn accumulate(&mut self, error: T, unit: Pair<T>) {
         self.sum = [self.sum[0] + error * unit[0], self.sum[1] - error * unit[1]];
     }
 
@@ -107,45 +107,45 @@ impl<T: Real> Harmonic<T> {
     }
 
     /// Ends a block with E = `scale` times the sum; noise gives each part of E the `variance` (m²). Returns whether E is significant.
-    /// `may_be_silent`: a harmonic, to which a film may hardly respond. To the mean it always does.
-    pub(crate) fn learn(&mut self, scale: T, variance: T, may_be_silent: bool) -> bool {
+    /// `may_be_unresponsive`: a harmonic, to which a film may hardly respond. To the mean it always does.
+    pub(crate) fn update(&mut self, scale: T, variance: T, may_be_unresponsive: bool) -> bool {
         let error = [scale * self.sum[0], scale * self.sum[1]];
         // P = ΔE / ΔA, where both are far above the noise.
-        let answer = [error[0] - self.error[0], error[1] - self.error[1]];
-        let change = [self.target[0] - self.tried[0], self.target[1] - self.tried[1]];
+        let response = [error[0] - self.error[0], error[1] - self.error[1]];
+        let change = [self.target[0] - self.previous_target[0], self.target[1] - self.previous_target[1]];
         self.error = error;
-        self.tried = self.target;
-        let [low, high] = GAINS.map(T::from_f64);
-        let seen = T::from_f64(SEEN) * variance;
-        let answered = square(answer);
-        if square(change) > seen && answered > seen && answered > T::ZERO {
-            let gain = [
-                (change[0] * answer[0] + change[1] * answer[1]) / answered,
-                (change[1] * answer[0] - change[0] * answer[1]) / answered,
+        self.previous_target = self.target;
+        let [low, high] = INVERSE_GAINS.map(T::from_f64);
+        let threshold = T::from_f64(SIGNIFICANCE) * variance;
+        let response_power = square(response);
+        if square(change) > threshold && response_power > threshold && response_power > T::ZERO {
+            let inverse_gain = [
+                (change[0] * response[0] + change[1] * response[1]) / response_power,
+                (change[1] * response[0] - change[0] * response[1]) / response_power,
             ];
-            if square(gain) > high {
-                self.silent = self.silent.saturating_add(1);
-            } else if square(gain) > low {
-                self.gain = gain;
-                self.share = T::from_f64(LATER_SHARE);
-                self.silent = 0;
+            if square(inverse_gain) > high {
+                self.unresponsive_blocks = self.unresponsive_blocks.saturating_add(1);
+            } else if square(inverse_gain) > low {
+                self.inverse_gain = inverse_gain;
+                self.step_size = T::from_f64(STEP_SIZE);
+                self.unresponsive_blocks = 0;
             }
-        } else if square(change) > high * seen {
-            self.silent = self.silent.saturating_add(1);
+        } else if square(change) > high * threshold {
+            self.unresponsive_blocks = self.unresponsive_blocks.saturating_add(1);
         }
-        if self.silent >= SILENT_BLOCKS && may_be_silent {
+        if self.unresponsive_blocks >= UNRESPONSIVE_BLOCKS && may_be_unresponsive {
             self.target = [T::ZERO; 2];
             return false;
         }
         // The step gets smaller where E is not above the noise.
         let (energy, noise) = (square(error), T::from_f64(4.0) * variance);
         let weight = energy * energy / (energy * energy + noise * noise);
-        let share = if energy > T::ZERO { self.share * weight } else { T::ZERO };
-        let [re, im] = self.gain;
+        let share = if energy > T::ZERO { self.step_size * weight } else { T::ZERO };
+        let [re, im] = self.inverse_gain;
         self.target = [
             self.target[0] - share * (re * error[0] - im * error[1]),
             self.target[1] - share * (re * error[1] + im * error[0]),
         ];
-        energy > seen
+        energy > threshold
     }
 }

@@ -105,11 +105,11 @@ pub struct LearningState<T, const PAST: usize = 64> {
     cycle: Cycle<T>,
     /// exp(iθ) at the end of this tick, and exp(i) of the angle of a tick.
     phase: Pair<T>,
-    turn: Pair<T>,
+    rotation: Pair<T>,
     /// Angle of a tick, rad; 0 without a period.
     angle: T,
     /// Share of the learned correction that is added: fades out where the period is lost.
-    share: T,
+    fade: T,
     /// The correction after one and two lags, m.
     lagged: [T; 2],
     /// The mean and the harmonics.
@@ -119,8 +119,8 @@ pub struct LearningState<T, const PAST: usize = 64> {
     newest: usize,
     /// The last sample, and its place in the ring.
     arrived: Option<(T, usize)>,
-    /// The harmonic that is visited in this tick.
-    visited: usize,
+    /// The harmonic that is updated in this tick.
+    index: usize,
     /// Error (m) of the sample of this round of visits, 0 without one, exp(iθ) of it, and its power for the next harmonic.
     error: T,
     unit: Pair<T>,
@@ -131,7 +131,7 @@ pub struct LearningState<T, const PAST: usize = 64> {
 }
 
 /// Share of the sensor's rate below which harmonics are learned.
-const BELOW_SAMPLES: f64 = 0.3;
+const MAX_SHARE_OF_RATE: f64 = 0.3;
 /// Share of the static stroke at the largest voltage that counts as a swing of the reference.
 const MIN_SWING: f64 = 1e-3;
 /// Largest angle of a tick, rad: the series for its cosine and sine hold it to single precision.
@@ -147,11 +147,11 @@ const APPROACH_S: f64 = 0.1;
 /// Weight of the newest value in the two lags.
 const SMOOTHING: f64 = 0.2;
 /// Share of the distance by which the correction fades in a round of visits.
-const FADING: f64 = 0.1;
+const FADE_WEIGHT: f64 = 0.1;
 /// Share of the learned correction below which it counts as faded out.
-const FADED: f64 = 0.01;
+const FADED_OUT: f64 = 0.01;
 /// Blocks of the longest kind without an end, in their least time, after which the correction is halved.
-const UNENDED: f64 = 4.0;
+const MAX_BLOCKS: f64 = 4.0;
 /// Taylor's series of cosine and of sine over the angle, in its square.
 const COSINE: [f64; 4] = [1.0, -1.0 / 2.0, 1.0 / 24.0, -1.0 / 720.0];
 const SINE: [f64; 4] = [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0];
@@ -189,7 +189,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         options.check()?;
         let LearningOptions { harmonics, period_s, sample_interval_s } = options;
         let step_s = law.step_s();
-        let largest_angle = (BELOW_SAMPLES * TAU * step_s / sample_interval_s).min(MAX_ANGLE);
+        let largest_angle = (MAX_SHARE_OF_RATE * TAU * step_s / sample_interval_s).min(MAX_ANGLE);
         let stroke = actuator.electrostatic_force(max_voltage_v) / law.stiffness_at_rest();
         #[allow(clippy::cast_precision_loss)] // 7
         let visit_s = (HARMONICS + 1) as f64 * step_s;
@@ -207,21 +207,22 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
     #[must_use]
     pub fn state(&self, position: T) -> LearningState<T, PAST> {
         let (zero, one) = (T::ZERO, T::from_f64(1.0));
-        let given = self.period > zero;
+        let is_given = self.period > zero;
         // In one piece: a small chip has no room for two.
-        let (angle, turn) = if given { turning(T::from_f64(TAU) / self.period) } else { (zero, [one, zero]) };
+        let (angle, rotation) =
+            if is_given { rotation_by(T::from_f64(TAU) / self.period) } else { (zero, [one, zero]) };
         LearningState {
             cycle: Cycle::at(position),
             phase: [one, zero],
-            turn,
+            rotation,
             angle,
-            share: if given { one } else { zero },
+            fade: if is_given { one } else { zero },
             lagged: [zero; 2],
             harmonics: [Harmonic::new(); HARMONICS + 1],
             past: [[position, one, zero]; PAST],
             newest: 0,
             arrived: None,
-            visited: 0,
+            index: 0,
             error: zero,
             unit: [one, zero],
             power: [one, zero],
@@ -234,7 +235,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
     /// arrived last stays.
     pub fn restart(&self, state: &mut LearningState<T, PAST>, position: T, keeps: bool) {
         let LearningState { harmonics, arrived, newest, .. } = state;
-        let harmonics = if keeps { harmonics.map(Harmonic::kept) } else { [Harmonic::new(); HARMONICS + 1] };
+        let harmonics = if keeps { harmonics.map(Harmonic::carried_over) } else { [Harmonic::new(); HARMONICS + 1] };
         // The ring begins at 0 again.
         let arrived = arrived.map(|(displacement, place)| {
             (displacement, if place < *newest { place + PAST - *newest } else { place - *newest })
@@ -249,13 +250,13 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
     // Not inlined, as `Observer::step`.
     #[inline(never)]
     pub fn advance(&self, state: &mut LearningState<T, PAST>, reference: T, limited: Limited) -> T {
-        state.rotate();
+        state.advance_phase();
         if self.period <= T::ZERO {
-            self.follow_period(state, reference);
+            self.track_period(state, reference);
         }
         state.remember(reference);
         if !limited.is_none() {
-            self.yield_to_limits(state);
+            self.discard_block(state);
         }
         self.visit(state);
         reference + state.smooth()
@@ -263,41 +264,41 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
 
     /// Takes the period from the reference.
     #[inline]
-    fn follow_period(&self, state: &mut LearningState<T, PAST>, reference: T) {
+    fn track_period(&self, state: &mut LearningState<T, PAST>, reference: T) {
         let crossed = self.finder.advance(&mut state.cycle, reference);
         let Some(period) = state.cycle.period() else {
             state.angle = T::ZERO;
             state.has_learned = false;
             return;
         };
-        let Some(late) = crossed else { return };
-        let turn = T::from_f64(TAU) / period;
+        let Some(ticks_ago) = crossed else { return };
+        let angle = T::from_f64(TAU) / period;
         let [cos, sin] = state.phase;
-        // The crossing is where the phase is 0: `late` ticks ago.
-        let behind = sin - turn * late * cos;
+        // The crossing is where the phase is 0: `ticks_ago` ticks ago.
+        let phase_error = sin - angle * ticks_ago * cos;
         let same = T::from_f64(SAME_PERIOD);
-        if state.angle > T::ZERO && cos > T::ZERO && behind < same && -behind < same {
+        if state.angle > T::ZERO && cos > T::ZERO && phase_error < same && -phase_error < same {
             // The next cycle makes up for what is left.
-            state.turn_by(turn - turn * behind / T::from_f64(TAU));
-        } else if state.share > T::from_f64(FADED) {
+            state.set_angle(angle - angle * phase_error / T::from_f64(TAU));
+        } else if state.fade > T::from_f64(FADED_OUT) {
             // Another period: the correction fades out first.
             state.angle = T::ZERO;
             state.has_learned = false;
         } else {
-            state.phase = [T::from_f64(1.0), turn * late];
-            state.turn_by(turn);
+            state.phase = [T::from_f64(1.0), angle * ticks_ago];
+            state.set_angle(angle);
             state.begin_block();
         }
     }
 
     /// A limit was met: the block is not used. Where limits leave no block, the correction may be the cause.
-    fn yield_to_limits(&self, state: &mut LearningState<T, PAST>) {
+    fn discard_block(&self, state: &mut LearningState<T, PAST>) {
         if !state.block.has_ended {
             state.begin_block();
         }
-        let longest = T::from_f64(UNENDED * MIN_BLOCK_S[1]) * self.rate;
-        if state.block.unended > longest {
-            state.block.unended = T::ZERO;
+        let longest = T::from_f64(MAX_BLOCKS * MIN_BLOCK_S[1]) * self.rate;
+        if state.block.ticks_since_end > longest {
+            state.block.ticks_since_end = T::ZERO;
             state.harmonics.iter_mut().for_each(Harmonic::halve);
         }
     }
@@ -305,28 +306,28 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
     /// Updates one harmonic.
     #[inline]
     fn visit(&self, state: &mut LearningState<T, PAST>) {
-        let visited = state.visited;
-        if visited == 0 {
+        let index = state.index;
+        if index == 0 {
             self.begin_round(state);
         }
-        state.visited = if visited == HARMONICS { 0 } else { visited + 1 };
+        state.index = if index == HARMONICS { 0 } else { index + 1 };
         let [cos, sin] = state.power;
         let [c, s] = state.unit;
         state.power = [cos * c - sin * s, cos * s + sin * c];
-        let Some(harmonic) = state.harmonics.get_mut(visited) else { return };
+        let Some(harmonic) = state.harmonics.get_mut(index) else { return };
         harmonic.approach(self.approach);
         if !state.block.has_ended {
-            harmonic.see(state.error, [cos, sin]);
+            harmonic.accumulate(state.error, [cos, sin]);
             return;
         }
         #[allow(clippy::cast_precision_loss)] // at most 6
-        let is_learned = visited <= self.harmonics && T::from_f64(visited as f64) * state.angle <= self.largest_angle;
+        let is_learned = index <= self.harmonics && T::from_f64(index as f64) * state.angle <= self.largest_angle;
         // The mean has half of what a harmonic has of the sum.
-        let scale = if visited == 0 { T::from_f64(0.5) * state.block.scale } else { state.block.scale };
-        if is_learned && harmonic.learn(scale, state.block.variance, visited > 0) {
-            state.block.is_rough = true;
+        let scale = if index == 0 { T::from_f64(0.5) * state.block.scale } else { state.block.scale };
+        if is_learned && harmonic.update(scale, state.block.variance, index > 0) {
+            state.block.is_short = true;
         }
-        if visited == HARMONICS {
+        if index == HARMONICS {
             state.has_learned = true;
             state.begin_block();
         }
@@ -338,12 +339,12 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         state.power = [T::from_f64(1.0), T::ZERO];
         state.error = T::ZERO;
         state.renormalise();
-        state.fade();
-        let seen = state.error_seen();
+        state.update_fade();
+        let measured = state.take_error();
         #[allow(clippy::cast_precision_loss)] // 7
         let visits = T::from_f64((HARMONICS + 1) as f64);
         state.block.ticks = state.block.ticks + visits;
-        state.block.unended = state.block.unended + visits;
+        state.block.ticks_since_end = state.block.ticks_since_end + visits;
         let second = self.rate * state.angle;
         let is_slow = second < T::from_f64(TAU);
         let settling = T::from_f64(SETTLING_S[usize::from(!is_slow)]) * self.rate;
@@ -351,18 +352,18 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         if block.ticks < settling || state.angle <= T::ZERO {
             return;
         }
-        block.turned = block.turned + visits * state.angle;
-        if block.turned >= block.end {
-            block.end = block.end + T::from_f64(TAU);
-            let least = T::from_f64(MIN_BLOCK_S[usize::from(!block.is_rough)]) * self.rate;
+        block.angle = block.angle + visits * state.angle;
+        if block.angle >= block.next_end {
+            block.next_end = block.next_end + T::from_f64(TAU);
+            let least = T::from_f64(MIN_BLOCK_S[usize::from(!block.is_short)]) * self.rate;
             if block.ticks >= settling + least && block.samples >= T::from_f64(MIN_SAMPLES) {
-                block.close(&state.harmonics);
+                block.complete(&state.harmonics);
                 return;
             }
         }
-        if let Some((error, unit)) = seen {
+        if let Some((error, unit)) = measured {
             block.samples = block.samples + T::from_f64(1.0);
-            block.squares = block.squares + error * error;
+            block.sum_of_squares = block.sum_of_squares + error * error;
             state.error = error;
             state.unit = unit;
         }
@@ -409,17 +410,17 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         self.harmonics = [Harmonic::new(); HARMONICS + 1];
         self.block = Block::first();
         self.has_learned = false;
-        self.visited = 0;
+        self.index = 0;
     }
 
     /// Turns by `angle` (rad) in every tick from now on.
-    fn turn_by(&mut self, angle: T) {
-        (self.angle, self.turn) = turning(angle);
+    fn set_angle(&mut self, angle: T) {
+        (self.angle, self.rotation) = rotation_by(angle);
     }
 
     #[inline]
-    fn rotate(&mut self) {
-        let ([cos, sin], [c, s]) = (self.phase, self.turn);
+    fn advance_phase(&mut self) {
+        let ([cos, sin], [c, s]) = (self.phase, self.rotation);
         self.phase = [cos * c - sin * s, cos * s + sin * c];
     }
 
@@ -431,9 +432,9 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
     }
 
     /// Fades out without a period, and in again.
-    fn fade(&mut self) {
+    fn update_fade(&mut self) {
         let on = if self.angle > T::ZERO { T::from_f64(1.0) } else { T::ZERO };
-        self.share = self.share + T::from_f64(FADING) * (on - self.share);
+        self.fade = self.fade + T::from_f64(FADE_WEIGHT) * (on - self.fade);
     }
 
     /// Remembers reference and phase of the end of this tick.
@@ -447,7 +448,7 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
 
     /// Error (m) and phase of the sample that has arrived since this was called before; none if it is not finite.
     #[inline]
-    fn error_seen(&mut self) -> Option<(T, Pair<T>)> {
+    fn take_error(&mut self) -> Option<(T, Pair<T>)> {
         let (displacement, place) = self.arrived.take()?;
         let &[reference, cos, sin] = self.past.get(place)?;
         let error = displacement - reference;
@@ -455,7 +456,8 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
     }
 
     fn begin_block(&mut self) {
-        self.block = Block { unended: self.block.unended, is_rough: self.block.is_rough, ..Block::first() };
+        self.block =
+            Block { ticks_since_end: self.block.ticks_since_end, is_short: self.block.is_short, ..Block::first() };
         self.harmonics.iter_mut().for_each(Harmonic::begin);
     }
 
@@ -464,7 +466,7 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
     fn smooth(&mut self) -> T {
         let smoothing = T::from_f64(SMOOTHING);
         let [first, second] = self.lagged;
-        let first = first + smoothing * (self.share * self.sum() - first);
+        let first = first + smoothing * (self.fade * self.sum() - first);
         let second = second + smoothing * (first - second);
         self.lagged = [first, second];
         second
@@ -486,7 +488,7 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
 }
 
 /// `angle` (rad) within its bound, and exp(i) of it.
-fn turning<T: Real>(angle: T) -> (T, Pair<T>) {
+fn rotation_by<T: Real>(angle: T) -> (T, Pair<T>) {
     let largest = T::from_f64(MAX_ANGLE);
     let angle = if angle < largest { angle } else { largest };
     let square = angle * angle;

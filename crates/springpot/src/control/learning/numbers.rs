@@ -3,8 +3,8 @@
 use core::f64::consts::TAU;
 
 use super::{
-    COSINE, FADED, FADING, Learning, MAX_ANGLE, MIN_BLOCK_S, MIN_SAMPLES, SAME_PERIOD, SETTLING_S, SINE, SMOOTHING,
-    UNENDED,
+    COSINE, FADE_WEIGHT, FADED_OUT, Learning, MAX_ANGLE, MAX_BLOCKS, MIN_BLOCK_S, MIN_SAMPLES, SAME_PERIOD, SETTLING_S,
+    SINE, SMOOTHING,
 };
 use crate::control::harmonic::Harmonic;
 use crate::numbers::Numbers;
@@ -26,13 +26,13 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         take.array("cosine", COSINE.map(T::from_f64), "");
         take.array("sine", SINE.map(T::from_f64), "");
         take.array("settling_s", SETTLING_S.map(T::from_f64), "");
-        take.array("least_s", MIN_BLOCK_S.map(T::from_f64), "");
-        take.number("longest_s", T::from_f64(UNENDED * MIN_BLOCK_S[1]), "");
-        take.number("least_samples", T::from_f64(MIN_SAMPLES), "");
+        take.array("min_block_s", MIN_BLOCK_S.map(T::from_f64), "");
+        take.number("max_block_s", T::from_f64(MAX_BLOCKS * MIN_BLOCK_S[1]), "");
+        take.number("min_samples", T::from_f64(MIN_SAMPLES), "");
         take.number("smoothing", T::from_f64(SMOOTHING), "");
-        take.number("fading", T::from_f64(FADING), "");
+        take.number("fade_weight", T::from_f64(FADE_WEIGHT), "");
         take.number("same_period", T::from_f64(SAME_PERIOD), "");
-        take.number("faded", T::from_f64(FADED), "");
+        take.number("faded_out", T::from_f64(FADED_OUT), "");
         take.number("turn", T::from_f64(TAU), "2 pi");
     }
 }
