@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use tests::recordings;
 use tests::table::column;
-use tests::tool::{names, text};
+use tests::tool::text;
 
 use crate::TOOL;
 
@@ -228,15 +228,4 @@ fn a_parameter_file_is_a_plant() {
     let field = met.iter().find(|met| met["limit"] == "field").expect("met")["pct"].as_f64().expect("a share");
     assert!(field > 50.0 && held["limited_pct"].as_f64().expect("a share") >= field, "{held}");
     assert!(held["infeasible_pct"].as_f64().expect("a share") < 1.0, "{held}");
-
-    let fails = |plant: &str, mismatch: &str, words: &[&str]| {
-        let plant = ["--plant", plant, "--plant-mismatch", mismatch];
-        names(&TOOL.fails(&[&base[..], &plant].concat()), words);
-    };
-    fails("rubber", "stiffness=1", &["rubber", "hossain", "parameter file"]);
-    fails("wang", "alpha=0.9", &["--plant-mismatch", "alpha"]);
-    fails(&params, "alpha=1.5", &["--plant-mismatch", "alpha"]);
-    fails(&params, "mass=1.5", &["--plant-mismatch", "stiffness=FACTOR"]);
-    let out = ["--plant", &params, "--out", &params];
-    names(&TOOL.fails(&[&base[..], &out].concat()), &["soft.toml", "overwrite"]);
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use tempfile::TempDir;
 use tests::recordings;
 use tests::table::column;
-use tests::tool::{names, text};
+use tests::tool::text;
 
 use crate::TOOL;
 use crate::report_page::{check_numbers, check_page, document};
@@ -94,34 +94,4 @@ fn recordings_of_a_user_are_fitted_and_get_a_voltage() {
         fs::read_dir(&out).expect("a folder").map(|entry| entry.expect("a file").file_name()).collect();
     written.sort();
     assert_eq!(written, ["film.bin", "film.toml", "reference.csv", "report.html", "voltage.csv"]);
-}
-
-#[test]
-fn bad_input_is_one_line_and_leaves_nothing() {
-    let folder = TempDir::new().expect("a folder");
-    let path = |name: &str| folder.path().join(name);
-    fs::write(path("file"), "").expect("written");
-    fs::write(path("bad.csv"), "time_s,voltage_v,displacement_m\n0,1,2\n0.01,x,2\n").expect("written");
-    fs::write(path("bad.toml"), "schema = 1\n").expect("written");
-    let [recording, ..] = recordings("wang");
-    let out = path("demo");
-    names(&TOOL.fails(&["demo", "--out", text(&path("file"))]), &["file"]);
-    names(&TOOL.fails(&["demo", "--out", text(&out), "--actuator", "x.toml"]), &["--recordings"]);
-    names(&TOOL.fails(&["demo", "--out", text(&out), "--recordings", text(&path("none.csv"))]), &["none.csv"]);
-    names(&TOOL.fails(&["demo", "--out", text(&out), "--recordings", text(&path("bad.csv"))]), &["bad.csv:3"]);
-    let actuator = ["--actuator", text(&path("bad.toml")), "--recordings", text(&recording)].map(str::to_owned);
-    let [a, b, c, d] = actuator.each_ref().map(String::as_str);
-    names(&TOOL.fails(&["demo", "--out", text(&out), a, b, c, d]), &["bad.toml:1", "actuator"]);
-    assert!(!out.exists());
-
-    // What is read is not overwritten.
-    fs::create_dir(&out).expect("made");
-    fs::copy(&recording, out.join("voltage.csv")).expect("copied");
-    let before = fs::read(out.join("voltage.csv")).expect("there");
-    names(
-        &TOOL.fails(&["demo", "--out", text(&out), "--recordings", text(&out.join("voltage.csv"))]),
-        &["voltage.csv", "overwrite"],
-    );
-    assert_eq!(fs::read(out.join("voltage.csv")).expect("there"), before);
-    assert_eq!(fs::read_dir(&out).expect("a folder").count(), 1);
 }

@@ -1,6 +1,5 @@
 //! `profile` and `check`: voltages that identify a film, and whether recordings do.
 
-use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
@@ -33,11 +32,6 @@ impl Bench {
         let path = self.path(name);
         fs::write(&path, content).expect("written");
         path
-    }
-
-    /// Returns what `check` prints of a recording with this content, and its exit status.
-    fn check(&self, content: &str) -> (Value, i32) {
-        checked(&[&self.file("film.csv", content)])
     }
 }
 
@@ -84,26 +78,6 @@ fn the_bench_file_of_the_page_makes_a_profile() {
     names(&report["notes"].to_string(), &["no [board.limits]", "the paper's bench", "4200 V"]);
 }
 
-#[test]
-fn a_profile_beyond_the_limits_names_the_limit_and_a_mend() {
-    let bench = Bench::new();
-    let (board, out) = (bench.file("board.toml", BOARD), bench.path("profile.csv"));
-    let fails = |more: &[&str]| {
-        let line = TOOL.fails(&[&["profile", "--board", &board, "--out", &out], more].concat());
-        assert!(!Path::new(&out).exists());
-        line
-    };
-    names(&fails(&["--peak", "5000"]), &["--peak", "4200 V", "max_field_v_per_m", "3780"]);
-    names(&fails(&["--frequencies", "1,2"]), &["--frequencies", "max_slew_v_per_s = 5000", "at most 0.421 Hz"]);
-    names(&fails(&["--frequencies", "0"]), &["--frequencies"]);
-    names(&fails(&["--rate", "3"]), &["--rate", "20 samples per cycle"]);
-    names(&fails(&["--cycles", "0"]), &["--cycles"]);
-    names(&fails(&["--hold=-1"]), &["--hold"]);
-    let lagging = bench.file("lagging.toml", &format!("{BOARD}[board.amplifier]\nrise_s = 0.1\nfall_s = 2.0\n"));
-    let line = TOOL.fails(&["profile", "--board", &lagging, "--out", &out]);
-    names(&line, &["lags by 2 s", "0.2 Hz", "at most 0.080 Hz"]);
-}
-
 /// The whole way: a profile, played to a film, identifies it: the fit predicts another voltage of another frequency.
 #[test]
 fn what_a_profile_excites_identifies_a_film() {
@@ -145,63 +119,6 @@ fn what_a_profile_excites_identifies_a_film() {
     assert!(nrmse_pct < 0.5, "{nrmse_pct} %");
 }
 
-/// 40 s of a sine of 0.2 Hz at 20 Hz after 2 s of rest, and a stroke with V² that creeps.
-fn film(voltage: impl Fn(f64, f64) -> f64, stroke_mm: impl Fn(usize, f64) -> String) -> String {
-    let mut text = "time_s,voltage_v,displacement_mm\n".to_owned();
-    for k in 0..=840_u32 {
-        let t = f64::from(k) / 20.0;
-        let sine = if t < 2.0 { 0.0 } else { 1500.0 * (1.0 - (std::f64::consts::TAU * 0.2 * (t - 2.0)).cos()) };
-        let stroke = 2.0 * (sine / 3000.0).powi(2) + 0.002 * t;
-        let _ = writeln!(text, "{t},{},{}", voltage(t, sine), stroke_mm(k as usize, stroke));
-    }
-    text
-}
-
-#[test]
-fn what_prevents_a_fit_is_reported_with_what_to_record() {
-    let bench = Bench::new();
-    let plain = |_: usize, stroke: f64| stroke.to_string();
-    let two_sizes = |t: f64, volts: f64| if t < 22.0 { volts } else { 0.5 * volts };
-    let says = |content: &str, severity: &str, words: &[&str]| {
-        let (report, status) = bench.check(content);
-        let found = report["findings"].as_array().expect("a list").iter().any(|finding| {
-            let line = finding.to_string();
-            finding["severity"] == severity && words.iter().all(|word| line.contains(word))
-        });
-        assert!(found, "{severity} {words:?}: {report}");
-        assert_eq!(status, i32::from(report["identifies"] == false), "{report}");
-        if severity == "prevents" {
-            assert_eq!(status, 1);
-        }
-    };
-    says(&film(|_, v| v, plain), "prevents", &["one frequency (0.2", "one amplitude", "second frequency"]);
-    says(&film(two_sizes, plain), "weakens", &["one frequency only"]);
-    says(&film(|t, v| two_sizes(t, v) / 1000.0, plain), "prevents", &["output of a monitor", "*1000"]);
-    says(&film(|t, v| two_sizes(t, v) + 2000.0, plain), "prevents", &["first row", "ten minutes"]);
-    says(&film(two_sizes, |_, _| String::new()), "prevents", &["no displacement"]);
-    says(&film(two_sizes, |_, stroke| (1e3 * stroke).to_string()), "prevents", &["a stroke of 2", "unit"]);
-    says(&film(two_sizes, |_, stroke| (-stroke).to_string()), "prevents", &["--invert"]);
-    let drop_outs = |k: usize, stroke: f64| if k % 100 == 50 { "9.5".into() } else { stroke.to_string() };
-    says(&film(two_sizes, drop_outs), "weakens", &["8 readings", "--blank"]);
-    says(
-        &film(two_sizes, |_, stroke| (stroke + 12.0).to_string()),
-        "weakens",
-        &["12.000 mm at rest", "zero the sensor"],
-    );
-    let missing = |k: usize, stroke: f64| if k.is_multiple_of(3) { String::new() } else { stroke.to_string() };
-    says(&film(two_sizes, missing), "weakens", &["281 of 841 rows have no reading"]);
-    let every = |n: usize| {
-        film(two_sizes, plain)
-            .lines()
-            .enumerate()
-            .filter(|(k, _)| k % n == 1 || *k == 0)
-            .map(|(_, line)| format!("{line}\n"))
-            .collect::<String>()
-    };
-    says(&every(10), "weakens", &["10.0 rows per cycle"]);
-    says(&every(20), "prevents", &["5.2 rows per cycle"]);
-}
-
 /// The committed recordings: three frequencies of one amplitude together, one frequency alone.
 #[test]
 fn recordings_are_judged_together() {
@@ -212,6 +129,4 @@ fn recordings_are_judged_together() {
     names(&report["findings"].to_string(), &["one amplitude only"]);
     let (report, status) = checked(&paths[..1]);
     assert_eq!((&report["identifies"], status), (&false.into(), 1), "{report}");
-    // Bad input is no verdict.
-    names(&TOOL.fails(&["check", "nowhere.csv"]), &["nowhere.csv"]);
 }

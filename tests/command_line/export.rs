@@ -12,8 +12,6 @@ use tests::tool::{names, text};
 
 use crate::TOOL;
 
-const BOARD: &str = "\n[board]\nid = 7\ncommand-range = \"five-volts\"\n";
-
 fn board_table() -> String {
     "\n[board]\nid = 7\ncommand_range = \"five-volts\"\namplifier = { offset = 0.0, gain = 1200.0, quadratic = -3.5 }\n\
      monitor = { offset = 1.5, gain = 1000.0, quadratic = 0.0 }\nsensor = { offset = -0.001, gain = 0.001, quadratic = 0.0 }\n\
@@ -137,50 +135,6 @@ fn an_amplifier_is_described_by_points_as_well() {
     let (before, after) = (Parameters::read(&file).expect("readable"), Parameters::read(&reduced).expect("readable"));
     assert_eq!(before.board, after.board);
     assert!(fs::read_to_string(&reduced).expect("written").contains("0.6"), "short numbers");
-    // What is no calibration names its place.
-    for (wrong, words) in [
-        (
-            "{ points = [[0.0, 0.0], [0.6, 15.0], [0.5, 160.0], [5.0, 6000.0]] }",
-            ["amplifier", "point 2 (0.6 V, 15) is followed by point 3 (0.5 V, 160)"],
-        ),
-        ("{ points = [[0.0, 0.0], [4.0, 5000.0]] }", ["amplifier", "max_voltage_v"]),
-        ("{ points = [[0.0, 0.0]] }", ["amplifier", "points"]),
-        ("{ offset = 0.0, gain = 1200.0, points = [[0.0, 0.0], [5.0, 6000.0]] }", ["p.toml:", "quadratic"]),
-        ("{ offset = 0.0, gain = 1200.0 }", ["p.toml:", "quadratic"]),
-    ] {
-        fs::write(&file, good.replace(parabola, &format!("amplifier = {wrong}"))).expect("written");
-        let out = folder.path().join("p.bin");
-        names(&TOOL.fails(&["export", "--params", text(&file), "--out", text(&out)]), &words);
-        assert!(!out.exists());
-    }
-}
-
-#[test]
-fn what_no_controller_takes_is_not_exported() {
-    let folder = TempDir::new().expect("a folder");
-    let (file, out) = (folder.path().join("p.toml"), folder.path().join("p.bin"));
-    let good = Parameters::preset("table3-n2").expect("there").to_toml() + &board_table();
-    let fails = |from: &str, to: &str, words: &[&str]| {
-        assert!(good.contains(from), "{from}");
-        fs::write(&file, good.replace(from, to)).expect("written");
-        names(&TOOL.fails(&["export", "--params", text(&file), "--out", text(&out)]), words);
-        assert!(!out.exists());
-    };
-    fails("max_voltage_v = 5500.0", "max_voltage_v = -1.0", &["p.toml:", "max_voltage_v"]);
-    fails("max_voltage_v = 5500.0", "max_voltage_v = nan", &["p.toml:", "max_voltage_v"]);
-    fails("max_voltage_v = 5500.0", "max_volts = 5500.0", &["p.toml:", "max_volts"]);
-    fails("gain = 1200.0", "gain = 0.0", &["p.toml:", "amplifier"]);
-    fails("quadratic = -3.5", "quadratic = -350.0", &["p.toml:", "amplifier"]);
-    fails("low = -0.9e-3", "low = 1.0", &["p.toml:", "sensor"]);
-    fails("\"open-loop\"", "\"pray\"", &["p.toml:", "pray"]);
-    fails("command_range = \"five-volts\"", "command_range = \"kilovolts\"", &["p.toml:", "kilovolts"]);
-    fails(&board_table(), BOARD, &["p.toml:", "command-range"]);
-    fails("stretch_coupling = 0.0", "stretch_coupling = 1e6", &["p.toml", "pull-in"]);
-    fs::write(&file, &good).expect("written");
-    for rate in ["0", "0.5", "1e6", "nan"] {
-        names(&TOOL.fails(&["export", "--params", text(&file), "--rate", rate, "--out", text(&out)]), &["--rate"]);
-    }
-    names(&TOOL.fails(&["export", "--params", text(&file), "--out", text(&file)]), &["overwrite"]);
 }
 
 /// The blob of the example firmware for other boards is made of the file beside it, as its comment says.

@@ -8,7 +8,7 @@ use dea_driver::Blob;
 use host_sim::files::parameters::Parameters;
 use springpot::{Applied, Feedforward, Follower, Load, SensorSample};
 use tempfile::TempDir;
-use tests::tool::{names, text};
+use tests::tool::text;
 use tests::transcript::blocks;
 
 use crate::TOOL;
@@ -145,65 +145,6 @@ fn two_exported_films_have_the_controllers_bits() {
         assert!(state.learned().is_none() || state.added().abs() > 1e-6, "something was learned");
     }
     assert_eq!(lines.next(), None);
-}
-
-/// Whatever is refused, nothing is written and nothing is lost.
-#[test]
-fn c_is_written_whole_or_not_at_all() {
-    let folder = TempDir::new().expect("a folder");
-    let path = |name: &str| folder.path().join(name);
-    let export =
-        |params: &str, out: &str| ["export", "--params", params, "--emit", "c", "--out", out].map(str::to_owned);
-    let refused = |params: &str, out: &Path, words: &[&str]| {
-        let arguments = export(params, text(out));
-        names(&TOOL.fails(&arguments.each_ref().map(String::as_str)), words);
-    };
-    let preset = "preset:table3-n2";
-    refused(preset, &path("film.bin"), &["--out", "film.c"]);
-    refused(preset, &path("there/film.c"), &["film.c", "no folder"]);
-    fs::create_dir(path("film.c")).expect("made");
-    refused(preset, &path("film.c"), &["film.c", "directory"]);
-    refused("preset:table9", &path("film-2.c"), &["preset"]);
-    // Another program's header stays.
-    assert!(!path("springpot.h").exists() && !path("film-2.c").exists());
-    fs::write(path("springpot.h"), "/* mine */").expect("written");
-    refused(preset, &path("film-2.c"), &["springpot.h", "another folder"]);
-    assert_eq!(fs::read_to_string(path("springpot.h")).expect("there"), "/* mine */");
-    assert!(!path("film-2.c").exists() && !path("film-2.json").exists());
-    fs::remove_file(path("springpot.h")).expect("removed");
-    fs::write(path("film-2.json"), "{}").expect("written");
-    refused(preset, &path("film-2.c"), &["film-2.json", "another folder"]);
-    assert_eq!(fs::read_to_string(path("film-2.json")).expect("there"), "{}");
-    fs::remove_file(path("film-2.json")).expect("removed");
-    // What is read is not overwritten.
-    let film = Parameters::preset("table3-n2").expect("there").to_toml();
-    fs::write(path("read.c"), &film).expect("written");
-    refused(text(&path("read.c")), &path("read.c"), &["overwrite"]);
-    fs::write(path("springpot.h"), &film).expect("written");
-    refused(text(&path("springpot.h")), &path("other.c"), &["overwrite"]);
-    assert_eq!(fs::read_to_string(path("read.c")).expect("there"), film);
-    // A file is where the library's folder would.
-    let file = path("read.c");
-    names(
-        &TOOL.fails(&["export", "--params", preset, "--emit", "arduino", "--out", text(&file)]),
-        &["read.c", "folder"],
-    );
-    // A library is written again, its user's sketch is not.
-    let library = path("library");
-    let sketch = library.join("examples/Tracking/Tracking.ino");
-    let again = ["export", "--params", preset, "--emit", "arduino", "--out", text(&library)];
-    assert_eq!(TOOL.json(&again)["written"].as_array().map(Vec::len), Some(5));
-    fs::write(&sketch, "// my pins").expect("written");
-    assert_eq!(TOOL.json(&again)["written"].as_array().map(Vec::len), Some(4));
-    assert_eq!(fs::read_to_string(&sketch).expect("there"), "// my pins");
-    fs::write(library.join("library.json"), "{}").expect("written");
-    names(&TOOL.fails(&again), &["library.json", "another folder"]);
-    names(&TOOL.fails(&["export", "--params", preset, "--emit", "arduino", "--out", "."]), &["--out", "name"]);
-    // The header of this tool is replaced.
-    fs::remove_file(path("springpot.h")).expect("removed");
-    for _ in 0..2 {
-        TOOL.json(&export(preset, text(&path("film-2.c"))).each_ref().map(String::as_str));
-    }
 }
 
 /// The library has what Arduino and PlatformIO ask for.

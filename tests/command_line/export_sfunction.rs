@@ -6,43 +6,10 @@ use std::process::Command;
 
 use host_sim::files::parameters::Parameters;
 use tempfile::TempDir;
-use tests::tool::{names, text};
+use tests::tool::text;
 use tests::transcript::blocks;
 
 use crate::TOOL;
-
-/// Six files whose names MATLAB can call, or none; files of other programs are kept.
-#[test]
-fn what_matlab_needs_is_written_whole_or_not_at_all() {
-    let folder = TempDir::new().expect("a folder");
-    let path = |name: &str| folder.path().join(name);
-    let export = |out: &Path| {
-        ["export", "--params", "preset:table3-n2", "--emit", "sfunction", "--out", text(out)].map(str::to_owned)
-    };
-    let refused = |out: &Path, words: &[&str]| {
-        names(&TOOL.fails(&export(out).each_ref().map(String::as_str)), words);
-    };
-    refused(&path("film.bin"), &["--out", "film.c", "film_mex.c"]);
-    refused(&path("film-5s.c"), &["--out", "film-5s", "film_5s.c"]);
-    refused(&path("5s.c"), &["--out", "5s", "a letter"]);
-    refused(&path("there/film.c"), &["film.c", "no folder"]);
-    for name in ["film_mex.c", "film_sfun.c", "springpot_tick.h", "springpot.h", "film.json"] {
-        fs::write(path(name), "/* mine */").expect("written");
-        refused(&path("film.c"), &[name, "another folder"]);
-        assert_eq!(fs::read_to_string(path(name)).expect("there"), "/* mine */");
-        fs::remove_file(path(name)).expect("removed");
-    }
-    assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 0);
-    // Once more over what is there.
-    for _ in 0..2 {
-        let report = TOOL.json(&export(&path("film.c")).each_ref().map(String::as_str));
-        let written = ["film.c", "springpot.h", "springpot_tick.h", "film_mex.c", "film_sfun.c", "film.json"];
-        let files: Vec<String> = written.iter().map(|name| text(&path(name)).to_owned()).collect();
-        assert_eq!(report["written"], serde_json::json!(files), "{report}");
-        assert_eq!(report["symbol"], "film");
-        assert!(files.iter().all(|file| Path::new(file).is_file()));
-    }
-}
 
 /// Builds the MEX function of `name`.c as docs/matlab.md says.
 fn build_mex(folder: &Path, name: &str) {

@@ -1,11 +1,10 @@
 //! `--plot` of the commands that compute series: page, SVG and PNG.
 
 use std::fs;
-use std::path::Path;
 
 use tempfile::TempDir;
 use tests::thinned_recordings;
-use tests::tool::{names, text};
+use tests::tool::text;
 
 use crate::TOOL;
 use crate::report_page::{check_page, document};
@@ -171,35 +170,6 @@ fn each_command_draws_svg_and_png() {
         let png = fs::read(&png).expect("PNG");
         assert!(png.starts_with(b"\x89PNG\r\n\x1a\n") && png.len() > 10_000, "{}", command[0]);
     }
-}
-
-/// An unknown ending, an input and the command's own output are refused before anything is written.
-#[test]
-fn refused_figures_leave_nothing() {
-    let bench = Bench::new();
-    let there = |path: &Path| fs::read_dir(path).expect("a folder").count();
-    let before = there(bench.folder.path());
-    let input = fs::read(bench.file("wang-5s.csv")).expect("there");
-    for (command, _) in bench.commands() {
-        let fails = |plot: &Path, words: &[&str]| {
-            let words_of: Vec<&str> = command.iter().map(String::as_str).chain(["--plot", text(plot)]).collect();
-            names(&TOOL.fails(&words_of), words);
-        };
-        fails(&bench.file("plot.pdf"), &["plot.pdf", ".html, .svg or .png"]);
-        fails(&bench.file("plot"), &["plot", ".html, .svg or .png"]);
-        fails(&bench.file("none/plot.svg"), &["plot.svg", "no folder"]);
-        assert_eq!(there(bench.folder.path()), before, "{}", command[0]);
-    }
-    // A recording may have any name.
-    let recording = bench.file("recording.svg");
-    fs::write(&recording, &input).expect("written");
-    let out = bench.file("out.svg");
-    let simulate =
-        ["simulate", "--params", "preset:table3-n2", "--profile", text(&recording), "--out", text(&out), "--plot"];
-    names(&TOOL.fails(&[simulate.as_slice(), &[text(&recording)]].concat()), &["recording.svg", "overwrite"]);
-    names(&TOOL.fails(&[simulate.as_slice(), &[text(&out)]].concat()), &["--plot", "out.svg", "--out"]);
-    assert_eq!(fs::read(&recording).expect("there"), input);
-    assert!(!out.exists());
 }
 
 #[test]

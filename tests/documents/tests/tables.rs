@@ -169,7 +169,10 @@ fn sources() -> Vec<([String; 2], PathBuf, String)> {
         for entry in fs::read_dir(&folder).expect("readable").map(|entry| entry.expect("readable").path()) {
             if entry.is_dir() && !entry.ends_with("target") {
                 folders.push(entry);
-            } else if entry.extension().is_some_and(|extension| extension == "rs" || extension == "py") {
+            } else if entry
+                .extension()
+                .is_some_and(|extension| ["rs", "py", "trycmd"].iter().any(|kind| extension == *kind))
+            {
                 let names = [entry.file_stem(), folder.file_name()];
                 let names = names.map(|name| name.expect("a name").to_string_lossy().into_owned());
                 let text = fs::read_to_string(&entry).expect("readable");
@@ -187,7 +190,8 @@ fn cited(page: &str) -> (Vec<&str>, Vec<&str>) {
     (page.split('`').skip(1).step_by(2).filter(|code| code.contains("::")).collect(), in_comments)
 }
 
-/// Tests that pages cite as `module::name` exist in that module. So do the functions and the modules of the sources. Names of tests are
+/// Tests that pages cite as `module::name` exist in that module, and commands with their answers as `cases::name`. So do the functions and the
+/// modules of the sources. Names of tests are
 /// sentences, which only the safety page shows to its reader.
 #[test]
 fn tests_that_are_cited_exist() {
@@ -215,9 +219,9 @@ fn tests_that_are_cited_exist() {
             }
             count += 1;
             let defined = ["fn NAME(", "fn NAME<", "def NAME("].map(|defined| defined.replace("NAME", name));
-            let file = format!("{module}/{name}.rs");
+            let files = ["rs", "trycmd"].map(|kind| format!("{module}/{name}.{kind}"));
             let found = there.iter().any(|(_, path, source)| {
-                path.ends_with(&file) || defined.iter().any(|defined| source.contains(defined))
+                files.iter().any(|file| path.ends_with(file)) || defined.iter().any(|defined| source.contains(defined))
             });
             if !found {
                 wrong.push(format!("{}: no {cited}", path.display()));
