@@ -4,10 +4,14 @@ mod playing;
 mod self_test;
 
 use std::fs;
+use std::io::{Read, Write};
+use std::net::TcpListener;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use dea_driver::wire::{Answer, Command, FRAME_LEN, Identity, Message, Request, boards, encode};
+use dea_driver::wire::{Answer, Command, FRAME_LEN, Identity, Message, Receiver, Request, VERSION, boards, encode};
 use host_sim::link::{Client, Port};
 use tempfile::TempDir;
 use tests::tool::{Tool, names, text};
@@ -157,7 +161,7 @@ fn a_killed_player_leaves_its_samples() {
     let seen = || fs::read_to_string(&part).map_or(0, |text| text.lines().count());
     while seen() < 150 {
         assert!(player.try_wait().expect("waits").is_none(), "it ends by itself");
-        std::thread::sleep(Duration::from_millis(20));
+        thread::sleep(Duration::from_millis(20));
     }
     player.kill().expect("runs");
     player.wait().expect("killed");
@@ -166,8 +170,8 @@ fn a_killed_player_leaves_its_samples() {
     TOOL.json(&link(&board, &["acknowledge"]));
     let short = [play.as_slice(), &["--duration", "0.3"]].concat();
     let output = TOOL.with(&short).assert().success().get_output().clone();
-    let told = String::from_utf8(output.stderr).expect("UTF-8");
-    names(&told, &["out.csv", "was killed", "samples are kept", "out.recovered-1.csv"]);
+    let printed = String::from_utf8(output.stderr).expect("UTF-8");
+    names(&printed, &["out.csv", "was killed", "samples are kept", "out.recovered-1.csv"]);
     let recovered = folder.path().join("out.recovered-1.csv");
     let replayed = TOOL.json(&["replay", "--params", "preset:table3-n2", text(&recovered)]);
     assert!(replayed["recordings"][0]["samples"].as_u64().expect("a number") > 145);
@@ -320,13 +324,13 @@ fn blobs_are_checked_before_they_are_sent_and_after() {
 /// A peer that sends without end, but no valid frame, ends in a timeout after a few seconds. The message names another device.
 #[test]
 fn a_port_that_sends_garbage_ends_in_a_timeout() {
-    let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a port");
+    let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
     let port = format!("tcp:{}", listener.local_addr().expect("bound"));
-    let garbage = std::thread::spawn(move || {
+    let garbage = thread::spawn(move || {
         let (mut line, _) = listener.accept().expect("connects");
         // Until the other side closes the connection.
-        while std::io::Write::write_all(&mut line, b"ABCDEFG").is_ok() {
-            std::thread::sleep(Duration::from_millis(2));
+        while line.write_all(b"ABCDEFG").is_ok() {
+            thread::sleep(Duration::from_millis(2));
         }
     });
     names(
@@ -355,93 +359,83 @@ fn a_serial_port_is_as_good() {
     assert!(gone.contains("the connection is gone"), "{gone}");
 }
 
-/// A controller that answers everything later than it is asked again, such as an emulator on a busy machine, is understood; one
-/// that hangs up is not waited for; a request that changes something is sent once.
-#[test]
-fn a_late_answer_counts_and_a_closed_connection_does_not_wait() {
-    let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a port");
+/// A controller at a port of its own. To each request but its identification `react` gives the answer, by their number from 1 on: none with
+/// `Continue(None)`, and it hangs up with `Break`. Ends with the requests.
+fn peer(react: fn(usize, &Command) -> ControlFlow<(), Option<Answer>>) -> (Port, JoinHandle<Vec<Request>>) {
+    let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
     let port = format!("tcp:{}", listener.local_addr().expect("bound"));
-    let peer = std::thread::spawn(move || {
+    let peer = thread::spawn(move || {
         let (line, _) = listener.accept().expect("connects");
-        let mut receiver = dea_driver::wire::Receiver::new();
-        let mut orders = 0;
-        for byte in std::io::Read::bytes(&line) {
+        let (mut receiver, mut requests) = (Receiver::new(), Vec::new());
+        for byte in Read::bytes(&line) {
             let Some(request) = receiver.push::<Request>(byte.expect("read")) else { continue };
-            let Request { sequence, command, .. } = request.expect("whole");
-            let answer = match command {
-                Command::Identify => Answer::Identity(Identity {
-                    protocol: dea_driver::wire::VERSION,
+            let request = request.expect("whole");
+            let sequence = request.sequence;
+            let answer = if request.command == Command::Identify {
+                Answer::Identity(Identity {
+                    protocol: VERSION,
                     schema: dea_driver::SCHEMA,
                     board: boards::STM32F405,
-                    firmware: "late".try_into().expect("short"),
-                }),
-                Command::Rest => {
-                    orders += 1;
-                    Answer::Done
+                    firmware: "peer".try_into().expect("short"),
+                })
+            } else {
+                requests.push(request.clone());
+                match react(requests.len(), &request.command) {
+                    ControlFlow::Continue(Some(answer)) => answer,
+                    ControlFlow::Continue(None) => continue,
+                    ControlFlow::Break(()) => break,
                 }
-                // Without an answer.
-                _ => break,
             };
-            // Longer than the first two calls wait.
-            std::thread::sleep(Duration::from_millis(900));
             let mut frame = [0; FRAME_LEN + 1];
             let length = encode(&Message::Answer { sequence, answer }, &mut frame).expect("fits");
-            std::io::Write::write_all(&mut &line, &frame[..length]).expect("sent");
+            (&line).write_all(&frame[..length]).expect("sent");
         }
-        orders
+        requests
     });
-    let (mut client, identity) = Client::new(Port::open(&port).expect("opens")).expect("answers");
-    assert_eq!(identity.firmware, "late");
+    (Port::open(&port).expect("opens"), peer)
+}
+
+/// A controller that answers later than it is asked again, such as an emulator on a busy machine, is understood; one that hangs up is not
+/// waited for; a request that changes something is sent once.
+#[test]
+fn a_late_answer_counts_and_a_closed_connection_does_not_wait() {
+    let (port, peer) = peer(|_, command| match command {
+        Command::Rest => {
+            // Longer than the first two calls wait.
+            thread::sleep(Duration::from_millis(900));
+            ControlFlow::Continue(Some(Answer::Done))
+        }
+        _ => ControlFlow::Break(()),
+    });
+    let (mut client, identity) = Client::new(port).expect("answers");
+    assert_eq!(identity.firmware, "peer");
     client.order(Command::Rest).expect("done");
     let gone = client.status().expect_err("hung up").to_string();
     assert!(gone.contains("the connection is gone"), "{gone}");
-    assert_eq!(peer.join().expect("no fault"), 1);
+    let requests = peer.join().expect("no fault");
+    assert_eq!(requests.iter().filter(|request| request.command == Command::Rest).count(), 1);
 }
 
 /// Who has armed and gets no answer asks again, since the board trips without a heartbeat: under another number, with its token.
 #[test]
 fn an_answer_that_is_lost_while_armed_is_asked_for_again() {
-    let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a port");
-    let port = format!("tcp:{}", listener.local_addr().expect("bound"));
-    let peer = std::thread::spawn(move || {
-        let (line, _) = listener.accept().expect("connects");
-        let mut receiver = dea_driver::wire::Receiver::new();
-        let mut heartbeats = Vec::new();
-        for byte in std::io::Read::bytes(&line) {
-            let Some(request) = receiver.push::<Request>(byte.expect("read")) else { continue };
-            let Request { sequence, token, command } = request.expect("whole");
-            let answer = match command {
-                Command::Identify => Answer::Identity(Identity {
-                    protocol: dea_driver::wire::VERSION,
-                    schema: dea_driver::SCHEMA,
-                    board: boards::STM32F405,
-                    firmware: "deaf".try_into().expect("short"),
-                }),
-                Command::Arm => Answer::Armed { token: 4711 },
-                _ => {
-                    heartbeats.push((sequence, token));
-                    // The first two answers are lost.
-                    if heartbeats.len() < 3 {
-                        continue;
-                    }
-                    Answer::Done
-                }
-            };
-            let mut frame = [0; FRAME_LEN + 1];
-            let length = encode(&Message::Answer { sequence, answer }, &mut frame).expect("fits");
-            std::io::Write::write_all(&mut &line, &frame[..length]).expect("sent");
-        }
-        heartbeats
+    let (port, peer) = peer(|number, command| {
+        ControlFlow::Continue(match command {
+            Command::Arm => Some(Answer::Armed { token: 4711 }),
+            // The first two answers are lost.
+            _ => (number > 3).then_some(Answer::Done),
+        })
     });
-    let (mut client, _) = Client::new(Port::open(&port).expect("opens")).expect("answers");
+    let (mut client, _) = Client::new(port).expect("answers");
     assert_eq!(client.arm().expect("armed"), 4711);
     client.order(Command::Heartbeat).expect("done");
     drop(client);
-    let heartbeats = peer.join().expect("no fault");
+    let requests = peer.join().expect("no fault");
+    let heartbeats = &requests[1..];
     // A busy machine may ask once more before it reads the answer.
     assert!(heartbeats.len() >= 3, "{heartbeats:?}");
-    assert!(heartbeats.windows(2).all(|pair| pair[0].0 != pair[1].0), "{heartbeats:?}");
-    assert!(heartbeats.iter().all(|&(_, token)| token == 4711), "{heartbeats:?}");
+    assert!(heartbeats.windows(2).all(|pair| pair[0].sequence != pair[1].sequence), "{heartbeats:?}");
+    assert!(heartbeats.iter().all(|request| request.token == 4711), "{heartbeats:?}");
 }
 
 #[test]

@@ -108,9 +108,9 @@ fn a_third_ctrl_c_says_what_it_leaves() {
     let board = VirtualBoard::start(Scene { tick: Duration::from_millis(5), enable_welded: true, ..Scene::CALM });
     let (mut player, printed) = playing(&board, &folder);
     let mut lines = printed.lines().map(|line| line.expect("UTF-8"));
-    for told in ["bringing the film to 0 V", "still bringing the film", "leaving a film that may be live"] {
+    for expected in ["bringing the film to 0 V", "still bringing the film", "leaving a film that may be live"] {
         ctrl_c(&player);
-        names(&lines.next().expect("printed"), &[told]);
+        names(&lines.next().expect("printed"), &[expected]);
     }
     assert_eq!(player.wait().expect("ends").code(), Some(130));
 }

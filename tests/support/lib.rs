@@ -1,12 +1,10 @@
 //! Shared parts of the tests: models to try, and the paper's drive.
 
-/// The driver's bench and flash, as its own tests have them.
+/// The driver's bench, as its own tests have it.
 #[path = "../../crates/dea-driver/tests/driver/bench.rs"]
 pub mod bench;
 #[path = "../../crates/springpot/tests/it/support/defining_sum.rs"]
 pub mod defining_sum;
-#[path = "../../crates/dea-driver/tests/driver/flash.rs"]
-pub mod flash;
 #[path = "../../crates/springpot/tests/it/support/models.rs"]
 mod models;
 mod recordings;

@@ -12,12 +12,10 @@ use std::time::{Duration, Instant};
 use dea_driver::chips::{AdcCode, AdcRange, DacCode};
 use dea_driver::server::{Board, Session};
 use dea_driver::wire::{FRAME_LEN, Inspection, Message, Part, boards, encode};
-use dea_driver::{Cause, Device, Drive, Inputs, Store};
+use dea_driver::{Cause, Device, Drive, Inputs, RamFlash, Store};
 #[cfg(target_os = "linux")]
 use serial2::SerialPort;
 use springpot::{Actuator, Law, LawOptions, LawState, Preset, VoltageDrive};
-
-use crate::flash::Flash;
 
 /// Ticks that are late are made up for if it is not by more than this.
 const MAX_DELAY: Duration = Duration::from_millis(50);
@@ -186,14 +184,14 @@ impl<T: Read + Write> Line for T {}
 
 struct Bench {
     device: Device,
-    store: Store<Flash>,
+    store: Store<RamFlash>,
     scene: Scene,
     /// Whether the watchdog is fed no more.
     starved: bool,
 }
 
 impl Board for Bench {
-    type Flash = Flash;
+    type Flash = RamFlash;
     const ID: u16 = boards::STM32F405;
 
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
@@ -204,7 +202,7 @@ impl Board for Bench {
         (100.0, 5000.0)
     }
 
-    fn store(&mut self) -> &mut Store<Flash> {
+    fn store(&mut self) -> &mut Store<RamFlash> {
         &mut self.store
     }
 
@@ -232,7 +230,7 @@ fn run(
     opened: &AtomicBool,
 ) {
     let latched = if scene.panic_message.is_empty() { None } else { Some(Cause::Panic) };
-    let store = Store::new(Flash::new(), boards::STM32F405).expect("two sectors");
+    let store = Store::new(RamFlash::default(), boards::STM32F405).expect("two sectors");
     let mut bench = Bench { device: Device::new(latched), store, scene, starved: false };
     let mut session = Session::new("virtual");
     let mut stream: Option<Box<dyn Line>> = None;

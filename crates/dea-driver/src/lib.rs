@@ -26,7 +26,7 @@ pub use control::{Controller, Inputs, LearningOrder, Mode, Outputs, SetpointErro
 pub use control::{Followed, Step, Target, TickCodes, Ticked};
 pub use parameters::{BLOB_LEN, Blob, BlobError, Control, ControllerMemory, Parameters, SCHEMA};
 #[cfg(feature = "store")]
-pub use parameters::{BlobHeader, Store, StoreError, Stored};
+pub use parameters::{BlobHeader, RamFlash, Store, StoreError, Stored};
 pub use safety::{
     Cause, DriverState, Limits, LimitsError, Monitor, MonitorLimits, OnSensorFault, Plausibility, PlausibilityLimits,
     Readings, Refusal, SensorFault, Supervisor, Tick,

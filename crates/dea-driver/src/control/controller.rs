@@ -182,7 +182,7 @@ impl<M: ControllerMemory> Controller<M> {
 
         // Check: sensors, limits, heartbeat. Without the monitor the voltage at the film is unknown: trip at once. Without
         // the displacement sensor the parameters decide.
-        let stood_v = self.supervisor.command_v();
+        let applied_v = self.supervisor.command_v();
         if inputs.monitor_adc_v.is_none() && self.supervisor.enables() {
             self.supervisor.trip(Cause::Bus);
         }
@@ -206,7 +206,7 @@ impl<M: ControllerMemory> Controller<M> {
         // Estimate: step the film under the voltage applied since the last tick, and correct it with a sample if one is
         // due. Nothing is learned from a film that is not driven.
         let sample = self.sampler.next(checked.displacement_m.filter(|_| self.supervisor.runs()));
-        let applied = Applied { commanded_v: stood_v, reading_v: self.lags.then_some(monitor_v) };
+        let applied = Applied { commanded_v: applied_v, reading_v: self.lags.then_some(monitor_v) };
         let predicted_m = self.follower.observe(&mut self.course, applied, sample);
         let load = self.course.observer().load();
         let open_loop_m = self.watched.displacement_under(&mut self.open_loop, load);

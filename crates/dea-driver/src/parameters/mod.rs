@@ -2,6 +2,8 @@
 
 mod blob;
 mod memory;
+#[cfg(feature = "store")]
+mod ram_flash;
 mod settings;
 #[cfg(feature = "store")]
 mod store;
@@ -11,6 +13,8 @@ pub use blob::BlobHeader;
 pub use blob::{BLOB_LEN, Blob, BlobError, SCHEMA};
 pub use memory::ControllerMemory;
 pub(crate) use memory::Watched;
+#[cfg(feature = "store")]
+pub use ram_flash::RamFlash;
 pub use settings::{Control, Parameters};
 #[cfg(feature = "store")]
 pub use store::{Store, StoreError, Stored};

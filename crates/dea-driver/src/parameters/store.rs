@@ -25,37 +25,11 @@ const ALONE: u32 = 1;
 /// Two slots in a flash of two erasable parts, for parameters of a law with the memory `M`.
 ///
 /// ```
+/// # use dea_driver::RamFlash;
 /// use dea_driver::{BLOB_LEN, Parameters, Store, StoreError};
-/// # use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 /// # use springpot::{Actuator, Law, LawOptions, Preset};
-/// # struct Flash([u8; 2048]);
-/// # impl ErrorType for Flash {
-/// #     type Error = NorFlashErrorKind;
-/// # }
-/// # impl ReadNorFlash for Flash {
-/// #     const READ_SIZE: usize = 1;
-/// #     fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
-/// #         bytes.copy_from_slice(&self.0[offset as usize..][..bytes.len()]);
-/// #         Ok(())
-/// #     }
-/// #     fn capacity(&self) -> usize {
-/// #         self.0.len()
-/// #     }
-/// # }
-/// # impl NorFlash for Flash {
-/// #     const WRITE_SIZE: usize = 4;
-/// #     const ERASE_SIZE: usize = 1024;
-/// #     fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
-/// #         self.0[from as usize..to as usize].fill(0xff);
-/// #         Ok(())
-/// #     }
-/// #     fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
-/// #         self.0[offset as usize..][..bytes.len()].copy_from_slice(bytes);
-/// #         Ok(())
-/// #     }
-/// # }
 /// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// # let flash = Flash([0xff; 2048]);
+/// # let flash = RamFlash::default();
 /// # let law: Law<f32> = Law::compressed(&Preset::TABLE3_N2.model()?, LawOptions::at_step(1e-3))?;
 /// # let parameters = Parameters::bench(&law, Actuator::KARNER_2022);
 /// # let mut bytes = [0; BLOB_LEN];
@@ -69,6 +43,7 @@ const ALONE: u32 = 1;
 /// # Ok(())
 /// # }
 /// ```
+#[derive(Clone, Debug)]
 pub struct Store<F, M: ControllerMemory = Compressed<f32>> {
     flash: F,
     board: u16,

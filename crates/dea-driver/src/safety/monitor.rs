@@ -123,8 +123,8 @@ impl Monitor {
         let inside = lowest_v - band <= monitor_v && monitor_v <= highest_v + band;
         self.excess = if inside { less(self.excess) } else { self.excess.saturating_add(OUTSIDE) };
         // Not `<`: after NaN it has fallen.
-        let stands = monitor_v + band >= self.before_v;
-        let arcs = monitor_v < ARC_SHARE * lowest_v - band && !stands;
+        let stays = monitor_v + band >= self.before_v;
+        let arcs = monitor_v < ARC_SHARE * lowest_v - band && !stays;
         self.before_v = monitor_v;
         let over = self.watched <= self.again_ticks;
         if arcs && over && self.watched > 0 {

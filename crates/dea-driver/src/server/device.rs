@@ -39,7 +39,7 @@ const RATE_HZ: f32 = 1000.0;
 /// # Ok(())
 /// # }
 /// ```
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Device<M: ControllerMemory = Compressed<f32>> {
     controller: Option<Controller<M>>,
     /// Why the last run ended, until it is acknowledged.
@@ -360,7 +360,7 @@ impl<M: ControllerMemory> Device<M> {
 }
 
 /// The record of every n-th tick, as long as there is room.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Stream {
     every: u16,
     since: u16,

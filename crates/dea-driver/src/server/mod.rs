@@ -10,4 +10,4 @@ mod upload;
 
 pub use device::{Denial, Device};
 pub use session::{Board, Session, StartError};
-pub use upload::{Upload, UploadError};
+pub use upload::Upload;

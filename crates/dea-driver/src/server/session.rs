@@ -39,11 +39,16 @@ pub trait Board<M: ControllerMemory = Compressed<f32>> {
     /// Ticks at `rate_hz` from now on.
     fn set_rate(&mut self, rate_hz: f32);
 
-    /// Largest depth of the stack so far, bytes.
-    fn stack_peak(&self) -> u32;
+    /// Largest depth of the stack so far, bytes; 0 where it is not measured.
+    fn stack_peak(&self) -> u32 {
+        0
+    }
 
     /// The message of the firmware's last panic; empty if there was none.
-    fn panic_message(&self) -> &str;
+    #[allow(clippy::unnecessary_literal_bound)] // a board returns its own
+    fn panic_message(&self) -> &str {
+        ""
+    }
 
     /// Remembers over a reset whether the parameters in force were only tried: they are gone then, and what the flash keeps may allow
     /// more. A board without memory that survives a reset leaves both out.
@@ -74,40 +79,15 @@ pub trait Board<M: ControllerMemory = Compressed<f32>> {
 /// ```
 /// use dea_driver::server::{Board, Session};
 /// use dea_driver::wire::{Answer, Command, FRAME_LEN, Message, Request, encode};
-/// use dea_driver::{Device, Store};
-/// # use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-/// # struct Flash;
-/// # impl ErrorType for Flash {
-/// #     type Error = NorFlashErrorKind;
-/// # }
-/// # impl ReadNorFlash for Flash {
-/// #     const READ_SIZE: usize = 1;
-/// #     fn read(&mut self, _: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
-/// #         bytes.fill(0xff);
-/// #         Ok(())
-/// #     }
-/// #     fn capacity(&self) -> usize {
-/// #         2048
-/// #     }
-/// # }
-/// # impl NorFlash for Flash {
-/// #     const WRITE_SIZE: usize = 4;
-/// #     const ERASE_SIZE: usize = 1024;
-/// #     fn erase(&mut self, _: u32, _: u32) -> Result<(), NorFlashErrorKind> {
-/// #         Err(NorFlashErrorKind::Other)
-/// #     }
-/// #     fn write(&mut self, _: u32, _: &[u8]) -> Result<(), NorFlashErrorKind> {
-/// #         Err(NorFlashErrorKind::Other)
-/// #     }
-/// # }
+/// use dea_driver::{Device, RamFlash, Store};
 ///
 /// struct MyBoard {
 ///     device: Device,
-///     store: Store<Flash>,
+///     store: Store<RamFlash>,
 /// }
 ///
 /// impl Board for MyBoard {
-///     type Flash = Flash;
+///     type Flash = RamFlash;
 ///     const ID: u16 = 7;
 ///     // On a chip: in a critical section, or under the lock that the tick takes.
 ///     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
@@ -116,19 +96,13 @@ pub trait Board<M: ControllerMemory = Compressed<f32>> {
 ///     fn rates_hz(&self) -> (f32, f32) {
 ///         (100.0, 2000.0)
 ///     }
-///     fn store(&mut self) -> &mut Store<Flash> {
+///     fn store(&mut self) -> &mut Store<RamFlash> {
 ///         &mut self.store
 ///     }
 ///     fn set_rate(&mut self, _rate_hz: f32) {}
-///     fn stack_peak(&self) -> u32 {
-///         0
-///     }
-///     fn panic_message(&self) -> &str {
-///         ""
-///     }
 /// }
 ///
-/// let store = Store::new(Flash, MyBoard::ID).expect("room for two slots");
+/// let store = Store::new(RamFlash::default(), MyBoard::ID).expect("room for two slots");
 /// let mut board = MyBoard { device: Device::new(None), store };
 /// let mut session = Session::new("0.1.0");
 /// assert!(session.begin(&mut board).is_err()); // no parameters yet; the link works all the same
@@ -139,7 +113,7 @@ pub trait Board<M: ControllerMemory = Compressed<f32>> {
 /// let answer = frame[..length].iter().find_map(|&byte| session.serve(byte, &mut board));
 /// assert!(matches!(answer, Some(Message::Answer { sequence: 5, answer: Answer::Identity(_) })));
 /// ```
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Session {
     firmware: &'static str,
     receiver: Receiver,
@@ -195,7 +169,7 @@ impl Session {
             Command::SetVoltage(volts) => self.drive(token, Act::SetVoltage(volts), board),
             Command::SetReference(metres) => self.drive(token, Act::SetReference(metres), board),
             Command::Upload { offset, ref bytes } => {
-                self.upload.push(usize::from(offset), bytes).map_err(|_| Denial::Rejected(Reject::Upload))
+                self.upload.push(usize::from(offset), bytes).map_err(Denial::Rejected)
             }
             Command::Commit { length } => self.take_over(usize::from(length), true, board),
             Command::Try { length } => self.take_over(usize::from(length), false, board),
@@ -325,7 +299,7 @@ impl Session {
         keep: bool,
         board: &mut B,
     ) -> Result<(), Denial> {
-        let bytes = self.upload.finish(length).map_err(|_| Denial::Rejected(Reject::Upload))?;
+        let bytes = self.upload.finish(length).map_err(Denial::Rejected)?;
         board.with(|device| device.is_off()).0?;
         let blob = board.store().decode(bytes).map_err(|_| Denial::Rejected(Reject::Blob))?;
         // What this board cannot run is not stored either.

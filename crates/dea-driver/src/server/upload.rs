@@ -1,24 +1,13 @@
 //! A parameter blob that arrives in pieces.
 
 use crate::parameters::BLOB_LEN;
+use crate::wire::Reject;
 
 /// Collects an upload, piece by piece in order.
 #[derive(Clone, Debug)]
 pub struct Upload {
     bytes: [u8; BLOB_LEN],
     length: usize,
-}
-
-/// Why a piece or an upload was refused. Offset 0 begins a new upload.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum UploadError {
-    /// The piece does not follow the last one.
-    Gap,
-    /// The upload is longer than a blob can be.
-    TooLong,
-    /// The upload has another length than stated.
-    Length,
 }
 
 impl Default for Upload {
@@ -38,16 +27,16 @@ impl Upload {
     ///
     /// # Errors
     ///
-    /// [`UploadError`] where it does not follow the last piece or exceeds a blob.
-    pub fn push(&mut self, offset: usize, piece: &[u8]) -> Result<(), UploadError> {
+    /// [`Reject::Upload`] where it does not follow the last piece or exceeds a blob.
+    pub fn push(&mut self, offset: usize, piece: &[u8]) -> Result<(), Reject> {
         if offset == 0 {
             self.length = 0;
         }
         if offset != self.length {
-            return Err(UploadError::Gap);
+            return Err(Reject::Upload);
         }
         let end = offset + piece.len();
-        self.bytes.get_mut(offset..end).ok_or(UploadError::TooLong)?.copy_from_slice(piece);
+        self.bytes.get_mut(offset..end).ok_or(Reject::Upload)?.copy_from_slice(piece);
         self.length = end;
         Ok(())
     }
@@ -56,9 +45,9 @@ impl Upload {
     ///
     /// # Errors
     ///
-    /// [`UploadError::Length`].
-    pub fn finish(&mut self, length: usize) -> Result<&[u8], UploadError> {
+    /// [`Reject::Upload`].
+    pub fn finish(&mut self, length: usize) -> Result<&[u8], Reject> {
         let received = core::mem::take(&mut self.length);
-        if length == 0 || received != length { Err(UploadError::Length) } else { Ok(&self.bytes[..length]) }
+        if length == 0 || received != length { Err(Reject::Upload) } else { Ok(&self.bytes[..length]) }
     }
 }

@@ -289,8 +289,8 @@ impl Watch {
         self.astray = if astray { self.astray + 1 } else { 0 };
         self.largest_astray = self.largest_astray.max(self.astray);
         assert!(self.astray <= ASTRAY, "astray: {}", about());
-        let told = status.state == DriverState::Tripped(Cause::LiveFilm) && status.live;
-        let live = !enabled && film_v > 61.0 && !told;
+        let reported = status.state == DriverState::Tripped(Cause::LiveFilm) && status.live;
+        let live = !enabled && film_v > 61.0 && !reported;
         self.live = if live { self.live + 1 } else { 0 };
         self.largest_live = self.largest_live.max(self.live);
         assert!(self.live <= LIVE, "live: {}", about());
@@ -327,8 +327,8 @@ fn run(number: u64) -> (Case, Watch, Option<String>) {
         watch.tick(&case, fault, board.film_v, board.device.status());
     }
     let status = board.device.status();
-    let told = status.state == DriverState::Tripped(Cause::LiveFilm) && status.live;
-    assert!(board.film_v <= 61.0 || told, "at the end at {} V: {status:?}, {case:?}", board.film_v);
+    let reported = status.state == DriverState::Tripped(Cause::LiveFilm) && status.live;
+    assert!(board.film_v <= 61.0 || reported, "at the end at {} V: {status:?}, {case:?}", board.film_v);
     assert!(!status.state.is_live());
     let shows_before_arming =
         matches!(case.fault, Fault::Monitor(Adc::Silent | Adc::Full | Adc::OtherRange) | Fault::Sensor(_));

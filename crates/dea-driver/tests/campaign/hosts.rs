@@ -2,8 +2,7 @@
 //!
 //! Explored: frames of two hosts, each with the token that it got when it armed last, and of one without a token: arm, start, heartbeat,
 //! set-points within and beyond the limits, stop, disarm, acknowledge, reload, and damaged bytes; and ticks with healthy readings, an open
-//! interlock, silent converters, and a film that is live. Every state is reached again from the start, since a session cannot be
-//! copied. Two states are the same if state and cause, the supervisor's counters up to where they act, the sign of the command, what the
+//! interlock, silent converters, and a film that is live. Two states are the same if state and cause, the supervisor's counters up to where they act, the sign of the command, what the
 //! last readings allow, the owner of the token and the independent count of the owner's silence are.
 //!
 //! Pass, in every transition: an enabled amplifier implies that this tick's interlock is closed and that a request of the host that armed came
@@ -13,16 +12,16 @@
 //!
 //! Cases: all states; with timeouts of 2 ticks and without reload, silent sensors and live films in the sample, of 3 ticks in full.
 
-use std::collections::{HashSet, VecDeque};
+use std::hash::{DefaultHasher, Hash, Hasher};
 
 use dea_driver::server::Session;
 use dea_driver::wire::{Answer, Command, Mode, Reject};
-use dea_driver::{Blob, Cause, Controller, Drive, DriverState, Store};
+use dea_driver::{Blob, Cause, Controller, Drive, DriverState, RamFlash};
 
 use crate::bench::board_parameters;
-use crate::board::{self, BOARD, Bench, encoded};
-use crate::nor_flash::{SECTOR, TornFlash};
-use crate::scale::{grouped, is_full};
+use crate::board::{self, Bench, encoded};
+use crate::explore::{World, explore};
+use crate::scale::is_full;
 
 const RATE_HZ: f32 = 1000.0;
 
@@ -87,33 +86,14 @@ fn steps() -> Vec<Step> {
     steps
 }
 
-/// Start of every search.
-struct Start {
+/// A board, and what its hosts and an independent count know.
+#[derive(Clone)]
+struct Hosts {
     timeout_ticks: u32,
-    controller: Controller,
-    flash: Vec<u8>,
     /// Whether host 1 sends the token of host 0.
     steals: bool,
-}
-
-impl Start {
-    fn new(timeout_ticks: u32, steals: bool) -> Self {
-        let mut parameters = board_parameters();
-        parameters.limits.heartbeat_s = timeout_ticks as f32 / RATE_HZ;
-        parameters.limits.discharge_s = timeout_ticks as f32 / RATE_HZ;
-        parameters.limits.max_slew_v_per_s = 1e6;
-        parameters.limits.monitor.slew_v_per_s = 1e6;
-        let mut store = Store::new(TornFlash::new(&[0xff; 2 * SECTOR], 1), BOARD).expect("two parts");
-        store.save(&encoded(&parameters)).expect("valid");
-        let controller = Controller::new(Blob::new(parameters).expect("valid"));
-        Self { timeout_ticks, controller, flash: store.destroy().bytes(), steals }
-    }
-}
-
-struct World<'a> {
-    start: &'a Start,
     session: Session,
-    bench: Bench<TornFlash>,
+    bench: Bench,
     tokens: [u16; 3],
     /// The host that armed last.
     owner: Option<usize>,
@@ -121,18 +101,95 @@ struct World<'a> {
     interlock_closed: bool,
 }
 
-impl<'a> World<'a> {
-    fn new(start: &'a Start) -> Self {
-        let mut bench = Bench::new(TornFlash::new(&start.flash, 1), None);
-        bench.device.install(start.controller.clone()).expect("off");
-        let session = Session::new("1.2.3");
-        Self { start, session, bench, tokens: [0; 3], owner: None, silent_ticks: 0, interlock_closed: false }
+impl Hosts {
+    fn new(timeout_ticks: u32, steals: bool) -> Self {
+        let mut parameters = board_parameters();
+        parameters.limits.heartbeat_s = timeout_ticks as f32 / RATE_HZ;
+        parameters.limits.discharge_s = timeout_ticks as f32 / RATE_HZ;
+        parameters.limits.max_slew_v_per_s = 1e6;
+        parameters.limits.monitor.slew_v_per_s = 1e6;
+        let mut bench = Bench::new(RamFlash::default(), None);
+        bench.store.save(&encoded(&parameters)).expect("valid");
+        bench.device.install(Controller::new(Blob::new(parameters).expect("valid"))).expect("off");
+        let (session, tokens, owner) = (Session::new("1.2.3"), [0; 3], None);
+        Self { timeout_ticks, steals, session, bench, tokens, owner, silent_ticks: 0, interlock_closed: false }
     }
 
     fn ask(&mut self, host: usize, command: Command) -> Answer {
-        let token = self.tokens[if self.start.steals && host == 1 { 0 } else { host }];
+        let token = self.tokens[if self.steals && host == 1 { 0 } else { host }];
         board::ask(&mut self.session, &mut self.bench, token, command)
     }
+
+    fn arm(&mut self, host: usize) -> Result<(), String> {
+        if let Answer::Armed { token } = self.ask(host, Command::Arm) {
+            if token == 0 || self.tokens.contains(&token) {
+                return Err(format!("token {token} again"));
+            }
+            self.tokens[host] = token;
+            self.owner = Some(host);
+            self.silent_ticks = 0;
+        }
+        Ok(())
+    }
+
+    /// Sends a command that only the host that armed may send, and that keeps the amplifier enabled.
+    fn drive(&mut self, host: usize, command: Command) -> Result<(), String> {
+        let owns = self.owner == Some(host);
+        let live = self.bench.device.state().is_live();
+        let before = self.supervisor();
+        let answer = self.ask(host, command.clone());
+        if owns && answer == Answer::Done {
+            self.silent_ticks = 0;
+        }
+        if live && !owns && !self.steals {
+            if answer != Answer::Rejected(Reject::Token) {
+                return Err(format!("{command:?} of another host is answered by {answer:?}"));
+            }
+            if self.supervisor() != before {
+                return Err(format!("{command:?} of another host changes the supervisor"));
+            }
+        }
+        Ok(())
+    }
+
+    fn supervisor(&self) -> String {
+        let controller = self.bench.device.controller().expect("installed");
+        format!("{:?}", controller.supervisor())
+    }
+
+    fn tick(&mut self, class: Class) -> Result<(), String> {
+        let bench = &mut self.bench;
+        let mut inputs = bench.inputs();
+        match class {
+            Class::InterlockOpen => inputs.interlock_closed = false,
+            Class::MonitorSilent => inputs.monitor_adc_v = None,
+            Class::SensorSilent => inputs.sensor_adc_v = None,
+            Class::Live if !bench.drive.enable => inputs.monitor_adc_v = Some(1.5),
+            Class::Healthy | Class::Live => {}
+        }
+        bench.tick(inputs);
+        self.interlock_closed = inputs.interlock_closed;
+        self.silent_ticks = (self.silent_ticks + 1).min(self.timeout_ticks + 1);
+        let Drive { enable, dac_v, .. } = self.bench.drive;
+        let state = self.bench.device.state();
+        for (holds, what) in [
+            (enable == state.is_live(), "enabled in a state that is not live, or not in one that is"),
+            (!enable || inputs.interlock_closed, "enabled although the interlock is open"),
+            (!enable || inputs.monitor_adc_v.is_some(), "enabled without a monitor"),
+            (!enable || self.owner.is_some(), "enabled although no host has armed"),
+            (!enable || self.silent_ticks <= self.timeout_ticks, "enabled although the host that armed is silent"),
+            (dac_v == 0.0 || state == DriverState::Running, "more than 0 V although it does not run"),
+        ] {
+            if !holds {
+                return Err(format!("{what}: {state:?}"));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl World for Hosts {
+    type Step = Step;
 
     fn step(&mut self, step: Step) -> Result<(), String> {
         let before = self.bench.device.state();
@@ -169,77 +226,7 @@ impl<'a> World<'a> {
         if allowed { Ok(()) } else { Err(format!("{step:?} leads from {before:?} to {after:?}")) }
     }
 
-    fn arm(&mut self, host: usize) -> Result<(), String> {
-        if let Answer::Armed { token } = self.ask(host, Command::Arm) {
-            if token == 0 || self.tokens.contains(&token) {
-                return Err(format!("token {token} again"));
-            }
-            self.tokens[host] = token;
-            self.owner = Some(host);
-            self.silent_ticks = 0;
-        }
-        Ok(())
-    }
-
-    /// Sends a command that only the host that armed may send, and that keeps the amplifier enabled.
-    fn drive(&mut self, host: usize, command: Command) -> Result<(), String> {
-        let owns = self.owner == Some(host);
-        let live = self.bench.device.state().is_live();
-        let before = self.supervisor();
-        let answer = self.ask(host, command.clone());
-        if owns && answer == Answer::Done {
-            self.silent_ticks = 0;
-        }
-        if live && !owns && !self.start.steals {
-            if answer != Answer::Rejected(Reject::Token) {
-                return Err(format!("{command:?} of another host is answered by {answer:?}"));
-            }
-            if self.supervisor() != before {
-                return Err(format!("{command:?} of another host changes the supervisor"));
-            }
-        }
-        Ok(())
-    }
-
-    fn supervisor(&self) -> String {
-        let controller = self.bench.device.controller().expect("installed");
-        format!("{:?}", controller.supervisor())
-    }
-
-    fn tick(&mut self, class: Class) -> Result<(), String> {
-        let bench = &mut self.bench;
-        let mut inputs = bench.inputs();
-        match class {
-            Class::InterlockOpen => inputs.interlock_closed = false,
-            Class::MonitorSilent => inputs.monitor_adc_v = None,
-            Class::SensorSilent => inputs.sensor_adc_v = None,
-            Class::Live if !bench.drive.enable => inputs.monitor_adc_v = Some(1.5),
-            Class::Healthy | Class::Live => {}
-        }
-        bench.tick(inputs);
-        self.interlock_closed = inputs.interlock_closed;
-        self.silent_ticks = (self.silent_ticks + 1).min(self.start.timeout_ticks + 1);
-        let Drive { enable, dac_v, .. } = self.bench.drive;
-        let state = self.bench.device.state();
-        for (holds, what) in [
-            (enable == state.is_live(), "enabled in a state that is not live, or not in one that is"),
-            (!enable || inputs.interlock_closed, "enabled although the interlock is open"),
-            (!enable || inputs.monitor_adc_v.is_some(), "enabled without a monitor"),
-            (!enable || self.owner.is_some(), "enabled although no host has armed"),
-            (
-                !enable || self.silent_ticks <= self.start.timeout_ticks,
-                "enabled although the host that armed is silent",
-            ),
-            (dac_v == 0.0 || state == DriverState::Running, "more than 0 V although it does not run"),
-        ] {
-            if !holds {
-                return Err(format!("{what}: {state:?}"));
-            }
-        }
-        Ok(())
-    }
-
-    fn key(&self) -> String {
+    fn key(&self) -> u64 {
         let text = self.supervisor();
         let value = |name: &str| {
             let start = text.find(name).expect("a field") + name.len();
@@ -247,9 +234,9 @@ impl<'a> World<'a> {
         };
         let counter = |name: &str, most: u32| value(name).parse::<u32>().expect("a counter").min(most);
         let state = self.bench.device.state();
-        let timeout = self.start.timeout_ticks;
+        let timeout = self.timeout_ticks;
         let live = state.is_live();
-        format!(
+        let key = format!(
             "{state:?} {} {} {} {} {:?} {} {:?} {} {} {} {:?}",
             if live { counter("ticks_since_heartbeat: ", timeout + 1) } else { 0 },
             counter("live_ticks: ", timeout + 1),
@@ -263,64 +250,28 @@ impl<'a> World<'a> {
             self.bench.drive.dac_v,
             // Whose token is in force, and who has ever had one.
             (self.owner, self.tokens.map(|token| token != 0)),
-        )
+        );
+        let mut hasher = DefaultHasher::new();
+        key.hash(&mut hasher);
+        hasher.finish()
     }
-}
-
-struct Found {
-    states: u64,
-    transitions: u64,
-    enabled: u64,
-    longest: usize,
-}
-
-/// Visits every state once; a violation with the steps that lead to it.
-fn explore(start: &Start) -> Result<Found, (String, Vec<Step>)> {
-    let steps = steps();
-    let mut seen = HashSet::from([World::new(start).key()]);
-    let mut queue: VecDeque<Vec<Step>> = VecDeque::from([vec![]]);
-    let mut found = Found { states: 0, transitions: 0, enabled: 0, longest: 0 };
-    while let Some(path) = queue.pop_front() {
-        found.states += 1;
-        found.longest = found.longest.max(path.len());
-        for &step in &steps {
-            found.transitions += 1;
-            let mut world = World::new(start);
-            for &step in &path {
-                world.step(step).expect("it was visited");
-            }
-            let longer = || path.iter().copied().chain([step]).collect();
-            world.step(step).map_err(|violation| (violation, longer()))?;
-            if seen.insert(world.key()) {
-                found.enabled += u64::from(world.bench.device.state().is_live());
-                queue.push_back(longer());
-            }
-        }
-    }
-    Ok(found)
 }
 
 #[test]
 fn only_the_host_that_armed_keeps_the_amplifier_enabled() {
-    let start = Start::new(if is_full() { 3 } else { 2 }, false);
-    match explore(&start) {
-        Ok(found) => {
-            println!(
-                "hosts: {} states ({} enabled), {} transitions, the farthest {} steps away",
-                grouped(found.states),
-                grouped(found.enabled),
-                grouped(found.transitions),
-                found.longest
-            );
-            assert!(found.enabled > 20);
-        }
-        Err((violation, path)) => panic!("{violation}: {path:?}"),
-    }
+    let mut enabled = 0u32;
+    let found = explore(Hosts::new(if is_full() { 3 } else { 2 }, false), &steps(), |hosts| {
+        enabled += u32::from(hosts.bench.device.state().is_live());
+    });
+    let found = found.unwrap_or_else(|(violation, path)| panic!("{violation}: {path:?}"));
+    println!("hosts: {found} states with {} steps, {enabled} enabled", steps().len());
+    assert!(enabled > 20);
 }
 
 #[test]
 fn the_search_finds_a_stolen_token() {
-    let (violation, path) = explore(&Start::new(2, true)).err().expect("host 1 speaks for host 0");
+    let found = explore(Hosts::new(2, true), &steps(), |_| ());
+    let (violation, path) = found.expect_err("host 1 speaks for host 0");
     println!("hosts, with a stolen token: {violation}, after {} steps", path.len());
     assert!(violation.starts_with("enabled although the host that armed is silent"), "{violation}");
 }

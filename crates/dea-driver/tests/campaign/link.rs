@@ -12,13 +12,12 @@ use std::collections::{BTreeMap, HashSet, VecDeque};
 
 use dea_driver::server::Session;
 use dea_driver::wire::{Answer, Command, FRAME_LEN, Message, Receiver, Request, encode};
-use dea_driver::{Cause, DriverState, Inputs, Telemetry};
+use dea_driver::{Cause, DriverState, Inputs, RamFlash, Telemetry};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use crate::bench::board_parameters;
 use crate::board::{Bench, ask, encoded};
-use crate::flash::Flash;
 use crate::line::{Line, Stall, Way};
 use crate::player::Player;
 use crate::scale::cases;
@@ -33,7 +32,7 @@ const STREAMS: [u16; 3] = [10, 2, 1];
 
 /// The firmware around its session, an amplifier and a film that follow.
 struct Firmware {
-    bench: Bench<Flash>,
+    bench: Bench,
     session: Session,
     received: VecDeque<u8>,
     film_m: f32,
@@ -53,7 +52,7 @@ struct Firmware {
 
 impl Firmware {
     fn new(random: Pcg64, every: u16) -> Self {
-        let mut bench = Bench::new(Flash::new(), None);
+        let mut bench = Bench::new(RamFlash::default(), None);
         bench.store.save(&encoded(&board_parameters())).expect("empty");
         let mut session = Session::new("1.2.3");
         session.begin(&mut bench).expect("valid parameters");

@@ -7,22 +7,21 @@
 mod bench;
 #[path = "../driver/board.rs"]
 mod board;
-#[path = "../driver/flash.rs"]
-mod flash;
 
 mod actuator;
 mod blobs;
 mod commands;
+mod explore;
 mod film;
 mod hosts;
 mod line;
 mod link;
 mod monitor;
 mod month;
-mod nor_flash;
 mod player;
 mod power_loss;
 mod reference;
 mod scale;
 mod sensor;
 mod states;
+mod torn_flash;

@@ -49,7 +49,7 @@ const NOISE_V: f64 = 3.0;
 const TICKS: u32 = 30_000;
 /// The window in which a fault must be reported, ticks, and the ticks outside the band that reveal it.
 const WINDOW: u32 = 500;
-const TELLING: u32 = 49;
+const REVEALING: u32 = 49;
 
 /// A sensor that does as it should, of a film whose model is right.
 fn readings(monitor_v: f64, film_m: f32, tick: u64) -> Readings {
@@ -117,7 +117,7 @@ struct Run {
     name: String,
     end: End,
     /// Ticks outside the band within the window from the first one on.
-    telling: u32,
+    revealing: u32,
     /// Ticks from the first one outside to the arc with which it must trip.
     second_arc: Option<u32>,
     /// How the arcs show, by the closed form.
@@ -131,7 +131,7 @@ fn run(number: u64) -> Run {
     let (name, mut fault, shows) = fault(kind, &course, &mut random);
     let mut supervisor = started(&bench_limits());
     let begins = random.random_range(500..3000u32);
-    let (mut held_v, mut shown_at, mut outside, mut telling) = (0.0, None, 0, 0);
+    let (mut held_v, mut shown_at, mut outside, mut revealing) = (0.0, None, 0, 0);
     let (mut arcs, mut second_arc, mut before_v) = (ArcsSeen::default(), None, 0.0f64);
     let mut end = None;
     for tick in 0..begins + TICKS {
@@ -156,7 +156,7 @@ fn run(number: u64) -> Run {
         if is_outside {
             let first = *shown_at.get_or_insert(tick);
             outside += 1;
-            telling += u32::from(tick - first < WINDOW);
+            revealing += u32::from(tick - first < WINDOW);
         }
         // The reading may have been sampled a tick ago.
         if arcs.trips(tick, film_v.min(before_v), monitor_v) && second_arc.is_none() {
@@ -172,7 +172,7 @@ fn run(number: u64) -> Run {
         supervisor.command(course.at(tick), 1.0);
     }
     let end = end.unwrap_or(if outside == 0 { End::Unseen } else { End::Missed(outside) });
-    Run { name, end, telling, second_arc, shows }
+    Run { name, end, revealing, second_arc, shows }
 }
 
 /// The fault of a run, its name, and how it shows by the closed form (arcs).
@@ -235,7 +235,7 @@ fn a_monitor_that_disagrees_trips() {
     for run in &runs {
         by_name.entry(&run.name).or_default().push(run);
         let trips_by = |most: u32| matches!(run.end, End::Tripped(ticks) if ticks <= most);
-        assert!(run.telling < TELLING || trips_by(WINDOW - 1), "{}: {:?}", run.name, run.end);
+        assert!(run.revealing < REVEALING || trips_by(WINDOW - 1), "{}: {:?}", run.name, run.end);
         assert!(run.second_arc.is_none_or(trips_by), "{}: {:?} after {:?}", run.name, run.end, run.second_arc);
         assert!(run.shows.is_none() || trips_by(TICKS), "{}: {:?}", run.name, run.end);
     }

@@ -5,21 +5,18 @@
 //! compression is compared with full memory elsewhere. 3 days of 60 s each in the sample, 30 days (2.6e9 ticks, each precision in its
 //! own thread) in full.
 //!
-//! Counters: the supervisor's ticks wrap after 2³² of them, 49.7 days at 1 kHz. Pass: a run goes on through the wrap, a trip after it has
-//! the wrapped number, and the time since the last heartbeat is right. In full alone, since no tick can be skipped. In both: the
-//! longest interval of a stream, and a set-point after more ticks than a ramp counts. By inspection: every other counter saturates and
+//! Counters: the longest interval of a stream, and a set-point after more ticks than a ramp counts. The supervisor's ticks wrap in
+//! `commands`. By inspection: every other counter saturates and
 //! is compared with a limit that is reached long before (`excess`, `same`, `away_ticks`, `live_ticks`, `ticks_since_heartbeat`, `since`
 //! of samples, `dropped`, damaged and unknown frames), or starts again below its limit (`since` of the stream).
 
 use std::thread;
 use std::time::Instant;
 
-use dea_driver::{
-    Blob, Cause, Controller, Device, DriverState, Inputs, Mode, Readings, Refusal, Supervisor, Telemetry,
-};
+use dea_driver::{Blob, Controller, Device, DriverState, Inputs, Mode, Telemetry};
 use springpot::{Actuator, Law, LawOptions, LawState, Preset, VoltageDrive};
 
-use crate::bench::{bench_limits, board_parameters};
+use crate::bench::board_parameters;
 use crate::scale::cases;
 
 /// Levels of a day, and ticks of a sine.
@@ -111,55 +108,6 @@ fn single_precision_keeps_the_daily_mean() {
     );
     assert!(double.iter().all(|[mean, largest]| *mean > 0.1e-3 && largest > mean));
     assert!(worst <= 1e-4, "{errors:?}");
-}
-
-/// A tick of a bench that does as it should.
-fn readings(tick: u64, monitor_v: f32) -> Readings {
-    Readings {
-        interlock_closed: true,
-        monitor_v,
-        displacement_m: 1e-6 * (tick % 7) as f32,
-        predicted_m: 0.0,
-        open_loop_m: 0.0,
-        follows: false,
-        disturbance_share: 0.0,
-    }
-}
-
-#[test]
-fn a_run_goes_on_through_the_wrap_of_the_ticks() {
-    let wrap = 1u64 << 32;
-    // The ticks before it; there is no way to begin late.
-    let from = cases(wrap - 10_000, 0);
-    let mut supervisor = Supervisor::new(&bench_limits(), 1000.0).expect("valid");
-    let end = wrap + 20_000;
-    let mut last_heartbeat = 0;
-    for tick in from + 1..=end {
-        let state = supervisor.check(readings(tick, supervisor.command_v())).state;
-        supervisor.command(3000.0, 1.0);
-        if tick == wrap - 5000 {
-            supervisor.arm().expect("healthy");
-            supervisor.start().expect("armed");
-        }
-        if (wrap - 5000..wrap + 10_000).contains(&tick) {
-            supervisor.heartbeat();
-            last_heartbeat = tick;
-        }
-        if tick > wrap - 5000 && tick <= last_heartbeat + 500 {
-            assert_eq!(state, DriverState::Running, "tick {tick}");
-        }
-    }
-    assert_eq!(supervisor.state(), DriverState::Tripped(Cause::Heartbeat));
-    // 501 ticks after the last heartbeat.
-    assert_eq!(supervisor.tripped_at(), ((last_heartbeat + 501 - from) % wrap) as u32);
-    assert_eq!(supervisor.ticks(), ((end - from) % wrap) as u32);
-    println!("month: {} ticks of a supervisor, now at {}", end - from, supervisor.ticks());
-    // Idle for long, and armed again.
-    assert_eq!(supervisor.arm(), Err(Refusal::State(supervisor.state())));
-    supervisor.acknowledge().expect("tripped");
-    supervisor.check(readings(0, 0.0));
-    supervisor.arm().expect("healthy");
-    assert_eq!(supervisor.check(readings(1, 0.0)).state, DriverState::Armed);
 }
 
 /// Every record of the longest interval, and a set-point that comes after more ticks than are counted.

@@ -16,8 +16,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use crate::bench::board_parameters;
-use crate::nor_flash::{SECTOR, TornFlash};
 use crate::scale::{cases, grouped};
+use crate::torn_flash::{SECTOR, TornFlash};
 
 const BOARD: u16 = 0x0405;
 /// Sets that differ by their names, which are their numbers.

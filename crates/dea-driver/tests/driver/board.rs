@@ -1,16 +1,16 @@
-//! A board without hardware, with flash of any kind.
+//! A board without hardware.
 
 use dea_driver::server::{Board, Session};
 use dea_driver::wire::{Answer, Command, FRAME_LEN, InjectedFault, Message, Request, encode};
-use dea_driver::{BLOB_LEN, Cause, Device, Drive, Inputs, Parameters, Store};
-use embedded_storage::nor_flash::NorFlash;
+use dea_driver::{BLOB_LEN, Cause, Device, Drive, Inputs, Parameters, RamFlash, Store};
 
 pub const BOARD: u16 = 7;
 
 /// A board whose amplifier and monitor follow at once, and whose film does not move.
-pub struct Bench<F> {
+#[derive(Clone)]
+pub struct Bench {
     pub device: Device,
-    pub store: Store<F>,
+    pub store: Store<RamFlash>,
     /// Outputs of the last tick.
     pub drive: Drive,
     ticks: u16,
@@ -24,9 +24,9 @@ pub struct Bench<F> {
     pub watchdog_expires: bool,
 }
 
-impl<F: NorFlash> Bench<F> {
+impl Bench {
     /// After a reset with this cause latched, before its session begins.
-    pub fn new(flash: F, latched: Option<Cause>) -> Self {
+    pub fn new(flash: RamFlash, latched: Option<Cause>) -> Self {
         let store = Store::new(flash, BOARD).expect("two sectors");
         let device = Device::new(latched);
         Self {
@@ -53,8 +53,8 @@ impl<F: NorFlash> Bench<F> {
     }
 }
 
-impl<F: NorFlash> Board for Bench<F> {
-    type Flash = F;
+impl Board for Bench {
+    type Flash = RamFlash;
     const ID: u16 = BOARD;
 
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
@@ -65,7 +65,7 @@ impl<F: NorFlash> Board for Bench<F> {
         (100.0, 2000.0)
     }
 
-    fn store(&mut self) -> &mut Store<F> {
+    fn store(&mut self) -> &mut Store<RamFlash> {
         &mut self.store
     }
 

@@ -45,91 +45,77 @@ fn enabling(range: u8) -> Vec<OnSpi<u8>> {
 }
 
 /// A code is written while the DAC answers with the previous one.
-fn commanded(code: [u8; 2], stood: [u8; 2]) -> Vec<OnSpi<u8>> {
-    [written([0x80, 0, 0]), exchanged([0x00, code[0], code[1]], [0x80, stood[0], stood[1]])].concat()
+fn commanded(code: [u8; 2], before: [u8; 2]) -> Vec<OnSpi<u8>> {
+    [written([0x80, 0, 0]), exchanged([0x00, code[0], code[1]], [0x80, before[0], before[1]])].concat()
 }
 
-#[test]
-fn amplifier_starts_at_0_v_and_ends_there() {
-    let mut expected = start_up();
-    expected.extend(enabling(1));
-    expected.extend(commanded([0x99, 0x9a], [0, 0])); // 6 V of 10 V
-    expected.extend(written([0x00, 0, 0])); // disable
-    let pin = Pin::new(&[OnPin::set(State::Low), OnPin::set(State::High), OnPin::set(State::Low)]);
-    let mut amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::TenVolts).expect("answers");
-    amplifier.enable().expect("answers");
-    amplifier.command(DacCode::from_volts(6.0, CommandRange::TenVolts)).expect("answers");
-    amplifier.disable().expect("answers");
+/// An amplifier whose bus sees `expected`, and whose enable output is set to `levels`, while `work` uses it.
+fn amplifier(
+    range: CommandRange,
+    expected: &[Vec<OnSpi<u8>>],
+    levels: &[OnPin],
+    work: impl FnOnce(&mut Amplifier<Spi<u8>, Pin>),
+) {
+    let (spi, pin) = (Spi::new(&expected.concat()), Pin::new(levels));
+    let mut amplifier = Amplifier::new(spi, pin, range).expect("written");
+    work(&mut amplifier);
     let (mut spi, mut pin) = amplifier.destroy();
     spi.done();
     pin.done();
+}
+
+fn low() -> OnPin {
+    OnPin::set(State::Low)
+}
+
+fn high() -> OnPin {
+    OnPin::set(State::High)
 }
 
 /// The outputs of ticks, one after the other: a range for the board's parameters, on at 0 V, a command, off.
 #[test]
 fn amplifier_applies_the_drive_of_a_tick() {
-    let mut expected = start_up();
-    expected.extend(written([0x00, 0, 0])); // off, as it was
-    expected.extend([started(0), asked(0x10, [0, 1])].concat()); // 0…5 V, 0 V again
-    expected.extend(enabling(0)); // on at 0 V
-    expected.extend([commanded([0x12, 0x34], [0, 0]), commanded([0x56, 0x78], [0x12, 0x34])].concat());
-    expected.extend(idle()); // off
-    let pin = [State::Low, State::Low, State::High, State::Low].map(OnPin::set);
-    let mut amplifier = Amplifier::new(Spi::new(&expected), Pin::new(&pin), CommandRange::TenVolts).expect("answers");
     let range = CommandRange::FiveVolts;
-    let on = |code| Drive { enable: true, dac_v: DacCode(code).volts(range), range };
-    for drive in [Drive::OFF, on(0x1234), on(0x5678), Drive::OFF] {
-        amplifier.apply(drive).expect("answers");
-    }
-    let (mut spi, mut pin) = amplifier.destroy();
-    spi.done();
-    pin.done();
-}
-
-#[test]
-fn the_range_of_five_volts_is_another_code() {
-    let expected = started(0);
-    let pin = Pin::new(&[OnPin::set(State::Low)]);
-    let amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::FiveVolts).expect("answers");
-    let (mut spi, mut pin) = amplifier.destroy();
-    spi.done();
-    pin.done();
+    let expected = [
+        start_up(),
+        written([0x00, 0, 0]).to_vec(), // off, as it was
+        started(0),                     // 0…5 V, 0 V again
+        asked(0x10, [0, 1]),
+        enabling(0), // on at 0 V
+        commanded([0x12, 0x34], [0, 0]),
+        commanded([0x56, 0x78], [0x12, 0x34]),
+        idle(), // off
+    ];
+    amplifier(CommandRange::TenVolts, &expected, &[low(), low(), high(), low()], |amplifier| {
+        let on = |code| Drive { enable: true, dac_v: DacCode(code).volts(range), range };
+        for drive in [Drive::OFF, on(0x1234), on(0x5678), Drive::OFF] {
+            amplifier.apply(drive).expect("answers");
+        }
+    });
 }
 
 /// A command that is not known to have arrived at 0 V leaves the amplifier disabled.
 #[test]
 fn pins_are_low_whatever_the_bus_does() {
+    let refuses = |level| OnPin::set(level).with_error(MockError::Io(ErrorKind::Other));
     // The output that refuses to rise.
-    let mut expected = start_up();
-    expected.extend(enabling(1));
-    expected.extend(written([0x00, 0, 0])); // disable
-    let stuck = OnPin::set(State::High).with_error(MockError::Io(ErrorKind::Other));
-    let pin = Pin::new(&[OnPin::set(State::Low), stuck, OnPin::set(State::Low)]);
-    let mut amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::TenVolts).expect("answers");
-    assert_eq!(amplifier.enable(), Err(AmplifierError::Enable));
-    amplifier.disable().expect("both are tried");
-    let (mut spi, mut pin) = amplifier.destroy();
-    spi.done();
-    pin.done();
+    let expected = [start_up(), enabling(1), written([0x00, 0, 0]).to_vec()];
+    amplifier(CommandRange::TenVolts, &expected, &[low(), refuses(State::High), low()], |amplifier| {
+        assert_eq!(amplifier.enable(), Err(AmplifierError::Enable));
+        amplifier.disable().expect("both are tried");
+    });
     // The enable output is tried first, and the command all the same.
-    let mut expected = start_up();
-    expected.extend(written([0x00, 0, 0]));
-    let stuck = OnPin::set(State::Low).with_error(MockError::Io(ErrorKind::Other));
-    let pin = Pin::new(&[OnPin::set(State::Low), stuck]);
-    let mut amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::TenVolts).expect("answers");
-    assert_eq!(amplifier.disable(), Err(AmplifierError::Enable));
-    let (mut spi, mut pin) = amplifier.destroy();
-    spi.done();
-    pin.done();
+    let expected = [start_up(), written([0x00, 0, 0]).to_vec()];
+    amplifier(CommandRange::TenVolts, &expected, &[low(), refuses(State::Low)], |amplifier| {
+        assert_eq!(amplifier.disable(), Err(AmplifierError::Enable));
+    });
 }
 
 /// A DAC that is not there, without supply, or on another range is not enabled.
 #[test]
 fn a_dac_that_does_not_hold_what_it_was_sent_is_not_enabled() {
-    let protection = asked(0x19, [0, 0xc]);
-    let range = asked(0x08, [0, 1]);
-    let power = asked(0x10, [0, 1]);
-    let ranged = [protection.clone(), range.clone()].concat();
+    let (protection, range, power) = (asked(0x19, [0, 0xc]), asked(0x08, [0, 1]), asked(0x10, [0, 1]));
+    let ranged = [protection.clone(), range].concat();
     for (answers, wanted, found) in [
         (asked(0x19, [0xff, 0xff]), 0xc, 0xf),
         (asked(0x19, [0, 4]), 0xc, 4),
@@ -141,14 +127,10 @@ fn a_dac_that_does_not_hold_what_it_was_sent_is_not_enabled() {
         ([ranged.clone(), asked(0x10, [0x00, 0x21])].concat(), 1, 0x21),
         ([ranged, power, asked(0x00, [0x80, 0])].concat(), 0, 0x8000),
     ] {
-        let expected = [start_up(), start_up(), answers].concat();
-        let pin = Pin::new(&[OnPin::set(State::Low)]);
-        let mut amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::TenVolts).expect("written");
-        let drive = Drive { enable: true, dac_v: 0.0, range: CommandRange::TenVolts };
-        assert_eq!(amplifier.apply(drive), Err(AmplifierError::Readback { wanted, found }));
-        let (mut spi, mut pin) = amplifier.destroy();
-        spi.done();
-        pin.done();
+        amplifier(CommandRange::TenVolts, &[start_up(), start_up(), answers], &[low()], |amplifier| {
+            let drive = Drive { enable: true, dac_v: 0.0, range: CommandRange::TenVolts };
+            assert_eq!(amplifier.apply(drive), Err(AmplifierError::Readback { wanted, found }));
+        });
     }
 }
 
@@ -156,40 +138,30 @@ fn a_dac_that_does_not_hold_what_it_was_sent_is_not_enabled() {
 #[test]
 fn a_dac_that_dies_is_noticed_with_the_next_command() {
     for found in [0, 0xffff] {
-        let [high, low] = u16::to_be_bytes(found);
-        let mut expected = [start_up(), enabling(1)].concat();
-        expected.extend(commanded([0x40, 0], [0, 0]));
-        expected.extend(commanded([0x40, 1], [high, low]));
-        expected.extend(written([0x00, 0, 0])); // disable
-        let pin = Pin::new(&[State::Low, State::High, State::Low].map(OnPin::set));
-        let mut amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::TenVolts).expect("written");
-        amplifier.enable().expect("answers");
-        amplifier.command(DacCode(0x4000)).expect("answers");
-        assert_eq!(amplifier.command(DacCode(0x4001)), Err(AmplifierError::Readback { wanted: 0x4000, found }));
-        amplifier.disable().expect("both are tried");
-        let (mut spi, mut pin) = amplifier.destroy();
-        spi.done();
-        pin.done();
+        let (first, second) = (commanded([0x40, 0], [0, 0]), commanded([0x40, 1], u16::to_be_bytes(found)));
+        let expected = [start_up(), enabling(1), first, second, written([0x00, 0, 0]).to_vec()];
+        amplifier(CommandRange::TenVolts, &expected, &[low(), high(), low()], |amplifier| {
+            amplifier.enable().expect("answers");
+            amplifier.command(DacCode(0x4000)).expect("answers");
+            assert_eq!(amplifier.command(DacCode(0x4001)), Err(AmplifierError::Readback { wanted: 0x4000, found }));
+            amplifier.disable().expect("both are tried");
+        });
     }
 }
 
 /// A DAC that is not there shows while the amplifier is disabled, and is started again once it is back.
 #[test]
-fn a_missing_dac_shows_before_anybody_arms() {
+fn a_missing_dac_shows_before_arming() {
     let absent = [written([0x00, 0, 0]).to_vec(), asked(0x10, [0, 0])].concat();
     let still_absent = [written([0x00, 0, 0]).to_vec(), started(1), asked(0x10, [0xff, 0xff])].concat();
     let back = [written([0x00, 0, 0]).to_vec(), started(1), asked(0x10, [0, 1])].concat();
-    let expected = [start_up(), idle(), absent, still_absent, back, idle()].concat();
-    let pin = Pin::new(&vec![OnPin::set(State::Low); 6]);
-    let mut amplifier = Amplifier::new(Spi::new(&expected), pin, CommandRange::TenVolts).expect("written");
-    let off = Drive { range: CommandRange::TenVolts, ..Drive::OFF };
-    let missing = |found| Err(AmplifierError::Readback { wanted: 1, found });
-    for answer in [Ok(()), missing(0), missing(0xa1), Ok(()), Ok(())] {
-        assert_eq!(amplifier.apply(off), answer);
-    }
-    let (mut spi, mut pin) = amplifier.destroy();
-    spi.done();
-    pin.done();
+    let expected = [start_up(), idle(), absent, still_absent, back, idle()];
+    amplifier(CommandRange::TenVolts, &expected, &[0; 6].map(|_| low()), |amplifier| {
+        let missing = |found| Err(AmplifierError::Readback { wanted: 1, found });
+        for answer in [Ok(()), missing(0), missing(0xa1), Ok(()), Ok(())] {
+            assert_eq!(amplifier.apply(Drive { range: CommandRange::TenVolts, ..Drive::OFF }), answer);
+        }
+    });
 }
 
 /// The four frames that set an ADC up, as a chip answers them: what was sampled before, then the register.
@@ -199,31 +171,37 @@ fn set_up(range: u8) -> Vec<OnSpi<u8>> {
     [set.concat(), asked.concat()].concat()
 }
 
-/// Set up for the first time.
-fn starting(adc: &mut Ads868x<Spi<u8>>) {
-    set_up_after(AdcError::Starting, adc);
+/// A frame that only reads.
+fn sampled(answer: [u8; 4]) -> Vec<OnSpi<u8>> {
+    exchanged([0; 4], answer).to_vec()
 }
 
-/// Four readings without a sample, which report the last fault.
-fn set_up_after(fault: AdcError, adc: &mut Ads868x<Spi<u8>>) {
-    for _ in 0..4 {
-        assert_eq!(adc.read(), Err(fault));
+/// Readings of an ADC whose bus sees `expected`. Of those of its first set-up only the last may be another than `Starting`.
+fn readings(range: AdcRange, expected: &[Vec<OnSpi<u8>>], readings: &[Result<f32, AdcError>]) {
+    let mut adc = Ads868x::new(Spi::new(&expected.concat()), range);
+    for _ in 0..3 {
+        assert_eq!(adc.volts(), Err(AdcError::Starting));
     }
+    for reading in readings {
+        assert_eq!(adc.volts(), *reading);
+    }
+    adc.destroy().done();
 }
 
-/// One frame to a reading, and every sample comes with its range: 0 to 10.24 V.
+/// One frame to a reading, and every sample comes with its range: RANGE_SEL and full scale of the data sheet's unipolar ranges.
 #[test]
 fn adc_sets_its_range_checks_it_and_reads() {
-    let mut expected = set_up(9);
-    expected.extend(exchanged([0; 4], [0x80, 0x00, 0x90, 0]));
-    expected.extend(exchanged([0; 4], [0x80, 0x01, 0x90, 0]));
-    let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
-    starting(&mut adc);
-    let code = adc.read().expect("answers");
-    assert_eq!(code, AdcCode(0x8000));
-    assert_eq!(code.volts(AdcRange::UpTo10V24), 5.12);
-    assert_eq!(adc.read(), Ok(AdcCode(0x8001)));
-    adc.destroy().done();
+    for (range, register, half_v) in [
+        (AdcRange::UpTo12V288, 8, 6.144),
+        (AdcRange::UpTo10V24, 9, 5.12),
+        (AdcRange::UpTo6V144, 10, 3.072),
+        (AdcRange::UpTo5V12, 11, 2.56),
+    ] {
+        let samples = [[0x80, 0], [0x80, 1]].map(|[high, low]| sampled([high, low, register << 4, 0]));
+        let [first, second] = samples;
+        let found = [Err(AdcError::Starting), Ok(half_v), Ok(half_v + range.full_scale_v() / 65_536.0)];
+        readings(range, &[set_up(register), first, second], &found);
+    }
 }
 
 /// After a dip of its supply the chip is back on ±12.288 V, where 0 V is half of its codes, and does not report its range. Anything
@@ -231,68 +209,24 @@ fn adc_sets_its_range_checks_it_and_reads() {
 #[test]
 fn an_adc_that_lost_its_range_is_noticed_and_set_up_again() {
     for (lower, found) in [([0, 0], 0), ([0x90, 0x40], 0x9040), ([0xb0, 0], 0xb000), ([0xff, 0xff], 0xffff)] {
-        let mut expected = set_up(9);
-        expected.extend(exchanged([0; 4], [0x00, 0x40, 0x90, 0]));
-        expected.extend(exchanged([0; 4], [0x80, 0x00, lower[0], lower[1]]));
-        expected.extend(set_up(9));
-        expected.extend(exchanged([0; 4], [0x00, 0x80, 0x90, 0]));
-        let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
-        starting(&mut adc);
-        assert_eq!(adc.volts(), Ok(0.01));
-        let fault = AdcError::Range { wanted: 0x9000, found };
-        assert_eq!(adc.volts(), Err(fault));
-        set_up_after(fault, &mut adc);
-        assert_eq!(adc.volts(), Ok(0.02));
-        adc.destroy().done();
+        let spoiled = sampled([0x80, 0x00, lower[0], lower[1]]);
+        let expected = [set_up(9), sampled([0, 0x40, 0x90, 0]), spoiled, set_up(9), sampled([0, 0x80, 0x90, 0])];
+        // Four readings without a sample report the last fault.
+        let fault = Err(AdcError::Range { wanted: 0x9000, found });
+        let found = [Err(AdcError::Starting), Ok(0.01), fault, fault, fault, fault, fault, Ok(0.02)];
+        readings(AdcRange::UpTo10V24, &expected, &found);
     }
 }
 
-/// The register holds the range and nothing else: a last bit that is read wrong, reserved bits, a reference that is off.
+/// The register holds the range and nothing else: a last bit that is read wrong, reserved bits, a reference that is off. A bus without a
+/// chip reads all ones or zeros.
 #[test]
 fn an_adc_with_another_register_is_refused() {
-    for found in [8u16, 0x0b, 0x49, 0x19, 0x8009] {
-        let mut expected = set_up(9);
+    for found in [8u16, 0x0b, 0x49, 0x19, 0x8009, 0xffff, 0] {
         let [high, low] = found.to_be_bytes();
-        expected.truncate(expected.len() - 3);
-        expected.extend(exchanged([0; 4], [high, low, 0, 0]));
-        let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
-        for _ in 0..3 {
-            assert_eq!(adc.read(), Err(AdcError::Starting));
-        }
-        assert_eq!(adc.read(), Err(AdcError::Range { wanted: 9, found }));
-        adc.destroy().done();
-    }
-}
-
-/// The other unipolar ranges of the data sheet: RANGE_SEL and full scale.
-#[test]
-fn adc_ranges_are_those_of_the_data_sheet() {
-    for (range, register, half_v) in
-        [(AdcRange::UpTo12V288, 8, 6.144), (AdcRange::UpTo6V144, 10, 3.072), (AdcRange::UpTo5V12, 11, 2.56)]
-    {
-        let mut expected = set_up(register);
-        expected.extend(exchanged([0; 4], [0x80, 0x00, register << 4, 0]));
-        let mut adc = Ads868x::new(Spi::new(&expected), range);
-        starting(&mut adc);
-        assert_eq!(adc.volts(), Ok(half_v));
-        adc.destroy().done();
-    }
-}
-
-/// A bus without a chip reads all ones or zeros.
-#[test]
-fn an_adc_that_is_not_there_is_refused() {
-    for (byte, found) in [(0xff, 0xffff), (0x00, 0x0000)] {
-        let mut expected = Vec::new();
-        for sent in [[0xd0, 0x14, 0x00, 0x09], [0xd0, 0x10, 0x01, 0x00], [0xc8, 0x14, 0, 0], [0; 4]] {
-            expected.extend(exchanged(sent, [byte; 4]));
-        }
-        let mut adc = Ads868x::new(Spi::new(&expected), AdcRange::UpTo10V24);
-        for _ in 0..3 {
-            assert_eq!(adc.read(), Err(AdcError::Starting));
-        }
-        assert_eq!(adc.read(), Err(AdcError::Range { wanted: 9, found }));
-        adc.destroy().done();
+        let asked = set_up(9);
+        let expected = [asked[..asked.len() - 3].to_vec(), sampled([high, low, 0, 0])];
+        readings(AdcRange::UpTo10V24, &expected, &[Err(AdcError::Range { wanted: 9, found })]);
     }
 }
 

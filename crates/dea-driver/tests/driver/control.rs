@@ -148,25 +148,6 @@ fn voltages_may_be_played_without_a_film() {
     }
 }
 
-/// A film that is longer is thinner, although its model's force does not know it: at 8 mm on 40 mm, 6 kV would be 45 V/µm.
-#[test]
-fn the_field_limit_knows_the_geometry() {
-    let mut parameters = board_parameters();
-    assert_eq!(parameters.actuator.stretch_coupling, 0.0);
-    parameters.limits.max_field_v_per_m = 3e7;
-    let mut bench = Bench::with(parameters);
-    bench.start(Mode::Voltage);
-    bench.set_voltage(6500.0);
-    for tick in 0..20_000 {
-        bench.controller.heartbeat();
-        let command_v = f64::from(bench.tick(|_| ()).telemetry.command_v);
-        let thickness_m = 160e-6 / (1.0 + bench.displacement_m / 0.04);
-        // The film moves, and the sensor's noise with it, while the command acts.
-        assert!(command_v / thickness_m < 1.002 * 3e7, "tick {tick}: {command_v} V at {} m", bench.displacement_m);
-    }
-    assert!(bench.displacement_m > 1e-3, "{} m", bench.displacement_m);
-}
-
 /// The field limit knows the film at its longest, whichever of sensor and model says so: at 30 V/µm a film with a third more force
 /// than the model's is thinner than the model, and one with less may be what the sensor shows wrongly. It knows what is left of one
 /// run in the next, after a trip between them.
@@ -216,10 +197,7 @@ fn an_implausible_sensor_does_not_limit_the_field() {
     let mut bench = Bench::with(parameters);
     bench.start(Mode::Voltage);
     bench.set_voltage(4500.0);
-    for _ in 0..300 {
-        bench.controller.heartbeat();
-        bench.tick(|_| ());
-    }
+    bench.run(300);
     let before = bench.tick(|_| ()).telemetry.command_v;
     // 4.8 kV at rest; at the 9 mm that it reads it would be 3.8 kV.
     let after = bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(u16::MAX))).telemetry.command_v;
@@ -233,9 +211,7 @@ fn the_model_feels_the_last_tick_before_a_trip() {
         let mut bench = Bench::new();
         bench.start(Mode::Feedforward);
         bench.set_reference(0.8e-3);
-        for _ in 0..300 {
-            bench.tick(|_| ());
-        }
+        bench.run(300);
         bench.tick(|inputs| inputs.interlock_closed = !trips).telemetry.predicted_m
     };
     assert_eq!(predicted(true).to_bits(), predicted(false).to_bits());
@@ -257,55 +233,6 @@ fn feedforward_needs_no_sensor() {
         assert!(tick < 1000 || (bench.displacement_m - 0.8e-3).abs() < 2e-6, "tick {tick}: {} m", bench.displacement_m);
     }
     assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
-}
-
-/// The target of a run is cleared when it ends, however it ends: the next one begins at 0 V.
-#[test]
-fn targets_do_not_outlive_a_run() {
-    let ends: [fn(&mut Bench); 4] = [
-        // A trip from elsewhere, between two ticks: an overrun.
-        |bench| {
-            bench.controller.trip(Cause::Overrun);
-            bench.tick(|_| ());
-            bench.ask(Controller::acknowledge).expect("tripped");
-            bench.tick(|_| ());
-            bench.ask(Controller::arm).expect("healthy");
-        },
-        |bench| bench.ask(Controller::stop).expect("running"),
-        |bench| {
-            bench.ask(Controller::disarm).expect("not tripped");
-            // The monitor must have seen 0 V.
-            bench.tick(|_| ());
-            bench.tick(|_| ());
-            bench.ask(Controller::arm).expect("healthy");
-        },
-        |bench| {
-            bench.tick(|inputs| inputs.interlock_closed = false);
-            bench.ask(Controller::acknowledge).expect("tripped");
-            bench.tick(|_| ());
-            bench.ask(Controller::arm).expect("healthy");
-        },
-    ];
-    for mode in [Mode::Voltage, Mode::Feedforward] {
-        for end in ends {
-            let mut bench = Bench::new();
-            bench.start(mode);
-            bench.set_voltage(4000.0);
-            bench.set_reference(0.8e-3);
-            for _ in 0..300 {
-                bench.tick(|_| ());
-            }
-            assert!(bench.high_voltage_v > 2000.0, "{mode:?}");
-            end(&mut bench);
-            for _ in 0..100 {
-                bench.controller.heartbeat();
-                bench.tick(|_| ());
-            }
-            bench.ask(|controller| controller.start(mode)).expect("armed");
-            let largest = (0..300).fold(0.0f32, |largest, _| largest.max(bench.tick(|_| ()).telemetry.command_v));
-            assert_eq!(largest, 0.0, "{mode:?}");
-        }
-    }
 }
 
 /// Values that come a hundred times a second are joined by straight lines, not by stairs.
@@ -332,16 +259,10 @@ fn following_begins_without_a_jump() {
     let mut bench = Bench::new();
     bench.start(Mode::Voltage);
     bench.set_voltage(4000.0);
-    for _ in 0..1000 {
-        bench.controller.heartbeat();
-        bench.tick(|_| ());
-    }
+    bench.run(1000);
     // It was stretched, and is still creeping back when it is asked to go on.
     bench.ask(Controller::stop).expect("running");
-    for _ in 0..200 {
-        bench.controller.heartbeat();
-        bench.tick(|_| ());
-    }
+    bench.run(200);
     let (from, increment) = (bench.displacement_m, 0.05 / 1000.0);
     bench.ask(|controller| controller.start(Mode::Feedforward)).expect("armed");
     bench.set_reference(2e-3);
@@ -364,9 +285,7 @@ fn faults_end_at_0_v_within_the_tick() {
         let mut bench = Bench::new();
         bench.start(Mode::Voltage);
         bench.set_voltage(5000.0);
-        for _ in 0..200 {
-            bench.tick(|_| ());
-        }
+        bench.run(200);
         assert!(bench.high_voltage_v > 4900.0);
         let outputs = bench.tick(spoil);
         assert_eq!((outputs.enable, outputs.dac_v, outputs.telemetry.command_v), (false, 0.0, 0.0), "{cause:?}");
@@ -394,9 +313,7 @@ fn a_voltage_after_a_tracking_run_is_the_one_that_was_set() {
     let mut bench = Bench::new();
     bench.start(Mode::Tracking);
     bench.set_reference(0.3e-3);
-    for _ in 0..300 {
-        bench.tick(|_| ());
-    }
+    bench.run(300);
     bench.ask(Controller::stop).expect("running");
     bench.tick(|_| ());
     bench.ask(|controller| controller.start(Mode::Voltage)).expect("armed");

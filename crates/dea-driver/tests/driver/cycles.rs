@@ -52,10 +52,7 @@ fn run(bench: &mut Bench, seconds: u32, is_lost: impl Fn(u32) -> bool) -> Vec<[f
 fn restart(bench: &mut Bench, mode: Mode) {
     bench.ask(Controller::stop).expect("it runs");
     // The film comes back to rest.
-    (0..20_000).for_each(|_| {
-        bench.controller.heartbeat();
-        bench.tick(|_| ());
-    });
+    bench.run(20_000);
     bench.ask(|controller| controller.start(mode)).expect("armed");
 }
 

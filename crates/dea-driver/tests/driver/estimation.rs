@@ -79,14 +79,9 @@ fn the_estimate_goes_on_after_an_acknowledged_trip() {
     let mut bench = FilmBench::new();
     bench.start(Mode::Voltage);
     bench.set_voltage(5000.0);
-    for _ in 0..5000 {
-        bench.controller.heartbeat();
-        bench.tick(|_| ());
-    }
+    bench.run(5000);
     bench.tick(|inputs| inputs.interlock_closed = false);
-    for _ in 0..20 {
-        bench.tick(|_| ());
-    }
+    bench.run(20);
     bench.ask(Controller::acknowledge).expect("tripped");
     let predicted_m = f64::from(bench.tick(|_| ()).telemetry.predicted_m);
     assert!(bench.displacement_m > 0.2e-3, "still stretched: {} m", bench.displacement_m);

@@ -2,17 +2,16 @@
 
 use dea_driver::server::{Board, Session};
 use dea_driver::wire::{Answer, Command, InjectedFault, Reject};
-use dea_driver::{Device, DriverState, Store};
+use dea_driver::{Device, DriverState, RamFlash, Store};
 
 use crate::board::{BOARD, Bench, ask};
-use crate::flash::Flash;
 use crate::host::{Host, blob};
 
 /// A board that does not implement fault injection.
-struct WithoutFaults(Bench<Flash>);
+struct WithoutFaults(Bench);
 
 impl Board for WithoutFaults {
-    type Flash = Flash;
+    type Flash = RamFlash;
     const ID: u16 = BOARD;
 
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
@@ -23,27 +22,19 @@ impl Board for WithoutFaults {
         self.0.rates_hz()
     }
 
-    fn store(&mut self) -> &mut Store<Flash> {
+    fn store(&mut self) -> &mut Store<RamFlash> {
         self.0.store()
     }
 
     fn set_rate(&mut self, rate_hz: f32) {
         self.0.set_rate(rate_hz);
     }
-
-    fn stack_peak(&self) -> u32 {
-        self.0.stack_peak()
-    }
-
-    fn panic_message(&self) -> &str {
-        self.0.panic_message()
-    }
 }
 
 /// A board neither injects faults nor stops feeding its watchdog unless it implements that.
 #[test]
 fn a_board_without_fault_injection_rejects_it() {
-    let mut board = WithoutFaults(Bench::new(Flash::new(), None));
+    let mut board = WithoutFaults(Bench::new(RamFlash::default(), None));
     for command in [Command::InjectFault(InjectedFault::Hang), Command::StopFeedingWatchdog, Command::Inspect] {
         assert_eq!(ask(&mut Session::new("1.2.3"), &mut board, 0, command), Answer::Rejected(Reject::Unknown));
     }
@@ -52,7 +43,7 @@ fn a_board_without_fault_injection_rejects_it() {
 /// A board without memory over a reset begins as if nothing had been tried.
 #[test]
 fn a_board_without_memory_has_no_trial() {
-    let mut board = WithoutFaults(Bench::new(Flash::new(), None));
+    let mut board = WithoutFaults(Bench::new(RamFlash::default(), None));
     board.store().save(&blob()).expect("saved");
     Session::new("1.2.3").begin(&mut board).expect("stored");
     let inputs = board.0.inputs();

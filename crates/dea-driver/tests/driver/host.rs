@@ -2,16 +2,15 @@
 
 use dea_driver::server::Session;
 use dea_driver::wire::{Answer, CHUNK, Command};
-use dea_driver::{Cause, DriverState};
+use dea_driver::{Cause, DriverState, RamFlash};
 
 use crate::bench::board_parameters;
 use crate::board::{self, Bench, encoded};
-use crate::flash::Flash;
 
 /// A host, and the board that it talks with.
 pub struct Host {
     pub session: Session,
-    pub bench: Bench<Flash>,
+    pub bench: Bench,
     /// Token of the last arming.
     pub token: u16,
 }
@@ -19,7 +18,7 @@ pub struct Host {
 impl Host {
     /// After a reset, with nothing stored and this cause latched.
     pub fn new(latched: Option<Cause>) -> Self {
-        let bench = Bench::new(Flash::new(), latched);
+        let bench = Bench::new(RamFlash::default(), latched);
         Self { session: Session::new("1.2.3"), bench, token: 0 }
     }
 

@@ -59,7 +59,7 @@ fn whole_ticks_are_those_of_a_controller() {
     for run in 0..2 {
         assert_eq!(host.ask(Command::Rest), Answer::Done);
         let mut controller = Controller::new(Blob::new(parameters.clone()).expect("valid"));
-        let (mut stood, mut sampled) = (0u16, 0u16);
+        let (mut applied, mut sampled) = (0u16, 0u16);
         let mut highest = 0;
         for tick in 0..500 {
             let given = codes(tick, sampled);
@@ -85,8 +85,8 @@ fn whole_ticks_are_those_of_a_controller() {
             let here = Ticked { enable: outputs.enable, command, state, predicted_m: outputs.telemetry.predicted_m };
             assert_eq!(there, here, "run {run}, tick {tick}");
             highest = highest.max(command);
-            sampled = stood;
-            stood = (DacCode(command).volts(CommandRange::TenVolts) / 10.24 * 65_536.0) as u16;
+            sampled = applied;
+            applied = (DacCode(command).volts(CommandRange::TenVolts) / 10.24 * 65_536.0) as u16;
         }
         assert_eq!(highest, DacCode::from_volts(2.0, CommandRange::TenVolts).0, "it has reached 2 kV");
     }

@@ -88,9 +88,7 @@ fn a_film_may_take_the_time_of_its_bleeder() {
         }
         assert_eq!(bench.controller.supervisor().state(), DriverState::Running);
         bench.ask(dea_driver::Controller::disarm).expect("it runs");
-        for _ in 0..6000 {
-            bench.tick(|_| ());
-        }
+        bench.run(6000);
         assert_eq!(bench.controller.supervisor().state(), state, "{bleeder_s} s");
     }
 }

@@ -2,13 +2,12 @@
 
 use dea_driver::chips::Converters;
 use dea_driver::{
-    BLOB_LEN, Blob, BlobError, BlobHeader, Controller, ControllerMemory, DriverState, Inputs, Mode, Parameters, SCHEMA,
-    Store,
+    BLOB_LEN, Blob, BlobError, BlobHeader, Controller, ControllerMemory, DriverState, Inputs, Mode, Parameters,
+    RamFlash, SCHEMA, Store,
 };
 use springpot::{Compressed, Law, LawOptions, Preset};
 
 use crate::bench::{board_parameters, of_law};
-use crate::flash::Flash;
 
 const BOARD: u16 = 0x0405;
 
@@ -90,7 +89,7 @@ fn a_blob_of_a_law_of_other_sizes_is_refused() {
 
 #[test]
 fn a_lean_blob_is_kept() {
-    let store = Store::<_, Lean>::with_converters(Flash::new(), BOARD, Converters::AD5754_ADS868X);
+    let store = Store::<_, Lean>::with_converters(RamFlash::default(), BOARD, Converters::AD5754_ADS868X);
     let mut store = store.expect("two sectors");
     store.save(&bytes_of(&lean_parameters())).expect("valid");
     assert_eq!(*store.load().expect("saved").blob.parameters(), lean_parameters());

@@ -43,150 +43,129 @@ fn commands_stay_within_voltage_field_and_slew() {
     assert!((bench.supervisor.command(6500.0, f32::NAN) - 4050.0).abs() < 0.1, "50 kV/s upwards");
 }
 
+type Change = fn(&mut Limits);
+
+fn checked(change: Change) -> Result<(), LimitsError> {
+    let mut limits = bench_limits();
+    change(&mut limits);
+    Supervisor::new(&limits, RATE_HZ).map(drop)
+}
+
+/// Each of `changes` is refused as `debug` has it, in one line with the values that were compared.
+fn refused(debug: &str, changes: &[(Change, &[&str])]) {
+    for (number, (change, values)) in changes.iter().enumerate() {
+        let error = checked(*change).expect_err(debug);
+        assert!(format!("{error:?}").starts_with(debug), "{error:?} instead of {debug}, change {number}");
+        let text = error.to_string();
+        assert!(!text.contains('\n') && values.iter().all(|value| text.contains(value)), "{values:?} in {text}");
+    }
+}
+
 /// Limits that would protect nothing are no limits.
 #[test]
 fn limits_without_an_end_are_refused() {
-    for change in [
-        |l: &mut Limits| l.heartbeat_s = 61.0,
-        |l: &mut Limits| l.max_disturbance_share = 1.1,
-        |l: &mut Limits| l.monitor.band_share = 0.6,
-        |l: &mut Limits| l.monitor.settle_s = 1.5,
-        |l: &mut Limits| l.monitor.band_v = 4000.0,
-        |l: &mut Limits| l.max_voltage_v = 1e6,
-        |l: &mut Limits| l.max_slew_v_per_s = 1e38,
-        |l: &mut Limits| l.max_displacement_m = 1e30,
-        |l: &mut Limits| l.max_displacement_m = 9.1e-3,
-        |l: &mut Limits| l.max_field_v_per_m = 1e30,
-        |l: &mut Limits| l.thickness_m = 0.1,
-        |l: &mut Limits| l.discharge_s = 61.0,
-        |l: &mut Limits| l.sensor.jump = 5e-3,
-        |l: &mut Limits| l.sensor.stuck_band = 0.1e-3,
-        |l: &mut Limits| l.sensor.stuck_ticks = 10_001,
-    ] {
-        let mut limits = bench_limits();
-        change(&mut limits);
-        let error = Supervisor::new(&limits, RATE_HZ).expect_err("refused");
-        assert!(matches!(error, LimitsError::TooLarge { .. }), "{error}");
-    }
-    // A monitor that may be as slow as this would be dead for 239 s before it shows.
-    let mut limits = bench_limits();
-    limits.monitor.slew_v_per_s = 1.0;
-    let too_slow = LimitsError::TooSmall { quantity: "monitor.slew_v_per_s", value: 1.0, min: 6500.0 };
-    assert_eq!(Supervisor::new(&limits, RATE_HZ).err(), Some(too_slow));
+    let changes: [(Change, &[&str]); 16] = [
+        (|l| l.heartbeat_s = 61.5, &["heartbeat_s", "61.5", "60"]),
+        (|l| l.max_disturbance_share = 1.1, &["max_disturbance_share", "1.1", "0.4"]),
+        (|l| l.monitor.band_share = 0.6, &["monitor.band_share", "0.6", "0.5"]),
+        (|l| l.monitor.settle_s = 1.5, &["monitor.settle_s", "1.5", "1"]),
+        (|l| l.monitor.band_v = 4000.0, &["monitor.band_v", "4000", "650"]),
+        (|l| l.max_voltage_v = 1e6, &["max_voltage_v", "1000000", "50000"]),
+        (|l| l.max_slew_v_per_s = 1e38, &["max_slew_v_per_s", "6500000"]),
+        (|l| l.max_displacement_m = 1e30, &["max_displacement_m", "0.009"]),
+        (|l| l.max_displacement_m = 9.1e-3, &["max_displacement_m", "0.0091", "0.009"]),
+        (|l| l.max_field_v_per_m = 1e30, &["max_field_v_per_m", "500000000"]),
+        (|l| l.thickness_m = 0.1, &["thickness_m", "0.1", "0.01"]),
+        (|l| l.discharge_s = 61.0, &["discharge_s", "61", "60"]),
+        (|l| l.sensor.jump = 5e-3, &["sensor.jump", "0.005", "0.0024"]),
+        (|l| l.sensor.jump = 2.6e-3, &["sensor.jump", "0.0026", "0.0024"]),
+        (|l| l.sensor.stuck_band = 0.1e-3, &["sensor.stuck_band", "0.0001", "0.00008"]),
+        (|l| l.sensor.stuck_ticks = 10_001, &["sensor.stuck_ticks", "10001", "10000"]),
+    ];
+    refused("TooLarge", &changes);
+    // A monitor that may be as slow as this would be dead for 19 s before it shows.
+    refused("TooSmall", &[(|l| l.monitor.slew_v_per_s = 12.5, &["monitor.slew_v_per_s", "12.5", "6500"])]);
 }
 
 #[test]
 fn limits_that_cannot_be_kept_are_refused() {
-    let good = bench_limits();
-    let refused = |limits: Limits| Supervisor::new(&limits, RATE_HZ).err();
-    for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-        let cases = [
-            (Limits { max_voltage_v: bad, ..good }, "max_voltage_v"),
-            (Limits { max_field_v_per_m: bad, ..good }, "max_field_v_per_m"),
-            (Limits { thickness_m: bad, ..good }, "thickness_m"),
-            (Limits { max_slew_v_per_s: bad, ..good }, "max_slew_v_per_s"),
-            (Limits { max_displacement_m: bad, ..good }, "max_displacement_m"),
-            (Limits { max_disturbance_share: bad, ..good }, "max_disturbance_share"),
-            (Limits { heartbeat_s: bad, ..good }, "heartbeat_s"),
-            (Limits { discharge_s: bad, ..good }, "discharge_s"),
+    for bad in [0.0, -1.5, f32::NAN, f32::INFINITY] {
+        type Field = fn(&mut Limits) -> &mut f32;
+        let fields: [(&str, Field); 8] = [
+            ("max_voltage_v", |l| &mut l.max_voltage_v),
+            ("max_field_v_per_m", |l| &mut l.max_field_v_per_m),
+            ("thickness_m", |l| &mut l.thickness_m),
+            ("max_slew_v_per_s", |l| &mut l.max_slew_v_per_s),
+            ("max_displacement_m", |l| &mut l.max_displacement_m),
+            ("max_disturbance_share", |l| &mut l.max_disturbance_share),
+            ("heartbeat_s", |l| &mut l.heartbeat_s),
+            ("discharge_s", |l| &mut l.discharge_s),
         ];
-        for (limits, name) in cases {
-            let error = refused(limits).expect("refused");
-            assert!(matches!(error, LimitsError::NotPositive { quantity, .. } if quantity == name), "{error}");
+        for (name, field) in fields {
+            let mut limits = bench_limits();
+            *field(&mut limits) = bad;
+            let text = Supervisor::new(&limits, RATE_HZ).expect_err(name).to_string();
+            assert_eq!(text, format!("{name} is {bad}; it must be finite and greater than 0"));
         }
-        let error = Supervisor::new(&good, bad).expect_err("refused");
+        let error = Supervisor::new(&bench_limits(), bad).expect_err("refused");
         assert!(matches!(error, LimitsError::NotPositive { quantity: "rate_hz", .. }), "{error}");
-        let mut monitor = good;
-        monitor.monitor.slew_v_per_s = bad;
-        assert!(matches!(refused(monitor), Some(LimitsError::Monitor(_))));
     }
-    for spoil in [
-        |sensor: &mut PlausibilityLimits| sensor.low = sensor.high,
-        |sensor: &mut PlausibilityLimits| sensor.jump = f32::NAN,
-        |sensor: &mut PlausibilityLimits| sensor.jump = f32::INFINITY,
-        |sensor: &mut PlausibilityLimits| sensor.stuck_ticks = 0,
-        |sensor: &mut PlausibilityLimits| sensor.stuck_band = 0.0,
-        |sensor: &mut PlausibilityLimits| sensor.stuck_band = f32::NAN,
-    ] {
-        let mut limits = good;
-        spoil(&mut limits.sensor);
-        assert!(matches!(refused(limits), Some(LimitsError::Sensor(_))));
-    }
-}
-
-/// Each bound of the limits belongs to what is allowed, and each limit is checked by itself.
-#[test]
-fn limits_at_their_bounds_are_kept_and_beyond_are_refused() {
-    let checked = |change: fn(&mut Limits)| {
-        let mut limits = bench_limits();
-        change(&mut limits);
-        Supervisor::new(&limits, RATE_HZ).map(drop)
-    };
-    for within in [
-        |l: &mut Limits| l.monitor.slew_v_per_s = 6500.0,
-        // A quarter of the range of 9.9 mm.
-        |l: &mut Limits| l.sensor.jump = 2.4e-3,
-        // Ten seconds.
-        |l: &mut Limits| l.sensor.stuck_ticks = 10_000,
-        |l: &mut Limits| l.sensor.stuck_ticks = 5000,
-        |l: &mut Limits| l.monitor.settle_s = 0.0,
-        |l: &mut Limits| l.monitor.band_share = 0.0,
-    ] {
-        assert_eq!(checked(within), Ok(()));
-    }
-    for monitor in [
-        |l: &mut Limits| l.monitor.band_v = 0.0,
-        |l: &mut Limits| l.monitor.band_v = f32::NAN,
-        |l: &mut Limits| l.monitor.band_share = -0.01,
-        |l: &mut Limits| l.monitor.band_share = f32::NAN,
-        |l: &mut Limits| l.monitor.settle_s = -0.01,
-        |l: &mut Limits| l.monitor.settle_s = f32::INFINITY,
-    ] {
-        assert!(matches!(checked(monitor), Err(LimitsError::Monitor(_))));
-    }
-    for sensor in [
-        |l: &mut Limits| l.sensor.low = f32::NEG_INFINITY,
-        |l: &mut Limits| l.sensor.low = f32::NAN,
-        |l: &mut Limits| l.sensor.high = f32::INFINITY,
-        |l: &mut Limits| l.sensor.high = f32::NAN,
-        |l: &mut Limits| l.sensor.jump = 0.0,
-        |l: &mut Limits| l.sensor.stuck_ticks = 4,
-    ] {
-        assert!(matches!(checked(sensor), Err(LimitsError::Sensor(_))));
-    }
-    let jump = checked(|l| l.sensor.jump = 2.6e-3);
-    assert!(matches!(jump, Err(LimitsError::TooLarge { quantity: "sensor.jump", .. })), "{jump:?}");
-}
-
-/// The text of a refusal states the values that were compared.
-#[test]
-fn refused_limits_state_their_values() {
-    let states = |change: fn(&mut Limits), values: &[&str]| {
-        let mut limits = bench_limits();
-        change(&mut limits);
-        let text = Supervisor::new(&limits, RATE_HZ).expect_err("refused").to_string();
-        assert!(!text.contains('\n'), "{text}");
-        for value in values {
-            assert!(text.contains(value), "{value} is missing: {text}");
-        }
-    };
-    states(|l| l.heartbeat_s = 61.5, &["heartbeat_s", "61.5", "60"]);
-    states(|l| l.max_displacement_m = 0.0125, &["max_displacement_m", "0.0125", "0.009"]);
-    states(|l| l.sensor.stuck_ticks = 10_001, &["sensor.stuck_ticks", "10001", "10000"]);
-    states(|l| l.monitor.slew_v_per_s = 12.5, &["monitor.slew_v_per_s", "12.5", "6500"]);
-    states(|l| l.discharge_s = -1.5, &["discharge_s", "-1.5", "greater than 0"]);
     let monitor = |l: &mut Limits| {
         l.monitor = MonitorLimits { slew_v_per_s: 7e4, band_v: 61.0, band_share: -0.25, settle_s: 0.125 };
     };
-    states(monitor, &["70000", "61", "-0.25", "0.125"]);
+    let changes: [(Change, &[&str]); 11] = [
+        (monitor, &["70000", "61", "-0.25", "0.125"]),
+        (|l| l.monitor.slew_v_per_s = 0.0, &[]),
+        (|l| l.monitor.slew_v_per_s = -1.0, &[]),
+        (|l| l.monitor.slew_v_per_s = f32::NAN, &[]),
+        (|l| l.monitor.slew_v_per_s = f32::INFINITY, &[]),
+        (|l| l.monitor.band_v = 0.0, &[]),
+        (|l| l.monitor.band_v = f32::NAN, &[]),
+        (|l| l.monitor.band_share = -0.01, &[]),
+        (|l| l.monitor.band_share = f32::NAN, &[]),
+        (|l| l.monitor.settle_s = -0.01, &[]),
+        (|l| l.monitor.settle_s = f32::INFINITY, &[]),
+    ];
+    refused("Monitor", &changes);
     let sensor = |l: &mut Limits| {
         l.sensor = PlausibilityLimits { low: 0.25, high: 0.125, jump: 0.5, stuck_ticks: 77, stuck_band: 0.0625 };
     };
-    states(sensor, &["0.25", "0.125", "0.5", "77", "0.0625", "at least 5"]);
+    let changes: [(Change, &[&str]); 13] = [
+        (sensor, &["0.25", "0.125", "0.5", "77", "0.0625", "at least 5"]),
+        (|l| l.sensor.low = l.sensor.high, &[]),
+        (|l| l.sensor.low = f32::NEG_INFINITY, &[]),
+        (|l| l.sensor.low = f32::NAN, &[]),
+        (|l| l.sensor.high = f32::INFINITY, &[]),
+        (|l| l.sensor.high = f32::NAN, &[]),
+        (|l| l.sensor.jump = 0.0, &[]),
+        (|l| l.sensor.jump = f32::NAN, &[]),
+        (|l| l.sensor.jump = f32::INFINITY, &[]),
+        (|l| l.sensor.stuck_ticks = 0, &[]),
+        (|l| l.sensor.stuck_ticks = 4, &[]),
+        (|l| l.sensor.stuck_band = 0.0, &[]),
+        (|l| l.sensor.stuck_band = f32::NAN, &[]),
+    ];
+    refused("Sensor", &changes);
     let lag = AmplifierLag { rise_s: 6.75, fall_s: 0.25 };
     let supervisor = Supervisor::new(&bench_limits(), RATE_HZ).expect("valid");
     let text = supervisor.behind(lag, RATE_HZ).expect_err("refused").to_string();
     assert!(["6.75", "0.25", "0 to 6.66"].iter().all(|value| text.contains(value)), "{text}");
+}
+
+/// Each bound of the limits belongs to what is allowed.
+#[test]
+fn limits_at_their_bounds_are_kept() {
+    let changes: [Change; 6] = [
+        |l| l.monitor.slew_v_per_s = 6500.0,
+        // A quarter of the range of 9.9 mm.
+        |l| l.sensor.jump = 2.4e-3,
+        // Ten seconds.
+        |l| l.sensor.stuck_ticks = 10_000,
+        |l| l.sensor.stuck_ticks = 5000,
+        |l| l.monitor.settle_s = 0.0,
+        |l| l.monitor.band_share = 0.0,
+    ];
+    changes.iter().for_each(|&change| assert_eq!(checked(change), Ok(())));
 }
 
 /// Values that a file need not state: a tenth of the force, a second, and 2 µm.

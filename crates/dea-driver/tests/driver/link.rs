@@ -1,6 +1,6 @@
 //! The link: every message comes through, nothing damaged is executed.
 
-use dea_driver::server::{Upload, UploadError};
+use dea_driver::server::Upload;
 use dea_driver::wire::{
     Answer, BATCH, CHUNK, Command, FRAME_LEN, Followed, FrameError, Identity, InjectedFault, Inspection, LearningOrder,
     Message, Mode, Part, Receiver, Reject, Request, Status, Step, Target, Telemetry, TickCodes, Ticked, VERSION,
@@ -216,12 +216,12 @@ fn uploads_are_whole_or_refused() {
     }
     assert_eq!(upload.finish(BLOB_LEN), Ok(blob.as_slice()));
     // Finished is finished.
-    assert_eq!(upload.finish(BLOB_LEN), Err(UploadError::Length));
+    assert_eq!(upload.finish(BLOB_LEN), Err(Reject::Upload));
     upload.push(0, &blob[..100]).expect("begins again");
-    assert_eq!(upload.push(101, &blob[..10]), Err(UploadError::Gap));
-    assert_eq!(upload.finish(200), Err(UploadError::Length), "truncated");
+    assert_eq!(upload.push(101, &blob[..10]), Err(Reject::Upload));
+    assert_eq!(upload.finish(200), Err(Reject::Upload), "truncated");
     upload.push(0, &blob[..100]).expect("begins again");
     upload.push(100, &blob[100..]).expect("follows");
-    assert_eq!(upload.push(BLOB_LEN, &[1]), Err(UploadError::TooLong));
-    assert_eq!(Upload::new().finish(0), Err(UploadError::Length));
+    assert_eq!(upload.push(BLOB_LEN, &[1]), Err(Reject::Upload));
+    assert_eq!(Upload::new().finish(0), Err(Reject::Upload));
 }

@@ -202,13 +202,13 @@ fn a_reading_may_be_a_tick_old() {
     let trips = |rate_hz: f32, age: usize| {
         let mut monitor = Monitor::new(bench_limits().monitor, rate_hz);
         let slew_v = bench_limits().max_slew_v_per_s / rate_hz;
-        let mut stood_v = vec![0.0f32; age + 1];
+        let mut applied_v = vec![0.0f32; age + 1];
         (0..1000).any(|tick| {
             let wanted_v = if tick / 200 % 2 == 0 { 6000.0 } else { 0.0 };
-            let last_v = *stood_v.last().expect("one");
-            stood_v.push(last_v + (wanted_v - last_v).clamp(-slew_v, slew_v));
+            let last_v = *applied_v.last().expect("one");
+            applied_v.push(last_v + (wanted_v - last_v).clamp(-slew_v, slew_v));
             // The command of the last tick, and the voltage when the reading was taken.
-            !monitor.agrees(*stood_v.last().expect("one"), stood_v[stood_v.len() - 1 - age])
+            !monitor.agrees(*applied_v.last().expect("one"), applied_v[applied_v.len() - 1 - age])
         })
     };
     for rate_hz in [100.0, 200.0, 500.0, 1000.0, 5000.0] {

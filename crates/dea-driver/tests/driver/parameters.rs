@@ -1,11 +1,10 @@
 //! Parameters: which ones run after an upload and after a reset, and whether the host gets a report.
 
 use dea_driver::wire::{Answer, Command, Reject};
-use dea_driver::{Cause, DriverState, Refusal, Store};
+use dea_driver::{Cause, DriverState, RamFlash, Refusal, Store};
 
 use crate::bench::board_parameters;
 use crate::board::{BOARD, encoded};
-use crate::flash::{Flash, SECTOR};
 use crate::host::{Host, blob};
 
 #[test]
@@ -37,7 +36,7 @@ fn damaged_parameters_are_not_replaced_silently() {
         host.upload(blob);
         assert_eq!(host.ask(Command::Commit { length: blob.len() as u16 }), Answer::Done);
     }
-    let reset = |flash: Flash, latched| {
+    let reset = |flash: RamFlash, latched| {
         let mut host = Host::new(latched);
         host.bench.store = Store::new(flash, BOARD).expect("two sectors");
         host.session.begin(&mut host.bench).expect("older parameters");
@@ -48,8 +47,8 @@ fn damaged_parameters_are_not_replaced_silently() {
     let sound = reset(flash.clone(), None);
     assert_eq!(sound.bench.device.state(), DriverState::Disarmed);
     let mut damaged = flash;
-    let newest = (0..2).max_by_key(|slot| damaged.bytes[slot * SECTOR]).expect("two slots");
-    damaged.bytes[newest * SECTOR + 60] ^= 4;
+    let newest = (0..2).max_by_key(|slot| damaged.bytes[slot * 1024]).expect("two slots");
+    damaged.bytes[newest * 1024 + 60] ^= 4;
     for latched in [None, Some(Cause::Watchdog)] {
         let mut host = reset(damaged.clone(), latched);
         let tripped = DriverState::Tripped(Cause::Parameters);
@@ -84,7 +83,7 @@ fn a_reset_during_a_trial_is_reported() {
         host.upload(&blob());
         assert_eq!(host.ask(command(blob().len() as u16)), Answer::Done);
     };
-    let told = DriverState::Tripped(Cause::Parameters);
+    let latched = DriverState::Tripped(Cause::Parameters);
     let mut host = Host::new(None);
     upload(&mut host, |length| Command::Commit { length });
     host = reset(host);
@@ -92,15 +91,15 @@ fn a_reset_during_a_trial_is_reported() {
     upload(&mut host, |length| Command::Try { length });
     assert_eq!(host.state(), DriverState::Disarmed);
     host = reset(host);
-    assert_eq!(host.state(), told);
+    assert_eq!(host.state(), latched);
     // A reset does not acknowledge it, nor does another trial.
     host = reset(host);
-    assert_eq!(host.state(), told);
+    assert_eq!(host.state(), latched);
     upload(&mut host, |length| Command::Try { length });
-    assert_eq!(host.state(), told);
+    assert_eq!(host.state(), latched);
     assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
     host = reset(host);
-    assert_eq!(host.state(), told, "the second trial");
+    assert_eq!(host.state(), latched, "the second trial");
     assert_eq!(host.ask(Command::Acknowledge), Answer::Done);
     host = reset(host);
     assert_eq!(host.state(), DriverState::Disarmed);

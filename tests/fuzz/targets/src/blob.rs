@@ -2,16 +2,18 @@
 
 use dea_driver::chips::DacCode;
 use dea_driver::{
-    BLOB_LEN, Blob, BlobHeader, Controller, DriverState, Inputs, Mode, Outputs, Parameters, SCHEMA, Store, StoreError,
+    BLOB_LEN, Blob, BlobHeader, Controller, DriverState, Inputs, Mode, Outputs, Parameters, RamFlash, SCHEMA, Store,
+    StoreError,
 };
 
-use crate::flash::{Flash, SECTOR};
 use crate::line::crc32;
 use crate::{BOARD, GOOD_BLOB};
 
 /// Bytes before the contents of a blob, and before a blob in its slot.
 const HEADER: usize = 10;
 const SLOT_HEADER: usize = 8;
+/// Bytes of an erasable part.
+const SECTOR: usize = 1024;
 
 /// Reads bytes as a blob, or as what a flash holds, as the first byte states:
 ///
@@ -29,9 +31,9 @@ pub fn run(data: &[u8]) -> bool {
         0 => decode(rest),
         1 => decode(&sealed(rest)),
         2 => {
-            let mut flash = Flash::erased();
+            let mut flash = RamFlash::default();
             let (first, second) = rest.split_at(rest.len() / 2);
-            for (sector, bytes) in flash.0.chunks_mut(SECTOR).zip([first, second]) {
+            for (sector, bytes) in flash.bytes.chunks_mut(SECTOR).zip([first, second]) {
                 sector.iter_mut().zip(bytes).for_each(|(at, &byte)| *at = byte);
             }
             load(&flash)
@@ -159,8 +161,8 @@ fn slot(sector: &[u8]) -> Slot {
 }
 
 /// The newest slot whose blob is valid wins, and newer ones that are damaged or cut off are reported.
-fn load(flash: &Flash) -> bool {
-    let slots: Vec<Slot> = flash.0.chunks(SECTOR).map(slot).collect();
+fn load(flash: &RamFlash) -> bool {
+    let slots: Vec<Slot> = flash.bytes.chunks(SECTOR).map(slot).collect();
     let mut store = Store::new(flash.clone(), BOARD).expect("two sectors");
     let loaded = store.load();
     let found = loaded.as_ref().ok().map(|stored| (encoded(&stored.blob), stored.newer_lost));
@@ -195,17 +197,17 @@ fn load(flash: &Flash) -> bool {
 
 /// Saved parameters are found. The ones before stay beside them, unless both slots hold what was saved, or it was number 1, beside which
 /// remains of another set count more than it.
-fn save(mut store: Store<Flash>, slots: &[Slot], old: Option<Vec<u8>>) {
+fn save(mut store: Store<RamFlash>, slots: &[Slot], old: Option<Vec<u8>>) {
     store.save(&GOOD_BLOB).expect("whatever the flash holds");
     let stored = store.load().expect("saved");
     let checksum = u32::from_le_bytes(*GOOD_BLOB.last_chunk().expect("longer"));
     assert_eq!((stored.blob.checksum(), stored.newer_lost), (Some(checksum), false));
     let flash = store.destroy();
     if let Some(old) = old {
-        let kept = flash.0.chunks(SECTOR).map(slot).zip(slots).any(|(now, before)| {
+        let kept = flash.bytes.chunks(SECTOR).map(slot).zip(slots).any(|(now, before)| {
             now.sequence == before.sequence && now.blob.as_ref() == Some(&old) && before.blob.as_ref() == Some(&old)
         });
-        let in_both = flash.0.chunks(SECTOR).map(slot).all(|now| now.blob.as_deref() == Some(&GOOD_BLOB[..]));
+        let in_both = flash.bytes.chunks(SECTOR).map(slot).all(|now| now.blob.as_deref() == Some(&GOOD_BLOB[..]));
         let was_first = slots.iter().any(|before| before.sequence == Some(1) && before.blob.as_ref() == Some(&old));
         assert!(kept || in_both || was_first, "the set that ran was erased first");
     }
@@ -215,9 +217,9 @@ fn save(mut store: Store<Flash>, slots: &[Slot], old: Option<Vec<u8>>) {
 fn slots(data: &[u8]) -> bool {
     let Some((&[a0, a1, a2, a3, b0, b1, b2, b3, held], contents)) = data.split_first_chunk() else { return false };
     let given = sealed(contents);
-    let mut flash = Flash::erased();
+    let mut flash = RamFlash::default();
     let numbers = [[a0, a1, a2, a3], [b0, b1, b2, b3]].map(u32::from_le_bytes);
-    for ((sector, sequence), held) in flash.0.chunks_mut(SECTOR).zip(numbers).zip([held & 15, held >> 4]) {
+    for ((sector, sequence), held) in flash.bytes.chunks_mut(SECTOR).zip(numbers).zip([held & 15, held >> 4]) {
         let mut blob = if held & 1 == 0 { GOOD_BLOB.clone() } else { given.clone() };
         blob.truncate(BLOB_LEN);
         if held & 2 != 0 {

@@ -2,9 +2,8 @@
 
 use dea_driver::server::{Board, Session};
 use dea_driver::wire::{Answer, Message, Reject, encode};
-use dea_driver::{Cause, Device, Drive, DriverState, Inputs, Mode, Store};
+use dea_driver::{Cause, Device, Drive, DriverState, Inputs, Mode, RamFlash, Store};
 
-use crate::flash::Flash;
 use crate::line::{Ear, Heading, Heard, seal};
 use crate::{BOARD, GOOD_BLOB};
 
@@ -55,11 +54,11 @@ fn varint(value: u16) -> Vec<u8> {
 /// A bench whose amplifier follows at once, and whose film does not move.
 struct Bench {
     device: Device,
-    store: Store<Flash>,
+    store: Store<RamFlash>,
 }
 
 impl Board for Bench {
-    type Flash = Flash;
+    type Flash = RamFlash;
     const ID: u16 = BOARD;
 
     fn with<R>(&mut self, work: impl FnOnce(&mut Device) -> R) -> (R, u32) {
@@ -70,16 +69,12 @@ impl Board for Bench {
         (100.0, 2000.0)
     }
 
-    fn store(&mut self) -> &mut Store<Flash> {
+    fn store(&mut self) -> &mut Store<RamFlash> {
         &mut self.store
     }
 
     fn set_rate(&mut self, rate_hz: f32) {
         assert!((100.0..=2000.0).contains(&rate_hz), "{rate_hz} Hz");
-    }
-
-    fn stack_peak(&self) -> u32 {
-        0
     }
 
     fn panic_message(&self) -> &str {
@@ -108,7 +103,7 @@ struct Trial {
 
 impl Trial {
     fn new(start: u8) -> Self {
-        let mut flash = Flash::erased();
+        let mut flash = RamFlash::default();
         let latched = (start & 2 != 0).then_some(Cause::Watchdog);
         let kept = start & 1 == 0;
         if kept {

@@ -8,7 +8,6 @@
 #![deny(missing_docs)]
 
 mod blob;
-mod flash;
 mod frame;
 mod line;
 mod parameter_file;

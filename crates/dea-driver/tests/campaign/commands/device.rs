@@ -221,7 +221,7 @@ impl Bench {
         self.source.next_mood();
         let inputs = self.inputs();
         let before = self.reference.state;
-        let stood_v = self.reference.command_v as f32;
+        let applied_v = self.reference.command_v as f32;
         let runs = before == DriverState::Running;
         if inputs.monitor_adc_v.is_none() && before.is_live() {
             // What the film is at is unknown: at once, before anything is read.
@@ -242,7 +242,7 @@ impl Bench {
             follows: runs_on && self.mode != Mode::Voltage && self.reference_is_set,
             disturbance_share: if runs_on && self.mode == Mode::Tracking { self.share() } else { 0.0 },
         };
-        self.film_moves(stood_v);
+        self.film_moves(applied_v);
         if let Err(possible) = self.reference.check(readings, self.device.state()) {
             panic!(
                 "tick {}: {before:?} leads to {:?} instead of {possible:?}: {readings:?}",
@@ -252,7 +252,7 @@ impl Bench {
         }
         let after = self.reference.state;
         self.is_as_converted(&inputs, &telemetry);
-        self.is_within_the_limits(stood_v, &telemetry);
+        self.is_within_the_limits(applied_v, &telemetry);
         let status = self.device.status();
         assert_eq!((status.ticks, telemetry.tick), (self.reference.ticks as u32, status.ticks));
         assert_eq!(status.tripped_at, self.reference.tripped_at as u32);
@@ -287,7 +287,7 @@ impl Bench {
     }
 
     /// The amplifier is enabled where it may be, and commanded within every limit.
-    fn is_within_the_limits(&self, stood_v: f32, telemetry: &Telemetry) {
+    fn is_within_the_limits(&self, applied_v: f32, telemetry: &Telemetry) {
         let limits = &self.parameters.limits;
         let command_v = telemetry.command_v;
         let Drive { enable, dac_v, .. } = self.output;
@@ -305,10 +305,10 @@ impl Bench {
         let most_v = by_field.min(f64::from(limits.max_voltage_v));
         let slew = limits.max_slew_v_per_s / RATE_HZ;
         assert!((0.0..=most_v * 1.000_01).contains(&f64::from(command_v)), "{command_v} V, at most {most_v} V");
-        assert!(command_v <= stood_v + slew + 0.01, "{stood_v} V to {command_v} V");
+        assert!(command_v <= applied_v + slew + 0.01, "{applied_v} V to {command_v} V");
         assert!(
-            command_v >= stood_v - slew - 0.01 || f64::from(command_v) > 0.9999 * most_v,
-            "{stood_v} V to {command_v} V"
+            command_v >= applied_v - slew - 0.01 || f64::from(command_v) > 0.9999 * most_v,
+            "{applied_v} V to {command_v} V"
         );
         assert!((f64::from(dac_v) * 1000.0 - f64::from(command_v)).abs() < 0.01, "{dac_v} V at the DAC");
     }

@@ -2,7 +2,8 @@
 
 use dea_driver::{Cause, DriverState, OnSensorFault, Readings, Refusal, Supervisor};
 
-use super::{Machine, Request, classes, explore, limits};
+use super::{Machine, Node, Request, classes, limits, steps};
+use crate::explore::explore;
 
 /// A supervisor that is broken on purpose, in one way.
 macro_rules! broken {
@@ -70,7 +71,8 @@ broken!(Forgets, |_, _| (), |supervisor, readings, wanted_v| {
 #[test]
 fn the_search_finds_what_is_broken() {
     fn violation<M: Machine>() -> String {
-        let (violation, path) = explore::<M>(&limits(OnSensorFault::Trip), &classes(1, 2)).expect_err("it is broken");
+        let start = Node::<M>::new(&limits(OnSensorFault::Trip));
+        let (violation, path) = explore(start, &steps(classes(1, 2)), |_| ()).expect_err("it is broken");
         println!("states, broken on purpose: {violation}, after {} steps", path.len());
         violation
     }

@@ -50,11 +50,6 @@ impl TornFlash {
         Self { words, operations_left: None, has_power: true, random: Pcg64::seed_from_u64(seed) }
     }
 
-    /// The contents, as bits that are not unstable read.
-    pub fn bytes(&self) -> Vec<u8> {
-        self.words.iter().flat_map(|word| word.value.to_le_bytes()).collect()
-    }
-
     /// Lets the power fail in the operation after `operations` more.
     pub fn fail_after(&mut self, operations: u64) {
         self.operations_left = Some(operations);
