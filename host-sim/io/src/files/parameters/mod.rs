@@ -280,7 +280,8 @@ impl Place<'_> {
 
     fn parse<T: DeserializeOwned>(&self) -> Result<T> {
         toml::from_str(self.text).map_err(|e| {
-            let cause = e.message().trim().replace('\n', "; ");
+            // Not in backticks, which name fields of options: "length_m" of a file is no --length.
+            let cause = e.message().trim().replace('\n', "; ").replace('`', "\"");
             match e.span() {
                 Some(span) => self.error(span, cause),
                 None => Error::file(self.path, cause),
