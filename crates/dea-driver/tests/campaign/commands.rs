@@ -20,7 +20,7 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 
 use crate::reference::Reference;
-use crate::scale::{cases, grouped, is_full};
+use crate::scale::{cases, is_full};
 
 const RATE_HZ: f32 = 1000.0;
 
@@ -175,7 +175,7 @@ impl Source {
     }
 }
 
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct Counts {
     ticks: u64,
     requests: u64,
@@ -193,19 +193,6 @@ impl Counts {
             self.trips += 1;
             *self.causes.entry(format!("{cause:?}")).or_default() += 1;
         }
-    }
-
-    fn print(&self, what: &str) {
-        let Self { ticks, requests, refused, running, trips, causes } = self;
-        println!(
-            "commands, {what}: {} ticks ({} running), {} requests ({} refused), {} trips by {} causes",
-            grouped(*ticks),
-            grouped(*running),
-            grouped(*requests),
-            grouped(*refused),
-            grouped(*trips),
-            causes.len()
-        );
     }
 }
 
@@ -306,8 +293,7 @@ fn the_supervisor_is_the_documented_machine() {
         }
         run_supervisor(supervisor, reference, seed, ticks / 2, &mut counts);
     }
-    counts.print("supervisor");
-    println!("commands, supervisor: {:?}", counts.causes);
+    println!("commands, supervisor: {counts:?}");
     // Everything that readings can cause, and what is tripped from outside: all but what a reset or the store causes.
     assert_eq!(counts.causes.len(), 14, "{:?}", counts.causes);
 }
@@ -333,5 +319,5 @@ fn tick_before_the_wrap(supervisor: &mut Supervisor, reference: &mut Reference, 
     for k in until - 99..=until {
         reference.check(healthy(k), DriverState::Disarmed).expect("it stays disarmed");
     }
-    println!("commands, supervisor: {} ticks before the random ones", grouped(until));
+    println!("commands, supervisor: {until} ticks before the random ones");
 }

@@ -2,14 +2,15 @@
 
 use dea_driver::server::Upload;
 use dea_driver::wire::{
-    Answer, BATCH, CHUNK, Command, FRAME_LEN, Followed, FrameError, Identity, InjectedFault, Inspection, LearningOrder,
-    Message, Mode, Part, Receiver, Reject, Request, Status, Step, Target, Telemetry, TickCodes, Ticked, VERSION,
-    encode,
+    Answer, BATCH, CHUNK, Command, FRAME_LEN, Followed, FrameError, Identity, Inspection, Message, Mode, Part,
+    Receiver, Reject, Request, Status, Step, Target, Telemetry, TickCodes, Ticked, VERSION, encode,
 };
 use dea_driver::{BLOB_LEN, Cause, DriverState, Refusal, SensorFault};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::Serialize;
+
+use crate::link_page;
 
 fn frame(message: &impl Serialize) -> Vec<u8> {
     let mut bytes = [0; FRAME_LEN + 8];
@@ -21,39 +22,17 @@ fn receive<T: serde::de::DeserializeOwned>(receiver: &mut Receiver, bytes: &[u8]
     bytes.iter().filter_map(|&byte| receiver.push(byte)).collect()
 }
 
+/// Every command, and the largest of those whose sizes vary.
 fn commands() -> Vec<Command> {
     let codes = TickCodes { interlock_closed: true, monitor: u16::MAX, sensor: u16::MAX, target: 1.0 };
-    vec![
-        Command::Identify,
-        Command::Heartbeat,
-        Command::Status,
-        Command::Arm,
-        Command::Start(Mode::Voltage),
-        Command::Start(Mode::Feedforward),
-        Command::Stop,
-        Command::Disarm,
-        Command::Acknowledge,
-        Command::SetVoltage(4321.0),
-        Command::SetReference(1.5e-3),
-        Command::Upload { offset: 0, bytes: [0; CHUNK].into() },
+    let largest = [
         Command::Upload { offset: 511, bytes: [0xff; CHUNK].into() },
-        Command::Commit { length: 512 },
-        Command::Query,
-        Command::Stream { every: 10 },
-        Command::Rest,
         Command::Step([0.0; BATCH].into()),
         Command::Step([f32::MAX; BATCH].into()),
-        Command::Try { length: 512 },
-        Command::PanicMessage,
-        Command::InjectFault(InjectedFault::Hang),
-        Command::Reload,
         Command::Follow { mode: Mode::Tracking, targets: [Target { value: 1.0, sample_m: Some(2.0) }; BATCH].into() },
-        Command::Inspect,
-        Command::Learning(LearningOrder::Forget),
-        Command::Learning(LearningOrder::CarryOver),
-        Command::StopFeedingWatchdog,
         Command::Tick { mode: Mode::Tracking, inputs: [codes; BATCH].into() },
-    ]
+    ];
+    link_page::commands().into_iter().chain(largest).collect()
 }
 
 fn messages() -> Vec<Message> {

@@ -13,7 +13,8 @@ fn rows() -> Vec<(u8, String, String)> {
     rows.filter_map(|cells| Some((cells[1].parse().ok()?, cells[2].replace('`', ""), cells[5].clone()))).collect()
 }
 
-fn commands() -> Vec<Command> {
+/// A command for each row, as a board takes it.
+pub fn commands() -> Vec<Command> {
     let length = blob().len() as u16;
     vec![
         Command::Identify,

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use dea_driver::server::Denial;
 use dea_driver::wire::Reject;
 use dea_driver::{Blob, Controller, Device, DriverState, Followed, Inputs, Mode, Refusal, Step, Target};
-use springpot::{Actuator, Applied, CommandLimits, ObserverOptions, SensorSample, Tracking, VoltageDrive};
+use springpot::{Actuator, Applied, SensorSample, Tracking, VoltageDrive};
 
 use crate::bench::{board_parameters, law};
 
@@ -61,22 +61,11 @@ fn the_loop_test_is_the_law_itself() {
 #[test]
 fn the_loop_test_of_the_control_is_the_control_itself() {
     let mut device = device();
-    let law = law();
+    let parameters = board_parameters();
+    let (control, lag) = (parameters.control, parameters.amplifier_lag);
+    let (law, limits) = (law(), control.command_limits(&parameters.limits, lag));
     let rest = law.state();
-    let limits = CommandLimits {
-        max_voltage_v: 6500.0,
-        max_velocity_m_per_s: f64::from(0.05f32),
-        max_field_v_per_m: f64::from(4.2e7f32),
-        ..CommandLimits::BENCH
-    };
-    let options = ObserverOptions {
-        bandwidth_hz: f64::from(0.6f32),
-        sample_interval_s: f64::from(0.01f32),
-        delay_s: f64::from(0.01f32),
-        lost_after_s: f64::from(0.05f32),
-        adaptation_s: 30.0,
-    };
-    let tracking: Tracking<f32> = Tracking::new(law, &Actuator::KARNER_2022, limits, options).expect("valid");
+    let tracking = Tracking::new(law, &Actuator::KARNER_2022, limits, control.observer_options()).expect("valid");
     for mode in [Mode::Voltage, Mode::Feedforward, Mode::Tracking] {
         device.rest().expect("disabled");
         let mut state = tracking.state(rest.clone());

@@ -255,14 +255,3 @@ fn dropped_records_are_reported() {
     let next: Vec<u32> = std::iter::from_fn(|| host.bench.device.telemetry()).map(|record| record.dropped).collect();
     assert_eq!(next, [14, 0]);
 }
-
-/// A fault that the board finds trips what is enabled, and nothing else.
-#[test]
-fn a_device_trips_what_is_enabled() {
-    let mut host = Host::with_parameters();
-    host.bench.device.trip(Cause::Overrun);
-    assert_eq!(host.state(), DriverState::Disarmed);
-    host.arm();
-    host.bench.device.trip(Cause::Overrun);
-    assert_eq!(host.state(), DriverState::Tripped(Cause::Overrun));
-}

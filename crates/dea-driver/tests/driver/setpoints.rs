@@ -125,16 +125,6 @@ fn a_run_begins_at_0_v_without_a_tick_before_it() {
     }
 }
 
-/// Largest stroke: a reference to it is within the limits.
-#[test]
-fn the_largest_stroke_may_be_asked_for() {
-    let mut bench = FilmBench::new();
-    bench.start(Mode::Tracking);
-    assert_eq!(bench.controller.set_reference(8e-3), Ok(()));
-    assert_eq!(bench.controller.set_reference(-8e-3), Ok(()));
-    assert!(bench.controller.set_reference(8e-3f32.next_up()).is_err());
-}
-
 /// A voltage is approached within 50 ms, or the time since the one before if that is less, and it ends exactly there.
 #[test]
 fn a_voltage_is_reached_in_time_and_exactly() {

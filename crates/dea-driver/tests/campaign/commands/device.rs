@@ -340,7 +340,6 @@ fn the_device_is_the_documented_machine() {
             bench.tick(&mut counts);
         }
     }
-    counts.print("device");
-    println!("commands, device: {:?}", counts.causes);
+    println!("commands, device: {counts:?}");
     assert!(counts.causes.len() >= 9 && counts.running > ticks / 10, "{:?}", counts.causes);
 }
