@@ -24,6 +24,13 @@ impl Tool {
         serde_json::from_slice(&output).expect("one JSON document and nothing else")
     }
 
+    /// Returns what it prints with `--json` for a line of arguments without blanks in them, in a folder.
+    pub fn line(self, line: &str, folder: &Path) -> Value {
+        let arguments: Vec<&str> = line.split_whitespace().chain(["--json"]).collect();
+        let output = self.with(&arguments).current_dir(folder).assert().success().get_output().stdout.clone();
+        serde_json::from_slice(&output).expect("one JSON document and nothing else")
+    }
+
     /// Returns what it prints with `--json` where the answer is no: exit status 1.
     pub fn says_no(self, arguments: &[&str]) -> Value {
         let output = self.with(arguments).arg("--json").assert().code(1).get_output().stdout.clone();
