@@ -8,79 +8,27 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-#[derive(Clone, Debug, PartialEq)]
-enum Token {
-    Word(String),
-    Text(String),
-    /// `::`
-    Path,
-    Other(char),
+use proc_macro2::{Delimiter, TokenStream, TokenTree};
+
+/// The identifier that a token is.
+fn word(token: Option<&TokenTree>) -> Option<String> {
+    if let Some(TokenTree::Ident(word)) = token { Some(word.to_string()) } else { None }
 }
 
-impl Token {
-    fn word(&self) -> Option<&str> {
-        if let Self::Word(word) = self { Some(word) } else { None }
-    }
+fn is_word(token: Option<&TokenTree>, wanted: &str) -> bool {
+    matches!(token, Some(TokenTree::Ident(word)) if word == wanted)
 }
 
-/// The tokens of Rust source, without comments, numbers, characters and lifetimes.
-fn tokens(source: &str) -> Vec<Token> {
-    let letters: Vec<char> = source.chars().collect();
-    let at = |index: usize| letters.get(index).copied().unwrap_or(' ');
-    let is_word = |letter: char| letter.is_alphanumeric() || letter == '_';
-    let mut tokens = Vec::new();
-    let mut index = 0;
-    while index < letters.len() {
-        let begin = index;
-        match (at(index), at(index + 1)) {
-            ('/', '/') => index += letters[index..].iter().position(|&c| c == '\n').unwrap_or(letters.len() - index),
-            ('/', '*') => {
-                let mut depth = 0;
-                loop {
-                    depth += i32::from((at(index), at(index + 1)) == ('/', '*'));
-                    depth -= i32::from((at(index), at(index + 1)) == ('*', '/'));
-                    index += 1;
-                    if depth == 0 || index >= letters.len() {
-                        break;
-                    }
-                }
-                index += 1;
-            }
-            ('r', '#' | '"') if letters[index + 1..].iter().find(|&&c| c != '#') == Some(&'"') => {
-                let hashes = letters[index + 1..].iter().take_while(|&&c| c == '#').count();
-                let end: Vec<char> = std::iter::once('"').chain(std::iter::repeat_n('#', hashes)).collect();
-                index += hashes + 2;
-                let rest = letters[index..].windows(end.len()).position(|window| window == end);
-                index += rest.map_or(letters.len(), |rest| rest + end.len());
-            }
-            ('"', _) => {
-                index += 1;
-                while index < letters.len() && at(index) != '"' {
-                    index += if at(index) == '\\' { 2 } else { 1 };
-                }
-                tokens.push(Token::Text(letters[begin + 1..index.min(letters.len())].iter().collect()));
-                index += 1;
-            }
-            // A character, or a lifetime.
-            ('\'', '\\') => index += 3 + letters[index + 3..].iter().position(|&c| c == '\'').unwrap_or(0),
-            ('\'', _) => index += if at(index + 2) == '\'' { 3 } else { 1 },
-            (':', ':') => {
-                tokens.push(Token::Path);
-                index += 2;
-            }
-            (letter, _) if is_word(letter) => {
-                index += letters[index..].iter().take_while(|&&c| is_word(c)).count();
-                tokens.push(Token::Word(letters[begin..index].iter().collect()));
-            }
-            (letter, _) => {
-                if !letter.is_whitespace() {
-                    tokens.push(Token::Other(letter));
-                }
-                index += 1;
-            }
-        }
+fn is_mark(token: Option<&TokenTree>, wanted: char) -> bool {
+    matches!(token, Some(TokenTree::Punct(mark)) if mark.as_char() == wanted)
+}
+
+/// The tokens within brackets of this kind.
+fn within(token: Option<&TokenTree>, delimiter: Delimiter) -> Option<Vec<TokenTree>> {
+    match token {
+        Some(TokenTree::Group(group)) if group.delimiter() == delimiter => Some(group.stream().into_iter().collect()),
+        _ => None,
     }
-    tokens
 }
 
 #[derive(Default)]
@@ -128,7 +76,8 @@ impl Crate {
         let module = self.module(path, parent);
         let is_root = parent.is_none() || path.ends_with("mod.rs");
         let folder = if is_root { path.with_file_name("") } else { path.with_extension("") };
-        self.scan(&tokens(&source), module, &folder);
+        let tokens = source.parse::<TokenStream>().unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        self.scan(&tokens.into_iter().collect::<Vec<_>>(), module, &folder, true);
         module
     }
 
@@ -137,113 +86,104 @@ impl Crate {
         self.modules.len() - 1
     }
 
-    /// Reads the tokens of a module, whose children are in `folder`.
-    fn scan(&mut self, tokens: &[Token], module: usize, folder: &Path) {
-        let (mut index, mut depth) = (0, 0);
+    /// Reads tokens of a module, whose children are in `folder`. Its items are those at the `top`, outside of all brackets.
+    fn scan(&mut self, tokens: &[TokenTree], module: usize, folder: &Path, top: bool) {
+        let mut index = 0;
         // What attributes say of the item that follows.
         let (mut path, mut is_test) = (None, false);
         while index < tokens.len() {
             let after = |more: usize| tokens.get(index + more);
-            match &tokens[index] {
-                Token::Other('#') if after(1) == Some(&Token::Other('[')) => {
-                    let end = index + 1 + closing(&tokens[index + 1..]);
-                    match &tokens[index + 2..end] {
-                        [Token::Word(name), _, Token::Text(text)] if name == "path" => path = Some(text.clone()),
-                        [Token::Word(name), _, Token::Word(test), _] if name == "cfg" && test == "test" => {
-                            is_test = true
-                        }
-                        _ => {}
-                    }
-                    index = end;
+            if is_mark(after(0), '#')
+                && let Some(attribute) = within(after(1), Delimiter::Bracket)
+            {
+                if is_word(attribute.first(), "path") {
+                    path = attribute.get(2).map(|text| text.to_string().trim_matches('"').to_owned());
                 }
-                Token::Word(word) if word == "mod" && depth == 0 => {
-                    let name = after(1).and_then(Token::word).expect("a name").to_owned();
-                    if after(2) == Some(&Token::Other('{')) {
-                        let end = index + 2 + closing(&tokens[index + 2..]);
-                        if !is_test {
-                            let file = self.modules[module].file.clone();
-                            let child = self.module(&file, Some(module));
-                            self.modules[module].children.insert(name.clone(), child);
-                            self.scan(&tokens[index + 3..end], child, &folder.join(name));
+                is_test |= is_word(attribute.first(), "cfg")
+                    && within(attribute.get(1), Delimiter::Parenthesis)
+                        .is_some_and(|of| is_word(of.first(), "test") && of.len() == 1);
+                index += 1;
+            } else if top && is_word(after(0), "mod") {
+                let name = word(after(1)).expect("a name");
+                let body = within(after(2), Delimiter::Brace);
+                if !is_test {
+                    let child = match &body {
+                        Some(_) => self.module(&self.modules[module].file.clone(), Some(module)),
+                        None => {
+                            let files = [format!("{name}.rs"), format!("{name}/mod.rs")].map(|file| folder.join(file));
+                            let here = self.modules[module].file.with_file_name("");
+                            let file =
+                                path.map(|path| here.join(path)).or(files.into_iter().find(|file| file.is_file()));
+                            self.file(&file.unwrap_or_else(|| panic!("no file of {name}")), Some(module))
                         }
-                        index = end;
-                    } else if !is_test {
-                        let files = [format!("{name}.rs"), format!("{name}/mod.rs")].map(|file| folder.join(file));
-                        let here = self.modules[module].file.with_file_name("");
-                        let file =
-                            path.take().map(|path| here.join(path)).or(files.into_iter().find(|file| file.is_file()));
-                        let child = self.file(&file.unwrap_or_else(|| panic!("no file of {name}")), Some(module));
-                        self.modules[module].children.insert(name, child);
+                    };
+                    self.modules[module].children.insert(name.clone(), child);
+                    if let Some(body) = &body {
+                        self.scan(body, child, &folder.join(name), true);
                     }
+                }
+                index += 2;
+                (path, is_test) = (None, false);
+            } else if is_word(after(0), "use") {
+                // `pub use` or `pub(crate) use`.
+                let before = |less: usize| index.checked_sub(less).and_then(|index| tokens.get(index));
+                let is_public = is_word(before(1), "pub") || is_word(before(2), "pub");
+                let length = tokens[index..].iter().position(|token| is_mark(Some(token), ';')).unwrap_or(0);
+                self.import(module, &tokens[index + 1..index + length], &[], is_public);
+                index += length;
+                (path, is_test) = (None, false);
+            } else if is_mark(after(0), '\'') {
+                // A lifetime.
+                index += 1;
+            } else if let Some(first) = word(after(0)) {
+                if !["pub", "crate"].contains(&first.as_str()) {
                     (path, is_test) = (None, false);
                 }
-                Token::Word(word) if word == "use" => {
-                    let is_public = index > 0 && matches!(&tokens[index - 1], Token::Word(word) if word == "pub")
-                        || index > 3 && matches!(&tokens[index - 4], Token::Word(word) if word == "pub");
-                    let end = index + tokens[index..].iter().position(|t| *t == Token::Other(';')).unwrap_or(0);
-                    self.import(module, &tokens[index + 1..end], &[], is_public);
-                    index = end;
-                    (path, is_test) = (None, false);
+                let defines = ["struct", "enum", "fn", "trait", "const", "static", "type", "union", "macro_rules"];
+                if top && defines.contains(&first.as_str()) {
+                    let name = tokens[index + 1..].iter().find_map(|token| word(Some(token))).expect("a name");
+                    self.modules[module].items.insert(name);
                 }
-                Token::Word(word) => {
-                    if !["pub", "crate"].contains(&word.as_str()) {
-                        (path, is_test) = (None, false);
-                    }
-                    let defines = ["struct", "enum", "fn", "trait", "const", "static", "type", "union", "macro_rules"];
-                    if depth == 0 && defines.contains(&word.as_str()) {
-                        let name = tokens[index + 1..].iter().find_map(Token::word).expect("a name");
-                        self.modules[module].items.insert(name.to_owned());
-                    }
-                    let mut named = vec![word.clone()];
-                    while tokens.get(index + 1) == Some(&Token::Path) {
-                        let Some(next) = tokens.get(index + 2).and_then(Token::word) else { break };
-                        named.push(next.to_owned());
-                        index += 2;
-                    }
-                    if named.len() > 1 {
-                        self.modules[module].paths.push(named);
-                    } else {
-                        self.modules[module].words.extend(named);
-                    }
+                let mut named = vec![first];
+                while is_mark(tokens.get(index + 1), ':')
+                    && is_mark(tokens.get(index + 2), ':')
+                    && let Some(next) = word(tokens.get(index + 3))
+                {
+                    named.push(next);
+                    index += 3;
                 }
-                Token::Other('{') => depth += 1,
-                Token::Other('}') => depth -= 1,
-                _ => {}
+                if named.len() > 1 {
+                    self.modules[module].paths.push(named);
+                } else {
+                    self.modules[module].words.extend(named);
+                }
+            } else if let TokenTree::Group(group) = &tokens[index] {
+                self.scan(&group.stream().into_iter().collect::<Vec<_>>(), module, folder, false);
             }
             index += 1;
         }
     }
 
     /// Reads the tree of a `use` below the path `above`.
-    fn import(&mut self, module: usize, tree: &[Token], above: &[String], is_public: bool) {
+    fn import(&mut self, module: usize, tree: &[TokenTree], above: &[String], is_public: bool) {
         let mut path = above.to_vec();
-        let mut index = 0;
-        while let Some(token) = tree.get(index) {
-            match token {
-                Token::Other('{') => {
-                    let mut begin = index + 1;
-                    let mut depth = 0;
-                    for (end, token) in tree.iter().enumerate().skip(index) {
-                        depth += i32::from(*token == Token::Other('{')) - i32::from(*token == Token::Other('}'));
-                        if depth == 0 || depth == 1 && *token == Token::Other(',') {
-                            self.import(module, &tree[begin..end], &path, is_public);
-                            begin = end + 1;
-                        }
-                    }
-                    return;
+        for token in tree.iter().take_while(|token| !is_word(Some(token), "as")) {
+            if let Some(below) = within(Some(token), Delimiter::Brace) {
+                for tree in below.split(|token| is_mark(Some(token), ',')) {
+                    self.import(module, tree, &path, is_public);
                 }
-                Token::Other('*') => return self.modules[module].globs.push(path),
-                Token::Word(word) if word == "as" => break,
-                Token::Word(word) => path.push(word.clone()),
-                _ => {}
+                return;
             }
-            index += 1;
+            if is_mark(Some(token), '*') {
+                return self.modules[module].globs.push(path);
+            }
+            path.extend(word(Some(token)));
         }
-        let Some(last) = tree.iter().rev().find_map(Token::word) else { return };
+        let Some(last) = tree.iter().rev().find_map(|token| word(Some(token))) else { return };
         if path.last().is_some_and(|last| last == "self") {
             path.pop();
         }
-        let name = if last == "self" { path.last().cloned().unwrap_or_default() } else { last.to_owned() };
+        let name = if last == "self" { path.last().cloned().unwrap_or_default() } else { last };
         // A re-export is no use; the file that uses it depends on the target.
         let leaves = matches!(path.first().map(String::as_str), Some("crate" | "super"));
         if !is_public || leaves {
@@ -332,21 +272,6 @@ impl Crate {
             |file: &Path| all[file].iter().copied().filter(|other| all[other].contains(file)).collect::<Vec<_>>();
         all.keys().map(|file| circle(file)).filter(|circle| !circle.is_empty()).collect()
     }
-}
-
-/// Index of the bracket that closes the first one.
-fn closing(tokens: &[Token]) -> usize {
-    let mut depth = 0;
-    let change = |token: &Token| match token {
-        Token::Other('(' | '[' | '{') => 1,
-        Token::Other(')' | ']' | '}') => -1,
-        _ => 0,
-    };
-    let is_end = |token: &Token| {
-        depth += change(token);
-        depth == 0
-    };
-    tokens.iter().position(is_end).expect("closed")
 }
 
 /// The roots of all crates below `folder`.
