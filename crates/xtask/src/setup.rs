@@ -230,12 +230,20 @@ fn qemu() -> Result<()> {
     }
 }
 
+/// Installs what is missing of these programs with their packages.
+fn ensure(needed: &[(&str, &[&str])]) -> Result<()> {
+    needed.iter().try_for_each(|(program, packages)| {
+        if !has(program) {
+            apt_install(packages, None)?;
+        }
+        let missing = || format!("{program} is needed: install {} and run again", packages.join(" and "));
+        has(program).then_some(()).ok_or_else(missing)
+    })
+}
+
 /// Installs the compiler for libFuzzer.
 pub fn cpp_compiler() -> Result<()> {
-    if !(has("c++") || apt_install(&["g++"], None).is_ok() && has("c++")) {
-        return Err("a C++ compiler is needed: install g++ and run again".into());
-    }
-    Ok(())
+    ensure(&[("c++", &["g++"])])
 }
 
 /// Installs what compiles the emitted C and runs it: gcc and clang with their sanitizers, cross-compilers for Cortex-M and RISC-V with their C
@@ -250,46 +258,31 @@ pub fn c_compilers() -> Result<()> {
     if !sanitizes() {
         apt_install(&["clang", "libclang-rt-dev"], None)?;
     }
-    for (program, packages) in [
-        ("arm-none-eabi-gcc", ["gcc-arm-none-eabi", "libnewlib-arm-none-eabi"]),
-        ("riscv64-unknown-elf-gcc", ["gcc-riscv64-unknown-elf", "picolibc-riscv64-unknown-elf"]),
-    ] {
-        if !has(program) {
-            apt_install(&packages, None)?;
-        }
-    }
+    ensure(&[
+        ("arm-none-eabi-gcc", &["gcc-arm-none-eabi", "libnewlib-arm-none-eabi"]),
+        ("riscv64-unknown-elf-gcc", &["gcc-riscv64-unknown-elf", "picolibc-riscv64-unknown-elf"]),
+    ])?;
     qemu_for_both()
 }
 
 /// QEMU with boards of Cortex-M and of RISC-V.
 pub fn qemu_for_both() -> Result<()> {
     qemu()?;
-    if !has("qemu-system-riscv32") {
-        // Of the release that QEMU for Arm is of: they share files. Older ones have it in another package.
-        apt_install(&["qemu-system-riscv"], None)
-            .or_else(|_| apt_install(&["qemu-system-riscv"], Some("backports")))?;
-    }
-    if has("qemu-system-riscv32") {
-        Ok(())
-    } else {
-        Err("qemu-system-riscv32 is needed: install it and run again".into())
-    }
+    const RISC_V: (&str, &[&str]) = ("qemu-system-riscv32", &["qemu-system-riscv"]);
+    // Of the release that QEMU for Arm is of: they share files. Older ones have it in another package.
+    ensure(&[RISC_V]).or_else(|_| apt_install(RISC_V.1, Some("backports")).and_then(|()| ensure(&[RISC_V])))
 }
 
 /// Octave, what builds MEX functions for it, and what draws without a window, installed if they are missing.
 pub fn octave() -> Result<()> {
     cpp_compiler()?;
     // mkoctfile's headers, and what draws: packages of their own, which Debian's Octave only recommends. PNG takes gnuplot and Ghostscript.
-    let needed =
-        [("octave-cli", "octave"), ("mkoctfile", "octave-dev"), ("gnuplot", "gnuplot-nox"), ("gs", "ghostscript")];
-    for (program, package) in needed {
-        if !has(program) {
-            apt_install(&[package], None)?;
-        }
-        if !has(program) {
-            return Err(format!("{program} is needed: install {package} and run again"));
-        }
-    }
+    ensure(&[
+        ("octave-cli", &["octave"]),
+        ("mkoctfile", &["octave-dev"]),
+        ("gnuplot", &["gnuplot-nox"]),
+        ("gs", &["ghostscript"]),
+    ])?;
     // Without its font Octave draws no axes.
     let draws = || {
         let script = ["--no-init-file", "--eval", "figure('visible', 'off'); plot(1:3); title('x'); exit(0)"];
@@ -303,10 +296,7 @@ pub fn octave() -> Result<()> {
 
 /// A C compiler and make, installed if they are missing.
 pub fn make() -> Result<()> {
-    if !(has("gcc") && has("make")) {
-        apt_install(&["gcc", "libc6-dev", "make"], None)?;
-    }
-    if has("gcc") && has("make") { Ok(()) } else { Err("gcc and make are needed: install them and run again".into()) }
+    ensure(&[("gcc", &["gcc", "libc6-dev"]), ("make", &["make"])])
 }
 
 /// A Python that makes environments, installed if it is missing.
