@@ -48,7 +48,7 @@ fn without_a_bench_nothing_is_enabled() {
 
 /// The longest silence of a host that parameters may allow, s. A host that is silent for as long as that has been stopped: no
 /// test that is about something else ends in a trip because this machine is busy with other work.
-const ANY_SILENCE_S: f32 = 60.0;
+const ANY_SILENCE_S: f32 = 10.0;
 /// The silence that ends in a trip where a test is about it, s. The board has been armed and started by then, in four exchanges
 /// which may take so long each.
 const SHORT_SILENCE_S: f32 = 3.0;

@@ -286,10 +286,10 @@ impl<M: ControllerMemory> Parameters<M> {
     /// Checks that the instruments cover the range of the limits, and that the limits are for this film.
     fn check_reach(&self, command_v: f32, monitor_v: f32) -> Result<(), BlobError> {
         let limits = &self.limits;
-        // A monitor that ends below the limit could never show that it is exceeded.
+        // A monitor that does not end above the limit could never show that it is exceeded.
         // The last code of the DAC is one step short of full scale.
         for (instrument, full_scale_v, reached_v, needed_v) in [
-            ("monitor", monitor_v, self.monitor.apply(monitor_v), limits.monitored_v()),
+            ("monitor", monitor_v, self.monitor.apply(monitor_v), limits.monitored_v().next_up()),
             ("amplifier", command_v, self.amplifier.apply(command_v), limits.max_voltage_v),
         ] {
             if reached_v < needed_v {

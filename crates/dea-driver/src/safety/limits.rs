@@ -17,7 +17,7 @@ pub(crate) const MIN_TICKS: u32 = 5;
 ///
 /// // Limits that protect nothing are refused.
 /// let deaf = Limits { heartbeat_s: 1e6, ..limits };
-/// assert_eq!(deaf.check(), Err(LimitsError::TooLarge { quantity: "heartbeat_s", value: 1e6, max: 60.0 }));
+/// assert_eq!(deaf.check(), Err(LimitsError::TooLarge { quantity: "heartbeat_s", value: 1e6, max: 10.0 }));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -31,7 +31,8 @@ pub struct Limits {
     pub thickness_m: f32,
     /// Largest change of the command, V/s.
     pub max_slew_v_per_s: f32,
-    /// Largest displacement to either side, m: of the sensor, and of the model under the commanded voltage.
+    /// Largest displacement to either side, m: of the sensor in its range, plausible or not, and of the model under the commanded
+    /// voltage.
     pub max_displacement_m: f32,
     /// Largest force that the model may leave unexplained while tracking, as a share of the force at the largest voltage.
     #[serde(default = "max_disturbance_share")]
@@ -232,7 +233,8 @@ impl Limits {
             ("max_displacement_m", self.max_displacement_m, farthest_m),
             // A loop that swings from 0 V to the largest voltage on its own needs more than half of the force.
             ("max_disturbance_share", self.max_disturbance_share, 0.4),
-            ("heartbeat_s", self.heartbeat_s, 60.0),
+            // Longer than a link pauses.
+            ("heartbeat_s", self.heartbeat_s, 10.0),
             ("discharge_s", self.discharge_s, 60.0),
             // It is also what counts as 0 V.
             ("monitor.band_v", self.monitor.band_v, 0.1 * self.max_voltage_v),

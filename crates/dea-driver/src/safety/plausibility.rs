@@ -56,14 +56,14 @@ impl Plausibility {
     /// counts as plausible again once ten values in a row are in range, steady, and no further from the estimate than a plausible
     /// jump: a sensor that has slipped stays implausible.
     pub fn check(&mut self, value: f32, predicted: f32, open_loop: f32) -> Option<SensorFault> {
-        let PlausibilityLimits { low, high, jump, stuck_ticks, .. } = self.limits;
+        let PlausibilityLimits { jump, stuck_ticks, .. } = self.limits;
         let before = self.last.replace(value);
         let near = |other: f32| (-jump..=jump).contains(&(value - other));
         let same = before.is_some_and(|before| value.to_bits() == before.to_bits());
         self.same = if same { self.same.saturating_add(1) } else { 0 };
         let still = self.stillness.is_still(value, open_loop);
         // NaN is out of range.
-        let fault = if !(low <= value && value <= high) {
+        let fault = if !self.is_in_range(value) {
             Some(SensorFault::Range)
         } else if !before.is_none_or(near) {
             Some(SensorFault::Jump)
@@ -79,6 +79,12 @@ impl Plausibility {
             self.missing = if near(predicted) { self.missing - 1 } else { RETURN_TICKS };
         }
         if self.missing > 0 { Some(self.fault) } else { None }
+    }
+
+    /// Whether `value` is in the range of the sensor: NaN is not.
+    #[inline]
+    pub(crate) fn is_in_range(&self, value: f32) -> bool {
+        self.limits.low <= value && value <= self.limits.high
     }
 
     /// Starts again as if no value had been seen.

@@ -414,6 +414,7 @@ impl Supervisor {
         // Without a plausible sensor the estimate is checked against the limit. A sensor that seems plausible may still be
         // wrong, and tracking would follow it: the model alone keeps the limit as well.
         let displacement_m = if self.last_fault.is_none() { readings.displacement_m } else { readings.predicted_m };
+        let shown_m = readings.displacement_m;
         let agrees = self.monitor.agrees(self.command_v, readings.monitor_v);
         let trips = matches!(self.on_sensor_fault, OnSensorFault::Trip);
         let cause = match self.last_fault {
@@ -422,6 +423,10 @@ impl Supervisor {
             _ if !agrees => Some(Cause::Monitor),
             Some(fault) if trips => Some(Cause::Sensor(fault)),
             _ if beyond(displacement_m, self.max_displacement_m) => Some(Cause::Displacement),
+            // Only the estimate goes on without such a sensor: what it shows may still be the film.
+            Some(_) if self.sensor.is_in_range(shown_m) && beyond(shown_m, self.max_displacement_m) => {
+                Some(Cause::Displacement)
+            }
             _ if beyond(readings.open_loop_m, self.max_displacement_m) => Some(Cause::ModelDisplacement),
             _ if beyond(readings.disturbance_share, self.max_disturbance_share) => Some(Cause::Disturbance),
             _ if self.ticks_since_heartbeat > self.heartbeat_ticks => Some(Cause::Heartbeat),

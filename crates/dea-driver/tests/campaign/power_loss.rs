@@ -23,6 +23,9 @@ const BOARD: u16 = 0x0405;
 /// Sets that differ by their names, which are their numbers.
 const SETS: usize = 24;
 
+/// Operations of a save at the ends of its erases and headers.
+const EDGES: [u64; 14] = [0, 1, 2, 193, 194, 195, 196, 197, 198, 199, 391, 392, 393, 394];
+
 #[derive(Debug, Default)]
 struct Counts {
     saves: u64,
@@ -189,10 +192,7 @@ fn run(seed: u64, sets: &[Vec<u8>], counts: &mut Counts) {
             0..=2 => history.save(None, counts),
             // A save takes 196 operations, or twice as many. Many cuts close to the ends of erases and headers.
             3..=4 => history.save(Some(random.random_range(0..400)), counts),
-            5..=7 => {
-                let edges = [0, 1, 2, 193, 194, 195, 196, 197, 198, 199, 391, 392, 393, 394];
-                history.save(Some(edges[random.random_range(0..edges.len())]), counts)
-            }
+            5..=7 => history.save(Some(EDGES[random.random_range(0..EDGES.len())]), counts),
             _ if flips => {
                 let bits = if random.random_bool(0.3) { 64 } else { 8 * 700 };
                 history.flip(random.random_range(0..2), random.random_range(0..bits), counts)
@@ -225,8 +225,9 @@ fn a_save_over_a_damaged_set_that_is_cut_off_is_reported() {
     let this = [slot(4, &sets[1]), slot(3, &sets[0])].concat();
     let earlier = [slot(1, &sets[0]), slot(2, &sets[1])].concat();
     for (number_1, damaged, bytes) in [(false, 0, this), (true, 1, earlier)] {
-        for (bit, operations) in [0, 40, 800, 2400].into_iter().flat_map(|bit| (0..400).map(move |cut| (bit, cut))) {
-            let store = Store::new(TornFlash::new(&bytes, operations), BOARD).expect("two parts");
+        let cuts = [0, 40, 800, 2400].into_iter().flat_map(|bit| EDGES.map(|operations| (bit, operations)));
+        for ((bit, operations), seed) in cuts.flat_map(|cut| (0..20).map(move |seed| (cut, seed))) {
+            let store = Store::new(TornFlash::new(&bytes, seed), BOARD).expect("two parts");
             let history =
                 History { sets: &sets, store, newest: Some(1), next: 2, flipped: true, touched: true, number_1 };
             let mut history = history.flip(damaged, bit, &mut counts).save(Some(operations), &mut counts);
@@ -234,5 +235,5 @@ fn a_save_over_a_damaged_set_that_is_cut_off_is_reported() {
             history.start(&mut counts);
         }
     }
-    assert!(counts.cuts > 1600 && counts.older_reported > 100, "{counts:?}");
+    assert!(counts.cuts > 1000 && counts.older_reported > 100, "{counts:?}");
 }

@@ -225,7 +225,11 @@ impl Reference {
         fault(beyond(readings.disturbance_share, limits.max_disturbance_share), Cause::Disturbance);
         let plausible = self.sensor_faults.is_empty();
         let displacement_m = if plausible { readings.displacement_m } else { readings.predicted_m };
-        fault(beyond(displacement_m, limits.max_displacement_m), Cause::Displacement);
+        // In its range, a sensor keeps the stroke whether it is plausible or not.
+        let shown_m = readings.displacement_m;
+        let shows =
+            (limits.sensor.low..=limits.sensor.high).contains(&shown_m) && shown_m.abs() > limits.max_displacement_m;
+        fault(shows || beyond(displacement_m, limits.max_displacement_m), Cause::Displacement);
         if limits.on_sensor_fault == OnSensorFault::Trip {
             self.sensor_faults.iter().for_each(|&kind| fault(true, Cause::Sensor(kind)));
         }

@@ -65,7 +65,7 @@ fn refused(debug: &str, changes: &[(Change, &[&str])]) {
 #[test]
 fn limits_without_an_end_are_refused() {
     let changes: [(Change, &[&str]); 16] = [
-        (|l| l.heartbeat_s = 61.5, &["heartbeat_s", "61.5", "60"]),
+        (|l| l.heartbeat_s = 10.5, &["heartbeat_s", "10.5", "at most 10"]),
         (|l| l.max_disturbance_share = 1.1, &["max_disturbance_share", "1.1", "0.4"]),
         (|l| l.monitor.band_share = 0.6, &["monitor.band_share", "0.6", "0.5"]),
         (|l| l.monitor.settle_s = 1.5, &["monitor.settle_s", "1.5", "1"]),

@@ -1,7 +1,7 @@
 //! Sensors that fail in ways that look plausible, while tracking: it must not drive the film beyond its stroke. Healthy ones, and
 //! films that need not move, are not suspected.
 
-use dea_driver::{Cause, Controller, DriverState, Limits, Mode, Parameters, SensorFault};
+use dea_driver::{Cause, Controller, DriverState, Limits, Mode, OnSensorFault, Parameters, SensorFault};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
@@ -185,4 +185,24 @@ fn a_sensor_is_not_stuck_before_there_is_a_reference() {
         bench.tick(|inputs| inputs.sensor_adc_v = still(tick));
         assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "tick {tick}");
     }
+}
+
+/// A sensor that is not believed any more, since a sample was lost while the estimate was far away, still shows the end of the stroke. A film
+/// with half as much force again as its model went to 1.57 times its stroke.
+#[test]
+fn a_reading_beyond_the_stroke_trips_whether_it_is_believed_or_not() {
+    let mut parameters = limited_to(2.5e-3);
+    parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
+    let mut bench = FilmBench { force_scale: 1.5, ..FilmBench::with(parameters) };
+    bench.start(Mode::Feedforward);
+    let mut furthest_m = 0.0f64;
+    for tick in 0..60_000u32 {
+        if bench.controller.supervisor().runs() {
+            bench.set_reference((2.45e-3 * (f64::from(tick) / 40_000.0).min(1.0)) as f32);
+        }
+        bench.tick(|inputs| inputs.sensor_adc_v = inputs.sensor_adc_v.filter(|_| tick != 25_000));
+        furthest_m = furthest_m.max(bench.displacement_m);
+    }
+    assert_eq!(bench.controller.supervisor().state(), DriverState::Tripped(Cause::Displacement));
+    assert!(furthest_m < 2.51e-3, "{furthest_m} m");
 }

@@ -121,16 +121,17 @@ fn wrong_values_are_refused() {
     let offset = Calibration::Parabola { offset: 7000.0, gain: 1000.0, quadratic: 0.0 };
     let falling: dea_driver::heapless::Vec<_, MAX_POINTS> =
         [[0.0, 0.0], [2.0, 3000.0], [1.0, 7000.0]].as_slice().try_into().expect("room");
-    let changes: [(Change, &str, &[&str]); 18] = [
+    let changes: [(Change, &str, &[&str]); 19] = [
         (&|p| p.sensor_offset_m = f32::NAN, "Offset", &["NaN"]),
         (&|p| p.rate_hz = 0.5, "Rate", &["0.5", "1 to 100000"]),
         (&|p| p.law.head[3] = f32::NAN, "Law(Coefficient(\"head\"))", &[]),
         (&|p| p.law.slow[5].0 = 1.01, "Law(Coefficient(\"slow\"))", &[]),
         // Instruments that cannot show or reach the largest voltage of the limits.
-        (&|p| p.monitor = linear(625.0), monitor, &["monitor", "6399.9", "10.23", "6755 V"]),
+        (&|p| p.monitor = linear(625.0), monitor, &["monitor", "6399.9", "10.23", "6755.0005 V"]),
         (&|p| p.amplifier = linear(600.0), amplifier, &["amplifier", "6000 V", "10 V", "6500 V"]),
         (&|p| p.amplifier = points(&[[0.0, 0.0], [5.0, 6000.0]]), amplifier, &["6000 V", "6500 V"]),
-        (&|p| p.monitor = points(&[[0.0, 0.0], [5.0, 6000.0]]), monitor, &["6000 V", "6755 V"]),
+        (&|p| p.monitor = points(&[[0.0, 0.0], [5.0, 6000.0]]), monitor, &["6000 V", "6755.0005 V"]),
+        (&|p| p.monitor = points(&[[0.0, 0.0], [5.0, p.limits.monitored_v()]]), monitor, &["6755 V", "6755.000"]),
         // A step of 16 bits of 10 V is 153 V at the film, and 76 V where the points are steepest.
         (&|p| p.amplifier = linear(1e6), "Coarse", &["152.5", "60 V"]),
         (&|p| p.amplifier = steep.clone(), "Coarse", &["76.2", "60 V"]),

@@ -92,7 +92,7 @@ fn holds(parameters: &Parameters) {
     let positive = [limits.max_voltage_v, limits.max_field_v_per_m, limits.thickness_m, limits.max_slew_v_per_s];
     let more = [limits.max_displacement_m, limits.max_disturbance_share, limits.heartbeat_s, limits.discharge_s];
     assert!(positive.iter().chain(&more).all(|value| value.is_finite() && *value > 0.0), "{limits:?}");
-    assert!(limits.heartbeat_s <= 60.0 && limits.max_disturbance_share <= 0.5 && limits.max_voltage_v <= 50e3);
+    assert!(limits.heartbeat_s <= 10.0 && limits.max_disturbance_share <= 0.5 && limits.max_voltage_v <= 50e3);
     let share = f64::from(limits.thickness_m) / actuator.thickness_m;
     assert!((0.98..=1.02).contains(&share), "limits for another film");
     // The monitor shows more than is allowed, and an unplugged sensor is not plausible.
