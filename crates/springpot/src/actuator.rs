@@ -59,12 +59,12 @@ pub struct Actuator {
     pub thickness_m: f64,
     /// The weight that hangs on the film, and its inertia, kg; zero in a test machine, which carries it.
     pub mass_kg: f64,
-    /// κ in 1/m: a film of constant volume and width thins as it lengthens, so that the force grows with 1 + κ x. Zero
-    /// is Eq. 1. Negative where a fit finds that the force falls; behind a curve a fit may find more than the film can
+    /// Growth of the force with displacement, κ in 1/m: a film of constant volume and width thins as it lengthens, so that
+    /// the force grows with 1 + κ x. Zero is Eq. 1. Negative where a fit finds that the force falls; behind a curve a fit may find more than the film can
     /// [thin](Self::thinning_per_m).
     pub stretch_coupling: f64,
-    /// V_s in V: the force saturates as V² / (1 + (V/V_s)²), as in zipping actuators, films with lossy electrodes and films whose
-    /// instantaneous elasticity stiffens. None is Eq. 1.
+    /// Saturation voltage V_s in V: the force saturates as V² / (1 + (V/V_s)²), as in zipping actuators, films with lossy
+    /// electrodes and films whose instantaneous elasticity stiffens. None is Eq. 1.
     #[cfg_attr(feature = "serde", serde(default))]
     pub saturation_v: Option<f64>,
     /// When the weight begins to act.
@@ -90,7 +90,7 @@ impl Actuator {
         EPSILON_0 * self.relative_permittivity * self.length_m * self.width_m / (self.thickness_m * self.thickness_m)
     }
 
-    /// 1/V_s² in 1/V²: zero where nothing saturates.
+    /// Returns 1/V_s² in 1/V²: zero where nothing saturates.
     #[must_use]
     pub fn saturation(&self) -> f64 {
         self.saturation_v.map_or(0.0, |volts| 1.0 / (volts * volts))
@@ -225,8 +225,8 @@ impl Actuator {
         1.0 + self.thinning_per_m() * displacement_m
     }
 
-    /// κ, as far as it can be the film's thinning, 1/m. A film of constant volume that is stretched to λ in both directions has
-    /// λ⁻² of its thickness: for strokes up to its length l₁ it thins by less than 1 + 3 x / l₁. A larger κ describes how the force
+    /// Returns how the film thins with displacement, 1/m: κ as far as thinning can cause it. A film of constant volume that is
+    /// stretched to λ in both directions has λ⁻² of its thickness: for strokes up to its length l₁ it thins by less than 1 + 3 x / l₁. A larger κ describes how the force
     /// grows, not the thickness.
     #[must_use]
     pub fn thinning_per_m(&self) -> f64 {

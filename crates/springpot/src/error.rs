@@ -23,7 +23,7 @@ pub enum ModelElement {
     },
 }
 
-/// Why a [`Maxwell`](crate::Maxwell) model was refused.
+/// Reasons to refuse a [`Maxwell`](crate::Maxwell) model.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -52,7 +52,7 @@ pub enum ModelError {
     Branches(usize),
 }
 
-/// Why a [`Law`](crate::Law) was refused.
+/// Reasons to refuse a [`Law`](crate::Law).
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -122,7 +122,7 @@ pub enum LawError {
     },
 }
 
-/// Why an elastic [`Curve`](crate::Curve) was refused.
+/// Reasons to refuse an elastic [`Curve`](crate::Curve).
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -175,7 +175,7 @@ pub enum CurveError {
     },
 }
 
-/// Why an [`Actuator`](crate::Actuator) or a [`VoltageDrive`](crate::VoltageDrive) was refused.
+/// Reasons to refuse an [`Actuator`](crate::Actuator) or a [`VoltageDrive`](crate::VoltageDrive).
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
@@ -210,7 +210,7 @@ pub enum ActuatorError {
     },
 }
 
-/// Why a [`Feedforward`](crate::Feedforward), [`Observer`](crate::Observer) or [`Tracking`](crate::Tracking) was refused.
+/// Reasons to refuse a [`Feedforward`](crate::Feedforward), [`Observer`](crate::Observer) or [`Tracking`](crate::Tracking).
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

@@ -97,7 +97,7 @@ impl<SPI: SpiDevice, EN: OutputPin> Amplifier<SPI, EN> {
     }
 
     /// Applies the `drive` of a tick: disables before anything else, enables at 0 V. While it is disabled the DAC is asked whether it
-    /// still has power, so that one which is not there shows before arming; one that had none is started again.
+    /// still has power, so that a missing DAC is detected before arming; one that had none is started again.
     ///
     /// # Errors
     ///

@@ -87,7 +87,7 @@ pub enum AdcError {
         /// The received value.
         found: u16,
     },
-    /// It is being set up for the first time. Later the fault stays until there is a sample again.
+    /// It is being set up for the first time. After the first setup the previous fault is reported until a sample arrives.
     Starting,
 }
 

@@ -105,7 +105,7 @@ impl AdcCode {
     }
 }
 
-/// Largest volts at the converters: what the checks of [`Parameters`](crate::Parameters) need to know of a board.
+/// Full scales of a board's converters in V, for the checks of [`Parameters`](crate::Parameters).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Converters {

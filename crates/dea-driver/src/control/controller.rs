@@ -397,7 +397,7 @@ impl<M: ControllerMemory> Controller<M> {
         self.course.end_run();
     }
 
-    /// Orders what is to become of what was learned of a periodic reference, if anything is. In any state.
+    /// Forgets or carries over what was learned of a periodic reference, if anything was. In any state.
     pub fn order_learning(&mut self, order: LearningOrder) {
         match order {
             LearningOrder::Forget => self.course.forget_cycles(),

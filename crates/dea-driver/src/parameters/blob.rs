@@ -47,7 +47,7 @@ pub struct Blob<M: ControllerMemory = Compressed<f32>> {
     checksum: Option<u32>,
 }
 
-/// Why a blob was refused.
+/// Reasons to refuse a blob.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

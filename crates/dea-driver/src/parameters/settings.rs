@@ -8,7 +8,7 @@ use crate::chips::{Calibration, CommandRange};
 use crate::parameters::ControllerMemory;
 use crate::safety::Limits;
 
-/// All that a controller needs to know about its board and film. SI units.
+/// Calibrations, limits and law of a board and its film, in SI units.
 ///
 /// `M` is the memory of the law, as of every type that depends on it: see [`ControllerMemory`].
 ///

@@ -57,7 +57,7 @@ pub struct Store<F, M: ControllerMemory = Compressed<f32>> {
 pub struct Stored<M: ControllerMemory = Compressed<f32>> {
     /// The newest that hold.
     pub blob: Blob<M>,
-    /// Whether newer ones were damaged, or cut off while they were saved: these may allow more than those did.
+    /// Whether a newer set was damaged, or cut off while it was saved. The loaded set may allow more than the newer one did.
     pub newer_lost: bool,
 }
 

@@ -62,8 +62,8 @@ pub struct MonitorLimits {
     pub band_v: f32,
     /// Allowed difference as a share of the voltage.
     pub band_share: f32,
-    /// Time for which the difference may be larger, s, in one piece or in many: a tick outside the band is made up for by
-    /// sixteen inside, so an amplifier that lags behind edges may do so for a seventeenth of the time. A reading that falls below
+    /// Time for which the difference may be larger, s, in one piece or in many: sixteen ticks inside the band
+    /// cancel one outside, so an amplifier that lags behind edges may do so for a seventeenth of the time. A reading that falls below
     /// three quarters of the voltage is an arc: it may come back for this long, and not again within half a second after that.
     pub settle_s: f32,
 }

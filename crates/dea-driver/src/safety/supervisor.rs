@@ -77,7 +77,7 @@ pub enum Cause {
     Reset,
 }
 
-/// Why a request was refused.
+/// Reasons to refuse a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]

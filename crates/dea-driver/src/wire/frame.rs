@@ -14,7 +14,7 @@ const CHECKSUM: usize = 4;
 const STUFFING: usize = 1 + FRAME_LEN / 254;
 const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
-/// Why a frame was refused.
+/// Reasons to refuse a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum FrameError {

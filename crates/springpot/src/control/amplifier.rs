@@ -119,7 +119,7 @@ impl<T: Real> AmplifierModel<T> {
         Ok((lag != AmplifierLag::NONE).then_some(model))
     }
 
-    /// The voltage (V) at the end of a tick of which `command` (V) was asked, from `voltage` (V) at its begin.
+    /// Returns the voltage (V) at the end of a tick under `command` (V), from `voltage` (V) at its start.
     #[inline]
     #[must_use]
     pub fn advance(&self, voltage: T, command: T) -> T {

@@ -89,13 +89,13 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
         self.inverse.command(&self.law, &self.drive, &state.film, &mut state.inverse, reference, exact)
     }
 
-    /// The law.
+    /// Returns the law of the film.
     #[must_use]
     pub fn law(&self) -> &Law<T, M> {
         &self.law
     }
 
-    /// The drive.
+    /// Returns the drive: force from voltage.
     #[must_use]
     pub fn drive(&self) -> &VoltageDrive<T> {
         &self.drive
@@ -121,7 +121,7 @@ impl<T: Real, M: Memory<T>> FeedforwardState<T, M> {
         self.inverse.path.position
     }
 
-    /// The film.
+    /// Returns the state of the law.
     #[must_use]
     pub fn film(&self) -> &LawState<T, M> {
         &self.film

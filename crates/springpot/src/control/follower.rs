@@ -338,8 +338,8 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> FollowerState<T, C, PAST> {
         }
     }
 
-    /// From now on samples correct the estimate, as at first, or they do not: feedforward from what the sensor has shown so far. Learning
-    /// takes them either way.
+    /// Switches correction by samples on (the default) or off: then feedforward goes on from what the sensor has shown so far. Learning
+    /// takes samples either way.
     pub fn set_feedback(&mut self, is_on: bool) {
         self.has_feedback = is_on;
     }

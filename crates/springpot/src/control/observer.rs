@@ -376,13 +376,13 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         state.slope = state.slope - self.forgetting_slope * (T::from_f64(1.0) - share) * state.slope;
     }
 
-    /// The law.
+    /// Returns the law of the film.
     #[must_use]
     pub fn law(&self) -> &Law<T, M> {
         &self.law
     }
 
-    /// The drive.
+    /// Returns the drive: force from voltage.
     #[must_use]
     pub fn drive(&self) -> &VoltageDrive<T> {
         &self.drive
@@ -470,7 +470,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> ObserverState<T, M, PAST> {
         self.load
     }
 
-    /// The film.
+    /// Returns the state of the law.
     #[must_use]
     pub fn film(&self) -> &LawState<T, M> {
         &self.film

@@ -1,6 +1,6 @@
 //! How s is discretised: the generating function δ(ζ) of a convolution quadrature.
 
-/// How a derivative in time becomes a difference of samples.
+/// Discretisation of the time derivative.
 ///
 /// Both methods replace s in Eq. 11 by δ(ζ)/h, with ζ the delay of one step h (convolution quadrature: C. Lubich, "Discretized
 /// fractional calculus", SIAM J. Math. Anal. 17 (1986) 704). A step costs the same with either; only the numbers of the
@@ -19,7 +19,7 @@ pub enum Discretisation {
     ///
     /// Holds for all elements and for the mass, whose inertia becomes `m δ(ζ)²/h²`. Modes of the memory have positive weights,
     /// as with [`Gl`](Self::Gl). Relaxation as fast as the step itself does not decay as an exponential in this
-    /// discretisation, but nearly as j 2^−j: a branch with a plain relaxation time of 1 h to 2.1 h needs a head of 26
+    /// discretisation, but nearly as j 2^−j: a branch with a plain relaxation time of 1 to 2.1 steps needs a head of 26
     /// increments instead of 12, and is refused with [`LawError::ToleranceMissed`](crate::LawError::ToleranceMissed) otherwise.
     Bdf2,
 }

@@ -22,8 +22,8 @@ use crate::scalar::Scalar;
 /// |x − x_full| ≤ displacement_per_increment · max|Δx|      |x − x_full| ≤ displacement_per_stroke · max|x|
 /// ```
 ///
-/// The first line is [`force`](Law::force), where F_full is what full memory shows along the same path. The second is
-/// [`displacement`](Law::displacement), where x_full is what full memory does under the same force.
+/// The first line is [`force`](Law::force), where F_full is the force with full memory along the same path. The second is
+/// [`displacement`](Law::displacement), where x_full is the displacement with full memory under the same force.
 ///
 /// # How they are computed
 ///
