@@ -6,8 +6,8 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use springpot::{Law, LawOptions};
 
-use crate::support::models::{hard_models, presets, random_models};
-use crate::support::sample;
+use crate::support::models::{presets, random_models};
+use crate::support::{METHODS, all_models, law_by, sample};
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
@@ -77,8 +77,8 @@ fn the_controller_s_arithmetic_takes_work() {
 #[test]
 fn presets_stay_bounded_and_come_to_rest() {
     const STEPS: usize = 10_000_000;
-    sample(presets(), 3).into_par_iter().for_each(|(name, model)| {
-        let law = Law::<f32>::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
+    sample(presets(), 3).into_par_iter().enumerate().for_each(|(k, (name, model))| {
+        let law = law_by::<f32>(&model, 1000.0, METHODS[k % 2]);
         let mut state = law.state();
         let mut random = Pcg64::seed_from_u64(5);
         // A force of 140 N for 10⁷ steps reaches J(10⁴ s) · 140 N; random signs stay far below.
@@ -104,13 +104,14 @@ fn presets_stay_bounded_and_come_to_rest() {
     });
 }
 
-/// The reason: every mode decays and pulls back.
+/// The reason: every mode decays and pulls back, at every rate and by both methods.
 #[test]
 fn modes_are_positive_and_decay() {
-    for (name, model) in presets().into_iter().chain(random_models(7, 100)).chain(hard_models()) {
-        let law = Law::<f32>::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
-        for (loss, weight) in law.memory().modes() {
-            assert!((0.0..1.0).contains(&loss) && weight >= 0.0, "{name}: loss {loss}, weight {weight}");
+    for (name, model) in all_models(200) {
+        for (rate_hz, method) in [100.0, 1000.0, 5000.0].into_iter().flat_map(|rate_hz| METHODS.map(|m| (rate_hz, m))) {
+            for (loss, weight) in law_by::<f32>(&model, rate_hz, method).memory().modes() {
+                assert!((0.0..1.0).contains(&loss) && weight >= 0.0, "{name}: loss {loss}, weight {weight}");
+            }
         }
     }
 }

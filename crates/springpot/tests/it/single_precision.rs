@@ -1,41 +1,39 @@
 //! f32 against f64: what the controller's arithmetic loses.
 
 use rayon::prelude::*;
-use springpot::{Law, LawOptions, Maxwell};
+use springpot::{Discretisation, Law, Maxwell};
 
 use crate::support::models::{hard_models, paper_force, presets, random_models};
-use crate::support::{full_sweep, relative_rms, sample};
+use crate::support::{METHODS, all_models, creep, full_sweep, largest, law_by, relative_rms, relaxation, sample};
 
-fn laws(model: &Maxwell, rate_hz: f64) -> (Law<f32>, Law<f64>) {
-    let options = LawOptions::at_step(1.0 / rate_hz);
-    (Law::compressed(model, options).expect("valid"), Law::compressed(model, options).expect("valid"))
+/// Asserts that relative errors of f32 are below 1e-6.
+fn loses_less_than_1e_6(
+    what: &str,
+    models: &[(String, Maxwell)],
+    error: impl Fn(&Law<f32>, &Law<f64>) -> f64 + Sync,
+    rate_hz: f64,
+) {
+    let errors: Vec<(Discretisation, f64)> = models
+        .par_iter()
+        .enumerate()
+        .map(|(k, (_, model))| {
+            let method = METHODS[k % 2];
+            (method, error(&law_by(model, rate_hz, method), &law_by(model, rate_hz, method)))
+        })
+        .collect();
+    println!("{what}: largest f32 error {:.1e}", largest(errors.iter().map(|e| e.1)));
+    for ((name, _), (method, error)) in models.iter().zip(errors) {
+        assert!(error <= 1e-6, "{what}, {name}, {method:?}: {error:.1e}");
+    }
 }
 
 #[test]
 fn loses_less_than_1e_6_over_155_s() {
-    let all = || presets().into_iter().chain(random_models(2022, 200)).chain(hard_models()).collect();
-    for (rate_hz, count) in [(1000.0, 24), (5000.0, 4)] {
-        let models: Vec<_> = sample(all(), count);
-        let force = paper_force(1.0 / 7.0, 155.0, rate_hz);
-        let errors: Vec<f64> = models
-            .par_iter()
-            .map(|(_, model)| {
-                let (single, double) = laws(model, rate_hz);
-                let (mut state32, mut state64) = (single.state(), double.state());
-                let (x32, x64): (Vec<f64>, Vec<f64>) = force
-                    .iter()
-                    .map(|&f| {
-                        let x32 = single.displacement(&mut state32, f as f32);
-                        (f64::from(x32), double.displacement(&mut state64, f))
-                    })
-                    .unzip();
-                relative_rms(&x32, &x64)
-            })
-            .collect();
-        println!("{rate_hz} Hz: largest f32 error {:.1e}", errors.iter().copied().fold(0.0, f64::max));
-        for ((name, _), error) in models.iter().zip(errors) {
-            assert!(error <= 1e-6, "{name} at {rate_hz} Hz: {error:.1e}");
-        }
+    for (rate_hz, count) in [(1000.0, 30), (5000.0, 4)] {
+        let force = || paper_force(1.0 / 7.0, 155.0, rate_hz);
+        let error =
+            |single: &Law<f32>, double: &Law<f64>| relative_rms(&creep(single, force()), &creep(double, force()));
+        loses_less_than_1e_6(&format!("{rate_hz} Hz"), &sample(all_models(200), count), error, rate_hz);
     }
 }
 
@@ -43,29 +41,11 @@ fn loses_less_than_1e_6_over_155_s() {
 #[test]
 fn loses_less_than_1e_6_backwards_over_an_hour() {
     let period: Vec<f64> = paper_force(1.0 / 7.0, 7.0, 1000.0)[..7000].iter().map(|f| 1e-5 * f).collect();
-    let models = sample(presets().into_iter().chain(random_models(2022, 20)).chain(hard_models()).collect(), 3);
-    let errors: Vec<f64> = models
-        .par_iter()
-        .map(|(_, model)| {
-            let (single, double) = laws(model, 1000.0);
-            let (mut state32, mut state64) = (single.state(), double.state());
-            let (f32s, f64s): (Vec<f64>, Vec<f64>) = period
-                .iter()
-                .cycle()
-                .take(3_600_000)
-                .map(|&x| {
-                    // Both follow the same path, which f32 holds.
-                    let x = x as f32;
-                    (f64::from(single.force(&mut state32, x)), double.force(&mut state64, f64::from(x)))
-                })
-                .unzip();
-            relative_rms(&f32s, &f64s)
-        })
-        .collect();
-    println!("1 h at 1 kHz backwards: largest f32 error {:.1e}", errors.iter().copied().fold(0.0, f64::max));
-    for ((name, _), error) in models.iter().zip(errors) {
-        assert!(error <= 1e-6, "{name}: {error:.1e}");
-    }
+    // Both follow the same path, which f32 holds.
+    let path = || period.iter().cycle().take(3_600_000).map(|&x| f64::from(x as f32));
+    let error =
+        |single: &Law<f32>, double: &Law<f64>| relative_rms(&relaxation(single, path()), &relaxation(double, path()));
+    loses_less_than_1e_6("1 h at 1 kHz backwards", &sample(all_models(20), 3), error, 1000.0);
 }
 
 /// Neither drift nor stagnation over a day: 86.4 million steps. Without a full sweep over an hour.
@@ -82,7 +62,8 @@ fn does_not_drift_in_24_hours_at_1_khz() {
     models.extend(hard_models().into_iter().filter(|(name, _)| name == "soft and heavy" || name == "almost a spring"));
     let models = sample(models, 3);
     models.par_iter().for_each(|(name, model)| {
-        let (single, double) = laws(model, RATE_HZ as f64);
+        let (single, double) =
+            (law_by::<f32>(model, 1000.0, Discretisation::Gl), law_by::<f64>(model, 1000.0, Discretisation::Gl));
         let (mut state32, mut state64) = (single.state(), double.state());
         let (mut sum, mut sum_squares, mut error_squares, mut worst_hour) = (0.0, 0.0, 0.0, 0f64);
         for _ in 0..hours {
