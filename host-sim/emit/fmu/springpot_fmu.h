@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "springpot.h"
+#include "springpot_tick.h"
 /* FMU_FILM, FMU_TOKEN, FMU_STEP_S, FMU_LEARNS */
 #include "springpot_fmu_film.h"
 
@@ -82,11 +82,7 @@ typedef struct {
     double start; /* s */
     double ticks; /* since then */
     double next;  /* where the next step begins by the importer's clock, s */
-    union {
-        springpot_state plant;
-        springpot_observer_state observer;
-        springpot_follower_state follower;
-    } law;
+    springpot_tick_state law;
 } fmu_state;
 
 static fmu_result fmu_ok(void)
@@ -128,20 +124,17 @@ static fmu_result fmu_initialise(fmu_state *state, double start)
 /* A film at rest, by the parameters. */
 static fmu_result fmu_begin(fmu_state *state)
 {
+    /* By the mode, from 1. */
+    static const uint32_t kinds[] = {
+        0U, SPRINGPOT_TICK_FILM, SPRINGPOT_TICK_OBSERVER, SPRINGPOT_TICK_FEEDFORWARD, SPRINGPOT_TICK_TRACKING};
+
     if (state->phase != FMU_INITIALISING) {
         return fmu_error("initialisation has not begun");
     }
     if ((state->wholes[FMU_LEARNING] != 0U) && (FMU_LEARNS == 0)) {
         return fmu_error("learning is on and this film has none: export it with harmonics under [board.control]");
     }
-    if (state->wholes[FMU_MODE] == FMU_PLANT) {
-        springpot_init(&FMU_FILM, &state->law.plant);
-    } else if (state->wholes[FMU_MODE] == FMU_OBSERVER) {
-        springpot_observer_init(&FMU_FILM, &state->law.observer);
-    } else {
-        const bool has_sensor = state->wholes[FMU_MODE] == FMU_TRACKING;
-        springpot_follower_init(&FMU_FILM, &state->law.follower, has_sensor, state->wholes[FMU_LEARNING] != 0U);
-    }
+    springpot_tick_init(&FMU_FILM, &state->law, kinds[state->wholes[FMU_MODE]], state->wholes[FMU_LEARNING] != 0U);
     state->phase = FMU_STEPPING;
     return fmu_ok();
 }
@@ -234,60 +227,30 @@ static fmu_result fmu_set_whole(fmu_state *state, uint32_t variable, int type, i
 
 /* ---- Ticks. */
 
-static void fmu_put_command(fmu_state *state, springpot_command command)
+/* A tick; a sample and a reading of the monitor arrive in the first of a step. */
+static void fmu_tick(fmu_state *state, bool is_first)
 {
-    state->reals[FMU_FORCE] = (double)command.force;
-    state->reals[FMU_COMMAND] = (double)command.voltage;
-    state->reals[FMU_SHAPED_REFERENCE] = (double)command.reference;
-    state->wholes[FMU_LIMITS] = command.limited;
-}
+    const float none = SPRINGPOT_NO_READING;
+    const bool is_controller = state->wholes[FMU_MODE] >= FMU_FEEDFORWARD;
+    springpot_tick_input in;
+    springpot_tick_output out;
 
-static void fmu_put_observer(fmu_state *state, const springpot_observer_state *observer)
-{
-    state->reals[FMU_DISTURBANCE] = (double)observer->disturbance;
-    state->reals[FMU_FORCE_SCALE] = (double)observer->force_scale;
-    state->wholes[FMU_SENSOR_LOST] = (observer->since_sample > FMU_FILM.observer.lost_after) ? 1U : 0U;
-}
-
-static void fmu_tick_plant(fmu_state *state)
-{
-    const float voltage = (float)state->reals[FMU_VOLTAGE];
-    const springpot_load load = springpot_load_of(&FMU_FILM.drive, voltage);
-    const float displacement = springpot_displacement_under(&FMU_FILM, &state->law.plant, load);
-    uint32_t limits = springpot_beyond_curve(&state->law.plant) ? SPRINGPOT_BEYOND_CURVE : 0U;
-
-    if (springpot_size(voltage) > FMU_FILM.drive.max_voltage) {
-        limits |= SPRINGPOT_MAX_VOLTAGE;
+    in.u = (float)state->reals[is_controller ? FMU_REFERENCE : FMU_VOLTAGE];
+    in.sample = (is_first && (state->wholes[FMU_SAMPLE_TAKEN] != 0U)) ? (float)state->reals[FMU_SAMPLE] : none;
+    in.age_ticks = state->wholes[FMU_SAMPLE_AGE];
+    in.applied = (state->wholes[FMU_APPLIED_IS_GIVEN] != 0U) ? (float)state->reals[FMU_VOLTAGE] : none;
+    in.reading = (state->wholes[FMU_READING_TAKEN] != 0U) ? (float)state->reals[FMU_READING] : none;
+    out = springpot_tick(&FMU_FILM, &state->law, &in);
+    if (is_controller) {
+        state->reals[FMU_COMMAND] = (double)out.voltage;
+        state->reals[FMU_SHAPED_REFERENCE] = (double)out.reference;
     }
-    state->reals[FMU_DISPLACEMENT] = (double)displacement;
-    state->reals[FMU_FORCE] = (double)(load.force + (load.slope * displacement));
-    state->wholes[FMU_LIMITS] = limits;
-}
-
-static void fmu_tick_observer(fmu_state *state, const springpot_sample *sample)
-{
-    springpot_observer_state *observer = &state->law.observer;
-    const float voltage = (float)state->reals[FMU_VOLTAGE];
-
-    state->reals[FMU_DISPLACEMENT] = (double)springpot_observer_observe(&FMU_FILM, observer, voltage, sample);
-    state->reals[FMU_FORCE] = (double)(observer->load.force + (observer->load.slope * observer->film.position));
-    state->wholes[FMU_LIMITS] = springpot_beyond_curve(&observer->film) ? SPRINGPOT_BEYOND_CURVE : 0U;
-    fmu_put_observer(state, observer);
-}
-
-/* Feedforward and tracking: what was applied, the sample, the command. */
-static void fmu_tick_controller(fmu_state *state, const springpot_sample *sample)
-{
-    springpot_follower_state *follower = &state->law.follower;
-    const uint32_t applied_by = (state->wholes[FMU_APPLIED_IS_GIVEN] != 0U) ? FMU_VOLTAGE : FMU_COMMAND;
-    const float applied = (float)state->reals[applied_by];
-    const float reading = (state->wholes[FMU_READING_TAKEN] != 0U) ? (float)state->reals[FMU_READING] : SPRINGPOT_NO_READING;
-
-    state->reals[FMU_DISPLACEMENT] = (double)springpot_follower_observe(&FMU_FILM, follower, applied, reading, sample);
-    fmu_put_command(state, springpot_follower_command(&FMU_FILM, follower, (float)state->reals[FMU_REFERENCE]));
-    if (follower->has_sensor != 0U) {
-        fmu_put_observer(state, &follower->of.tracking.observer);
-    }
+    state->reals[FMU_DISPLACEMENT] = (double)out.displacement;
+    state->reals[FMU_FORCE] = (double)out.force;
+    state->reals[FMU_DISTURBANCE] = (double)out.disturbance;
+    state->reals[FMU_FORCE_SCALE] = (double)out.force_scale;
+    state->wholes[FMU_LIMITS] = out.limited;
+    state->wholes[FMU_SENSOR_LOST] = out.is_lost ? 1U : 0U;
 }
 
 /* How many ticks a communication step (s) has; 0 for one that is no whole number of them. */
@@ -309,15 +272,12 @@ static double fmu_ticks(double step_s)
     return ticks;
 }
 
-/* A communication step of `step_s` from `time_s`: all of it, or nothing where it is refused. A sample and a reading arrive in its first
- * tick. */
+/* A communication step of `step_s` from `time_s`: all of it, or nothing where it is refused. */
 static fmu_result fmu_step(fmu_state *state, double time_s, double step_s)
 {
     const double ticks = fmu_ticks(step_s);
     const double gap = (state->ticks > 0.0) ? ((time_s - state->next) / FMU_STEP_S) : 0.0;
     const bool is_controller = state->wholes[FMU_MODE] >= FMU_FEEDFORWARD;
-    springpot_sample sample;
-    const springpot_sample *arrived = NULL;
     double tick;
 
     if (state->phase != FMU_STEPPING) {
@@ -334,20 +294,8 @@ static fmu_result fmu_step(fmu_state *state, double time_s, double step_s)
     if (!((gap < 0.5) && (gap > -0.5))) {
         return fmu_error("a step must begin where the last one ended: nothing was done");
     }
-    sample.displacement = (float)state->reals[FMU_SAMPLE];
-    sample.age_ticks = state->wholes[FMU_SAMPLE_AGE];
-    if (state->wholes[FMU_SAMPLE_TAKEN] != 0U) {
-        arrived = &sample;
-    }
     for (tick = 0.0; tick < ticks; tick += 1.0) {
-        if (state->wholes[FMU_MODE] == FMU_PLANT) {
-            fmu_tick_plant(state);
-        } else if (state->wholes[FMU_MODE] == FMU_OBSERVER) {
-            fmu_tick_observer(state, arrived);
-        } else {
-            fmu_tick_controller(state, arrived);
-        }
-        arrived = NULL;
+        fmu_tick(state, tick < 1.0);
     }
     state->ticks += ticks;
     state->next = time_s + step_s;

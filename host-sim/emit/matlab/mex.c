@@ -22,7 +22,7 @@
  *   'observer'      voltage_v                          sample_m, age_ticks
  *   'tracking'      reference_m                        sample_m, age_ticks, applied_v, reading_v
  *
- * A voltage above max_voltage_v acts as max_voltage_v.
+ * A voltage above max_voltage_v acts as max_voltage_v, and `limited` has the bit 2.
  *
  * `in` is an array, or a structure whose first field is the one of the second column. The others are arrays of as many elements, or of
  * one for all ticks; NaN, or the field left out, is: no sample, no reading, and applied as it was commanded. age_ticks: how old a
@@ -280,7 +280,7 @@ void mexFunction(int nlhs, mxArray *plhs[], int nrhs, const mxArray *prhs[])
     } else {
         now.mark = MARK;
         now.film = fingerprint(&@SYMBOL@);
-        springpot_tick_init(&@SYMBOL@, &now.state, of->kind);
+        springpot_tick_init(&@SYMBOL@, &now.state, of->kind, of->kind == SPRINGPOT_TICK_TRACKING);
     }
     for (k = 0U; k < ticks; k++) {
         (void)input_at(columns, of, k);

@@ -167,7 +167,7 @@ static void mdlInitializeSampleTimes(SimStruct *S)
 static void mdlInitializeConditions(SimStruct *S)
 {
     springpot_tick_state state;
-    springpot_tick_init(&@SYMBOL@, &state, mode_of(S));
+    springpot_tick_init(&@SYMBOL@, &state, mode_of(S), mode_of(S) == SPRINGPOT_TICK_TRACKING);
     memcpy(ssGetDWork(S, KEPT), &state, sizeof state);
     memcpy(ssGetDWork(S, NEXT), &state, sizeof state);
 }

@@ -1,5 +1,5 @@
 /*
- * springpot_tick.h: one tick of a film or of a law of control, chosen by a number. NAME_mex.c and NAME_sfun.c step by it.
+ * springpot_tick.h: one tick of a film or of a law of control, chosen by a number: for MATLAB, Simulink and FMUs.
  *
  * SPDX-License-Identifier: 0BSD
  *
@@ -19,7 +19,7 @@
 #define SPRINGPOT_TICK_FILM 3U         /* the film under a voltage: u is the voltage, V */
 #define SPRINGPOT_TICK_FEEDFORWARD 4U  /* u is the reference, m */
 #define SPRINGPOT_TICK_OBSERVER 5U     /* u is the voltage on the film since the last tick, V */
-#define SPRINGPOT_TICK_TRACKING 6U     /* u is the reference, m; learns cycles where the film's file says so */
+#define SPRINGPOT_TICK_TRACKING 6U     /* u is the reference, m */
 #define SPRINGPOT_TICK_KINDS 6U
 
 /* Inputs of a tick; NaN: missing. */
@@ -40,6 +40,7 @@ typedef struct {
     float disturbance;  /* force that the model does not know, N */
     float force_scale;  /* effect of the electrostatic force over the model's */
     uint32_t limited;   /* SPRINGPOT_BELOW_ZERO and its siblings */
+    bool is_lost;       /* no sample of the sensor for too long */
 } springpot_tick_output;
 
 typedef struct {
@@ -55,18 +56,17 @@ typedef struct {
 /* States are stored and compared as words: nothing is padded. */
 SPRINGPOT_ASSERT(sizeof(springpot_tick_state) == 2152U, a_state_of_a_tick_takes_2152_bytes);
 
-/* Sets all of `state` to a film at rest at x = 0 and 0 V. `kind` is one of SPRINGPOT_TICK_DISPLACEMENT and its siblings. */
-static inline void springpot_tick_init(const springpot_film *film, springpot_tick_state *state, uint32_t kind)
+/* Sets all of `state` to a film at rest at x = 0 and 0 V. `kind` is one of SPRINGPOT_TICK_DISPLACEMENT and its siblings. `learns`:
+ * feedforward and tracking learn cycles, where the film's file says so. */
+static inline void springpot_tick_init(const springpot_film *film, springpot_tick_state *state, uint32_t kind, bool learns)
 {
     /* What the mode does not use as well: states are kept as bytes. */
     (void)memset(state, 0, sizeof *state);
     state->kind = kind;
-    if (kind == SPRINGPOT_TICK_FEEDFORWARD) {
-        springpot_follower_init(film, &state->of.follower, false, false);
+    if ((kind == SPRINGPOT_TICK_FEEDFORWARD) || (kind == SPRINGPOT_TICK_TRACKING)) {
+        springpot_follower_init(film, &state->of.follower, kind == SPRINGPOT_TICK_TRACKING, learns);
     } else if (kind == SPRINGPOT_TICK_OBSERVER) {
         springpot_observer_init(film, &state->of.observer);
-    } else if (kind == SPRINGPOT_TICK_TRACKING) {
-        springpot_follower_init(film, &state->of.follower, true, true);
     } else {
         springpot_init(film, &state->of.law);
     }
@@ -77,7 +77,8 @@ static inline springpot_tick_output springpot_tick(
     const springpot_film *film, springpot_tick_state *state, const springpot_tick_input *in)
 {
     const float none = SPRINGPOT_NO_READING;
-    springpot_tick_output out = {0.0F, 0.0F, 0.0F, 0.0F, 0.0F, 1.0F, 0U};
+    springpot_tick_output out = {0.0F, 0.0F, 0.0F, 0.0F, 0.0F, 1.0F, 0U, false};
+    const springpot_observer_state *observer = NULL;
     springpot_sample sample;
     const springpot_sample *arrived = springpot_is_finite(in->sample) ? &sample : NULL;
 
@@ -95,11 +96,10 @@ static inline springpot_tick_output springpot_tick(
         out.force = springpot_force(film, &state->of.law, in->u);
         out.limited = springpot_beyond_curve(&state->of.law) ? SPRINGPOT_BEYOND_CURVE : 0U;
     } else if (state->kind == SPRINGPOT_TICK_OBSERVER) {
-        springpot_observer_state *observer = &state->of.observer;
-        out.displacement = springpot_observer_observe(film, observer, in->u, arrived);
+        observer = &state->of.observer;
+        out.displacement = springpot_observer_observe(film, &state->of.observer, in->u, arrived);
         out.voltage = in->u;
-        out.disturbance = observer->disturbance;
-        out.force_scale = observer->force_scale;
+        out.force = observer->load.force + (observer->load.slope * out.displacement);
         out.limited = springpot_beyond_curve(&observer->film) ? SPRINGPOT_BEYOND_CURVE : 0U;
     } else if ((state->kind == SPRINGPOT_TICK_FEEDFORWARD) || (state->kind == SPRINGPOT_TICK_TRACKING)) {
         springpot_follower_state *follower = &state->of.follower;
@@ -112,16 +112,23 @@ static inline springpot_tick_output springpot_tick(
         out.force = command.force;
         out.reference = command.reference;
         out.limited = command.limited;
-        if (follower->has_sensor != 0U) {
-            out.disturbance = follower->of.tracking.observer.disturbance;
-            out.force_scale = follower->of.tracking.observer.force_scale;
-        }
+        observer = (follower->has_sensor != 0U) ? &follower->of.tracking.observer : NULL;
     } else {
         const springpot_load load = springpot_load_of(&film->drive, in->u);
         out.displacement = springpot_displacement_under(film, &state->of.law, load);
         out.voltage = in->u;
         out.force = load.force + (load.slope * out.displacement);
         out.limited = springpot_beyond_curve(&state->of.law) ? SPRINGPOT_BEYOND_CURVE : 0U;
+    }
+    /* It acts as the largest one. */
+    if (((state->kind == SPRINGPOT_TICK_FILM) || (state->kind == SPRINGPOT_TICK_OBSERVER))
+        && (springpot_size(in->u) > film->drive.max_voltage)) {
+        out.limited |= SPRINGPOT_MAX_VOLTAGE;
+    }
+    if (observer != NULL) {
+        out.disturbance = observer->disturbance;
+        out.force_scale = observer->force_scale;
+        out.is_lost = observer->since_sample > film->observer.lost_after;
     }
     return out;
 }

@@ -38,3 +38,6 @@ pub const HEADER: &str = concat!(
     include_str!("../c/8-learning.h"),
     include_str!("../c/9-follower.h"),
 );
+
+/// `springpot_tick.h`: the tick of a film or of a law of control, which MATLAB, Simulink and FMUs step; the same for every film.
+const TICK: &str = include_str!("../matlab/springpot_tick.h");

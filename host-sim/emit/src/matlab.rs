@@ -1,6 +1,6 @@
 //! A film for MATLAB, Octave and Simulink: a MEX gateway and an S-function, with the tick that both step.
 
-use crate::{Film, HEADER, film};
+use crate::{Film, HEADER, TICK, film};
 
 /// Files by their names, for a film that is exported as `name`.c: the film, the headers, `name`_mex.c and `name`_sfun.c.
 ///
@@ -30,7 +30,5 @@ fn filled(template: &str, symbol: &str, name: &str) -> String {
     template.replace("@SYMBOL@", symbol).replace("@NAME@", name).replace("@VERSION@", env!("CARGO_PKG_VERSION"))
 }
 
-/// `springpot_tick.h`: the same for every film.
-const TICK: &str = include_str!("../matlab/springpot_tick.h");
 const MEX: &str = include_str!("../matlab/mex.c");
 const SFUN: &str = include_str!("../matlab/sfun.c");

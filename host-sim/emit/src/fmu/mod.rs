@@ -2,7 +2,7 @@
 //!
 //! | file | what it holds |
 //! | --- | --- |
-//! | `fmu/springpot_fmu.h` | variables, ticks and states, written by hand, for both versions |
+//! | `fmu/springpot_fmu.h` | variables, steps and states, written by hand, for both versions; a tick is that of MATLAB and Simulink |
 //! | `fmu/fmi2.c`, `fmu/fmi3.c` | the functions of a version in front of that |
 //! | `fmu/springpot_fmi.h` | what both versions share of these |
 //! | `variables` | what an importer sees |
@@ -16,7 +16,7 @@ use std::fmt::Write;
 use sha2::{Digest, Sha256};
 
 use crate::film::{plain, rounded};
-use crate::{Film, HEADER, film};
+use crate::{Film, HEADER, TICK, film};
 
 /// A version of the standard. One file has one: its `modelDescription.xml` is of either.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,14 +29,20 @@ pub enum Version {
 
 impl Version {
     /// Sources that are the same for every film; the one that is compiled first.
-    fn sources(self) -> [(&'static str, &'static str); 4] {
+    fn sources(self) -> [(&'static str, &'static str); 5] {
         let interface = match self {
             Self::Fmi2 => ("fmi2.c", include_str!("../../fmu/fmi2.c")),
             Self::Fmi3 => ("fmi3.c", include_str!("../../fmu/fmi3.c")),
         };
         let functions = include_str!("../../fmu/springpot_fmi.h");
         let common = include_str!("../../fmu/springpot_fmu.h");
-        [interface, ("springpot_fmi.h", functions), ("springpot_fmu.h", common), ("springpot.h", HEADER)]
+        [
+            interface,
+            ("springpot_fmi.h", functions),
+            ("springpot_fmu.h", common),
+            ("springpot_tick.h", TICK),
+            ("springpot.h", HEADER),
+        ]
     }
 }
 
