@@ -11,56 +11,17 @@
 #include <string.h>
 
 #include "springpot_tick.h"
-/* FMU_FILM, FMU_TOKEN, FMU_STEP_S, FMU_LEARNS */
-#include "springpot_fmu_film.h"
-
-SPRINGPOT_FILM(FMU_FILM);
-
-/* Variables by their value references, as modelDescription.xml has them. */
-enum {
-    FMU_TIME = 0,
-    FMU_MODE = 1,
-    FMU_LEARNING = 2,
-    FMU_APPLIED_IS_GIVEN = 3,
-    FMU_VOLTAGE = 4,
-    FMU_REFERENCE = 5,
-    FMU_SAMPLE = 6,
-    FMU_SAMPLE_TAKEN = 7,
-    FMU_SAMPLE_AGE = 8,
-    FMU_READING = 9,
-    FMU_READING_TAKEN = 10,
-    FMU_DISPLACEMENT = 11,
-    FMU_FORCE = 12,
-    FMU_COMMAND = 13,
-    FMU_SHAPED_REFERENCE = 14,
-    FMU_LIMITS = 15,
-    FMU_DISTURBANCE = 16,
-    FMU_FORCE_SCALE = 17,
-    FMU_SENSOR_LOST = 18,
-    FMU_VARIABLES = 19
-};
-
-/* Values of the parameter `mode`. */
-enum { FMU_PLANT = 1, FMU_OBSERVER = 2, FMU_FEEDFORWARD = 3, FMU_TRACKING = 4 };
 
 /* Types of variables. */
 enum { FMU_REAL, FMU_WHOLE, FMU_FLAG, FMU_CHOICE };
 
-static int fmu_type(uint32_t variable)
-{
-    int type = FMU_REAL;
-    if ((variable == FMU_SAMPLE_AGE) || (variable == FMU_LIMITS)) {
-        type = FMU_WHOLE;
-    } else if (variable == FMU_MODE) {
-        type = FMU_CHOICE;
-    } else if ((variable == FMU_LEARNING) || (variable == FMU_APPLIED_IS_GIVEN) || (variable == FMU_SAMPLE_TAKEN)
-        || (variable == FMU_READING_TAKEN) || (variable == FMU_SENSOR_LOST)) {
-        type = FMU_FLAG;
-    } else {
-        /* real */
-    }
-    return type;
-}
+/* FMU_FILM, FMU_TOKEN, FMU_STEP_S, FMU_LEARNS; variables from FMU_TIME to FMU_VARIABLES, and fmu_types */
+#include "springpot_fmu_film.h"
+
+SPRINGPOT_FILM(FMU_FILM);
+
+/* Values of the parameter `mode`. */
+enum { FMU_PLANT = 1, FMU_OBSERVER = 2, FMU_FEEDFORWARD = 3, FMU_TRACKING = 4 };
 
 /* Phases of the life cycle. */
 enum { FMU_INSTANTIATED, FMU_INITIALISING, FMU_STEPPING, FMU_TERMINATED };
@@ -150,7 +111,7 @@ static fmu_result fmu_scalars(size_t references, size_t values)
 /* Refuses to read what is not a `variable` of `type`. */
 static fmu_result fmu_readable(uint32_t variable, int type)
 {
-    const bool is_there = (variable < FMU_VARIABLES) && (fmu_type(variable) == type);
+    const bool is_there = (variable < FMU_VARIABLES) && ((int)fmu_types[variable] == type);
     return is_there ? fmu_ok() : fmu_error("no variable of this type has this value reference");
 }
 

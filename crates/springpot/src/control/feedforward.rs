@@ -18,27 +18,7 @@ use crate::scalar::{Real, Scalar};
 /// Apply comes first because only then is it known what became of the last command: a limit, here or in a supervisor behind,
 /// may have changed it. Each command starts from where the film really is, so nothing winds up.
 ///
-/// ```
-/// use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, LawOptions, Preset};
-///
-/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::TABLE3_N2.model()?;
-/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
-/// let rest = law.state();
-/// let feedforward = Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH)?;
-///
-/// let mut state = feedforward.state(rest);
-/// let mut voltage = 0.0;
-/// for _ in 0..5000 {
-///     feedforward.apply(&mut state, Applied::as_commanded(voltage));
-///     voltage = feedforward.command(&mut state, 0.3e-3).voltage_v;
-///     // Here a program writes the voltage to its converter and waits for the next tick.
-/// }
-/// // It neither creeps nor drifts: the voltage falls while the film would creep.
-/// assert!((state.displacement() - 0.3e-3).abs() < 1e-8);
-/// # Ok(())
-/// # }
-/// ```
+/// The [crate page](crate#feedforward) has a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Feedforward<T, M = crate::Compressed<T>> {
     law: Law<T, M>,

@@ -1,8 +1,5 @@
 //! The whole law of control: a reference is followed, with or without a sensor, and its cycles are learned.
 
-#[cfg(test)]
-mod tests;
-
 use crate::control::feedforward::{Feedforward, FeedforwardState};
 use crate::control::inverse::{Applied, VoltageCommand};
 use crate::control::learning::{Learning, LearningState};

@@ -60,27 +60,7 @@ pub struct SensorSample<T> {
 /// squares over the adaptation time move that part into [`force_scale`](ObserverState::force_scale). The total force stays
 /// the same at that moment and remains right when the load changes.
 ///
-/// ```
-/// use springpot::{Actuator, Applied, Law, Observer, ObserverOptions, LawOptions, Preset, SensorSample};
-///
-/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::TABLE3_N2.model()?;
-/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
-/// let rest = law.state();
-/// // A sensor of 100 Hz, 10 ms late; the estimate follows it up to 0.5 Hz.
-/// let observer = Observer::new(law, &Actuator::KARNER_2022, 6000.0, ObserverOptions::at_bandwidth(0.5))?;
-///
-/// let mut state = observer.state(rest);
-/// for tick in 0..20_000 {
-///     // The sensor reads 0.1 mm on a film without voltage: a force that the model does not know.
-///     let sample = (tick % 10 == 0).then_some(SensorSample { displacement_m: 0.1e-3, age_ticks: 10 });
-///     observer.observe(&mut state, Applied::as_commanded(0.0), sample);
-/// }
-/// assert!((state.displacement() - 0.1e-3).abs() < 1e-6);
-/// assert!(state.disturbance() > 0.5);
-/// # Ok(())
-/// # }
-/// ```
+/// The [crate page](crate#observer) has a program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Observer<T, M = crate::Compressed<T>, const PAST: usize = 64> {
     law: Law<T, M>,

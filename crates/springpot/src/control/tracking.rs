@@ -25,38 +25,7 @@ use crate::scalar::{Real, Scalar};
 ///
 /// While the sensor is lost the feedforward acts alone as well, with the disturbance and force scale learned so far.
 ///
-/// ```
-/// use springpot::{Actuator, Applied, CommandLimits, Law, ObserverOptions, LawOptions, Preset, SensorSample, Tracking, TrackingState};
-///
-/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::TABLE3_N2.model()?;
-/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
-/// let rest = law.state();
-/// let options = ObserverOptions::at_bandwidth(0.5);
-/// let tracking = Tracking::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH, options)?;
-///
-/// // One tick: the applied voltage and a sample in, the next voltage out.
-/// fn tick(
-///     tracking: &Tracking<f32>,
-///     state: &mut TrackingState<f32>,
-///     applied: f32,
-///     sample: Option<SensorSample<f32>>,
-///     reference_m: f32,
-/// ) -> f32 {
-///     tracking.observe(state, Applied::as_commanded(applied), sample);
-///     tracking.command(state, reference_m).voltage_v
-/// }
-///
-/// let mut state = tracking.state(rest);
-/// let mut voltage = 0.0;
-/// for _ in 0..2000 {
-///     // No sample has arrived: the observer predicts.
-///     voltage = tick(&tracking, &mut state, voltage, None, 0.5e-3);
-/// }
-/// assert!((state.observer().displacement() - 0.5e-3).abs() < 1e-6);
-/// # Ok(())
-/// # }
-/// ```
+/// The [crate page](crate#follower) has a program that steps it through a [`Follower`](crate::Follower).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tracking<T, M = crate::Compressed<T>, const PAST: usize = 64> {
     observer: Observer<T, M, PAST>,

@@ -48,11 +48,8 @@ pub(super) fn model(of: &Described) -> String {
         text += "    <Float64 name=\"time\" valueReference=\"0\" causality=\"independent\" variability=\"continuous\" \
                  description=\"Simulated time\" unit=\"s\"/>\n";
     }
-    for variable in &VARIABLES {
-        text += &match version {
-            Version::Fmi2 => variable_2(variable),
-            Version::Fmi3 => variable_3(variable),
-        };
+    for (reference, variable) in (1..).zip(&VARIABLES) {
+        text += &element(*version, reference, variable);
     }
     text += "  </ModelVariables>\n";
     structure(&mut text, *version);
@@ -98,20 +95,6 @@ fn modes(text: &mut String, version: Version) {
     let _ = writeln!(text, "    {end}\n  </TypeDefinitions>");
 }
 
-/// The attributes that both versions have: name to variability.
-fn common(variable: &Variable) -> String {
-    let Variable { reference, name, causality, kind, description } = variable;
-    let variability = match (causality, kind) {
-        (Causality::Parameter, _) => "fixed",
-        (_, Kind::Real { .. }) => "continuous",
-        _ => "discrete",
-    };
-    let causality = causality.name();
-    format!(
-        "name=\"{name}\" valueReference=\"{reference}\" causality=\"{causality}\" variability=\"{variability}\" description=\"{description}\""
-    )
-}
-
 /// The type's attributes: units and bounds; a start value where it is not calculated.
 fn typed(variable: &Variable) -> String {
     let start = |value: &str| match variable.causality {
@@ -129,47 +112,46 @@ fn typed(variable: &Variable) -> String {
     }
 }
 
-fn variable_2(variable: &Variable) -> String {
-    let kind = match variable.kind {
-        Kind::Real { .. } => "Real",
-        Kind::Whole { .. } => "Integer",
-        Kind::Flag => "Boolean",
-        Kind::Choice => "Enumeration",
+/// A variable with its type, as the version writes them.
+fn element(version: Version, reference: u32, variable: &Variable) -> String {
+    let Variable { name, causality, kind, description } = variable;
+    let variability = match (causality, kind) {
+        (Causality::Parameter, _) => "fixed",
+        (_, Kind::Real { .. }) => "continuous",
+        _ => "discrete",
     };
-    format!("    <ScalarVariable {}><{kind}{}/></ScalarVariable>\n", common(variable), typed(variable))
-}
-
-fn variable_3(variable: &Variable) -> String {
-    let kind = match variable.kind {
-        Kind::Real { .. } => "Float64",
-        Kind::Whole { .. } => "Int32",
-        Kind::Flag => "Boolean",
-        Kind::Choice => "Enumeration",
+    let (kind_2, kind_3) = match kind {
+        Kind::Real { .. } => ("Real", "Float64"),
+        Kind::Whole { .. } => ("Integer", "Int32"),
+        Kind::Flag => ("Boolean", "Boolean"),
+        Kind::Choice => ("Enumeration", "Enumeration"),
     };
-    format!("    <{kind} {}{}/>\n", common(variable), typed(variable))
+    let common = format!(
+        "name=\"{name}\" valueReference=\"{reference}\" causality=\"{}\" variability=\"{variability}\" description=\"{description}\"",
+        causality.name()
+    );
+    let typed = typed(variable);
+    match version {
+        Version::Fmi2 => format!("    <ScalarVariable {common}><{kind_2}{typed}/></ScalarVariable>\n"),
+        Version::Fmi3 => format!("    <{kind_3} {common}{typed}/>\n"),
+    }
 }
 
 /// All outputs: they change within steps alone, so that none depends on an input at once.
 fn structure(text: &mut String, version: Version) {
     text.push_str("  <ModelStructure>\n");
-    let outputs = || VARIABLES.iter().zip(1..).filter(|(variable, _)| variable.causality == Causality::Output);
-    match version {
-        Version::Fmi2 => {
-            for list in ["Outputs", "InitialUnknowns"] {
-                let _ = writeln!(text, "    <{list}>");
-                for (_, index) in outputs() {
-                    let _ = writeln!(text, "      <Unknown index=\"{index}\" dependencies=\"\"/>");
-                }
-                let _ = writeln!(text, "    </{list}>");
-            }
-        }
-        Version::Fmi3 => {
-            for element in ["Output", "InitialUnknown"] {
-                for (Variable { reference, .. }, _) in outputs() {
-                    let _ = writeln!(text, "    <{element} valueReference=\"{reference}\" dependencies=\"\"/>");
-                }
-            }
-        }
+    // References are places in the list, too.
+    let outputs = || (1..).zip(&VARIABLES).filter(|(_, variable)| variable.causality == Causality::Output);
+    for (list, element) in [("Outputs", "Output"), ("InitialUnknowns", "InitialUnknown")] {
+        let unknowns = outputs().map(|(index, _)| match version {
+            Version::Fmi2 => format!("      <Unknown index=\"{index}\" dependencies=\"\"/>\n"),
+            Version::Fmi3 => format!("    <{element} valueReference=\"{index}\" dependencies=\"\"/>\n"),
+        });
+        let unknowns: String = unknowns.collect();
+        *text += &match version {
+            Version::Fmi2 => format!("    <{list}>\n{unknowns}    </{list}>\n"),
+            Version::Fmi3 => unknowns,
+        };
     }
     text.push_str("  </ModelStructure>\n");
 }

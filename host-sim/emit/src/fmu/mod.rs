@@ -15,6 +15,7 @@ use std::fmt::Write;
 
 use sha2::{Digest, Sha256};
 
+use self::variables::{VARIABLES, Variable};
 use crate::film::{plain, rounded};
 use crate::{Film, HEADER, TICK, film};
 
@@ -99,17 +100,24 @@ pub fn fmu(of: &Film, version: Version) -> Fmu {
     Fmu { files, compiled }
 }
 
-/// The constants of the film for springpot_fmu.h.
+/// The film's constants and the variables for springpot_fmu.h.
 fn film_header(of: &Described) -> String {
     let Described { symbol, token, step_s, learns, .. } = of;
-    let mut text = "/* The film of this FMU. Free for any use: SPDX-License-Identifier: 0BSD */\n".to_owned();
+    let learns = u8::from(*learns);
+    let (mut names, mut types) = (String::new(), String::new());
     // Writing to a string cannot fail.
-    let _ = write!(
-        text,
-        "#define FMU_FILM {symbol}\n#define FMU_TOKEN \"{token}\"\n#define FMU_STEP_S {step_s:e}\n#define FMU_LEARNS {}\n",
-        u8::from(*learns)
-    );
-    text
+    for (reference, Variable { name, kind, .. }) in (1..).zip(&VARIABLES) {
+        let _ = writeln!(names, "    FMU_{} = {reference},", name.to_uppercase());
+        let _ = write!(types, ", {}", kind.name());
+    }
+    format!(
+        "/* The film of this FMU. Free for any use: SPDX-License-Identifier: 0BSD */\n\
+         #define FMU_FILM {symbol}\n#define FMU_TOKEN \"{token}\"\n#define FMU_STEP_S {step_s:e}\n#define FMU_LEARNS {learns}\n\n\
+         /* Variables by their value references, as modelDescription.xml has them, and their types. */\n\
+         enum {{\n    FMU_TIME = 0,\n{names}    FMU_VARIABLES = {}\n}};\n\n\
+         static const unsigned char fmu_types[FMU_VARIABLES] = {{\n    FMU_REAL{types}}};\n",
+        VARIABLES.len() + 1
+    )
 }
 
 /// A token in the form of a GUID, which depends on all of `parts`.

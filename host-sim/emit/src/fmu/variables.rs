@@ -25,6 +25,18 @@ pub(super) enum Causality {
     Output,
 }
 
+impl Kind {
+    /// Its name in C.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Real { .. } => "FMU_REAL",
+            Self::Whole { .. } => "FMU_WHOLE",
+            Self::Flag => "FMU_FLAG",
+            Self::Choice => "FMU_CHOICE",
+        }
+    }
+}
+
 impl Causality {
     pub(super) fn name(self) -> &'static str {
         match self {
@@ -36,8 +48,6 @@ impl Causality {
 }
 
 pub(super) struct Variable {
-    /// As `enum` of springpot_fmu.h has it.
-    pub(super) reference: u32,
     pub(super) name: &'static str,
     pub(super) causality: Causality,
     pub(super) kind: Kind,
@@ -60,84 +70,60 @@ const fn real(unit: &'static str, shown: Option<&'static str>, start: &'static s
     Kind::Real { unit, shown, start }
 }
 
-const fn variable(
-    reference: u32,
-    name: &'static str,
-    causality: Causality,
-    kind: Kind,
-    description: &'static str,
-) -> Variable {
-    Variable { reference, name, causality, kind, description }
+const fn variable(name: &'static str, causality: Causality, kind: Kind, description: &'static str) -> Variable {
+    Variable { name, causality, kind, description }
 }
 
 use Causality::{Input, Output, Parameter};
 
-/// All but the time, which is 0, in the order of their references.
+/// All but the time, whose reference is 0, in the order of their references from 1.
 pub(super) const VARIABLES: [Variable; 18] = [
-    variable(1, "mode", Parameter, Kind::Choice, "What this FMU is"),
+    variable("mode", Parameter, Kind::Choice, "What this FMU is"),
+    variable("learning", Parameter, Kind::Flag, "Feedforward, tracking: the errors of periodic references are learned"),
     variable(
-        2,
-        "learning",
-        Parameter,
-        Kind::Flag,
-        "Feedforward, tracking: the errors of periodic references are learned",
-    ),
-    variable(
-        3,
         "applied_is_given",
         Parameter,
         Kind::Flag,
         "Feedforward, tracking: the input voltage is what was applied since the last tick; otherwise it was the command",
     ),
     variable(
-        4,
         "voltage",
         Input,
         VOLTS,
         "Plant, observer: voltage on the film. Feedforward, tracking: what was applied, if that is given",
     ),
-    variable(5, "reference", Input, METRES, "Feedforward, tracking: displacement to reach at the end of this tick"),
-    variable(6, "sample", Input, METRES, "Observer, tracking, learning: a sample of the displacement sensor"),
-    variable(7, "sample_taken", Input, Kind::Flag, "Whether a sample has arrived"),
-    variable(8, "sample_age", Input, Kind::Whole { most: 63 }, "How many ticks ago it was measured"),
-    variable(9, "reading", Input, VOLTS, "Feedforward, tracking: what a voltage monitor read"),
-    variable(10, "reading_taken", Input, Kind::Flag, "Whether there is such a reading"),
+    variable("reference", Input, METRES, "Feedforward, tracking: displacement to reach at the end of this tick"),
+    variable("sample", Input, METRES, "Observer, tracking, learning: a sample of the displacement sensor"),
+    variable("sample_taken", Input, Kind::Flag, "Whether a sample has arrived"),
+    variable("sample_age", Input, Kind::Whole { most: 63 }, "How many ticks ago it was measured"),
+    variable("reading", Input, VOLTS, "Feedforward, tracking: what a voltage monitor read"),
+    variable("reading_taken", Input, Kind::Flag, "Whether there is such a reading"),
     variable(
-        11,
         "displacement",
         Output,
         METRES,
         "Of the film: simulated (plant, feedforward) or estimated (observer, tracking)",
     ),
     variable(
-        12,
         "force",
         Output,
         NEWTONS,
         "Plant, observer: of the voltage, weight included. Feedforward, tracking: electrostatic force that the command needs",
     ),
-    variable(13, "command", Output, VOLTS, "Feedforward, tracking: voltage to apply from now on"),
+    variable("command", Output, VOLTS, "Feedforward, tracking: voltage to apply from now on"),
+    variable("shaped_reference", Output, METRES, "Feedforward, tracking: the reference within speed and acceleration"),
     variable(
-        14,
-        "shaped_reference",
-        Output,
-        METRES,
-        "Feedforward, tracking: the reference within speed and acceleration",
-    ),
-    variable(
-        15,
         "limits",
         Output,
         Kind::Whole { most: 255 },
         "Sum of the limits met: 1 below zero, 2 voltage, 4 field, 8 slew, 16 speed, 32 acceleration, 64 beyond the curve, 128 amplifier",
     ),
-    variable(16, "disturbance", Output, NEWTONS, "Observer, tracking: force that the model does not know"),
+    variable("disturbance", Output, NEWTONS, "Observer, tracking: force that the model does not know"),
     variable(
-        17,
         "force_scale",
         Output,
         real("1", None, "1"),
         "Observer, tracking: effect of the electrostatic force over the model's",
     ),
-    variable(18, "sensor_lost", Output, Kind::Flag, "Observer, tracking: no sample for too long"),
+    variable("sensor_lost", Output, Kind::Flag, "Observer, tracking: no sample for too long"),
 ];

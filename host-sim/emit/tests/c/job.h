@@ -92,11 +92,18 @@ static void job_run(uint32_t kind, const springpot_film *film, uint32_t steps)
             springpot_command command;
             if ((in.flags & 1U) != 0U) {
                 springpot_follower_forget_correction(&follower);
+            }
+            if ((in.flags & 16U) != 0U) {
                 springpot_follower_carry_over(&follower);
+            }
+            if ((in.flags & 32U) != 0U) {
                 springpot_follower_end_run(&follower);
             }
-            if (stands_by) {
+            if ((in.flags & 64U) != 0U) {
                 springpot_follower_forget_cycles(film, &follower);
+            }
+            if ((in.flags & (128U | 256U)) != 0U) {
+                springpot_follower_set_feedback(&follower, (in.flags & 256U) != 0U);
             }
             x = springpot_follower_observe(film, &follower, applied, in.b * applied, arrived);
             command = stands_by ? springpot_follower_standby(film, &follower) : springpot_follower_command(film, &follower, in.a);

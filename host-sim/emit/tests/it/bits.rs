@@ -43,7 +43,7 @@ fn smoothed(recorded: &[(f32, f32)]) -> Vec<f32> {
 /// Inputs of `kind` along a recording: what a bench would give, with a sensor that is late and lost for a while, an amplifier that is off
 /// by a percent, values that are not finite, and orders now and then.
 pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
-    let mut random = Pcg64::seed_from_u64(5);
+    let (mut random, mut orders, mut standby) = (Pcg64::seed_from_u64(5), Pcg64::seed_from_u64(6), 0_u32);
     let mut noise = |size: f32| size * random.random_range(-1.0..1.0_f32);
     let steps = recorded.len();
     // A stroke that a film can follow, and what a sensor shows of a film that is a little stiffer.
@@ -61,10 +61,14 @@ pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
                 },
                 age_ticks: if k % 9000 == 23 { 64 } else { 10 },
             });
-            let order = u32::from(k == steps / 2) + 2 * u32::from(k == steps * 2 / 3);
+            let follows = matches!(kind, Kind::Feedforward | Kind::Tracking | Kind::Learning);
+            // Orders in the second half; after one of them something else sets the voltage for a while.
+            let order = 1 << [0, 4, 5, 6, 7, 8, 1][orders.random_range(0..7)];
+            let is_due = if follows { k > steps / 2 && orders.random_range(0..steps) < 20 } else { k == steps / 2 };
+            standby = if is_due && order == 2 { orders.random_range(1..300) } else { standby.saturating_sub(1) };
+            let order = if is_due { order } else { 2 * u32::from(follows && standby > 0) };
             // Now and then less than the command is put out.
-            let halved =
-                matches!(kind, Kind::Feedforward | Kind::Tracking | Kind::Learning) && (k % 20_000).abs_diff(1_100) < 5;
+            let halved = follows && (k % 20_000).abs_diff(1_100) < 5;
             let unknown = halved && k % 5 == 2;
             let (a, b) = match kind {
                 Kind::Displacement => (4e-6 * voltage * voltage, 0.0),

@@ -30,6 +30,26 @@ pub struct Input {
     pub flags: u32,
 }
 
+/// What a program asks of a follower between ticks.
+#[derive(Clone, Copy, Debug)]
+enum Order {
+    ForgetCorrection,
+    CarryOver,
+    EndRun,
+    ForgetCycles,
+    Feedback(bool),
+}
+
+/// Orders by their flags, in the order in which they are given.
+const ORDERS: [(u32, Order); 6] = [
+    (1, Order::ForgetCorrection),
+    (16, Order::CarryOver),
+    (32, Order::EndRun),
+    (64, Order::ForgetCycles),
+    (128, Order::Feedback(false)),
+    (256, Order::Feedback(true)),
+];
+
 /// The output of a step: five numbers by their bits, and flags or a count.
 pub type Row = [u32; 6];
 
@@ -140,23 +160,33 @@ fn follow<C: Compensator<f32>>(
     row: impl Fn(&FollowerState<f32, C>, f32, &VoltageCommand<f32>) -> Row,
 ) -> Vec<Row> {
     let mut state = follower.state(film);
-    let mut commanded = 0.0;
+    let (mut commanded, mut is_even) = (0.0, false);
     let mut tick = |input: &Input| {
         let stands_by = input.flags & 2 != 0;
-        if input.flags & 1 != 0 {
-            state.forget_correction();
-            state.carry_over();
-            state.end_run();
-        }
-        if stands_by {
-            state.forget_cycles();
+        for (bit, order) in ORDERS {
+            if input.flags & bit != 0 {
+                match order {
+                    Order::ForgetCorrection => state.forget_correction(),
+                    Order::CarryOver => state.carry_over(),
+                    Order::EndRun => state.end_run(),
+                    Order::ForgetCycles => state.forget_cycles(),
+                    Order::Feedback(is_on) => state.set_feedback(is_on),
+                }
+            }
         }
         let applied = commanded * put_out(input);
         let applied = Applied { commanded_v: applied, reading_v: Some(input.b * applied) };
-        let x = follower.observe(&mut state, applied, input.sample);
-        let command = if stands_by { follower.standby(&mut state) } else { follower.command(&mut state, input.a) };
+        // One call and two phases in turn.
+        is_even = !is_even;
+        let command = if is_even && !stands_by {
+            follower.step(&mut state, applied, input.sample, input.a)
+        } else {
+            let x = follower.observe(&mut state, applied, input.sample);
+            assert_eq!(x.to_bits(), state.displacement().to_bits());
+            if stands_by { follower.standby(&mut state) } else { follower.command(&mut state, input.a) }
+        };
         commanded = command.voltage_v;
-        row(&state, x, &command)
+        row(&state, state.displacement(), &command)
     };
     inputs.iter().map(&mut tick).collect()
 }
