@@ -38,7 +38,7 @@ fn force_and_voltage_are_inverse() {
 }
 
 #[test]
-fn what_electrostatics_cannot_give_is_0_v() {
+fn unreachable_forces_need_0_v() {
     let settled = drive(&Actuator::KARNER_2022);
     for force in [-1.0, -0.0, 0.0, f64::NEG_INFINITY, f64::NAN] {
         assert_eq!(settled.voltage(force, 1e-3), 0.0, "{force} N");
@@ -61,7 +61,7 @@ fn voltages_beyond_the_largest_are_limited_so_that_a_step_always_has_an_answer()
 }
 
 #[test]
-fn what_makes_no_actuator_is_refused() {
+fn invalid_actuators_are_refused() {
     let good = Actuator::KARNER_2022;
     let new = |actuator: Actuator, volts: f64| VoltageDrive::<f64>::new(&actuator, volts, stiffness()).err();
     for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {

@@ -130,7 +130,7 @@ impl Curve {
     }
 
     /// The curve of knots in another number type.
-    pub(crate) fn of_rounded<T: Scalar>(knots: &[Knot<T>]) -> Result<Self, CurveError> {
+    pub(crate) fn from_rounded<T: Scalar>(knots: &[Knot<T>]) -> Result<Self, CurveError> {
         let wide: Vec<Knot<f64>, MAX_KNOTS> = knots.iter().map(Knot::wide).collect();
         Self::new(&wide)
     }

@@ -128,7 +128,7 @@ impl<T: Scalar> Table<T> {
     #[inline(never)]
     pub(crate) fn curve(&self) -> Result<Curve, CurveError> {
         let knots: Vec<Knot<T>, MAX_KNOTS> = self.knots().collect();
-        Curve::of_rounded(&knots)
+        Curve::from_rounded(&knots)
     }
 
     /// The place at `displacement` − `surplus` (m).

@@ -115,9 +115,9 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let massless = [T::ZERO; INERTIA];
         let memory = Compressed { head, fast: fast.map(decay), slow: slow.map(decay), tail_error, massless };
         // In place: a law takes a good part of a small controller's stack.
-        let mut law = Self::of_film(step_s, instant, mass_kg, memory, method)?;
+        let mut law = Self::from_massless(step_s, instant, mass_kg, memory, method)?;
         if !curve.is_empty() {
-            law.bend(&Curve::of_rounded(curve)?)?;
+            law.bend(&Curve::from_rounded(curve)?)?;
         }
         Ok(law)
     }

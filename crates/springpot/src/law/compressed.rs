@@ -183,11 +183,11 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// for a tail that misses the tolerance, and where the number type cannot hold the stiffness.
     pub fn compressed(model: &Maxwell, options: LawOptions) -> Result<Self, LawError> {
         let (memory, instant) = Compressed::new(model, options)?;
-        Self::of_film(options.step_s, instant, model.mass_kg(), memory, options.method)
+        Self::from_massless(options.step_s, instant, model.mass_kg(), memory, options.method)
     }
 
     /// The law of a massless `memory` for a film that carries `mass_kg`.
-    pub(crate) fn of_film(
+    pub(crate) fn from_massless(
         step_s: f64,
         instant: f64,
         mass_kg: f64,

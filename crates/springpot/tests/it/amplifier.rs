@@ -95,7 +95,7 @@ fn a_fall_that_is_too_fast_is_flagged() {
 }
 
 #[test]
-fn refuses_times_that_no_amplifier_has() {
+fn invalid_amplifier_times_are_refused() {
     for wrong in [-1e-3, 10.1, f64::NAN, f64::INFINITY] {
         let error =
             AmplifierModel::<f32>::new(AmplifierLag { rise_s: wrong, fall_s: 0.0 }, STEP_S).expect_err("refused");

@@ -96,7 +96,7 @@ fn a_day_under_load_stays_within_the_band() {
 }
 
 #[test]
-fn curves_and_second_order_change_nothing_of_it() {
+fn curves_and_second_order_stay_within_the_band() {
     // Softer by a third, then twice as stiff.
     let curve =
         Curve::through(&[(-1e-3, -1e-3), (0.0, 0.0), (5e-4, 4e-4), (2e-3, 1.8e-3), (6e-3, 9e-3)]).expect("rises");
@@ -112,7 +112,7 @@ fn curves_and_second_order_change_nothing_of_it() {
 }
 
 #[test]
-fn what_is_merged_keeps_its_weight_and_what_is_not_stays() {
+fn merged_modes_keep_their_weight_and_others_stay() {
     let model = presets().remove(2).1;
     let law: Law<f64> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
     let sum = |modes: &mut dyn Iterator<Item = (f64, f64)>| modes.map(|(_, weight)| weight).sum::<f64>();

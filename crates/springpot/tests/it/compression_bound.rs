@@ -268,7 +268,7 @@ fn no_run_exceeds_the_bound() {
     }
 }
 
-/// A law with fewer modes and a shorter head is further from full memory, and its bound says how far.
+/// A law with fewer modes and a shorter head is further from full memory, within its larger bound.
 #[test]
 fn the_bound_of_a_coarser_law_holds() {
     const STEPS: usize = 3000;

@@ -296,7 +296,7 @@ fn feedforward_follows_behind_a_curve_through_a_saturating_drive() {
 }
 
 #[test]
-fn a_command_beyond_the_curve_says_so() {
+fn a_command_beyond_the_curve_is_flagged() {
     let law: Law<f32> = law(&film(0.3)).behind(&cubic(-0.1e-3, 0.3e-3, 2)).expect("a law");
     let feedforward = Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits::BENCH).expect("valid");
     let mut state = feedforward.state(feedforward.law().state());
@@ -380,7 +380,7 @@ fn a_monotone_curve_through_points_has_the_published_slopes() {
 }
 
 #[test]
-fn what_no_film_has_is_refused_where_it_is() {
+fn invalid_curves_are_refused_with_their_place() {
     let through = |points: &[(f64, f64)]| Curve::through(points).err();
     assert_eq!(through(&[]), Some(CurveError::Knots(0)));
     assert_eq!(through(&[(0.0, 0.0)]), Some(CurveError::Knots(1)));

@@ -246,16 +246,16 @@ fn a_non_finite_applied_voltage_is_the_last_one() {
     for limits in [CommandLimits::BENCH, lag] {
         let feedforward = feedforward::<f32>(limits);
         let rest = feedforward.state(feedforward.law().state());
-        let (mut state, mut told) = (rest.clone(), rest);
+        let (mut state, mut informed) = (rest.clone(), rest);
         let (mut last, mut before) = (0.0, 0.0);
         for k in 0..3000_u16 {
             let unknown = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][usize::from(k % 3)];
             let applied = if k % 7 == 0 { unknown } else { last };
             feedforward.apply(&mut state, Applied::as_commanded(applied));
             before = if k % 7 == 0 { before } else { last };
-            feedforward.apply(&mut told, Applied::as_commanded(before));
+            feedforward.apply(&mut informed, Applied::as_commanded(before));
             let reference = 1e-3 * f32::from(k) / 3000.0;
-            let [command, expected] = [&mut state, &mut told].map(|state| feedforward.command(state, reference));
+            let [command, expected] = [&mut state, &mut informed].map(|state| feedforward.command(state, reference));
             assert_eq!(command, expected, "tick {k}");
             last = command.voltage_v;
         }
@@ -264,7 +264,7 @@ fn a_non_finite_applied_voltage_is_the_last_one() {
 }
 
 #[test]
-fn refuses_limits_that_make_no_sense() {
+fn invalid_limits_are_refused() {
     let (model, actuator) = film();
     let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("a law");
     for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {

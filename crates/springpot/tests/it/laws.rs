@@ -86,7 +86,7 @@ fn orders_0_and_1_and_the_inertia_are_exact() {
     }
 }
 
-/// A standard linear solid relaxes as its closed form says, at any later step.
+/// A standard linear solid relaxes by its closed form, at any later step.
 #[test]
 fn a_plain_relaxation_time_is_exact() {
     let (spring, branch, dashpot) = (5e3, 2e4, 7e3);
@@ -215,7 +215,7 @@ fn material_and_actuator_constants_convert_both_ways() {
 }
 
 #[test]
-fn everything_wrong_is_refused_with_its_type() {
+fn invalid_models_and_options_are_refused() {
     let good = Springpot::new(1e4, 0.5);
     let new = |main, branches: &[[Springpot; 2]], mass| Maxwell::new(main, branches, Topology::Eq11, mass);
     for c in [0.0, -1.0, f64::NAN, f64::INFINITY] {

@@ -118,7 +118,7 @@ const PLAIN: Oscillator =
 
 /// A film 10 % too stiff that bends as well: what is left is the sensor's noise.
 #[test]
-fn what_the_law_does_not_know_is_learned() {
+fn unmodelled_errors_are_learned() {
     for (period_s, given) in [(3.0, true), (3.0, false), (1.0, false), (0.5, true), (0.2, false)] {
         let [with, without] = errors(period_s, given, PLAIN, [10, 10], 1, 60);
         let (with, without) = (rms(&with[40_000..]), rms(&without[40_000..]));
@@ -198,7 +198,7 @@ fn changes_are_learned_again() {
 
 /// Without samples what was learned stays; without a period it fades out; on order it is forgotten.
 #[test]
-fn what_was_learned_is_kept_faded_or_forgotten() {
+fn the_correction_is_kept_faded_or_reset() {
     let mut film = Loop::new(None, PLAIN, 10, 10, 5);
     let period_s = 1.0;
     let mut errors: Vec<f64> = (0..40_000).map(|tick| film.advance(sine(period_s, tick + 1), true)).collect();
@@ -253,7 +253,7 @@ fn only_cycles_are_learned() {
 
 /// A limit that is met in every cycle leaves no block: what was learned is halved until it is gone.
 #[test]
-fn limits_are_given_way() {
+fn limits_reduce_the_correction() {
     let mut film = Loop::new(Some(1.0), PLAIN, 10, 10, 9);
     let mut learned = 0.0_f64;
     for tick in 0..20_000 {

@@ -168,7 +168,7 @@ fn smooths_noise_and_measures_it() {
 }
 
 #[test]
-fn samples_without_use_are_ignored() {
+fn invalid_and_old_samples_are_ignored() {
     let observer = observer(ObserverOptions::at_bandwidth(0.6));
     let mut plant = Plant::new(1.0);
     let mut state = observer.state(observer.law().state());
@@ -200,7 +200,7 @@ fn samples_without_use_are_ignored() {
 /// A lost sensor: the voltage neither jumps when it goes nor when it comes back, and the film is back on its reference
 /// within a second.
 #[test]
-fn a_lost_sensor_bumps_nothing() {
+fn a_lost_sensor_causes_no_bump() {
     let law: Law<f32> = Law::compressed(&model(1.0), LawOptions::at_step(1e-3)).expect("a law");
     let rest = law.state();
     let options = ObserverOptions::at_bandwidth(0.6);
@@ -245,7 +245,7 @@ fn a_lost_sensor_bumps_nothing() {
 }
 
 #[test]
-fn refuses_what_cannot_work() {
+fn invalid_observers_are_refused() {
     let law: Law<f32> = Law::compressed(&model(1.0), LawOptions::at_step(1e-3)).expect("a law");
     let new = |options| Observer::<f32>::new(law.clone(), &Actuator::KARNER_2022, 6000.0, options).map(drop);
     let good = ObserverOptions::at_bandwidth(0.6);

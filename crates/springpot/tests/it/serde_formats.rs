@@ -27,7 +27,7 @@ fn a_model_is_read_as_it_is_written() {
 }
 
 #[test]
-fn what_no_film_has_is_refused_when_it_is_read() {
+fn invalid_models_are_refused_when_read() {
     let refused = |from: &str, to: &str| {
         assert!(MODEL.contains(from));
         serde_json::from_str::<Maxwell>(&MODEL.replace(from, to)).expect_err("refused").to_string()

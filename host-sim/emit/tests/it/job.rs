@@ -30,7 +30,7 @@ pub struct Input {
     pub flags: u32,
 }
 
-/// What a program asks of a follower between ticks.
+/// A request to a follower between ticks.
 #[derive(Clone, Copy, Debug)]
 enum Order {
     ForgetCorrection,

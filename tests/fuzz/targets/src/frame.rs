@@ -4,7 +4,7 @@ use dea_driver::server::{Board, Session};
 use dea_driver::wire::{Answer, Message, Reject, encode};
 use dea_driver::{Cause, Device, Drive, DriverState, Inputs, Mode, RamFlash, Store};
 
-use crate::line::{Ear, Heading, Heard, seal};
+use crate::line::{Heading, Received, Rx, seal};
 use crate::{BOARD, GOOD_BLOB};
 
 /// Most ticks of an input, so that none takes long.
@@ -86,7 +86,7 @@ impl Board for Bench {
 struct Trial {
     session: Session,
     bench: Bench,
-    ear: Ear,
+    rx: Rx,
     drive: Drive,
     ticks: u32,
     /// Token of the host that armed last; 0 before.
@@ -118,7 +118,7 @@ impl Trial {
         Self {
             session,
             bench,
-            ear: Ear::default(),
+            rx: Rx::default(),
             drive: Drive::OFF,
             ticks: 0,
             token: 0,
@@ -134,7 +134,7 @@ impl Trial {
             let before = self.bench.device.state();
             let answer = self.session.serve(byte, &mut self.bench);
             let after = self.bench.device.state();
-            match (self.ear.hear(byte), answer) {
+            match (self.rx.receive(byte), answer) {
                 (None, None) => assert_eq!(before, after, "no frame has ended"),
                 (Some(received), Some(Message::Answer { sequence, answer })) => {
                     fits_in_a_frame(sequence, &answer);
@@ -145,14 +145,20 @@ impl Trial {
         }
     }
 
-    fn check(&mut self, received: &Heard, (sequence, answer): (u16, &Answer), before: DriverState, after: DriverState) {
+    fn check(
+        &mut self,
+        received: &Received,
+        (sequence, answer): (u16, &Answer),
+        before: DriverState,
+        after: DriverState,
+    ) {
         match received {
-            Heard::Damaged | Heard::Unknown => {
-                let reject = if *received == Heard::Damaged { Reject::Damaged } else { Reject::Unknown };
+            Received::Damaged | Received::Unknown => {
+                let reject = if *received == Received::Damaged { Reject::Damaged } else { Reject::Unknown };
                 assert_eq!((sequence, answer), (0, &Answer::Rejected(reject)));
                 assert_eq!(before, after, "obeyed what is no request");
             }
-            Heard::Request(heading) => {
+            Received::Request(heading) => {
                 assert_eq!(sequence, heading.sequence);
                 self.check_request(*heading, answer, before, after);
             }

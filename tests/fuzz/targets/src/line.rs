@@ -35,7 +35,7 @@ pub fn seal(message: &[u8]) -> Vec<u8> {
 
 /// Kind of a frame.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Heard {
+pub enum Received {
     /// Damaged, or too long.
     Damaged,
     /// Whole, but of another version, or not a request.
@@ -59,13 +59,13 @@ pub struct Heading {
 
 /// The other end of a line: collects bytes into frames.
 #[derive(Default)]
-pub struct Ear {
+pub struct Rx {
     bytes: Vec<u8>,
 }
 
-impl Ear {
+impl Rx {
     /// Takes a byte; at the end of a frame, says what it was.
-    pub fn hear(&mut self, byte: u8) -> Option<Heard> {
+    pub fn receive(&mut self, byte: u8) -> Option<Received> {
         if byte != 0 {
             self.bytes.push(byte);
             return None;
@@ -75,16 +75,16 @@ impl Ear {
     }
 }
 
-fn read(stuffed: &[u8]) -> Heard {
+fn read(stuffed: &[u8]) -> Received {
     let plain = if stuffed.len() > MAX_FRAME { None } else { unstuffed(stuffed) };
     let Some((body, checksum)) = plain.as_deref().and_then(<[u8]>::split_last_chunk::<4>) else {
-        return Heard::Damaged;
+        return Received::Damaged;
     };
     match body {
-        [] => Heard::Damaged,
-        _ if crc32(body).to_le_bytes() != *checksum => Heard::Damaged,
-        [VERSION, message @ ..] => request(message).map_or(Heard::Unknown, Heard::Request),
-        _ => Heard::Unknown,
+        [] => Received::Damaged,
+        _ if crc32(body).to_le_bytes() != *checksum => Received::Damaged,
+        [VERSION, message @ ..] => request(message).map_or(Received::Unknown, Received::Request),
+        _ => Received::Unknown,
     }
 }
 
