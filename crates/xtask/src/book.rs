@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::process::{Result, command, root, run as run_command};
+use crate::process::{Result, at, command, make, read, root, run as run_command, write};
 use crate::setup;
 
 /// Builds the book into target/book and follows its links.
@@ -44,7 +44,7 @@ fn lay_out(docs: &Path, source: &Path) -> Result<()> {
         if path.extension().is_some_and(|extension| extension == "md") {
             write(&to, &moved(read(&path)?))?;
         } else if path.is_file() {
-            fs::copy(&path, &to).map_err(|error| at(&path, &error))?;
+            fs::copy(&path, &to).map_err(at(&path))?;
         }
     }
     for link in &elsewhere {
@@ -97,27 +97,11 @@ fn follow(built: &Path) -> Result<(usize, usize)> {
 }
 
 fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
-    let entries = fs::read_dir(folder).map_err(|error| at(folder, &error))?;
+    let entries = fs::read_dir(folder).map_err(at(folder))?;
     let mut paths = entries
         .map(|entry| entry.map(|entry| entry.path()))
         .collect::<std::io::Result<Vec<_>>>()
-        .map_err(|error| at(folder, &error))?;
+        .map_err(at(folder))?;
     paths.sort();
     Ok(paths)
-}
-
-fn make(folder: &Path) -> Result<()> {
-    fs::create_dir_all(folder).map_err(|error| at(folder, &error))
-}
-
-fn read(path: &Path) -> Result<String> {
-    fs::read_to_string(path).map_err(|error| at(path, &error))
-}
-
-fn write(path: &Path, text: &str) -> Result<()> {
-    fs::write(path, text).map_err(|error| at(path, &error))
-}
-
-fn at(path: &Path, error: &dyn std::fmt::Display) -> String {
-    format!("{}: {error}", path.display())
 }

@@ -1,12 +1,11 @@
 //! The campaign: what takes too long for every change. Simulated faults, fuzzing, and mutants of the driver's own source.
 
-use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
 use clap::ValueEnum;
 
-use crate::process::{Result, cargo, output, root, run as run_command};
+use crate::process::{Result, cargo, make, output, root, run as run_command};
 use crate::setup;
 
 /// A part of the campaign.
@@ -76,7 +75,7 @@ fn fuzz_one(fuzzer: &str, longest: &str) -> Result<()> {
 }
 
 fn made(folder: PathBuf) -> Result<String> {
-    fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    make(&folder)?;
     Ok(folder.display().to_string())
 }
 

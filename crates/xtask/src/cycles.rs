@@ -11,10 +11,9 @@
 //! This is an estimate: on a board, `host-sim pil --port` counts.
 
 use std::collections::HashMap;
-use std::fs;
 use std::process::Command;
 
-use crate::process::{Result, output, root};
+use crate::process::{Result, output, read, root};
 use crate::setup::{TARGETS, Toolchain, built};
 
 /// Functions of `tests/embedded/src/cycles.rs`, and the rows of docs/results.md that they are for.
@@ -49,7 +48,7 @@ pub fn modelled(toolchain: &Toolchain) -> Result<Vec<(&'static str, f64)>> {
         .arg("-kernel")
         .arg(built().join(TARGETS[0]).join("release/cycles"));
     output(qemu)?;
-    let text = fs::read_to_string(&log).map_err(|error| format!("{}: {error}", log.display()))?;
+    let text = read(&log)?;
     let trace = Trace::read(&text);
     KERNELS.iter().map(|&(kernel, row)| Ok((row, trace.cycles_of(kernel)?))).collect()
 }

@@ -1,12 +1,11 @@
 //! The law in other languages and on other boards: what its tests need beyond the default run, installed, and those tests.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use clap::ValueEnum;
 
-use crate::process::{Result, cargo, command, root, run as run_command};
+use crate::process::{Result, cargo, command, read, root, run as run_command};
 use crate::test::QEMU;
 use crate::{embedded, other_board, setup};
 
@@ -122,7 +121,7 @@ fn same_versions(package: &Path) -> Result<()> {
 
 /// Names and versions in a lock file.
 fn locked(path: &Path) -> Result<Vec<(String, String)>> {
-    let text = fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let text = read(path)?;
     let value =
         |line: &str, key: &str| Some(line.strip_prefix(key)?.strip_prefix(" = \"")?.trim_end_matches('"').to_owned());
     let lines: Vec<&str> = text.lines().collect();

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::process::{Result, cargo, output, root, run as run_command};
+use crate::process::{Result, at, cargo, output, root, run as run_command};
 use crate::setup::{TARGETS, Toolchain, built};
 
 /// An image: the program in `firmware`, what it is for, and the options of its build.
@@ -45,7 +45,7 @@ pub fn images(toolchain: &Toolchain) -> Result<()> {
 fn no_virtual_bench_on_a_board(board: &Path, virtual_board: &Path) -> Result<()> {
     const LINE: &[u8] = b"a simulated film instead of pins and converters";
     let contains = |image: &Path| -> Result<bool> {
-        let bytes = fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
+        let bytes = fs::read(image).map_err(at(image))?;
         Ok(bytes.windows(LINE.len()).any(|window| window == LINE))
     };
     match (contains(board)?, contains(virtual_board)?) {

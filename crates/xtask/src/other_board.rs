@@ -1,9 +1,8 @@
 //! The example firmware for boards that are not the project's: in QEMU and on this host, with the bits that its page states.
 
-use std::fs;
 use std::path::PathBuf;
 
-use crate::process::{Result, cargo, command, output, root, run as run_command};
+use crate::process::{Result, cargo, command, output, read, root, run as run_command};
 use crate::setup::{OTHER_TARGETS, Toolchain, built};
 
 /// The output of the example is here.
@@ -47,8 +46,7 @@ fn folder() -> PathBuf {
 fn judge(place: &str, printed: &str) -> Result<()> {
     let refused = |error: String| format!("the example for other boards, on {place}: {error}; it printed\n{printed}");
     went_well(printed).map_err(refused)?;
-    let page = root().join(PAGE);
-    let page = fs::read_to_string(&page).map_err(|error| format!("{}: {error}", page.display()))?;
+    let page = read(&root().join(PAGE))?;
     if !page.contains(&format!("```text\n{printed}```\n")) {
         return Err(refused(format!("not what {PAGE} states")));
     }

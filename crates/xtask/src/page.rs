@@ -1,10 +1,9 @@
 //! The page of a demo in a browser: everything is drawn, nothing is reported to the console, and the numbers are those of `--json`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::process::{Result, cargo, command, output, root};
+use crate::process::{Result, cargo, command, make, output, read, root, write};
 use crate::setup;
 
 /// Most bytes of a page of three recordings.
@@ -35,17 +34,17 @@ const LOOKS: [Look; 4] = [
 pub fn run() -> Result<()> {
     let browser = setup::chromium()?;
     let folder = root().join("target").join("page");
-    fs::create_dir_all(&folder).map_err(|error| at(&folder, &error))?;
+    make(&folder)?;
     let folder_text = folder.to_string_lossy().into_owned();
     let demo = ["run", "--quiet", "--package", "host-sim", "--", "demo", "--json", "--out", &folder_text];
     let printed = output(cargo(&demo))?;
     let path = folder.join("report.html");
-    let page = fs::read_to_string(&path).map_err(|error| at(&path, &error))?;
+    let page = read(&path)?;
     check_document(&page, printed.trim_end())?;
     println!("{}: {} bytes, its document is what --json prints", path.display(), page.len());
     let checked = folder.join("checked.html");
     let with_checks = page.replace("</body>", &format!("<script>{CHECKS}</script></body>"));
-    fs::write(&checked, with_checks).map_err(|error| at(&checked, &error))?;
+    write(&checked, &with_checks)?;
     for look in LOOKS {
         check_look(&browser, &folder, &path, &checked, look)?;
     }
@@ -55,10 +54,6 @@ pub fn run() -> Result<()> {
     quiet(print, "print")?;
     println!("pictures to look at: {folder_text}/*.png, {}", pdf.display());
     Ok(())
-}
-
-fn at(path: &Path, error: &dyn std::fmt::Display) -> String {
-    format!("{}: {error}", path.display())
 }
 
 /// The page is small and holds `printed`.

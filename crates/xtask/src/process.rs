@@ -1,8 +1,9 @@
-//! Commands, as they would be typed.
+//! Commands, as they would be typed, and files.
 
-use std::env;
-use std::path::PathBuf;
+use std::fmt::Display;
+use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::{env, fs};
 
 /// A chore's result: the error is the message for the user.
 pub type Result<T> = std::result::Result<T, String>;
@@ -53,4 +54,23 @@ pub fn line(command: &Command) -> String {
     let mut words = vec![command.get_program().to_string_lossy().into_owned()];
     words.extend(command.get_args().map(|argument| argument.to_string_lossy().into_owned()));
     words.join(" ")
+}
+
+/// Puts a file or a folder before an error of it.
+pub fn at<E: Display>(path: &Path) -> impl Fn(E) -> String {
+    let path = path.display().to_string();
+    move |error| format!("{path}: {error}")
+}
+
+pub fn read(path: &Path) -> Result<String> {
+    fs::read_to_string(path).map_err(at(path))
+}
+
+pub fn write(path: &Path, text: &str) -> Result<()> {
+    fs::write(path, text).map_err(at(path))
+}
+
+/// Makes a folder and those that it is in.
+pub fn make(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder).map_err(at(folder))
 }

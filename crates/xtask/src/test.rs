@@ -4,11 +4,11 @@ use std::num::NonZero;
 use std::path::Path;
 use std::process::Command;
 use std::time::Instant;
-use std::{env, fs, io, thread};
+use std::{env, fs, thread};
 
 use crate::embedded::Films;
 use crate::packages::LIBRARIES;
-use crate::process::{Result, cargo, output, root, run as run_command};
+use crate::process::{Result, at, cargo, output, read, root, run as run_command};
 use crate::{embedded, firmware, other_board, packages, setup};
 
 /// Variable that the tests read: with `full` they run all cases of their sweeps, otherwise a sample.
@@ -160,12 +160,11 @@ fn lint() -> Result<()> {
 }
 
 fn no_tests_in(folder: &Path) -> Result<()> {
-    let failed = |error: io::Error| format!("{}: {error}", folder.display());
-    for entry in fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
+    for entry in fs::read_dir(folder).map_err(at(folder))? {
+        let path = entry.map_err(at(folder))?.path();
         if path.is_dir() {
             no_tests_in(&path)?;
-        } else if fs::read_to_string(&path).map_err(failed)?.contains("#[test]") {
+        } else if read(&path)?.contains("#[test]") {
             return Err(format!("{} has a test that is never run", path.display()));
         }
     }
@@ -191,7 +190,7 @@ fn features() -> Result<()> {
 /// Names in the table of features in a library's manifest.
 fn features_of(library: &str) -> Result<Vec<String>> {
     let path = root().join("crates").join(library).join("Cargo.toml");
-    let manifest = fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let manifest = read(&path)?;
     let table = manifest.lines().skip_while(|line| line.trim() != "[features]").skip(1);
     let names = table
         .take_while(|line| !line.starts_with('['))
