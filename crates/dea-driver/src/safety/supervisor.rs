@@ -88,8 +88,8 @@ pub enum Refusal {
     /// The interlock is open.
     #[error("the interlock is open")]
     InterlockOpen,
-    /// There is voltage on the film while it should be at 0 V.
-    #[error("there is voltage on the film, or the monitor does not answer")]
+    /// There is voltage on the film while it should be at 0 V, or there has been since it was discharged.
+    #[error("there is voltage on the film or was just before, or the monitor does not answer")]
     LiveVoltage,
     /// The displacement sensor is implausible.
     #[error("the displacement sensor is implausible: {0:?}")]
@@ -179,8 +179,12 @@ pub struct Supervisor {
     heartbeat_ticks: u32,
     ticks_since_heartbeat: u32,
     discharge_ticks: u32,
-    /// Ticks with the amplifier disabled and voltage at the monitor, less those at 0 V: a film that arcs is at 0 V now and then.
+    /// [`LIVE`] for every tick with the amplifier disabled and voltage at the monitor, less one for every tick at 0 V.
     live_ticks: u32,
+    /// Whether the monitor has shown 0 V since the amplifier was disabled: voltage after that is no discharge.
+    discharged: bool,
+    /// Ticks at 0 V that are still missing before it can be armed, or a live film acknowledged.
+    missing_at_0_v: u32,
     command_v: f32,
     monitor: Monitor,
     sensor: Plausibility,
@@ -189,6 +193,10 @@ pub struct Supervisor {
     monitor_v: f32,
     last_fault: Option<SensorFault>,
 }
+
+/// Ticks at 0 V that make up for one with voltage while the amplifier is disabled: a film that is live for more than a fifth of the time is
+/// reported.
+const LIVE: u32 = 4;
 
 /// Bound of the search for the time that a film takes to 0 V: e^16 is nine million.
 const MAX_TIME_CONSTANTS: u8 = 16;
@@ -222,6 +230,8 @@ impl Supervisor {
             ticks_since_heartbeat: 0,
             discharge_ticks: (limits.discharge_s * rate_hz + 0.5) as u32,
             live_ticks: 0,
+            discharged: true,
+            missing_at_0_v: 0,
             command_v: 0.0,
             monitor: Monitor::new(limits.monitor, rate_hz),
             sensor: Plausibility::new(limits.sensor),
@@ -308,7 +318,8 @@ impl Supervisor {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] from another state than disarmed, and while the readings of the last tick are not safe.
+    /// [`Refusal`] from another state than disarmed, while the readings of the last tick are not safe, and until a film that was live
+    /// again after its discharge has been at 0 V for as long as that takes.
     pub fn arm(&mut self) -> Result<(), Refusal> {
         if self.state != DriverState::Disarmed {
             return Err(Refusal::State(self.state));
@@ -316,13 +327,14 @@ impl Supervisor {
         if !self.interlock_closed {
             return Err(Refusal::InterlockOpen);
         }
-        if !self.is_at_0_v() {
+        if !self.is_at_0_v() || self.missing_at_0_v > 0 {
             return Err(Refusal::LiveVoltage);
         }
         if let (Some(fault), OnSensorFault::Trip) = (self.last_fault, self.on_sensor_fault) {
             return Err(Refusal::Sensor(fault));
         }
         self.state = DriverState::Armed;
+        (self.live_ticks, self.discharged) = (0, false);
         self.ticks_since_heartbeat = 0;
         self.monitor.reset();
         Ok(())
@@ -367,12 +379,17 @@ impl Supervisor {
     ///
     /// # Errors
     ///
-    /// [`Refusal`] if it is not tripped, and for [`Cause::LiveFilm`] until the monitor shows 0 V.
+    /// [`Refusal`] if it is not tripped, and for [`Cause::LiveFilm`] until the monitor has shown 0 V for the time of a discharge.
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         match self.state {
-            DriverState::Tripped(Cause::LiveFilm) if !self.is_at_0_v() => Err(Refusal::LiveVoltage),
-            DriverState::Tripped(_) => {
+            DriverState::Tripped(Cause::LiveFilm) if !self.is_at_0_v() || self.missing_at_0_v > 0 => {
+                Err(Refusal::LiveVoltage)
+            }
+            DriverState::Tripped(cause) => {
                 self.state = DriverState::Disarmed;
+                if cause == Cause::LiveFilm {
+                    self.live_ticks = 0;
+                }
                 self.sensor.reset();
                 Ok(())
             }
@@ -443,21 +460,28 @@ impl Supervisor {
     /// Only the monitor shows that a disabled amplifier is really off: an enable input that is welded, or wired to
     /// nothing, shows here alone. This outranks the cause that disabled it.
     fn check_film_at_0_v(&mut self) {
-        self.live_ticks = if self.enables() {
-            0
-        } else if self.is_film_live() {
-            // No more than it takes to trip: a film that was live for a minute does not need another one at 0 V until an
-            // acknowledgement holds.
-            if self.live_ticks > self.discharge_ticks { self.live_ticks } else { self.live_ticks.saturating_add(1) }
+        if self.enables() {
+            return;
+        }
+        let max_live_ticks = self.discharge_ticks.saturating_mul(LIVE);
+        if self.is_film_live() {
+            // No more than it takes to trip.
+            if self.live_ticks <= max_live_ticks {
+                self.live_ticks = self.live_ticks.saturating_add(LIVE);
+            }
+            if self.discharged {
+                self.missing_at_0_v = self.discharge_ticks;
+            }
         } else if self.is_at_0_v() {
-            self.live_ticks.saturating_sub(1)
-        } else {
-            // Unknown: a monitor that does not answer proves nothing.
-            self.live_ticks
-        };
-        if self.live_ticks > self.discharge_ticks && self.state != DriverState::Tripped(Cause::LiveFilm) {
+            self.live_ticks = self.live_ticks.saturating_sub(1);
+            self.missing_at_0_v = self.missing_at_0_v.saturating_sub(1);
+            self.discharged = true;
+        }
+        // Unknown otherwise: a monitor that does not answer proves nothing.
+        if self.live_ticks > max_live_ticks && self.state != DriverState::Tripped(Cause::LiveFilm) {
             self.state = DriverState::Disarmed;
             self.trip(Cause::LiveFilm);
+            self.missing_at_0_v = self.discharge_ticks;
         }
     }
 

@@ -237,9 +237,10 @@ impl World for Hosts {
         let timeout = self.timeout_ticks;
         let live = state.is_live();
         let key = format!(
-            "{state:?} {} {} {} {} {:?} {} {:?} {} {} {} {:?}",
+            "{state:?} {} {:?} {} {} {} {:?} {} {:?} {} {} {} {:?}",
             if live { counter("ticks_since_heartbeat: ", timeout + 1) } else { 0 },
-            counter("live_ticks: ", timeout + 1),
+            [counter("live_ticks: ", u32::MAX), counter("missing_at_0_v: ", u32::MAX)],
+            value("discharged: "),
             if live { counter("excess: ", u32::MAX) } else { 0 },
             counter("missing: ", 20),
             value("last_fault: "),

@@ -34,8 +34,11 @@ pub struct Reference {
     /// Readings of the last tick.
     pub readings: Option<Readings>,
     pub sensor_faults: Vec<SensorFault>,
-    /// Ticks with the amplifier disabled and voltage at the monitor, less those at 0 V.
-    live_ticks: i64,
+    /// Time with the amplifier disabled and voltage at the monitor, in ticks, less a quarter of that at 0 V.
+    live_ticks: f64,
+    /// Whether it has been at 0 V since it was disabled, and for how many ticks in a row after it was live all the same.
+    discharged: bool,
+    quiet_ticks: Option<i64>,
     monitor: MonitorReference,
     sensor: SensorReference,
 }
@@ -85,7 +88,9 @@ impl Reference {
             silent_ticks: 0,
             readings: None,
             sensor_faults: Vec::new(),
-            live_ticks: 0,
+            live_ticks: 0.0,
+            discharged: true,
+            quiet_ticks: None,
             monitor: MonitorReference::default(),
             sensor: SensorReference::default(),
         }
@@ -95,6 +100,11 @@ impl Reference {
         self.readings.is_some_and(|readings| readings.monitor_v.abs() <= self.limits.monitor.band_v)
     }
 
+    /// At 0 V, and for as long as a discharge takes since it was last live without reason.
+    fn is_quiet(&self) -> bool {
+        self.at_0_v() && self.quiet_ticks.is_none_or(|ticks| ticks >= self.discharge_ticks)
+    }
+
     pub fn arm(&mut self) -> Result<(), Refusal> {
         if self.state != DriverState::Disarmed {
             return Err(Refusal::State(self.state));
@@ -102,7 +112,7 @@ impl Reference {
         if !self.readings.is_some_and(|readings| readings.interlock_closed) {
             return Err(Refusal::InterlockOpen);
         }
-        if !self.at_0_v() {
+        if !self.is_quiet() {
             return Err(Refusal::LiveVoltage);
         }
         if self.limits.on_sensor_fault == OnSensorFault::Trip
@@ -111,6 +121,7 @@ impl Reference {
             return Err(Refusal::Sensor(fault));
         }
         self.state = DriverState::Armed;
+        (self.live_ticks, self.discharged, self.quiet_ticks) = (0.0, false, None);
         self.silent_ticks = 0;
         self.monitor = MonitorReference::default();
         Ok(())
@@ -146,9 +157,12 @@ impl Reference {
 
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         match self.state {
-            DriverState::Tripped(Cause::LiveFilm) if !self.at_0_v() => Err(Refusal::LiveVoltage),
-            DriverState::Tripped(_) => {
+            DriverState::Tripped(Cause::LiveFilm) if !self.is_quiet() => Err(Refusal::LiveVoltage),
+            DriverState::Tripped(cause) => {
                 self.state = DriverState::Disarmed;
+                if cause == Cause::LiveFilm {
+                    self.live_ticks = 0.0;
+                }
                 self.sensor = SensorReference::default();
                 Ok(())
             }
@@ -186,16 +200,27 @@ impl Reference {
                 possible = causes.into_iter().map(DriverState::Tripped).collect();
             }
         }
-        if possible[0].is_live() {
-            self.live_ticks = 0;
-        } else if readings.monitor_v.abs() > self.limits.monitor.band_v {
-            // What counts is whether the film has been live for longer than it may be, not for how much longer.
-            self.live_ticks = (self.live_ticks + 1).min(self.discharge_ticks + 1);
-        } else if readings.monitor_v.abs() <= self.limits.monitor.band_v {
-            self.live_ticks = (self.live_ticks - 1).max(0);
-        }
-        if self.live_ticks > self.discharge_ticks {
-            possible = vec![DriverState::Tripped(Cause::LiveFilm)];
+        if !possible[0].is_live() {
+            let allowed = self.discharge_ticks as f64;
+            if readings.monitor_v.abs() > self.limits.monitor.band_v {
+                // What counts is whether the film has been live for longer than it may be, not for how much longer.
+                if self.live_ticks <= allowed {
+                    self.live_ticks += 1.0;
+                }
+                if self.discharged || self.state == DriverState::Tripped(Cause::LiveFilm) {
+                    self.quiet_ticks = Some(0);
+                }
+            } else if self.at_0_v() {
+                self.live_ticks = (self.live_ticks - 0.25).max(0.0);
+                self.quiet_ticks = self.quiet_ticks.map(|ticks| ticks + 1);
+                self.discharged = true;
+            }
+            if self.live_ticks > allowed {
+                possible = vec![DriverState::Tripped(Cause::LiveFilm)];
+                if self.state != possible[0] {
+                    self.quiet_ticks = Some(0);
+                }
+            }
         }
         if !possible.contains(&taken) {
             return Err(possible);

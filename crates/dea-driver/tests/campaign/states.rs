@@ -30,7 +30,7 @@ const RATE_HZ: f32 = 1000.0;
 const MAX_V: f32 = 1000.0;
 const BAND_V: f32 = 60.0;
 const HEARTBEAT_TICKS: u32 = 2;
-const DISCHARGE_TICKS: u32 = 2;
+const DISCHARGE_TICKS: u32 = 1;
 const STUCK_TICKS: u32 = 5;
 
 fn limits(on_sensor_fault: OnSensorFault) -> Limits {
@@ -363,7 +363,6 @@ impl<M: Machine> World for Node<M> {
                 "excess:" => Some(if live { 1 } else { 0 }),
                 // A single tick outside the band trips: what follows an arc is never asked.
                 "watched:" => Some(0),
-                "live_ticks:" => Some(DISCHARGE_TICKS + 2),
                 "same:" => Some(STUCK_TICKS),
                 "away_ticks:" => Some(STUCK_TICKS / 5 + 1),
                 _ => None,
