@@ -137,10 +137,7 @@ impl<SPI: SpiDevice> Ads868x<SPI> {
     }
 
     /// [`read`](Self::read) in volts.
-    ///
-    /// # Errors
-    ///
-    /// As [`read`](Self::read).
+    #[allow(clippy::missing_errors_doc)] // as the one above
     pub fn volts(&mut self) -> Result<f32, AdcError> {
         self.read().map(|code| code.volts(self.range))
     }

@@ -43,7 +43,7 @@ pub struct Outputs {
 /// A tick cannot fail, and takes the same number of operations every time, apart from samples of the sensor, which may arrive
 /// more slowly. It converts between volts at the converters and quantities; converters and their codes are the caller's.
 ///
-/// Requests between two ticks go through the methods here. There is no access to the [`Supervisor`] but to read it:
+/// Requests between two ticks go through the methods here, and are refused as the [`Supervisor`] refuses them. There is no access to the [`Supervisor`] but to read it:
 /// [`start`](Self::start) always takes a mode, every run begins at 0 V, and targets end with the state that they were set in.
 ///
 /// ```
@@ -113,6 +113,7 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     test: LoopTest<M>,
 }
 
+#[allow(clippy::missing_errors_doc)] // of requests: as the supervisor's
 impl<M: ControllerMemory> Controller<M> {
     /// The controller of `blob`, disarmed, its film at rest.
     #[must_use]
@@ -274,10 +275,6 @@ impl<M: ControllerMemory> Controller<M> {
     }
 
     /// Enables the amplifier at 0 V.
-    ///
-    /// # Errors
-    ///
-    /// As [`Supervisor::arm`].
     pub fn arm(&mut self) -> Result<(), Refusal> {
         self.supervisor.arm()?;
         self.clear_target();
@@ -287,10 +284,6 @@ impl<M: ControllerMemory> Controller<M> {
     /// Begins a run in `mode` at 0 V, where it stays until a target is set. Feedforward uses the model as it was fitted, without
     /// what was learned in other runs; what was learned of cycles begins anew, unless it is ordered to be
     /// [carried over](Self::order_learning).
-    ///
-    /// # Errors
-    ///
-    /// As [`Supervisor::start`].
     pub fn start(&mut self, mode: Mode) -> Result<(), Refusal> {
         self.supervisor.start()?;
         self.clear_target();
@@ -305,10 +298,6 @@ impl<M: ControllerMemory> Controller<M> {
     }
 
     /// Ends the run: 0 V, amplifier enabled, targets cleared.
-    ///
-    /// # Errors
-    ///
-    /// As [`Supervisor::stop`].
     pub fn stop(&mut self) -> Result<(), Refusal> {
         self.supervisor.stop()?;
         self.clear_target();
@@ -316,10 +305,6 @@ impl<M: ControllerMemory> Controller<M> {
     }
 
     /// 0 V, amplifier disabled, targets cleared.
-    ///
-    /// # Errors
-    ///
-    /// As [`Supervisor::disarm`].
     pub fn disarm(&mut self) -> Result<(), Refusal> {
         self.supervisor.disarm()?;
         self.clear_target();
@@ -328,10 +313,6 @@ impl<M: ControllerMemory> Controller<M> {
 
     /// Acknowledges a trip: disarmed from now on. What was learned from the sensor is forgotten, since the fault may have taught
     /// it; a film whose state is not finite starts again at rest.
-    ///
-    /// # Errors
-    ///
-    /// As [`Supervisor::acknowledge`].
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         self.supervisor.acknowledge()?;
         self.clear_target();

@@ -201,10 +201,7 @@ impl<M: ControllerMemory> Blob<M> {
     }
 
     /// The same for a board with other `converters`.
-    ///
-    /// # Errors
-    ///
-    /// As [`new`](Self::new).
+    #[allow(clippy::missing_errors_doc)] // as the one above
     pub fn with_converters(parameters: Parameters<M>, converters: &Converters) -> Result<Self, BlobError> {
         if !(1.0..=100_000.0).contains(&parameters.rate_hz) {
             return Err(BlobError::Rate { rate_hz: parameters.rate_hz });
@@ -397,10 +394,7 @@ mod bytes {
         }
 
         /// The same for a board with other `converters`.
-        ///
-        /// # Errors
-        ///
-        /// As [`encode`](Self::encode).
+        #[allow(clippy::missing_errors_doc)] // as the one above
         pub fn encode_for(&self, board: u16, converters: &Converters, bytes: &mut [u8]) -> Result<usize, BlobError> {
             Blob::with_converters(self.clone(), converters)?;
             let (sizes, stated) = Self::sizes()?;
@@ -434,10 +428,7 @@ mod bytes {
 
     impl<M: ControllerMemory> Blob<M> {
         /// The same for a board with other `converters`, or a law with another memory.
-        ///
-        /// # Errors
-        ///
-        /// As [`decode`](Blob::decode).
+        #[allow(clippy::missing_errors_doc)] // as the one above
         pub fn decode_for(bytes: &[u8], board: u16, converters: &Converters) -> Result<Self, BlobError> {
             let header = BlobHeader::read(bytes)?;
             let end = header.contents_end();

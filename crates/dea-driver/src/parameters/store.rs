@@ -91,10 +91,7 @@ impl<F: NorFlash> Store<F> {
 
 impl<F: NorFlash, M: ControllerMemory> Store<F, M> {
     /// The same for a board with other `converters`, or a law with another memory.
-    ///
-    /// # Errors
-    ///
-    /// As [`new`](Store::new).
+    #[allow(clippy::missing_errors_doc)] // as the one above
     pub fn with_converters(flash: F, board: u16, converters: Converters) -> Result<Self, StoreError> {
         let half = flash.capacity() / 2;
         let slot = half - half % F::ERASE_SIZE.max(1);

@@ -56,7 +56,7 @@ pub struct Device<M: ControllerMemory = Compressed<f32>> {
     pub(super) test: Option<Controller<M>>,
 }
 
-/// Why a device did not do as asked.
+/// Why a device did not do as asked: as its controller refuses it, or [`Reject::NoParameters`] without one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum Denial {
@@ -98,6 +98,7 @@ impl Device {
     }
 }
 
+#[allow(clippy::missing_errors_doc)] // of requests: see [`Denial`]
 impl<M: ControllerMemory> Device<M> {
     /// As [`new`](Device::new), for controllers whose law has the memory `M`.
     #[must_use]
@@ -250,47 +251,27 @@ impl<M: ControllerMemory> Device<M> {
     }
 
     /// Name and checksum of the parameters.
-    ///
-    /// # Errors
-    ///
-    /// [`Reject::NoParameters`].
     pub fn parameters(&self) -> Result<(String<32>, Option<u32>), Denial> {
         let controller = self.controller.as_ref().ok_or(Denial::Rejected(Reject::NoParameters))?;
         Ok((controller.parameters().name.clone(), controller.checksum()))
     }
 
     /// [`Controller::arm`].
-    ///
-    /// # Errors
-    ///
-    /// As there, and [`Reject::NoParameters`].
     pub fn arm(&mut self) -> Result<(), Denial> {
         Ok(self.installed()?.arm()?)
     }
 
     /// [`Controller::start`].
-    ///
-    /// # Errors
-    ///
-    /// As there, and [`Reject::NoParameters`].
     pub fn start(&mut self, mode: Mode) -> Result<(), Denial> {
         Ok(self.installed()?.start(mode)?)
     }
 
     /// [`Controller::stop`].
-    ///
-    /// # Errors
-    ///
-    /// As there, and [`Reject::NoParameters`].
     pub fn stop(&mut self) -> Result<(), Denial> {
         Ok(self.installed()?.stop()?)
     }
 
     /// [`Controller::disarm`]; without parameters there is nothing to disarm, and a latched cause refuses it as a trip does.
-    ///
-    /// # Errors
-    ///
-    /// As there.
     pub fn disarm(&mut self) -> Result<(), Denial> {
         match (&mut self.controller, self.latched) {
             (Some(controller), _) => Ok(controller.disarm()?),
@@ -301,10 +282,6 @@ impl<M: ControllerMemory> Device<M> {
 
     /// [`Controller::acknowledge`]; without parameters, clears the cause that ended the last run. That older parameters are in force
     /// than were saved last has to be acknowledged by itself.
-    ///
-    /// # Errors
-    ///
-    /// As there, and [`Reject::NoParameters`] without either.
     pub fn acknowledge(&mut self) -> Result<(), Denial> {
         let acknowledged = self.state();
         match &mut self.controller {
@@ -323,19 +300,11 @@ impl<M: ControllerMemory> Device<M> {
     }
 
     /// [`Controller::set_voltage`].
-    ///
-    /// # Errors
-    ///
-    /// [`Reject::Value`] as there, and [`Reject::NoParameters`].
     pub fn set_voltage(&mut self, volts: f32) -> Result<(), Denial> {
         Ok(self.installed()?.set_voltage(volts)?)
     }
 
     /// [`Controller::set_reference`].
-    ///
-    /// # Errors
-    ///
-    /// [`Reject::Value`] as there, and [`Reject::NoParameters`].
     pub fn set_reference(&mut self, metres: f32) -> Result<(), Denial> {
         Ok(self.installed()?.set_reference(metres)?)
     }

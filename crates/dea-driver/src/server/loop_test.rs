@@ -8,6 +8,7 @@ use crate::server::{Denial, Device};
 use crate::wire::Reject;
 
 /// The loop test, which takes time that the tick of an enabled amplifier may need.
+#[allow(clippy::missing_errors_doc)] // as of `rest`
 impl<M: ControllerMemory> Device<M> {
     /// [`Controller::rest`], and a controller at rest for [`tick_test`](Self::tick_test).
     ///
@@ -34,20 +35,12 @@ impl<M: ControllerMemory> Device<M> {
     }
 
     /// [`Controller::step`] under each of `volts`.
-    ///
-    /// # Errors
-    ///
-    /// As [`rest`](Self::rest).
     pub fn step<C: FromIterator<Step>>(&mut self, volts: &[f32]) -> Result<C, Denial> {
         let controller = self.disabled()?;
         Ok(volts.iter().map(|&volts| controller.step(volts)).collect())
     }
 
     /// [`Controller::follow`] to each of `targets`.
-    ///
-    /// # Errors
-    ///
-    /// As [`rest`](Self::rest).
     pub fn follow<C: FromIterator<Followed>>(&mut self, mode: Mode, targets: &[Target]) -> Result<C, Denial> {
         let controller = self.disabled()?;
         Ok(targets.iter().map(|&target| controller.follow(mode, target)).collect())

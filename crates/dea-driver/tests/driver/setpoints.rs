@@ -90,23 +90,6 @@ fn no_set_point_outlives_its_state() {
     assert_eq!(changed, (3 + 4 + 3 + 2) * 3 * 2 * 3);
 }
 
-/// A film that still creeps is not pulled back to where it was when following begins: a run begins at 0 V in every mode.
-#[test]
-fn a_film_that_still_creeps_gets_no_voltage() {
-    for mode in [Mode::Feedforward, Mode::Tracking] {
-        let mut bench = reach(DriverState::Running, Mode::Voltage);
-        bench.set_voltage(5000.0);
-        bench.run(5000);
-        bench.ask(Controller::stop).expect("running");
-        bench.run(100);
-        assert!(bench.displacement_m > 0.05e-3, "{} m", bench.displacement_m);
-        bench.ask(|controller| controller.start(mode)).expect("armed");
-        for _ in 0..300 {
-            assert_eq!(bench.tick(|_| ()).telemetry.command_v, 0.0, "{mode:?}");
-        }
-    }
-}
-
 /// Requests that arrive within one tick are as good as those between ticks: a run that is stopped and started again begins at 0 V.
 #[test]
 fn a_run_begins_at_0_v_without_a_tick_before_it() {
