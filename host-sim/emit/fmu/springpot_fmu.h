@@ -77,6 +77,9 @@ static fmu_result fmu_initialise(fmu_state *state, double start)
     if (state->phase != FMU_INSTANTIATED) {
         return fmu_error("initialisation begins once, after instantiation or a reset");
     }
+    if (!((start - start) == 0.0)) {
+        return fmu_error("the start time must be finite");
+    }
     state->start = start;
     state->phase = FMU_INITIALISING;
     return fmu_ok();

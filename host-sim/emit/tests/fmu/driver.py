@@ -34,7 +34,7 @@ HEADERS = os.path.join(os.path.dirname(fmpy.__file__), "c-code")
 class Instance:
     """An instance by the names of its variables, for both versions."""
 
-    def __init__(self, folder, description, **parameters):
+    def __init__(self, folder, description, start=0.0, **parameters):
         self.references = {v.name: v.valueReference for v in description.modelVariables}
         self.is_3 = description.fmiVersion.startswith("3")
         self.messages = []
@@ -51,10 +51,12 @@ class Instance:
             self.fmu = FMU2Slave(**kwargs)
             self.fmu.instantiate()
         self.set(**parameters)
-        if not self.is_3:
-            self.fmu.setupExperiment(startTime=0.0)
-        self.fmu.enterInitializationMode()
-        self.time = 0.0
+        if self.is_3:
+            self.fmu.enterInitializationMode(startTime=start)
+        else:
+            self.fmu.setupExperiment(startTime=start)
+            self.fmu.enterInitializationMode()
+        self.time = start
 
     def begun(self):
         self.fmu.exitInitializationMode()
@@ -245,7 +247,9 @@ def check_refusals(folder, description, learns, other_path):
     else:
         with refused("learning by a film that does not learn"):
             learner.begun()
-    film = Instance(folder, description, mode=1)
+    with refused("a start at NaN"):
+        Instance(folder, description, start=float("nan"))
+    film = Instance(folder, description, start=5.0, mode=1)
     with refused("a step before initialisation has ended"):
         film.step()
     for value in [float("nan"), float("inf"), 1e39]:
