@@ -44,35 +44,52 @@ fn feedforward(amplifier: AmplifierLag) -> Feedforward<f64> {
     Feedforward::new(law, &Actuator::KARNER_2022, CommandLimits { amplifier, ..CommandLimits::BENCH }).expect("valid")
 }
 
-/// Up 0.8 mm and down by 0.3 mm in `seconds` each, by minimum jerk: the largest error of the film whose voltage lags as an exponential in parts
-/// of a tick, in m, and what was met.
-fn follows(amplifier: AmplifierLag, known: AmplifierLag, seconds: f64) -> (f64, Limited) {
-    let feedforward = feedforward(known);
-    let ideal = self::feedforward(AmplifierLag::NONE);
+/// Voltages of the film at the end of this tick and of the one before it, V, to what the monitor reads.
+type Reading<'a> = &'a dyn Fn(u32, [f64; 2]) -> Option<f64>;
+
+/// Follows `reference` (m, by the time) for `ticks` behind `amplifier`, where `known` is stated: the largest error of the film whose voltage
+/// lags as an exponential in parts of a tick, in m, and the limits that were met, after `settled_s`.
+fn run(
+    [amplifier, known]: [AmplifierLag; 2],
+    ticks: u32,
+    settled_s: f64,
+    reference: impl Fn(f64) -> f64,
+    read: Reading,
+) -> (f64, Limited) {
+    let (feedforward, ideal) = (feedforward(known), feedforward(AmplifierLag::NONE));
     let rest = ideal.law().state();
     let (mut state, mut film) = (feedforward.state(rest.clone()), rest);
-    let (mut command, mut voltage, mut largest, mut met) = (0.0, 0.0_f64, 0.0_f64, Limited::NONE);
-    let rise = |s: f64| s * s * s * (10.0 - s * (15.0 - 6.0 * s));
-    for k in 0..(2.5 * seconds / STEP_S) as u32 {
-        let s = f64::from(k) * STEP_S / seconds;
-        let reference = 0.8e-3 * if s < 1.0 { rise(s) } else { 1.0 - 0.4 * rise((s - 1.0).min(1.0)) };
-        feedforward.apply(&mut state, Applied::as_commanded(command));
-        let next = feedforward.command(&mut state, reference);
-        command = next.voltage_v;
-        // An Euler integration of its own, in microseconds.
-        for _ in 0..1000 {
-            let rate = if amplifier.rise_s == 0.0 { f64::INFINITY } else { (command - voltage) / amplifier.rise_s };
+    let (mut commanded_v, mut voltages, mut largest, mut met) = (0.0, [0.0_f64; 2], 0.0_f64, Limited::NONE);
+    for k in 0..ticks {
+        let now = f64::from(k) * STEP_S;
+        feedforward.apply(&mut state, Applied { commanded_v, reading_v: read(k, voltages) });
+        let next = feedforward.command(&mut state, reference(now));
+        commanded_v = next.voltage_v;
+        // An Euler integration of its own.
+        let mut voltage = voltages[0];
+        for _ in 0..200 {
             let slowest = if amplifier.fall_s == 0.0 { f64::NEG_INFINITY } else { -voltage / amplifier.fall_s };
-            voltage = if rate.is_infinite() { command } else { voltage + 1e-6 * rate.max(slowest) };
+            voltage += 5e-6 * ((commanded_v - voltage) / amplifier.rise_s).max(slowest);
         }
+        voltages = [voltage, voltages[0]];
         let displacement = ideal.law().displacement_under(&mut film, ideal.drive().load(voltage));
-        // At 0 V the voltage begins as a root, faster than any amplifier.
-        if s > 0.3 {
-            largest = largest.max((displacement - reference).abs());
+        if now > settled_s {
+            largest = largest.max((displacement - reference(now)).abs());
             met |= next.limited;
         }
     }
     (largest, met)
+}
+
+/// Up 0.8 mm and down by 0.3 mm in `seconds` each, by minimum jerk.
+fn follows(amplifier: AmplifierLag, known: AmplifierLag, seconds: f64) -> (f64, Limited) {
+    let rise = |s: f64| s * s * s * (10.0 - s * (15.0 - 6.0 * s));
+    let reference = |now: f64| {
+        let s = now / seconds;
+        0.8e-3 * if s < 1.0 { rise(s) } else { 1.0 - 0.4 * rise((s - 1.0).min(1.0)) }
+    };
+    // At 0 V the voltage begins as a root, faster than any amplifier.
+    run([amplifier, known], (2.5 * seconds / STEP_S) as u32, 0.3 * seconds, reference, &|_, _| None)
 }
 
 /// A lag of 0.1 s is followed as if it did not, where that is known; by 1 % of the stroke and more, where it is not.
@@ -106,32 +123,12 @@ fn invalid_amplifier_times_are_refused() {
     }
 }
 
-/// A sine of 3 s behind `amplifier`, where `known` is stated, with readings of the film's voltage as they are `read`: the largest error of
-/// the last of six cycles, m.
-fn cycles(amplifier: AmplifierLag, known: AmplifierLag, read: impl Fn(u32, [f64; 2]) -> Option<f64>) -> f64 {
-    let feedforward = feedforward(known);
-    let ideal = self::feedforward(AmplifierLag::NONE);
-    let rest = ideal.law().state();
-    let (mut state, mut film) = (feedforward.state(rest.clone()), rest);
-    let (mut command, mut voltages, mut largest) = (0.0, [0.0_f64; 2], 0.0_f64);
-    for k in 0..18_000 {
-        let now = f64::from(k) * STEP_S;
-        let reference =
-            0.7e-3 * (now / 1.5).min(1.0) - 0.15e-3 * (core::f64::consts::TAU * (now - 1.5).max(0.0) / 3.0).sin();
-        feedforward.apply(&mut state, Applied { commanded_v: command, reading_v: read(k, voltages) });
-        command = feedforward.command(&mut state, reference).voltage_v;
-        let mut voltage = voltages[0];
-        for _ in 0..100 {
-            let rate = (command - voltage) / amplifier.rise_s;
-            voltage += 1e-5 * rate.max(-voltage / amplifier.fall_s);
-        }
-        voltages = [voltage, voltages[0]];
-        let displacement = ideal.law().displacement_under(&mut film, ideal.drive().load(voltage));
-        if now > 15.0 {
-            largest = largest.max((displacement - reference).abs());
-        }
-    }
-    largest
+/// The largest error of the last of six cycles of a sine of 3 s, m.
+fn cycles(amplifier: AmplifierLag, known: AmplifierLag, read: Reading) -> f64 {
+    let reference = |now: f64| {
+        0.7e-3 * (now / 1.5).min(1.0) - 0.15e-3 * (core::f64::consts::TAU * (now - 1.5).max(0.0) / 3.0).sin()
+    };
+    run([amplifier, known], 18_000, 15.0, reference, read).0
 }
 
 /// An amplifier that is up to 1.4 times slower or faster than it says: the readings of a monitor that is exact, late by a tick with 10 V
@@ -143,8 +140,7 @@ fn the_amplifiers_time_follows_from_the_monitor() {
     let noise = |k: u32| 10.0 * (f64::from(k.wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 23) - 1.0);
     for by in [0.7, 0.8, 1.2, 1.4] {
         let real = AmplifierLag { rise_s: by * 0.1, fall_s: by * 0.5 };
-        let blind = cycles(real, stated, |_, _| None);
-        type Reading<'a> = &'a dyn Fn(u32, [f64; 2]) -> Option<f64>;
+        let blind = cycles(real, stated, &|_, _| None);
         let readings: [(&str, Reading); 4] = [
             ("exact", &|_, [now, _]| Some(now)),
             ("late, with noise", &|k, [_, before]| Some(before + noise(k))),
@@ -158,8 +154,8 @@ fn the_amplifiers_time_follows_from_the_monitor() {
         }
     }
     // Of one that is as it says nothing changes for the worse.
-    let exact = cycles(stated, stated, |_, _| None);
-    let informed = cycles(stated, stated, |k, [_, before]| Some(before + noise(k)));
+    let exact = cycles(stated, stated, &|_, _| None);
+    let informed = cycles(stated, stated, &|k, [_, before]| Some(before + noise(k)));
     println!("as stated: {:.2} and {:.2} µm", 1e6 * exact, 1e6 * informed);
     assert!(informed < exact + 0.3e-6, "{informed}, {exact}");
 }
