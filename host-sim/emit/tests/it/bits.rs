@@ -43,7 +43,7 @@ fn smoothed(recorded: &[(f32, f32)]) -> Vec<f32> {
 /// Inputs of `kind` along a recording: what a bench would give, with a sensor that is late and lost for a while, an amplifier that is off
 /// by a percent, values that are not finite, and orders now and then.
 pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
-    let (mut random, mut orders, mut standby) = (Pcg64::seed_from_u64(5), Pcg64::seed_from_u64(6), 0_u32);
+    let mut random = Pcg64::seed_from_u64(5);
     let mut noise = |size: f32| size * random.random_range(-1.0..1.0_f32);
     let steps = recorded.len();
     // A stroke that a film can follow, and what a sensor shows of a film that is a little stiffer.
@@ -61,12 +61,8 @@ pub fn inputs(kind: Kind, recorded: &[(f32, f32)]) -> Vec<Input> {
                 },
                 age_ticks: if k % 9000 == 23 { 64 } else { 10 },
             });
+            let order = u32::from(k == steps / 2) + 2 * u32::from(k == steps * 2 / 3);
             let follows = matches!(kind, Kind::Feedforward | Kind::Tracking | Kind::Learning);
-            // Orders in the second half; after one of them something else sets the voltage for a while.
-            let order = 1 << [0, 4, 5, 6, 7, 8, 1][orders.random_range(0..7)];
-            let is_due = if follows { k > steps / 2 && orders.random_range(0..steps) < 20 } else { k == steps / 2 };
-            standby = if is_due && order == 2 { orders.random_range(1..300) } else { standby.saturating_sub(1) };
-            let order = if is_due { order } else { 2 * u32::from(follows && standby > 0) };
             // Now and then less than the command is put out.
             let halved = follows && (k % 20_000).abs_diff(1_100) < 5;
             let unknown = halved && k % 5 == 2;
@@ -139,6 +135,54 @@ fn three_recordings_have_the_bits_of_rust() {
     assert_eq!(limits, 0xff, "all limits were met somewhere");
     let [plain, found, given] = learned;
     assert!(plain == 0 && found > 20_000 && given > 20_000, "ticks with something learned: {learned:?}");
+}
+
+/// Cycles of 0.5 s with whatever can happen between ticks: limits, stretches without a sensor, values that are not finite, all orders at any
+/// time, and voltages that something else sets for a while.
+fn with_orders(ticks: usize) -> Vec<Input> {
+    let mut random = Pcg64::seed_from_u64(27);
+    let (mut standby, mut blind) = (0_u32, 0_u32);
+    (0..ticks)
+        .map(|k| {
+            let mut rare = |one_in: u32| random.random_range(0..one_in) == 0;
+            let (is_nan, is_unread, is_halved) = (rare(700), rare(2), rare(500));
+            let (begins, ends, is_wrong, is_old) = (rare(6000), rare(6000), rare(300), rare(300));
+            standby = if begins { random.random_range(1..300) } else { standby.saturating_sub(1) };
+            blind = if ends { random.random_range(1..500) } else { blind.saturating_sub(1) };
+            let stroke = if k % 9000 > 8000 { 3e-3 } else { 0.2e-3 };
+            let reference = 1e-3 - stroke * (std::f32::consts::TAU * k as f32 / 500.0).cos();
+            let noise = random.random_range(-4e-6..4e-6_f32);
+            let sample = (k % 10 == 3 && blind == 0).then_some(SensorSample {
+                displacement_m: if is_wrong { f32::NAN } else { 1.03 * reference + noise },
+                age_ticks: if is_old { random.random_range(50..80) } else { random.random_range(0..15) },
+            });
+            let orders = [1, 16, 16, 32, 32, 64, 128, 256];
+            let order = orders.get(random.random_range(0..8000)).copied().unwrap_or(0);
+            Input {
+                a: if is_nan { f32::NAN } else { reference },
+                b: if is_unread { f32::NAN } else { 1.01 + 1e-3 * noise },
+                sample,
+                flags: order + 2 * u32::from(standby > 0) + 4 * u32::from(is_halved),
+            }
+        })
+        .collect()
+}
+
+/// C is the second implementation of a follower.
+#[test]
+fn orders_at_any_time_have_the_bits_of_rust() {
+    let cases = films::cycles();
+    let sources = Sources::new(&cases);
+    let program = sources.compile("gcc", &[STRICT.as_slice(), &["-O2"]].concat(), &["host.c"]);
+    let inputs = with_orders(120_000);
+    for (index, case) in cases.iter().enumerate() {
+        for kind in [Kind::Feedforward, Kind::Tracking, Kind::Learning] {
+            let written = sources.run(&mut Command::new(&program), &job::bytes(kind, index, &inputs));
+            let rows = compare(kind, case, &inputs, &written);
+            let learned = rows.iter().filter(|row| f32::from_bits(row[2]).abs() > 1e-6).count();
+            assert!(kind != Kind::Learning || learned > 1000, "{learned} ticks with something learned");
+        }
+    }
 }
 
 /// 200 random laws, with and without curves, first-order and second-order, with amplifiers that lag and with learning: the bits of 2 s each.

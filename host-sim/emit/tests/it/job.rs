@@ -30,26 +30,6 @@ pub struct Input {
     pub flags: u32,
 }
 
-/// A request to a follower between ticks.
-#[derive(Clone, Copy, Debug)]
-enum Order {
-    ForgetCorrection,
-    CarryOver,
-    EndRun,
-    ForgetCycles,
-    Feedback(bool),
-}
-
-/// Orders by their flags, in the order in which they are given.
-const ORDERS: [(u32, Order); 6] = [
-    (1, Order::ForgetCorrection),
-    (16, Order::CarryOver),
-    (32, Order::EndRun),
-    (64, Order::ForgetCycles),
-    (128, Order::Feedback(false)),
-    (256, Order::Feedback(true)),
-];
-
 /// The output of a step: five numbers by their bits, and flags or a count.
 pub type Row = [u32; 6];
 
@@ -163,16 +143,16 @@ fn follow<C: Compensator<f32>>(
     let (mut commanded, mut is_even) = (0.0, false);
     let mut tick = |input: &Input| {
         let stands_by = input.flags & 2 != 0;
-        for (bit, order) in ORDERS {
-            if input.flags & bit != 0 {
-                match order {
-                    Order::ForgetCorrection => state.forget_correction(),
-                    Order::CarryOver => state.carry_over(),
-                    Order::EndRun => state.end_run(),
-                    Order::ForgetCycles => state.forget_cycles(),
-                    Order::Feedback(is_on) => state.set_feedback(is_on),
-                }
-            }
+        // An order at a time.
+        match input.flags & !14 {
+            0 => {}
+            1 => state.forget_correction(),
+            16 => state.carry_over(),
+            32 => state.end_run(),
+            64 => state.forget_cycles(),
+            128 => state.set_feedback(false),
+            256 => state.set_feedback(true),
+            other => panic!("{other} is no order"),
         }
         let applied = commanded * put_out(input);
         let applied = Applied { commanded_v: applied, reading_v: Some(input.b * applied) };
