@@ -42,6 +42,8 @@ typedef struct {
 #define FMI_STATE FMUstate
 #define FMI_DESERIALIZE DeSerialize
 #define FMI_VERSION "2.0"
+#define FMU_VALUES(type) const fmi2ValueReference references[], size_t count, type values[]
+#define FMU_COUNT count
 
 typedef struct {
     fmu_state state;
@@ -130,67 +132,10 @@ FMU_STATUS(DoStep)(fmi2Component instance, fmi2Real currentCommunicationPoint, f
 
 /* ---- Values: an Integer is a whole number or the mode. */
 
-FMU_STATUS(GetReal)(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[])
-{
-    return fmu_reals(instance, vr, nvr, nvr, value, NULL);
-}
-
-FMU_STATUS(SetReal)(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, const fmi2Real value[])
-{
-    return fmu_reals(instance, vr, nvr, nvr, NULL, value);
-}
-
-/* Gets or sets values of whole variables; `type` is that of all but the mode. */
-static fmi2Status fmu_wholes(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, int type, int *get, const int *set)
-{
-    fmu_instance *fmu = (fmu_instance *)instance;
-    fmu_result result = fmu_ok();
-    size_t i;
-    for (i = 0U; (i < nvr) && (result.status == FMU_OK); i++) {
-        const int own = ((type == FMU_WHOLE) && (vr[i] == FMU_MODE)) ? FMU_CHOICE : type;
-        if (set != NULL) {
-            const int64_t value = (type == FMU_FLAG) ? (int64_t)(set[i] != 0) : (int64_t)set[i];
-            result = fmu_set_whole(&fmu->state, vr[i], own, value);
-        } else {
-            uint32_t whole = 0U;
-            result = fmu_get_whole(&fmu->state, vr[i], own, &whole);
-            if (result.status == FMU_OK) {
-                get[i] = (int)whole;
-            }
-        }
-    }
-    return fmu_logged(fmu, result);
-}
-
-FMU_STATUS(GetInteger)(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, fmi2Integer value[])
-{
-    return fmu_wholes(instance, vr, nvr, FMU_WHOLE, value, NULL);
-}
-
-FMU_STATUS(SetInteger)(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer value[])
-{
-    return fmu_wholes(instance, vr, nvr, FMU_WHOLE, NULL, value);
-}
-
-FMU_STATUS(GetBoolean)(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, fmi2Boolean value[])
-{
-    return fmu_wholes(instance, vr, nvr, FMU_FLAG, value, NULL);
-}
-
-FMU_STATUS(SetBoolean)(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, const fmi2Boolean value[])
-{
-    return fmu_wholes(instance, vr, nvr, FMU_FLAG, NULL, value);
-}
-
-FMU_STATUS(GetString)(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, fmi2String value[])
-{
-    return fmu_no_values(instance, nvr, nvr);
-}
-
-FMU_STATUS(SetString)(fmi2Component instance, const fmi2ValueReference vr[], size_t nvr, const fmi2String value[])
-{
-    return fmu_no_values(instance, nvr, nvr);
-}
+FMU_REALS(Real, fmi2Real)
+FMU_WHOLES(Integer, fmi2Integer, (references[i] == FMU_MODE) ? FMU_CHOICE : FMU_WHOLE, (fmi2Integer)whole, values[i])
+FMU_WHOLES(Boolean, fmi2Boolean, FMU_FLAG, (fmi2Boolean)whole, (values[i] != 0))
+FMU_NO_TYPE(String, fmi2String)
 
 /* ---- Statuses: a step is done when fmi2DoStep returns. */
 

@@ -49,6 +49,8 @@ typedef void (*fmi3UnlockPreemptionCallback)(void);
 #define FMI_STATE FMUState
 #define FMI_DESERIALIZE Deserialize
 #define FMI_VERSION "3.0"
+#define FMU_VALUES(type) const fmi3ValueReference references[], size_t count, type values[], size_t nValues
+#define FMU_COUNT nValues
 
 typedef struct {
     fmu_state state;
@@ -133,50 +135,18 @@ FMU_STATUS(DoStep)(fmi3Instance instance, fmi3Float64 currentCommunicationPoint,
 
 /* ---- Values: Float64, Int32, Boolean, and Int64 for the mode. */
 
-FMU_STATUS(GetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-    fmi3Float64 values[], size_t nValues)
-{
-    return fmu_reals(instance, valueReferences, nValueReferences, nValues, values, NULL);
-}
-
-FMU_STATUS(SetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-    const fmi3Float64 values[], size_t nValues)
-{
-    return fmu_reals(instance, valueReferences, nValueReferences, nValues, NULL, values);
-}
-
-/* A getter and a setter of whole values in the standard's type `type`. */
-#define FMU_WHOLES(name, type, kind, put)                                                                                          \
-    FMU_STATUS(Get##name)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,              \
-        type values[], size_t nValues)                                                                                             \
-    {                                                                                                                              \
-        fmu_instance *fmu = (fmu_instance *)instance;                                                                              \
-        fmu_result result = fmu_scalars(nValueReferences, nValues);                                                                \
-        size_t i;                                                                                                                  \
-        for (i = 0U; (i < nValues) && (result.status == FMU_OK); i++) {                                                            \
-            uint32_t whole = 0U;                                                                                                   \
-            result = fmu_get_whole(&fmu->state, valueReferences[i], kind, &whole);                                                 \
-            if (result.status == FMU_OK) {                                                                                         \
-                values[i] = put;                                                                                                   \
-            }                                                                                                                      \
-        }                                                                                                                          \
-        return fmu_logged(fmu, result);                                                                                            \
-    }                                                                                                                              \
-    FMU_STATUS(Set##name)(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,              \
-        const type values[], size_t nValues)                                                                                       \
-    {                                                                                                                              \
-        fmu_instance *fmu = (fmu_instance *)instance;                                                                              \
-        fmu_result result = fmu_scalars(nValueReferences, nValues);                                                                \
-        size_t i;                                                                                                                  \
-        for (i = 0U; (i < nValues) && (result.status == FMU_OK); i++) {                                                            \
-            result = fmu_set_whole(&fmu->state, valueReferences[i], kind, (int64_t)values[i]);                                     \
-        }                                                                                                                          \
-        return fmu_logged(fmu, result);                                                                                            \
-    }
-
-FMU_WHOLES(Int32, fmi3Int32, FMU_WHOLE, (fmi3Int32)whole)
-FMU_WHOLES(Int64, fmi3Int64, FMU_CHOICE, (fmi3Int64)whole)
-FMU_WHOLES(Boolean, fmi3Boolean, FMU_FLAG, whole != 0U)
+FMU_REALS(Float64, fmi3Float64)
+FMU_WHOLES(Int32, fmi3Int32, FMU_WHOLE, (fmi3Int32)whole, values[i])
+FMU_WHOLES(Int64, fmi3Int64, FMU_CHOICE, (fmi3Int64)whole, values[i])
+FMU_WHOLES(Boolean, fmi3Boolean, FMU_FLAG, whole != 0U, values[i])
+FMU_NO_TYPE(Float32, fmi3Float32)
+FMU_NO_TYPE(Int8, fmi3Int8)
+FMU_NO_TYPE(UInt8, fmi3UInt8)
+FMU_NO_TYPE(Int16, fmi3Int16)
+FMU_NO_TYPE(UInt16, fmi3UInt16)
+FMU_NO_TYPE(UInt32, fmi3UInt32)
+FMU_NO_TYPE(UInt64, fmi3UInt64)
+FMU_NO_TYPE(String, fmi3String)
 
 /* ---- What modelDescription.xml does not promise. Importers look all functions up, whatever the FMU is for. */
 
@@ -187,18 +157,7 @@ FMU_WHOLES(Boolean, fmi3Boolean, FMU_FLAG, whole != 0U)
     {                                                                                                                              \
         return fmu_no_values(instance, count, values);                                                                             \
     }
-#define FMU_NO_TYPE(name, type)                                                                                                    \
-    FMU_NO_VALUES(Get##name, (FMU_REFERENCES, type values[], size_t nValues), nValues)                                             \
-    FMU_NO_VALUES(Set##name, (FMU_REFERENCES, const type values[], size_t nValues), nValues)
 
-FMU_NO_TYPE(Float32, fmi3Float32)
-FMU_NO_TYPE(Int8, fmi3Int8)
-FMU_NO_TYPE(UInt8, fmi3UInt8)
-FMU_NO_TYPE(Int16, fmi3Int16)
-FMU_NO_TYPE(UInt16, fmi3UInt16)
-FMU_NO_TYPE(UInt32, fmi3UInt32)
-FMU_NO_TYPE(UInt64, fmi3UInt64)
-FMU_NO_TYPE(String, fmi3String)
 FMU_NO_VALUES(GetBinary, (FMU_REFERENCES, size_t sizes[], fmi3Binary values[], size_t nValues), nValues)
 FMU_NO_VALUES(SetBinary, (FMU_REFERENCES, const size_t sizes[], const fmi3Binary values[], size_t nValues), nValues)
 FMU_NO_VALUES(GetClock, (FMU_REFERENCES, fmi3Clock values[]), 0U)

@@ -3,7 +3,8 @@
  * Free for any use: SPDX-License-Identifier: 0BSD
  *
  * The file that includes it defines FMI(name), which puts the version in front of a name of the standard; FMI_PREFIX, which function names
- * begin with; FMI_STATE and FMI_DESERIALIZE, two words that the versions spell differently; FMI_VERSION; fmu_instance and fmu_logged.
+ * begin with; FMI_STATE and FMI_DESERIALIZE, two words that the versions spell differently; FMI_VERSION; FMU_VALUES(type), the
+ * parameters `references`, `count` and `values` of a getter, and FMU_COUNT, how many values it has; fmu_instance and fmu_logged.
  */
 #ifndef SPRINGPOT_FMI_H
 #define SPRINGPOT_FMI_H
@@ -61,6 +62,52 @@ static FMI(Status) fmu_no_values(void *instance, size_t references, size_t value
     const bool is_empty = (references == 0U) && (values == 0U);
     return is_empty ? FMI(OK) : fmu_absent(instance, "no variable has this type");
 }
+
+/* A getter and a setter: of real values; of whole values of this `kind`, where `put` is `whole` and `taken` is `values[i]` in the other's
+ * type; of a type that no variable has. */
+#define FMU_REALS(name, type)                                                                                                      \
+    FMU_STATUS(Get##name)(void *instance, FMU_VALUES(type))                                                                        \
+    {                                                                                                                              \
+        return fmu_reals(instance, references, count, FMU_COUNT, values, NULL);                                                    \
+    }                                                                                                                              \
+    FMU_STATUS(Set##name)(void *instance, FMU_VALUES(const type))                                                                  \
+    {                                                                                                                              \
+        return fmu_reals(instance, references, count, FMU_COUNT, NULL, values);                                                    \
+    }
+#define FMU_WHOLES(name, type, kind, put, taken)                                                                                   \
+    FMU_STATUS(Get##name)(void *instance, FMU_VALUES(type))                                                                        \
+    {                                                                                                                              \
+        fmu_instance *fmu = (fmu_instance *)instance;                                                                              \
+        fmu_result result = fmu_scalars(count, FMU_COUNT);                                                                         \
+        size_t i;                                                                                                                  \
+        for (i = 0U; (i < FMU_COUNT) && (result.status == FMU_OK); i++) {                                                          \
+            uint32_t whole = 0U;                                                                                                   \
+            result = fmu_get_whole(&fmu->state, references[i], kind, &whole);                                                      \
+            if (result.status == FMU_OK) {                                                                                         \
+                values[i] = put;                                                                                                   \
+            }                                                                                                                      \
+        }                                                                                                                          \
+        return fmu_logged(fmu, result);                                                                                            \
+    }                                                                                                                              \
+    FMU_STATUS(Set##name)(void *instance, FMU_VALUES(const type))                                                                  \
+    {                                                                                                                              \
+        fmu_instance *fmu = (fmu_instance *)instance;                                                                              \
+        fmu_result result = fmu_scalars(count, FMU_COUNT);                                                                         \
+        size_t i;                                                                                                                  \
+        for (i = 0U; (i < FMU_COUNT) && (result.status == FMU_OK); i++) {                                                          \
+            result = fmu_set_whole(&fmu->state, references[i], kind, (int64_t)taken);                                              \
+        }                                                                                                                          \
+        return fmu_logged(fmu, result);                                                                                            \
+    }
+#define FMU_NO_TYPE(name, type)                                                                                                    \
+    FMU_STATUS(Get##name)(void *instance, FMU_VALUES(type))                                                                        \
+    {                                                                                                                              \
+        return fmu_no_values(instance, count, FMU_COUNT);                                                                          \
+    }                                                                                                                              \
+    FMU_STATUS(Set##name)(void *instance, FMU_VALUES(const type))                                                                  \
+    {                                                                                                                              \
+        return fmu_no_values(instance, count, FMU_COUNT);                                                                          \
+    }
 
 FMU_FUNCTION(const char *, GetVersion)(void)
 {
