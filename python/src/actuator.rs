@@ -1,11 +1,13 @@
 //! `Actuator`: Eq. 1 and the weight.
 
 use host_io::choice::Choice;
+use host_io::files::parameters::plausibility;
 use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
 use springpot::Actuator;
 
 use crate::arrays::each;
-use crate::errors::Raise;
+use crate::errors::{doubt, refused};
 use crate::names::choice;
 
 /// An actuator: Eq. 1 and the weight, as the table `[actuator]` of a parameter file has them.
@@ -13,7 +15,7 @@ use crate::names::choice;
 /// The defaults are the paper's: 40 mm x 60 mm active, 160 um thick (m), 316 g (kg). `preload` says when the weight acts: "settled"
 /// (it has hung for minutes) or "from-start" (it is hung on at t = 0). `stretch_coupling` in 1/m, `saturation_v` in V or None.
 ///
-/// Raises InputError for a size that is not finite and positive.
+/// Raises InputError for a size that no film has, such as millimetres read as metres, and warns of doubtful ones.
 #[pyclass(frozen, eq, name = "Actuator", module = "springpot")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct PyActuator(pub(crate) Actuator);
@@ -25,6 +27,7 @@ impl PyActuator {
                         preload="settled", stretch_coupling=0.0, saturation_v=None))]
     #[allow(clippy::too_many_arguments)] // keyword arguments
     fn new(
+        py: Python<'_>,
         relative_permittivity: f64,
         length_m: f64,
         width_m: f64,
@@ -44,7 +47,8 @@ impl PyActuator {
             saturation_v,
             preload: choice("preload", preload)?,
         };
-        actuator.check().map_err(host_io::Error::from).raise()?;
+        plausibility::check(&actuator).map_err(|(_, cause)| refused("actuator", cause))?;
+        doubt(py, &plausibility::doubts(&actuator))?;
         Ok(Self(actuator))
     }
 
@@ -108,6 +112,24 @@ impl PyActuator {
     fn voltage<'py>(&self, force_n: &Bound<'py, PyAny>, displacement_m: f64) -> PyResult<Bound<'py, PyAny>> {
         let actuator = self.0;
         each("force_n", force_n, move |f| actuator.voltage(f, displacement_m))
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let named = PyDict::new(py);
+        let Self(actuator) = self;
+        for (name, value) in [
+            ("relative_permittivity", actuator.relative_permittivity),
+            ("length_m", actuator.length_m),
+            ("width_m", actuator.width_m),
+            ("thickness_m", actuator.thickness_m),
+            ("mass_kg", actuator.mass_kg),
+            ("stretch_coupling", actuator.stretch_coupling),
+        ] {
+            named.set_item(name, value)?;
+        }
+        named.set_item("saturation_v", actuator.saturation_v)?;
+        named.set_item("preload", self.preload())?;
+        Ok((PyTuple::empty(py), named))
     }
 
     fn __repr__(&self) -> String {

@@ -1,12 +1,20 @@
 //! Arrays in and out. What comes in is copied once, into memory that only this side sees, because the interpreter's lock is released while it is
 //! read; what goes out is handed over without a copy.
 
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
 use numpy::{Complex64, PyArray1, PyReadonlyArray1};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
 use pyo3::types::PyComplex;
 
 use crate::errors::refused;
+
+/// The count or the seed `value` in the argument `name`.
+pub(crate) fn count<T: TryFrom<i128>>(name: &str, value: i128) -> PyResult<T> {
+    T::try_from(value).map_err(|_| refused(name, format!("{value}; a whole number from 0 on is needed")))
+}
 
 /// The numbers of the argument `name`: an array of one dimension, or what NumPy makes one of. Masked values are NaN.
 pub(crate) fn series(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
@@ -19,7 +27,10 @@ pub(crate) fn series(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<f64>>
     let array = if is_masked {
         value.clone()
     } else {
-        numpy.call_method1("asarray", (value,)).map_err(|e| unlike(py, name, e))?
+        // Such as a list of lists of different lengths.
+        let unlike =
+            |e: PyErr| if e.is_instance_of::<PyException>(py) { refused(name, "not an array of numbers") } else { e };
+        numpy.call_method1("asarray", (value,)).map_err(unlike)?
     };
     let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
     if !matches!(kind.as_str(), "f" | "i" | "u") {
@@ -32,11 +43,6 @@ pub(crate) fn series(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vec<f64>>
     let array = array.call_method1("astype", (numpy.getattr("float64")?,))?;
     let array = if is_masked { array.call_method1("filled", (f64::NAN,))? } else { array };
     Ok(array.extract::<PyReadonlyArray1<'_, f64>>()?.as_array().to_vec())
-}
-
-/// The refusal of something that is no array, such as a list of lists of different lengths.
-fn unlike(py: Python<'_>, name: &str, error: PyErr) -> PyErr {
-    if error.is_instance_of::<PyValueError>(py) { refused(name, "not an array of numbers") } else { error }
 }
 
 /// An array that takes over `values`.
@@ -92,22 +98,24 @@ pub(crate) fn each_complex<'py>(
 /// Values between two looks for a signal: some 20 ms.
 const LOOK_EVERY: usize = 1 << 18;
 
-/// `state` stepped once by a number, or by every number of an array. What is not finite is refused, and Ctrl-C ends the steps: then `state` is as it was.
+/// The state stepped once by a number, or by every number of an array; another thread waits meanwhile. What is not finite is refused, and Ctrl-C
+/// ends the steps: then the state is as it was.
 pub(crate) fn steps<'py, S: Clone + Send>(
     name: &str,
     value: &Bound<'py, PyAny>,
-    state: &mut S,
+    state: &Mutex<S>,
     step: impl Fn(&mut S, f64) -> f64 + Sync,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = value.py();
     if let Some(number) = number(value) {
         finite(name, number)?;
-        return Ok(step(state, number).into_pyobject(py)?.into_any());
+        return Ok(step(&mut locked(py, state), number).into_pyobject(py)?.into_any());
     }
     let mut values = series(name, value)?;
     if let Some(at) = values.iter().position(|value| !(-MAX_VALUE..=MAX_VALUE).contains(value)) {
         finite(&format!("{name}[{at}]"), values[at])?;
     }
+    let mut state = locked(py, state);
     let before = state.clone();
     for part in values.chunks_mut(LOOK_EVERY) {
         let state = &mut *state;
@@ -118,6 +126,11 @@ pub(crate) fn steps<'py, S: Clone + Send>(
         }
     }
     Ok(array(py, values).into_any())
+}
+
+/// The value in `mutex`, once no other thread uses it; others may use the interpreter until then.
+pub(crate) fn locked<'a, T>(py: Python<'_>, mutex: &'a Mutex<T>) -> MutexGuard<'a, T> {
+    mutex.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Largest number of a step, as of a recording: its square is finite in single precision.

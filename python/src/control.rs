@@ -1,7 +1,7 @@
 //! Control in real time: a tick a sample, the same calls as on the controller.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use host_io::files::parameters::DisplacementSensor;
 use host_models::replay::limits::command_limits;
@@ -12,14 +12,22 @@ use host_models::simulation::tuning::ControllerTuning;
 use pyo3::prelude::*;
 use springpot::{Applied, CommandLimits, Limited, Observer, ObserverOptions, ObserverState, Real, SensorSample};
 
-use crate::arrays::finite;
-use crate::errors::{Raise, refused};
+use crate::arrays::{count, finite, locked};
+use crate::errors::{Raise, doubt, refused};
 use crate::model::PyModel;
 use crate::names::choice;
 
-/// Limits as a dictionary gives them; what is left out is the board's or the paper's bench's.
-pub(crate) fn limits(given: Option<HashMap<String, f64>>, model: &PyModel) -> PyResult<CommandLimits> {
-    let given = given.unwrap_or_default();
+/// Limits as a dictionary gives them.
+pub(crate) type Limits<'py> = HashMap<String, Bound<'py, PyAny>>;
+
+/// The limits that are `given`; what is left out is the board's or the paper's bench's. Warns where the field is not known.
+pub(crate) fn limits(py: Python<'_>, given: Option<Limits<'_>>, model: &PyModel) -> PyResult<CommandLimits> {
+    let number = |(name, value): (String, Bound<'_, PyAny>)| match value.extract::<f64>() {
+        Ok(value) => Ok((name, value)),
+        Err(_) => Err(refused(&name, format!("{value:?} is not a number"))),
+    };
+    let given = given.unwrap_or_default().into_iter().map(number).collect::<PyResult<Vec<_>>>()?;
+    doubt(py, model.parameters.field_note().as_slice())?;
     command_limits(model.parameters.board.as_ref(), given.iter().map(|(name, value)| (name.as_str(), *value))).raise()
 }
 
@@ -102,7 +110,7 @@ impl Loop {
         let controller = controllers::build(kind, parameters, &settings, precision)
             .map_err(|e| e.about(&model.source, model.source.as_ref()))
             .raise()?;
-        let (rate_hz, delay_s) = (tuning.rate_hz, tuning.sensor_delay_s);
+        let (rate_hz, (_, delay_s)) = (tuning.rate_hz, tuning.sensor(parameters));
         Ok(Mutex::new(Self { controller, sensor: parameters.sensor(), rate_hz, delay_s, commanded_v: 0.0 }))
     }
 
@@ -131,10 +139,6 @@ fn sample(sensor: DisplacementSensor, since: Since, delay_s: f64, rate_hz: f64) 
     Ok(reading_m.map(|reading_m| SensorSample { displacement_m: sensor.film_displacement_m(reading_m), age_ticks }))
 }
 
-fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// Feedforward with a sensor: the controller's own law of control, a tick a sample, at `rate_hz` ticks per second.
 ///
 /// Below `bandwidth_hz` the estimate follows the sensor, above it the model; a sample comes every 1/`sensor_rate_hz` s and is
@@ -149,7 +153,7 @@ pub(crate) struct PyTracking(Mutex<Loop>);
 #[pymethods]
 impl PyTracking {
     #[new]
-    #[pyo3(signature = (model, *, rate_hz=1000.0, bandwidth_hz=None, adaptation_s=None, sensor_rate_hz=100.0, sensor_delay_s=0.01,
+    #[pyo3(signature = (model, rate_hz, *, bandwidth_hz=None, adaptation_s=None, sensor_rate_hz=None, sensor_delay_s=None,
                         harmonics=None, period_s=None, limits=None, precision="f32"))]
     #[allow(clippy::too_many_arguments)] // keyword arguments
     fn new(
@@ -157,24 +161,24 @@ impl PyTracking {
         rate_hz: f64,
         bandwidth_hz: Option<f64>,
         adaptation_s: Option<f64>,
-        sensor_rate_hz: f64,
-        sensor_delay_s: f64,
-        harmonics: Option<usize>,
+        sensor_rate_hz: Option<f64>,
+        sensor_delay_s: Option<f64>,
+        harmonics: Option<i128>,
         period_s: Option<f64>,
-        limits: Option<HashMap<String, f64>>,
+        limits: Option<Limits<'_>>,
         precision: &str,
     ) -> PyResult<Self> {
-        let model = model.get();
+        let (py, model) = (model.py(), model.get());
         let tuning = ControllerTuning {
             rate_hz,
             bandwidth_hz,
             adaptation_s,
             sensor_rate_hz,
             sensor_delay_s,
-            harmonics,
+            harmonics: harmonics.map(|number| count("harmonics", number)).transpose()?,
             period_s,
         };
-        let limits = self::limits(limits, model)?;
+        let limits = self::limits(py, limits, model)?;
         Loop::new(ControllerKind::Tracking, model, tuning, limits, precision).map(Self)
     }
 
@@ -187,13 +191,14 @@ impl PyTracking {
     #[pyo3(signature = (reference_m, sample_m=None, *, applied_v=None, monitor_v=None, age_s=None))]
     fn tick(
         &self,
+        py: Python<'_>,
         reference_m: f64,
         sample_m: Option<f64>,
         applied_v: Option<f64>,
         monitor_v: Option<f64>,
         age_s: Option<f64>,
     ) -> PyResult<PyTick> {
-        locked(&self.0).tick(reference_m, Since { applied_v, monitor_v, sample_m, age_s })
+        locked(py, &self.0).tick(reference_m, Since { applied_v, monitor_v, sample_m, age_s })
     }
 }
 
@@ -204,22 +209,23 @@ pub(crate) struct PyFeedforward(Mutex<Loop>);
 #[pymethods]
 impl PyFeedforward {
     #[new]
-    #[pyo3(signature = (model, *, rate_hz=1000.0, limits=None, precision="f32"))]
-    fn new(
-        model: &Bound<'_, PyModel>,
-        rate_hz: f64,
-        limits: Option<HashMap<String, f64>>,
-        precision: &str,
-    ) -> PyResult<Self> {
-        let model = model.get();
-        let limits = self::limits(limits, model)?;
+    #[pyo3(signature = (model, rate_hz, *, limits=None, precision="f32"))]
+    fn new(model: &Bound<'_, PyModel>, rate_hz: f64, limits: Option<Limits<'_>>, precision: &str) -> PyResult<Self> {
+        let (py, model) = (model.py(), model.get());
+        let limits = self::limits(py, limits, model)?;
         Loop::new(ControllerKind::Feedforward, model, ControllerTuning::at_rate(rate_hz), limits, precision).map(Self)
     }
 
     /// One tick, as of Tracking, without a sensor.
     #[pyo3(signature = (reference_m, *, applied_v=None, monitor_v=None))]
-    fn tick(&self, reference_m: f64, applied_v: Option<f64>, monitor_v: Option<f64>) -> PyResult<PyTick> {
-        locked(&self.0).tick(reference_m, Since { applied_v, monitor_v, sample_m: None, age_s: None })
+    fn tick(
+        &self,
+        py: Python<'_>,
+        reference_m: f64,
+        applied_v: Option<f64>,
+        monitor_v: Option<f64>,
+    ) -> PyResult<PyTick> {
+        locked(py, &self.0).tick(reference_m, Since { applied_v, monitor_v, sample_m: None, age_s: None })
     }
 }
 
@@ -292,7 +298,7 @@ fn observed<T: Real>(
 #[pymethods]
 impl PyObserver {
     #[new]
-    #[pyo3(signature = (model, *, rate_hz=1000.0, bandwidth_hz=None, adaptation_s=None, sensor_rate_hz=100.0, sensor_delay_s=0.01,
+    #[pyo3(signature = (model, rate_hz, *, bandwidth_hz=None, adaptation_s=None, sensor_rate_hz=None, sensor_delay_s=None,
                         max_voltage_v=None, precision="f32"))]
     #[allow(clippy::too_many_arguments)] // keyword arguments
     fn new(
@@ -300,8 +306,8 @@ impl PyObserver {
         rate_hz: f64,
         bandwidth_hz: Option<f64>,
         adaptation_s: Option<f64>,
-        sensor_rate_hz: f64,
-        sensor_delay_s: f64,
+        sensor_rate_hz: Option<f64>,
+        sensor_delay_s: Option<f64>,
         max_voltage_v: Option<f64>,
         precision: &str,
     ) -> PyResult<Self> {
@@ -315,13 +321,14 @@ impl PyObserver {
             sensor_delay_s,
             ..ControllerTuning::at_rate(rate_hz)
         };
+        let (_, delay_s) = tuning.sensor(&model.parameters);
         let options = tuning.settings(ControllerKind::Tracking, &model.parameters, limits).raise()?.observer;
         let observer = match choice("precision", precision)? {
             Precision::F32 => built(model, rate_hz, limits.max_voltage_v, options).map(AnyObserver::F32),
             Precision::F64 => built(model, rate_hz, limits.max_voltage_v, options).map(AnyObserver::F64),
         };
         let observer = observer.map_err(|e| e.about(&model.source, model.source.as_ref())).raise()?;
-        Ok(Self { observer: Mutex::new(observer), sensor: model.parameters.sensor(), rate_hz, delay_s: sensor_delay_s })
+        Ok(Self { observer: Mutex::new(observer), sensor: model.parameters.sensor(), rate_hz, delay_s })
     }
 
     /// One tick: the film under `voltage_v` (V) since the last, and the reading `sample_m` (m) that has arrived, taken `age_s` (s) ago; None or NaN
@@ -329,11 +336,11 @@ impl PyObserver {
     ///
     /// Raises InputError for a voltage or an age that is not finite, or a negative age; nothing has changed then.
     #[pyo3(signature = (voltage_v, sample_m=None, *, age_s=None))]
-    fn tick(&self, voltage_v: f64, sample_m: Option<f64>, age_s: Option<f64>) -> PyResult<PyEstimate> {
+    fn tick(&self, py: Python<'_>, voltage_v: f64, sample_m: Option<f64>, age_s: Option<f64>) -> PyResult<PyEstimate> {
         finite("voltage_v", voltage_v)?;
         let since = Since { applied_v: None, monitor_v: None, sample_m, age_s };
         let sample = sample(self.sensor, since, self.delay_s, self.rate_hz)?;
-        Ok(match &mut *locked(&self.observer) {
+        Ok(match &mut *locked(py, &self.observer) {
             AnyObserver::F32(observer) => observed(observer, voltage_v, sample),
             AnyObserver::F64(observer) => observed(observer, voltage_v, sample),
         })

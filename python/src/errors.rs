@@ -1,9 +1,11 @@
 //! Errors of the host tool as exceptions with the same one line.
 
+use std::ffi::CString;
+
 use host_io::Error;
 use host_io::error::with_names;
-use pyo3::exceptions::PyKeyboardInterrupt;
-use pyo3::{PyErr, PyResult};
+use pyo3::exceptions::{PyKeyboardInterrupt, PyUserWarning};
+use pyo3::{PyErr, PyResult, Python};
 
 /// The exceptions, which Python defines: each has two bases.
 mod raised {
@@ -25,7 +27,7 @@ impl<T> Raise<T> for host_io::Result<T> {
 }
 
 /// The exception of `error`.
-fn exception(error: &Error) -> PyErr {
+pub(crate) fn exception(error: &Error) -> PyErr {
     let line = with_arguments(&error.to_string());
     match innermost(error) {
         Error::File { .. } | Error::Line { .. } => raised::FileError::new_err(line),
@@ -50,4 +52,13 @@ pub(crate) fn with_arguments(text: &str) -> String {
 /// The exception of an argument that cannot be used: `name: cause`.
 pub(crate) fn refused(name: &str, cause: impl std::fmt::Display) -> PyErr {
     raised::InputError::new_err(format!("{name}: {cause}"))
+}
+
+/// Warns of `doubts`, as Python does.
+pub(crate) fn doubt(py: Python<'_>, doubts: &[String]) -> PyResult<()> {
+    let category = py.get_type::<PyUserWarning>();
+    doubts.iter().try_for_each(|text| {
+        let text = CString::new(with_arguments(text).replace('\0', " "))?;
+        PyErr::warn(py, &category, &text, 1)
+    })
 }

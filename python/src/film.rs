@@ -8,7 +8,7 @@ use host_models::simulation::film::{Film, FilmState, Instruments, Plant, Wavefor
 use host_models::simulation::film_recording::Session;
 use pyo3::prelude::*;
 
-use crate::arrays::finite;
+use crate::arrays::{count, finite};
 use crate::errors::{Raise, refused};
 use crate::names::choice;
 use crate::recording::PyRecording;
@@ -31,12 +31,13 @@ pub(crate) fn record_film(
     duration_s: f64,
     rate_hz: f64,
     peak_voltage_v: f64,
-    seed: u64,
+    seed: i128,
     name: &str,
 ) -> PyResult<PyRecording> {
     let film = Film::new(choice("plant", plant)?);
     let waveform = Waveform { peak_v: peak_voltage_v, frequencies_hz: frequency_hz };
-    let session = Session { waveform, duration_s, rate_hz, instruments: Instruments::default(), seed };
+    let session =
+        Session { waveform, duration_s, rate_hz, instruments: Instruments::default(), seed: count("seed", seed)? };
     let recorded = watch::run(py, None, |_| {
         let recorded = session.record(&film)?;
         let columns = vec![
@@ -65,10 +66,10 @@ pub(crate) fn reference(
     duration_s: f64,
     rate_hz: f64,
     rise_s: Option<f64>,
-    seed: u64,
+    seed: i128,
 ) -> PyResult<PyRecording> {
     let shape: Shape = choice("shape", shape)?;
-    let reference = Reference { seed, ..Reference::new(shape, low_m, high_m, period_s) };
+    let reference = Reference { seed: count("seed", seed)?, ..Reference::new(shape, low_m, high_m, period_s) };
     let made = watch::run(py, None, |_| {
         let (values, grid) = reference.over(duration_s, rate_hz, rise_s)?;
         Recording::of_values("reference", grid.times_s(), vec![(Quantity::Displacement, values)])

@@ -3,30 +3,54 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use host_io::choice::Choice;
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::Recording;
-use host_models::fit::options::Weight;
+use host_models::fit::options::{Branches as Asked, Weight};
 use host_models::fit::warnings::Severity;
 use host_models::fit::{self as fitting, FitOptions, FitReport};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 use serde_json::json;
 use springpot::Actuator;
 
 use crate::actuator::PyActuator;
-use crate::arrays::array;
+use crate::arrays::{array, count};
 use crate::errors::{Raise, refused, with_arguments};
 use crate::model::PyModel;
 use crate::names::choice;
-use crate::recording::PyRecording;
-use crate::watch;
+use crate::{replay, watch};
+
+/// A number of branches, or a word.
+#[derive(FromPyObject)]
+pub(crate) enum Branches {
+    Word(String),
+    Number(i128),
+}
+
+impl Branches {
+    fn number(self) -> PyResult<Asked> {
+        let text = match self {
+            Self::Word(word) => word,
+            Self::Number(number) => number.to_string(),
+        };
+        text.parse().map_err(|cause: String| refused("branches", cause))
+    }
+}
 
 /// A weight of every recording, or a word.
 #[derive(FromPyObject)]
 pub(crate) enum Weights {
     Word(String),
     Each(Vec<f64>),
+}
+
+impl Weights {
+    fn each(self) -> PyResult<Vec<Weight>> {
+        match self {
+            Self::Word(word) if word == "log-time" => Ok(vec![Weight::LogTime]),
+            Self::Word(word) => Err(refused("weights", format!("{word:?}; give numbers, or log-time"))),
+            Self::Each(weights) => Ok(weights.into_iter().map(Weight::Recording).collect()),
+        }
+    }
 }
 
 /// An actuator, or where one is to be found.
@@ -48,37 +72,77 @@ impl ActuatorSource<'_> {
     }
 }
 
-/// The series of a recording for the result: times, what was measured, what the model gives.
-type Series<'py> = [Bound<'py, numpy::PyArray1<f64>>; 3];
-
-/// The model, the report as JSON, the series of every recording, and how much every warning matters.
-type Fitted<'py> = (PyModel, String, Vec<Series<'py>>, Vec<&'static str>);
-
-/// `springpot.fit`.
+/// The parameters of a model from `recordings`, jointly; every option is that of the command `fit`.
+///
+/// Without `actuator` the paper's sizes are assumed, and a warning says so. `start` gives branches and topology.
+///
+/// `progress` is called with every stage as it begins, on the thread of the caller. If it returns False the search ends with the best so far
+/// (`interrupted`); what it raises ends the search and is raised. Ctrl-C raises KeyboardInterrupt.
+///
+/// Raises FileError for a recording that cannot be fitted, InputError for an option that cannot be used, ComputationError where no start leads
+/// to a fit.
 #[pyfunction]
+#[pyo3(signature = (recordings, *, branches=None, topology="auto", curve="auto", method="lm", drive="force", free=Vec::new(),
+                    hold=Vec::new(), actuator=None, start=None, loss="square", weights=None, offset="joint", gain="joint", gap_s=None,
+                    at_gap="end", invert=false, from_s=0.0, to_s=None, seed=1, starts=8, progress=None))]
+#[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn fit<'py>(
     py: Python<'py>,
-    recordings: Vec<Bound<'py, PyRecording>>,
-    options: &Bound<'py, PyDict>,
+    recordings: &Bound<'py, PyAny>,
+    branches: Option<Branches>,
+    topology: &str,
+    curve: &str,
+    method: &str,
+    drive: &str,
+    free: Vec<String>,
+    hold: Vec<String>,
+    actuator: Option<ActuatorSource<'py>>,
+    start: Option<Bound<'py, PyModel>>,
+    loss: &str,
+    weights: Option<Weights>,
+    offset: &str,
+    gain: &str,
+    gap_s: Option<f64>,
+    at_gap: &str,
+    invert: bool,
+    from_s: f64,
+    to_s: Option<f64>,
+    seed: i128,
+    starts: i128,
     progress: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Fitted<'py>> {
-    let sources: Vec<&Recording> = recordings.iter().map(|recording| &recording.get().recording).collect();
-    if sources.is_empty() {
-        return Err(refused("recordings", "none is given"));
-    }
-    let actuator: Option<ActuatorSource<'_>> = given(options, "actuator")?;
-    let actuator = actuator.map(|actuator| actuator.sized()).transpose().raise()?;
-    let start: Option<Bound<'_, PyModel>> = given(options, "start")?;
-    if let (Some(_), Some(name)) = (&start, ["actuator", "branches"].into_iter().find(|name| is_given(options, name))) {
+) -> PyResult<Bound<'py, PyAny>> {
+    let options = FitOptions {
+        branches: branches.map_or(Ok(Asked::Auto), Branches::number)?,
+        topology: choice("topology", topology)?,
+        curve: choice("curve", curve)?,
+        method: choice("method", method)?,
+        drive: choice("drive", drive)?,
+        free,
+        hold,
+        loss: choice("loss", loss)?,
+        weights: weights.map_or(Ok(Vec::new()), Weights::each)?,
+        offset: choice("offset", offset)?,
+        gain: choice("gain", gain)?,
+        gap_s,
+        at_gap: choice("at_gap", at_gap)?,
+        invert,
+        from_s,
+        to_s,
+        seed: count("seed", seed)?,
+        starts: count("starts", starts)?,
+    };
+    let given = [("actuator", actuator.is_some()), ("branches", options.branches != Asked::Auto)];
+    if let (Some(_), Some((name, _))) = (&start, given.into_iter().find(|(_, given)| *given)) {
         return Err(refused("start", format!("gives {name} as well; leave one of them out")));
     }
-    let start = start.map(|model| model.get().parameters.clone());
-    let asked = asked(options)?;
-    let settings = asked.settings(start, actuator).raise()?;
-    let direction = asked.drive;
+    let actuator = actuator.map(|actuator| actuator.sized()).transpose().raise()?;
+    let settings = options.settings(start.map(|model| model.get().parameters.clone()), actuator).raise()?;
+    let recordings = replay::recordings(recordings)?;
+    let sources: Vec<&Recording> = recordings.iter().map(|recording| &recording.get().recording).collect();
+    let direction = options.drive;
     let (mut fit, measured, parameters, seconds) = watch::run(py, progress, |caller| {
         let started = Instant::now();
-        let (observations, warnings): (Vec<_>, Vec<_>) = asked.observations(&sources)?.into_iter().unzip();
+        let (observations, warnings): (Vec<_>, Vec<_>) = options.observations(&sources)?.into_iter().unzip();
         let mut fit = fitting::fit(&observations, &settings, caller.stop, &|stage| caller.report(stage))?;
         fit.warnings.splice(0..0, warnings.into_iter().flatten());
         let seconds = started.elapsed().as_secs_f64();
@@ -89,65 +153,15 @@ pub(crate) fn fit<'py>(
     fit.warnings.iter_mut().for_each(|warning| warning.text = with_arguments(&warning.text));
     let files: Vec<&Path> = sources.iter().map(|recording| recording.path()).collect();
     let report = json!(FitReport::new(&fit, &parameters, direction, &files, seconds)).to_string();
-    let severities = fit.warnings.iter().map(|warning| severity(warning.severity)).collect();
-    let series = measured.into_iter().zip(fit.modelled);
-    let series = series.map(|(measured, modelled)| [measured.time_s, measured.value, modelled].map(|v| array(py, v)));
+    let severities: Vec<&str> = fit.warnings.iter().map(|warning| severity(warning.severity)).collect();
+    let series: Vec<_> = measured
+        .into_iter()
+        .zip(fit.modelled)
+        .map(|(measured, modelled)| [measured.time_s, measured.value, modelled].map(|values| array(py, values)))
+        .collect();
     let name = parameters.name.clone();
-    Ok((PyModel::new_from(parameters, name), report, series.collect(), severities))
-}
-
-/// The value of the option `name`, if there is one.
-fn given<'py, T: FromPyObjectOwned<'py>>(options: &Bound<'py, PyDict>, name: &str) -> PyResult<Option<T>> {
-    match options.get_item(name)?.filter(|value| !value.is_none()) {
-        Some(value) => match value.extract::<T>() {
-            Ok(value) => Ok(Some(value)),
-            Err(error) => {
-                let error: PyErr = error.into();
-                Err(refused(name, error.value(options.py())))
-            }
-        },
-        None => Ok(None),
-    }
-}
-
-fn is_given(options: &Bound<'_, PyDict>, name: &str) -> bool {
-    options.get_item(name).is_ok_and(|value| value.is_some_and(|value| !value.is_none()))
-}
-
-/// The options of the command, each under its name.
-fn asked(options: &Bound<'_, PyDict>) -> PyResult<FitOptions> {
-    /// The choice of the option `name`, if it is given.
-    fn chosen<T: Choice>(options: &Bound<'_, PyDict>, name: &str, default: T) -> PyResult<T> {
-        given::<String>(options, name)?.map_or(Ok(default), |text| choice(name, &text))
-    }
-    let usual = FitOptions::default();
-    let branches = options.get_item("branches")?.filter(|value| !value.is_none());
-    let branches = branches.map(|number| PyResult::Ok(number.str()?.to_string())).transpose()?;
-    Ok(FitOptions {
-        branches: branches.map_or(Ok(usual.branches), |text| text.parse()).map_err(|cause: String| refused("branches", cause))?,
-        topology: chosen(options, "topology", usual.topology)?,
-        curve: chosen(options, "curve", usual.curve)?,
-        method: chosen(options, "method", usual.method)?,
-        drive: chosen(options, "drive", usual.drive)?,
-        loss: chosen(options, "loss", usual.loss)?,
-        offset: chosen(options, "offset", usual.offset)?,
-        gain: chosen(options, "gain", usual.gain)?,
-        at_gap: chosen(options, "at_gap", usual.at_gap)?,
-        weights: match given(options, "weights")? {
-            None => Vec::new(),
-            Some(Weights::Word(word)) if word == "log-time" => vec![Weight::LogTime],
-            Some(Weights::Word(word)) => return Err(refused("weights", format!("{word:?}; give numbers, or log-time"))),
-            Some(Weights::Each(weights)) => weights.into_iter().map(Weight::Recording).collect(),
-        },
-        free: given(options, "free")?.unwrap_or_default(),
-        hold: given(options, "hold")?.unwrap_or_default(),
-        gap_s: given(options, "gap_s")?,
-        invert: given(options, "invert")?.unwrap_or_default(),
-        from_s: given(options, "from_s")?.unwrap_or(usual.from_s),
-        to_s: given(options, "to_s")?,
-        seed: given(options, "seed")?.unwrap_or(usual.seed),
-        starts: given(options, "starts")?.unwrap_or(usual.starts),
-    })
+    let class = py.import("springpot.results")?.getattr("FitResult")?;
+    class.call_method1("_from_report", (PyModel::new_from(parameters, name), report, series, severities))
 }
 
 fn severity(severity: Severity) -> &'static str {

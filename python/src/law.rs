@@ -1,19 +1,20 @@
 //! `Law` and `LawState`: the step of the controller, sample by sample or along an array.
 
+use std::sync::Mutex;
+
 use host_io::choice::Choice;
-use host_io::files::parameters::Parameters;
 use host_models::replay::memory::Precision;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use springpot::{Compressed, Law, LawState};
+use pyo3::types::{IntoPyDict, PyDict};
+use springpot::{Law, LawState};
 
-use crate::arrays::{each_complex, finite, steps};
+use crate::arrays::{each_complex, finite, locked, steps};
 use crate::errors::{Raise, refused};
 use crate::model::PyModel;
 use crate::names::choice;
 
 /// A law in the arithmetic of the controller, or in twice as many digits.
-#[derive(Clone)]
 #[allow(clippy::large_enum_variant)] // a handful live at a time
 enum AnyLaw {
     F32(Law<f32>),
@@ -21,11 +22,10 @@ enum AnyLaw {
 }
 
 /// The state of such a law.
-#[derive(Clone)]
 #[allow(clippy::large_enum_variant)] // a handful live at a time
 enum AnyState {
-    F32(Law<f32>, LawState<f32, Compressed<f32>>),
-    F64(Law<f64>, LawState<f64, Compressed<f64>>),
+    F32(Law<f32>, Mutex<LawState<f32>>),
+    F64(Law<f64>, Mutex<LawState<f64>>),
 }
 
 /// The law of a model at `rate_hz` steps per second: what a controller steps, in constant time and memory. It does not change.
@@ -36,7 +36,8 @@ enum AnyState {
 #[pyclass(frozen, name = "Law", module = "springpot")]
 pub(crate) struct PyLaw {
     law: AnyLaw,
-    parameters: Parameters,
+    /// Its model, with the method.
+    model: PyModel,
     rate_hz: f64,
 }
 
@@ -48,14 +49,16 @@ impl PyLaw {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
             return Err(refused("rate_hz", format!("{rate_hz:?} Hz must be finite and greater than 0")));
         }
-        let source = &model.get().source;
-        let parameters = model.get().with_method(method)?;
+        let model = model.get();
+        let model = PyModel::new_from(model.with_method(method)?, model.source.as_str());
+        let (parameters, source) = (&model.parameters, &model.source);
         let precision = choice("precision", precision)?;
         let built = py.detach(|| match precision {
             Precision::F32 => parameters.film().compressed_law(rate_hz).map(AnyLaw::F32),
             Precision::F64 => parameters.film().compressed_law(rate_hz).map(AnyLaw::F64),
         });
-        Ok(Self { law: built.map_err(|e| e.about(source, source.as_ref())).raise()?, parameters, rate_hz })
+        let law = built.map_err(|e| e.about(source, source.as_ref())).raise()?;
+        Ok(Self { law, model, rate_hz })
     }
 
     /// Steps per second.
@@ -67,7 +70,7 @@ impl PyLaw {
     /// How a derivative becomes a difference: gl or bdf2.
     #[getter]
     fn method(&self) -> &'static str {
-        self.parameters.method.name()
+        self.model.parameters.method.name()
     }
 
     /// Arithmetic of a step: f32 or f64.
@@ -91,7 +94,7 @@ impl PyLaw {
     /// Bound of the displacement's error through compressed memory, over the largest displacement.
     #[getter]
     fn bound_per_stroke(&self) -> f64 {
-        let film = self.parameters.film();
+        let film = self.model.parameters.film();
         let bound = match &self.law {
             AnyLaw::F32(law) => film.compression_bound(law),
             AnyLaw::F64(law) => film.compression_bound(law),
@@ -100,21 +103,24 @@ impl PyLaw {
     }
 
     /// The state of a film that was never moved.
-    fn at_rest(&self) -> PyState {
-        PyState(match &self.law {
-            AnyLaw::F32(law) => AnyState::F32(law.clone(), law.state()),
-            AnyLaw::F64(law) => AnyState::F64(law.clone(), law.state()),
-        })
+    fn at_rest(slf: &Bound<'_, Self>) -> PyState {
+        let state = match &slf.get().law {
+            AnyLaw::F32(law) => AnyState::F32(law.clone(), Mutex::new(law.state())),
+            AnyLaw::F64(law) => AnyState::F64(law.clone(), Mutex::new(law.state())),
+        };
+        PyState { state, law: slf.clone().unbind() }
     }
 
     /// The state of a film that has crept under `force_n` (N) for `duration_s` (s).
-    fn settled(&self, py: Python<'_>, force_n: f64, duration_s: f64) -> PyResult<PyState> {
+    fn settled(slf: &Bound<'_, Self>, force_n: f64, duration_s: f64) -> PyResult<PyState> {
         finite("force_n", force_n)?;
         finite("duration_s", duration_s)?;
-        Ok(PyState(py.detach(|| match &self.law {
-            AnyLaw::F32(law) => AnyState::F32(law.clone(), law.settled(force_n as f32, duration_s)),
-            AnyLaw::F64(law) => AnyState::F64(law.clone(), law.settled(force_n, duration_s)),
-        })))
+        let law = &slf.get().law;
+        let state = slf.py().detach(|| match law {
+            AnyLaw::F32(law) => AnyState::F32(law.clone(), Mutex::new(law.settled(force_n as f32, duration_s))),
+            AnyLaw::F64(law) => AnyState::F64(law.clone(), Mutex::new(law.settled(force_n, duration_s))),
+        });
+        Ok(PyState { state, law: slf.clone().unbind() })
     }
 
     /// Displacement over force (m/N, complex) at `frequency_hz` (Hz; a number or an array), for small oscillations about `at_m` (m).
@@ -126,14 +132,25 @@ impl PyLaw {
         })
     }
 
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((PyModel, f64), Bound<'py, PyDict>)> {
+        let named = [("method", self.method()), ("precision", self.precision())].into_py_dict(py)?;
+        Ok(((self.model.clone(), self.rate_hz), named))
+    }
+
     fn __repr__(&self) -> String {
         format!("<springpot.Law at {:?} Hz, {}, {}>", self.rate_hz, self.method(), self.precision())
     }
 }
 
-/// A film that a law steps: it remembers what was done to it. One thread at a time; `copy` makes another.
-#[pyclass(name = "State", module = "springpot")]
-pub(crate) struct PyState(AnyState);
+/// How a state is made again: a function, and its law and numbers.
+type Saved<'py> = (Bound<'py, PyAny>, (Py<PyLaw>, Vec<f64>));
+
+/// A film that a law steps: it remembers what was done to it. A thread that steps it waits for another that does; `copy` makes another film.
+#[pyclass(frozen, name = "State", module = "springpot")]
+pub(crate) struct PyState {
+    state: AnyState,
+    law: Py<PyLaw>,
+}
 
 #[pymethods]
 impl PyState {
@@ -144,27 +161,27 @@ impl PyState {
 
     /// Displacement after the last step, m.
     #[getter]
-    fn displacement_m(&self) -> f64 {
-        match &self.0 {
-            AnyState::F32(_, state) => state.position().into(),
-            AnyState::F64(_, state) => state.position(),
+    fn displacement_m(&self, py: Python<'_>) -> f64 {
+        match &self.state {
+            AnyState::F32(_, state) => locked(py, state).position().into(),
+            AnyState::F64(_, state) => locked(py, state).position(),
         }
     }
 
     /// Whether the film is beyond the stroke that its elastic curve was measured over.
     #[getter]
-    fn beyond_curve(&self) -> bool {
-        match &self.0 {
-            AnyState::F32(_, state) => state.beyond_curve(),
-            AnyState::F64(_, state) => state.beyond_curve(),
+    fn beyond_curve(&self, py: Python<'_>) -> bool {
+        match &self.state {
+            AnyState::F32(_, state) => locked(py, state).beyond_curve(),
+            AnyState::F64(_, state) => locked(py, state).beyond_curve(),
         }
     }
 
     /// Steps the film under `force_n` (N): once for a number, once for every value of an array. Its displacement (m), of the same shape.
     ///
     /// Raises InputError for an array of more dimensions or with values that are not finite; the state stays, as it does after Ctrl-C.
-    fn displacement<'py>(&mut self, force_n: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        match &mut self.0 {
+    fn displacement<'py>(&self, force_n: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        match &self.state {
             AnyState::F32(law, state) => {
                 steps("force_n", force_n, state, |state, f| law.displacement(state, f as f32).into())
             }
@@ -175,8 +192,8 @@ impl PyState {
     /// Steps the film to `displacement_m` (m): once for a number, once for every value of an array. The force (N) that it takes, likewise.
     ///
     /// Raises InputError for an array of more dimensions or with values that are not finite; the state stays, as it does after Ctrl-C.
-    fn force<'py>(&mut self, displacement_m: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-        match &mut self.0 {
+    fn force<'py>(&self, displacement_m: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        match &self.state {
             AnyState::F32(law, state) => {
                 steps("displacement_m", displacement_m, state, |state, x| law.force(state, x as f32).into())
             }
@@ -185,11 +202,40 @@ impl PyState {
     }
 
     /// The same film once more.
-    fn copy(&self) -> Self {
-        Self(self.0.clone())
+    fn copy(&self, py: Python<'_>) -> Self {
+        let state = match &self.state {
+            AnyState::F32(law, state) => AnyState::F32(law.clone(), Mutex::new(locked(py, state).clone())),
+            AnyState::F64(law, state) => AnyState::F64(law.clone(), Mutex::new(locked(py, state).clone())),
+        };
+        Self { state, law: self.law.clone_ref(py) }
     }
 
-    fn __repr__(&self) -> String {
-        format!("<springpot.State at {:?} m>", self.displacement_m())
+    fn __copy__(&self, py: Python<'_>) -> Self {
+        self.copy(py)
+    }
+
+    /// The film whose state `numbers` were saved.
+    #[staticmethod]
+    fn _restored(law: &Bound<'_, PyLaw>, numbers: Vec<f64>) -> PyState {
+        let (film, mut numbers) = (PyLaw::at_rest(law), numbers.into_iter());
+        let mut next = || numbers.next().unwrap_or_default();
+        match &film.state {
+            AnyState::F32(_, state) => locked(law.py(), state).visit(|number| *number = next() as f32),
+            AnyState::F64(_, state) => locked(law.py(), state).visit(|number| *number = next()),
+        }
+        film
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Saved<'py>> {
+        let mut numbers = Vec::new();
+        match &self.state {
+            AnyState::F32(_, state) => locked(py, state).clone().visit(|number| numbers.push(f64::from(*number))),
+            AnyState::F64(_, state) => locked(py, state).clone().visit(|number| numbers.push(*number)),
+        }
+        Ok((py.get_type::<Self>().getattr("_restored")?, (self.law.clone_ref(py), numbers)))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!("<springpot.State at {:?} m>", self.displacement_m(py))
     }
 }

@@ -10,7 +10,7 @@ use springpot::{Discretisation, Maxwell, Preset, Springpot};
 
 use crate::actuator::PyActuator;
 use crate::arrays::{each, finite};
-use crate::errors::Raise;
+use crate::errors::{Raise, doubt};
 use crate::names::choice;
 
 /// A springpot as it is written: c in N·s^α/m, and α.
@@ -82,7 +82,8 @@ impl PyModel {
     #[staticmethod]
     #[pyo3(signature = (text, source="model"))]
     fn from_toml(text: &str, source: &str) -> PyResult<Self> {
-        Ok(Self::new_from(Parameters::from_toml(Path::new(source), text).raise()?, source))
+        let parameters = Parameters::from_toml(Path::new(source), text).raise()?;
+        Ok(Self::new_from(parameters, source))
     }
 
     /// The parameters as TOML text.
@@ -173,9 +174,11 @@ fn written(element: Springpot) -> Element {
 ///
 /// Raises FileError naming the file and the line, InputError for a preset that there is not.
 #[pyfunction]
-pub(crate) fn load(path: PathBuf) -> PyResult<PyModel> {
+pub(crate) fn load(py: Python<'_>, path: PathBuf) -> PyResult<PyModel> {
     let name = path.to_string_lossy();
-    Ok(PyModel::new_from(Parameters::load(&name).raise()?, name))
+    let parameters = Parameters::load(&name).raise()?;
+    doubt(py, &parameters.doubts())?;
+    Ok(PyModel::new_from(parameters, name))
 }
 
 /// Writes `model` as a parameter file (TOML), whole or not at all.

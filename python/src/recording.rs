@@ -1,6 +1,6 @@
 //! `Recording`: what was applied and what was measured.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use host_io::Error;
 use host_io::error::shown;
@@ -10,12 +10,16 @@ use host_io::files::recording::Recording;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
+use pyo3::types::PyDict;
 
-use crate::arrays::{read_only, series};
-use crate::errors::Raise;
+use crate::arrays::{array, count, read_only, series};
+use crate::errors::{Raise, exception, refused};
 
 /// Columns as arrays, by their names.
 type Columns = Vec<(&'static str, Py<PyArray1<f64>>)>;
+
+/// Arguments of the constructor: the times, and others by their names.
+type Arguments<'py> = ((Py<PyArray1<f64>>,), Bound<'py, PyDict>);
 
 /// Applied and measured quantities over time: read from a file (`read_recording`), or made of arrays.
 ///
@@ -23,7 +27,8 @@ type Columns = Vec<(&'static str, Py<PyArray1<f64>>)>;
 /// film), `displacement_m` (m), `weight` (of the squared residuals in a fit). NaN and masked cells are empty; what drives a film
 /// must have none. The values are copied. `name` is what errors and reports call it.
 ///
-/// Raises InputError for an array of another shape or kind, FileError for values that no recording has.
+/// Raises InputError for an array of another shape or kind, or with values that no recording has. A pickled recording keeps its values, not the file
+/// that they are from.
 #[pyclass(frozen, name = "Recording", module = "springpot")]
 pub(crate) struct PyRecording {
     pub(crate) recording: Recording,
@@ -74,7 +79,13 @@ impl PyRecording {
             .filter_map(|(quantity, name, values)| Some((quantity, name, values?)))
             .map(|(quantity, name, values)| Ok((quantity, series(name, values)?)))
             .collect::<PyResult<Vec<_>>>()?;
-        Ok(Recording::of_values(name, series("time_s", time_s)?, columns).raise()?.into())
+        let time_s = series("time_s", time_s)?;
+        // There is no file here: the arrays are at fault.
+        let made = Recording::of_values(name, time_s, columns).map_err(|error| match error {
+            Error::File { path, cause } => refused(&shown(&path), cause),
+            error => exception(&error),
+        });
+        Ok(made?.into())
     }
 
     /// Times of the rows, s, from 0. The array cannot be written to.
@@ -136,6 +147,15 @@ impl PyRecording {
         output::write_columns(&path, &[], &written).raise()
     }
 
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<Arguments<'py>> {
+        let named = PyDict::new(py);
+        named.set_item("name", self.path())?;
+        for (name, values) in self.recording.columns() {
+            named.set_item(name, array(py, values))?;
+        }
+        Ok(((self.time_s(py)?,), named))
+    }
+
     fn __len__(&self) -> usize {
         self.recording.time_s().len()
     }
@@ -169,9 +189,10 @@ pub(crate) fn read_recording(
     sheet: Option<String>,
     from_s: f64,
     to_s: Option<f64>,
-    decimate: usize,
+    decimate: i128,
     blank: Vec<String>,
 ) -> PyResult<PyRecording> {
+    let decimate = count("decimate", decimate)?;
     let read = || {
         let blanks = blank.iter().map(|text| text.parse::<Blank>().map_err(|cause| Error::field("blank", cause)));
         let edits = Edits::new(blanks.collect::<host_io::Result<Vec<_>>>()?, from_s, to_s, decimate)?;
@@ -181,6 +202,18 @@ pub(crate) fn read_recording(
         }
         let (series, _) = recording.into_series().edited(&edits).map_err(|cause| Error::file(&path, cause))?;
         Ok(Recording::from_series(&path, series))
+    };
+    Ok(py.detach(read).raise()?.into())
+}
+
+/// Reads the recording or the reference at `path`.
+pub(crate) fn read(py: Python<'_>, path: &Path, is_reference: bool) -> PyResult<PyRecording> {
+    let read = || {
+        if is_reference {
+            Recording::read_reference(path, &Hints::default())
+        } else {
+            Recording::read_with(path, &Hints::default())
+        }
     };
     Ok(py.detach(read).raise()?.into())
 }

@@ -167,8 +167,8 @@ def test_ticks(table: Table, fitted: tuple[Path, Any], sine: Path, controller: s
     reference = read_csv(sine)["displacement_m"]
     model = sp.load(fitted[0])
     assert abs(model.sensor_offset_m) > 0.0
-    tracking = sp.Tracking(model, sensor_rate_hz=50, sensor_delay_s=0.02, bandwidth_hz=0.5)
-    feedforward = sp.Feedforward(model)
+    tracking = sp.Tracking(model, 1000, sensor_rate_hz=50, sensor_delay_s=0.02, bandwidth_hz=0.5)
+    feedforward = sp.Feedforward(model, 1000)
     for k in range(len(reference)):
         target = reference[min(k + 1, len(reference) - 1)]
         # Taken every 20 ms. The simulated film has no offset, the sensor of these parameters has.

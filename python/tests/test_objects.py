@@ -5,7 +5,10 @@ from __future__ import annotations
 import copy
 import math
 import pickle
+import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -140,7 +143,7 @@ def test_loops_follow() -> None:
 
 
 def test_a_tick_says_what_limits_it() -> None:
-    controller = sp.Feedforward(sp.load("preset:table3-n2"), limits={"max_voltage_v": 1000})
+    controller = sp.Feedforward(sp.load("preset:table3-n2"), 1000, limits={"max_voltage_v": 1000})
     ticks = [controller.tick(5e-3) for _ in range(2000)]
     assert max(tick.voltage_v for tick in ticks) == 1000.0
     assert "max-voltage" in ticks[-1].limited and ticks[-1].disturbance_n is None
@@ -150,7 +153,7 @@ def test_a_tick_says_what_limits_it() -> None:
 def test_lost_samples_are_none() -> None:
     """NaN is no sample, a reference that is not finite is ignored: the same bits as without."""
     model = sp.load("preset:table3-n2")
-    one, other = sp.Tracking(model), sp.Tracking(model)
+    one, other = sp.Tracking(model, 1000), sp.Tracking(model, 1000)
     for k in range(3000):
         sample = 1e-4 if k % 10 == 0 else None
         first = one.tick(1e-3 if k % 7 or k == 0 else math.nan, sample)
@@ -168,3 +171,44 @@ def test_every_name_says_what_it_is() -> None:
         for member, value in vars(public).items() if isinstance(public, type) else ():
             if not member.startswith("_") and not isinstance(value, (str, float, int, list, type(None))):
                 assert value.__doc__, f"{name}.{member}"
+
+
+@pytest.mark.parametrize("again", [lambda value: pickle.loads(pickle.dumps(value)), copy.deepcopy])
+def test_copies_are_equal(again: Callable[[Any], Any]) -> None:
+    """A pickled or copied object is the same, to the bit, and goes on by itself."""
+    actuator = sp.Actuator(thickness_m=100e-6, preload="from-start", stretch_coupling=-1.5, saturation_v=9000)
+    assert again(actuator) == actuator and again(sp.Actuator()) == sp.Actuator()
+    model = sp.Model((62740.0, 0.2), [((47958.0, 1.0), (173210.0, 0.5))], actuator=actuator, sensor_offset_m=2e-6)
+    assert again(model) == model
+    time = np.arange(100) / 7 + 0.3
+    gappy = np.where(time > 9, np.nan, 1e-3 * time)
+    recording = sp.Recording(time, voltage_v=np.full(100, 1000.0), displacement_m=gappy, name="log")
+    copied = again(recording)
+    assert copied.path == "log" and np.array_equal(copied.time_s, recording.time_s)
+    assert np.array_equal(copied.voltage_v, recording.voltage_v) and copied.force_n is None
+    assert np.array_equal(copied.displacement_m, recording.displacement_m, equal_nan=True)
+    for precision, method in (("f32", "gl"), ("f64", "bdf2")):
+        law = sp.Law(model, 500, method=method, precision=precision)  # type: ignore[arg-type]
+        other = again(law)
+        assert (repr(other), other.stiffness_n_per_m) == (repr(law), law.stiffness_n_per_m)
+        state = law.at_rest()
+        state.displacement(np.full(333, 10.0))
+        restored = again(state)
+        force = 100 * np.sin(np.arange(500) / 30) ** 2
+        assert np.array_equal(restored.displacement(force), state.displacement(force))
+        restored.displacement(50.0)
+        assert restored.displacement_m != state.displacement_m
+
+
+def test_threads_take_turns() -> None:
+    """Two threads step one film: no step is lost, whichever came first."""
+    law = sp.Law(sp.load("preset:table3-n2"))
+    force = np.full(400_000, 10.0)
+    expected, shared = law.at_rest(), law.at_rest()
+    expected.displacement(np.concatenate([force, force]))
+    threads = [threading.Thread(target=shared.displacement, args=(force,)) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert shared.displacement_m == expected.displacement_m

@@ -44,12 +44,11 @@ def test_no_arrays(name: str) -> None:
     value, line = NO_ARRAYS[name]
     with pytest.raises(sp.InputError) as refusal:
         sp.Recording(TIME, voltage_v=value)
-    arguments = re.sub(r"--([a-z-]+)", lambda flag: flag[1].replace("-", "_") + r"(_[a-z0-9_]+)?", re.escape(line).replace(r"\-", "-"))
-    assert re.fullmatch(arguments, str(refusal.value)), (line, str(refusal.value))
+    assert str(refusal.value) == line
 
 
 BROKEN: dict[str, tuple[dict[str, Any], str]] = {
-    "too short": ({"time_s": [0.0], "voltage_v": [1.0]}, "log: 1 rows; a recording needs at least 2"),
+    "too short": ({"time_s": [0.0], "voltage_v": [1.0]}, "log: time_s has 1 rows; a recording needs at least 2"),
     "other length": ({"voltage_v": VOLTS[:-1]}, "log: 99 values of voltage_v at 100 times"),
     "time is NaN": ({"time_s": np.where(TIME == 5, np.nan, TIME)}, "log: time_s[50] is NaN; no clock shows that"),
     "time goes back": ({"time_s": TIME[::-1]}, "log: time_s[1] is 9.8 after 9.9; times must increase"),
@@ -60,10 +59,9 @@ BROKEN: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("name", BROKEN)
 def test_broken_recordings(name: str) -> None:
     changes, line = BROKEN[name]
-    with pytest.raises(sp.FileError) as refusal:
+    with pytest.raises(sp.InputError) as refusal:
         sp.Recording(**{"time_s": TIME, "voltage_v": VOLTS, "name": "log", **changes})
-    arguments = re.sub(r"--([a-z-]+)", lambda flag: flag[1].replace("-", "_") + r"(_[a-z0-9_]+)?", re.escape(line).replace(r"\-", "-"))
-    assert re.fullmatch(arguments, str(refusal.value)), (line, str(refusal.value))
+    assert str(refusal.value) == line
 
 
 def test_gaps_in_what_drives() -> None:
@@ -112,7 +110,92 @@ def test_arrays_are_apart() -> None:
         recording.voltage_v[0] = 1
 
 
+MODEL = sp.Model((6e4, 0.2))
+SINE = sp.Recording(TIME, displacement_m=METRES)
+LOG = sp.Recording(TIME, voltage_v=VOLTS, displacement_m=METRES)
 WRONG: Any = {"max_volts": 1.0}
+# What is no count or no limit, and what the refusal names.
+WRONG_TYPES: dict[str, tuple[str, Callable[[Any], object]]] = {
+    "seed": ("seed", lambda value: sp.record_film(duration_s=1, seed=value)),
+    "seed of a reference": ("seed", lambda value: sp.reference("sine", low_m=0, high_m=1e-3, period_s=1, duration_s=2, seed=value)),
+    "seed of a fit": ("seed", lambda value: sp.fit(LOG, seed=value)),
+    "starts": ("starts", lambda value: sp.fit(LOG, starts=value)),
+    "decimate": ("decimate", lambda value: sp.read_recording("none.csv", decimate=value)),
+    "points": ("points", lambda value: sp.frequency_response(MODEL, 0.1, 1.0, value)),
+    "harmonics": ("harmonics", lambda value: sp.Tracking(MODEL, 1000, harmonics=value)),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_TYPES)
+@pytest.mark.parametrize("value", [-1, 1.5, "two", [1], None.__class__])
+def test_counts_of_a_wrong_type(name: str, value: Any) -> None:
+    argument, call = WRONG_TYPES[name]
+    with pytest.raises((TypeError, ValueError), match=argument):
+        call(value)
+
+
+@pytest.mark.parametrize("limit", ["high", [1.0], 1j, object()])
+def test_limits_of_a_wrong_type(limit: Any) -> None:
+    given: Any = {"max_voltage_v": limit}
+    for call in (
+        lambda: sp.feedforward(MODEL, SINE, limits=given),
+        lambda: sp.check_reference(MODEL, SINE, limits=given),
+        lambda: sp.Tracking(MODEL, 1000, limits=given),
+    ):
+        with pytest.raises(ValueError, match="^max_voltage_v: "):
+            call()
+    with pytest.raises(TypeError, match="limits"):
+        sp.feedforward(MODEL, SINE, limits=limit)
+
+
+def test_arguments_of_a_wrong_type_are_named() -> None:
+    wrong: Any = 5
+    for name, call in (
+        ("recordings", lambda: sp.replay(MODEL, wrong)),
+        ("recordings", lambda: sp.fit([wrong])),
+        ("recording", lambda: sp.simulate(MODEL, [LOG, LOG])),  # type: ignore[arg-type]
+        ("weights", lambda: sp.fit(LOG, weights=["heavy"])),  # type: ignore[list-item]
+        ("free", lambda: sp.fit(LOG, free="stretch_coupling")),
+        ("rate_hz", lambda: sp.Law(MODEL, "fast")),  # type: ignore[arg-type]
+    ):
+        with pytest.raises((TypeError, ValueError), match=name):
+            call()
+
+
+def test_controllers_need_a_rate() -> None:
+    kinds: Any = (sp.Tracking, sp.Feedforward, sp.Observer)
+    for kind in kinds:
+        with pytest.raises(TypeError, match="rate_hz"):
+            kind(MODEL)
+
+
+def test_sizes_in_other_units() -> None:
+    with pytest.raises(sp.InputError, match=r"^actuator: length_m = 40 is 40 m: is it in millimetres\? write 0.04$"):
+        sp.Actuator(length_m=40)
+    with pytest.raises(sp.InputError, match="thickness_m = 160 is 160 m: is it in micrometres\\? write 0.00016; mass_kg = 316"):
+        sp.Actuator(thickness_m=160, mass_kg=316)
+    with pytest.warns(UserWarning, match="is it in grams"):
+        sp.Actuator(thickness_m=20e-6, mass_kg=5)
+
+
+def test_an_unknown_field_is_warned_of(films: list[Path], sine: Path) -> None:
+    """The sizes of a fit without an actuator are assumed: no limit of the field is kept in silence."""
+    model = sp.fit(films[0], branches=0, topology="parallel", curve="none").model
+    for call in (lambda: sp.feedforward(model, sine), lambda: sp.Tracking(model, 1000), lambda: sp.check_reference(model, sine)):
+        with pytest.warns(UserWarning, match="sizes are assumed"):
+            call()
+
+
+def test_errors_name_arguments(tmp_path: Path) -> None:
+    """Never a flag of the command line."""
+    strange = tmp_path / "lab.csv"
+    strange.write_text("a,b,c\n0,1,2\n1,2,3\n2,3,4\n", encoding="utf-8")
+    for call in (lambda: sp.read_recording(strange), lambda: sp.read_recording(strange, columns="time=9,voltage=1")):
+        with pytest.raises(sp.Error) as refusal:
+            call()
+        assert "columns" in str(refusal.value) and "--" not in str(refusal.value), str(refusal.value)
+
+
 LAWS: dict[str, Callable[[], object]] = {
     "model: main springpot: alpha = 1.5 must be within 0 and 1": lambda: sp.Model((60e3, 1.5)),
     "rate_hz: NaN Hz must be finite and greater than 0": lambda: sp.Law(sp.Model((6e4, 0.2)), math.nan),
@@ -122,8 +205,8 @@ LAWS: dict[str, Callable[[], object]] = {
         sp.Model((6e4, 0.2)), sp.Recording(TIME, voltage_v=VOLTS), memory="short"
     ),
     'limits: no limit "max_volts"; there are max_voltage_v, max_field_v_per_m, max_slew_v_per_s, max_velocity_m_per_s, '
-    "max_acceleration_m_per_s2": lambda: sp.Feedforward(sp.Model((6e4, 0.2)), limits=WRONG),
-    "max_voltage_v: -1.0 must be finite and greater than 0": lambda: sp.Feedforward(sp.Model((6e4, 0.2)), limits={"max_voltage_v": -1}),
+    "max_acceleration_m_per_s2": lambda: sp.Feedforward(sp.Model((6e4, 0.2)), 1000, limits=WRONG),
+    "max_voltage_v: -1.0 must be finite and greater than 0": lambda: sp.Feedforward(sp.Model((6e4, 0.2)), 1000, limits={"max_voltage_v": -1}),
     "sensor_offset_m: NaN must be finite": lambda: sp.Model((6e4, 0.2), sensor_offset_m=math.nan),
     "start: gives actuator as well; leave one of them out": lambda: sp.fit(
         sp.Recording(TIME, voltage_v=VOLTS, displacement_m=METRES), start=sp.Model((6e4, 0.2)), actuator=sp.Actuator()
@@ -136,8 +219,7 @@ LAWS: dict[str, Callable[[], object]] = {
 def test_refused_arguments(line: str) -> None:
     with pytest.raises(sp.InputError) as refusal:
         LAWS[line]()
-    arguments = re.sub(r"--([a-z-]+)", lambda flag: flag[1].replace("-", "_") + r"(_[a-z0-9_]+)?", re.escape(line).replace(r"\-", "-"))
-    assert re.fullmatch(arguments, str(refusal.value)), (line, str(refusal.value))
+    assert str(refusal.value) == line
 
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
@@ -155,8 +237,7 @@ def test_steps_of_no_number_change_nothing(precision: Any) -> None:
     ):
         with pytest.raises(sp.InputError) as refusal:
             call()
-        arguments = re.sub(r"--([a-z-]+)", lambda flag: flag[1].replace("-", "_") + r"(_[a-z0-9_]+)?", re.escape(line).replace(r"\-", "-"))
-    assert re.fullmatch(arguments, str(refusal.value)), (line, str(refusal.value))
+        assert str(refusal.value) == line
     assert state.displacement(5.0) == other.displacement(5.0)
     # One number in an array is an array.
     one = state.displacement(np.array([5.0]))
@@ -166,8 +247,8 @@ def test_steps_of_no_number_change_nothing(precision: Any) -> None:
 
 def test_ticks_of_no_number_change_nothing() -> None:
     model = sp.load("preset:table3-n2")
-    tracking, other = sp.Tracking(model), sp.Tracking(model)
-    observer, alone = sp.Observer(model), sp.Observer(model)
+    tracking, other = sp.Tracking(model, 1000), sp.Tracking(model, 1000)
+    observer, alone = sp.Observer(model, 1000), sp.Observer(model, 1000)
     for k in range(100):
         with pytest.raises(sp.InputError, match="^applied_v: NaN must be finite$"):
             tracking.tick(1e-3, applied_v=math.nan)
@@ -236,7 +317,7 @@ def test_lines_are_those_of_the_command_line(tool: Tool, films: list[Path], sine
     sweep = ["frequency-response", "--params", "preset:table3-n2", "--from", "1", "--to", "0.1", "--points", "5", *out]
     same_line(tool, sweep, sp.InputError, lambda: sp.frequency_response(model, 1, 0.1, 5))
     loop = ["closed-loop", "--plant", "hossain", "--params", "preset:table3-n2", "--reference", sine, "--controller", "tracking"]
-    same_line(tool, [*loop, "--bandwidth", "8"], sp.InputError, lambda: sp.Tracking(model, bandwidth_hz=8))
+    same_line(tool, [*loop, "--bandwidth", "8"], sp.InputError, lambda: sp.Tracking(model, 1000, bandwidth_hz=8))
     gone = tmp_path / "no" / "film.toml"
     with pytest.raises(sp.FileError, match="film.toml"):
         sp.save(model, gone)

@@ -18,16 +18,22 @@ from ._native import (
     Tick,
     Tracking,
     __version__,
+    check_reference,
+    feedforward,
+    fit,
+    frequency_response,
     load,
+    observe,
     presets,
     read_recording,
     read_reference,
     record_film,
     reference,
+    replay,
     save,
+    simulate,
 )
 from .errors import ComputationError, Error, FileError, InputError
-from .functions import check_reference, feedforward, fit, frequency_response, observe, replay, simulate
 from .limits import Limits
 from .results import (
     FitRecording,

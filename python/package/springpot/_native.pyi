@@ -1,13 +1,14 @@
 """Types of the native part. The docstrings of classes and functions say shapes, units and errors."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
-from typing import Any, Literal, TypeAlias, final, overload
+from typing import Any, Final, Literal, TypeAlias, final, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from .limits import Limits
+from .results import FitResult, FrequencyResponse, Observation, Replay, Response, VoltagePlan
 
 __version__: str
 
@@ -15,6 +16,11 @@ _Path: TypeAlias = str | PathLike[str]
 _Array: TypeAlias = npt.NDArray[np.float64]
 _Series: TypeAlias = npt.ArrayLike
 _Element: TypeAlias = tuple[float, float]
+_Drive: TypeAlias = Literal["force", "displacement"]
+_Method: TypeAlias = Literal["gl", "bdf2"]
+_Precision: TypeAlias = Literal["f32", "f64"]
+_Source: TypeAlias = Recording | _Path
+_Sources: TypeAlias = _Source | Iterable[_Source]
 
 @final
 class Actuator:
@@ -30,22 +36,14 @@ class Actuator:
         stretch_coupling: float = 0.0,
         saturation_v: float | None = None,
     ) -> Actuator: ...
-    @property
-    def relative_permittivity(self) -> float: ...
-    @property
-    def length_m(self) -> float: ...
-    @property
-    def width_m(self) -> float: ...
-    @property
-    def thickness_m(self) -> float: ...
-    @property
-    def mass_kg(self) -> float: ...
-    @property
-    def preload(self) -> Literal["settled", "from-start"]: ...
-    @property
-    def stretch_coupling(self) -> float: ...
-    @property
-    def saturation_v(self) -> float | None: ...
+    relative_permittivity: Final[float]
+    length_m: Final[float]
+    width_m: Final[float]
+    thickness_m: Final[float]
+    mass_kg: Final[float]
+    preload: Final[Literal["settled", "from-start"]]
+    stretch_coupling: Final[float]
+    saturation_v: Final[float | None]
     @overload
     def force(self, voltage_v: float, displacement_m: float = 0.0) -> float: ...
     @overload
@@ -54,6 +52,7 @@ class Actuator:
     def voltage(self, force_n: float, displacement_m: float = 0.0) -> float: ...
     @overload
     def voltage(self, force_n: _Series, displacement_m: float = 0.0) -> _Array: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
 
 @final
 class Model:
@@ -70,22 +69,14 @@ class Model:
     @staticmethod
     def from_toml(text: str, source: str = "model") -> Model: ...
     def to_toml(self) -> str: ...
-    @property
-    def name(self) -> str: ...
-    @property
-    def topology(self) -> Literal["parallel", "eq11"]: ...
-    @property
-    def main(self) -> _Element: ...
-    @property
-    def branches(self) -> list[tuple[_Element, _Element]]: ...
-    @property
-    def actuator(self) -> Actuator: ...
-    @property
-    def sensor_offset_m(self) -> float: ...
-    @property
-    def sizes_assumed(self) -> bool: ...
-    @property
-    def curve(self) -> Literal["mooney-rivlin", "gent", "free"] | None: ...
+    name: Final[str]
+    topology: Final[Literal["parallel", "eq11"]]
+    main: Final[_Element]
+    branches: Final[list[tuple[_Element, _Element]]]
+    actuator: Final[Actuator]
+    sensor_offset_m: Final[float]
+    sizes_assumed: Final[bool]
+    curve: Final[Literal["mooney-rivlin", "gent", "free"] | None]
     @overload
     def relaxation_modulus(self, time_s: float) -> float: ...
     @overload
@@ -103,32 +94,26 @@ class Law:
         model: Model,
         rate_hz: float = 1000.0,
         *,
-        method: Literal["gl", "bdf2"] = "gl",
-        precision: Literal["f32", "f64"] = "f32",
+        method: _Method = "gl",
+        precision: _Precision = "f32",
     ) -> Law: ...
-    @property
-    def rate_hz(self) -> float: ...
-    @property
-    def method(self) -> Literal["gl", "bdf2"]: ...
-    @property
-    def precision(self) -> Literal["f32", "f64"]: ...
-    @property
-    def stiffness_n_per_m(self) -> float: ...
-    @property
-    def bound_per_stroke(self) -> float: ...
+    rate_hz: Final[float]
+    method: Final[Literal["gl", "bdf2"]]
+    precision: Final[Literal["f32", "f64"]]
+    stiffness_n_per_m: Final[float]
+    bound_per_stroke: Final[float]
     def at_rest(self) -> State: ...
     def settled(self, force_n: float, duration_s: float) -> State: ...
     @overload
     def frequency_response(self, frequency_hz: float, at_m: float = 0.0) -> complex: ...
     @overload
     def frequency_response(self, frequency_hz: _Series, at_m: float = 0.0) -> npt.NDArray[np.complex128]: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[Model, float], dict[str, str]]: ...
 
 @final
 class State:
-    @property
-    def displacement_m(self) -> float: ...
-    @property
-    def beyond_curve(self) -> bool: ...
+    displacement_m: Final[float]
+    beyond_curve: Final[bool]
     @overload
     def displacement(self, force_n: float) -> float: ...
     @overload
@@ -138,6 +123,7 @@ class State:
     @overload
     def force(self, displacement_m: _Series) -> _Array: ...
     def copy(self) -> State: ...
+    def __copy__(self) -> State: ...
 
 @final
 class Recording:
@@ -151,69 +137,51 @@ class Recording:
         weight: _Series | None = None,
         name: str = "recording",
     ) -> Recording: ...
-    @property
-    def time_s(self) -> _Array: ...
+    time_s: Final[_Array]
     # None where there is no such column. `Any` spares a check in the programs of those who know that there is one.
-    @property
-    def voltage_v(self) -> _Array | Any: ...
-    @property
-    def force_n(self) -> _Array | Any: ...
-    @property
-    def displacement_m(self) -> _Array | Any: ...
-    @property
-    def weight(self) -> _Array | Any: ...
-    @property
-    def path(self) -> str: ...
-    @property
-    def duration_s(self) -> float: ...
-    @property
-    def understood(self) -> str | None: ...
+    voltage_v: Final[_Array | Any]
+    force_n: Final[_Array | Any]
+    displacement_m: Final[_Array | Any]
+    weight: Final[_Array | Any]
+    path: Final[str]
+    duration_s: Final[float]
+    understood: Final[str | None]
     def save(self, path: _Path) -> None: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[_Array], dict[str, Any]]: ...
     def __len__(self) -> int: ...
 
 @final
 class Tick:
-    @property
-    def voltage_v(self) -> float: ...
-    @property
-    def reference_m(self) -> float | None: ...
-    @property
-    def displacement_m(self) -> float | None: ...
-    @property
-    def disturbance_n(self) -> float | None: ...
-    @property
-    def force_scale(self) -> float | None: ...
-    @property
-    def limited(self) -> list[str]: ...
+    voltage_v: Final[float]
+    reference_m: Final[float | None]
+    displacement_m: Final[float | None]
+    disturbance_n: Final[float | None]
+    force_scale: Final[float | None]
+    limited: Final[list[str]]
 
 @final
 class Estimate:
-    @property
-    def displacement_m(self) -> float: ...
-    @property
-    def disturbance_n(self) -> float: ...
-    @property
-    def force_scale(self) -> float: ...
-    @property
-    def innovation_m(self) -> float: ...
-    @property
-    def innovation_std_m(self) -> float: ...
+    displacement_m: Final[float]
+    disturbance_n: Final[float]
+    force_scale: Final[float]
+    innovation_m: Final[float]
+    innovation_std_m: Final[float]
 
 @final
 class Tracking:
     def __new__(
         cls,
         model: Model,
+        rate_hz: float,
         *,
-        rate_hz: float = 1000.0,
         bandwidth_hz: float | None = None,
         adaptation_s: float | None = None,
-        sensor_rate_hz: float = 100.0,
-        sensor_delay_s: float = 0.01,
+        sensor_rate_hz: float | None = None,
+        sensor_delay_s: float | None = None,
         harmonics: int | None = None,
         period_s: float | None = None,
         limits: Limits | None = None,
-        precision: Literal["f32", "f64"] = "f32",
+        precision: _Precision = "f32",
     ) -> Tracking: ...
     def tick(
         self,
@@ -230,10 +198,10 @@ class Feedforward:
     def __new__(
         cls,
         model: Model,
+        rate_hz: float,
         *,
-        rate_hz: float = 1000.0,
         limits: Limits | None = None,
-        precision: Literal["f32", "f64"] = "f32",
+        precision: _Precision = "f32",
     ) -> Feedforward: ...
     def tick(self, reference_m: float, *, applied_v: float | None = None, monitor_v: float | None = None) -> Tick: ...
 
@@ -242,34 +210,29 @@ class Observer:
     def __new__(
         cls,
         model: Model,
+        rate_hz: float,
         *,
-        rate_hz: float = 1000.0,
         bandwidth_hz: float | None = None,
         adaptation_s: float | None = None,
-        sensor_rate_hz: float = 100.0,
-        sensor_delay_s: float = 0.01,
+        sensor_rate_hz: float | None = None,
+        sensor_delay_s: float | None = None,
         max_voltage_v: float | None = None,
-        precision: Literal["f32", "f64"] = "f32",
+        precision: _Precision = "f32",
     ) -> Observer: ...
     def tick(self, voltage_v: float, sample_m: float | None = None, *, age_s: float | None = None) -> Estimate: ...
 
 @final
 class SimulatedFilm:
     def __new__(cls, plant: Literal["hossain", "wang"] = "hossain") -> SimulatedFilm: ...
-    @property
-    def displacement_m(self) -> float: ...
+    displacement_m: Final[float]
     def advance(self, voltage_v: float, duration_s: float) -> float: ...
 
 @final
 class Stage:
-    @property
-    def what(self) -> str: ...
-    @property
-    def number(self) -> int | None: ...
-    @property
-    def of(self) -> int | None: ...
-    @property
-    def share(self) -> float | None: ...
+    what: Final[str]
+    number: Final[int | None]
+    of: Final[int | None]
+    share: Final[float | None]
 
 def load(path: _Path) -> Model: ...
 def save(model: Model, path: _Path) -> None: ...
@@ -306,46 +269,74 @@ def reference(
     rise_s: float | None = None,
     seed: int = 1,
 ) -> Recording: ...
-
-# Behind the functions of the package, which say what these take.
 def simulate(
-    model: Model, recording: Recording, rate_hz: float, memory: str, precision: str, method: str, drive: str
-) -> dict[str, Any]: ...
+    model: Model,
+    recording: _Source,
+    *,
+    rate_hz: float = 1000.0,
+    memory: str = "compressed",
+    precision: _Precision = "f32",
+    method: _Method = "gl",
+    drive: _Drive = "force",
+) -> Response: ...
 def replay(
     model: Model,
-    recordings: Sequence[Recording],
-    drive: str,
-    rate_hz: float,
-    memory: str,
-    precision: str,
-    method: str,
-) -> tuple[float, list[dict[str, Any]]]: ...
+    recordings: _Sources,
+    *,
+    drive: _Drive = "force",
+    rate_hz: float = 1000.0,
+    memory: str = "compressed",
+    precision: _Precision = "f32",
+    method: _Method = "gl",
+) -> Replay: ...
 def feedforward(
     model: Model,
-    reference: Recording,
-    rate_hz: float,
-    memory: str,
-    precision: str,
-    method: str,
-    limits: dict[str, float] | None,
-) -> dict[str, Any]: ...
+    reference: _Source,
+    *,
+    rate_hz: float = 1000.0,
+    memory: str = "compressed",
+    precision: _Precision = "f32",
+    method: _Method = "gl",
+    limits: Limits | None = None,
+) -> VoltagePlan: ...
 def check_reference(
-    model: Model, reference: Recording, rate_hz: float, method: str, limits: dict[str, float] | None
-) -> str: ...
+    model: Model, reference: _Source, *, rate_hz: float = 1000.0, method: _Method = "gl", limits: Limits | None = None
+) -> dict[str, Any]: ...
 def observe(
     model: Model,
-    recording: Recording,
-    rate_hz: float,
-    bandwidth_hz: float,
-    adaptation_s: float,
-    precision: str,
-    method: str,
-) -> dict[str, Any]: ...
+    recording: _Source,
+    *,
+    rate_hz: float = 1000.0,
+    bandwidth_hz: float = 0.6,
+    adaptation_s: float = 30.0,
+    precision: _Precision = "f32",
+    method: _Method = "gl",
+) -> Observation: ...
 def frequency_response(
-    model: Model, from_hz: float, to_hz: float, points: int, at_m: float, law_hz: float | None
-) -> list[_Array]: ...
+    model: Model, from_hz: float, to_hz: float, points: int = 200, *, at_m: float = 0.0, law_hz: float | None = None
+) -> FrequencyResponse: ...
 def fit(
-    recordings: Sequence[Recording],
-    options: dict[str, object],
-    progress: Callable[[Stage], bool | None] | None,
-) -> tuple[Model, str, list[list[_Array]], list[str]]: ...
+    recordings: _Sources,
+    *,
+    branches: int | Literal["auto"] | None = None,
+    topology: Literal["eq11", "parallel", "auto"] = "auto",
+    curve: Literal["auto", "none", "saturation", "mooney-rivlin", "gent", "free", "both"] = "auto",
+    method: Literal["lm", "pattern-search"] = "lm",
+    drive: _Drive = "force",
+    free: Sequence[str] = ...,
+    hold: Sequence[str] = ...,
+    actuator: Actuator | Model | _Path | None = None,
+    start: Model | None = None,
+    loss: Literal["square", "huber"] = "square",
+    weights: Sequence[float] | Literal["log-time"] | None = None,
+    offset: Literal["joint", "per-recording"] = "joint",
+    gain: Literal["joint", "per-recording"] = "joint",
+    gap_s: float | None = None,
+    at_gap: Literal["end", "skip"] = "end",
+    invert: bool = False,
+    from_s: float = 0.0,
+    to_s: float | None = None,
+    seed: int = 1,
+    starts: int = 8,
+    progress: Callable[[Stage], bool | None] | None = None,
+) -> FitResult: ...

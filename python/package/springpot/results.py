@@ -5,13 +5,15 @@ Every result that has columns gives them as a dictionary with ``columns()``, whi
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field, fields
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from ._native import Model
+if TYPE_CHECKING:
+    from ._native import Model
 
 __all__ = [
     "FitRecording",
@@ -27,6 +29,9 @@ __all__ = [
 ]
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
+
+# What a FitResult has from the report as it is.
+_REPORTED = ("r2_mean", "topology", "branches", "drive", "evaluations", "seconds", "interrupted", "structures", "relaxations")
 
 
 class _Columns:
@@ -222,6 +227,43 @@ class FitResult:
     structures: list[dict[str, Any]] = field(default_factory=list)
     relaxations: list[dict[str, Any]] = field(default_factory=list)
     report: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def _from_report(
+        cls, model: Model, text: str, series: list[tuple[FloatArray, FloatArray, FloatArray]], severities: list[str]
+    ) -> FitResult:
+        """The result of the document ``text`` that ``fit --json`` prints, with the series of every recording."""
+        report = json.loads(text)
+        uncertainty = report["uncertainty"] or {"estimates": [], "undetermined": []}
+        rmse = "rmse_m" if report["drive"] == "force" else "rmse_n"
+        kept = ("file", "samples", "rate_hz")
+        return cls(
+            model=model,
+            recordings=[
+                FitRecording(
+                    # JSON has no NaN.
+                    r2=float("nan") if row["r2"] is None else row["r2"],
+                    nrmse_pct=float("nan") if row["nrmse_pct"] is None else row["nrmse_pct"],
+                    rmse=row[rmse],
+                    offset=row.get("offset"),
+                    gain=row.get("gain"),
+                    time_s=time_s,
+                    measured=measured,
+                    modelled=modelled,
+                    **{name: row[name] for name in kept},
+                )
+                for row, (time_s, measured, modelled) in zip(report["recordings"], series, strict=True)
+            ],
+            parameters=[
+                Parameter(**{**row, "linear": None if row["linear"] is None else tuple(row["linear"])})
+                for row in uncertainty["estimates"]
+            ],
+            undetermined=uncertainty["undetermined"],
+            warnings=[FitWarning(severity, text) for severity, text in zip(severities, report["warnings"], strict=True)],
+            curve=report["film"]["curve"],
+            report=report,
+            **{name: report[name] for name in _REPORTED},
+        )
 
     def columns(self) -> dict[str, list[Any]]:
         """One row per parameter, for ``pandas.DataFrame``; an end that is open is infinite."""
