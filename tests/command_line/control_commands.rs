@@ -116,9 +116,14 @@ fn observe_estimates_a_recording() {
     // The sensor's 5 µm, and what the bandwidth leaves of the model's error.
     assert!((5e-6..8e-6).contains(&rms));
     assert!((number(&report["force_scale"]) - 1.0).abs() < 0.03);
-    let [estimate, sample] = ["displacement_m", "sample_m"].map(|name| column(&bench.path().join("out.csv"), name));
+    let written = |name| column(&bench.path().join("out.csv"), name);
+    // A row for each of the recording, not for each tick.
+    assert_eq!(written("time_s").len(), 15_501);
+    let [estimate, sample] = ["displacement_m", "sample_m"].map(written);
     let pairs: Vec<f64> = estimate.iter().zip(&sample).map(|(x, y)| x - y).filter(|e| !e.is_nan()).collect();
     assert_eq!(pairs.len(), 15_501);
+    TOOL.line("observe --params soft.toml rec.csv --out out.csv --every 500", bench.path());
+    assert_eq!(written("time_s")[..3], [0.0, 0.5, 1.0]);
 }
 
 #[test]

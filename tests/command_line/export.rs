@@ -62,8 +62,9 @@ fn the_bound_of_the_compression_is_reported() {
     ] {
         assert_eq!(told[name].as_f64().map(|told| told as f32), Some(value), "{name}");
     }
-    let line = TOOL.with(&preset).output().expect("runs");
-    names(&String::from_utf8_lossy(&line.stdout), &["compression at 500 Hz, over 86400 s from rest", "of the stroke"]);
+    // Its numbers are for those who ask.
+    let line = TOOL.with(&preset).arg("--verbose").output().expect("runs");
+    names(&String::from_utf8_lossy(&line.stderr), &["compression at 500 Hz, over 86400 s from rest", "of the stroke"]);
 
     let curve = "schema = 2\nname = \"bent\"\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.04\nwidth_m = 0.06\n\
                  thickness_m = 160e-6\nmass_kg = 0.316\n[model]\ntopology = \"parallel\"\nmain = { c = 62740.0, alpha = 0.2 }\n\
@@ -135,6 +136,39 @@ fn an_amplifier_is_described_by_points_as_well() {
     let (before, after) = (Parameters::read(&file).expect("readable"), Parameters::read(&reduced).expect("readable"));
     assert_eq!(before.board, after.board);
     assert!(fs::read_to_string(&reduced).expect("written").contains("0.6"), "short numbers");
+}
+
+/// The ending chooses the format; one that is another format's is refused, and nothing is written.
+#[test]
+fn the_ending_chooses_the_format() {
+    let folder = TempDir::new().expect("a folder");
+    let out = |name: &str| folder.path().join(name);
+    let export = ["export", "--params", "preset:table3-n2", "--out"];
+    let read = |name: &str| fs::read(out(name)).unwrap_or_default();
+    for name in ["film.bin", "film.rs", "film.c", "film.fmu", "film"] {
+        TOOL.json(&[&export[..], &[text(&out(name))]].concat());
+    }
+    assert!(read("film.bin").starts_with(b"DEA") && read("film") == read("film.bin"));
+    assert!(read("film.rs").starts_with(b"///") && read("film.fmu").starts_with(b"PK"));
+    assert!(read("film.c").starts_with(b"/*") && out("springpot.h").exists());
+    for (name, emit) in [
+        ("other.c", "blob"),
+        ("other.c", "rust"),
+        ("other.rs", "c"),
+        ("other.bin", "rust"),
+        ("other.fmu", "blob"),
+        ("other.bin", "fmu2"),
+        ("other.h", "c"),
+        ("other.c", "arduino"),
+    ] {
+        let refusal = TOOL.fails(&[&export[..], &[text(&out(name)), "--emit", emit]].concat());
+        names(&refusal, &["--out", name, "--emit", emit]);
+        assert!(!out(name).exists(), "{name} {emit}");
+    }
+    for name in ["other.h", "other.ino", "other.zip", "other.csv"] {
+        names(&TOOL.fails(&[&export[..], &[text(&out(name))]].concat()), &["--out", name, ".bin", ".c"]);
+        assert!(!out(name).exists(), "{name}");
+    }
 }
 
 /// The blob of the example firmware for other boards is made of the file beside it, as its comment says.

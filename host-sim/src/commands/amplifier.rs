@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
+use super::options;
 use super::recordings::{self, RecordingOptions};
 use crate::error::{Error, Result, shown};
 use crate::files::amplifier_log::AmplifierLog;
@@ -70,7 +71,7 @@ struct Intervals {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let log = AmplifierLog::read(&arguments.log, &arguments.reading.hints())?;
     recordings::report_understood(&log.understood);
-    let parameters = arguments.params.as_deref().map(Parameters::load).transpose()?;
+    let parameters = arguments.params.as_deref().map(options::load).transpose()?;
     let plot = arguments.check_outputs()?;
     let bar = Progress::unknown("identify the amplifier");
     let identified = amplifier::identify(&log)?;

@@ -1,5 +1,6 @@
 //! `closed-loop`: a controller follows a reference on a simulated film.
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -7,21 +8,22 @@ use serde::Serialize;
 use springpot::{AmplifierLag, CommandLimits};
 
 use super::choice::named;
-use super::options::LimitOptions;
+use super::options::{self, LimitOptions};
 use super::recordings::RecordingOptions;
 use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
-use crate::files::parameters::Parameters;
+use crate::files::recording::Recording;
 use crate::grid::Grid;
 use crate::progress::Progress;
-use crate::quantity::{self, at_most, positive};
+use crate::quantity::{self, at_most};
+use crate::references;
 use crate::replay::memory::Precision;
 use crate::report::figure::Figure;
 use crate::report::figure_file::{Plot, PlotOption};
 use crate::report::tracking_figure;
 use crate::simulation::closed_loop::{self, BenchModel, LimitShare, LoopRun, TrackingQuality};
-use crate::simulation::controllers::{self, ControllerKind};
+use crate::simulation::controllers::{self, Controller, ControllerKind};
 use crate::simulation::film::{self, Film};
 use crate::simulation::plant::{FullMemoryPlant, Mismatch};
 use crate::simulation::tuning::ControllerTuning;
@@ -49,6 +51,9 @@ pub(super) struct Arguments {
     /// Where the run goes: time_s, voltage_v, displacement_m, reference_m, limited, estimate_m, disturbance_n, force_scale.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
+    /// Write every so many steps; as many rows as the reference has, and at least 100 per second, if left out.
+    #[arg(long, value_name = "N")]
+    every: Option<NonZeroUsize>,
     #[command(flatten)]
     reading: RecordingOptions,
     #[command(flatten)]
@@ -122,12 +127,12 @@ struct SensorOptions {
     /// RMS noise of the displacement sensor.
     #[arg(long, value_name = "M", value_parser = quantity::metres, default_value_t = BenchModel::default().sensor_noise_m)]
     sensor_noise: f64,
-    /// Samples of the displacement sensor per second.
-    #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = BenchModel::default().sensor_rate_hz)]
-    sensor_rate: f64,
-    /// Time until a sample arrives.
-    #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = BenchModel::default().sensor_delay_s)]
-    sensor_delay: f64,
+    /// Samples of the displacement sensor per second; the parameters' or 100 if left out.
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
+    sensor_rate: Option<f64>,
+    /// Time until a sample arrives; the parameters' or 10 ms if left out.
+    #[arg(long, value_name = "S", value_parser = quantity::seconds)]
+    sensor_delay: Option<f64>,
     /// Resolution of the sensor; 0 for none.
     #[arg(long, value_name = "M", value_parser = quantity::metres, default_value_t = BenchModel::default().sensor_quantum_m)]
     sensor_quantum: f64,
@@ -156,18 +161,21 @@ fn interval(text: &str) -> std::result::Result<(f64, f64), String> {
 
 impl SensorOptions {
     /// The bench of a controller within `limits`, which reads its monitor where the amplifier lags, as the driver does.
-    fn bench(&self, limits: &CommandLimits, seed: u64) -> Result<BenchModel> {
+    fn bench(
+        &self,
+        limits: &CommandLimits,
+        (sensor_rate_hz, sensor_delay_s): (f64, f64),
+        seed: u64,
+    ) -> Result<BenchModel> {
         at_most("sensor_noise", self.sensor_noise, 1.0)?;
         at_most("sensor_quantum", self.sensor_quantum, 1.0)?;
-        at_most("sensor_delay", self.sensor_delay, 10.0)?;
         at_most("amplifier_lag", self.amplifier_lag, 10.0)?;
         at_most("amplifier_bleeder", self.amplifier_bleeder, 10.0)?;
         at_most("monitor_error", self.monitor_error.unwrap_or(0.0).abs(), 0.5)?;
-        positive("sensor_rate", self.sensor_rate)?;
         Ok(BenchModel {
             sensor_noise_m: self.sensor_noise,
-            sensor_rate_hz: self.sensor_rate,
-            sensor_delay_s: self.sensor_delay,
+            sensor_rate_hz,
+            sensor_delay_s,
             sensor_quantum_m: self.sensor_quantum,
             sensor_lost_s: self.sensor_lost.clone(),
             amplifier_lag_s: self.amplifier_lag,
@@ -200,48 +208,28 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     if !(0.2..=5.0).contains(&arguments.stiffness) {
         return Err(Error::field("stiffness", format!("{:?} must be from 0.2 to 5", arguments.stiffness)));
     }
-    let parameters = Parameters::load(&arguments.params)?;
+    let parameters = options::load(&arguments.params)?;
     let limits = arguments.limits.limits(parameters.board.as_ref())?;
-    let bench = arguments.sensor.bench(&limits, arguments.seed)?;
     let tuning = ControllerTuning {
         rate_hz: arguments.rate,
         bandwidth_hz: arguments.bandwidth,
         adaptation_s: arguments.adaptation,
-        sensor_rate_hz: bench.sensor_rate_hz,
-        sensor_delay_s: bench.sensor_delay_s,
+        sensor_rate_hz: arguments.sensor.sensor_rate,
+        sensor_delay_s: arguments.sensor.sensor_delay,
         harmonics: arguments.harmonics,
         period_s: arguments.period,
     };
+    let bench = arguments.sensor.bench(&limits, tuning.sensor(&parameters), arguments.seed)?;
     let mut settings = tuning.settings(arguments.controller, &parameters, limits)?;
-    let (reference, grid) = arguments.reading.reference(&arguments.reference, arguments.rate)?;
+    let asked = arguments.reading.read_reference(&arguments.reference)?;
+    let (reference, grid) = references::on_grid(&asked, arguments.rate)?;
     let plot = arguments.check_outputs()?;
     settings.peak_m = reference.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let about = |error: Error| error.about(&arguments.params, &arguments.reference);
     let mut controller =
         controllers::build(arguments.controller, &parameters, &settings, arguments.precision).map_err(about)?;
 
-    let bar = Progress::over(grid.samples as u64, "closed loop");
-    let mismatch = arguments.mismatch();
-    let (substeps, substep_s) = closed_loop::substeps(grid);
-    let run = match &arguments.plant {
-        PlantChoice::Nonlinear(_) if mismatch.alpha != 1.0 => {
-            let cause = "alpha: this film has no springpots; its stiffness may differ";
-            return Err(Error::field("plant_mismatch", cause));
-        }
-        PlantChoice::Nonlinear(film) => {
-            let film = Film::new(*film).stiffened(mismatch.stiffness);
-            closed_loop::track(&film, &bench, controller.as_mut(), &reference, grid, &bar)
-        }
-        PlantChoice::Parameters(name) => {
-            let film = Parameters::load(name)?;
-            let about_plant = |error: Error| error.about(name, &arguments.reference);
-            let mut plant =
-                FullMemoryPlant::at_rest(&film, mismatch, substep_s, substeps * grid.samples).map_err(about_plant)?;
-            closed_loop::track_plant(&mut plant, &bench, controller.as_mut(), &reference, grid, &bar)
-        }
-    };
-    let run = run.map_err(about)?;
-    bar.finish_and_clear();
+    let run = arguments.tracked(&bench, controller.as_mut(), &reference, grid).map_err(about)?;
     let report = Report {
         controller: arguments.controller.name(),
         samples: grid.samples,
@@ -249,9 +237,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         quality: run.quality(),
         out: arguments.out.as_deref().map(shown),
         plot: arguments.plot.path().map(shown),
-        field_note: parameters.field_note(),
+        field_note: options::field_note(&parameters),
     };
-    let out = arguments.out.as_deref().map(|path| stage(path, &run, grid)).transpose()?;
+    let out = arguments.out.as_deref().map(|path| stage(path, &run, grid, arguments.step(&asked))).transpose()?;
     let name = arguments.controller.name();
     let figure = || Figure::new(format!("Closed loop: {name}"), tracking_figure::panels(&[(name, &run)], grid));
     let drawn = plot.stage(&report, figure)?;
@@ -267,6 +255,43 @@ impl Arguments {
             MismatchFactor::Stiffness(factor) => Mismatch { stiffness: so_far.stiffness * factor, ..so_far },
             MismatchFactor::Alpha(factor) => Mismatch { alpha: so_far.alpha * factor, ..so_far },
         })
+    }
+
+    /// The run of `controller` along `reference` on the plant.
+    fn tracked(
+        &self,
+        bench: &BenchModel,
+        controller: &mut (dyn Controller + Send),
+        reference: &[f64],
+        grid: Grid,
+    ) -> Result<LoopRun> {
+        let bar = Progress::over(grid.samples as u64, "closed loop");
+        let mismatch = self.mismatch();
+        let run = match &self.plant {
+            PlantChoice::Nonlinear(_) if mismatch.alpha != 1.0 => {
+                let cause = "alpha: this film has no springpots; its stiffness may differ";
+                return Err(Error::field("plant_mismatch", cause));
+            }
+            PlantChoice::Nonlinear(film) => {
+                let film = Film::new(*film).stiffened(mismatch.stiffness);
+                closed_loop::track(&film, bench, controller, reference, grid, &bar)
+            }
+            PlantChoice::Parameters(name) => {
+                let film = options::load(name)?;
+                let (substeps, substep_s) = closed_loop::substeps(grid);
+                let mut plant = FullMemoryPlant::at_rest(&film, mismatch, substep_s, substeps * grid.samples)
+                    .map_err(|error| error.about(name, &self.reference))?;
+                closed_loop::track_plant(&mut plant, bench, controller, reference, grid, &bar)
+            }
+        };
+        bar.finish_and_clear();
+        run
+    }
+
+    /// Steps from one row that is written to the next.
+    fn step(&self, reference: &Recording) -> usize {
+        let interval_s = reference.duration_s() / (reference.time_s().len() - 1) as f64;
+        self.every.map_or((self.rate * interval_s.min(0.01) + 1e-6) as usize, NonZeroUsize::get).max(1)
     }
 
     /// Refuses outputs that could not be written; the figure to draw.
@@ -312,13 +337,13 @@ fn text(report: &Report) -> String {
     )
 }
 
-fn stage(path: &Path, run: &LoopRun, grid: Grid) -> Result<Staged> {
+fn stage(path: &Path, run: &LoopRun, grid: Grid, step: usize) -> Result<Staged> {
     fn known(values: &[f64]) -> Option<&[f64]> {
         values.iter().any(|value| !value.is_nan()).then_some(values)
     }
     let time = grid.times_s();
     let limited: Vec<f64> = run.limited.iter().map(|limited| f64::from(limited.bits())).collect();
-    output::stage_columns(
+    output::stage_rows(
         path,
         &[],
         &[
@@ -331,5 +356,6 @@ fn stage(path: &Path, run: &LoopRun, grid: Grid) -> Result<Staged> {
             ("disturbance_n", known(&run.disturbance_n)),
             ("force_scale", known(&run.force_scale)),
         ],
+        (0..grid.samples).step_by(step),
     )
 }

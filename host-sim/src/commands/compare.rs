@@ -8,10 +8,10 @@ use clap::Args;
 use serde::Serialize;
 
 use super::choice::named;
+use super::options;
 use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
 use crate::files::output::Staged;
-use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::Settings;
 use crate::fit::observation::{Observation, observe_all, observe_prepared};
@@ -63,7 +63,7 @@ struct Report {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     checked_starts(arguments.starts)?;
     let actuator = match &arguments.actuator {
-        Some(name) => Parameters::load_actuator(name)?,
+        Some(name) => options::load_actuator(name)?.0,
         None => assumed_actuator(arguments.drive),
     };
     let settings = Settings { seed: arguments.seed, starts: arguments.starts, actuator, ..Settings::default() };

@@ -15,7 +15,7 @@ use springpot::{Actuator, CommandLimits, Topology};
 use self::firmware::Firmware;
 use super::fit::{Done, Job};
 use super::recordings::RecordingOptions;
-use super::{feedforward as feedforward_command, replay};
+use super::{feedforward as feedforward_command, options, replay};
 use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folder, Folders, Staged};
@@ -101,7 +101,7 @@ struct LoopRow {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let stop = interrupt::stop_flag();
     let (actuator, assumed_sizes) = match &arguments.actuator {
-        Some(name) => Parameters::load_sized_actuator(name)?,
+        Some(name) => options::load_actuator(name)?,
         // The simulated recordings are of the paper's sizes.
         None => (Actuator::KARNER_2022, !arguments.recordings.is_empty()),
     };
@@ -149,13 +149,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         }
     }
     report.interrupted = stop.load(Ordering::Relaxed);
-    let written = files
-        .recordings
-        .iter()
-        .chain([&files.parameters, &files.page])
-        .map(PathBuf::as_path)
-        .chain(staged.iter().map(Staged::path));
-    report.files = written.map(shown).collect();
+    let written = files.recordings.iter().chain([&files.parameters, &files.page]).map(PathBuf::as_path);
+    report.files = written.chain(staged.iter().map(Staged::path)).map(shown).collect();
     staged.push(stage_page(&files.page, &done, &report, followed.as_ref())?);
     staged.into_iter().try_for_each(Staged::commit)?;
     // The page shows them all. Of a user's own film they matter at once.

@@ -7,48 +7,90 @@ mod source;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use dea_driver::Blob;
 use serde::Serialize;
 
-use super::options::LawOptions;
+use super::choice::named;
+use super::options::{self, LawOptions};
+use crate::choice;
+use crate::choice::Choice;
 use crate::compression::Compression;
 use crate::error::{Error, Result, short, shown};
 use crate::files::output::{self, Folders};
 use crate::terminal::{self, rounded};
 
 use fmu::Library;
-use host_emit::fmu::Version;
 use source::Source;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
     law: LawOptions,
-    /// Output: the blob itself, a constant for a program, or the law in another language.
-    #[arg(long, value_enum, default_value_t = Emit::Blob)]
-    emit: Emit,
-    /// Where it goes: a file, of --emit c and sfunction a NAME.c, of --emit fmu and fmu2 a NAME.fmu, of --emit arduino a folder.
+    /// Format; that of the ending of --out if left out, or else the blob.
+    #[arg(long, value_parser = named::<Emit>())]
+    emit: Option<Emit>,
+    /// Where it goes: a file whose ending chooses the format (.bin, .rs, .c, .fmu), or of --emit arduino a folder.
     #[arg(long, value_name = "P.bin")]
     out: PathBuf,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Emit {
-    /// Bytes, for the link or the flash.
-    Blob,
-    /// Rust source: `pub const BLOB: [u8; N]`.
-    Rust,
-    /// C99 and C++11 source: the numbers of the film, with springpot.h and NAME.json beside it.
-    C,
-    /// A library for Arduino and `PlatformIO`, with an example: both in a folder.
-    Arduino,
-    /// That C with `NAME_mex.c`, a function for MATLAB and Octave, and `NAME_sfun.c`, a block for Simulink.
-    Sfunction,
-    /// An FMU of FMI 3.0 for co-simulation: the film, or its control.
-    Fmu,
-    /// The same of FMI 2.0.
-    Fmu2,
+choice! {
+    /// Format of an export.
+    pub enum Emit {
+        /// Bytes, for the link or the flash: P.bin.
+        Blob = "blob",
+        /// Rust source, P.rs: `pub const BLOB: [u8; N]`.
+        Rust = "rust",
+        /// C99 and C++11 source, P.c: the numbers of the film, with springpot.h and P.json beside it.
+        C = "c",
+        /// A library for Arduino and PlatformIO, with an example: both in a folder.
+        Arduino = "arduino",
+        /// That C with P_mex.c, a function for MATLAB and Octave, and P_sfun.c, a block for Simulink.
+        Sfunction = "sfunction",
+        /// An FMU of FMI 3.0 for co-simulation, P.fmu: the film, or its control.
+        Fmu = "fmu",
+        /// The same of FMI 2.0.
+        Fmu2 = "fmu2",
+    }
+}
+
+impl Emit {
+    /// The ending of its file; a folder has none.
+    fn ending(self) -> Option<&'static str> {
+        match self {
+            Self::Blob => Some("bin"),
+            Self::Rust => Some("rs"),
+            Self::C | Self::Sfunction => Some("c"),
+            Self::Fmu | Self::Fmu2 => Some("fmu"),
+            Self::Arduino => None,
+        }
+    }
+}
+
+/// Endings of files that are no format of an export, but could be taken for one.
+const OTHER_ENDINGS: [&str; 12] = ["h", "hpp", "cpp", "ino", "zip", "json", "toml", "csv", "m", "mat", "py", "elf"];
+
+impl Arguments {
+    /// The format that is asked for, by name or by the ending of `out`.
+    fn format(&self) -> Result<Emit> {
+        let ending = self.out.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+        let by_ending = Emit::CHOICES.iter().map(|(emit, ..)| *emit).find(|emit| emit.ending() == Some(ending));
+        let is_free = by_ending.is_none() && !OTHER_ENDINGS.contains(&ending);
+        let emit = self.emit.or(by_ending).unwrap_or(Emit::Blob);
+        let own = emit.ending();
+        if own == Some(ending) || (is_free && matches!(emit, Emit::Blob | Emit::Rust | Emit::Arduino)) {
+            return Ok(emit);
+        }
+        let advice = match own {
+            _ if self.emit.is_none() => {
+                ".bin is a blob, .rs Rust, .c C, .fmu an FMU, and --emit arduino writes a folder".to_owned()
+            }
+            Some(own) => format!("--emit {} writes a file that ends in .{own}, such as film.{own}", emit.name()),
+            None => "--emit arduino writes a folder, which has no such ending".to_owned(),
+        };
+        Err(Error::field("out", format!("{}: {advice}", shown(&self.out))))
+    }
 }
 
 #[derive(Serialize)]
@@ -80,32 +122,29 @@ struct Report {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let parameters = arguments.law.parameters()?;
     let inputs = [arguments.law.params.as_ref()];
-    let source = match arguments.emit {
-        Emit::C => Some(Source::c(&arguments.out, &inputs)?),
-        Emit::Arduino => Some(Source::arduino(&arguments.out, &inputs)?),
-        Emit::Sfunction => Some(Source::sfunction(&arguments.out, &inputs)?),
-        Emit::Fmu => Some(Source::fmu(&arguments.out, &inputs, Version::Fmi3)?),
-        Emit::Fmu2 => Some(Source::fmu(&arguments.out, &inputs, Version::Fmi2)?),
-        Emit::Blob | Emit::Rust => {
-            output::check(&arguments.out, &inputs, Folders::Exist)?;
-            None
-        }
-    };
-    super::board_rate(arguments.law.rate)?;
+    if arguments.out.is_file() {
+        output::check(&arguments.out, &inputs, Folders::AreMade)?;
+    }
+    let emit = arguments.format()?;
+    let source = Source::new(emit, &arguments.out, &inputs)?;
+    if source.is_none() {
+        output::check(&arguments.out, &inputs, Folders::Exist)?;
+    }
+    let rate_hz = super::board_rate(arguments.law.rate)?;
     let refused = |error: Error| error.about(&arguments.law.params, arguments.law.params.as_ref());
-    let (blob, board) = parameters.checked_blob(arguments.law.rate).map_err(refused)?;
+    let (blob, board) = parameters.checked_blob(rate_hz).map_err(refused)?;
 
-    let compression = Compression::new(parameters.film(), arguments.law.rate)?;
+    let compression = Compression::new(parameters.film(), rate_hz)?;
 
     let mut library = Library::default();
     let files = match &source {
         Some(source) => {
             // What the controller runs, from the bytes that it would get.
             let blob = Blob::decode(&blob, board.id).map_err(|e| Error::Computation(short(&e)))?;
-            source.write(&parameters, arguments.law.rate, &blob, &inputs, &mut library)?
+            source.write(&parameters, rate_hz, &blob, &inputs, &mut library)?
         }
         None => {
-            let content = match arguments.emit {
+            let content = match emit {
                 Emit::Rust => rust_constant(&parameters.name, &blob).into_bytes(),
                 _ => blob.clone(),
             };
@@ -116,7 +155,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let report = Report {
         out: shown(&arguments.out),
         bytes: files.iter().map(|(_, bytes)| bytes).sum(),
-        rate_hz: arguments.law.rate,
+        rate_hz,
         board: board.id,
         compression,
         symbol: source.map(|source| source.symbol),
@@ -124,26 +163,27 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         platform_note: library.note,
         written: files.iter().map(|(path, _)| shown(path)).collect(),
         own_board: parameters.board.as_ref().is_some_and(|board| board.lacks().is_empty()),
-        field_note: parameters.field_note(),
+        field_note: options::field_note(&parameters),
     };
     terminal::warnings(json, report.field_note.iter().chain(&report.platform_note));
-    terminal::report(json, &report, || {
-        let bench = if report.own_board {
-            ""
-        } else {
-            "; without a whole [board] table: what is missing is the paper's bench's"
-        };
-        let rate_hz = rounded(report.rate_hz);
-        let what = match &report.symbol {
-            Some(symbol) => {
-                let library = report.platform.map(|platform| format!(", with a library for {platform}"));
-                let library = library.unwrap_or_default();
-                format!("{}: the film {symbol} at {rate_hz} Hz{library}", report.written.join(", "))
-            }
-            None => format!("{}: {} bytes for board {:#06x} at {rate_hz} Hz", report.out, report.bytes, report.board),
-        };
-        format!("{what}{bench}\n{}", report.compression.text())
-    })
+    terminal::note(report.compression.text());
+    terminal::report(json, &report, || text(&report))
+}
+
+fn text(report: &Report) -> String {
+    let bench =
+        if report.own_board { "" } else { "; without a whole [board] table: what is missing is the paper's bench's" };
+    let rate_hz = rounded(report.rate_hz);
+    match &report.symbol {
+        Some(symbol) => {
+            let library =
+                report.platform.map(|platform| format!(", with a library for {platform}")).unwrap_or_default();
+            format!("{}: the film {symbol} at {rate_hz} Hz{library}{bench}", report.written.join(", "))
+        }
+        None => {
+            format!("{}: {} bytes for board {:#06x} at {rate_hz} Hz{bench}", report.out, report.bytes, report.board)
+        }
+    }
 }
 
 /// A blob as Rust source.

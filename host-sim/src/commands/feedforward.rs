@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::Verdict;
-use super::options::{LimitOptions, RunArguments};
+use super::options::{self, LimitOptions, RunArguments};
 use super::recordings::RecordingOptions;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
@@ -79,7 +79,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
         limits_met: None,
         largest_voltage_v: None,
         check: check.map_err(about)?,
-        field_note: parameters.field_note(),
+        field_note: options::field_note(&parameters),
     };
     if arguments.out.is_some() || plot.is_wanted() {
         let bar = Progress::over(grid.samples as u64, "feedforward");
@@ -154,20 +154,18 @@ fn verdict(check: &Feasibility) -> Vec<String> {
         ));
     }
     lines.extend(check.binding.iter().map(limit));
-    lines.extend(check.amplifier.iter().flat_map(|asked| {
-        let late = asked.falls_too_fast_s.map(|first| {
-            format!(
-                "must fall faster than the amplifier's bleeder lets it {:.2} % of the time, first at {first:.3} s",
-                asked.falls_too_fast_pct
-            )
-        });
-        let high = asked.leads_too_high_s.map(|first| {
-            format!(
-                "a command that leads by the amplifier's lag is above the largest voltage {:.2} % of the time, first at {first:.3} s",
-                asked.leads_too_high_pct
-            )
-        });
-        [late, high].into_iter().flatten()
+    lines.extend(check.amplifier.iter().flat_map(|demand| {
+        let late = "must fall faster than the amplifier's bleeder lets it";
+        let high = "a command that leads by the amplifier's lag is above the largest voltage";
+        let line = |what: &str, pct: f64, first_s: Option<f64>| {
+            Some(format!("{what} {pct:.2} % of the time, first at {:.3} s", first_s?))
+        };
+        [
+            line(late, demand.falls_too_fast_pct, demand.falls_too_fast_s),
+            line(high, demand.leads_too_high_pct, demand.leads_too_high_s),
+        ]
+        .into_iter()
+        .flatten()
     }));
     if check.beyond_curve_pct > 0.0 {
         lines.push(format!(

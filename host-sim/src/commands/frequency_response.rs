@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::options;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders, Staged};
-use crate::files::parameters::Parameters;
 use crate::quantity;
 use crate::replay::frequency_response::{Response, Sweep};
 use crate::report::figure::Figure;
@@ -57,7 +57,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let law = discrete.then(|| arguments.rate.unwrap_or(1000.0));
     let sweep = Sweep { from_hz: from, to_hz: to, points, at_m: at, law_hz: law };
     sweep.check()?;
-    let parameters = Parameters::load(&arguments.params)?;
+    let parameters = options::load(&arguments.params)?;
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
     let plot = arguments.plot.check(&[arguments.params.as_ref()], &[&arguments.out])?;
     let Response { frequency_hz, magnitude_m_per_n, phase_rad } =

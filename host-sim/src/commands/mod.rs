@@ -36,6 +36,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 pub use self::flags::with_flags;
 use crate::error::{Error, Result};
+use crate::files::parameters::controller_rate;
 use crate::interrupt;
 use crate::terminal::{self, Verbosity};
 
@@ -179,5 +180,5 @@ fn board_rate(rate_hz: f64) -> Result<f64> {
     if !(1.0..=100_000.0).contains(&rate_hz) {
         return Err(Error::field("rate", format!("{rate_hz:?} Hz must be from 1 to 100000")));
     }
-    Ok(f64::from(rate_hz as f32))
+    Ok(controller_rate(rate_hz))
 }

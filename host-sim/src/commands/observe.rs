@@ -1,5 +1,6 @@
 //! `observe`: the observer over a recording.
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -34,6 +35,9 @@ pub(super) struct Arguments {
     /// innovation_mean_m, innovation_std_m.
     #[arg(long, value_name = "OUT.csv")]
     out: PathBuf,
+    /// Write every so many ticks; the ticks of the recording's rows if left out.
+    #[arg(long, value_name = "N")]
+    every: Option<NonZeroUsize>,
     #[command(flatten)]
     plot: PlotOption,
     /// Up to here the estimate follows the sensor, beyond it the model.
@@ -69,7 +73,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         .estimate(&parameters, tuning, arguments.precision, &bar)
         .map_err(|e| e.about(&arguments.law.params, recording.path()))?;
     bar.finish_and_clear();
-    let table = stage(&arguments.out, grid, &run.voltage_v, &estimates)?;
+    let rows = arguments.rows(recording.time_s(), grid);
+    let table = stage(&arguments.out, grid, &rows, &run.voltage_v, &estimates)?;
     let observed = estimates.summary();
     let report = Report { out: shown(&arguments.out), rate_hz: grid.rate_hz, observed };
     let title = format!("Observer over {}", shown(&arguments.recording));
@@ -87,9 +92,22 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     })
 }
 
-fn stage(path: &Path, grid: Grid, volts: &[f64], estimates: &Estimates) -> Result<Staged> {
+impl Arguments {
+    /// The ticks that are written: those at which rows of the recording arrive, at `time_s`, or every so many.
+    fn rows(&self, time_s: &[f64], grid: Grid) -> Vec<usize> {
+        if let Some(every) = self.every {
+            return (0..grid.samples).step_by(every.get()).collect();
+        }
+        let tick = |time: &f64| ((time - 1e-9) * grid.rate_hz).ceil().max(0.0) as usize;
+        let mut rows: Vec<usize> = time_s.iter().map(tick).filter(|row| *row < grid.samples).collect();
+        rows.dedup();
+        rows
+    }
+}
+
+fn stage(path: &Path, grid: Grid, rows: &[usize], volts: &[f64], estimates: &Estimates) -> Result<Staged> {
     let time = grid.times_s();
-    output::stage_columns(
+    output::stage_rows(
         path,
         &[],
         &[
@@ -103,6 +121,7 @@ fn stage(path: &Path, grid: Grid, volts: &[f64], estimates: &Estimates) -> Resul
             ("innovation_mean_m", Some(&estimates.innovation_mean_m)),
             ("innovation_std_m", Some(&estimates.innovation_std_m)),
         ],
+        rows.iter().copied(),
     )
 }
 

@@ -1,14 +1,40 @@
 //! Options that several commands have.
 
 use clap::Args;
-use springpot::{CommandLimits, Discretisation};
+use springpot::{Actuator, CommandLimits, Discretisation};
 
 use super::choice::named;
+use super::flags::with_flags;
 use crate::error::Result;
-use crate::files::parameters::{Board, Parameters};
+use crate::files::parameters::{Board, Parameters, plausibility};
 use crate::quantity;
 use crate::replay::limits::command_limits;
 use crate::replay::memory::{MemoryChoice, Precision, RunOptions};
+use crate::terminal;
+
+/// The parameters named on the command line; doubts about their sizes are warnings.
+pub(super) fn load(name: &str) -> Result<Parameters> {
+    let parameters = Parameters::load(name)?;
+    doubt(name, &parameters.doubts());
+    Ok(parameters)
+}
+
+/// The actuator of the file `name`, and whether its sizes are assumed; doubts about them are warnings.
+pub(super) fn load_actuator(name: &str) -> Result<(Actuator, bool)> {
+    let (actuator, assumed) = Parameters::load_sized_actuator(name)?;
+    doubt(name, &plausibility::doubts(&actuator));
+    Ok((actuator, assumed))
+}
+
+/// The note that no field is known of a film whose sizes are assumed.
+pub(super) fn field_note(parameters: &Parameters) -> Option<String> {
+    parameters.field_note().map(|note| with_flags(&note))
+}
+
+/// Warns of `doubts` about the sizes in the file `name`.
+pub(super) fn doubt(name: &str, doubts: &[String]) {
+    terminal::warnings(false, doubts.iter().map(|doubt| format!("{name}: {doubt}")));
+}
 
 /// A film, and how its law is made.
 #[derive(Clone, Debug, Args)]
@@ -27,7 +53,7 @@ pub(super) struct LawOptions {
 impl LawOptions {
     /// The parameters, stepped by the method.
     pub(super) fn parameters(&self) -> Result<Parameters> {
-        Ok(Parameters::load(&self.params)?.with_method(self.method))
+        Ok(load(&self.params)?.with_method(self.method))
     }
 }
 

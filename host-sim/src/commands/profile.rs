@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
+use super::options;
 use crate::error::{Error, Result, shown};
 use crate::excitation::profile::{self, Part, PartShape, Profile, ProfileOptions, USUAL_SHARE};
 use crate::files::output::{self, Folders};
-use crate::files::parameters::Parameters;
+use crate::files::parameters::{Parameters, plausibility};
 use crate::grid::Grid;
 use crate::quantity::{self, at_most, positive};
 use crate::terminal;
@@ -62,28 +63,33 @@ struct Report {
 /// Longest profile, s.
 const MAX_S: f64 = 1e5;
 
-pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
-    positive("rate", arguments.rate)?;
-    at_most("hold", arguments.hold, MAX_S)?;
-    at_most("rest", arguments.rest, MAX_S)?;
-    for frequency_hz in &arguments.frequencies {
-        positive("frequencies", *frequency_hz)?;
-        if 20.0 * frequency_hz > arguments.rate {
-            let cause = format!(
-                "{} Hz are fewer than 20 samples per cycle of {frequency_hz} Hz; use at least {} Hz",
-                arguments.rate,
-                20.0 * frequency_hz
-            );
-            return Err(Error::field("rate", cause));
+impl Arguments {
+    fn check(&self) -> Result<()> {
+        positive("rate", self.rate)?;
+        at_most("hold", self.hold, MAX_S)?;
+        at_most("rest", self.rest, MAX_S)?;
+        for frequency_hz in &self.frequencies {
+            positive("frequencies", *frequency_hz)?;
+            let least = 20.0 * frequency_hz;
+            if least > self.rate {
+                let cause = format!(
+                    "{} Hz are fewer than 20 samples per cycle of {frequency_hz} Hz; use at least {least} Hz",
+                    self.rate
+                );
+                return Err(Error::field("rate", cause));
+            }
         }
+        if self.cycles == 0 {
+            return Err(Error::field("cycles", "at least 1 is needed"));
+        }
+        self.peak.map_or(Ok(()), |peak| positive("peak", peak))
     }
-    if arguments.cycles == 0 {
-        return Err(Error::field("cycles", "at least 1 is needed"));
-    }
-    if let Some(peak) = arguments.peak {
-        positive("peak", peak)?;
-    }
+}
+
+pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
+    arguments.check()?;
     let (actuator, board, assumed_sizes) = Parameters::load_board(&arguments.board)?;
+    options::doubt(&arguments.board, &plausibility::doubts(&actuator));
     let limits = board.command_limits();
     let (largest_v, limit) = profile::largest_voltage(&limits, actuator.thickness_m);
     let options = ProfileOptions {

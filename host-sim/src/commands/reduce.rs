@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 use serde::Serialize;
 
+use super::options;
 use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
-use crate::files::parameters::Parameters;
 use crate::quantity;
 use crate::reduce::{self, Criterion};
 use crate::terminal::{self, rounded};
@@ -51,7 +51,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     if !(1e-12..1.0).contains(&criterion.tolerance) {
         return Err(Error::field("tolerance", format!("{:?} must be from 1e-12 to below 1", criterion.tolerance)));
     }
-    let mut parameters = Parameters::load(&arguments.params)?;
+    let mut parameters = options::load(&arguments.params)?;
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
     let reduction = reduce::reduced(&parameters.model, criterion)?;
     let branches_before = parameters.model.branches().len();

@@ -7,7 +7,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::choice::named;
-use super::options::RunArguments;
+use super::options::{self, RunArguments};
 use super::recordings::RecordingOptions;
 use crate::agreement::Agreement;
 use crate::choice::Choice;
@@ -128,7 +128,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     }
     bar.finish_and_clear();
     let mut report = Report::new(rows);
-    report.field_note = parameters.field_note().filter(|_| arguments.drive == Direction::Force);
+    report.field_note = options::field_note(&parameters).filter(|_| arguments.drive == Direction::Force);
     written.extend(plot.stage(&report, || Figure::new(format!("Replay of {}", parameters.name), panels))?);
     written.into_iter().try_for_each(Staged::commit)?;
     terminal::warnings(json, &report.field_note);

@@ -6,10 +6,10 @@ use clap::Args;
 use serde::Serialize;
 
 use super::choice::named;
+use super::options;
 use super::recordings::RecordingOptions;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folder, Folders, Staged};
-use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::observe_all;
 use crate::fit::settings::assumed_actuator;
@@ -57,7 +57,7 @@ struct Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let actuator = match &arguments.actuator {
-        Some(name) => Parameters::load_actuator(name)?,
+        Some(name) => options::load_actuator(name)?.0,
         None => assumed_actuator(arguments.drive),
     };
     let recordings = arguments.reading.read(&arguments.recordings)?;

@@ -6,6 +6,7 @@ mod coefficients;
 mod compressed;
 mod curved;
 mod response;
+mod saved;
 mod state_traits;
 mod warm_start;
 mod window;

@@ -8,6 +8,7 @@ use tempfile::NamedTempFile;
 
 use crate::error::{Error, Result, shown};
 use crate::interrupt::HalfWritten;
+use crate::terminal;
 
 /// Refuses, before long work begins, a file that could not be written later or that is one of `inputs`. With
 /// [`Folders::AreMade`] missing folders are no fault.
@@ -137,27 +138,80 @@ pub fn write_columns(path: &Path, comments: &[String], columns: &[(&str, Option<
 ///
 /// As [`Staged::new`].
 pub fn stage_columns(path: &Path, comments: &[String], columns: &[(&str, Option<&[f64]>)]) -> Result<Staged> {
+    let rows = columns.iter().filter_map(|(_, values)| values.map(<[f64]>::len)).max().unwrap_or(0);
+    stage_rows(path, comments, columns, 0..rows)
+}
+
+/// Those `rows` of the columns, staged; a large file is announced before it is written.
+///
+/// # Errors
+///
+/// As [`Staged::new`], and where the disk has no room for it.
+pub fn stage_rows(
+    path: &Path,
+    comments: &[String],
+    columns: &[(&str, Option<&[f64]>)],
+    rows: impl ExactSizeIterator<Item = usize> + Clone,
+) -> Result<Staged> {
+    const SAMPLE: usize = 1000;
+    let write = |out: &mut dyn Write, row: usize| -> io::Result<()> {
+        for (index, (_, values)) in columns.iter().enumerate() {
+            if index > 0 {
+                out.write_all(b",")?;
+            }
+            // What was not measured is an empty cell.
+            if let Some(value) = values.and_then(|values| values.get(row)).filter(|value| !value.is_nan()) {
+                write!(out, "{value}")?;
+            }
+        }
+        out.write_all(b"\n")
+    };
+    // A file of that many rows, from rows of all of its parts.
+    let mut sample = Vec::new();
+    for row in rows.clone().step_by((rows.len() / SAMPLE).max(1)).take(SAMPLE) {
+        write(&mut sample, row).map_err(|e| Error::file(path, e))?;
+    }
+    let bytes = sample.len() as f64 / rows.len().clamp(1, SAMPLE) as f64 * rows.len() as f64;
+    if let Some(notice) = size_notice(bytes, free_bytes(folder_of(path))).map_err(|cause| Error::file(path, cause))? {
+        terminal::message(format!("{}: {notice}", shown(path)));
+    }
     Staged::new(path, |out| {
         for comment in comments {
             writeln!(out, "# {comment}")?;
         }
         let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
         writeln!(out, "{}", names.join(","))?;
-        let rows = columns.iter().filter_map(|(_, values)| values.map(<[f64]>::len)).max().unwrap_or(0);
-        for row in 0..rows {
-            for (index, (_, values)) in columns.iter().enumerate() {
-                if index > 0 {
-                    out.write_all(b",")?;
-                }
-                // What was not measured is an empty cell.
-                if let Some(value) = values.and_then(|values| values.get(row)).filter(|value| !value.is_nan()) {
-                    write!(out, "{value}")?;
-                }
-            }
-            out.write_all(b"\n")?;
-        }
-        Ok(())
+        rows.into_iter().try_for_each(|row| write(out, row))
     })
+}
+
+/// The announcement of a file of so many `bytes`, if it is large, on a disk with so many `free` ones.
+///
+/// # Errors
+///
+/// The refusal of a file that the disk has no room for.
+pub fn size_notice(bytes: f64, free: Option<u64>) -> std::result::Result<Option<String>, String> {
+    const LARGE: f64 = 500e6;
+    let shown = format!("{:.1} GB", 1e-9 * bytes);
+    match free {
+        Some(free) if bytes > free as f64 => {
+            let free = 1e-9 * free as f64;
+            Err(format!("needs about {shown}, the disk has {free:.1} GB; write fewer rows or to another disk"))
+        }
+        _ if bytes > LARGE => Ok(Some(format!("about {shown} are written"))),
+        _ => Ok(None),
+    }
+}
+
+/// Bytes that the disk of `folder` has for its user; none where the system does not say.
+fn free_bytes(folder: &Path) -> Option<u64> {
+    #[cfg(unix)]
+    return rustix::fs::statvfs(folder).ok().map(|disk| disk.f_bavail.saturating_mul(disk.f_frsize));
+    #[cfg(not(unix))]
+    return {
+        let _ = folder;
+        None
+    };
 }
 
 /// A folder for results. If it was made here and is still empty when this is dropped, it is removed again: a run that is refused, or

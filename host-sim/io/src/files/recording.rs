@@ -128,7 +128,7 @@ impl Recording {
     pub fn of_values(name: &str, time_s: Vec<f64>, columns: Vec<(Quantity, Vec<f64>)>) -> Result<Self> {
         let fault = |cause: String| Error::file(Path::new(name), cause);
         if time_s.len() < 2 {
-            return Err(fault(format!("{} rows; a recording needs at least 2", time_s.len())));
+            return Err(fault(format!("time_s has {} rows; a recording needs at least 2", time_s.len())));
         }
         if let Some(row) = time_s.iter().position(|t| t.is_nan() || t.abs() > MAX_VALUE) {
             return Err(fault(format!("time_s[{row}] is {}; no clock shows that", time_s[row])));
@@ -160,9 +160,11 @@ impl Recording {
             let column = Column::empty(name.into()).with_cells(cells);
             found[slot] = column.has_values().then_some(column);
         }
-        let time_s = time_s.into_iter().map(|t| t - start_s).collect();
-        let table = Table { time_s, start_s, columns: found };
-        Ok(Self { is_file: false, ..Self::new(Path::new(name), table, Understood::default()) })
+        let from_start = time_s.iter().map(|t| t - start_s).collect();
+        let table = Table { time_s: from_start, start_s, columns: found };
+        let made = Self { is_file: false, ..Self::new(Path::new(name), table, Understood::default()) };
+        // A load that was applied at 0: these are its times, without the rounding of a difference and a sum.
+        Ok(if made.time_s[0] == 0.0 { made } else { Self { time_s, ..made } })
     }
 
     /// SHA-256 of its file in hexadecimal digits; none of a recording that is no file.

@@ -14,8 +14,8 @@ use super::statistics::Loss;
 use super::uncertainty::Uncertainty;
 use super::warnings::Warning;
 use crate::agreement::{Agreement, mean_r2};
-use crate::error::{Error, Result};
-use crate::files::parameters::Parameters;
+use crate::error::{Error, Result, with_names};
+use crate::files::parameters::{Parameters, plausibility};
 use crate::files::recording::{Direction, Input, Recording};
 use host_io::choice::Choice;
 
@@ -113,7 +113,7 @@ impl Fit {
     ///
     /// # Errors
     ///
-    /// [`Error`] for a file that cannot be read again, or elements out of range.
+    /// [`Error`] for a file that cannot be read again, or elements or sizes out of range.
     pub fn parameters(
         &self,
         settings: &Settings,
@@ -123,6 +123,9 @@ impl Fit {
         let name =
             |recording: &&Recording| recording.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let names: Vec<String> = recordings.iter().map(name).collect();
+        // Only a size that was freed can be at fault here.
+        plausibility::check(&self.candidate.actuator)
+            .map_err(|(_, cause)| Error::field("free", format!("fitted {cause}, or hold it")))?;
         Ok(Parameters {
             curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
             method: springpot::Discretisation::Gl,
@@ -147,7 +150,9 @@ impl Fit {
         };
         let recordings =
             recordings.iter().zip(&self.agreements).map(|(source, agreement)| recording(source, agreement));
-        let warnings = self.warnings.iter().map(|warning| Value::from(warning.text.as_str()));
+        // A file names the fields, from the command line as from Python.
+        let plain = |warning: &Warning| with_names(&warning.text, |field| Some(field.into()));
+        let warnings = self.warnings.iter().map(|warning| Value::from(plain(warning)));
         let mut table = Table::new();
         let mut put = |key: &str, value: Value| {
             table.insert(key.into(), value);

@@ -4,7 +4,7 @@ use dea_driver::Control;
 use springpot::{CommandLimits, HARMONICS};
 
 use crate::error::{Error, Result};
-use crate::files::parameters::Parameters;
+use crate::files::parameters::{Parameters, as_written};
 use crate::quantity::{at_most, positive};
 use crate::simulation::controllers::{ControllerKind, ControllerSettings, PI_HZ};
 use host_io::choice::Choice;
@@ -19,9 +19,9 @@ pub struct ControllerTuning {
     /// Time over which a disturbance that swings with the load becomes a change of the force scale, s; 0 for never.
     pub adaptation_s: Option<f64>,
     /// Samples of the displacement sensor per second.
-    pub sensor_rate_hz: f64,
+    pub sensor_rate_hz: Option<f64>,
     /// Time until a sample arrives, s.
-    pub sensor_delay_s: f64,
+    pub sensor_delay_s: Option<f64>,
     /// Harmonics that are learned; none for no learning.
     pub harmonics: Option<usize>,
     /// Their period, s; found in the reference if left out.
@@ -29,18 +29,25 @@ pub struct ControllerTuning {
 }
 
 impl ControllerTuning {
-    /// A tuning at `rate_hz` that requests nothing: a sensor of 100 Hz that is 10 ms late, no learning.
+    /// A tuning at `rate_hz` that requests nothing: no learning.
     #[must_use]
     pub const fn at_rate(rate_hz: f64) -> Self {
         Self {
             rate_hz,
             bandwidth_hz: None,
             adaptation_s: None,
-            sensor_rate_hz: 100.0,
-            sensor_delay_s: 0.01,
+            sensor_rate_hz: None,
+            sensor_delay_s: None,
             harmonics: None,
             period_s: None,
         }
+    }
+
+    /// The displacement sensor: samples per second, and the time until one arrives, s.
+    pub fn sensor(&self, parameters: &Parameters) -> (f64, f64) {
+        let control = control_of(parameters);
+        let rate_hz = self.sensor_rate_hz.unwrap_or_else(|| 1.0 / as_written(control.sample_interval_s));
+        (rate_hz, self.sensor_delay_s.unwrap_or_else(|| as_written(control.delay_s)))
     }
 
     /// The settings of a controller of `kind` for `parameters` within `limits`, for a reference whose peak is 0.
@@ -54,7 +61,7 @@ impl ControllerTuning {
         parameters: &Parameters,
         limits: CommandLimits,
     ) -> Result<ControllerSettings> {
-        let control = parameters.board.as_ref().map_or(Control::BENCH, |board| board.control);
+        let control = control_of(parameters);
         let bandwidth_hz = self.bandwidth_hz.unwrap_or(match kind {
             ControllerKind::Pi => PI_HZ,
             _ => f64::from(control.bandwidth_hz),
@@ -62,15 +69,20 @@ impl ControllerTuning {
         positive("bandwidth_hz", bandwidth_hz)?;
         let adaptation_s = self.adaptation_s.unwrap_or(f64::from(control.adaptation_s));
         at_most("adaptation_s", adaptation_s, 1e9)?;
-        positive("sensor_rate_hz", self.sensor_rate_hz)?;
-        at_most("sensor_delay_s", self.sensor_delay_s, 10.0)?;
-        let interval_s = (1.0 / self.sensor_rate_hz).max(1.0 / self.rate_hz);
+        let (sensor_rate_hz, sensor_delay_s) = self.sensor(parameters);
+        positive("sensor_rate_hz", sensor_rate_hz)?;
+        at_most("sensor_delay_s", sensor_delay_s, 10.0)?;
+        let interval_s = (1.0 / sensor_rate_hz).max(1.0 / self.rate_hz);
+        let lost_after_s = match self.sensor_rate_hz {
+            None if interval_s * self.rate_hz > 1.0 => control.lost_after_s,
+            _ => (5.0 * interval_s) as f32,
+        };
         // In the controller's single precision, so that the law is the controller's to the bit.
         let control = Control {
             bandwidth_hz: bandwidth_hz as f32,
             sample_interval_s: interval_s as f32,
-            delay_s: self.sensor_delay_s as f32,
-            lost_after_s: (5.0 * interval_s) as f32,
+            delay_s: sensor_delay_s as f32,
+            lost_after_s,
             adaptation_s: adaptation_s as f32,
             harmonics: self.checked_harmonics(kind)?,
             period_s: self.period_s.unwrap_or_default() as f32,
@@ -94,4 +106,9 @@ impl ControllerTuning {
         }
         Ok(harmonics as u8)
     }
+}
+
+/// The settings of control on the board of `parameters`, or on the paper's bench.
+fn control_of(parameters: &Parameters) -> Control {
+    parameters.board.as_ref().map_or(Control::BENCH, |board| board.control)
 }

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use host_io::Error;
 use host_io::files::import::Quantity;
+use host_io::files::output::size_notice;
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::{Direction, Recording};
 use host_io::progress::Watch;
@@ -37,7 +38,7 @@ fn values_are_a_recording() {
 #[test]
 fn values_that_no_recording_has_are_refused() {
     let refusal = |time_s: &[f64], volts: &[f64]| recording(time_s, volts).expect_err("refused");
-    assert_eq!(refusal(&[0.0], &[1.0]), "log: 1 rows; a recording needs at least 2");
+    assert_eq!(refusal(&[0.0], &[1.0]), "log: time_s has 1 rows; a recording needs at least 2");
     assert_eq!(refusal(&[0.0, NAN], &[1.0, 2.0]), "log: time_s[1] is NaN; no clock shows that");
     assert_eq!(refusal(&[0.0, 1.0, 1.0], &[1.0; 3]), "log: time_s[2] is 1.0 after 1.0; times must increase");
     assert_eq!(refusal(&[0.0, 1.0], &[1.0]), "log: 1 values of voltage_v at 2 times");
@@ -89,4 +90,14 @@ fn options_have_their_defaults() {
     assert_eq!((settings.seed, settings.starts), (usual.seed, usual.starts));
     assert_eq!((settings.branches, settings.topologies), (usual.branches, usual.topologies));
     assert!(settings.assumed_sizes, "no actuator was given");
+}
+
+/// A large file is announced, one that the disk has no room for is refused.
+#[test]
+fn large_files_are_announced() {
+    assert_eq!(size_notice(400e6, Some(1 << 40)), Ok(None));
+    assert_eq!(size_notice(5.7e9, Some(1 << 40)), Ok(Some("about 5.7 GB are written".into())));
+    assert_eq!(size_notice(5.7e9, None), Ok(Some("about 5.7 GB are written".into())));
+    let refusal = "needs about 0.4 GB, the disk has 0.1 GB; write fewer rows or to another disk";
+    assert_eq!(size_notice(400e6, Some(100_000_000)), Err(refusal.into()));
 }

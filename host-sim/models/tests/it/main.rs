@@ -17,6 +17,7 @@ mod one_law;
 mod periodic;
 mod plant;
 mod plants;
+mod plausibility;
 #[path = "../../../../tests/support/recordings.rs"]
 mod recordings;
 mod reduce;

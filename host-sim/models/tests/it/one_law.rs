@@ -35,7 +35,8 @@ fn on_the_host(parameters: &Parameters, rate_hz: f64, limits: &[(&str, f64)]) ->
 #[test]
 fn without_a_board_both_have_the_same_bench() {
     let parameters = Parameters::load("preset:table3-n2").expect("a preset");
-    for rate_hz in [100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0, 5000.0] {
+    // Of the last a controller keeps 24 bits.
+    for rate_hz in [100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0, 5000.0, 100.1, 333.3, 1000.0 / 3.0, 1234.567] {
         assert_eq!(on_the_host(&parameters, rate_hz, &[]), on_a_board(&parameters, rate_hz), "{rate_hz} Hz");
     }
 }
@@ -66,6 +67,9 @@ fn random_limits_make_one_law() {
         board.control.return_hz = near(&mut rng, 5.0) as f32;
         board.control.bandwidth_hz = near(&mut rng, 0.6) as f32;
         board.control.adaptation_s = near(&mut rng, 30.0) as f32;
+        board.control.sample_interval_s = near(&mut rng, 0.02) as f32;
+        board.control.delay_s = near(&mut rng, 0.03) as f32;
+        board.control.lost_after_s = near(&mut rng, 0.3) as f32;
         let stated = Parameters { board: Some(board), ..film.clone() };
         let law = on_a_board(&stated, 1000.0);
         let read = Parameters::from_toml(std::path::Path::new("film.toml"), &stated.to_toml()).expect("parameters");

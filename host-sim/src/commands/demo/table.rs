@@ -59,6 +59,11 @@ pub(super) fn text(report: &Report<'_>) -> String {
             );
         }
     }
+    end(text, report)
+}
+
+/// `text` with the files that were written, and what to do next.
+fn end(mut text: String, report: &Report<'_>) -> String {
     let _ = write!(text, "\nwritten: {}", report.files.join(", "));
     if report.interrupted {
         text.push_str("\ninterrupted: the best so far");

@@ -11,8 +11,8 @@ use crate::error::{Error, Result};
 use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::parameters::Parameters;
 
-use super::description;
 use super::fmu::{Library, archive};
+use super::{Emit, description};
 
 /// Output of an export, checked before long work begins.
 pub(super) struct Source {
@@ -46,59 +46,45 @@ const BEGINS: [&str; 6] = [
 ];
 
 impl Source {
-    /// NAME.c at `out`, with `springpot.h` and NAME.json beside it; nothing of `inputs` is overwritten.
-    pub(super) fn c(out: &Path, inputs: &[&Path]) -> Result<Self> {
-        is_c(out, "springpot.h and film.json are")?;
-        output::check(out, inputs, Folders::Exist)?;
-        for beside in [out.with_file_name("springpot.h"), out.with_extension("json")] {
-            own(&beside, inputs, Folders::Exist)?;
-        }
-        Ok(Self { symbol: symbol(&stem(out)), out: out.into(), kind: Kind::C })
-    }
-
-    /// The same with what MATLAB, Octave and Simulink need beside it.
-    pub(super) fn sfunction(out: &Path, inputs: &[&Path]) -> Result<Self> {
-        is_c(out, "springpot.h, springpot_tick.h, film_mex.c, film_sfun.c and film.json are")?;
+    /// The source of that format at `out`, if it is one; nothing of `inputs` is overwritten.
+    pub(super) fn new(emit: Emit, out: &Path, inputs: &[&Path]) -> Result<Option<Self>> {
         let name = stem(out);
-        if !matlab::is_name(&name) {
-            let cause = format!(
-                "MATLAB cannot call {name:?}: a letter, then letters, digits and _, at most 58, such as film_5s.c"
-            );
-            return Err(Error::field("out", cause));
-        }
+        let (symbol, kind, beside) = match emit {
+            Emit::Blob | Emit::Rust => return Ok(None),
+            Emit::C => (symbol(&name), Kind::C, vec!["springpot.h".to_owned(), format!("{name}.json")]),
+            Emit::Sfunction if !matlab::is_name(&name) => {
+                let cause = format!(
+                    "MATLAB cannot call {name:?}: a letter, then letters, digits and _, at most 58, such as film_5s.c"
+                );
+                return Err(Error::field("out", cause));
+            }
+            Emit::Sfunction => {
+                let own = ["_mex.c", "_sfun.c", ".json"].map(|ending| format!("{name}{ending}"));
+                let headers = ["springpot.h", "springpot_tick.h"].map(str::to_owned);
+                (symbol(&name), Kind::Matlab, headers.into_iter().chain(own).collect())
+            }
+            Emit::Fmu => (symbol(&name), Kind::Fmu(Version::Fmi3), Vec::new()),
+            Emit::Fmu2 => (symbol(&name), Kind::Fmu(Version::Fmi2), Vec::new()),
+            Emit::Arduino => {
+                // A folder has no ending.
+                let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+                if out.is_file() {
+                    return Err(Error::file(out, "is a file; --emit arduino writes a folder"));
+                }
+                if name.is_empty() {
+                    return Err(Error::field("out", "a library is a folder with a name, such as film_library"));
+                }
+                for file in ["src/springpot.h", "library.properties", "library.json"] {
+                    own(&out.join(file), inputs, Folders::AreMade)?;
+                }
+                return Ok(Some(Self { symbol: symbol(&name), out: out.into(), kind: Kind::Arduino }));
+            }
+        };
         output::check(out, inputs, Folders::Exist)?;
-        let beside = [format!("{name}_mex.c"), format!("{name}_sfun.c"), format!("{name}.json")];
-        for file in ["springpot.h", "springpot_tick.h"].into_iter().chain(beside.iter().map(String::as_str)) {
+        for file in beside {
             own(&out.with_file_name(file), inputs, Folders::Exist)?;
         }
-        Ok(Self { symbol: symbol(&name), out: out.into(), kind: Kind::Matlab })
-    }
-
-    /// A library in the folder `out`.
-    pub(super) fn arduino(out: &Path, inputs: &[&Path]) -> Result<Self> {
-        if out.is_file() {
-            return Err(Error::file(out, "is a file; --emit arduino writes a folder"));
-        }
-        // A folder has no ending.
-        let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-        if name.is_empty() {
-            return Err(Error::field("out", "a library is a folder with a name, such as film_library"));
-        }
-        let symbol = symbol(&name);
-        own(&out.join("src/springpot.h"), inputs, Folders::AreMade)?;
-        for described in ["library.properties", "library.json"] {
-            own(&out.join(described), inputs, Folders::AreMade)?;
-        }
-        Ok(Self { symbol, out: out.into(), kind: Kind::Arduino })
-    }
-
-    /// An FMU at `out`, a NAME.fmu.
-    pub(super) fn fmu(out: &Path, inputs: &[&Path], version: Version) -> Result<Self> {
-        if out.extension().is_none_or(|extension| extension != "fmu") {
-            return Err(Error::field("out", "an FMU ends in .fmu, such as film.fmu"));
-        }
-        output::check(out, inputs, Folders::Exist)?;
-        Ok(Self { symbol: symbol(&stem(out)), out: out.into(), kind: Kind::Fmu(version) })
+        Ok(Some(Self { symbol, out: out.into(), kind }))
     }
 
     /// Writes the film of `parameters`, whose numbers at `rate_hz` are in `blob`. Returns the files, the film's own first, and in `library`
@@ -158,15 +144,6 @@ impl Source {
         staged.into_iter().try_for_each(Staged::commit)?;
         Ok(files.into_iter().map(|(path, content)| (path, content.len())).collect())
     }
-}
-
-/// Refuses an `out` that is no C source; `more` are written beside it.
-fn is_c(out: &Path, more: &str) -> Result<()> {
-    if out.extension().is_none_or(|extension| extension != "c") {
-        let cause = format!("a C source ends in .c, such as film.c; {more} written beside it");
-        return Err(Error::field("out", cause));
-    }
-    Ok(())
 }
 
 /// Refuses to overwrite a file at `path` that another program has written.

@@ -154,9 +154,9 @@ impl Job<'_> {
         let mut fit = fit::fit(&self.observations, settings, interrupt::stop_flag(), &|stage| bar.enter(stage))?;
         bar.finish_and_clear();
         fit.warnings.splice(0..0, self.warnings);
-        fit.warnings.iter_mut().for_each(|warning| warning.text = with_flags(&warning.text));
         let seconds = started.elapsed().as_secs_f64();
         let parameters = fit.parameters(settings, direction, &self.recordings)?;
+        fit.warnings.iter_mut().for_each(|warning| warning.text = with_flags(&warning.text));
         let files: Vec<&Path> = self.recordings.iter().map(|recording| recording.path()).collect();
         let mut report = FitReport::new(&fit, &parameters, direction, &files, seconds);
         report.parameters_file = Some(shown(&self.out));

@@ -5,8 +5,8 @@ use std::path::Path;
 use clap::Args;
 
 use crate::commands::choice::named;
+use crate::commands::options;
 use crate::error::Result;
-use crate::files::parameters::Parameters;
 use crate::files::recording::Direction;
 use crate::fit::options::{AtGap, Branches, Sharing, TopologyChoice, Weight};
 use crate::fit::settings::CurveChoice;
@@ -106,11 +106,11 @@ impl FitArguments {
         }
     }
 
-    /// The settings that `options` give with the files that are named.
-    pub(super) fn settings(&self, options: &FitOptions) -> Result<Settings> {
-        let start = self.start.as_deref().map(Parameters::load).transpose()?;
-        let actuator = self.actuator.as_deref().map(Parameters::load_sized_actuator).transpose()?;
-        options.settings(start, actuator)
+    /// The settings that the options of `fit` give with the files that are named.
+    pub(super) fn settings(&self, fit: &FitOptions) -> Result<Settings> {
+        let start = self.start.as_deref().map(options::load).transpose()?;
+        let actuator = self.actuator.as_deref().map(options::load_actuator).transpose()?;
+        fit.settings(start, actuator)
     }
 
     /// Parameter files that are read.

@@ -14,8 +14,8 @@ use dea_driver::wire::{Answer, Command, Identity, LearningOrder, Mode};
 use dea_driver::{Blob, BlobHeader};
 use serde::Serialize;
 
+use super::options;
 use crate::error::{Error, Result, shown};
-use crate::files::parameters::Parameters;
 use crate::link::{Client, Port};
 use crate::quantity;
 use crate::terminal;
@@ -206,18 +206,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             None => return Err(Error::field("params", "parameters are needed: --params P, or --blob P.bin")),
         },
         Verb::Play(play) => play.check()?,
-        Verb::Stream(stream) => {
-            stream.check()?;
-            None
-        }
-        Verb::SelfTest(test) => {
-            test.check()?;
-            None
-        }
-        Verb::FaultInjection(faults) => {
-            faults.check()?;
-            None
-        }
+        Verb::Stream(stream) => stream.check().map(|()| None)?,
+        Verb::SelfTest(test) => test.check().map(|()| None)?,
+        Verb::FaultInjection(faults) => faults.check().map(|()| None)?,
         _ => None,
     };
     let (mut client, identity) = Client::new(Port::open(&arguments.port)?)?;
@@ -281,7 +272,7 @@ impl Source {
         Ok(Some(match (&self.params, &self.blob) {
             (None, None) => return Ok(None),
             (Some(params), _) => {
-                let parameters = Parameters::load(params)?;
+                let parameters = options::load(params)?;
                 let board = match parameters.board.clone() {
                     Some(board) if self.bench || board.lacks().is_empty() => board,
                     None if self.bench => parameters.bench(self.rate),

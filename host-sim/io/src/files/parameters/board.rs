@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize, de};
 use springpot::{Actuator, AmplifierLag, CommandLimits, Law};
 
 use super::calibration::AmplifierTable;
-use super::{Parameters, calibration};
+use super::{Parameters, calibration, controller_rate};
 use crate::error::{Error, Result, short};
 
 /// The settings of control, which a board may leave out.
@@ -217,11 +217,10 @@ impl Parameters {
     ///
     /// [`Error::Law`] for a model that has no law at this rate, [`Error::Computation`] for what a controller would refuse.
     pub fn to_blob(&self, board: &Board, rate_hz: f64) -> Result<Vec<u8>> {
-        let rate_hz = rate_hz as f32;
-        let law: Law<f32> = self.film().compressed_law(f64::from(rate_hz))?;
+        let law: Law<f32> = self.film().compressed_law(rate_hz)?;
         let parameters = BoardParameters {
             name: shortened(&self.name),
-            rate_hz,
+            rate_hz: controller_rate(rate_hz) as f32,
             sensor_offset_m: self.sensor_offset_m as f32,
             command_range: board.command_range,
             amplifier: board.amplifier.clone(),

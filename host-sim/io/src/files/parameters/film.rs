@@ -20,6 +20,11 @@ pub struct Film<'a> {
 /// Most steps per second of a law.
 const MAX_RATE_HZ: f64 = 1e9;
 
+/// The rate (Hz) that a controller keeps of `rate_hz`, in single precision: the one conversion, so that host and controller step one law.
+pub fn controller_rate(rate_hz: f64) -> f64 {
+    f64::from(rate_hz as f32)
+}
+
 impl Film<'_> {
     /// The law that the controller steps at `rate_hz`.
     ///
@@ -31,7 +36,7 @@ impl Film<'_> {
         if rate_hz > MAX_RATE_HZ {
             return Err(Error::field("rate_hz", format!("{rate_hz:?} Hz; a law takes at most {MAX_RATE_HZ:e} Hz")));
         }
-        let options = LawOptions::at_step(1.0 / rate_hz).with_method(self.method);
+        let options = LawOptions::at_step(1.0 / controller_rate(rate_hz)).with_method(self.method);
         let law = Law::compressed(self.model, options).map_err(|error| match error {
             LawError::Step(_) | LawError::Horizon { .. } => {
                 Error::field("rate_hz", format!("{rate_hz:?} Hz; a law needs at least 1e-3 Hz"))

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::ops::Range;
 
 use serde::Deserialize;
-use springpot::{Actuator, ActuatorError, Maxwell, ModelElement, ModelError, Preload, Springpot, Topology};
+use springpot::{Actuator, Maxwell, ModelElement, ModelError, Preload, Springpot, Topology};
 use toml::Spanned;
 
 use super::Parameters;
@@ -136,19 +136,16 @@ impl ActuatorTable {
         self.sizes == SizesName::Assumed
     }
 
-    /// Place of the value that an error is about.
-    pub(super) fn place_of(&self, error: &ActuatorError) -> Option<Range<usize>> {
-        let value = match error {
-            ActuatorError::NotPositive { quantity, .. } => match *quantity {
-                "relative_permittivity" => &self.relative_permittivity,
-                "length_m" => &self.length_m,
-                "width_m" => &self.width_m,
-                "thickness_m" => &self.thickness_m,
-                _ => return None,
-            },
-            ActuatorError::Mass(_) => &self.mass_kg,
-            ActuatorError::Coupling(_) => self.stretch_coupling.as_ref()?,
-            ActuatorError::Saturation(_) => self.saturation_v.as_ref()?,
+    /// Place of the value of that name.
+    pub(super) fn place_of(&self, name: &str) -> Option<Range<usize>> {
+        let value = match name {
+            "relative_permittivity" => &self.relative_permittivity,
+            "length_m" => &self.length_m,
+            "width_m" => &self.width_m,
+            "thickness_m" => &self.thickness_m,
+            "mass_kg" => &self.mass_kg,
+            "stretch_coupling" => self.stretch_coupling.as_ref()?,
+            "saturation_v" => self.saturation_v.as_ref()?,
             _ => return None,
         };
         Some(value.span())

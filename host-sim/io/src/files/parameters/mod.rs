@@ -5,6 +5,7 @@ mod calibration;
 mod curve;
 mod film;
 mod format;
+pub mod plausibility;
 
 use std::fs::File;
 use std::io::Read;
@@ -18,7 +19,7 @@ use toml::Spanned;
 use crate::error::{Error, Result, short};
 pub use board::{Board, as_written};
 pub use curve::{ElasticCurve, Shape};
-pub use film::Film;
+pub use film::{Film, controller_rate};
 use format::{ActuatorFileTable, ActuatorTable, BoardFileTable, FileTable, SCHEMAS};
 
 /// An actuator and the model of its film.
@@ -111,16 +112,7 @@ impl Parameters {
         Self::from_toml(path, &text_of(path)?)
     }
 
-    /// The actuator named on a command line: of a file that may hold nothing else, or of `preset:NAME`.
-    ///
-    /// # Errors
-    ///
-    /// As [`load`](Self::load).
-    pub fn load_actuator(name: &str) -> Result<Actuator> {
-        Ok(Self::load_sized_actuator(name)?.0)
-    }
-
-    /// The same, and whether its sizes are assumed.
+    /// The actuator named on a command line, of a file that may hold nothing else, or of `preset:NAME`; and whether its sizes are assumed.
     ///
     /// # Errors
     ///
@@ -152,7 +144,9 @@ impl Parameters {
         let path = Path::new(name);
         let text = text_of(path)?;
         let file: BoardFileTable = Place { path, text: &text }.parse()?;
-        Ok((actuator, file.board.map_or(bench.clone(), |table| table.board(bench)), assumed_sizes))
+        let board = file.board.map_or(bench.clone(), |table| table.board(bench));
+        plausibility::check_board(&board).map_err(|cause| Error::file(path, cause))?;
+        Ok((actuator, board, assumed_sizes))
     }
 
     /// Statement about the electric field if the film's sizes are assumed.
@@ -212,6 +206,7 @@ impl Parameters {
         };
         if let Some(table) = &file.board {
             let board = table.get_ref().board(parameters.bench(1000.0));
+            plausibility::check_board(&board).map_err(|cause| place.error(table.span(), cause))?;
             // What a controller would refuse of the board is refused here, where its line is known. The rate does not matter.
             let checked = parameters.to_blob(&board, 1000.0);
             checked.map_err(|e| place.error(table.span(), short(&e)))?;
@@ -303,7 +298,8 @@ impl Place<'_> {
         if let (1, Some((span, name))) = (schema, table.place_of_new()) {
             return Err(self.error(span, needs_schema_2(name)));
         }
-        actuator.check().map_err(|e| self.error(table.place_of(&e).unwrap_or(0..0), short(&e)))?;
+        plausibility::check(&actuator)
+            .map_err(|(name, cause)| self.error(table.place_of(name).unwrap_or(0..0), cause))?;
         Ok(actuator)
     }
 }

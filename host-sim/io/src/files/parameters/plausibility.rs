@@ -1,0 +1,166 @@
+//! Sizes that no film has, with the unit that they are likely in: millimetres read as metres would lift every limit of the field.
+
+use springpot::{Actuator, ActuatorError, EPSILON_0, GRAVITY};
+
+use super::{Board, Parameters, as_written};
+use crate::error;
+
+/// A quantity with the values that films have, in SI units, and others that people write it in.
+struct Quantity {
+    symbol: &'static str,
+    /// Values outside are refused.
+    min: f64,
+    max: f64,
+    /// Units with their sizes in SI units, the likeliest first.
+    units: &'static [(&'static str, f64)],
+}
+
+/// Sides of films from 0.1 mm to 5 m.
+const SIDE: Quantity =
+    Quantity { symbol: "m", min: 1e-4, max: 5.0, units: &[("millimetres", 1e-3), ("micrometres", 1e-6)] };
+/// Films from 0.1 µm to 5 mm thick.
+const THICKNESS: Quantity =
+    Quantity { symbol: "m", min: 1e-7, max: 5e-3, units: &[("millimetres", 1e-3), ("micrometres", 1e-6)] };
+/// Weights up to 20 kg, or none.
+const MASS: Quantity = Quantity { symbol: "kg", min: 0.0, max: 20.0, units: &[("grams", 1e-3)] };
+/// A fit may find any permittivity, as it scales the force.
+const PERMITTIVITY: Quantity =
+    Quantity { symbol: "times that of vacuum", min: 1e-6, max: 1e9, units: &[("F/m", 1.0 / EPSILON_0)] };
+/// Voltages of films, which are far above those of a battery.
+const VOLTAGE: Quantity = Quantity { symbol: "V", min: 20.0, max: f64::INFINITY, units: &[("kilovolts", 1e3)] };
+/// Fields that limit something: films break down above 10 MV/m.
+const FIELD: Quantity = Quantity {
+    symbol: "V/m",
+    min: 1e4,
+    max: 1e10,
+    units: &[("megavolts per metre", 1e6), ("kilovolts per metre", 1e3)],
+};
+
+impl Quantity {
+    /// The fault of the value of `name`, and the value that is likely meant.
+    fn fault(&self, name: &str, value: f64) -> Option<String> {
+        let holds = |value: f64| (self.min..=self.max).contains(&value);
+        if holds(value) {
+            return None;
+        }
+        let Self { symbol, min, max, .. } = self;
+        let meant = self.units.iter().find(|(_, size)| holds(value * size));
+        let advice = match meant {
+            Some((unit, size)) => format!("is it in {unit}? write {}", short(value * size)),
+            None => format!("films have {min} to {max} {symbol}"),
+        };
+        Some(format!("{name} = {value} is {value} {symbol}: {advice}"))
+    }
+}
+
+/// `value` without the digits of a product's rounding.
+fn short(value: f64) -> f64 {
+    format!("{value:.9e}").parse().unwrap_or(value)
+}
+
+/// Refuses an actuator that no film has.
+///
+/// # Errors
+///
+/// The first quantity that is at fault, and the faults of all, each with the unit that it is likely in.
+pub fn check(actuator: &Actuator) -> Result<(), (&'static str, String)> {
+    actuator.check().map_err(|error| {
+        let name = match error {
+            ActuatorError::NotPositive { quantity, .. } => quantity,
+            ActuatorError::Mass(_) => "mass_kg",
+            ActuatorError::Coupling(_) => "stretch_coupling",
+            ActuatorError::Saturation(_) => "saturation_v",
+            _ => "actuator",
+        };
+        (name, error::short(&error))
+    })?;
+    let values = [
+        ("relative_permittivity", actuator.relative_permittivity, PERMITTIVITY),
+        ("length_m", actuator.length_m, SIDE),
+        ("width_m", actuator.width_m, SIDE),
+        ("thickness_m", actuator.thickness_m, THICKNESS),
+        ("mass_kg", actuator.mass_kg, MASS),
+        ("saturation_v", actuator.saturation_v.unwrap_or(VOLTAGE.min), VOLTAGE),
+    ];
+    let faults: Vec<(&str, String)> =
+        values.iter().filter_map(|(name, value, quantity)| Some((*name, quantity.fault(name, *value)?))).collect();
+    let Some((first, _)) = faults.first() else { return Ok(()) };
+    Err((first, faults.iter().map(|(_, fault)| fault.as_str()).collect::<Vec<_>>().join("; ")))
+}
+
+/// Refuses a thickness in the limits of `board` that no film has: its supervisor takes the field from that.
+pub(super) fn check_board(board: &Board) -> Result<(), String> {
+    THICKNESS.fault("limits.thickness_m", as_written(board.limits.thickness_m)).map_or(Ok(()), Err)
+}
+
+/// Doubts about sizes of `actuator` that some film may have, most severe first.
+pub fn doubts(actuator: &Actuator) -> Vec<String> {
+    let Actuator { relative_permittivity, length_m, width_m, thickness_m, mass_kg, .. } = *actuator;
+    let mut doubts = Vec::new();
+    let ((longer, long_m), (shorter, short_m)) = if length_m > width_m {
+        (("length_m", length_m), ("width_m", width_m))
+    } else {
+        (("width_m", width_m), ("length_m", length_m))
+    };
+    if long_m > MAX_ASPECT * short_m || (long_m > 1.0 && long_m * short_m > MAX_AREA_M2) {
+        doubts.push(format!(
+            "the film is {long_m} m by {short_m} m: is {longer} in millimetres? then write {}",
+            short(1e-3 * long_m)
+        ));
+    }
+    if thickness_m >= short_m {
+        doubts.push(format!("thickness_m = {thickness_m} is not below {shorter} = {short_m}: check the units of both"));
+    }
+    let stress_pa = mass_kg * GRAVITY / (width_m * thickness_m);
+    if mass_kg >= 1.0 && stress_pa > MAX_STRESS_PA {
+        doubts.push(format!(
+            "mass_kg = {mass_kg} is a stress of {:.0} MPa on this film, more than elastomers hold: is it in grams? then write {}",
+            1e-6 * stress_pa,
+            short(1e-3 * mass_kg)
+        ));
+    }
+    if !(1.0..=MAX_PERMITTIVITY).contains(&relative_permittivity) {
+        doubts.push(format!("relative_permittivity = {relative_permittivity}: films have 1.5 to 1000"));
+    }
+    doubts
+}
+
+/// Longest side over the shortest, without doubt.
+const MAX_ASPECT: f64 = 150.0;
+/// Largest area without doubt, m².
+const MAX_AREA_M2: f64 = 2.0;
+/// Strength of elastomers, Pa.
+const MAX_STRESS_PA: f64 = 2e7;
+const MAX_PERMITTIVITY: f64 = 2000.0;
+/// Largest displacement over the film's length without doubt: prestretched films move by more than their active length.
+const MAX_STROKES: f64 = 20.0;
+
+impl Parameters {
+    /// Doubts about the sizes of the film, the limits of its board, and its model, most severe first.
+    pub fn doubts(&self) -> Vec<String> {
+        let limits = self.board.as_ref().map(|board| board.limits);
+        let max_voltage_v = limits.map_or(6000.0, |limits| f64::from(limits.max_voltage_v));
+        let faults = limits.map(|limits| {
+            [
+                VOLTAGE.fault("max_voltage_v", as_written(limits.max_voltage_v)),
+                FIELD.fault("max_field_v_per_m", as_written(limits.max_field_v_per_m)),
+            ]
+        });
+        let mut doubts: Vec<String> = faults.into_iter().flatten().flatten().collect();
+        doubts.extend(self::doubts(&self.actuator));
+        if !self.assumed_sizes && self.curve.is_none() && doubts.is_empty() {
+            // As far as the field limit of films lets the voltage go.
+            let volts = max_voltage_v.min(1e8 * self.actuator.thickness_m);
+            let force_n = self.actuator.force_per_square_volt() * volts * volts;
+            let stroke_m = force_n * self.model.creep_compliance(1.0);
+            if stroke_m > MAX_STROKES * self.actuator.length_m {
+                doubts.push(format!(
+                    "{volts:.0} V exert {force_n:.3} N, which moves the model by {:.0e} times the film's length in 1 s: check the units of its sizes \
+                     and of c",
+                    stroke_m / self.actuator.length_m
+                ));
+            }
+        }
+        doubts
+    }
+}
