@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`files`] | reads and writes recordings, parameters, tables |
 //! | [`link`] | the host's side of the link to a controller |
-//! | [`choice`] | choices by their names |
+//! | [`choice`](mod@choice) | choices by their names |
 //! | [`grid`] | sampled series |
 //! | [`quantity`], [`progress`], [`terminal`], [`interrupt`] | what people type; progress; what is printed; signals |
 //! | [`error`](mod@error) | errors that name the place and the fix |
