@@ -46,8 +46,7 @@ static inline void springpot_observer_init(const springpot_film *film, springpot
     state->innovation = 0.0F;
     state->innovation_mean = 0.0F;
     state->innovation_variance = 0.0F;
-    state->load.force = 0.0F;
-    state->load.slope = 0.0F;
+    state->load = springpot_load_of(&film->drive, 0.0F);
     state->share = 1.0F;
     state->gains = film->observer.gains;
     state->adapting = film->observer.adapting;
@@ -140,12 +139,10 @@ static inline void springpot_adapt(const springpot_observer *observer, springpot
     state->force_scale = scale;
 }
 
-/* In every tick: steps the film under the voltage `voltage_v` (V, either sign) that was applied since the last tick, and corrects it with
- * a sample, or NULL where none has arrived. Returns the estimated displacement (m). */
-static inline float springpot_observer_observe(const springpot_film *film, springpot_observer_state *state, float voltage_v,
+/* Steps the film under `load`, and corrects it with a sample, or NULL where none has arrived. Returns the estimated displacement (m). */
+static inline float springpot_observer_step(const springpot_film *film, springpot_observer_state *state, springpot_load load,
     const springpot_sample *sample)
 {
-    const springpot_load load = springpot_load_of(&film->drive, voltage_v);
     const float electrostatic = (load.force - film->drive.preload) * state->force_scale;
     springpot_load forced;
     float position;
@@ -159,6 +156,16 @@ static inline float springpot_observer_observe(const springpot_film *film, sprin
     springpot_correct(&film->observer, state, sample);
     springpot_adapt(&film->observer, state, electrostatic + (forced.slope * position));
     return position;
+}
+
+/* In every tick: steps the film under the voltage `voltage_v` (V, either sign) that was applied since the last tick, and corrects it with
+ * a sample, or NULL where none has arrived. Returns the estimated displacement (m). After a voltage that is not finite the last one
+ * stays. */
+static inline float springpot_observer_observe(const springpot_film *film, springpot_observer_state *state, float voltage_v,
+    const springpot_sample *sample)
+{
+    const springpot_load load = springpot_is_finite(voltage_v) ? springpot_load_of(&film->drive, voltage_v) : state->load;
+    return springpot_observer_step(film, state, load, sample);
 }
 
 /* ---- Tracking: a voltage for a reference, with a sensor. */
@@ -224,7 +231,7 @@ static inline float springpot_tracking_observe(const springpot_film *film, sprin
         springpot_fade_advance(&film->fade, &state->fade, state->inverse.path.position, state->is_learned != 0U);
         springpot_set_share(&film->observer, &state->observer, state->fade.share);
     }
-    return springpot_observer_observe(film, &state->observer, voltage, sample);
+    return springpot_observer_step(film, &state->observer, springpot_load_of(&film->drive, voltage), sample);
 }
 
 /* Then: as springpot_feedforward_command, with the observer's disturbance subtracted. */

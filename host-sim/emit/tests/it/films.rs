@@ -84,18 +84,18 @@ pub fn rich() -> Case {
 
 /// Films of short cycles: whose period is given, and whose period is found behind an amplifier that lags.
 pub fn cycles() -> [Case; 2] {
-    [(Some(0.5), AmplifierLag::NONE), (None, AmplifierLag { rise_s: 0.02, fall_s: 0.1 })].map(
-        |(period_s, amplifier)| {
-            let setup = Setup {
-                actuator: Actuator::KARNER_2022,
-                limits: CommandLimits { amplifier, ..CommandLimits::BENCH },
-                learning: Some(LearningOptions { period_s, ..LearningOptions::BENCH }),
-                bandwidths: &[0.5],
-            };
-            let law = Law::compressed(&published(), LawOptions::at_step(1e-3)).expect("valid");
-            Case::new("cycles", law, &setup).expect("accepted")
-        },
-    )
+    let lagging = AmplifierLag { rise_s: 0.02, fall_s: 0.1 };
+    let films = [(Some(0.5), Preload::Settled, AmplifierLag::NONE), (None, Preload::FromStart, lagging)];
+    films.map(|(period_s, preload, amplifier)| {
+        let setup = Setup {
+            actuator: Actuator { preload, ..Actuator::KARNER_2022 },
+            limits: CommandLimits { amplifier, ..CommandLimits::BENCH },
+            learning: Some(LearningOptions { period_s, ..LearningOptions::BENCH }),
+            bandwidths: &[0.5],
+        };
+        let law = Law::compressed(&published(), LawOptions::at_step(1e-3)).expect("valid");
+        Case::new("cycles", law, &setup).expect("accepted")
+    })
 }
 
 /// A film whose period is given, at another rate.
