@@ -1,9 +1,5 @@
 //! How faults end on the virtual board: at 0 V, with their cause latched.
 
-use std::io::{BufRead, BufReader, Write};
-use std::net::{TcpListener, TcpStream};
-use std::path::Path;
-use std::process::{Child, Stdio};
 use std::time::Instant;
 
 use dea_driver::wire::{Answer, BAUD, Command, InjectedFault, Mode, Reject, Status, boards};
@@ -13,9 +9,8 @@ use host_sim::link::{Client, Emulator, Port};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use tests::bench::bench_limits;
-use tests::tool::text;
 
-use crate::{DEADLINE, TOOL, image, root, stated};
+use crate::{DEADLINE, image, stated};
 
 /// The image for use, without anything connected: it reports this, refuses to be armed, and rejects fault injection. QEMU's flash cannot be
 /// written: the parameters are refused as the flash refuses them, and what ran before goes on.
@@ -158,65 +153,6 @@ fn every_fault_ends_at_0_v_with_its_cause() {
         client.order(Command::Acknowledge).expect("done");
         wait(&mut client, |status| status.state == DriverState::Disarmed);
     }
-}
-
-/// The self-test of a board, on the virtual one; QEMU has no watchdog, so that is found missing.
-#[test]
-fn the_self_test_ends_in_a_table() {
-    let folder = tempfile::TempDir::new().expect("a folder");
-    let parameters = folder.path().join("bench.bin");
-    std::fs::write(&parameters, blob(ANY_SILENCE_S)).expect("written");
-    let (_emulator, port) = emulator_at_a_port(&image("virtual-board"));
-    let link = |more: &[&str]| TOOL.with(&[["link", "--port", &port, "--json"].as_slice(), more].concat());
-    let start = Instant::now();
-    while !link(&["identify"]).output().expect("runs").status.success() {
-        assert!(start.elapsed() < DEADLINE, "the image does not answer");
-    }
-    link(&["upload", "--try", "--blob", text(&parameters)]).assert().success();
-    let sound = link(&["self-test"]).assert().success().get_output().stdout.clone();
-    println!("{}", String::from_utf8_lossy(&sound));
-    let report: serde_json::Value = serde_json::from_slice(&sound).expect("a report");
-    let whats: Vec<&str> =
-        report["checks"].as_array().expect("checks").iter().filter_map(|c| c["what"].as_str()).collect();
-    assert_eq!(whats.len(), 15, "{whats:?}");
-    assert!(["DAC, armed", "monitor", "monitor, at the end"].iter().all(|what| whats.contains(what)), "{whats:?}");
-    let starved = link(&["self-test", "--watchdog"]).assert().code(2).get_output().clone();
-    assert!(String::from_utf8_lossy(&starved.stderr).contains("the self-test failed: watchdog"), "{starved:?}");
-}
-
-/// QEMU, ended with this value.
-struct Qemu {
-    child: Child,
-    _monitor: TcpStream,
-}
-
-impl Drop for Qemu {
-    fn drop(&mut self) {
-        self.child.kill().expect("runs");
-        self.child.wait().expect("ends");
-    }
-}
-
-/// An image in QEMU as `firmware/emulate.sh` runs it, at a port that the system chooses and QEMU's monitor reports.
-fn emulator_at_a_port(image: &Path) -> (Qemu, String) {
-    let arguments = std::fs::read_to_string(root().join("firmware/qemu.args")).expect("readable");
-    let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
-    let port = listener.local_addr().expect("bound").port();
-    let child = std::process::Command::new("qemu-system-arm")
-        .args(arguments.split_whitespace())
-        .args(["-chardev", &format!("socket,id=monitor,host=127.0.0.1,port={port}"), "-mon", "chardev=monitor"])
-        .args(["-serial", "tcp:127.0.0.1:0,server=on,wait=off,nodelay=on", "-kernel"])
-        .arg(image)
-        .stdout(Stdio::null())
-        .spawn()
-        .expect("installed by cargo xtask setup");
-    let (monitor, _) = listener.accept().expect("QEMU connects");
-    (&monitor).write_all(b"info chardev\n").expect("taken");
-    let mut lines = BufReader::new(&monitor).lines().map(|line| line.expect("text"));
-    let listening = |line: String| line.split_once("disconnected:").map(|(_, port)| port.to_owned());
-    let port = lines.find_map(listening).expect("QEMU listens");
-    let (port, _) = port.split_once(',').expect("options");
-    (Qemu { child, _monitor: monitor }, port.to_owned())
 }
 
 /// A panic resets the chip; the next start keeps its message, and the trip until it is acknowledged.

@@ -88,19 +88,14 @@ impl VirtualBoard {
     pub fn start(scene: Scene) -> Self {
         let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a port");
         let port = format!("tcp:{}", listener.local_addr().expect("bound"));
-        let ended = Arc::new(AtomicBool::new(false));
-        let (shown, opened) = (Arc::new(Shown::default()), Arc::new(AtomicBool::new(false)));
-        let (flag, board, hand) = (Arc::clone(&ended), Arc::clone(&shown), Arc::clone(&opened));
         listener.set_nonblocking(true).expect("can be polled");
-        let accept = move || {
+        Self::at(port, scene, move || {
             let (line, _) = listener.accept().ok()?;
             line.set_nonblocking(false).expect("can be set");
             line.set_read_timeout(Some(Duration::from_millis(1))).expect("can be set");
             line.set_nodelay(true).expect("can be set");
             Some(Box::new(line) as Box<dyn Line>)
-        };
-        let thread = Some(thread::spawn(move || run(accept, scene, &flag, &board, &hand)));
-        Self { port, shown, opened, ended, thread }
+        })
     }
 
     /// The same at a pseudo-terminal, which host-sim opens as any serial port.
@@ -110,15 +105,19 @@ impl VirtualBoard {
         near.set_read_timeout(Duration::from_millis(1)).expect("can be set");
         let link = format!("/proc/self/fd/{}", far.as_raw_fd());
         let port = std::fs::read_link(link).expect("a path").to_string_lossy().into_owned();
+        let mut near = Some(near);
+        Self::at(port, scene, move || {
+            // As long as this end is open, the port does not hang up when host-sim closes it.
+            let _ = &far;
+            near.take().map(|line| Box::new(line) as Box<dyn Line>)
+        })
+    }
+
+    fn at(port: String, scene: Scene, accept: impl FnMut() -> Option<Box<dyn Line>> + Send + 'static) -> Self {
         let ended = Arc::new(AtomicBool::new(false));
         let (shown, opened) = (Arc::new(Shown::default()), Arc::new(AtomicBool::new(false)));
         let (flag, board, hand) = (Arc::clone(&ended), Arc::clone(&shown), Arc::clone(&opened));
-        let mut near = Some(near);
-        let thread = Some(thread::spawn(move || {
-            // As long as this end is open, the port does not hang up when host-sim closes it.
-            let _far = far;
-            run(move || near.take().map(|line| Box::new(line) as Box<dyn Line>), scene, &flag, &board, &hand);
-        }));
+        let thread = Some(thread::spawn(move || run(accept, scene, &flag, &board, &hand)));
         Self { port, shown, opened, ended, thread }
     }
 

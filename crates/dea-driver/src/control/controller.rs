@@ -10,6 +10,9 @@ use crate::control::{LearningOrder, Mode, Telemetry};
 use crate::parameters::{Blob, ControllerMemory, Parameters, Watched};
 use crate::safety::{Cause, Readings, Refusal, Supervisor};
 
+/// Largest correction that may be learned of a periodic reference, as a share of the largest displacement: more trips as a disturbance.
+const MAX_LEARNED: f32 = 0.25;
+
 /// Longest time in which a new target is approached, s.
 const RAMP_S: f32 = 0.05;
 
@@ -91,6 +94,8 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     thinning_per_m: f32,
     /// Shares of the force at the largest voltage per newton.
     shares_per_n: f32,
+    /// The same per metre that is learned of cycles.
+    shares_per_m: f32,
     sampler: Sampler,
     /// Largest force scale that tracking has shown in this run, 1 at least.
     softest: f32,
@@ -132,6 +137,8 @@ impl<M: ControllerMemory> Controller<M> {
         let law = follower.compensator().observer().law();
         let watched = M::watched(law);
         let shares_per_n = shares_per_n(parameters);
+        let limits = &parameters.limits;
+        let shares_per_m = limits.max_disturbance_share / (MAX_LEARNED * limits.max_displacement_m);
         let thinning_per_m = thinning_per_m(parameters);
         let sampler =
             Sampler::new(parameters.rate_hz, parameters.control.sample_interval_s, parameters.control.delay_s);
@@ -148,6 +155,7 @@ impl<M: ControllerMemory> Controller<M> {
             watched,
             thinning_per_m,
             shares_per_n,
+            shares_per_m,
             sampler,
             mode: Mode::Voltage,
             ran: false,
@@ -194,6 +202,7 @@ impl<M: ControllerMemory> Controller<M> {
         if corrects && observer.force_scale() > self.softest {
             self.softest = observer.force_scale();
         }
+        let disturbance_share = if corrects { observer.disturbance() * self.shares_per_n } else { 0.0 };
         let checked = self.supervisor.check(Readings {
             interlock_closed: inputs.interlock_closed,
             monitor_v,
@@ -201,7 +210,7 @@ impl<M: ControllerMemory> Controller<M> {
             predicted_m: observer.displacement(),
             open_loop_m: self.open_loop.position() * self.softest,
             follows: self.supervisor.runs() && self.mode != Mode::Voltage && self.target.is_set(),
-            disturbance_share: if corrects { observer.disturbance() * self.shares_per_n } else { 0.0 },
+            disturbance_share: disturbance_share + self.course.added() * self.shares_per_m,
         });
 
         // Estimate: step the film under the voltage applied since the last tick, and correct it with a sample if one is

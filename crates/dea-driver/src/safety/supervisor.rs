@@ -64,8 +64,8 @@ pub enum Cause {
     Panic,
     /// By the model, the commanded voltage moves the film beyond its limit, whatever the sensor shows.
     ModelDisplacement,
-    /// While tracking, the model leaves more force unexplained than allowed: the sensor drifts, has slipped or lost gain, or
-    /// the film has changed.
+    /// While tracking, the model leaves more force unexplained than allowed, or more than a quarter of the stroke is learned of cycles: the
+    /// sensor drifts, has slipped or lost gain, or the film has changed.
     Disturbance,
     /// The monitor shows voltage although the amplifier is disabled: do not touch the film. It replaces any other cause.
     LiveFilm,
@@ -113,8 +113,8 @@ pub struct Readings {
     /// Whether a reference is followed, so that a sensor that does not move with the model is stuck. Voltages may be played
     /// without a film.
     pub follows: bool,
-    /// The force that the model leaves unexplained, as a share of the force at the largest voltage; 0 where no sensor acts on
-    /// the voltage.
+    /// The force that the model leaves unexplained, with what is learned of cycles, as a share of the force at the largest voltage; 0
+    /// where no sensor acts on the voltage.
     pub disturbance_share: f32,
 }
 

@@ -2,7 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use dea_driver::{Blob, BlobError, Control, Controller, DriverState, LearningOrder, Mode, OnSensorFault, Parameters};
+use dea_driver::{
+    Blob, BlobError, Cause, Control, Controller, DriverState, LearningOrder, Limits, Mode, OnSensorFault, Parameters,
+};
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64;
 use springpot::ControlError;
 
 use crate::bench::board_parameters;
@@ -113,4 +118,52 @@ fn what_cannot_be_learned_is_refused() {
     assert_eq!(refused(6, -1.0), period(-1.0));
     assert_eq!(refused(6, f32::INFINITY), period(f64::INFINITY));
     assert_eq!(refused(0, -1.0), None);
+}
+
+/// Learning is led by its sensor as tracking is: with one that freezes under the noise of the whole sensor, or drifts, no more than a quarter
+/// of the stroke is learned. A drift led a film that is softer than its model to 1.25 times its stroke. Healthy, the same films run on.
+#[test]
+fn a_sensor_that_fails_does_not_lead_a_learned_feedforward_away() {
+    let run = |force_scale: f64, reads: fn(f64, f64, f64) -> f64| {
+        let mut parameters = parameters(6, 2.0);
+        parameters.limits =
+            Limits { max_displacement_m: 2e-3, on_sensor_fault: OnSensorFault::Trip, ..parameters.limits };
+        let mut bench = Bench { force_scale, ..Bench::with(parameters) };
+        let (normal, mut random) = (Normal::new(0.0, 3e-6).expect("valid"), Pcg64::seed_from_u64(1));
+        bench.start(Mode::Feedforward);
+        let (mut held_m, mut furthest_m) = (0.0, 0.0f64);
+        for tick in 0..400_000u32 {
+            let time_s = f64::from(tick) / 1000.0;
+            let reference_m = (time_s / 2.0).min(1.0) * (0.6e-3 - 0.06e-3 * (TAU * time_s / 2.0).cos());
+            bench.set_reference(reference_m as f32);
+            let film_m = bench.displacement_m;
+            let fault_s = time_s - 20.0;
+            let shown_m =
+                if fault_s < 0.0 { film_m } else { reads(film_m, held_m, fault_s) } + normal.sample(&mut random);
+            held_m = if fault_s < 0.0 { film_m } else { held_m };
+            let code = ((1.0 + shown_m / 1e-3) / 10.24 * 65_536.0).round().clamp(0.0, 65_535.0);
+            bench.tick(|inputs| inputs.sensor_adc_v = Some(adc_v(code as u16)));
+            furthest_m = furthest_m.max(bench.displacement_m);
+            let state = bench.controller.supervisor().state();
+            if state != DriverState::Running {
+                return (furthest_m, state);
+            }
+        }
+        (furthest_m, DriverState::Running)
+    };
+    for force_scale in [0.8, 1.0, 1.25] {
+        let (furthest_m, state) = run(force_scale, |film_m, _, _| film_m);
+        assert_eq!(state, DriverState::Running, "{force_scale}: healthy");
+        assert!(furthest_m < 0.9e-3, "{force_scale}: {furthest_m} m");
+        let (frozen_m, _) = run(force_scale, |_, held_m, _| held_m);
+        let (drifts_m, state) = run(force_scale, |film_m, _, fault_s| film_m - 20e-6 * fault_s);
+        println!("{force_scale}: {frozen_m} m frozen, {drifts_m} m with a drift");
+        assert_eq!(state, DriverState::Tripped(Cause::Disturbance), "{force_scale}");
+        // The reference, a quarter of the stroke, and what the film gives beyond its model.
+        let most_m = force_scale.max(1.0) * (0.66e-3 + 0.5e-3);
+        assert!(
+            frozen_m < most_m && drifts_m < most_m,
+            "{force_scale}: {frozen_m} m frozen, {drifts_m} m with a drift"
+        );
+    }
 }
