@@ -145,7 +145,7 @@ fn with_orders(ticks: usize) -> Vec<Input> {
     (0..ticks)
         .map(|k| {
             let mut rare = |one_in: u32| random.random_range(0..one_in) == 0;
-            let (is_nan, is_unread, is_halved) = (rare(700), rare(2), rare(500));
+            let (is_nan, is_unread, is_halved, is_unknown) = (rare(700), rare(2), rare(500), rare(500));
             let (begins, ends, is_wrong, is_old) = (rare(6000), rare(6000), rare(300), rare(300));
             standby = if begins { random.random_range(1..300) } else { standby.saturating_sub(1) };
             blind = if ends { random.random_range(1..500) } else { blind.saturating_sub(1) };
@@ -162,7 +162,7 @@ fn with_orders(ticks: usize) -> Vec<Input> {
                 a: if is_nan || k == 0 { f32::NAN } else { reference },
                 b: if is_unread { f32::NAN } else { 1.01 + 1e-3 * noise },
                 sample,
-                flags: order + 2 * u32::from(standby > 0) + 4 * u32::from(is_halved),
+                flags: order + 2 * u32::from(standby > 0) + 4 * u32::from(is_halved) + 8 * u32::from(is_unknown),
             }
         })
         .collect()
