@@ -30,20 +30,13 @@ const EDGES: [u64; 14] = [0, 1, 2, 193, 194, 195, 196, 197, 198, 199, 391, 392, 
 struct Counts {
     saves: u64,
     cuts: u64,
-    flips: u64,
     starts: u64,
     /// The newest set known to be stored.
     newest: u64,
-    /// The same, without a word of a later save that was cut off.
-    cut_unreported: u64,
-    /// The same, with a warning although no save was cut off after it.
-    warned: u64,
     /// One whose save was cut off.
     unreported: u64,
     older_reported: u64,
     none_reported: u64,
-    /// None, without any bit that flipped, so by the power alone: in flash of this version, and of earlier ones with number 1.
-    none_by_power: [u64; 2],
 }
 
 fn sets() -> Vec<Vec<u8>> {
@@ -92,11 +85,8 @@ struct History<'a> {
     /// The newest set that is known to be stored.
     newest: Option<usize>,
     next: usize,
-    flipped: bool,
     /// Whether anything but factory flash was ever there.
     touched: bool,
-    /// Whether the first slot held number 1 alone at first.
-    number_1: bool,
 }
 
 impl History<'_> {
@@ -129,9 +119,7 @@ impl History<'_> {
         })
     }
 
-    fn flip(mut self, part: usize, bit: usize, counts: &mut Counts) -> Self {
-        counts.flips += 1;
-        self.flipped = true;
+    fn flip(mut self, part: usize, bit: usize) -> Self {
         self.touched = true;
         self.with_flash(|flash| flash.flip(part, bit))
     }
@@ -148,9 +136,6 @@ impl History<'_> {
                     }
                     Some(newest) if number == newest => {
                         counts.newest += 1;
-                        let cut_later = self.next > newest + 1;
-                        counts.cut_unreported += u64::from(cut_later && !stored.newer_lost);
-                        counts.warned += u64::from(!cut_later && stored.newer_lost);
                     }
                     _ => counts.unreported += 1,
                 }
@@ -162,7 +147,6 @@ impl History<'_> {
                 assert!(fault.is_some() || self.newest.is_none(), "set {:?} is lost, silently", self.newest);
                 assert!(fault.is_none() || self.touched, "{fault:?} in factory flash");
                 counts.none_reported += u64::from(self.newest.is_some());
-                counts.none_by_power[usize::from(self.number_1)] += u64::from(self.newest.is_some() && !self.flipped);
             }
             Err(error) => panic!("{error:?}"),
         }
@@ -181,10 +165,9 @@ impl History<'_> {
 fn run(seed: u64, sets: &[Vec<u8>], counts: &mut Counts) {
     let mut random = Pcg64::seed_from_u64(seed);
     let (bytes, newest) = contents(sets, &mut random);
-    let number_1 = bytes[..4] == [1, 0, 0, 0];
     let touched = bytes.iter().any(|&byte| byte != 0xff);
     let store = Store::new(TornFlash::new(&bytes, random.random()), BOARD).expect("two parts");
-    let mut history = History { sets, store, newest, next: 2, flipped: false, touched, number_1 };
+    let mut history = History { sets, store, newest, next: 2, touched };
     history.start(counts);
     let flips = random.random_bool(0.5);
     for _ in 0..random.random_range(2..=10) {
@@ -195,7 +178,7 @@ fn run(seed: u64, sets: &[Vec<u8>], counts: &mut Counts) {
             5..=7 => history.save(Some(EDGES[random.random_range(0..EDGES.len())]), counts),
             _ if flips => {
                 let bits = if random.random_bool(0.3) { 64 } else { 8 * 700 };
-                history.flip(random.random_range(0..2), random.random_range(0..bits), counts)
+                history.flip(random.random_range(0..2), random.random_range(0..bits))
             }
             _ => history.save(Some(random.random_range(0..2)), counts),
         };
@@ -224,13 +207,12 @@ fn a_save_over_a_damaged_set_that_is_cut_off_is_reported() {
     let (sets, mut counts) = (sets(), Counts::default());
     let this = [slot(4, &sets[1]), slot(3, &sets[0])].concat();
     let earlier = [slot(1, &sets[0]), slot(2, &sets[1])].concat();
-    for (number_1, damaged, bytes) in [(false, 0, this), (true, 1, earlier)] {
+    for (damaged, bytes) in [(0, this), (1, earlier)] {
         let cuts = [0, 40, 800, 2400].into_iter().flat_map(|bit| EDGES.map(|operations| (bit, operations)));
         for ((bit, operations), seed) in cuts.flat_map(|cut| (0..20).map(move |seed| (cut, seed))) {
             let store = Store::new(TornFlash::new(&bytes, seed), BOARD).expect("two parts");
-            let history =
-                History { sets: &sets, store, newest: Some(1), next: 2, flipped: true, touched: true, number_1 };
-            let mut history = history.flip(damaged, bit, &mut counts).save(Some(operations), &mut counts);
+            let history = History { sets: &sets, store, newest: Some(1), next: 2, touched: true };
+            let mut history = history.flip(damaged, bit).save(Some(operations), &mut counts);
             history.start(&mut counts);
             history.start(&mut counts);
         }

@@ -268,7 +268,7 @@ fn is_honest(case: &Case, cause: Cause, furthest_m: f64) -> bool {
     }
 }
 
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct Counts {
     ends: BTreeMap<(&'static str, End), u32>,
     causes: BTreeMap<(&'static str, String), u32>,
@@ -332,23 +332,7 @@ fn sensors_that_fail_plausibly_do_not_lead_the_film_away() {
     let number = cases(150, 10_000);
     let mut counts = Counts::default();
     (0..number).for_each(|case| counts.run(case));
-    println!("sensor: {number} runs; {} twins tripped before the fault", counts.spoiled);
-    for name in FAULTS {
-        let of = |end| counts.ends.get(&(name, end)).copied().unwrap_or(0);
-        println!(
-            "  {name}: within 1 s {}, later {}, harmless {}, violations {}",
-            of(End::WithinASecond),
-            of(End::Later),
-            of(End::Harmless),
-            of(End::Violation)
-        );
-    }
-    println!("  by cause: {:?}", counts.causes);
-    println!("  healthy twins that tripped honestly: {:?}", counts.honest);
-    println!("  beyond the margin within the first second, and tripped: {}", counts.beyond_in_time);
-    for line in counts.violations.iter().chain(&counts.false_trips) {
-        println!("  {line}");
-    }
+    println!("sensor: {number} runs, {counts:#?}");
     assert!(counts.violations.is_empty(), "{} violations", counts.violations.len());
     assert!(counts.false_trips.is_empty(), "{} false trips", counts.false_trips.len());
 }
