@@ -64,6 +64,7 @@ impl Subject {
             actuator: candidate.actuator,
             model: candidate.model()?,
             sensor_offset_m: candidate.offset_m,
+            sensor_delay_s: 0.0,
             assumed_sizes: false,
             board: None,
             provenance: None,

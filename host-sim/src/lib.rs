@@ -17,5 +17,5 @@ pub mod report;
 
 pub use host_io::{Error, Result, choice, error, files, grid, interrupt, link, progress, quantity, terminal};
 pub use host_models::{
-    agreement, compression, cost, excitation, fit, reduce, references, replay, simulation, spectrum, studies,
+    agreement, amplifier, compression, cost, excitation, fit, reduce, references, replay, simulation, spectrum, studies,
 };

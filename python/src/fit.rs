@@ -6,8 +6,7 @@ use std::time::Instant;
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::Recording;
 use host_models::fit::options::{Branches as Asked, Weight};
-use host_models::fit::warnings::Severity;
-use host_models::fit::{self as fitting, FitOptions, FitReport};
+use host_models::fit::{self as fitting, FitOptions, FitReport, Severity};
 use pyo3::prelude::*;
 use serde_json::json;
 use springpot::Actuator;
@@ -83,7 +82,7 @@ impl ActuatorSource<'_> {
 /// to a fit.
 #[pyfunction]
 #[pyo3(signature = (recordings, *, branches=None, topology="auto", curve="auto", method="lm", drive="force", free=Vec::new(),
-                    hold=Vec::new(), actuator=None, start=None, loss="square", weights=None, offset="joint", gain="joint", gap_s=None,
+                    hold=Vec::new(), actuator=None, start=None, loss="square", weights=None, offset="joint", gain="joint", sensor_delay_s=None, gap_s=None,
                     at_gap="end", invert=false, from_s=0.0, to_s=None, seed=1, starts=8, progress=None))]
 #[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn fit<'py>(
@@ -102,6 +101,7 @@ pub(crate) fn fit<'py>(
     weights: Option<Weights>,
     offset: &str,
     gain: &str,
+    sensor_delay_s: Option<f64>,
     gap_s: Option<f64>,
     at_gap: &str,
     invert: bool,
@@ -123,6 +123,7 @@ pub(crate) fn fit<'py>(
         weights: weights.map_or(Ok(Vec::new()), Weights::each)?,
         offset: choice("offset", offset)?,
         gain: choice("gain", gain)?,
+        sensor_delay_s,
         gap_s,
         at_gap: choice("at_gap", at_gap)?,
         invert,

@@ -70,6 +70,7 @@ impl PyModel {
             curve: None,
             method: Discretisation::Gl,
             sensor_offset_m,
+            sensor_delay_s: 0.0,
             board: None,
             provenance: None,
         };

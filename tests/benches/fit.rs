@@ -39,6 +39,7 @@ fn main() {
             elements,
             topology: Topology::Parallel,
             offset_m: 0.0,
+            delay_s: 0.0,
             bend: host_sim::fit::candidate::Bend::Straight,
         };
         let mut variables = Variable::of_model(2);

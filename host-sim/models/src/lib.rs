@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | [`studies`] | the paper's study, and other models of creep beside this one |
 //! | [`excitation`] | profiles that identify a film, and whether recordings do |
-//! | [`fit`] | the parameters of the model from recordings, and of an amplifier from logs |
+//! | [`fit`], [`amplifier`] | the parameters of the model from recordings, and of an amplifier from logs |
 //! | [`simulation`] | a simulated nonlinear film, controllers that make it follow a reference, the firmware in the loop |
 //! | [`replay`] | recordings and references through a model: the code that a microcontroller steps, or its exact full-memory reference |
 //! | [`agreement`], [`references`], [`reduce`], [`spectrum`] | measures of agreement, references to follow, smaller models with the same response, spectra |
@@ -14,10 +14,12 @@
 #![warn(missing_docs)]
 
 pub mod agreement;
+pub mod amplifier;
 pub mod compression;
 pub mod cost;
 pub mod excitation;
 pub mod fit;
+pub(crate) mod least_squares;
 pub mod reduce;
 pub mod references;
 pub mod replay;

@@ -7,11 +7,11 @@ use serde::Serialize;
 
 use super::options;
 use super::recordings::{self, RecordingOptions};
+use crate::amplifier::{self, Identification, Interval, Time};
 use crate::error::{Error, Result, shown};
 use crate::files::amplifier_log::AmplifierLog;
 use crate::files::output::{self, Folders, Staged};
 use crate::files::parameters::Parameters;
-use crate::fit::amplifier::{self, Identification, Interval, Time};
 use crate::progress::Progress;
 use crate::report::figure::{Colour, Figure, Line, Panel};
 use crate::report::figure_file::{Plot, PlotOption};

@@ -331,6 +331,7 @@ def fit(
     weights: Sequence[float] | Literal["log-time"] | None = None,
     offset: Literal["joint", "per-recording"] = "joint",
     gain: Literal["joint", "per-recording"] = "joint",
+    sensor_delay_s: float | None = None,
     gap_s: float | None = None,
     at_gap: Literal["end", "skip"] = "end",
     invert: bool = False,

@@ -1,6 +1,7 @@
 //! Check of whether recordings identify a film, and advice on what to record instead.
 
 use serde::Serialize;
+use springpot::Actuator;
 
 use super::drive::{DriveFacts, HOLD_S, distinct};
 use crate::error::shown;
@@ -77,9 +78,38 @@ pub fn check(recordings: &[Recording]) -> Report {
     let facts: Vec<Facts> =
         recordings.iter().filter_map(|recording| Facts::from_recording(recording, &mut findings)).collect();
     of_all(&facts, &mut findings);
+    of_fits(recordings, &mut findings);
     findings.sort_by_key(|finding| finding.severity);
     let identifies = findings.iter().all(|finding| finding.severity != Severity::Prevents);
     Report { identifies, recordings: facts, findings }
+}
+
+/// Most measured values among which a delay of the sensor is looked for.
+const MAX_VALUES: usize = 1 << 16;
+
+/// Copies of recordings, and a sensor that is late.
+fn of_fits(recordings: &[Recording], findings: &mut Vec<Finding>) {
+    let observed = |recording| observation::observe(recording, Direction::Force, 1.0).ok();
+    let mut observations: Vec<_> = recordings.iter().filter_map(observed).map(|(observation, _)| observation).collect();
+    let mut add = |severity, finding: String, advice: &str| {
+        findings.push(Finding { severity, file: None, finding, advice: advice.into() });
+    };
+    if let Some(finding) = fit::repeated(&observations) {
+        add(Severity::Prevents, finding, "");
+    }
+    if observations.iter().map(|observation| observation.measured.value.len()).sum::<usize>() > MAX_VALUES {
+        observations = observations.iter().map(observation::thinned).collect();
+    }
+    if let Ok(Some(delay_s)) = fit::estimated_delay_s(&observations, Actuator::KARNER_2022) {
+        add(
+            Severity::Weakens,
+            format!(
+                "the stroke lags the voltage by about {:.0} ms: a late sensor, or an amplifier behind its command",
+                1e3 * delay_s
+            ),
+            "record both with one clock and without filters; otherwise `sensor_delay_s` states the delay, and without it fit estimates it",
+        );
+    }
 }
 
 /// The excitation of all recordings together.
@@ -238,15 +268,6 @@ impl Facts {
                 Severity::Weakens,
                 "the film begins in the upper half of its stroke although nothing drives it".into(),
                 "rest for ten minutes before recording, and check the sensor's sign",
-            );
-        } else if self.start_m.is_some_and(|start| start.abs() > 2.0 * stroke) {
-            add(
-                Severity::Weakens,
-                format!(
-                    "the sensor reads {:.3} mm at rest, more than twice the stroke",
-                    1e3 * self.start_m.unwrap_or(0.0)
-                ),
-                "zero the sensor on the film at rest; otherwise fit must identify the offset as well",
             );
         }
     }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use springpot::{Actuator, Curve, CurveError, Knot, Maxwell, ModelError, Rubber, Springpot, Topology};
 
-use crate::files::parameters::{DisplacementSensor, ElasticCurve, Shape};
+use crate::files::parameters::{DisplacementSensor, ElasticCurve, MAX_SENSOR_DELAY_S, Shape};
 
 /// A model with its actuator and sensor offset, as a fit changes them.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +17,8 @@ pub struct Candidate {
     pub topology: Topology,
     /// Reading of the displacement sensor at x = 0, m.
     pub offset_m: f64,
+    /// Time by which the sensor's readings are late, s.
+    pub delay_s: f64,
     /// The elastic curve.
     pub bend: Bend,
 }
@@ -46,7 +48,7 @@ impl Candidate {
 
     /// The displacement sensor.
     pub fn sensor(&self) -> DisplacementSensor {
-        DisplacementSensor { offset_m: self.offset_m }
+        DisplacementSensor { offset_m: self.offset_m, delay_s: self.delay_s }
     }
 
     /// The model.
@@ -91,6 +93,8 @@ pub enum Variable {
     Slope(usize),
     /// The sensor's offset, m.
     Offset,
+    /// The sensor's delay, s.
+    Delay,
     /// ln ε_r.
     Permittivity,
     /// ln of the active area's length l₁ (m).
@@ -119,6 +123,7 @@ impl Variable {
             Self::Saturation => actuator.saturation() * PER_KILOVOLT2,
             Self::Share | Self::Limit | Self::FreeLength | Self::Slope(_) => self.of_bend(&candidate.bend),
             Self::Offset => candidate.offset_m,
+            Self::Delay => candidate.delay_s,
             Self::Permittivity => actuator.relative_permittivity.ln(),
             Self::Length => actuator.length_m.ln(),
             Self::Width => actuator.width_m.ln(),
@@ -139,6 +144,7 @@ impl Variable {
             }
             Self::Share | Self::Limit | Self::FreeLength | Self::Slope(_) => self.set_bend(&mut candidate.bend, value),
             Self::Offset => candidate.offset_m = value,
+            Self::Delay => candidate.delay_s = value,
             Self::Permittivity => actuator.relative_permittivity = value.exp(),
             Self::Length => actuator.length_m = value.exp(),
             Self::Width => actuator.width_m = value.exp(),
@@ -176,7 +182,7 @@ impl Variable {
     pub fn natural(self, candidate: &Candidate) -> f64 {
         let value = self.get(candidate);
         match self {
-            Self::Order(_) | Self::StretchCoupling | Self::Offset | Self::Share => value,
+            Self::Order(_) | Self::StretchCoupling | Self::Offset | Self::Delay | Self::Share => value,
             Self::Saturation => candidate.actuator.saturation_v.unwrap_or(f64::INFINITY),
             _ => value.exp(),
         }
@@ -196,6 +202,7 @@ impl Variable {
             Self::FreeLength => decades(-5, 2),
             Self::Slope(_) => decades(-2, 2),
             Self::Offset => (-1.0, 1.0),
+            Self::Delay => (-MAX_SENSOR_DELAY_S, MAX_SENSOR_DELAY_S),
             Self::Permittivity => decades(-6, 6),
             Self::Length | Self::Width | Self::Thickness => decades(-9, 3),
             Self::Mass => decades(-6, 6),
@@ -244,6 +251,7 @@ impl fmt::Display for Variable {
             Self::FreeLength => f.write_str("curve.free_length_m"),
             Self::Slope(knot) => write!(f, "curve.slope[{knot}]"),
             Self::Offset => f.write_str("offset_m"),
+            Self::Delay => f.write_str("delay_s"),
             Self::Permittivity => f.write_str("relative_permittivity"),
             Self::Length => f.write_str("length_m"),
             Self::Width => f.write_str("width_m"),

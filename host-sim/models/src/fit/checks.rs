@@ -9,10 +9,10 @@ use springpot::{Actuator, Maxwell, Springpot, Topology};
 
 use super::candidate::{Bend, Candidate};
 use super::observation::{Excitation, Observation};
+use super::preparation::{Severity, Warning};
 use super::settings::Settings;
 use super::statistics::{self, Loss, median};
 use super::uncertainty::Uncertainty;
-use super::warnings::{Severity, Warning};
 use crate::files::recording::Input;
 
 /// Sizes that are not the film's own: only a voltage needs them.
@@ -36,6 +36,28 @@ pub fn of_excitation(excitation: Excitation, warnings: &mut Vec<Warning>) {
             if excitation.displacement_fitted { "creep under one load" } else { "relaxation at one displacement" };
         warnings.push(Severity::Note.warning(format!("the input is constant: the recordings show {shown} only")));
     }
+}
+
+/// A sensor that is late.
+pub fn of_delay(candidate: &Candidate, uncertainty: Option<&Uncertainty>, warnings: &mut Vec<Warning>) {
+    let delay = uncertainty.and_then(|uncertainty| uncertainty.estimates.iter().find(|e| e.name == "delay_s"));
+    let interval = match delay.map(|delay| (delay.low, delay.high)) {
+        Some((Some(low), Some(high))) => format!(" ({:.1} to {:.1} ms)", 1e3 * low, 1e3 * high),
+        _ => String::new(),
+    };
+    let ms = 1e3 * candidate.delay_s.abs();
+    let text = if candidate.delay_s > 0.0 {
+        format!(
+            "the stroke lags by {ms:.1} ms{interval}: a late sensor, or, if the voltage is a command, the amplifier. The film is fitted without \
+             that lag, and an observer takes the sensor as so late; `sensor_delay_s` fixes it"
+        )
+    } else {
+        format!(
+            "the voltage lags the stroke by {ms:.1} ms{interval}: a slow monitor or clocks that differ. The film is fitted without that lag; \
+             `sensor_delay_s` fixes it"
+        )
+    };
+    warnings.push(Severity::Caution.warning(text));
 }
 
 /// A curve or a saturation that one amplitude alone determines.
@@ -79,7 +101,10 @@ fn peaks(values: &[f64]) -> Vec<f64> {
 pub fn of_convergence(converged: bool, warnings: &mut Vec<Warning>) {
     if !converged {
         warnings.push(
-            Severity::Caution.warning("the search ran out of iterations; continue it with `start` and this result"),
+            Severity::Caution.warning(
+                "the search ran out of iterations, so the parameters are not final and have no intervals; continue it with `start` and this \
+                 result",
+            ),
         );
     }
 }
@@ -158,7 +183,6 @@ pub fn of_whiteness(
     misfit: Misfit,
     drive: &Input,
     left_out_pct: Option<f64>,
-    samples: usize,
     warnings: &mut Vec<Warning>,
 ) {
     if uncertainty.white {
@@ -181,10 +205,9 @@ pub fn of_whiteness(
         _ => " on paths like these",
     };
     warnings.push(severity.warning(format!(
-        "{size}: the residuals are not white (autocorrelation {:.2} at lag one). They are {:.3} % of the {range} RMS, and about \
-         {:.3} % is not noise but what the model does not follow: expect {follows} to be off by {expected:.2} % RMS{from}. \
-         Intervals count {:.0} independent samples instead of {samples}",
-        uncertainty.lag_one, misfit.rms_pct, misfit.systematic_pct, uncertainty.effective_samples
+        "{size}: the model is off by {:.3} % of the {range} RMS, and about {:.3} % is not noise but what it does not follow: expect {follows} \
+         to be off by {expected:.2} % RMS{from}",
+        misfit.rms_pct, misfit.systematic_pct
     )));
 }
 

@@ -9,13 +9,13 @@ use rayon::prelude::*;
 use springpot::{Actuator, Topology};
 
 use super::candidate::{Candidate, Variable};
-use super::levenberg_marquardt::{self, Minimum, Problem, StoppingCriteria};
 use super::objective::{Evaluation, Objective};
 use super::observation::{self, Excitation, Observation};
 use super::settings::Settings;
 use super::starts::{self, Scales};
 use super::statistics::{self, Huber, Loss, Weights, range};
 use crate::error::{Error, Result};
+use crate::least_squares::{self, Minimum, Problem, StoppingCriteria};
 use crate::reduce;
 
 /// Steps of thinned recordings up to which a search from many starts sees all of them.
@@ -65,6 +65,7 @@ impl PreparedObservations {
             compared: if is_long(&self.fine) { &self.coarse } else { &self.fine },
             fine: &self.fine,
             actuator: settings.actuator,
+            delay_s: settings.sensor_delay_s.or(settings.start.as_ref().map(|start| start.delay_s)).unwrap_or(0.0),
             freed: settings.freed.iter().copied().filter(identified).collect(),
             held: settings.held.clone(),
             loss: settings.loss,
@@ -101,6 +102,7 @@ fn scouted(thinned: &[Observation]) -> Option<Vec<Observation>> {
 }
 
 /// The common parts of all descents of a fit.
+#[derive(Clone)]
 pub struct Context<'a> {
     /// The beginning of long thinned recordings, where searches from many starts begin.
     pub scout: Option<&'a Objective>,
@@ -112,6 +114,8 @@ pub struct Context<'a> {
     pub fine: &'a Objective,
     /// Eq. 1 and the weight at the start.
     pub actuator: Actuator,
+    /// The sensor's delay at the start, s.
+    pub delay_s: f64,
     /// Quantities of the actuator and the sensor that are fitted besides the elements.
     pub freed: Vec<Variable>,
     /// Variables of the elements that are not fitted.
@@ -164,7 +168,24 @@ impl Context<'_> {
     /// Half as many random starts of a structure as usual.
     pub fn linear_starts(&self, topology: Topology, branches: usize) -> Vec<Candidate> {
         let start = |index| starts::start(self.actuator, topology, branches, self.scales, self.seed, index);
-        (0..self.starts.div_ceil(2)).map(start).collect()
+        (0..self.starts.div_ceil(2)).map(start).map(|start| self.with_sensor(start)).collect()
+    }
+
+    /// The same with a delay of the sensor among what is fitted, from `delay_s` on.
+    pub(super) fn with_delay(&self, delay_s: f64) -> Self {
+        let freed = [self.freed.as_slice(), &[Variable::Delay]].concat();
+        Self { delay_s, freed, ..self.clone() }
+    }
+
+    /// `start` with the sensor's delay, and the offset that fits it best, if that is fitted: the search is then the same wherever the sensor
+    /// was zeroed.
+    fn with_sensor(&self, start: Candidate) -> Candidate {
+        let start = Candidate { delay_s: self.delay_s, ..start };
+        if !self.freed.contains(&Variable::Offset) {
+            return start;
+        }
+        let objective = self.scout.unwrap_or(self.coarse);
+        Candidate { offset_m: objective.best_offset(&start), ..start }
     }
 
     /// Where many structures are tried: the thinned recordings, or the beginning of long ones.
@@ -200,7 +221,7 @@ impl Context<'_> {
             if self.freed.contains(&Variable::StretchCoupling) && start.actuator.stretch_coupling == 0.0 {
                 start.actuator.stretch_coupling = self.scales.coupling;
             }
-            start
+            self.with_sensor(start)
         });
         let starts: Vec<Candidate> = grown.iter().cloned().chain(random).collect();
         self.explored_from(&starts, &self.variables(branches))
@@ -289,7 +310,7 @@ impl Context<'_> {
             evaluations: self.evaluations,
         };
         let values: Vec<f64> = descent.variables.iter().map(|variable| variable.get(start)).collect();
-        let minimum = levenberg_marquardt::minimise(&descent, &values, stopping)?;
+        let minimum = least_squares::minimise(&descent, &values, stopping)?;
         let minimum = match self.loss {
             Loss::Square => minimum,
             Loss::Huber => descent.reweighted(minimum, stopping)?,
@@ -303,16 +324,25 @@ impl Context<'_> {
     ///
     /// [`Error::Computation`] if `start` has no response.
     pub fn refined(&self, start: &Candidate, topology: Topology) -> Result<Found> {
-        let start = Candidate { topology, ..start.clone() };
+        let start = Candidate { topology, delay_s: self.delay_s, ..start.clone() };
         self.descend(self.fine, &start, StoppingCriteria { iterations: 100, decrease: 1e-9 })
             .ok_or_else(|| Error::Computation("the given start has no response to these recordings".into()))
     }
 
-    /// `found` with its branches in the order in which they are written, and the derivatives in that order.
+    /// `found` with its branches in the order in which they are written and without a saturation that was fitted as none, and the
+    /// derivatives of what is left.
     pub fn in_order(&self, found: Found) -> Found {
-        let Some(candidate) = found.in_order() else { return found };
+        let saturates = found.candidate.actuator.saturation_v.is_some();
+        let mut variables = found.variables.clone();
+        variables.retain(|variable| saturates || *variable != Variable::Saturation);
+        let candidate = match found.in_order() {
+            Some(candidate) => candidate,
+            None if variables.len() < found.variables.len() => found.candidate.clone(),
+            None => return found,
+        };
         // One more step gives the derivatives.
-        let again = self.descend(self.fine, &candidate, StoppingCriteria { iterations: 2, decrease: 1e-9 });
+        let stopping = StoppingCriteria { iterations: 2, decrease: 1e-9 };
+        let again = self.descend_over(self.fine, &candidate, variables, stopping);
         match again {
             Some(mut again) => {
                 again.minimum.converged = found.minimum.converged;
@@ -362,7 +392,7 @@ impl Descent<'_> {
             self.weights = Some(huber.weights(&self.objective.residuals(&evaluation)));
             // After the first pass the start is close.
             let iterations = if pass == 0 { stopping.iterations } else { stopping.iterations.min(8) };
-            minimum = levenberg_marquardt::minimise(self, &before, StoppingCriteria { iterations, ..stopping })?;
+            minimum = least_squares::minimise(self, &before, StoppingCriteria { iterations, ..stopping })?;
             let moved = |(new, old): (&f64, &f64)| (new - old).abs() > 1e-4 * old.abs().max(1e-3);
             if !minimum.values.iter().zip(&before).any(moved) {
                 break;
@@ -403,9 +433,11 @@ impl Problem for Descent<'_> {
         match self.variables[index] {
             // In 1/m and m: limited by the bounds only.
             Variable::StretchCoupling | Variable::Offset | Variable::Saturation => f64::INFINITY,
+            // In s: beyond a part of a period the error has other minima.
+            Variable::Delay => 0.05,
             // A curve changes its meaning beyond a factor of e in a step.
             Variable::Slope(_) | Variable::FreeLength | Variable::Limit => 1.0,
-            _ => levenberg_marquardt::MAX_STEP,
+            _ => least_squares::MAX_STEP,
         }
     }
 

@@ -4,19 +4,18 @@
 //! [`objective`], model minus measurement, over the variables of a [`candidate`] model: from many starts for one structure
 //! (`descent`), for all structures of the settings (`search`), of which `selection` selects one, or by the paper's procedure
 //! (`pattern_search`).
-//! The `uncertainty` of the parameters comes last. [`amplifier`] is separate: the amplifier in front of the film.
+//! The `uncertainty` of the parameters comes last.
 
-pub mod amplifier;
 pub mod candidate;
 pub mod checks;
+mod delay;
 pub(crate) mod descent;
-pub(crate) mod levenberg_marquardt;
 pub mod objective;
 pub mod observation;
 pub mod options;
-mod outcome;
 pub(crate) mod pattern_search;
 pub mod preparation;
+mod repeats;
 pub mod report;
 mod search;
 pub mod selection;
@@ -25,17 +24,25 @@ mod starts;
 pub mod statistics;
 mod transfer;
 pub mod uncertainty;
-pub mod warnings;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::error::{Error, Result};
+use toml::{Table, Value};
+
+use crate::agreement::{Agreement, mean_r2};
+use crate::error::{Error, Result, with_names};
+use crate::files::parameters::{Parameters, plausibility};
+use crate::files::recording::{Direction, Input, Recording};
 use crate::progress::Stage;
+use candidate::Candidate;
+use checks::Misfit;
+pub use delay::estimated as estimated_delay_s;
 use descent::{Context, Found, PreparedObservations};
+use host_io::choice::Choice;
 use observation::Observation;
 pub use observation::ReadingFit;
 pub use options::FitOptions;
-pub use outcome::Fit;
+pub use preparation::{Severity, Warning};
 pub use report::FitReport;
 use search::Search;
 pub use selection::StructureRow;
@@ -44,7 +51,33 @@ pub use settings::{Method, Settings};
 use starts::Kind;
 pub use statistics::Loss;
 pub use uncertainty::{Estimate, Uncertainty};
-pub use warnings::{Severity, Warning};
+
+/// A fit.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The best candidate.
+    pub candidate: Candidate,
+    /// Modelled values at the measured times of every observation.
+    pub modelled: Vec<Vec<f64>>,
+    /// Offset and gain of every observation's readings.
+    pub readings: Vec<ReadingFit>,
+    /// Rate of the model along every observation, Hz.
+    pub rates_hz: Vec<f64>,
+    /// Agreement with every observation.
+    pub agreements: Vec<Agreement>,
+    /// Mean of the observations' R².
+    pub r2_mean: f64,
+    /// Structures that were compared; empty for a single structure.
+    pub structures: Vec<StructureRow>,
+    /// Uncertainty of the parameters, if it was computed.
+    pub uncertainty: Option<Uncertainty>,
+    /// Warnings to the user.
+    pub warnings: Vec<Warning>,
+    /// Number of residual evaluations.
+    pub evaluations: usize,
+    /// Whether the search was ended early.
+    pub interrupted: bool,
+}
 
 /// Fits `observations`. `progress` is called with each stage as it begins; `stop` ends the search early with the best so far.
 ///
@@ -58,14 +91,30 @@ pub fn fit(
     progress: &dyn Fn(&Stage),
 ) -> Result<Fit> {
     settings.check()?;
+    if let Some(cause) = repeated(observations) {
+        return Err(Error::Computation(cause));
+    }
     let stages = Stages::new(settings, Kind::for_choice(settings.curve, observations).len(), progress);
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;
     let context = prepared.context(settings, stop);
     if settings.branches.iter().all(|&branches| context.variables(branches).is_empty()) {
         return Err(Error::field("hold", "nothing is left to fit"));
     }
-    let (found, structures) = Search { context: &context, observations, settings, stages: &stages }.best()?;
-    let found = in_order(&context, found, settings);
+    let best = |context: &Context<'_>| Search { context, observations, settings, stages: &stages }.best();
+    let (mut found, mut structures) = best(&context)?;
+    if settings.sensor_delay_s.is_none() && settings.method == Method::Lm && !stop.load(Ordering::Relaxed) {
+        stages.note("the sensor's delay");
+        if let Some(delay_s) = delay::suspected(&context, &found) {
+            let (late, rows) = best(&context.with_delay(delay_s))?;
+            if delay::is_kept(&context, &late, &found) {
+                (found, structures) = (late, rows);
+            }
+        }
+    }
+    let mut found = in_order(&context, found, settings);
+    if settings.method == Method::Lm {
+        found = uncertainty::at_minimum(&context, found);
+    }
     let interrupted = stop.load(Ordering::Relaxed);
     let mut uncertainty = None;
     if settings.uncertainty && settings.method == Method::Lm && !interrupted {
@@ -73,6 +122,16 @@ pub fn fit(
         uncertainty = Uncertainty::from_fit(&context, &found);
     }
     Fit::new(&context, observations, settings, found, structures, uncertainty, interrupted)
+}
+
+/// Description of the first recording that repeats another: no second measurement, with which intervals would be too narrow and left-out
+/// errors those of the copy.
+pub fn repeated(observations: &[Observation]) -> Option<String> {
+    let (later, earlier) = repeats::first(observations)?;
+    Some(format!(
+        "{}: is a copy of {}, perhaps resampled, cut or smoothed: the drive is the same and so is the noise; leave it out",
+        later.name, earlier.name
+    ))
 }
 
 /// `found` with its branches in the order in which they are written, unless a start gave their order.
@@ -85,4 +144,166 @@ fn in_order(context: &Context<'_>, found: Found, settings: &Settings) -> Found {
             None => found,
         },
     }
+}
+
+impl Fit {
+    /// The fit that ends with `found`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Computation`] if `found` has no response.
+    fn new(
+        context: &Context<'_>,
+        observations: &[Observation],
+        settings: &Settings,
+        found: Found,
+        structures: Vec<StructureRow>,
+        uncertainty: Option<Uncertainty>,
+        interrupted: bool,
+    ) -> Result<Self> {
+        let objective = context.fine;
+        let no_response = || Error::Computation("the fit has no response; check the units of the recordings".into());
+        let mut candidate = found.candidate;
+        let evaluation = objective.evaluate(&candidate).ok_or_else(no_response)?;
+        let (modelled, mut readings) = (evaluation.modelled, evaluation.readings);
+        // Offsets are of the sensor; the file's is that of the first recording.
+        if observations[0].reading.own_offset && !matches!(observations[0].input, Input::Displacement(_)) {
+            for reading in &mut readings {
+                reading.offset += reading.gain * candidate.offset_m;
+            }
+            candidate.offset_m = readings[0].offset;
+        }
+        let pairs = || objective.measured().zip(&modelled);
+        let agreements: Vec<Agreement> = pairs().map(|(y, x)| Agreement::new(y, x)).collect();
+        let r2_mean = mean_r2(&agreements);
+        let residuals: Vec<Vec<f64>> = pairs().map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y).collect()).collect();
+        let left_out_pct = structures.iter().find(|row| row.chosen).and_then(|row| row.left_out_nrmse_pct);
+
+        let mut warnings = Vec::new();
+        checks::of_sizes(settings, context.excitation, &mut warnings);
+        checks::of_excitation(context.excitation, &mut warnings);
+        if settings.sensor_delay_s.is_none() && candidate.delay_s != 0.0 {
+            checks::of_delay(&candidate, uncertainty.as_ref(), &mut warnings);
+        }
+        checks::of_amplitudes(observations, &candidate, &mut warnings);
+        if let Some(uncertainty) = &uncertainty {
+            checks::of_uncertainty(uncertainty, &candidate, &mut warnings);
+            let misfit = Misfit::new(observations, &residuals, uncertainty.lag_one);
+            checks::of_whiteness(uncertainty, misfit, &observations[0].input, left_out_pct, &mut warnings);
+        }
+        checks::of_convergence(found.minimum.converged || interrupted, &mut warnings);
+        checks::of_outliers(&residuals.concat(), settings.loss, &mut warnings);
+        checks::of_units(observations, &settings.actuator, r2_mean, settings.loss, &mut warnings);
+        warnings.sort_by_key(|warning| warning.severity);
+        Ok(Self {
+            candidate,
+            readings,
+            rates_hz: observations.iter().map(|observation| observation.rate_hz).collect(),
+            modelled,
+            agreements,
+            r2_mean,
+            structures,
+            uncertainty,
+            warnings,
+            evaluations: context.evaluations.load(Ordering::Relaxed),
+            interrupted,
+        })
+    }
+}
+
+impl Fit {
+    /// The parameters of this fit to `recordings`, with their provenance.
+    ///
+    /// # Errors
+    ///
+    /// [`Error`] for a file that cannot be read again, or elements or sizes out of range.
+    pub fn parameters(
+        &self,
+        settings: &Settings,
+        direction: Direction,
+        recordings: &[&Recording],
+    ) -> Result<Parameters> {
+        let name =
+            |recording: &&Recording| recording.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let names: Vec<String> = recordings.iter().map(name).collect();
+        // Only a size that was freed can be at fault here.
+        plausibility::check(&self.candidate.actuator)
+            .map_err(|(_, cause)| Error::field("free", format!("fitted {cause}, or hold it")))?;
+        Ok(Parameters {
+            curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
+            method: springpot::Discretisation::Gl,
+            name: format!("fit to {}", names.join(", ")),
+            actuator: self.candidate.actuator,
+            assumed_sizes: settings.assumed_sizes,
+            model: self.candidate.model()?,
+            sensor_offset_m: self.candidate.offset_m,
+            sensor_delay_s: self.candidate.delay_s,
+            board: None,
+            provenance: Some(self.provenance(settings, direction, recordings)?),
+        })
+    }
+
+    fn provenance(&self, settings: &Settings, direction: Direction, recordings: &[&Recording]) -> Result<Table> {
+        let drive = match direction {
+            Direction::Force => "force",
+            Direction::Displacement => "displacement",
+        };
+        let loss = match settings.loss {
+            Loss::Square => "square",
+            Loss::Huber => "huber",
+        };
+        let recordings =
+            recordings.iter().zip(&self.agreements).map(|(source, agreement)| recording(source, agreement));
+        // A file names the fields, from the command line as from Python.
+        let plain = |warning: &Warning| with_names(&warning.text, |field| Some(field.into()));
+        let warnings = self.warnings.iter().map(|warning| Value::from(plain(warning)));
+        let mut table = Table::new();
+        let mut put = |key: &str, value: Value| {
+            table.insert(key.into(), value);
+        };
+        put("tool", format!("host-sim {} fit", env!("CARGO_PKG_VERSION")).into());
+        put("method", format!("{}, seed {}", settings.method.name(), settings.seed).into());
+        put("drive", drive.into());
+        put("loss", loss.into());
+        put("evaluations", integer(self.evaluations));
+        put("r2_mean", self.r2_mean.into());
+        if self.interrupted {
+            put("interrupted", true.into());
+        }
+        put("recordings", recordings.collect::<Result<Vec<Value>>>()?.into());
+        if let Some(uncertainty) = self.uncertainty.as_ref().filter(|uncertainty| uncertainty.no_intervals.is_none()) {
+            put("intervals_95_pct", intervals(uncertainty).into());
+        }
+        put("warnings", warnings.collect::<Vec<Value>>().into());
+        Ok(table)
+    }
+}
+
+/// A recording with the digest of its file, and the agreement with it.
+fn recording(source: &Recording, agreement: &Agreement) -> Result<Value> {
+    let mut table = Table::new();
+    table.insert("file".into(), source.path().display().to_string().into());
+    if let Some(digest) = source.sha256()? {
+        table.insert("sha256".into(), digest.into());
+    }
+    table.insert("r2".into(), agreement.r2.into());
+    table.insert("nrmse_pct".into(), agreement.nrmse_pct.into());
+    table.insert("samples".into(), integer(agreement.samples));
+    Ok(table.into())
+}
+
+/// The 95 % intervals; an end that the data do not set is infinite.
+fn intervals(uncertainty: &Uncertainty) -> Table {
+    uncertainty
+        .estimates
+        .iter()
+        .map(|estimate| {
+            let ends = [estimate.low.unwrap_or(f64::NEG_INFINITY), estimate.high.unwrap_or(f64::INFINITY)];
+            (estimate.name.clone(), Value::from(ends.map(Value::from).to_vec()))
+        })
+        .collect()
+}
+
+fn integer(count: usize) -> Value {
+    i64::try_from(count).unwrap_or(i64::MAX).into()
 }

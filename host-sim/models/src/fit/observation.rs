@@ -3,9 +3,11 @@
 use std::path::Path;
 
 use super::candidate::Variable;
-use super::preparation::{Gaps, MIN_VALUES, Preparation, Window, sample_weights};
+use super::preparation::{
+    Gaps, MIN_VALUES, Preparation, Severity, Warning, Window, between_steps, gap, measured_quantity, sample_weights,
+    saturation, turned,
+};
 use super::statistics::{change, median, range};
-use super::warnings::{Severity, Warning, between_steps, gap, measured_quantity, saturation, turned};
 use crate::error::{Error, Result};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::grid::Samples;
@@ -246,6 +248,7 @@ impl Excitation {
         match variable {
             Variable::StretchCoupling | Variable::Saturation => self.voltage_driven && self.varies,
             Variable::Offset => self.displacement_fitted,
+            Variable::Delay => self.displacement_fitted && self.varies,
             Variable::Mass => true,
             _ if variable.is_of_curve() => true,
             _ => self.voltage_driven,

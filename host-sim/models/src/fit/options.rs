@@ -7,10 +7,9 @@ use springpot::{Actuator, MAX_BRANCHES, Topology};
 
 use super::candidate::{Bend, Candidate, Variable};
 use super::observation::{self, Observation, Reading};
-use super::preparation::{Gaps, Preparation, Window};
+use super::preparation::{Gaps, Preparation, Warning, Window};
 use super::settings::{CurveChoice, Method, Settings, assumed_actuator, checked_starts};
 use super::statistics::Loss;
-use super::warnings::Warning;
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
@@ -40,6 +39,8 @@ pub struct FitOptions {
     pub weights: Vec<Weight>,
     /// The sensor's offset.
     pub offset: Sharing,
+    /// Time by which the displacement sensor is late, s; estimated where the recordings show one if left out.
+    pub sensor_delay_s: Option<f64>,
     /// The size of the readings, relative to the first recording.
     pub gain: Sharing,
     /// Time without rows, s, beyond which `at_gap` applies; the input is interpolated if left out.
@@ -73,6 +74,7 @@ impl Default for FitOptions {
             loss: Loss::Square,
             weights: Vec::new(),
             offset: Sharing::Joint,
+            sensor_delay_s: None,
             gain: Sharing::Joint,
             gap_s: None,
             at_gap: AtGap::End,
@@ -178,6 +180,7 @@ impl FitOptions {
             elements: Candidate::elements_of(&parameters.model),
             topology: parameters.model.topology(),
             offset_m: parameters.sensor_offset_m,
+            delay_s: self.sensor_delay_s.unwrap_or(parameters.sensor_delay_s),
             bend: parameters.curve.as_ref().map_or(Bend::Straight, Bend::from_curve),
         });
         // From a given start no random one is needed.
@@ -185,6 +188,9 @@ impl FitOptions {
         let (mut freed, held) = self.freed_and_held(&actuator, start.as_ref())?;
         if self.offset == Sharing::PerRecording {
             freed.retain(|variable| *variable != Variable::Offset);
+        }
+        if self.sensor_delay_s.is_none() && start.as_ref().is_some_and(|start| start.delay_s != 0.0) {
+            freed.push(Variable::Delay);
         }
         if self.loss != Loss::Square && (self.offset, self.gain) != (Sharing::Joint, Sharing::Joint) {
             return Err(Error::field("loss", "offsets and gains per recording are solved by least squares"));
@@ -210,6 +216,7 @@ impl FitOptions {
             actuator,
             assumed_sizes,
             freed,
+            sensor_delay_s: self.sensor_delay_s,
             held,
             start,
             curve: self.curve,

@@ -10,11 +10,11 @@ use springpot::{Actuator, Springpot, Topology};
 
 use super::candidate::{Bend, Candidate, Variable};
 use super::descent::{Context, Found};
-use super::levenberg_marquardt::{Minimum, half_square};
 use super::objective::Objective;
 use super::settings::Stages;
 use super::settings::{Settings, topology_name};
 use crate::error::{Error, Result};
+use crate::least_squares::{Minimum, half_square};
 
 /// Coefficients in the paper's unit, N·s^α/mm.
 const PER_MILLIMETRE: f64 = 1000.0;
@@ -45,7 +45,7 @@ pub fn paper_start(actuator: Actuator, topology: Topology, branches: usize) -> C
     let c = 500.0 * PER_MILLIMETRE;
     let mut elements = vec![Springpot::new(c, 0.2)];
     elements.resize(1 + 2 * branches, Springpot::new(c, 1.0));
-    Candidate { actuator, elements, topology, offset_m: 0.0, bend: Bend::Straight }
+    Candidate { actuator, elements, topology, offset_m: 0.0, delay_s: 0.0, bend: Bend::Straight }
 }
 
 /// Searches from `start`, calling `on_evaluation` before every evaluation; none where `start` has no response.
@@ -86,6 +86,7 @@ pub fn best_structure(context: &Context<'_>, settings: &Settings, stages: &Stage
         for &branches in &settings.branches {
             stages.begin(format!("pattern search, {} with n = {branches}", topology_name(topology)), branches);
             let start = settings.start.clone().unwrap_or_else(|| paper_start(settings.actuator, topology, branches));
+            let start = Candidate { delay_s: context.delay_s, ..start };
             let count = || {
                 context.evaluations.fetch_add(1, Ordering::Relaxed);
             };
@@ -98,7 +99,13 @@ pub fn best_structure(context: &Context<'_>, settings: &Settings, stages: &Stage
     let variables = Variable::of_model(candidate.branches());
     // Without derivatives there is no Jᵀ J.
     let values = variables.iter().map(|variable| variable.get(&candidate)).collect();
-    let minimum = Minimum { values, cost, normal: nalgebra::DMatrix::zeros(0, 0), converged };
+    let minimum = Minimum {
+        values,
+        cost,
+        normal: nalgebra::DMatrix::zeros(0, 0),
+        gradient: nalgebra::DVector::zeros(0),
+        converged,
+    };
     Ok(Found { candidate, variables, minimum })
 }
 

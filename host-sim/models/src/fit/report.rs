@@ -78,6 +78,8 @@ pub struct FilmRow {
     pub actuator: Actuator,
     /// Reading of the displacement sensor at x = 0, m.
     pub sensor_offset_m: f64,
+    /// Time by which the displacement sensor's readings are late, s.
+    pub sensor_delay_s: f64,
     /// Whether length, width and thickness are assumed.
     pub sizes_assumed: bool,
     /// The elastic curve: `linear` for none.
@@ -150,6 +152,7 @@ impl FitReport {
             film: FilmRow {
                 actuator: parameters.actuator,
                 sensor_offset_m: parameters.sensor_offset_m,
+                sensor_delay_s: parameters.sensor_delay_s,
                 sizes_assumed: parameters.assumed_sizes,
                 curve: fit.candidate.bend.name(),
             },
@@ -186,9 +189,6 @@ impl FitReport {
                 let _ = write!(text, ", gain {gain:.5}");
             }
             text.push('\n');
-        }
-        if let Some(compression) = &self.compression {
-            let _ = writeln!(text, "{}", compression.text());
         }
         let _ = write!(
             text,
@@ -234,9 +234,11 @@ fn structures(rows: &[StructureRow], text: &mut String) {
 
 fn estimates(uncertainty: &Uncertainty, text: &mut String) {
     let end = |end: Option<f64>| end.map_or_else(|| "open".into(), |value| format!("{value:.4e}"));
-    let _ = writeln!(text, "{:22} {:>12}  95 % interval", "parameter", "value");
+    let why = uncertainty.no_intervals.map_or_else(String::new, |why| format!(": none, {why}"));
+    let _ = writeln!(text, "{:22} {:>12}  95 % interval{why}", "parameter", "value");
     for estimate in &uncertainty.estimates {
         let (low, high) = (end(estimate.low), end(estimate.high));
-        let _ = writeln!(text, "{:22} {:>12.5e}  {low} … {high}", estimate.name, estimate.value);
+        let interval = if uncertainty.no_intervals.is_some() { String::new() } else { format!("{low} … {high}") };
+        let _ = writeln!(text, "{:22} {:>12.5e}  {interval}", estimate.name, estimate.value);
     }
 }

@@ -12,7 +12,6 @@ use springpot::Topology;
 
 use super::candidate::{Bend, Candidate};
 use super::descent::{Context, Found, is_long};
-use super::levenberg_marquardt::StoppingCriteria;
 use super::observation::{self, Observation};
 use super::pattern_search;
 use super::selection::{LeftOut, Selection, StructureFit, StructureRow, is_near, is_worth_it};
@@ -20,6 +19,7 @@ use super::settings::{CurveChoice, Method, Settings, Stages, topology_name, work
 use super::starts::{Kind, grown, reach};
 use super::statistics::Whiteness;
 use crate::error::{Error, Result};
+use crate::least_squares::StoppingCriteria;
 
 /// Kinds of one long recording that are fitted beyond its beginning.
 const FINALISTS: usize = 2;

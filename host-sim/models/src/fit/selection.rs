@@ -8,7 +8,6 @@ use springpot::Topology;
 
 use super::candidate::{Bend, Candidate};
 use super::descent::{Context, Found};
-use super::levenberg_marquardt::StoppingCriteria;
 use super::objective::Objective;
 use super::observation::Observation;
 use super::settings::topology_name;
@@ -16,6 +15,7 @@ use super::statistics::Whiteness;
 use super::statistics::{self, Loss};
 use crate::agreement::Agreement;
 use crate::error::Result;
+use crate::least_squares::StoppingCriteria;
 
 /// A structure that was fitted, for tables.
 #[derive(Clone, Debug, Serialize)]

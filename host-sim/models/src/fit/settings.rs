@@ -8,6 +8,7 @@ use springpot::{Actuator, MAX_BRANCHES, Topology};
 use super::candidate::{Candidate, Variable};
 use super::statistics::Loss;
 use crate::error::{Error, Result};
+use crate::files::parameters::MAX_SENSOR_DELAY_S;
 use crate::files::recording::Direction;
 use crate::progress::Stage;
 
@@ -58,6 +59,8 @@ pub struct Settings {
     pub assumed_sizes: bool,
     /// Quantities of the actuator and the sensor that are fitted besides the elements.
     pub freed: Vec<Variable>,
+    /// Time by which the displacement sensor is late, s; none to estimate it where the recordings show one.
+    pub sensor_delay_s: Option<f64>,
     /// Variables of the elements that keep their value from `start`.
     pub held: Vec<Variable>,
     /// A further start.
@@ -84,6 +87,7 @@ impl Default for Settings {
             actuator: Actuator::KARNER_2022,
             assumed_sizes: false,
             freed: vec![Variable::StretchCoupling, Variable::Offset],
+            sensor_delay_s: None,
             held: Vec::new(),
             start: None,
             curve: CurveChoice::None,
@@ -111,6 +115,9 @@ impl Settings {
     /// [`Error`] naming what is wrong.
     pub fn check(&self) -> Result<()> {
         self.actuator.check()?;
+        if self.sensor_delay_s.is_some_and(|delay_s| delay_s.is_nan() || delay_s.abs() > MAX_SENSOR_DELAY_S) {
+            return Err(Error::field("sensor_delay_s", format!("must be at most {MAX_SENSOR_DELAY_S} s")));
+        }
         if self.freed.iter().filter(|v| v.force_exponent().is_some()).count() > 1 {
             return Err(Error::field(
                 "free",

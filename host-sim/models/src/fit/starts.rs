@@ -17,6 +17,8 @@ pub struct Scales {
     pub stiffness: f64,
     /// Shortest and longest time that the recordings resolve, s.
     pub times_s: (f64, f64),
+    /// Shortest step of the model, s.
+    pub step_s: f64,
     /// Coupling at which the force changes by 15 % over the stroke, 1/m.
     pub coupling: f64,
 }
@@ -25,18 +27,19 @@ impl Scales {
     /// The scales of `observations`; `force_per_square_volt` (N/V²) converts voltage to force.
     pub fn new(observations: &[Observation], force_per_square_volt: f64) -> Self {
         let stiffness: Vec<f64> = observations.iter().map(|o| stiffness(o, force_per_square_volt)).collect();
-        let (mut longest, mut shortest, mut stroke) = (0f64, f64::INFINITY, 0f64);
+        let (mut longest, mut step_s, mut stroke) = (0f64, f64::INFINITY, 0f64);
         for observation in observations {
             if !matches!(observation.input, Input::Displacement(_)) {
                 let (low, high) = range(&observation.measured.value);
                 stroke = stroke.max(high - low);
             }
             longest = longest.max(observation.input.samples().time_s.last().copied().unwrap_or(0.0));
-            shortest = shortest.min(10.0 / observation.rate_hz);
+            step_s = step_s.min(1.0 / observation.rate_hz);
         }
         Self {
             stiffness: median(&stiffness).max(1e-3),
-            times_s: (shortest.min(0.1 * longest), 2.0 * longest),
+            times_s: ((10.0 * step_s).min(0.1 * longest), 2.0 * longest),
+            step_s,
             coupling: if stroke > 0.0 { (0.15 / stroke).min(1e3) } else { 0.0 },
         }
     }
@@ -89,7 +92,7 @@ pub fn start(
         elements.push(Springpot::new(stiffness * time.powf(elastic), elastic));
         elements.push(Springpot::new(stiffness * time.powf(viscous), viscous));
     }
-    Candidate { actuator, elements, topology, offset_m: 0.0, bend: Bend::Straight }
+    Candidate { actuator, elements, topology, offset_m: 0.0, delay_s: 0.0, bend: Bend::Straight }
 }
 
 /// The candidate with one more branch of little effect, at three relaxation times.

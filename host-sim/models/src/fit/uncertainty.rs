@@ -2,20 +2,22 @@
 
 use std::sync::atomic::Ordering;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::candidate::{Candidate, Variable};
 use super::descent::{Context, Found};
-use super::levenberg_marquardt::StoppingCriteria;
 use super::statistics::Whiteness;
+use crate::least_squares::StoppingCriteria;
 
 /// Uncertainty of a fit.
 #[derive(Clone, Debug, Serialize)]
 pub struct Uncertainty {
     /// One estimate per fitted variable.
     pub estimates: Vec<Estimate>,
+    /// Reason for missing intervals.
+    pub no_intervals: Option<&'static str>,
     /// Rank of the Jacobian, columns scaled to unit length.
     pub rank: usize,
     /// Sets of variables that the data do not determine, by their names.
@@ -49,8 +51,8 @@ pub struct Estimate {
 /// changes the response by less than 1e-5 of what others do.
 const RANK: f64 = 1e-5;
 /// Quantiles of χ² with one degree of freedom and of the normal distribution at 95 %.
-pub(super) const CHI_SQUARE: f64 = 3.841;
-pub(super) const NORMAL: f64 = 1.96;
+pub(crate) const CHI_SQUARE: f64 = 3.841;
+pub(crate) const NORMAL: f64 = 1.96;
 
 impl Uncertainty {
     /// The uncertainty of `found` on all samples, with profiles on the thinned recordings; none where `found` has no
@@ -62,34 +64,41 @@ impl Uncertainty {
 
         let at_bound: Vec<bool> = found.variables.iter().map(|variable| is_at_bound(*variable, found)).collect();
         let inside: Vec<usize> = (0..at_bound.len()).filter(|&i| !at_bound[i]).collect();
-        let (normal, lengths) = scaled(&found.minimum.normal, &inside);
-        let (rank, undetermined) = undetermined(&normal, &inside, &found.variables);
+        let (rank, undetermined) = undetermined(&found.minimum.normal, &inside);
+        let followers = Followers::new(&found.minimum.normal, inside.clone());
 
         let freedom = (effective_samples - inside.len() as f64).max(1.0);
         // Only independent samples count.
         let variance = 2.0 * found.minimum.cost / objective.samples() as f64 * (objective.samples() as f64 / freedom);
-        let inverse = (rank == inside.len()).then(|| normal.cholesky()).flatten().map(|c| c.inverse());
+        let is_open = |i: usize| undetermined.iter().any(|set| set.contains(&i));
         let errors: Vec<Option<f64>> = (0..at_bound.len())
-            .map(|i| {
-                let place = inside.iter().position(|&j| j == i)?;
-                Some((variance * inverse.as_ref()?[(place, place)]).sqrt() / lengths[place])
-            })
+            .map(|i| Some((variance * followers.variance(i).filter(|_| !is_open(i))?).sqrt()))
             .collect();
-        // Without a covariance: the deviation of the variable if all others were fixed.
+        // On a bound: the deviation of the variable if all others were fixed.
         let alone = |i: usize| (variance / found.minimum.normal[(i, i)].max(f64::MIN_POSITIVE)).sqrt();
-        let deviations: Vec<f64> = errors.iter().enumerate().map(|(i, e)| e.unwrap_or_else(|| alone(i))).collect();
-        let estimates = profiles(context, found, &deviations, freedom)
-            .into_iter()
-            .enumerate()
-            .map(|(i, profile)| Estimate::new(found, found.variables[i], profile, errors[i], at_bound[i]))
-            .collect();
-        Some(Self { estimates, rank, undetermined, white, lag_one, effective_samples })
+        let deviation = |i: usize| if is_open(i) { None } else { Some(errors[i].unwrap_or_else(|| alone(i))) };
+        let deviations: Vec<Option<f64>> = (0..errors.len()).map(deviation).collect();
+        let no_intervals = (!found.minimum.converged).then_some("the search ran out of iterations");
+        let ends = match no_intervals {
+            None => profiles(context, found, &deviations, freedom),
+            Some(_) => vec![(None, None); errors.len()],
+        };
+        let estimate = |(i, ends): (usize, Ends)| {
+            let known = no_intervals.is_none();
+            Estimate::new(found, found.variables[i], known.then_some(ends), errors[i].filter(|_| known), at_bound[i])
+        };
+        let estimates = ends.into_iter().enumerate().map(estimate).collect();
+        let names = |set: &Vec<usize>| {
+            set.iter().map(|&i| found.variables[i].to_string()).collect::<Vec<String>>().join(" with ")
+        };
+        let undetermined = undetermined.iter().map(names).collect();
+        Some(Self { estimates, no_intervals, rank, undetermined, white, lag_one, effective_samples })
     }
 }
 
 impl Estimate {
-    /// The estimate of `variable` with the ends of its profile and its standard deviation, both as the fit varies it.
-    fn new(found: &Found, variable: Variable, profile: Ends, deviation: Option<f64>, at_bound: bool) -> Self {
+    /// The estimate of `variable` with the ends of its profile, if there is one, and its standard deviation, both as the fit varies it.
+    fn new(found: &Found, variable: Variable, profile: Option<Ends>, deviation: Option<f64>, at_bound: bool) -> Self {
         let natural = |value: f64| {
             let mut candidate = found.candidate.clone();
             variable.set(&mut candidate, value);
@@ -97,16 +106,46 @@ impl Estimate {
         };
         let value = variable.get(&found.candidate);
         // Orders are from 0 to 1 by definition.
-        let bound = |end: f64| matches!(variable, Variable::Order(_)).then_some(end);
+        let bound = |end: f64| (profile.is_some() && matches!(variable, Variable::Order(_))).then_some(end);
+        let (low, high) = profile.unwrap_or((None, None));
         Self {
             name: variable.to_string(),
             value: natural(value),
-            low: profile.0.map(natural).or(bound(0.0)),
-            high: profile.1.map(natural).or(bound(1.0)),
+            low: low.map(natural).or(bound(0.0)),
+            high: high.map(natural).or(bound(1.0)),
             linear: deviation.map(|e| (natural(value - NORMAL * e), natural(value + NORMAL * e))),
             at_bound,
         }
     }
+}
+
+/// `found` after further searches on all samples, until it is near its minimum or they lead nowhere.
+pub(super) fn at_minimum(context: &Context<'_>, mut found: Found) -> Found {
+    const SEARCHES: usize = 6;
+    let further = StoppingCriteria { iterations: 60, decrease: 1e-9 };
+    for _ in 0..SEARCHES {
+        found.minimum.converged = is_near_minimum(context, &found);
+        if found.minimum.converged || context.stop.load(Ordering::Relaxed) {
+            break;
+        }
+        match context.descend_over(context.fine, &found.candidate, found.variables.clone(), further) {
+            Some(next) if next.minimum.cost < found.minimum.cost => found = next,
+            _ => break,
+        }
+    }
+    found
+}
+
+/// Whether the search that ended with `found` is so near its minimum that intervals can be given: the step that is left is within a part
+/// of the standard deviations, or a search that has converged can take no smaller one.
+fn is_near_minimum(context: &Context<'_>, found: &Found) -> bool {
+    const CLOSE: f64 = 0.05;
+    let Some(evaluation) = context.fine.evaluate(&found.candidate) else { return false };
+    let samples = Whiteness::new(context.fine.values(), &context.fine.residuals(&evaluation)).effective_samples;
+    let inside: Vec<usize> = (0..found.variables.len()).filter(|&i| !is_at_bound(found.variables[i], found)).collect();
+    // In squares of standard deviations.
+    let left = found.minimum.left(&inside, RANK) * samples;
+    left <= CLOSE || found.minimum.converged && left <= 1.0
 }
 
 fn is_at_bound(variable: Variable, found: &Found) -> bool {
@@ -125,21 +164,19 @@ fn scaled(normal: &DMatrix<f64>, inside: &[usize]) -> (DMatrix<f64>, Vec<f64>) {
     (matrix, lengths)
 }
 
-/// The rank, and the variables of each direction that the data do not determine.
-fn undetermined(matrix: &DMatrix<f64>, inside: &[usize], variables: &[Variable]) -> (usize, Vec<String>) {
-    let eigen = matrix.clone().symmetric_eigen();
+/// The rank of `normal` over the variables `inside`, and the variables of each direction that the data do not determine.
+fn undetermined(normal: &DMatrix<f64>, inside: &[usize]) -> (usize, Vec<Vec<usize>>) {
+    if inside.is_empty() {
+        return (0, Vec::new());
+    }
+    let eigen = scaled(normal, inside).0.symmetric_eigen();
     // Eigenvalues are squares of singular values.
     let largest = eigen.eigenvalues.max().max(f64::MIN_POSITIVE);
     let mut sets = Vec::new();
     for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
         if *value <= RANK * RANK * largest {
-            let vector: DVector<f64> = vector.into_owned();
             let strongest = vector.amax();
-            let names: Vec<String> = (0..inside.len())
-                .filter(|&i| vector[i].abs() > 0.2 * strongest)
-                .map(|i| variables[inside[i]].to_string())
-                .collect();
-            sets.push(names.join(" with "));
+            sets.push((0..inside.len()).filter(|&i| vector[i].abs() > 0.2 * strongest).map(|i| inside[i]).collect());
         }
     }
     (inside.len() - sets.len(), sets)
@@ -149,17 +186,19 @@ fn undetermined(matrix: &DMatrix<f64>, inside: &[usize], variables: &[Variable])
 type Ends = (Option<f64>, Option<f64>);
 
 /// Values at which the cost, minimised over all other variables, exceeds its minimum by the 95 % quantile; `deviations` are
-/// first estimates of the variables' standard deviations.
-fn profiles(context: &Context<'_>, found: &Found, deviations: &[f64], freedom: f64) -> Vec<Ends> {
+/// first estimates of the variables' standard deviations, none for what the data do not determine.
+fn profiles(context: &Context<'_>, found: &Found, deviations: &[Option<f64>], freedom: f64) -> Vec<Ends> {
     let none = || vec![(None, None); found.variables.len()];
     if context.stop.load(Ordering::Relaxed) {
         return none();
     }
     // The minimum on the thinned recordings is slightly different.
     let stopping = StoppingCriteria { iterations: 12, decrease: 1e-7 };
-    let Some(base) = context.descend(context.coarse, &found.candidate, stopping) else { return none() };
+    let variables = found.variables.clone();
+    let Some(base) = context.descend_over(context.coarse, &found.candidate, variables, stopping) else { return none() };
     let threshold = base.minimum.cost * (1.0 + CHI_SQUARE / freedom);
-    let followers = Followers::from_base(&base);
+    let inside = (0..base.variables.len()).filter(|&i| !is_at_bound(base.variables[i], &base)).collect();
+    let followers = Followers::new(&base.minimum.normal, inside);
     (0..found.variables.len())
         .into_par_iter()
         .map(|i| {
@@ -169,7 +208,7 @@ fn profiles(context: &Context<'_>, found: &Found, deviations: &[f64], freedom: f
             let value = variable.get(&found.candidate);
             let profile = Profile { context, base: &base, followers: &followers, index: i, threshold };
             let end = |sign: f64| {
-                let distance = profile.end(sign, deviations[i])?;
+                let distance = profile.end(sign, deviations[i]?)?;
                 Some((value + sign * distance).clamp(low, high))
             };
             (end(-1.0), end(1.0))
@@ -181,19 +220,27 @@ fn profiles(context: &Context<'_>, found: &Found, deviations: &[f64], freedom: f
 struct Followers {
     /// Variables that are not on a bound.
     inside: Vec<usize>,
-    /// Inverse of their Jᵀ J; none where the data do not determine them.
+    /// Inverse of their Jᵀ J; none where numbers overflow.
     inverse: Option<DMatrix<f64>>,
 }
 
 impl Followers {
-    fn from_base(base: &Found) -> Self {
-        let inside: Vec<usize> = (0..base.variables.len()).filter(|&i| !is_at_bound(base.variables[i], base)).collect();
-        let (normal, lengths) = scaled(&base.minimum.normal, &inside);
-        let inverse = normal.cholesky().map(|c| {
+    /// From Jᵀ J over the variables `inside`. A ridge below the limit of the rank keeps directions that the data do not determine from
+    /// moving the others.
+    fn new(normal: &DMatrix<f64>, inside: Vec<usize>) -> Self {
+        let (normal, lengths) = scaled(normal, &inside);
+        let ridge = RANK * RANK * inside.len() as f64;
+        let inverse = (normal + DMatrix::identity(inside.len(), inside.len()) * ridge).cholesky().map(|c| {
             let inverse = c.inverse();
             DMatrix::from_fn(inside.len(), inside.len(), |i, j| inverse[(i, j)] / (lengths[i] * lengths[j]))
         });
         Self { inside, inverse }
+    }
+
+    /// The variance of variable `index` per variance of the residuals; none on a bound.
+    fn variance(&self, index: usize) -> Option<f64> {
+        let place = self.inside.iter().position(|&i| i == index)?;
+        Some(self.inverse.as_ref()?[(place, place)])
     }
 
     /// Moves variable `index` of `candidate` by `change`, and the others with it.

@@ -64,7 +64,14 @@ impl<'a> Comparison<'a> {
         match self.direction {
             Direction::Force => {
                 let sensor = parameters.sensor();
-                let displacement = self.grid.at(&response.displacement_m, times);
+                let displacement = if sensor.delay_s == 0.0 {
+                    self.grid.at(&response.displacement_m, times)
+                } else {
+                    // Before the first sample the film is at rest.
+                    let before: Vec<f64> = times.iter().map(|t| t - sensor.delay_s).collect();
+                    let at = self.grid.at(&response.displacement_m, &before).into_iter().zip(&before);
+                    at.map(|(x, t)| if *t < 0.0 { 0.0 } else { x }).collect()
+                };
                 displacement.into_iter().map(|x| sensor.reading_m(x)).collect()
             }
             Direction::Displacement => self.grid.at(&response.force_n, times),

@@ -144,7 +144,11 @@ impl ObservedRecording {
         precision: Precision,
         progress: &dyn Watch,
     ) -> Result<Estimates> {
-        let options = options(tuning.bandwidth_hz, tuning.adaptation_s, &self.measured, self.grid)?;
+        let delay_s = parameters.sensor_delay_s.max(0.0);
+        let options = ObserverOptions {
+            delay_s,
+            ..options(tuning.bandwidth_hz, tuning.adaptation_s, &self.measured, self.grid)?
+        };
         estimate(parameters, &self.voltage_v, &self.measured, self.grid, options, precision, progress)
     }
 }
@@ -197,6 +201,7 @@ impl OnLaw for ObserverRun<'_> {
 
     fn on_law<T: Real, M: Memory<T>>(self, law: Law<T, M>, rest: LawState<T, M>) -> Result<Estimates> {
         let sensor = self.parameters.sensor();
+        let age_ticks = (sensor.delay_s.max(0.0) * self.grid.rate_hz).round() as usize;
         let largest = self.voltage_v.iter().fold(1.0, |largest: f64, v| largest.max(v.abs()));
         let observer: Observer<T, M> =
             Observer::new(law, &self.parameters.actuator, f64::from(largest as f32), self.options).map_err(refused)?;
@@ -210,10 +215,8 @@ impl OnLaw for ObserverRun<'_> {
                 reading = self.measured.value[next];
                 next += 1;
             }
-            let sample = (!reading.is_nan()).then(|| SensorSample {
-                displacement_m: T::from_f64(sensor.film_displacement_m(reading)),
-                age_ticks: 0,
-            });
+            let sample = (!reading.is_nan())
+                .then(|| SensorSample { displacement_m: T::from_f64(sensor.film_displacement_m(reading)), age_ticks });
             let estimate = observer.observe(&mut state, Applied::as_commanded(T::from_f64(volts)), sample);
             estimates.displacement_m.push(estimate.to_f64());
             estimates.sample_m.push(reading);

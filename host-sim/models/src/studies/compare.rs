@@ -181,6 +181,7 @@ fn prony(context: &Context<'_>, branches: usize, share: f64) -> Candidate {
         elements,
         topology: Topology::Parallel,
         offset_m: 0.0,
+        delay_s: 0.0,
         bend: crate::fit::candidate::Bend::Straight,
     }
 }

@@ -14,9 +14,9 @@
 use crate::agreement::Agreement;
 use crate::error::Result;
 use crate::files::recording::Input;
-use crate::fit::levenberg_marquardt::{self, Problem, StoppingCriteria};
 use crate::fit::observation::Observation;
 use crate::grid::Grid;
+use crate::least_squares::{self, Problem, StoppingCriteria};
 
 /// Number of play operators.
 const OPERATORS: usize = 10;
@@ -104,7 +104,7 @@ impl PrandtlIshlinskii {
             .filter_map(|ln_beta| {
                 let mut start = [0.0; PARAMETERS];
                 start[PARAMETERS - 1] = ln_beta;
-                levenberg_marquardt::minimise(&fit, &start, StoppingCriteria { iterations: 60, decrease: 1e-8 })
+                least_squares::minimise(&fit, &start, StoppingCriteria { iterations: 60, decrease: 1e-8 })
             })
             .min_by(|a, b| a.cost.total_cmp(&b.cost));
         let mut values = [0.0; PARAMETERS];

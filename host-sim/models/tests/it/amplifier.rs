@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 
 use host_io::files::amplifier_log::AmplifierLog;
-use host_models::fit::amplifier::{Identification, Time, identify};
+use host_models::amplifier::{Identification, Time, identify};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;

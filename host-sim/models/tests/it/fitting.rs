@@ -48,7 +48,7 @@ fn truth() -> Candidate {
     let sp = Springpot::new;
     let elements = vec![sp(4e4, 0.08), sp(2.2e4, 0.12), sp(1.4e4, 0.85), sp(1.1e4, 0.05), sp(1.5e5, 0.92)];
     let actuator = Actuator { stretch_coupling: 30.0, ..Actuator::KARNER_2022 };
-    Candidate { actuator, elements, topology: Topology::Parallel, offset_m: 1e-4, bend: Bend::Straight }
+    Candidate { actuator, elements, topology: Topology::Parallel, offset_m: 1e-4, delay_s: 0.0, bend: Bend::Straight }
 }
 
 /// The recordings of a plant with the model's own answers instead of the measured ones.
@@ -129,7 +129,7 @@ fn warnings_say_what_follows() {
         println!("n = {branches}: {:?}", fit.warnings);
         fit.warnings
             .into_iter()
-            .find(|warning| warning.contains("not white"))
+            .find(|warning| warning.contains("what it does not follow"))
             .map_or((Severity::Note, "negligible".into()), |w| (w.severity, w.text))
     };
     let (severity, poor) = white(0);
@@ -377,7 +377,8 @@ fn follows_both_films_and_recordings_it_has_not_seen() {
 #[test]
 fn pattern_search_is_there_and_worse() {
     let thinned: Vec<Observation> = observations("wang").iter().map(observation::thinned).collect();
-    let settings = Settings { freed: Vec::new(), uncertainty: false, ..structure(Topology::Eq11, 1) };
+    let settings =
+        Settings { freed: Vec::new(), uncertainty: false, sensor_delay_s: Some(0.0), ..structure(Topology::Eq11, 1) };
     let paper = fitted(&thinned, &Settings { method: Method::PatternSearch, ..settings.clone() });
     let lm = fitted(&thinned, &settings);
     println!(

@@ -10,6 +10,7 @@ mod film;
 mod fitting;
 mod full_memory;
 mod hours;
+mod intervals;
 mod measured_curve;
 #[path = "../../../../crates/springpot/tests/it/support/models.rs"]
 mod models;
@@ -18,10 +19,12 @@ mod periodic;
 mod plant;
 mod plants;
 mod plausibility;
+mod random_fits;
 #[path = "../../../../tests/support/recordings.rs"]
 mod recordings;
 mod reduce;
 mod relaxation;
+mod same_film;
 mod sensor_offset;
 #[allow(dead_code)] // samples of cases are for springpot's own sweeps
 #[path = "../../../../crates/springpot/tests/it/support/sweep.rs"]

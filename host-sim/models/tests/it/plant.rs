@@ -22,6 +22,7 @@ fn parameters(actuator: Actuator) -> Parameters {
         assumed_sizes: false,
         model,
         sensor_offset_m: 1e-3,
+        sensor_delay_s: 0.0,
         board: None,
         provenance: None,
     }

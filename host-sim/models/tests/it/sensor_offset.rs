@@ -82,6 +82,7 @@ fn replay_fit_observer_and_processor_agree() {
             elements,
             topology: model.topology(),
             offset_m,
+            delay_s: 0.0,
             bend: Bend::Straight,
         };
         let (observation, _) = observation::observe(&recording, Direction::Force, 1.0).expect("fit to be fitted");

@@ -58,6 +58,7 @@ fn fit_to(plant: &str) -> Parameters {
         actuator: candidate.actuator,
         model: candidate.model().expect("valid"),
         sensor_offset_m: candidate.offset_m,
+        sensor_delay_s: 0.0,
         assumed_sizes: false,
         board: None,
         provenance: None,

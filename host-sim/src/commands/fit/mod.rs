@@ -72,6 +72,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         };
         terminal::warnings(json, report.warnings.iter().map(|warning| format!("{of}{warning}")));
     }
+    for compression in reports.iter().filter_map(|report| report.compression.as_ref()) {
+        terminal::note(compression.text());
+    }
     match reports.as_slice() {
         [report] if !arguments.each => terminal::report(json, report, || report.text()),
         _ => terminal::report(json, &reports, || reports.iter().map(FitReport::text).collect::<Vec<_>>().join("\n\n")),
@@ -154,6 +157,7 @@ impl Job<'_> {
         let mut fit = fit::fit(&self.observations, settings, interrupt::stop_flag(), &|stage| bar.enter(stage))?;
         bar.finish_and_clear();
         fit.warnings.splice(0..0, self.warnings);
+        fit.warnings.sort_by_key(|warning| warning.severity);
         let seconds = started.elapsed().as_secs_f64();
         let parameters = fit.parameters(settings, direction, &self.recordings)?;
         fit.warnings.iter_mut().for_each(|warning| warning.text = with_flags(&warning.text));

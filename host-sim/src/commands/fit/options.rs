@@ -55,6 +55,9 @@ pub(super) struct FitArguments {
     /// The sensor's offset: one for all recordings, or per-recording, where it was zeroed anew.
     #[arg(long, value_parser = named::<Sharing>(), default_value = "joint")]
     offset: Sharing,
+    /// Time by which the displacement sensor is late, s. By default it is estimated where the recordings show one.
+    #[arg(long, value_name = "S", value_parser = quantity::seconds, allow_negative_numbers = true)]
+    sensor_delay: Option<f64>,
     /// The size of the readings: one for all recordings, or per-recording, for other specimens; relative to the first.
     #[arg(long, value_parser = named::<Sharing>(), default_value = "joint")]
     gain: Sharing,
@@ -95,6 +98,7 @@ impl FitArguments {
             loss: self.loss,
             weights: self.weights.clone(),
             offset: self.offset,
+            sensor_delay_s: self.sensor_delay,
             gain: self.gain,
             gap_s: self.gap,
             at_gap: self.at_gap,

@@ -31,11 +31,22 @@ fn comes_back(parameters: &Parameters) {
     let written = parameters.to_toml();
     let again = Parameters::from_toml(Path::new(PATH), &written).unwrap_or_else(|error| panic!("{error}\n{written}"));
     assert_eq!(again.to_toml(), written);
-    let Parameters { name, actuator, assumed_sizes, model, curve, sensor_offset_m, board, method: _, provenance: _ } =
-        parameters;
+    let Parameters {
+        name,
+        actuator,
+        assumed_sizes,
+        model,
+        curve,
+        sensor_offset_m,
+        sensor_delay_s,
+        board,
+        method: _,
+        provenance: _,
+    } = parameters;
     // Of the provenance, free text, the words alone: it may hold NaN, which is unequal to itself.
     assert_eq!((&again.name, &again.actuator, &again.model), (name, actuator, model));
     assert_eq!(&again.curve, curve);
     assert_eq!((again.sensor_offset_m, &again.board, again.assumed_sizes), (*sensor_offset_m, board, *assumed_sizes));
+    assert_eq!(again.sensor_delay_s, *sensor_delay_s);
     assert!(model.branches().len() <= 5 && sensor_offset_m.is_finite());
 }

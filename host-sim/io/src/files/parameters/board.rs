@@ -11,6 +11,9 @@ use super::calibration::AmplifierTable;
 use super::{Parameters, calibration, controller_rate};
 use crate::error::{Error, Result, short};
 
+/// Phase by which a sensor may be late at the observer's bandwidth, rad: a little less than the observer allows.
+const MAX_SENSOR_PHASE: f32 = 0.34;
+
 /// The settings of control, which a board may leave out.
 const CONTROL: &str = "control";
 
@@ -195,7 +198,17 @@ impl Parameters {
     pub fn bench(&self, rate_hz: f64) -> Board {
         // 1 V at rest, as Board::bench has it.
         let sensor = Calibration::Parabola { offset: -1e-3 + self.sensor_offset_m as f32, gain: 1e-3, quadratic: 0.0 };
-        Board { sensor, ..Board::bench(&self.actuator).at_rate(rate_hz) }
+        let mut board = Board { sensor, ..Board::bench(&self.actuator).at_rate(rate_hz) };
+        if self.sensor_delay_s > 0.0 {
+            // As late as the sensor that the film was fitted with, and as fast as that lets the observer be.
+            let control = &mut board.control;
+            control.delay_s = self.sensor_delay_s as f32;
+            let age_s = control.delay_s + control.sample_interval_s;
+            control.bandwidth_hz = control.bandwidth_hz.min(MAX_SENSOR_PHASE / (std::f32::consts::TAU * age_s));
+            let min_ticks = (5.0 * age_s * rate_hz as f32).ceil() as u32 + 1;
+            board.limits.sensor.stuck_ticks = board.limits.sensor.stuck_ticks.max(min_ticks);
+        }
+        board
     }
 
     /// The blob of these parameters for a controller that ticks at `rate_hz`, on [`board_or_bench`](Self::board_or_bench),

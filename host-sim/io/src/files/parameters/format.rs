@@ -98,7 +98,14 @@ pub(super) struct ModelTable {
 #[serde(deny_unknown_fields)]
 pub(super) struct SensorTable {
     /// Reading of the displacement sensor for a film at x = 0, m.
+    #[serde(default = "zero")]
     pub(super) offset_m: Spanned<f64>,
+    /// Time by which its readings are late, s.
+    pub(super) delay_s: Option<Spanned<f64>>,
+}
+
+fn zero() -> Spanned<f64> {
+    Spanned::new(0..0, 0.0)
 }
 
 #[derive(Deserialize)]
@@ -230,9 +237,12 @@ pub(super) fn write(parameters: &Parameters) -> String {
     if let Some(curve) = &parameters.curve {
         text.push_str(&curve.to_toml());
     }
-    if parameters.sensor_offset_m != 0.0 {
+    if (parameters.sensor_offset_m, parameters.sensor_delay_s) != (0.0, 0.0) {
         let _ =
             write!(text, "\n[sensor]\noffset_m = {:?} # what it reads of a film at rest\n", parameters.sensor_offset_m);
+    }
+    if parameters.sensor_delay_s != 0.0 {
+        let _ = writeln!(text, "delay_s = {:?} # by which its readings are late", parameters.sensor_delay_s);
     }
     if let Some(board) = &parameters.board {
         let table = toml::Table::from_iter([("board".to_owned(), toml::Value::Table(board.to_toml()))]);

@@ -39,6 +39,8 @@ pub struct Parameters {
     pub method: Discretisation,
     /// Reading of the displacement sensor at x = 0, m; see [`sensor`](Self::sensor).
     pub sensor_offset_m: f64,
+    /// Time by which its readings are late, s: 0 unless the file names one.
+    pub sensor_delay_s: f64,
     /// The board that runs them, if the file names one.
     pub board: Option<Board>,
     /// Origin of the numbers, free text.
@@ -50,6 +52,8 @@ pub struct Parameters {
 pub struct DisplacementSensor {
     /// Reading of a film at x = 0, m.
     pub offset_m: f64,
+    /// Time by which its readings are late, s.
+    pub delay_s: f64,
 }
 
 impl DisplacementSensor {
@@ -63,6 +67,9 @@ impl DisplacementSensor {
         reading_m - self.offset_m
     }
 }
+
+/// Largest delay of a displacement sensor's readings, s.
+pub const MAX_SENSOR_DELAY_S: f64 = 1.0;
 
 /// Largest size of a parameter file, bytes.
 const MAX_FILE: u64 = 1 << 20;
@@ -98,6 +105,7 @@ impl Parameters {
             curve: None,
             method: Discretisation::Gl,
             sensor_offset_m: 0.0,
+            sensor_delay_s: 0.0,
             board: None,
             provenance: None,
         })
@@ -185,6 +193,13 @@ impl Parameters {
             let cause = format!("offset_m = {sensor_offset_m} must be finite");
             return Err(place.error(offset.map_or(0..0, toml::Spanned::span), cause));
         }
+        let delay = file.sensor.as_ref().and_then(|sensor| sensor.delay_s.as_ref());
+        let sensor_delay_s = delay.map_or(0.0, |delay| *delay.get_ref());
+        if sensor_delay_s.is_nan() || sensor_delay_s.abs() > MAX_SENSOR_DELAY_S {
+            let cause =
+                format!("delay_s = {sensor_delay_s} must be from -{MAX_SENSOR_DELAY_S} to {MAX_SENSOR_DELAY_S} s");
+            return Err(place.error(delay.map_or(0..0, toml::Spanned::span), cause));
+        }
         let curve = match &file.curve {
             Some(curve) if schema == 1 => return Err(place.error(curve.span(), needs_schema_2("[curve]"))),
             Some(curve) => curve
@@ -201,6 +216,7 @@ impl Parameters {
             curve,
             method: Discretisation::Gl,
             sensor_offset_m,
+            sensor_delay_s,
             board: None,
             provenance: file.provenance,
         };
@@ -217,7 +233,7 @@ impl Parameters {
 
     /// The displacement sensor: the one conversion between its readings and the displacement of the film.
     pub fn sensor(&self) -> DisplacementSensor {
-        DisplacementSensor { offset_m: self.sensor_offset_m }
+        DisplacementSensor { offset_m: self.sensor_offset_m, delay_s: self.sensor_delay_s }
     }
 
     /// The model behind its elastic curve.

@@ -70,6 +70,11 @@ impl Objective {
             let ones = vec![1.0; record.readings.measured.len()];
             return record.readings.project(reading, &evaluation.modelled[index], ones);
         }
+        if variable == Variable::Delay {
+            let change = record.pick_delay(&evaluation.responses[index].series, candidate);
+            let change = change.unwrap_or_else(|| vec![0.0; record.readings.measured.len()]);
+            return record.readings.project(reading, &evaluation.modelled[index], change);
+        }
         let linearised = Linearised {
             record,
             circle: &self.circles[record.circle],
@@ -82,7 +87,7 @@ impl Objective {
         };
         match linearised.derivative(variable) {
             Some(series) => {
-                record.readings.project(reading, &evaluation.modelled[index], record.measured_at.pick(&series))
+                record.readings.project(reading, &evaluation.modelled[index], record.pick(&series, candidate))
             }
             None => vec![0.0; record.readings.measured.len()],
         }

@@ -48,6 +48,10 @@ struct Record {
     drive: DriveSpectra,
     readings: Readings,
     measured_at: Places,
+    /// Times of the measured samples in steps of the grid.
+    places: Vec<f64>,
+    /// Rate of the grid, Hz.
+    rate_hz: f64,
 }
 
 /// The input of an observation on its circle.
@@ -183,11 +187,18 @@ impl Objective {
                     drive: DriveSpectra::new(&observation.input, grid, &circles[circle]),
                     readings: Readings::new(observation),
                     measured_at: Places::new(&observation.measured.time_s, grid),
+                    places: observation.measured.time_s.iter().map(|t| t * grid.rate_hz).collect(),
+                    rate_hz: grid.rate_hz,
                 }
             })
             .collect();
         let nodes = circles.iter().map(Nodes::new).collect();
         Ok(Self { circles, nodes, steps, records })
+    }
+
+    /// Steps of the model, s: one for each rate.
+    pub(super) fn steps_s(&self) -> &[f64] {
+        &self.steps
     }
 
     /// Measured values of every observation.
@@ -278,7 +289,7 @@ impl Objective {
             return None;
         }
         series.iter().all(|value| value.is_finite()).then(|| {
-            let modelled = record.measured_at.pick(&series);
+            let modelled = record.pick(&series, candidate);
             let modelled = if record.measures_force() {
                 modelled
             } else {
@@ -286,6 +297,20 @@ impl Objective {
             };
             (modelled, Response { series, driven })
         })
+    }
+
+    /// The sensor's offset (m) that fits `candidate` best; for one without a response, the mean of what was measured.
+    pub fn best_offset(&self, candidate: &Candidate) -> f64 {
+        let evaluation = self.evaluate(&Candidate { offset_m: 0.0, ..candidate.clone() });
+        let (mut sum, mut total) = (0.0, 0.0);
+        for (index, record) in self.records.iter().enumerate().filter(|(_, record)| !record.measures_force()) {
+            for (k, y) in record.readings.measured.iter().enumerate() {
+                let modelled = evaluation.as_ref().map_or(0.0, |evaluation| evaluation.modelled[index][k]);
+                let square = record.readings.weight(k).powi(2);
+                (sum, total) = (sum + square * (y - modelled), total + square);
+            }
+        }
+        if total > 0.0 { sum / total } else { 0.0 }
     }
 
     /// Model minus measurement, weighted, one observation after another.
@@ -303,6 +328,38 @@ impl Record {
     fn measures_force(&self) -> bool {
         matches!(self.drive, DriveSpectra::Displacement { .. })
     }
+
+    /// Values of a `series` on the grid when they were read: late by the delay of the displacement sensor.
+    fn pick(&self, series: &[f64], candidate: &Candidate) -> Vec<f64> {
+        if self.measures_force() || candidate.delay_s == 0.0 {
+            return self.measured_at.pick(series);
+        }
+        let at = |place: &f64| delayed(series, place - candidate.delay_s * self.rate_hz).0;
+        self.places.iter().map(at).collect()
+    }
+
+    /// Derivative of the same with respect to the delay, per s.
+    fn pick_delay(&self, series: &[f64], candidate: &Candidate) -> Option<Vec<f64>> {
+        let slope = |place: &f64| -self.rate_hz * delayed(series, place - candidate.delay_s * self.rate_hz).1;
+        (!self.measures_force()).then(|| self.places.iter().map(slope).collect())
+    }
+}
+
+/// Value and slope per sample of a `series` at `place`, which need not be whole, by Lagrange's cubic: before its first sample the film
+/// is at rest, and after its last it stays.
+fn delayed(series: &[f64], place: f64) -> (f64, f64) {
+    let before = place.floor();
+    let u = place - before;
+    let at = |offset: f64| {
+        let index = before + offset;
+        if index < 0.0 { 0.0 } else { series[(index as usize).min(series.len() - 1)] }
+    };
+    let [a, b, c, d] = [-1.0, 0.0, 1.0, 2.0].map(at);
+    // The cubic through the samples at −1, 0, 1 and 2, in powers of u.
+    let first = c - a / 3.0 - b / 2.0 - d / 6.0;
+    let second = 0.5 * (a + c) - b;
+    let third = (d - a) / 6.0 + 0.5 * (b - c);
+    (b + u * (first + u * (second + u * third)), first + u * (2.0 * second + 3.0 * u * third))
 }
 
 /// The spectrum of T(x) along `displacement` (m).

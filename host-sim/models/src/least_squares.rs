@@ -34,8 +34,30 @@ pub struct Minimum {
     pub cost: f64,
     /// Jᵀ J there.
     pub normal: DMatrix<f64>,
+    /// Jᵀ r before the last step.
+    pub gradient: DVector<f64>,
     /// Whether it converged; false if the iterations ran out.
     pub converged: bool,
+}
+
+impl Minimum {
+    /// Share of the cost by which a step of Gauss and Newton over the variables `free` would decrease it, in directions whose singular values
+    /// are above the share `rank` of the largest.
+    pub fn left(&self, free: &[usize], rank: f64) -> f64 {
+        let length = |i: usize| self.normal[(i, i)].sqrt().max(f64::MIN_POSITIVE);
+        let scaled = DMatrix::from_fn(free.len(), free.len(), |i, j| {
+            self.normal[(free[i], free[j])] / (length(free[i]) * length(free[j]))
+        });
+        if self.cost <= 0.0 || free.is_empty() || !scaled.iter().all(|value| value.is_finite()) {
+            return 0.0;
+        }
+        let gradient = DVector::from_fn(free.len(), |i, _| self.gradient[free[i]] / length(free[i]));
+        let eigen = scaled.symmetric_eigen();
+        let least = rank * rank * eigen.eigenvalues.max();
+        let directions = eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter());
+        let known = directions.filter(|(value, _)| **value > least);
+        0.5 * known.map(|(value, vector)| vector.dot(&gradient).powi(2) / value).sum::<f64>() / self.cost
+    }
 }
 
 /// Stopping criteria of a search.
@@ -57,7 +79,7 @@ const MAX_TRIALS: usize = 30;
 pub fn minimise<P: Problem>(problem: &P, start: &[f64], stopping: StoppingCriteria) -> Option<Minimum> {
     let mut search = Search::new(problem, start)?;
     let n = start.len();
-    let mut normal = DMatrix::zeros(n, n);
+    let (mut normal, mut gradient) = (DMatrix::zeros(n, n), DVector::zeros(n));
     let mut converged = n == 0;
     let mut iterations = 0;
     // Steps in a row that hardly decreased the cost.
@@ -65,7 +87,6 @@ pub fn minimise<P: Problem>(problem: &P, start: &[f64], stopping: StoppingCriter
     while !converged && iterations < stopping.iterations && !problem.interrupted() {
         let jacobian = problem.jacobian(&search.values, &search.evaluation);
         iterations += 1;
-        let gradient;
         (normal, gradient) = normal_equations(&jacobian, &search.residuals);
         let free = search.free(&gradient);
         let stationary = |&i: &usize| gradient[i].abs() <= 1e-10 * (2.0 * search.cost * normal[(i, i)]).sqrt();
@@ -80,7 +101,7 @@ pub fn minimise<P: Problem>(problem: &P, start: &[f64], stopping: StoppingCriter
         }
         converged |= small_steps >= 2 || search.cost == 0.0;
     }
-    Some(Minimum { values: search.values, cost: search.cost, normal, converged })
+    Some(Minimum { values: search.values, cost: search.cost, normal, gradient, converged })
 }
 
 /// State of a search.

@@ -5,7 +5,7 @@ use springpot::AmplifierLag;
 
 use super::response::{Command, Fall};
 use crate::files::amplifier_log::AmplifierLog;
-use crate::fit::levenberg_marquardt::{Minimum, Problem, StoppingCriteria, minimise};
+use crate::least_squares::{Minimum, Problem, StoppingCriteria, minimise};
 
 /// The fitted values, in this order: time constants (s), voltage at the first row (V), the monitor's gain and offset (V), and [shifts](Command) of
 /// the jumps.

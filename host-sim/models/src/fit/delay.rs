@@ -1,0 +1,137 @@
+//! A delay of the displacement sensor: whether recordings show one.
+//!
+//! A sensor that is late by τ reads x(t − τ). Over a band of frequencies that differs from creep, whose phase hardly changes with the
+//! frequency, so both are found together. A film that resists its speed lags as well, and slow recordings show no difference: a delay is
+//! fitted only where it explains what no film does, one with such a branch included.
+
+use num_complex::Complex;
+use springpot::{Actuator, Springpot, Topology};
+
+use super::candidate::{Candidate, Variable};
+use super::descent::{Context, Found, PreparedObservations};
+use super::objective::Objective;
+use super::observation::Observation;
+use super::settings::Settings;
+use super::statistics::Whiteness;
+use crate::error::Result;
+use crate::least_squares::StoppingCriteria;
+
+/// Share of a cost to which a delay must bring it: what a model does not follow of a film, a delay may make a quarter smaller.
+const WORTH: f64 = 0.5;
+/// Largest share of a delay by which it may differ from that of half a recording.
+const DIFFERS: f64 = 0.25;
+/// Smallest delay in intervals of the rows, and in steps of the thinned recordings, which make a springpot's answer early by up to a fifth
+/// of a step.
+const MIN_INTERVALS: f64 = 0.5;
+const MIN_STEPS: f64 = 0.25;
+/// Delays from which one is searched for, s.
+const STARTS_S: [f64; 3] = [0.02, 0.08, 0.3];
+const STOPPING: StoppingCriteria = StoppingCriteria { iterations: 60, decrease: 1e-6 };
+/// Quantile of χ² with one degree of freedom at 99.9 %.
+const SIGNIFICANT: f64 = 10.83;
+
+/// The delay (s) that `found` leaves to be explained, or a small structure, which cannot imitate one; none where the film explains the
+/// recordings as well.
+pub(super) fn suspected(context: &Context<'_>, found: &Found) -> Option<f64> {
+    of_structure(context, found).or_else(|| of_small_structure(context))
+}
+
+/// The delay (s) of the sensor of `observations` of a film with this `actuator`, if they show one.
+///
+/// # Errors
+///
+/// As [`super::objective::Objective::new`].
+pub fn estimated(observations: &[Observation], actuator: Actuator) -> Result<Option<f64>> {
+    let prepared = PreparedObservations::new(observations, &actuator)?;
+    let settings = Settings { actuator, starts: 4, ..Settings::default() };
+    let never = std::sync::atomic::AtomicBool::new(false);
+    Ok(of_small_structure(&prepared.context(&settings, &never)))
+}
+
+/// Whether `late`, which has a delay, is so much better than `found` that the delay is kept.
+pub(super) fn is_kept(context: &Context<'_>, late: &Found, found: &Found) -> bool {
+    late.minimum.cost <= WORTH * found.minimum.cost
+        && late.candidate.delay_s.abs() >= MIN_INTERVALS * context.scales.step_s
+        && is_everywhere(context.fine, late)
+}
+
+/// The delay (s) that films of one and two branches leave to be explained.
+fn of_small_structure(context: &Context<'_>) -> Option<f64> {
+    if !context.excitation.identifies(Variable::Delay) {
+        return None;
+    }
+    (1..=2).find_map(|branches| {
+        let best = |context: &Context<'_>| {
+            context.best_over(context.coarse, &context.linear_starts(Topology::Parallel, branches))
+        };
+        let late = STARTS_S.iter().filter_map(|&delay_s| best(&context.with_delay(delay_s)));
+        let late = late.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))?;
+        shown(context, &best(context)?, &late)
+    })
+}
+
+/// The delay (s) that `found` leaves to be explained on the thinned recordings.
+fn of_structure(context: &Context<'_>, found: &Found) -> Option<f64> {
+    if !context.excitation.identifies(Variable::Delay) || found.variables.contains(&Variable::Delay) {
+        return None;
+    }
+    let over = |found: &Found, variables| context.descend_over(context.coarse, &found.candidate, variables, STOPPING);
+    let prompt = over(found, found.variables.clone())?;
+    let late = over(&prompt, [found.variables.as_slice(), &[Variable::Delay]].concat())?;
+    shown(context, &prompt, &late)
+}
+
+/// The delay (s) of `late` if that brings the cost to a share of [`WORTH`]: of that of `prompt`, which has none, and of films that lag by as
+/// much.
+fn shown(context: &Context<'_>, prompt: &Found, late: &Found) -> Option<f64> {
+    let delay_s = late.candidate.delay_s;
+    let lag =
+        |film: &Candidate| Some(context.descend(context.coarse, &lagging(film, delay_s)?, STOPPING)?.minimum.cost);
+    let film = Candidate { delay_s: prompt.candidate.delay_s, ..late.candidate.clone() };
+    let lags = [&prompt.candidate, &film].into_iter().filter_map(lag);
+    let least = lags.fold(prompt.minimum.cost, f64::min);
+    let residuals = context.coarse.residuals(&context.coarse.evaluate(&late.candidate)?);
+    let samples = Whiteness::new(context.coarse.values(), &residuals).effective_samples;
+    let share = late.minimum.cost / least;
+    let is_shown = share <= WORTH
+        && (1.0 - share) * samples > SIGNIFICANT
+        && delay_s.abs() >= shortest_s(context)
+        && is_everywhere(context.coarse, late);
+    is_shown.then_some(delay_s)
+}
+
+/// The film of `candidate` with one more branch, whose dashpot lags by `delay_s`; none where that is not positive.
+fn lagging(candidate: &Candidate, delay_s: f64) -> Option<Candidate> {
+    // At a phase of one radian.
+    let ln_s = Complex::new(-delay_s.ln(), std::f64::consts::FRAC_PI_2);
+    let stiffness = candidate.model().ok()?.modulus_of_ln(ln_s).norm();
+    let mut lagging = candidate.clone();
+    lagging.topology = Topology::Parallel;
+    lagging.elements.extend([Springpot::new(10.0 * stiffness, 0.0), Springpot::new(delay_s * stiffness, 1.0)]);
+    (delay_s > 0.0).then_some(lagging)
+}
+
+/// The shortest delay (s) that the thinned recordings show.
+fn shortest_s(context: &Context<'_>) -> f64 {
+    let steps_s = context.coarse.steps_s().iter().copied().fold(0.0, f64::max);
+    (MIN_INTERVALS * context.scales.step_s).max(MIN_STEPS * steps_s)
+}
+
+/// Whether the delay of `late` is the same in each half of each recording of `objective`: what a film does that the model does not has other
+/// phases at other frequencies and times.
+fn is_everywhere(objective: &Objective, late: &Found) -> bool {
+    let delay_s = late.candidate.delay_s;
+    let Some(evaluation) = objective.evaluate(&late.candidate) else { return false };
+    let residuals = objective.residuals(&evaluation);
+    let Some(slope) = objective.jacobian(&late.candidate, &evaluation, &[Variable::Delay]).pop() else { return false };
+    let mut from = 0;
+    let halves = objective.values().flat_map(|values| [values / 2, values - values / 2]);
+    let mut differences = halves.map(|count| {
+        let half = from..from + count;
+        from += count;
+        let product: f64 = slope[half.clone()].iter().zip(&residuals[half.clone()]).map(|(d, r)| d * r).sum();
+        product / slope[half].iter().map(|d| d * d).sum::<f64>()
+    });
+    // Where nothing moves there is no difference.
+    differences.all(|difference| difference.is_nan() || difference.abs() <= DIFFERS * delay_s.abs())
+}
