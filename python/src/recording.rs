@@ -7,6 +7,7 @@ use host_io::error::shown;
 use host_io::files::import::{Blank, Choices, Edits, Hints, Quantity, Understood};
 use host_io::files::output;
 use host_io::files::recording::Recording;
+use host_io::quantity::positive;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -14,6 +15,7 @@ use pyo3::types::PyDict;
 
 use crate::arrays::{array, count, read_only, series};
 use crate::errors::{Raise, exception, refused};
+use crate::names::choice;
 
 /// Columns as arrays, by their names.
 type Columns = Vec<(&'static str, Py<PyArray1<f64>>)>;
@@ -144,7 +146,7 @@ impl PyRecording {
         let columns = self.recording.columns();
         let mut written = vec![("time_s", Some(self.recording.time_s()))];
         written.extend(columns.iter().map(|(name, values)| (*name, Some(values.as_slice()))));
-        output::write_columns(&path, &[], &written).raise()
+        output::write_columns(&path, &written).raise()
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<Arguments<'py>> {
@@ -169,7 +171,7 @@ impl PyRecording {
 /// Hints of the caller for a file with other names.
 fn hints(columns: Option<&str>, sheet: Option<String>) -> host_io::Result<Hints> {
     let choices = columns.map(|text| text.parse::<Choices>().map_err(|cause| Error::field("columns", cause)));
-    Ok(Hints { choices: choices.transpose()?.unwrap_or_default(), sheet })
+    Ok(Hints { choices: choices.transpose()?.unwrap_or_default(), sheet, ..Hints::default() })
 }
 
 /// Reads a recording: text with any separator, decimal sign and encoding, .xlsx, or .mat of version 5 to 7.
@@ -178,9 +180,13 @@ fn hints(columns: Option<&str>, sheet: Option<String>) -> host_io::Result<Hints>
 /// out is found by names and units. `sheet` is the spreadsheet of a workbook. Rows from `from_s` to `to_s` (s from the first) are kept,
 /// every `decimate` of them are averaged into one, and readings such as 'displacement=-9999' are emptied by `blank`.
 ///
+/// `header_line`, `segment`, `decimal` ('point' or 'comma'), `repeated_times` ('spread' or 'mean'), `fill` ('hold' or 'linear') and `rate_hz`
+/// answer the questions that errors ask about a file, as the options of `import` do. `invert` turns the sign of the displacement.
+///
 /// Raises FileError naming the file, the line and what would be right; InputError for an option that cannot be used.
 #[pyfunction]
-#[pyo3(signature = (path, *, columns=None, sheet=None, from_s=0.0, to_s=None, decimate=1, blank=Vec::new()))]
+#[pyo3(signature = (path, *, columns=None, sheet=None, from_s=0.0, to_s=None, decimate=1, blank=Vec::new(), header_line=None,
+    segment=None, decimal=None, repeated_times=None, fill=None, rate_hz=None, invert=false))]
 #[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn read_recording(
     py: Python<'_>,
@@ -191,12 +197,39 @@ pub(crate) fn read_recording(
     to_s: Option<f64>,
     decimate: i128,
     blank: Vec<String>,
+    header_line: Option<i128>,
+    segment: Option<i128>,
+    decimal: Option<&str>,
+    repeated_times: Option<&str>,
+    fill: Option<&str>,
+    rate_hz: Option<f64>,
+    invert: bool,
 ) -> PyResult<PyRecording> {
     let decimate = count("decimate", decimate)?;
+    let header_line = header_line.map(|line| count("header_line", line)).transpose()?;
+    let segment = segment.map(|segment| count("segment", segment)).transpose()?;
+    let decimal = decimal.map(|name| choice("decimal", name)).transpose()?;
+    let repeated_times = repeated_times.map(|name| choice("repeated_times", name)).transpose()?;
+    let fill = fill.map(|name| choice("fill", name)).transpose()?;
     let read = || {
+        if let Some(rate_hz) = rate_hz {
+            positive("rate_hz", rate_hz)?;
+        }
         let blanks = blank.iter().map(|text| text.parse::<Blank>().map_err(|cause| Error::field("blank", cause)));
         let edits = Edits::new(blanks.collect::<host_io::Result<Vec<_>>>()?, from_s, to_s, decimate)?;
-        let recording = Recording::read_with(&path, &hints(columns, sheet)?)?;
+        let words = Blank::words(&edits.blanks);
+        let asked = Hints {
+            header_line,
+            segment,
+            decimal,
+            repeated_times,
+            fill,
+            rate_hz,
+            invert,
+            words,
+            ..hints(columns, sheet)?
+        };
+        let recording = Recording::read_with(&path, &asked)?;
         if edits == Edits::NONE {
             return Ok(recording);
         }

@@ -3,9 +3,10 @@
     pip install scipy==1.17.1 openpyxl==3.1.5 h5py
     python make.py
 
-The numbers are those of `Sample` in host-sim/tests/it/lab_files.rs.
+The numbers are those of `Sample` in host-sim/io/tests/it/lab_files.rs.
 """
 
+import datetime
 import pathlib
 import tempfile
 import zipfile
@@ -36,6 +37,8 @@ mat("integers.mat", {"time_ms": (1000 * time_s).astype("int32"), "voltage_V": (1
                      "laser_um": laser_mm * 1000})
 mat("two-voltages.mat", {**vectors, "hv_set_kV": voltage_kv})
 mat("lengths.mat", {**vectors, "laser_mm": laser_mm[:20]})
+
+mat("version-4.mat", vectors, format="4")
 
 with h5py.File(HERE / "version-7.3.mat", "w", userblock_size=512) as file:
     file["t"] = time_s[:2]
@@ -69,6 +72,15 @@ save(book, "workbook.xlsx")
 other = book.copy_worksheet(sheet)
 other.title = "Run 4"
 save(book, "two-runs.xlsx")
+
+book = openpyxl.Workbook()
+sheet = book.active
+sheet.append(["Time", "HV (kV)", "Laser (mm)"])
+start = datetime.datetime(2026, 11, 24, 23, 59, 58, 500000)
+for t, *row in zip(time_s, voltage_kv, laser_mm):
+    sheet.append([start + datetime.timedelta(seconds=float(t)), *map(float, row)])
+sheet.append(["Mean", float(voltage_kv.mean()), float(laser_mm.mean())])
+save(book, "dates.xlsx")
 
 with zipfile.ZipFile(HERE / "archive.zip", "w") as file:
     file.writestr("film.csv", "time_s,voltage_v\n0,0\n1,1\n")

@@ -5,30 +5,59 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::recordings::RecordingOptions;
+use super::recordings::{self, RawOptions};
 use super::{Verdict, with_flags};
-use crate::error::Result;
-use crate::excitation::check::{self, Facts, Report, Severity};
+use crate::error::{Result, shown};
+use crate::excitation::check::{self, Facts, Finding, Report, Severity};
+use crate::files::recording::Recording;
 use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
-    reading: RecordingOptions,
+    reading: RawOptions,
     /// Recordings of one film.
     #[arg(value_name = "REC.csv", required = true)]
     recordings: Vec<PathBuf>,
 }
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
-    let recordings = arguments.reading.read(&arguments.recordings)?;
+    let hints = arguments.reading.hints()?;
+    let read = |path: &PathBuf| Recording::read_with(path, &hints);
+    let recordings = arguments.recordings.iter().map(read).collect::<Result<Vec<Recording>>>()?;
+    for recording in &recordings {
+        recording.understood().into_iter().for_each(recordings::report_understood);
+    }
     let mut report = check::check(&recordings);
+    for recording in &recordings {
+        add_what_is_implausible(&mut report, recording);
+    }
+    report.findings.sort_by_key(|finding| finding.severity);
+    report.identifies = report.findings.iter().all(|finding| finding.severity != Severity::Prevents);
     for finding in &mut report.findings {
         finding.finding = with_flags(&finding.finding);
         finding.advice = with_flags(&finding.advice);
     }
     terminal::report(json, &report, || text(&report))?;
     Ok(if report.identifies { Verdict::Yes } else { Verdict::No })
+}
+
+/// Adds what the reader left out, and what is implausible about `recording` unless the check has found it.
+fn add_what_is_implausible(report: &mut Report, recording: &Recording) {
+    let file = shown(recording.path());
+    let beginning = |text: &str| text.split_whitespace().take(3).map(str::to_owned).collect::<Vec<_>>();
+    let is_found = |text: &str| {
+        let of_file = report.findings.iter().filter(|finding| finding.file.as_ref() == Some(&file));
+        let stroke = |text: &str| text.contains("stroke of") || text.contains("the stroke is");
+        of_file
+            .into_iter()
+            .any(|finding| beginning(&finding.finding) == beginning(text) || (stroke(&finding.finding) && stroke(text)))
+    };
+    let implausible = recording.implausible().into_iter().filter(|text| !is_found(text));
+    let implausible = implausible.map(|text| (Severity::Prevents, text)).collect::<Vec<_>>();
+    let notes = recording.notes().iter().map(|note| (Severity::Weakens, note.clone()));
+    let finding = |(severity, finding)| Finding { severity, file: Some(file.clone()), finding, advice: String::new() };
+    report.findings.extend(implausible.into_iter().chain(notes).map(finding));
 }
 
 fn text(report: &Report) -> String {

@@ -345,7 +345,6 @@ fn stage(path: &Path, run: &LoopRun, grid: Grid, step: usize) -> Result<Staged> 
     let limited: Vec<f64> = run.limited.iter().map(|limited| f64::from(limited.bits())).collect();
     output::stage_rows(
         path,
-        &[],
         &[
             ("time_s", Some(time.as_slice())),
             ("voltage_v", Some(&run.voltage_v)),

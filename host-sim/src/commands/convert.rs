@@ -7,7 +7,6 @@ use serde::Serialize;
 
 use super::choice::named;
 use super::recordings::{self, RecordingOptions};
-use crate::choice::Choice;
 use crate::error::{Error, Result, shown};
 use crate::files::material_test::{MaterialTest, Strain};
 use crate::files::output::{self, Folders};
@@ -58,14 +57,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     recordings::report_understood(&test.understood);
     let (displacement, force) =
         (test.displacement_m(arguments.length, arguments.strain)?, test.force_n(arguments.area)?);
-    let size = |name: &str, value: Option<f64>, unit: &str| value.map(|value| format!(", {name} = {value} {unit}"));
-    let sizes: String =
-        [size("L", arguments.length, "m"), size("A", arguments.area, "m2")].into_iter().flatten().collect();
-    let strain = arguments.strain.name();
-    let comment = format!("{}, as a body{sizes}, {strain} strain", shown(path));
     output::write_columns(
         &arguments.out,
-        &[comment],
         &[("time_s", Some(&test.time_s)), ("displacement_m", Some(&displacement)), ("force_n", Some(&force))],
     )?;
     let largest = |values: &[f64]| values.iter().copied().fold(f64::NEG_INFINITY, f64::max);

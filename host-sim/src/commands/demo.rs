@@ -200,8 +200,7 @@ impl OutputFiles {
         let mut recordings = Vec::new();
         for ((period_s, seed), path) in SIMULATED.into_iter().zip(&self.recordings) {
             let waveform = Waveform { peak_v: SIMULATED_PEAK_V, frequencies_hz: vec![1.0 / period_s] };
-            let comment = "a nonlinear film, simulated; not a measurement".to_owned();
-            FilmRecording::new(&film, &waveform, grid, Instruments::default(), seed)?.write(path, &[comment])?;
+            FilmRecording::new(&film, &waveform, grid, Instruments::default(), seed)?.write(path)?;
             recordings.push(Recording::read(path)?);
         }
         Ok(recordings)
@@ -217,7 +216,7 @@ impl OutputFiles {
         let time = grid.times_s();
         let columns: [(&str, Option<&[f64]>); 2] = [("time_s", Some(&time)), ("displacement_m", Some(values))];
         Ok([
-            output::stage_columns(&self.reference, &[], &columns)?,
+            output::stage_columns(&self.reference, &columns)?,
             feedforward_command::stage(&self.voltage, *grid, &plan)?,
         ])
     }

@@ -111,7 +111,6 @@ pub(super) fn stage(path: &Path, grid: Grid, plan: &VoltagePlan) -> Result<Stage
     let limited: Vec<f64> = plan.limited.iter().map(|limited| f64::from(limited.bits())).collect();
     output::stage_columns(
         path,
-        &[],
         &[
             ("time_s", Some(time.as_slice())),
             ("voltage_v", Some(&plan.voltage_v)),

@@ -64,7 +64,6 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         sweep.run(&parameters).map_err(|e| e.about(&arguments.params, &arguments.out))?;
     let table = output::stage_columns(
         &arguments.out,
-        &[],
         &[
             ("frequency_hz", Some(&frequency_hz)),
             ("magnitude_m_per_n", Some(&magnitude_m_per_n)),

@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::recordings::RecordingOptions;
+use super::recordings::RawOptions;
+use super::with_flags;
 use crate::error::{Error, Result, shown};
-use crate::files::import::{Blank, By, Edits, Quantity, Series, Understood, UnderstoodColumn};
+use crate::files::import::{Blank, By, Edits, Hints, Quantity, Series, Understood, UnderstoodColumn};
 use crate::files::output::{self, Folder, Folders, Staged};
 use crate::files::recording::Recording;
 use crate::fit::statistics::median;
@@ -18,7 +19,7 @@ use crate::terminal::{self, rounded};
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
-    options: RecordingOptions,
+    options: RawOptions,
     /// Keep rows from here on, s from the first. What the film remembers of the rows before is lost: begin at rest.
     #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 0.0)]
     from: f64,
@@ -28,7 +29,8 @@ pub(super) struct Arguments {
     /// Average every N rows into one.
     #[arg(long, value_name = "N", default_value_t = 1)]
     decimate: usize,
-    /// Discard drop-outs: displacement=-9999, "displacement>12" (numbers of the file) or 12.5..13 (s). May be repeated.
+    /// Discard drop-outs: displacement=-9999, "displacement>12" (numbers of the file), 12.5..13 (s), or a word
+    /// for a missing reading. May be repeated.
     #[arg(long, value_name = "WHAT")]
     blank: Vec<Blank>,
     /// Folder for the recordings, one CSV per file.
@@ -75,7 +77,7 @@ struct Range {
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let edits = Edits::new(arguments.blank.clone(), arguments.from, arguments.to, arguments.decimate)?;
     let outputs = arguments.outputs()?;
-    let hints = arguments.options.hints();
+    let hints = Hints { words: Blank::words(&arguments.blank), ..arguments.options.hints()? };
     let mut imported = Vec::new();
     for (path, out) in arguments.files.iter().zip(&outputs) {
         let series = Recording::read_with(path, &hints)?.into_series();
@@ -90,8 +92,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     // Removed again if it stays empty.
     let _folder = Folder::at(&arguments.out)?;
     let mut staged = Vec::new();
-    for ((report, recording), out) in imported.iter().zip(&outputs) {
-        staged.push(stage(out, report, recording)?);
+    for ((_, recording), out) in imported.iter().zip(&outputs) {
+        staged.push(stage(out, recording)?);
     }
     staged.into_iter().try_for_each(Staged::commit)?;
     let report = Report { files: imported.into_iter().map(|(report, _)| report).collect() };
@@ -142,25 +144,7 @@ impl Imported {
             warnings
                 .push("the drive is not 0 at --from: what the film remembers of the rows before is lost".to_owned());
         }
-        if let Some(voltage) = ranges.iter().find(|range| range.quantity == Quantity::Voltage) {
-            let largest = voltage.high.abs().max(voltage.low.abs());
-            if largest > 0.0 && largest < 50.0 {
-                let column = understood.columns.iter().find(|column| column.quantity == Quantity::Voltage);
-                let column = column.map_or(0, |column| column.column);
-                warnings.push(format!(
-                    "the largest voltage is {largest} V: a monitor's output? Multiply it, as in --columns voltage={column}*1000"
-                ));
-            }
-        }
-        if let Some(displacement) = ranges.iter().find(|range| range.quantity == Quantity::Displacement) {
-            let largest = if displacement.high > -displacement.low { displacement.high } else { displacement.low };
-            if largest.abs() > 0.1 {
-                warnings.push(format!(
-                    "a displacement of {} m: a drop-out of the sensor (--blank), or another unit?",
-                    rounded(largest)
-                ));
-            }
-        }
+        warnings.extend(recording.implausible().iter().map(|text| with_flags(text)));
         Self {
             out: shown(out),
             rows: recording.time_s().len(),
@@ -171,7 +155,10 @@ impl Imported {
             gaps: gaps().count(),
             longest_gap_s: gaps().fold(0.0, f64::max),
             warnings,
-            understood,
+            understood: Understood {
+                notes: understood.notes.iter().map(|note| with_flags(note)).collect(),
+                ..understood
+            },
         }
     }
 
@@ -190,17 +177,12 @@ impl Range {
     }
 }
 
-fn stage(out: &Path, report: &Imported, recording: &Recording) -> Result<Staged> {
+fn stage(out: &Path, recording: &Recording) -> Result<Staged> {
     let time = recording.time_s();
     let columns = recording.columns();
     let mut named: Vec<(&str, Option<&[f64]>)> = vec![("time_s", Some(time))];
     named.extend(columns.iter().map(|(name, values)| (*name, Some(values.as_slice()))));
-    let comment = |column: &UnderstoodColumn| format!("{}: {}", column.quantity.name(), origin(column));
-    let mut comments = vec![format!("imported from {}", report.understood.file)];
-    comments.extend(report.understood.columns.iter().map(comment));
-    // A name may hold a line end; a comment must not.
-    let comments: Vec<String> = comments.into_iter().map(|line| line.replace(char::is_control, " ")).collect();
-    output::stage_columns(out, &comments, &named)
+    output::stage_columns(out, &named)
 }
 
 /// Where a column comes from: `column 2 "U [kV]", × 1000`.
@@ -208,6 +190,7 @@ fn origin(column: &UnderstoodColumn) -> String {
     let unit = if column.unit.is_empty() { String::new() } else { format!(" in {}", column.unit) };
     let by = match column.by {
         By::Unit => ", by its unit alone",
+        By::Preamble => ", by the interval in the preamble",
         By::Choice => ", as chosen",
         By::OwnName | By::Name => "",
     };
@@ -220,19 +203,20 @@ fn text(file: &Imported) -> String {
         let lines = file.understood.preamble_lines;
         let _ = write!(text, ", {lines} {} above the header", if lines == 1 { "line" } else { "lines" });
     }
-    for column in &file.understood.columns {
+    let time = file.understood.columns.iter().find(|column| column.quantity == Quantity::Time);
+    let _ = write!(
+        text,
+        "\n  {:12} {}: {} rows at {} Hz, {} s",
+        "time",
+        time.map_or_else(|| "from the rate of the rows".into(), origin),
+        file.rows,
+        rounded(file.rate_hz),
+        rounded(file.duration_s)
+    );
+    for column in file.understood.columns.iter().filter(|column| column.quantity != Quantity::Time) {
         let _ = write!(text, "\n  {:12} {}", column.quantity.name(), origin(column));
         let si = column.quantity.si_unit();
         match file.range(column.quantity) {
-            _ if column.quantity == Quantity::Time => {
-                let _ = write!(
-                    text,
-                    ": {} rows at {} Hz, {} s",
-                    file.rows,
-                    rounded(file.rate_hz),
-                    rounded(file.duration_s)
-                );
-            }
             Some(range) => {
                 let _ = write!(text, ": {} to {} {si}", rounded(range.low), rounded(range.high));
                 if range.empty > 0 {
@@ -256,6 +240,9 @@ fn text(file: &Imported) -> String {
     }
     if file.blanked > 0 {
         let _ = write!(text, "\n  {:12} {} readings", "blanked", file.blanked);
+    }
+    for note in &file.understood.notes {
+        let _ = write!(text, "\n  {:12} {note}", "note");
     }
     for warning in &file.warnings {
         let _ = write!(text, "\n  warning: {warning}");

@@ -109,7 +109,6 @@ fn stage(path: &Path, grid: Grid, rows: &[usize], volts: &[f64], estimates: &Est
     let time = grid.times_s();
     output::stage_rows(
         path,
-        &[],
         &[
             ("time_s", Some(time.as_slice())),
             ("voltage_v", Some(volts)),

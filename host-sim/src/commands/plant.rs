@@ -6,7 +6,6 @@ use clap::Args;
 use serde::Serialize;
 
 use super::choice::named;
-use crate::choice::Choice;
 use crate::error::{Result, shown};
 use crate::files::output::{self, Folders};
 use crate::progress::Progress;
@@ -69,9 +68,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let bar = Progress::unknown("integrate the film");
     let recording = session.record(&film)?;
     bar.finish_and_clear();
-    let comments =
-        ["a nonlinear film, simulated; not a measurement".to_owned(), format!("host-sim {}", arguments.command())];
-    recording.write(&arguments.out, &comments)?;
+    recording.write(&arguments.out)?;
 
     let slowest = arguments.frequency.iter().copied().fold(f64::INFINITY, f64::min);
     let [first_peak_m, last_peak_m] = recording.peaks_m(slowest);
@@ -107,23 +104,5 @@ impl Arguments {
             },
             seed: self.seed,
         }
-    }
-
-    /// The command that makes this recording again. It says `twin`, which every version of this tool understands.
-    fn command(&self) -> String {
-        let frequencies: String = self.frequency.iter().map(|f| format!(" --frequency {f}")).collect();
-        format!(
-            "twin --plant {}{frequencies} --duration {} --rate {} --peak-voltage {} --seed {} --noise {} --quantum {} \
-             --monitor-noise {} --out {}",
-            self.plant.name(),
-            self.duration,
-            self.rate,
-            self.peak_voltage,
-            self.seed,
-            self.noise,
-            self.quantum,
-            self.monitor_noise,
-            self.out.display()
-        )
     }
 }

@@ -112,10 +112,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let voltage = made.on(grid);
     output::check(&arguments.out, &[Path::new(&arguments.board)], Folders::Exist)?;
     let time = grid.times_s();
-    let comments: Vec<String> = made.parts.iter().map(described).collect();
     output::write_columns(
         &arguments.out,
-        &comments,
         &[("time_s", Some(time.as_slice())), ("voltage_v", Some(voltage.as_slice()))],
     )?;
     let slew = voltage.windows(2).map(|pair| (pair[1] - pair[0]).abs() * arguments.rate).fold(0.0, f64::max);

@@ -4,12 +4,18 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use crate::error::Result;
-use crate::files::import::{Choices, Hints, Understood};
+use super::choice::named;
+use super::with_flags;
+use crate::error::{Result, shown};
+use crate::files::import::{Choices, Decimal, Fill, Hints, RepeatedTimes, Understood};
 use crate::files::recording::Recording;
 use crate::grid::Grid;
+use crate::quantity::{self, positive};
 use crate::references;
 use crate::terminal;
+
+/// Rows of a recording about whose numbers a command warns.
+const MIN_ROWS: usize = 50;
 
 /// Options for files whose columns do not have the names of a recording.
 #[derive(Clone, Debug, Default, Args)]
@@ -22,11 +28,57 @@ pub(super) struct RecordingOptions {
     /// Spreadsheet of a workbook.
     #[arg(long, value_name = "NAME")]
     sheet: Option<String>,
+    /// Line of the column names, where it is not found; the rows follow it.
+    #[arg(long, value_name = "LINE")]
+    header: Option<u64>,
+    /// Run of rows to read, from 1, where the header is repeated.
+    #[arg(long, value_name = "N")]
+    segment: Option<usize>,
+    /// Decimal sign, where numbers such as 1.234 can be read in two ways.
+    #[arg(long, value_name = "SIGN", value_parser = named::<Decimal>())]
+    decimal: Option<Decimal>,
+    /// Meaning of rows of one time.
+    #[arg(long, value_name = "MEANING", value_parser = named::<RepeatedTimes>())]
+    repeated_times: Option<RepeatedTimes>,
+    /// Drive between its readings, where it was logged more slowly than the sensor.
+    #[arg(long, value_name = "HOW", value_parser = named::<Fill>())]
+    fill: Option<Fill>,
+}
+
+/// Options of the commands that judge or rewrite recordings.
+#[derive(Clone, Debug, Args)]
+pub(super) struct RawOptions {
+    #[command(flatten)]
+    reading: RecordingOptions,
+    /// Rows per second, for a file without a column of times.
+    #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
+    rate: Option<f64>,
+    /// Take the displacement with the opposite sign.
+    #[arg(long)]
+    invert: bool,
+}
+
+impl RawOptions {
+    pub(super) fn hints(&self) -> Result<Hints> {
+        if let Some(rate_hz) = self.rate {
+            positive("rate_hz", rate_hz)?;
+        }
+        Ok(Hints { rate_hz: self.rate, invert: self.invert, ..self.reading.hints() })
+    }
 }
 
 impl RecordingOptions {
     pub(super) fn hints(&self) -> Hints {
-        Hints { choices: self.columns.clone().unwrap_or_default(), sheet: self.sheet.clone() }
+        Hints {
+            choices: self.columns.clone().unwrap_or_default(),
+            sheet: self.sheet.clone(),
+            header_line: self.header,
+            segment: self.segment,
+            decimal: self.decimal,
+            repeated_times: self.repeated_times,
+            fill: self.fill,
+            ..Hints::default()
+        }
     }
 
     /// Reads all `paths`; how files with other names were read is reported on standard error.
@@ -61,6 +113,11 @@ impl RecordingOptions {
 /// Reports how a `recording` with other names was read.
 pub(super) fn report(recording: &Recording) {
     recording.understood().into_iter().for_each(report_understood);
+    let file = shown(recording.path());
+    // A handful of rows is no measurement, and the fault of its file is reported alone.
+    let implausible = if recording.time_s().len() < MIN_ROWS { Vec::new() } else { recording.implausible() };
+    let lines = recording.notes().iter().cloned().chain(implausible);
+    terminal::warnings(false, lines.map(|line| format!("{file}: {}", with_flags(&line))));
 }
 
 /// Reports how a file was read, if it has other names.

@@ -63,7 +63,6 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let time = grid.times_s();
     let table = output::stage_columns(
         &arguments.out,
-        &[],
         &[("time_s", Some(time.as_slice())), ("displacement_m", Some(values.as_slice()))],
     )?;
     let report = Report { out: shown(&arguments.out), samples: grid.samples };

@@ -246,6 +246,13 @@ def read_recording(
     to_s: float | None = None,
     decimate: int = 1,
     blank: Sequence[str] = ...,
+    header_line: int | None = None,
+    segment: int | None = None,
+    decimal: Literal["point", "comma"] | None = None,
+    repeated_times: Literal["spread", "mean"] | None = None,
+    fill: Literal["hold", "linear"] | None = None,
+    rate_hz: float | None = None,
+    invert: bool = False,
 ) -> Recording: ...
 def read_reference(path: _Path, *, columns: str | None = None, sheet: str | None = None) -> Recording: ...
 def record_film(

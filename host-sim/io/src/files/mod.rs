@@ -8,5 +8,6 @@ pub mod layout;
 pub mod material_test;
 pub mod output;
 pub mod parameters;
+mod plausible;
 pub mod recording;
 pub mod table;

@@ -123,13 +123,13 @@ fn folder_of(path: &Path) -> &Path {
 }
 
 /// Writes columns of equal length as CSV; a column of `None`, or a value that is not a number,
-/// leaves its cells empty.
+/// leaves its cells empty. Nothing but the header is above them, which other programs expect by default.
 ///
 /// # Errors
 ///
 /// As [`write_whole`].
-pub fn write_columns(path: &Path, comments: &[String], columns: &[(&str, Option<&[f64]>)]) -> Result<()> {
-    stage_columns(path, comments, columns)?.commit()
+pub fn write_columns(path: &Path, columns: &[(&str, Option<&[f64]>)]) -> Result<()> {
+    stage_columns(path, columns)?.commit()
 }
 
 /// The same, staged.
@@ -137,9 +137,9 @@ pub fn write_columns(path: &Path, comments: &[String], columns: &[(&str, Option<
 /// # Errors
 ///
 /// As [`Staged::new`].
-pub fn stage_columns(path: &Path, comments: &[String], columns: &[(&str, Option<&[f64]>)]) -> Result<Staged> {
+pub fn stage_columns(path: &Path, columns: &[(&str, Option<&[f64]>)]) -> Result<Staged> {
     let rows = columns.iter().filter_map(|(_, values)| values.map(<[f64]>::len)).max().unwrap_or(0);
-    stage_rows(path, comments, columns, 0..rows)
+    stage_rows(path, columns, 0..rows)
 }
 
 /// Those `rows` of the columns, staged; a large file is announced before it is written.
@@ -149,7 +149,6 @@ pub fn stage_columns(path: &Path, comments: &[String], columns: &[(&str, Option<
 /// As [`Staged::new`], and where the disk has no room for it.
 pub fn stage_rows(
     path: &Path,
-    comments: &[String],
     columns: &[(&str, Option<&[f64]>)],
     rows: impl ExactSizeIterator<Item = usize> + Clone,
 ) -> Result<Staged> {
@@ -176,9 +175,6 @@ pub fn stage_rows(
         terminal::message(format!("{}: {notice}", shown(path)));
     }
     Staged::new(path, |out| {
-        for comment in comments {
-            writeln!(out, "# {comment}")?;
-        }
         let names: Vec<&str> = columns.iter().map(|(name, _)| *name).collect();
         writeln!(out, "{}", names.join(","))?;
         rows.into_iter().try_for_each(|row| write(out, row))

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::choice;
 use crate::error::{Error, Result};
 use crate::files::digest;
-use crate::files::import::{Hints, Names, Quantity, Series, Understood};
+use crate::files::import::{Hints, Names, Quantity, Series, Understood, UnderstoodColumn};
 use crate::files::layout::Layout;
 use crate::files::table::{Column, MAX_VALUE, Table};
 use crate::grid::{Grid, Samples};
@@ -225,6 +225,16 @@ impl Recording {
         Some(&self.understood).filter(|understood| !understood.is_own())
     }
 
+    /// The column of `quantity` as it was understood.
+    pub(super) fn origin(&self, quantity: Quantity) -> Option<&UnderstoodColumn> {
+        self.understood.columns.iter().find(|column| column.quantity == quantity)
+    }
+
+    /// Remarks on what was left out, counted or changed as the file was read.
+    pub fn notes(&self) -> &[String] {
+        &self.understood.notes
+    }
+
     /// Times of all rows, s.
     pub fn time_s(&self) -> &[f64] {
         &self.time_s
@@ -315,7 +325,7 @@ impl Recording {
     }
 
     fn complete(&self, column: &Column) -> Result<Samples> {
-        column.complete(&self.path, &self.time_s, "what drives the film must be complete")
+        column.complete(&self.path, &self.time_s, "what drives the film must be complete; if it was logged more slowly than the sensor, use `fill` hold or `fill` linear")
     }
 }
 

@@ -1,5 +1,8 @@
 //! Files as they are read and written.
 
+mod instruments;
 mod lab_files;
+mod misreadings;
 mod other_files;
 mod refused_recordings;
+mod written_files;

@@ -33,7 +33,7 @@ impl Folder {
 
 fn hints(columns: &str) -> Hints {
     let choices = if columns.is_empty() { Ok(Default::default()) } else { columns.parse() };
-    Hints { choices: choices.expect("columns"), sheet: None }
+    Hints { choices: choices.expect("columns"), ..Hints::default() }
 }
 
 /// Command and monitor in kV: up at once, the monitor a fifth of the way later; both with a decimal comma.

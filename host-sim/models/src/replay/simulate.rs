@@ -39,7 +39,7 @@ impl Response {
             ("displacement_m", Some(&self.displacement_m)),
         ];
         columns.extend_from_slice(more);
-        output::stage_columns(path, &[], &columns)
+        output::stage_columns(path, &columns)
     }
 }
 

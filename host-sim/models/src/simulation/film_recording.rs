@@ -41,16 +41,15 @@ impl FilmRecording {
         Ok(Self { grid, voltage_v, displacement_m, film_displacement_m })
     }
 
-    /// Writes the recording as CSV under `comments`.
+    /// Writes the recording as CSV.
     ///
     /// # Errors
     ///
     /// [`Error::File`] where it cannot be written.
-    pub fn write(&self, path: &Path, comments: &[String]) -> Result<()> {
+    pub fn write(&self, path: &Path) -> Result<()> {
         let time = self.grid.times_s();
         output::write_columns(
             path,
-            comments,
             &[
                 ("time_s", Some(time.as_slice())),
                 ("voltage_v", Some(&self.voltage_v)),

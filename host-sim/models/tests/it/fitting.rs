@@ -413,7 +413,7 @@ fn measured_vhb_4910() {
     let force = test.force_n(Some(7.84e-6)).expect("a stress");
     let columns: [(&str, Option<&[f64]>); 3] =
         [("time_s", Some(&test.time_s)), ("displacement_m", Some(&displacement)), ("force_n", Some(&force))];
-    output::write_columns(&body, &[], &columns).expect("written");
+    output::write_columns(&body, &columns).expect("written");
     let observation = observation(&body, Direction::Displacement);
     let actuator = Actuator { mass_kg: 0.0, ..Actuator::KARNER_2022 };
     let fit = fitted(std::slice::from_ref(&observation), &Settings { actuator, ..structure(Topology::Parallel, 1) });

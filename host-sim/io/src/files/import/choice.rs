@@ -89,7 +89,7 @@ fn choice(item: &str) -> Result<Choice, String> {
 }
 
 fn unit_of(quantity: Quantity, text: &str) -> Result<Unit, String> {
-    match units::read(text) {
+    match units::read(text, false) {
         units::Read::Unit(unit) if unit.quantity == quantity.measure() => Ok(unit),
         _ => Err(format!("{text:?} is not a unit of {}: {}", quantity.name(), units::usual(quantity))),
     }

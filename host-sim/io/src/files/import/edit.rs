@@ -44,7 +44,7 @@ impl Edits {
 }
 
 /// Readings to discard: drop-outs of a sensor.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Blank {
     /// Those of a quantity that are exactly this number of the file.
     Equal(Quantity, f64),
@@ -54,22 +54,38 @@ pub enum Blank {
     Below(Quantity, f64),
     /// Displacements between these times, s from the first row.
     During(f64, f64),
+    /// Cells of this word, which is no reading. They are emptied as the file is read: [`Hints::words`](super::Hints).
+    Word(String),
+}
+
+impl Blank {
+    /// The words among `blanks`.
+    pub fn words(blanks: &[Self]) -> Vec<String> {
+        let word = |blank: &Self| match blank {
+            Self::Word(word) => Some(word.clone()),
+            _ => None,
+        };
+        blanks.iter().filter_map(word).collect()
+    }
 }
 
 impl std::str::FromStr for Blank {
     type Err = String;
 
-    /// `displacement=-9999`, `displacement>12`, `displacement<-1` or `12.5..13`.
+    /// `displacement=-9999`, `displacement>12`, `displacement<-1`, `12.5..13` or a word.
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let number = |part: &str| part.trim().parse::<f64>().ok().filter(|value| value.is_finite());
-        let fault = || format!("{text:?}: use such as displacement=-9999, \"displacement>12\" or 12.5..13 (s)");
+        let fault = || format!("{text:?}: use such as displacement=-9999, \"displacement>12\", 12.5..13 (s) or a word");
         if let Some((from, to)) = text.split_once("..") {
             return match (number(from), number(to)) {
                 (Some(from), Some(to)) if from <= to => Ok(Self::During(from, to)),
                 _ => Err(fault()),
             };
         }
-        let at = text.find(['=', '<', '>']).ok_or_else(fault)?;
+        let Some(at) = text.find(['=', '<', '>']) else {
+            let word = text.trim();
+            return if word.is_empty() || number(word).is_some() { Err(fault()) } else { Ok(Self::Word(word.into())) };
+        };
         let quantity = [Quantity::Displacement, Quantity::Force, Quantity::Voltage]
             .into_iter()
             .find(|quantity| quantity.name() == text[..at].trim())
@@ -92,7 +108,7 @@ impl Series {
     pub fn edited(mut self, edits: &Edits) -> std::result::Result<(Self, usize), String> {
         let mut blanked = 0;
         for blank in &edits.blanks {
-            blanked += self.blank(*blank)?;
+            blanked += self.blank(blank)?;
         }
         let start = self.clock_s[0];
         let inside = |t: f64| (edits.from_s..=edits.to_s).contains(&(t - start));
@@ -120,12 +136,13 @@ impl Series {
     }
 
     /// Empties the cells of `blank` and counts them.
-    fn blank(&mut self, blank: Blank) -> std::result::Result<usize, String> {
-        let (quantity, value) = match blank {
+    fn blank(&mut self, blank: &Blank) -> std::result::Result<usize, String> {
+        let (quantity, value) = match *blank {
             Blank::Equal(quantity, value) | Blank::Above(quantity, value) | Blank::Below(quantity, value) => {
                 (quantity, value)
             }
             Blank::During(..) => (Quantity::Displacement, 0.0),
+            Blank::Word(_) => return Ok(0),
         };
         let start = self.clock_s[0];
         // As the numbers of the file were taken: the same product is the same number.
@@ -135,11 +152,12 @@ impl Series {
         let column = self.columns.iter_mut().find(|(which, _)| *which == quantity);
         let (_, column) = column.ok_or_else(|| format!("no {} to blank", quantity.name()))?;
         let is_blanked = |(row, cell): (usize, &Option<f64>)| {
-            cell.is_some_and(|cell| match blank {
+            cell.is_some_and(|cell| match *blank {
                 Blank::Equal(..) => cell == limit,
                 Blank::Above(..) => (cell > limit) != turned && cell != limit,
                 Blank::Below(..) => (cell < limit) != turned && cell != limit,
                 Blank::During(from, to) => (from..=to).contains(&(clock_s[row] - start)),
+                Blank::Word(_) => false,
             })
         };
         let cells: Vec<Option<f64>> =

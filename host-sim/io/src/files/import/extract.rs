@@ -1,19 +1,22 @@
 //! Columns in SI units from a file, and what was understood of it.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use serde::Serialize;
 
-use super::choice::Choices;
 use super::mapping::{self, By, Chosen};
+use super::names::Title;
 use super::numbers::{self, Cell, Decimal};
 use super::source::{Source, Value};
-use super::text::TextTable;
+use super::text::{self, Dialect, TextTable};
+use super::times::{Origin, Times};
 use super::{Hints, Quantity, Request, encoding, kind, mat, workbook};
 use crate::error::{Error, Result, shown};
 use crate::files::table::{Column, MAX_VALUE};
+use crate::terminal::rounded;
 
 /// Bytes from which the kind of a file is found.
 const HEAD: u64 = 1 << 16;
@@ -54,6 +57,8 @@ pub struct Understood {
     pub columns: Vec<UnderstoodColumn>,
     /// Names of the others.
     pub ignored: Vec<String>,
+    /// Remarks on rows and readings that were left out, counted or changed.
+    pub notes: Vec<String>,
 }
 
 /// A column that is used.
@@ -90,6 +95,7 @@ impl Understood {
             let unit = match (column.unit.as_str(), column.by) {
                 ("", _) => format!("× {}", column.factor),
                 (unit, By::Unit) => format!("{unit}, by its unit"),
+                (unit, By::Preamble) => format!("{unit}, by the preamble"),
                 (unit, _) => unit.to_owned(),
             };
             format!("{} = {:?} ({unit})", column.quantity.name(), column.name)
@@ -108,7 +114,7 @@ pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -
     let unreadable = |error: std::io::Error| Error::file(path, error);
     let mut bytes = Vec::new();
     file.by_ref().take(HEAD).read_to_end(&mut bytes).map_err(unreadable)?;
-    let own = *hints == Hints::default() && has_own_names(&String::from_utf8_lossy(&bytes), request);
+    let own = hints.allow_own_names() && has_own_names(&String::from_utf8_lossy(&bytes), request);
     let kind = if own { kind::Kind::Text } else { kind::detect(&bytes).map_err(|cause| Error::file(path, cause))? };
     if !own && kind == kind::Kind::Text && bytes.contains(&0) {
         // Before a gigabyte of it is read.
@@ -124,10 +130,11 @@ pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -
         return Err(Error::field("sheet", format!("{} is no workbook", shown(path))));
     }
     match kind {
-        _ if own => own_names(path, bytes, request),
-        kind::Kind::Text => text(path, &bytes, request, &hints.choices),
+        _ if own => own_names(path, bytes, request, hints),
+        kind::Kind::Text => text(path, &bytes, request, hints),
         kind::Kind::Workbook => spreadsheet(path, bytes, request, hints),
-        kind::Kind::Mat => variables(path, &bytes, request, &hints.choices),
+        kind::Kind::Mat => variables(path, mat::contents(&bytes), request, hints),
+        kind::Kind::OldMat => variables(path, mat::contents_of_version_4(&bytes), request, hints),
     }
 }
 
@@ -139,7 +146,7 @@ pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -
 pub fn from_csv(path: &Path, mut csv: impl Read, request: &Request<'_>) -> Result<Series> {
     let mut bytes = Vec::new();
     csv.read_to_end(&mut bytes).map_err(|error| Error::file(path, error))?;
-    own_names(path, bytes, request)
+    own_names(path, bytes, request, &Hints::default())
 }
 
 /// Whether a text that begins with `head` has the names of this tool for what is needed, with numbers below them. Decimal commas in
@@ -161,45 +168,51 @@ fn has_own_names(head: &str, request: &Request<'_>) -> bool {
 }
 
 /// Reads CSV text with the names of this tool. Programs that join files leave more than one byte order mark.
-fn own_names(path: &Path, bytes: Vec<u8>, request: &Request<'_>) -> Result<Series> {
+fn own_names(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints) -> Result<Series> {
     let text = String::from_utf8(bytes).unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned());
     let text = text.trim_start_matches(MARK);
     let table = TextTable::below_names(text).map_err(|(line, cause)| at(path, line, cause))?;
     let line = table.head.line;
     let own = mapping::own(&table.titles(), request).map_err(|cause| at(path, line, cause))?;
-    let source = Source::Text("UTF-8", table);
-    let chosen = own.map_or_else(|| map(path, &source, request, &Choices::default()), Ok)?;
-    extract(path, &source, &chosen)
+    let source = Source::Text("text (UTF-8)".into(), table);
+    let chosen = own.map_or_else(|| map(path, &source, request, hints), Ok)?;
+    extract(path, &source, &chosen, hints)
 }
 
 /// A byte order mark.
 const MARK: char = '\u{feff}';
 
 /// Reads text; in each of the encodings that it may be in.
-fn text(path: &Path, bytes: &[u8], request: &Request<'_>, choices: &Choices) -> Result<Series> {
+fn text(path: &Path, bytes: &[u8], request: &Request<'_>, hints: &Hints) -> Result<Series> {
     let decoded = encoding::readings(bytes).map_err(|cause| Error::file(path, cause))?;
-    let mut readings = Vec::new();
-    for decoded in &decoded {
-        let reading = TextTable::find(&decoded.text).map_err(|(line, cause)| at(path, line, cause)).and_then(|table| {
-            let source = Source::Text(decoded.encoding, table);
-            let chosen = map(path, &source, request, choices)?;
-            Ok((source, chosen))
-        });
-        readings.push(reading);
-    }
+    let is_time = |name: &str| Title::new(name).sense(request, false).named == Some(Quantity::Time);
+    let texts: Vec<(String, Cow<'_, str>)> = decoded
+        .iter()
+        .map(|decoded| match text::transposed(&decoded.text, is_time) {
+            Some(turned) => (format!("text ({}) with rows for columns", decoded.encoding), turned.into()),
+            None => (format!("text ({})", decoded.encoding), decoded.text.as_str().into()),
+        })
+        .collect();
     let mut understood: Vec<(Source<'_>, Vec<Chosen>)> = Vec::new();
     let mut fault = None;
-    for reading in readings {
-        match reading {
+    for (format, text) in &texts {
+        match table(path, format, text, &hints.dialect(), request, hints) {
             Ok(reading) => understood.push(reading),
             Err(error) => fault = Some(error),
         }
     }
     let meaning =
         |chosen: &[Chosen]| chosen.iter().map(|c| (c.quantity, c.index, c.factor.to_bits())).collect::<Vec<_>>();
+    let by_name = |chosen: &[Chosen]| chosen.iter().filter(|column| column.by == By::Name).count();
+    // In the wrong encoding units may be left of a header and no names, or some of the columns.
+    let is_rival = |one: &[Chosen], other: &[Chosen]| {
+        let (few, many) =
+            if one.len() < other.len() { (meaning(one), meaning(other)) } else { (meaning(other), meaning(one)) };
+        few.iter().any(|column| !many.contains(column)) && by_name(one).min(by_name(other)) > 0
+    };
     match (understood.as_slice(), fault) {
         ([], Some(fault)) => Err(fault),
-        ([(first, one), (second, other)], _) if meaning(one) != meaning(other) => {
+        ([(first, one), (second, other)], _) if is_rival(one, other) => {
             let shown = |source: &Source<'_>, chosen: &[Chosen]| {
                 let titles = source.titles();
                 let names: Vec<&str> = chosen.iter().map(|column| titles[column.index].name.as_str()).collect();
@@ -214,29 +227,55 @@ fn text(path: &Path, bytes: &[u8], request: &Request<'_>, choices: &Choices) -> 
         }
         // More columns that are known by their names: the better reading of the letters.
         (readings, _) => {
-            let by_name = |chosen: &[Chosen]| chosen.iter().filter(|column| column.by == By::Name).count();
             let best = readings.iter().rev().max_by_key(|(_, chosen)| by_name(chosen));
-            best.map_or_else(|| Err(Error::file(path, "no text")), |(source, chosen)| extract(path, source, chosen))
+            let (source, chosen) = best.ok_or_else(|| Error::file(path, "no text"))?;
+            extract(path, source, chosen, hints)
         }
     }
+}
+
+/// The table in `text`, and its columns.
+fn table<'a>(
+    path: &Path,
+    format: &str,
+    text: &'a str,
+    dialect: &Dialect<'_>,
+    request: &Request<'_>,
+    hints: &Hints,
+) -> Result<(Source<'a>, Vec<Chosen>)> {
+    let find = |dialect: &Dialect<'_>| TextTable::find(text, dialect).map_err(|(line, cause)| at(path, line, cause));
+    // A single column is a table where the preamble states its rate.
+    let states_rate = |table: &TextTable<'_>| table.head.interval_s.is_some();
+    let table = find(dialect)
+        .or_else(|error| find(&Dialect { single: true, ..*dialect }).ok().filter(states_rate).ok_or(error))?;
+    let source = Source::Text(format.into(), table);
+    let chosen = map(path, &source, request, hints)?;
+    Ok((source, chosen))
 }
 
 /// Reads the spreadsheet of a workbook that is understood.
 fn spreadsheet(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints) -> Result<Series> {
     let sheets = workbook::sheets(bytes, hints.sheet.as_deref()).map_err(|cause| Error::file(path, cause))?;
+    let dialect = Dialect { sheet: true, ..hints.dialect() };
     let mut found = Vec::new();
-    let mut fault = None;
-    for sheet in sheets {
-        let name = sheet.name.clone();
-        let source = Source::Sheet(sheet);
-        match map(path, &source, request, &hints.choices) {
-            Ok(chosen) => found.push((name, source, chosen)),
-            Err(error) => fault = fault.or(Some(error)),
+    let (mut fault, mut has_rows) = (None, false);
+    for sheet in &sheets {
+        match table(path, &format!("spreadsheet {:?}", sheet.name), &sheet.text, &dialect, request, hints) {
+            Ok(reading) => found.push((&sheet.name, reading)),
+            Err(error) => {
+                // A sheet of notes has no rows of numbers; that of another is the fault.
+                let of_rows = TextTable::find(&sheet.text, &dialect).is_ok() || matches!(error, Error::Line { .. });
+                if fault.is_none() || (of_rows && !has_rows) {
+                    fault = Some(error);
+                }
+                has_rows |= of_rows;
+            }
         }
     }
     match (found.as_slice(), fault) {
-        ([(_, source, chosen)], _) => extract(path, source, chosen),
-        ([], Some(fault)) => Err(fault),
+        ([(_, (source, chosen))], _) => extract(path, source, chosen, hints),
+        ([], Some(fault)) if has_rows => Err(fault),
+        ([], _) => Err(Error::file(path, "a workbook without rows of numbers below a header")),
         (several, _) => {
             let names: Vec<String> = several.iter().map(|(name, ..)| format!("{name:?}")).collect();
             let cause = format!(
@@ -250,9 +289,14 @@ fn spreadsheet(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints
 }
 
 /// Reads variables of MATLAB.
-fn variables(path: &Path, bytes: &[u8], request: &Request<'_>, choices: &Choices) -> Result<Series> {
+fn variables(
+    path: &Path,
+    contents: std::result::Result<mat::Contents, String>,
+    request: &Request<'_>,
+    hints: &Hints,
+) -> Result<Series> {
     let fault = |cause: String| Error::file(path, cause);
-    let contents = mat::contents(bytes).map_err(fault)?;
+    let contents = contents.map_err(fault)?;
     if contents.series.is_empty() {
         let cause = match contents.objects.first() {
             Some(name) => format!(
@@ -264,110 +308,192 @@ fn variables(path: &Path, bytes: &[u8], request: &Request<'_>, choices: &Choices
         return Err(fault(cause));
     }
     let source = Source::Series(contents.series);
-    let chosen = map(path, &source, request, choices)?;
-    extract(path, &source, &chosen)
+    let chosen = map(path, &source, request, hints)?;
+    extract(path, &source, &chosen, hints)
 }
 
 fn at(path: &Path, line: u64, cause: String) -> Error {
     if line == 0 { Error::file(path, cause) } else { Error::line(path, line, cause) }
 }
 
-fn map(path: &Path, source: &Source<'_>, request: &Request<'_>, choices: &Choices) -> Result<Vec<Chosen>> {
+fn map(path: &Path, source: &Source<'_>, request: &Request<'_>, hints: &Hints) -> Result<Vec<Chosen>> {
     let line = source.head().map_or(0, |head| head.line);
-    mapping::map(&source.titles(), request, choices).map_err(|cause| at(path, line, cause))
+    let times = match (hints.rate_hz, source.head().and_then(|head| head.interval_s)) {
+        (Some(_), _) => Origin::Person,
+        (None, Some(_)) => Origin::Preamble,
+        (None, None) => Origin::Column,
+    };
+    mapping::map(&source.titles(), request, &hints.choices, times).map_err(|cause| at(path, line, cause))
 }
 
 /// The `chosen` columns in SI units.
-fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen]) -> Result<Series> {
+fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -> Result<Series> {
     let titles = source.titles();
+    let mut chosen = chosen.to_vec();
+    for column in chosen.iter_mut().filter(|column| hints.invert && column.quantity == Quantity::Displacement) {
+        column.factor = -column.factor;
+    }
     let indices: Vec<usize> = chosen.iter().map(|column| column.index).collect();
     let name = |column: &Chosen| match titles[column.index].name.as_str() {
         "" => format!("column {}", column.index + 1),
         name => name.chars().take(40).collect(),
     };
     let names: Vec<String> = chosen.iter().map(name).collect();
-    let mut clock_s: Vec<f64> = Vec::new();
+    refuse_ambiguous(source, &indices, &names).map_err(|(line, cause)| at(path, line, cause))?;
+    let interval_s = hints.rate_hz.map(|rate_hz| 1.0 / rate_hz).or(source.head().and_then(|head| head.interval_s));
+    let mut times = Times::new(interval_s, hints.repeated_times.is_some(), source.starts());
     let mut columns: Vec<Column> = names.iter().map(|name| Column::empty(name.clone())).collect();
+    let mut out_of_range = vec![0; chosen.len()];
     source
-        .each(&indices, |line, place, value| {
-            let Chosen { quantity, factor, .. } = &chosen[place];
-            let cell = si(&names[place], value, *factor)?;
-            if *quantity == Quantity::Time {
-                clock_s.push(next_time(&names[place], cell, clock_s.last().copied())?);
-            } else {
-                columns[place].push(cell, line);
+        .each(&indices, |line, values| {
+            if chosen.first().is_none_or(|column| column.quantity != Quantity::Time) {
+                times.count();
+            }
+            for (place, Chosen { quantity, factor, .. }) in chosen.iter().enumerate() {
+                if *quantity == Quantity::Time {
+                    times.push(line, &names[place], values[place], *factor)?;
+                    continue;
+                }
+                let value = match values[place] {
+                    Value::Text(text) if hints.words.iter().any(|word| word == text) => Value::OutOfRange,
+                    value => value,
+                };
+                out_of_range[place] += usize::from(matches!(value, Value::OutOfRange));
+                columns[place].push(si(&names[place], value, *factor)?, line);
             }
             Ok(())
         })
         .map_err(|(line, cause)| at(path, line, cause))?;
-    if clock_s.len() < 2 {
-        return Err(Error::file(path, format!("{} data rows; a recording needs at least 2", clock_s.len())));
-    }
-    let used = |index: &usize| !indices.contains(index);
+    let mut used: Vec<UnderstoodColumn> = chosen
+        .iter()
+        .zip(&names)
+        .map(|(column, name)| UnderstoodColumn {
+            quantity: column.quantity,
+            column: column.index + 1,
+            name: name.clone(),
+            unit: column.unit.clone(),
+            factor: column.factor,
+            by: column.by,
+        })
+        .collect();
+    let time_column = used.iter_mut().find(|column| column.quantity == Quantity::Time);
+    let clock_s = times.finish(time_column).map_err(|cause| Error::file(path, cause))?;
+    let columns = chosen.iter().map(|column| column.quantity).zip(columns);
+    let columns = columns.filter(|(quantity, column)| *quantity != Quantity::Time && column.has_values()).collect();
     let head = source.head();
+    let is_ignored = |index: &usize| !indices.contains(index);
     let understood = Understood {
         file: shown(path),
         format: source.format(),
         header_line: head.map_or(0, |head| head.line),
         preamble_lines: head.map_or(0, |head| head.preamble),
-        columns: chosen
-            .iter()
-            .zip(&names)
-            .map(|(column, name)| UnderstoodColumn {
-                quantity: column.quantity,
-                column: column.index + 1,
-                name: name.clone(),
-                unit: column.unit.clone(),
-                factor: column.factor,
-                by: column.by,
-            })
-            .collect(),
+        columns: used,
         ignored: (0..titles.len())
-            .filter(used)
+            .filter(is_ignored)
             .map(|index| titles[index].name.clone())
             .filter(|n| !n.is_empty())
             .collect(),
+        notes: Vec::new(),
     };
-    let columns = chosen
+    let mut series = Series { clock_s, columns, understood };
+    // What drives the film must be complete: there it is an error.
+    for (count, column) in out_of_range.iter_mut().zip(&chosen) {
+        if matches!(column.quantity, Quantity::Voltage | Quantity::Command) {
+            *count = 0;
+        }
+    }
+    let mut notes = remarks(source, &names, &out_of_range);
+    if let Some(meaning) = hints.repeated_times {
+        series.without_repeated_times(meaning);
+    }
+    if let Some(filled) = hints.fill.map(|fill| series.fill(fill)).filter(|filled| *filled > 0) {
+        notes.push(format!("{filled} empty cells of what drives the film are filled"));
+    }
+    notes.extend(first_row_apart(&series.clock_s));
+    series.understood.notes = notes;
+    match series.clock_s.len() {
+        rows @ (0 | 1) => Err(Error::file(path, format!("{rows} data rows; a recording needs at least 2"))),
+        _ => Ok(series),
+    }
+}
+
+/// Refuses a column at `indices` whose numbers can be read in two ways.
+fn refuse_ambiguous(
+    source: &Source<'_>,
+    indices: &[usize],
+    names: &[String],
+) -> std::result::Result<(), (u64, String)> {
+    let Source::Text(_, table) = source else { return Ok(()) };
+    let is_ambiguous = |place: &usize| table.ambiguous.get(indices[*place]) == Some(&true);
+    match (0..indices.len()).find(is_ambiguous) {
+        None => Ok(()),
+        Some(place) => Err((
+            source.starts().first().copied().unwrap_or(0),
+            format!(
+                "{:?} can be read in two ways: in numbers such as 1.234 or 1,234 the sign is decimal (1.234), or it separates thousands \
+                 (1234); state the decimal sign with `decimal` point or `decimal` comma",
+                names[place]
+            ),
+        )),
+    }
+}
+
+/// Remarks on rows that were left out, and on readings out of range.
+fn remarks(source: &Source<'_>, names: &[String], out_of_range: &[usize]) -> Vec<String> {
+    let mut notes: Vec<String> = names
         .iter()
-        .map(|column| column.quantity)
-        .zip(columns)
-        .filter(|(q, c)| *q != Quantity::Time && c.has_values());
-    Ok(Series { clock_s, columns: columns.collect(), understood })
+        .zip(out_of_range)
+        .filter(|(_, count)| **count > 0)
+        .map(|(name, count)| format!("{count} readings of {name:?} are out of range or blanked: they are missing"))
+        .collect();
+    if let Source::Text(_, table) = source {
+        let starts = source.starts();
+        if starts.len() > 1 {
+            notes.push(format!("{} runs of rows below repeated headers are joined", starts.len()));
+        }
+        if let Some((count, first)) = table.footer {
+            let first: String = first.chars().take(40).collect();
+            notes.push(format!("{count} lines below the rows are left out, from {first:?} on"));
+        }
+        if let Some(line) = table.head.gains {
+            notes.push(format!(
+                "line {line} is neither a sample nor names: its numbers are not applied (use `columns` with factors)"
+            ));
+        }
+    }
+    notes
+}
+
+/// A first row whose time is far from those of the others, which are even: gains or scales may be in it.
+fn first_row_apart(clock_s: &[f64]) -> Option<String> {
+    let [first, second, .., last] = clock_s else { return None };
+    let interval = (last - second) / (clock_s.len() - 2) as f64;
+    let even =
+        clock_s.len() > 4 && clock_s[1..].windows(2).all(|pair| ((pair[1] - pair[0]) / interval - 1.0).abs() < 0.01);
+    let ratio = (second - first) / interval;
+    (even && !(0.5..=2.0).contains(&ratio)).then(|| {
+        format!(
+            "the first row is {} s before the second, the others are {} s apart: if it has gains or scales, remove it",
+            rounded(second - first),
+            rounded(interval)
+        )
+    })
 }
 
 /// The value of a cell in SI units; nothing where nothing was measured.
-fn si(name: &str, value: Value<'_>, factor: f64) -> std::result::Result<Option<f64>, String> {
+pub fn si(name: &str, value: Value<'_>, factor: f64) -> std::result::Result<Option<f64>, String> {
     match value {
-        Value::Nothing => Ok(None),
+        Value::Nothing | Value::OutOfRange => Ok(None),
         Value::Ended => Err(format!("the row ends before {name}")),
         Value::Number(number) if number.is_finite() && (number * factor).abs() <= MAX_VALUE => {
             Ok(Some(number * factor))
         }
         Value::Number(number) => Err(format!("{name} is {number:?}; no instrument reads that")),
-        Value::Text(text) if is_clock(text) => {
-            Err(format!("{name} is {text:?}, a time of day; export the seconds since the start"))
-        }
         Value::Text(text) => {
             let begin: String = text.chars().take(40).collect();
             Err(format!(
                 "{name} is {begin:?}, which is not a number here; leave the cell empty where nothing was measured"
             ))
         }
-    }
-}
-
-fn is_clock(text: &str) -> bool {
-    text.contains(':') && text.bytes().filter(u8::is_ascii_digit).count() >= 4
-}
-
-fn next_time(name: &str, cell: Option<f64>, before: Option<f64>) -> std::result::Result<f64, String> {
-    let now = cell.ok_or_else(|| format!("no value for {name}; every row needs its time"))?;
-    match before {
-        Some(before) if now <= before => {
-            let way = if now < before { "goes backwards" } else { "does not increase" };
-            Err(format!("{name} {way} at {now} s; sort the rows and remove doubles"))
-        }
-        _ => Ok(now),
     }
 }

@@ -1,6 +1,8 @@
 //! Kinds of files, by their first bytes.
 
-/// What is read here.
+use super::mat;
+
+/// Kind of a file that is read here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Text in some encoding.
@@ -9,6 +11,8 @@ pub enum Kind {
     Workbook,
     /// Variables of MATLAB, version 5 to 7 (.mat).
     Mat,
+    /// Variables of MATLAB, version 4.
+    OldMat,
 }
 
 /// First bytes of files that are not read, what they are, and what to do.
@@ -56,6 +60,9 @@ pub fn detect(head: &[u8]) -> Result<Kind, String> {
     }
     if head.len() >= 128 && matches!(&head[126..128], b"IM" | b"MI") && head.starts_with(b"MATLAB") {
         return Ok(Kind::Mat);
+    }
+    if mat::is_version_4(head) {
+        return Ok(Kind::OldMat);
     }
     let text = head.trim_ascii_start();
     if text.starts_with(b"<?xml") || text.to_ascii_lowercase().starts_with(b"<!doctype") || text.starts_with(b"<html") {

@@ -5,6 +5,7 @@
 
 use super::choice::{Choice, Choices, Column};
 use super::names::{Sense, Title, UnitSense};
+use super::times::Origin;
 use super::units;
 use super::{Names, Quantity, Request};
 
@@ -34,6 +35,8 @@ pub enum By {
     Name,
     /// Its unit alone.
     Unit,
+    /// The interval of rows in the preamble.
+    Preamble,
     /// `--columns`.
     Choice,
 }
@@ -53,7 +56,7 @@ pub fn own(titles: &[Title], request: &Request<'_>) -> Result<Option<Vec<Chosen>
         if let Some(other) = found.iter().find(|column| column.quantity == quantity) {
             return Err(format!("both {} and {}; leave one of them", titles[other.index].name, title.name));
         }
-        let factor = match units::read(unit) {
+        let factor = match units::read(unit, false) {
             units::Read::Unit(unit) => unit.factor,
             _ => 1.0,
         };
@@ -65,18 +68,23 @@ pub fn own(titles: &[Title], request: &Request<'_>) -> Result<Option<Vec<Chosen>
     Ok(complete.then_some(found))
 }
 
-/// The columns with `titles` that `request` asks for.
+/// The columns with `titles` that `request` asks for; their times are from `times`.
 ///
 /// # Errors
 ///
 /// What is missing, or what may be read in two ways, and what to give with `--columns`.
-pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices) -> Result<Vec<Chosen>, String> {
-    let titles = Titles { titles, senses: titles.iter().map(|title| title.sense(request)).collect() };
+pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices, times: Origin) -> Result<Vec<Chosen>, String> {
+    let letters = |test: fn(char) -> bool| titles.iter().any(|title| title.name.chars().any(test));
+    let capitals = letters(char::is_uppercase) && !letters(char::is_lowercase);
+    let senses = titles.iter().map(|title| title.sense(request, capitals)).collect();
+    let titles = Titles { titles, senses, times };
     // A log in another dialect.
     let displacement = |found: &[Chosen]| {
         found.iter().any(|column| column.quantity == Quantity::Displacement) || !request.wants(Quantity::Displacement)
     };
-    if let (true, Some(found)) = (choices.is_empty(), own(titles.titles, request)?.filter(|found| displacement(found)))
+    if choices.is_empty()
+        && times != Origin::Person
+        && let Some(found) = own(titles.titles, request)?.filter(|found| displacement(found))
     {
         return Ok(found.into_iter().map(|column| Chosen { by: By::Name, ..column }).collect());
     }
@@ -91,9 +99,12 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices) -> Result
             chosen.extend(titles.chosen(choice)?);
         }
     }
-    let mut missing = Vec::new();
     let wanted = request.wanted.iter().map(|(quantity, _)| *quantity);
-    for quantity in wanted.filter(|quantity| choices.get(*quantity).is_none()) {
+    let is_sought = |quantity: &Quantity| {
+        choices.get(*quantity).is_none() && !(*quantity == Quantity::Time && times == Origin::Person)
+    };
+    let mut missing = Vec::new();
+    for quantity in wanted.filter(is_sought) {
         let taken: Vec<usize> = chosen.iter().map(|column| column.index).collect();
         match titles.named(quantity, &taken)? {
             Some(column) => chosen.push(column),
@@ -104,16 +115,18 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices) -> Result
     for quantity in missing {
         let has = |wanted: Quantity| chosen.iter().any(|column| column.quantity == wanted);
         let needed = request.needed.iter().any(|set| set.contains(&quantity) && !set.iter().any(|q| has(*q)));
-        if needed || quantity == Quantity::Displacement {
-            let taken: Vec<usize> = chosen.iter().map(|column| column.index).collect();
-            match titles.by_unit(quantity, &taken)? {
-                Some(column) => chosen.push(column),
-                None => titles.refuse_other_unit(quantity, &taken)?,
-            }
+        let is_sought = needed || quantity == Quantity::Displacement;
+        let taken: Vec<usize> = chosen.iter().map(|column| column.index).collect();
+        let by_unit = titles.of_unit(quantity, &taken);
+        match by_unit.as_slice() {
+            [] => titles.refuse_other_unit(quantity, &taken, is_sought)?,
+            candidates if is_sought => chosen.push(titles.one_of(quantity, candidates, By::Unit)?),
+            _ => {}
         }
     }
     for set in request.needed {
-        if !chosen.iter().any(|column| set.contains(&column.quantity)) {
+        let is_time = *set == [Quantity::Time];
+        if !(is_time && times != Origin::Column || chosen.iter().any(|column| set.contains(&column.quantity))) {
             return Err(titles.missing(set, request));
         }
     }
@@ -124,6 +137,7 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices) -> Result
 struct Titles<'a> {
     titles: &'a [Title],
     senses: Vec<Sense>,
+    times: Origin,
 }
 
 impl Titles<'_> {
@@ -143,7 +157,8 @@ impl Titles<'_> {
             _ => None,
         };
         let unit = choice.unit.or(known);
-        if unit.is_none() && choice.factor.is_none() && !quantity.is_bare() {
+        let is_clock = quantity == Quantity::Time && self.titles[index].clock;
+        if unit.is_none() && !is_clock && choice.factor.is_none() && !quantity.is_bare() {
             return Err(format!(
                 "`columns` {}: column {} has no unit; add one of {}, as in {}={}:{}, or a factor to SI",
                 quantity.name(),
@@ -154,7 +169,7 @@ impl Titles<'_> {
                 quantity.example_unit()
             ));
         }
-        let name = unit.map_or("", |unit| unit.name).to_owned();
+        let name = unit.map_or(if is_clock { "time of day" } else { "" }, |unit| unit.name).to_owned();
         let factor = unit.map_or(1.0, |unit| unit.factor) * choice.factor.unwrap_or(1.0);
         Ok(Some(Chosen { quantity, index, unit: name, factor, by: By::Choice }))
     }
@@ -182,71 +197,136 @@ impl Titles<'_> {
         }
     }
 
-    /// The column whose words name `quantity`, with a unit of it.
+    /// Whether the column at `index` has a unit of `quantity`.
+    fn has_unit(&self, quantity: Quantity, index: usize) -> bool {
+        match self.senses[index].unit {
+            UnitSense::Known(unit) => unit.quantity == quantity.measure(),
+            UnitSense::Clock => quantity == Quantity::Time,
+            _ => false,
+        }
+    }
+
+    /// The column whose words name `quantity`. Others that are known by their unit alone are its rivals.
     fn named(&self, quantity: Quantity, taken: &[usize]) -> Result<Option<Chosen>, String> {
         let named: Vec<usize> =
             (0..self.titles.len()).filter(|k| !taken.contains(k) && self.senses[*k].named == Some(quantity)).collect();
         if quantity.is_bare() {
-            let bare = |index| Chosen { quantity, index, unit: String::new(), factor: 1.0, by: By::Name };
-            return Ok(named.first().copied().map(bare));
+            return self.bare(quantity, &named);
         }
-        let of_unit =
-            |k: &usize| matches!(self.senses[*k].unit, UnitSense::Known(unit) if unit.quantity == quantity.measure());
-        let without: Vec<usize> =
-            named.iter().copied().filter(|k| self.senses[*k].unit == UnitSense::Missing).collect();
-        let with: Vec<usize> = named.iter().copied().filter(of_unit).collect();
-        match (with.as_slice(), without.as_slice()) {
-            ([one], []) => Ok(self.with_unit(quantity, *one, By::Name)),
-            ([], []) => match named.iter().find(|k| self.senses[**k].unit == UnitSense::MilliOrMega) {
-                Some(&index) => Err(self.no_unit(quantity, index, "has a unit that may be milli or mega")),
-                None => Ok(None),
-            },
-            ([], [one]) => Err(self.no_unit(quantity, *one, "has no unit")),
-            _ => {
-                let mut all = [with.as_slice(), without.as_slice()].concat();
-                all.sort_unstable();
-                Err(self.several(quantity, &all))
-            }
+        if let Some(&index) = named.iter().find(|k| self.senses[**k].unit == UnitSense::Conflict) {
+            return Err(self.no_unit(quantity, index, "has one unit in its name and another below it"));
         }
+        let may_have_unit = |k: &usize| {
+            self.has_unit(quantity, *k) || matches!(self.senses[*k].unit, UnitSense::Missing | UnitSense::MilliOrMega)
+        };
+        let mut candidates: Vec<usize> = named.into_iter().filter(may_have_unit).collect();
+        if candidates.is_empty() {
+            return Ok(None);
+        }
+        // Times must increase, and a command has a name of its own: no other column is taken for one.
+        if !matches!(quantity, Quantity::Time | Quantity::Command) {
+            candidates.extend(self.of_unit(quantity, taken));
+            candidates.sort_unstable();
+        }
+        self.one_of(quantity, &candidates, By::Name).map(Some)
     }
 
-    /// The only column without a name that is known here and with a unit of `quantity`.
-    fn by_unit(&self, quantity: Quantity, taken: &[usize]) -> Result<Option<Chosen>, String> {
+    /// The columns without a name that is known here and with a unit of `quantity`. Volts are the output of many sensors.
+    fn of_unit(&self, quantity: Quantity, taken: &[usize]) -> Vec<usize> {
+        let is_volts = |unit: UnitSense| matches!(unit, UnitSense::Known(unit) if unit.quantity == Quantity::Voltage && unit.factor <= 1.0);
         let fits = |k: &usize| {
             let sense = &self.senses[*k];
-            let is_unit = matches!(sense.unit, UnitSense::Known(unit) if unit.quantity == quantity.measure()
-                && !(unit.quantity == Quantity::Voltage && unit.factor <= 1.0));
-            !taken.contains(k) && sense.named.is_none() && is_unit
+            !taken.contains(k) && sense.named.is_none() && self.has_unit(quantity, *k) && !is_volts(sense.unit)
         };
-        let found: Vec<usize> = (0..self.titles.len()).filter(fits).collect();
-        match found.as_slice() {
+        (0..self.titles.len()).filter(fits).collect()
+    }
+
+    /// A column without a unit.
+    fn bare(&self, quantity: Quantity, named: &[usize]) -> Result<Option<Chosen>, String> {
+        let number = |index: usize| format!("`columns` {}={}", quantity.name(), index + 1);
+        match named {
             [] => Ok(None),
-            [one] => Ok(self.with_unit(quantity, *one, By::Unit)),
+            // Most things that are called weight hang on a film.
+            [index, ..] if quantity == Quantity::Weight => match self.senses[*index].unit {
+                UnitSense::Missing => Err(format!(
+                    "column {} is a mass, or the weight of its row in a fit: {} for the latter, `columns` weight=none otherwise",
+                    self.shown(*index),
+                    number(*index)
+                )),
+                _ => Ok(None),
+            },
+            [one] if self.senses[*one].unit == UnitSense::Missing => {
+                Ok(Some(Chosen { quantity, index: *one, unit: String::new(), factor: 1.0, by: By::Name }))
+            }
+            [one] => Err(format!(
+                "column {} has a unit, and a {} is a number without; state the factor, as in {}*0.01",
+                self.shown(*one),
+                quantity.name(),
+                number(*one)
+            )),
             several => Err(self.several(quantity, several)),
         }
     }
 
-    /// Refuses a column that is `quantity` by its name and something else by its unit: a laser in volts.
-    fn refuse_other_unit(&self, quantity: Quantity, taken: &[usize]) -> Result<(), String> {
-        let named = |k: &usize| self.senses[*k].named == Some(quantity) && !taken.contains(k);
+    /// The only one of the `candidates` for `quantity`.
+    fn one_of(&self, quantity: Quantity, candidates: &[usize], by: By) -> Result<Chosen, String> {
+        let &[index] = candidates else { return Err(self.several(quantity, candidates)) };
+        let sense = &self.senses[index];
+        if let Some(doubt) = sense.doubt {
+            return Err(format!(
+                "column {} {}; if it is the {}, {}, otherwise name another column, or `columns` {}=none",
+                self.shown(index),
+                doubt.text(),
+                quantity.name(),
+                self.choice(quantity, index),
+                quantity.name()
+            ));
+        }
+        let chosen = |unit: &str, factor: f64, by: By| Ok(Chosen { quantity, index, unit: unit.into(), factor, by });
+        match sense.unit {
+            UnitSense::Known(unit) => chosen(unit.name, unit.factor, by),
+            UnitSense::Clock => chosen("time of day", 1.0, by),
+            UnitSense::Missing if quantity == Quantity::Time && self.times == Origin::Preamble => {
+                chosen("", 1.0, By::Preamble)
+            }
+            UnitSense::MilliOrMega => Err(self.no_unit(quantity, index, "has a unit that may be milli or mega")),
+            _ => Err(self.no_unit(quantity, index, "has no unit")),
+        }
+    }
+
+    /// Hint that chooses the column at `index`: `columns` voltage=2:kV.
+    fn choice(&self, quantity: Quantity, index: usize) -> String {
+        let unit = if self.has_unit(quantity, index) || quantity.is_bare() {
+            String::new()
+        } else {
+            format!(":{}", quantity.example_unit())
+        };
+        format!("`columns` {}={}{unit}", quantity.name(), index + 1)
+    }
+
+    /// Refuses a column that is `quantity` by its name and something else by its unit: a laser in volts. One that is not `sought` is ignored
+    /// unless its unit is that of another quantity; volts are the output of a sensor.
+    fn refuse_other_unit(&self, quantity: Quantity, taken: &[usize], sought: bool) -> Result<(), String> {
+        let is_other = |unit: UnitSense| matches!(unit, UnitSense::Known(unit) if unit.quantity != Quantity::Voltage);
+        let named = |k: &usize| {
+            let sense = &self.senses[*k];
+            sense.named == Some(quantity)
+                && !quantity.is_bare()
+                && !taken.contains(k)
+                && (sought || is_other(sense.unit))
+        };
         match (0..self.titles.len()).find(named) {
             Some(index) => Err(format!(
                 "column {} is the {} by its name, but its unit is not one of {}; say what one of its numbers is in SI units, as in \
-                 `columns` {}={}*0.001",
+                 `columns` {}={}*0.001, or leave it out with `columns` {}=none",
                 self.shown(index),
                 quantity.name(),
                 units::usual(quantity),
                 quantity.name(),
-                index + 1
+                index + 1,
+                quantity.name()
             )),
             None => Ok(()),
-        }
-    }
-
-    fn with_unit(&self, quantity: Quantity, index: usize, by: By) -> Option<Chosen> {
-        match self.senses[index].unit {
-            UnitSense::Known(unit) => Some(Chosen { quantity, index, unit: unit.name.into(), factor: unit.factor, by }),
-            _ => None,
         }
     }
 
@@ -263,19 +343,13 @@ impl Titles<'_> {
 
     fn several(&self, quantity: Quantity, indices: &[usize]) -> String {
         let shown: Vec<String> = indices.iter().map(|index| self.shown(*index)).collect();
+        let choices: Vec<String> = indices.iter().map(|index| self.choice(quantity, *index)).collect();
         format!(
-            "{} columns may be the {}: {}; choose one with `columns` {}={}",
+            "{} columns may be the {}: {}; choose one with {}",
             indices.len(),
             quantity.name(),
             shown.join(" and "),
-            quantity.name(),
-            match indices.last() {
-                Some(&index) if !matches!(self.senses[index].unit, UnitSense::Known(unit) if unit.quantity == quantity.measure()) =>
-                {
-                    format!("{}:{}", index + 1, quantity.example_unit())
-                }
-                last => last.map_or(0, |last| last + 1).to_string(),
-            }
+            choices.join(" or ")
         )
     }
 
@@ -295,10 +369,11 @@ impl Titles<'_> {
             );
         }
         format!(
-            "no column {}; there are {}; name it with `columns` {}",
+            "no column {}; there are {}; name it with `columns` {}{}",
             names.join(" or "),
             self.list(),
-            set.first().map_or_else(String::new, |quantity| choice(*quantity, "NUMBER"))
+            set.first().map_or_else(String::new, |quantity| choice(*quantity, "NUMBER")),
+            if *set == [Quantity::Time] { ", or state the rate of the rows: import with `rate_hz`" } else { "" }
         )
     }
 

@@ -1,4 +1,4 @@
-//! Variables of MATLAB: MAT-files of version 5, which `save -v6` and `-v7` write.
+//! Variables of MATLAB: MAT-files of version 5, which `save -v6` and `-v7` write, and of version 4.
 //!
 //! Every series of numbers becomes a column: a vector by its name, the columns of a matrix as `data(:,2)`, fields of structures
 //! as `run.voltage`. Compressed variables are inflated. A file is data to judge: every length is checked against what is there.
@@ -97,6 +97,90 @@ pub fn contents(bytes: &[u8]) -> Result<Contents, String> {
             }
             _ => {}
         }
+    }
+    Ok(contents)
+}
+
+/// The header of a variable in a file of version 4.
+struct OldHeader {
+    /// The type of its numbers, as in version 5.
+    kind: u32,
+    /// Whether it is a matrix of numbers, not a text or a sparse matrix.
+    is_full: bool,
+    rows: usize,
+    columns: usize,
+    complex: bool,
+    name_length: usize,
+}
+
+impl OldHeader {
+    const LENGTH: usize = 20;
+
+    /// Reads it, and whether the lowest byte of a number comes first.
+    fn read(bytes: &[u8]) -> Option<(Self, bool)> {
+        [true, false].into_iter().find_map(|little| {
+            let mut words = Bytes { bytes: bytes.get(..Self::LENGTH)?, little };
+            let mut word = || words.word().ok();
+            let (code, rows, columns, complex, name_length) = (word()?, word()?, word()?, word()?, word()?);
+            let kind = match code % 1000 / 10 {
+                0 => element::DOUBLE,
+                1 => element::SINGLE,
+                2 => element::INT32,
+                3 => element::INT16,
+                4 => element::UINT16,
+                5 => element::UINT8,
+                _ => return None,
+            };
+            let order = if little { 0 } else { 1 };
+            let is_header = code / 1000 == order && code % 10 < 3 && complex < 2 && (2..=64).contains(&name_length);
+            let header = Self {
+                kind,
+                is_full: code % 10 == 0,
+                rows: rows as usize,
+                columns: columns as usize,
+                complex: complex == 1,
+                name_length: name_length as usize,
+            };
+            is_header.then_some((header, little))
+        })
+    }
+}
+
+/// Whether a file that begins with `head` is of version 4: it has no mark but the header of its first variable and its name.
+pub fn is_version_4(head: &[u8]) -> bool {
+    OldHeader::read(head).is_some_and(|(header, _)| {
+        let name = head.get(OldHeader::LENGTH..OldHeader::LENGTH + header.name_length);
+        name.and_then(<[u8]>::split_last).is_some_and(|(end, name)| *end == 0 && name.iter().all(u8::is_ascii_graphic))
+    })
+}
+
+/// Reads the file `bytes` of version 4.
+///
+/// # Errors
+///
+/// What is wrong with it.
+pub fn contents_of_version_4(bytes: &[u8]) -> Result<Contents, String> {
+    let mut contents = Contents::default();
+    let mut rest = bytes;
+    while !rest.is_empty() {
+        let (header, little) = OldHeader::read(rest).ok_or(DAMAGED)?;
+        let mut data = Bytes { bytes: &rest[OldHeader::LENGTH..], little };
+        let name = text(data.cut(header.name_length)?);
+        let count =
+            header.rows.checked_mul(header.columns).filter(|count| *count <= MAX_NUMBERS).ok_or_else(too_many)?;
+        let size = match header.kind {
+            element::DOUBLE => 8,
+            element::SINGLE | element::INT32 => 4,
+            element::INT16 | element::UINT16 => 2,
+            _ => 1,
+        };
+        let values = Bytes { bytes: data.cut(size * count)?, little };
+        if header.complex {
+            data.cut(size * count)?;
+        } else if header.is_full {
+            contents.take(&name, &[header.rows as f64, header.columns as f64], values.numbers(header.kind)?)?;
+        }
+        rest = data.bytes;
     }
     Ok(contents)
 }

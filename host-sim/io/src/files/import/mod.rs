@@ -4,6 +4,7 @@
 //! The interpretation is reported ([`Understood`]), and what may be read in two ways is an error that shows both.
 
 mod choice;
+mod clock;
 mod edit;
 mod encoding;
 mod extract;
@@ -13,8 +14,11 @@ mod mapping;
 mod mat;
 mod names;
 mod numbers;
+mod rows;
+mod shape;
 mod source;
 mod text;
+mod times;
 mod units;
 mod workbook;
 
@@ -22,6 +26,8 @@ pub use choice::Choices;
 pub use edit::{Blank, Edits};
 pub use extract::{Series, Understood, UnderstoodColumn, from_csv, read};
 pub use mapping::By;
+pub use numbers::Decimal;
+pub use rows::{Fill, RepeatedTimes};
 
 /// Quantity of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
@@ -147,4 +153,39 @@ pub struct Hints {
     pub choices: Choices,
     /// The spreadsheet of a workbook.
     pub sheet: Option<String>,
+    /// The line of the names.
+    pub header_line: Option<u64>,
+    /// Which run of rows is read, from one, where the header is repeated.
+    pub segment: Option<usize>,
+    /// The decimal sign.
+    pub decimal: Option<Decimal>,
+    /// Words for a reading that is missing.
+    pub words: Vec<String>,
+    /// Rate of the rows, Hz, instead of a column of times.
+    pub rate_hz: Option<f64>,
+    /// Meaning of rows of one time.
+    pub repeated_times: Option<RepeatedTimes>,
+    /// Value of an empty cell of what drives the film.
+    pub fill: Option<Fill>,
+    /// Whether the displacement is taken with the opposite sign.
+    pub invert: bool,
+}
+
+impl Hints {
+    /// Whether a file with the names of this tool is read as that: nothing is stated about its columns.
+    fn allow_own_names(&self) -> bool {
+        let Self { words, repeated_times, fill, invert, .. } = self.clone();
+        *self == Self { words, repeated_times, fill, invert, ..Self::default() }
+    }
+
+    fn dialect(&self) -> text::Dialect<'_> {
+        text::Dialect {
+            decimal: self.decimal,
+            header_line: self.header_line,
+            segment: self.segment,
+            words: &self.words,
+            single: self.rate_hz.is_some(),
+            sheet: false,
+        }
+    }
 }

@@ -10,6 +10,8 @@ pub struct Title {
     pub name: String,
     /// Its cell in a row of units below the header.
     pub unit: Option<String>,
+    /// Whether its cells are times of day.
+    pub clock: bool,
 }
 
 /// Interpretation of a title.
@@ -19,6 +21,8 @@ pub struct Sense {
     pub named: Option<Quantity>,
     /// Its unit.
     pub unit: UnitSense,
+    /// Why it may not be what was measured.
+    pub doubt: Option<Doubt>,
 }
 
 /// Unit in a title.
@@ -26,12 +30,27 @@ pub struct Sense {
 pub enum UnitSense {
     /// One unit of those that are known.
     Known(Unit),
+    /// Times of day.
+    Clock,
     /// Nothing.
     Missing,
+    /// One unit in the name and another in the row of units.
+    Conflict,
     /// Another unit, or several.
     Other,
     /// A capital M before V or N.
     MilliOrMega,
+}
+
+/// Why a column of a quantity may not be what was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Doubt {
+    /// Its name says that it was asked for.
+    Ordered,
+    /// Its name says that it was computed.
+    Derived,
+    /// Its name has a factor.
+    Scaled,
 }
 
 /// Words that name a quantity anywhere in a title.
@@ -99,7 +118,7 @@ const OF_TWO_VOLTAGES: &[(Quantity, &[&str])] = &[
 
 /// Letters that name a quantity where they are all of a name.
 const LETTERS: &[(Quantity, &[&str])] = &[
-    (Quantity::Time, &["t"]),
+    (Quantity::Time, &["t", "x_value"]),
     (Quantity::Voltage, &["u", "v"]),
     (Quantity::Force, &["f"]),
     (Quantity::Displacement, &["x", "disp", "pos"]),
@@ -108,41 +127,241 @@ const LETTERS: &[(Quantity, &[&str])] = &[
 /// Opening and closing brackets around units.
 const BRACKETS: [(char, char); 4] = [('(', ')'), ('[', ']'), ('{', '}'), ('（', '）')];
 
+/// Words of what was asked for.
+const ORDERED: &[&str] = &[
+    "target",
+    "tgt",
+    "reference",
+    "ref",
+    "setpoint",
+    "setpt",
+    "sp",
+    "set",
+    "setting",
+    "limit",
+    "lim",
+    "demand",
+    "demanded",
+    "program",
+    "programmed",
+    "prog",
+    "stage",
+    "command",
+    "commanded",
+    "cmd",
+    "desired",
+    "requested",
+    "request",
+    "preset",
+    "nominal",
+    "goal",
+    "ideal",
+    "planned",
+    "trajectory",
+    "profile",
+    "control",
+    "compliance",
+    "trip",
+    "threshold",
+    "alarm",
+    "soll",
+    "vorgabe",
+    "grenze",
+    "consigne",
+    "cible",
+    "référence",
+    "consigna",
+    "objetivo",
+    "riferimento",
+    "obiettivo",
+    "设定",
+    "設定",
+    "目标",
+    "目標",
+    "给定",
+];
+/// Words of what was computed.
+const DERIVED: &[&str] = &[
+    "rms",
+    "eff",
+    "effektiv",
+    "effektivwert",
+    "filtered",
+    "filter",
+    "smoothed",
+    "max",
+    "maximum",
+    "min",
+    "minimum",
+    "peak",
+    "pk",
+    "pp",
+    "pkpk",
+    "average",
+    "averaged",
+    "avg",
+    "mean",
+    "median",
+    "mittel",
+    "mittelwert",
+    "moyenne",
+    "std",
+    "stdev",
+    "sigma",
+    "variance",
+    "error",
+    "err",
+    "deviation",
+    "dev",
+    "abweichung",
+    "fehler",
+    "model",
+    "modelled",
+    "simulated",
+    "predicted",
+    "prediction",
+    "estimate",
+    "estimated",
+    "expected",
+    "calculated",
+    "calc",
+    "computed",
+    "corrected",
+    "offset",
+    "zero",
+    "tare",
+    "ripple",
+    "noise",
+    "ac",
+    "range",
+    "scale",
+    "gain",
+    "amplitude",
+    "gefiltert",
+    "filtré",
+    "误差",
+];
+
+impl Doubt {
+    /// As an error says it of a column.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Ordered => "may be what was asked for, not what was measured",
+            Self::Derived => "may be computed, not measured from moment to moment",
+            Self::Scaled => "has a factor in its name, which its numbers may have or not",
+        }
+    }
+
+    /// The doubt about a column of `quantity` with a `name` in a file of `request`.
+    fn about(name: &str, quantity: Option<Quantity>, request: &Request<'_>) -> Option<Self> {
+        let words = words(name);
+        let says = |candidates: &[&str]| {
+            candidates.iter().any(|candidate| words.iter().any(|word| word == candidate) || is_within(candidate, name))
+        };
+        // German joins words.
+        let joined = |ends: fn(&str) -> bool| words.iter().any(|word| word.len() > 6 && ends(word));
+        // What was asked for is what a reference and the command of an amplifier are.
+        let may_be_ordered = !request.wants(Quantity::Voltage) && !request.wants(Quantity::Force)
+            || matches!(quantity, Some(Quantity::Command | Quantity::Time | Quantity::Stretch | Quantity::Stress));
+        if !may_be_ordered && (says(ORDERED) || joined(|w| w.starts_with("soll") || w.contains("grenz"))) {
+            return Some(Self::Ordered);
+        }
+        if quantity != Some(Quantity::Time)
+            && (says(DERIVED) || joined(|w| w.starts_with("maximal") || w.starts_with("minimal")))
+        {
+            return Some(Self::Derived);
+        }
+        is_scaled(name).then_some(Self::Scaled)
+    }
+}
+
+/// Whether `name` has a factor in it: x10, ×1000, /100 or 1000:1.
+fn is_scaled(name: &str) -> bool {
+    let number = |text: &str| text.parse::<f64>().ok().filter(|_| text.len() > 1 && text != "1.0");
+    let parts: Vec<&str> =
+        name.split(|c: char| c.is_whitespace() || "()[]{},;_".contains(c)).filter(|p| !p.is_empty()).collect();
+    parts.len() > 1
+        && parts.iter().any(|part| {
+            let factor = part.strip_prefix(['x', 'X', '×', '*', '/']).or_else(|| part.strip_suffix(['x', 'X', '×']));
+            let ratio =
+                part.split_once(':').is_some_and(|(a, b)| a != b && [a, b].iter().all(|p| p.parse::<f64>().is_ok()));
+            ratio || factor.is_some_and(|factor| number(factor).is_some())
+        })
+}
+
+/// The words of `name` in small letters, also those that begin with a capital within a word.
+fn words(name: &str) -> Vec<String> {
+    let mut words = Vec::new();
+    for word in name.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()) {
+        words.push(word.to_lowercase());
+        let mut start = 0;
+        let mut before = ' ';
+        for (at, c) in word.char_indices() {
+            if before.is_lowercase() && c.is_uppercase() {
+                words.push(word[start..at].to_lowercase());
+                start = at;
+            }
+            before = c;
+        }
+        if start > 0 {
+            words.push(word[start..].to_lowercase());
+        }
+    }
+    words
+}
+
+/// Whether `name` has the Chinese word `candidate`: there are no blanks between those.
+fn is_within(candidate: &str, name: &str) -> bool {
+    !candidate.is_ascii() && candidate.chars().all(|c| c > '\u{2e80}') && name.contains(candidate)
+}
+
 impl Title {
     /// A title without a row of units.
     pub fn new(name: &str) -> Self {
-        Self { name: name.into(), unit: None }
+        Self { name: name.into(), ..Self::default() }
     }
 
-    /// Interpretation of the title in a file of `request`.
-    pub fn sense(&self, request: &Request<'_>) -> Sense {
-        let (base, unit) = match &self.unit {
-            Some(text) if !text.trim().is_empty() => (self.name.clone(), unit_cell(text)),
-            _ => split(&self.name),
+    /// Interpretation of the title in a file of `request`, whose titles are all in `capitals` or not.
+    pub fn sense(&self, request: &Request<'_>, capitals: bool) -> Sense {
+        let (base, own) = split(&self.name, request, capitals);
+        let below = self.unit.as_ref().filter(|text| !text.trim().is_empty());
+        let unit = match below.map(|text| (unit_cell(text, capitals), own)) {
+            None => own,
+            Some((UnitSense::Known(below), UnitSense::Known(own))) if below != own => UnitSense::Conflict,
+            Some((below, UnitSense::Missing | UnitSense::Other)) => below,
+            Some((_, own)) => own,
         };
-        Sense { named: quantity(&base, request), unit }
+        let named = quantity(&base, request);
+        let is_clock = self.clock && named.is_none_or(|named| named == Quantity::Time);
+        Sense {
+            named,
+            unit: if is_clock { UnitSense::Clock } else { unit },
+            doubt: Doubt::about(&self.name, named, request),
+        }
     }
 }
 
 /// A cell of a row of units, with brackets or without.
-pub fn unit_cell(text: &str) -> UnitSense {
+pub fn unit_cell(text: &str, capitals: bool) -> UnitSense {
     let bare = text.trim().trim_matches(['(', ')', '[', ']', '{', '}', '（', '）', '<', '>']);
-    sense_of(bare)
+    sense_of(bare, capitals)
 }
 
-fn sense_of(text: &str) -> UnitSense {
-    match units::read(text) {
+fn sense_of(text: &str, capitals: bool) -> UnitSense {
+    match units::read(text, capitals) {
         units::Read::Unit(unit) => UnitSense::Known(unit),
         units::Read::MilliOrMega => UnitSense::MilliOrMega,
+        // A number without a unit.
+        units::Read::Other if matches!(text.trim(), "-" | "1") => UnitSense::Missing,
         units::Read::Other => UnitSense::Other,
     }
 }
 
 /// The name and the unit of `title`: `Time (s)`, `U [kV]`, `t/s`, `Weg, mm`, `Time in s`, `Time_s`, `Time s`.
-fn split(title: &str) -> (String, UnitSense) {
+fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSense) {
     let (outside, inside) = without_brackets(title);
     let mut known: Vec<UnitSense> =
-        inside.iter().map(|text| sense_of(text)).filter(|sense| *sense != UnitSense::Other).collect();
+        inside.iter().map(|text| sense_of(text, capitals)).filter(|sense| *sense != UnitSense::Other).collect();
     known.dedup();
     match known.as_slice() {
         [unit] => return (outside, *unit),
@@ -151,14 +370,20 @@ fn split(title: &str) -> (String, UnitSense) {
     }
     for separator in ["/", ",", " in ", "_", " "] {
         if let Some((name, unit)) = outside.trim().rsplit_once(separator) {
-            let sense = sense_of(unit);
-            // `Channel V` and `Force N` end in a unit, a name of one word does not.
-            if sense != UnitSense::Other && !name.trim().is_empty() {
+            let sense = sense_of(unit, capitals);
+            // `Channel V` and `Force N` end in a unit, a name of one word does not, and in `Laser_min` it is not minutes.
+            let fits = match (sense, quantity(name, request)) {
+                (UnitSense::Known(unit), named) if matches!(separator, "_" | " ") => {
+                    named.map_or(unit.quantity != Quantity::Time, |named| named.measure() == unit.quantity)
+                }
+                _ => true,
+            };
+            if !matches!(sense, UnitSense::Other | UnitSense::Missing) && !name.trim().is_empty() && fits {
                 return (name.into(), sense);
             }
         }
     }
-    if let (true, sense @ UnitSense::Known(_)) = (letter_quantity(&outside).is_none(), sense_of(&outside)) {
+    if let (true, sense @ UnitSense::Known(_)) = (letter_quantity(&outside).is_none(), sense_of(&outside, capitals)) {
         // The unit is all there is: `kV`.
         return (String::new(), sense);
     }
@@ -203,21 +428,15 @@ fn letter_quantity(name: &str) -> Option<Quantity> {
 
 /// The quantity that the words of `name` mean in a file of `request`.
 fn quantity(name: &str, request: &Request<'_>) -> Option<Quantity> {
-    let lower = name.to_lowercase();
-    let all = lower.trim();
-    if all == "weight" {
+    if name.trim().to_lowercase() == "weight" {
         return Some(Quantity::Weight);
     }
-    if let Some(quantity) = letter_quantity(all) {
+    if let Some(quantity) = letter_quantity(name) {
         return Some(quantity);
     }
-    let words: Vec<&str> = all.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect();
+    let words = words(name);
     let says = |candidates: &[&str]| {
-        candidates.iter().any(|candidate| {
-            // Chinese has no blanks between words.
-            words.contains(candidate)
-                || (!candidate.is_ascii() && candidate.chars().all(|c| c > '\u{2e80}') && all.contains(candidate))
-        })
+        candidates.iter().any(|candidate| words.iter().any(|word| word == candidate) || is_within(candidate, name))
     };
     let only = |named: &mut dyn Iterator<Item = &(Quantity, &[&str])>| match (named.next(), named.next()) {
         (Some((quantity, _)), None) => Some(*quantity),

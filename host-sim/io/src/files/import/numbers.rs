@@ -1,12 +1,30 @@
 //! Numbers as they are written in text.
 
-/// The sign between whole and broken part.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Decimal {
-    /// 1.5
-    Point,
-    /// 1,5
-    Comma,
+crate::choice! {
+    /// The sign between whole and broken part of a number.
+    pub enum Decimal {
+        /// 1.5; a comma separates thousands.
+        Point = "point",
+        /// 1,5; a point separates thousands.
+        Comma = "comma",
+    }
+}
+
+impl Decimal {
+    fn sign(self) -> char {
+        match self {
+            Self::Point => '.',
+            Self::Comma => ',',
+        }
+    }
+
+    /// The other sign, which may separate thousands.
+    pub fn other(self) -> Self {
+        match self {
+            Self::Point => Self::Comma,
+            Self::Comma => Self::Point,
+        }
+    }
 }
 
 /// A cell of text.
@@ -14,87 +32,206 @@ pub enum Decimal {
 pub enum Cell<'a> {
     /// Nothing was measured: empty, `NaN` or a dash.
     Nothing,
+    /// A word or a number for a reading out of range.
+    OutOfRange,
     /// A number.
     Number(f64),
     /// Anything else.
     Text(&'a str),
 }
 
+/// Words of instruments and spreadsheets for a reading that is missing or out of range, in small letters and without a sign.
+const OUT_OF_RANGE: [&str; 27] = [
+    "∞",
+    "inf",
+    "infinity",
+    "ol",
+    "o.l.",
+    "o.l",
+    "ovl",
+    "ovld",
+    "ovr",
+    "over",
+    "overload",
+    "overrange",
+    "overflow",
+    "underflow",
+    "fffffff",
+    "1.#qnan",
+    "1.#ind",
+    "1.#inf",
+    "1.#snan",
+    "#div/0!",
+    "#value!",
+    "#num!",
+    "#ref!",
+    "*****",
+    "invalid",
+    "err",
+    "error",
+];
+
+/// Numbers that instruments send for infinity and for no number (SCPI).
+const SCPI: std::ops::RangeInclusive<f64> = 9.9e37..=9.91e37;
+
 /// Reads the cell `text`.
 pub fn cell(text: &str, decimal: Decimal) -> Cell<'_> {
     let text = text.trim();
-    if let Some(value) = number(text, decimal) {
-        return Cell::Number(value);
+    match number(text, decimal) {
+        Some(value) if SCPI.contains(&value.abs()) => return Cell::OutOfRange,
+        Some(value) => return Cell::Number(value),
+        None => {}
     }
-    match text.to_ascii_lowercase().as_str() {
-        "" | "nan" | "na" | "n/a" | "#n/a" | "-" | "--" | "---" => Cell::Nothing,
+    match text.to_lowercase().as_str() {
+        "" | "nan" | "na" | "n/a" | "#n/a" | "null" | "none" | "-" | "--" | "---" => Cell::Nothing,
+        other if OUT_OF_RANGE.contains(&other.trim_start_matches(['+', '-', '>', '<'])) => Cell::OutOfRange,
         _ => Cell::Text(text),
     }
 }
 
-/// Digits with at most one decimal sign, and an exponent.
+/// Digits with at most one decimal sign, and an exponent. Thousands may be separated by blanks, apostrophes or the other sign.
 pub fn number(text: &str, decimal: Decimal) -> Option<f64> {
-    let sign = match decimal {
-        Decimal::Point => '.',
-        Decimal::Comma => ',',
-    };
     let digits = text.strip_prefix(['+', '-', '\u{2212}']).unwrap_or(text);
     let mantissa = digits.split(['e', 'E', 'd', 'D']).next().unwrap_or_default();
     let exponent = &digits[mantissa.len()..];
-    let (whole, broken) = mantissa.split_once(sign).unwrap_or((mantissa, ""));
-    let all_digits = |part: &str| part.bytes().all(|byte| byte.is_ascii_digit());
+    let (whole, broken) = mantissa.split_once(decimal.sign()).unwrap_or((mantissa, ""));
+    let ungrouped: String;
+    let whole = if all_digits(whole) {
+        whole
+    } else {
+        let separator = whole.chars().find(|c| !c.is_ascii_digit())?;
+        if !(separator == decimal.other().sign() || is_group_separator(separator)) || !is_grouped(whole, separator) {
+            return None;
+        }
+        ungrouped = whole.replace(separator, "");
+        &ungrouped
+    };
     // A comma at the end separates; a point at the end is how some write whole numbers.
     let ends_badly = decimal == Decimal::Comma && mantissa.ends_with(',');
-    if !all_digits(whole) || !all_digits(broken) || whole.len() + broken.len() == 0 || ends_badly {
+    if !all_digits(broken) || whole.len() + broken.len() == 0 || ends_badly {
         return None;
     }
     if !exponent.is_empty() && !all_digits(exponent[1..].trim_start_matches(['+', '-'])) {
         return None;
     }
-    let plain: String = text
-        .chars()
-        .map(|c| match c {
-            ',' => '.',
-            'd' | 'D' => 'e',
-            '\u{2212}' => '-',
-            c => c,
-        })
-        .collect();
-    plain.parse().ok()
+    if decimal == Decimal::Point && text.bytes().all(|b| b"0123456789+-.eE".contains(&b)) {
+        return text.parse().ok();
+    }
+    let sign = if text.starts_with(['-', '\u{2212}']) { "-" } else { "" };
+    format!("{sign}{whole}.{broken}{}", exponent.replace(['d', 'D'], "e")).parse().ok()
 }
 
-/// The signs between digits in a text of digits only: how numbers are grouped there.
+fn all_digits(part: &str) -> bool {
+    part.bytes().all(|byte| byte.is_ascii_digit())
+}
+
+/// Blanks of all widths and apostrophes between groups of three digits.
+fn is_group_separator(c: char) -> bool {
+    matches!(c, ' ' | '\u{a0}' | '\u{2009}' | '\u{202f}' | '\'' | '\u{2019}')
+}
+
+/// Whether `whole` is digits in groups of three: 1.234 or 12.345.678, but not 0.123 or 1234.567.
+fn is_grouped(whole: &str, separator: char) -> bool {
+    let mut groups = whole.split(separator);
+    let first = groups.next().unwrap_or_default();
+    (1..=3).contains(&first.len())
+        && all_digits(first)
+        && !first.starts_with('0')
+        && groups.all(|group| group.len() == 3 && all_digits(group))
+}
+
+/// How the numbers of a column or of a file are written: cells by the signs in them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Signs {
-    /// Cells with one point.
+    /// Whole numbers without any sign.
+    pub plain: usize,
+    /// Cells whose one point can only be decimal: 1.5.
     pub points: usize,
-    /// Cells with one comma.
+    /// Cells whose one comma can only be decimal.
     pub commas: usize,
-    /// Number of those that may be thousands: 1,234.
-    pub thousands: usize,
-    /// Cells with both: 1,234.5 or 1.234,5.
-    pub both: usize,
+    /// Cells whose point may separate thousands: 1.234.
+    pub grouped_points: usize,
+    /// Cells whose comma may.
+    pub grouped_commas: usize,
+    /// Cells that separate thousands with points beyond doubt: 1.234,5 or 1.234.567.
+    pub thousands_points: usize,
+    /// Cells that do with commas.
+    pub thousands_commas: usize,
 }
 
 impl Signs {
     /// Counts the signs of the cell `text`.
     pub fn count(&mut self, text: &str) {
-        let text = text.trim();
-        let digits = text.trim_start_matches(['+', '-']);
-        if !digits.bytes().all(|byte| byte.is_ascii_digit() || b".,eE+-".contains(&byte)) {
+        let digits = text.trim().trim_start_matches(['+', '-', '\u{2212}']);
+        let mantissa = digits.split(['e', 'E', 'd', 'D']).next().unwrap_or_default();
+        if mantissa.is_empty() || [Decimal::Point, Decimal::Comma].iter().all(|&sign| number(digits, sign).is_none()) {
             return;
         }
-        let count = |sign: char| digits.matches(sign).count();
-        match (count('.'), count(',')) {
-            (1, 0) => self.points += 1,
-            (0, 1) => {
-                self.commas += 1;
-                let (before, after) = digits.split_once(',').unwrap_or_default();
-                let grouped = (1..=3).contains(&before.len()) && !before.starts_with('0') && after.len() == 3;
-                self.thousands += usize::from(grouped);
+        let count = |sign: char| mantissa.matches(sign).count();
+        // Other separators of thousands leave no doubt about the sign.
+        let certain = mantissa.chars().any(is_group_separator) || mantissa.len() < digits.len();
+        let grouped = |sign: char| !certain && is_grouped(mantissa, sign);
+        let slot = match (count('.'), count(',')) {
+            (0, 0) => &mut self.plain,
+            (1, 0) if grouped('.') => &mut self.grouped_points,
+            (0, 1) if grouped(',') => &mut self.grouped_commas,
+            (1, 0) => &mut self.points,
+            (0, 1) => &mut self.commas,
+            (_, 0) => &mut self.thousands_points,
+            (0, _) => &mut self.thousands_commas,
+            _ if mantissa.rfind('.') > mantissa.rfind(',') => {
+                self.points += 1;
+                &mut self.thousands_commas
             }
-            (1.., 1..) => self.both += 1,
-            _ => {}
+            _ => {
+                self.commas += 1;
+                &mut self.thousands_points
+            }
+        };
+        *slot += 1;
+    }
+
+    /// The same of two.
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            plain: self.plain + other.plain,
+            points: self.points + other.points,
+            commas: self.commas + other.commas,
+            grouped_points: self.grouped_points + other.grouped_points,
+            grouped_commas: self.grouped_commas + other.grouped_commas,
+            thousands_points: self.thousands_points + other.thousands_points,
+            thousands_commas: self.thousands_commas + other.thousands_commas,
         }
+    }
+
+    /// The decimal sign of a file with these signs; none where all of them may separate thousands.
+    ///
+    /// # Errors
+    ///
+    /// Why there is more than one.
+    pub fn decimal(self) -> Result<Option<Decimal>, String> {
+        const BOTH: &str = "numbers have decimal points and decimal commas in one file; export them with one of both, or say which it is with `decimal`";
+        let points = self.points + self.thousands_commas;
+        let commas = self.commas + self.thousands_points;
+        match (points, commas) {
+            (1.., 1..) => Err(BOTH.into()),
+            (1.., 0) if self.grouped_commas > 0 && self.thousands_commas == 0 => Err(BOTH.into()),
+            (0, 1..) if self.grouped_points > 0 && self.thousands_points == 0 => Err(BOTH.into()),
+            (1.., 0) => Ok(Some(Decimal::Point)),
+            (0, 1..) => Ok(Some(Decimal::Comma)),
+            (0, 0) if self.grouped_points + self.grouped_commas > 0 => Ok(None),
+            (0, 0) => Ok(Some(Decimal::Point)),
+        }
+    }
+
+    /// Whether the numbers of a column can be read in two ways in a file with that `decimal` sign: some are whole, and the signs of all others
+    /// may separate thousands, as in 850 and 1.234.
+    pub fn is_ambiguous(self, decimal: Option<Decimal>) -> bool {
+        let (grouped, certain) = match decimal {
+            Some(Decimal::Point) => (self.grouped_points, self.points),
+            Some(Decimal::Comma) => (self.grouped_commas, self.commas),
+            None => (self.grouped_points + self.grouped_commas, 0),
+        };
+        grouped > 0 && certain == 0 && (self.plain > 0 || decimal.is_none())
     }
 }

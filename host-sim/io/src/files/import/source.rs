@@ -3,24 +3,24 @@
 use super::header::Head;
 use super::mat;
 use super::names::Title;
-use super::numbers::{self, Cell};
+use super::numbers::{self, Cell, Decimal};
 use super::text::TextTable;
-use super::workbook::{Sheet, SheetCell};
 
 /// Rows of numbers with titles.
 pub enum Source<'a> {
-    /// A text in an encoding.
-    Text(&'static str, TextTable<'a>),
-    /// A spreadsheet.
-    Sheet(Sheet),
+    /// A text, or a spreadsheet as text, and its description.
+    Text(String, TextTable<'a>),
     /// Variables.
     Series(Vec<mat::Series>),
 }
 
 /// A cell that is asked for.
+#[derive(Clone, Copy, Debug)]
 pub enum Value<'a> {
     /// Nothing was measured.
     Nothing,
+    /// A reading out of range.
+    OutOfRange,
     /// A number.
     Number(f64),
     /// Not a number.
@@ -34,7 +34,6 @@ impl Source<'_> {
     pub fn titles(&self) -> Vec<Title> {
         match self {
             Self::Text(_, table) => table.titles(),
-            Self::Sheet(sheet) => sheet.titles(),
             Self::Series(series) => series.iter().map(|series| Title::new(&series.name)).collect(),
         }
     }
@@ -43,7 +42,6 @@ impl Source<'_> {
     pub fn head(&self) -> Option<&Head> {
         match self {
             Self::Text(_, table) => Some(&table.head),
-            Self::Sheet(sheet) => Some(&sheet.head),
             Self::Series(_) => None,
         }
     }
@@ -51,20 +49,27 @@ impl Source<'_> {
     /// Description of the file, in a few words.
     pub fn format(&self) -> String {
         match self {
-            Self::Text(encoding, table) => {
+            Self::Text(format, table) if table.sheet => format.clone(),
+            Self::Text(format, table) => {
                 let decimal = match table.decimal {
-                    numbers::Decimal::Point => "decimal point",
-                    numbers::Decimal::Comma => "decimal comma",
+                    Decimal::Point => "decimal point",
+                    Decimal::Comma => "decimal comma",
                 };
-                format!("text ({encoding}), separated by {}, {decimal}", table.separator.name())
+                format!("{format}, separated by {}, {decimal}", table.separator.name())
             }
-            Self::Sheet(sheet) => format!("spreadsheet {:?}", sheet.name),
             Self::Series(_) => "MATLAB variables".into(),
         }
     }
 
-    /// Passes the cells `indices` of every row and its line to `take`, each with its place in `indices`. Variables have no lines: their rows
-    /// count.
+    /// First lines of the runs of rows, between which the header is repeated.
+    pub fn starts(&self) -> Vec<u64> {
+        match self {
+            Self::Text(_, table) => table.starts(),
+            Self::Series(_) => Vec::new(),
+        }
+    }
+
+    /// Passes every row's line and its cells `indices` to `take`. Variables have no lines: their rows count.
     ///
     /// # Errors
     ///
@@ -72,43 +77,34 @@ impl Source<'_> {
     pub fn each(
         &self,
         indices: &[usize],
-        mut take: impl FnMut(u64, usize, Value<'_>) -> Result<(), String>,
+        mut take: impl FnMut(u64, &[Value<'_>]) -> Result<(), String>,
     ) -> Result<(), (u64, String)> {
         match self {
             Self::Text(_, table) => {
                 for row in table.rows() {
                     let (line, cells) = row?;
-                    for (place, &index) in indices.iter().enumerate() {
-                        let value = match cells.get(index).map(|text| numbers::cell(text, table.decimal)) {
-                            None => Value::Ended,
-                            Some(Cell::Nothing) => Value::Nothing,
-                            Some(Cell::Number(value)) => Value::Number(value),
-                            Some(Cell::Text(text)) => Value::Text(text),
-                        };
-                        take(line, place, value).map_err(|cause| (line, cause))?;
-                    }
-                }
-            }
-            Self::Sheet(sheet) => {
-                for (line, cells) in &sheet.rows {
-                    for (place, &index) in indices.iter().enumerate() {
-                        let value = match cells.get(index) {
-                            None | Some(SheetCell::Nothing) => Value::Nothing,
-                            Some(SheetCell::Number(value)) => Value::Number(*value),
-                            Some(SheetCell::Text(text)) => Value::Text(text),
-                        };
-                        take(*line, place, value).map_err(|cause| (*line, cause))?;
-                    }
+                    let value = |index: &usize| match cells.get(*index).map(|text| numbers::cell(text, table.decimal)) {
+                        None if table.sheet => Value::Nothing,
+                        None => Value::Ended,
+                        Some(Cell::Nothing) => Value::Nothing,
+                        Some(Cell::OutOfRange) => Value::OutOfRange,
+                        Some(Cell::Number(value)) => Value::Number(value),
+                        Some(Cell::Text(text)) => Value::Text(text),
+                    };
+                    let values: Vec<Value<'_>> = indices.iter().map(value).collect();
+                    take(line, &values).map_err(|cause| (line, cause))?;
                 }
             }
             Self::Series(series) => {
                 for row in 0..same_length(series, indices).map_err(|cause| (0, cause))? {
                     let line = row as u64 + 1;
-                    for (place, &index) in indices.iter().enumerate() {
-                        let number = series[index].values[row];
-                        let value = if number.is_nan() { Value::Nothing } else { Value::Number(number) };
-                        take(line, place, value).map_err(|cause| (0, format!("{cause} (number {line})")))?;
-                    }
+                    let value = |index: &usize| match series[*index].values[row] {
+                        number if number.is_nan() => Value::Nothing,
+                        number if number.is_infinite() => Value::OutOfRange,
+                        number => Value::Number(number),
+                    };
+                    let values: Vec<Value<'_>> = indices.iter().map(value).collect();
+                    take(line, &values).map_err(|cause| (0, format!("{cause} (number {line})")))?;
                 }
             }
         }

@@ -1,8 +1,10 @@
 //! Text with rows of numbers: what separates them, where they begin, and the lines above.
 
+use super::clock;
 use super::header::{self, Head, TopRow};
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal, Signs};
+use super::shape::{Kind, Shape};
 
 /// Separator of the cells of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,6 +30,15 @@ impl Separator {
             Self::Semicolon => "semicolons",
             Self::Comma => "commas",
             Self::Blanks => "blanks",
+        }
+    }
+
+    fn sign(self) -> &'static str {
+        match self {
+            Self::Tab => "\t",
+            Self::Semicolon => ";",
+            Self::Comma => ",",
+            Self::Blanks => " ",
         }
     }
 
@@ -92,12 +103,51 @@ pub struct TextTable<'a> {
     pub separator: Separator,
     /// How numbers are written.
     pub decimal: Decimal,
+    /// Columns whose numbers can be read in two ways.
+    pub ambiguous: Vec<bool>,
+    /// Lines below the rows that are not numbers, and the first of them.
+    pub footer: Option<(usize, &'a str)>,
+    /// Whether the ends of rows may be missing, as in a spreadsheet.
+    pub sheet: bool,
     /// Number of columns.
     columns: usize,
     /// The first row of numbers.
     first: Line<'a>,
-    /// Text from that row on.
-    rows: &'a str,
+    /// First line and text of each run of rows; headers are between them.
+    segments: Vec<(u64, &'a str)>,
+}
+
+/// Properties of a text that are known before it is read.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Dialect<'a> {
+    /// The decimal sign.
+    pub decimal: Option<Decimal>,
+    /// Line of the names.
+    pub header_line: Option<u64>,
+    /// Which run of rows is read, from one.
+    pub segment: Option<usize>,
+    /// Words for a reading that is missing.
+    pub words: &'a [String],
+    /// Whether a single column is a table: its times follow from a rate.
+    pub single: bool,
+    /// Whether it is the text of a spreadsheet: tabs and decimal points.
+    pub sheet: bool,
+}
+
+impl Dialect<'_> {
+    fn kind(&self, cell: &str) -> Kind {
+        let is_number = |cell: &str| {
+            [Decimal::Point, Decimal::Comma]
+                .iter()
+                .any(|d| matches!(numbers::cell(cell, *d), Cell::Number(_) | Cell::OutOfRange))
+        };
+        match numbers::cell(cell, Decimal::Point) {
+            Cell::Nothing => Kind::Nothing,
+            _ if is_number(cell) || clock::is_clock(cell) => Kind::Number,
+            _ if self.words.iter().any(|word| word == cell) => Kind::Nothing,
+            _ => Kind::Text,
+        }
+    }
 }
 
 /// Longest line, in bytes.
@@ -110,14 +160,23 @@ impl<'a> TextTable<'a> {
     ///
     /// Line and cause where the names cannot be read.
     pub fn below_names(text: &'a str) -> Result<Self, (u64, String)> {
-        let mut lines = lines(text, 1).filter(|line| !is_comment(line.text));
-        let end = text.lines().count() as u64 + 1;
-        let header = lines.next().unwrap_or(Line { number: end, text: "", rest: "" });
+        let mut rows = lines(text, 1).filter(|line| !is_comment(line.text));
+        let end = || Line { number: lines(text, 1).last().map_or(1, |line| line.number + 1), text: "", rest: "" };
+        let header = rows.next().unwrap_or_else(end);
         let titles: Vec<Title> = header.cells(Separator::Comma)?.into_iter().map(Title::new).collect();
-        let first = lines.next().unwrap_or(Line { number: end, text: "", rest: "" });
+        let first = rows.next().unwrap_or_else(end);
         let head = Head { line: header.number, titles, ..Head::default() };
-        let (columns, rows) = (head.titles.len(), first.rest);
-        Ok(Self { head, separator: Separator::Comma, decimal: Decimal::Point, columns, first, rows })
+        Ok(Self {
+            columns: head.titles.len(),
+            head,
+            separator: Separator::Comma,
+            decimal: Decimal::Point,
+            ambiguous: Vec::new(),
+            footer: None,
+            sheet: false,
+            first,
+            segments: vec![(first.number, first.rest)],
+        })
     }
 
     /// Finds the rows of numbers in `text`.
@@ -125,15 +184,22 @@ impl<'a> TextTable<'a> {
     /// # Errors
     ///
     /// Line (0 for the whole file) and cause if they are missing, or can be read in two ways.
-    pub fn find(text: &'a str) -> Result<Self, (u64, String)> {
+    pub fn find(text: &'a str, dialect: &Dialect<'_>) -> Result<Self, (u64, String)> {
         let lines: Vec<Line<'_>> = lines(text, 1).collect();
         let mut found: Vec<Self> = Vec::new();
-        for separator in Separator::ALL {
+        let possible: &[Separator] = if dialect.sheet { &[Separator::Tab] } else { &Separator::ALL };
+        for &separator in possible {
             // Blanks occur between other separators too: they count where nothing else does.
             if separator == Separator::Blanks && !found.is_empty() {
                 break;
             }
-            found.extend(Self::with(&lines, separator)?);
+            // A single column has no separator.
+            if !(dialect.single && dialect.decimal == Some(Decimal::Comma) && separator == Separator::Comma) {
+                found.extend(Self::with(&lines, separator, dialect, 2)?);
+            }
+        }
+        if found.is_empty() && dialect.single {
+            found.extend(Self::with(&lines, Separator::Tab, dialect, 1)?);
         }
         match found.as_slice() {
             [one] => Ok(one.clone()),
@@ -148,35 +214,37 @@ impl<'a> TextTable<'a> {
         }
     }
 
-    /// The rows of numbers, if `separator` is between them.
-    fn with(lines: &[Line<'a>], separator: Separator) -> Result<Option<Self>, (u64, String)> {
+    /// The rows of at least `fewest` numbers, if `separator` is between them.
+    fn with(
+        lines: &[Line<'a>],
+        separator: Separator,
+        dialect: &Dialect<'_>,
+        fewest: usize,
+    ) -> Result<Option<Self>, (u64, String)> {
         let (comments, rows): (Vec<Line<'a>>, Vec<Line<'a>>) = lines.iter().partition(|line| is_comment(line.text));
-        // Cells of a row, and numbers among them.
-        let counts = |line: &Line<'_>| {
-            let cells = separator.split(line.text);
-            let numbers =
-                |decimal| cells.iter().filter(|cell| matches!(numbers::cell(cell, decimal), Cell::Number(_))).count();
-            (cells.len(), numbers(Decimal::Point).max(numbers(Decimal::Comma)))
+        let kinds = |row: &Line<'_>| -> Vec<Kind> {
+            separator.split(row.text).into_iter().map(|cell| dialect.kind(cell)).collect()
         };
+        let Some(shape) = Shape::of_most(rows.len(), |row| kinds(&rows[row]), fewest) else { return Ok(None) };
+        let below = dialect.header_line.unwrap_or(0);
         // Three rows of numbers: a preamble may have one of its own. A fault in the second or third row does not concern the header.
         let begins = |k: &usize| {
-            let (columns, numbers) = counts(&rows[*k]);
-            let follows = |line: &Line<'_>| matches!(counts(line), (cells, n) if n > 1 || n == 1 && cells == columns);
-            numbers > 1 && rows[k + 1..rows.len().min(k + 3)].iter().all(follows)
+            rows[*k].number > below
+                && shape.has(&kinds(&rows[*k]))
+                && rows[k + 1..rows.len().min(k + 3)].iter().all(|row| shape.may_have(&kinds(row)))
         };
-        let Some(first) = (0..rows.len()).find(begins) else {
+        // Settings may be beside the first rows of a file without names.
+        let begins_at_once =
+            below == 0 && !rows.is_empty() && rows.iter().take(3).all(|row| shape.may_have_settings(&kinds(row)));
+        let first = if begins_at_once { Some(0) } else { (0..rows.len()).find(begins) };
+        let Some(first) = first else { return Ok(None) };
+        if sample(&rows[first..])
+            .iter()
+            .any(|line| separator.split(line.text).iter().any(|cell| hides_numbers(cell, separator)))
+        {
             return Ok(None);
-        };
-        let sample: Vec<Line<'a>> = sample(&rows[first..]);
-        if sample.iter().any(|line| separator.split(line.text).iter().any(|cell| hides_numbers(cell, separator))) {
-            return Ok(None);
-        }
-        let mut signs = Signs::default();
-        for line in &rows[first..] {
-            separator.split(line.text).iter().for_each(|cell| signs.count(cell));
         }
         let data_line = rows[first].number;
-        let decimal = decimal(signs, separator).map_err(|cause| (data_line, cause))?;
         let columns = separator.split(rows[first].text).len();
         let top = |line: &Line<'a>, comment: bool| {
             let text = if comment { line.text.trim_start_matches(['#', '%', '!', ' ']) } else { line.text };
@@ -184,15 +252,78 @@ impl<'a> TextTable<'a> {
         };
         let mut above: Vec<TopRow> = rows[..first].iter().map(|line| top(line, false)).collect();
         above.extend(comments.iter().filter(|line| line.number < data_line).map(|line| top(line, true)));
-        let mut head = header::find(&above, columns);
+        above.sort_by_key(|row| row.line);
+        let mut head = header::find(&above, columns, dialect.header_line)?;
         refuse_shifted(&head, &rows[first], columns, separator)?;
         // A separator at the end of a row or of the header is no column.
         while head.titles.len() > columns && head.titles.last().is_some_and(|title| title.name.is_empty()) {
             head.titles.pop();
         }
-        let (titles, first) = (head.titles.len(), rows[first]);
-        let columns = if titles == 0 { columns } else { titles };
-        Ok(Some(Self { head, separator, decimal, columns, first, rows: first.rest }))
+        let columns = if head.titles.is_empty() { columns } else { head.titles.len() };
+        let mut signs = vec![Signs::default(); columns];
+        for line in &rows[first..] {
+            signs.iter_mut().zip(separator.split(line.text)).for_each(|(signs, cell)| signs.count(cell));
+        }
+        let known = if dialect.sheet { Some(Decimal::Point) } else { dialect.decimal };
+        let all = signs.iter().fold(Signs::default(), |all, column| all.and(*column));
+        let shifted = |cause| (data_line, if separator == Separator::Comma { SHIFTED.into() } else { cause });
+        let decimal = known.map_or_else(|| all.decimal().map_err(shifted), |known| Ok(Some(known)))?;
+        let ambiguous = signs.iter().map(|column| known.is_none() && column.is_ambiguous(decimal)).collect();
+        let mut table = Self {
+            head,
+            separator,
+            decimal: decimal.unwrap_or(Decimal::Point),
+            ambiguous,
+            footer: None,
+            sheet: dialect.sheet,
+            columns,
+            first: rows[first],
+            segments: Vec::new(),
+        };
+        table.cut(&rows[first..], lines, |row| shape.is_remark(&kinds(row), &separator.split(row.text)));
+        if let Some(wanted) = dialect.segment {
+            let found = table.segments.len();
+            let segment = wanted.checked_sub(1).and_then(|index| table.segments.get(index));
+            table.segments = vec![*segment.ok_or_else(|| (0, format!("`segment` {wanted}: there are {found}")))?];
+        }
+        // Where the cells of a column are times of day.
+        let starts: Vec<Vec<&str>> = rows[first..].iter().take(3).map(|row| separator.split(row.text)).collect();
+        let is_clock =
+            |index: usize| starts.iter().any(|cells| cells.get(index).is_some_and(|cell| clock::is_clock(cell)));
+        let mut titles = table.titles();
+        titles.iter_mut().enumerate().for_each(|(index, title)| title.clock = is_clock(index));
+        if !table.head.titles.is_empty() || titles.iter().any(|title| title.clock) {
+            table.head.titles = titles;
+        }
+        Ok(Some(table))
+    }
+
+    /// Cuts `rows`, the first and all lines below it, where the header is repeated, and at the remarks behind the last of them.
+    fn cut(&mut self, rows: &[Line<'a>], lines: &[Line<'a>], is_remark: impl Fn(&Line<'_>) -> bool) {
+        let header = lines.iter().find(|line| line.number == self.head.line).map(|line| line.text.trim());
+        let until = |from: usize, to: usize| {
+            let whole = rows[from].rest;
+            let text = rows.get(to).map_or(whole, |next| &whole[..whole.len() - next.rest.len()]);
+            (rows[from].number, text)
+        };
+        let before = |from: usize, mut to: usize| {
+            while to > from && is_remark(&rows[to - 1]) {
+                to -= 1;
+            }
+            to
+        };
+        let mut start = 0;
+        for again in (1..rows.len()).filter(|&row| header == Some(rows[row].text.trim())) {
+            if again > start {
+                self.segments.push(until(start, before(start, again)));
+            }
+            start = (again..rows.len()).find(|&row| !is_remark(&rows[row])).unwrap_or(rows.len());
+        }
+        if start < rows.len() {
+            let end = before(start, rows.len());
+            self.segments.push(until(start, end));
+            self.footer = rows.get(end).map(|first| (rows.len() - end, first.text.trim()));
+        }
     }
 
     /// Titles of all columns, empty where there is no header.
@@ -202,9 +333,15 @@ impl<'a> TextTable<'a> {
         titles
     }
 
+    /// First lines of the runs of rows.
+    pub fn starts(&self) -> Vec<u64> {
+        self.segments.iter().map(|(line, _)| *line).collect()
+    }
+
     /// Line and cells of every row, or line and cause where it cannot be used.
     pub fn rows(&self) -> impl Iterator<Item = Result<(u64, Vec<&'a str>), (u64, String)>> {
-        lines(self.rows, self.first.number).filter(|line| !is_comment(line.text)).map(|line| {
+        let all = self.segments.iter().flat_map(|(first, text)| lines(text, *first));
+        all.filter(|line| !is_comment(line.text)).map(|line| {
             let cells = line.cells(self.separator)?;
             if cells.iter().skip(self.columns).any(|cell| !cell.is_empty()) {
                 return Err((line.number, more_cells(cells.len(), self.columns, self.separator)));
@@ -212,6 +349,36 @@ impl<'a> TextTable<'a> {
             Ok((line.number, cells))
         })
     }
+}
+
+/// The same table as `text` with rows for columns, if its last lines are a name and numbers each, and one of the names `is_time`.
+pub fn transposed(text: &str, is_time: impl Fn(&str) -> bool) -> Option<String> {
+    let lines: Vec<Line<'_>> = lines(text, 1).filter(|line| !is_comment(line.text)).collect();
+    let dialect = Dialect::default();
+    for separator in Separator::ALL {
+        let rows: Vec<Vec<&str>> = lines.iter().map(|line| separator.split(line.text)).collect();
+        let length = rows.last().map_or(0, Vec::len);
+        let is_series = |row: &Vec<&str>| {
+            row.len() == length
+                && dialect.kind(row[0]) == Kind::Text
+                && row[1..].iter().all(|cell| dialect.kind(cell) != Kind::Text)
+        };
+        let begin = rows.iter().rposition(|row| !is_series(row)).map_or(0, |last| last + 1);
+        let (above, series) = rows.split_at(begin);
+        if length < 4
+            || series.len() < 2
+            || above.iter().any(|row| row.len() >= 3)
+            || !series.iter().any(|row| is_time(row[0]))
+        {
+            continue;
+        }
+        let sign = if separator == Separator::Blanks { "\t" } else { separator.sign() };
+        let row = |index: usize| series.iter().map(|row| row[index]).collect::<Vec<_>>();
+        let names: Vec<String> = row(0).iter().map(|name| format!("\"{}\"", name.replace('"', ""))).collect();
+        let rows = (1..length).map(row).filter(|row| row.iter().any(|cell| !cell.is_empty())).map(|row| row.join(sign));
+        return Some(std::iter::once(names.join(sign)).chain(rows).collect::<Vec<_>>().join("\n"));
+    }
+    None
 }
 
 impl<'a> Line<'a> {
@@ -260,8 +427,13 @@ fn sample<'a>(rows: &[Line<'a>]) -> Vec<Line<'a>> {
     rows.iter().take(COUNT).chain(rows.iter().step_by(every)).copied().collect()
 }
 
-/// Whether `cell` is several numbers that another separator separates: then `separator` is not the file's.
+/// Whether `cell` is several numbers that another separator separates: then `separator` is not the file's. Blanks may group the digits of
+/// one number, but commas separate two.
 fn hides_numbers(cell: &str, separator: Separator) -> bool {
+    let is_one = |decimal: &Decimal| numbers::number(cell, *decimal).is_some();
+    if separator != Separator::Comma && [Decimal::Point, Decimal::Comma].iter().any(is_one) {
+        return false;
+    }
     Separator::ALL.iter().filter(|other| **other != separator && **other != Separator::Comma).any(|other| {
         let parts = other.split(cell);
         let is_number = |part: &&str| {
@@ -269,26 +441,6 @@ fn hides_numbers(cell: &str, separator: Separator) -> bool {
         };
         parts.len() > 1 && parts.iter().all(is_number)
     })
-}
-
-/// How numbers are written, from their `signs`.
-fn decimal(signs: Signs, separator: Separator) -> Result<Decimal, String> {
-    let Signs { points, commas, thousands, both } = signs;
-    if both > 0 {
-        return Err("numbers have a separator of thousands, such as 1,234.5; export them without it".into());
-    }
-    match (points, commas) {
-        (0, 0) => Ok(Decimal::Point),
-        (_, 0) => Ok(Decimal::Point),
-        (0, _) if thousands == commas => {
-            Err("can be read in two ways: numbers such as 1,234 are 1.234 with a decimal comma, or 1234 with a separator of \
-                 thousands; export them with a decimal point"
-                .into())
-        }
-        (0, _) => Ok(Decimal::Comma),
-        _ if separator == Separator::Comma => Err(SHIFTED.into()),
-        _ => Err("numbers have decimal points and decimal commas in one file; export them with one of both".into()),
-    }
 }
 
 const SHIFTED: &str = "some numbers have a decimal comma and some a decimal point; export them with a decimal point";

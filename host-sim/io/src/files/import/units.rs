@@ -17,32 +17,45 @@ const fn unit(quantity: Quantity, name: &'static str, factor: f64) -> Unit {
     Unit { quantity, name, factor }
 }
 
-/// The units with all their spellings.
-const UNITS: &[(Unit, &[&str])] = &[
-    (unit(Quantity::Time, "s", 1.0), &["s", "sec", "secs", "second", "seconds", "sek", "sekunden", "秒"]),
-    (unit(Quantity::Time, "ms", 1e-3), &["ms", "msec", "millisecond", "milliseconds", "millisekunden", "毫秒"]),
-    (unit(Quantity::Time, "µs", 1e-6), &["µs", "us", "usec", "microseconds", "mikrosekunden"]),
-    (unit(Quantity::Time, "min", 60.0), &["min", "mins", "minute", "minutes", "minuten", "分"]),
-    (unit(Quantity::Time, "h", 3600.0), &["h", "hr", "hrs", "hour", "hours", "stunden"]),
-    (unit(Quantity::Voltage, "V", 1.0), &["V", "v", "volt", "volts", "伏"]),
-    (unit(Quantity::Voltage, "kV", 1e3), &["kV", "kv", "kilovolt", "kilovolts", "千伏"]),
-    (unit(Quantity::Voltage, "mV", 1e-3), &["mV", "mv", "millivolt", "millivolts"]),
-    (unit(Quantity::Force, "N", 1.0), &["N", "n", "newton", "newtons", "牛"]),
-    (unit(Quantity::Force, "kN", 1e3), &["kN", "kn", "kilonewton"]),
-    (unit(Quantity::Force, "mN", 1e-3), &["mN", "mn", "millinewton"]),
-    (unit(Quantity::Force, "µN", 1e-6), &["µN", "uN", "un", "micronewton"]),
-    (unit(Quantity::Displacement, "m", 1.0), &["m", "meter", "meters", "metre", "metres", "米"]),
-    (unit(Quantity::Displacement, "cm", 1e-2), &["cm", "centimeter", "centimetre", "厘米"]),
+/// The units with their symbols, whose case counts, and their words, whose case does not.
+const UNITS: &[(Unit, &[&str], &[&str])] = &[
+    (
+        unit(Quantity::Time, "s", 1.0),
+        &["s", "秒"],
+        &["sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden", "secondes", "segundos"],
+    ),
+    (unit(Quantity::Time, "ms", 1e-3), &["ms", "毫秒"], &["msec", "millisecond", "milliseconds", "millisekunden"]),
+    (unit(Quantity::Time, "µs", 1e-6), &["µs", "us"], &["usec", "microsecond", "microseconds", "mikrosekunden"]),
+    (unit(Quantity::Time, "min", 60.0), &["min", "mins", "分"], &["minute", "minutes", "minuten"]),
+    (unit(Quantity::Time, "h", 3600.0), &["h", "hr", "hrs"], &["hour", "hours", "stunden"]),
+    (unit(Quantity::Time, "d", 86400.0), &[], &["days", "tage"]),
+    (unit(Quantity::Voltage, "V", 1.0), &["V", "v", "伏"], &["volt", "volts"]),
+    (unit(Quantity::Voltage, "kV", 1e3), &["kV", "kv", "KV", "千伏"], &["kilovolt", "kilovolts"]),
+    (unit(Quantity::Voltage, "mV", 1e-3), &["mV"], &["millivolt", "millivolts"]),
+    (unit(Quantity::Force, "N", 1.0), &["N", "牛"], &["newton", "newtons"]),
+    (unit(Quantity::Force, "kN", 1e3), &["kN"], &["kilonewton", "kilonewtons"]),
+    (unit(Quantity::Force, "mN", 1e-3), &["mN"], &["millinewton", "millinewtons"]),
+    (unit(Quantity::Force, "µN", 1e-6), &["µN", "uN"], &["micronewton", "micronewtons"]),
+    (unit(Quantity::Displacement, "m", 1.0), &["m", "米"], &["meter", "meters", "metre", "metres"]),
+    (
+        unit(Quantity::Displacement, "cm", 1e-2),
+        &["cm", "厘米"],
+        &["centimeter", "centimetre", "centimeters", "centimetres"],
+    ),
     (
         unit(Quantity::Displacement, "mm", 1e-3),
-        &["mm", "millimeter", "millimeters", "millimetre", "millimetres", "毫米"],
+        &["mm", "MM", "毫米"],
+        &["millimeter", "millimeters", "millimetre", "millimetres"],
     ),
-    (unit(Quantity::Displacement, "µm", 1e-6), &["µm", "um", "micron", "microns", "micrometer", "micrometre", "微米"]),
-    (unit(Quantity::Displacement, "nm", 1e-9), &["nm", "nanometer", "nanometre"]),
-    (unit(Quantity::Stress, "Pa", 1.0), &["Pa", "pa", "pascal"]),
-    (unit(Quantity::Stress, "kPa", 1e3), &["kPa", "kpa"]),
-    // Millipascals do not occur: capitals or not, it is mega.
-    (unit(Quantity::Stress, "MPa", 1e6), &["MPa", "mpa", "N/mm²", "n/mm²", "N/mm2", "n/mm2"]),
+    (
+        unit(Quantity::Displacement, "µm", 1e-6),
+        &["µm", "um", "微米"],
+        &["micron", "microns", "micrometer", "micrometers", "micrometre", "micrometres"],
+    ),
+    (unit(Quantity::Displacement, "nm", 1e-9), &["nm"], &["nanometer", "nanometers", "nanometre", "nanometres"]),
+    (unit(Quantity::Stress, "Pa", 1.0), &["Pa"], &["pascal"]),
+    (unit(Quantity::Stress, "kPa", 1e3), &["kPa"], &["kilopascal"]),
+    (unit(Quantity::Stress, "MPa", 1e6), &["MPa", "N/mm²", "N/mm2"], &["megapascal"]),
 ];
 
 /// Interpretation of a text as a unit.
@@ -56,24 +69,37 @@ pub enum Read {
     Other,
 }
 
-/// Reads `text` as a unit. Its case counts where it is right, and does not where a header is in capitals.
-pub fn read(text: &str) -> Read {
+/// Reads `text` as a unit. The case of a symbol counts (Nm is a torque, nm a length), except in a header in `capitals`.
+pub fn read(text: &str, capitals: bool) -> Read {
     // The Greek letter and the sign of the micro prefix look the same.
     let text = text.trim().trim_end_matches('.').replace('\u{3bc}', "µ");
-    let exact = |wanted: &str| UNITS.iter().find(|(_, names)| names.contains(&wanted)).map(|(unit, _)| *unit);
-    if let Some(unit) = exact(&text) {
-        return Read::Unit(unit);
+    let lower = text.to_lowercase();
+    let found = |is: &dyn Fn(&str) -> bool| {
+        UNITS.iter().find(|(_, symbols, words)| symbols.iter().any(|s| is(s)) || words.contains(&lower.as_str()))
+    };
+    if let Some((unit, ..)) = found(&|symbol| symbol == text) {
+        return Read::Unit(*unit);
     }
-    if matches!(text.as_str(), "MV" | "MN" | "Mv" | "Mn") {
-        return Read::MilliOrMega;
+    match text.as_str() {
+        "MV" | "MN" | "Mv" | "Mn" => Read::MilliOrMega,
+        // Newton metres as well as nanometres.
+        "NM" => Read::Other,
+        _ if capitals => {
+            found(&|symbol| symbol.to_lowercase() == lower).map_or(Read::Other, |(unit, ..)| Read::Unit(*unit))
+        }
+        _ => Read::Other,
     }
-    exact(&text.to_lowercase()).map_or(Read::Other, Read::Unit)
+}
+
+/// The units of `quantity`.
+pub fn units_of(quantity: Quantity) -> impl Iterator<Item = Unit> {
+    UNITS.iter().map(|(unit, ..)| *unit).filter(move |unit| unit.quantity == quantity)
 }
 
 /// The spellings that errors show for `quantity`.
 pub fn usual(quantity: Quantity) -> &'static str {
     match quantity {
-        Quantity::Time => "s, ms, µs, min or h",
+        Quantity::Time => "s, ms, µs, min, h or days",
         Quantity::Voltage | Quantity::Command => "V, kV or mV",
         Quantity::Force => "N, mN, µN or kN",
         Quantity::Displacement => "m, cm, mm, µm or nm",

@@ -1,0 +1,149 @@
+//! Times of day and dates in the cells of a column of times.
+
+/// Seconds of a day.
+const DAY_S: f64 = 86400.0;
+
+/// A time of day, with its date if the cell has one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stamp {
+    /// Since midnight, s.
+    of_day_s: f64,
+    date: Option<Date>,
+}
+
+/// A date as it may be read.
+#[derive(Clone, Debug, PartialEq)]
+struct Date {
+    /// Days since a day that is the same for all; a second reading where day and month may be exchanged.
+    days: [i64; 2],
+}
+
+/// Reads `text` as `10:00:01.5`, `10:00:01:500`, `10:00:01 PM`, `00:01.5` or with a date before it, as `2026-11-24T10:00:01Z` or `24.11.2026 10:00:01`.
+pub fn stamp(text: &str) -> Option<Stamp> {
+    let text = text.trim();
+    if let Some((days, seconds)) = text.strip_prefix('@').and_then(|cell| cell.split_once(' ')) {
+        // A cell of a spreadsheet that is a date or a time.
+        let date = Date { days: [days.parse().ok()?; 2] };
+        return Some(Stamp { of_day_s: seconds.parse().ok()?, date: Some(date) });
+    }
+    let colon = text.find(':')?;
+    let start = text[..colon]
+        .rfind(|c: char| !c.is_ascii_digit())
+        .map_or(0, |at| at + text[at..].chars().next().map_or(1, char::len_utf8));
+    let (before, time) = text.split_at(start);
+    let before = before.trim_end_matches(['T', 't', ' ', ',', ';', '-', '\u{a0}', '\u{202f}']).trim();
+    let date = if before.is_empty() { None } else { Some(date(before)?) };
+    Some(Stamp { of_day_s: of_day(time)?, date })
+}
+
+/// Whether `text` is a time of day, if perhaps one that can be read in two ways.
+pub fn is_clock(text: &str) -> bool {
+    stamp(text).is_some() || is_two_parts(text)
+}
+
+/// Whether `text` is hours and minutes, or minutes and seconds.
+pub fn is_two_parts(text: &str) -> bool {
+    let parts: Vec<&str> = text.trim().split(':').collect();
+    matches!(parts.as_slice(), [a, b] if [a, b].iter().all(|p| !p.is_empty() && p.len() <= 2 && p.bytes().all(|c| c.is_ascii_digit())))
+}
+
+fn of_day(text: &str) -> Option<f64> {
+    let lower = text.to_lowercase();
+    let (clock, half) = match (lower.strip_suffix("am"), lower.strip_suffix("pm")) {
+        (Some(clock), _) => (clock.trim_end(), Some(0.0)),
+        (_, Some(clock)) => (clock.trim_end(), Some(12.0)),
+        _ => (lower.as_str(), None),
+    };
+    // A zone is the same in all rows: its hours do not count.
+    let clock = clock.strip_suffix('z').unwrap_or(clock);
+    let clock = clock.find(['+', '-']).map_or(clock, |zone| &clock[..zone]).trim_end();
+    let parts: Vec<&str> = clock.split(':').collect();
+    let whole = |part: &str| {
+        (!part.is_empty() && part.len() <= 3 && part.bytes().all(|b| b.is_ascii_digit()))
+            .then(|| part.parse::<f64>().ok())?
+    };
+    let seconds = |part: &str| {
+        let (number, broken) = part.split_once(['.', ',']).unwrap_or((part, ""));
+        let digits = |part: &str| part.bytes().all(|b| b.is_ascii_digit());
+        (number.len() <= 2 && !number.is_empty() && digits(number) && digits(broken))
+            .then(|| part.replace(',', ".").parse::<f64>().ok())?
+    };
+    let (hours, minutes, seconds) = match parts.as_slice() {
+        [h, m, s] => (whole(h)?, whole(m)?, seconds(s)?),
+        // Milliseconds behind a third colon.
+        [h, m, s, ms] if ms.len() == 3 => (whole(h)?, whole(m)?, whole(s)? + whole(ms)? / 1e3),
+        [m, s] if s.contains(['.', ',']) => (0.0, whole(m)?, seconds(s)?),
+        _ => return None,
+    };
+    if seconds >= 61.0 || (parts.len() > 2 && minutes >= 60.0) {
+        return None;
+    }
+    let hours = half.map_or(Some(hours), |half| (1.0..=12.0).contains(&hours).then_some(hours % 12.0 + half))?;
+    Some(3600.0 * hours + 60.0 * minutes + seconds)
+}
+
+fn date(text: &str) -> Option<Date> {
+    let parts: Vec<&str> = text.split(['-', '/', '.']).map(str::trim).collect();
+    let [a, b, c] = parts.as_slice() else { return None };
+    let number = |part: &str| part.parse::<i64>().ok().filter(|n| (0..=9999).contains(n));
+    let month = |part: &str| {
+        const MONTHS: [&str; 12] = ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"];
+        number(part).or_else(|| {
+            let name = part.to_lowercase();
+            MONTHS.iter().position(|month| name.starts_with(month)).map(|index| index as i64 + 1)
+        })
+    };
+    let days = if a.len() == 4 {
+        [days(number(a)?, month(b)?, number(c)?)?; 2]
+    } else {
+        let year = number(c)?;
+        let day_first = days(year, month(b)?, number(a)?);
+        // Dates with slashes are written both ways; with points the day is first.
+        let month_first = if text.contains('/') { days(year, month(a)?, number(b)?) } else { day_first };
+        [day_first.or(month_first)?, month_first.or(day_first)?]
+    };
+    Some(Date { days })
+}
+
+/// Days since 1 March of year 0 of the Gregorian calendar.
+fn days(year: i64, month: i64, day: i64) -> Option<i64> {
+    if !(1..=12).contains(&month) || !(1..=31).contains(&day) {
+        return None;
+    }
+    let (year, month) = if month > 2 { (year, month - 3) } else { (year - 1, month + 9) };
+    Some(365 * year + year.div_euclid(4) - year.div_euclid(100) + year.div_euclid(400) + (153 * month + 2) / 5 + day)
+}
+
+/// The clock of a file: seconds since midnight of its first row.
+#[derive(Clone, Debug, Default)]
+pub struct Clock {
+    last: Option<(Stamp, f64)>,
+}
+
+impl Clock {
+    /// The time of `stamp`, s. A clock without a date is a day further where it goes back by more than half a day.
+    ///
+    /// # Errors
+    ///
+    /// Where the date does not follow that of the row before.
+    pub fn seconds(&mut self, stamp: Stamp) -> Result<f64, String> {
+        let midnight_s = match &self.last {
+            None => 0.0,
+            Some((last, midnight_s)) => {
+                let days = match (&last.date, &stamp.date) {
+                    (Some(before), Some(now)) => {
+                        // Of the two readings of a date, days and months exchanged, the smaller step that goes forward.
+                        let steps = [0, 1].map(|k| now.days[k] - before.days[k]);
+                        let step = steps.into_iter().filter(|step| *step >= 0).min();
+                        step.ok_or("the date goes backwards; sort the rows")?
+                    }
+                    _ => i64::from(last.of_day_s - stamp.of_day_s > DAY_S / 2.0),
+                };
+                midnight_s + DAY_S * days as f64
+            }
+        };
+        let now = midnight_s + stamp.of_day_s;
+        self.last = Some((stamp, midnight_s));
+        Ok(now)
+    }
+}

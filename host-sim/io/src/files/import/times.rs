@@ -1,0 +1,121 @@
+//! Times of rows: a column of numbers or of times of day, or an interval that is the same for all.
+
+use super::Quantity;
+use super::clock::{self, Clock};
+use super::extract::{UnderstoodColumn, si};
+use super::mapping::By;
+use super::source::Value;
+use super::units;
+
+/// Where the times of a file come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// A column.
+    Column,
+    /// A column, or the interval that the preamble states.
+    Preamble,
+    /// The rate that a person gave.
+    Person,
+}
+
+/// The times of rows as they are read.
+pub struct Times {
+    /// Interval of the rows where the file or a person states it, s.
+    interval_s: Option<f64>,
+    /// Whether rows may have one time.
+    may_repeat: bool,
+    /// First lines of runs of rows.
+    starts: Vec<u64>,
+    clock: Clock,
+    clock_s: Vec<f64>,
+    /// Rows without a time.
+    counted: usize,
+}
+
+impl Times {
+    /// No rows yet, of runs that begin in the lines `starts`.
+    pub fn new(interval_s: Option<f64>, may_repeat: bool, starts: Vec<u64>) -> Self {
+        Self { interval_s, may_repeat, starts, clock: Clock::default(), clock_s: Vec::new(), counted: 0 }
+    }
+
+    /// Takes a row without a time.
+    pub fn count(&mut self) {
+        self.counted += 1;
+    }
+
+    /// Takes the time of the row in `line`, in the column `name`.
+    ///
+    /// # Errors
+    ///
+    /// Why it is not a time, or does not follow that of the row before.
+    pub fn push(&mut self, line: u64, name: &str, value: Value<'_>, factor: f64) -> Result<(), String> {
+        let now = match value {
+            // An empty column where the preamble states the interval.
+            Value::Nothing if self.interval_s.is_some() && self.clock_s.is_empty() => {
+                self.count();
+                return Ok(());
+            }
+            Value::Text(text) => match clock::stamp(text) {
+                Some(stamp) => Some(self.clock.seconds(stamp)?),
+                None if clock::is_two_parts(text) => {
+                    let cause = "hours and minutes, or minutes and seconds; write hours, minutes and seconds";
+                    return Err(format!("{name} is {text:?}: {cause}"));
+                }
+                None => si(name, value, factor)?,
+            },
+            value => si(name, value, factor)?,
+        };
+        let now = now.filter(|_| self.counted == 0);
+        let now = now.ok_or_else(|| format!("no value for {name}; every row needs its time"))?;
+        match self.clock_s.last() {
+            Some(&before) if now < before && self.starts.len() > 1 && self.starts.contains(&line) => {
+                let runs = self.starts.len();
+                return Err(format!(
+                    "{name} begins again in this one of {runs} runs of rows; choose one with `segment` 1 to {runs}"
+                ));
+            }
+            Some(&before) if now < before => {
+                return Err(format!("{name} goes backwards at {now} s; sort the rows and remove doubles"));
+            }
+            Some(&before) if now == before && !self.may_repeat => {
+                return Err(format!(
+                    "{name} does not increase at {now} s; sort the rows and remove doubles, or state what rows of one time mean with \
+                     `repeated_times` spread (a slow timer) or `repeated_times` mean"
+                ));
+            }
+            _ => {}
+        }
+        self.clock_s.push(now);
+        Ok(())
+    }
+
+    /// The times, s; the unit of their `column` is found where the preamble states their interval.
+    ///
+    /// # Errors
+    ///
+    /// Why they are not known.
+    pub fn finish(self, column: Option<&mut UnderstoodColumn>) -> Result<Vec<f64>, String> {
+        let Self { interval_s, starts, mut clock_s, counted, .. } = self;
+        if let Some(interval_s) = interval_s.filter(|_| counted > 0) {
+            return match starts.len() {
+                0 | 1 => Ok((0..counted).map(|row| row as f64 * interval_s).collect()),
+                runs => Err(format!("{runs} runs of rows without times; choose one with `segment` 1 to {runs}")),
+            };
+        }
+        if let (Some(column), Some(interval_s)) = (column.filter(|column| column.by == By::Preamble), interval_s) {
+            let mut steps: Vec<f64> = clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+            steps.sort_by(f64::total_cmp);
+            let step = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
+            let fits = |unit: &units::Unit| (step * unit.factor / interval_s - 1.0).abs() < 0.01;
+            let unit = units::units_of(Quantity::Time).find(fits).ok_or_else(|| {
+                let (name, number) = (&column.name, column.column);
+                format!(
+                    "the rows are {step} apart in {name:?} and {interval_s} s in the preamble; state the unit with `columns` time={number}:s"
+                )
+            })?;
+            (column.unit, column.factor) = (unit.name.into(), unit.factor);
+            clock_s.iter_mut().for_each(|t| *t *= unit.factor);
+        }
+        Ok(clock_s)
+    }
+}

@@ -1,0 +1,116 @@
+//! Values that a film and its instruments do not show, and the unit that was likely meant.
+
+use super::import::Quantity;
+use super::recording::Recording;
+use crate::terminal::rounded;
+
+/// Voltages (V) below and above which a column is not the voltage on a film.
+const VOLTAGE_V: std::ops::RangeInclusive<f64> = 50.0..=50e3;
+/// Largest and smallest stroke of a film, m.
+const STROKE_M: std::ops::RangeInclusive<f64> = 1e-6..=0.03;
+/// Largest displacement of any sensor, m.
+const REACH_M: f64 = 0.1;
+/// Largest force on a film, N.
+const FORCE_N: f64 = 500.0;
+/// Intervals of the rows of a driven film, s.
+const INTERVAL_S: std::ops::RangeInclusive<f64> = 20e-6..=2.0;
+/// Rows of the shortest recording that is judged so.
+const MIN_ROWS: usize = 50;
+
+impl Recording {
+    /// Lists implausible values, one line each, with the unit that was likely meant.
+    pub fn implausible(&self) -> Vec<String> {
+        let columns = self.columns();
+        let values = |wanted: &str| {
+            let values = columns.iter().find(|(name, _)| *name == wanted).map_or(&[][..], |(_, values)| values);
+            let mut values: Vec<f64> = values.iter().copied().filter(|value| !value.is_nan()).collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let ends = |values: &[f64]| Some((*values.first()?, *values.last()?));
+        let largest = |values: &[f64]| ends(values).map_or(0.0, |(low, high)| if high > -low { high } else { low });
+        let mut found = Vec::new();
+        let voltage = largest(&values("voltage_v"));
+        if voltage.abs() > *VOLTAGE_V.end() {
+            let unit = self.smaller(Quantity::Voltage);
+            found.push(format!("the largest voltage is {} V{}", rounded(voltage), unit));
+        } else if voltage != 0.0 && voltage.abs() < *VOLTAGE_V.start() {
+            let column = self.origin(Quantity::Voltage).map_or(0, |column| column.column);
+            found.push(format!(
+                "the largest voltage is {} V: a monitor's output, or kilovolts? Multiply it, as in `columns` voltage={column}*1000",
+                rounded(voltage)
+            ));
+        }
+        let displacement = values("displacement_m");
+        // Without the outermost hundredths, which drop-outs may be.
+        let at = |share: f64| displacement.get(((displacement.len().max(1) - 1) as f64 * share).round() as usize);
+        if let (Some(low), Some(high)) = (at(0.01), at(0.99)) {
+            let stroke = high - low;
+            let has_rows = displacement.len() >= MIN_ROWS;
+            if stroke > *STROKE_M.end() && has_rows {
+                found.push(format!("the stroke is {} m{}", rounded(stroke), self.smaller(Quantity::Displacement)));
+            } else if stroke > 1e-9 && stroke < *STROKE_M.start() && has_rows {
+                found.push(format!("the stroke is {} m: check the unit of the displacement", rounded(stroke)));
+            } else if largest(&displacement).abs() > REACH_M {
+                let value = rounded(largest(&displacement));
+                found.push(format!(
+                    "a displacement of {value} m: a drop-out of the sensor (import `blank`), or another unit?"
+                ));
+            }
+        }
+        let force = largest(&values("force_n"));
+        if force.abs() > FORCE_N {
+            found.push(format!("the largest force is {} N{}", rounded(force), self.smaller(Quantity::Force)));
+        }
+        found.extend(self.implausible_times());
+        found
+    }
+
+    /// Rows too far apart, or too close, for a film that is driven.
+    fn implausible_times(&self) -> Option<String> {
+        let time_s = self.time_s();
+        let drive = self.drive().ok()?;
+        let mut steps: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        steps.sort_by(f64::total_cmp);
+        let step = *steps.get(steps.len() / 2)?;
+        if time_s.len() < MIN_ROWS || is_constant(&drive.samples().value) {
+            return None;
+        }
+        let text = format!("the rows are {} s apart, {} s in all", rounded(step), rounded(self.duration_s()));
+        let column = self.origin(Quantity::Time)?;
+        let is_in = |unit: &str| column.unit == unit;
+        if step > *INTERVAL_S.end() {
+            Some(format!("{text}{}", self.smaller(Quantity::Time)))
+        } else if step < *INTERVAL_S.start() && is_in("ms") {
+            Some(format!("{text}: seconds in a column of ms? State the unit, as in `columns` time={}:s", column.column))
+        } else {
+            None
+        }
+    }
+
+    /// The next smaller unit of a column, as a question.
+    fn smaller(&self, quantity: Quantity) -> String {
+        let Some(column) = self.origin(quantity) else { return ": another unit?".into() };
+        let smaller = match column.unit.as_str() {
+            "kV" => "V",
+            "m" => "mm",
+            "mm" => "µm",
+            "µm" => "nm",
+            "N" => "mN",
+            "kN" => "N",
+            "min" => "s",
+            "s" => "ms",
+            "ms" => "µs",
+            _ => return ": another unit?".into(),
+        };
+        let (unit, number, name) = (&column.unit, column.column, quantity.name());
+        format!(": {smaller} in a column of {unit}? State the unit, as in `columns` {name}={number}:{smaller}")
+    }
+}
+
+/// Whether `values` stay within 1 % of their largest for most of the time: a load that is held.
+fn is_constant(values: &[f64]) -> bool {
+    let largest = values.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    let held = values.iter().filter(|value| value.abs() >= 0.99 * largest).count();
+    largest == 0.0 || 10 * held > 9 * values.len()
+}

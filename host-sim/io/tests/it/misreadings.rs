@@ -1,0 +1,303 @@
+//! Files that can be misread: each is asked about, refused or warned of, and is never wrong in silence.
+
+use std::fmt::Write;
+
+use host_io::files::import::Hints;
+use host_io::files::recording::Recording;
+
+use super::instruments::hints;
+use super::lab_files::{Folder, difference, has, rows, usual};
+
+/// Headers above time, voltage and displacement, and one column more: what the question says, and the answer.
+#[test]
+fn rival_columns_are_a_question() {
+    // A name, its numbers (the samples in kV or mm, or others), and whether it is asked about where it is the only one.
+    let displacements = [
+        ("Target position (mm)", true),
+        ("Position reference (mm)", true),
+        ("Stage position (mm)", true),
+        ("Position setpoint [mm]", true),
+        ("Set-point (mm)", true),
+        ("Demand (mm)", true),
+        ("Program position/mm", true),
+        ("Soll [mm]", true),
+        ("Sollposition [mm]", true),
+        ("Consigne (mm)", true),
+        ("Command position (mm)", true),
+        ("Desired stroke (mm)", true),
+        ("Filtered displacement (mm)", true),
+        ("Max displacement (mm)", true),
+        ("Laser min (mm)", true),
+        ("Average displacement (mm)", true),
+        ("Tracking error (mm)", true),
+        ("Laser RMS (mm)", true),
+        ("Laser x10 (mm)", true),
+        ("Laser (x10) [mm]", true),
+        ("10x Laser (mm)", true),
+        ("TargetPosition (mm)", true),
+        ("Laser_ref (mm)", true),
+        ("位移目标(mm)", true),
+        ("y (mm)", false),
+        ("CH2 (mm)", false),
+        ("Displacement 2 (mm)", false),
+        ("Actual (mm)", false),
+        ("Gauge (µm)", false),
+        ("Displacement", false),
+    ];
+    let voltages = [
+        ("Voltage limit (kV)", true),
+        ("Demand voltage (kV)", true),
+        ("Program voltage (kV)", true),
+        ("HV set (kV)", true),
+        ("HV setpoint [kV]", true),
+        ("HV RMS (kV)", true),
+        ("U_soll [kV]", true),
+        ("Spannung Sollwert (kV)", true),
+        ("Spannungsgrenze U (kV)", true),
+        ("Tension consigne (kV)", true),
+        ("Peak voltage (kV)", true),
+        ("Voltage AC (kV)", true),
+        ("HV reference (kV)", true),
+        ("HV monitor 1000:1 (V)", true),
+        ("HV /1000 (V)", true),
+        ("HV monitor (kV)", false),
+        ("CH2 (kV)", false),
+        ("Supply (kV)", false),
+        ("Voltage", false),
+    ];
+    let folder = Folder::new();
+    let mut faults = Vec::new();
+    let mut ask = |header: &str, answer: &str, columns: &dyn Fn(&super::lab_files::Sample) -> Vec<f64>| {
+        let path = folder.file("film.txt", format!("{header}\n{}", rows(";", '.', columns)));
+        match Recording::read_with(&path, &Hints::default()) {
+            Ok(recording) => faults.push(format!("{header}: not asked: {:?}", recording.understood())),
+            Err(error) if !error.to_string().contains(&format!("`columns` {answer}")) => {
+                faults.push(format!("{header}: {error}"));
+            }
+            Err(_) => {}
+        }
+        // The line of the question is an answer.
+        match Recording::read_with(&path, &hints(&format!("columns={answer}"))) {
+            Ok(recording) => faults.extend(difference(&recording).map(|fault| format!("{header}: {fault}"))),
+            Err(error) => faults.push(format!("{header}: {error}")),
+        }
+    };
+    for (name, alone) in displacements {
+        let other = |s: &super::lab_files::Sample| vec![s.time_s, s.voltage_kv, 7.0, s.laser_mm];
+        ask(&format!("Time (s);HV (kV);{name};Laser (mm)"), "displacement=4", &other);
+        if alone {
+            ask(&format!("Time (s);HV (kV);{name}"), "displacement=3", &usual);
+        }
+    }
+    for (name, alone) in voltages {
+        let other = |s: &super::lab_files::Sample| vec![s.time_s, 7.0, s.voltage_kv, s.laser_mm];
+        let factor = if name.contains("(V)") { "*1000" } else { "" };
+        ask(&format!("Time (s);{name};Voltage (kV);Laser (mm)"), "voltage=3", &other);
+        if alone && factor.is_empty() {
+            ask(&format!("Time (s);{name};Laser (mm)"), "voltage=2", &usual);
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// Units that are not what they look like, or that disagree.
+#[test]
+fn units_are_read_with_their_case() {
+    let folder = Folder::new();
+    let numbers = rows(";", '.', usual);
+    let refused = |header: &str, words: &[&str]| has(&folder.refused(format!("{header}\n{numbers}"), ""), words);
+    refused("Time (ms);HV (kV);Laser (mm)\ns;kV;mm", &["\"Time (ms)\"", "one unit in its name and another below it"]);
+    refused("Time (s);HV (kV);Laser (mm)\ns;V;mm", &["\"HV (kV)\"", "one unit in its name and another"]);
+    refused("Time (Ms);HV (kV);Laser (mm)", &["\"Time (Ms)\"", "not one of s, ms"]);
+    refused("Time (s);HV (MV);Laser (mm)", &["milli or mega"]);
+    refused("Time (s);HV (kV);Laser (Nm)", &["\"Laser (Nm)\"", "not one of m, cm, mm"]);
+    refused("TIME (S);HV (KV);LASER (NM)", &["\"LASER (NM)\"", "not one of m, cm, mm"]);
+    refused("Time (s);HV (kV);Laser (Mm)", &["\"Laser (Mm)\"", "not one of m, cm, mm"]);
+    refused("Time (s);HV (mm);Laser (mm)", &["HV (mm)"]);
+    refused("Time (V);HV (kV);Laser (mm)", &["\"Time (V)\""]);
+    refused("Time (s);HV (s);Laser (mm)", &["\"HV (s)\""]);
+    refused("Time (s);HV (kV);Laser (V)", &["\"Laser (V)\""]);
+    // A torque is no displacement, and what hangs on the film is no weight of a row.
+    for ignored in ["Torque (Nm)", "Weight (g)", "Mass (kg)", "Load (g)", "Temp (C)", "Current (mA)", "Laser status"] {
+        let text = format!(
+            "Time (s);HV (kV);Laser (mm);{ignored}\n{}",
+            rows(";", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 100.0])
+        );
+        let recording = Recording::read(&folder.file("film.txt", text));
+        match (ignored, recording) {
+            ("Laser status", recording) => has(&recording.expect_err("asked").to_string(), &["2 columns may be"]),
+            (_, Ok(recording)) => {
+                assert_eq!(difference(&recording), None, "{ignored}");
+                assert!(recording.weights().is_none() && recording.force().is_none(), "{ignored}");
+                assert_eq!(recording.understood().expect("a file").ignored, [ignored]);
+            }
+            (_, Err(error)) => panic!("{ignored}: {error}"),
+        }
+    }
+    for (name, answer) in [("Weight", "weight=none"), ("Force (mm)", "force=none")] {
+        let text = format!(
+            "Time (s);HV (kV);Laser (mm);{name}\n{}",
+            rows(";", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 100.0])
+        );
+        has(&folder.refused(&text, ""), &[name, "`columns`", "=none"]);
+        let recording = Recording::read_with(&folder.file("film.txt", text), &hints(&format!("columns={answer}")));
+        assert_eq!(difference(&recording.expect("answered")), None, "{name}");
+    }
+}
+
+/// Whole numbers whose thousands have the sign that elsewhere is decimal.
+#[test]
+fn numbers_that_can_be_read_in_two_ways_are_a_question() {
+    let folder = Folder::new();
+    let volts = [0, 850, 1234, 2345, 3456, 850];
+    for (group, time) in [(".", ""), (".", "."), (",", ""), (",", ",")] {
+        let mut text = "Time (s);HV (V);Laser (mm)\n".to_owned();
+        for (k, volts) in volts.iter().enumerate() {
+            let volts =
+                if *volts < 1000 { volts.to_string() } else { format!("{}{group}{:03}", volts / 1000, volts % 1000) };
+            let half = if time.is_empty() { k.to_string() } else { format!("{k}{time}5") };
+            writeln!(text, "{half};{volts};{k}").expect("written");
+        }
+        let error = folder.refused(&text, "");
+        has(&error, &["\"HV (V)\"", "two ways", "1.234", "1234", "`decimal` point", "`decimal` comma"]);
+        let path = folder.file("film.txt", &text);
+        let read = |decimal: &str| {
+            let recording =
+                Recording::read_with(&path, &hints(&format!("decimal={decimal}"))).map_err(|e| e.to_string())?;
+            Ok::<_, String>(recording.columns()[0].1.clone())
+        };
+        let (grouped, broken) = if group == "." { ("comma", "point") } else { ("point", "comma") };
+        // With the other sign in the times there is one reading left.
+        if time.is_empty() || time != group {
+            assert_eq!(read(grouped).expect("answered"), volts.map(f64::from), "{text}");
+        }
+        assert_eq!(read(broken).expect("answered")[..4], [0.0, 850.0, 1.234, 2.345], "{text}");
+    }
+}
+
+/// Cells without a reading.
+#[test]
+fn readings_out_of_range_are_missing_and_counted() {
+    let folder = Folder::new();
+    for word in [
+        "∞", "-∞", "OL", "-OL", "O.L", "Overload", "OVER", "-FFFFFFF", "+FFFFFFF", "1.#QNAN", "-1.#IND", "1.#INF",
+        "9.9E37", "9.91E+37", "-9.9e+37", "Inf", "-inf", "Infinity", "#DIV/0!", "NaN", "", "--", "n/a", "null", "BAD",
+    ] {
+        let text = format!("Time (s);HV (kV);Laser (mm)\n{}", rows(";", '.', usual)).replacen(";0.125;", ";0.1250;", 0);
+        let lines: Vec<String> = text
+            .lines()
+            .enumerate()
+            .map(|(k, line)| match k {
+                7 | 9 => format!("{};{word}", line.rsplit_once(';').expect("cells").0),
+                _ => line.to_owned(),
+            })
+            .collect();
+        let path = folder.file("film.txt", lines.join("\n"));
+        let given = if word == "BAD" { "words=BAD" } else { "" };
+        let recording = Recording::read_with(&path, &hints(given)).unwrap_or_else(|error| panic!("{word}: {error}"));
+        let displacement = recording.displacement().expect("a laser");
+        assert_eq!((displacement.value.len(), recording.time_s().len()), (22, 24), "{word}");
+        let counted = recording.notes().iter().any(|note| note.contains("2 readings of \"Laser (mm)\""));
+        let is_plain = ["NaN", "", "--", "n/a", "null"].contains(&word);
+        assert_eq!(counted, !is_plain, "{word}: {:?}", recording.notes());
+        // In the voltage they are a fault.
+        let turned = lines.join("\n").replace("HV (kV);Laser (mm)", "Laser (mm);HV (kV)");
+        let drive = Recording::read_with(&folder.file("film.txt", turned), &hints(given)).expect("read").drive();
+        has(&drive.expect_err("a gap").to_string(), &["film.txt:8:", "is empty", "`fill`"]);
+    }
+    let text = format!("Time (s);HV (kV);Laser (mm)\n{}", rows(";", '.', usual)).replace(";0.05\n", ";broken\n");
+    has(&folder.refused(text, ""), &["film.txt:2:", "\"broken\"", "not a number"]);
+}
+
+/// A voltage that was logged in every fourth row.
+#[test]
+fn a_drive_that_is_logged_slowly_is_a_question() {
+    let folder = Folder::new();
+    let mut text = "Time (s);HV (V);Laser (mm)\n".to_owned();
+    for k in 0..17 {
+        let volts = if k % 4 == 0 { (100 * k).to_string() } else { String::new() };
+        writeln!(text, "{};{volts};{k}", 0.5 * f64::from(k)).expect("written");
+    }
+    let path = folder.file("film.txt", &text);
+    let error = Recording::read(&path).expect("read").drive().expect_err("gaps").to_string();
+    has(&error, &["film.txt:3:", "`fill` hold", "`fill` linear"]);
+    let filled = |how: &str| {
+        let recording = Recording::read_with(&path, &hints(&format!("fill={how}"))).expect("read");
+        has(&recording.notes().join("; "), &["12 empty cells"]);
+        recording.drive().expect("complete").samples().value.clone()
+    };
+    assert_eq!(filled("hold")[..9], [0.0, 0.0, 0.0, 0.0, 400.0, 400.0, 400.0, 400.0, 800.0]);
+    assert_eq!(filled("linear"), (0..17).map(|k| f64::from(100 * k)).collect::<Vec<_>>());
+}
+
+/// Lines that are left out of a file are noted.
+#[test]
+fn what_is_left_out_is_noted() {
+    let folder = Folder::new();
+    let header = "Time (s);HV (kV);Laser (mm)";
+    let numbers = rows(";", '.', usual);
+    let notes = |text: String| {
+        let recording = Recording::read(&folder.file("film.txt", text)).expect("read");
+        assert_eq!(difference(&recording), None);
+        recording.notes().join("; ")
+    };
+    has(&notes(format!("{header}\n{numbers}Mean;1;2\nStd;3;4\n")), &["2 lines below the rows", "Mean;1;2"]);
+    has(&notes(format!("{header}\nGain;1000;1\n{numbers}")), &["line 2", "not applied"]);
+    assert_eq!(notes(format!("{header}\n{numbers}")), "");
+    // A damaged row is not one of statistics.
+    has(&folder.refused(format!("{header}\n{numbers}3.x;1;2\n"), ""), &["film.txt:26:", "\"3.x\""]);
+    has(&folder.refused(format!("{header}\n{numbers}4;Mean;2\n"), ""), &["film.txt:26:", "\"Mean\""]);
+    has(&folder.refused(format!("{header}\nx;0;0\n{numbers}"), ""), &["film.txt:2:", "\"x\""]);
+    has(&folder.refused(format!("{header}\n{numbers}Pause;;\n4;1;2\n5;1;2\n"), ""), &["film.txt:26:", "\"Pause\""]);
+    // A first row of gains has a time that does not fit.
+    let gains = "Time (s);HV (kV);Laser (mm)\n1;1000;0.5\n".to_owned()
+        + &rows(";", '.', |s| vec![20.0 + s.time_s, s.voltage_kv, s.laser_mm]);
+    let recording = Recording::read(&folder.file("film.txt", gains)).expect("read");
+    has(&recording.notes().join("; "), &["the first row is 19 s before the second", "gains"]);
+    has(&folder.refused(format!("{header}\n1;1000;0.5\n{numbers}"), ""), &["film.txt:3:", "goes backwards"]);
+}
+
+/// Numbers that fit no film, with the unit that was likely meant; in files of this tool as in others.
+#[test]
+fn implausible_numbers_are_reported_with_the_likely_unit() {
+    let folder = Folder::new();
+    // Time in s, voltage in V, displacement in m, factor of each, and the finding.
+    let cases: [(&str, [f64; 3], &[&str]); 11] = [
+        ("time_s,voltage_v,displacement_m", [1.0, 1.0, 1.0], &[]),
+        (
+            "time_s,voltage_kv,displacement_m",
+            [1.0, 1.0, 1.0],
+            &["6000000 V", "V in a column of kV", "`columns` voltage=2:V"],
+        ),
+        (
+            "time_s,voltage_v,displacement_m",
+            [1000.0, 1.0, 1.0],
+            &["10 s apart", "ms in a column of s", "`columns` time=1:ms"],
+        ),
+        (
+            "time_s,voltage_v,displacement_mm",
+            [1.0, 1.0, 1e6],
+            &["the stroke is", "µm in a column of mm", "`columns` displacement=3:µm"],
+        ),
+        ("time_s,voltage_v,displacement_m", [1.0, 1.0, 1e3], &["mm in a column of m?", "`columns` displacement=3:mm"]),
+        ("time_s,voltage_v,displacement_mm", [1.0, 1.0, 1.0], &["check the unit of the displacement"]),
+        ("time_s,voltage_v,displacement_m", [1.0, 1e-3, 1.0], &["6 V", "`columns` voltage=2*1000"]),
+        ("Time (s),HV (kV),Laser (mm)", [1.0, 1.0, 1e3], &["V in a column of kV", "`columns` voltage=2:V"]),
+        ("Time (s),HV (kV),Laser (mm)", [1e3, 1e-3, 1e3], &["ms in a column of s"]),
+        ("Time (s),HV (kV),Laser (mm)", [1.0, 1e-3, 1e6], &["µm in a column of mm"]),
+        ("time_ms,voltage_v,displacement_m", [1e-3, 1.0, 1.0], &["seconds in a column of ms", "`columns` time=1:s"]),
+    ];
+    for (header, [time, voltage, displacement], words) in cases {
+        let mut text = format!("{header}\n");
+        for k in 0..3000 {
+            let t = 0.01 * f64::from(k);
+            let phase = 1.0 - (0.5 * t).cos();
+            writeln!(text, "{},{},{}", time * t, voltage * 3000.0 * phase, displacement * 0.4e-3 * phase)
+                .expect("written");
+        }
+        let recording = Recording::read(&folder.file("film.csv", text)).expect("read");
+        let found = recording.implausible();
+        assert_eq!(found.len(), usize::from(!words.is_empty()), "{header}: {found:?}");
+        has(&found.join("; "), words);
+    }
+}
