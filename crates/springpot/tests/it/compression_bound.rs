@@ -168,16 +168,6 @@ fn hostile_paths(steps: usize, random: &mut Pcg64) -> Vec<Vec<f64>> {
 type Ratios = [f64; 4];
 
 /// Runs the worst paths and hostile ones. None exceeds the bound.
-fn ratios<T: Scalar + From<f64>, const H: usize, const F: usize, const S: usize>(
-    name: &str,
-    model: &Maxwell,
-    options: LawOptions,
-    steps: usize,
-) -> Ratios {
-    let law = Law::<T, Compressed<T, H, F, S>>::compressed(model, options).unwrap_or_else(|e| panic!("{name}: {e}"));
-    held_by_its_worst_paths(name, &law, model, options, steps)
-}
-
 fn held_by_its_worst_paths<T: Scalar + From<f64>, const H: usize, const F: usize, const S: usize>(
     name: &str,
     law: &Law<T, Compressed<T, H, F, S>>,
@@ -226,11 +216,18 @@ fn held(name: &str, bound: &CompressionBound, errors: &Errors) -> Ratios {
 
 /// One of the kinds of law that are built: number type and memory.
 fn of_kind(kind: usize, name: &str, model: &Maxwell, options: LawOptions, steps: usize) -> Ratios {
+    fn ratios<T: Scalar + From<f64>, const H: usize, const F: usize, const S: usize>(
+        (name, model, options, steps): (&str, &Maxwell, LawOptions, usize),
+    ) -> Ratios {
+        let law: Law<T, Compressed<T, H, F, S>> = Law::compressed(model, options).expect(name);
+        held_by_its_worst_paths(name, &law, model, options, steps)
+    }
+    let lean = (name, model, options.with_tolerance(1e-2), steps);
     match kind {
-        0 => ratios::<f64, 12, 12, 24>(name, model, options, steps),
-        1 => ratios::<Rounded, 12, 12, 24>(name, model, options, steps),
-        2 => ratios::<f64, 8, 14, 4>(name, model, options.with_tolerance(1e-2), steps),
-        _ => ratios::<Rounded, 8, 14, 4>(name, model, options.with_tolerance(1e-2), steps),
+        0 => ratios::<f64, 12, 12, 24>((name, model, options, steps)),
+        1 => ratios::<Rounded, 12, 12, 24>((name, model, options, steps)),
+        2 => ratios::<f64, 8, 14, 4>(lean),
+        _ => ratios::<Rounded, 8, 14, 4>(lean),
     }
 }
 

@@ -2,9 +2,10 @@
 //!
 //! `tests/oracle/continuous.csv` holds them from two independent inverse Laplace transforms at 40 digits.
 
-use springpot::{Law, LawOptions, Maxwell, Preset, Springpot, Topology};
+use springpot::{Discretisation, Maxwell, Preset, Springpot, Topology};
 
 use crate::support::models::paper_force;
+use crate::support::{creep, law_by};
 
 pub struct Row {
     pub model: String,
@@ -40,14 +41,12 @@ pub fn model(name: &str) -> Maxwell {
 
 /// Displacement of the law at every sample. `jump` is the first sample of the step of 1 N, which has no value of its own.
 fn response(name: &str, input: &str, rate_hz: f64, jump: f64) -> Vec<f64> {
-    let law = Law::<f64>::compressed(&model(name), LawOptions::at_step(1.0 / rate_hz)).expect("valid");
     let force = match input {
         "step1N" => std::iter::once(jump).chain(std::iter::repeat_n(1.0, (155.0 * rate_hz) as usize)).collect(),
         "sin_el" => paper_force(1.0 / 7.0, 155.0, rate_hz),
         _ => panic!("unknown input {input}"),
     };
-    let mut state = law.state();
-    force.into_iter().map(|f| law.displacement(&mut state, f)).collect()
+    creep(&law_by::<f64>(&model(name), rate_hz, Discretisation::Gl), force)
 }
 
 fn at(series: &[f64], time_s: f64, rate_hz: f64) -> f64 {

@@ -14,31 +14,25 @@ struct Dual {
     slope: f64,
 }
 
-impl Add for Dual {
-    type Output = Self;
-    fn add(self, o: Self) -> Self {
-        Self { value: self.value + o.value, slope: self.slope + o.slope }
-    }
+macro_rules! operations {
+    ($($operation:ident $function:ident |$a:ident, $b:ident| $slope:expr;)*) => {$(
+        impl $operation for Dual {
+            type Output = Self;
+            fn $function(self, other: Self) -> Self {
+                let ($a, $b) = (self, other);
+                Self { value: $a.value.$function($b.value), slope: $slope }
+            }
+        }
+    )*};
 }
-impl Sub for Dual {
-    type Output = Self;
-    fn sub(self, o: Self) -> Self {
-        Self { value: self.value - o.value, slope: self.slope - o.slope }
-    }
+
+operations! {
+    Add add |a, b| a.slope + b.slope;
+    Sub sub |a, b| a.slope - b.slope;
+    Mul mul |a, b| a.value * b.slope + a.slope * b.value;
+    Div div |a, b| (a.slope - a.value / b.value * b.slope) / b.value;
 }
-impl Mul for Dual {
-    type Output = Self;
-    fn mul(self, o: Self) -> Self {
-        Self { value: self.value * o.value, slope: self.value * o.slope + self.slope * o.value }
-    }
-}
-impl Div for Dual {
-    type Output = Self;
-    fn div(self, o: Self) -> Self {
-        let value = self.value / o.value;
-        Self { value, slope: (self.slope - value * o.slope) / o.value }
-    }
-}
+
 impl Neg for Dual {
     type Output = Self;
     fn neg(self) -> Self {
