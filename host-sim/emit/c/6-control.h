@@ -139,15 +139,16 @@ static inline void springpot_adapt(const springpot_observer *observer, springpot
     state->force_scale = scale;
 }
 
-/* Steps the film under `load`, and corrects it with a sample, or NULL where none has arrived. Returns the estimated displacement (m). */
-static inline float springpot_observer_step(const springpot_film *film, springpot_observer_state *state, springpot_load load,
-    const springpot_sample *sample)
+/* Steps the film under `state->load`, and corrects it with a sample, or NULL where none has arrived. Returns the estimated displacement
+ * (m). */
+static inline float springpot_observer_step(
+    const springpot_film *film, springpot_observer_state *state, const springpot_sample *sample)
 {
+    const springpot_load load = state->load;
     const float electrostatic = (load.force - film->drive.preload) * state->force_scale;
     springpot_load forced;
     float position;
 
-    state->load = load;
     forced.force = (electrostatic + film->drive.preload) + state->disturbance;
     forced.slope = load.slope * state->force_scale;
     position = springpot_displacement_under(film, &state->film, forced);
@@ -164,8 +165,10 @@ static inline float springpot_observer_step(const springpot_film *film, springpo
 static inline float springpot_observer_observe(const springpot_film *film, springpot_observer_state *state, float voltage_v,
     const springpot_sample *sample)
 {
-    const springpot_load load = springpot_is_finite(voltage_v) ? springpot_load_of(&film->drive, voltage_v) : state->load;
-    return springpot_observer_step(film, state, load, sample);
+    if (springpot_is_finite(voltage_v)) {
+        state->load = springpot_load_of(&film->drive, voltage_v);
+    }
+    return springpot_observer_step(film, state, sample);
 }
 
 /* ---- Tracking: a voltage for a reference, with a sensor. */
@@ -231,7 +234,8 @@ static inline float springpot_tracking_observe(const springpot_film *film, sprin
         springpot_fade_advance(&film->fade, &state->fade, state->inverse.path.position, state->is_learned != 0U);
         springpot_set_share(&film->observer, &state->observer, state->fade.share);
     }
-    return springpot_observer_step(film, &state->observer, springpot_load_of(&film->drive, voltage), sample);
+    state->observer.load = springpot_load_of(&film->drive, voltage);
+    return springpot_observer_step(film, &state->observer, sample);
 }
 
 /* Then: as springpot_feedforward_command, with the observer's disturbance subtracted. */
