@@ -128,6 +128,7 @@ impl<M: ControllerMemory> Controller<M> {
     }
 
     // Of references, so that nothing large is moved on the stack of a small chip.
+    #[allow(clippy::cast_possible_truncation)] // as the laws have it
     fn from_parts(
         parameters: &Parameters<M>,
         checksum: Option<u32>,
@@ -136,10 +137,12 @@ impl<M: ControllerMemory> Controller<M> {
     ) -> Self {
         let law = follower.compensator().observer().law();
         let watched = M::watched(law);
-        let shares_per_n = shares_per_n(parameters);
-        let limits = &parameters.limits;
+        let (actuator, limits) = (&parameters.actuator, &parameters.limits);
+        let largest_n = actuator.electrostatic_force(f64::from(limits.max_voltage_v));
         let shares_per_m = limits.max_disturbance_share / (MAX_LEARNED * limits.max_displacement_m);
-        let thinning_per_m = thinning_per_m(parameters);
+        // A film of constant volume is thinner by as much as it is longer, whether or not the model's force knows it; a coupling that was
+        // fitted may be larger, since the film gets wider as well.
+        let thinning_per_m = actuator.thinning_per_m().max(1.0 / actuator.length_m);
         let sampler =
             Sampler::new(parameters.rate_hz, parameters.control.sample_interval_s, parameters.control.delay_s);
         Self {
@@ -153,8 +156,8 @@ impl<M: ControllerMemory> Controller<M> {
             course: follower.state(M::at_rest(law)),
             open_loop: watched.state(),
             watched,
-            thinning_per_m,
-            shares_per_n,
+            thinning_per_m: thinning_per_m as f32,
+            shares_per_n: (1.0 / largest_n) as f32,
             shares_per_m,
             sampler,
             mode: Mode::Voltage,
@@ -429,18 +432,4 @@ impl<M: ControllerMemory> Controller<M> {
     pub fn follow(&mut self, mode: Mode, target: Target) -> Followed {
         self.test.follow(self.follower.compensator(), mode, target, self.sampler.age_ticks)
     }
-}
-
-/// A film of constant volume is thinner by as much as it is longer, whether or not the model's force knows it; a coupling that was
-/// fitted may be larger, since the film gets wider as well.
-#[allow(clippy::cast_possible_truncation)] // as the laws have it
-fn thinning_per_m<M: ControllerMemory>(parameters: &Parameters<M>) -> f32 {
-    let actuator = &parameters.actuator;
-    actuator.thinning_per_m().max(1.0 / actuator.length_m) as f32
-}
-
-/// Shares of the force at the largest voltage, with the film at rest, per newton.
-#[allow(clippy::cast_possible_truncation)] // as the laws have it
-fn shares_per_n<M: ControllerMemory>(parameters: &Parameters<M>) -> f32 {
-    (1.0 / parameters.actuator.electrostatic_force(f64::from(parameters.limits.max_voltage_v))) as f32
 }

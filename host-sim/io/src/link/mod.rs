@@ -340,7 +340,7 @@ impl Client {
             Answer::Refused(Refusal::State(state)) => format!("not while it is {}", named(*state)),
             Answer::Refused(Refusal::InterlockOpen) => "the interlock is open".into(),
             Answer::Refused(Refusal::LiveVoltage) => {
-                "the voltage monitor does not read 0 V; is it connected, and the film discharged?".into()
+                "the voltage monitor does not read 0 V, or did not within discharge_s; is it connected, and the film discharged?".into()
             }
             Answer::Refused(Refusal::Sensor(fault)) => {
                 format!("the displacement sensor cannot be believed ({fault:?}); is it connected?")
