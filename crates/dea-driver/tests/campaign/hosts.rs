@@ -18,8 +18,8 @@ use dea_driver::server::Session;
 use dea_driver::wire::{Answer, Command, Mode, Reject};
 use dea_driver::{Blob, Cause, Controller, Drive, DriverState, RamFlash};
 
-use crate::bench::board_parameters;
-use crate::board::{self, Bench, encoded};
+use crate::bench::{board_parameters, encoded};
+use crate::board::{self, BOARD, Bench};
 use crate::explore::{World, explore};
 use crate::scale::is_full;
 
@@ -109,7 +109,7 @@ impl Hosts {
         parameters.limits.max_slew_v_per_s = 1e6;
         parameters.limits.monitor.slew_v_per_s = 1e6;
         let mut bench = Bench::new(RamFlash::default(), None);
-        bench.store.save(&encoded(&parameters)).expect("valid");
+        bench.store.save(&encoded(&parameters, BOARD)).expect("valid");
         bench.device.install(Controller::new(Blob::new(parameters).expect("valid"))).expect("off");
         let (session, tokens, owner) = (Session::new("1.2.3"), [0; 3], None);
         Self { timeout_ticks, steals, session, bench, tokens, owner, silent_ticks: 0, interlock_closed: false }

@@ -16,8 +16,8 @@ use dea_driver::{Cause, DriverState, Inputs, RamFlash, Telemetry};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::bench::board_parameters;
-use crate::board::{Bench, ask, encoded};
+use crate::bench::{board_parameters, encoded};
+use crate::board::{BOARD, Bench, ask};
 use crate::line::{Line, Stall, Way};
 use crate::player::Player;
 use crate::scale::cases;
@@ -53,7 +53,7 @@ struct Firmware {
 impl Firmware {
     fn new(random: Pcg64, every: u16) -> Self {
         let mut bench = Bench::new(RamFlash::default(), None);
-        bench.store.save(&encoded(&board_parameters())).expect("empty");
+        bench.store.save(&encoded(&board_parameters(), BOARD)).expect("empty");
         let mut session = Session::new("1.2.3");
         session.begin(&mut bench).expect("valid parameters");
         assert_eq!(bench.rate_hz, 1000.0);

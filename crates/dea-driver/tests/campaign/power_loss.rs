@@ -11,11 +11,11 @@
 //!
 //! Cases: 300 seeds in the sample, 10 000 in full.
 
-use dea_driver::{BLOB_LEN, Blob, Parameters, Store, StoreError};
+use dea_driver::{Blob, Parameters, Store, StoreError};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::bench::board_parameters;
+use crate::bench::{board_parameters, encoded};
 use crate::scale::cases;
 use crate::torn_flash::{SECTOR, TornFlash};
 
@@ -40,16 +40,8 @@ struct Counts {
 }
 
 fn sets() -> Vec<Vec<u8>> {
-    let base = board_parameters();
-    (0..SETS)
-        .map(|number| {
-            let parameters =
-                Parameters { name: number.to_string().as_str().try_into().expect("short"), ..base.clone() };
-            let mut bytes = [0; BLOB_LEN];
-            let length = parameters.encode(BOARD, &mut bytes).expect("valid");
-            bytes[..length].to_vec()
-        })
-        .collect()
+    let named = |name: String| Parameters { name: name.as_str().try_into().expect("short"), ..board_parameters() };
+    (0..SETS).map(|number| encoded(&named(number.to_string()), BOARD)).collect()
 }
 
 /// A slot as doc/blob.md describes it.
@@ -155,9 +147,7 @@ impl History<'_> {
     /// The number of a set, which must be as it was saved.
     fn number(&self, blob: &Blob) -> usize {
         let number: usize = blob.parameters().name.parse().expect("a number");
-        let mut bytes = [0; BLOB_LEN];
-        let length = blob.parameters().encode(BOARD, &mut bytes).expect("valid");
-        assert_eq!(bytes[..length], self.sets[number], "set {number} is damaged");
+        assert_eq!(encoded(blob.parameters(), BOARD), self.sets[number], "set {number} is damaged");
         number
     }
 }

@@ -1,6 +1,6 @@
 //! The bench of these tests: limits and parameters of a film like the paper's.
 
-use dea_driver::{ControllerMemory, Limits, Parameters, PlausibilityLimits};
+use dea_driver::{BLOB_LEN, ControllerMemory, Limits, Parameters, PlausibilityLimits};
 use springpot::{Actuator, Law, LawOptions, Preset};
 
 /// Limits of a bench with a film like the paper's.
@@ -27,4 +27,11 @@ pub fn board_parameters() -> Parameters {
 pub fn of_law<M: ControllerMemory>(law: &Law<f32, M>) -> Parameters<M> {
     let name = "table3-n2".try_into().expect("short");
     Parameters { name, limits: bench_limits(), ..Parameters::bench(law, Actuator::KARNER_2022) }
+}
+
+/// The bytes of these parameters for a board.
+pub fn encoded<M: ControllerMemory>(parameters: &Parameters<M>, board: u16) -> Vec<u8> {
+    let mut bytes = [0; BLOB_LEN];
+    let length = parameters.encode(board, &mut bytes).expect("valid");
+    bytes[..length].to_vec()
 }

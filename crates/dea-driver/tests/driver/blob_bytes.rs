@@ -2,11 +2,13 @@
 //!
 //! The files under `blobs/` were written by `host-sim export` when the blob got schema 4.
 
-use dea_driver::{BLOB_LEN, Blob, Parameters};
+use dea_driver::{Blob, Parameters};
 use springpot::{
     Actuator, AmplifierLag, Coefficients, Curve, Discretisation, Law, LawOptions, Maxwell, Preload, Preset, Springpot,
     Topology,
 };
+
+use crate::bench::encoded;
 
 const BOARD: u16 = 0x0405;
 const PRESET: &[u8] = include_bytes!("blobs/table3-n2.bin");
@@ -16,9 +18,7 @@ const COUPLED: &[u8] = include_bytes!("blobs/coupled-from-start.bin");
 /// Decodes `bytes`, after a check that they would be written the same today.
 fn parameters(bytes: &[u8]) -> Parameters {
     let parameters = Blob::decode(bytes, BOARD).expect("valid").into_parameters();
-    let mut again = [0; BLOB_LEN];
-    let length = parameters.encode(BOARD, &mut again).expect("valid");
-    assert_eq!(again[..length], *bytes);
+    assert_eq!(encoded(&parameters, BOARD), bytes);
     parameters
 }
 
@@ -81,9 +81,7 @@ fn parameters_and_blob_carry_the_method() {
     for method in [Discretisation::Gl, Discretisation::Bdf2] {
         let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3).with_method(method)).expect("valid");
         let sent = Parameters::bench(&law, Actuator::KARNER_2022);
-        let mut bytes = [0; BLOB_LEN];
-        let length = sent.encode(BOARD, &mut bytes).expect("valid");
-        let blob = Blob::decode(&bytes[..length], BOARD).expect("valid");
+        let blob = Blob::decode(&encoded(&sent, BOARD), BOARD).expect("valid");
         assert_eq!(blob.parameters(), &sent);
         let received = blob.follower().compensator().observer().law();
         assert_eq!(received.method(), method);

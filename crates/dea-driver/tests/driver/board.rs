@@ -2,7 +2,7 @@
 
 use dea_driver::server::{Board, Session};
 use dea_driver::wire::{Answer, Command, FRAME_LEN, InjectedFault, Message, Request, encode};
-use dea_driver::{BLOB_LEN, Cause, Device, Drive, Inputs, Parameters, RamFlash, Store};
+use dea_driver::{Cause, Device, Drive, Inputs, RamFlash, Store};
 
 pub const BOARD: u16 = 7;
 
@@ -99,13 +99,6 @@ impl Board for Bench {
     fn inject_fault(&mut self, fault: InjectedFault) -> bool {
         self.injected.as_mut().map(|faults| faults.push(fault)).is_some()
     }
-}
-
-/// The bytes of these parameters for this board.
-pub fn encoded(parameters: &Parameters) -> Vec<u8> {
-    let mut bytes = [0; BLOB_LEN];
-    let length = parameters.encode(BOARD, &mut bytes).expect("valid");
-    bytes[..length].to_vec()
 }
 
 /// Sends a command with this token and returns its answer, the only one.

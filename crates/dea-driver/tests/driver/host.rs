@@ -4,8 +4,8 @@ use dea_driver::server::Session;
 use dea_driver::wire::{Answer, CHUNK, Command};
 use dea_driver::{Cause, DriverState, RamFlash};
 
-use crate::bench::board_parameters;
-use crate::board::{self, Bench, encoded};
+use crate::bench::{board_parameters, encoded};
+use crate::board::{self, BOARD, Bench};
 
 /// A host, and the board that it talks with.
 pub struct Host {
@@ -70,5 +70,5 @@ pub fn blob() -> Vec<u8> {
     let mut parameters = board_parameters();
     // The film of this bench does not move, which no model explains.
     parameters.limits.max_disturbance_share = 0.4;
-    encoded(&parameters)
+    encoded(&parameters, BOARD)
 }

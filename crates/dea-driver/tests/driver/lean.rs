@@ -2,12 +2,12 @@
 
 use dea_driver::chips::Converters;
 use dea_driver::{
-    BLOB_LEN, Blob, BlobError, BlobHeader, Controller, ControllerMemory, DriverState, Inputs, Mode, Parameters,
-    RamFlash, SCHEMA, Store,
+    Blob, BlobError, BlobHeader, Controller, ControllerMemory, DriverState, Inputs, Mode, Parameters, RamFlash, SCHEMA,
+    Store,
 };
 use springpot::{Compressed, Law, LawOptions, Preset};
 
-use crate::bench::{board_parameters, of_law};
+use crate::bench::{board_parameters, encoded, of_law};
 
 const BOARD: u16 = 0x0405;
 
@@ -23,12 +23,6 @@ fn lean_parameters() -> Parameters<Lean> {
     let options = LawOptions::at_step(1e-3).with_horizon(3600.0).with_tolerance(1e-3);
     let law: Law<f32, Lean> = Law::compressed(&model, options).expect("valid");
     of_law(&law)
-}
-
-fn bytes_of<M: ControllerMemory>(parameters: &Parameters<M>) -> Vec<u8> {
-    let mut bytes = [0; BLOB_LEN];
-    let length = parameters.encode(BOARD, &mut bytes).expect("valid");
-    bytes[..length].to_vec()
 }
 
 /// Voltages of a feedforward run to 0.5 mm and back: amplifier and monitor follow at once.
@@ -70,7 +64,7 @@ fn a_lean_controller_ticks() {
 
 #[test]
 fn a_blob_of_a_law_of_other_sizes_is_refused() {
-    let (lean, default) = (bytes_of(&lean_parameters()), bytes_of(&board_parameters()));
+    let (lean, default) = (encoded(&lean_parameters(), BOARD), encoded(&board_parameters(), BOARD));
     let (lean_sizes, default_sizes) = ([8, 14, 4], [12, 12, 24]);
     assert_eq!(lean_blob(&lean).expect("its own").into_parameters(), lean_parameters());
     let error = Blob::decode(&lean, BOARD).expect_err("lean");
@@ -91,8 +85,8 @@ fn a_blob_of_a_law_of_other_sizes_is_refused() {
 fn a_lean_blob_is_kept() {
     let store = Store::<_, Lean>::with_converters(RamFlash::default(), BOARD, Converters::AD5754_ADS868X);
     let mut store = store.expect("two sectors");
-    store.save(&bytes_of(&lean_parameters())).expect("valid");
+    store.save(&encoded(&lean_parameters(), BOARD)).expect("valid");
     assert_eq!(*store.load().expect("saved").blob.parameters(), lean_parameters());
-    assert!(store.save(&bytes_of(&board_parameters())).is_err());
+    assert!(store.save(&encoded(&board_parameters(), BOARD)).is_err());
     assert_eq!(*store.load().expect("still there").blob.parameters(), lean_parameters());
 }

@@ -3,8 +3,8 @@
 use dea_driver::wire::{Answer, Command, Reject};
 use dea_driver::{Cause, DriverState, RamFlash, Refusal, Store};
 
-use crate::bench::board_parameters;
-use crate::board::{BOARD, encoded};
+use crate::bench::{board_parameters, encoded};
+use crate::board::BOARD;
 use crate::host::{Host, blob};
 
 #[test]
@@ -29,7 +29,7 @@ fn damaged_parameters_are_not_replaced_silently() {
     let (stricter, permissive) = {
         let mut parameters = board_parameters();
         parameters.limits.max_voltage_v = 800.0;
-        (encoded(&parameters), blob())
+        (encoded(&parameters, BOARD), blob())
     };
     let mut host = Host::new(None);
     for blob in [&permissive, &stricter] {

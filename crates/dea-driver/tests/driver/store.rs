@@ -5,7 +5,7 @@ use dea_driver::{BLOB_LEN, Blob, BlobError, Parameters, RamFlash, Store, StoreEr
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use springpot::{Actuator, Knot, Law, LawOptions, VoltageDrive};
 
-use crate::bench::board_parameters;
+use crate::bench::{board_parameters, encoded};
 
 const BOARD: u16 = 0x0405;
 /// Bytes of an erasable part.
@@ -16,9 +16,7 @@ fn named(name: &str) -> Parameters {
 }
 
 fn bytes_of(parameters: &Parameters) -> Vec<u8> {
-    let mut bytes = [0; BLOB_LEN];
-    let length = parameters.encode(BOARD, &mut bytes).expect("valid");
-    bytes[..length].to_vec()
+    encoded(parameters, BOARD)
 }
 
 /// A slot as doc/blob.md describes it.
