@@ -63,6 +63,8 @@ fn rival_columns_are_a_question() {
         ("HV monitor (kV)", false),
         ("CH2 (kV)", false),
         ("Supply (kV)", false),
+        ("Monitor (V)", false),
+        ("Setpoint (V)", false),
         ("Voltage", false),
     ];
     let folder = Folder::new();
@@ -118,7 +120,17 @@ fn units_are_read_with_their_case() {
     refused("Time (s);HV (s);Laser (mm)", &["\"HV (s)\""]);
     refused("Time (s);HV (kV);Laser (V)", &["\"Laser (V)\""]);
     // A torque is no displacement, and what hangs on the film is no weight of a row.
-    for ignored in ["Torque (Nm)", "Weight (g)", "Mass (kg)", "Load (g)", "Temp (C)", "Current (mA)", "Laser status"] {
+    for ignored in [
+        "Sensor output (V)",
+        "Current monitor (V)",
+        "Torque (Nm)",
+        "Weight (g)",
+        "Mass (kg)",
+        "Load (g)",
+        "Temp (C)",
+        "Current (mA)",
+        "Laser status",
+    ] {
         let text = format!(
             "Time (s);HV (kV);Laser (mm);{ignored}\n{}",
             rows(";", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 100.0])

@@ -117,7 +117,7 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices, times: Or
         let needed = request.needed.iter().any(|set| set.contains(&quantity) && !set.iter().any(|q| has(*q)));
         let is_sought = needed || quantity == Quantity::Displacement;
         let taken: Vec<usize> = chosen.iter().map(|column| column.index).collect();
-        let by_unit = titles.of_unit(quantity, &taken);
+        let by_unit = titles.of_unit(quantity, &taken, false);
         match by_unit.as_slice() {
             [] => titles.refuse_other_unit(quantity, &taken, is_sought)?,
             candidates if is_sought => chosen.push(titles.one_of(quantity, candidates, By::Unit)?),
@@ -225,18 +225,22 @@ impl Titles<'_> {
         }
         // Times must increase, and a command has a name of its own: no other column is taken for one.
         if !matches!(quantity, Quantity::Time | Quantity::Command) {
-            candidates.extend(self.of_unit(quantity, taken));
+            candidates.extend(self.of_unit(quantity, taken, true));
             candidates.sort_unstable();
         }
         self.one_of(quantity, &candidates, By::Name).map(Some)
     }
 
-    /// The columns without a name that is known here and with a unit of `quantity`. Volts are the output of many sensors.
-    fn of_unit(&self, quantity: Quantity, taken: &[usize]) -> Vec<usize> {
+    /// The columns without a name that is known here and with a unit of `quantity`. Volts are the output of many sensors; as `rivals` of a
+    /// voltage those of an amplifier count.
+    fn of_unit(&self, quantity: Quantity, taken: &[usize], rivals: bool) -> Vec<usize> {
         let is_volts = |unit: UnitSense| matches!(unit, UnitSense::Known(unit) if unit.quantity == Quantity::Voltage && unit.factor <= 1.0);
         let fits = |k: &usize| {
             let sense = &self.senses[*k];
-            !taken.contains(k) && sense.named.is_none() && self.has_unit(quantity, *k) && !is_volts(sense.unit)
+            !taken.contains(k)
+                && sense.named.is_none()
+                && self.has_unit(quantity, *k)
+                && (!is_volts(sense.unit) || (rivals && sense.of_amplifier))
         };
         (0..self.titles.len()).filter(fits).collect()
     }

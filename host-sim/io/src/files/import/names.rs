@@ -23,6 +23,8 @@ pub struct Sense {
     pub unit: UnitSense,
     /// Why it may not be what was measured.
     pub doubt: Option<Doubt>,
+    /// Whether it may be the command or the monitor of an amplifier by its words, which name nothing else.
+    pub of_amplifier: bool,
 }
 
 /// Unit in a title.
@@ -337,8 +339,18 @@ impl Title {
             named,
             unit: if is_clock { UnitSense::Clock } else { unit },
             doubt: Doubt::about(&self.name, named, request),
+            of_amplifier: named.is_none() && is_of_amplifier(&base),
         }
     }
+}
+
+/// Whether `name` has a word for the command or the monitor of an amplifier, and none of its current. Any instrument has an output.
+fn is_of_amplifier(name: &str) -> bool {
+    let words = words(name);
+    let is_word =
+        |word: &&str| words.iter().any(|other| other == word) && !matches!(*word, "input" | "output" | "control");
+    let says = OF_TWO_VOLTAGES.iter().flat_map(|(_, candidates)| *candidates).any(|word| is_word(word));
+    says && !words.iter().any(|word| matches!(word.as_str(), "current" | "i" | "strom" | "courant"))
 }
 
 /// A cell of a row of units, with brackets or without.
