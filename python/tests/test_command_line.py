@@ -134,7 +134,7 @@ def test_feedforward(tool: Tool, table: Table, sine: Path) -> None:
 
 
 def test_observe(table: Table, tool: Tool, films: list[Path], fitted: tuple[Path, Any]) -> None:
-    options = ["--params", fitted[0], films[0], "--bandwidth", 0.4, "--adaptation", 20, "--rate", 500]
+    options = ["--params", fitted[0], films[0], "--bandwidth", 0.4, "--adaptation", 20, "--rate", 500, "--every", 1]
     expected = table("observe", *options)
     report = tool.json("observe", *options, "--out", "again.csv")
     observed = sp.observe(sp.load(fitted[0]), films[0], bandwidth_hz=0.4, adaptation_s=20, rate_hz=500)

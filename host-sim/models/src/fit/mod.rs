@@ -216,7 +216,7 @@ impl Fit {
     ///
     /// # Errors
     ///
-    /// [`Error`] for a file that cannot be read again, or elements or sizes out of range.
+    /// [`Error`] for a file that cannot be read again, or elements out of range.
     pub fn parameters(
         &self,
         settings: &Settings,
@@ -226,15 +226,13 @@ impl Fit {
         let name =
             |recording: &&Recording| recording.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let names: Vec<String> = recordings.iter().map(name).collect();
-        // Only a size that was freed can be at fault here.
-        plausibility::check(&self.candidate.actuator)
-            .map_err(|(_, cause)| Error::field("free", format!("fitted {cause}, or hold it")))?;
         Ok(Parameters {
             curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
             method: springpot::Discretisation::Gl,
             name: format!("fit to {}", names.join(", ")),
             actuator: self.candidate.actuator,
-            assumed_sizes: settings.assumed_sizes,
+            // A size that was freed may be one that no film has: then nothing is claimed of the field.
+            assumed_sizes: settings.assumed_sizes || plausibility::check(&self.candidate.actuator).is_err(),
             model: self.candidate.model()?,
             sensor_offset_m: self.candidate.offset_m,
             sensor_delay_s: self.candidate.delay_s,

@@ -125,3 +125,14 @@ fn limits_of_a_board_in_other_units_are_found() {
         }
     }
 }
+
+/// A fit may find a weight that no film has: its file is read again, with a doubt, and claims nothing of the field.
+#[test]
+fn assumed_sizes_are_doubted() {
+    let film = Parameters::preset("table3-n2").expect("a preset");
+    let heavy = Actuator { mass_kg: 531.5, ..film.actuator };
+    let fitted = Parameters { assumed_sizes: true, actuator: heavy, ..film };
+    let read = Parameters::from_toml(Path::new("film.toml"), &fitted.to_toml()).expect("readable");
+    assert_eq!(read.doubts()[0], "mass_kg = 531.5 is 531.5 kg: is it in grams? write 0.5315");
+    assert!(read.field_note().is_some());
+}

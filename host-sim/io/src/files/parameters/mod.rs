@@ -314,8 +314,12 @@ impl Place<'_> {
         if let (1, Some((span, name))) = (schema, table.place_of_new()) {
             return Err(self.error(span, needs_schema_2(name)));
         }
-        plausibility::check(&actuator)
-            .map_err(|(name, cause)| self.error(table.place_of(name).unwrap_or(0..0), cause))?;
+        // Of assumed sizes no field is claimed, and a fit may have found any.
+        let checked = match table.sizes_are_assumed() {
+            true => plausibility::check_numbers(&actuator),
+            false => plausibility::check(&actuator),
+        };
+        checked.map_err(|(name, cause)| self.error(table.place_of(name).unwrap_or(0..0), cause))?;
         Ok(actuator)
     }
 }

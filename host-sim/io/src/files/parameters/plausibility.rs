@@ -58,12 +58,12 @@ fn short(value: f64) -> f64 {
     format!("{value:.9e}").parse().unwrap_or(value)
 }
 
-/// Refuses an actuator that no film has.
+/// Refuses values that no actuator can have, whatever its size.
 ///
 /// # Errors
 ///
-/// The first quantity that is at fault, and the faults of all, each with the unit that it is likely in.
-pub fn check(actuator: &Actuator) -> Result<(), (&'static str, String)> {
+/// The quantity that is at fault, and the fault.
+pub(super) fn check_numbers(actuator: &Actuator) -> Result<(), (&'static str, String)> {
     actuator.check().map_err(|error| {
         let name = match error {
             ActuatorError::NotPositive { quantity, .. } => quantity,
@@ -73,7 +73,16 @@ pub fn check(actuator: &Actuator) -> Result<(), (&'static str, String)> {
             _ => "actuator",
         };
         (name, error::short(&error))
-    })?;
+    })
+}
+
+/// Refuses an actuator that no film has.
+///
+/// # Errors
+///
+/// The first quantity that is at fault, and the faults of all, each with the unit that it is likely in.
+pub fn check(actuator: &Actuator) -> Result<(), (&'static str, String)> {
+    check_numbers(actuator)?;
     let values = [
         ("relative_permittivity", actuator.relative_permittivity, PERMITTIVITY),
         ("length_m", actuator.length_m, SIDE),
@@ -147,6 +156,7 @@ impl Parameters {
             ]
         });
         let mut doubts: Vec<String> = faults.into_iter().flatten().flatten().collect();
+        doubts.extend(check(&self.actuator).err().map(|(_, cause)| cause));
         doubts.extend(self::doubts(&self.actuator));
         if !self.assumed_sizes && self.curve.is_none() && doubts.is_empty() {
             // As far as the field limit of films lets the voltage go.
