@@ -35,14 +35,7 @@ const RISCV: Chip = Chip {
     name: "riscv32imac",
     rust: None,
     compiler: "riscv64-unknown-elf-gcc",
-    options: &[
-        "-march=rv32imac",
-        "-mabi=ilp32",
-        "-mcmodel=medany",
-        "-msmall-data-limit=0",
-        "--specs=picolibc.specs",
-        "-Wl,-e,_start",
-    ],
+    options: &["-march=rv32imac", "-mabi=ilp32", "-mcmodel=medany", "-msmall-data-limit=0", "--specs=picolibc.specs"],
     flash: "ORIGIN = 0x80000000, LENGTH = 1M",
     ram: "ORIGIN = 0x80100000, LENGTH = 128K",
     qemu: &["qemu-system-riscv32", "-M", "virt", "-bios", "none"],
@@ -52,14 +45,7 @@ const CORTEX_M4F: Chip = Chip {
     name: "M4F",
     rust: Some("Cortex-M4F"),
     compiler: "arm-none-eabi-gcc",
-    options: &[
-        "-mcpu=cortex-m4",
-        "-mthumb",
-        "-mfpu=fpv4-sp-d16",
-        "-mfloat-abi=hard",
-        "-DCHIP_MHZ=168U",
-        "-Wl,-e,chip_reset",
-    ],
+    options: &["-mthumb", "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard", "-DCHIP_MHZ=168U"],
     flash: "ORIGIN = 0x08000000, LENGTH = 1M",
     ram: "ORIGIN = 0x20000000, LENGTH = 128K",
     qemu: &["qemu-system-arm", "-M", "olimex-stm32-h405"],
@@ -69,28 +55,21 @@ const CORTEX_M4F: Chip = Chip {
 const CORTEX_M0: Chip = Chip {
     name: "M0",
     rust: None,
-    compiler: "arm-none-eabi-gcc",
-    options: &["-mcpu=cortex-m0", "-mthumb", "-mfloat-abi=soft", "-DCHIP_MHZ=16U", "-Wl,-e,chip_reset"],
+    options: &["-mthumb", "-mcpu=cortex-m0", "-mfloat-abi=soft", "-DCHIP_MHZ=16U"],
     flash: "ORIGIN = 0x00000000, LENGTH = 256K",
     ram: "ORIGIN = 0x20000000, LENGTH = 16K",
     qemu: &["qemu-system-arm", "-M", "microbit"],
+    ..CORTEX_M4F
 };
 
 const CORTEX_M33: Chip = Chip {
     name: "M33",
     rust: None,
-    compiler: "arm-none-eabi-gcc",
-    options: &[
-        "-mcpu=cortex-m33",
-        "-mthumb",
-        "-mfpu=fpv5-sp-d16",
-        "-mfloat-abi=hard",
-        "-DCHIP_MHZ=20U",
-        "-Wl,-e,chip_reset",
-    ],
+    options: &["-mthumb", "-mcpu=cortex-m33", "-mfpu=fpv5-sp-d16", "-mfloat-abi=hard", "-DCHIP_MHZ=20U"],
     flash: "ORIGIN = 0x10000000, LENGTH = 4M",
     ram: "ORIGIN = 0x38000000, LENGTH = 128K",
     qemu: &["qemu-system-arm", "-M", "mps2-an505"],
+    ..CORTEX_M4F
 };
 
 /// How the C is compiled where speed counts; what the documents state of the chip.
@@ -113,7 +92,8 @@ impl Chip {
         fs::write(folder.join("chip.ld"), script).expect("written");
         let mut command = Command::new(self.compiler);
         command.current_dir(folder).args(self.options).args(STRICT).args(optimised);
-        command.args(["-ffunction-sections", "-nostartfiles", "-Tchip.ld", "-o", "image", main]);
+        let entry = if self.name == RISCV.name { "-Wl,-e,_start" } else { "-Wl,-e,chip_reset" };
+        command.args(["-ffunction-sections", "-nostartfiles", "-Tchip.ld", entry, "-o", "image", main]);
         succeeds(command.args(sources.film_files()).arg("-lm"));
     }
 
