@@ -10,12 +10,12 @@ use serde::Serialize;
 use super::mapping::{self, By, Chosen};
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal};
-use super::source::{Source, Value};
+use super::source::{Source, Value, si};
 use super::text::{self, Dialect, TextTable};
 use super::times::{Origin, Times};
 use super::{Hints, Quantity, Request, encoding, kind, mat, workbook};
 use crate::error::{Error, Result, shown};
-use crate::files::table::{Column, MAX_VALUE};
+use crate::files::table::Column;
 use crate::terminal::rounded;
 
 /// Bytes from which the kind of a file is found.
@@ -376,8 +376,12 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
             by: column.by,
         })
         .collect();
-    let time_column = used.iter_mut().find(|column| column.quantity == Quantity::Time);
-    let clock_s = times.finish(time_column).map_err(|cause| Error::file(path, cause))?;
+    let without_unit = used.iter_mut().find(|c| c.quantity == Quantity::Time && c.by == By::Preamble);
+    let named = without_unit.as_ref().map(|column| (column.column, column.name.as_str()));
+    let (clock_s, unit) = times.finish(named).map_err(|cause| Error::file(path, cause))?;
+    if let (Some(column), Some(unit)) = (without_unit, unit) {
+        (column.unit, column.factor) = (unit.name.into(), unit.factor);
+    }
     let columns = chosen.iter().map(|column| column.quantity).zip(columns);
     let columns = columns.filter(|(quantity, column)| *quantity != Quantity::Time && column.has_values()).collect();
     let head = source.head();
@@ -478,22 +482,4 @@ fn first_row_apart(clock_s: &[f64]) -> Option<String> {
             rounded(interval)
         )
     })
-}
-
-/// The value of a cell in SI units; nothing where nothing was measured.
-pub fn si(name: &str, value: Value<'_>, factor: f64) -> std::result::Result<Option<f64>, String> {
-    match value {
-        Value::Nothing | Value::OutOfRange => Ok(None),
-        Value::Ended => Err(format!("the row ends before {name}")),
-        Value::Number(number) if number.is_finite() && (number * factor).abs() <= MAX_VALUE => {
-            Ok(Some(number * factor))
-        }
-        Value::Number(number) => Err(format!("{name} is {number:?}; no instrument reads that")),
-        Value::Text(text) => {
-            let begin: String = text.chars().take(40).collect();
-            Err(format!(
-                "{name} is {begin:?}, which is not a number here; leave the cell empty where nothing was measured"
-            ))
-        }
-    }
 }

@@ -5,6 +5,7 @@ use super::mat;
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal};
 use super::text::TextTable;
+use crate::files::table::MAX_VALUE;
 
 /// Rows of numbers with titles.
 pub enum Source<'a> {
@@ -124,5 +125,23 @@ fn same_length(series: &[mat::Series], indices: &[usize]) -> Result<usize, Strin
             series[other].name,
             series[other].values.len()
         )),
+    }
+}
+
+/// The value of a cell in SI units; nothing where nothing was measured.
+pub fn si(name: &str, value: Value<'_>, factor: f64) -> Result<Option<f64>, String> {
+    match value {
+        Value::Nothing | Value::OutOfRange => Ok(None),
+        Value::Ended => Err(format!("the row ends before {name}")),
+        Value::Number(number) if number.is_finite() && (number * factor).abs() <= MAX_VALUE => {
+            Ok(Some(number * factor))
+        }
+        Value::Number(number) => Err(format!("{name} is {number:?}; no instrument reads that")),
+        Value::Text(text) => {
+            let begin: String = text.chars().take(40).collect();
+            Err(format!(
+                "{name} is {begin:?}, which is not a number here; leave the cell empty where nothing was measured"
+            ))
+        }
     }
 }

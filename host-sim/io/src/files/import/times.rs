@@ -2,10 +2,8 @@
 
 use super::Quantity;
 use super::clock::{self, Clock};
-use super::extract::{UnderstoodColumn, si};
-use super::mapping::By;
-use super::source::Value;
-use super::units;
+use super::source::{Value, si};
+use super::units::{self, Unit};
 
 /// Where the times of a file come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,33 +87,33 @@ impl Times {
         Ok(())
     }
 
-    /// The times, s; the unit of their `column` is found where the preamble states their interval.
+    /// The times, s, and the unit of their column (its number and name) if the preamble states their interval instead.
     ///
     /// # Errors
     ///
     /// Why they are not known.
-    pub fn finish(self, column: Option<&mut UnderstoodColumn>) -> Result<Vec<f64>, String> {
+    pub fn finish(self, without_unit: Option<(usize, &str)>) -> Result<(Vec<f64>, Option<Unit>), String> {
         let Self { interval_s, starts, mut clock_s, counted, .. } = self;
         if let Some(interval_s) = interval_s.filter(|_| counted > 0) {
             return match starts.len() {
-                0 | 1 => Ok((0..counted).map(|row| row as f64 * interval_s).collect()),
+                0 | 1 => Ok(((0..counted).map(|row| row as f64 * interval_s).collect(), None)),
                 runs => Err(format!("{runs} runs of rows without times; choose one with `segment` 1 to {runs}")),
             };
         }
-        if let (Some(column), Some(interval_s)) = (column.filter(|column| column.by == By::Preamble), interval_s) {
+        let mut found = None;
+        if let (Some((number, name)), Some(interval_s)) = (without_unit, interval_s) {
             let mut steps: Vec<f64> = clock_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
             steps.sort_by(f64::total_cmp);
             let step = steps.get(steps.len() / 2).copied().unwrap_or(0.0);
-            let fits = |unit: &units::Unit| (step * unit.factor / interval_s - 1.0).abs() < 0.01;
+            let fits = |unit: &Unit| (step * unit.factor / interval_s - 1.0).abs() < 0.01;
             let unit = units::units_of(Quantity::Time).find(fits).ok_or_else(|| {
-                let (name, number) = (&column.name, column.column);
                 format!(
                     "the rows are {step} apart in {name:?} and {interval_s} s in the preamble; state the unit with `columns` time={number}:s"
                 )
             })?;
-            (column.unit, column.factor) = (unit.name.into(), unit.factor);
+            found = Some(unit);
             clock_s.iter_mut().for_each(|t| *t *= unit.factor);
         }
-        Ok(clock_s)
+        Ok((clock_s, found))
     }
 }
