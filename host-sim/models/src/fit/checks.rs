@@ -10,7 +10,8 @@ use springpot::{Actuator, Maxwell, Springpot, Topology};
 use super::candidate::{Bend, Candidate};
 use super::observation::{Excitation, Observation};
 use super::preparation::{Severity, Warning};
-use super::settings::Settings;
+use super::selection::StructureRow;
+use super::settings::{Settings, topology_name};
 use super::statistics::{self, Loss, median};
 use super::uncertainty::Uncertainty;
 use crate::files::recording::Input;
@@ -58,6 +59,22 @@ pub fn of_delay(candidate: &Candidate, uncertainty: Option<&Uncertainty>, warnin
         )
     };
     warnings.push(Severity::Caution.warning(text));
+}
+
+/// A structure that fits clearly better than the chosen one and could not be compared on recordings that were left out.
+pub fn of_structures(rows: &[StructureRow], warnings: &mut Vec<Warning>) {
+    let chosen = rows.iter().find(|row| row.chosen).map_or(0.0, |row| row.nrmse_pct);
+    let missing = rows.iter().filter(|row| row.nrmse_pct < 0.8 * chosen && row.left_out_missing.is_some());
+    if let Some(row) = missing.min_by(|a, b| a.nrmse_pct.total_cmp(&b.nrmse_pct)) {
+        warnings.push(Severity::Caution.warning(format!(
+            "{} n = {} {} fits with {:.3} % instead of {chosen:.3} % and was not chosen, because {}; ask for it with `curve` and `branches`",
+            topology_name(row.topology),
+            row.branches,
+            row.nonlinearity(),
+            row.nrmse_pct,
+            row.left_out_missing.as_deref().unwrap_or_default()
+        )));
+    }
 }
 
 /// A curve or a saturation that one amplitude alone determines.

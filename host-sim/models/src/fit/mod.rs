@@ -185,6 +185,7 @@ impl Fit {
         if settings.sensor_delay_s.is_none() && candidate.delay_s != 0.0 {
             checks::of_delay(&candidate, uncertainty.as_ref(), &mut warnings);
         }
+        checks::of_structures(&structures, &mut warnings);
         checks::of_amplitudes(observations, &candidate, &mut warnings);
         if let Some(uncertainty) = &uncertainty {
             checks::of_uncertainty(uncertainty, &candidate, &mut warnings);

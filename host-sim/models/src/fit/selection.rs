@@ -41,6 +41,9 @@ pub struct StructureRow {
     pub delta_bic: f64,
     /// Mean NRMSE (%) of every recording under a fit to the others; null for a single recording.
     pub left_out_nrmse_pct: Option<f64>,
+    /// Reason why that is missing although there are several recordings.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left_out_missing: Option<String>,
     /// Whether this structure was selected.
     pub chosen: bool,
 }
@@ -91,6 +94,7 @@ pub(super) struct StructureFit {
     pub(super) branches: usize,
     pub(super) found: Found,
     left_out_nrmse_pct: Option<f64>,
+    left_out_missing: Option<String>,
     /// Mean of the recordings' R², and of their NRMSE (%).
     r2_mean: f64,
     nrmse_pct: f64,
@@ -110,13 +114,19 @@ impl StructureFit {
         let pairs = objective.measured().zip(&evaluation.modelled);
         let agreements: Vec<Agreement> = pairs.map(|(measured, modelled)| Agreement::new(measured, modelled)).collect();
         let mean = |of: fn(&Agreement) -> f64| agreements.iter().map(of).sum::<f64>() / agreements.len() as f64;
+        let error = left_out.map(|left_out| left_out.error(context, &found)).transpose();
+        let (left_out_nrmse_pct, left_out_missing) = match error {
+            Ok(error_pct) => (error_pct, None),
+            Err(reason) => (None, Some(reason)),
+        };
         Some(Self {
             topology: found.candidate.topology,
             branches: found.candidate.branches(),
             r2_mean: mean(|a| a.r2),
             nrmse_pct: mean(|a| a.nrmse_pct),
             whiteness: Whiteness::new(objective.values(), &objective.residuals(&evaluation)),
-            left_out_nrmse_pct: left_out.and_then(|left_out| left_out.error(context, &found)),
+            left_out_nrmse_pct,
+            left_out_missing,
             found,
         })
     }
@@ -208,6 +218,7 @@ impl Selection {
             delta_aic: criteria[k].0 - least_aic,
             delta_bic: criteria[k].1 - least_bic,
             left_out_nrmse_pct: fit.left_out_nrmse_pct,
+            left_out_missing: fit.left_out_missing.clone(),
             chosen: k == index,
         };
         Self { index, rows: fits.iter().enumerate().map(row).collect() }
@@ -245,10 +256,19 @@ fn nrmse_pct(objective: &Objective, candidate: &Candidate, loss: Loss) -> Option
     Some(100.0 * statistics::robust_deviation(&residuals) / range.max(f64::MIN_POSITIVE))
 }
 
+/// Shares of the way from the fit to all recordings to the fit without one, on which a film with a response to that one is looked for.
+const WAY_BACK: [f64; 5] = [1.0, 0.5, 0.25, 0.1, 0.0];
+
 /// Fits to all recordings but one, and their error on that one.
 pub struct LeftOut {
-    /// The other recordings, and the one that is left out.
-    folds: Vec<(Objective, Objective)>,
+    folds: Vec<Fold>,
+}
+
+/// A recording that is left out.
+struct Fold {
+    name: String,
+    others: Objective,
+    one: Objective,
 }
 
 impl LeftOut {
@@ -261,32 +281,50 @@ impl LeftOut {
         if observations.len() < 2 {
             return Ok(None);
         }
-        let folds = (0..observations.len())
-            .map(|out| {
-                let others: Vec<Observation> = observations
-                    .iter()
-                    .enumerate()
-                    .filter(|(index, _)| *index != out)
-                    .map(|(_, observation)| observation.clone())
-                    .collect();
-                Ok((Objective::new(&others)?, Objective::new(&observations[out..=out])?))
+        let fold = |out: usize| {
+            let mut others = observations.to_vec();
+            let one = others.remove(out);
+            Ok(Fold {
+                others: Objective::new(&others)?,
+                one: Objective::new(std::slice::from_ref(&one))?,
+                name: one.name,
             })
-            .collect::<Result<Vec<_>>>()?;
-        Ok(Some(Self { folds }))
+        };
+        Ok(Some(Self { folds: (0..observations.len()).map(fold).collect::<Result<_>>()? }))
     }
 
-    /// Mean NRMSE (%) of the recordings that were left out; none if the search was interrupted.
-    pub fn error(&self, context: &Context<'_>, found: &Found) -> Option<f64> {
+    /// Mean NRMSE (%) of the recordings that were left out.
+    ///
+    /// # Errors
+    ///
+    /// The reason why there is none.
+    pub fn error(&self, context: &Context<'_>, found: &Found) -> std::result::Result<f64, String> {
+        let errors: Vec<f64> =
+            self.folds.par_iter().map(|fold| fold.error(context, found)).collect::<std::result::Result<_, _>>()?;
+        if context.stop.load(Ordering::Relaxed) {
+            return Err("the search was interrupted".into());
+        }
+        Ok(errors.iter().sum::<f64>() / errors.len() as f64)
+    }
+}
+
+impl Fold {
+    /// NRMSE (%) on this recording of the structure that was `found`, fitted to the others. Their strokes leave the end of a curve open: where
+    /// the film pulls in on this one, it is brought back towards the fit to all of them.
+    fn error(&self, context: &Context<'_>, found: &Found) -> std::result::Result<f64, String> {
         // The fit to all of them is a close start.
         let stopping = StoppingCriteria { iterations: 40, decrease: 1e-6 };
-        let errors: Vec<f64> = self
-            .folds
-            .par_iter()
-            .map(|(others, one)| {
-                let fitted = context.descend_over(others, &found.candidate, found.variables.clone(), stopping)?;
-                nrmse_pct(one, &fitted.candidate, context.loss)
-            })
-            .collect::<Option<_>>()?;
-        (!context.stop.load(Ordering::Relaxed)).then(|| errors.iter().sum::<f64>() / errors.len() as f64)
+        let fitted = context.descend_over(&self.others, &found.candidate, found.variables.clone(), stopping);
+        let fitted = fitted.ok_or_else(|| format!("there is no fit without {}", self.name))?;
+        let error = |share: f64| {
+            let mut candidate = found.candidate.clone();
+            for variable in &found.variables {
+                let (from, to) = (variable.get(&found.candidate), variable.get(&fitted.candidate));
+                variable.set(&mut candidate, if share == 1.0 { to } else { from + share * (to - from) });
+            }
+            nrmse_pct(&self.one, &candidate, context.loss).filter(|error_pct| error_pct.is_finite())
+        };
+        let error = WAY_BACK.into_iter().find_map(error);
+        error.ok_or_else(|| format!("the fit without {} has no response to it", self.name))
     }
 }

@@ -99,7 +99,7 @@ pub fn compare(
             parameters: found.variables.len(),
             r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
             nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
-            left_out_nrmse_pct: left_out.as_ref().and_then(|left_out| left_out.error(context, &found)),
+            left_out_nrmse_pct: left_out.as_ref().and_then(|left_out| left_out.error(context, &found).ok()),
             beyond_pct: foretold.as_ref().and_then(|objective| error_pct(objective, &found.candidate)),
             step_ns: model.step_ns(&found.candidate, &observations[0].input)?,
         });

@@ -114,6 +114,8 @@ fn a_film_that_stiffens_and_creeps_much_is_followed() {
     let rms_pct = feedforward_pct(&bent, MUCH_CREEP);
     println!("feedforward: {straight:.3} % of peak to peak without, {rms_pct:.3} % with, {:?}", bent.actuator);
     assert!(nrmse_pct(&with) < 0.6 && rms_pct < 1.5, "{rms_pct}");
+    let compared = with.structures.iter().all(|row| row.left_out_nrmse_pct.is_some() && row.left_out_missing.is_none());
+    assert!(compared, "every structure is compared on recordings that were left out: {:?}", with.structures);
     assert!(bent.curve.is_some() && bent.actuator.saturation_v.is_some());
     let most = 3.0 / FILM.length_m;
     assert!(bent.actuator.stretch_coupling > most && bent.actuator.thinning_per_m() == most, "{:?}", bent.actuator);
