@@ -457,7 +457,8 @@ fn remarks(source: &Source<'_>, names: &[String], out_of_range: &[usize]) -> Vec
         }
         if let Some((count, first)) = table.footer {
             let first: String = first.chars().take(40).collect();
-            notes.push(format!("{count} lines below the rows are left out, from {first:?} on"));
+            let lines = if count == 1 { "line" } else { "lines" };
+            notes.push(format!("{count} {lines} below the rows left out, from {first:?} on"));
         }
         if let Some(line) = table.head.gains {
             notes.push(format!(

@@ -349,7 +349,7 @@ fn is_of_amplifier(name: &str) -> bool {
     let words = words(name);
     let is_word =
         |word: &&str| words.iter().any(|other| other == word) && !matches!(*word, "input" | "output" | "control");
-    let says = OF_TWO_VOLTAGES.iter().flat_map(|(_, candidates)| *candidates).any(|word| is_word(word));
+    let says = OF_TWO_VOLTAGES.iter().flat_map(|(_, candidates)| *candidates).any(is_word);
     says && !words.iter().any(|word| matches!(word.as_str(), "current" | "i" | "strom" | "courant"))
 }
 
