@@ -66,7 +66,7 @@ def test_broken_recordings(name: str) -> None:
 
 def test_gaps_in_what_drives() -> None:
     gappy = sp.Recording(TIME, voltage_v=np.where(TIME == 5, np.nan, VOLTS), displacement_m=METRES, name="log")
-    with pytest.raises(sp.FileError, match=r"^log: voltage_v is empty at 5 s; what drives the film must be complete$"):
+    with pytest.raises(sp.FileError, match=r"^log: voltage_v is empty at 5 s; what drives the film must be complete"):
         sp.simulate(sp.load("preset:table3-n2"), gappy)
     none = sp.Recording(TIME, voltage_v=np.full(100, np.nan), displacement_m=METRES, name="log")
     with pytest.raises(sp.FileError, match=r"^log: neither voltage_v nor force_n has a value$"):
