@@ -297,7 +297,7 @@ impl LeftOut {
     ///
     /// # Errors
     ///
-    /// The reason why there is none.
+    /// The reason why it is missing.
     pub fn error(&self, context: &Context<'_>, found: &Found) -> std::result::Result<f64, String> {
         let errors: Vec<f64> =
             self.folds.par_iter().map(|fold| fold.error(context, found)).collect::<std::result::Result<_, _>>()?;
