@@ -93,7 +93,7 @@ fn the_check_knows_what_was_identified() {
     let printed = String::from_utf8(printed).expect("UTF-8");
     names(
         &printed,
-        &["not feasible", "must fall faster than the amplifier's bleeder lets it", &format!("first at {first:.3} s")],
+        &["not feasible", "must fall faster than the amplifier's bleeder allows", &format!("first at {first:.3} s")],
     );
     // Without its times it is not reported.
     let ideal = &TOOL.says_no(&[&base[..], &["preset:table3-n2"]].concat())["check"];

@@ -31,7 +31,7 @@ pub(super) struct Arguments {
     /// Parameter file (TOML), or preset:NAME, that gets rise_s and fall_s.
     #[arg(long, value_name = "P", requires = "out")]
     params: Option<String>,
-    /// Where these parameters go, rise_s and fall_s in their [board.amplifier].
+    /// Parameter file to write, with rise_s and fall_s in their [board.amplifier].
     #[arg(long, value_name = "P.toml", requires = "params")]
     out: Option<PathBuf>,
 }

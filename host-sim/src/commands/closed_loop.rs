@@ -31,12 +31,11 @@ use crate::terminal::{self, decimals};
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Which film: hossain or wang, or a parameter file (or preset:NAME), whose model runs with full memory and its own
-    /// actuator.
+    /// Film: hossain or wang, or a parameter file (or preset:NAME), whose model runs with full memory and its own actuator.
     #[arg(long, value_name = "FILM", value_parser = plant_choice)]
     plant: PlantChoice,
-    /// How the film differs: stiffness=F multiplies its stiffness, alpha=F (of a parameter file) all its orders with c kept, so
-    /// that it is as stiff as before at 1 rad/s.
+    /// Change of the film: stiffness=F multiplies its stiffness, alpha=F all orders (parameter files only), with the stiffness
+    /// at 1 rad/s kept.
     #[arg(long, value_name = "NAME=FACTOR,…", value_delimiter = ',', value_parser = mismatch_factor)]
     plant_mismatch: Vec<MismatchFactor>,
     /// Parameter file (TOML), or preset:NAME such as preset:table3-n2.
@@ -48,7 +47,7 @@ pub(super) struct Arguments {
     /// Which controller.
     #[arg(long, value_parser = named::<ControllerKind>())]
     controller: ControllerKind,
-    /// Where the run goes: time_s, voltage_v, displacement_m, reference_m, limited, estimate_m, disturbance_n, force_scale.
+    /// Run to write: time_s, voltage_v, displacement_m, reference_m, limited, estimate_m, disturbance_n, force_scale.
     #[arg(long, value_name = "CSV")]
     out: Option<PathBuf>,
     /// Write every so many steps; as many rows as the reference has, and at least 100 per second, if left out.
@@ -67,20 +66,20 @@ pub(super) struct Arguments {
     /// Seed of the sensors' noise.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// The one bandwidth of tracking (the parameters' or 0.6 if left out), or of pi (0.8).
+    /// Bandwidth of tracking (default: the parameters', else 0.6), or of pi (default: 0.8).
     #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
     bandwidth: Option<f64>,
-    /// Time over which a disturbance that swings with the load becomes a change of the force scale; 0 for never, 30 if left
-    /// out here and in the parameters.
+    /// Time constant with which the force scale adapts to a disturbance that swings with the load; 0: never (default: the
+    /// parameters', else 30).
     #[arg(long, value_name = "S", value_parser = quantity::seconds)]
     adaptation: Option<f64>,
-    /// Learn mean and this many harmonics, 6 at most, of what a periodic reference leaves of the error (feedforward and tracking).
+    /// Learn the mean and this many harmonics (1 to 6) of the error of a periodic reference; feedforward and tracking only.
     #[arg(long, value_name = "N")]
     harmonics: Option<usize>,
     /// Period of the reference for --harmonics; taken from the reference if left out.
     #[arg(long, value_name = "S", value_parser = quantity::seconds, requires = "harmonics")]
     period: Option<f64>,
-    /// Stiffness of the film in units of the one that was recorded: the same as --plant-mismatch stiffness=FACTOR.
+    /// Factor on the film's stiffness: the same as --plant-mismatch stiffness=FACTOR.
     #[arg(long, value_name = "FACTOR", value_parser = quantity::number, default_value_t = 1.0)]
     stiffness: f64,
     #[command(flatten)]
@@ -139,11 +138,11 @@ struct SensorOptions {
     /// Times from which and to which the sensor is lost, such as 60:90; may be given more than once.
     #[arg(long, value_name = "FROM:TO", value_parser = interval)]
     sensor_lost: Vec<(f64, f64)>,
-    /// Time constant of the amplifier; 0 for none.
+    /// Time constant of the amplifier; 0: none.
     #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 0.0)]
     amplifier_lag: f64,
-    /// Time constant with which its voltage falls at the most, by its bleeder; 0 for no such limit. The controller knows of its amplifier
-    /// what the parameters say: rise_s and fall_s of board.amplifier.
+    /// Time constant of the fastest fall of the voltage, by the amplifier's bleeder; 0: no limit. The controller uses rise_s and
+    /// fall_s of board.amplifier.
     #[arg(long, value_name = "S", value_parser = quantity::seconds, default_value_t = 0.0)]
     amplifier_bleeder: f64,
     /// Relative error of the voltage monitor, which has 3 V of noise. If left out, the controller reads no monitor; where the board's

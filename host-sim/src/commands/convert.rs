@@ -28,7 +28,7 @@ pub(super) struct Arguments {
     strain: Strain,
     #[command(flatten)]
     reading: RecordingOptions,
-    /// Where the recording goes: time_s, displacement_m, force_n.
+    /// Recording to write: time_s, displacement_m, force_n.
     #[arg(long, value_name = "REC.csv")]
     out: PathBuf,
     /// Material test: time_s (or time_ms); stretch, or displacement_mm as of a testing machine; nominal_stress_pa (or _kpa, _mpa),

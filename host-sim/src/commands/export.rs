@@ -30,7 +30,7 @@ pub(super) struct Arguments {
     /// Format; that of the ending of --out if left out, or else the blob.
     #[arg(long, value_parser = named::<Emit>())]
     emit: Option<Emit>,
-    /// Where it goes: a file whose ending chooses the format (.bin, .rs, .c, .fmu), or of --emit arduino a folder.
+    /// Output: a file whose ending chooses the format (.bin, .rs, .c, .fmu), or of --emit arduino a folder.
     #[arg(long, value_name = "P.bin")]
     out: PathBuf,
 }

@@ -29,7 +29,7 @@ pub(super) struct Arguments {
     /// Reference to follow: time_s, displacement_m.
     #[arg(long, value_name = "REF.csv")]
     reference: PathBuf,
-    /// Where the voltage goes: time_s, voltage_v, displacement_m, limited, reference_m.
+    /// Voltage to write: time_s, voltage_v, displacement_m, limited, reference_m.
     #[arg(long, value_name = "V.csv", required_unless_present = "check")]
     out: Option<PathBuf>,
     /// Report whether the reference can be followed, which limit is in the way, and what would make it so, before any voltage is
@@ -154,7 +154,7 @@ fn verdict(check: &Feasibility) -> Vec<String> {
     }
     lines.extend(check.binding.iter().map(limit));
     lines.extend(check.amplifier.iter().flat_map(|demand| {
-        let late = "must fall faster than the amplifier's bleeder lets it";
+        let late = "must fall faster than the amplifier's bleeder allows";
         let high = "a command that leads by the amplifier's lag is above the largest voltage";
         let line = |what: &str, pct: f64, first_s: Option<f64>| {
             Some(format!("{what} {pct:.2} % of the time, first at {:.3} s", first_s?))

@@ -29,7 +29,7 @@ pub(super) struct Arguments {
     /// Number of frequencies, spaced evenly on a logarithmic scale.
     #[arg(long, value_name = "N")]
     points: usize,
-    /// Where the table goes: frequency_hz, magnitude_m_per_n, phase_rad.
+    /// Table to write: frequency_hz, magnitude_m_per_n, phase_rad.
     #[arg(long, value_name = "FR.csv")]
     out: PathBuf,
     /// Displacement about which a film with an elastic curve oscillates, m.

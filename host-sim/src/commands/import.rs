@@ -101,7 +101,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
 }
 
 impl Arguments {
-    /// Where the recordings go. Refused are two of one name, and files that are read.
+    /// Folder for the recordings. Two of one name, and a file that is read, are refused.
     fn outputs(&self) -> Result<Vec<PathBuf>> {
         let inputs: Vec<&Path> = self.files.iter().map(PathBuf::as_path).collect();
         let mut outputs: Vec<PathBuf> = Vec::new();

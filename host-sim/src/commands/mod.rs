@@ -114,7 +114,7 @@ enum CliCommand {
     /// Simulate a recording of a nonlinear film.
     #[command(visible_alias = "twin")]
     Plant(plant::Arguments),
-    /// Print what makes a shell complete the options of this tool.
+    /// Print the completion script for a shell.
     Completions(completions::Arguments),
     /// Print the man page, or write those of all commands into a folder.
     Man(man::Arguments),

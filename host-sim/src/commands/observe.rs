@@ -31,7 +31,7 @@ pub(super) struct Arguments {
     recording: PathBuf,
     #[command(flatten)]
     reading: RecordingOptions,
-    /// Where the estimates go: time_s, voltage_v, displacement_m, sample_m, disturbance_n, force_scale, innovation_m,
+    /// Estimates to write: time_s, voltage_v, displacement_m, sample_m, disturbance_n, force_scale, innovation_m,
     /// innovation_mean_m, innovation_std_m.
     #[arg(long, value_name = "OUT.csv")]
     out: PathBuf,

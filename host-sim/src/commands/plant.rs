@@ -28,7 +28,7 @@ pub(super) struct Arguments {
     /// Samples per second.
     #[arg(long, value_name = "HZ", value_parser = quantity::hertz)]
     rate: f64,
-    /// Where the recording goes: time_s, voltage_v, displacement_m.
+    /// Recording to write: time_s, voltage_v, displacement_m.
     #[arg(long, value_name = "REC.csv")]
     out: PathBuf,
     /// Peak of the voltage.

@@ -38,7 +38,7 @@ pub(super) struct Arguments {
     /// Samples per second.
     #[arg(long, value_name = "HZ", value_parser = quantity::hertz, default_value_t = 100.0)]
     rate: f64,
-    /// Where the profile goes: time_s, voltage_v.
+    /// Profile to write: time_s, voltage_v.
     #[arg(long, value_name = "P.csv")]
     out: PathBuf,
 }

@@ -17,7 +17,7 @@ pub(super) struct Arguments {
     /// Parameter file (TOML), or preset:NAME such as preset:table3-n5.
     #[arg(long, value_name = "P")]
     params: String,
-    /// Where the reduced parameters go.
+    /// Parameter file to write.
     #[arg(long, value_name = "P.toml")]
     out: PathBuf,
     /// Lowest frequency at which the response must stay the same.

@@ -41,7 +41,7 @@ pub(super) struct Arguments {
     /// Seed of a random walk.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Where the reference goes: time_s, displacement_m.
+    /// Reference to write: time_s, displacement_m.
     #[arg(long, value_name = "REF.csv")]
     out: PathBuf,
     #[command(flatten)]

@@ -26,7 +26,7 @@ pub(super) struct Arguments {
     profile: PathBuf,
     #[command(flatten)]
     reading: RecordingOptions,
-    /// Where the response goes: time_s, voltage_v, force_n, displacement_m.
+    /// Response to write: time_s, voltage_v, force_n, displacement_m.
     #[arg(long, value_name = "OUT.csv")]
     out: PathBuf,
     #[command(flatten)]

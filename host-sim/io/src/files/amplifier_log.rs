@@ -66,8 +66,7 @@ impl AmplifierLog {
             let cause = format!("{} rows; record at least {MIN_ROWS}, with steps up and down to 0 V", time_s.len());
             return Err(fault(cause));
         }
-        let command =
-            command.ok_or_else(|| fault("command_v is empty; it is what was asked of the amplifier".into()))?;
+        let command = command.ok_or_else(|| fault("command_v is empty; fill in the commanded voltage".into()))?;
         let monitor = monitor.ok_or_else(|| fault("the monitor's column is empty; connect the monitor".into()))?;
         let command_v = command.complete(path, &time_s, "what was commanded must be complete")?.value;
         let shown = monitor.present(&time_s);

@@ -38,7 +38,7 @@ impl Emulator {
     pub fn start(image: &Path) -> Result<(Self, Port)> {
         let fault = |cause: String| Error::Link { port: QEMU.into(), cause };
         if !image.is_file() {
-            return Err(Error::file(image, "there is no such image; cargo xtask image builds it"));
+            return Err(Error::file(image, "no image: build it with cargo xtask image"));
         }
         let mut magic = [0; 4];
         let read = File::open(image).and_then(|mut file| file.read_exact(&mut magic));

@@ -63,11 +63,11 @@ impl Noise {
     fn cause(&self) -> String {
         match (self.version, self.bytes) {
             (Some(version), _) => {
-                format!("it speaks version {version} of the link, this tool {VERSION}; flash the firmware of this tool")
+                format!("version {version} of the link, this tool needs {VERSION}: flash the matching firmware")
             }
             (None, 0) => "no response: check the board's power and the port".into(),
             (None, bytes) => format!(
-                "something answers, but it is no controller with this link: {bytes} bytes such as \"{}\"; is this its port?",
+                "unexpected data, {bytes} bytes such as \"{}\": check that this is the controller's port",
                 self.first.escape_ascii()
             ),
         }
@@ -322,7 +322,7 @@ impl Client {
 
     /// It is unknown whether there is voltage on the film.
     pub fn film_is_unknown(&self) -> Error {
-        self.fault("the voltage monitor does not answer: take the film for live, and measure before you touch it")
+        self.fault("no reading of the voltage monitor: treat the film as live, measure before you touch it")
     }
 
     /// It answers, and sends no samples of its ticks.
@@ -343,7 +343,7 @@ impl Client {
                 "the voltage monitor does not read 0 V, or did not within discharge_s; is it connected, and the film discharged?".into()
             }
             Answer::Refused(Refusal::Sensor(fault)) => {
-                format!("the displacement sensor cannot be believed ({fault:?}); is it connected?")
+                format!("displacement sensor implausible ({fault:?}): check its connection")
             }
             Answer::Rejected(Reject::Value) => "the value is beyond the limits of the parameters".into(),
             Answer::Rejected(Reject::Blob) => "the parameter blob was refused; was it made for this board?".into(),

@@ -28,7 +28,7 @@ const PAGE_TITLE: &str = "Fit of the fully fractional generalised Maxwell model"
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Where the parameters go.
+    /// Parameter file to write.
     #[arg(long, value_name = "P.toml")]
     out: PathBuf,
     #[command(flatten)]
@@ -36,7 +36,7 @@ pub(super) struct Arguments {
     /// Fit each recording alone; writes one file per recording beside --out.
     #[arg(long)]
     each: bool,
-    /// Where a page with the results, tables and plots goes; it opens in any browser, offline.
+    /// Page to write, with results, tables and plots; it opens in any browser, offline.
     #[arg(long, value_name = "R.html")]
     report: Option<PathBuf>,
     #[command(flatten)]

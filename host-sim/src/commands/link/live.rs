@@ -44,7 +44,7 @@ const MAX_DAMAGED: u32 = 2;
 
 #[derive(Debug, Args)]
 pub(super) struct Stream {
-    /// Where the samples go: a recording, with time_s, voltage_v (the monitor) and displacement_m.
+    /// Recording to write: time_s, voltage_v (the monitor) and displacement_m.
     #[arg(long, value_name = "CSV")]
     out: PathBuf,
     /// Ticks per sample.

@@ -22,7 +22,7 @@ use crate::terminal;
 
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Where the controller is: a serial port such as /dev/ttyUSB0, or tcp:HOST:PORT.
+    /// Port of the controller: a serial port such as /dev/ttyUSB0, or tcp:HOST:PORT.
     #[arg(long, value_name = "PORT")]
     port: String,
     #[command(subcommand)]
@@ -31,12 +31,12 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Who is there: board, firmware, parameters.
+    /// Print board, firmware and parameters.
     Identify,
     /// State, last trip, voltage, damaged frames.
     Status,
-    /// Enable the amplifier at 0 V, and print the token of who armed. It trips again if that host is silent for longer than the
-    /// parameters allow: `play` keeps talking.
+    /// Enable the amplifier at 0 V and print a token. The board trips if this host is silent for longer than heartbeat_s;
+    /// `play` sends heartbeats.
     Arm,
     /// Begin a run, at 0 V.
     Start {
@@ -48,11 +48,11 @@ enum Verb {
     },
     /// Back to 0 V, amplifier enabled.
     Stop,
-    /// Back to 0 V, amplifier disabled.
+    /// Return to 0 V and disable the amplifier.
     Disarm,
-    /// Take note of a trip.
+    /// Acknowledge a trip.
     Acknowledge,
-    /// Run the parameters that are kept, as after a reset.
+    /// Load the stored parameters, as after a reset.
     Reload,
     /// Set the voltage or the displacement of the run.
     Set(Set),
@@ -64,7 +64,7 @@ enum Verb {
         #[command(flatten)]
         token: Token,
     },
-    /// Send parameters; they are kept over a reset.
+    /// Send parameters and store them on the board.
     Upload(Upload),
     /// Write what the controller measures and predicts to a file, until Ctrl-C.
     Stream(live::Stream),

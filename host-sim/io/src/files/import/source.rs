@@ -139,9 +139,7 @@ pub fn si(name: &str, value: Value<'_>, factor: f64) -> Result<Option<f64>, Stri
         Value::Number(number) => Err(format!("{name} is {number:?}; no instrument reads that")),
         Value::Text(text) => {
             let begin: String = text.chars().take(40).collect();
-            Err(format!(
-                "{name} is {begin:?}, which is not a number here; leave the cell empty where nothing was measured"
-            ))
+            Err(format!("{name} is {begin:?}, which is not a number; leave the cell empty where nothing was measured"))
         }
     }
 }
