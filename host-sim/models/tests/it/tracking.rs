@@ -219,7 +219,7 @@ fn jobs(parameters: &[(Plant, Parameters)]) -> Vec<(Plant, &Parameters, &'static
     all.step_by(if full_sweep() { 1 } else { 3 }).collect()
 }
 
-fn both_films() -> Vec<(Plant, Parameters)> {
+pub(crate) fn both_films() -> Vec<(Plant, Parameters)> {
     [(Plant::Hossain, "hossain"), (Plant::Wang, "wang")].map(|(plant, name)| (plant, fitted(name))).into()
 }
 
