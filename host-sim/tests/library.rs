@@ -52,6 +52,10 @@ fn every_field_that_an_error_names_has_a_flag() {
             for (at, _) in source.match_indices(call) {
                 let Some(argument) = source[at + call.len()..].trim_start().strip_prefix('"') else { continue };
                 let field = argument.split('"').next().unwrap_or_default();
+                // Python's dictionary of all limits; each has a flag of its own.
+                if field == "limits" {
+                    continue;
+                }
                 assert!(with_flags(&format!("`{field}`")).starts_with("--"), "{}: {field}", path.display());
                 fields += 1;
             }
