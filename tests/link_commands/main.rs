@@ -335,7 +335,7 @@ fn a_port_that_sends_garbage_ends_in_a_timeout() {
     });
     names(
         &TOOL.fails(&["link", "--port", &port, "status"]),
-        &[&port, "no controller with this link", "bytes such as", "ABCDEFG"],
+        &[&port, "check that this is the controller", "bytes such as", "ABCDEFG"],
     );
     garbage.join().expect("the connection was closed");
 }
