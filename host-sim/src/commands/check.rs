@@ -57,7 +57,9 @@ fn add_what_is_implausible(report: &mut Report, recording: &Recording) {
     let implausible = implausible.map(|text| (Severity::Prevents, text)).collect::<Vec<_>>();
     let notes = recording.notes().iter().map(|note| (Severity::Weakens, note.clone()));
     let finding = |(severity, finding)| Finding { severity, file: Some(file.clone()), finding, advice: String::new() };
-    report.findings.extend(implausible.into_iter().chain(notes).map(finding));
+    report.findings.extend(notes.map(finding));
+    // First: what else was found may result from a wrong unit.
+    report.findings.splice(0..0, implausible.into_iter().map(finding));
 }
 
 fn text(report: &Report) -> String {
