@@ -27,9 +27,9 @@ const TICKS_PER_S: f64 = 1000.0;
 
 impl Cost {
     /// A linear film.
-    pub const LINEAR: Self = Self::stated(527, 1813, 2960);
+    pub const LINEAR: Self = Self::stated(527, 1814, 2960);
     /// A film behind an elastic curve.
-    pub const CURVED: Self = Self::stated(615, 1995, 3200);
+    pub const CURVED: Self = Self::stated(615, 1996, 3200);
 
     /// The cost of `film`.
     pub fn new(film: Film<'_>) -> Self {
