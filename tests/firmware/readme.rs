@@ -99,12 +99,13 @@ fn beside_busy_loops<R>(work: impl FnOnce() -> R) -> R {
     })
 }
 
-/// RMS error (%) of the stroke of 0.6 mm along the sine of a log, from the second period on.
+/// RMS error (%) of the stroke of 0.6 mm along the sine of a log, from the second period on. The sensor's samples are 10 ms late, which is
+/// one row.
 fn error_pct(log: &Path) -> f64 {
     let settled = column(log, "time_s").iter().position(|&time_s| time_s > 1.5).expect("a second period");
     let (reference, measured) = (column(log, "reference_m"), column(log, "displacement_m"));
     let runs = column(log, "command_v").iter().rposition(|&volts| volts > 0.0).expect("runs");
-    let errors = reference[settled..runs].iter().zip(&measured[settled..runs]).map(|(r, y)| (r - y).powi(2));
+    let errors = reference[settled..runs].iter().zip(&measured[settled + 1..]).map(|(r, y)| (r - y).powi(2));
     100.0 * (errors.sum::<f64>() / (runs - settled) as f64).sqrt() / 0.6e-3
 }
 
@@ -171,12 +172,11 @@ fn the_readme_works_as_written() {
         assert!((length_s - 0.1..length_s + 0.5).contains(&last_s), "{last_s} s");
     }
     assert!(column(&ramp, "voltage_v").iter().any(|&volts| volts > 2900.0));
-    // The film pulls 3 % harder than its model: without the sensor that stays, 3 to 4 % of the stroke. Both compare the reference with samples
-    // that are 10 ms late, 1.5 % of the stroke at this speed; a host that shares its cores adds up to 0.5 % to either: 2.1 to 2.6 % and 4.2 to 4.8 %.
+    // The film pulls 3 % harder than its model: without the sensor that stays, 3 to 4 % of the stroke.
     let blind = log("blind-log.csv");
     let (tracked_pct, blind_pct) = (error_pct(&sine), error_pct(&blind));
     println!("tracking: {tracked_pct:.2} % of the stroke, feedforward: {blind_pct:.2} %");
-    assert!(tracked_pct < 0.7 * blind_pct && (3.0..10.0).contains(&blind_pct), "{tracked_pct} %, {blind_pct} %");
+    assert!(tracked_pct < 0.6 * blind_pct && (3.0..10.0).contains(&blind_pct), "{tracked_pct} %, {blind_pct} %");
 
     let errors_pct = [1.0, 1.03].map(|stronger| replay_pct(&folder, &ramp, stronger));
     println!("the film against full memory on the host: {errors_pct:?} % of the stroke, as modelled and 3 % stronger");
