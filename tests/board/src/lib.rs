@@ -1,10 +1,12 @@
 #![doc = include_str!("../README.md")]
 #![cfg(all(target_arch = "x86_64", target_os = "linux"))]
 
+// The firmware logs by the name of defmt.
+extern crate self as defmt;
+
 pub mod board;
 pub mod chip;
 mod cortex;
-mod instruction;
 pub mod log;
 pub mod panic;
 mod trap;
@@ -21,4 +23,5 @@ pub mod reset;
 #[path = "../../../firmware/src/serial.rs"]
 pub mod serial;
 
+pub use log::Format;
 pub use stm32f4xx_hal as hal;

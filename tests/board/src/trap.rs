@@ -1,32 +1,24 @@
 //! Addresses that trap: whatever the firmware reads or writes at a register of the chip, the models answer.
 //!
-//! The chip's addresses are mapped without any right. An access faults, and the handler of the signal carries it out on the models.
-//! Instructions that it does not interpret see the model's value in the opened page, for the one step until the trap flag of the
-//! processor closes it again. The signals come from the thread that accesses, at the access: nothing is concurrent, and everything
+//! The chip's addresses are mapped without any right. An access faults, and its instruction sees the model's value in the opened page, for the
+//! one step until the trap flag of the processor closes it again; what it wrote goes to the model. The signals come from the thread that accesses, at the access: nothing is concurrent, and everything
 //! happens in the order of the program.
 
 use std::ffi::{c_int, c_void};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
-use std::{mem, ptr, slice};
+use std::{mem, ptr};
 
 use libc::{siginfo_t, ucontext_t};
 
 use crate::chip::Chip;
-use crate::instruction::{Action, decode, flags_after_test};
 
 /// Addresses of the chip, with their lengths: peripherals on APB1, APB2 and AHB1; the same, bit by bit; the core's own.
 const REGIONS: [(usize, usize); 3] = [(0x4000_0000, 0x8_0000), (0x4200_0000, 0x100_0000), (0xe000_0000, 0x10_0000)];
 const PAGE: usize = 4096;
-/// The longest instruction of the host, bytes.
-const INSTRUCTION: usize = 15;
 /// The processor traps after the next instruction.
 const TRAP_FLAG: i64 = 1 << 8;
 /// In the error code of a fault: the access was a write.
 const WRITES: i64 = 1 << 1;
-
-/// Set by a program that has been stopped.
-pub(crate) static STOPPED: AtomicBool = AtomicBool::new(false);
 
 /// The chip, while there is one.
 static MACHINE: Mutex<Option<Machine>> = Mutex::new(None);
@@ -38,11 +30,9 @@ static BEFORE: OnceLock<libc::sigaction> = OnceLock::new();
 pub struct Machine {
     pub chip: Chip,
     /// Accesses that are left.
-    pub left: u64,
-    /// A program that has used them up stops where it is. Otherwise the process ends.
-    pub stops: bool,
-    /// The access in the open page, at this address.
-    step: Option<(usize, Action)>,
+    left: u64,
+    /// The word in the open page, and whether the access writes it.
+    step: Option<(usize, bool)>,
 }
 
 // SAFETY: the chips on its wires may belong to one thread. One thread at a time reaches them: that of the test, which has the board, or
@@ -50,8 +40,8 @@ pub struct Machine {
 unsafe impl Send for Machine {}
 
 impl Machine {
-    pub fn new(chip: Chip) -> Self {
-        Self { chip, left: 0, stops: false, step: None }
+    pub fn new(chip: Chip, left: u64) -> Self {
+        Self { chip, left, step: None }
     }
 }
 
@@ -107,44 +97,15 @@ extern "C" fn on_fault(signal: c_int, info: *mut siginfo_t, context: *mut c_void
     }
     let mut guard = lock();
     let Some(machine) = guard.as_mut() else { die("a register was accessed, but no chip has power") };
-    if machine.left == 0 {
-        if !machine.stops {
-            die("the firmware accesses registers without end");
-        }
-        drop(guard);
-        STOPPED.store(true, Ordering::SeqCst);
-        loop {
-            std::thread::park();
-        }
-    }
-    machine.left -= 1;
-    let place = registers[libc::REG_RIP as usize] as *const u8;
-    // SAFETY: the processor has just read the instruction there, and code does not end with it: the C library's start-up
-    // code and tables follow.
-    let code = unsafe { slice::from_raw_parts(place, INSTRUCTION) };
-    let Some(instruction) = decode(code, registers, registers[libc::REG_ERR as usize] & WRITES != 0) else {
-        die(&format!("an access with an instruction that is not understood: {code:02x?}"))
-    };
-    let word = address & !3;
-    match instruction.action {
-        Action::Store { value, bytes } => machine.chip.write(address as u32, value, bytes),
-        Action::Load(register) if address == word => registers[register] = machine.chip.read(word as u32).into(),
-        Action::Test(mask) if address == word => {
-            let result = machine.chip.read(word as u32) & mask;
-            let flags = &mut registers[libc::REG_EFL as usize];
-            *flags = flags_after_test(*flags, result);
-        }
-        action => {
-            let value = machine.chip.read(word as u32);
-            protect(word, libc::PROT_READ | libc::PROT_WRITE);
-            // SAFETY: the page is open, and it is ours.
-            unsafe { (word as *mut u32).write_volatile(value) };
-            machine.step = Some((word, action));
-            registers[libc::REG_EFL as usize] |= TRAP_FLAG;
-            return;
-        }
-    }
-    registers[libc::REG_RIP as usize] += instruction.length as i64;
+    machine.left = machine.left.checked_sub(1).unwrap_or_else(|| die("the firmware accesses registers without end"));
+    let (word, writes) = (address & !3, registers[libc::REG_ERR as usize] & WRITES != 0);
+    // What an instruction reads of a word that it writes has no effect on the chip.
+    let value = if writes { machine.chip.peek(word as u32) } else { machine.chip.read(word as u32) };
+    protect(word, libc::PROT_READ | libc::PROT_WRITE);
+    // SAFETY: the page is open, and it is ours.
+    unsafe { (word as *mut u32).write_volatile(value) };
+    machine.step = Some((word, writes));
+    registers[libc::REG_EFL as usize] |= TRAP_FLAG;
 }
 
 extern "C" fn on_step(_: c_int, _: *mut siginfo_t, context: *mut c_void) {
@@ -153,11 +114,11 @@ extern "C" fn on_step(_: c_int, _: *mut siginfo_t, context: *mut c_void) {
     context.uc_mcontext.gregs[libc::REG_EFL as usize] &= !TRAP_FLAG;
     let mut guard = lock();
     let Some(machine) = guard.as_mut() else { die("a trap without a chip") };
-    let Some((word, action)) = machine.step.take() else { die("a trap without a pending access") };
-    if action == Action::Modify {
+    let Some((word, writes)) = machine.step.take() else { die("a trap without a pending access") };
+    if writes {
         // SAFETY: the page is still open.
         let value = unsafe { (word as *const u32).read_volatile() };
-        machine.chip.write(word as u32, value, 4);
+        machine.chip.write(word as u32, value);
     }
     protect(word, libc::PROT_NONE);
 }

@@ -2,6 +2,10 @@
 
 use std::fmt;
 
+use crate::chip::registers::{Peripheral, Registers};
+use crate::chip::time::Picoseconds;
+use crate::chip::violation::Violation;
+
 /// Pins of a port.
 pub const PINS: usize = 16;
 
@@ -76,62 +80,62 @@ pub struct Pad {
     pub pull: Pull,
 }
 
+const MODER: u32 = 0x00;
+const OTYPER: u32 = 0x04;
+const OSPEEDR: u32 = 0x08;
+const PUPDR: u32 = 0x0c;
+const IDR: u32 = 0x10;
+const ODR: u32 = 0x14;
+const BSRR: u32 = 0x18;
+const AFRL: u32 = 0x20;
+
 /// A port's registers and what is connected to its pins.
 #[derive(Clone)]
 pub struct Port {
-    moder: u32,
-    otyper: u32,
-    ospeedr: u32,
-    pupdr: u32,
-    odr: u32,
-    lckr: u32,
-    afr: [u32; 2],
+    name: char,
+    registers: Registers,
     /// Levels from outside.
     pub outside: [Option<bool>; PINS],
 }
 
 impl Port {
     /// A port after a reset: the debug pins of A and B are set for the probe.
-    pub fn new(port: char) -> Self {
-        let (moder, ospeedr, pupdr) = match port {
+    pub fn new(name: char) -> Self {
+        let (moder, ospeedr, pupdr) = match name {
             'A' => (0xa800_0000, 0x0c00_0000, 0x6400_0000),
             'B' => (0x0000_0280, 0x0000_00c0, 0x0000_0100),
             _ => (0, 0, 0),
         };
-        Self { moder, otyper: 0, ospeedr, pupdr, odr: 0, lckr: 0, afr: [0; 2], outside: [None; PINS] }
-    }
-
-    /// As after a reset; what is connected stays.
-    pub fn reset(&mut self, port: char) {
-        *self = Self { outside: self.outside, ..Self::new(port) };
+        let registers = Registers::new(&[(MODER, moder), (OSPEEDR, ospeedr), (PUPDR, pupdr)]);
+        Self { name, registers, outside: [None; PINS] }
     }
 
     pub fn pad(&self, number: usize) -> Pad {
         let field = |register: u32| register >> (2 * number) & 0b11;
-        let mode = match field(self.moder) {
+        let mode = match field(self.registers[MODER]) {
             0b00 => Mode::Input,
             0b01 => Mode::Output,
-            0b10 => Mode::Alternate((self.afr[number / 8] >> (4 * (number % 8)) & 0xf) as u8),
+            0b10 => Mode::Alternate((self.registers[AFRL + number as u32 / 8 * 4] >> (4 * (number % 8)) & 0xf) as u8),
             _ => Mode::Analog,
         };
-        let speed = match field(self.ospeedr) {
+        let speed = match field(self.registers[OSPEEDR]) {
             0b00 => Speed::Low,
             0b01 => Speed::Medium,
             0b10 => Speed::High,
             _ => Speed::VeryHigh,
         };
-        let pull = match field(self.pupdr) {
+        let pull = match field(self.registers[PUPDR]) {
             0b01 => Pull::Up,
             0b10 => Pull::Down,
             _ => Pull::None,
         };
-        Pad { mode, open_drain: self.otyper >> number & 1 != 0, speed, pull }
+        Pad { mode, open_drain: self.registers[OTYPER] >> number & 1 != 0, speed, pull }
     }
 
     /// The level that the pin drives as an output, if it does.
     pub fn driven(&self, number: usize) -> Option<bool> {
         let pad = self.pad(number);
-        let high = self.odr >> number & 1 != 0;
+        let high = self.registers[ODR] >> number & 1 != 0;
         (pad.mode == Mode::Output && !(pad.open_drain && high)).then_some(high)
     }
 
@@ -140,38 +144,30 @@ impl Port {
         let pulled = self.pad(number).pull == Pull::Up;
         self.driven(number).or(self.outside[number]).unwrap_or(pulled)
     }
+}
 
-    pub fn read(&self, offset: u32) -> u32 {
-        match offset {
-            0x00 => self.moder,
-            0x04 => self.otyper,
-            0x08 => self.ospeedr,
-            0x0c => self.pupdr,
-            0x10 => {
-                let digital = |&number: &usize| self.pad(number).mode != Mode::Analog && self.level(number);
-                (0..PINS).filter(digital).fold(0, |levels, number| levels | 1 << number)
-            }
-            0x14 => self.odr,
-            0x1c => self.lckr,
-            0x20 => self.afr[0],
-            0x24 => self.afr[1],
-            _ => 0,
+impl Peripheral for Port {
+    fn value(&self, offset: u32, _: Picoseconds) -> u32 {
+        if offset != IDR {
+            return self.registers[offset];
         }
+        let digital = |&number: &usize| self.pad(number).mode != Mode::Analog && self.level(number);
+        (0..PINS).filter(digital).fold(0, |levels, number| levels | 1 << number)
     }
 
-    pub fn write(&mut self, offset: u32, value: u32) {
+    fn write(&mut self, offset: u32, value: u32, _: Picoseconds) -> Option<Violation> {
         match offset {
-            0x00 => self.moder = value,
-            0x04 => self.otyper = value & 0xffff,
-            0x08 => self.ospeedr = value,
-            0x0c => self.pupdr = value,
-            0x14 => self.odr = value & 0xffff,
+            OTYPER | ODR => self.registers[offset] = value & 0xffff,
+            IDR => {}
             // Setting wins over clearing.
-            0x18 => self.odr = self.odr & !(value >> 16) | value & 0xffff,
-            0x1c => self.lckr = value,
-            0x20 => self.afr[0] = value,
-            0x24 => self.afr[1] = value,
-            _ => {}
+            BSRR => self.registers[ODR] = self.registers[ODR] & !(value >> 16) | value & 0xffff,
+            _ => self.registers[offset] = value,
         }
+        None
+    }
+
+    /// As after a reset; what is connected stays.
+    fn reset(&mut self) {
+        *self = Self { outside: self.outside, ..Self::new(self.name) };
     }
 }

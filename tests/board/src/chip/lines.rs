@@ -1,16 +1,24 @@
 //! Pins and what is wired to them: selects, inputs, and bytes on the SPI buses.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use converter_chips::{Bit, SerialChip, clock_bit};
+use embedded_hal::spi::{MODE_0, MODE_1, MODE_2, MODE_3};
+
 use crate::chip::Chip;
 use crate::chip::gpio::{Mode, PINS, Pad, Pin, Pull, Speed};
 use crate::chip::pads::{self, Signal};
-use crate::chip::time::{self, NANOSECOND, Picoseconds, SECOND};
+use crate::chip::time::{self, NANOSECOND, Picoseconds};
 use crate::chip::violation::Violation;
-use crate::wires::{SpiByte, SpiSlave, Wired, Wiring};
+use crate::wires::{Wired, Wiring};
 
 /// The fastest bus clock, Hz, with which an SPI whose clock pad is at the lowest speed still receives the last bit of a frame: its
 /// own clock comes back too late from such a pad. Errata sheet ES0182, "Corrupted last bit of data and/or CRC, received in master
 /// mode with delayed SCK feedback"; issue 564 of stm32f4xx-hal.
 const SLOW_PAD_BUS_HZ: u32 = 25_000_000;
+
+const MODES: [embedded_hal::spi::Mode; 4] = [MODE_0, MODE_1, MODE_2, MODE_3];
 
 /// A pin drives something else than before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,15 +31,19 @@ pub struct Change {
 
 impl Chip {
     /// Wires a chip to its pins.
-    pub fn wire(&mut self, wiring: Wiring, mut slave: Box<dyn SpiSlave>) {
-        for &pin in &wiring.inputs {
-            slave.input(pin, self.level(pin), self.now_ns());
-        }
+    pub fn wire(&mut self, wiring: Wiring, chip: Rc<RefCell<dyn SerialChip>>) {
         let selected = self.port(wiring.select).driven(wiring.select.number.into()) == Some(false);
         if selected {
-            slave.select(self.now_ns());
+            chip.borrow_mut().select(self.now_ns());
         }
-        self.wired.push(Wired { wiring, slave, selected });
+        self.wired.push(Wired { wiring, chip, selected, mosi: false });
+    }
+
+    /// Calls `see` with the level of a pin and the time in ns, now and whenever the pin drives something else. A pin that nothing drives is low, by
+    /// a resistor.
+    pub fn watch(&mut self, pin: Pin, mut see: impl FnMut(bool, u64) + 'static) {
+        see(self.level(pin), self.now_ns());
+        self.watches.push((pin, Box::new(see)));
     }
 
     /// Connects a pin to a level from outside; none: nothing is connected.
@@ -68,41 +80,32 @@ impl Chip {
         }
         for (pin, driven) in moved {
             self.changes.push(Change { at_ns: self.now_ns(), pin, driven });
-            self.tell_slaves(pin, driven);
+            self.pass_on(pin, driven);
         }
     }
 
-    fn tell_slaves(&mut self, pin: Pin, driven: Option<bool>) {
+    fn pass_on(&mut self, pin: Pin, driven: Option<bool>) {
         let (now, at_ns, high) = (self.now, self.now_ns(), self.level(pin));
-        let (mut violations, mut frame_ends) = (Vec::new(), false);
+        self.watches.iter_mut().filter(|(watched, _)| *watched == pin).for_each(|(_, see)| see(high, at_ns));
+        // A select that nothing drives is high, by a resistor.
+        let selects = driven == Some(false);
         let mut wired = std::mem::take(&mut self.wired);
-        for Wired { wiring, slave, selected } in &mut wired {
-            if wiring.inputs.contains(&pin) {
-                slave.input(pin, high, at_ns);
-            }
-            // A select that nothing drives is high, by a resistor.
-            let selects = driven == Some(false);
+        for Wired { wiring, chip, selected, .. } in &mut wired {
             if wiring.select != pin || selects == *selected {
                 continue;
             }
             *selected = selects;
             if self.clocked_by(wiring.sck).is_some_and(|number| self.spi(number.into()).is_clocking(now)) {
-                violations.push(Violation::SelectWithinByte { pin });
+                self.note(Violation::SelectWithinByte { pin });
             }
             if selects {
-                slave.select(at_ns);
+                chip.borrow_mut().select(at_ns);
             } else {
-                slave.deselect(at_ns);
-                frame_ends = true;
+                chip.borrow_mut().deselect(at_ns);
+                self.now += time::of_cycles(time::CYCLES_BETWEEN_FRAMES, self.clocks().hclk_hz);
             }
         }
         self.wired = wired;
-        if frame_ends {
-            self.now += time::of_cycles(time::CYCLES_BETWEEN_FRAMES, self.clocks().hclk_hz);
-        }
-        for violation in violations {
-            self.violations.add(now, violation);
-        }
     }
 
     /// The SPI whose clock a pin carries.
@@ -123,21 +126,14 @@ impl Chip {
 
     /// The pin that carries a signal, as the pins are set.
     fn carrier(&self, signal: Signal) -> Option<Pin> {
-        pads::pins(signal).map(|(pin, _)| pin).find(|&pin| self.carried(pin) == Some(signal))
+        pads::pins(signal).find(|&pin| self.carried(pin) == Some(signal))
     }
 
     pub(super) fn advance_spi(&mut self, number: u8, pclk_hz: u32) {
         let index = usize::from(number) - 1;
-        while let Some((word, start)) = self.spi[index].advance(self.now) {
+        while let Some((byte, start)) = self.spi[index].advance(self.now) {
             let sck_hz = self.spi[index].sck_hz(pclk_hz);
-            let bits = self.spi[index].bits();
-            let byte_time = 8 * SECOND / u64::from(sck_hz.max(1));
-            let mut received = 0;
-            for byte in 0..bits / 8 {
-                let sent = (word >> (bits - 8 - 8 * byte)) as u8;
-                let start = start + u64::from(byte) * byte_time;
-                received = received << 8 | u16::from(self.exchange(number, sent, start, sck_hz));
-            }
+            let mut received = self.exchange(number, byte, start, sck_hz);
             let slow = self.carrier(Signal::Sck(number)).is_some_and(|pin| self.pad(pin).speed == Speed::Low);
             if slow && pclk_hz > SLOW_PAD_BUS_HZ {
                 received = received & !1 | self.spi[index].last_bit();
@@ -152,31 +148,31 @@ impl Chip {
             if let Some(pin) = self.carrier(signal)
                 && sck_hz > self.pad(pin).speed.limit_hz()
             {
-                self.violations.once(start, Violation::SlowPad { pin, sck_hz });
+                self.note(Violation::SlowPad { pin, sck_hz });
             }
         }
-        let spi = self.spi(number.into());
-        let (mode, lsb_first) = (spi.mode(), spi.is_lsb_first());
-        let order = |byte: u8| if lsb_first { byte.reverse_bits() } else { byte };
+        let mode = self.spi(number.into()).mode().map(usize::from);
         let mut answer = None;
         let mut wired = std::mem::take(&mut self.wired);
-        for Wired { wiring, slave, .. } in wired.iter_mut().filter(|wired| wired.selected) {
-            if self.carried(wiring.sck) != Some(Signal::Sck(number)) {
-                continue;
-            }
-            let arrives = self.carried(wiring.mosi) == Some(Signal::Mosi(number));
-            let byte = SpiByte {
-                sent: if arrives { order(sent) } else { self.idle_byte(wiring.mosi) },
-                start_ns: start / NANOSECOND,
-                sck_hz,
-                mode,
-                idle: self.idle(wiring.miso),
-                sck_speed: self.pad(wiring.sck).speed,
-                mosi_speed: self.pad(wiring.mosi).speed,
-            };
-            let given = slave.exchange(&byte);
-            if self.carried(wiring.miso) == Some(Signal::Miso(number)) && answer.replace(order(given)).is_some() {
-                self.violations.add(start, Violation::TwoSelected { pin: wiring.select });
+        for wired in wired.iter_mut().filter(|wired| wired.selected) {
+            let Wiring { select, sck, miso, mosi } = wired.wiring;
+            let Some(mode) = mode.filter(|_| self.carried(sck) == Some(Signal::Sck(number))) else { continue };
+            let arrives = self.carried(mosi) == Some(Signal::Mosi(number));
+            let sent = if arrives { sent } else { self.idle_byte(mosi) };
+            let bit = |index: u64| sent >> (7 - index) & 1 != 0;
+            // With CPHA = 0 the first edge comes half a period after the bit, with CPHA = 1 together with it.
+            let late = if mode & 1 == 0 { 1 } else { 0 };
+            let edge_ns = |halves: u64| start / NANOSECOND + (halves + late) * 500_000_000 / u64::from(sck_hz);
+            let given = (0..8).fold(0, |received, index| {
+                let (leading_ns, trailing_ns) = (edge_ns(2 * index), edge_ns(2 * index + 1));
+                let next = (index < 7).then(|| bit(index + 1));
+                let previous = std::mem::replace(&mut wired.mosi, bit(index));
+                let on_wires = Bit { value: bit(index), previous, next, leading_ns, trailing_ns };
+                let level = clock_bit(&mut *wired.chip.borrow_mut(), MODES[mode], on_wires);
+                received << 1 | u8::from(level.unwrap_or(self.idle(miso)))
+            });
+            if self.carried(miso) == Some(Signal::Miso(number)) && answer.replace(given).is_some() {
+                self.note(Violation::TwoSelected { pin: select });
             }
         }
         self.wired = wired;

@@ -1,73 +1,60 @@
-//! Flash interface and power control: RM0090 sections 3.9 and 5.4. Registers that hold what is written.
+//! Flash interface and power control: RM0090 sections 3.9 and 5.4. Nothing can be erased or programmed.
 
-/// Flash interface. Nothing can be erased or programmed.
-pub struct Flash {
-    pub acr: u32,
-    /// Option bytes; as delivered: watchdog by software, brown-out reset off.
-    pub optcr: u32,
+use crate::chip::registers::{Peripheral, Registers};
+use crate::chip::time::Picoseconds;
+use crate::chip::violation::Violation;
+
+/// A block whose first register alone can be written.
+pub struct Memory {
+    pub registers: Registers,
+    reset: Registers,
 }
 
-impl Flash {
+impl Memory {
+    /// The register of option bytes of [`flash`](Self::flash), and two of its fields.
+    pub const OPTCR: u32 = 0x14;
     pub const WATCHDOG_BY_SOFTWARE: u32 = 1 << 5;
     pub const BROWN_OUT_OFF: u32 = 0b11 << 2;
-
-    pub fn wait_states(&self) -> u32 {
-        self.acr & 0b111
-    }
-
-    pub fn read(&self, offset: u32) -> u32 {
-        match offset {
-            0x00 => self.acr,
-            0x10 => 1 << 31,
-            0x14 => self.optcr,
-            _ => 0,
-        }
-    }
-
-    pub fn write(&mut self, offset: u32, value: u32) {
-        if offset == 0x00 {
-            self.acr = value;
-        }
-    }
-}
-
-impl Default for Flash {
-    fn default() -> Self {
-        Self { acr: 0, optcr: 0x0fff_aaed }
-    }
-}
-
-/// Power control: the scale of the regulator.
-pub struct Power {
-    cr: u32,
-}
-
-impl Power {
     const VOS: u32 = 1 << 14;
+
+    fn new(values: &[(u32, u32)]) -> Self {
+        Self { registers: Registers::new(values), reset: Registers::new(values) }
+    }
+
+    /// The flash interface, locked, with the option bytes as delivered: watchdog by software, brown-out reset off.
+    pub fn flash() -> Self {
+        Self::new(&[(0x10, 1 << 31), (Self::OPTCR, 0x0fff_aaed)])
+    }
+
+    /// The power control: the upper scale of the regulator is set, and ready.
+    pub fn power() -> Self {
+        Self::new(&[(0x00, Self::VOS), (0x04, Self::VOS)])
+    }
+
+    /// Wait states of the flash.
+    pub fn wait_states(&self) -> u32 {
+        self.registers[0x00] & 0b111
+    }
 
     /// Whether the regulator allows the highest clock.
     pub fn upper_scale(&self) -> bool {
-        self.cr & Self::VOS != 0
-    }
-
-    pub fn read(&self, offset: u32) -> u32 {
-        match offset {
-            0x00 => self.cr,
-            // The scale is ready.
-            0x04 => Self::VOS,
-            _ => 0,
-        }
-    }
-
-    pub fn write(&mut self, offset: u32, value: u32) {
-        if offset == 0x00 {
-            self.cr = value;
-        }
+        self.registers[0x00] & Self::VOS != 0
     }
 }
 
-impl Default for Power {
-    fn default() -> Self {
-        Self { cr: Self::VOS }
+impl Peripheral for Memory {
+    fn value(&self, offset: u32, _: Picoseconds) -> u32 {
+        self.registers[offset]
+    }
+
+    fn write(&mut self, offset: u32, value: u32, _: Picoseconds) -> Option<Violation> {
+        if offset == 0x00 {
+            self.registers[offset] = value;
+        }
+        None
+    }
+
+    fn reset(&mut self) {
+        self.registers = self.reset.clone();
     }
 }

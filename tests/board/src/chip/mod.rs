@@ -9,23 +9,25 @@ pub mod lines;
 pub mod memory;
 pub mod pads;
 pub mod rcc;
+pub mod registers;
 pub mod spi;
 mod time;
 mod timer;
 pub mod usart;
 pub mod violation;
 
-use crate::wires::Wired;
+use crate::wires::{Watch, Wired};
 use clocks::Clocks;
 use gpio::{PINS, Pin, Port};
 use lines::Change;
-use memory::{Flash, Power};
+use memory::Memory;
 use rcc::{Gate, Oscillators, Rcc};
+use registers::Peripheral;
 use spi::Spi;
 use time::{NANOSECOND, Picoseconds};
 use timer::Timer;
 use usart::Usart;
-use violation::{Violation, Violations};
+use violation::Violation;
 
 /// Ports of pins, from A to I.
 const PORTS: usize = 9;
@@ -37,7 +39,7 @@ const PERIPHERALS: u32 = 0x4000_0000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Block {
     Tim5,
-    /// 1 to 3.
+    /// 1 or 2.
     Spi(u8),
     Usart2,
     Power,
@@ -53,7 +55,6 @@ impl Block {
         let (block, start) = match address {
             0x4000_0c00..0x4000_1000 => (Self::Tim5, 0x4000_0c00),
             0x4000_3800..0x4000_3c00 => (Self::Spi(2), 0x4000_3800),
-            0x4000_3c00..0x4000_4000 => (Self::Spi(3), 0x4000_3c00),
             0x4000_4400..0x4000_4800 => (Self::Usart2, 0x4000_4400),
             0x4000_7000..0x4000_7400 => (Self::Power, 0x4000_7000),
             0x4001_3000..0x4001_3400 => (Self::Spi(1), 0x4001_3000),
@@ -73,7 +74,7 @@ impl Block {
         Some(match self {
             Self::Tim5 => Gate::apb1(3),
             Self::Spi(1) => Gate::apb2(12),
-            Self::Spi(number) => Gate::apb1(12 + u32::from(number)),
+            Self::Spi(_) => Gate::apb1(14),
             Self::Usart2 => Gate::apb1(17),
             Self::Power => Gate::apb1(28),
             Self::Port(port) => Gate::ahb1(port.into()),
@@ -84,37 +85,32 @@ impl Block {
     /// The clock of its bus, Hz.
     fn bus_hz(self, clocks: &Clocks) -> u32 {
         match self {
-            Self::Tim5 | Self::Spi(2..) | Self::Usart2 | Self::Power => clocks.pclk1_hz,
+            Self::Tim5 | Self::Spi(2) | Self::Usart2 | Self::Power => clocks.pclk1_hz,
             Self::Spi(_) => clocks.pclk2_hz,
             Self::Rcc | Self::Flash | Self::Port(_) => clocks.hclk_hz,
         }
-    }
-
-    /// Whether the bus writes single bytes. The others repeat them over the word: RM0090 section 2.1.12.
-    fn has_byte_lanes(self) -> bool {
-        matches!(self, Self::Rcc | Self::Flash | Self::Port(_))
     }
 }
 
 /// The chip and what is wired to it.
 pub struct Chip {
     pub rcc: Rcc,
-    pub flash: Flash,
-    power: Power,
+    pub flash: Memory,
+    power: Memory,
     ports: [Port; PORTS],
-    spi: [Spi; 3],
+    spi: [Spi; 2],
     timer: Timer,
     pub usart2: Usart,
     wired: Vec<Wired>,
+    watches: Vec<Watch>,
     /// Levels that pins drive.
     driven: [[Option<bool>; PINS]; PORTS],
     /// Changes of what pins drive.
     changes: Vec<Change>,
-    violations: Violations,
+    /// Actions of the firmware that the documents forbid, each once.
+    violations: Vec<Violation>,
     now: Picoseconds,
     accesses: u64,
-    /// State at the last check for violations.
-    judged: Option<(Clocks, u32, bool)>,
 }
 
 impl Chip {
@@ -123,19 +119,19 @@ impl Chip {
         let port = |index: usize| Port::new((b'A' + index as u8) as char);
         Self {
             rcc: Rcc::new(oscillators),
-            flash: Flash::default(),
-            power: Power::default(),
+            flash: Memory::flash(),
+            power: Memory::power(),
             ports: std::array::from_fn(port),
-            spi: Default::default(),
+            spi: [1, 2].map(Spi::new),
             timer: Timer::default(),
             usart2: Usart::default(),
             wired: Vec::new(),
+            watches: Vec::new(),
             driven: [[None; PINS]; PORTS],
             changes: Vec::new(),
-            violations: Violations::default(),
+            violations: Vec::new(),
             now: 0,
             accesses: 0,
-            judged: None,
         }
     }
 
@@ -149,21 +145,27 @@ impl Chip {
         self.accesses
     }
 
-    /// Violations by the firmware, with the times in nanoseconds.
-    pub fn violations(&self) -> &[(u64, Violation)] {
-        self.violations.list()
+    /// Violations by the firmware, in the order of their first times.
+    pub fn violations(&self) -> &[Violation] {
+        &self.violations
+    }
+
+    fn note(&mut self, violation: Violation) {
+        if !self.violations.contains(&violation) {
+            self.violations.push(violation);
+        }
     }
 
     pub fn clocks(&self) -> Clocks {
         self.rcc.clocks()
     }
 
-    /// An SPI, 1 to 3.
+    /// An SPI, 1 or 2.
     pub fn spi(&self, number: usize) -> &Spi {
         &self.spi[number - 1]
     }
 
-    /// The clock of an SPI, 1 to 3, on its wires, Hz.
+    /// The clock of an SPI, 1 or 2, on its wires, Hz.
     pub fn sck_hz(&self, number: u8) -> u32 {
         self.spi(number.into()).sck_hz(Block::Spi(number).bus_hz(&self.clocks()))
     }
@@ -184,30 +186,41 @@ impl Chip {
     pub fn read(&mut self, address: u32) -> u32 {
         let (word, bit) = word_of(address);
         let Some((block, offset)) = self.access(word) else { return 0 };
-        let value = self.read_block(block, offset);
+        let now = self.now;
+        let peripheral = self.peripheral(block);
+        let value = peripheral.value(offset, now);
+        peripheral.was_read(offset);
         bit.map_or(value, |bit| value >> bit & 1)
     }
 
-    /// The firmware writes some bytes.
-    pub fn write(&mut self, address: u32, value: u32, bytes: u32) {
+    /// The value of a word, which the firmware does not see.
+    pub fn peek(&mut self, address: u32) -> u32 {
+        let (word, bit) = word_of(address);
+        let now = self.now;
+        let value = Block::at(word).map_or(0, |(block, offset)| self.peripheral(block).value(offset, now));
+        bit.map_or(value, |bit| value >> bit & 1)
+    }
+
+    /// The firmware writes a word.
+    pub fn write(&mut self, address: u32, value: u32) {
         let (word, bit) = word_of(address);
         let Some((block, offset)) = self.access(word) else { return };
-        let value = match (bit, bytes) {
-            (Some(bit), _) => self.read_block(block, offset) & !(1 << bit) | (value & 1) << bit,
-            (None, 4) => value,
-            (None, 2) if !block.has_byte_lanes() => (value & 0xffff) * 0x0001_0001,
-            (None, _) if !block.has_byte_lanes() => (value & 0xff) * 0x0101_0101,
-            (None, _) => {
-                let shift = 8 * (address & 3);
-                let mask = ((1 << (8 * bytes)) - 1) << shift;
-                self.read_block(block, offset) & !mask | value << shift & mask
-            }
-        };
-        if !self.rcc.resets(block) {
-            self.write_block(block, offset, value);
+        let value = bit.map_or(value, |bit| self.peek(word) & !(1 << bit) | (value & 1) << bit);
+        let now = self.now;
+        if !self.rcc.resets(block)
+            && let Some(violation) = self.peripheral(block).write(offset, value, now)
+        {
+            self.note(violation);
         }
         if block == Block::Rcc {
-            self.reset_blocks();
+            let ports = (0..PORTS as u8).map(Block::Port);
+            for block in
+                [Block::Tim5, Block::Spi(1), Block::Spi(2), Block::Usart2, Block::Power].into_iter().chain(ports)
+            {
+                if self.rcc.resets(block) {
+                    self.peripheral(block).reset();
+                }
+            }
         }
         self.advance();
         if matches!(block, Block::Rcc | Block::Port(_)) {
@@ -224,80 +237,25 @@ impl Chip {
         self.now += time::of_access(clocks.hclk_hz, bus_hz);
         self.advance();
         let Some((block, _)) = found else {
-            self.violations.add(self.now, Violation::NoModel { address: word });
+            self.note(Violation::NoModel { address: word });
             return None;
         };
         if !self.rcc.enables(block) {
-            self.violations.add(self.now, Violation::NoClock(block));
+            self.note(Violation::NoClock(block));
             return None;
         }
         found
     }
 
-    fn read_block(&mut self, block: Block, offset: u32) -> u32 {
+    fn peripheral(&mut self, block: Block) -> &mut dyn Peripheral {
         match block {
-            Block::Tim5 => self.timer.read(offset),
-            Block::Spi(number) => self.spi[usize::from(number) - 1].read(offset),
-            Block::Usart2 => self.usart2.read(offset, self.now),
-            Block::Power => self.power.read(offset),
-            Block::Rcc => self.rcc.read(offset),
-            Block::Flash => self.flash.read(offset),
-            Block::Port(port) => self.ports[usize::from(port)].read(offset),
-        }
-    }
-
-    fn write_block(&mut self, block: Block, offset: u32, value: u32) {
-        let now = self.now;
-        let kept = match block {
-            Block::Tim5 => {
-                self.timer.write(offset, value);
-                true
-            }
-            Block::Spi(number) => self.spi[usize::from(number) - 1].write(offset, value, now),
-            Block::Usart2 => self.usart2.write(offset, value, now),
-            Block::Power => {
-                self.power.write(offset, value);
-                true
-            }
-            Block::Rcc => {
-                if let Some(violation) = self.rcc.write(offset, value, now) {
-                    self.violations.add(now, violation);
-                }
-                true
-            }
-            Block::Flash => {
-                self.flash.write(offset, value);
-                true
-            }
-            Block::Port(port) => {
-                self.ports[usize::from(port)].write(offset, value);
-                true
-            }
-        };
-        if !kept {
-            self.violations.add(now, Violation::Overwritten(block));
-        }
-    }
-
-    fn reset_blocks(&mut self) {
-        for number in 1..=3 {
-            if self.rcc.resets(Block::Spi(number)) {
-                self.spi[usize::from(number) - 1] = Spi::default();
-            }
-        }
-        for (index, port) in self.ports.iter_mut().enumerate() {
-            if self.rcc.resets(Block::Port(index as u8)) {
-                port.reset((b'A' + index as u8) as char);
-            }
-        }
-        if self.rcc.resets(Block::Tim5) {
-            self.timer = Timer::default();
-        }
-        if self.rcc.resets(Block::Usart2) {
-            self.usart2.reset();
-        }
-        if self.rcc.resets(Block::Power) {
-            self.power = Power::default();
+            Block::Tim5 => &mut self.timer,
+            Block::Spi(number) => &mut self.spi[usize::from(number) - 1],
+            Block::Usart2 => &mut self.usart2,
+            Block::Power => &mut self.power,
+            Block::Rcc => &mut self.rcc,
+            Block::Flash => &mut self.flash,
+            Block::Port(port) => &mut self.ports[usize::from(port)],
         }
     }
 
@@ -305,15 +263,12 @@ impl Chip {
     fn advance(&mut self) {
         self.rcc.advance(self.now);
         let clocks = self.clocks();
-        let state = (clocks, self.flash.wait_states(), self.power.upper_scale());
-        if self.judged != Some(state) {
-            self.judged = Some(state);
-            self.violations.standing(self.now, clocks.violations(state.1, state.2));
-        }
+        let broken = clocks.violations(self.flash.wait_states(), self.power.upper_scale());
+        broken.into_iter().for_each(|violation| self.note(violation));
         let timer_hz = self.rcc.enables(Block::Tim5).then_some(clocks.timers1_hz);
         self.timer.advance(self.now, timer_hz, self.rcc.slow(self.now));
         self.usart2.advance(self.now, clocks.pclk1_hz);
-        for number in 1..=3 {
+        for number in [1, 2] {
             self.advance_spi(number, Block::Spi(number).bus_hz(&clocks));
         }
     }

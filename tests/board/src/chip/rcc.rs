@@ -2,6 +2,7 @@
 
 use crate::chip::Block;
 use crate::chip::clocks::{Clocks, Source};
+use crate::chip::registers::{Peripheral, Registers};
 use crate::chip::time::{MICROSECOND, Picoseconds};
 use crate::chip::violation::Violation;
 
@@ -15,8 +16,6 @@ const AHB1ENR: u32 = 0x30;
 const APB1ENR: u32 = 0x40;
 const APB2ENR: u32 = 0x44;
 const CSR: u32 = 0x74;
-/// Words of the block.
-const WORDS: usize = 0x8c / 4;
 
 /// Bits of CR.
 pub const HSION: u32 = 1 << 0;
@@ -83,7 +82,7 @@ impl Default for Oscillators {
 }
 
 pub struct Rcc {
-    registers: [u32; WORDS],
+    registers: Registers,
     pub oscillators: Oscillators,
     /// When they are ready, if they are on.
     crystal_at: Picoseconds,
@@ -94,8 +93,7 @@ pub struct Rcc {
 
 impl Rcc {
     pub fn new(oscillators: Oscillators) -> Self {
-        let mut registers = [0; WORDS];
-        let reset = [
+        let registers = Registers::new(&[
             (CR, 0x0000_0083),
             (PLLCFGR, 0x2400_3010),
             (AHB1ENR, 0x0010_0000),
@@ -106,30 +104,27 @@ impl Rcc {
             (0x64, 0x0007_5f33),
             (CSR, reset_flag::POWER | reset_flag::PIN | reset_flag::BROWN_OUT),
             (0x84, 0x2000_3000),
-        ];
-        for (offset, value) in reset {
-            registers[offset as usize / 4] = value;
-        }
+        ]);
         Self { registers, oscillators, crystal_at: 0, loop_at: 0, slow_at: 0, source: Source::Internal }
     }
 
     /// Sets the flags of the last reset.
     pub fn set_reset_flags(&mut self, flags: u32) {
-        let csr = self.register_mut(CSR);
+        let csr = &mut self.registers[CSR];
         *csr = *csr & !reset_flag::ALL | flags & reset_flag::ALL;
     }
 
     pub fn reset_flags(&self) -> u32 {
-        self.register(CSR) & reset_flag::ALL
+        self.registers[CSR] & reset_flag::ALL
     }
 
     pub fn cr(&self) -> u32 {
-        self.register(CR)
+        self.registers[CR]
     }
 
     /// M, N and P of the loop.
     pub fn loop_factors(&self) -> (u32, u32, u32) {
-        let pllcfgr = self.register(PLLCFGR);
+        let pllcfgr = self.registers[PLLCFGR];
         (pllcfgr & 0x3f, pllcfgr >> 6 & 0x1ff, ((pllcfgr >> 16 & 0b11) + 1) * 2)
     }
 
@@ -142,7 +137,7 @@ impl Rcc {
     pub fn clocks(&self) -> Clocks {
         let (m, n, p) = self.loop_factors();
         let on = self.cr() & PLLON != 0;
-        let input = if self.register(PLLCFGR) & FROM_CRYSTAL == 0 {
+        let input = if self.registers[PLLCFGR] & FROM_CRYSTAL == 0 {
             Some(self.oscillators.internal_hz)
         } else {
             self.oscillators.crystal_hz.filter(|_| self.cr() & HSEON != 0)
@@ -153,29 +148,29 @@ impl Rcc {
             Source::Crystal => self.oscillators.crystal_hz.unwrap_or(0),
             Source::Loop => pll.map_or(0, |pll| pll.output_hz),
         };
-        Clocks::new(pll, sysclk_hz, self.register(CFGR))
+        Clocks::new(pll, sysclk_hz, self.registers[CFGR])
     }
 
     /// The slow oscillator, Hz, and since when it runs.
     pub fn slow(&self, now: Picoseconds) -> Option<(u32, Picoseconds)> {
-        let runs = self.register(CSR) & LSION != 0 && now >= self.slow_at;
+        let runs = self.registers[CSR] & LSION != 0 && now >= self.slow_at;
         self.oscillators.slow_hz.filter(|_| runs).map(|hz| (hz, self.slow_at))
     }
 
     /// Whether the block's clock is on.
     pub fn enables(&self, block: Block) -> bool {
-        block.gate().is_none_or(|gate| self.register(gate.enable) & 1 << gate.bit != 0)
+        block.gate().is_none_or(|gate| self.registers[gate.enable] & 1 << gate.bit != 0)
     }
 
     /// Whether the block is held in reset.
     pub fn resets(&self, block: Block) -> bool {
-        block.gate().is_some_and(|gate| self.register(gate.reset) & 1 << gate.bit != 0)
+        block.gate().is_some_and(|gate| self.registers[gate.reset] & 1 << gate.bit != 0)
     }
 
     /// Sets the ready bits of what is ready, and switches to a source that has become ready.
     pub fn advance(&mut self, now: Picoseconds) {
         let Oscillators { crystal_hz, slow_hz, pll, .. } = self.oscillators;
-        let mut cr = self.register(CR) & !(HSIRDY | HSERDY | PLLRDY);
+        let mut cr = self.registers[CR] & !(HSIRDY | HSERDY | PLLRDY);
         if cr & HSION != 0 {
             cr |= HSIRDY;
         }
@@ -187,16 +182,16 @@ impl Rcc {
             Loop::LocksWithinLimits => self.clocks().pll.is_some_and(|pll| pll.violations().next().is_none()),
             Loop::Dead => false,
         };
-        let has_input = self.register(PLLCFGR) & FROM_CRYSTAL == 0 || cr & HSERDY != 0;
+        let has_input = self.registers[PLLCFGR] & FROM_CRYSTAL == 0 || cr & HSERDY != 0;
         if cr & PLLON != 0 && locks && has_input && now >= self.loop_at {
             cr |= PLLRDY;
         }
-        *self.register_mut(CR) = cr;
-        let slow = self.register(CSR) & LSION != 0 && slow_hz.is_some() && now >= self.slow_at;
-        let csr = self.register_mut(CSR);
+        self.registers[CR] = cr;
+        let slow = self.registers[CSR] & LSION != 0 && slow_hz.is_some() && now >= self.slow_at;
+        let csr = &mut self.registers[CSR];
         *csr = *csr & !LSIRDY | if slow { LSIRDY } else { 0 };
 
-        let wanted = Source::from_bits(self.register(CFGR));
+        let wanted = Source::from_bits(self.registers[CFGR]);
         let ready = match wanted {
             Some(Source::Internal) => HSIRDY,
             Some(Source::Crystal) => HSERDY,
@@ -209,40 +204,14 @@ impl Rcc {
             self.source = wanted;
         }
         let sws = (self.source as u32) << 2;
-        let cfgr = self.register_mut(CFGR);
+        let cfgr = &mut self.registers[CFGR];
         *cfgr = *cfgr & !SWS | sws;
-    }
-
-    pub fn read(&self, offset: u32) -> u32 {
-        self.registers.get(offset as usize / 4).copied().unwrap_or(0)
-    }
-
-    pub fn write(&mut self, offset: u32, value: u32, now: Picoseconds) -> Option<Violation> {
-        match offset {
-            CR => return self.write_cr(value, now),
-            PLLCFGR if self.cr() & PLLON != 0 => return Some(Violation::LoopSetWhileOn),
-            CFGR => *self.register_mut(CFGR) = value & !SWS,
-            CSR => {
-                let before = self.register(CSR);
-                if value & LSION != 0 && before & LSION == 0 {
-                    self.slow_at = now + SLOW_STARTS;
-                }
-                let flags = if value & RMVF != 0 { 0 } else { before & reset_flag::ALL };
-                *self.register_mut(CSR) = flags | value & LSION;
-            }
-            _ => {
-                if let Some(register) = self.registers.get_mut(offset as usize / 4) {
-                    *register = value;
-                }
-            }
-        }
-        None
     }
 
     fn write_cr(&mut self, value: u32, now: Picoseconds) -> Option<Violation> {
         let before = self.cr();
         let mut value = value & !CR_READ_ONLY | before & CR_READ_ONLY;
-        let from_crystal = self.register(PLLCFGR) & FROM_CRYSTAL != 0;
+        let from_crystal = self.registers[PLLCFGR] & FROM_CRYSTAL != 0;
         // What the core runs on cannot be switched off.
         value |= match self.source {
             Source::Internal => HSION,
@@ -258,16 +227,36 @@ impl Rcc {
         if risen & PLLON != 0 {
             self.loop_at = now + LOOP_LOCKS;
         }
-        *self.register_mut(CR) = value;
+        self.registers[CR] = value;
         (risen & PLLON != 0 && from_crystal && before & HSERDY == 0).then_some(Violation::LoopWithoutInput)
     }
+}
 
-    fn register(&self, offset: u32) -> u32 {
-        self.registers[offset as usize / 4]
+impl Peripheral for Rcc {
+    fn value(&self, offset: u32, _: Picoseconds) -> u32 {
+        self.registers[offset]
     }
 
-    fn register_mut(&mut self, offset: u32) -> &mut u32 {
-        &mut self.registers[offset as usize / 4]
+    fn write(&mut self, offset: u32, value: u32, now: Picoseconds) -> Option<Violation> {
+        match offset {
+            CR => return self.write_cr(value, now),
+            PLLCFGR if self.cr() & PLLON != 0 => return Some(Violation::LoopSetWhileOn),
+            CFGR => self.registers[CFGR] = value & !SWS,
+            CSR => {
+                let before = self.registers[CSR];
+                if value & LSION != 0 && before & LSION == 0 {
+                    self.slow_at = now + SLOW_STARTS;
+                }
+                let flags = if value & RMVF != 0 { 0 } else { before & reset_flag::ALL };
+                self.registers[CSR] = flags | value & LSION;
+            }
+            _ => self.registers[offset] = value,
+        }
+        None
+    }
+
+    fn reset(&mut self) {
+        *self = Self::new(self.oscillators);
     }
 }
 

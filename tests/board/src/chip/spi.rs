@@ -1,76 +1,71 @@
 //! An SPI, RM0090 section 28: a full-duplex master, polled. What is on the wires is for [`lines`](crate::chip::lines).
 
+use crate::chip::Block;
+use crate::chip::registers::{Peripheral, Registers};
 use crate::chip::time::{Picoseconds, SECOND};
+use crate::chip::violation::Violation;
 
 const CR1: u32 = 0x00;
-const CR2: u32 = 0x04;
 const SR: u32 = 0x08;
-pub const DR: u32 = 0x0c;
+const DR: u32 = 0x0c;
 
 /// Bits of CR1.
 const CPHA: u32 = 1 << 0;
 const MSTR: u32 = 1 << 2;
 const SPE: u32 = 1 << 6;
 const LSBFIRST: u32 = 1 << 7;
-const SSI: u32 = 1 << 8;
-const SSM: u32 = 1 << 9;
 const DFF: u32 = 1 << 11;
 /// Flags in SR.
 const RXNE: u32 = 1 << 0;
 const TXE: u32 = 1 << 1;
-const MODF: u32 = 1 << 5;
 const OVR: u32 = 1 << 6;
 const BSY: u32 = 1 << 7;
 
-/// A frame on the wires.
+/// A byte on the wires.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
     /// When its last bit is sampled: by the edge before the last, or by the last.
     sampled: Picoseconds,
     last_edge: Picoseconds,
     end: Picoseconds,
-    received: u16,
+    received: u8,
     delivered: bool,
 }
 
-#[derive(Default)]
 pub struct Spi {
-    cr1: u32,
-    cr2: u32,
+    /// 1 or 2.
+    number: u8,
+    registers: Registers,
     /// Flags that stay until they are cleared.
     flags: u32,
     /// Data were read since the overrun.
     overrun_read: bool,
-    received: u16,
-    waiting: Option<u16>,
+    received: u8,
+    waiting: Option<u8>,
     frame: Option<Frame>,
     /// When the next frame may begin.
     free: Picoseconds,
 }
 
 impl Spi {
-    /// 0 to 3: CPOL and CPHA.
-    pub fn mode(&self) -> u8 {
-        (self.cr1 & 0b11) as u8
+    pub fn new(number: u8) -> Self {
+        let registers = Registers::new(&[]);
+        Self { number, registers, flags: 0, overrun_read: false, received: 0, waiting: None, frame: None, free: 0 }
+    }
+
+    /// 0 to 3: CPOL and CPHA; none for frames that are not bytes with their highest bit first, which are not modelled.
+    pub fn mode(&self) -> Option<u8> {
+        (self.registers[CR1] & (DFF | LSBFIRST) == 0).then_some((self.registers[CR1] & 0b11) as u8)
     }
 
     /// Clock on the wires for a bus clock, Hz.
     pub fn sck_hz(&self, pclk_hz: u32) -> u32 {
-        pclk_hz >> ((self.cr1 >> 3 & 0b111) + 1)
-    }
-
-    /// Bits of a frame.
-    pub fn bits(&self) -> u32 {
-        if self.cr1 & DFF != 0 { 16 } else { 8 }
-    }
-
-    pub fn is_lsb_first(&self) -> bool {
-        self.cr1 & LSBFIRST != 0
+        pclk_hz >> ((self.registers[CR1] >> 3 & 0b111) + 1)
     }
 
     /// Whether it drives its clock.
     pub fn is_master(&self) -> bool {
-        self.cr1 & (MSTR | SPE) == MSTR | SPE
+        self.registers[CR1] & (MSTR | SPE) == MSTR | SPE
     }
 
     /// Whether its clock has edges to come.
@@ -79,12 +74,12 @@ impl Spi {
     }
 
     /// Value that the frame before has left in the last bit.
-    pub fn last_bit(&self) -> u16 {
+    pub fn last_bit(&self) -> u8 {
         self.received & 1
     }
 
-    /// Delivers what has been received by `now`, and gives the next word that goes out, with its start.
-    pub fn advance(&mut self, now: Picoseconds) -> Option<(u16, Picoseconds)> {
+    /// Delivers what has been received by `now`, and gives the next byte that goes out, with its start.
+    pub fn advance(&mut self, now: Picoseconds) -> Option<(u8, Picoseconds)> {
         if let Some(frame) = &mut self.frame {
             if !frame.delivered && now >= frame.sampled {
                 frame.delivered = true;
@@ -101,67 +96,56 @@ impl Spi {
             }
             self.frame = None;
         }
-        let word = if self.is_master() { self.waiting.take()? } else { return None };
-        Some((word, self.free))
+        let byte = if self.is_master() { self.waiting.take()? } else { return None };
+        Some((byte, self.free))
     }
 
     /// A frame that began at `start` and brings `received`.
-    pub fn begin(&mut self, start: Picoseconds, sck_hz: u32, received: u16) {
+    pub fn begin(&mut self, start: Picoseconds, sck_hz: u32, received: u8) {
         let bit = SECOND / u64::from(sck_hz.max(1));
-        let end = start + u64::from(self.bits()) * bit;
+        let end = start + 8 * bit;
         let sampled = end - bit / 2;
         // The first edge samples, half a bit after its data, or it is there with them and the second one samples.
-        let last_edge = if self.cr1 & CPHA == 0 { end } else { sampled };
+        let last_edge = if self.registers[CR1] & CPHA == 0 { end } else { sampled };
         self.frame = Some(Frame { sampled, last_edge, end, received, delivered: false });
         self.free = end;
     }
+}
 
-    pub fn read(&mut self, offset: u32) -> u32 {
+impl Peripheral for Spi {
+    fn value(&self, offset: u32, _: Picoseconds) -> u32 {
         match offset {
-            CR1 => self.cr1,
-            CR2 => self.cr2,
             SR => {
-                let status = self.status();
-                if self.overrun_read {
-                    self.flags &= !OVR;
-                }
-                status
+                let empty = if self.waiting.is_none() { TXE } else { 0 };
+                let busy = if self.frame.is_some() { BSY } else { 0 };
+                self.flags | empty | busy
             }
+            DR => self.received.into(),
+            _ => self.registers[offset],
+        }
+    }
+
+    fn was_read(&mut self, offset: u32) {
+        match offset {
+            SR if self.overrun_read => self.flags &= !OVR,
             DR => {
                 self.flags &= !RXNE;
                 self.overrun_read = true;
-                self.received.into()
-            }
-            _ => 0,
-        }
-    }
-
-    fn status(&self) -> u32 {
-        let empty = if self.waiting.is_none() { TXE } else { 0 };
-        let busy = if self.frame.is_some() { BSY } else { 0 };
-        self.flags | empty | busy
-    }
-
-    /// Writes a register. False: data that waited were lost.
-    pub fn write(&mut self, offset: u32, value: u32, now: Picoseconds) -> bool {
-        match offset {
-            CR1 => {
-                self.cr1 = value;
-                self.flags &= !MODF;
-                // A master whose own select is low is not alone.
-                if value & MSTR != 0 && value & SSM != 0 && value & SSI == 0 {
-                    self.cr1 &= !(MSTR | SPE);
-                    self.flags |= MODF;
-                }
-            }
-            CR2 => self.cr2 = value,
-            DR => {
-                self.free = self.free.max(now);
-                let mask = if self.bits() == 8 { 0xff } else { 0xffff };
-                return self.waiting.replace(value as u16 & mask).is_none();
             }
             _ => {}
         }
-        true
+    }
+
+    fn write(&mut self, offset: u32, value: u32, now: Picoseconds) -> Option<Violation> {
+        if offset != DR {
+            self.registers[offset] = value;
+            return None;
+        }
+        self.free = self.free.max(now);
+        self.waiting.replace(value as u8).map(|_| Violation::Overwritten(Block::Spi(self.number)))
+    }
+
+    fn reset(&mut self) {
+        *self = Self::new(self.number);
     }
 }

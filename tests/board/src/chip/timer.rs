@@ -1,6 +1,8 @@
 //! TIM5, RM0090 section 18: the counter, and the capture of the slow oscillator on channel 4.
 
+use crate::chip::registers::{Peripheral, Registers};
 use crate::chip::time::{Picoseconds, SECOND, periods};
+use crate::chip::violation::Violation;
 
 const CR1: u32 = 0x00;
 const SR: u32 = 0x10;
@@ -12,7 +14,6 @@ const PSC: u32 = 0x28;
 const ARR: u32 = 0x2c;
 const CCR4: u32 = 0x40;
 const OR: u32 = 0x50;
-const WORDS: usize = 0x54 / 4;
 
 const CEN: u32 = 1 << 0;
 const UG: u32 = 1 << 0;
@@ -26,7 +27,7 @@ const CC4E: u32 = 1 << 12;
 const FROM_SLOW: u32 = 0b01;
 
 pub struct Timer {
-    registers: [u32; WORDS],
+    registers: Registers,
     /// Divider in force: PSC is taken over by an update.
     divider: u32,
     /// When the counter was brought up to date.
@@ -41,9 +42,14 @@ pub struct Timer {
 
 impl Default for Timer {
     fn default() -> Self {
-        let mut registers = [0; WORDS];
-        registers[ARR as usize / 4] = u32::MAX;
-        Self { registers, divider: 1, at: 0, fraction: 0, edges: 0, since_capture: 0 }
+        Self {
+            registers: Registers::new(&[(ARR, u32::MAX)]),
+            divider: 1,
+            at: 0,
+            fraction: 0,
+            edges: 0,
+            since_capture: 0,
+        }
     }
 }
 
@@ -73,20 +79,20 @@ impl Timer {
     fn count_until(&mut self, to: Picoseconds, clock_hz: u32) {
         let elapsed = u128::from(to - self.at);
         self.at = to;
-        if self.register(CR1) & CEN == 0 {
+        if self.registers[CR1] & CEN == 0 {
             return;
         }
         let parts = self.fraction + elapsed * u128::from(clock_hz);
         let count = u128::from(SECOND) * u128::from(self.divider);
         self.fraction = parts % count;
-        let period = u128::from(self.register(ARR)) + 1;
-        *self.register_mut(CNT) = ((u128::from(self.register(CNT)) + parts / count) % period) as u32;
+        let period = u128::from(self.registers[ARR]) + 1;
+        self.registers[CNT] = ((u128::from(self.registers[CNT]) + parts / count) % period) as u32;
     }
 
     fn edge(&mut self) {
-        let mode = self.register(CCMR2) >> 8;
-        let captures = self.register(CCER) & CC4E != 0 && mode & 0b11 == 0b01;
-        if !captures || self.register(OR) >> 6 & 0b11 != FROM_SLOW {
+        let mode = self.registers[CCMR2] >> 8;
+        let captures = self.registers[CCER] & CC4E != 0 && mode & 0b11 == 0b01;
+        if !captures || self.registers[OR] >> 6 & 0b11 != FROM_SLOW {
             return;
         }
         self.since_capture += 1;
@@ -94,49 +100,44 @@ impl Timer {
             return;
         }
         self.since_capture = 0;
-        let flags = self.register(SR);
-        *self.register_mut(SR) = flags | CC4IF | if flags & CC4IF != 0 { CC4OF } else { 0 };
-        *self.register_mut(CCR4) = self.register(CNT);
+        let flags = self.registers[SR];
+        self.registers[SR] = flags | CC4IF | if flags & CC4IF != 0 { CC4OF } else { 0 };
+        self.registers[CCR4] = self.registers[CNT];
+    }
+}
+
+impl Peripheral for Timer {
+    fn value(&self, offset: u32, _: Picoseconds) -> u32 {
+        self.registers[offset]
     }
 
-    pub fn read(&mut self, offset: u32) -> u32 {
+    fn was_read(&mut self, offset: u32) {
         if offset == CCR4 {
-            *self.register_mut(SR) &= !CC4IF;
+            self.registers[SR] &= !CC4IF;
         }
-        self.registers.get(offset as usize / 4).copied().unwrap_or(0)
     }
 
-    pub fn write(&mut self, offset: u32, value: u32) {
+    fn write(&mut self, offset: u32, value: u32, _: Picoseconds) -> Option<Violation> {
         match offset {
             // Writing zeros clears flags.
-            SR => *self.register_mut(SR) &= value,
+            SR => self.registers[SR] &= value,
             EGR if value & UG != 0 => {
-                *self.register_mut(CNT) = 0;
+                self.registers[CNT] = 0;
                 self.fraction = 0;
-                self.divider = self.register(PSC) + 1;
-                *self.register_mut(SR) |= UIF;
-            }
-            CCER => {
-                if value & CC4E == 0 {
-                    self.since_capture = 0;
-                }
-                *self.register_mut(CCER) = value;
+                self.divider = self.registers[PSC] + 1;
+                self.registers[SR] |= UIF;
             }
             // Captured, not written.
-            CCR4 if self.register(CCMR2) >> 8 & 0b11 != 0 => {}
-            _ => {
-                if let Some(register) = self.registers.get_mut(offset as usize / 4) {
-                    *register = value;
-                }
-            }
+            CCR4 if self.registers[CCMR2] >> 8 & 0b11 != 0 => {}
+            _ => self.registers[offset] = value,
         }
+        if self.registers[CCER] & CC4E == 0 {
+            self.since_capture = 0;
+        }
+        None
     }
 
-    fn register(&self, offset: u32) -> u32 {
-        self.registers[offset as usize / 4]
-    }
-
-    fn register_mut(&mut self, offset: u32) -> &mut u32 {
-        &mut self.registers[offset as usize / 4]
+    fn reset(&mut self) {
+        *self = Self::default();
     }
 }

@@ -1,12 +1,14 @@
 //! A USART, RM0090 section 30: what it sends, and what it is made to hear.
 
+use crate::chip::Block;
+use crate::chip::registers::{Peripheral, Registers};
 use crate::chip::time::{Picoseconds, SECOND};
+use crate::chip::violation::Violation;
 
 const SR: u32 = 0x00;
 const DR: u32 = 0x04;
 const BRR: u32 = 0x08;
 const CR1: u32 = 0x0c;
-const CR3: u32 = 0x14;
 
 /// Flags in SR.
 pub mod flag {
@@ -29,10 +31,8 @@ const OVER8: u32 = 1 << 15;
 /// A byte on the line: start, eight bits, stop.
 const BITS: u64 = 10;
 
-#[derive(Default)]
 pub struct Usart {
-    brr: u32,
-    cr: [u32; 3],
+    registers: Registers,
     flags: u32,
     status_was_read: bool,
     received: u8,
@@ -44,25 +44,20 @@ pub struct Usart {
 }
 
 impl Usart {
-    /// As after a reset; what went out stays on record.
-    pub fn reset(&mut self) {
-        *self = Self { sent: std::mem::take(&mut self.sent), ..Self::default() };
-    }
-
     pub fn cr1(&self) -> u32 {
-        self.cr[0]
+        self.registers[CR1]
     }
 
     /// Bits per second for a bus clock.
     pub fn baud(&self, pclk_hz: u32) -> f64 {
-        let (whole, fraction) = (self.brr >> 4, self.brr & 0xf);
-        let (oversampling, parts) = if self.cr[0] & OVER8 == 0 { (16.0, 16.0) } else { (8.0, 8.0) };
+        let (whole, fraction) = (self.registers[BRR] >> 4, self.registers[BRR] & 0xf);
+        let (oversampling, parts) = if self.registers[CR1] & OVER8 == 0 { (16.0, 16.0) } else { (8.0, 8.0) };
         f64::from(pclk_hz) / (oversampling * (f64::from(whole) + f64::from(fraction) / parts))
     }
 
     /// A byte comes in, with error flags if it is broken.
     pub fn hear(&mut self, byte: u8, errors: u32) {
-        if self.cr[0] & (UE | RE) != UE | RE {
+        if self.registers[CR1] & (UE | RE) != UE | RE {
             return;
         }
         self.status_was_read = false;
@@ -82,7 +77,7 @@ impl Usart {
     }
 
     pub fn advance(&mut self, now: Picoseconds, pclk_hz: u32) {
-        if self.cr[0] & (UE | TE) != UE | TE {
+        if self.registers[CR1] & (UE | TE) != UE | TE {
             return;
         }
         while now >= self.end
@@ -92,39 +87,48 @@ impl Usart {
             self.end += (BITS as f64 * SECOND as f64 / self.baud(pclk_hz)) as Picoseconds;
         }
     }
+}
 
-    pub fn read(&mut self, offset: u32, now: Picoseconds) -> u32 {
+impl Default for Usart {
+    fn default() -> Self {
+        let registers = Registers::new(&[]);
+        Self { registers, flags: 0, status_was_read: false, received: 0, waiting: None, end: 0, sent: Vec::new() }
+    }
+}
+
+impl Peripheral for Usart {
+    fn value(&self, offset: u32, now: Picoseconds) -> u32 {
         match offset {
             SR => {
-                self.status_was_read = true;
                 let empty = if self.waiting.is_none() { flag::EMPTY } else { 0 };
                 let complete = if self.waiting.is_none() && now >= self.end { flag::COMPLETE } else { 0 };
                 self.flags | empty | complete
             }
-            DR => {
-                self.flags &= !flag::RECEIVED;
-                if self.status_was_read {
-                    self.flags &= !ERRORS;
-                }
-                self.received.into()
-            }
-            BRR => self.brr,
-            CR1..=CR3 => self.cr[(offset - CR1) as usize / 4],
-            _ => 0,
+            DR => self.received.into(),
+            _ => self.registers[offset],
         }
     }
 
-    /// Writes a register. False: a byte that waited was lost.
-    pub fn write(&mut self, offset: u32, value: u32, now: Picoseconds) -> bool {
+    fn was_read(&mut self, offset: u32) {
         match offset {
-            DR => {
-                self.end = self.end.max(now);
-                return self.waiting.replace(value as u8).is_none();
-            }
-            BRR => self.brr = value & 0xffff,
-            CR1..=CR3 => self.cr[(offset - CR1) as usize / 4] = value,
+            SR => self.status_was_read = true,
+            DR if self.status_was_read => self.flags &= !(flag::RECEIVED | ERRORS),
+            DR => self.flags &= !flag::RECEIVED,
             _ => {}
         }
-        true
+    }
+
+    fn write(&mut self, offset: u32, value: u32, now: Picoseconds) -> Option<Violation> {
+        if offset != DR {
+            self.registers[offset] = value & 0xffff;
+            return None;
+        }
+        self.end = self.end.max(now);
+        self.waiting.replace(value as u8).map(|_| Violation::Overwritten(Block::Usart2))
+    }
+
+    /// As after a reset; what went out stays on record.
+    fn reset(&mut self) {
+        *self = Self { sent: std::mem::take(&mut self.sent), ..Self::default() };
     }
 }

@@ -2,7 +2,6 @@
 
 use crate::chip::Block;
 use crate::chip::gpio::Pin;
-use crate::chip::time::{NANOSECOND, Picoseconds};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Violation {
@@ -30,39 +29,4 @@ pub enum Violation {
     SelectWithinByte { pin: Pin },
     /// Two chips on one bus were selected at once.
     TwoSelected { pin: Pin },
-}
-
-/// Violations with their times.
-#[derive(Default)]
-pub struct Violations {
-    list: Vec<(u64, Violation)>,
-    /// Conditions at the last check: each counts once for as long as it lasts.
-    standing: Vec<Violation>,
-}
-
-impl Violations {
-    pub fn add(&mut self, now: Picoseconds, violation: Violation) {
-        self.list.push((now / NANOSECOND, violation));
-    }
-
-    /// Adds what is not there yet, whenever it was.
-    pub fn once(&mut self, now: Picoseconds, violation: Violation) {
-        if !self.list.iter().any(|(_, known)| *known == violation) {
-            self.add(now, violation);
-        }
-    }
-
-    /// Present condition: added if it is new.
-    pub fn standing(&mut self, now: Picoseconds, standing: Vec<Violation>) {
-        let new: Vec<_> = standing.iter().filter(|violation| !self.standing.contains(violation)).copied().collect();
-        for violation in new {
-            self.add(now, violation);
-        }
-        self.standing = standing;
-    }
-
-    /// All so far, with their times in nanoseconds.
-    pub fn list(&self) -> &[(u64, Violation)] {
-        &self.list
-    }
 }

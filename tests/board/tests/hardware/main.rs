@@ -1,4 +1,15 @@
 //! The firmware's modules for hardware on models of the chip: what they leave in its registers, and what they do on the way.
+//!
+//! Each test has a board of its own; they wait for one another.
+#![cfg(all(target_arch = "x86_64", target_os = "linux"))]
 
-#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
-mod on_models;
+mod bench;
+mod clock;
+mod converters;
+mod host;
+mod judges;
+mod pads;
+mod reset;
+mod serial;
+mod slaves;
+mod start;

@@ -101,7 +101,7 @@ fn a_select_that_moves_within_a_byte() {
     let mut rcc = chip.RCC.freeze(Config::hsi());
     let (mut bus, select) = spi2(chip.SPI2, chip.GPIOB.split(&mut rcc), Speed::VeryHigh, 100_000, &mut rcc);
     let mut select = select.into_push_pull_output_in_state(PinState::Low);
-    board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[]).0));
+    board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[])));
     assert!(bus.write_nonblocking(0x55).is_ok());
     select.set_high();
     assert_eq!(board.violations(), [Violation::SelectWithinByte { pin: Pin::new('B', 12) }]);
@@ -114,7 +114,7 @@ fn data_that_are_written_over_others_and_two_chips_at_once() {
     let mut rcc = chip.RCC.freeze(Config::hsi());
     let (mut bus, select) = spi2(chip.SPI2, chip.GPIOB.split(&mut rcc), Speed::VeryHigh, 100_000, &mut rcc);
     for _ in 0..2 {
-        board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[]).0));
+        board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[])));
     }
     let _select = select.into_push_pull_output_in_state(PinState::Low);
     assert!(bus.write_nonblocking(1).is_ok());
@@ -141,7 +141,7 @@ fn pads_that_are_too_slow_for_their_clock_and_for_its_way_back() {
         let mut rcc = chip.RCC.freeze(config);
         let (mut bus, select) = spi2(chip.SPI2, chip.GPIOB.split(&mut rcc), speed, 2_000_000, &mut rcc);
         let mut select = select.into_push_pull_output_in_state(PinState::High);
-        board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[0x11, 0x32]).0));
+        board.chip(|chip| chip.wire(dac_wiring(), Recorder::new(&[0x11, 0x32])));
         let mut bytes = [0; 2];
         for _ in 0..2 {
             select.set_low();

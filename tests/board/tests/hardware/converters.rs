@@ -1,20 +1,51 @@
 //! The firmware's bench with the converters' models on its pins: registers, pads, buses and chips together, tick by tick.
 
+use std::cell::RefCell;
+use std::rc::Rc;
+
 use board_on_host::bench::Bench;
 use board_on_host::board::Board;
+use board_on_host::chip::gpio::Pin;
 use board_on_host::chip::rcc::Oscillators;
 use board_on_host::hal::rcc::Config;
-use converter_chips::{Rule, Variant};
+use converter_chips::{Ad5754, Ads868x, Rule, Variant};
 use dea_driver::chips::CommandRange;
 use dea_driver::{AmplifierError, Drive, Inputs};
 
+use super::slaves::{adc_wiring, dac_wiring};
 use super::start::{crystal, start_on};
-use super::wired::{Converters, ENABLE};
 
+const ENABLE: Pin = Pin::new('C', 6);
 const OFF: Drive = Drive { enable: false, dac_v: 0.0, range: CommandRange::TenVolts };
 const ON: Drive = Drive { enable: true, dac_v: 3.0, range: CommandRange::TenVolts };
 /// Ticks after which every converter is set up.
 const SET_UP: usize = 8;
+
+/// The converters of `docs/wiring.md`.
+struct Converters {
+    dac: Rc<RefCell<Ad5754>>,
+    monitor: Rc<RefCell<Ads868x>>,
+    sensor: Rc<RefCell<Ads868x>>,
+}
+
+impl Converters {
+    /// Wires them to a board: straight binary, LDAC to ground, CLR to the enable output; RST high.
+    fn on(board: &Board, variant: Variant) -> Self {
+        let dac = Rc::new(RefCell::new(Ad5754::new()));
+        dac.borrow_mut().set_ldac(false, 0);
+        let [monitor, sensor] = [(); 2].map(|()| Rc::new(RefCell::new(Ads868x::new(variant))));
+        let cleared = Rc::clone(&dac);
+        board.chip(|chip| {
+            // They had power long before the chip has.
+            chip.wait_ns(50_000_000);
+            chip.watch(ENABLE, move |high, now| cleared.borrow_mut().set_clr(high, now));
+            chip.wire(dac_wiring(), dac.clone());
+            chip.wire(adc_wiring(0), monitor.clone());
+            chip.wire(adc_wiring(1), sensor.clone());
+        });
+        Self { dac, monitor, sensor }
+    }
+}
 
 /// A tick, a thousand times a second.
 fn tick(board: &Board, bench: &mut Bench, drive: Drive) -> (Inputs, Result<(), AmplifierError>) {
