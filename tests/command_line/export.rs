@@ -48,11 +48,11 @@ fn the_bound_of_the_compression_is_reported() {
     let folder = TempDir::new().expect("a folder");
     let (file, out) = (folder.path().join("p.toml"), folder.path().join("p.bin"));
     let preset = ["export", "--params", "preset:table3-n2", "--rate", "500", "--out", text(&out)];
-    let told = &TOOL.json(&preset)["compression"];
+    let reported = &TOOL.json(&preset)["compression"];
     let model = Preset::TABLE3_N2.model().expect("valid");
     let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1.0 / 500.0)).expect("valid");
     let bound = law.compression_bound(&model, LawOptions::DEFAULT_HORIZON_S);
-    assert_eq!(told["rate_hz"], 500.0);
+    assert_eq!(reported["rate_hz"], 500.0);
     for (name, value) in [
         ("horizon_s", bound.horizon_s),
         ("force_per_increment", bound.force_per_increment),
@@ -60,7 +60,7 @@ fn the_bound_of_the_compression_is_reported() {
         ("displacement_per_increment", bound.displacement_per_increment),
         ("displacement_per_stroke", bound.displacement_per_stroke),
     ] {
-        assert_eq!(told[name].as_f64().map(|told| told as f32), Some(value), "{name}");
+        assert_eq!(reported[name].as_f64().map(|reported| reported as f32), Some(value), "{name}");
     }
     // Its numbers are for those who ask.
     let line = TOOL.with(&preset).arg("--verbose").output().expect("runs");

@@ -117,13 +117,13 @@ fn completions_and_man_pages() {
 /// No terminal, or `NO_COLOR`: no escapes. `CLICOLOR_FORCE` asks for them all the same.
 #[test]
 fn colours_are_for_terminals() {
-    let told = |variables: &[(&str, &str)]| {
+    let has_escapes = |variables: &[(&str, &str)]| {
         let output = |arguments: &[&str]| TOOL.with(arguments).envs(variables.iter().copied()).output().expect("runs");
         let (help, error) = (output(&["replay", "--help"]).stdout, output(&["replay"]).stderr);
         [help, error].map(|bytes| bytes.contains(&0x1b))
     };
-    assert_eq!(told(&[]), [false, false]);
-    assert_eq!(told(&[("CLICOLOR_FORCE", "1")]), [true, true]);
-    assert_eq!(told(&[("CLICOLOR", "1")]), [false, false]);
-    assert_eq!(told(&[("NO_COLOR", "1"), ("CLICOLOR_FORCE", "1")]), [false, false]);
+    assert_eq!(has_escapes(&[]), [false, false]);
+    assert_eq!(has_escapes(&[("CLICOLOR_FORCE", "1")]), [true, true]);
+    assert_eq!(has_escapes(&[("CLICOLOR", "1")]), [false, false]);
+    assert_eq!(has_escapes(&[("NO_COLOR", "1"), ("CLICOLOR_FORCE", "1")]), [false, false]);
 }

@@ -1,4 +1,4 @@
-//! The words of the project: pages, comments, messages and names against the lists in `words/`.
+//! The words of the project: pages, sources, messages and names against the lists in `words/`.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -9,6 +9,9 @@ use crate::root;
 
 /// Folders and files whose words are not the project's.
 const NOT_OURS: [&str; 3] = ["host-sim/emit/fmu/standard", "host-sim/src/report/assets", "tests/fuzz/corpus"];
+
+/// Ends of the names of pages and sources.
+const KINDS: [&str; 9] = [".md", ".rs", ".c", ".h", ".ino", ".py", ".pyi", ".toml", ".m"];
 
 /// A word that should be another one.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,7 +102,7 @@ pub fn checked_files() -> Result<Vec<PathBuf>, String> {
             }
             if path.is_dir() {
                 folders.push(path);
-            } else if Language::of_file(&name).is_some() {
+            } else if KINDS.iter().any(|kind| name.ends_with(kind)) {
                 files.push(relative.to_owned());
             }
         }
@@ -133,58 +136,17 @@ pub fn findings() -> Result<(Vec<Finding>, Vec<[&'static str; 3]>), String> {
     Ok((findings, unused))
 }
 
-/// How a language marks its comments and strings.
-#[derive(Clone, Copy, PartialEq)]
-enum Language {
-    Page,
-    Rust,
-    C,
-    /// Python and TOML.
-    Hash,
-    Matlab,
-}
-
-impl Language {
-    fn of_file(name: &str) -> Option<Self> {
-        match name.rsplit_once('.')?.1 {
-            "md" => Some(Self::Page),
-            "rs" => Some(Self::Rust),
-            "c" | "h" | "ino" => Some(Self::C),
-            "py" | "pyi" | "toml" => Some(Self::Hash),
-            "m" => Some(Self::Matlab),
-            _ => None,
-        }
-    }
-
-    fn line_comment(self) -> &'static str {
-        match self {
-            Self::Rust | Self::C => "//",
-            Self::Hash => "#",
-            Self::Matlab => "%",
-            Self::Page => "",
-        }
-    }
-}
-
-/// A file apart: its prose (comments, strings, pages) and its code, each with what is the other's blanked, so that places are the same.
-struct Apart {
-    prose: String,
-    code: String,
-    /// Where in the file a documentation comment begins: its text, and the code below it.
-    documentation: Vec<(usize, usize)>,
-}
-
 impl Words {
     /// Words of `text`, the contents of the file `path`, that should be others.
     #[must_use]
     pub fn findings(&self, path: &str, text: &str) -> Vec<Finding> {
-        let Some(language) = Language::of_file(path) else { return Vec::new() };
-        let apart = separate(language, text);
-        let mut found = self.phrases_in(&apart.prose);
-        found.extend(self.names_in(&apart.code));
-        found.extend(openings(&apart));
-        if language == Language::Rust {
-            let constructors = apart.code.match_indices("fn of(");
+        let mut found = self.phrases_in(text);
+        found.extend(self.names_in(text));
+        if !path.ends_with(".md") {
+            found.extend(openings(text));
+        }
+        if path.ends_with(".rs") {
+            let constructors = text.match_indices(concat!("fn", " of("));
             found.extend(constructors.map(|(at, _)| (at, "a constructor `of`: new, from_... or with_...".to_owned())));
         }
         found.sort();
@@ -207,7 +169,9 @@ impl Words {
             for (further, instead) in self.phrases.get(first.as_ref()).into_iter().flatten() {
                 let goes_on = further.iter().zip(index..).all(|(wanted, before)| {
                     let (before, next) = (words[before], words.get(before + 1));
-                    let is_blank = |to: usize| prose[before.0 + before.1.len()..to].trim().is_empty();
+                    // A phrase may go over the end of a line of comments.
+                    let is_mark = |letter: char| letter.is_whitespace() || "/!#%*".contains(letter);
+                    let is_blank = |to: usize| prose[before.0 + before.1.len()..to].trim_matches(is_mark).is_empty();
                     next.is_some_and(|&(at, word)| word == wanted && is_blank(at))
                 });
                 if goes_on {
@@ -236,24 +200,34 @@ impl Words {
     }
 }
 
-/// Documentation comments that begin with Of , What or Whether , the last one for anything but a bool.
-fn openings(apart: &Apart) -> Vec<(usize, String)> {
-    let opening = |&(at, below): &(usize, usize)| {
-        let first = apart.prose[at..].trim_start_matches(|letter: char| !letter.is_alphabetic()).split(' ').next()?;
+/// Documentation comments that begin with Of, What or Whether, the last one for anything but a bool.
+fn openings(text: &str) -> Vec<(usize, String)> {
+    let (mut found, mut at, mut within) = (Vec::new(), 0, "");
+    for line in text.split_inclusive('\n') {
+        let trimmed = line.trim_start();
+        let mark = ["///", "//!", "/**", "\"\"\""].into_iter().find(|mark| trimmed.starts_with(mark)).unwrap_or("");
+        let begins = !mark.is_empty() && (mark != within || !mark.starts_with("//"));
+        let first = trimmed[mark.len()..].trim_start().split(' ').next().unwrap_or_default();
         let begins_badly = match first {
-            "Of" | "What" => true,
-            "Whether" => !item(&apart.code[below..]).to_lowercase().contains("bool"),
+            "Of" | "What" => begins,
+            "Whether" => begins && !item(&text[at..]).to_lowercase().contains("bool"),
             _ => false,
         };
-        begins_badly.then(|| (at, format!("documentation that begins with \"{first}\": say what the item is or does")))
-    };
-    apart.documentation.iter().filter_map(opening).collect()
+        if begins_badly {
+            found.push((at, format!("documentation that begins with \"{first}\": say what the item is or does")));
+        }
+        within = mark;
+        at += line.len();
+    }
+    found
 }
 
-/// The head of the item that `code` begins with, its attributes left out.
-fn item(code: &str) -> &str {
-    let mut code = code.trim_start();
-    while let Some(end) = code.strip_prefix("#[").and(code.find("]\n")) {
+/// The head of the item below the documentation that `text` begins with, attributes left out.
+fn item(text: &str) -> &str {
+    let mut code = text.trim_start();
+    while let Some(end) =
+        code.strip_prefix("///").and(code.find('\n')).or(code.strip_prefix("#[").and(code.find("]\n")))
+    {
         code = code[end + 1..].trim_start();
     }
     let ends: &[char] =
@@ -301,120 +275,5 @@ fn uncapitalised(word: &str) -> Cow<'_, str> {
             first.to_lowercase().chain(letters).collect()
         }
         _ => word.into(),
-    }
-}
-
-/// Takes a file apart. Markers of comments in prose become blanks, so that a phrase may go over the end of a line.
-fn separate(language: Language, text: &str) -> Apart {
-    let blank = |text: &str| -> String { text.chars().map(blanked).collect() };
-    let mut apart = Apart { prose: String::new(), code: String::new(), documentation: Vec::new() };
-    if language == Language::Page {
-        return Apart { prose: text.to_owned(), code: blank(text), documentation: Vec::new() };
-    }
-    let (mut at, mut in_documentation) = (0, false);
-    while at < text.len() {
-        let rest = &text[at..];
-        let length = prose_length(language, text, at);
-        let end = at + length.unwrap_or_else(|| rest.chars().next().map_or(1, char::len_utf8));
-        let piece = &text[at..end];
-        if length.is_some() {
-            let documents = match language {
-                Language::Rust => (piece.starts_with("///") || piece.starts_with("//!")) && !piece.starts_with("////"),
-                Language::C => piece.starts_with("/**"),
-                Language::Hash => piece.starts_with("\"\"\""),
-                _ => false,
-            };
-            match apart.documentation.last_mut() {
-                Some((_, below)) if documents && in_documentation && language == Language::Rust => *below = end,
-                _ if documents => apart.documentation.push((at, end)),
-                _ => {}
-            }
-            in_documentation = documents;
-            let marks = |letter: char| "/!%#*".contains(letter) || letter.is_whitespace();
-            let text = piece.trim_start_matches(marks);
-            apart.prose += &blank(&piece[..piece.len() - text.len()]);
-            let mut line_begins = false;
-            for letter in text.chars() {
-                let mark = line_begins && "*/ ".contains(letter);
-                line_begins = letter == '\n' || mark;
-                apart.prose.extend(if mark { [blanked(letter)].into_iter() } else { [letter].into_iter() });
-            }
-            apart.code += &blank(piece);
-        } else {
-            in_documentation &= piece.trim().is_empty();
-            // Code between two pieces of prose separates them.
-            apart.prose += if piece.trim().is_empty() { piece } else { &"\u{1}\u{1}\u{1}\u{1}"[..piece.len()] };
-            apart.code += piece;
-        }
-        at = end;
-    }
-    apart
-}
-
-/// A blank of the same length in bytes as `letter`, so that places stay.
-fn blanked(letter: char) -> char {
-    match letter.len_utf8() {
-        _ if letter == '\n' => '\n',
-        1 => ' ',
-        2 => '\u{a0}',
-        3 => '\u{2003}',
-        _ => '\u{1f300}',
-    }
-}
-
-/// Length of the comment or the string that begins at `at`, if one does.
-fn prose_length(language: Language, text: &str, at: usize) -> Option<usize> {
-    let rest = &text[at..];
-    let until = |from: usize, end: &str| rest.get(from..)?.find(end).map(|found| from + found + end.len());
-    let to_line_end = || rest.find('\n').unwrap_or(rest.len());
-    let before = text[..at].chars().next_back();
-    if rest.starts_with(language.line_comment()) {
-        return Some(to_line_end());
-    }
-    let brackets = matches!(language, Language::Rust | Language::C);
-    if brackets && rest.starts_with("/*") {
-        return until(2, "*/");
-    }
-    if language == Language::Hash {
-        for quotes in ["\"\"\"", "'''"] {
-            if rest.starts_with(quotes) {
-                return until(3, quotes);
-            }
-        }
-    }
-    if language == Language::Rust
-        && (rest.starts_with("r\"") || rest.starts_with("r#"))
-        && !before.is_some_and(char::is_alphanumeric)
-    {
-        let hashes = rest[1..].len() - rest[1..].trim_start_matches('#').len();
-        if rest[1 + hashes..].starts_with('"') {
-            return until(2 + hashes, &format!("\"{}", "#".repeat(hashes)));
-        }
-    }
-    let quote = rest.chars().next().filter(|quote| "\"'".contains(*quote))?;
-    let transposes = before.is_some_and(|before| before.is_alphanumeric() || "_.)]}'".contains(before));
-    match (quote, language) {
-        ('\'', Language::Rust) => {
-            // A character, not a lifetime.
-            let mut letters = rest[1..].char_indices();
-            let (_, first) = letters.next()?;
-            let close = if first == '\\' { until(3, "'")? } else { 1 + first.len_utf8() + 1 };
-            rest.get(..close).filter(|character| character.ends_with('\'')).map(str::len)
-        }
-        ('\'', Language::Matlab) if transposes => None,
-        _ => {
-            let escapes = language != Language::Matlab;
-            let mut escaped = false;
-            for (place, letter) in rest.char_indices().skip(1) {
-                if letter == quote && !escaped {
-                    return Some(place + 1);
-                }
-                if letter == '\n' && language != Language::Rust {
-                    return None;
-                }
-                escaped = escapes && letter == '\\' && !escaped;
-            }
-            None
-        }
     }
 }
