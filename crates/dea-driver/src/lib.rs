@@ -28,8 +28,8 @@ pub use parameters::{BLOB_LEN, Blob, BlobError, Control, ControllerMemory, Param
 #[cfg(feature = "store")]
 pub use parameters::{BlobHeader, RamFlash, Store, StoreError, Stored};
 pub use safety::{
-    Cause, DriverState, Limits, LimitsError, Monitor, MonitorLimits, OnSensorFault, Plausibility, PlausibilityLimits,
-    Readings, Refusal, SensorFault, Supervisor, Tick,
+    Cause, DriverState, Limits, LimitsError, Monitor, MonitorLimits, Motion, OnSensorFault, Plausibility,
+    PlausibilityLimits, Readings, Refusal, SensorFault, Supervisor, Tick,
 };
 #[cfg(feature = "link")]
 pub use server::Device;

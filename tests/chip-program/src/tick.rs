@@ -119,7 +119,7 @@ fn parameters(law: &Coefficients<f32>, actuator: Actuator) -> Parameters {
             max_displacement_m: 8e-3,
             max_disturbance_share: 0.4,
             monitor: MonitorLimits { slew_v_per_s: 100e3, band_v: 60.0, band_share: 0.03, settle_s: 0.02 },
-            sensor: PlausibilityLimits { low: -0.9e-3, high: 9e-3, jump: 0.5e-3, stuck_ticks: 500, stuck_band: 2e-6 },
+            sensor: PlausibilityLimits { low: -0.9e-3, high: 9e-3, jump: 0.5e-3, stuck_ticks: 5000, stuck_band: 2e-6 },
             on_sensor_fault: OnSensorFault::Trip,
             heartbeat_s: 10.0,
             discharge_s: 1.0,

@@ -1,6 +1,6 @@
 //! The control tick.
 
-use springpot::{AmplifierLag, Applied, Compressed, Follower, FollowerState, Law, LawState, Limited, Tracking};
+use springpot::{AmplifierLag, Applied, Compressed, Follower, FollowerState, Law, LawState, Limited, Load, Tracking};
 
 #[cfg(feature = "loop-test")]
 use crate::control::loop_test::{Followed, LoopTest, Step, Target};
@@ -8,7 +8,7 @@ use crate::control::sampler::Sampler;
 use crate::control::setpoint::{Ramp, SetpointError};
 use crate::control::{LearningOrder, Mode, Telemetry};
 use crate::parameters::{Blob, ControllerMemory, Parameters, Watched};
-use crate::safety::{Cause, Readings, Refusal, Supervisor};
+use crate::safety::{Cause, Motion, Readings, Refusal, Supervisor};
 
 /// Largest correction that may be learned of a periodic reference, as a share of the largest displacement: more trips as a disturbance.
 const MAX_LEARNED: f32 = 0.25;
@@ -97,8 +97,7 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     /// The same per metre that is learned of cycles.
     shares_per_m: f32,
     sampler: Sampler,
-    /// Largest force scale that tracking has shown in this run, 1 at least.
-    softest: f32,
+    motion: Motion,
     mode: Mode,
     /// Whether the law commanded the voltage in the last tick, or has been started since.
     ran: bool,
@@ -108,7 +107,8 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     target: Ramp,
     open_loop: LawState<f32, Watched>,
     follower: Follower<f32, Tracking<f32, M>>,
-    /// The film as the commanded voltage alone moves it: no sensor corrects it. Its law has fewer modes.
+    /// The film as the commanded voltage alone moves it, behind a lag the larger of that and the monitored one: no sensor corrects it. Its law
+    /// has fewer modes.
     watched: Law<f32, Watched>,
     parameters: Parameters<M>,
     checksum: Option<u32>,
@@ -146,7 +146,7 @@ impl<M: ControllerMemory> Controller<M> {
         let sampler =
             Sampler::new(parameters.rate_hz, parameters.control.sample_interval_s, parameters.control.delay_s);
         Self {
-            softest: 1.0,
+            motion: Motion::new(limits.sensor),
             #[cfg(feature = "loop-test")]
             test: LoopTest::at_rest(follower.compensator()),
             parameters: parameters.clone(),
@@ -200,28 +200,31 @@ impl<M: ControllerMemory> Controller<M> {
         }
         let corrects = self.supervisor.runs() && self.mode == Mode::Tracking;
         let observer = self.course.observer();
-        // A film that has shown to be softer than its model goes further than the model under the same voltage. A sensor that fails
-        // slowly makes it seem stiffer again, so the softest that it has been in this run counts.
-        if corrects && observer.force_scale() > self.softest {
-            self.softest = observer.force_scale();
-        }
+        let must_move = self.mode != Mode::Voltage && self.target.is_set();
+        let model_m = self.open_loop.position();
         let disturbance_share = if corrects { observer.disturbance() * self.shares_per_n } else { 0.0 };
         let checked = self.supervisor.check(Readings {
             interlock_closed: inputs.interlock_closed,
             monitor_v,
             displacement_m,
             predicted_m: observer.displacement(),
-            open_loop_m: self.open_loop.position() * self.softest,
-            follows: self.supervisor.runs() && self.mode != Mode::Voltage && self.target.is_set(),
+            open_loop_m: self.motion.furthest(model_m),
+            is_frozen: self.motion.is_frozen(must_move),
             disturbance_share: disturbance_share + self.course.added() * self.shares_per_m,
         });
 
+        let runs = self.supervisor.runs();
+        self.motion.record(displacement_m, model_m, checked.displacement_m.is_some(), runs);
+
         // Estimate: step the film under the voltage applied since the last tick, and correct it with a sample if one is
         // due. Nothing is learned from a film that is not driven.
-        let sample = self.sampler.next(checked.displacement_m.filter(|_| self.supervisor.runs()));
+        let sample = self.sampler.next(checked.displacement_m.filter(|_| runs));
         let applied = Applied { commanded_v: applied_v, reading_v: self.lags.then_some(monitor_v) };
         let predicted_m = self.follower.observe(&mut self.course, applied, sample);
-        let load = self.course.observer().load();
+        let mut load = self.course.observer().load();
+        if self.lags {
+            load = self.at_least_commanded(load);
+        }
         let open_loop_m = self.watched.displacement_under(&mut self.open_loop, load);
         // Finite as long as both are.
         if !(predicted_m + open_loop_m).is_finite() {
@@ -275,6 +278,14 @@ impl<M: ControllerMemory> Controller<M> {
         Outputs { enable, dac_v, telemetry }
     }
 
+    /// The larger of `load` and the commanded voltage's behind the stated lag: a monitor that reads too little must not hide the film's stroke.
+    #[inline(never)] // for amplifiers that lag
+    fn at_least_commanded(&self, load: Load<f32>) -> Load<f32> {
+        let drive = self.follower.compensator().observer().drive();
+        let commanded = drive.load(self.course.compensator().followed_voltage());
+        if commanded.force_n > load.force_n { commanded } else { load }
+    }
+
     /// The host that armed is alive: its timeout starts again.
     pub fn heartbeat(&mut self) {
         self.supervisor.heartbeat();
@@ -300,7 +311,7 @@ impl<M: ControllerMemory> Controller<M> {
         self.supervisor.start()?;
         self.clear_target();
         self.mode = mode;
-        self.softest = 1.0;
+        self.motion.begin_run();
         self.ran = true;
         self.course.set_feedback(mode != Mode::Feedforward);
         if mode == Mode::Feedforward {
@@ -328,6 +339,7 @@ impl<M: ControllerMemory> Controller<M> {
     pub fn acknowledge(&mut self) -> Result<(), Refusal> {
         self.supervisor.acknowledge()?;
         self.clear_target();
+        self.motion.reset();
         self.course.forget_correction();
         self.course.forget_cycles();
         if !self.course.displacement().is_finite() {

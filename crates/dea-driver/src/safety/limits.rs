@@ -79,11 +79,11 @@ pub struct PlausibilityLimits {
     pub high: f32,
     /// Largest plausible change from one tick to the next.
     pub jump: f32,
-    /// Number of ticks after which a sensor that shows exactly the same value counts as stuck. One that stays within its
-    /// `stuck_band` while the model moves five times as far within these ticks is stuck a fifth of them later, which must be
+    /// Number of ticks after which a sensor that shows exactly the same value counts as stuck. One whose mean over a tenth of
+    /// these ticks moves by less than a fifth of what the model does within them is stuck a fifth of them later, which must be
     /// longer than the sensor's delay and the interval of its samples.
     pub stuck_ticks: u32,
-    /// Largest movement of a stuck sensor, in its unit: more than the noise of its converter.
+    /// A fifth of the movement of the model that shows a stuck sensor, in its unit: more than the noise of its converter.
     #[serde(default = "stuck_band")]
     pub stuck_band: f32,
 }

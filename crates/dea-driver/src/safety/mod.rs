@@ -2,11 +2,12 @@
 
 mod limits;
 mod monitor;
+mod motion;
 mod plausibility;
-mod stillness;
 mod supervisor;
 
 pub use limits::{Limits, LimitsError, MonitorLimits, OnSensorFault, PlausibilityLimits};
 pub use monitor::Monitor;
+pub use motion::Motion;
 pub use plausibility::{Plausibility, SensorFault};
 pub use supervisor::{Cause, DriverState, Readings, Refusal, Supervisor, Tick};

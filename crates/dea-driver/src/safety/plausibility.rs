@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::safety::PlausibilityLimits;
-use crate::safety::stillness::Stillness;
 
 /// Why a sensor is implausible.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -26,18 +25,17 @@ const RETURN_TICKS: u32 = 10;
 /// use dea_driver::{Limits, Plausibility, SensorFault};
 ///
 /// let mut sensor = Plausibility::new(Limits::bench(160e-6).sensor);
-/// assert_eq!(sensor.check(1.0e-3, 1.0e-3, 1.0e-3), None);
+/// assert_eq!(sensor.check(1.0e-3, 1.0e-3, false), None);
 /// // 0.6 mm in a tick are a jump, and stay one: the estimate has not moved.
-/// assert_eq!(sensor.check(1.6e-3, 1.0e-3, 1.0e-3), Some(SensorFault::Jump));
-/// assert_eq!(sensor.check(1.6e-3, 1.0e-3, 1.0e-3), Some(SensorFault::Jump));
-/// assert_eq!(sensor.check(f32::NAN, 1.0e-3, 1.0e-3), Some(SensorFault::Range));
+/// assert_eq!(sensor.check(1.6e-3, 1.0e-3, false), Some(SensorFault::Jump));
+/// assert_eq!(sensor.check(1.6e-3, 1.0e-3, false), Some(SensorFault::Jump));
+/// assert_eq!(sensor.check(f32::NAN, 1.0e-3, false), Some(SensorFault::Range));
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Plausibility {
     limits: PlausibilityLimits,
     last: Option<f32>,
     same: u32,
-    stillness: Stillness,
     /// Good values that are still missing before it counts as plausible.
     missing: u32,
     /// The last fault.
@@ -48,26 +46,25 @@ impl Plausibility {
     /// A check that has seen no value yet.
     #[must_use]
     pub const fn new(limits: PlausibilityLimits) -> Self {
-        Self { limits, last: None, same: 0, stillness: Stillness::new(limits), missing: 0, fault: SensorFault::Range }
+        Self { limits, last: None, same: 0, missing: 0, fault: SensorFault::Range }
     }
 
-    /// Checks the `value` of this tick. `predicted` is the estimate, which this sensor may have corrected; `open_loop` is the
-    /// model's displacement under the commanded voltage alone, NaN where the film need not follow it. After a fault the sensor
+    /// Checks the `value` of this tick. `predicted` is the estimate, which this sensor may have corrected; `is_frozen`: whether
+    /// the film [moves](crate::Motion) and the sensor does not. After a fault the sensor
     /// counts as plausible again once ten values in a row are in range, steady, and no further from the estimate than a plausible
     /// jump: a sensor that has slipped stays implausible.
-    pub fn check(&mut self, value: f32, predicted: f32, open_loop: f32) -> Option<SensorFault> {
+    pub fn check(&mut self, value: f32, predicted: f32, is_frozen: bool) -> Option<SensorFault> {
         let PlausibilityLimits { jump, stuck_ticks, .. } = self.limits;
         let before = self.last.replace(value);
         let near = |other: f32| (-jump..=jump).contains(&(value - other));
         let same = before.is_some_and(|before| value.to_bits() == before.to_bits());
         self.same = if same { self.same.saturating_add(1) } else { 0 };
-        let still = self.stillness.is_still(value, open_loop);
         // NaN is out of range.
         let fault = if !self.is_in_range(value) {
             Some(SensorFault::Range)
         } else if !before.is_none_or(near) {
             Some(SensorFault::Jump)
-        } else if still || self.same >= stuck_ticks {
+        } else if is_frozen || self.same >= stuck_ticks {
             Some(SensorFault::Stuck)
         } else {
             None

@@ -108,11 +108,10 @@ pub struct Readings {
     /// The estimate, which the sensor may have corrected, m.
     pub predicted_m: f32,
     /// The model's displacement under the commanded voltage alone, which no sensor corrects, m. Of a film that has shown to be softer
-    /// than its model, as much more.
+    /// than its model, [as much more](crate::Motion).
     pub open_loop_m: f32,
-    /// Whether a reference is followed, so that a sensor that does not move with the model is stuck. Voltages may be played
-    /// without a film.
-    pub follows: bool,
+    /// Whether the model [moves](crate::Motion) and the displacement sensor does not.
+    pub is_frozen: bool,
     /// The force that the model leaves unexplained, with what is learned of cycles, as a share of the force at the largest voltage; 0
     /// where no sensor acts on the voltage.
     pub disturbance_share: f32,
@@ -143,7 +142,7 @@ pub struct Tick {
 ///     displacement_m: 1e-6,
 ///     predicted_m: 0.0,
 ///     open_loop_m: 0.0,
-///     follows: false,
+///     is_frozen: false,
 ///     disturbance_share: 0.0,
 /// };
 ///
@@ -426,8 +425,7 @@ impl Supervisor {
         self.ticks_since_heartbeat = self.ticks_since_heartbeat.saturating_add(1);
         self.interlock_closed = readings.interlock_closed;
         self.monitor_v = readings.monitor_v;
-        let open_loop_m = if readings.follows { readings.open_loop_m } else { f32::NAN };
-        self.last_fault = self.sensor.check(readings.displacement_m, readings.predicted_m, open_loop_m);
+        self.last_fault = self.sensor.check(readings.displacement_m, readings.predicted_m, readings.is_frozen);
         // Without a plausible sensor the estimate is checked against the limit. A sensor that seems plausible may still be
         // wrong, and tracking would follow it: the model alone keeps the limit as well.
         let displacement_m = if self.last_fault.is_none() { readings.displacement_m } else { readings.predicted_m };

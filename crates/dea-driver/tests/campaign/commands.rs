@@ -158,18 +158,14 @@ impl Source {
             Some(1) => most,
             Some(_) => -most,
         };
-        let moving_m = match self.mood {
-            Mood::StillSensor if self.left.is_multiple_of(64) => 0.0,
-            Mood::StillSensor => 50e-6,
-            _ => 1e-6 * self.below(3) as f32,
-        };
+        let moving_m = 1e-6 * self.below(3) as f32;
         Readings {
             interlock_closed: !self.faulty(),
             monitor_v,
             displacement_m,
             predicted_m: odd(self, 0.0, 8.5e-3),
             open_loop_m: odd(self, moving_m, 8.5e-3),
-            follows: self.mood == Mood::StillSensor || self.one_in(2),
+            is_frozen: self.mood == Mood::StillSensor && self.left.is_multiple_of(64),
             disturbance_share: odd(self, 0.05, 0.2),
         }
     }
@@ -306,7 +302,7 @@ fn tick_before_the_wrap(supervisor: &mut Supervisor, reference: &mut Reference, 
         displacement_m: if k.is_multiple_of(2) { 0.0 } else { 5e-6 },
         predicted_m: 0.0,
         open_loop_m: 0.0,
-        follows: false,
+        is_frozen: false,
         disturbance_share: 0.0,
     };
     let until = (1 << 32) - before;

@@ -36,6 +36,8 @@ pub struct ModelFilm {
     state: LawState<f64>,
     /// √ of the force in units of the model's.
     force_root: f64,
+    /// The same once the film has warmed.
+    warm_root: f64,
 }
 
 /// Laws of the model from 0.8 to 1.2 times its stiffness.
@@ -57,11 +59,17 @@ impl ModelFilm {
     pub fn new(stiffness: f64, force: f64) -> Self {
         let index = ((stiffness - 0.8) / 0.05).round().clamp(0.0, 8.0) as usize;
         let law = &LAWS[index];
-        Self { law, state: law.0.state(), force_root: force.sqrt() }
+        Self { law, state: law.0.state(), force_root: force.sqrt(), warm_root: force.sqrt() }
+    }
+
+    /// The model, whose force becomes `force` times as large with a time constant of 2 s.
+    pub fn warming(force: f64) -> Self {
+        Self { warm_root: force.sqrt(), ..Self::new(1.0, 1.0) }
     }
 
     fn step(&mut self, volts: f64) -> f64 {
         let (law, drive) = self.law;
+        self.force_root += (self.warm_root - self.force_root) * STEP_S / 2.0;
         law.displacement_under(&mut self.state, drive.load(volts * self.force_root))
     }
 }
@@ -69,13 +77,15 @@ impl ModelFilm {
 /// A strip of Zener elements side by side, a dashpot, and a spring that stiffens with the cube of the stroke:
 ///
 /// ```text
-/// c x' + k x + k₃ x³ + Σ kᵢ (x − zᵢ) = F,    zᵢ' = (x − zᵢ) / τᵢ
+/// c x' + k x + k₃ x³ + Σ kᵢ (x − zᵢ) = F (1 + κ x),    zᵢ' = (x − zᵢ) / τᵢ
 /// ```
 ///
 /// Its relaxation modulus is within a fifth of the model's from 0.1 s to 100 s at small strokes. Beyond, and at large ones, it is not.
 #[derive(Clone)]
 pub struct Strip {
     stiffening_n_per_m3: f64,
+    /// κ, 1/m: the film pulls in where κ F reaches its stiffness.
+    coupling_per_m: f64,
     displacement_m: f64,
     dashpots_m: [f64; 4],
 }
@@ -90,7 +100,13 @@ impl Strip {
 
     /// A strip at rest, whose cubic spring carries `share` of what its linear spring does at a stroke of 1 mm.
     pub fn new(share: f64) -> Self {
-        Self { stiffening_n_per_m3: share * Self::SPRING / 1e-6, displacement_m: 0.0, dashpots_m: [0.0; 4] }
+        let stiffening_n_per_m3 = share * Self::SPRING / 1e-6;
+        Self { stiffening_n_per_m3, coupling_per_m: 0.0, displacement_m: 0.0, dashpots_m: [0.0; 4] }
+    }
+
+    /// A strip that does not stiffen, and whose force grows with the stroke.
+    pub fn pulling_in(coupling_per_m: f64) -> Self {
+        Self { coupling_per_m, ..Self::new(0.0) }
     }
 
     /// Implicit in x, so that it is stable for any step: one step of Newton from the last x.
@@ -98,11 +114,12 @@ impl Strip {
         let force_n = Actuator::KARNER_2022.force(volts, 0.0);
         let x = self.displacement_m;
         let held = Self::ELEMENTS.iter().zip(self.dashpots_m).map(|((k, _), z)| k * (x - z)).sum::<f64>();
-        let slope = Self::DAMPING / STEP_S
+        let slope = Self::DAMPING / STEP_S - self.coupling_per_m * force_n
             + Self::SPRING
             + 3.0 * self.stiffening_n_per_m3 * x * x
             + Self::ELEMENTS.iter().map(|(k, _)| k).sum::<f64>();
-        let rest = force_n - Self::SPRING * x - self.stiffening_n_per_m3 * x.powi(3) - held;
+        let rest =
+            force_n * (1.0 + self.coupling_per_m * x) - Self::SPRING * x - self.stiffening_n_per_m3 * x.powi(3) - held;
         self.displacement_m = x + rest / slope;
         for (z, (_, tau)) in self.dashpots_m.iter_mut().zip(Self::ELEMENTS) {
             *z += (self.displacement_m - *z) * STEP_S / tau;

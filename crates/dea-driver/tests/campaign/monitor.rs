@@ -60,7 +60,7 @@ fn readings(monitor_v: f64, film_m: f32, tick: u64) -> Readings {
         displacement_m: predicted_m + 1e-6 * (tick % 7) as f32,
         predicted_m,
         open_loop_m: predicted_m,
-        follows: false,
+        is_frozen: false,
         disturbance_share: 0.0,
     }
 }

@@ -62,11 +62,6 @@ struct SensorReference {
     repeats: u32,
     /// Good values in a row since the last fault; none without a fault.
     returning: Option<(SensorFault, u32)>,
-    /// Where sensor and model were when the comparison began, and the ticks since.
-    origin: Option<(f32, f32)>,
-    watched: u32,
-    /// Ticks in a row for which the model has been away while the sensor stayed.
-    away: u32,
 }
 
 fn ticks(seconds: f32, rate_hz: f64) -> u64 {
@@ -366,8 +361,7 @@ impl SensorReference {
         }
         self.repeats =
             if before.is_some_and(|before| before.to_bits() == value.to_bits()) { self.repeats + 1 } else { 0 };
-        let still = self.is_still(limits, readings);
-        if self.repeats >= sensor.stuck_ticks || still {
+        if self.repeats >= sensor.stuck_ticks || readings.is_frozen {
             faults.push_back(SensorFault::Stuck);
         }
         if let Some(&fault) = faults.front() {
@@ -379,25 +373,5 @@ impl SensorReference {
             self.returning = (good < RETURN_TICKS).then_some((fault, good));
         }
         self.returning.iter().map(|&(fault, _)| fault).collect()
-    }
-
-    /// Whether the sensor has stayed in its band for a fifth of its time while the model of a followed reference was five bands away
-    /// from where both were.
-    fn is_still(&mut self, limits: &Limits, readings: &Readings) -> bool {
-        let sensor = &limits.sensor;
-        let model = if readings.follows { readings.open_loop_m } else { f32::NAN };
-        let late = sensor.stuck_ticks / 5;
-        let was_still = self.away > late;
-        let stays = |(value, _): (f32, f32)| (readings.displacement_m - value).abs() <= sensor.stuck_band;
-        let moved = !self.origin.is_some_and(stays);
-        if moved || (self.watched >= sensor.stuck_ticks && self.away == 0) {
-            self.origin = Some((readings.displacement_m, model));
-            self.watched = 0;
-            self.away = 0;
-        }
-        self.watched += 1;
-        let away = self.origin.is_some_and(|(_, from)| (model - from).abs() > 5.0 * sensor.stuck_band);
-        self.away = if away || (was_still && !moved) { self.away + 1 } else { 0 };
-        self.away > late
     }
 }

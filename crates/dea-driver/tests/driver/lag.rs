@@ -2,15 +2,15 @@
 
 use std::f64::consts::TAU;
 
-use dea_driver::{Blob, BlobError, Cause, DriverState, LimitsError, Mode, Monitor};
+use dea_driver::{Blob, BlobError, Cause, DriverState, LimitsError, Mode, Monitor, OnSensorFault, Parameters};
 use springpot::AmplifierLag;
 
 use crate::bench::{bench_limits, board_parameters};
-use crate::film_bench::FilmBench as Bench;
+use crate::film_bench::{FilmBench as Bench, adc_v};
 use crate::supervisor_bench::RATE_HZ;
 
 fn bench(amplifier_s: [f64; 2], known: AmplifierLag) -> Bench {
-    let mut parameters = dea_driver::Parameters { amplifier_lag: known, ..board_parameters() };
+    let mut parameters = Parameters { amplifier_lag: known, ..board_parameters() };
     parameters.control.delay_s = 0.0;
     Bench { amplifier_s, ..Bench::with(parameters) }
 }
@@ -49,6 +49,42 @@ fn the_command_leads_an_amplifier_that_lags() {
     for by in [0.8, 1.2] {
         let (_, state) = follow(&mut bench([by * 0.1, by * 0.5], known), Mode::Tracking);
         assert_eq!(state, DriverState::Running, "{by}");
+    }
+}
+
+/// A monitor that reads too little, within its band, behind a stated lag: the model took its word, and the film went to 1.11 to 1.61 times its
+/// stroke. There is no sensor.
+#[test]
+fn a_monitor_that_reads_too_little_does_not_hide_the_stroke() {
+    for (gain, band_share) in [(1.0, 0.03), (0.95, 0.06), (0.9, 0.12), (0.8, 0.25)] {
+        let lag = AmplifierLag { rise_s: 0.05, fall_s: 0.2 };
+        let mut parameters = Parameters { amplifier_lag: lag, ..board_parameters() };
+        parameters.limits.max_displacement_m = 1e-3;
+        parameters.limits.monitor.band_share = band_share;
+        parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
+        let mut bench = Bench { amplifier_s: [0.05, 0.2], ..Bench::with(parameters) };
+        bench.start(Mode::Voltage);
+        let mut furthest_m = 0.0f64;
+        for tick in 0..200_000u32 {
+            let time_s = f64::from(tick) / 1000.0;
+            if bench.controller.supervisor().runs() {
+                bench.set_voltage((2400.0 * (time_s / 30.0).min(1.0) + 300.0 * (time_s * TAU).sin().max(0.0)) as f32);
+            }
+            let monitor_v = gain * bench.high_voltage_v / 1000.0;
+            bench.tick(|inputs| {
+                inputs.monitor_adc_v = Some(adc_v((monitor_v / 10.24 * 65_536.0) as u16));
+                inputs.sensor_adc_v = None;
+            });
+            furthest_m = furthest_m.max(bench.displacement_m);
+        }
+        let state = bench.controller.supervisor().state();
+        println!("{gain}: {state:?}, {furthest_m} m");
+        assert!(
+            matches!(state, DriverState::Tripped(Cause::ModelDisplacement | Cause::Displacement)),
+            "{gain}: {state:?}"
+        );
+        // The model leads by 1 % at the most, and a tick of the largest slew.
+        assert!(furthest_m < 1.02e-3, "{gain}: {furthest_m} m");
     }
 }
 
@@ -96,8 +132,7 @@ fn a_film_may_take_the_time_of_its_bleeder() {
 #[test]
 fn times_that_no_amplifier_has_are_refused() {
     for (rise_s, fall_s) in [(-0.1, 0.0), (0.0, f64::NAN), (11.0, 0.1), (f64::INFINITY, 0.0)] {
-        let parameters =
-            dea_driver::Parameters { amplifier_lag: AmplifierLag { rise_s, fall_s }, ..board_parameters() };
+        let parameters = Parameters { amplifier_lag: AmplifierLag { rise_s, fall_s }, ..board_parameters() };
         let error = Blob::new(parameters).err();
         assert!(matches!(error, Some(BlobError::Limits(LimitsError::Amplifier(_)))), "{rise_s}, {fall_s}: {error:?}");
     }

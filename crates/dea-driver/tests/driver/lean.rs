@@ -28,13 +28,13 @@ fn lean_parameters() -> Parameters<Lean> {
 /// Voltages of a feedforward run to 0.5 mm and back: amplifier and monitor follow at once.
 fn run<M: ControllerMemory>(blob: Blob<M>) -> Vec<f32> {
     let mut controller = Controller::new(blob);
-    let mut dac_v = 0.0;
+    let (mut dac_v, mut film_m) = (0.0, 0.0);
     let mut tick = |controller: &mut Controller<M>, k: u16| {
         controller.heartbeat();
-        // A film that does not move, and the sensor's noise: feedforward only checks it.
-        let sensor_adc_v = Some(1.0 + 1e-3 * f32::from(k % 3));
+        // The model, and the sensor's noise: feedforward only checks it.
+        let sensor_adc_v = Some(1.0 + 1e3 * film_m + 1e-3 * f32::from(k % 3));
         let outputs = controller.tick(Inputs { interlock_closed: true, monitor_adc_v: Some(dac_v), sensor_adc_v });
-        dac_v = outputs.dac_v;
+        (dac_v, film_m) = (outputs.dac_v, outputs.telemetry.predicted_m);
         outputs.telemetry.command_v
     };
     tick(&mut controller, 0);

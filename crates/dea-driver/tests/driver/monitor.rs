@@ -9,7 +9,7 @@ use crate::supervisor_bench::{Bench, RATE_HZ, readings};
 #[test]
 fn a_monitor_at_its_limit_is_within_it() {
     let limits = bench_limits();
-    let shown = |monitor_v| Readings { follows: false, ..readings(monitor_v, 1e-6, 0.0) };
+    let shown = |monitor_v| readings(monitor_v, 1e-6, 0.0);
     let mut supervisor = Supervisor::new(&limits, RATE_HZ).expect("valid");
     supervisor.check(shown(limits.monitor.band_v));
     assert!(!supervisor.is_film_live() && !supervisor.runs());

@@ -1,53 +1,113 @@
-//! Readings of a sensor, value by value: when it counts as stuck, for how long, and what a reset clears.
+//! Readings of a sensor, value by value: when it counts as frozen, for how long, and what a reset clears.
 
-use dea_driver::{Plausibility, PlausibilityLimits, SensorFault};
+use dea_driver::{Motion, Plausibility, PlausibilityLimits, SensorFault};
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64;
 
 use crate::bench::bench_limits;
 
-/// A sensor with the noise of its converter, and a model that is `modelled_m(tick)`: the ticks in which it counts as stuck.
-fn stuck_ticks(ticks: u32, moves_m: impl Fn(u32) -> f32, modelled_m: impl Fn(u32) -> f32) -> Vec<u32> {
-    let limits = PlausibilityLimits { low: -1e-3, high: 9e-3, jump: 0.4e-3, stuck_ticks: 500, stuck_band: 2e-6 };
-    let mut sensor = Plausibility::new(limits);
-    (0..ticks)
-        .filter(|&tick| {
-            let noise_m = [0.0, 0.5e-6, -0.3e-6][tick as usize % 3];
-            let value = 1e-3 + moves_m(tick) + noise_m;
-            sensor.check(value, value, modelled_m(tick)) == Some(SensorFault::Stuck)
-        })
-        .collect()
+const LIMITS: PlausibilityLimits =
+    PlausibilityLimits { low: -1e-3, high: 9e-3, jump: 0.4e-3, stuck_ticks: 500, stuck_band: 2e-6 };
+
+/// A sensor of noise `noise_m` (rms) whose film is at `film_m(tick)`, and its model at `model_m(tick)`: the ticks in which it counts as frozen.
+fn frozen_ticks(noise_m: f64, ticks: u32, film_m: impl Fn(u32) -> f64, model_m: impl Fn(u32) -> f64) -> Vec<u32> {
+    let (normal, mut random) = (Normal::new(0.0, noise_m).expect("valid"), Pcg64::seed_from_u64(11));
+    let mut motion = Motion::new(LIMITS);
+    motion.record(0.0, 0.0, true, false);
+    motion.begin_run();
+    let is_frozen = |&tick: &u32| {
+        let sensor_m = film_m(tick) + normal.sample(&mut random);
+        motion.record(sensor_m as f32, model_m(tick) as f32, true, true);
+        motion.is_frozen(true)
+    };
+    (0..ticks).filter(is_frozen).collect()
 }
 
-/// A frozen sensor is reported a fifth of `stuck_ticks` after the model has moved five bands, whenever that is, and stays stuck when a
-/// swing brings the model back.
+/// With the noise of a converter and that of a whole sensor: within four tenths of `stuck_ticks` after the model has moved, and for as long as it
+/// does not move, also when a swing brings the model back.
 #[test]
-fn a_frozen_sensor_is_reported_after_a_fifth_of_its_ticks() {
-    for moved in [50, 137, 480, 700, 1210] {
-        let stuck = stuck_ticks(moved + 1000, |_| 0.0, |tick| if tick < moved { 0.0 } else { 20e-6 });
-        assert_eq!(stuck, (moved + 100..moved + 1000).collect::<Vec<_>>(), "moved in tick {moved}");
-        let swings = |tick| if (moved..moved + 150).contains(&tick) { 20e-6 } else { 0.0 };
-        assert_eq!(stuck_ticks(moved + 1000, |_| 0.0, swings), stuck, "a swing from tick {moved} on");
-        let returns = |tick| if (moved..moved + 100).contains(&tick) { 20e-6 } else { 0.0 };
-        assert_eq!(stuck_ticks(moved + 1000, |_| 0.0, returns), [0; 0], "back in time, from tick {moved} on");
+fn a_frozen_sensor_is_reported_within_four_tenths_of_its_ticks() {
+    for noise_m in [0.1e-6, 1e-6, 3e-6, 10e-6] {
+        for moved in [50, 137, 480, 700, 1210] {
+            let far_m = 20e-6 + 10.0 * noise_m;
+            let jumps = |tick| if tick < moved { 0.0 } else { far_m };
+            let swings = |tick| if (moved..moved + 170).contains(&tick) { far_m } else { 0.0 };
+            for frozen in [
+                frozen_ticks(noise_m, moved + 1000, |_| 0.0, jumps),
+                frozen_ticks(noise_m, moved + 1000, |_| 0.0, swings),
+            ] {
+                let first = frozen[0];
+                assert!((moved + 100..moved + 200).contains(&first), "{noise_m}: {first}, moved in tick {moved}");
+                assert_eq!(frozen, (first..moved + 1000).collect::<Vec<_>>(), "{noise_m}, moved in tick {moved}");
+            }
+        }
     }
     // Less than five bands, and creep of 4 bands in `stuck_ticks`, prove nothing.
-    assert_eq!(stuck_ticks(3000, |_| 0.0, |tick| if tick < 700 { 0.0 } else { 9.9e-6 }), [0; 0]);
-    assert_eq!(stuck_ticks(10_000, |_| 0.0, |tick| 16e-9 * tick as f32), [0; 0]);
+    let none: [u32; 0] = [];
+    assert_eq!(frozen_ticks(0.1e-6, 3000, |_| 0.0, |tick| if tick < 700 { 0.0 } else { 9.9e-6 }), none);
+    assert_eq!(frozen_ticks(0.1e-6, 10_000, |_| 0.0, |tick| 16e-9 * f64::from(tick)), none);
 }
 
-/// A sensor that follows again is plausible again, after ten good values.
+/// A film that moves a quarter as far as its model, a fifth of `stuck_ticks` late, is believed: swings of 0.1 to 200 Hz, and ramps.
 #[test]
-fn a_sensor_that_moves_again_is_not_stuck() {
-    let model = |tick: u32| if tick < 100 { 0.0 } else { 20e-6 + 5e-9 * tick as f32 };
-    let film = |tick: u32| if tick < 400 { 0.0 } else { 20e-6 + 5e-9 * tick as f32 };
-    assert_eq!(stuck_ticks(5000, film, model), (200..409).collect::<Vec<_>>());
+fn a_sensor_that_moves_late_and_little_is_not_frozen() {
+    for hz in [0.1, 0.3, 1.0, 3.0, 5.0, 7.0, 10.0, 20.0, 33.0, 200.0] {
+        let model_m = |tick: u32| 0.5e-3 * (1.0 - (std::f64::consts::TAU * hz * f64::from(tick) / 1000.0).cos());
+        let film_m = |tick: u32| 0.25 * model_m(tick.saturating_sub(99));
+        assert_eq!(frozen_ticks(3e-6, 20_000, film_m, model_m), [0; 0], "{hz} Hz");
+    }
+    let model_m = |tick: u32| 1e-9 * f64::from(tick.saturating_sub(512)).powi(2);
+    assert_eq!(frozen_ticks(3e-6, 3000, |tick| 0.25 * model_m(tick.saturating_sub(99)), model_m), [0; 0]);
+}
+
+/// A film that moves again is no longer reported, and one that need not move is only missed once it has moved with the model.
+#[test]
+fn a_sensor_that_moves_again_is_not_frozen() {
+    let model_m = |tick: u32| if tick < 100 { 0.0 } else { 20e-6 + 5e-9 * f64::from(tick) };
+    let frozen = frozen_ticks(0.1e-6, 5000, |tick| if tick < 400 { 0.0 } else { model_m(tick) }, model_m);
+    let (first, last) = (frozen[0], frozen[frozen.len() - 1]);
+    assert!((200..=250).contains(&first) && (400..=450).contains(&last), "{first} to {last}");
+
+    let mut motion = Motion::new(LIMITS);
+    let mut run = |moves: bool| {
+        motion.begin_run();
+        let frozen = (0..1000u16).any(|tick| {
+            let model_m = 0.5e-6 * f32::from(tick);
+            motion.record(if moves { model_m } else { 0.0 }, model_m, true, true);
+            motion.is_frozen(false)
+        });
+        (frozen, motion.is_frozen(true))
+    };
+    assert_eq!([run(false), run(true), run(false)], [(false, true), (false, false), (true, true)]);
+    motion.reset();
+    assert!(!motion.is_frozen(true));
+}
+
+/// Jumps, and values out of range, say nothing about the film.
+#[test]
+fn a_film_is_as_soft_as_plausible_values_show() {
+    let mut motion = Motion::new(LIMITS);
+    motion.begin_run();
+    assert_eq!(motion.furthest(1e-3), 1e-3);
+    for (factor, is_plausible, expected) in [(2.0, false, 1.0), (1.3, true, 1.3), (0.5, true, 1.3), (9.0, true, 4.0)] {
+        (0..3000).for_each(|_| motion.record(factor * 1e-3, 1e-3, is_plausible, true));
+        let softness = motion.furthest(1e-3) / 1e-3;
+        assert!((softness - expected).abs() < 0.015 * expected, "{factor}: {softness}");
+    }
+    // 0.1 mm of creep that the model does not know, at 0 V.
+    (0..100).for_each(|_| motion.record(0.3e-3, 0.2e-3, true, false));
+    motion.begin_run();
+    assert!((motion.furthest(1e-3) - 1.1e-3).abs() < 1e-9);
 }
 
 /// After a reset a sensor has no past: no fault, and no value from which it could have jumped.
 #[test]
 fn a_reset_sensor_has_no_past() {
     let mut sensor = Plausibility::new(bench_limits().sensor);
-    assert_eq!(sensor.check(0.5, 0.0, f32::NAN), Some(SensorFault::Range));
-    assert_eq!(sensor.check(1e-3, 1e-3, f32::NAN), Some(SensorFault::Jump));
+    assert_eq!(sensor.check(0.5, 0.0, false), Some(SensorFault::Range));
+    assert_eq!(sensor.check(1e-3, 1e-3, false), Some(SensorFault::Jump));
     sensor.reset();
-    assert_eq!(sensor.check(5e-3, 1e-3, f32::NAN), None);
+    assert_eq!(sensor.check(5e-3, 1e-3, false), None);
+    assert_eq!(sensor.check(5e-3, 5e-3, true), Some(SensorFault::Stuck));
 }

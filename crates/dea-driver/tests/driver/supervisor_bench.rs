@@ -15,7 +15,7 @@ pub fn readings(monitor_v: f32, displacement_m: f32, predicted_m: f32) -> Readin
         displacement_m,
         predicted_m,
         open_loop_m: predicted_m,
-        follows: true,
+        is_frozen: false,
         disturbance_share: 0.0,
     }
 }

@@ -80,6 +80,11 @@ impl<T: Real> InverseState<T> {
     pub(crate) fn film_voltage(&self) -> T {
         self.gain * self.followed
     }
+
+    /// The voltage behind the amplifier, apart from its gain, V.
+    pub(crate) fn followed_voltage(&self) -> T {
+        self.followed
+    }
 }
 
 /// The known difference between model and film.

@@ -169,6 +169,12 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.inverse.film_voltage()
     }
 
+    /// The same without the gain that the amplifier's monitor has shown: what the commands are worth, V.
+    #[must_use]
+    pub fn followed_voltage(&self) -> T {
+        self.inverse.followed_voltage()
+    }
+
     /// The shaped reference, m.
     #[must_use]
     pub fn reference(&self) -> T {

@@ -3,8 +3,8 @@
 use dea_driver::server::Denial;
 use dea_driver::wire::Reject;
 use dea_driver::{
-    Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Mode, OnSensorFault, Parameters, Readings, Refusal,
-    Telemetry,
+    Blob, Cause, Controller, Device, Drive, DriverState, Inputs, Mode, Motion, OnSensorFault, Parameters, Readings,
+    Refusal, Telemetry,
 };
 use springpot::{Compressed, Law, LawState, VoltageDrive};
 
@@ -40,8 +40,7 @@ struct Bench {
     source: Source,
     mode: Mode,
     reference_is_set: bool,
-    /// Largest force scale that was estimated while this run tracked, 1 at least.
-    softest: f32,
+    motion: Motion,
     last: Option<Telemetry>,
     disturbance_n: f32,
     output: Drive,
@@ -61,11 +60,11 @@ impl Bench {
             film: law.state(),
             law,
             drive,
+            motion: Motion::new(parameters.limits.sensor),
             parameters,
             source: Source::new(seed),
             mode: Mode::Voltage,
             reference_is_set: false,
-            softest: 1.0,
             last: None,
             disturbance_n: 0.0,
             output: Drive::OFF,
@@ -99,6 +98,7 @@ impl Bench {
             self.reference.trip(cause);
         }
         self.film = self.law.state();
+        self.motion = Motion::new(self.parameters.limits.sensor);
         self.last = None;
         self.disturbance_n = 0.0;
         false
@@ -134,7 +134,7 @@ impl Bench {
                 let refused = same(self.device.start(mode), expected, &self.reference);
                 if expected.is_ok() {
                     self.reference_is_set = false;
-                    self.softest = 1.0;
+                    self.motion.begin_run();
                     self.mode = mode;
                     if mode == Mode::Feedforward {
                         // The model as it was fitted.
@@ -150,6 +150,7 @@ impl Bench {
                 if expected.is_ok() {
                     // What was learned is forgotten.
                     self.disturbance_n = 0.0;
+                    self.motion.reset();
                 }
                 same(self.device.acknowledge(), expected, &self.reference)
             }
@@ -228,9 +229,8 @@ impl Bench {
             self.reference.trip(Cause::Bus);
         }
         let runs_on = self.reference.state == DriverState::Running;
-        if runs_on && self.mode == Mode::Tracking {
-            self.softest = self.last.map_or(1.0, |last| last.force_scale).max(self.softest);
-        }
+        let must_move = self.mode != Mode::Voltage && self.reference_is_set;
+        let model_m = self.film.position();
         self.output = self.device.tick(inputs);
         let telemetry = self.device.telemetry().expect("every tick");
         let readings = Readings {
@@ -238,8 +238,8 @@ impl Bench {
             monitor_v: telemetry.monitor_v,
             displacement_m: telemetry.displacement_m,
             predicted_m: self.last.map_or(0.0, |last| last.predicted_m),
-            open_loop_m: self.film.position() * self.softest,
-            follows: runs_on && self.mode != Mode::Voltage && self.reference_is_set,
+            open_loop_m: self.motion.furthest(model_m),
+            is_frozen: self.motion.is_frozen(must_move),
             disturbance_share: if runs_on && self.mode == Mode::Tracking { self.share() } else { 0.0 },
         };
         self.film_moves(applied_v);
@@ -251,6 +251,8 @@ impl Bench {
             );
         }
         let after = self.reference.state;
+        let is_plausible = self.reference.sensor_faults.is_empty();
+        self.motion.record(telemetry.displacement_m, model_m, is_plausible, after == DriverState::Running);
         self.is_as_converted(&inputs, &telemetry);
         self.is_within_the_limits(applied_v, &telemetry);
         let status = self.device.status();

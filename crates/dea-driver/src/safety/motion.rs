@@ -1,0 +1,199 @@
+//! How a sensor moves beside the film's model.
+
+use crate::safety::PlausibilityLimits;
+
+/// Blocks in `stuck_ticks`, and in the time over which a film is compared with its model.
+const BLOCKS: u8 = 10;
+/// A sensor is still if the model moves by this many times what the sensor does, and by more than this many bands.
+const MOVES: f32 = 5.0;
+/// And by more than this share of its displacement: a film that is held while the voltage changes differs from its model by less.
+const MOVES_SHARE: f32 = 0.04;
+/// Bands by which the model moves while a sensor that moves by half of that shows a film.
+const MOVES_ALONG: f32 = 10.0;
+/// Bands of displacement from which the model shows how soft the film is.
+const SHOWS: f32 = 25.0;
+/// Softest film beside its model.
+const MAX_SOFTNESS: f32 = 4.0;
+
+/// Compares a displacement sensor with the model under the commanded voltage alone: whether the sensor is frozen, and how much further the
+/// film goes than its model.
+///
+/// Both are averaged over blocks of a tenth of `stuck_ticks`, so that neither the noise of a converter nor that of a whole sensor hides a
+/// frozen one.
+///
+/// **Frozen**: within ten blocks the model has moved by more than five bands and a 25th of its displacement, and two blocks later, in which a
+/// late sensor would have followed, the sensor by less than a fifth of that. It stays so until the sensor moves. What is compared is motion, not creep: after ten
+/// blocks the comparison begins anew. Voltages may be played without a film, so a film that need not follow is only missed once the sensor
+/// has moved by half of what the model does, since the last [`reset`](Self::reset).
+///
+/// **Softness**: the largest ratio of the film's displacement to its model's in this run, averaged over ten blocks, while the model was
+/// within the upper half of its largest such mean; 1 at least. A sensor that fails slowly makes a film seem stiffer again.
+///
+/// **Offset**: where the sensor was beside its model before the run, at 0 V: creep of which the model knows nothing, as after a reset.
+///
+/// ```
+/// use dea_driver::{Limits, Motion};
+///
+/// let mut motion = Motion::new(Limits::bench(160e-6).sensor);
+/// motion.record(0.1e-3, 0.0, true, false);
+/// motion.begin_run();
+/// // A film that goes a third further than its model, from 0.1 mm on.
+/// for tick in 0..2000_u16 {
+///     let model_m = 0.5e-6 * f32::from(tick);
+///     motion.record(0.1e-3 + 4.0 / 3.0 * model_m, model_m, true, true);
+/// }
+/// assert!(!motion.is_frozen(true) && (motion.furthest(1e-3) / 1.43e-3 - 1.0).abs() < 0.02);
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Motion {
+    band_m: f32,
+    block_ticks: u32,
+    /// Ticks of this block, sums of sensor and model (m), and whether a value was implausible.
+    ticks: u32,
+    sums: [f32; 2],
+    is_spoiled: bool,
+    /// Blocks of this window, and the lowest and highest means of sensor and model, m.
+    blocks: u8,
+    low: [f32; 2],
+    high: [f32; 2],
+    /// How far the model had moved one and two blocks ago, m.
+    before: [f32; 2],
+    is_still: bool,
+    has_moved: bool,
+    /// Slow means of sensor and model in this run, and the largest of the model, m.
+    means: [f32; 2],
+    peak_m: f32,
+    softness: f32,
+    /// NaN until it is known.
+    offset_m: f32,
+}
+
+impl Motion {
+    /// A comparison that has seen nothing yet.
+    #[must_use]
+    pub const fn new(limits: PlausibilityLimits) -> Self {
+        Self::in_blocks(limits.stuck_band, limits.stuck_ticks.div_ceil(BLOCKS as u32))
+    }
+
+    const fn in_blocks(band_m: f32, block_ticks: u32) -> Self {
+        Self {
+            band_m,
+            block_ticks,
+            ticks: 0,
+            sums: [0.0; 2],
+            is_spoiled: false,
+            blocks: 0,
+            low: [0.0; 2],
+            high: [0.0; 2],
+            before: [0.0; 2],
+            is_still: false,
+            has_moved: false,
+            means: [0.0; 2],
+            peak_m: 0.0,
+            softness: 1.0,
+            offset_m: f32::NAN,
+        }
+    }
+
+    /// Starts again as if nothing had been seen.
+    pub fn reset(&mut self) {
+        *self = Self::in_blocks(self.band_m, self.block_ticks);
+    }
+
+    /// Begins a run, at 0 V. Without a plausible sensor what was known of the film stays.
+    pub fn begin_run(&mut self) {
+        if self.offset_m.is_nan() && !self.is_spoiled {
+            self.end_block(false);
+        }
+        (self.ticks, self.sums, self.blocks, self.is_still) = (0, [0.0; 2], 0, false);
+        (self.means, self.peak_m) = ([0.0; 2], 0.0);
+        if !self.is_spoiled {
+            self.softness = 1.0;
+        }
+    }
+
+    /// Records the sensor and the model of a tick, m. `is_plausible`: whether the sensor is. `runs`: whether a law commands the voltage.
+    #[inline]
+    pub fn record(&mut self, sensor_m: f32, model_m: f32, is_plausible: bool, runs: bool) {
+        self.ticks += 1;
+        self.sums = [self.sums[0] + sensor_m, self.sums[1] + model_m];
+        self.is_spoiled |= !is_plausible;
+        if self.ticks >= self.block_ticks {
+            self.end_block(runs);
+        }
+    }
+
+    /// Whether the sensor is frozen. `must_move`: whether it must move with the model although it never has.
+    #[inline]
+    #[must_use]
+    pub fn is_frozen(&self, must_move: bool) -> bool {
+        self.is_still && (must_move || self.has_moved)
+    }
+
+    /// How far the film is (m) when its model is at `model_m` (m).
+    #[inline]
+    #[must_use]
+    pub fn furthest(&self, model_m: f32) -> f32 {
+        let further_m = if self.offset_m > 0.0 { self.offset_m } else { 0.0 };
+        model_m * self.softness + further_m
+    }
+
+    #[inline(never)] // once in many ticks
+    #[allow(clippy::cast_precision_loss)] // at most 10 s
+    fn end_block(&mut self, runs: bool) {
+        let ticks = self.ticks as f32;
+        let means = self.sums.map(|sum| sum / ticks);
+        let is_plausible = !self.is_spoiled && (means[0] - means[1]).is_finite();
+        (self.ticks, self.sums, self.is_spoiled) = (0, [0.0; 2], false);
+        if !runs {
+            (self.blocks, self.is_still) = (0, false);
+            if is_plausible {
+                self.offset_m = means[0] - means[1];
+            }
+            return;
+        }
+        self.compare(means);
+        if is_plausible {
+            self.soften(means);
+        }
+    }
+
+    /// Compares the motion of sensor and model in this window.
+    fn compare(&mut self, means: [f32; 2]) {
+        // NaN is not still.
+        if self.blocks == 0 || !means[0].is_finite() {
+            (self.blocks, self.low, self.high, self.before) = (0, means, means, [0.0; 2]);
+        }
+        for (index, mean) in means.into_iter().enumerate() {
+            if let (Some(low), Some(high)) = (self.low.get_mut(index), self.high.get_mut(index)) {
+                *low = if mean < *low { mean } else { *low };
+                *high = if mean > *high { mean } else { *high };
+            }
+        }
+        let [sensor_m, model_m] = [self.high[0] - self.low[0], self.high[1] - self.low[1]];
+        let before_m = self.before[1];
+        let least_m = MOVES * self.band_m + MOVES_SHARE * self.high[1].abs();
+        self.is_still = before_m > least_m && MOVES * sensor_m <= before_m;
+        self.has_moved |= model_m > MOVES_ALONG * self.band_m && 2.0 * sensor_m > model_m;
+        self.before = [model_m, self.before[0]];
+        let may_be_still = model_m > least_m && MOVES * sensor_m <= model_m;
+        self.blocks = if self.blocks >= BLOCKS && !may_be_still { 0 } else { self.blocks.saturating_add(1) };
+    }
+
+    /// Updates how soft the film is.
+    fn soften(&mut self, means: [f32; 2]) {
+        let weight = 1.0 / f32::from(BLOCKS);
+        let offset_m = if self.offset_m.is_nan() { 0.0 } else { self.offset_m };
+        let [film_m, model_m] = [means[0] - offset_m, means[1]];
+        self.means =
+            [self.means[0] + weight * (film_m - self.means[0]), self.means[1] + weight * (model_m - self.means[1])];
+        let [film_m, model_m] = self.means;
+        self.peak_m = if model_m > self.peak_m { model_m } else { self.peak_m };
+        // What is left of an earlier load says little about the next one.
+        if model_m > SHOWS * self.band_m && 2.0 * model_m > self.peak_m {
+            let ratio = film_m / (model_m + MOVES * self.band_m);
+            let softness = if ratio > self.softness { ratio } else { self.softness };
+            self.softness = if softness < MAX_SOFTNESS { softness } else { MAX_SOFTNESS };
+        }
+    }
+}
