@@ -16,17 +16,6 @@ fn registers_at_power_up() {
 }
 
 #[test]
-fn a_register_answers_in_the_next_frame_and_once() {
-    let mut dac = Dac::new();
-    dac.write(0x08_0003);
-    assert_eq!(dac.chip.range(), 3);
-    let sent_before = dac.write(0x88_0000);
-    assert_eq!(sent_before, 0x08_0003, "SDO gives the frame before, as in a daisy chain");
-    assert_eq!(dac.write(0x18_0000) & 7, 0x0003);
-    assert_eq!(dac.write(0x18_0000), 0x18_0000);
-}
-
-#[test]
 fn fewer_than_24_bits_are_ignored() {
     let mut dac = Dac::new();
     for count in [0, 1, 8, 16, 23] {
@@ -49,14 +38,6 @@ fn of_more_bits_the_last_24_count() {
     dac.master.send(&mut dac.chip, 0x0c_0001 << 1, 25);
     assert_eq!(dac.chip.range(), 4);
     assert_eq!(dac.rules(), [Rule::OddFrame(25), Rule::OddFrame(25)]);
-}
-
-#[test]
-fn bits_ripple_through_to_the_next_chip() {
-    let mut dac = Dac::new();
-    dac.write(0x18_1234);
-    let read = dac.master.send(&mut dac.chip, 0x18_abcd_18_0000, 48);
-    assert_eq!(read, 0x18_1234_18_abcd);
 }
 
 #[test]
@@ -163,17 +144,6 @@ fn reads_of_what_does_not_exist_give_nothing_known() {
         assert_eq!(dac.read(word), 0x5a_ffff, "{word:#08x}");
     }
     assert_eq!(dac.rules(), unknown.map(|word| Rule::UnknownCommand(word as u32)));
-}
-
-#[test]
-fn sdo_is_unknown_before_the_first_frame() {
-    let mut dac = Dac::new();
-    assert_eq!(dac.write(0x18_0000), 0x5a_5a5a);
-    dac.write(0x90_0000);
-    dac.chip.set_dvcc(false, dac.master.now);
-    dac.chip.set_dvcc(true, dac.master.now + 1);
-    dac.master.now += 1;
-    assert_eq!(dac.write(0x18_0000), 0x5a_5a5a, "the answer is forgotten");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! From codes to volts: ranges, power-up, LDAC, CLR, settling, supplies and limits.
 
-use converter_chips::{Rule, SerialChip};
+use converter_chips::Rule;
 
 use crate::master::Dac;
 
@@ -31,17 +31,6 @@ fn transfer_function_with_2_5_v() {
         let volts = Dac::loaded(range, code).settled();
         assert!(close(volts, expected), "range {range}, code {code:#06x}: {volts} V, not {expected} V");
     }
-}
-
-#[test]
-fn the_output_stays_at_0_v_until_powered_up() {
-    let mut dac = Dac::new();
-    dac.write(0x08_0004);
-    assert_eq!(dac.settled(), 0.0);
-    dac.write(0x10_0001);
-    assert_eq!(dac.settled(), -10.0, "code 0 in ±10 V");
-    assert_eq!(power(&mut dac), 1);
-    assert_eq!(dac.chip.violations(), []);
 }
 
 #[test]
@@ -99,24 +88,6 @@ fn an_output_settles_in_10_us() {
 }
 
 #[test]
-fn a_change_under_way_goes_on_from_where_it_is() {
-    let mut dac = Dac::loaded(1, 0x8000);
-    let cleared = dac.master.now + 5_000;
-    dac.chip.set_clr(false, cleared);
-    assert!(close(dac.chip.volts(cleared), 2.5));
-    assert!(close(dac.chip.volts(cleared + 5_000), 1.25));
-    assert_eq!(dac.chip.volts(cleared + 10_000), 0.0);
-}
-
-#[test]
-fn a_new_range_moves_the_output() {
-    let mut dac = Dac::loaded(1, 0x8000);
-    assert_eq!(dac.settled(), 5.0);
-    dac.write(0x08_0004);
-    assert_eq!(dac.settled(), 0.0, "mid-scale of ±10 V");
-}
-
-#[test]
 fn clr_clears_and_holds_off_loads() {
     for range in [1, 4] {
         let mut dac = Dac::loaded(range, 0x2000);
@@ -154,42 +125,4 @@ fn dvcc_loss_resets_everything() {
     assert_eq!(dac.read(0x99_0000) & 15, 0b0100);
     assert_eq!(dac.read(0x80_0000) & 0xffff, 0);
     assert_eq!(dac.settled(), 0.0);
-}
-
-#[test]
-fn a_frame_is_cut_by_a_loss_of_dvcc() {
-    let mut dac = Dac::new();
-    dac.chip.select(dac.master.now);
-    dac.chip.set_dvcc(false, dac.master.now + 100);
-    dac.chip.set_dvcc(true, dac.master.now + 200);
-    dac.chip.deselect(dac.master.now + 300);
-    assert_eq!(dac.chip.violations(), []);
-    dac.write(0x08_0001);
-    assert_eq!(dac.chip.range(), 1);
-}
-
-#[test]
-fn over_current_is_reported() {
-    let mut dac = Dac::loaded(1, 0x8000);
-    dac.chip.set_over_current(true);
-    assert_eq!(power(&mut dac), 1 << 7 | 1);
-    assert_eq!(dac.settled(), 5.0, "the clamp limits it");
-    dac.chip.set_dvcc(false, dac.master.now);
-    dac.chip.set_dvcc(true, dac.master.now + 1_000);
-    dac.wait(1_000);
-    assert_eq!(power(&mut dac), 1 << 7, "a short circuit outlives a reset");
-    dac.chip.set_over_current(false);
-    assert_eq!(power(&mut dac), 0);
-}
-
-#[test]
-fn the_thermal_shutdown_acts_once_it_is_on() {
-    let mut dac = Dac::loaded(1, 0x8000);
-    dac.chip.set_over_temperature(true, dac.master.now);
-    assert_eq!((power(&mut dac), dac.settled()), (1, 5.0), "off at power-up");
-    dac.write(0x19_000c);
-    assert_eq!(dac.chip.control_bits(), 0xc);
-    assert_eq!((power(&mut dac), dac.settled()), (0x21, 0.0));
-    dac.chip.set_over_temperature(false, dac.master.now);
-    assert_eq!((power(&mut dac), dac.settled()), (1, 5.0), "it comes back when it is cool");
 }

@@ -8,12 +8,6 @@ use crate::master::Adc;
 const VARIANTS: [Variant; 3] = [Variant::Ads8681, Variant::Ads8685, Variant::Ads8689];
 
 #[test]
-fn times_of_the_variants() {
-    let times = |variant: Variant| (variant.conversion_ns(), variant.acquisition_ns());
-    assert_eq!(VARIANTS.map(times), [(665, 335), (1_000, 1_000), (5_000, 5_000)]);
-}
-
-#[test]
 fn the_sample_is_taken_when_select_rises_and_read_in_the_next_frame() {
     let mut adc = Adc::new(Variant::Ads8681);
     // 1 mV for each µs: the code of ±12.288 V shows when the sample was taken.
@@ -53,35 +47,6 @@ fn a_frame_that_begins_in_a_conversion_is_not_seen() {
 }
 
 #[test]
-fn a_frame_may_begin_at_the_end_of_the_conversion() {
-    for variant in VARIANTS {
-        let mut adc = Adc::new(variant);
-        adc.chip.set_input(3.75);
-        adc.frame(0);
-        adc.master.high_ns = variant.conversion_ns();
-        assert_eq!(adc.frame(0xd014_0001), 42768 << 16);
-        assert_eq!(adc.chip.range_sel(), 1);
-    }
-}
-
-#[test]
-fn edges_in_a_conversion_are_ignored() {
-    let mut adc = Adc::new(Variant::Ads8689);
-    adc.chip.set_input(3.75);
-    adc.frame(0);
-    let end = adc.master.now + 5_000;
-    adc.chip.set_input(-3.75);
-    for k in 1..5 {
-        adc.chip.select(end - 5_000 + k * 1_000);
-        adc.chip.deselect(end - 5_000 + k * 1_000 + 500);
-    }
-    (adc.master.now, adc.master.high_ns) = (end, 0);
-    assert_eq!(adc.frame(0), 42768 << 16, "they have neither prolonged it nor sampled anew");
-    let unseen = adc.rules().into_iter().filter(|rule| matches!(rule, Rule::FrameDuringConversion(_)));
-    assert_eq!(unseen.count(), 4);
-}
-
-#[test]
 fn the_input_needs_its_time_of_acquisition() {
     for variant in VARIANTS {
         for (missing, share) in [(0, 1.0), (variant.acquisition_ns() / 2, 0.5)] {
@@ -104,15 +69,6 @@ fn the_input_needs_its_time_of_acquisition() {
 }
 
 #[test]
-fn a_frame_without_clocks_converts() {
-    let mut adc = Adc::new(Variant::Ads8681);
-    adc.chip.set_input(3.75);
-    adc.master.send(&mut adc.chip, 0, 0);
-    assert_eq!(adc.frame(0), 42768 << 16);
-    assert!(adc.rules().is_empty());
-}
-
-#[test]
 fn a_short_frame_reads_and_converts_but_writes_nothing() {
     let mut adc = Adc::new(Variant::Ads8681);
     adc.chip.set_input(3.75);
@@ -123,28 +79,6 @@ fn a_short_frame_reads_and_converts_but_writes_nothing() {
     assert_eq!(adc.chip.range_sel(), 0);
     assert_eq!(adc.rules(), [Rule::ShortFrame(16), Rule::ShortFrame(31)]);
     assert_eq!(adc.frame(0), 32768 << 16);
-}
-
-#[test]
-fn of_a_long_frame_the_last_32_bits_count() {
-    let mut adc = Adc::new(Variant::Ads8681);
-    adc.chip.set_input(3.75);
-    adc.frame(0);
-    let read = adc.master.send(&mut adc.chip, 0xd014_0003_d014_0001, 64);
-    assert_eq!(read, (42768 << 48) | 0xd014_0003, "what came in follows, as in a daisy chain");
-    assert_eq!(adc.chip.range_sel(), 1);
-}
-
-#[test]
-fn sdo_is_not_driven_without_select() {
-    let mut adc = Adc::new(Variant::Ads8681);
-    let now = adc.master.now;
-    assert_eq!(adc.chip.sdo(now), None);
-    adc.chip.select(now);
-    assert_eq!(adc.chip.sdo(now + 9), None, "tDEN_CSDO is 9.5 ns");
-    assert_eq!(adc.chip.sdo(now + 10), Some(true), "bit 31 of 0x8000_0000");
-    adc.chip.deselect(now + 1_000);
-    assert_eq!(adc.chip.sdo(now + 1_000), None);
 }
 
 #[test]

@@ -118,18 +118,3 @@ fn a_dip_of_a_supply_puts_the_registers_back() {
         assert_eq!(code(&mut adc, 3.75), 42768);
     }
 }
-
-#[test]
-fn both_supplies_are_needed() {
-    let mut adc = adc();
-    adc.chip.set_avdd(false, 2_000_000);
-    adc.chip.set_dvdd(false, 2_000_000);
-    adc.chip.set_dvdd(true, 3_000_000);
-    adc.master.now = 50_000_000;
-    adc.frame(0);
-    assert_eq!(adc.master.floating, 32);
-    adc.chip.set_avdd(true, 60_000_000);
-    adc.master.now = 80_000_000;
-    adc.frame(0);
-    assert_eq!(adc.master.floating, 0);
-}
