@@ -124,8 +124,8 @@ impl Crate {
                 }
                 index += 2;
                 (path, is_test) = (None, false);
-            } else if is_word(after(0), "use") {
-                // `pub use` or `pub(crate) use`.
+            } else if is_word(after(0), "use") && !is_mark(after(1), '<') {
+                // `pub use` or `pub(crate) use`; `use<>` in a type is no import.
                 let before = |less: usize| index.checked_sub(less).and_then(|index| tokens.get(index));
                 let is_public = is_word(before(1), "pub") || is_word(before(2), "pub");
                 let length = tokens[index..].iter().position(|token| is_mark(Some(token), ';')).unwrap_or(0);

@@ -1,38 +1,12 @@
 //! A port of pins, RM0090 section 8.
 
-use std::fmt;
-
+pub use crate::chip::pin::Pin;
 use crate::chip::registers::{Peripheral, Registers};
 use crate::chip::time::Picoseconds;
 use crate::chip::violation::Violation;
 
 /// Pins of a port.
 pub const PINS: usize = 16;
-
-/// A pin by its port and number.
-#[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Pin {
-    /// From 'A' to 'I'.
-    pub port: char,
-    pub number: u8,
-}
-
-impl Pin {
-    pub const fn new(port: char, number: u8) -> Self {
-        Self { port, number }
-    }
-
-    /// Place of the port among the ports.
-    pub fn index(self) -> usize {
-        self.port as usize - 'A' as usize
-    }
-}
-
-impl fmt::Debug for Pin {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "P{}{}", self.port, self.number)
-    }
-}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {

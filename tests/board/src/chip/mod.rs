@@ -8,6 +8,7 @@ pub mod gpio;
 pub mod lines;
 pub mod memory;
 pub mod pads;
+mod pin;
 pub mod rcc;
 pub mod registers;
 pub mod spi;

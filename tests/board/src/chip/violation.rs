@@ -1,7 +1,7 @@
 //! Actions of the firmware that the chip's documents forbid.
 
 use crate::chip::Block;
-use crate::chip::gpio::Pin;
+use crate::chip::pin::Pin;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Violation {
