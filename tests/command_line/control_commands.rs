@@ -1,26 +1,13 @@
 //! The commands of control as scripts call them.
 
-use std::fs;
-
 use serde_json::Value;
-use tempfile::TempDir;
-use tests::recordings;
-use tests::table::column;
+use tests::tool::{Bench, SIZES, names, number, rows};
 
 use crate::TOOL;
 
 /// A folder with parameters of a film like the first simulated film, and references that it can and cannot follow.
-fn bench() -> TempDir {
-    let folder = TempDir::new().expect("a folder");
-    let toml = r#"
-        schema = 1
-        name = "soft"
-        [actuator]
-        relative_permittivity = 4.7
-        length_m = 0.04
-        width_m = 0.06
-        thickness_m = 160e-6
-        mass_kg = 0.316
+fn bench() -> Bench {
+    let model = r#"
         stretch_coupling = 29.0
         [model]
         topology = "parallel"
@@ -32,36 +19,32 @@ fn bench() -> TempDir {
           [{ c = 1231.0, alpha = 1.0 }, { c = 9424.0, alpha = 1.0 }],
         ]
     "#;
-    fs::write(folder.path().join("soft.toml"), toml).expect("written");
+    let bench = Bench::new(TOOL);
+    bench.write("soft.toml", format!("schema = 1\nname = \"soft\"\n{SIZES}{model}"));
     for (name, low) in [("high.csv", "1.5e-3"), ("low.csv", "0.1e-3")] {
         let shape = "reference --shape sine --high 4e-3 --period 10 --duration 45";
-        TOOL.line(&format!("{shape} --low {low} --out {name}"), folder.path());
+        bench.json(&format!("{shape} --low {low} --out {name}"));
     }
-    folder
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is not a number"))
+    bench
 }
 
 /// In all memories and precisions the model, driven by the voltages, is back on the reference.
 #[test]
 fn feedforward_and_simulate_are_each_others_inverse() {
     let bench = bench();
-    let (volts, back) = (bench.path().join("v.csv"), bench.path().join("x.csv"));
-    let wanted = column(&bench.path().join("high.csv"), "displacement_m");
+    let wanted = bench.column("high.csv", "displacement_m");
     for (memory, precision, within) in
         [("compressed", "f32", 1e-5), ("compressed", "f64", 1e-10), ("window:5", "f64", 1e-10), ("full", "f64", 1e-9)]
     {
         let how = format!("--params soft.toml --memory {memory} --precision {precision}");
-        let report = TOOL.line(&format!("feedforward --reference high.csv --out v.csv {how}"), bench.path());
-        assert_eq!(report["samples"], 45_001);
-        assert_eq!(report["limited_pct"], 0.0);
-        let header = fs::read_to_string(&volts).expect("written").lines().next().expect("a header").to_owned();
-        assert!(header.starts_with("time_s,voltage_v,displacement_m,limited"), "{header}");
-        TOOL.line(&format!("simulate --profile v.csv --out x.csv {how}"), bench.path());
-        let worst = |x: &[f64]| x.iter().zip(&wanted).map(|(x, r)| (x - r).abs()).fold(0.0, f64::max) / 4e-3;
-        let (reported, simulated) = (worst(&column(&volts, "displacement_m")), worst(&column(&back, "displacement_m")));
+        let report = bench.json(&format!("feedforward --reference high.csv --out v.csv {how}"));
+        assert!(report["samples"] == 45_001 && report["limited_pct"] == 0.0, "{report}");
+        assert!(bench.read("v.csv").starts_with("time_s,voltage_v,displacement_m,limited"));
+        bench.json(&format!("simulate --profile v.csv --out x.csv {how}"));
+        let [reported, simulated] = ["v.csv", "x.csv"].map(|file| {
+            let x = bench.column(file, "displacement_m");
+            x.iter().zip(&wanted).map(|(x, r)| (x - r).abs()).fold(0.0, f64::max) / 4e-3
+        });
         println!("{memory} {precision}: reported {reported:.1e}, simulated {simulated:.1e}");
         assert!(reported < within && simulated < within, "{memory} {precision}: {reported} {simulated}");
     }
@@ -72,8 +55,7 @@ fn feedforward_and_simulate_are_each_others_inverse() {
 fn check_reports_the_feasible_band() {
     let bench = bench();
     let check = |reference: &str| {
-        let arguments = ["feedforward", "--params", "soft.toml", "--reference", reference, "--check", "--json"];
-        let output = TOOL.with(&arguments).current_dir(bench.path()).output().expect("runs");
+        let output = bench.run(&format!("feedforward --params soft.toml --reference {reference} --check --json"));
         let report: Value = serde_json::from_slice(&output.stdout).expect("one document");
         // The exit status is the answer.
         let feasible = report["check"]["feasible"].as_bool().expect("an answer");
@@ -86,20 +68,20 @@ fn check_reports_the_feasible_band() {
     assert!(number(&low["below_zero_pct"]) > 5.0 && number(&low["lowest_force_n"]) < -1.0);
     let (least, most) = (number(&low["least_offset_m"]), number(&low["most_offset_m"]));
     println!("offset {:.4} to {:.4} mm", 1e3 * least, 1e3 * most);
-    let [time, path] = ["time_s", "displacement_m"].map(|name| column(&bench.path().join("low.csv"), name));
+    let [time, path] = ["time_s", "displacement_m"].map(|title| bench.column("low.csv", title));
     for (offset, feasible) in [(1.01 * least, true), (0.98 * least, false), (0.99 * most, true), (1.02 * most, false)] {
         let mut csv = String::from("time_s,displacement_m\n");
         for (t, x) in time.iter().zip(&path) {
             let s = (t / 2.0).min(1.0);
             csv += &format!("{t},{}\n", x + offset * s * s * s * (10.0 + s * (6.0 * s - 15.0)));
         }
-        fs::write(bench.path().join("raised.csv"), csv).expect("written");
+        bench.write("raised.csv", csv);
         assert_eq!(check("raised.csv")["feasible"], feasible, "{offset}");
     }
     // A command for it is limited, and marked as limited.
-    let report = TOOL.line("feedforward --params soft.toml --reference low.csv --out v.csv", bench.path());
+    let report = bench.json("feedforward --params soft.toml --reference low.csv --out v.csv");
     assert_eq!(report["limits_met"][0]["limit"], "below-zero");
-    let [volts, limited] = ["voltage_v", "limited"].map(|name| column(&bench.path().join("v.csv"), name));
+    let [volts, limited] = ["voltage_v", "limited"].map(|title| bench.column("v.csv", title));
     assert!(volts.iter().zip(&limited).all(|(v, bits)| *v >= 0.0 && (*bits == 0.0 || *v < 100.0)));
     assert!(limited.contains(&1.0));
 }
@@ -107,23 +89,21 @@ fn check_reports_the_feasible_band() {
 #[test]
 fn observe_estimates_a_recording() {
     let bench = bench();
-    let [recording, ..] = recordings("hossain");
-    fs::copy(recording, bench.path().join("rec.csv")).expect("copied");
-    let report = TOOL.line("observe --params soft.toml rec.csv --out out.csv", bench.path());
+    bench.recordings("hossain");
+    let report = bench.json("observe --params soft.toml hossain-5s.csv --out out.csv");
     assert_eq!(report["samples"], 15_501);
     let rms = number(&report["innovation_rms_m"]);
     println!("innovation {:.2} µm", 1e6 * rms);
     // The sensor's 5 µm, and what the bandwidth leaves of the model's error.
     assert!((5e-6..8e-6).contains(&rms));
     assert!((number(&report["force_scale"]) - 1.0).abs() < 0.03);
-    let written = |name| column(&bench.path().join("out.csv"), name);
-    // A row for each of the recording, not for each tick.
-    assert_eq!(written("time_s").len(), 15_501);
-    let [estimate, sample] = ["displacement_m", "sample_m"].map(written);
-    let pairs: Vec<f64> = estimate.iter().zip(&sample).map(|(x, y)| x - y).filter(|e| !e.is_nan()).collect();
-    assert_eq!(pairs.len(), 15_501);
-    TOOL.line("observe --params soft.toml rec.csv --out out.csv --every 500", bench.path());
-    assert_eq!(written("time_s")[..3], [0.0, 0.5, 1.0]);
+    // A row for each of the recording, not for each tick, each with an estimate and a sample.
+    for title in ["displacement_m", "sample_m"] {
+        let column = bench.column("out.csv", title);
+        assert!(column.len() == 15_501 && column.iter().all(|x| x.is_finite()), "{title}");
+    }
+    bench.json("observe --params soft.toml hossain-5s.csv --out out.csv --every 500");
+    assert_eq!(bench.column("out.csv", "time_s")[..3], [0.0, 0.5, 1.0]);
 }
 
 #[test]
@@ -131,7 +111,7 @@ fn closed_loop_prints_what_scripts_read() {
     let bench = bench();
     let base = "closed-loop --plant hossain --params soft.toml --reference high.csv --controller";
     let errors = ["none", "static", "window", "pi", "feedforward", "tracking"].map(|controller| {
-        let report = TOOL.line(&format!("{base} {controller}"), bench.path());
+        let report = bench.json(&format!("{base} {controller}"));
         assert!(report["drift_pct"].is_number() && report["infeasible_pct"].is_number(), "{report}");
         number(&report["tracking_rms_pct"])
     });
@@ -141,10 +121,9 @@ fn closed_loop_prints_what_scripts_read() {
     let flags = "--sensor-noise 1e-6 --sensor-rate 200 --sensor-delay 0.005 --sensor-quantum 0 --sensor-lost 20:30 --amplifier-lag 0.002 \
                  --monitor-error -0.01 --stiffness 0.9 --bandwidth 0.7 --max-voltage 5800 --max-slew 40000 --seed 7 --rate 500 \
                  --precision f64 --out run.csv --plot run.svg";
-    let report = TOOL.line(&format!("{base} tracking {flags}"), bench.path());
-    assert_eq!(report["samples"], 22_501);
-    assert_eq!(column(&bench.path().join("run.csv"), "displacement_m").len(), 22_501);
-    assert!(fs::read_to_string(bench.path().join("run.svg")).expect("written").contains("<svg"));
+    assert_eq!(bench.json(&format!("{base} tracking {flags}"))["samples"], 22_501);
+    assert_eq!(bench.column("run.csv", "displacement_m").len(), 22_501);
+    names(&bench.read("run.svg"), &["<svg"]);
 }
 
 /// Any parameter file is a plant. Its own law follows it within the discretisation; one that differs is not followed as well, and
@@ -154,7 +133,7 @@ fn a_parameter_file_is_a_plant() {
     let bench = bench();
     let run = |more: &str| {
         let base = "closed-loop --params soft.toml --plant soft.toml --reference high.csv --controller feedforward";
-        TOOL.line(&format!("{base} {more}"), bench.path())
+        bench.json(&format!("{base} {more}"))
     };
     let error = |more: &str| number(&run(more)["tracking_rms_pct"]);
     let same = error("");
@@ -165,8 +144,7 @@ fn a_parameter_file_is_a_plant() {
     assert_eq!(stiffer, again);
 
     let held = run("--max-field 2e7");
-    let met = held["limits_met"].as_array().expect("a list");
-    let field = number(&met.iter().find(|met| met["limit"] == "field").expect("met")["pct"]);
+    let field = number(&rows(&held["limits_met"]).iter().find(|met| met["limit"] == "field").expect("met")["pct"]);
     assert!(field > 50.0 && number(&held["limited_pct"]) >= field, "{held}");
     assert!(number(&held["infeasible_pct"]) < 1.0, "{held}");
 }

@@ -7,8 +7,7 @@ use dea_driver::wire::boards;
 use dea_driver::{Blob, Controller, OnSensorFault};
 use host_sim::files::parameters::Parameters;
 use springpot::{Law, LawOptions, Preset, VoltageDrive};
-use tempfile::TempDir;
-use tests::tool::{names, text};
+use tests::tool::{Bench, SIZES, names, number};
 
 use crate::TOOL;
 
@@ -22,22 +21,15 @@ fn board_table() -> String {
         .into()
 }
 
-/// Exports `params` at `rate` and gives the blob's bytes.
-fn exported(params: &str, rate: &str) -> Vec<u8> {
-    let folder = TempDir::new().expect("a folder");
-    let out = folder.path().join("p.bin");
-    let report = TOOL.json(&["export", "--params", params, "--rate", rate, "--out", text(&out)]);
-    let blob = fs::read(&out).expect("written");
+/// Exports `params` at `rate` and gives the blob's bytes, which are those of the constant.
+fn exported(bench: &Bench, params: &str, rate: &str) -> Vec<u8> {
+    let report = bench.json(&format!("export --params {params} --rate {rate} --out p.bin"));
+    let blob = fs::read(bench.path("p.bin")).expect("written");
     assert_eq!(report["bytes"].as_u64(), Some(blob.len() as u64));
-    // The same as a constant.
-    let source = folder.path().join("blob.rs");
-    TOOL.json(&["export", "--params", params, "--rate", rate, "--emit", "rust", "--out", text(&source)]);
-    let source = fs::read_to_string(&source).expect("written");
-    let constant: Vec<u8> = source
-        .split(|c: char| !c.is_ascii_alphanumeric())
-        .filter_map(|word| word.strip_prefix("0x"))
-        .map(|hex| u8::from_str_radix(hex, 16).expect("a byte"))
-        .collect();
+    bench.json(&format!("export --params {params} --rate {rate} --emit rust --out blob.rs"));
+    let source = bench.read("blob.rs");
+    let words = source.split(|c: char| !c.is_ascii_alphanumeric()).filter_map(|word| word.strip_prefix("0x"));
+    let constant: Vec<u8> = words.map(|hex| u8::from_str_radix(hex, 16).expect("a byte")).collect();
     assert_eq!(constant, blob);
     blob
 }
@@ -45,10 +37,9 @@ fn exported(params: &str, rate: &str) -> Vec<u8> {
 /// The cost of the compression is that of the law; none for a displacement behind a curve with mass.
 #[test]
 fn the_bound_of_the_compression_is_reported() {
-    let folder = TempDir::new().expect("a folder");
-    let (file, out) = (folder.path().join("p.toml"), folder.path().join("p.bin"));
-    let preset = ["export", "--params", "preset:table3-n2", "--rate", "500", "--out", text(&out)];
-    let reported = &TOOL.json(&preset)["compression"];
+    let bench = Bench::new(TOOL);
+    let preset = "export --params preset:table3-n2 --rate 500 --out p.bin";
+    let reported = &bench.json(preset)["compression"];
     let model = Preset::TABLE3_N2.model().expect("valid");
     let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1.0 / 500.0)).expect("valid");
     let bound = law.compression_bound(&model, LawOptions::DEFAULT_HORIZON_S);
@@ -60,26 +51,27 @@ fn the_bound_of_the_compression_is_reported() {
         ("displacement_per_increment", bound.displacement_per_increment),
         ("displacement_per_stroke", bound.displacement_per_stroke),
     ] {
-        assert_eq!(reported[name].as_f64().map(|reported| reported as f32), Some(value), "{name}");
+        assert_eq!(number(&reported[name]) as f32, value, "{name}");
     }
     // Its numbers are for those who ask.
-    let line = TOOL.with(&preset).arg("--verbose").output().expect("runs");
-    names(&String::from_utf8_lossy(&line.stderr), &["compression at 500 Hz, over 86400 s from rest", "of the stroke"]);
+    let verbose = bench.run(&format!("{preset} --verbose"));
+    let words = ["compression at 500 Hz, over 86400 s from rest", "of the stroke"];
+    names(&String::from_utf8_lossy(&verbose.stderr), &words);
 
-    let curve = "schema = 2\nname = \"bent\"\n[actuator]\nrelative_permittivity = 4.7\nlength_m = 0.04\nwidth_m = 0.06\n\
-                 thickness_m = 160e-6\nmass_kg = 0.316\n[model]\ntopology = \"parallel\"\nmain = { c = 62740.0, alpha = 0.2 }\n\
-                 branches = []\n[curve]\nelastic = \"free\"\ndisplacement_m = [-0.0005, 0.0, 0.002]\nvalue_m = [-0.00045, 0.0, 0.003]\n";
-    fs::write(&file, curve).expect("writable");
-    let bent = &TOOL.json(&["export", "--params", text(&file), "--out", text(&out)])["compression"];
+    let model = "[model]\ntopology = \"parallel\"\nmain = { c = 62740.0, alpha = 0.2 }\nbranches = []\n[curve]\nelastic = \"free\"\n\
+                 displacement_m = [-0.0005, 0.0, 0.002]\nvalue_m = [-0.00045, 0.0, 0.003]\n";
+    bench.write("bent.toml", format!("schema = 2\nname = \"bent\"\n{SIZES}{model}"));
+    let bent = &bench.json("export --params bent.toml --out p.bin")["compression"];
     assert!(bent["displacement_per_stroke"].is_null() && bent["force_per_stroke"].is_f64(), "{bent}");
 }
 
 /// Every preset, at several rates: the controller's steps are the host's, bit for bit.
 #[test]
 fn the_controller_runs_what_the_host_runs() {
-    for preset in springpot::Preset::ALL {
+    let bench = Bench::new(TOOL);
+    for preset in Preset::ALL {
         for rate in [200.0, 1000.0, 5000.0] {
-            let blob = exported(&format!("preset:{}", preset.name()), &rate.to_string());
+            let blob = exported(&bench, &format!("preset:{}", preset.name()), &rate.to_string());
             let blob = Blob::decode(&blob, boards::STM32F405).expect("valid");
             let mut controller = Controller::new(blob);
             let parameters = Parameters::preset(preset.name()).expect("there");
@@ -99,58 +91,45 @@ fn the_controller_runs_what_the_host_runs() {
 
 #[test]
 fn a_board_of_its_own_goes_into_the_blob() {
-    let folder = TempDir::new().expect("a folder");
-    let file = folder.path().join("p.toml");
+    let bench = Bench::new(TOOL);
     let mut parameters = Parameters::preset("table3-n2").expect("there");
     parameters.sensor_offset_m = 12e-6;
-    fs::write(&file, parameters.to_toml() + &board_table()).expect("written");
-    let blob = Blob::decode(&exported(text(&file), "2000"), 7).expect("for board 7").into_parameters();
-    assert_eq!((blob.rate_hz, blob.command_range), (2000.0, CommandRange::FiveVolts));
-    assert_eq!(blob.amplifier, Calibration::Parabola { offset: 0.0, gain: 1200.0, quadratic: -3.5 });
-    assert_eq!(blob.monitor, Calibration::Parabola { offset: 1.5, gain: 1000.0, quadratic: 0.0 });
-    assert_eq!((blob.limits.max_voltage_v, blob.limits.on_sensor_fault), (5500.0, OnSensorFault::OpenLoop));
-    assert_eq!((blob.limits.sensor.stuck_ticks, blob.sensor_offset_m), (300, 12e-6));
-    // And through other commands, unchanged.
-    let reduced = folder.path().join("r.toml");
-    TOOL.json(&["reduce", "--params", text(&file), "--out", text(&reduced)]);
-    let (before, after) = (Parameters::read(&file).expect("readable"), Parameters::read(&reduced).expect("readable"));
-    assert_eq!(before.board, after.board);
-    assert!(fs::read_to_string(&reduced).expect("written").contains("settle_s = 0.01\n"), "short numbers");
-}
-
-#[test]
-fn an_amplifier_is_described_by_points_as_well() {
-    let folder = TempDir::new().expect("a folder");
-    let file = folder.path().join("p.toml");
+    let toml = parameters.to_toml() + &board_table();
     let parabola = "amplifier = { offset = 0.0, gain = 1200.0, quadratic = -3.5 }";
     let points = "amplifier = { points = [[0.0, 0.0], [0.6, 15.0], [0.8, 160.0], [5.0, 6000.0]] }";
-    let good = Parameters::preset("table3-n2").expect("there").to_toml() + &board_table();
-    assert!(good.contains(parabola));
-    fs::write(&file, good.replace(parabola, points)).expect("written");
-    let blob = Blob::decode(&exported(text(&file), "1000"), 7).expect("for board 7").into_parameters();
-    let expected = Calibration::points(&[[0.0, 0.0], [0.6, 15.0], [0.8, 160.0], [5.0, 6000.0]]).expect("rising");
-    assert_eq!(blob.amplifier, expected);
-    // Through other commands, with short numbers.
-    let reduced = folder.path().join("r.toml");
-    TOOL.json(&["reduce", "--params", text(&file), "--out", text(&reduced)]);
-    let (before, after) = (Parameters::read(&file).expect("readable"), Parameters::read(&reduced).expect("readable"));
-    assert_eq!(before.board, after.board);
-    assert!(fs::read_to_string(&reduced).expect("written").contains("0.6"), "short numbers");
+    for (described, amplifier) in [
+        (parabola, Calibration::Parabola { offset: 0.0, gain: 1200.0, quadratic: -3.5 }),
+        (points, Calibration::points(&[[0.0, 0.0], [0.6, 15.0], [0.8, 160.0], [5.0, 6000.0]]).expect("rising")),
+    ] {
+        assert!(toml.contains(parabola));
+        bench.write("p.toml", toml.replace(parabola, described));
+        let blob = Blob::decode(&exported(&bench, "p.toml", "2000"), 7).expect("for board 7").into_parameters();
+        assert_eq!((blob.rate_hz, blob.command_range), (2000.0, CommandRange::FiveVolts));
+        assert_eq!(blob.amplifier, amplifier);
+        assert_eq!(blob.monitor, Calibration::Parabola { offset: 1.5, gain: 1000.0, quadratic: 0.0 });
+        assert_eq!((blob.limits.max_voltage_v, blob.limits.on_sensor_fault), (5500.0, OnSensorFault::OpenLoop));
+        assert_eq!((blob.limits.sensor.stuck_ticks, blob.sensor_offset_m), (300, 12e-6));
+        // And through other commands, unchanged, with short numbers.
+        bench.json("reduce --params p.toml --out r.toml");
+        let [before, after] =
+            ["p.toml", "r.toml"].map(|name| Parameters::read(&bench.path(name)).expect("readable").board);
+        assert_eq!(before, after);
+        names(&bench.read("r.toml"), &["settle_s = 0.01\n"]);
+    }
 }
 
 /// The ending chooses the format; one that is another format's is refused, and nothing is written.
 #[test]
 fn the_ending_chooses_the_format() {
-    let folder = TempDir::new().expect("a folder");
-    let out = |name: &str| folder.path().join(name);
-    let export = ["export", "--params", "preset:table3-n2", "--out"];
-    let read = |name: &str| fs::read(out(name)).unwrap_or_default();
-    for name in ["film.bin", "film.rs", "film.c", "film.fmu", "film"] {
-        TOOL.json(&[&export[..], &[text(&out(name))]].concat());
+    let bench = Bench::new(TOOL);
+    let export = "export --params preset:table3-n2 --out";
+    for (name, begin) in
+        [("film.bin", "DEA"), ("film.rs", "///"), ("film.c", "/*"), ("film.fmu", "PK"), ("film", "DEA")]
+    {
+        bench.json(&format!("{export} {name}"));
+        assert!(fs::read(bench.path(name)).expect("written").starts_with(begin.as_bytes()), "{name}");
     }
-    assert!(read("film.bin").starts_with(b"DEA") && read("film") == read("film.bin"));
-    assert!(read("film.rs").starts_with(b"///") && read("film.fmu").starts_with(b"PK"));
-    assert!(read("film.c").starts_with(b"/*") && out("springpot.h").exists());
+    assert!(bench.path("springpot.h").exists());
     for (name, emit) in [
         ("other.c", "blob"),
         ("other.c", "rust"),
@@ -161,13 +140,10 @@ fn the_ending_chooses_the_format() {
         ("other.h", "c"),
         ("other.c", "arduino"),
     ] {
-        let refusal = TOOL.fails(&[&export[..], &[text(&out(name)), "--emit", emit]].concat());
-        names(&refusal, &["--out", name, "--emit", emit]);
-        assert!(!out(name).exists(), "{name} {emit}");
+        names(&bench.fails(&format!("{export} {name} --emit {emit}")), &["--out", name, "--emit", emit]);
     }
     for name in ["other.h", "other.ino", "other.zip", "other.csv"] {
-        names(&TOOL.fails(&[&export[..], &[text(&out(name))]].concat()), &["--out", name, ".bin", ".c"]);
-        assert!(!out(name).exists(), "{name}");
+        names(&bench.fails(&format!("{export} {name}")), &["--out", name, ".bin", ".c"]);
     }
 }
 
@@ -175,7 +151,9 @@ fn the_ending_chooses_the_format() {
 #[test]
 fn the_blob_of_the_example_for_other_boards_is_that_of_its_film() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/dea-driver/examples/other-board");
+    let bench = Bench::new(TOOL);
+    fs::copy(format!("{folder}/film.toml"), bench.path("film.toml")).expect("copied");
     let committed = fs::read(format!("{folder}/film.bin")).expect("committed");
-    let made = exported(&format!("{folder}/film.toml"), "1000");
+    let made = exported(&bench, "film.toml", "1000");
     assert!(made == committed, "make film.bin again: host-sim export --params film.toml --out film.bin in {folder}");
 }

@@ -1,7 +1,7 @@
 //! `export --emit fmu` and `--emit fmu2`: what is written is whole, the same every time, and refuses what it should; with FMPy, that it
 //! has the bits of the controller's code.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -11,9 +11,8 @@ use dea_driver::Blob;
 use host_sim::files::parameters::Parameters;
 use quick_xml::events::Event;
 use springpot::{Applied, Compensator, Feedforward, Follower, FollowerState, ObserverState, SensorSample};
-use tempfile::TempDir;
 use tests::recordings;
-use tests::tool::{names, text};
+use tests::tool::{Bench, names, text};
 use zip::ZipArchive;
 
 use crate::TOOL;
@@ -66,25 +65,20 @@ fn elements(xml: &[u8]) -> Vec<(String, BTreeMap<String, String>)> {
 /// Exports twice, of a film whose name would break a description: the bytes are the same, and what the descriptions name is there.
 #[test]
 fn an_fmu_is_whole_and_the_same_every_time() {
-    let folder = TempDir::new().expect("a folder");
-    let params = folder.path().join("rich.toml");
+    let bench = Bench::new(TOOL);
     let odd = rich().replace("name = \"rich\"", "name = 'rich<&>\"*/'");
     assert_ne!(odd, rich());
-    fs::write(&params, odd).expect("written");
+    bench.write("rich.toml", odd);
     for (emit, version, platform) in VERSIONS {
-        let export = |folder: &str| {
-            let folder = params.with_file_name(folder);
-            fs::create_dir_all(&folder).expect("made");
-            let out = folder.join(format!("rich-{emit}.fmu"));
-            let report = TOOL.json(&["export", "--params", text(&params), "--emit", emit, "--out", text(&out)]);
-            (report, out)
-        };
-        let ((report, out), (_, again)) = (export("one"), export("two"));
+        let [(report, bytes), (_, again)] = [(); 2].map(|()| {
+            let report = bench.json(&format!("export --params rich.toml --emit {emit} --out rich-{emit}.fmu"));
+            (report, fs::read(bench.path(&format!("rich-{emit}.fmu"))).expect("there"))
+        });
         let symbol = format!("film_rich_{emit}");
         assert_eq!(report["symbol"], symbol, "{report}");
-        assert_eq!(fs::read(&out).expect("there"), fs::read(&again).expect("there"), "{emit}");
+        assert!(bytes == again, "{emit}");
 
-        let files = unpacked(&out);
+        let files = unpacked(&bench.path(&format!("rich-{emit}.fmu")));
         let read = |name: &str| String::from_utf8_lossy(&files[name]).into_owned();
         let described = elements(&files["modelDescription.xml"]);
         let one = |name: &str| &described.iter().find(|(element, _)| element == name).expect(name).1;
@@ -103,16 +97,15 @@ fn an_fmu_is_whole_and_the_same_every_time() {
         for line in [format!("FMU_TOKEN \"{token}\""), format!("FMU_FILM {symbol}"), "FMU_LEARNS 1".into()] {
             assert!(header.contains(&line), "{line}: {header}");
         }
-        let compiled: Vec<String> = if version == "3.0" {
-            let build = elements(&files["sources/buildDescription.xml"]);
-            build
-                .into_iter()
-                .filter(|(name, _)| name == "SourceFile")
-                .map(|(_, mut file)| file.remove("name").unwrap())
-                .collect()
-        } else {
-            described.iter().filter(|(name, _)| name == "File").map(|(_, file)| file["name"].clone()).collect()
-        };
+        let build = files.get("sources/buildDescription.xml").map(|file| elements(file));
+        let kind = if version == "3.0" { "SourceFile" } else { "File" };
+        let compiled: Vec<&String> = build
+            .as_ref()
+            .unwrap_or(&described)
+            .iter()
+            .filter(|(name, _)| name == kind)
+            .map(|(_, file)| &file["name"])
+            .collect();
         assert_eq!(compiled.len(), 2);
         for file in compiled {
             assert!(files.contains_key(&format!("sources/{file}")), "{file}");
@@ -127,30 +120,31 @@ fn an_fmu_is_whole_and_the_same_every_time() {
     }
 }
 
+/// Exports without a compiler: an FMU has its sources, and a line says so.
+fn sources(bench: &Bench, options: &str) -> BTreeMap<String, Vec<u8>> {
+    let line = format!("export --out film.fmu {options}");
+    let run = bench.with(&line).env("PATH", "").assert().success().get_output().clone();
+    names(&String::from_utf8_lossy(&run.stderr), &["compiler", "sources"]);
+    let files = unpacked(&bench.path("film.fmu"));
+    assert!(files.keys().all(|name| !name.starts_with("binaries/")), "{:?}", files.keys());
+    assert!(files.contains_key("sources/film.c") && files.contains_key("sources/springpot.h"));
+    files
+}
+
 /// The sources of both versions, without a warning.
 #[test]
 fn sources_compile_without_a_warning() {
-    let folder = TempDir::new().expect("a folder");
-    for (emit, ..) in VERSIONS {
-        let out = folder.path().join("film.fmu");
-        let arguments = ["export", "--params", "preset:table3-n2", "--emit", emit, "--out", text(&out)];
-        // Compiled here alone.
-        TOOL.with(&arguments).env("PATH", "").assert().success();
-        let sources = folder.path().join(emit);
-        fs::create_dir(&sources).expect("made");
-        for (path, content) in unpacked(&out) {
+    let bench = Bench::new(TOOL);
+    for (emit, interface) in [("fmu", "fmi3.c"), ("fmu2", "fmi2.c")] {
+        for (path, content) in sources(&bench, &format!("--params preset:table3-n2 --emit {emit}")) {
             if let Some(name) = path.strip_prefix("sources/") {
-                fs::write(sources.join(name), content).expect("written");
+                bench.write(name, content);
             }
         }
         let strict = "-std=c99 -fsyntax-only -Wall -Wextra -Wpedantic -Wconversion -Wshadow -Werror";
-        let interface = if emit == "fmu" { "fmi3.c" } else { "fmi2.c" };
-        let output = Command::new("gcc")
-            .args(strict.split(' '))
-            .args([interface, "film.c"])
-            .current_dir(&sources)
-            .output()
-            .expect("there is gcc");
+        let mut gcc = Command::new("gcc");
+        gcc.args(strict.split(' ')).args([interface, "film.c"]).current_dir(bench.path(""));
+        let output = gcc.output().expect("there is gcc");
         let errors = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success() && errors.is_empty(), "{emit}: {errors}");
     }
@@ -159,53 +153,29 @@ fn sources_compile_without_a_warning() {
 /// Films, rates and versions give different tokens.
 #[test]
 fn a_token_belongs_to_a_film() {
-    let folder = TempDir::new().expect("a folder");
-    let out = folder.path().join("film.fmu");
-    let runs = [
-        ("table3-n1", "1000", "fmu"),
-        ("table3-n2", "1000", "fmu"),
-        ("table3-n1", "500", "fmu"),
-        ("table3-n1", "1000", "fmu2"),
-    ];
-    let mut tokens: Vec<String> = runs
+    let bench = Bench::new(TOOL);
+    let runs =
+        ["table3-n1 --emit fmu", "table3-n2 --emit fmu", "table3-n1 --rate 500 --emit fmu", "table3-n1 --emit fmu2"];
+    let tokens: BTreeSet<String> = runs
         .iter()
-        .map(|(preset, rate, emit)| {
-            let params = format!("preset:{preset}");
-            // Without a compiler, which is not looked at here.
-            let arguments = ["export", "--params", &params, "--rate", rate, "--emit", emit, "--out", text(&out)];
-            TOOL.with(&arguments).env("PATH", "").assert().success();
-            let (_, root) = elements(&unpacked(&out)["modelDescription.xml"]).swap_remove(0);
+        .map(|run| {
+            let files = sources(&bench, &format!("--params preset:{run}"));
+            let (_, root) = elements(&files["modelDescription.xml"]).swap_remove(0);
             root.get("instantiationToken").or_else(|| root.get("guid")).expect("a token").clone()
         })
         .collect();
-    tokens.sort();
-    tokens.dedup();
     assert_eq!(tokens.len(), runs.len());
-}
-
-/// Without a compiler an FMU has its sources, and a line says so.
-#[test]
-fn without_a_compiler_there_are_the_sources() {
-    let folder = TempDir::new().expect("a folder");
-    let out = folder.path().join("film.fmu");
-    let arguments = ["export", "--params", "preset:table3-n2", "--emit", "fmu", "--out", text(&out)];
-    let run = TOOL.with(&arguments).env("PATH", "").assert().success().get_output().clone();
-    names(&String::from_utf8_lossy(&run.stderr), &["compiler", "sources"]);
-    let files = unpacked(&out);
-    assert!(files.keys().all(|name| !name.starts_with("binaries/")), "{:?}", files.keys());
-    assert!(files.contains_key("sources/film.c") && files.contains_key("sources/springpot.h"));
 }
 
 /// The compiler needs a place for its files; where it has none, nothing is written.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 #[test]
 fn without_a_temporary_folder_nothing_is_written() {
-    let folder = TempDir::new().expect("a folder");
-    let (out, nowhere) = (folder.path().join("film.fmu"), folder.path().join("nowhere"));
-    let arguments = ["export", "--params", "preset:table3-n2", "--emit", "fmu", "--out", text(&out)];
-    let run = TOOL.with(&arguments).env("TMPDIR", &nowhere).assert().failure();
+    let bench = Bench::new(TOOL);
+    let mut export = bench.with("export --params preset:table3-n2 --emit fmu --out film.fmu");
+    let run = export.env("TMPDIR", bench.path("nowhere")).assert().failure();
     names(&String::from_utf8_lossy(&run.get_output().stderr), &["nowhere", "set TMPDIR"]);
-    assert!(!out.exists());
+    assert!(bench.files().is_empty());
 }
 
 /// A tick's inputs: voltage, reference, sample, whether there is one, its age, reading, whether there is one.
@@ -244,33 +214,28 @@ impl Importer {
 }
 
 /// A recording's voltages below the board's largest, as the tool reads it. Returns time, voltage, force and displacement of `simulate`.
-fn simulated(folder: &Path, recording: &Path) -> Vec<[f64; 4]> {
+fn simulated(bench: &Bench, recording: &Path) -> Vec<[f64; 4]> {
     let rows = |text: &str| -> Vec<Vec<f64>> {
         let rows = text.lines().filter(|line| !line.starts_with(['#', 't']));
         rows.map(|line| line.split(',').map(|cell| cell.parse().expect("a number")).collect()).collect()
     };
-    let mut profile = "time_s,voltage_v\n".to_owned();
-    for row in rows(&fs::read_to_string(recording).expect("committed")) {
-        profile += &format!("{},{}\n", row[0], 0.95 * row[1]);
-    }
-    let [given, out] = ["profile.csv", "response.csv"].map(|name| folder.join(name));
-    fs::write(&given, profile).expect("written");
-    TOOL.json(&["simulate", "--params", "preset:table3-n2", "--profile", text(&given), "--out", text(&out)]);
-    let response = rows(&fs::read_to_string(&out).expect("written"));
-    response.into_iter().map(|row| row.try_into().expect("four columns")).collect()
+    let recorded = rows(&fs::read_to_string(recording).expect("committed"));
+    let profile: String = recorded.iter().map(|row| format!("{},{}\n", row[0], 0.95 * row[1])).collect();
+    bench.write("profile.csv", format!("time_s,voltage_v\n{profile}"));
+    bench.json("simulate --params preset:table3-n2 --profile profile.csv --out response.csv");
+    rows(&bench.read("response.csv")).into_iter().map(|row| row.try_into().expect("four columns")).collect()
 }
 
 /// The film: the numbers of `host-sim simulate` along three recordings of 155 s, every bit, in both versions.
 #[test]
 #[ignore = "needs FMPy: cargo xtask faces fmu"]
 fn a_plant_has_the_bits_of_simulate() {
-    let folder = TempDir::new().expect("a folder");
-    let importer = Importer::there();
+    let (bench, importer) = (Bench::new(TOOL), Importer::there());
     for (emit, ..) in VERSIONS {
-        let fmu = folder.path().join(format!("{emit}.fmu"));
-        TOOL.json(&["export", "--params", "preset:table3-n2", "--emit", emit, "--out", text(&fmu)]);
+        let fmu = bench.path("film.fmu");
+        bench.json(&format!("export --params preset:table3-n2 --emit {emit} --out film.fmu"));
         for recording in recordings("hossain") {
-            let response = simulated(folder.path(), &recording);
+            let response = simulated(&bench, &recording);
             assert!(response.len() > 155_000);
             let inputs: Vec<Input> = response.iter().map(|row| [row[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]).collect();
             let rows = importer.run(&fmu, "plant", &[], &inputs);
@@ -286,7 +251,7 @@ fn a_plant_has_the_bits_of_simulate() {
 }
 
 /// The inputs of a bench along a recording: a reference within reach, late samples that fail for a while, a monitor that fails at times.
-fn bench(response: &[[f64; 4]]) -> Vec<Input> {
+fn along(response: &[[f64; 4]]) -> Vec<Input> {
     let steps = response.len();
     let wanted = |k: usize| 0.8e-3 + 0.15 * response[k][3];
     (0..steps)
@@ -378,19 +343,17 @@ fn controllers(parameters: &Parameters, blob: &Blob, mode: &str, is_given: bool,
 #[test]
 #[ignore = "needs FMPy: cargo xtask faces fmu"]
 fn controllers_have_the_bits_of_rust() {
-    let folder = TempDir::new().expect("a folder");
-    let importer = Importer::there();
-    fs::write(folder.path().join("rich.toml"), rich()).expect("written");
-    let params = folder.path().join("rich.toml");
-    let parameters = Parameters::load(text(&params)).expect("valid");
+    let (bench, importer) = (Bench::new(TOOL), Importer::there());
+    bench.write("rich.toml", rich());
+    let parameters = Parameters::load(text(&bench.path("rich.toml"))).expect("valid");
     let (bytes, board) = parameters.checked_blob(1000.0).expect("valid");
     let blob = Blob::decode(&bytes, board.id).expect("its own");
     let (mut limits, mut learned) = (0, 0.0_f32);
     for (emit, ..) in VERSIONS {
-        let fmu = folder.path().join(format!("{emit}.fmu"));
-        TOOL.json(&["export", "--params", text(&params), "--emit", emit, "--out", text(&fmu)]);
+        let fmu = bench.path("film.fmu");
+        bench.json(&format!("export --params rich.toml --emit {emit} --out film.fmu"));
         for (index, recording) in recordings("hossain").iter().enumerate() {
-            let inputs = bench(&simulated(folder.path(), recording));
+            let inputs = along(&simulated(&bench, recording));
             // Modes, and whether the input voltage is what was applied.
             let cases: &[(&str, bool)] = match (emit, index) {
                 ("fmu", 0) => &[
@@ -434,17 +397,14 @@ fn controllers_have_the_bits_of_rust() {
 #[test]
 #[ignore = "needs FMPy: cargo xtask faces fmu"]
 fn fmpy_accepts_fmus() {
-    let folder = TempDir::new().expect("a folder");
-    fs::write(folder.path().join("rich.toml"), rich()).expect("written");
-    let rich = folder.path().join("rich.toml");
+    let bench = Bench::new(TOOL);
+    bench.write("rich.toml", rich());
     for (emit, ..) in VERSIONS {
-        let fmus = [("preset:table3-n2", "paper"), (text(&rich), "rich")].map(|(params, name)| {
-            let fmu = folder.path().join(format!("{name}-{emit}.fmu"));
-            TOOL.json(&["export", "--params", params, "--emit", emit, "--out", text(&fmu)]);
-            fmu
+        let [paper, rich] = [("preset:table3-n2", "paper"), ("rich.toml", "rich")].map(|(params, name)| {
+            bench.json(&format!("export --params {params} --emit {emit} --out {name}-{emit}.fmu"));
+            text(&bench.path(&format!("{name}-{emit}.fmu"))).to_owned()
         });
-        let [paper, rich] = fmus.each_ref().map(|fmu| text(fmu));
-        Importer::there().call(&["check", paper, "does-not-learn", rich]);
-        Importer::there().call(&["check", rich, "learns", paper]);
+        Importer::there().call(&["check", &paper, "does-not-learn", &rich]);
+        Importer::there().call(&["check", &rich, "learns", &paper]);
     }
 }

@@ -1,12 +1,10 @@
 //! Help, suggestions, completions and man pages: what a person sees who does not know the tool yet.
 
 use std::fs;
-use std::path::Path;
 
 use clap::Command;
-use tempfile::TempDir;
 use tests::recordings;
-use tests::tool::{names, text};
+use tests::tool::{Bench, names, rows};
 
 use crate::TOOL;
 
@@ -50,46 +48,42 @@ fn examples_in_the_help_are_understood() {
 }
 
 /// The files that the examples read.
-fn bench(folder: &Path) {
-    let file = |name: &str| folder.join(name).to_str().expect("UTF-8").to_owned();
+fn bench() -> Bench {
+    let bench = Bench::new(TOOL);
     for (recording, name) in recordings("hossain").iter().zip(["rec-13s.csv", "rec-5s.csv", "rec-7s.csv"]) {
-        fs::copy(recording, file(name)).expect("copied");
+        fs::copy(recording, bench.path(name)).expect("copied");
     }
-    TOOL.json(&["reduce", "--params", "preset:table3-n1", "--tolerance", "1e-9", "--out", &file("film.toml")]);
-    let shape = ["--shape", "sine", "--low", "1mm", "--high", "1.2mm", "--period", "10s", "--duration", "30s"];
-    TOOL.json(&[&["reference"][..], &shape, &["--out", &file("ref.csv")]].concat());
-    let rows = (0..300).map(|k| {
+    bench.json("reduce --params preset:table3-n1 --tolerance 1e-9 --out film.toml");
+    bench.json("reference --shape sine --low 1mm --high 1.2mm --period 10s --duration 30s --out ref.csv");
+    let table = |name: &str, header: &str, row: &dyn Fn(i32) -> String| {
+        bench.write(name, format!("{header}\n{}", (1..300).map(row).collect::<String>()));
+    };
+    table("log.csv", "time_s,command_v,monitor_v", &|k| {
         let (time, command) = (f64::from(k) / 100.0, if (50..150).contains(&k) { 1000.0 } else { 0.0 });
-        let since = (time - 0.5).max(0.0);
-        let after = (time - 1.5).max(0.0);
+        let (since, after) = ((time - 0.5).max(0.0), (time - 1.5).max(0.0));
         let monitor = if k < 150 { 1000.0 * (1.0 - (-since / 0.05).exp()) } else { 1000.0 * (-after / 0.1f64).exp() };
         format!("{time},{command},{}\n", monitor + f64::from(k % 7))
     });
-    fs::write(file("log.csv"), "time_s,command_v,monitor_v\n".to_owned() + &rows.collect::<String>()).expect("written");
-    let stretch = (1..200).map(|k| format!("{},1.1,{}\n", f64::from(k) * 0.1, 2e4 * f64::from(k).powf(-0.1)));
-    let stretch = "time_s,stretch,nominal_stress_pa\n".to_owned() + &stretch.collect::<String>();
-    fs::write(file("test.csv"), stretch).expect("written");
-    let machine = (1..200).map(|k| format!("{},5,{}\n", f64::from(k) * 0.1, 2.0 * f64::from(k).powf(-0.1)));
-    let machine = "time_s,displacement_mm,force_n\n".to_owned() + &machine.collect::<String>();
-    fs::write(file("machine.csv"), machine).expect("written");
+    let decay = |k: i32| f64::from(k).powf(-0.1);
+    table("test.csv", "time_s,stretch,nominal_stress_pa", &|k| {
+        format!("{},1.1,{}\n", f64::from(k) * 0.1, 2e4 * decay(k))
+    });
+    table("machine.csv", "time_s,displacement_mm,force_n", &|k| {
+        format!("{},5,{}\n", f64::from(k) * 0.1, 2.0 * decay(k))
+    });
+    bench
 }
 
 /// The examples of what computes in moments run as they are written, in one folder.
 #[test]
 fn examples_run() {
-    let folder = TempDir::new().expect("a folder");
-    bench(folder.path());
+    let bench = bench();
     let root = host_sim::commands::command_line();
-    let quick = ["simulate", "feedforward", "observe", "amplifier", "reference", "convert", "export", "reduce"];
-    let quick = [&quick[..], &["frequency-response", "plant", "completions", "man"]].concat();
+    let quick = "simulate feedforward observe amplifier reference convert export reduce frequency-response plant completions man";
     let mut run = 0;
-    for name in quick {
+    for name in quick.split(' ') {
         for call in examples(root.find_subcommand(name).expect("a command")) {
-            let command = std::process::Command::new(TOOL.0).args(&call).current_dir(folder.path()).output();
-            let output = command.expect("runs");
-            let printed = String::from_utf8_lossy(&output.stderr).into_owned();
-            assert!(output.status.success(), "{call:?}: {printed}");
-            assert!(!output.stdout.is_empty(), "{call:?}");
+            assert!(!bench.prints(&call.join(" ")).is_empty(), "{call:?}");
             run += 1;
         }
     }
@@ -98,20 +92,19 @@ fn examples_run() {
 
 #[test]
 fn completions_and_man_pages() {
+    let bench = Bench::new(TOOL);
     for (shell, word) in [("bash", "complete -F"), ("zsh", "#compdef"), ("fish", "complete -c host-sim")] {
-        let script = TOOL.with(&["completions", shell]).assert().success().get_output().stdout.clone();
-        names(&String::from_utf8(script).expect("UTF-8"), &[word, "closed-loop", "max-voltage"]);
+        names(&bench.prints(&format!("completions {shell}")), &[word, "closed-loop", "max-voltage"]);
     }
-    names(TOOL.json(&["completions", "bash"])["script"].as_str().expect("a script"), &["complete -F"]);
-    let page = TOOL.with(&["man"]).assert().success().get_output().stdout.clone();
-    names(&String::from_utf8(page).expect("UTF-8"), &[".TH host-sim 1", "feedforward"]);
-
-    let folder = TempDir::new().expect("a folder");
-    let pages = folder.path().join("share/man1");
-    let report = TOOL.json(&["man", "--out", text(&pages)]);
-    assert!(report["files"].as_array().expect("a list").len() > 30, "{report}");
-    let page = fs::read_to_string(pages.join("host-sim-link-play.1")).expect("written");
-    names(&page, &["host\\-sim\\-link\\-play", "carry\\-over", "Examples:"]);
+    names(bench.json("completions bash")["script"].as_str().expect("a script"), &["complete -F"]);
+    names(&bench.prints("man"), &[".TH host-sim 1", "feedforward"]);
+    assert!(rows(&bench.json("man --out share/man1")["files"]).len() > 30);
+    let words = ["host\\-sim\\-link\\-play", "carry\\-over", "Examples:"];
+    names(&bench.read("share/man1/host-sim-link-play.1"), &words);
+    for line in ["--help", "--version"] {
+        let output = bench.run(line);
+        assert!(output.status.success() && !output.stdout.is_empty() && output.stderr.is_empty(), "{line}");
+    }
 }
 
 /// No terminal, or `NO_COLOR`: no escapes. `CLICOLOR_FORCE` asks for them all the same.

@@ -2,8 +2,8 @@
 
 use std::fs;
 
-use tempfile::TempDir;
 use tests::thinned_recordings;
+use tests::tool::{Bench, names};
 
 use crate::TOOL;
 use crate::report_page::{check_page, document};
@@ -35,21 +35,19 @@ const COMMANDS: [(&str, &[&str]); 7] = [
 ];
 
 /// A folder with a reference and recordings.
-fn bench() -> TempDir {
-    let folder = TempDir::new().expect("a folder");
-    thinned_recordings("wang", folder.path(), 40);
-    let reference =
-        "reference --shape sine --low 0.0003 --high 0.0012 --period 5 --duration 12 --rate 100 --out ref.csv";
-    TOOL.line(reference, folder.path());
-    folder
+fn bench() -> Bench {
+    let bench = Bench::new(TOOL);
+    thinned_recordings("wang", &bench.path(""), 40);
+    bench.json("reference --shape sine --low 0.0003 --high 0.0012 --period 5 --duration 12 --rate 100 --out ref.csv");
+    bench
 }
 
 #[test]
 fn each_command_draws_a_page_that_holds_its_results() {
     let bench = bench();
     for (command, panels) in COMMANDS {
-        let printed = TOOL.line(&format!("{command} --plot plot.html"), bench.path());
-        let page = fs::read_to_string(bench.path().join("plot.html")).expect("a page");
+        let printed = bench.json(&format!("{command} --plot plot.html"));
+        let page = bench.read("plot.html");
         check_page(&page);
         assert_eq!(document(&page), printed, "{command}");
         for panel in panels {
@@ -66,8 +64,8 @@ fn each_command_draws_a_page_that_holds_its_results() {
 fn each_command_draws_svg_and_png() {
     let bench = bench();
     for (command, panels) in COMMANDS {
-        TOOL.line(&format!("{command} --plot plot.svg"), bench.path());
-        let svg = fs::read_to_string(bench.path().join("plot.svg")).expect("SVG");
+        bench.json(&format!("{command} --plot plot.svg"));
+        let svg = bench.read("plot.svg");
         assert!(panels.iter().all(|panel| svg.contains(panel)), "{command}");
         let number = |text: &str| {
             text.split(|c: char| c != '.' && !c.is_ascii_digit()).next().and_then(|n| n.parse::<f64>().ok())
@@ -82,8 +80,8 @@ fn each_command_draws_svg_and_png() {
             .collect();
         let right = xs.iter().copied().fold(0.0, f64::max);
         assert!(right > 0.9 * width, "{command}: lines end at {right} of {width}");
-        TOOL.line(&format!("{command} --plot plot.png"), bench.path());
-        let png = fs::read(bench.path().join("plot.png")).expect("PNG");
+        bench.json(&format!("{command} --plot plot.png"));
+        let png = fs::read(bench.path("plot.png")).expect("PNG");
         assert!(png.starts_with(b"\x89PNG\r\n\x1a\n") && png.len() > 10_000, "{command}");
     }
 }
@@ -91,11 +89,9 @@ fn each_command_draws_svg_and_png() {
 #[test]
 fn compared_models_are_drawn() {
     let bench = bench();
-    let printed = TOOL.line("compare --starts 1 --plot models.html wang-5s.csv wang-13s.csv", bench.path());
-    let page = fs::read_to_string(bench.path().join("models.html")).expect("a page");
+    let printed = bench.json("compare --starts 1 --plot models.html wang-5s.csv wang-13s.csv");
+    let page = bench.read("models.html");
     check_page(&page);
     assert_eq!(document(&page), printed);
-    for words in ["left out</h4>", "springs and dashpots", "Prandtl–Ishlinskii", "Time of a step"] {
-        assert!(page.contains(words), "{words}");
-    }
+    names(&page, &["left out</h4>", "springs and dashpots", "Prandtl–Ishlinskii", "Time of a step"]);
 }

@@ -1,12 +1,8 @@
 //! Pages: the numbers in them are those of `--json`, and they need nothing but themselves.
 
-use std::fs;
-use std::path::Path;
-
 use serde_json::Value;
-use tempfile::TempDir;
-use tests::tool::text;
-use tests::{recordings, thinned_recordings};
+use tests::thinned_recordings;
+use tests::tool::{Bench, names, warns};
 
 use crate::TOOL;
 
@@ -77,34 +73,17 @@ pub fn check_page(page: &str) {
     }
 }
 
-fn page_of(path: &Path) -> String {
-    fs::read_to_string(path).expect("a page")
-}
-
 #[test]
 fn a_page_of_a_fit_holds_the_numbers_of_json_and_every_part() {
-    let folder = TempDir::new().expect("a folder");
-    let [a, b, c] = recordings("wang");
-    let (out, page) = (folder.path().join("p.toml"), folder.path().join("p.html"));
-    let arguments = [
-        "fit",
-        "--branches",
-        "1",
-        "--topology",
-        "parallel",
-        "--curve",
-        "none",
-        "--out",
-        text(&out),
-        "--report",
-        text(&page),
-    ];
-    let printed = TOOL.json(&[arguments.as_slice(), &[text(&a), text(&b), text(&c)]].concat());
-    let page = page_of(&page);
+    let bench = Bench::new(TOOL);
+    let files = bench.recordings("wang");
+    let structure = "--branches 1 --topology parallel --curve none";
+    let printed = bench.json(&format!("fit {structure} --out p.toml --report p.html {files}"));
+    let page = bench.read("p.html");
     assert_eq!(document(&page), printed);
     assert!(check_numbers(&page, &printed) > 50);
     check_page(&page);
-    for part in [
+    let parts = [
         "Measured and modelled",
         "Residual",
         "Drive",
@@ -121,9 +100,8 @@ fn a_page_of_a_fit_holds_the_numbers_of_json_and_every_part() {
         "host-sim fit",
         "Bounds of what the compressed memory changes",
         "Cost on a Cortex-M4F",
-    ] {
-        assert!(page.contains(part), "{part}");
-    }
+    ];
+    names(&page, &parts);
     let digest = printed["recordings"][0]["sha256"].as_str().expect("a digest");
     assert!(digest.len() == 64 && page.contains(digest));
 }
@@ -131,39 +109,36 @@ fn a_page_of_a_fit_holds_the_numbers_of_json_and_every_part() {
 /// A relaxation is drawn on logarithmic time without being asked for; names that would be elements of a page are text.
 #[test]
 fn a_relaxation_gets_logarithmic_time_and_names_are_escaped() {
-    let folder = TempDir::new().expect("a folder");
-    let file = folder.path().join("<script>alert(1)<img src=x> & 'co'.csv");
+    let bench = Bench::new(TOOL);
+    let file = "<script>alert(1)<img src=x> & 'co'.csv";
     // A springpot held at 1 mm: F = c x t^-α / Γ(1 - α), with α = 0.2 and Γ(0.8) = 1.1642.
-    let rows: String = (1..=400)
-        .map(|k| 0.25 * f64::from(k))
-        .map(|t| format!("{t},0.001,{}\n", 5e4 * 1e-3 * t.powf(-0.2) / 1.1642))
-        .collect();
-    fs::write(&file, format!("time_s,displacement_m,force_n\n{rows}")).expect("written");
-    let (out, page) = (folder.path().join("p.toml"), folder.path().join("p.html"));
-    let arguments = ["fit", "--drive", "displacement", "--branches", "0", "--topology", "parallel", "--curve", "none"];
-    let files = ["--out", text(&out), "--report", text(&page), text(&file)];
-    let printed = TOOL.json(&[arguments.as_slice(), &files].concat());
-    let page = page_of(&page);
-    assert!(page.contains("Relaxation on logarithmic time") && page.contains(r#""logX":true"#));
+    let row = |t: f64| format!("{t},0.001,{}\n", 5e4 * 1e-3 * t.powf(-0.2) / 1.1642);
+    let rows: String = (1..=400).map(|k| row(0.25 * f64::from(k))).collect();
+    bench.write(file, format!("time_s,displacement_m,force_n\n{rows}"));
+    let fit =
+        "fit --json --drive displacement --branches 0 --topology parallel --curve none --out p.toml --report p.html";
+    let output = bench.with(fit).arg(file).assert().success().get_output().stdout.clone();
+    let printed: Value = serde_json::from_slice(&output).expect("one document");
+    let page = bench.read("p.html");
+    names(&page, &["Relaxation on logarithmic time", r#""logX":true"#]);
     assert_eq!(document(&page), printed);
     check_page(&page);
     assert!(page.contains("&lt;script&gt;alert(1)&lt;img src=x&gt; &amp; 'co'.csv"));
     assert!(!page.contains("<script>alert") && !page.contains("<img"));
     // Warnings show their severity.
-    let warnings = printed["warnings"].as_array().expect("a list");
-    assert_eq!(between(&page, "<span class=\"severity\">", "<").count(), warnings.len());
-    assert!(warnings.iter().any(|warning| warning.as_str().expect("text").contains("constant")));
+    let severities = between(&page, "<span class=\"severity\">", "<").count();
+    assert_eq!(severities, printed["warnings"].as_array().expect("a list").len());
+    assert!(warns(&printed, "constant"), "{printed}");
 }
 
 /// The structures that were compared are in the page, the chosen one marked in words as well as in colour.
 #[test]
 fn compared_structures_are_in_the_page() {
-    let folder = TempDir::new().expect("a folder");
-    let [a, b, _] = thinned_recordings("wang", folder.path(), 20);
-    let (out, page) = (folder.path().join("p.toml"), folder.path().join("p.html"));
-    let arguments = ["fit", "--curve", "none", "--topology", "parallel", "--out", text(&out), "--report", text(&page)];
-    let printed = TOOL.json(&[arguments.as_slice(), &[text(&a), text(&b)]].concat());
-    let page = page_of(&page);
+    let bench = Bench::new(TOOL);
+    thinned_recordings("wang", &bench.path(""), 20);
+    let fit = "fit --curve none --topology parallel --out p.toml --report p.html wang-5s.csv wang-7s.csv";
+    let printed = bench.json(fit);
+    let page = bench.read("p.html");
     check_numbers(&page, &printed);
     let rows = between(&page, "Structures that were compared</caption>", "</table>").next().expect("a table");
     assert_eq!(rows.matches("(chosen)").count(), 1);

@@ -6,43 +6,101 @@ mod self_test;
 use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpListener;
-use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::ops::{ControlFlow, Deref};
+use std::process::{Child, Stdio};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use dea_driver::wire::{Answer, Command, FRAME_LEN, Identity, Message, Receiver, Request, VERSION, boards, encode};
 use host_sim::link::{Client, Port};
-use tempfile::TempDir;
-use tests::tool::{Tool, names, text};
+use serde_json::Value;
+use tests::crc32;
+use tests::tool::{Bench, Tool, failed, names, number};
 use tests::virtual_board::{Scene, VirtualBoard};
-use tests::{crc32, recordings};
 
 const TOOL: Tool = Tool(env!("CARGO_BIN_EXE_host-sim-under-test"));
 
-fn link<'a>(board: &'a VirtualBoard, verb: &[&'a str]) -> Vec<&'a str> {
-    [&["link", "--port", board.port.as_str()], verb].concat()
+/// A board, and a folder in which its commands run. Their lines begin behind `link --port PORT`.
+pub struct Linked {
+    board: VirtualBoard,
+    pub bench: Bench,
 }
 
-fn upload(board: &VirtualBoard) {
-    TOOL.json(&link(board, &["upload", "--params", "preset:table3-n2", "--bench"]));
+impl Linked {
+    fn at(board: VirtualBoard) -> Self {
+        let bench = Bench::new(TOOL);
+        // Two seconds of a half wave up to 3 kV, and what is beyond the limits.
+        let rows = (0..=20).map(|k| format!("{},{}\n", f64::from(k) / 10.0, 300 * (10 - (k - 10i32).abs())));
+        bench.write("profile.csv", "time_s,voltage_v\n".to_owned() + &rows.collect::<String>());
+        bench.write("high.csv", "time_s,voltage_v\n0,0\n1,6500\n2,0\n");
+        Self { board, bench }
+    }
+
+    fn new(scene: Scene) -> Self {
+        Self::at(VirtualBoard::start(scene))
+    }
+
+    /// The same with parameters.
+    fn ready(scene: Scene) -> Self {
+        let board = Self::new(scene);
+        board.upload();
+        board
+    }
+
+    fn upload(&self) {
+        self.json("upload --params preset:table3-n2 --bench");
+    }
+
+    /// The arguments of a verb.
+    fn line(&self, verb: &str) -> String {
+        format!("link --port {} {verb}", self.port)
+    }
+
+    fn json(&self, verb: &str) -> Value {
+        self.bench.json(&self.line(verb))
+    }
+
+    fn prints(&self, verb: &str) -> String {
+        self.bench.prints(&self.line(verb))
+    }
+
+    /// The one line of a verb that fails; what was measured may stay.
+    fn fails(&self, verb: &str) -> String {
+        failed(self.bench.with(&self.line(verb)))
+    }
+
+    /// A verb that goes on, with its standard error.
+    fn spawn(&self, verb: &str) -> Child {
+        let mut command = std::process::Command::new(TOOL.0);
+        command.args(self.line(verb).split(' ')).current_dir(self.bench.path(""));
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("runs")
+    }
+
+    fn state(&self) -> Value {
+        self.json("status")["state"].clone()
+    }
 }
 
-/// Two seconds of a half wave up to 3 kV.
-fn profile(folder: &TempDir) -> PathBuf {
-    let path = folder.path().join("profile.csv");
-    let rows = (0..=20).map(|k| format!("{},{}\n", f64::from(k) / 10.0, 300 * (10 - (k - 10i32).abs())));
-    fs::write(&path, "time_s,voltage_v\n".to_owned() + &rows.collect::<String>()).expect("written");
-    path
+impl Deref for Linked {
+    type Target = VirtualBoard;
+
+    fn deref(&self) -> &VirtualBoard {
+        &self.board
+    }
+}
+
+fn ctrl_c(child: &Child) {
+    let kill = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(kill.expect("runs").success());
 }
 
 #[test]
 fn a_board_reports_identity_and_status() {
-    let board = VirtualBoard::start(Scene::CALM);
-    let who = TOOL.json(&link(&board, &["identify"]));
+    let board = Linked::new(Scene::CALM);
+    let who = board.json("identify");
     assert_eq!((who["firmware"].as_str(), who["board"].as_u64()), (Some("virtual"), Some(0x0405)));
     assert!(who["parameters"].is_null());
-    let how = TOOL.json(&link(&board, &["status"]));
+    let how = board.json("status");
     assert_eq!(how["state"], "disarmed");
     assert!(how["rate_hz"].is_null());
     assert_eq!(how["stack_peak_bytes"], 1234);
@@ -50,116 +108,97 @@ fn a_board_reports_identity_and_status() {
     assert_eq!((&parts["interlock_closed"], &parts["sensor"]), (&true.into(), &"answers".into()));
     assert!((0.99..1.01).contains(&parts["sensor_adc_v"].as_f64().expect("a number")), "{parts}");
     assert_eq!(parts["monitor_adc_v"], 0.0);
-    let line = TOOL.with(&link(&board, &["status"])).assert().success().get_output().stdout.clone();
-    names(
-        &String::from_utf8(line).expect("UTF-8"),
-        &["interlock closed", "sensor: 1.0", "monitor: 0.000 V", "damaged"],
-    );
-    names(&TOOL.fails(&link(&board, &["arm"])), &[&board.port, "no parameters yet", "upload"]);
+    let line = board.prints("status");
+    names(&line, &["interlock closed", "sensor: 1.0", "monitor: 0.000 V", "damaged"]);
+    names(&board.fails("arm"), &[&board.port, "no parameters yet", "upload"]);
 
-    upload(&board);
-    assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table3-n2");
-    assert_eq!(TOOL.json(&link(&board, &["status"]))["rate_hz"], 1000.0);
-    assert!(TOOL.json(&link(&board, &["panic"]))["message"].is_null());
+    board.upload();
+    assert_eq!(board.json("identify")["parameters"], "karner-2022-table3-n2");
+    assert_eq!(board.json("status")["rate_hz"], 1000.0);
+    assert!(board.json("panic")["message"].is_null());
     // It injects no faults: what was armed for one ends at 0 V.
-    names(&TOOL.fails(&link(&board, &["drill", "bus"])), &["bus", "no faults on purpose", "cargo xtask board"]);
+    names(&board.fails("drill bus"), &["bus", "no faults on purpose", "cargo xtask board"]);
     assert_eq!(board.voltage().1, 0.0);
-    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "disarmed");
-    names(&TOOL.fails(&link(&board, &["drill", "--voltage", "5"])), &["--voltage", "100"]);
+    assert_eq!(board.state(), "disarmed");
+    names(&board.fails("drill --voltage 5"), &["--voltage", "100"]);
 }
 
 /// A part that is not connected is shown as such.
 #[test]
 fn the_status_reports_what_does_not_answer() {
     let parts = [dea_driver::wire::Part::Answers, dea_driver::wire::Part::Bus, dea_driver::wire::Part::Answers];
-    let board = VirtualBoard::start(Scene { interlock_closed: false, parts, ..Scene::CALM });
-    let line = TOOL.with(&link(&board, &["status"])).assert().success().get_output().stdout.clone();
-    names(&String::from_utf8(line).expect("UTF-8"), &["interlock open", "monitor: does not answer"]);
-    let parts = TOOL.json(&link(&board, &["status"]))["parts"].clone();
+    let board = Linked::new(Scene { interlock_closed: false, parts, ..Scene::CALM });
+    let line = board.prints("status");
+    names(&line, &["interlock open", "monitor: does not answer"]);
+    let parts = board.json("status")["parts"].clone();
     assert_eq!((&parts["interlock_closed"], &parts["monitor_adc_v"]), (&false.into(), &serde_json::Value::Null));
 }
 
 #[test]
 fn each_verb_has_its_effect() {
     // Slow, so that the next command comes within its 500 ticks on a busy machine as well.
-    let board = VirtualBoard::start(Scene { tick: Duration::from_millis(4), ..Scene::CALM });
-    upload(&board);
-    names(&TOOL.fails(&link(&board, &["start", "voltage"])), &["not while it is disarmed"]);
-    names(&TOOL.fails(&link(&board, &["set", "--voltage", "6300"])), &["beyond the limits"]);
-    names(&TOOL.fails(&link(&board, &["set", "--voltage", "NaN"])), &["--voltage", "must be finite"]);
-    names(&TOOL.fails(&link(&board, &["set"])), &["--voltage", "--reference"]);
-    names(&TOOL.fails(&link(&board, &["set", "--voltage", "1", "--reference", "1"])), &["cannot be used with"]);
+    let board = Linked::ready(Scene { tick: Duration::from_millis(4), ..Scene::CALM });
+    names(&board.fails("start voltage"), &["not while it is disarmed"]);
+    names(&board.fails("set --voltage 6300"), &["beyond the limits"]);
+    names(&board.fails("set --voltage NaN"), &["--voltage", "must be finite"]);
+    names(&board.fails("set"), &["--voltage", "--reference"]);
+    names(&board.fails("set --voltage 1 --reference 1"), &["cannot be used with"]);
     // What would act in a later run is not taken.
-    names(&TOOL.fails(&link(&board, &["set", "--voltage", "1500"])), &["not while it is disarmed"]);
-    let armed = TOOL.json(&link(&board, &["arm"]));
+    names(&board.fails("set --voltage 1500"), &["not while it is disarmed"]);
+    let armed = board.json("arm");
     let token = armed["token"].as_u64().expect("a number").to_string();
     // Who did not arm it can neither start nor move it.
-    names(&TOOL.fails(&link(&board, &["start", "voltage"])), &["another host armed it", "--token"]);
-    TOOL.json(&link(&board, &["start", "voltage", "--token", &token]));
-    names(&TOOL.fails(&link(&board, &["set", "--voltage", "1500"])), &["another host armed it", "--token"]);
-    TOOL.json(&link(&board, &["set", "--voltage", "1500", "--token", &token]));
+    names(&board.fails("start voltage"), &["another host armed it", "--token"]);
+    board.json(&format!("start voltage --token {token}"));
+    names(&board.fails("set --voltage 1500"), &["another host armed it", "--token"]);
+    board.json(&format!("set --voltage 1500 --token {token}"));
     // No host talks to it any more: 0 V after 500 of its ticks.
     board.wait_for_voltage(|(largest, now)| (largest, now) == (1500.0, 0.0));
-    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "tripped: Heartbeat");
-    names(&TOOL.fails(&link(&board, &["arm"])), &["tripped (Heartbeat)", "acknowledge"]);
-    TOOL.json(&link(&board, &["acknowledge"]));
-    TOOL.json(&link(&board, &["arm"]));
-    TOOL.json(&link(&board, &["disarm"]));
-    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "disarmed");
+    assert_eq!(board.state(), "tripped: Heartbeat");
+    names(&board.fails("arm"), &["tripped (Heartbeat)", "acknowledge"]);
+    board.json("acknowledge");
+    board.json("arm");
+    board.json("disarm");
+    assert_eq!(board.state(), "disarmed");
 }
 
 /// A recording is played, what the board measures comes back as a recording, and the film is left at 0 V.
 #[test]
 fn play_follows_a_recording_and_ends_at_0_v() {
-    let folder = TempDir::new().expect("a folder");
-    let (played, out) = (profile(&folder), folder.path().join("out.csv"));
-    let board = VirtualBoard::start(Scene::CALM);
-    upload(&board);
-    let report = TOOL.json(&link(&board, &["play", text(&played), "--out", text(&out), "--every", "5"]));
+    let board = Linked::ready(Scene::CALM);
+    let report = board.json("play profile.csv --out out.csv --every 5");
     assert_eq!(report["state"], "disarmed");
-    assert!(report["samples"].as_u64().expect("a number") > 200, "{report}");
+    assert!(number(&report["samples"]) > 200.0, "{report}");
     let (largest, now) = board.voltage();
     assert!((2900.0..=3000.0).contains(&largest) && now == 0.0, "{largest} V, then {now} V");
     // The file is a recording, which any command reads.
-    let replayed = TOOL.json(&["replay", "--params", "preset:table3-n2", text(&out)]);
-    assert!(replayed["recordings"][0]["samples"].as_u64().expect("a number") > 200);
-    let header = fs::read_to_string(&out).expect("written");
-    assert!(header.starts_with("time_s,tick,command_v,voltage_v,displacement_m,predicted_m,reference_m,"));
+    let replayed = board.bench.json("replay --params preset:table3-n2 out.csv");
+    assert!(number(&replayed["recordings"][0]["samples"]) > 200.0);
+    let header = "time_s,tick,command_v,voltage_v,displacement_m,predicted_m,reference_m,";
+    assert!(board.bench.read("out.csv").starts_with(header));
 }
 
-/// A recording as it is measured: its voltage is noise about 0 V at first.
+/// A recording as it is measured: its voltage is noise about 0 V at first. What is beyond the limits is refused before anything is enabled.
 #[test]
 fn play_takes_recordings_as_they_are() {
-    let folder = TempDir::new().expect("a folder");
-    let out = folder.path().join("out.csv");
-    let [recording, ..] = recordings("hossain");
-    let board = VirtualBoard::start(Scene::CALM);
-    upload(&board);
-    TOOL.json(&link(&board, &["play", text(&recording), "--out", text(&out), "--duration", "1"]));
-    assert!(board.voltage().0 > 500.0);
-    // What is beyond the limits is refused before anything is enabled.
-    let high = folder.path().join("high.csv");
-    fs::write(&high, "time_s,voltage_v\n0,0\n1,6500\n2,0\n").expect("written");
-    let board = VirtualBoard::start(Scene::CALM);
-    upload(&board);
-    names(&TOOL.fails(&link(&board, &["play", text(&high), "--out", text(&out)])), &["high.csv", "6500", "limits"]);
+    let board = Linked::ready(Scene::CALM);
+    names(&board.fails("play high.csv --out out.csv"), &["high.csv", "6500", "limits"]);
     assert_eq!(board.voltage(), (0.0, 0.0));
+    board.bench.recordings("hossain");
+    board.json("play hossain-5s.csv --out out.csv --duration 1");
+    assert!(board.voltage().0 > 500.0);
 }
 
 /// A player that is killed leaves what it has seen, but for the last second; the next one says where it is. The board ends at 0 V.
 #[test]
 fn a_killed_player_leaves_its_samples() {
-    let folder = TempDir::new().expect("a folder");
-    let (long, out) = (folder.path().join("long.csv"), folder.path().join("out.csv"));
+    let board = Linked::ready(Scene::CALM);
     let rows = (0..=60).map(|second| format!("{second},{}\n", if second < 2 { 1000 * second } else { 2000 }));
-    fs::write(&long, "time_s,voltage_v\n".to_owned() + &rows.collect::<String>()).expect("written");
-    let board = VirtualBoard::start(Scene::CALM);
-    upload(&board);
-    let play = link(&board, &["play", text(&long), "--out", text(&out)]);
-    let mut player = std::process::Command::new(TOOL.0).args(&play).spawn().expect("runs");
-    let part = folder.path().join("out.csv.part");
-    let seen = || fs::read_to_string(&part).map_or(0, |text| text.lines().count());
-    while seen() < 150 {
+    board.bench.write("long.csv", "time_s,voltage_v\n".to_owned() + &rows.collect::<String>());
+    let play = "play long.csv --out out.csv";
+    let mut player = board.spawn(play);
+    let [out, part] = ["out.csv", "out.csv.part"].map(|name| board.bench.path(name));
+    while fs::read_to_string(&part).map_or(0, |text| text.lines().count()) < 150 {
         assert!(player.try_wait().expect("waits").is_none(), "it ends by itself");
         thread::sleep(Duration::from_millis(20));
     }
@@ -167,75 +206,57 @@ fn a_killed_player_leaves_its_samples() {
     player.wait().expect("killed");
     assert!(!out.exists());
     board.wait_for_voltage(|(_, now)| now == 0.0);
-    TOOL.json(&link(&board, &["acknowledge"]));
-    let short = [play.as_slice(), &["--duration", "0.3"]].concat();
-    let output = TOOL.with(&short).assert().success().get_output().clone();
-    let printed = String::from_utf8(output.stderr).expect("UTF-8");
-    names(&printed, &["out.csv", "was killed", "samples are kept", "out.recovered-1.csv"]);
-    let recovered = folder.path().join("out.recovered-1.csv");
-    let replayed = TOOL.json(&["replay", "--params", "preset:table3-n2", text(&recovered)]);
-    assert!(replayed["recordings"][0]["samples"].as_u64().expect("a number") > 145);
-    assert!(out.exists() && !part.exists());
+    board.json("acknowledge");
+    let output = board.bench.run(&board.line(&format!("{play} --duration 0.3")));
+    let words = ["out.csv", "was killed", "samples are kept", "out.recovered-1.csv"];
+    names(&String::from_utf8_lossy(&output.stderr), &words);
+    let replayed = board.bench.json("replay --params preset:table3-n2 out.recovered-1.csv");
+    assert!(number(&replayed["recordings"][0]["samples"]) > 145.0);
+    assert!(output.status.success() && out.exists() && !part.exists());
 }
 
 /// A run that does not begin leaves the file of the one before, and what others have left half written is not touched.
 #[test]
 fn files_of_earlier_runs_stay() {
-    let folder = TempDir::new().expect("a folder");
-    let (played, out) = (profile(&folder), folder.path().join("out.csv"));
-    fs::write(&out, "an earlier run").expect("written");
-    let board = VirtualBoard::start(Scene { interlock_closed: false, ..Scene::CALM });
-    upload(&board);
-    let play = link(&board, &["play", text(&played), "--out", text(&out)]);
-    names(&TOOL.fails(&play), &["the interlock is open"]);
-    assert_eq!(fs::read_to_string(&out).expect("kept"), "an earlier run");
-    let part = folder.path().join("out.csv.part");
-    assert!(!part.exists());
-    // Refused before it is armed, and after that: samples of a film at rest are no run.
-    let high = folder.path().join("high.csv");
-    fs::write(&high, "time_s,voltage_v\n0,0\n1,6500\n2,0\n").expect("written");
-    let calm = VirtualBoard::start(Scene::CALM);
-    upload(&calm);
-    names(&TOOL.fails(&link(&calm, &["play", text(&high), "--out", text(&out)])), &["6500", "limits"]);
-    let carried = ["play", text(&played), "--out", text(&out), "--carry-over", "--every", "1"];
-    names(&TOOL.fails(&link(&calm, &carried)), &[&calm.port]);
-    assert_eq!(calm.voltage(), (0.0, 0.0));
-    assert_eq!(fs::read_to_string(&out).expect("kept"), "an earlier run");
-    assert!(!part.exists());
-    fs::write(&part, "notes\nof another program\n").expect("written");
-    names(&TOOL.fails(&play), &["out.csv.part", "move it away"]);
-    assert_eq!(fs::read_to_string(&part).expect("kept"), "notes\nof another program\n");
+    let open = Scene { interlock_closed: false, ..Scene::CALM };
+    for (scene, play, words) in [
+        (open, "play profile.csv", "the interlock is open"),
+        // Refused before it is armed, and after that: samples of a film at rest are no run.
+        (Scene::CALM, "play high.csv", "limits"),
+        (Scene::CALM, "play profile.csv --carry-over --every 1", "tcp:"),
+    ] {
+        let board = Linked::ready(scene);
+        board.bench.write("out.csv", "an earlier run");
+        let before = board.bench.files();
+        names(&board.fails(&format!("{play} --out out.csv")), &[words]);
+        assert_eq!(board.voltage(), (0.0, 0.0));
+        assert_eq!((board.bench.files(), board.bench.read("out.csv")), (before, "an earlier run".to_owned()));
+        board.bench.write("out.csv.part", "notes\nof another program\n");
+        names(&board.fails("play profile.csv --out out.csv"), &["out.csv.part", "move it away"]);
+        assert_eq!(board.bench.read("out.csv.part"), "notes\nof another program\n");
+    }
 }
 
 /// After a reset a board may run other parameters than were uploaded last: `play` reports which, and compares them if it is given any.
 #[test]
 fn play_compares_the_parameters() {
-    let folder = TempDir::new().expect("a folder");
-    let (played, out) = (profile(&folder), folder.path().join("out.csv"));
-    let board = VirtualBoard::start(Scene::CALM);
-    upload(&board);
-    let who = TOOL.json(&link(&board, &["identify"]));
+    let board = Linked::ready(Scene::CALM);
+    let who = board.json("identify");
     let checksum = who["checksum"].as_str().expect("known");
-    let options = ["play", text(&played), "--out", text(&out), "--duration", "0.2", "--bench", "--params"];
-    let play = |preset| link(&board, &[options.as_slice(), &[preset]].concat());
-    names(&TOOL.fails(&play("preset:table3-n3")), &["karner-2022-table3-n2", checksum, "upload"]);
+    let play = "play profile.csv --out out.csv --duration 0.2 --bench --params preset:";
+    names(&board.fails(&format!("{play}table3-n3")), &["karner-2022-table3-n2", checksum, "upload"]);
     assert_eq!(board.voltage(), (0.0, 0.0));
-    let report = TOOL.json(&play("preset:table3-n2"));
+    let report = board.json(&format!("{play}table3-n2"));
     assert_eq!((&report["parameters"], &report["checksum"]), (&who["parameters"], &who["checksum"]));
 }
 
 /// References are followed with and without the sensor.
 #[test]
 fn play_follows_references() {
-    let folder = TempDir::new().expect("a folder");
-    let (reference, out) = (folder.path().join("reference.csv"), folder.path().join("out.csv"));
-    let shape = ["--shape", "sine", "--low", "0.3e-3", "--high", "0.5e-3", "--period", "10", "--out", text(&reference)];
-    TOOL.json(&[["reference"].as_slice(), &shape].concat());
     for mode in ["feedforward", "tracking"] {
-        let board = VirtualBoard::start(Scene::CALM);
-        upload(&board);
-        let play = ["play", text(&reference), "--mode", mode, "--duration", "3", "--out", text(&out)];
-        let report = TOOL.json(&link(&board, &play));
+        let board = Linked::ready(Scene::CALM);
+        board.bench.json("reference --shape sine --low 0.3e-3 --high 0.5e-3 --period 10 --out reference.csv");
+        let report = board.json(&format!("play reference.csv --mode {mode} --duration 3 --out out.csv"));
         assert_eq!(report["state"], "disarmed");
         let (largest, now) = board.voltage();
         assert!(largest > 500.0 && now == 0.0, "{mode}: {largest} V, then {now} V");
@@ -245,80 +266,65 @@ fn play_follows_references() {
 /// The interlock opens halfway: the command reports it, keeps what was measured, and the film is at 0 V.
 #[test]
 fn a_trip_ends_the_playback() {
-    let folder = TempDir::new().expect("a folder");
-    let (played, out) = (profile(&folder), folder.path().join("out.csv"));
-    let board = VirtualBoard::start(Scene { opens_above_v: Some(2000.0), ..Scene::CALM });
-    upload(&board);
-    let line = TOOL.fails(&link(&board, &["play", text(&played), "--out", text(&out)]));
-    names(&line, &["tripped (Interlock)", "acknowledge"]);
+    let board = Linked::ready(Scene { opens_above_v: Some(2000.0), ..Scene::CALM });
+    names(&board.fails("play profile.csv --out out.csv"), &["tripped (Interlock)", "acknowledge"]);
     assert_eq!(board.voltage().1, 0.0);
-    assert!(fs::read_to_string(&out).expect("kept").lines().count() > 20);
-    // Not even armed while it is open.
-    let board = VirtualBoard::start(Scene { interlock_closed: false, ..Scene::CALM });
-    upload(&board);
-    let line = TOOL.fails(&link(&board, &["play", text(&played), "--out", text(&out)]));
-    names(&line, &["the interlock is open"]);
-    assert_eq!(board.voltage(), (0.0, 0.0));
+    assert!(board.bench.read("out.csv").lines().count() > 20);
 }
 
 /// Disabled, and still at 3 kV: what no command can fix is reported in every way there is.
 #[test]
 fn a_film_that_stays_live_is_reported() {
-    let folder = TempDir::new().expect("a folder");
-    let (high, out) = (folder.path().join("high.csv"), folder.path().join("out.csv"));
-    fs::write(&high, "time_s,voltage_v\n0,0\n0.5,3000\n1,3000\n").expect("written");
-    let board = VirtualBoard::start(Scene { enable_welded: true, ..Scene::CALM });
-    upload(&board);
-    let line = TOOL.fails(&link(&board, &["play", text(&high), "--out", text(&out)]));
+    let board = Linked::ready(Scene { enable_welded: true, ..Scene::CALM });
+    board.bench.write("high.csv", "time_s,voltage_v\n0,0\n0.5,3000\n1,3000\n");
+    let line = board.fails("play high.csv --out out.csv");
     names(&line, &["the film is live", "monitor: 3000 V", "Do not touch it"]);
-    assert!(fs::read_to_string(&out).expect("kept").lines().count() > 20);
-    let how = TOOL.json(&link(&board, &["status"]));
+    assert!(board.bench.read("out.csv").lines().count() > 20);
+    let how = board.json("status");
     assert_eq!((&how["state"], &how["live"]), (&"tripped: LiveFilm".into(), &true.into()));
-    assert_eq!((&how["command_v"], how["monitor_v"].as_f64().map(f64::round)), (&0.0.into(), Some(3000.0)));
-    names(&TOOL.fails(&link(&board, &["disarm"])), &["the film is live"]);
-    names(&TOOL.fails(&link(&board, &["acknowledge"])), &["does not read 0 V"]);
-    names(&TOOL.fails(&link(&board, &["arm"])), &["the film is live"]);
+    assert_eq!((&how["command_v"], number(&how["monitor_v"]).round()), (&0.0.into(), 3000.0));
+    names(&board.fails("disarm"), &["the film is live"]);
+    names(&board.fails("acknowledge"), &["does not read 0 V"]);
+    names(&board.fails("arm"), &["the film is live"]);
 }
 
 #[test]
 fn a_panic_before_the_start_stays_until_it_is_acknowledged() {
-    let board = VirtualBoard::start(Scene { panic_message: "a panic at src/faults.rs:75", ..Scene::CALM });
-    assert_eq!(TOOL.json(&link(&board, &["panic"]))["message"], "a panic at src/faults.rs:75");
-    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "tripped: Panic");
+    let board = Linked::new(Scene { panic_message: "a panic at src/faults.rs:75", ..Scene::CALM });
+    assert_eq!(board.json("panic")["message"], "a panic at src/faults.rs:75");
+    assert_eq!(board.state(), "tripped: Panic");
     // New parameters do not clear it.
-    upload(&board);
-    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "tripped: Panic");
-    names(&TOOL.fails(&link(&board, &["arm"])), &["tripped (Panic)"]);
-    TOOL.json(&link(&board, &["acknowledge"]));
-    TOOL.json(&link(&board, &["arm"]));
+    board.upload();
+    assert_eq!(board.state(), "tripped: Panic");
+    names(&board.fails("arm"), &["tripped (Panic)"]);
+    board.json("acknowledge");
+    board.json("arm");
 }
 
 /// A board takes what `export` writes, for it and no other, at rates that it can.
 #[test]
 fn blobs_are_checked_before_they_are_sent_and_after() {
-    let folder = TempDir::new().expect("a folder");
-    let blob = folder.path().join("p.bin");
-    TOOL.json(&["export", "--params", "preset:table4-f7", "--rate", "500", "--out", text(&blob)]);
-    let board = VirtualBoard::start(Scene::CALM);
-    TOOL.json(&link(&board, &["upload", "--blob", text(&blob), "--try"]));
-    assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table4-f7");
+    let board = Linked::new(Scene::CALM);
+    board.bench.json("export --params preset:table4-f7 --rate 500 --out p.bin");
+    board.json("upload --blob p.bin --try");
+    assert_eq!(board.json("identify")["parameters"], "karner-2022-table4-f7");
 
-    let mut bytes = fs::read(&blob).expect("written");
+    let mut bytes = fs::read(board.bench.path("p.bin")).expect("written");
     bytes[6] ^= 1;
     let end = bytes.len() - 4;
     let checksum = crc32(&bytes[..end]).to_le_bytes();
     bytes[end..].copy_from_slice(&checksum);
-    fs::write(&blob, &bytes).expect("written");
-    names(&TOOL.fails(&link(&board, &["upload", "--blob", text(&blob)])), &["made for this board"]);
-    fs::write(&blob, &bytes[..end]).expect("written");
-    names(&TOOL.fails(&link(&board, &["upload", "--blob", text(&blob)])), &["p.bin", "truncated"]);
-    let fast = link(&board, &["upload", "--params", "preset:table3-n1", "--rate", "6000", "--bench"]);
-    names(&TOOL.fails(&fast), &["cannot tick at that rate", "--rate"]);
-    names(&TOOL.fails(&link(&board, &["upload"])), &["--params"]);
+    board.bench.write("p.bin", &bytes);
+    names(&board.fails("upload --blob p.bin"), &["made for this board"]);
+    board.bench.write("p.bin", &bytes[..end]);
+    names(&board.fails("upload --blob p.bin"), &["p.bin", "truncated"]);
+    let fast = board.fails("upload --params preset:table3-n1 --rate 6000 --bench");
+    names(&fast, &["cannot tick at that rate", "--rate"]);
+    names(&board.fails("upload"), &["--params"]);
     // Calibrations of another bench are refused unless --bench is given.
-    let bare = link(&board, &["upload", "--params", "preset:table3-n1"]);
-    names(&TOOL.fails(&bare), &["preset:table3-n1", "[board]", "--bench"]);
-    assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table4-f7", "the old ones stay");
+    let bare = board.fails("upload --params preset:table3-n1");
+    names(&bare, &["preset:table3-n1", "[board]", "--bench"]);
+    assert_eq!(board.json("identify")["parameters"], "karner-2022-table4-f7", "the old ones stay");
 }
 
 /// A peer that sends without end, but no valid frame, ends in a timeout after a few seconds. The message names another device.
@@ -344,12 +350,12 @@ fn a_port_that_sends_garbage_ends_in_a_timeout() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_serial_port_is_as_good() {
-    let board = VirtualBoard::at_a_serial_port(Scene::CALM);
-    upload(&board);
-    assert_eq!(TOOL.json(&link(&board, &["identify"]))["parameters"], "karner-2022-table3-n2");
-    TOOL.json(&link(&board, &["arm"]));
-    TOOL.json(&link(&board, &["disarm"]));
-    let how = TOOL.json(&link(&board, &["status"]));
+    let board = Linked::at(VirtualBoard::at_a_serial_port(Scene::CALM));
+    board.upload();
+    assert_eq!(board.json("identify")["parameters"], "karner-2022-table3-n2");
+    board.json("arm");
+    board.json("disarm");
+    let how = board.json("status");
     assert_eq!((&how["state"], &how["damaged_frames"]), (&"disarmed".into(), &0.into()));
 
     let (mut client, identity) = Client::new(Port::open(&board.port).expect("opens")).expect("answers");
@@ -440,11 +446,16 @@ fn an_answer_that_is_lost_while_armed_is_asked_for_again() {
 
 #[test]
 fn a_missing_port_is_named() {
-    names(&TOOL.fails(&["link", "--port", "tcp:127.0.0.1:1", "status"]), &["tcp:127.0.0.1:1"]);
-    names(&TOOL.fails(&["link", "--port", "/dev/there-is-none", "status"]), &["/dev/there-is-none", "serial port"]);
-    names(&TOOL.fails(&["link", "status"]), &["--port"]);
-    let [recording, ..] = recordings("hossain");
-    let pil = ["pil", "--params", "preset:table3-n2", text(&recording)];
-    names(&TOOL.fails(&[pil.as_slice(), &["--image", "none.elf"]].concat()), &["none.elf", "cargo xtask image"]);
-    names(&TOOL.fails(&[pil.as_slice(), &["--duration", "0"]].concat()), &["--duration"]);
+    let bench = Bench::new(TOOL);
+    bench.recordings("hossain");
+    let pil = "pil --params preset:table3-n2 hossain-5s.csv";
+    for (line, words) in [
+        ("link --port tcp:127.0.0.1:1 status", ["tcp:127.0.0.1:1", ""]),
+        ("link --port /dev/there-is-none status", ["/dev/there-is-none", "serial port"]),
+        ("link status", ["--port", ""]),
+        (&format!("{pil} --image none.elf"), ["none.elf", "cargo xtask image"]),
+        (&format!("{pil} --duration 0"), ["--duration", ""]),
+    ] {
+        names(&bench.fails(line), &words);
+    }
 }

@@ -1,28 +1,23 @@
 //! `host-sim link play` on a board that is slow, and on one that is left with Ctrl-C.
 
-use std::fs;
 use std::io::{BufRead, BufReader};
-use std::process::{Child, ChildStderr, Command, Stdio};
+use std::process::{Child, ChildStderr};
 use std::time::Duration;
 
-use tempfile::TempDir;
-use tests::table::column;
-use tests::tool::{names, text};
-use tests::virtual_board::{Scene, VirtualBoard};
+use tests::tool::names;
+use tests::virtual_board::Scene;
 
-use crate::{TOOL, link, upload};
+use crate::{Linked, ctrl_c};
+
+const SLOW: Scene = Scene { tick: Duration::from_millis(5), ..Scene::CALM };
 
 /// A board whose clock is five times as slow plays what a recording says in its own time: the log lasts as long as the recording, and
 /// the peak is where it is there.
 #[test]
 fn a_slow_board_is_played_to_in_its_own_time() {
-    let folder = TempDir::new().expect("a folder");
-    let (played, out) = (folder.path().join("profile.csv"), folder.path().join("out.csv"));
-    fs::write(&played, "time_s,voltage_v\n0,0\n1,3000\n2,0\n").expect("written");
-    let board = VirtualBoard::start(Scene { tick: Duration::from_millis(5), ..Scene::CALM });
-    upload(&board);
-    TOOL.json(&link(&board, &["play", text(&played), "--out", text(&out)]));
-    let (time_s, command_v) = (column(&out, "time_s"), column(&out, "command_v"));
+    let board = Linked::ready(SLOW);
+    board.json("play profile.csv --out out.csv");
+    let [time_s, command_v] = ["time_s", "command_v"].map(|title| board.bench.column("out.csv", title));
     let (last_s, peak_v) = (time_s[time_s.len() - 1], command_v.iter().copied().fold(0.0, f64::max));
     let at_peak = command_v.iter().position(|&volts| volts == peak_v).expect("a peak");
     println!("{last_s} s, {peak_v} V at {} s", time_s[at_peak]);
@@ -31,86 +26,64 @@ fn a_slow_board_is_played_to_in_its_own_time() {
     assert!((0.9..1.3).contains(&time_s[at_peak]) && peak_v > 2900.0, "{peak_v} V at {} s", time_s[at_peak]);
 
     // What only listens does so for as long by the board's time.
-    TOOL.json(&link(&board, &["stream", "--out", text(&out), "--duration", "0.6"]));
-    let last_s = column(&out, "time_s").last().copied().expect("samples");
+    board.json("stream --out out.csv --duration 0.6");
+    let last_s = board.bench.column("out.csv", "time_s").last().copied().expect("samples");
     assert!((0.5..0.8).contains(&last_s), "{last_s} s");
 }
 
 /// A board without parameters does not tick, and has no time: a stream ends by the host's.
 #[test]
 fn a_stream_without_ticks_ends() {
-    let folder = TempDir::new().expect("a folder");
-    let out = folder.path().join("out.csv");
-    let board = VirtualBoard::start(Scene::CALM);
-    let report = TOOL.json(&link(&board, &["stream", "--out", text(&out), "--duration", "0.1"]));
-    assert_eq!(report["samples"], 0);
-    assert!(!out.exists());
+    let board = Linked::new(Scene::CALM);
+    assert_eq!(board.json("stream --out out.csv --duration 0.1")["samples"], 0);
+    assert!(!board.bench.path("out.csv").exists());
 }
 
 /// A board that answers and whose samples do not come: its state is unknown, so the playback ends at 0 V and says so.
 #[test]
 fn a_playback_without_samples_ends_at_0_v() {
-    let folder = TempDir::new().expect("a folder");
-    let (long, out) = (folder.path().join("long.csv"), folder.path().join("out.csv"));
-    fs::write(&long, "time_s,voltage_v\n0,1000\n60,1000\n").expect("written");
-    let board = VirtualBoard::start(Scene { mute: true, ..Scene::CALM });
-    upload(&board);
-    let line = TOOL.fails(&link(&board, &["play", text(&long), "--out", text(&out)]));
-    names(&line, &["its stream has stopped"]);
+    let board = Linked::ready(Scene { mute: true, ..Scene::CALM });
+    board.bench.write("long.csv", "time_s,voltage_v\n0,1000\n60,1000\n");
+    names(&board.fails("play long.csv --out out.csv"), &["its stream has stopped"]);
     let (largest, now) = board.voltage();
     assert!(largest > 900.0 && now == 0.0, "{largest} V, then {now} V");
-    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "disarmed");
+    assert_eq!(board.state(), "disarmed");
 }
 
 /// A playback of a minute that stays at 3 kV, and its standard error.
-fn playing(board: &VirtualBoard, folder: &TempDir) -> (Child, BufReader<ChildStderr>) {
-    upload(board);
-    let (long, out) = (folder.path().join("long.csv"), folder.path().join("out.csv"));
-    fs::write(&long, "time_s,voltage_v\n0,0\n0.1,3000\n60,3000\n").expect("written");
-    let mut player = Command::new(TOOL.0)
-        .args(link(board, &["play", text(&long), "--out", text(&out)]))
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("runs");
-    let printed = BufReader::new(player.stderr.take().expect("piped"));
+fn playing(board: &Linked) -> (Child, impl Iterator<Item = String> + use<>) {
+    board.bench.write("long.csv", "time_s,voltage_v\n0,0\n0.1,3000\n60,3000\n");
+    let mut player = board.spawn("play long.csv --out out.csv");
+    let printed: BufReader<ChildStderr> = BufReader::new(player.stderr.take().expect("piped"));
     board.wait_for_voltage(|(_, now)| now >= 3000.0);
-    (player, printed)
-}
-
-fn ctrl_c(player: &Child) {
-    assert!(Command::new("kill").args(["-INT", &player.id().to_string()]).status().expect("runs").success());
+    (player, printed.lines().map(|line| line.expect("UTF-8")))
 }
 
 /// The second Ctrl-C neither ends a playback before the film is at 0 V nor keeps it from reporting that it stays live.
 #[test]
 fn a_second_ctrl_c_does_not_leave_a_live_film() {
-    let folder = TempDir::new().expect("a folder");
     // Its discharge is watched for a second of its time, five of the host's.
-    let board = VirtualBoard::start(Scene { tick: Duration::from_millis(5), enable_welded: true, ..Scene::CALM });
-    let (mut player, mut printed) = playing(&board, &folder);
+    let board = Linked::ready(Scene { enable_welded: true, ..SLOW });
+    let (mut player, mut printed) = playing(&board);
     ctrl_c(&player);
-    let mut line = String::new();
-    printed.read_line(&mut line).expect("UTF-8");
-    names(&line, &["bringing the film to 0 V"]);
+    names(&printed.next().expect("printed"), &["bringing the film to 0 V"]);
     ctrl_c(&player);
-    let rest: Vec<String> = printed.lines().map(|line| line.expect("UTF-8")).collect();
+    let rest: Vec<String> = printed.collect();
     assert_eq!(player.wait().expect("ends").code(), Some(2), "{rest:?}");
     names(&rest[0], &["still bringing the film to 0 V", "again to leave it"]);
     names(rest.last().expect("printed"), &["the film is live", "Do not touch it"]);
-    assert!(folder.path().join("out.csv").exists(), "what was measured is kept");
+    assert!(board.bench.path("out.csv").exists(), "what was measured is kept");
 }
 
 /// Only the third leaves, and says what it leaves.
 #[test]
 fn a_third_ctrl_c_says_what_it_leaves() {
-    let folder = TempDir::new().expect("a folder");
     // Its discharge is watched for five seconds.
-    let board = VirtualBoard::start(Scene { tick: Duration::from_millis(5), enable_welded: true, ..Scene::CALM });
-    let (mut player, printed) = playing(&board, &folder);
-    let mut lines = printed.lines().map(|line| line.expect("UTF-8"));
+    let board = Linked::ready(Scene { enable_welded: true, ..SLOW });
+    let (mut player, mut printed) = playing(&board);
     for expected in ["bringing the film to 0 V", "still bringing the film", "leaving a film that may be live"] {
         ctrl_c(&player);
-        names(&lines.next().expect("printed"), &[expected]);
+        names(&printed.next().expect("printed"), &[expected]);
     }
     assert_eq!(player.wait().expect("ends").code(), Some(130));
 }
@@ -118,15 +91,13 @@ fn a_third_ctrl_c_says_what_it_leaves() {
 /// Where all is well, any number of them ends at 0 V, disarmed, and not by the board's heartbeat.
 #[test]
 fn ctrl_c_twice_ends_at_0_v() {
-    let folder = TempDir::new().expect("a folder");
-    let board = VirtualBoard::start(Scene::CALM);
-    let (mut player, mut printed) = playing(&board, &folder);
+    let board = Linked::ready(Scene::CALM);
+    let (mut player, mut printed) = playing(&board);
     ctrl_c(&player);
-    let mut line = String::new();
-    printed.read_line(&mut line).expect("UTF-8");
-    // It may have ended already.
-    let _ = Command::new("kill").args(["-INT", &player.id().to_string()]).status().expect("runs");
+    printed.next().expect("printed");
+    // It may have ended already, which is not known before it is waited for.
+    ctrl_c(&player);
     assert_eq!(player.wait().expect("ends").code(), Some(130));
     assert_eq!(board.voltage().1, 0.0);
-    assert_eq!(TOOL.json(&link(&board, &["status"]))["state"], "disarmed");
+    assert_eq!(board.state(), "disarmed");
 }

@@ -1,25 +1,22 @@
 //! `host-sim link self-test` on a board that runs in this process: sound, and with what newcomers meet.
 
 use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::thread;
 
 use dea_driver::wire::Part;
 use serde_json::Value;
-use tests::virtual_board::{Scene, VirtualBoard};
+use tests::tool::{names, rows};
+use tests::virtual_board::Scene;
 
-use crate::{TOOL, upload};
+use crate::{Linked, ctrl_c};
 
 /// A self-test of a board with parameters: the checks that failed, with what was found, and the highest voltage commanded.
-fn failed(scene: Scene, more: &[&str]) -> (Vec<(String, String)>, f32) {
-    let board = VirtualBoard::start(scene);
-    upload(&board);
-    let all = [["link", "--port", &board.port, "self-test", "--json"].as_slice(), more].concat();
-    let output = TOOL.with(&all).output().expect("runs");
+fn failed(scene: Scene, more: &str) -> (Vec<(String, String)>, f32) {
+    let board = Linked::ready(scene);
+    let output = board.bench.run(&board.line(&format!("self-test --json {more}")));
     let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
-    let failed: Vec<(String, String)> = report["checks"]
-        .as_array()
-        .expect("checks")
+    let failed: Vec<(String, String)> = rows(&report["checks"])
         .iter()
         .filter(|check| check["passed"] == false)
         .map(|check| (text(&check["what"]), text(&check["found"])))
@@ -41,7 +38,7 @@ fn whats(failed: &[(String, String)]) -> Vec<&str> {
 
 #[test]
 fn a_sound_board_passes() {
-    let (failed, highest_v) = failed(Scene::CALM, &["--watchdog"]);
+    let (failed, highest_v) = failed(Scene::CALM, "--watchdog");
     assert!(failed.is_empty(), "{failed:?}");
     assert_eq!(highest_v, 50.0);
 }
@@ -56,24 +53,23 @@ fn nothing_is_enabled_before_all_answers() {
         (Scene { parts: [Part::Answers, Part::Answers, wrong(8)], ..Scene::CALM }, "sensor's ADC", "0x0008 for 0x0009"),
         (Scene { panic_message: "a panic", ..Scene::CALM }, "state", "tripped: Panic"),
     ] {
-        let (failed, highest_v) = failed(scene, &[]);
+        let (failed, highest_v) = failed(scene, "");
         assert!(failed.contains(&(what.to_owned(), found.to_owned())), "{what}: {failed:?}");
         assert_eq!(highest_v, 0.0, "{what}");
     }
-    let (failed, highest_v) =
-        failed(Scene { parts: [Part::Answers, wrong(0xffff), Part::Answers], ..Scene::CALM }, &[]);
+    let (failed, highest_v) = failed(Scene { parts: [Part::Answers, wrong(0xffff), Part::Answers], ..Scene::CALM }, "");
     assert_eq!((whats(&failed), highest_v), (vec!["monitor's ADC", "monitor, disarmed"], 0.0));
 }
 
 #[test]
 fn what_shows_only_while_it_is_enabled_is_found() {
     // Each waits for its board, most of the time.
-    let faults: [(Scene, &[&str]); 5] = [
-        (Scene { enable_held_down: true, ..Scene::CALM }, &[]),
-        (Scene { monitor_gain: 0.5, ..Scene::CALM }, &[]),
-        (Scene { enable_welded: true, ..Scene::CALM }, &[]),
-        (Scene { stays_up: true, ..Scene::CALM }, &[]),
-        (Scene { watchdog: false, ..Scene::CALM }, &["--watchdog"]),
+    let faults: [(Scene, &str); 5] = [
+        (Scene { enable_held_down: true, ..Scene::CALM }, ""),
+        (Scene { monitor_gain: 0.5, ..Scene::CALM }, ""),
+        (Scene { enable_welded: true, ..Scene::CALM }, ""),
+        (Scene { stays_up: true, ..Scene::CALM }, ""),
+        (Scene { watchdog: false, ..Scene::CALM }, "--watchdog"),
     ];
     let [(held, _), (gain, highest_v), (welded, _), (late, _), (watchdog, _)] = thread::scope(|scope| {
         let tests = faults.map(|(scene, options)| scope.spawn(move || failed(scene, options)));
@@ -90,15 +86,14 @@ fn what_shows_only_while_it_is_enabled_is_found() {
 /// The table is for people, the error names what failed, and a voltage that moves a film is refused.
 #[test]
 fn it_ends_in_a_table() {
-    let board = VirtualBoard::start(Scene { interlock_closed: false, ..Scene::CALM });
-    upload(&board);
-    let output = TOOL.with(&["link", "--port", &board.port, "self-test"]).assert().code(2).get_output().clone();
+    let board = Linked::ready(Scene { interlock_closed: false, ..Scene::CALM });
+    let output = board.bench.run(&board.line("self-test"));
+    assert_eq!(output.status.code(), Some(2));
     let (table, line) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(table.lines().any(|line| line.starts_with("FAILED  interlock ")), "{table}");
     assert!(table.lines().filter(|line| line.starts_with("ok ")).count() >= 7, "{table}");
-    assert!(line.contains("the self-test failed: interlock"), "{line}");
-    let refused = TOOL.fails(&["link", "--port", &board.port, "self-test", "--voltage", "3000"]);
-    assert!(refused.contains("--voltage") && refused.contains("500 V"), "{refused}");
+    names(&line, &["the self-test failed: interlock"]);
+    names(&board.fails("self-test --voltage 3000"), &["--voltage", "500 V"]);
 }
 
 /// Reads standard error line by line until `what` is in one.
@@ -108,14 +103,8 @@ fn printed(lines: &mut impl Iterator<Item = std::io::Result<String>>, what: &str
 }
 
 /// A self-test that waits for the interlock to be opened, and what else it will say on standard error.
-fn waiting_for_a_hand(board: &VirtualBoard) -> (Child, impl Iterator<Item = std::io::Result<String>>) {
-    upload(board);
-    let mut test = Command::new(TOOL.0)
-        .args(["link", "--port", &board.port, "--json", "self-test", "--interlock"])
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("runs");
+fn waiting_for_a_hand(board: &Linked) -> (Child, impl Iterator<Item = std::io::Result<String>> + use<>) {
+    let mut test = board.spawn("--json self-test --interlock");
     let mut lines = BufReader::new(test.stderr.take().expect("piped")).lines();
     printed(&mut lines, "open the interlock within");
     (test, lines)
@@ -124,7 +113,7 @@ fn waiting_for_a_hand(board: &VirtualBoard) -> (Child, impl Iterator<Item = std:
 /// A hand opens the interlock while the amplifier is enabled, and closes it again.
 #[test]
 fn the_interlock_is_tried_by_hand() {
-    let board = VirtualBoard::start(Scene::CALM);
+    let board = Linked::ready(Scene::CALM);
     let (test, mut lines) = waiting_for_a_hand(&board);
     board.open_interlock(true);
     printed(&mut lines, "close the interlock within");
@@ -132,31 +121,29 @@ fn the_interlock_is_tried_by_hand() {
     let output = test.wait_with_output().expect("ends");
     let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
     assert_eq!((report["passed"] == true, output.status.success()), (true, true), "{report}");
-    let checks = report["checks"].as_array().expect("checks");
-    assert!(checks.iter().any(|check| check["what"] == "interlock, opened" && check["found"] == "tripped: Interlock"));
-    assert_eq!(TOOL.json(&["link", "--port", &board.port, "status"])["state"], "disarmed");
+    let opened = |check: &Value| check["what"] == "interlock, opened" && check["found"] == "tripped: Interlock";
+    assert!(rows(&report["checks"]).iter().any(opened));
+    assert_eq!(board.state(), "disarmed");
 }
 
 /// Ctrl-C ends at 0 V, and what was asked for has not passed.
 #[test]
 fn ctrl_c_is_no_pass() {
-    let board = VirtualBoard::start(Scene::CALM);
+    let board = Linked::ready(Scene::CALM);
     let (test, mut lines) = waiting_for_a_hand(&board);
-    assert!(Command::new("kill").args(["-INT", &test.id().to_string()]).status().expect("runs").success());
+    ctrl_c(&test);
     printed(&mut lines, "stopped by Ctrl-C");
     let output = test.wait_with_output().expect("ends");
     let report: Value = serde_json::from_slice(&output.stdout).expect("a report");
     assert_eq!((report["passed"] == false, output.status.code()), (true, Some(2)), "{report}");
-    assert_eq!(TOOL.json(&["link", "--port", &board.port, "status"])["state"], "disarmed");
+    assert_eq!(board.state(), "disarmed");
 }
 
 /// A trip in the middle ends it, and is named.
 #[test]
 fn a_trip_ends_it() {
-    let board = VirtualBoard::start(Scene { opens_above_v: Some(30.0), ..Scene::CALM });
-    upload(&board);
-    let output = TOOL.with(&["link", "--port", &board.port, "self-test"]).assert().code(2).get_output().clone();
-    let line = String::from_utf8_lossy(&output.stderr);
-    assert!(line.contains("tripped (Interlock)"), "{line}");
-    assert_eq!(board.voltage().1, 0.0);
+    let board = Linked::ready(Scene { opens_above_v: Some(30.0), ..Scene::CALM });
+    let output = board.bench.run(&board.line("self-test"));
+    names(&String::from_utf8_lossy(&output.stderr), &["tripped (Interlock)"]);
+    assert_eq!((output.status.code(), board.voltage().1), (Some(2), 0.0));
 }
