@@ -45,8 +45,7 @@ fn none(failed: impl Iterator<Item = String>) -> Result<()> {
 
 /// All faults in the test `campaign`, of which `cargo xtask test` runs a sample.
 fn driver() -> Result<()> {
-    let test = ["test", "--release", "--package", "dea-driver", "--test", "campaign", "--", "--nocapture"];
-    let mut test = cargo(&test);
+    let mut test = cargo("test --release --package dea-driver --test campaign -- --nocapture");
     test.env("SPRINGPOT_CAMPAIGN", "full");
     run_command(test)
 }
@@ -54,8 +53,8 @@ fn driver() -> Result<()> {
 /// Builds the fuzzers and runs one after another, from the committed corpora on. What they find new stays below `target`.
 fn fuzz() -> Result<()> {
     setup::cpp_compiler()?;
-    run_command(fuzzers(&["fmt", "--check"]))?;
-    run_command(fuzzers(&["build", "--release"]))?;
+    run_command(fuzzers("fmt --check"))?;
+    run_command(fuzzers("build --release"))?;
     none(FUZZERS.into_iter().filter_map(|(fuzzer, longest)| fuzz_one(fuzzer, longest).err()))
 }
 
@@ -70,8 +69,9 @@ fn fuzz_one(fuzzer: &str, longest: &str) -> Result<()> {
     // An input of a few kilobytes that takes 10 s or 1 GB is a fault as well.
     let options = [time, length, &prefix, "-timeout=10", "-rss_limit_mb=1024", "-print_final_stats=1"];
     let words = format!("-dict={}", root().join("tests/fuzz/words").join(fuzzer).display());
-    let run = ["run", "--release", "--bin", fuzzer, "--"];
-    run_command(fuzzers(&[run.as_slice(), &options, &[&words, &found, &corpus]].concat()))
+    let mut run = fuzzers(&format!("run --release --bin {fuzzer} --"));
+    run.args(options).args([words, found, corpus]);
+    run_command(run)
 }
 
 fn made(folder: PathBuf) -> Result<String> {
@@ -80,8 +80,8 @@ fn made(folder: PathBuf) -> Result<String> {
 }
 
 /// A cargo command on the fuzzers, which are a workspace of their own with flags of their own.
-fn fuzzers(arguments: &[&str]) -> Command {
-    let mut command = cargo(arguments);
+fn fuzzers(line: &str) -> Command {
+    let mut command = cargo(line);
     command.current_dir(root().join("tests/fuzz"));
     command.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
     command
@@ -89,8 +89,8 @@ fn fuzzers(arguments: &[&str]) -> Command {
 
 /// Mutants as `.cargo/mutants.toml` states, with cargo-mutants, which is installed if it is missing.
 fn mutants() -> Result<()> {
-    if output(cargo(&["mutants", "--version"])).is_err() {
-        setup::cargo_install(&["cargo-mutants"])?;
+    if output(cargo("mutants --version")).is_err() {
+        setup::cargo_install("cargo-mutants")?;
     }
-    run_command(cargo(&["mutants", "--output", "target"]))
+    run_command(cargo("mutants --output target"))
 }

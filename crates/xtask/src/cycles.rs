@@ -37,8 +37,7 @@ const KERNELS: [(&str, &str); 14] = [
 /// Cycles by the rows of docs/results.md.
 pub fn modelled(toolchain: &Toolchain) -> Result<Vec<(&'static str, f64)>> {
     let folder = root().join("tests/embedded");
-    let build = ["build", "--quiet", "--release", "--bin", "cycles"];
-    output(toolchain.cargo(&folder, TARGETS[0], &build))?;
+    output(toolchain.cargo(&folder, TARGETS[0], "build --quiet --release --bin cycles"))?;
     let log = built().join("cycles.log");
     let mut qemu = Command::new("qemu-system-arm");
     qemu.args(["-M", "olimex-stm32-h405", "-nographic", "-monitor", "none", "-serial", "none"])

@@ -8,7 +8,7 @@ use documents::{Documents, Tolerance};
 
 use crate::cycles;
 use crate::packages::LIBRARIES;
-use crate::process::{Result, cargo, output, root, run as run_command};
+use crate::process::{Result, format, output, root, run as run_command};
 use crate::setup::{OTHER_TARGETS, TARGETS, Toolchain};
 
 /// Output of an image: lines of `cost NAME INSTRUCTIONS` and `bits NAME CHECKSUM`.
@@ -20,8 +20,8 @@ struct Printed {
 
 /// Checks the libraries with all features for the smaller chip: the other one can all that it can, and the images are built for both.
 pub fn libraries(toolchain: &Toolchain) -> Result<()> {
-    let packages = LIBRARIES.map(|library| ["--package", library]).concat();
-    let check = [["check", "--quiet", "--release", "--all-features"].as_slice(), &packages].concat();
+    let [springpot, driver] = LIBRARIES;
+    let check = format!("check --quiet --release --all-features --package {springpot} --package {driver}");
     run_command(toolchain.cargo(&root(), TARGETS[1], &check))
 }
 
@@ -79,23 +79,22 @@ fn judge(off: &[String]) -> Result<()> {
 /// Format and lints of the images, for an architecture: its other cores are given the same sources.
 fn check_sources(toolchain: &Toolchain, target: &str) -> Result<()> {
     let folder = root().join("tests/embedded");
-    let mut format = cargo(&["fmt", "--check"]);
-    format.current_dir(&folder);
-    run_command(format)?;
-    toolchain.lint(&folder, target, &[])
+    format(&folder)?;
+    toolchain.lint(&folder, target, "")
 }
 
 /// Builds the images for `target`, runs them, compares the bits with the host's, and gives the costs.
 fn steps(toolchain: &Toolchain, target: &str, films: Films) -> Result<BTreeMap<String, u64>> {
     let folder = root().join("tests/embedded");
     panic_free(toolchain, target, &folder)?;
-    let (films, features): (&[Film], &[&str]) = match films {
-        Films::Few => (&FEW, &["--features", "few-films"]),
-        Films::All => (&FILMS, &[]),
+    let (films, features): (&[Film], &str) = match films {
+        Films::Few => (&FEW, "--features few-films"),
+        Films::All => (&FILMS, ""),
     };
-    let image = [&["--quiet", "--release", "--bin", "steps"], features].concat();
-    run_command(toolchain.cargo(&folder, target, &[&["build"], image.as_slice()].concat()))?;
-    let text = output(toolchain.cargo(&folder, target, &[&["run"], image.as_slice()].concat()))?;
+    let cargo =
+        |verb: &str| toolchain.cargo(&folder, target, &format!("{verb} --quiet --release --bin steps {features}"));
+    run_command(cargo("build"))?;
+    let text = output(cargo("run"))?;
     let printed = parse(&text)?;
     let mut host = Host::default();
     chip_program::run(&mut host, films);
@@ -106,9 +105,9 @@ fn steps(toolchain: &Toolchain, target: &str, films: Films) -> Result<BTreeMap<S
 
 /// Links a program that cannot be linked if a step or a tick can panic, and sees that it does not link with one that can.
 fn panic_free(toolchain: &Toolchain, target: &str, folder: &Path) -> Result<()> {
-    let image = ["build", "--quiet", "--release", "--bin", "panic-free"];
-    run_command(toolchain.cargo(folder, target, &image))?;
-    let spoiled = toolchain.cargo(folder, target, &[image.as_slice(), &["--features", "can-panic"]].concat());
+    let image = "build --quiet --release --bin panic-free";
+    run_command(toolchain.cargo(folder, target, image))?;
+    let spoiled = toolchain.cargo(folder, target, &format!("{image} --features can-panic"));
     match output(spoiled) {
         Err(error) if error.contains("a_step_or_a_tick_can_panic") => {
             println!("{target}: neither a step nor a tick can panic");

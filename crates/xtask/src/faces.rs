@@ -5,7 +5,7 @@ use std::process::Command;
 
 use clap::ValueEnum;
 
-use crate::process::{Result, cargo, command, read, root, run as run_command};
+use crate::process::{Result, cargo, command, format, read, root, run as run_command};
 use crate::test::QEMU;
 use crate::{embedded, other_board, setup};
 
@@ -28,46 +28,53 @@ pub enum Face {
 pub fn run(only: Option<Face>) -> Result<()> {
     for face in Face::value_variants().iter().filter(|face| only.is_none_or(|only| only == **face)) {
         match face {
-            Face::C => c()?,
-            Face::Rust => rust()?,
+            Face::C => {
+                setup::c_compilers()?;
+                // One after the other: emulators would take the cores from each other. Octave is a face of its own.
+                let emitted = "test --package host-emit -- --include-ignored --test-threads=1 --skip matlab";
+                run_command(cargo(emitted))?;
+                run_command(of_the_tool("export_c"))?;
+            }
+            // On cores that are not the firmware's, with all films on that one too, and the example firmware for boards of these.
+            Face::Rust => {
+                let toolchain = setup::toolchain(&[setup::TARGETS, setup::OTHER_TARGETS].concat())?;
+                setup::qemu_for_both()?;
+                embedded::all_cores(&toolchain)?;
+                other_board::everywhere(&toolchain)?;
+            }
             Face::Python => python()?,
-            Face::Octave => octave()?,
-            Face::Fmu => fmu()?,
+            Face::Octave => {
+                setup::octave()?;
+                run_command(cargo("test --package host-emit matlab -- --include-ignored"))?;
+                run_command(of_the_tool("export_sfunction"))?;
+            }
+            Face::Fmu => {
+                setup::make()?;
+                let python = environment(&root().join("target").join("faces").join("fmu"))?;
+                run_command(pip(&python, &["--requirement", "host-sim/emit/tests/fmu/requirements.txt"]))?;
+                let mut tests = of_the_tool("export_fmu");
+                tests.env("SPRINGPOT_FMPY", &python);
+                run_command(tests)?;
+            }
         }
     }
     Ok(())
 }
 
-/// The emitted C, its tests in the default run included.
-pub fn c() -> Result<()> {
-    setup::c_compilers()?;
-    // One after the other: emulators would take the cores from each other. Octave is a face of its own.
-    let of_the_package =
-        ["test", "--package", "host-emit", "--", "--include-ignored", "--test-threads=1", "--skip", "matlab"];
-    run_command(cargo(&of_the_package))?;
-    let of_the_tool = ["test", "--package", "tests", "--test", "command_line", "export_c", "--", "--include-ignored"];
-    run_command(cargo(&of_the_tool))
+/// The tests of a module of the command line, also those that need more than the default run has.
+fn of_the_tool(module: &str) -> Command {
+    cargo(&format!("test --package tests --test command_line {module} -- --include-ignored"))
 }
 
-/// The Rust crates on cores that are not the firmware's, with all films on that one too, and the example firmware for boards of these.
-pub fn rust() -> Result<()> {
-    let toolchain = setup::toolchain(&[setup::TARGETS, setup::OTHER_TARGETS].concat())?;
-    setup::qemu_for_both()?;
-    embedded::all_cores(&toolchain)?;
-    other_board::everywhere(&toolchain)
-}
-
-/// The MEX function and the script in Octave, and the S-function.
-pub fn octave() -> Result<()> {
-    setup::octave()?;
-    run_command(cargo(&["test", "--package", "host-emit", "matlab", "--", "--include-ignored"]))?;
-    let of_the_tool =
-        ["test", "--package", "tests", "--test", "command_line", "export_sfunction", "--", "--include-ignored"];
-    run_command(cargo(&of_the_tool))
+/// Installs into the environment of `python`.
+fn pip(python: &str, arguments: &[&str]) -> Command {
+    let mut pip = command(python, &["-m", "pip", "--quiet", "--disable-pip-version-check", "install"]);
+    pip.args(arguments);
+    pip
 }
 
 /// The Python package, as `pip install .` installs it.
-pub fn python() -> Result<()> {
+fn python() -> Result<()> {
     let package = root().join("python");
     let built = root().join("target").join("faces");
     let python = environment(&built.join("python"))?;
@@ -77,32 +84,15 @@ pub fn python() -> Result<()> {
         command
     };
     same_versions(&package)?;
-    run_command(here(cargo(&["fmt", "--check"])))?;
-    run_command(here(cargo(&["clippy", "--quiet", "--release", "--locked", "--", "-D", "warnings"])))?;
+    format(&package)?;
+    run_command(here(cargo("clippy --quiet --release --locked -- -D warnings")))?;
     // As the tests build it: its numbers are those of a release.
-    run_command(cargo(&[["build", "--quiet", "--workspace", "--bin", "host-sim"].as_slice(), &QEMU].concat()))?;
-    let pip = |arguments: &[&str]| {
-        let pip = ["-m", "pip", "--quiet", "--disable-pip-version-check", "install"];
-        here(command(&python, &[&pip, arguments].concat()))
-    };
-    run_command(pip(&["--requirement", "requirements.txt"]))?;
+    run_command(cargo(&format!("build --quiet --workspace --bin host-sim {QEMU}")))?;
+    run_command(here(pip(&python, &["--requirement", "requirements.txt"])))?;
     // A version that is there already is another build of it.
-    run_command(pip(&["--force-reinstall", "--no-deps", "."]))?;
+    run_command(here(pip(&python, &["--force-reinstall", "--no-deps", "."])))?;
     let mut tests = here(command(&python, &["-m", "pytest"]));
     tests.env("SPRINGPOT_HOST_SIM", root().join("target").join("debug").join("host-sim"));
-    run_command(tests)
-}
-
-/// FMUs of both versions, driven by FMPy; its tests in the default run included.
-pub fn fmu() -> Result<()> {
-    setup::make()?;
-    let python = environment(&root().join("target").join("faces").join("fmu"))?;
-    let requirements = "host-sim/emit/tests/fmu/requirements.txt";
-    let pip = ["-m", "pip", "--quiet", "--disable-pip-version-check", "install", "--requirement", requirements];
-    run_command(command(&python, &pip))?;
-    let mut tests =
-        cargo(&["test", "--package", "tests", "--test", "command_line", "export_fmu", "--", "--include-ignored"]);
-    tests.env("SPRINGPOT_FMPY", &python);
     run_command(tests)
 }
 

@@ -2,21 +2,20 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
-use crate::process::{Result, at, cargo, output, root, run as run_command};
+use crate::process::{Result, at, cargo, format, output, root, run as run_command};
 use crate::setup::{TARGETS, Toolchain, built};
 
 /// An image: the program in `firmware`, what it is for, and the options of its build.
 struct Image {
     program: &'static str,
     what: &'static str,
-    options: &'static [&'static str],
+    options: &'static str,
 }
 
-const BOARD: Image = Image { program: "firmware", what: "a board", options: &["--no-default-features"] };
-const QEMU: Image = Image { program: "qemu", what: "QEMU", options: &[] };
-const VIRTUAL_BOARD: Image = Image { program: "virtual-board", what: "the virtual board", options: &[] };
+const BOARD: Image = Image { program: "firmware", what: "a board", options: "--no-default-features" };
+const QEMU: Image = Image { program: "qemu", what: "QEMU", options: "" };
+const VIRTUAL_BOARD: Image = Image { program: "virtual-board", what: "the virtual board", options: "" };
 
 /// Builds the image that runs in QEMU: what `host-sim pil` starts.
 pub fn image(toolchain: &Toolchain) -> Result<()> {
@@ -30,11 +29,9 @@ pub fn virtual_board(toolchain: &Toolchain) -> Result<PathBuf> {
 
 /// Checks and builds all images. The linker fails beyond their budget of flash and RAM.
 pub fn images(toolchain: &Toolchain) -> Result<()> {
-    let mut format = cargo(&["fmt", "--check"]);
-    format.current_dir(folder());
-    run_command(format)?;
+    format(&folder())?;
     for image in [BOARD, QEMU, VIRTUAL_BOARD] {
-        toolchain.lint(&folder(), TARGETS[0], &[&["--bin", image.program], image.options].concat())?;
+        toolchain.lint(&folder(), TARGETS[0], &format!("--bin {} {}", image.program, image.options))?;
     }
     let [board, _, virtual_board] = [BOARD, QEMU, VIRTUAL_BOARD].map(|image| build(toolchain, &image));
     no_virtual_bench_on_a_board(&board?, &virtual_board?)
@@ -62,19 +59,15 @@ fn no_virtual_bench_on_a_board(board: &Path, virtual_board: &Path) -> Result<()>
 pub fn run(toolchain: &Toolchain) -> Result<()> {
     images(toolchain)?;
     // With the features of the whole workspace, as `cargo xtask test` builds them: nothing is built twice.
-    run_command(cargo(&["test", "--quiet", "--workspace", "--features", "tests/qemu", "--test", "firmware"]))
+    run_command(cargo("test --quiet --workspace --features tests/qemu --test firmware"))
 }
 
 /// Builds an image, and returns where it is.
 fn build(toolchain: &Toolchain, image: &Image) -> Result<PathBuf> {
-    let options = [["build", "--quiet", "--release", "--bin", image.program].as_slice(), image.options].concat();
-    output(command(toolchain, &options))?;
+    let build = format!("build --quiet --release --bin {} {}", image.program, image.options);
+    output(toolchain.cargo(&folder(), TARGETS[0], &build))?;
     println!("the image for {} is built, within its budget", image.what);
     Ok(built().join(TARGETS[0]).join("release").join(image.program))
-}
-
-fn command(toolchain: &Toolchain, arguments: &[&str]) -> Command {
-    toolchain.cargo(&folder(), TARGETS[0], arguments)
 }
 
 fn folder() -> PathBuf {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::process::{Result, cargo, command, output, read, root, run as run_command};
+use crate::process::{Result, cargo, command, format, output, read, root};
 use crate::setup::{OTHER_TARGETS, Toolchain, built};
 
 /// The output of the example is here.
@@ -18,9 +18,7 @@ const END: &str = "at the end: enable false, code 0, 0.0 V";
 
 /// Builds the example for the Cortex-M33 and runs it: it does what it must and prints what its page states.
 pub fn on_cortex_m33(toolchain: &Toolchain) -> Result<()> {
-    let mut format = cargo(&["fmt", "--check"]);
-    format.current_dir(folder());
-    run_command(format)?;
+    format(&folder())?;
     on_chip(toolchain, OTHER_TARGETS[0])
 }
 
@@ -29,14 +27,14 @@ pub fn everywhere(toolchain: &Toolchain) -> Result<()> {
     on_cortex_m33(toolchain)?;
     on_chip(toolchain, OTHER_TARGETS[1])?;
     let tuple = output(command("rustc", &["--print", "host-tuple"]))?;
-    let mut host = cargo(&["run", "--quiet", "--release", "--locked", "--target", tuple.trim()]);
+    let mut host = cargo(&format!("run --quiet --release --locked --target {}", tuple.trim()));
     host.current_dir(folder()).env("CARGO_TARGET_DIR", built());
     judge("this host", &output(host)?)?;
-    OTHER_TARGETS.iter().try_for_each(|target| toolchain.lint(&folder(), target, &["--locked"]))
+    OTHER_TARGETS.iter().try_for_each(|target| toolchain.lint(&folder(), target, "--locked"))
 }
 
 fn on_chip(toolchain: &Toolchain, target: &str) -> Result<()> {
-    judge(target, &output(toolchain.cargo(&folder(), target, &["run", "--quiet", "--release", "--locked"]))?)
+    judge(target, &output(toolchain.cargo(&folder(), target, "run --quiet --release --locked"))?)
 }
 
 fn folder() -> PathBuf {

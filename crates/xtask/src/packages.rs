@@ -27,15 +27,14 @@ const FOLDERS: [(&str, &[&str]); 4] =
 /// tool.
 pub fn run() -> Result<()> {
     for library in LIBRARIES {
-        let list = output(cargo(&["package", "--quiet", "--list", "--allow-dirty", "--package", library]))?;
+        let list = output(cargo(&format!("package --quiet --list --allow-dirty --package {library}")))?;
         let stray: Vec<&str> = list.lines().filter(|file| !belongs(file)).collect();
         if !stray.is_empty() {
             return Err(format!("the package of {library} holds {}", stray.join(", ")));
         }
         println!("the package of {library} holds {} files, all its own", list.lines().count());
-        let kinds = "normal,build,dev";
-        let tree =
-            output(cargo(&["tree", "--package", library, "--edges", kinds, "--prefix", "none", "--all-features"]))?;
+        let tree = format!("tree --package {library} --edges normal,build,dev --prefix none --all-features");
+        let tree = output(cargo(&tree))?;
         if let Some(tool) = tree.lines().find(|line| line.starts_with("host-sim ") || line.starts_with("tests ")) {
             return Err(format!("the tests of {library} build {tool}"));
         }
@@ -44,8 +43,8 @@ pub fn run() -> Result<()> {
     // Builds them from their packages: a file that they include from outside would be missing.
     forget_unpacked()?;
     let [springpot, driver] = LIBRARIES;
-    let packages = ["--package", springpot, "--package", driver, "--target-dir", TARGET];
-    let mut package = cargo(&[&["package", "--quiet", "--allow-dirty"], &packages[..]].concat());
+    let packages = format!("--package {springpot} --package {driver} --target-dir {TARGET}");
+    let mut package = cargo(&format!("package --quiet --allow-dirty {packages}"));
     // That they compile is all that is asked.
     package.env("CARGO_PROFILE_DEV_DEBUG", "false");
     run_command(package)

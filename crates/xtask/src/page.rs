@@ -36,8 +36,9 @@ pub fn run() -> Result<()> {
     let folder = root().join("target").join("page");
     make(&folder)?;
     let folder_text = folder.to_string_lossy().into_owned();
-    let demo = ["run", "--quiet", "--package", "host-sim", "--", "demo", "--json", "--out", &folder_text];
-    let printed = output(cargo(&demo))?;
+    let mut demo = cargo("run --quiet --package host-sim -- demo --json --out");
+    demo.arg(&folder_text);
+    let printed = output(demo)?;
     let path = folder.join("report.html");
     let page = read(&path)?;
     check_document(&page, printed.trim_end())?;

@@ -21,11 +21,20 @@ pub fn command(program: &str, arguments: &[&str]) -> Command {
     command
 }
 
-/// This project's cargo. Incremental builds are off: cut into small units, the image that may not panic does not link.
-pub fn cargo(arguments: &[&str]) -> Command {
-    let mut cargo = command(&env::var("CARGO").unwrap_or_else(|_| "cargo".into()), arguments);
+/// This project's cargo with the arguments of `line`. Incremental builds are off: cut into small units, the image that may not panic does
+/// not link.
+pub fn cargo(line: &str) -> Command {
+    let arguments: Vec<&str> = line.split_whitespace().collect();
+    let mut cargo = command(&env::var("CARGO").unwrap_or_else(|_| "cargo".into()), &arguments);
     cargo.env("CARGO_INCREMENTAL", "0");
     cargo
+}
+
+/// Checks the format of a workspace of its own.
+pub fn format(folder: &Path) -> Result<()> {
+    let mut format = cargo("fmt --check");
+    format.current_dir(folder);
+    run(format)
 }
 
 /// Runs `command`, its output on the terminal.

@@ -8,13 +8,10 @@ pub fn run() -> Result<()> {
     for plant in ["hossain", "wang"] {
         for period in [13, 7, 5] {
             seed += 1;
-            let frequency = (1.0 / f64::from(period)).to_string();
-            let out = format!("tests/recordings/{plant}-{period}s.csv");
-            let seed = seed.to_string();
-            let record = ["plant", "--plant", plant, "--frequency", &frequency, "--duration", "155", "--rate", "100"];
-            let rest = ["--seed", &seed, "--out", &out];
-            let tool = ["run", "--quiet", "--release", "--package", "host-sim", "--"];
-            run_command(cargo(&[tool.as_slice(), &record, &rest].concat()))?;
+            let frequency = 1.0 / f64::from(period);
+            let out = format!("--seed {seed} --out tests/recordings/{plant}-{period}s.csv");
+            let record = format!("plant --plant {plant} --frequency {frequency} --duration 155 --rate 100 {out}");
+            run_command(cargo(&format!("run --quiet --release --package host-sim -- {record}")))?;
         }
     }
     Ok(())

@@ -35,14 +35,13 @@ pub fn built() -> PathBuf {
 
 impl Toolchain {
     /// A cargo command on an image for `target` in `folder`.
-    pub fn cargo(&self, folder: &Path, target: &str, arguments: &[&str]) -> Command {
-        let (own, passed) = arguments.split_at(arguments.iter().position(|&a| a == "--").unwrap_or(arguments.len()));
-        let arguments = [own, &["--target", target], passed].concat();
-        let arguments = arguments.as_slice();
+    pub fn cargo(&self, folder: &Path, target: &str, line: &str) -> Command {
+        let (own, passed) = line.split_once(" -- ").unwrap_or((line, ""));
+        let line = format!("{own} --target {target}{}{passed}", if passed.is_empty() { "" } else { " -- " });
         let mut command = match self {
-            Self::Rustup => cargo(arguments),
+            Self::Rustup => cargo(&line),
             Self::Debian { path } => {
-                let mut command = command("/usr/bin/cargo", arguments);
+                let mut command = command("/usr/bin/cargo", &line.split_whitespace().collect::<Vec<_>>());
                 command
                     .arg("-Zbuild-std=core")
                     .env("CARGO_INCREMENTAL", "0")
@@ -60,8 +59,8 @@ impl Toolchain {
     }
 
     /// Lints an image: of the profile that it is built with, which compiles the macros of both once. Debian's compiler has no clippy.
-    pub fn lint(&self, folder: &Path, target: &str, options: &[&str]) -> Result<()> {
-        let lint = [["clippy", "--quiet", "--release"].as_slice(), options, &["--", "-D", "warnings"]].concat();
+    pub fn lint(&self, folder: &Path, target: &str, options: &str) -> Result<()> {
+        let lint = format!("clippy --quiet --release {options} -- -D warnings");
         match self {
             Self::Rustup => run_command(self.cargo(folder, target, &lint)),
             Self::Debian { .. } => Ok(()),
@@ -87,8 +86,8 @@ fn forbidden(what: &str) -> String {
 }
 
 /// Installs a program into cargo's folder of programs, or where `options` say.
-pub fn cargo_install(options: &[&str]) -> Result<()> {
-    install(cargo(&[["install", "--quiet", "--locked"].as_slice(), options].concat()))
+pub fn cargo_install(options: &str) -> Result<()> {
+    install(cargo(&format!("install --quiet --locked {options}")))
 }
 
 /// Names what `run` and the compiler for `targets` will install and change, and asks once whether they may, on a terminal. Without
@@ -161,7 +160,7 @@ fn decoder() -> Result<()> {
         return Ok(());
     }
     // It decodes some lines a second: optimised, it takes 134 s of the processor to build instead of 64.
-    let mut cargo = cargo(&["install", "--quiet", "--locked", "defmt-print"]);
+    let mut cargo = cargo("install --quiet --locked defmt-print");
     cargo.env("CARGO_PROFILE_RELEASE_OPT_LEVEL", "0").env("CARGO_PROFILE_RELEASE_LTO", "off");
     install(cargo)
 }
@@ -336,9 +335,9 @@ pub fn mdbook() -> Result<String> {
     let program = tools.join("bin").join("mdbook").to_string_lossy().into_owned();
     if !has(&program) {
         // Without its server and its search, which a book that opens from the disk does not have.
-        let folder = tools.to_string_lossy().into_owned();
-        let package = format!("mdbook@{VERSION}");
-        cargo_install(&["--no-default-features", "--root", &folder, &package])?;
+        let mut mdbook = cargo(&format!("install --quiet --locked --no-default-features mdbook@{VERSION} --root"));
+        mdbook.arg(&tools);
+        install(mdbook)?;
     }
     Ok(program)
 }
@@ -427,7 +426,7 @@ mod tests {
     #[test]
     fn no_image_is_built_incrementally() {
         for toolchain in [Toolchain::Rustup, Toolchain::Debian { path: OsString::new() }] {
-            let cargo = toolchain.cargo(Path::new("."), TARGETS[0], &["build"]);
+            let cargo = toolchain.cargo(Path::new("."), TARGETS[0], "build");
             let off = ("CARGO_INCREMENTAL".as_ref(), Some("0".as_ref()));
             assert!(cargo.get_envs().any(|variable| variable == off), "{:?}", cargo.get_program());
         }

@@ -87,19 +87,19 @@ pub fn run() -> Result<()> {
         other_board::on_cortex_m33(&setup::toolchain(&[other_core])?)
     };
     stages.run_beside(("tools, images, and steps on chips", images), |stages| {
-        stages.run("format", || run_command(cargo(&["fmt", "--all", "--check"])))?;
+        stages.run("format", || run_command(cargo("fmt --all --check")))?;
         stages.run("lint", lint)?;
         stages.run("features", features)?;
         stages.run("documentation", documentation)?;
         stages.run("packages", packages::run)?;
         stages.run("test builds", || {
-            run_command(tests(&[QEMU.as_slice(), &["--no-run"]].concat()))?;
-            micromath(&["--no-run"])
+            run_command(tests(&format!("{QEMU} --no-run")))?;
+            micromath("--no-run")
         })
     })?;
     // One program after another, so that neither emulators nor boards that tick in real time share the machine with fits.
-    stages.run("tests, firmware in QEMU included", || run_command(tests(&QEMU)))?;
-    stages.run("tests with micromath", || micromath(&[]))?;
+    stages.run("tests, firmware in QEMU included", || run_command(tests(QEMU)))?;
+    stages.run("tests with micromath", || micromath(""))?;
     if !cfg!(all(target_arch = "x86_64", target_os = "linux")) {
         println!("\nnot run here: board-on-host, whose models of registers need Linux on x86-64");
     }
@@ -113,7 +113,7 @@ pub fn sweep() -> Result<()> {
     let toolchain = stages.run("tools", setup::run)?;
     stages.run("firmware images", || firmware::images(&toolchain))?;
     stages.run("tests, all cases", || {
-        let mut tests = tests(&QEMU);
+        let mut tests = tests(QEMU);
         tests.env(SWEEP, "full");
         run_command(tests)
     })?;
@@ -122,11 +122,11 @@ pub fn sweep() -> Result<()> {
 }
 
 /// The tests that run the firmware's images.
-pub const QEMU: [&str; 2] = ["--features", "tests/qemu"];
+pub const QEMU: &str = "--features tests/qemu";
 
 /// The tests of the workspace, more at a time than two cores can run: those of boards and emulators mostly wait.
-fn tests(options: &[&str]) -> Command {
-    let mut tests = cargo(&[["test", "--quiet", "--workspace"].as_slice(), options].concat());
+fn tests(options: &str) -> Command {
+    let mut tests = cargo(&format!("test --quiet --workspace {options}"));
     if env::var_os(THREADS).is_none() {
         let cores = thread::available_parallelism().map_or(2, NonZero::get);
         tests.env(THREADS, (2 * cores).to_string());
@@ -155,8 +155,7 @@ fn lint() -> Result<()> {
     for folder in WITHOUT_TESTS {
         no_tests_in(&root().join(folder))?;
     }
-    let all = ["clippy", "--quiet", "--workspace", "--all-targets"];
-    run_command(cargo(&[all.as_slice(), &QEMU, &["--", "-D", "warnings"]].concat()))
+    run_command(cargo(&format!("clippy --quiet --workspace --all-targets {QEMU} -- -D warnings")))
 }
 
 fn no_tests_in(folder: &Path) -> Result<()> {
@@ -174,15 +173,14 @@ fn no_tests_in(folder: &Path) -> Result<()> {
 /// Each library without features, with each alone, and with all.
 fn features() -> Result<()> {
     for library in LIBRARIES {
-        let clippy = |features: &[&str]| {
-            let all = ["clippy", "--quiet", "--package", library];
-            run_command(cargo(&[all.as_slice(), features, &["--", "-D", "warnings"]].concat()))
+        let clippy = |features: &str| {
+            run_command(cargo(&format!("clippy --quiet --package {library} {features} -- -D warnings")))
         };
-        clippy(&["--no-default-features"])?;
+        clippy("--no-default-features")?;
         for feature in features_of(library)? {
-            clippy(&["--no-default-features", "--features", &feature])?;
+            clippy(&format!("--no-default-features --features {feature}"))?;
         }
-        clippy(&["--all-features"])?;
+        clippy("--all-features")?;
     }
     Ok(())
 }
@@ -205,31 +203,30 @@ const WITHOUT_PAGES: [&str; 7] =
     ["board-on-host", "chip-program", "converter-chips", "documents", "fuzz-targets", "tests", "xtask"];
 
 fn documentation() -> Result<()> {
-    let left_out = WITHOUT_PAGES.map(|package| ["--exclude", package]).concat();
-    let all = ["doc", "--quiet", "--workspace", "--no-deps", "--document-private-items"];
-    let mut doc = cargo(&[all.as_slice(), &left_out].concat());
+    let left_out = WITHOUT_PAGES.map(|package| format!("--exclude {package}")).join(" ");
+    let mut doc = cargo(&format!("doc --quiet --workspace --no-deps --document-private-items {left_out}"));
     doc.env("RUSTDOCFLAGS", "-D warnings");
     run_command(doc)
 }
 
 /// The electrostatics on springpot's fast square root.
-fn micromath(options: &[&str]) -> Result<()> {
-    let test = ["test", "--quiet", "--package", "springpot", "--features", "micromath", "--test", "electrostatics"];
-    run_command(cargo(&[test.as_slice(), options].concat()))
+fn micromath(options: &str) -> Result<()> {
+    run_command(cargo(&format!(
+        "test --quiet --package springpot --features micromath --test electrostatics {options}"
+    )))
 }
 
 /// Checks licences with cargo-deny, which is installed if it is missing.
 pub fn deny() -> Result<()> {
-    if output(cargo(&["deny", "--version"])).is_err() {
-        setup::cargo_install(&["cargo-deny"])?;
+    if output(cargo("deny --version")).is_err() {
+        setup::cargo_install("cargo-deny")?;
     }
-    let checks = ["check", "licenses", "bans", "sources"];
-    run_command(cargo(&[["deny", "--workspace", "--all-features"].as_slice(), &checks].concat()))?;
+    let checks = "check licenses bans sources";
+    run_command(cargo(&format!("deny --workspace --all-features {checks}")))?;
     // The images and the Python package are workspaces of their own.
     for folder in ["crates/dea-driver/examples/other-board", "firmware", "python", "tests/embedded", "tests/fuzz"] {
-        let manifest = &format!("{folder}/Cargo.toml");
-        let of_images = ["deny", "--manifest-path", manifest, "--config", "deny.toml", "--log-level", "error"];
-        run_command(cargo(&[of_images.as_slice(), &checks].concat()))?;
+        let of_images = format!("--manifest-path {folder}/Cargo.toml --config deny.toml --log-level error");
+        run_command(cargo(&format!("deny {of_images} {checks}")))?;
     }
     Ok(())
 }
