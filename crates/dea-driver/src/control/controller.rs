@@ -167,6 +167,14 @@ impl<M: ControllerMemory> Controller<M> {
         }
     }
 
+    /// The same controller of the film that `before` has driven: what is left of its creep counts for the stroke, until a plausible sensor
+    /// shows it at 0 V.
+    #[must_use]
+    pub(crate) fn after(self, before: &Self) -> Self {
+        let left_m = before.motion.furthest(before.open_loop.position());
+        Self { motion: self.motion.offset_by(left_m), ..self }
+    }
+
     /// The supervisor, to read its state.
     #[must_use]
     pub fn supervisor(&self) -> &Supervisor {

@@ -100,6 +100,12 @@ impl Motion {
         *self = Self::in_blocks(self.band_m, self.block_ticks);
     }
 
+    /// The same of a film that is `offset_m` (m) beside its model, until a plausible sensor shows where it is.
+    #[must_use]
+    pub const fn offset_by(self, offset_m: f32) -> Self {
+        Self { offset_m, ..self }
+    }
+
     /// Begins a run, at 0 V. Without a plausible sensor what was known of the film stays.
     pub fn begin_run(&mut self) {
         if self.offset_m.is_nan() && !self.is_spoiled {

@@ -133,7 +133,7 @@ impl<M: ControllerMemory> Device<M> {
         }
     }
 
-    /// Ticks with `controller` from now on. A trip stays until it is acknowledged.
+    /// Ticks with `controller` from now on. A trip stays until it is acknowledged, and the film is where the old controller has left it.
     ///
     /// # Errors
     ///
@@ -143,7 +143,10 @@ impl<M: ControllerMemory> Device<M> {
         if let DriverState::Tripped(cause) = self.state() {
             controller.trip(cause);
         }
-        self.controller = Some(controller);
+        self.controller = Some(match &self.controller {
+            Some(before) => controller.after(before),
+            None => controller,
+        });
         #[cfg(feature = "loop-test")]
         {
             self.test = None;

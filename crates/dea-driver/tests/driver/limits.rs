@@ -1,12 +1,13 @@
 //! Limits: commands stay within them, and those that protect nothing or cannot be kept are refused.
 
 use dea_driver::{
-    Blob, Cause, Controller, DriverState, Inputs, Limits, LimitsError, Mode, MonitorLimits, Parameters,
-    PlausibilityLimits, Supervisor,
+    Blob, Cause, Controller, Device, DriverState, Inputs, Limits, LimitsError, Mode, MonitorLimits, OnSensorFault,
+    Parameters, PlausibilityLimits, Supervisor,
 };
 use springpot::{Actuator, AmplifierLag, Curve, Law, LawOptions, Maxwell, Preset, VoltageDrive};
 
 use crate::bench::{bench_limits, board_parameters};
+use crate::film_bench::FilmBench;
 use crate::supervisor_bench::{Bench, RATE_HZ};
 
 #[test]
@@ -231,4 +232,53 @@ fn stroke_at_the_trip(model: &Maxwell, curve: Option<&Curve>) -> f64 {
         }
     }
     panic!("it did not trip; the film is at {} m", film.position())
+}
+
+/// A film that was loaded for a minute creeps back for hours, and the model of a controller that starts within that begins at rest: the
+/// film went to 1.08 to 1.41 times its stroke. The sensor shows it at 0 V, or the controller before did; then the sensor is lost.
+#[test]
+fn creep_from_before_a_reset_or_an_upload_counts_for_the_stroke() {
+    for is_shown in [true, false] {
+        let mut parameters = board_parameters();
+        parameters.limits.max_displacement_m = 1e-3;
+        parameters.limits.on_sensor_fault = OnSensorFault::OpenLoop;
+        let mut bench = FilmBench::with(parameters.clone());
+        let mut device = Device::new(None);
+        device.install(bench.controller.clone()).expect("off");
+        let mut furthest_m = 0.0f64;
+        let mut run = |device: &mut Device, ticks: u32, volts: f32, is_shown: bool| {
+            for tick in 0..ticks {
+                let mut inputs = bench.inputs();
+                inputs.sensor_adc_v = inputs.sensor_adc_v.filter(|_| is_shown);
+                if tick == 1 && volts > 0.0 {
+                    device.arm().expect("healthy");
+                    device.start(Mode::Voltage).expect("armed");
+                }
+                if tick > 1 && volts > 0.0 && device.state() == DriverState::Running {
+                    device.set_voltage(volts).expect("within the limits");
+                    device.heartbeat();
+                }
+                let drive = device.tick(inputs);
+                bench.high_voltage_v = if drive.enable { f64::from(drive.dac_v) * 1000.0 } else { 0.0 };
+                let load = bench.drive.load(bench.high_voltage_v);
+                bench.displacement_m = bench.law.displacement_under(&mut bench.film, load);
+                furthest_m = furthest_m.max(bench.displacement_m);
+            }
+            device.state()
+        };
+        run(&mut device, 60_000, 2200.0, is_shown);
+        device.disarm().expect("it runs");
+        run(&mut device, 1000, 0.0, is_shown);
+        let fresh = Controller::new(Blob::new(parameters).expect("valid"));
+        if is_shown {
+            // A reset: nothing is known but what the sensor shows.
+            device = Device::new(None);
+        }
+        device.install(fresh).expect("off");
+        run(&mut device, 200, 0.0, is_shown);
+        let state = run(&mut device, 100_000, 2400.0, false);
+        println!("shown by the sensor: {is_shown}, {state:?}, {furthest_m} m");
+        assert_eq!(state, DriverState::Tripped(Cause::ModelDisplacement));
+        assert!(furthest_m < 1.02e-3 && furthest_m > 0.7e-3, "{furthest_m} m");
+    }
 }

@@ -97,8 +97,9 @@ impl Bench {
         if let DriverState::Tripped(cause) = before {
             self.reference.trip(cause);
         }
+        let left_m = self.motion.furthest(self.film.position());
+        self.motion = Motion::new(self.parameters.limits.sensor).offset_by(left_m);
         self.film = self.law.state();
-        self.motion = Motion::new(self.parameters.limits.sensor);
         self.last = None;
         self.disturbance_n = 0.0;
         false
