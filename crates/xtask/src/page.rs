@@ -47,10 +47,10 @@ pub fn run() -> Result<()> {
     let with_checks = page.replace("</body>", &format!("<script>{CHECKS}</script></body>"));
     write(&checked, &with_checks)?;
     for look in LOOKS {
-        check_look(&browser, &folder, &path, &checked, look)?;
+        check_look(browser, &folder, &path, &checked, look)?;
     }
     let pdf = folder.join("print.pdf");
-    let mut print = headless(&browser, &folder, &path, &[&format!("--print-to-pdf={}", pdf.display())]);
+    let mut print = headless(browser, &folder, &path, &[&format!("--print-to-pdf={}", pdf.display())]);
     print.arg("--no-pdf-header-footer");
     quiet(print, "print")?;
     println!("pictures to look at: {folder_text}/*.png, {}", pdf.display());

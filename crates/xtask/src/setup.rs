@@ -213,31 +213,25 @@ fn knows_the_boards() -> bool {
     BOARDS.iter().all(|board| boards.lines().any(|line| line.starts_with(board)))
 }
 
+/// Installs `packages`, from a further suite of the distribution if one is named, unless `what` is there.
+fn need(what: &str, is_there: impl Fn() -> bool, packages: &[&str], further: Option<&str>) -> Result<()> {
+    if !is_there() {
+        apt_install(packages, further)?;
+    }
+    let missing = || format!("{what} is needed: install {} and run again", packages.join(" and "));
+    is_there().then_some(()).ok_or_else(missing)
+}
+
 fn qemu() -> Result<()> {
-    if knows_the_boards() {
-        return Ok(());
-    }
-    apt_install(&["qemu-system-arm"], None)?;
-    if !knows_the_boards() {
-        // Debian 12 has it in its backports.
-        apt_install(&["qemu-system-arm"], Some("backports"))?;
-    }
-    if knows_the_boards() {
-        Ok(())
-    } else {
-        Err(format!("QEMU 10 or later with the boards {} is needed; install it and run again", BOARDS.join(", ")))
-    }
+    let what = format!("QEMU 10 or later with the boards {}", BOARDS.join(", "));
+    // Debian 12 has it in its backports.
+    let install = |further| need(&what, knows_the_boards, &["qemu-system-arm"], further);
+    install(None).or_else(|_| install(Some("backports")))
 }
 
 /// Installs what is missing of these programs with their packages.
 fn ensure(needed: &[(&str, &[&str])]) -> Result<()> {
-    needed.iter().try_for_each(|(program, packages)| {
-        if !has(program) {
-            apt_install(packages, None)?;
-        }
-        let missing = || format!("{program} is needed: install {} and run again", packages.join(" and "));
-        has(program).then_some(()).ok_or_else(missing)
-    })
+    needed.iter().try_for_each(|(program, packages)| need(program, || has(program), packages, None))
 }
 
 /// Installs the compiler for libFuzzer.
@@ -254,9 +248,7 @@ pub fn c_compilers() -> Result<()> {
         let folder = output(command("clang", &["-print-runtime-dir"])).unwrap_or_default();
         has("clang++") && Path::new(folder.trim()).exists()
     };
-    if !sanitizes() {
-        apt_install(&["clang", "libclang-rt-dev"], None)?;
-    }
+    need("clang with its sanitizers", sanitizes, &["clang", "libclang-rt-dev"], None)?;
     ensure(&[
         ("arm-none-eabi-gcc", &["gcc-arm-none-eabi", "libnewlib-arm-none-eabi"]),
         ("riscv64-unknown-elf-gcc", &["gcc-riscv64-unknown-elf", "picolibc-riscv64-unknown-elf"]),
@@ -267,9 +259,9 @@ pub fn c_compilers() -> Result<()> {
 /// QEMU with boards of Cortex-M and of RISC-V.
 pub fn qemu_for_both() -> Result<()> {
     qemu()?;
-    const RISC_V: (&str, &[&str]) = ("qemu-system-riscv32", &["qemu-system-riscv"]);
     // Of the release that QEMU for Arm is of: they share files. Older ones have it in another package.
-    ensure(&[RISC_V]).or_else(|_| apt_install(RISC_V.1, Some("backports")).and_then(|()| ensure(&[RISC_V])))
+    let install = |further| need("QEMU for RISC-V", || has("qemu-system-riscv32"), &["qemu-system-riscv"], further);
+    install(None).or_else(|_| install(Some("backports")))
 }
 
 /// Octave, what builds MEX functions for it, and what draws without a window, installed if they are missing.
@@ -287,10 +279,7 @@ pub fn octave() -> Result<()> {
         let script = ["--no-init-file", "--eval", "figure('visible', 'off'); plot(1:3); title('x'); exit(0)"];
         output(command("octave-cli", &script)).is_ok()
     };
-    if !draws() {
-        apt_install(&["fonts-freefont-otf"], None)?;
-    }
-    if draws() { Ok(()) } else { Err("Octave cannot draw: install fonts-freefont-otf and run again".into()) }
+    need("a font for Octave", draws, &["fonts-freefont-otf"], None)
 }
 
 /// A C compiler and make, installed if they are missing.
@@ -302,27 +291,17 @@ pub fn make() -> Result<()> {
 pub fn python() -> Result<&'static str> {
     const PYTHON: &str = "python3";
     // Debian has what an environment needs in a package of its own.
-    let makes_environments = || output(command(PYTHON, &["-c", "import ensurepip, venv"])).is_ok();
-    if !makes_environments() {
-        apt_install(&["python3", "python3-venv"], None)?;
-    }
-    let is_new = output(command(PYTHON, &["-c", "import sys; assert sys.version_info >= (3, 11)"])).is_ok();
-    if makes_environments() && is_new {
-        Ok(PYTHON)
-    } else {
-        Err("Python 3.11 or newer with venv is needed; install it".into())
-    }
+    let program = "import ensurepip, venv, sys; assert sys.version_info >= (3, 11)";
+    let makes_environments = || output(command(PYTHON, &["-c", program])).is_ok();
+    need("Python 3.11 or newer with venv", makes_environments, &["python3", "python3-venv"], None)?;
+    Ok(PYTHON)
 }
 
 /// A browser without a window, installed if it is missing: 300 MB with what it needs.
-pub fn chromium() -> Result<String> {
-    const NAMES: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
-    let there = || NAMES.into_iter().find(|name| has(name)).map(str::to_owned);
-    if let Some(browser) = there() {
-        return Ok(browser);
-    }
-    apt_install(&["chromium"], None)?;
-    there().ok_or_else(|| format!("a browser is needed: install {} and run again", NAMES.join(" or ")))
+pub fn chromium() -> Result<&'static str> {
+    let there = || ["chromium", "chromium-browser", "google-chrome"].into_iter().find(|name| has(name));
+    need("a browser", || there().is_some(), &["chromium"], None)?;
+    Ok(there().unwrap_or("chromium"))
 }
 
 /// Path of mdBook, installed within the project if it is missing.

@@ -3,10 +3,7 @@
 use core::hint::black_box;
 
 use dea_driver::chips::{AdcCode, AdcRange, Calibration, CommandRange, DacCode};
-use dea_driver::{
-    Blob, Control, Controller, Inputs, Limits, Mode, MonitorLimits, OnSensorFault, Outputs, Parameters,
-    PlausibilityLimits,
-};
+use dea_driver::{Blob, Control, Controller, Inputs, Limits, Mode, Outputs, Parameters, PlausibilityLimits};
 use springpot::{Actuator, AmplifierLag, Coefficients, Maxwell};
 
 use crate::{Checksum, Name, Report, STEPS};
@@ -99,6 +96,8 @@ pub fn tick(controller: &mut Controller, command: DacCode) -> (DacCode, Outputs)
     (DacCode::from_volts(outputs.dac_v, controller.parameters().command_range), outputs)
 }
 
+const BENCH: Limits = Limits::bench(160e-6);
+
 fn parameters(law: &Coefficients<f32>, actuator: Actuator) -> Parameters {
     Parameters {
         name: heapless::String::new(),
@@ -112,17 +111,10 @@ fn parameters(law: &Coefficients<f32>, actuator: Actuator) -> Parameters {
         monitor: Calibration::Parabola { offset: 0.0, gain: 1000.0, quadratic: -1.0 },
         sensor: Calibration::Parabola { offset: -1e-3, gain: 1e-3, quadratic: 0.0 },
         limits: Limits {
-            max_voltage_v: 6000.0,
-            max_field_v_per_m: 4e7,
-            thickness_m: 160e-6,
-            max_slew_v_per_s: 50e3,
-            max_displacement_m: 8e-3,
             max_disturbance_share: 0.4,
-            monitor: MonitorLimits { slew_v_per_s: 100e3, band_v: 60.0, band_share: 0.03, settle_s: 0.02 },
-            sensor: PlausibilityLimits { low: -0.9e-3, high: 9e-3, jump: 0.5e-3, stuck_ticks: 5000, stuck_band: 2e-6 },
-            on_sensor_fault: OnSensorFault::Trip,
+            sensor: PlausibilityLimits { low: -0.9e-3, stuck_ticks: 5000, ..BENCH.sensor },
             heartbeat_s: 10.0,
-            discharge_s: 1.0,
+            ..BENCH
         },
         control: Control::BENCH,
     }

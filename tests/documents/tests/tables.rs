@@ -138,29 +138,6 @@ fn links_of_the_book_stay_within_it() {
     assert!(count > 100);
 }
 
-/// The numbers that measurements are compared with are where those look for them: they need minutes to find that out.
-#[test]
-fn what_measurements_are_compared_with_is_there() {
-    let documents = Documents::read().expect("readable");
-    for (column, least) in [("Cortex-M4F", 31), ("Cortex-M0", 30), ("cycles", 14)] {
-        let rows = documents.column(column);
-        assert!(rows.len() >= least, "{column}: {rows:?}");
-    }
-    for (row, column) in [("pil", "Cortex-M4F"), ("flash", "bytes"), ("flash/qemu", "bytes"), ("stack", "bytes")] {
-        assert!(documents.number(&[row], column).is_some(), "{row}, {column}");
-    }
-    let controllers = ["no compensation", "one spring", "10 s window", "PI", "feedforward", "tracking"];
-    for column in controllers.into_iter().chain(["sensor lost", "from 1 s after"]) {
-        for film in ["hossain", "wang"] {
-            for reference in ["sine 1/10 Hz", "sine 1/3 Hz", "triangle 1/10 Hz", "steps, 60 s plateaus", "random walk"]
-            {
-                let found = documents.number(&[film, reference], column);
-                assert!(found.is_some(), "{film}, {reference}, {column}");
-            }
-        }
-    }
-}
-
 /// The project's sources: the names of the module and of the folder of each, its path, and its text.
 fn sources() -> Vec<([String; 2], PathBuf, String)> {
     let mut sources = Vec::new();

@@ -6,7 +6,7 @@ use springpot::{Compressed, Discretisation, Law, LawError, LawOptions, Maxwell, 
 
 use crate::continuous_oracle::{model, oracle};
 use crate::laws::single;
-use crate::support::models::{paper_force, presets, random_models};
+use crate::support::models::{paper_force, presets};
 use crate::support::{METHODS, creep, largest, law_by, relaxation};
 
 /// Γ(1.2)
@@ -220,17 +220,6 @@ fn a_relaxation_time_as_short_as_the_step_needs_a_longer_head() {
     let options = LawOptions::at_step(1e-3).with_method(Discretisation::Bdf2).with_tolerance(1.0);
     let short = Law::<f64, Compressed<f64, 2, 12, 24>>::compressed(&single(6e4, 0.2, 0.3), options);
     assert_eq!(short.err(), Some(LawError::HeadTooShort { head: 2, needed: 3 }));
-}
-
-/// A controller gets the same law from a host, bit for bit, with second-order inertia.
-#[test]
-fn coefficients_make_the_same_law() {
-    for (name, model) in presets().into_iter().chain(random_models(8, 20)) {
-        let sent = law_by::<f32>(&model, 1000.0, Discretisation::Bdf2);
-        let received = Law::from_coefficients(&sent.coefficients(), 1e-3, model.mass_kg());
-        assert_eq!(received.as_ref(), Ok(&sent), "{name}");
-        assert_eq!(received.map(|law| law.method()), Ok(Discretisation::Bdf2));
-    }
 }
 
 /// The frequency response of the law is second-order as well, and an observer designs with it.
