@@ -10,7 +10,7 @@ use springpot::{Actuator, Maxwell, Springpot, Topology};
 use super::candidate::{Bend, Candidate};
 use super::observation::{Excitation, Observation};
 use super::preparation::{Severity, Warning};
-use super::selection::StructureRow;
+use super::selection::{StructureRow, has_one_amplitude};
 use super::settings::{Settings, topology_name};
 use super::statistics::{self, Loss, median};
 use super::uncertainty::Uncertainty;
@@ -61,11 +61,10 @@ pub fn of_delay(candidate: &Candidate, uncertainty: Option<&Uncertainty>, warnin
     warnings.push(Severity::Caution.warning(text));
 }
 
-/// A structure that fits clearly better than the chosen one and could not be compared on recordings that were left out.
+/// Structures that fit better than the chosen one and could not be compared on what was left out.
 pub fn of_structures(rows: &[StructureRow], warnings: &mut Vec<Warning>) {
     let chosen = rows.iter().find(|row| row.chosen).map_or(0.0, |row| row.nrmse_pct);
-    let missing = rows.iter().filter(|row| row.nrmse_pct < 0.8 * chosen && row.left_out_missing.is_some());
-    if let Some(row) = missing.min_by(|a, b| a.nrmse_pct.total_cmp(&b.nrmse_pct)) {
+    for row in rows.iter().filter(|row| row.nrmse_pct < chosen && row.left_out_missing.is_some()) {
         warnings.push(Severity::Caution.warning(format!(
             "{} n = {} {} fits with {:.3} % instead of {chosen:.3} % and was not chosen, because {}; ask for it with `curve` and `branches`",
             topology_name(row.topology),
@@ -80,38 +79,22 @@ pub fn of_structures(rows: &[StructureRow], warnings: &mut Vec<Warning>) {
 /// A curve or a saturation that one amplitude alone determines.
 pub fn of_amplitudes(observations: &[Observation], candidate: &Candidate, warnings: &mut Vec<Warning>) {
     let bent = candidate.bend != Bend::Straight || candidate.actuator.saturation_v.is_some();
-    let mut peaks: Vec<f64> = observations.iter().flat_map(|o| peaks(&o.input.samples().value)).collect();
-    peaks.sort_by(f64::total_cmp);
-    let (Some(least), Some(most)) = (peaks.first(), peaks.last()) else { return };
-    // Several cycles, all as large.
-    if bent && peaks.len() > observations.len() && *least > 0.8 * most {
+    if bent && has_one_amplitude(observations) {
         warnings.push(Severity::Caution.warning(
             "only one amplitude was recorded: the curve is open, since creep and stiffening look alike there; record a second \
              amplitude, half as large"));
     }
 }
 
-/// The sizes of the upper turning points of a drive: where it comes down to half.
-fn peaks(values: &[f64]) -> Vec<f64> {
-    let most = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-    let mut peaks = Vec::new();
-    let (mut rises, mut highest, mut lowest) = (true, 0.0, 0.0);
-    for value in values.iter().map(|value| value.abs()) {
-        if rises && value < 0.5 * highest {
-            peaks.push(highest);
-            (rises, lowest) = (false, value);
-        } else if !rises && value > lowest + 0.2 * most {
-            (rises, highest) = (true, value);
-        } else if rises {
-            highest = value.max(highest);
-        } else {
-            lowest = value.min(lowest);
-        }
-    }
-    if rises && highest > 0.2 * most {
-        peaks.push(highest);
-    }
-    peaks
+/// An order of the main springpot at its limit.
+pub fn of_order(candidate: &Candidate, warnings: &mut Vec<Warning>) {
+    let what = match candidate.elements[0].alpha {
+        0.0 => "0, its lower limit: a plain spring, without creep beyond the slowest relaxation time",
+        1.0 => "1, its upper limit: a plain dashpot, which never comes to rest under a constant load",
+        _ => return,
+    };
+    warnings
+        .push(Severity::Note.warning(format!("main.alpha is {what}; record longer, with slower and faster cycles")));
 }
 
 /// A search that did not converge.

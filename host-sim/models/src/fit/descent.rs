@@ -1,7 +1,8 @@
 //! The best candidate of one structure: descents from many starts on thinned recordings, then on all samples.
 //!
-//! Long recordings are searched in three stages: the beginning of the thinned recordings, all of the thinned recordings, on which
-//! structures are compared, and all samples for the structure that is chosen.
+//! Recordings are searched in up to three stages: the beginning of the thinned recordings where they are long, all of the thinned
+//! recordings, on which structures are compared, and all samples for the structure that is chosen. The model steps along thinned recordings
+//! with second-order differences, so that no branch explains the longer step.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -21,8 +22,8 @@ use crate::reduce;
 /// Steps of thinned recordings up to which a search from many starts sees all of them.
 const MAX_SCOUTED_STEPS: f64 = 8_192.0;
 
-/// Measured values up to which structures are compared on all of them.
-const MAX_COMPARED_VALUES: usize = 1 << 16;
+/// Measured values above which recordings are long: a descent on all of them costs seconds.
+const MAX_SHORT_VALUES: usize = 1 << 16;
 
 /// Starts that an interrupted search still continues from: one of them leads to a result.
 const MIN_STARTS: usize = 8;
@@ -46,8 +47,8 @@ impl PreparedObservations {
     pub fn new(observations: &[Observation], actuator: &Actuator) -> Result<Self> {
         let thinned: Vec<Observation> = observations.iter().map(observation::thinned).collect();
         Ok(Self {
-            scout: scouted(&thinned).map(|beginnings| Objective::new(&beginnings)).transpose()?,
-            coarse: Objective::new(&thinned)?,
+            scout: scouted(&thinned).map(|beginnings| Objective::thinned(&beginnings)).transpose()?,
+            coarse: Objective::thinned(&thinned)?,
             fine: Objective::new(observations)?,
             scales: Scales::new(observations, actuator.force_per_square_volt()),
             excitation: Excitation::new(observations),
@@ -62,7 +63,6 @@ impl PreparedObservations {
         Context {
             scout: self.scout.as_ref(),
             coarse: &self.coarse,
-            compared: if is_long(&self.fine) { &self.coarse } else { &self.fine },
             fine: &self.fine,
             actuator: settings.actuator,
             delay_s: settings.sensor_delay_s.or(settings.start.as_ref().map(|start| start.delay_s)).unwrap_or(0.0),
@@ -79,12 +79,9 @@ impl PreparedObservations {
     }
 }
 
-/// Stopping criteria of the last search of a structure.
-const FINE: StoppingCriteria = StoppingCriteria { iterations: 60, decrease: 1e-8 };
-
-/// Whether structures are compared on thinned recordings, because these have too many values.
+/// Whether a descent on all samples costs seconds.
 pub(super) fn is_long(fine: &Objective) -> bool {
-    fine.samples() > MAX_COMPARED_VALUES
+    fine.samples() > MAX_SHORT_VALUES
 }
 
 /// The beginnings of long `thinned` recordings; none where all of them are short.
@@ -106,10 +103,8 @@ fn scouted(thinned: &[Observation]) -> Option<Vec<Observation>> {
 pub struct Context<'a> {
     /// The beginning of long thinned recordings, where searches from many starts begin.
     pub scout: Option<&'a Objective>,
-    /// Thinned recordings, where other searches begin.
+    /// Thinned recordings, on which structures are compared.
     pub coarse: &'a Objective,
-    /// Where structures are compared: all samples, or the thinned recordings if there are very many.
-    pub compared: &'a Objective,
     /// All samples, where they end.
     pub fine: &'a Objective,
     /// Eq. 1 and the weight at the start.
@@ -188,14 +183,6 @@ impl Context<'_> {
         Candidate { offset_m: objective.best_offset(&start), ..start }
     }
 
-    /// Where many structures are tried: the thinned recordings, or the beginning of long ones.
-    pub(super) fn scouted(&self) -> &Objective {
-        match self.scout {
-            Some(scout) if is_long(self.fine) => scout,
-            _ => self.coarse,
-        }
-    }
-
     /// The best candidate over `objective` from `starts`, which have the same variables.
     pub(super) fn best_over(&self, objective: &Objective, starts: &[Candidate]) -> Option<Found> {
         let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
@@ -233,20 +220,16 @@ impl Context<'_> {
     }
 
     /// The best candidate from `starts` where structures are compared, over `variables`.
-    fn explored_from(&self, starts: &[Candidate], variables: &[Variable]) -> Option<Found> {
-        let stopping = StoppingCriteria { iterations: 60, decrease: 1e-7 };
-        let mut found = match self.scout {
+    pub(super) fn explored_from(&self, starts: &[Candidate], variables: &[Variable]) -> Option<Found> {
+        // Close enough to compare structures: the last search is on all samples.
+        let stopping = StoppingCriteria { iterations: 60, decrease: 1e-5 };
+        let found = match self.scout {
             None => self.descents(self.coarse, starts, variables, stopping),
             Some(scout) => {
-                // Close enough to compare structures: the last search is on all samples.
-                let stopping = StoppingCriteria { decrease: 1e-5, ..stopping };
                 let first = self.descents(scout, starts, variables, stopping);
                 self.descents(self.coarse, &self.promising(first), variables, stopping)
             }
         };
-        if !std::ptr::eq(self.compared, self.coarse) {
-            found = self.descents(self.compared, &self.promising(found), variables, FINE);
-        }
         found.into_iter().next()
     }
 
@@ -277,13 +260,10 @@ impl Context<'_> {
         found.into_iter().filter(|f| f.minimum.cost <= near * best).map(|f| f.candidate).collect()
     }
 
-    /// `found` on all samples, if structures are compared on fewer.
+    /// `found` on all samples.
     pub fn finished(&self, found: Found) -> Found {
-        if std::ptr::eq(self.compared, self.fine) {
-            return found;
-        }
-        // Between thinned recordings and all samples the minimum moves little.
-        let stopping = StoppingCriteria { decrease: 1e-6, ..FINE };
+        // Between thinned recordings and all samples of long ones the minimum moves little.
+        let stopping = StoppingCriteria { iterations: 60, decrease: if is_long(self.fine) { 1e-6 } else { 1e-8 } };
         self.descend_over(self.fine, &found.candidate, found.variables.clone(), stopping).unwrap_or(found)
     }
 

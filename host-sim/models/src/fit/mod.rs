@@ -94,7 +94,7 @@ pub fn fit(
     if let Some(cause) = repeated(observations) {
         return Err(Error::Computation(cause));
     }
-    let stages = Stages::new(settings, Kind::for_choice(settings.curve, observations).len(), progress);
+    let stages = Stages::new(settings, Kind::for_choice(settings.curve, observations).len() - 1, progress);
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;
     let context = prepared.context(settings, stop);
     if settings.branches.iter().all(|&branches| context.variables(branches).is_empty()) {
@@ -186,6 +186,7 @@ impl Fit {
             checks::of_delay(&candidate, uncertainty.as_ref(), &mut warnings);
         }
         checks::of_structures(&structures, &mut warnings);
+        checks::of_order(&candidate, &mut warnings);
         checks::of_amplitudes(observations, &candidate, &mut warnings);
         if let Some(uncertainty) = &uncertainty {
             checks::of_uncertainty(uncertainty, &candidate, &mut warnings);

@@ -164,11 +164,11 @@ fn rate(steps: &[f64], median_step_s: f64, drive: &Samples) -> (f64, Option<Stri
     (rate_hz, Some(warning))
 }
 
-/// The observation with fewer samples, of which the input is still followed to 0.5 % of its range: for first searches.
+/// The observation with fewer samples, of which the input is still followed to 0.2 % of its range: some 30 for a period of a sine.
 #[must_use]
 pub fn thinned(observation: &Observation) -> Observation {
     const MIN_SAMPLES: usize = 800;
-    const ALLOWED: f64 = 0.005;
+    const ALLOWED: f64 = 0.002;
     let drive = observation.input.samples();
     let load: Vec<f64> = match observation.input {
         Input::Voltage(_) => drive.value.iter().map(|v| v * v).collect(),

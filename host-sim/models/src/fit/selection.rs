@@ -1,5 +1,10 @@
 //! Selection of the structure: the one rule by which topology, branches, elastic curve and saturation are chosen.
+//!
+//! Every structure is fitted again without each recording, and without every second block of time of all recordings. Its errors on what was
+//! left out are compared with those of the best structure, block by block. The smallest structure wins that this comparison cannot tell from
+//! the best one.
 
+use std::ops::Range;
 use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
@@ -8,11 +13,10 @@ use springpot::Topology;
 
 use super::candidate::{Bend, Candidate};
 use super::descent::{Context, Found};
-use super::objective::Objective;
+use super::objective::{Evaluation, Objective};
 use super::observation::Observation;
 use super::settings::topology_name;
-use super::statistics::Whiteness;
-use super::statistics::{self, Loss};
+use super::statistics::{self, Loss, Whiteness, range};
 use crate::agreement::Agreement;
 use crate::error::Result;
 use crate::least_squares::StoppingCriteria;
@@ -41,7 +45,7 @@ pub struct StructureRow {
     pub delta_bic: f64,
     /// Mean NRMSE (%) of every recording under a fit to the others; null for a single recording.
     pub left_out_nrmse_pct: Option<f64>,
-    /// Reason why that is missing although there are several recordings.
+    /// Reason why the errors on what was left out are missing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out_missing: Option<String>,
     /// Whether this structure was selected.
@@ -67,20 +71,25 @@ fn serialize_topology<S: serde::Serializer>(
     serializer.serialize_str(topology_name(*topology))
 }
 
-/// A left-out error up to this factor above the least is not worse.
-const MARGIN: f64 = 1.05;
-/// A structure whose Bayesian criterion is further than this above the least fits noise: odds of e⁵ to one.
-const MARGIN_BIC: f64 = 10.0;
-/// A gain of the mean R² up to this is not worth a branch: an error of 0.3 % of the stroke's standard deviation.
-const MIN_GAIN: f64 = 1e-5;
-/// Share of a cost to which a nonlinearity, or one more branch behind it, must bring it: errors a twentieth smaller.
-const WORTH: f64 = 0.9;
+/// Blocks of time of a recording, of which every second one is left out at a time.
+const BLOCKS: usize = 8;
+/// Standard errors of the mean difference of two structures from which one is better: 1 chance in 40 if they are equal.
+const STANDARD_ERRORS: f64 = 2.0;
+/// Smallest mean difference that matters, as a logarithm of mean squares: errors 1 % smaller.
+const MIN_DIFFERENCE: f64 = 0.02;
+/// Error that no application resolves, as a share of a recording's range: what is below does not matter.
+const FLOOR: f64 = 2e-4;
+/// The same difference for a curve or a saturation if the recordings have one amplitude, where creep and stiffening look alike: errors a
+/// quarter larger without it.
+const MIN_DIFFERENCE_ONE_AMPLITUDE: f64 = 0.446;
 /// A cost so many times the least is far from it: errors 1.3 times as large.
 const FAR: f64 = 1.7;
+/// Share of a cost to which one more branch must bring it for another to be tried.
+const WORTH: f64 = 0.97;
 
-/// Whether `cost` is so much less than `simpler`, that of a simpler structure, that a nonlinearity is worth it.
-pub(super) fn is_worth_it(cost: f64, simpler: f64) -> bool {
-    cost <= WORTH * simpler
+/// Whether `cost` is so much less than that of one branch fewer that one more is tried.
+pub(super) fn is_worth_it(cost: f64, smaller: f64) -> bool {
+    cost <= WORTH * smaller
 }
 
 /// Whether `cost` is near the `least`, so that the structure may still be selected.
@@ -90,43 +99,35 @@ pub(super) fn is_near(cost: f64, least: f64) -> bool {
 
 /// A fitted structure.
 pub(super) struct StructureFit {
-    pub(super) topology: Topology,
-    pub(super) branches: usize,
     pub(super) found: Found,
+    /// Mean NRMSE (%) of the recordings that were left out, if there are several.
     left_out_nrmse_pct: Option<f64>,
-    left_out_missing: Option<String>,
+    /// Relative mean squares in the blocks that were left out, or the reason why there are none.
+    left_out: std::result::Result<Vec<f64>, String>,
+    /// The same of the fit itself.
+    fitted: Vec<f64>,
     /// Mean of the recordings' R², and of their NRMSE (%).
     r2_mean: f64,
     nrmse_pct: f64,
-    pub(super) whiteness: Whiteness,
+    effective_samples: f64,
 }
 
 impl StructureFit {
-    /// The structure that was `found`, with its error where it is compared (`objective`) and on the recordings that are
-    /// `left_out`; none if it has no response.
-    pub(super) fn new(
-        context: &Context<'_>,
-        objective: &Objective,
-        left_out: Option<&LeftOut>,
-        found: Found,
-    ) -> Option<Self> {
+    /// The structure that was `found`, with its errors on what is `left_out`; none if it has no response.
+    pub(super) fn new(context: &Context<'_>, left_out: &LeftOut<'_>, found: Found) -> Option<Self> {
+        let objective = context.coarse;
         let evaluation = objective.evaluate(&found.candidate)?;
-        let pairs = objective.measured().zip(&evaluation.modelled);
-        let agreements: Vec<Agreement> = pairs.map(|(measured, modelled)| Agreement::new(measured, modelled)).collect();
+        let agreements = agreements_of(objective, &evaluation);
         let mean = |of: fn(&Agreement) -> f64| agreements.iter().map(of).sum::<f64>() / agreements.len() as f64;
-        let error = left_out.map(|left_out| left_out.error(context, &found)).transpose();
-        let (left_out_nrmse_pct, left_out_missing) = match error {
-            Ok(error_pct) => (error_pct, None),
-            Err(reason) => (None, Some(reason)),
-        };
+        let whiteness = Whiteness::new(objective.values(), &objective.residuals(&evaluation));
+        let errors = left_out.errors(context, &found);
         Some(Self {
-            topology: found.candidate.topology,
-            branches: found.candidate.branches(),
             r2_mean: mean(|a| a.r2),
             nrmse_pct: mean(|a| a.nrmse_pct),
-            whiteness: Whiteness::new(objective.values(), &objective.residuals(&evaluation)),
-            left_out_nrmse_pct,
-            left_out_missing,
+            effective_samples: whiteness.effective_samples,
+            left_out_nrmse_pct: errors.as_ref().ok().and_then(|errors| left_out.nrmse_pct(errors)),
+            left_out: errors,
+            fitted: left_out.mean_squares(context.loss, &evaluation),
             found,
         })
     }
@@ -148,38 +149,24 @@ impl StructureFit {
     fn cost(&self) -> f64 {
         self.found.minimum.cost
     }
-
-    /// Whether the error is not worth more branches than this structure has to reach that of `best`.
-    pub(super) fn is_as_good_as(&self, best: &Self) -> bool {
-        self.cost() <= MARGIN * MARGIN * best.cost() || best.r2_mean - self.r2_mean <= MIN_GAIN
-    }
-
-    /// The criterion for it, where fits are or are not validated on left-out recordings.
-    fn judgement(&self, is_validated: bool) -> Judgement {
-        match self.left_out_nrmse_pct {
-            Some(error_pct) => Judgement::LeftOut(error_pct),
-            None if is_validated => Judgement::Missing,
-            None => Judgement::Fitted,
-        }
-    }
 }
 
-/// The criterion for a structure.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Judgement {
-    /// The error on recordings that were left out, %.
-    LeftOut(f64),
-    /// Others have an error on left-out recordings, this one has none: it is never selected. Its row has no such error.
-    Missing,
-    /// No structure has an error on left-out recordings: the error on the recordings themselves.
-    Fitted,
+/// The paired comparison of two structures by their mean squares in the same blocks: the mean of the logarithms' differences, positive if
+/// `one` is worse than the `other`, and its standard error.
+fn difference(one: &[f64], other: &[f64]) -> (f64, f64) {
+    let floored = |square: f64| (square + FLOOR * FLOOR).ln();
+    let differences: Vec<f64> = one.iter().zip(other).map(|(a, b)| floored(*a) - floored(*b)).collect();
+    let n = differences.len() as f64;
+    let mean = differences.iter().sum::<f64>() / n;
+    let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    (mean, (variance / n).sqrt())
 }
 
 /// The structure that is selected among fits to the same recordings, with a row for each.
 ///
-/// It is the smallest that is not worse than the best: by the error on left-out recordings. If there is only one recording, the
-/// best is that with the least error among those whose Bayesian criterion says that they do not fit noise, and a structure is not
-/// worse whose error is up to 5 % or an R² of 1e-5 above it.
+/// The best has the least errors on what was left out; if no structure has such errors, because the search was interrupted, those of the
+/// fit itself count. Selected is the smallest that a paired comparison cannot tell from it. A nonlinearity that only one amplitude supports
+/// must do clearly better than every linear film.
 pub(super) struct Selection {
     /// Its place among the fits.
     pub(super) index: usize,
@@ -188,28 +175,46 @@ pub(super) struct Selection {
 }
 
 impl Selection {
-    /// Selects among `fits` to the recordings of `objective`; the first where none is left.
-    pub(super) fn new(objective: &Objective, fits: &[StructureFit]) -> Self {
-        let criteria = criteria(objective, fits);
+    /// Selects among `fits`, of which only nonlinear ones are `wanted` if there are some, to recordings with `one_amplitude` or more.
+    pub(super) fn new(fits: &[StructureFit], samples: usize, wanted_nonlinear: bool, one_amplitude: bool) -> Self {
+        let criteria = criteria(fits, samples);
         let least = |of: fn(&(f64, f64)) -> f64| criteria.iter().map(of).fold(f64::INFINITY, f64::min);
         let (least_aic, least_bic) = (least(|c| c.0), least(|c| c.1));
-        let least_left_out = fits.iter().filter_map(|fit| fit.left_out_nrmse_pct).fold(f64::INFINITY, f64::min);
-        let is_validated = fits.iter().any(|fit| fit.left_out_nrmse_pct.is_some());
-        let fits_no_noise = |fit: &(usize, &StructureFit)| criteria[fit.0].1 <= least_bic + MARGIN_BIC;
-        let best = fits.iter().enumerate().filter(fits_no_noise).min_by(|a, b| a.1.cost().total_cmp(&b.1.cost()));
-        let is_not_worse = |k: usize| match fits[k].judgement(is_validated) {
-            Judgement::LeftOut(error_pct) => error_pct <= MARGIN * least_left_out,
-            Judgement::Missing => false,
-            Judgement::Fitted => best.is_some_and(|(_, best)| fits[k].is_as_good_as(best)),
+        let is_validated = fits.iter().any(|fit| fit.left_out.is_ok());
+        let errors = |k: usize| if is_validated { fits[k].left_out.as_deref().ok() } else { Some(&*fits[k].fitted) };
+        // Mean logarithm of the mean squares.
+        let size = |k: usize| {
+            let errors = errors(k)?;
+            Some(difference(errors, &vec![0.0; errors.len()]).0)
+        };
+        let by_size =
+            |a: &usize, b: &usize| size(*a).unwrap_or(f64::INFINITY).total_cmp(&size(*b).unwrap_or(f64::INFINITY));
+        let least_linear =
+            (0..fits.len()).filter(|&k| fits[k].is_linear()).filter_map(size).fold(f64::INFINITY, f64::min);
+        let is_supported = |k: usize| {
+            let gain = size(k).map_or(0.0, |size| least_linear - size);
+            !one_amplitude || fits[k].is_linear() || gain >= MIN_DIFFERENCE_ONE_AMPLITUDE
+        };
+        let admitted: Vec<usize> = (0..fits.len())
+            .filter(|&k| if wanted_nonlinear { !fits[k].is_linear() } else { is_supported(k) })
+            .filter(|&k| errors(k).is_some())
+            .collect();
+        let best = admitted.iter().copied().min_by(by_size);
+        let is_not_worse = |k: &usize| {
+            let pair = best.and_then(errors).zip(errors(*k));
+            pair.is_none_or(|(best, this)| {
+                let (mean, error) = difference(this, best);
+                mean <= MIN_DIFFERENCE.max(STANDARD_ERRORS * error)
+            })
         };
         let smallest = |&a: &usize, &b: &usize| {
-            let by_size = fits[a].variables().cmp(&fits[b].variables());
-            by_size.then(criteria[a].1.total_cmp(&criteria[b].1))
+            let by_variables = fits[a].variables().cmp(&fits[b].variables());
+            by_variables.then(criteria[a].1.total_cmp(&criteria[b].1))
         };
-        let index = (0..fits.len()).filter(|&k| is_not_worse(k)).min_by(smallest).unwrap_or(0);
+        let index = admitted.iter().copied().filter(is_not_worse).min_by(smallest).unwrap_or(0);
         let row = |(k, fit): (usize, &StructureFit)| StructureRow {
-            topology: fit.topology,
-            branches: fit.branches,
+            topology: fit.found.candidate.topology,
+            branches: fit.found.candidate.branches(),
             curve: fit.found.candidate.bend.name(),
             saturates: fit.saturates(),
             variables: fit.variables(),
@@ -218,113 +223,222 @@ impl Selection {
             delta_aic: criteria[k].0 - least_aic,
             delta_bic: criteria[k].1 - least_bic,
             left_out_nrmse_pct: fit.left_out_nrmse_pct,
-            left_out_missing: fit.left_out_missing.clone(),
+            left_out_missing: fit.left_out.as_ref().err().cloned(),
             chosen: k == index,
         };
         Self { index, rows: fits.iter().enumerate().map(row).collect() }
     }
 }
 
-/// Akaike's and the Bayesian criterion of `fits`, with the number of independent samples from the residuals of the best of them.
-fn criteria(objective: &Objective, fits: &[StructureFit]) -> Vec<(f64, f64)> {
+/// Akaike's and the Bayesian criterion of `fits` to so many `samples`, with the number of independent ones from the residuals of the best.
+fn criteria(fits: &[StructureFit], samples: usize) -> Vec<(f64, f64)> {
     let best = fits.iter().min_by(|a, b| a.cost().total_cmp(&b.cost()));
-    let samples = best.map_or(1.0, |best| best.whiteness.effective_samples);
+    let effective = best.map_or(1.0, |best| best.effective_samples);
     let of = |fit: &StructureFit| {
-        let variance = (2.0 * fit.cost() / objective.samples() as f64).max(f64::MIN_POSITIVE);
-        let misfit = samples * variance.ln();
+        let variance = (2.0 * fit.cost() / samples as f64).max(f64::MIN_POSITIVE);
+        let misfit = effective * variance.ln();
         let k = fit.variables() as f64;
-        (misfit + 2.0 * k, misfit + k * samples.ln())
+        (misfit + 2.0 * k, misfit + k * effective.ln())
     };
     fits.iter().map(of).collect()
 }
 
 /// Agreement of a candidate with every recording; empty if it has no response.
 pub fn agreements(objective: &Objective, candidate: &Candidate) -> Vec<Agreement> {
-    let evaluation = objective.evaluate(candidate);
-    let modelled = evaluation.map(|evaluation| evaluation.modelled).unwrap_or_default();
-    objective.measured().zip(&modelled).map(|(measured, modelled)| Agreement::new(measured, modelled)).collect()
+    objective.evaluate(candidate).map(|evaluation| agreements_of(objective, &evaluation)).unwrap_or_default()
 }
 
-/// NRMSE (%) of a candidate; for Huber's loss from robust estimates, which drop-outs do not change.
-fn nrmse_pct(objective: &Objective, candidate: &Candidate, loss: Loss) -> Option<f64> {
-    let agreement = *agreements(objective, candidate).first()?;
-    if loss == Loss::Square {
-        return Some(agreement.nrmse_pct);
+fn agreements_of(objective: &Objective, evaluation: &Evaluation) -> Vec<Agreement> {
+    let pairs = objective.measured().zip(&evaluation.modelled);
+    pairs.map(|(measured, modelled)| Agreement::new(measured, modelled)).collect()
+}
+
+/// Whether the turning points of `observations` all have the same size.
+pub(super) fn has_one_amplitude(observations: &[Observation]) -> bool {
+    let mut peaks: Vec<f64> = observations.iter().flat_map(|o| peaks(&o.input.samples().value)).collect();
+    peaks.sort_by(f64::total_cmp);
+    // Several cycles, all as large.
+    let several = peaks.len() > observations.len();
+    several && peaks.first().zip(peaks.last()).is_some_and(|(least, most)| *least > 0.8 * most)
+}
+
+/// The sizes of the upper turning points of a drive: where it comes down to half.
+fn peaks(values: &[f64]) -> Vec<f64> {
+    let most = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let mut peaks = Vec::new();
+    let (mut rises, mut highest, mut lowest) = (true, 0.0, 0.0);
+    for value in values.iter().map(|value| value.abs()) {
+        if rises && value < 0.5 * highest {
+            peaks.push(highest);
+            (rises, lowest) = (false, value);
+        } else if !rises && value > lowest + 0.2 * most {
+            (rises, highest) = (true, value);
+        } else if rises {
+            highest = value.max(highest);
+        } else {
+            lowest = value.min(lowest);
+        }
     }
-    let residuals = objective.residuals(&objective.evaluate(candidate)?);
-    let range = statistics::percentile_range(objective.measured().flatten().copied());
-    Some(100.0 * statistics::robust_deviation(&residuals) / range.max(f64::MIN_POSITIVE))
+    if rises && highest > 0.2 * most {
+        peaks.push(highest);
+    }
+    peaks
 }
 
-/// Shares of the way from the fit to all recordings to the fit without one, on which a film with a response to that one is looked for.
+/// Shares of the way from the fit to everything to the fit without a part, on which a film with a response to that part is looked for.
 const WAY_BACK: [f64; 5] = [1.0, 0.5, 0.25, 0.1, 0.0];
 
-/// Fits to all recordings but one, and their error on that one.
-pub struct LeftOut {
+/// Fits to a part of the recordings, and their errors on the rest: without each recording, if there are several, and without every second
+/// block of time.
+pub struct LeftOut<'a> {
+    whole: &'a Objective,
+    blocks: Vec<Block>,
     folds: Vec<Fold>,
 }
 
-/// A recording that is left out.
-struct Fold {
-    name: String,
-    others: Objective,
-    one: Objective,
+/// A block of time of a recording.
+#[derive(Clone)]
+struct Block {
+    recording: usize,
+    /// Its values in the recording.
+    values: Range<usize>,
+    /// Square of the recording's range.
+    square: f64,
+    /// Number among the recording's blocks.
+    index: usize,
 }
 
-impl LeftOut {
-    /// The folds of `observations`, if there is more than one.
+/// What is left out at a time.
+struct Fold {
+    what: String,
+    others: Objective,
+    blocks: Vec<Block>,
+}
+
+impl<'a> LeftOut<'a> {
+    /// The folds of `observations`, whose objective is `whole`, with an objective of the same kind for each part.
     ///
     /// # Errors
     ///
-    /// As [`Objective::new`].
-    pub fn new(observations: &[Observation]) -> Result<Option<Self>> {
-        if observations.len() < 2 {
-            return Ok(None);
+    /// As `objective`, for a part.
+    pub fn new(
+        observations: &[Observation],
+        whole: &'a Objective,
+        objective: fn(&[Observation]) -> Result<Objective>,
+    ) -> Result<Self> {
+        let several = observations.len() > 1;
+        let mut blocks = Vec::new();
+        for (recording, observation) in observations.iter().enumerate() {
+            let count = observation.measured.value.len();
+            let (low, high) = range(&observation.measured.value);
+            let square = (high - low).powi(2).max(f64::MIN_POSITIVE) * observation.weight.powi(2);
+            let cuts = (0..BLOCKS).map(|k| (k, k * count / BLOCKS..(k + 1) * count / BLOCKS));
+            let cuts = cuts.filter(|(_, values)| !values.is_empty());
+            blocks.extend(cuts.map(|(index, values)| Block { recording, values, square, index }));
         }
-        let fold = |out: usize| {
+        let part = |what: String, others: Vec<Observation>, of: &dyn Fn(&Block) -> bool| {
+            let blocks = blocks.iter().filter(|block| of(block)).cloned().collect();
+            objective(&others).map(|others| Fold { what, others, blocks })
+        };
+        let mut folds = Vec::new();
+        for out in (0..observations.len()).filter(|_| several) {
             let mut others = observations.to_vec();
             let one = others.remove(out);
-            Ok(Fold {
-                others: Objective::new(&others)?,
-                one: Objective::new(std::slice::from_ref(&one))?,
-                name: one.name,
-            })
-        };
-        Ok(Some(Self { folds: (0..observations.len()).map(fold).collect::<Result<_>>()? }))
+            folds.push(part(one.name, others, &|block| block.recording == out)?);
+        }
+        for parity in 0..2 {
+            let is_out = |block: &Block| block.index % 2 == parity;
+            let mut others = observations.to_vec();
+            for block in blocks.iter().filter(|block| is_out(block)) {
+                let observation = &mut others[block.recording];
+                if observation.sample_weights.is_empty() {
+                    observation.sample_weights = vec![1.0; observation.measured.value.len()];
+                }
+                observation.sample_weights[block.values.clone()].fill(0.0);
+            }
+            let weighs = |o: &Observation| o.sample_weights.iter().any(|weight| *weight > 0.0);
+            // Weights of the user may leave nothing of half of the time.
+            if others.iter().all(weighs) {
+                folds.push(part("every second block of time".into(), others, &is_out)?);
+            }
+        }
+        Ok(Self { whole, blocks, folds })
     }
 
-    /// Mean NRMSE (%) of the recordings that were left out.
+    /// Relative mean squares of the structure that was `found` in every block that is left out, fold by fold.
     ///
     /// # Errors
     ///
-    /// The reason why it is missing.
-    pub fn error(&self, context: &Context<'_>, found: &Found) -> std::result::Result<f64, String> {
-        let errors: Vec<f64> =
-            self.folds.par_iter().map(|fold| fold.error(context, found)).collect::<std::result::Result<_, _>>()?;
+    /// The reason why they are missing.
+    pub fn errors(&self, context: &Context<'_>, found: &Found) -> std::result::Result<Vec<f64>, String> {
+        let errors: Vec<Vec<f64>> = self
+            .folds
+            .par_iter()
+            .map(|fold| fold.errors(self.whole, context, found))
+            .collect::<std::result::Result<_, _>>()?;
         if context.stop.load(Ordering::Relaxed) {
             return Err("the search was interrupted".into());
         }
-        Ok(errors.iter().sum::<f64>() / errors.len() as f64)
+        Ok(errors.concat())
+    }
+
+    /// Mean NRMSE (%) of recordings that are left out, if there are several, from the [`errors`](Self::errors).
+    pub fn nrmse_pct(&self, errors: &[f64]) -> Option<f64> {
+        let count = self.blocks.iter().map(|block| block.recording + 1).max().filter(|count| *count > 1)?;
+        let (mut from, mut sum) = (0, 0.0);
+        for fold in &self.folds[..count] {
+            let values = |block: &Block| block.values.len() as f64;
+            let squares = fold.blocks.iter().zip(&errors[from..]).map(|(block, square)| values(block) * square);
+            sum += (squares.sum::<f64>() / fold.blocks.iter().map(values).sum::<f64>()).sqrt();
+            from += fold.blocks.len();
+        }
+        Some(100.0 * sum / count as f64)
+    }
+
+    /// Relative mean squares of `evaluation` in every block.
+    fn mean_squares(&self, loss: Loss, evaluation: &Evaluation) -> Vec<f64> {
+        mean_squares(self.whole, loss, evaluation, &self.blocks)
     }
 }
 
+/// Mean squares of the residuals in `blocks`, relative to the ranges; for Huber's loss from robust estimates, which drop-outs do not change.
+fn mean_squares(whole: &Objective, loss: Loss, evaluation: &Evaluation, blocks: &[Block]) -> Vec<f64> {
+    let residuals = whole.residuals(evaluation);
+    let mut from = vec![0];
+    from.extend(whole.values().scan(0, |end, values| {
+        *end += values;
+        Some(*end)
+    }));
+    let of = |block: &Block| {
+        let start = from[block.recording];
+        let part = &residuals[start + block.values.start..start + block.values.end];
+        let square = match loss {
+            Loss::Square => part.iter().map(|r| r * r).sum::<f64>() / part.len() as f64,
+            Loss::Huber => statistics::robust_deviation(part).powi(2),
+        };
+        square / block.square
+    };
+    blocks.iter().map(of).collect()
+}
+
 impl Fold {
-    /// NRMSE (%) on this recording of the structure that was `found`, fitted to the others. Their strokes leave the end of a curve open: where
-    /// the film pulls in on this one, it is brought back towards the fit to all of them.
-    fn error(&self, context: &Context<'_>, found: &Found) -> std::result::Result<f64, String> {
+    /// Relative mean squares in the blocks of the structure that was `found`, fitted to the others. Their strokes leave the end of a curve
+    /// open: where the film pulls in on what is left out, it is brought back towards the fit to everything.
+    fn errors(&self, whole: &Objective, context: &Context<'_>, found: &Found) -> std::result::Result<Vec<f64>, String> {
         // The fit to all of them is a close start.
-        let stopping = StoppingCriteria { iterations: 40, decrease: 1e-6 };
+        let stopping = StoppingCriteria { iterations: 40, decrease: 1e-5 };
         let fitted = context.descend_over(&self.others, &found.candidate, found.variables.clone(), stopping);
-        let fitted = fitted.ok_or_else(|| format!("there is no fit without {}", self.name))?;
-        let error = |share: f64| {
+        let fitted = fitted.ok_or_else(|| format!("there is no fit without {}", self.what))?;
+        let errors = |share: f64| {
             let mut candidate = found.candidate.clone();
             for variable in &found.variables {
                 let (from, to) = (variable.get(&found.candidate), variable.get(&fitted.candidate));
                 variable.set(&mut candidate, if share == 1.0 { to } else { from + share * (to - from) });
             }
-            nrmse_pct(&self.one, &candidate, context.loss).filter(|error_pct| error_pct.is_finite())
+            let errors = mean_squares(whole, context.loss, &whole.evaluate(&candidate)?, &self.blocks);
+            errors.iter().all(|error| error.is_finite()).then_some(errors)
         };
-        let error = WAY_BACK.into_iter().find_map(error);
-        error.ok_or_else(|| format!("the fit without {} has no response to it", self.name))
+        let found = WAY_BACK.into_iter().find_map(errors);
+        found.ok_or_else(|| format!("the fit without {} has no response to it", self.what))
     }
 }

@@ -116,9 +116,10 @@ pub(super) fn grown(candidate: &Candidate, topology: Topology, scales: Scales) -
         .collect()
 }
 
-/// One kind of nonlinearity.
+/// One kind of nonlinearity, or none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
+    Linear,
     Saturation,
     MooneyRivlin,
     Gent,
@@ -126,11 +127,11 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    /// The kinds that `choice` names for these observations.
+    /// The linear film and the kinds that `choice` names for these observations.
     pub(super) fn for_choice(choice: CurveChoice, observations: &[Observation]) -> Vec<Self> {
         let volts = observations.iter().any(|o| matches!(o.input, Input::Voltage(_)));
         let free = |saturates| [2, 4].map(|pieces| Self::Free { pieces, saturates }).to_vec();
-        match choice {
+        let nonlinear = match choice {
             CurveChoice::None => Vec::new(),
             CurveChoice::Saturation => vec![Self::Saturation],
             CurveChoice::MooneyRivlin => vec![Self::MooneyRivlin],
@@ -139,12 +140,14 @@ impl Kind {
             CurveChoice::Both => free(true),
             CurveChoice::Auto if volts => [vec![Self::Saturation], free(false), free(true)].concat(),
             CurveChoice::Auto => [vec![Self::MooneyRivlin, Self::Gent], free(false)].concat(),
-        }
+        };
+        [vec![Self::Linear], nonlinear].concat()
     }
 
     /// Its name while it is fitted.
     pub(super) fn name(self) -> String {
         match self {
+            Self::Linear => "linear".into(),
             Self::Saturation => "saturation".into(),
             Self::MooneyRivlin => "mooney-rivlin".into(),
             Self::Gent => "gent".into(),
@@ -153,19 +156,26 @@ impl Kind {
         }
     }
 
+    /// Whether `candidate` is a film of this kind without some of its nonlinearity.
+    pub(super) fn extends(self, candidate: &Candidate) -> bool {
+        let may_saturate = matches!(self, Self::Free { saturates: true, .. });
+        candidate.bend == Bend::Straight && (may_saturate || candidate.actuator.saturation_v.is_none())
+    }
+
     /// `candidate` with a little of this nonlinearity: starts of a search. `range_m` is the stroke, `largest_v` the largest voltage.
     pub(super) fn starts(self, candidate: &Candidate, range_m: (f64, f64), largest_v: f64) -> Vec<Candidate> {
         let mut start = candidate.clone();
         // A twentieth of the force at the largest voltage.
         let saturation_v = Some(20f64.sqrt() * largest_v.max(1.0));
         match self {
+            Self::Linear => vec![start],
             Self::Saturation => {
                 start.actuator.saturation_v = saturation_v;
                 vec![start]
             }
             Self::Free { pieces, saturates } => {
                 start.bend = Bend::free(pieces, range_m);
-                start.actuator.saturation_v = saturation_v.filter(|_| saturates);
+                start.actuator.saturation_v = start.actuator.saturation_v.or(saturation_v).filter(|_| saturates);
                 vec![start]
             }
             Self::MooneyRivlin | Self::Gent => {

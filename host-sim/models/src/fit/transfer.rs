@@ -48,7 +48,7 @@ impl Transfer {
         coupled: bool,
         curve: Option<&Curve>,
     ) -> Option<Self> {
-        let law = if coupled || curve.is_some() { Some(recursion_of(model, circle.samples(), step_s)?) } else { None };
+        let law = if coupled || curve.is_some() { Some(recursion_of(model, circle, step_s)?) } else { None };
         let law = match (law, curve) {
             (Some(law), Some(curve)) => Some(law.behind(curve).ok()?),
             (law, _) => law,
@@ -193,11 +193,12 @@ fn power(ln_s: &[Complex<f64>], element: &Springpot, sign: f64) -> Spectrum {
         .collect()
 }
 
-/// The law that approximates coupled motion over so many `samples`.
-fn recursion_of(model: &Maxwell, samples: usize, step_s: f64) -> Option<Law<f64, Recursion>> {
-    let horizon_s = (samples as f64 * step_s).max(100.0 * step_s);
+/// The law that approximates coupled motion along `circle`.
+fn recursion_of(model: &Maxwell, circle: &FullMemory, step_s: f64) -> Option<Law<f64, Recursion>> {
+    let horizon_s = (circle.samples() as f64 * step_s).max(100.0 * step_s);
     // Any tolerance: corrections remove the tail's error.
     let options = LawOptions::at_step(step_s).with_horizon(horizon_s).with_tolerance(f64::MAX);
+    let options = options.with_method(circle.method());
     Law::compressed(model, options).ok()
 }
 

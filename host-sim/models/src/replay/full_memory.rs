@@ -49,7 +49,13 @@ impl FullMemory {
         Self::with_oversampling_and_method(samples, step, oversampling, Discretisation::Gl)
     }
 
-    fn with_oversampling_and_method(samples: usize, step: f64, oversampling: usize, method: Discretisation) -> Self {
+    /// The same for another discretisation of s.
+    pub fn with_oversampling_and_method(
+        samples: usize,
+        step: f64,
+        oversampling: usize,
+        method: Discretisation,
+    ) -> Self {
         let oversampling = oversampling.max(2);
         let points = smooth_length(samples.max(1) * oversampling);
         let ratio = points as f64 / samples.max(1) as f64;
@@ -108,6 +114,11 @@ impl FullMemory {
     /// Largest error that wrapping and rounding leave, relative to the largest response.
     pub fn rounding(&self) -> f64 {
         self.rounding
+    }
+
+    /// How s is discretised.
+    pub fn method(&self) -> Discretisation {
+        self.method
     }
 
     /// Samples the circle is for.

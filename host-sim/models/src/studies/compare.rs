@@ -82,7 +82,7 @@ pub fn compare(
     // A part of a comparison is of no use: there is no early end.
     let never = AtomicBool::new(false);
     let context = &prepared.context(settings, &never);
-    let left_out = LeftOut::new(observations)?;
+    let left_out = LeftOut::new(observations, context.fine, Objective::new)?;
     let mut rows = Vec::new();
     let mut smaller: Option<Candidate> = None;
     for (index, (name, model)) in MODELS.into_iter().enumerate() {
@@ -99,7 +99,7 @@ pub fn compare(
             parameters: found.variables.len(),
             r2_mean: agreements.iter().map(|a| a.r2).sum::<f64>() / n,
             nrmse_pct: agreements.iter().map(|a| a.nrmse_pct).sum::<f64>() / n,
-            left_out_nrmse_pct: left_out.as_ref().and_then(|left_out| left_out.error(context, &found).ok()),
+            left_out_nrmse_pct: left_out.errors(context, &found).ok().and_then(|errors| left_out.nrmse_pct(&errors)),
             beyond_pct: foretold.as_ref().and_then(|objective| error_pct(objective, &found.candidate)),
             step_ns: model.step_ns(&found.candidate, &observations[0].input)?,
         });

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use crate::plants::{LITTLE_CREEP, MUCH_CREEP, StiffeningFilm};
+use crate::plants::{LITTLE_CREEP, MUCH_CREEP, Stiffening, StiffeningFilm};
 use host_io::files::parameters::{ElasticCurve, Parameters};
 use host_io::files::recording::{Direction, Input};
 use host_io::grid::{Grid, Samples};
@@ -24,7 +24,7 @@ use springpot::{Actuator, CommandLimits, Curve, Discretisation, Maxwell, Rubber,
 pub(crate) const FILM: Actuator =
     Actuator { length_m: 0.03, width_m: 0.02, thickness_m: 100e-6, mass_kg: 0.1, ..Actuator::KARNER_2022 };
 
-fn observation(name: &str, input: Input, measured: Samples, rate_hz: f64) -> Observation {
+pub(crate) fn observation(name: &str, input: Input, measured: Samples, rate_hz: f64) -> Observation {
     Observation {
         name: name.into(),
         input,
@@ -42,7 +42,7 @@ fn recordings(elements: [(f64, f64); 3]) -> Vec<Observation> {
     let noise = Normal::new(0.0, 4e-6).expect("valid");
     let mut record = |hz: f64| {
         let volts = |t: f64| 1750.0 * (1.0 - (TAU * hz * t).cos());
-        let mut film = StiffeningFilm::new(elements, 1e-3);
+        let mut film = StiffeningFilm::new(Stiffening::with(elements), 1e-3);
         let (mut time_s, mut drive, mut measured) = (Vec::new(), Vec::new(), Vec::new());
         let mut x = 0.0;
         for k in 0..80_000 {
@@ -133,7 +133,7 @@ fn feedforward_pct(parameters: &Parameters, elements: [(f64, f64); 3]) -> f64 {
     let options = RunOptions::default();
     let bar = ProgressBar::hidden();
     let plan = feedforward::plan(parameters, &wanted, grid, &options, CommandLimits::BENCH, &bar).expect("a plan");
-    let mut film = StiffeningFilm::new(elements, 1e-3);
+    let mut film = StiffeningFilm::new(Stiffening::with(elements), 1e-3);
     let errors: Vec<f64> = plan.voltage_v.iter().zip(&wanted).map(|(&volts, r)| film.step(volts) - r).collect();
     100.0 / 1.6e-3 * (errors[2000..].iter().map(|e| e * e).sum::<f64>() / (errors.len() - 2000) as f64).sqrt()
 }

@@ -238,7 +238,8 @@ fn exact_derivatives() {
     }
 }
 
-/// The table's left-out error is the error on one recording of a fit to the others: here by fitting again.
+/// The table's left-out error is the error on one recording of a fit to the others: here by fitting again, to all rows instead of thinned
+/// ones.
 #[test]
 fn left_out_is_left_out() {
     let all = observations("hossain");
@@ -259,11 +260,10 @@ fn left_out_is_left_out() {
     }
     let (reported, refitted) = (row.left_out_nrmse_pct.expect("three recordings"), sum / all.len() as f64);
     println!("left out: {reported:.4} % reported, {refitted:.4} % refitted");
-    assert!((reported / refitted - 1.0).abs() < 0.02);
+    assert!((reported / refitted - 1.0).abs() < 0.05);
 }
 
-/// A single recording has no left-out error: the choice ends where one more branch buys nothing, and larger structures are not
-/// tried. On the simulated film four branches gain 1e-5 of R² over one or two.
+/// Of a single recording blocks of time are left out: branches that buy nothing there are not selected.
 #[test]
 fn a_single_recording_ends_where_branches_buy_nothing() {
     for plant in ["hossain", "wang"] {
@@ -273,25 +273,22 @@ fn a_single_recording_ends_where_branches_buy_nothing() {
         for row in rows {
             println!("{plant} {:?} n = {}: R² {:.6} {}", row.topology, row.branches, row.r2_mean, row.chosen);
         }
+        assert!(rows.iter().all(|row| row.left_out_nrmse_pct.is_none() && row.left_out_missing.is_none()), "{rows:?}");
         let chosen = rows.iter().find(|row| row.chosen).expect("one is chosen");
-        let best = rows.iter().map(|row| row.r2_mean).fold(0.0, f64::max);
-        assert!(rows.len() < 10 && rows.iter().all(|row| row.branches <= chosen.branches + 2), "{plant}");
-        assert!(best - chosen.r2_mean <= 1e-5 || 1.0 - chosen.r2_mean <= 1.05 * 1.05 * (1.0 - best), "{plant}");
-        assert!(chosen.branches <= 3, "{plant}: {}", chosen.branches);
-        let smaller = rows.iter().filter(|row| row.variables < chosen.variables);
-        for row in smaller {
-            assert!(chosen.r2_mean - row.r2_mean > 1e-6, "{plant}: n = {} would do", row.branches);
-        }
+        let least = rows.iter().map(|row| row.nrmse_pct).fold(f64::INFINITY, f64::min);
+        assert!(chosen.nrmse_pct <= 1.4 * least, "{plant}: {} of {least} %", chosen.nrmse_pct);
+        assert!((1..=3).contains(&chosen.branches), "{plant}: {}", chosen.branches);
     }
 }
 
-/// White residuals leave nothing to find: no larger structure is tried.
+/// White residuals leave nothing to find: at most one more branch is tried, because the recordings have first-order steps and thinned ones
+/// have not.
 #[test]
 fn white_residuals_end_the_choice() {
     let mut truth = truth();
     truth.elements.truncate(3);
     let fit = fitted(&synthetic(&truth, 5e-6)[..1], &Settings::default());
-    assert_eq!(fit.structures.iter().map(|row| row.branches).collect::<Vec<_>>(), [0, 1]);
+    assert!(fit.structures.iter().all(|row| row.branches <= 2), "{:?}", fit.structures);
     assert_eq!(fit.candidate.branches(), 1);
     assert!(fit.uncertainty.expect("computed").white);
 }

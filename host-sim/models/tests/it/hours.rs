@@ -25,7 +25,7 @@ use host_models::simulation::plant::{FullMemoryPlant, Mismatch, Plant};
 use rayon::prelude::*;
 use springpot::{Actuator, CommandLimits, LearningOptions, ObserverOptions, Topology};
 
-use crate::plants::{BlendedFilm, Change, LITTLE_CREEP, MUCH_CREEP, Ramp, StiffeningFilm, WarmingStrip};
+use crate::plants::{BlendedFilm, Change, LITTLE_CREEP, MUCH_CREEP, Ramp, Stiffening, StiffeningFilm, WarmingStrip};
 use crate::sweep::full_sweep;
 use crate::{curves, measured_curve, tracking};
 
@@ -221,7 +221,7 @@ impl Case {
             Box::new(WarmingStrip::at_rest(film, ramp, substep_s))
         };
         let stiffening = |elements| {
-            let film = StiffeningFilm::new(elements, substep_s).changed(self.change);
+            let film = StiffeningFilm::new(Stiffening::with(elements), substep_s).changed(self.change);
             Box::new(if self.warm.is_some() { film.warming(ramp) } else { film })
         };
         match self.film {

@@ -26,6 +26,7 @@ mod reduce;
 mod relaxation;
 mod same_film;
 mod sensor_offset;
+mod stiffening;
 #[allow(dead_code)] // samples of cases are for springpot's own sweeps
 #[path = "../../../../crates/springpot/tests/it/support/sweep.rs"]
 mod sweep;

@@ -46,11 +46,31 @@ impl Ramp {
     }
 }
 
-/// A film whose spring stiffens with the third power, in series with Kelvin–Voigt elements, and that thins: none of this project's
-/// equations.
-pub(crate) struct StiffeningFilm {
+/// Constants of a film whose spring stiffens with the third power, in series with Kelvin–Voigt elements, and that thins: none of this
+/// project's equations.
+#[derive(Clone, Debug)]
+pub(crate) struct Stiffening {
+    /// k₀ (N/m) and k₃ (N/m³) of the spring, f = k₀ e + k₃ e³.
+    pub spring: (f64, f64),
     /// Stiffness (N/m) and retardation time (s).
-    elements: [(f64, f64); 3],
+    pub elements: [(f64, f64); 3],
+    /// Mass, kg, and damping, N·s/m.
+    pub inertia: (f64, f64),
+    /// Growth of the force with the displacement, 1/m.
+    pub coupling: f64,
+    /// Voltage at which the force is half of Eq. 1, V.
+    pub saturation_v: f64,
+}
+
+impl Stiffening {
+    pub(crate) fn with(elements: [(f64, f64); 3]) -> Self {
+        Self { spring: (9e3, 6e8), elements, inertia: (0.1, 2.0), coupling: 40.0, saturation_v: f64::INFINITY }
+    }
+}
+
+/// Such a film in motion.
+pub(crate) struct StiffeningFilm {
+    film: Stiffening,
     step_s: f64,
     change: Change,
     ramp: Option<Ramp>,
@@ -60,8 +80,8 @@ pub(crate) struct StiffeningFilm {
 }
 
 impl StiffeningFilm {
-    pub(crate) fn new(elements: [(f64, f64); 3], step_s: f64) -> Self {
-        Self { elements, step_s, change: Change::NONE, ramp: None, steps: 0, state: [0.0; 5] }
+    pub(crate) fn new(film: Stiffening, step_s: f64) -> Self {
+        Self { film, step_s, change: Change::NONE, ramp: None, steps: 0, state: [0.0; 5] }
     }
 
     /// Stiffer, slower from the beginning.
@@ -75,13 +95,14 @@ impl StiffeningFilm {
 
     fn slope(&self, volts: f64, [x, speed, e0, e1, e2]: [f64; 5]) -> [f64; 5] {
         let Change { stiffness, times, .. } = self.change;
+        let Stiffening { spring: (k0, k3), elements: [a, b, c], inertia: (mass, damping), .. } = self.film;
         let spring = x - e0 - e1 - e2;
-        let force = stiffness * (9e3 * spring + 6e8 * spring * spring * spring);
+        let force = stiffness * (k0 * spring + k3 * spring * spring * spring);
         let area_m2 = 0.02 * 0.03;
-        let pull = EPSILON_0 * 4.7 * area_m2 / 1e-8 * volts * volts * (1.0 + 40.0 * x);
+        let square = volts * volts / (1.0 + (volts / self.film.saturation_v).powi(2));
+        let pull = EPSILON_0 * 4.7 * area_m2 / 1e-8 * square * (1.0 + self.film.coupling * x);
         let flow = |(k, time_s): (f64, f64), e: f64| (force / (stiffness * k) - e) / (times * time_s);
-        let [a, b, c] = self.elements;
-        [speed, (pull - force - 2.0 * speed) / 0.1, flow(a, e0), flow(b, e1), flow(c, e2)]
+        [speed, (pull - force - damping * speed) / mass, flow(a, e0), flow(b, e1), flow(c, e2)]
     }
 
     /// A step under `volts`, by the classical Runge–Kutta method; the displacement, m.

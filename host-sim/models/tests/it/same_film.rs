@@ -36,12 +36,12 @@ fn film() -> Parameters {
     Parameters { model, actuator: ACTUATOR, ..Parameters::preset("table3-n1").expect("there") }
 }
 
-/// Displacement (m) of the film at 1 kHz under `voltage_v`.
-fn displacement_m(voltage_v: Vec<f64>) -> Vec<f64> {
+/// Displacement (m) of `film` at 1 kHz under `voltage_v`.
+fn displacement_m(film: &Parameters, voltage_v: Vec<f64>) -> Vec<f64> {
     let grid = Grid { rate_hz: 1000.0, samples: voltage_v.len() };
     let input = Input::Voltage(Samples { time_s: grid.times_s(), value: voltage_v });
     let options = RunOptions { memory: MemoryChoice::Compressed, precision: Precision::F64, rate_hz: 1000.0 };
-    simulate::response(&film(), &input, grid, &options, &ProgressBar::hidden()).expect("moves").displacement_m
+    simulate::response(film, &input, grid, &options, &ProgressBar::hidden()).expect("moves").displacement_m
 }
 
 /// Times, voltages and readings of a sine of `hz` at 100 Hz with 4 µm of noise, `late_ms` behind the film.
@@ -54,10 +54,14 @@ struct Rows {
 
 impl Rows {
     fn new(hz: f64, late_ms: usize) -> Self {
+        Self::of(&film(), hz, late_ms)
+    }
+
+    fn of(film: &Parameters, hz: f64, late_ms: usize) -> Self {
         let mut random = Pcg64::seed_from_u64((1e3 * hz) as u64);
         let noise = Normal::new(0.0, 4e-6).expect("valid");
         let volts: Vec<f64> = (0..30_000).map(|k| 1750.0 * (1.0 - (TAU * hz * 1e-3 * f64::from(k)).cos())).collect();
-        let film = displacement_m(volts.clone());
+        let film = displacement_m(film, volts.clone());
         let rows = || (0..film.len()).step_by(10);
         let read = |k: usize| if k < late_ms { 0.0 } else { film[k - late_ms] };
         Self {
@@ -157,7 +161,7 @@ fn feedforward_pct(fit: &Fit) -> f64 {
     let wanted: Vec<f64> = grid.times_s().iter().map(at).collect();
     let (options, bar) = (RunOptions::default(), ProgressBar::hidden());
     let plan = feedforward::plan(&parameters, &wanted, grid, &options, CommandLimits::BENCH, &bar).expect("a plan");
-    let square: f64 = displacement_m(plan.voltage_v).iter().zip(&wanted).map(|(x, r)| (x - r).powi(2)).sum();
+    let square: f64 = displacement_m(&film(), plan.voltage_v).iter().zip(&wanted).map(|(x, r)| (x - r).powi(2)).sum();
     100.0 * (square / wanted.len() as f64).sqrt() / 0.6e-3
 }
 
@@ -243,7 +247,20 @@ fn copies_are_refused_and_repetitions_are_not() {
     let mut random = Pcg64::seed_from_u64(99);
     let noise = Normal::new(0.0, 4e-6).expect("valid");
     let film: Vec<f64> =
-        displacement_m((0..30_000).map(|k| 1750.0 * (1.0 - (TAU * 0.4e-3 * f64::from(k)).cos())).collect());
+        displacement_m(&film(), (0..30_000).map(|k| 1750.0 * (1.0 - (TAU * 0.4e-3 * f64::from(k)).cos())).collect());
     let again = film.iter().step_by(10).map(|x| x + noise.sample(&mut random)).collect();
     with(first.time_s.clone(), first.voltage_v.clone(), again).expect("the same drive, measured again");
+}
+
+/// The film that is one springpot needs neither branch nor curve to explain the steps of the model.
+#[test]
+fn one_springpot_is_found_as_one() {
+    let model = Maxwell::new(Springpot::new(8.5e3, 0.12), &[], Topology::Parallel, 0.1).expect("valid");
+    let film = Parameters { model, ..film() };
+    let recordings: Vec<Recording> = [0.4, 0.15, 0.08].map(|hz| Rows::of(&film, hz, 0).recording()).into();
+    let fit = fitted(&recordings, &FitOptions::default());
+    println!("{:?} {:?}", fit.candidate, fit.structures);
+    assert_eq!((fit.candidate.branches(), fit.candidate.bend.name().as_str()), (0, "linear"));
+    assert_eq!(fit.candidate.actuator.saturation_v, None);
+    assert!((fit.candidate.elements[0].alpha - 0.12).abs() < 1e-3);
 }

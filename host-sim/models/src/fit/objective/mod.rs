@@ -9,7 +9,7 @@ mod linearised;
 
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Actuator, Curve, Load};
+use springpot::{Actuator, Curve, Discretisation, Load};
 
 use super::candidate::Candidate;
 use super::observation::{Observation, ReadingFit, Readings};
@@ -162,6 +162,19 @@ impl Objective {
     ///
     /// [`Error`] for no observations, or one that is too long for its rate.
     pub fn new(observations: &[Observation]) -> Result<Self> {
+        Self::with_method(observations, Discretisation::Gl)
+    }
+
+    /// The same with second-order differences, for the long steps of thinned observations.
+    ///
+    /// # Errors
+    ///
+    /// As [`new`](Self::new).
+    pub fn thinned(observations: &[Observation]) -> Result<Self> {
+        Self::with_method(observations, Discretisation::Bdf2)
+    }
+
+    fn with_method(observations: &[Observation], method: Discretisation) -> Result<Self> {
         if observations.is_empty() {
             return Err(Error::Computation("there is nothing to fit".into()));
         }
@@ -175,7 +188,7 @@ impl Objective {
         if let Some((long, grid)) = observations.iter().zip(&grids).find(|(_, grid)| grid.samples > MAX_SAMPLES) {
             return Err(too_long(&long.name, grid.samples as f64));
         }
-        let (circles, steps) = circles(&grids);
+        let (circles, steps) = circles(&grids, method);
         let records = observations
             .iter()
             .zip(grids)
@@ -373,14 +386,14 @@ fn product(a: &[Complex<f64>], b: &[Complex<f64>]) -> Spectrum {
 }
 
 /// A circle for every rate, as long as the longest recording of that rate, and the steps (s) of these circles.
-fn circles(grids: &[Grid]) -> (Vec<FullMemory>, Vec<f64>) {
+fn circles(grids: &[Grid], method: Discretisation) -> (Vec<FullMemory>, Vec<f64>) {
     let mut circles: Vec<FullMemory> = Vec::new();
     let mut steps: Vec<f64> = Vec::new();
     for grid in grids {
         if !steps.contains(&grid.step_s()) {
             let same = grids.iter().filter(|other| other.rate_hz == grid.rate_hz);
             let longest = same.map(|other| other.samples).max().unwrap_or(grid.samples);
-            circles.push(FullMemory::with_oversampling(longest, grid.step_s(), 2));
+            circles.push(FullMemory::with_oversampling_and_method(longest, grid.step_s(), 2, method));
             steps.push(grid.step_s());
         }
     }
