@@ -118,11 +118,24 @@ typedef struct {
     float largest_angle;          /* in a tick, of a harmonic that is learned, rad */
     float rate;                   /* ticks in a second */
     float approach;
+    float slow;                   /* up to which a harmonic is slow, rad/s */
     float initial_step_size;
+    float probing_step_size;
     float step_size;
     float inverse_gains[2];
+    float mean_inverse_gains[2];
     float significance;
+    float drift_unknown[2];
+    float drift_kept;
+    float drift_significance;
     uint32_t unresponsive_blocks;
+    float growth[3];
+    float noise_parts;
+    float hopeless;
+    float hopeless_samples;
+    float taken;
+    float caution[2];
+    float no_error;               /* m^2 */
     float series_angle;           /* largest angle of the series of cosine and sine, rad */
     float cosine[4];
     float sine[4];

@@ -99,7 +99,7 @@ typedef struct {
     springpot_observer_state observer;
     springpot_inverse_state inverse;
     springpot_fade_state fade;
-    uint32_t is_learned; /* 1: the errors of cycles are left to a learning */
+    float most; /* the share of the correction that is left to the observer where cycles are learned */
 } springpot_tracking_state;
 
 /* Sizes on every target: nothing is padded. */

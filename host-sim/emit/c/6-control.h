@@ -190,12 +190,12 @@ static inline void springpot_tracking_init(const springpot_film *film, springpot
     springpot_observer_init(film, &state->observer);
     springpot_inverse_init(&state->inverse, state->observer.film.position);
     springpot_fade_init(&state->fade, state->observer.film.position);
-    state->is_learned = 0U;
+    state->most = 1.0F;
 }
 
 /* How much of the correction is in use: less for references that are faster than the observer. */
 static inline void springpot_fade_advance(
-    const springpot_fade *fade, springpot_fade_state *state, float position, bool is_learned)
+    const springpot_fade *fade, springpot_fade_state *state, float position, float most)
 {
     const float moved = (position - state->position) / fade->high_pass;
     float share;
@@ -206,8 +206,8 @@ static inline void springpot_fade_advance(
     state->path_length[0] = state->path_length[0] + (fade->averaging * (springpot_size(moved) - state->path_length[0]));
     state->path_length[1] = state->path_length[1] + (fade->high_pass * (state->path_length[0] - state->path_length[1]));
     share = fade->intercept - (fade->slope * (state->path_length[1] / (state->net_excursion + fade->floor)));
-    share = (share > 1.0F) ? 1.0F : share;
-    share = ((share < fade->min_share) || is_learned) ? fade->min_share : share;
+    share = (share > most) ? most : share;
+    share = (share < fade->min_share) ? fade->min_share : share;
     state->share = state->share + (fade->smoothing * (share - state->share));
 }
 
@@ -231,7 +231,7 @@ static inline float springpot_tracking_observe(const springpot_film *film, sprin
 {
     const float voltage = springpot_record(film, &state->inverse, commanded_v, reading_v);
     if (sample != NULL) {
-        springpot_fade_advance(&film->fade, &state->fade, state->inverse.path.position, state->is_learned != 0U);
+        springpot_fade_advance(&film->fade, &state->fade, state->inverse.path.position, state->most);
         springpot_set_share(&film->observer, &state->observer, state->fade.share);
     }
     state->observer.load = springpot_load_of(&film->drive, voltage);
@@ -252,10 +252,10 @@ static inline void springpot_tracking_correct_fully(springpot_tracking_state *st
     springpot_fade_init(&state->fade, state->inverse.path.position);
 }
 
-/* From now on the observer leaves the errors of cycles to learning, or not. */
-static inline void springpot_tracking_leave_cycles(springpot_tracking_state *state, bool to_learning)
+/* From now on the observer leaves the errors of cycles to learning, by the share (0 to 1) that it has taken over. */
+static inline void springpot_tracking_leave_cycles(springpot_tracking_state *state, float taken_over)
 {
-    state->is_learned = to_learning ? 1U : 0U;
+    state->most = 1.0F - taken_over;
 }
 
 /* Resets disturbance and force scale to 0 and 1: the model as it was fitted. */

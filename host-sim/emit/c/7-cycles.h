@@ -20,9 +20,11 @@ typedef struct {
     float added[2];
     float target[2];
     float previous_target[2];
+    float best[2];
     float sum[2];
     float error[2];
     float inverse_gain[2];
+    float drift; /* m^2 */
     float step_size;
     uint32_t unresponsive_blocks;
 } springpot_harmonic;
@@ -41,6 +43,19 @@ typedef struct {
     uint32_t is_short;
 } springpot_block;
 
+/* What the blocks of a period have shown. */
+typedef struct {
+    float least; /* m^2 */
+    float noise; /* m^2 */
+    float caution;
+    float taken_over; /* share of the correction of the sensor, 0 to 1 */
+    uint32_t verdict;
+} springpot_progress;
+
+#define SPRINGPOT_BEST 0U
+#define SPRINGPOT_GOOD 1U
+#define SPRINGPOT_WORSE 2U
+
 /* A reference and its phase. */
 typedef struct {
     float reference; /* m */
@@ -48,7 +63,7 @@ typedef struct {
 } springpot_turn;
 
 /* For reading: lagged[1] is what is added to the reference now (m), angle what a tick turns (rad; 0 without a period),
- * has_learned whether the errors of this period have been measured. */
+ * progress.taken_over the share of the correction of the sensor that learning has taken over. */
 typedef struct {
     springpot_cycle cycle;
     float phase[2];
@@ -65,12 +80,12 @@ typedef struct {
     float unit[2];
     float power[2];
     springpot_block block;
-    uint32_t has_learned;
+    springpot_progress progress;
     uint32_t newest;
     springpot_turn past[SPRINGPOT_PAST];
 } springpot_learning_state;
 
-SPRINGPOT_ASSERT(sizeof(springpot_learning_state) == 1316U, a_state_of_learning_takes_1316_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_learning_state) == 1416U, a_state_of_learning_takes_1416_bytes);
 
 /* `angle` (rad) within its bound, and exp(i) of it. */
 static inline void springpot_set_angle(const springpot_learning *learning, springpot_learning_state *state, float angle)
@@ -102,6 +117,16 @@ static inline void springpot_begin_block(const springpot_learning *learning, spr
     }
 }
 
+/* No block has ended. */
+static inline void springpot_no_progress(const springpot_learning *learning, springpot_progress *progress)
+{
+    progress->least = (learning != NULL) ? learning->no_error : 0.0F;
+    progress->noise = 0.0F;
+    progress->caution = 1.0F;
+    progress->taken_over = 0.0F;
+    progress->verdict = SPRINGPOT_BEST;
+}
+
 /* Forgets what was learned. What is added fades out. */
 static inline void springpot_learning_forget(const springpot_film *film, springpot_learning_state *state)
 {
@@ -114,17 +139,19 @@ static inline void springpot_learning_forget(const springpot_film *film, springp
             harmonic->added[part] = 0.0F;
             harmonic->target[part] = 0.0F;
             harmonic->previous_target[part] = 0.0F;
+            harmonic->best[part] = 0.0F;
             harmonic->error[part] = 0.0F;
         }
         harmonic->inverse_gain[0] = 1.0F;
         harmonic->inverse_gain[1] = 0.0F;
-        harmonic->step_size = (film->learning != NULL) ? film->learning->initial_step_size : 0.0F;
+        harmonic->drift = (film->learning != NULL) ? film->learning->drift_unknown[0] : 0.0F;
+        harmonic->step_size = (film->learning != NULL) ? film->learning->probing_step_size : 0.0F;
         harmonic->unresponsive_blocks = 0U;
     }
     springpot_begin_block(film->learning, state);
     state->block.ticks_since_end = 0.0F;
     state->block.is_short = 1U;
-    state->has_learned = 0U;
+    springpot_no_progress(film->learning, &state->progress);
     state->index = 0U;
 }
 
@@ -186,7 +213,9 @@ static inline void springpot_learning_restart(
     springpot_begin_block(learning, state);
     state->block.ticks_since_end = 0.0F;
     state->block.is_short = 1U;
-    state->has_learned = 0U;
+    state->progress.least = (learning != NULL) ? learning->no_error : 0.0F;
+    state->progress.noise = 0.0F;
+    state->progress.verdict = SPRINGPOT_BEST;
 }
 
 /* Nothing learned yet, of a reference that begins at `position` (m). */
@@ -263,7 +292,7 @@ static inline void springpot_track_period(
 
     if (state->cycle.is_periodic == 0U) {
         state->angle = 0.0F;
-        state->has_learned = 0U;
+        springpot_no_progress(learning, &state->progress);
     } else if (crossed) {
         const float angle = learning->turn / state->cycle.interval;
         const float cosine = state->phase[0];
@@ -276,7 +305,7 @@ static inline void springpot_track_period(
         } else if (state->fade > learning->faded_out) {
             /* Another period: what was learned is faded out first. */
             state->angle = 0.0F;
-            state->has_learned = 0U;
+            springpot_no_progress(learning, &state->progress);
         } else {
             state->phase[0] = 1.0F;
             state->phase[1] = angle * late;

@@ -1,28 +1,38 @@
-/* Ends a block for a harmonic: E = `scale` times its sum, each part of which noise gives the `variance` (m^2). Whether E is more than
- * noise. */
-static inline bool springpot_update_harmonic(const springpot_learning *learning, springpot_harmonic *harmonic, float scale,
-    float variance, bool may_be_unresponsive)
+/* Measures how much E changes by itself, from the two blocks before anything is added. Whether that needs another block. */
+static inline bool springpot_measure_drift(
+    const springpot_learning *learning, springpot_harmonic *harmonic, bool is_fast, float response_power)
 {
-    const float error[2] = {scale * harmonic->sum[0], scale * harmonic->sum[1]};
-    /* P = dE / dA, where both are far above the noise. */
-    const float response[2] = {error[0] - harmonic->error[0], error[1] - harmonic->error[1]};
-    const float change[2] = {harmonic->target[0] - harmonic->previous_target[0], harmonic->target[1] - harmonic->previous_target[1]};
-    const float threshold = learning->significance * variance;
-    const float response_power = springpot_square(response);
-    const float changed = springpot_square(change);
-    bool is_more = false;
+    const bool is_first = is_fast && (harmonic->drift <= learning->drift_unknown[0]);
 
-    harmonic->error[0] = error[0];
-    harmonic->error[1] = error[1];
-    harmonic->previous_target[0] = harmonic->target[0];
-    harmonic->previous_target[1] = harmonic->target[1];
-    if ((changed > threshold) && (response_power > threshold) && (response_power > 0.0F)) {
+    if (!is_fast) {
+        harmonic->drift = 0.0F;
+    } else if (is_first) {
+        harmonic->drift = learning->drift_unknown[1];
+    } else if (harmonic->drift < 0.0F) {
+        harmonic->drift = response_power;
+    } else {
+        harmonic->drift = learning->drift_kept * harmonic->drift;
+    }
+    return is_first;
+}
+
+/* Takes P = dE / dA, where dE is far above the noise and the drift. */
+static inline void springpot_measure_response(const springpot_learning *learning, springpot_harmonic *harmonic, bool is_mean,
+    bool is_fast, const float *change, const float *response, float threshold)
+{
+    const float changed = springpot_square(change);
+    const float response_power = springpot_square(response);
+
+    if ((changed > 0.0F) && (response_power > (threshold + (learning->drift_significance * harmonic->drift)))) {
         const float inverse_gain[2] = {
             ((change[0] * response[0]) + (change[1] * response[1])) / response_power,
             ((change[1] * response[0]) - (change[0] * response[1])) / response_power,
         };
         const float size = springpot_square(inverse_gain);
-        if (size > learning->inverse_gains[1]) {
+        if (is_mean
+            && ((inverse_gain[0] < learning->mean_inverse_gains[0]) || (inverse_gain[0] > learning->mean_inverse_gains[1]))) {
+            /* an error that drifts, not a response */
+        } else if (size > learning->inverse_gains[1]) {
             harmonic->unresponsive_blocks = harmonic->unresponsive_blocks + ((harmonic->unresponsive_blocks < 255U) ? 1U : 0U);
         } else if (size > learning->inverse_gains[0]) {
             harmonic->inverse_gain[0] = inverse_gain[0];
@@ -34,29 +44,93 @@ static inline bool springpot_update_harmonic(const springpot_learning *learning,
         }
     } else if (changed > (learning->inverse_gains[1] * threshold)) {
         harmonic->unresponsive_blocks = harmonic->unresponsive_blocks + ((harmonic->unresponsive_blocks < 255U) ? 1U : 0U);
+    } else if (harmonic->step_size < learning->initial_step_size) {
+        const float doubled = harmonic->step_size + harmonic->step_size;
+        harmonic->step_size = (is_fast && (doubled < learning->initial_step_size)) ? doubled : learning->initial_step_size;
     } else {
         /* too small a change to show anything */
     }
-    if ((harmonic->unresponsive_blocks >= learning->unresponsive_blocks) && may_be_unresponsive) {
-        harmonic->target[0] = 0.0F;
-        harmonic->target[1] = 0.0F;
-    } else {
-        /* The share of the way falls where E is not above what noise gives. */
-        const float energy = springpot_square(error);
-        const float noise = 4.0F * variance;
-        const float weight = (energy * energy) / ((energy * energy) + (noise * noise));
-        const float share = (energy > 0.0F) ? (harmonic->step_size * weight) : 0.0F;
-        const float re = harmonic->inverse_gain[0];
-        const float im = harmonic->inverse_gain[1];
-        harmonic->target[0] = harmonic->target[0] - (share * ((re * error[0]) - (im * error[1])));
-        harmonic->target[1] = harmonic->target[1] - (share * ((re * error[1]) + (im * error[0])));
-        is_more = energy > threshold;
+}
+
+/* Takes the sum of a block that has ended. Whether E is more than noise. */
+static inline bool springpot_update_harmonic(const springpot_learning *learning, springpot_harmonic *harmonic,
+    const springpot_block *block, const springpot_progress *progress, bool is_mean, bool is_fast)
+{
+    /* The mean has half of what a harmonic has of the sum. */
+    const float scale = is_mean ? (0.5F * block->scale) : block->scale;
+    const float error[2] = {scale * harmonic->sum[0], scale * harmonic->sum[1]};
+    const float response[2] = {error[0] - harmonic->error[0], error[1] - harmonic->error[1]};
+    const float change[2] = {harmonic->target[0] - harmonic->previous_target[0], harmonic->target[1] - harmonic->previous_target[1]};
+    const float threshold = learning->significance * block->variance;
+    bool is_more = true;
+
+    harmonic->error[0] = error[0];
+    harmonic->error[1] = error[1];
+    harmonic->previous_target[0] = harmonic->target[0];
+    harmonic->previous_target[1] = harmonic->target[1];
+    if (progress->verdict == SPRINGPOT_BEST) {
+        harmonic->best[0] = harmonic->target[0];
+        harmonic->best[1] = harmonic->target[1];
+    }
+    if (!springpot_measure_drift(learning, harmonic, is_fast, springpot_square(response))) {
+        springpot_measure_response(learning, harmonic, is_mean, is_fast, change, response, threshold);
+        if ((harmonic->unresponsive_blocks >= learning->unresponsive_blocks) && (!is_mean)) {
+            harmonic->target[0] = 0.0F;
+            harmonic->target[1] = 0.0F;
+            is_more = false;
+        } else if (progress->verdict == SPRINGPOT_WORSE) {
+            harmonic->target[0] = harmonic->best[0];
+            harmonic->target[1] = harmonic->best[1];
+        } else {
+            /* The share of the way falls where E is not above what noise gives. */
+            const float energy = springpot_square(error);
+            const float noise = 4.0F * block->variance;
+            const float weight = (energy * energy) / ((energy * energy) + (noise * noise));
+            const float share = (energy > 0.0F) ? ((harmonic->step_size * progress->caution) * weight) : 0.0F;
+            const float re = harmonic->inverse_gain[0];
+            const float im = harmonic->inverse_gain[1];
+            harmonic->target[0] = harmonic->target[0] - (share * ((re * error[0]) - (im * error[1])));
+            harmonic->target[1] = harmonic->target[1] - (share * ((re * error[1]) + (im * error[0])));
+            is_more = energy > threshold;
+        }
     }
     return is_more;
 }
 
+/* Takes a block that has ended: the mean squares (m^2) of what the harmonics explain of the error, and of its noise, which gives each part
+ * of a harmonic the `variance` (m^2). */
+static inline void springpot_judge(
+    const springpot_learning *learning, springpot_progress *progress, float mean_square, float noise, float variance)
+{
+    const float least = progress->least + (learning->noise_parts * variance);
+    const float alike = learning->growth[0] * least;
+    float taken = progress->taken_over;
+
+    progress->noise = noise;
+    if (mean_square > (learning->growth[1] * least)) {
+        taken = taken - (learning->taken + learning->taken);
+    } else if (!(mean_square > alike)) {
+        taken = taken + learning->taken;
+    } else {
+        /* neither better nor worse */
+    }
+    taken = (taken > 1.0F) ? 1.0F : taken;
+    progress->taken_over = (taken > 0.0F) ? taken : 0.0F;
+    if (mean_square > (learning->growth[2] * least)) {
+        /* What the film does with the best correction now is measured next. */
+        progress->least = learning->no_error;
+        progress->verdict = SPRINGPOT_WORSE;
+        progress->caution = learning->caution[0] * progress->caution;
+    } else {
+        const float caution = learning->caution[1] * progress->caution;
+        progress->caution = (caution > 1.0F) ? 1.0F : caution;
+        progress->verdict = (mean_square > alike) ? SPRINGPOT_GOOD : SPRINGPOT_BEST;
+        progress->least = (mean_square > progress->least) ? progress->least : mean_square;
+    }
+}
+
 /* Ends a block. What the harmonics do not explain of the error is noise. */
-static inline void springpot_complete_block(springpot_learning_state *state)
+static inline void springpot_complete_block(const springpot_learning *learning, springpot_learning_state *state)
 {
     springpot_block *block = &state->block;
     float explained = 0.5F * springpot_square(state->harmonics[0].sum);
@@ -72,6 +146,8 @@ static inline void springpot_complete_block(springpot_learning_state *state)
     block->has_ended = 1U;
     block->is_short = 0U;
     block->ticks_since_end = 0.0F;
+    explained = (block->scale * explained) / block->samples;
+    springpot_judge(learning, &state->progress, explained, (block->sum_of_squares / block->samples) - explained, block->variance);
 }
 
 /* Takes the sample that has arrived since the round before, or ends the block. */
@@ -107,7 +183,7 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
             const float least = learning->min_block_s[(block->is_short != 0U) ? 0U : 1U] * learning->rate;
             block->next_end = block->next_end + learning->turn;
             if ((block->ticks >= (settling + least)) && (block->samples >= learning->min_samples)) {
-                springpot_complete_block(state);
+                springpot_complete_block(learning, state);
                 closed = true;
             }
         }
@@ -117,6 +193,18 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
             state->error = error;
             state->unit[0] = measured->phase[0];
             state->unit[1] = measured->phase[1];
+        }
+        /* So much worse than the best block that this one need not end. */
+        if ((!closed) && (block->samples > learning->hopeless_samples)
+            && (block->sum_of_squares > ((learning->hopeless * (state->progress.least + state->progress.noise)) * block->samples))) {
+            uint32_t i;
+            springpot_judge(
+                learning, &state->progress, block->sum_of_squares / block->samples, state->progress.noise, 0.0F);
+            for (i = 0U; i <= SPRINGPOT_HARMONICS; i++) {
+                state->harmonics[i].target[0] = state->harmonics[i].best[0];
+                state->harmonics[i].target[1] = state->harmonics[i].best[1];
+            }
+            springpot_begin_block(learning, state);
         }
     }
 }
@@ -144,18 +232,14 @@ static inline void springpot_visit(const springpot_learning *learning, springpot
         harmonic->sum[0] = harmonic->sum[0] + (state->error * cosine);
         harmonic->sum[1] = harmonic->sum[1] - (state->error * sine);
     } else {
-        const bool is_learned = (index <= learning->harmonics)
-            && (((float)index * state->angle) <= learning->largest_angle);
-        /* The mean has half of what a harmonic has of the sum. */
-        const float scale = (index == 0U) ? (0.5F * state->block.scale) : state->block.scale;
-        if (is_learned) {
-            const bool is_more = springpot_update_harmonic(learning, harmonic, scale, state->block.variance, index > 0U);
-            if (is_more) {
+        const float angle = (float)index * state->angle;
+        if ((index <= learning->harmonics) && (angle <= learning->largest_angle)) {
+            const bool is_fast = (index > 0U) && (!((angle * learning->rate) < learning->slow));
+            if (springpot_update_harmonic(learning, harmonic, &state->block, &state->progress, index == 0U, is_fast)) {
                 state->block.is_short = 1U;
             }
         }
         if (index == SPRINGPOT_HARMONICS) {
-            state->has_learned = 1U;
             springpot_begin_block(learning, state);
         }
     }

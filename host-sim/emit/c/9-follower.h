@@ -17,7 +17,7 @@ typedef struct {
     springpot_learning_state learning;
 } springpot_follower_state;
 
-SPRINGPOT_ASSERT(sizeof(springpot_follower_state) == 2144U, a_state_of_a_follower_takes_2144_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_follower_state) == 2244U, a_state_of_a_follower_takes_2244_bytes);
 
 /* A film at rest, 0 V, the reference where the film is. `has_sensor`: tracking, with all that samples correct; otherwise feedforward.
  * `learns`: cycles are learned, if the film's `learning` is not NULL. */
@@ -66,10 +66,10 @@ static inline springpot_command springpot_follower_invert(
                                      : springpot_feedforward_command(film, &state->of.feedforward, reference_m);
 }
 
-static inline void springpot_follower_leave_cycles(springpot_follower_state *state, bool to_learning)
+static inline void springpot_follower_leave_cycles(springpot_follower_state *state, float taken_over)
 {
     if (state->has_sensor != 0U) {
-        springpot_tracking_leave_cycles(&state->of.tracking, to_learning);
+        springpot_tracking_leave_cycles(&state->of.tracking, taken_over);
     }
 }
 
@@ -89,7 +89,7 @@ static inline springpot_command springpot_follower_command(
             state->carries_over = 0U;
         }
         followed = springpot_learning_advance(film, &state->learning, reference_m, state->limited);
-        springpot_follower_leave_cycles(state, state->learning.has_learned != 0U);
+        springpot_follower_leave_cycles(state, state->learning.progress.taken_over);
     }
     command = springpot_follower_invert(film, state, followed);
     state->limited = command.limited;
@@ -110,7 +110,7 @@ static inline void springpot_follower_end_run(springpot_follower_state *state)
     if (state->learns != 0U) {
         state->has_begun = 0U;
         state->learning.has_arrived = 0U;
-        springpot_follower_leave_cycles(state, false);
+        springpot_follower_leave_cycles(state, 0.0F);
     }
 }
 

@@ -3,11 +3,12 @@
 use core::f64::consts::TAU;
 
 use crate::control::harmonic::{HARMONICS, Harmonic};
+use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 /// A block: some time to settle, then whole cycles.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Block<T> {
+pub(crate) struct Block<T> {
     /// Ticks since its begin, and since the last block ended.
     pub(super) ticks: T,
     pub(super) ticks_since_end: T,
@@ -18,8 +19,8 @@ pub(super) struct Block<T> {
     /// Σ e², m².
     pub(super) sum_of_squares: T,
     /// Once it has ended: what makes E of the sums, and the variance of each part of E by noise, m².
-    pub(super) scale: T,
-    pub(super) variance: T,
+    pub(crate) scale: T,
+    pub(crate) variance: T,
     pub(super) has_ended: bool,
     /// Whether the block before showed more than noise: then this one is short.
     pub(super) is_short: bool,
@@ -43,8 +44,8 @@ impl<T: Real> Block<T> {
         }
     }
 
-    /// Ends it. What the harmonics do not explain of e is noise.
-    pub(super) fn complete(&mut self, harmonics: &[Harmonic<T>; HARMONICS + 1]) {
+    /// Ends it. What the harmonics do not explain of e is noise. Returns the mean squares (m²) of what they explain and of the noise.
+    pub(super) fn complete(&mut self, harmonics: &[Harmonic<T>; HARMONICS + 1]) -> [T; 2] {
         self.scale = T::from_f64(2.0) / self.samples;
         let [mean, harmonics @ ..] = harmonics;
         let explained = harmonics.iter().fold(T::from_f64(0.5) * mean.power(), |sum, harmonic| sum + harmonic.power());
@@ -53,5 +54,106 @@ impl<T: Real> Block<T> {
         self.has_ended = true;
         self.is_short = false;
         self.ticks_since_end = T::ZERO;
+        let explained = self.scale * explained / self.samples;
+        [explained, self.sum_of_squares / self.samples - explained]
+    }
+}
+
+/// Mean square of the error over the least one up to which learning takes over from the observer, above which it gives back, and above which
+/// a correction is no longer trusted.
+const GROWTH: [f64; 3] = [1.2, 1.5, 2.0];
+/// Variances of a part of E that noise alone may show: twice the parts of all harmonics.
+const NOISE_PARTS: f64 = 26.0;
+/// Growth of the error, its noise included, at which a block ends early, once it has so many samples.
+const HOPELESS: f64 = 6.0;
+const HOPELESS_SAMPLES: f64 = 16.0;
+/// Share of the sensor's correction that is taken over with a block; twice as much is given back.
+const TAKEN: f64 = 1.0 / 16.0;
+/// Factors of the caution after a block whose error has grown, and after another one.
+const CAUTION: [f64; 2] = [0.5, 1.2];
+/// No block yet: larger than the square of any stroke.
+const NONE: f64 = 1e30;
+
+/// What the block that has ended says of the correction that was added in it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    /// The least error so far.
+    Best,
+    /// About as good.
+    Good,
+    /// Worse: back to the best.
+    Worse,
+}
+
+/// What the blocks of a period have shown: what is added may not make a film worse.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Progress<T> {
+    /// The least mean square of what the harmonics explained of a block, m².
+    least: T,
+    /// The mean square of the noise in the last block, m².
+    pub(super) noise: T,
+    /// Factor on the step size.
+    pub(crate) caution: T,
+    /// Share of the sensor's correction of cycles that learning has taken over.
+    pub(super) taken_over: T,
+    pub(crate) verdict: Verdict,
+}
+
+impl<T: Real> Progress<T> {
+    /// Visits what a block is judged with.
+    pub(super) fn numbers(take: &mut impl Numbers<T>) {
+        take.array("growth", GROWTH.map(T::from_f64), "");
+        take.number("noise_parts", T::from_f64(NOISE_PARTS), "");
+        take.number("hopeless", T::from_f64(HOPELESS), "");
+        take.number("hopeless_samples", T::from_f64(HOPELESS_SAMPLES), "");
+        take.number("taken", T::from_f64(TAKEN), "");
+        take.array("caution", CAUTION.map(T::from_f64), "");
+        take.number("no_error", T::from_f64(NONE), "m^2");
+    }
+
+    pub(super) fn none() -> Self {
+        let (none, one) = (T::from_f64(NONE), T::from_f64(1.0));
+        Self { least: none, noise: T::ZERO, caution: one, taken_over: T::ZERO, verdict: Verdict::Best }
+    }
+
+    /// For another run that begins with what was learned in this one.
+    pub(super) fn carried_over(&self) -> Self {
+        Self { taken_over: self.taken_over, caution: self.caution, ..Self::none() }
+    }
+
+    /// Whether a block is so much worse than the best one that it need not end.
+    pub(super) fn is_hopeless(&self, block: &Block<T>) -> bool {
+        block.samples > T::from_f64(HOPELESS_SAMPLES)
+            && block.sum_of_squares > T::from_f64(HOPELESS) * (self.least + self.noise) * block.samples
+    }
+
+    /// Takes a block that has ended: the mean squares (m²) of what the harmonics explain of the error, and of its noise, which gives each
+    /// part of a harmonic the `variance` (m²).
+    pub(super) fn judge(&mut self, [mean_square, noise]: [T; 2], variance: T) {
+        self.noise = noise;
+        let (zero, one) = (T::ZERO, T::from_f64(1.0));
+        let [alike, grown, worse] =
+            GROWTH.map(|growth| T::from_f64(growth) * (self.least + T::from_f64(NOISE_PARTS) * variance));
+        let step = T::from_f64(TAKEN);
+        let taken = if mean_square > grown {
+            self.taken_over - (step + step)
+        } else if mean_square > alike {
+            self.taken_over
+        } else {
+            self.taken_over + step
+        };
+        let taken = if taken > one { one } else { taken };
+        self.taken_over = if taken > zero { taken } else { zero };
+        if mean_square > worse {
+            // What the film does with the best correction now is measured next.
+            self.least = T::from_f64(NONE);
+            self.verdict = Verdict::Worse;
+            self.caution = T::from_f64(CAUTION[0]) * self.caution;
+            return;
+        }
+        let caution = T::from_f64(CAUTION[1]) * self.caution;
+        self.caution = if caution > one { one } else { caution };
+        self.verdict = if mean_square > alike { Verdict::Good } else { Verdict::Best };
+        self.least = if mean_square > self.least { self.least } else { mean_square };
     }
 }

@@ -90,10 +90,10 @@ impl<T: Real> Fade<T> {
         take.number("min_share", T::from_f64(MIN_SHARE), "");
     }
 
-    /// Takes the `position` (m) of the reference, with every sample of the sensor. `is_learned`: the errors of its cycles are left to
-    /// learning.
+    /// Takes the `position` (m) of the reference, with every sample of the sensor. `most`: the share of the correction that is left to it,
+    /// where learning has taken over the rest of its cycles.
     #[inline]
-    pub(crate) fn advance(&self, state: &mut FadeState<T>, position: T, is_learned: bool) {
+    pub(crate) fn advance(&self, state: &mut FadeState<T>, position: T, most: T) {
         // T times the speed.
         let moved = (position - state.position) / self.high_pass;
         state.position = position;
@@ -103,11 +103,11 @@ impl<T: Real> Fade<T> {
         let mean = mean + self.averaging * (moved.abs() - mean);
         let lagged = lagged + self.high_pass * (mean - lagged);
         state.path_length = [mean, lagged];
-        let (one, least) = (T::from_f64(1.0), T::from_f64(MIN_SHARE));
+        let least = T::from_f64(MIN_SHARE);
         let [intercept, slope] = line::<T>();
         let share = intercept - slope * (lagged / (state.net_excursion + self.floor));
-        let share = if share > one { one } else { share };
-        let share = if share < least || is_learned { least } else { share };
+        let share = if share > most { most } else { share };
+        let share = if share < least { least } else { share };
         state.share = state.share + self.smoothing * (share - state.share);
     }
 }

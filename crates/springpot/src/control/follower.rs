@@ -36,8 +36,8 @@ pub(crate) mod sealed {
         /// All of the sensor's correction is in use until the reference has moved again.
         fn correct_fully(state: &mut Self::State);
 
-        /// From now on the sensor's correction leaves the errors of cycles to learning, or not.
-        fn leave_cycles(state: &mut Self::State, to_learning: bool);
+        /// From now on the sensor's correction leaves the errors of cycles to learning, by the share (0 to 1) that it has taken over.
+        fn leave_cycles(state: &mut Self::State, taken_over: T);
 
         /// Resets what the sensor has shown of the film.
         fn forget(state: &mut Self::State);
@@ -68,7 +68,7 @@ impl<T: Real, M: Memory<T>> sealed::Compensates<T> for Feedforward<T, M> {
 
     fn correct_fully(_: &mut Self::State) {}
 
-    fn leave_cycles(_: &mut Self::State, _: bool) {}
+    fn leave_cycles(_: &mut Self::State, _: T) {}
 
     fn forget(_: &mut Self::State) {}
 }
@@ -102,8 +102,8 @@ impl<T: Real, M: Memory<T>, const PAST: usize> sealed::Compensates<T> for Tracki
     }
 
     #[inline]
-    fn leave_cycles(state: &mut Self::State, to_learning: bool) {
-        state.leave_cycles(to_learning);
+    fn leave_cycles(state: &mut Self::State, taken_over: T) {
+        state.leave_cycles(taken_over);
     }
 
     fn forget(state: &mut Self::State) {
@@ -125,7 +125,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> sealed::Compensates<T> for Tracki
 ///
 /// With learning configured, `command` computes in this order: a run that has not begun yet begins at this reference
 /// ([`Learning::restart`]); [`Learning::advance`] with the limits that the last command of this run met; the sensor's correction leaves
-/// cycles to learning from the first block that has shown their errors; the compensator's `command` for the reference that learning
+/// cycles to learning by the share that learning has [taken over](LearningState::taken_over); the compensator's `command` for the reference that learning
 /// returned. Without learning it is the compensator's `command`.
 ///
 /// A state begins within a run, whose reference begins where the film is. [`standby`](Self::standby) and
@@ -265,7 +265,7 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> Follower<T, C, PAST> {
             cycles.begin(learning, reference);
         }
         let followed = learning.advance(&mut cycles.learned, reference, cycles.limited);
-        C::leave_cycles(compensator, cycles.learned.has_learned());
+        C::leave_cycles(compensator, cycles.learned.taken_over());
         let command = self.compensator.command(compensator, followed);
         cycles.limited = command.limited;
         command
@@ -352,7 +352,7 @@ impl<T: Real, C: Compensator<T>, const PAST: usize> FollowerState<T, C, PAST> {
         if let Some(cycles) = &mut self.cycles {
             cycles.has_begun = false;
             cycles.learned.drop_sample();
-            C::leave_cycles(&mut self.compensator, false);
+            C::leave_cycles(&mut self.compensator, T::ZERO);
         }
     }
 

@@ -1,22 +1,44 @@
 //! A harmonic of the error, and the film's response to the correction that is added for it.
 
+use crate::control::block::{Block, Progress, Verdict};
 use crate::numbers::Numbers;
 use crate::scalar::Real;
 
 /// Harmonics that are learned, beside the mean.
 pub const HARMONICS: usize = 6;
 
-/// Step size γ while the film's response is not measured yet.
+/// Step size γ while the film's response is not measured yet: for slow harmonics, and the first one for fast ones, near which the film may
+/// resonate. It doubles with every block that shows no response.
 const INITIAL_STEP_SIZE: f64 = 0.6;
+/// Half of that first one.
+const PROBING_STEP_SIZE: f64 = 0.05;
 /// Step size γ once the response is measured.
 const STEP_SIZE: f64 = 0.8;
 /// Bounds of |1/P|²: beyond the upper one the film hardly responds.
-const INVERSE_GAINS: [f64; 2] = [0.01, 25.0];
+const INVERSE_GAINS: [f64; 2] = [1e-3, 25.0];
+/// Bounds of 1/P of the mean, to which a film always responds about as its law predicts.
+const MEAN_INVERSE_GAINS: [f64; 2] = [0.4, 2.5];
+/// A drift that is not known: no block has ended yet, or one.
+const DRIFT_UNKNOWN: [f64; 2] = [-2.0, -1.0];
+/// What is left of the drift in the next block, and the power of a response over it that is significant.
+const DRIFT_KEPT: f64 = 0.7;
+const DRIFT_SIGNIFICANCE: f64 = 9.0;
 /// Signal power over noise power above which a change is significant.
 const SIGNIFICANCE: f64 = 25.0;
 
 /// Consecutive blocks without a response after which nothing is added.
 const UNRESPONSIVE_BLOCKS: u8 = 2;
+
+/// What a harmonic is to the film.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// The mean, to which a film always responds.
+    Mean,
+    /// A harmonic far below any resonance.
+    Slow,
+    /// A harmonic near which the film may resonate, or beyond which it may hardly respond.
+    Fast,
+}
 
 /// A complex number as real and imaginary part.
 pub(crate) type Pair<T> = [T; 2];
@@ -33,12 +55,16 @@ pub(crate) struct Harmonic<T> {
     /// Correction that is approached, and the one of the block before, m.
     target: Pair<T>,
     previous_target: Pair<T>,
+    /// Correction of the block with the least error, m.
+    best: Pair<T>,
     /// Σ e exp(−i h θ) of this block, m.
     sum: Pair<T>,
     /// E of the block before, m.
     error: Pair<T>,
     /// 1 / P.
     inverse_gain: Pair<T>,
+    /// |ΔE|² of two blocks with the same correction, m²; less than 0 before two blocks have ended.
+    drift: T,
     /// Step size γ.
     step_size: T,
     /// Consecutive blocks in which the film hardly responded. After two of them nothing is added any more.
@@ -49,9 +75,14 @@ impl<T: Real> Harmonic<T> {
     /// Visits what a harmonic is learned with.
     pub(crate) fn numbers(take: &mut impl Numbers<T>) {
         take.number("initial_step_size", T::from_f64(INITIAL_STEP_SIZE), "");
+        take.number("probing_step_size", T::from_f64(PROBING_STEP_SIZE), "");
         take.number("step_size", T::from_f64(STEP_SIZE), "");
         take.array("inverse_gains", INVERSE_GAINS.map(T::from_f64), "");
+        take.array("mean_inverse_gains", MEAN_INVERSE_GAINS.map(T::from_f64), "");
         take.number("significance", T::from_f64(SIGNIFICANCE), "");
+        take.array("drift_unknown", DRIFT_UNKNOWN.map(T::from_f64), "");
+        take.number("drift_kept", T::from_f64(DRIFT_KEPT), "");
+        take.number("drift_significance", T::from_f64(DRIFT_SIGNIFICANCE), "");
         take.count("unresponsive_blocks", u32::from(UNRESPONSIVE_BLOCKS), "");
     }
 
@@ -62,10 +93,12 @@ impl<T: Real> Harmonic<T> {
             added: zero,
             target: zero,
             previous_target: zero,
+            best: zero,
             sum: zero,
             error: zero,
             inverse_gain: [one, T::ZERO],
-            step_size: T::from_f64(INITIAL_STEP_SIZE),
+            drift: T::from_f64(DRIFT_UNKNOWN[0]),
+            step_size: T::from_f64(PROBING_STEP_SIZE),
             unresponsive_blocks: 0,
         }
     }
@@ -96,6 +129,11 @@ impl<T: Real> Harmonic<T> {
         }
     }
 
+    /// Returns to the correction of the block with the least error.
+    pub(crate) fn retreat(&mut self) {
+        self.target = self.best;
+    }
+
     /// Halves the target.
     pub(crate) fn halve(&mut self) {
         self.target = self.target.map(|target| T::from_f64(0.5) * target);
@@ -106,46 +144,80 @@ impl<T: Real> Harmonic<T> {
         square(self.sum)
     }
 
-    /// Ends a block with E = `scale` times the sum; noise gives each part of E the `variance` (m²). Returns whether E is significant.
-    /// `may_be_unresponsive`: a harmonic, to which a film may hardly respond. To the mean it always does.
-    pub(crate) fn update(&mut self, scale: T, variance: T, may_be_unresponsive: bool) -> bool {
+    /// Takes the sum of a `block` that has ended. Returns whether E is significant.
+    pub(crate) fn update(&mut self, kind: Kind, block: &Block<T>, progress: &Progress<T>) -> bool {
+        // The mean has half of what a harmonic has of the sum.
+        let scale = if kind == Kind::Mean { T::from_f64(0.5) * block.scale } else { block.scale };
         let error = [scale * self.sum[0], scale * self.sum[1]];
-        // P = ΔE / ΔA, where both are far above the noise.
         let response = [error[0] - self.error[0], error[1] - self.error[1]];
         let change = [self.target[0] - self.previous_target[0], self.target[1] - self.previous_target[1]];
         self.error = error;
         self.previous_target = self.target;
-        let [low, high] = INVERSE_GAINS.map(T::from_f64);
-        let threshold = T::from_f64(SIGNIFICANCE) * variance;
-        let response_power = square(response);
-        if square(change) > threshold && response_power > threshold && response_power > T::ZERO {
-            let inverse_gain = [
-                (change[0] * response[0] + change[1] * response[1]) / response_power,
-                (change[1] * response[0] - change[0] * response[1]) / response_power,
-            ];
-            if square(inverse_gain) > high {
-                self.unresponsive_blocks = self.unresponsive_blocks.saturating_add(1);
-            } else if square(inverse_gain) > low {
-                self.inverse_gain = inverse_gain;
-                self.step_size = T::from_f64(STEP_SIZE);
-                self.unresponsive_blocks = 0;
-            }
-        } else if square(change) > high * threshold {
-            self.unresponsive_blocks = self.unresponsive_blocks.saturating_add(1);
+        if progress.verdict == Verdict::Best {
+            self.best = self.target;
         }
-        if self.unresponsive_blocks >= UNRESPONSIVE_BLOCKS && may_be_unresponsive {
+        let threshold = T::from_f64(SIGNIFICANCE) * block.variance;
+        if self.measure_drift(kind, square(response)) {
+            return true;
+        }
+        self.measure_response(kind, change, response, threshold);
+        if self.unresponsive_blocks >= UNRESPONSIVE_BLOCKS && kind != Kind::Mean {
             self.target = [T::ZERO; 2];
             return false;
         }
+        if progress.verdict == Verdict::Worse {
+            self.target = self.best;
+            return true;
+        }
         // The step gets smaller where E is not above the noise.
-        let (energy, noise) = (square(error), T::from_f64(4.0) * variance);
+        let (energy, noise) = (square(error), T::from_f64(4.0) * block.variance);
         let weight = energy * energy / (energy * energy + noise * noise);
-        let share = if energy > T::ZERO { self.step_size * weight } else { T::ZERO };
+        let share = if energy > T::ZERO { self.step_size * progress.caution * weight } else { T::ZERO };
         let [re, im] = self.inverse_gain;
         self.target = [
             self.target[0] - share * (re * error[0] - im * error[1]),
             self.target[1] - share * (re * error[1] + im * error[0]),
         ];
         energy > threshold
+    }
+
+    /// Measures how much E changes by itself, from the two blocks before anything is added. Returns whether that needs another block.
+    fn measure_drift(&mut self, kind: Kind, response_power: T) -> bool {
+        let [none, one] = DRIFT_UNKNOWN.map(T::from_f64);
+        let is_first = kind == Kind::Fast && self.drift <= none;
+        self.drift = match kind {
+            Kind::Mean | Kind::Slow => T::ZERO,
+            Kind::Fast if is_first => one,
+            Kind::Fast if self.drift < T::ZERO => response_power,
+            Kind::Fast => T::from_f64(DRIFT_KEPT) * self.drift,
+        };
+        is_first
+    }
+
+    /// Takes P = ΔE / ΔA, where ΔE is far above the noise and the drift.
+    fn measure_response(&mut self, kind: Kind, change: Pair<T>, response: Pair<T>, threshold: T) {
+        let [low, high] = INVERSE_GAINS.map(T::from_f64);
+        let (change_power, response_power) = (square(change), square(response));
+        if change_power > T::ZERO && response_power > threshold + T::from_f64(DRIFT_SIGNIFICANCE) * self.drift {
+            let inverse_gain = [
+                (change[0] * response[0] + change[1] * response[1]) / response_power,
+                (change[1] * response[0] - change[0] * response[1]) / response_power,
+            ];
+            let [least, largest] = MEAN_INVERSE_GAINS.map(T::from_f64);
+            if kind == Kind::Mean && (inverse_gain[0] < least || inverse_gain[0] > largest) {
+                // An error that drifts, not a response.
+            } else if square(inverse_gain) > high {
+                self.unresponsive_blocks = self.unresponsive_blocks.saturating_add(1);
+            } else if square(inverse_gain) > low {
+                self.inverse_gain = inverse_gain;
+                self.step_size = T::from_f64(STEP_SIZE);
+                self.unresponsive_blocks = 0;
+            }
+        } else if change_power > high * threshold {
+            self.unresponsive_blocks = self.unresponsive_blocks.saturating_add(1);
+        } else if self.step_size < T::from_f64(INITIAL_STEP_SIZE) {
+            let (doubled, initial) = (self.step_size + self.step_size, T::from_f64(INITIAL_STEP_SIZE));
+            self.step_size = if kind == Kind::Fast && doubled < initial { doubled } else { initial };
+        }
     }
 }

@@ -5,9 +5,9 @@ mod numbers;
 use core::f64::consts::TAU;
 
 use crate::actuator::Actuator;
-use crate::control::block::Block;
+use crate::control::block::{Block, Progress};
 use crate::control::cycle::{Cycle, CycleFinder};
-use crate::control::harmonic::{HARMONICS, Harmonic, Pair};
+use crate::control::harmonic::{HARMONICS, Harmonic, Kind, Pair};
 use crate::control::limits::Limited;
 use crate::control::observer::SensorSample;
 use crate::control::path::is_finite;
@@ -76,11 +76,11 @@ impl LearningOptions {
 ///
 /// (higher harmonic control: W. Johnson, "Self-tuning regulators for multicyclic control of helicopter vibration", NASA TP-1996, 1982;
 /// here with P_h from the last two blocks). A sample that comes late costs nothing. Near a resonance that the law does not know, P_h is
-/// far from 1 and its phase turns: the first step measures it, and the next ones use it. Where the film responds with less than a fifth,
-/// nothing is added.
+/// far from 1 and its phase turns: small steps measure it, and the next ones use it. Where the film responds with less than a fifth,
+/// nothing is added. Where the error grows, the correction returns to that of the best block.
 ///
-/// A block is some time for the film to settle and then whole cycles. γ is 0.6 at first, 0.8 once P_h is measured, and less where E_h is
-/// no larger than its noise. Blocks without samples or with a limit are not used; where limits leave no block at all, the correction is
+/// A block is some time for the film to settle and then whole cycles. γ is 0.6 at first, above 2 Hz 0.1 and doubled from block to block, 0.8
+/// once P_h is measured, and less where E_h is no larger than its noise and after an error that has grown. Blocks without samples or with a limit are not used; where limits leave no block at all, the correction is
 /// halved.
 ///
 /// Harmonics up to 0.3 of the sensor's rate are learned. The correction has two lags of 5 ticks, so that it has no steps.
@@ -126,14 +126,16 @@ pub struct LearningState<T, const PAST: usize = 64> {
     unit: Pair<T>,
     power: Pair<T>,
     block: Block<T>,
-    /// Whether a block of this period has ended.
-    has_learned: bool,
+    /// What the blocks of this period have shown.
+    progress: Progress<T>,
 }
 
 /// Share of the sensor's rate below which harmonics are learned.
 const MAX_SHARE_OF_RATE: f64 = 0.3;
 /// Share of the static stroke at the largest voltage that counts as a swing of the reference.
 const MIN_SWING: f64 = 1e-3;
+/// Below this frequency a film is taken to respond as its law predicts until its response is measured.
+const SLOW_HZ: f64 = 2.0;
 /// Largest angle of a tick, rad: the series for its cosine and sine hold it to single precision.
 const MAX_ANGLE: f64 = 0.35;
 /// Time for the film to settle, s: with cycles that are longer than a second, and with shorter ones, which stir its resonance.
@@ -227,20 +229,21 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             unit: [one, zero],
             power: [one, zero],
             block: Block::first(),
-            has_learned: false,
+            progress: Progress::none(),
         }
     }
 
     /// Begins another run, whose reference begins at `position` (m), with the learned correction of `state` if it `keeps` it. The sample that has
     /// arrived last stays.
     pub fn restart(&self, state: &mut LearningState<T, PAST>, position: T, keeps: bool) {
-        let LearningState { harmonics, arrived, newest, .. } = state;
+        let LearningState { harmonics, arrived, newest, progress, .. } = state;
         let harmonics = if keeps { harmonics.map(Harmonic::carried_over) } else { [Harmonic::new(); HARMONICS + 1] };
         // The ring begins at 0 again.
         let arrived = arrived.map(|(displacement, place)| {
             (displacement, if place < *newest { place + PAST - *newest } else { place - *newest })
         });
-        *state = LearningState { harmonics, arrived, ..self.state(position) };
+        let progress = if keeps { progress.carried_over() } else { Progress::none() };
+        *state = LearningState { harmonics, arrived, progress, ..self.state(position) };
     }
 
     /// The reference to follow at the end of this tick (m) instead of `reference` (m). `limited`: the limits that the command before met;
@@ -268,7 +271,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         let crossed = self.finder.advance(&mut state.cycle, reference);
         let Some(period) = state.cycle.period() else {
             state.angle = T::ZERO;
-            state.has_learned = false;
+            state.progress = Progress::none();
             return;
         };
         let Some(ticks_ago) = crossed else { return };
@@ -283,7 +286,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         } else if state.fade > T::from_f64(FADED_OUT) {
             // Another period: the correction fades out first.
             state.angle = T::ZERO;
-            state.has_learned = false;
+            state.progress = Progress::none();
         } else {
             state.phase = [T::from_f64(1.0), angle * ticks_ago];
             state.set_angle(angle);
@@ -321,14 +324,16 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             return;
         }
         #[allow(clippy::cast_precision_loss)] // at most 6
-        let is_learned = index <= self.harmonics && T::from_f64(index as f64) * state.angle <= self.largest_angle;
-        // The mean has half of what a harmonic has of the sum.
-        let scale = if index == 0 { T::from_f64(0.5) * state.block.scale } else { state.block.scale };
-        if is_learned && harmonic.update(scale, state.block.variance, index > 0) {
-            state.block.is_short = true;
+        let angle = T::from_f64(index as f64) * state.angle;
+        if index <= self.harmonics && angle <= self.largest_angle {
+            let kind = match index {
+                0 => Kind::Mean,
+                _ if angle * self.rate < T::from_f64(SLOW_HZ * TAU) => Kind::Slow,
+                _ => Kind::Fast,
+            };
+            state.block.is_short |= harmonic.update(kind, &state.block, &state.progress);
         }
         if index == HARMONICS {
-            state.has_learned = true;
             state.begin_block();
         }
     }
@@ -357,7 +362,8 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             block.next_end = block.next_end + T::from_f64(TAU);
             let least = T::from_f64(MIN_BLOCK_S[usize::from(!block.is_short)]) * self.rate;
             if block.ticks >= settling + least && block.samples >= T::from_f64(MIN_SAMPLES) {
-                block.complete(&state.harmonics);
+                let mean_squares = block.complete(&state.harmonics);
+                state.progress.judge(mean_squares, state.block.variance);
                 return;
             }
         }
@@ -366,6 +372,11 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             block.sum_of_squares = block.sum_of_squares + error * error;
             state.error = error;
             state.unit = unit;
+        }
+        if state.progress.is_hopeless(&state.block) {
+            state.progress.judge([state.block.sum_of_squares / state.block.samples, state.progress.noise], T::ZERO);
+            state.harmonics.iter_mut().for_each(Harmonic::retreat);
+            state.begin_block();
         }
     }
 }
@@ -399,17 +410,17 @@ impl<T: Real, const PAST: usize> LearningState<T, PAST> {
         (self.angle > T::ZERO).then(|| T::from_f64(TAU) / self.angle)
     }
 
-    /// Whether the errors of this period have been measured.
+    /// The share of the sensor's correction that learning has taken over from an observer, 0 to 1: it grows with every block that ends.
     #[must_use]
-    pub fn has_learned(&self) -> bool {
-        self.has_learned
+    pub fn taken_over(&self) -> T {
+        self.progress.taken_over
     }
 
     /// Resets the learned correction, which fades out with the two lags.
     pub fn forget(&mut self) {
         self.harmonics = [Harmonic::new(); HARMONICS + 1];
         self.block = Block::first();
-        self.has_learned = false;
+        self.progress = Progress::none();
         self.index = 0;
     }
 

@@ -39,10 +39,11 @@ pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const P
     inverse: InverseState<T>,
     fade: FadeState<T>,
     /// Whether the errors of cycles are learned.
-    is_learned: bool,
+    /// The share of the correction that is left to the observer where cycles are learned.
+    most: T,
 }
 
-state_traits!(TrackingState<T, M, PAST> { observer, inverse, fade, is_learned });
+state_traits!(TrackingState<T, M, PAST> { observer, inverse, fade, most });
 
 /// Share of the static stroke at the largest voltage by which a reference must move so that its frequency counts.
 const MIN_SHARE: f64 = 2e-3;
@@ -88,7 +89,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     pub fn state(&self, film: LawState<T, M>) -> TrackingState<T, M, PAST> {
         let inverse = InverseState::at(film.position());
         let fade = FadeState::at(film.position());
-        TrackingState { observer: self.observer.state(film), inverse, fade, is_learned: false }
+        TrackingState { observer: self.observer.state(film), inverse, fade, most: T::from_f64(1.0) }
     }
 
     /// Steps the film under the voltage that was really applied since the last tick and corrects it with a `sample`, if one
@@ -102,7 +103,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
     ) -> T {
         let voltage = self.inverse.record(&mut state.inverse, applied);
         if sample.is_some() {
-            self.fade.advance(&mut state.fade, state.inverse.path.position, state.is_learned);
+            self.fade.advance(&mut state.fade, state.inverse.path.position, state.most);
             self.observer.set_share(&mut state.observer, state.fade.share());
         }
         self.observer.step(&mut state.observer, self.observer.drive().load(voltage), sample)
@@ -153,9 +154,9 @@ impl<T: Real, M: Memory<T>, const PAST: usize> TrackingState<T, M, PAST> {
         self.fade = FadeState::at(self.inverse.path.position);
     }
 
-    /// From now on the errors of cycles are learned, or not: the observer leaves them to a [`Learning`](crate::Learning).
-    pub(crate) fn leave_cycles(&mut self, to_learning: bool) {
-        self.is_learned = to_learning;
+    /// From now on the observer leaves the errors of cycles to a [`Learning`](crate::Learning), by the share that it has taken over.
+    pub(crate) fn leave_cycles(&mut self, taken_over: T) {
+        self.most = T::from_f64(1.0) - taken_over;
     }
 
     /// Resets disturbance and force scale to 0 and 1: the model as it was fitted.

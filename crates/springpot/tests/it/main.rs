@@ -13,6 +13,7 @@ mod feedforward;
 mod follower;
 mod full_memory;
 mod laws;
+mod learned_films;
 mod learning;
 mod observer;
 mod passivity;

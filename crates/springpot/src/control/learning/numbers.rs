@@ -4,8 +4,9 @@ use core::f64::consts::TAU;
 
 use super::{
     COSINE, FADE_WEIGHT, FADED_OUT, Learning, MAX_ANGLE, MAX_BLOCKS, MIN_BLOCK_S, MIN_SAMPLES, SAME_PERIOD, SETTLING_S,
-    SINE, SMOOTHING,
+    SINE, SLOW_HZ, SMOOTHING,
 };
+use crate::control::block::Progress;
 use crate::control::harmonic::Harmonic;
 use crate::numbers::Numbers;
 use crate::scalar::Real;
@@ -21,7 +22,9 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
         take.number("largest_angle", self.largest_angle, "in a tick, of a harmonic that is learned, rad");
         take.number("rate", self.rate, "ticks in a second");
         take.number("approach", self.approach, "");
+        take.number("slow", T::from_f64(SLOW_HZ * TAU), "up to which a harmonic is slow, rad/s");
         Harmonic::numbers(take);
+        Progress::numbers(take);
         take.number("series_angle", T::from_f64(MAX_ANGLE), "largest angle of the series of cosine and sine, rad");
         take.array("cosine", COSINE.map(T::from_f64), "");
         take.array("sine", SINE.map(T::from_f64), "");
