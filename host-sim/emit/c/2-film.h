@@ -131,8 +131,8 @@ typedef struct {
     uint32_t unresponsive_blocks;
     float growth[3];
     float noise_parts;
-    float hopeless;
-    float hopeless_samples;
+    float excess;
+    float excess_samples;
     float taken;
     float caution[2];
     float no_error;               /* m^2 */

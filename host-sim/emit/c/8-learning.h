@@ -195,8 +195,8 @@ static inline void springpot_begin_round(const springpot_learning *learning, spr
             state->unit[1] = measured->phase[1];
         }
         /* So much worse than the best block that this one need not end. */
-        if ((!closed) && (block->samples > learning->hopeless_samples)
-            && (block->sum_of_squares > ((learning->hopeless * (state->progress.least + state->progress.noise)) * block->samples))) {
+        if ((!closed) && (block->samples > learning->excess_samples)
+            && (block->sum_of_squares > ((learning->excess * (state->progress.least + state->progress.noise)) * block->samples))) {
             uint32_t i;
             springpot_judge(
                 learning, &state->progress, block->sum_of_squares / block->samples, state->progress.noise, 0.0F);

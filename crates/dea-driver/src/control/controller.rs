@@ -169,6 +169,7 @@ impl<M: ControllerMemory> Controller<M> {
 
     /// The same controller of the film that `before` has driven: what is left of its creep counts for the stroke, until a plausible sensor
     /// shows it at 0 V.
+    #[cfg(feature = "link")]
     #[must_use]
     pub(crate) fn after(self, before: &Self) -> Self {
         let left_m = before.motion.furthest(before.open_loop.position());

@@ -65,8 +65,8 @@ const GROWTH: [f64; 3] = [1.2, 1.5, 2.0];
 /// Variances of a part of E that noise alone may show: twice the parts of all harmonics.
 const NOISE_PARTS: f64 = 26.0;
 /// Growth of the error, its noise included, at which a block ends early, once it has so many samples.
-const HOPELESS: f64 = 6.0;
-const HOPELESS_SAMPLES: f64 = 16.0;
+const EXCESS: f64 = 6.0;
+const EXCESS_SAMPLES: f64 = 16.0;
 /// Share of the sensor's correction that is taken over with a block; twice as much is given back.
 const TAKEN: f64 = 1.0 / 16.0;
 /// Factors of the caution after a block whose error has grown, and after another one.
@@ -74,7 +74,7 @@ const CAUTION: [f64; 2] = [0.5, 1.2];
 /// No block yet: larger than the square of any stroke.
 const NONE: f64 = 1e30;
 
-/// What the block that has ended says of the correction that was added in it.
+/// Rating of the correction that was added in a block, once it has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Verdict {
     /// The least error so far.
@@ -85,7 +85,7 @@ pub(crate) enum Verdict {
     Worse,
 }
 
-/// What the blocks of a period have shown: what is added may not make a film worse.
+/// Progress of learning over the blocks of a period, so that what is added does not make a film worse.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Progress<T> {
     /// The least mean square of what the harmonics explained of a block, m².
@@ -104,8 +104,8 @@ impl<T: Real> Progress<T> {
     pub(super) fn numbers(take: &mut impl Numbers<T>) {
         take.array("growth", GROWTH.map(T::from_f64), "");
         take.number("noise_parts", T::from_f64(NOISE_PARTS), "");
-        take.number("hopeless", T::from_f64(HOPELESS), "");
-        take.number("hopeless_samples", T::from_f64(HOPELESS_SAMPLES), "");
+        take.number("excess", T::from_f64(EXCESS), "");
+        take.number("excess_samples", T::from_f64(EXCESS_SAMPLES), "");
         take.number("taken", T::from_f64(TAKEN), "");
         take.array("caution", CAUTION.map(T::from_f64), "");
         take.number("no_error", T::from_f64(NONE), "m^2");
@@ -122,9 +122,9 @@ impl<T: Real> Progress<T> {
     }
 
     /// Whether a block is so much worse than the best one that it need not end.
-    pub(super) fn is_hopeless(&self, block: &Block<T>) -> bool {
-        block.samples > T::from_f64(HOPELESS_SAMPLES)
-            && block.sum_of_squares > T::from_f64(HOPELESS) * (self.least + self.noise) * block.samples
+    pub(super) fn is_excessive(&self, block: &Block<T>) -> bool {
+        block.samples > T::from_f64(EXCESS_SAMPLES)
+            && block.sum_of_squares > T::from_f64(EXCESS) * (self.least + self.noise) * block.samples
     }
 
     /// Takes a block that has ended: the mean squares (m²) of what the harmonics explain of the error, and of its noise, which gives each

@@ -373,7 +373,7 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             state.error = error;
             state.unit = unit;
         }
-        if state.progress.is_hopeless(&state.block) {
+        if state.progress.is_excessive(&state.block) {
             state.progress.judge([state.block.sum_of_squares / state.block.samples, state.progress.noise], T::ZERO);
             state.harmonics.iter_mut().for_each(Harmonic::retreat);
             state.begin_block();
