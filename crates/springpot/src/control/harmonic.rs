@@ -20,7 +20,7 @@ const INVERSE_GAINS: [f64; 2] = [1e-3, 25.0];
 const MEAN_INVERSE_GAINS: [f64; 2] = [0.4, 2.5];
 /// A drift that is not known: no block has ended yet, or one.
 const DRIFT_UNKNOWN: [f64; 2] = [-2.0, -1.0];
-/// What is left of the drift in the next block, and the power of a response over it that is significant.
+/// Share of the drift that is kept in the next block, and the power of a response over it that is significant.
 const DRIFT_KEPT: f64 = 0.7;
 const DRIFT_SIGNIFICANCE: f64 = 9.0;
 /// Signal power over noise power above which a change is significant.
@@ -29,7 +29,7 @@ const SIGNIFICANCE: f64 = 25.0;
 /// Consecutive blocks without a response after which nothing is added.
 const UNRESPONSIVE_BLOCKS: u8 = 2;
 
-/// What a harmonic is to the film.
+/// Kind of a harmonic, by how a film may respond to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// The mean, to which a film always responds.

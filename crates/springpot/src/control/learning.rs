@@ -126,7 +126,7 @@ pub struct LearningState<T, const PAST: usize = 64> {
     unit: Pair<T>,
     power: Pair<T>,
     block: Block<T>,
-    /// What the blocks of this period have shown.
+    /// Progress over the blocks of this period.
     progress: Progress<T>,
 }
 
