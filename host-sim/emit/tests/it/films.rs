@@ -2,7 +2,7 @@
 
 use springpot::{
     Actuator, AmplifierLag, CommandLimits, Curve, Discretisation, Feedforward, Law, LawOptions, Learning,
-    LearningOptions, Maxwell, ObserverOptions, Preload, Preset, Tracking,
+    LearningOptions, ObserverOptions, Preload, Preset, Tracking,
 };
 
 use host_emit::Film;
@@ -22,64 +22,58 @@ impl Case {
         Film { symbol, name: &self.name, tracking: &self.tracking, learning: self.learning.as_ref() }
     }
 
+    /// None: a law of control is refused.
     fn new(name: &str, law: Law<f32>, setup: &Setup) -> Option<Self> {
-        let Setup { actuator, limits, learning, bandwidths } = setup;
+        let Setup { actuator, amplifier, learning, bandwidths } = *setup;
+        let limits = CommandLimits { amplifier, ..CommandLimits::BENCH };
         let tracking = bandwidths.iter().find_map(|&bandwidth_hz| {
-            Tracking::new(law.clone(), actuator, *limits, ObserverOptions::at_bandwidth(bandwidth_hz)).ok()
+            Tracking::new(law.clone(), &actuator, limits, ObserverOptions::at_bandwidth(bandwidth_hz)).ok()
         })?;
         let learning = learning
-            .map(|options| Learning::new(&law, actuator, limits.max_voltage_v, options).expect("options of learning"));
-        let feedforward = Feedforward::new(law.clone(), actuator, *limits).expect("as tracking");
+            .map(|options| Learning::new(&law, &actuator, limits.max_voltage_v, options).expect("options of learning"));
+        let feedforward = Feedforward::new(law.clone(), &actuator, limits).expect("as tracking");
         Some(Self { name: name.into(), law, feedforward, tracking, learning })
+    }
+
+    /// The published model by these options, behind `curve`.
+    fn published(name: &str, options: LawOptions, curve: Option<Curve>, setup: &Setup) -> Self {
+        let law = Law::compressed(&Preset::TABLE3_N2.model().expect("valid"), options).expect("valid");
+        let law = curve.map_or(Ok(law.clone()), |curve| law.behind(&curve)).expect("a curve");
+        Self::new(name, law, setup).expect("accepted")
     }
 }
 
 struct Setup {
     actuator: Actuator,
-    limits: CommandLimits,
+    amplifier: AmplifierLag,
     learning: Option<LearningOptions>,
     bandwidths: &'static [f64],
 }
 
-fn published() -> Maxwell {
-    Preset::TABLE3_N2.model().expect("valid")
-}
+/// The paper's bench: an amplifier that follows at once, nothing learned.
+const BENCH: Setup =
+    Setup { actuator: Actuator::KARNER_2022, amplifier: AmplifierLag::NONE, learning: None, bandwidths: &[0.6] };
+const AT_1_KHZ: LawOptions = LawOptions::at_step(1e-3);
 
-/// The paper's film on the paper's bench: no curve, an amplifier that follows at once, nothing learned.
+/// The paper's film on the paper's bench.
 pub fn plain() -> Case {
-    on_the_bench(None)
+    Case::published("karner-2022-table3-n2", AT_1_KHZ, None, &BENCH)
 }
 
 /// The same film, of which cycles are learned: nothing else differs.
 pub fn learned() -> Case {
-    on_the_bench(Some(LearningOptions::BENCH))
-}
-
-fn on_the_bench(learning: Option<LearningOptions>) -> Case {
-    let setup = Setup { actuator: Actuator::KARNER_2022, limits: CommandLimits::BENCH, learning, bandwidths: &[0.6] };
-    let law = Law::compressed(&published(), LawOptions::at_step(1e-3)).expect("valid");
-    Case::new("karner-2022-table3-n2", law, &setup).expect("accepted")
+    let setup = Setup { learning: Some(LearningOptions::BENCH), ..BENCH };
+    Case::published("karner-2022-table3-n2", AT_1_KHZ, None, &setup)
 }
 
 /// Everything that a film can have: a curve that ends within the stroke, second-order differences, saturation, coupling, a weight from the start,
 /// an amplifier that lags, a period that is learned and was not given.
 pub fn rich() -> Case {
-    let actuator = Actuator {
-        stretch_coupling: 20.0,
-        saturation_v: Some(9000.0),
-        preload: Preload::FromStart,
-        ..Actuator::KARNER_2022
-    };
+    let preload = Preload::FromStart;
+    let actuator = Actuator { stretch_coupling: 20.0, saturation_v: Some(9000.0), preload, ..Actuator::KARNER_2022 };
     let amplifier = AmplifierLag { rise_s: 0.03, fall_s: 0.2 };
-    let setup = Setup {
-        actuator,
-        limits: CommandLimits { amplifier, ..CommandLimits::BENCH },
-        learning: Some(LearningOptions::BENCH),
-        bandwidths: &[0.6],
-    };
-    let law =
-        Law::compressed(&published(), LawOptions::at_step(1e-3).with_method(Discretisation::Bdf2)).expect("valid");
-    Case::new("rich */ film", law.behind(&curve()).expect("a curve"), &setup).expect("accepted")
+    let setup = Setup { actuator, amplifier, learning: Some(LearningOptions::BENCH), ..BENCH };
+    Case::published("rich */ film", AT_1_KHZ.with_method(Discretisation::Bdf2), Some(curve()), &setup)
 }
 
 /// Films of short cycles: whose period is given, and whose period is found behind an amplifier that lags.
@@ -87,28 +81,17 @@ pub fn cycles() -> [Case; 2] {
     let lagging = AmplifierLag { rise_s: 0.02, fall_s: 0.1 };
     let films = [(Some(0.5), Preload::Settled, AmplifierLag::NONE), (None, Preload::FromStart, lagging)];
     films.map(|(period_s, preload, amplifier)| {
-        let setup = Setup {
-            actuator: Actuator { preload, ..Actuator::KARNER_2022 },
-            limits: CommandLimits { amplifier, ..CommandLimits::BENCH },
-            learning: Some(LearningOptions { period_s, ..LearningOptions::BENCH }),
-            bandwidths: &[0.5],
-        };
-        let law = Law::compressed(&published(), LawOptions::at_step(1e-3)).expect("valid");
-        Case::new("cycles", law, &setup).expect("accepted")
+        let actuator = Actuator { preload, ..Actuator::KARNER_2022 };
+        let learning = Some(LearningOptions { period_s, ..LearningOptions::BENCH });
+        Case::published("cycles", AT_1_KHZ, None, &Setup { actuator, amplifier, learning, bandwidths: &[0.5] })
     })
 }
 
 /// A film whose period is given, at another rate.
 pub fn periodic() -> Case {
-    let learning = LearningOptions { period_s: Some(10.0), harmonics: 4, ..LearningOptions::BENCH };
-    let setup = Setup {
-        actuator: Actuator::KARNER_2022,
-        limits: CommandLimits::BENCH,
-        learning: Some(learning),
-        bandwidths: &[0.4],
-    };
-    let law = Law::compressed(&published(), LawOptions::at_step(2e-3)).expect("valid");
-    Case::new("periodic", law, &setup).expect("accepted")
+    let learning = Some(LearningOptions { period_s: Some(10.0), harmonics: 4, ..LearningOptions::BENCH });
+    let setup = Setup { learning, bandwidths: &[0.4], ..BENCH };
+    Case::published("periodic", LawOptions::at_step(2e-3), None, &setup)
 }
 
 /// A film of the chip program: what its laws of control are built of.
@@ -122,8 +105,7 @@ pub fn of_program(film: chip_program::Film) -> Case {
         (law, Actuator::KARNER_2022)
     };
     let learning = LearningOptions { period_s: Some(0.05), sample_interval_s: 1e-3, ..LearningOptions::BENCH };
-    let learning = (!film.curved).then_some(learning);
-    let setup = Setup { actuator, limits: CommandLimits::BENCH, learning, bandwidths: &[0.6] };
+    let setup = Setup { actuator, learning: (!film.curved).then_some(learning), ..BENCH };
     Case::new(film.preset, law, &setup).expect("accepted")
 }
 
@@ -148,7 +130,7 @@ pub fn random(count: usize) -> Vec<Case> {
         let amplifier = if k % 5 == 4 { AmplifierLag { rise_s: 0.05, fall_s: 0.05 } } else { AmplifierLag::NONE };
         let setup = Setup {
             actuator: Actuator { saturation_v: (k % 4 == 3).then_some(8000.0), ..Actuator::KARNER_2022 },
-            limits: CommandLimits { amplifier, ..CommandLimits::BENCH },
+            amplifier,
             learning: (k % 7 == 6).then_some(LearningOptions { period_s: Some(0.5), ..LearningOptions::BENCH }),
             bandwidths: &[0.6, 0.1, 0.02, 0.004, 0.001],
         };
