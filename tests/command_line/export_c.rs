@@ -7,26 +7,18 @@ use std::process::Command;
 use dea_driver::Blob;
 use host_sim::files::parameters::Parameters;
 use springpot::{Applied, Feedforward, Follower, Load, SensorSample};
-use tempfile::TempDir;
-use tests::tool::text;
+use tests::tool::{Bench, rows, text};
 use tests::transcript::blocks;
 
 use crate::TOOL;
 
-const STRICT: [&str; 7] = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"];
-
-/// Runs `program` with `arguments` in `folder`, which must succeed, and returns what it printed.
-fn ran(folder: &Path, program: &str, arguments: &[&str]) -> String {
-    let output = Command::new(program).current_dir(folder).args(arguments).output().expect(program);
-    assert!(output.status.success(), "{program} {arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+/// Runs `line` in the folder, which must succeed, and returns what it printed.
+fn ran(bench: &Bench, line: &str) -> String {
+    let mut words = line.split_whitespace();
+    let mut command = Command::new(words.next().expect("a program"));
+    let output = command.args(words).current_dir(bench.path("")).output().expect("starts");
+    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).expect("text")
-}
-
-/// Compiles `main` with `films` as strictly as can be, runs it and returns what it printed.
-fn compiled_and_ran(folder: &Path, main: &str, films: &[&str]) -> String {
-    fs::write(folder.join("main.c"), main).expect("written");
-    ran(folder, "gcc", &[&STRICT, ["main.c"].as_slice(), films, &["-lm", "-o", "main"]].concat());
-    ran(folder, "./main", &[])
 }
 
 /// Returns what the controller runs of `parameters` at 1 kHz.
@@ -39,22 +31,16 @@ fn controllers(parameters: &Parameters) -> Blob {
 #[test]
 fn the_program_of_the_page_runs() {
     let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/c.md")).expect("there");
-    let folder = TempDir::new().expect("a folder");
+    let bench = Bench::new(TOOL);
     let commands = blocks(&page, "```sh\n").concat();
-    let mut lines = commands.lines();
-    let export = lines.next().and_then(|line| line.strip_prefix("host-sim ")).expect("an export");
-    let arguments: Vec<&str> = export.split_whitespace().collect();
-    TOOL.with(&arguments).current_dir(folder.path()).assert().success();
-    assert!(folder.path().join("springpot.h").is_file());
-
-    fs::write(folder.path().join("main.c"), blocks(&page, "```c\n").concat()).expect("written");
-    let compile = lines.next().and_then(|line| line.strip_prefix("gcc ")).expect("a compiler");
-    ran(
-        folder.path(),
-        "gcc",
-        &[compile.split_whitespace().collect::<Vec<_>>().as_slice(), &["-Wconversion", "-Werror"]].concat(),
-    );
-    let printed = ran(folder.path(), lines.next().expect("the program"), &[]);
+    let [export, compile, program] = commands.lines().collect::<Vec<_>>()[..] else {
+        panic!("three commands: {commands}")
+    };
+    bench.prints(export.strip_prefix("host-sim ").expect("an export"));
+    assert!(bench.path("springpot.h").is_file());
+    bench.write("main.c", blocks(&page, "```c\n").concat());
+    ran(&bench, &format!("{compile} -Wconversion -Werror"));
+    let printed = ran(&bench, program);
     assert_eq!(printed, blocks(&page, "```text\n").concat());
 
     let blob = controllers(&Parameters::preset("table3-n2").expect("there"));
@@ -91,16 +77,13 @@ pub fn rich() -> String {
 /// Two exported films in one program, ticked with learning in front of feedforward: the bits of every voltage are the controller's.
 #[test]
 fn two_exported_films_have_the_controllers_bits() {
-    let folder = TempDir::new().expect("a folder");
-    let path = |name: &str| folder.path().join(name);
-    fs::write(path("rich.toml"), rich()).expect("written");
-    let sources = [(text(&path("rich.toml")).to_owned(), "rich-1.c"), ("preset:table3-n1".to_owned(), "n1.c")];
-    for (params, out) in &sources {
-        let report = TOOL.json(&["export", "--params", params, "--emit", "c", "--out", text(&path(out))]);
-        let symbol = format!("film_{}", out.trim_end_matches(".c").replace('-', "_"));
-        assert_eq!(report["symbol"], symbol, "{report}");
-        let json = path(out).with_extension("json");
-        let written = [path(out), path("springpot.h"), json].map(|file| text(&file).to_owned());
+    let bench = Bench::new(TOOL);
+    bench.write("rich.toml", rich());
+    let sources = [("rich.toml", "rich-1"), ("preset:table3-n1", "n1")];
+    for (params, name) in sources {
+        let report = bench.json(&format!("export --params {params} --emit c --out {name}.c"));
+        assert_eq!(report["symbol"], format!("film_{}", name.replace('-', "_")), "{report}");
+        let written = [format!("{name}.c"), "springpot.h".into(), format!("{name}.json")];
         assert_eq!(report["written"], serde_json::json!(written), "{report}");
     }
     let main = "#include <stdio.h>\n#include <string.h>\n#include \"springpot.h\"\nSPRINGPOT_FILM(film_rich_1);\nSPRINGPOT_FILM(film_n1);\n\
@@ -114,10 +97,13 @@ fn two_exported_films_have_the_controllers_bits() {
          sample.age_ticks = 0U;\n            command = springpot_follower_step(films[f], &state, command.voltage,\n\
          1.02F * command.voltage, (k % 10U == 0U) ? &sample : NULL, reference);\n            memcpy(&bits, &command.voltage, sizeof bits);\n\
          printf(\"%08x\\n\", (unsigned)bits);\n        }\n    }\n    return 0;\n}\n";
-    let printed = compiled_and_ran(folder.path(), main, &["rich-1.c", "n1.c"]);
+    bench.write("main.c", main);
+    ran(&bench, "gcc -std=c99 -O2 -Wall -Wextra -Wpedantic -Wconversion -Werror main.c rich-1.c n1.c -lm -o main");
+    let printed = ran(&bench, "./main");
     let mut lines = printed.lines();
-    for (params, _) in &sources {
-        let parameters = Parameters::load(params).expect("valid");
+    for (params, _) in sources {
+        let path = bench.path(params);
+        let parameters = Parameters::load(if path.exists() { text(&path) } else { params }).expect("valid");
         let blob = controllers(&parameters);
         let law = blob.follower().compensator().observer().law().clone();
         let rest = law.state();
@@ -150,13 +136,13 @@ fn two_exported_films_have_the_controllers_bits() {
 /// The library has what Arduino and PlatformIO ask for.
 #[test]
 fn the_arduino_library_is_described() {
-    let folder = TempDir::new().expect("a folder");
-    let out = folder.path().join("libraries/vhb-5-s");
-    let report = TOOL.json(&["export", "--params", "preset:table3-n2", "--emit", "arduino", "--out", text(&out)]);
+    let bench = Bench::new(TOOL);
+    let out = "libraries/vhb-5-s";
+    let report = bench.json(&format!("export --params preset:table3-n2 --emit arduino --out {out}"));
     assert_eq!(report["symbol"], "film_vhb_5_s", "{report}");
-    let read = |name: &str| fs::read_to_string(out.join(name)).expect(name);
-    for file in report["written"].as_array().expect("files") {
-        assert!(Path::new(file.as_str().expect("a path")).is_file(), "{file}");
+    let read = |name: &str| bench.read(&format!("{out}/{name}"));
+    for file in rows(&report["written"]) {
+        assert!(bench.path(file.as_str().expect("a path")).is_file(), "{file}");
     }
     let properties = read("library.properties");
     for key in ["name", "version", "author", "maintainer", "sentence", "paragraph", "category", "url", "architectures"]
@@ -175,19 +161,17 @@ fn the_arduino_library_is_described() {
 #[test]
 #[ignore = "needs g++: cargo xtask faces"]
 fn the_arduino_library_compiles() {
-    let folder = TempDir::new().expect("a folder");
-    let out = folder.path().join("vhb");
-    TOOL.json(&["export", "--params", "preset:table3-n2", "--emit", "arduino", "--out", text(&out)]);
-    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).expect("written");
-    write(
+    let bench = Bench::new(TOOL);
+    bench.json("export --params preset:table3-n2 --emit arduino --out vhb");
+    bench.write(
         "Arduino.h",
         "#pragma once\n#include <stdint.h>\n#include <math.h>\n#define A0 14\nunsigned long micros();\nint analogRead(int pin);\n\
          void analogWrite(int pin, int code);\nvoid setup();\nvoid loop();\n\
          struct Port { void begin(long) {} void println(const char *text); };\nextern Port Serial;\n",
     );
-    let sketch = fs::read_to_string(out.join("examples/Tracking/Tracking.ino")).expect("there");
-    write("sketch.cpp", &format!("#include <Arduino.h>\n{sketch}"));
-    write(
+    let sketch = bench.read("vhb/examples/Tracking/Tracking.ino");
+    bench.write("sketch.cpp", &format!("#include <Arduino.h>\n{sketch}"));
+    bench.write(
         "board.cpp",
         "#include <Arduino.h>\n#include <stdio.h>\nstatic unsigned long now;\nstatic int writes, largest, last;\n\
          Port Serial;\nvoid Port::println(const char *text) { printf(\"%s\\n\", text); }\n\
@@ -196,18 +180,11 @@ fn the_arduino_library_compiles() {
          int main() { setup(); for (; now < 1000000UL; now += LOOP_US) { loop(); }\n\
          printf(\"%d %d %d\\n\", writes, largest, last); }\n",
     );
-    let src = out.join("src");
-    let include = format!("-I{}", text(&src));
-    ran(
-        folder.path(),
-        "gcc",
-        &["-std=gnu11", "-Os", "-Wall", "-Wextra", "-Werror", "-c", text(&src.join("film_vhb.c"))],
-    );
+    ran(&bench, "gcc -std=gnu11 -Os -Wall -Wextra -Werror -c vhb/src/film_vhb.c");
     let run = |loop_us: &str| {
-        let cpp =
-            ["-std=gnu++11", "-Os", "-Wall", "-Wextra", "-Werror", "-I.", &include, loop_us, "sketch.cpp", "board.cpp"];
-        ran(folder.path(), "g++", &[cpp.as_slice(), &["film_vhb.o", "-lm", "-o", "board"]].concat());
-        ran(folder.path(), "./board", &[])
+        let options = format!("-std=gnu++11 -Os -Wall -Wextra -Werror -I. -Ivhb/src {loop_us}");
+        ran(&bench, &format!("g++ {options} sketch.cpp board.cpp film_vhb.o -lm -o board"));
+        ran(&bench, "./board")
     };
     let printed = run("-DLOOP_US=100UL");
     let numbers: Vec<i32> = printed.split_whitespace().map(|word| word.parse().expect("a number")).collect();

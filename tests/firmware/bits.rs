@@ -3,68 +3,45 @@
 use documents::Tolerance;
 use host_sim::files::parameters::{Board, ElasticCurve, Parameters};
 use host_sim::link::{Client, Emulator};
+use serde_json::Value;
 use springpot::Curve;
-use tests::recordings;
 use tests::sweep::full_sweep;
-use tests::tool::text;
+use tests::tool::{Bench, number, rows, text};
 
 use crate::{TOOL, image, stated};
 
-/// Length of the part of each recording that is compared, 8 s, or all 155 s in a full sweep, and the steps of three recordings.
-fn span() -> (&'static str, u64) {
-    if full_sweep() { ("155", 465_003) } else { ("8", 24_003) }
+const SINE: &str = "reference --shape sine --low 1.5e-3 --high 4e-3 --period 10 --out sine.csv";
+
+/// Runs the image along `line`: `steps` steps have the host's bits.
+fn pil(bench: &Bench, line: &str, steps: u64) -> Value {
+    let report = bench.json(&format!("pil --image {} {line}", text(&image("qemu"))));
+    println!("{line}: {report}");
+    assert_eq!((&report["steps"], &report["mismatches"]), (&steps.into(), &0.into()), "{line}");
+    report
 }
 
-/// Three recordings at 1 kHz: displacement, state and voltage of every step are the host's, bit for bit.
+/// Three recordings at 1 kHz, 8 s of each or all 155 s in a full sweep: displacement, state and voltage of every step are the host's, bit for bit;
+/// of whole ticks, codes of the converters in and out, command, state and estimate, and the run is still on at its end.
 #[test]
-fn every_step_of_three_recordings_has_the_hosts_bits() {
-    let image = image("qemu");
-    let recordings = recordings("hossain");
-    let [fast, middle, slow] = recordings.each_ref().map(|path| text(path));
-    let (seconds, steps) = span();
-    let report = TOOL.json(&[
-        "pil",
-        "--params",
-        "preset:table3-n2",
-        "--image",
-        text(&image),
-        "--duration",
-        seconds,
-        fast,
-        middle,
-        slow,
-    ]);
-    println!("{report}");
-    assert_eq!((report["steps"].as_u64(), report["mismatches"].as_u64()), (Some(steps), Some(0)));
-    let counted = report["instructions_per_step"].as_f64().expect("counted");
+fn every_step_and_tick_of_three_recordings_has_the_hosts_bits() {
+    let bench = Bench::new(TOOL);
+    let files = bench.recordings("hossain");
+    let (seconds, steps) = if full_sweep() { (155, 465_003) } else { (8, 24_003) };
+    let line = format!("--params preset:table3-n2 --duration {seconds} {files}");
+    let counted = number(&pil(&bench, &line, steps)["instructions_per_step"]);
     let stated = stated("pil", "Cortex-M4F");
     assert!(Tolerance::COUNT.holds(counted, stated), "{stated} instructions are stated, counted {counted}");
+    for recording in rows(&pil(&bench, &format!("--law tick {line}"), steps)["recordings"]) {
+        assert_eq!(recording["state"], "running", "{recording}");
+    }
 }
 
 /// The demo runs the image where it is: all steps have the host's bits.
 #[test]
 fn the_demo_runs_the_image() {
-    let folder = tempfile::TempDir::new().expect("a folder");
-    let report = TOOL.json(&["demo", "--out", text(folder.path())]);
+    let report = Bench::new(TOOL).json("demo --out demo");
     let ran = &report["firmware"]["ran"];
     assert_eq!((&ran["steps"], &ran["mismatches"]), (&10_001.into(), &0.into()), "{}", report["firmware"]);
-}
-
-/// Whole ticks, codes of the converters in and out, along three recordings: command, state and estimate are the host's, bit for bit, and
-/// the run is still on at its end.
-#[test]
-fn whole_ticks_of_three_recordings_have_the_hosts_bits() {
-    let image = image("qemu");
-    let recordings = recordings("hossain");
-    let [fast, middle, slow] = recordings.each_ref().map(|path| text(path));
-    let (seconds, steps) = span();
-    let options = ["--params", "preset:table3-n2", "--law", "tick", "--image", text(&image), "--duration", seconds];
-    let report = TOOL.json(&[["pil"].as_slice(), &options, &[fast, middle, slow]].concat());
-    println!("{report}");
-    assert_eq!((report["steps"].as_u64(), report["mismatches"].as_u64()), (Some(steps), Some(0)));
-    for recording in report["recordings"].as_array().expect("three") {
-        assert_eq!(recording["state"], "running", "{recording}");
-    }
 }
 
 /// The three laws of control: feedforward and tracking with their loop closed around the firmware, the simulated film as
@@ -72,34 +49,27 @@ fn whole_ticks_of_three_recordings_have_the_hosts_bits() {
 /// follows.
 #[test]
 fn the_laws_of_control_have_the_hosts_bits() {
-    let folder = tempfile::TempDir::new().expect("a folder");
-    let (image, film, sine) = (image("qemu"), folder.path().join("film.toml"), folder.path().join("sine.csv"));
-    let recordings = recordings("hossain");
-    let [fast, middle, slow] = recordings.each_ref().map(|path| text(path));
-    let structure = ["--topology", "parallel", "--branches", "2"];
-    TOOL.json(&[&["fit", fast, middle, slow, "--out", text(&film)], structure.as_slice()].concat());
-    let shape = ["--shape", "sine", "--low", "1.5e-3", "--high", "4e-3", "--period", "10", "--out", text(&sine)];
-    TOOL.json(&[["reference"].as_slice(), &shape].concat());
-    let pil = |more: &[&str]| {
-        let all = ["pil", "--params", text(&film), "--image", text(&image), "--duration", "10"];
-        let report = TOOL.json(&[all.as_slice(), more].concat());
-        println!("{report}");
-        assert_eq!((report["steps"].as_u64(), report["mismatches"].as_u64()), (Some(10_001), Some(0)));
+    let bench = Bench::new(TOOL);
+    let files = bench.recordings("hossain");
+    bench.json(&format!("fit {files} --out film.toml --topology parallel --branches 2"));
+    bench.json(SINE);
+    let tracking_pct = |law: &str| {
+        let report = pil(&bench, &format!("--params film.toml --duration 10 --law {law}"), 10_001);
         report["recordings"][0]["tracking_rms_pct"].as_f64()
     };
-    let closed = ["--plant", "hossain", text(&sine)];
-    let feedforward = pil(&[["--law", "feedforward"].as_slice(), &closed].concat()).expect("a closed loop");
-    let tracking = pil(&[["--law", "tracking"].as_slice(), &closed].concat()).expect("a closed loop");
+    let [feedforward, tracking] = ["feedforward", "tracking"]
+        .map(|law| tracking_pct(&format!("{law} --plant hossain sine.csv")).expect("a closed loop"));
     assert!(feedforward < 1.0 && tracking < 0.25, "{feedforward} %, {tracking} %");
-    assert_eq!(pil(&["--law", "observer", fast]), None);
+    assert_eq!(tracking_pct("observer hossain-5s.csv"), None);
 }
 
 /// A film behind a curve of sixteen pieces, on an actuator that saturates, of either order: the model's step, every law of control, and
 /// whole ticks.
 #[test]
 fn a_film_behind_a_curve_has_the_hosts_bits() {
-    let folder = tempfile::TempDir::new().expect("a folder");
-    let (film, sine) = (folder.path().join("film.toml"), folder.path().join("sine.csv"));
+    let bench = Bench::new(TOOL);
+    bench.recordings("hossain");
+    bench.json(SINE);
     // A quarter stiffer at 1 mm and three times as stiff at 3 mm; the strokes here are 1 to 4 mm.
     let points = std::array::from_fn::<_, 17, _>(|k| {
         let x = 2.5e-4 * (k as f64 - 2.0);
@@ -108,28 +78,18 @@ fn a_film_behind_a_curve_has_the_hosts_bits() {
     let mut parameters = Parameters::preset("table3-n2").expect("a preset");
     parameters.curve = Some(ElasticCurve::free(Curve::through(&points).expect("rises")));
     parameters.actuator.saturation_v = Some(9000.0);
-    std::fs::write(&film, parameters.to_toml()).expect("written");
-    let shape = ["--shape", "sine", "--low", "1.5e-3", "--high", "4e-3", "--period", "10", "--out", text(&sine)];
-    TOOL.json(&[["reference"].as_slice(), &shape].concat());
-    let image = image("qemu");
-    let [fast, ..] = &recordings("hossain");
-    for (law, file, method) in [
-        ("step", fast, "gl"),
-        ("step", fast, "bdf2"),
-        ("tick", fast, "gl"),
-        ("tick", fast, "bdf2"),
-        ("observer", fast, "gl"),
-        ("feedforward", &sine, "gl"),
-        ("tracking", &sine, "gl"),
+    bench.write("film.toml", parameters.to_toml());
+    for run in [
+        "gl --law step hossain-5s.csv",
+        "bdf2 --law step hossain-5s.csv",
+        "gl --law tick hossain-5s.csv",
+        "bdf2 --law tick hossain-5s.csv",
+        "gl --law observer hossain-5s.csv",
+        "gl --law feedforward --plant hossain sine.csv",
+        "gl --law tracking --plant hossain sine.csv",
     ] {
-        let plant = if file == &sine { ["--plant", "hossain"].as_slice() } else { &[] };
-        let options = ["pil", "--params", text(&film), "--image", text(&image), "--duration", "3", "--method", method];
-        let report = TOOL.json(&[options.as_slice(), &["--law", law], plant, &[text(file)]].concat());
-        println!("{law}, {method}: {report}");
-        assert_eq!((report["steps"].as_u64(), report["mismatches"].as_u64()), (Some(3001), Some(0)), "{law}, {method}");
-        if law == "tick" {
-            assert_eq!(report["recordings"][0]["state"], "running", "{report}");
-        }
+        let report = pil(&bench, &format!("--params film.toml --duration 3 --method {run}"), 3001);
+        assert!(!run.contains("tick") || report["recordings"][0]["state"] == "running", "{report}");
     }
 }
 

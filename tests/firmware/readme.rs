@@ -10,9 +10,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 
 use host_sim::files::parameters::Parameters;
-use tempfile::TempDir;
 use tests::table::column;
-use tests::tool::text;
+use tests::tool::{Bench, number};
 use tests::transcript::{Shown, blocks, shown, words};
 
 use crate::{DEADLINE, TOOL, image, root};
@@ -111,18 +110,16 @@ fn error_pct(log: &Path) -> f64 {
 
 /// NRMSE (%) of the model with full memory in f64 under the voltage of a log, of a film that pulls `stronger` than its parameters say. The
 /// sensor's samples are 10 ms late, which is one row.
-fn replay_pct(folder: &TempDir, log: &Path, stronger: f64) -> f64 {
+fn replay_pct(bench: &Bench, log: &Path, stronger: f64) -> f64 {
     let (time_s, volts, metres) = (column(log, "time_s"), column(log, "voltage_v"), column(log, "displacement_m"));
     let rows = time_s.iter().zip(&volts).zip(&metres[1..]);
     let rows: String = rows.map(|((time_s, volts), metres)| format!("{time_s},{volts},{metres}\n")).collect();
-    let (recording, film) = (folder.path().join("film.csv"), folder.path().join("film.toml"));
-    fs::write(&recording, format!("time_s,voltage_v,displacement_m\n{rows}")).expect("written");
+    bench.write("film.csv", format!("time_s,voltage_v,displacement_m\n{rows}"));
     let mut parameters = Parameters::preset("table3-n2").expect("a preset");
     parameters.actuator.relative_permittivity *= stronger;
-    fs::write(&film, parameters.to_toml()).expect("written");
-    let exact = ["--memory", "full", "--precision", "f64", text(&recording)];
-    let report = TOOL.json(&[&["replay", "--params", text(&film)], exact.as_slice()].concat());
-    report["recordings"][0]["nrmse_pct"].as_f64().expect("compared")
+    bench.write("film.toml", parameters.to_toml());
+    let report = bench.json("replay --params film.toml --memory full --precision f64 film.csv");
+    number(&report["recordings"][0]["nrmse_pct"])
 }
 
 /// A newcomer's first quarter of an hour: `cargo xtask board`, and every command of the page with its answer. What is played has its
@@ -130,7 +127,7 @@ fn replay_pct(folder: &TempDir, log: &Path, stronger: f64) -> f64 {
 #[test]
 fn the_readme_works_as_written() {
     let page = fs::read_to_string(root().join("firmware/README.md")).expect("readable");
-    let folder = TempDir::new().expect("a folder");
+    let bench = Bench::new(TOOL);
     let mut board = Board::start();
     let begin = board.lines_until("In another terminal:");
     println!("{}", begin.join("\n"));
@@ -149,7 +146,9 @@ fn the_readme_works_as_written() {
 
     for Shown { command, answer } in &shown {
         let line = command.replace(HOST_SIM, &format!("'{}'", TOOL.0)).replace(PORT, port);
-        let run = || Command::new("sh").args(["-c", &line]).current_dir(&folder).output().expect("runs");
+        let shell =
+            |line: &str| Command::new("sh").args(["-c", line]).current_dir(bench.path("")).output().expect("runs");
+        let run = || shell(&line);
         let output = if command.contains(" play ") { beside_busy_loops(run) } else { run() };
         let (printed, complained) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
         println!("$ {command}\n{printed}{complained}");
@@ -160,12 +159,11 @@ fn the_readme_works_as_written() {
         if command.contains("--mode tracking") {
             // The same without the sensor, which the page only mentions.
             let blind = line.replace("--mode tracking", "--mode feedforward").replace("sine-log", "blind-log");
-            assert!(Command::new("sh").args(["-c", &blind]).current_dir(&folder).status().expect("runs").success());
+            assert!(shell(&blind).status.success());
         }
     }
 
-    let log = |name: &str| folder.path().join(name);
-    let (ramp, sine) = (log("ramp-log.csv"), log("sine-log.csv"));
+    let [ramp, sine, blind] = ["ramp-log.csv", "sine-log.csv", "blind-log.csv"].map(|name| bench.path(name));
     for (log, length_s) in [(&ramp, 1.0), (&sine, 3.0)] {
         let last_s = column(log, "time_s").last().copied().expect("samples");
         // Arming and disarming are in the log as well.
@@ -173,12 +171,11 @@ fn the_readme_works_as_written() {
     }
     assert!(column(&ramp, "voltage_v").iter().any(|&volts| volts > 2900.0));
     // The film pulls 3 % harder than its model: without the sensor that stays, 3 to 4 % of the stroke.
-    let blind = log("blind-log.csv");
     let (tracked_pct, blind_pct) = (error_pct(&sine), error_pct(&blind));
     println!("tracking: {tracked_pct:.2} % of the stroke, feedforward: {blind_pct:.2} %");
     assert!(tracked_pct < 0.6 * blind_pct && (3.0..10.0).contains(&blind_pct), "{tracked_pct} %, {blind_pct} %");
 
-    let errors_pct = [1.0, 1.03].map(|stronger| replay_pct(&folder, &ramp, stronger));
+    let errors_pct = [1.0, 1.03].map(|stronger| replay_pct(&bench, &ramp, stronger));
     println!("the film against full memory on the host: {errors_pct:?} % of the stroke, as modelled and 3 % stronger");
     assert!(errors_pct[0] > 2.0 * errors_pct[1] && errors_pct[1] < 1.0, "{errors_pct:?}");
 
