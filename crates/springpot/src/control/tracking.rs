@@ -38,7 +38,6 @@ pub struct TrackingState<T: Scalar, M: Memory<T> = crate::Compressed<T>, const P
     observer: ObserverState<T, M, PAST>,
     inverse: InverseState<T>,
     fade: FadeState<T>,
-    /// Whether the errors of cycles are learned.
     /// The share of the correction that is left to the observer where cycles are learned.
     most: T,
 }

@@ -31,7 +31,7 @@ const LIMITS: CommandLimits = CommandLimits {
 const SPRING_N_PER_M: f64 = 9e3;
 /// Stiffness (N/m) and retardation time (s) of the Kelvin–Voigt elements.
 const ELEMENTS: [(f64, f64); 3] = [(40e3, 0.8), (50e3, 9.0), (30e3, 70.0)];
-/// Of the mass that the law knows, on the spring alone.
+/// Damping ratio of the mass that the law knows, on the spring alone.
 const DAMPING_RATIO: f64 = 0.15;
 
 /// The film, stepped by the semi-implicit Euler method in tenths of a millisecond.
