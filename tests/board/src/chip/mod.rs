@@ -111,7 +111,6 @@ pub struct Chip {
     /// Actions of the firmware that the documents forbid, each once.
     violations: Vec<Violation>,
     now: Picoseconds,
-    accesses: u64,
 }
 
 impl Chip {
@@ -132,18 +131,12 @@ impl Chip {
             changes: Vec::new(),
             violations: Vec::new(),
             now: 0,
-            accesses: 0,
         }
     }
 
     /// Time since power-up, ns.
     pub fn now_ns(&self) -> u64 {
         self.now / NANOSECOND
-    }
-
-    /// Accesses of registers so far.
-    pub fn accesses(&self) -> u64 {
-        self.accesses
     }
 
     /// Violations by the firmware, in the order of their first times.
@@ -231,7 +224,6 @@ impl Chip {
 
     /// Lets the time of an access pass. None: there is nothing to access.
     fn access(&mut self, word: u32) -> Option<(Block, u32)> {
-        self.accesses += 1;
         let clocks = self.clocks();
         let found = Block::at(word);
         let bus_hz = found.map_or(clocks.hclk_hz, |(block, _)| block.bus_hz(&clocks));

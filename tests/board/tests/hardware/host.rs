@@ -59,17 +59,6 @@ fn instructions_do_to_registers_what_they_do_to_memory() {
 }
 
 #[test]
-fn two_boards_do_the_same_at_the_same_times() {
-    let run = || {
-        let board = Board::new(Oscillators::default());
-        let mut bench = super::start::start(&board);
-        bench.sample();
-        board.chip(|chip| (chip.accesses(), chip.now_ns()))
-    };
-    assert_eq!(run(), run());
-}
-
-#[test]
 fn the_libraries_are_those_of_the_firmware() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     let version = |lock: &str, package: &str| {

@@ -85,16 +85,6 @@ fn clocks_beyond_their_limits() {
 }
 
 #[test]
-fn wait_states_that_are_taken_back() {
-    let board = Board::new(Oscillators::default());
-    let chip = board.peripherals();
-    let _rcc = chip.RCC.freeze(crystal());
-    assert_eq!(board.violations(), []);
-    chip.FLASH.acr().modify(|_, w| w.latency().ws4());
-    assert_eq!(board.violations(), [Violation::WaitStates { set: 4, needed: 5 }]);
-}
-
-#[test]
 fn a_select_that_moves_within_a_byte() {
     let board = Board::new(Oscillators::default());
     let chip = board.peripherals();

@@ -1,7 +1,6 @@
 //! `firmware/src/serial.rs`: the link's line, at both clocks of the core.
 
 use board_on_host::board::Board;
-use board_on_host::chip::gpio::{Pin, Pull};
 use board_on_host::chip::rcc::Oscillators;
 use board_on_host::chip::usart::flag;
 use board_on_host::hal::hal_02::serial::Write;
@@ -37,14 +36,6 @@ fn the_baud_rate_is_what_the_host_expects() {
         let (enabled, nine_bits, parity, interrupt, both_ways) = (1 << 13, 1 << 12, 1 << 10, 1 << 5, 0b11 << 2);
         assert_eq!(cr1 & (enabled | nine_bits | parity | interrupt | both_ways), enabled | interrupt | both_ways);
     }
-}
-
-#[test]
-fn a_line_that_is_not_connected_is_quiet() {
-    let board = Board::new(Oscillators::default());
-    let _port = port(&board, Config::hsi());
-    assert_eq!(board.chip(|chip| chip.pad(Pin::new('A', 3)).pull), Pull::Up);
-    assert!(board.chip(|chip| chip.level(Pin::new('A', 3))));
 }
 
 #[test]
