@@ -6,7 +6,7 @@ use std::process::Command;
 use clap::ValueEnum;
 
 use crate::process::{Result, cargo, make, output, root, run as run_command};
-use crate::setup;
+use crate::{mutants, setup};
 
 /// A part of the campaign.
 #[derive(Clone, Copy, ValueEnum)]
@@ -87,10 +87,11 @@ fn fuzzers(line: &str) -> Command {
     command
 }
 
-/// Mutants as `.cargo/mutants.toml` states, with cargo-mutants, which is installed if it is missing.
+/// Mutants by hand, and those of cargo-mutants as `.cargo/mutants.toml` states; it is installed if it is missing.
 fn mutants() -> Result<()> {
+    let by_hand = mutants::run();
     if output(cargo("mutants --version")).is_err() {
         setup::cargo_install("cargo-mutants")?;
     }
-    run_command(cargo("mutants --output target"))
+    none([by_hand, run_command(cargo("mutants --output target"))].into_iter().filter_map(Result::err))
 }

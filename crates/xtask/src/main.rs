@@ -10,6 +10,7 @@ mod cycles;
 mod embedded;
 mod faces;
 mod firmware;
+mod mutants;
 mod other_board;
 mod packages;
 mod page;

@@ -13,6 +13,9 @@ use crate::safety::{Cause, Motion, Readings, Refusal, Supervisor};
 /// Largest correction that may be learned of a periodic reference, as a share of the largest displacement: more trips as a disturbance.
 const MAX_LEARNED: f32 = 0.25;
 
+/// Largest share of its displacement by which the coarser law that watches the stroke may be behind the film: near pull-in nothing bounds it.
+const MAX_MARGIN: f64 = 0.25;
+
 /// Longest time in which a new target is approached, s.
 const RAMP_S: f32 = 0.05;
 
@@ -140,13 +143,15 @@ impl<M: ControllerMemory> Controller<M> {
         let (actuator, limits) = (&parameters.actuator, &parameters.limits);
         let largest_n = actuator.electrostatic_force(f64::from(limits.max_voltage_v));
         let shares_per_m = limits.max_disturbance_share / (MAX_LEARNED * limits.max_displacement_m);
+        let margin =
+            law.margin_of(&watched, f64::from(limits.max_displacement_m), actuator.stretch_coupling).min(MAX_MARGIN);
         // A film of constant volume is thinner by as much as it is longer, whether or not the model's force knows it; a coupling that was
         // fitted may be larger, since the film gets wider as well.
         let thinning_per_m = actuator.thinning_per_m().max(1.0 / actuator.length_m);
         let sampler =
             Sampler::new(parameters.rate_hz, parameters.control.sample_interval_s, parameters.control.delay_s);
         Self {
-            motion: Motion::new(limits.sensor),
+            motion: Motion::new(limits.sensor).beyond_by(margin as f32),
             #[cfg(feature = "loop-test")]
             test: LoopTest::at_rest(follower.compensator()),
             parameters: parameters.clone(),

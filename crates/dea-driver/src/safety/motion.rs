@@ -64,6 +64,7 @@ pub struct Motion {
     means: [f32; 2],
     peak_m: f32,
     softness: f32,
+    min_softness: f32,
     /// NaN until it is known.
     offset_m: f32,
 }
@@ -91,13 +92,20 @@ impl Motion {
             means: [0.0; 2],
             peak_m: 0.0,
             softness: 1.0,
+            min_softness: 1.0,
             offset_m: f32::NAN,
         }
     }
 
     /// Starts again as if nothing had been seen.
     pub fn reset(&mut self) {
-        *self = Self::in_blocks(self.band_m, self.block_ticks);
+        *self = Self::in_blocks(self.band_m, self.block_ticks).beyond_by(self.min_softness - 1.0);
+    }
+
+    /// The same of a model that may be behind its film by this `share` of its displacement, whatever a sensor shows.
+    #[must_use]
+    pub const fn beyond_by(self, share: f32) -> Self {
+        Self { softness: 1.0 + share, min_softness: 1.0 + share, ..self }
     }
 
     /// The same of a film that is `offset_m` (m) beside its model, until a plausible sensor shows where it is.
@@ -114,7 +122,7 @@ impl Motion {
         (self.ticks, self.sums, self.blocks, self.is_still) = (0, [0.0; 2], 0, false);
         (self.means, self.peak_m) = ([0.0; 2], 0.0);
         if !self.is_spoiled {
-            self.softness = 1.0;
+            self.softness = self.min_softness;
         }
     }
 

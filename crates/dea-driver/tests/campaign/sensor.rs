@@ -289,6 +289,9 @@ fn is_honest(case: &Case, cause: Cause, furthest_m: f64) -> bool {
 struct Counts {
     ends: BTreeMap<(&'static str, End), u32>,
     causes: BTreeMap<(&'static str, String), u32>,
+    /// Farthest after the fault, in strokes: by mode, learned harmonics, fault and film.
+    farthest: BTreeMap<(String, u8, &'static str, &'static str), f64>,
+    ticks: u64,
     honest: BTreeMap<(&'static str, String), u32>,
     false_trips: Vec<String>,
     violations: Vec<String>,
@@ -315,6 +318,9 @@ impl Counts {
             self.twin_tripped(&case, &twin, cause, FAULT + tick);
         }
         let trip = faulty.go_on(&case, FAULT, case.duration(), Some(case.fault));
+        let farthest = self.farthest.entry((format!("{:?}", case.mode), case.harmonics, name, case.film)).or_default();
+        *farthest = farthest.max(faulty.furthest_m / case.limit_m);
+        self.ticks += u64::from(FAULT + trip.map_or(case.duration(), |(_, tick)| tick));
         let far = faulty.furthest_m > margin(case.film) * case.limit_m;
         let in_time = trip.is_some_and(|(_, tick)| tick <= 1000);
         let end = match (trip, far) {

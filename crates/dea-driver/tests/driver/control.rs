@@ -106,6 +106,22 @@ fn tracking_follows_a_film_that_the_model_does_not_know() {
     assert!((sample.force_scale - 0.9).abs() < 0.05 && sample.limited == 0);
 }
 
+/// A fault may have taught what was learned from the sensor: after it is acknowledged, the model is as it was fitted.
+#[test]
+fn what_was_learned_is_forgotten_when_a_trip_is_acknowledged() {
+    let mut bench = Bench { force_scale: 0.9, ..Bench::new() };
+    bench.start(Mode::Tracking);
+    for tick in 0..20_000 {
+        bench.set_reference((0.8e-3 - 0.2e-3 * (1.2e-3 * f64::from(tick)).sin()) as f32);
+        bench.tick(|_| ());
+    }
+    let shown = bench.tick(|inputs| inputs.interlock_closed = false).telemetry;
+    assert!((shown.force_scale - 1.0).abs() > 0.05 && shown.disturbance_n.abs() > 1e-3, "{shown:?}");
+    bench.ask(Controller::acknowledge).expect("tripped");
+    let forgotten = bench.tick(|_| ()).telemetry;
+    assert_eq!((forgotten.force_scale, forgotten.disturbance_n), (1.0, 0.0));
+}
+
 /// With a sensor that may fail, tracking goes on without it, and comes back to it, without a jump.
 #[test]
 fn tracking_goes_on_without_its_sensor() {

@@ -111,6 +111,21 @@ fn what_was_learned_is_cleared_or_carried_over() {
     assert!(forgotten[0] > 40e-6 && forgotten[1] < 1e-9, "{forgotten:?}");
 }
 
+/// A fault may have taught it: after a trip is acknowledged nothing is carried over, whatever was ordered.
+#[test]
+fn what_was_learned_is_forgotten_when_a_trip_is_acknowledged() {
+    let mut bench = bench(6, 1.0);
+    bench.start(Mode::Feedforward);
+    run(&mut bench, 20, |_| false);
+    bench.ask(|controller| controller.order_learning(LearningOrder::CarryOver));
+    bench.tick(|inputs| inputs.interlock_closed = false);
+    bench.ask(Controller::acknowledge).expect("tripped");
+    bench.run(20_000);
+    bench.start(Mode::Feedforward);
+    let [_, learned_m] = run(&mut bench, 2, |_| true)[1];
+    assert_eq!(learned_m, 0.0);
+}
+
 #[test]
 fn what_cannot_be_learned_is_refused() {
     let refused = |harmonics, period_s| Blob::new(parameters(harmonics, period_s)).err();

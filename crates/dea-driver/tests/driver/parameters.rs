@@ -1,9 +1,10 @@
 //! Parameters: which ones run after an upload and after a reset, and whether the host gets a report.
 
 use dea_driver::wire::{Answer, Command, Reject};
-use dea_driver::{Cause, DriverState, RamFlash, Refusal, Store};
+use dea_driver::{Cause, DriverState, Parameters, RamFlash, Refusal, Store};
+use springpot::{Law, LawOptions, Preset};
 
-use crate::bench::{board_parameters, encoded};
+use crate::bench::{board_parameters, encoded, of_law};
 use crate::board::BOARD;
 use crate::host::{Host, blob};
 
@@ -20,6 +21,22 @@ fn parameters_are_kept_by_commit_and_run_by_try() {
     assert_eq!(host.ask(Command::Try { length: damaged.len() as u16 }), Answer::Rejected(Reject::Blob));
     host.upload(&damaged);
     assert_eq!(host.ask(Command::Try { length: 12 }), Answer::Rejected(Reject::Upload));
+    assert_eq!(host.ask(Command::Reload), Answer::Done, "the stored ones stay");
+}
+
+/// Parameters that a board cannot run are not stored either: at 4 kHz it would have nothing to run after a reset.
+#[test]
+fn what_a_board_cannot_run_is_not_stored() {
+    let mut host = Host::with_parameters();
+    host.upload(&blob());
+    assert_eq!(host.ask(Command::Commit { length: blob().len() as u16 }), Answer::Done);
+    let model = Preset::TABLE3_N2.model().expect("valid");
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(0.25e-3)).expect("valid");
+    let mut fast = Parameters { rate_hz: 4000.0, ..of_law(&law) };
+    fast.limits.sensor.stuck_ticks = 2000;
+    let fast = encoded(&fast, BOARD);
+    host.upload(&fast);
+    assert_eq!(host.ask(Command::Commit { length: fast.len() as u16 }), Answer::Rejected(Reject::Rate));
     assert_eq!(host.ask(Command::Reload), Answer::Done, "the stored ones stay");
 }
 

@@ -48,6 +48,28 @@ fn a_host_timeout_trips() {
     bench.is_safe(Cause::Heartbeat);
 }
 
+/// However long it was disarmed before.
+#[test]
+fn the_hosts_timeout_begins_when_it_arms() {
+    let mut bench = Bench::new(&bench_limits());
+    for _ in 0..2000 {
+        bench.tick(|_| ());
+    }
+    bench.supervisor.arm().expect("healthy");
+    assert_eq!(bench.spoil_until_tripped(|_| (), false), 501);
+    bench.is_safe(Cause::Heartbeat);
+}
+
+/// The first good value after it is enough to arm again: what the sensor was before is forgotten.
+#[test]
+fn a_sensor_fault_is_forgotten_when_it_is_acknowledged() {
+    let mut bench = Bench::run(&bench_limits());
+    bench.tick(|readings| readings.displacement_m = f32::NAN);
+    bench.supervisor.acknowledge().expect("tripped");
+    bench.tick(|_| ());
+    assert_eq!(bench.supervisor.arm(), Ok(()));
+}
+
 /// Faults found elsewhere: overrun, bus, law, watchdog, panic.
 #[test]
 fn trips_from_elsewhere_latch_the_first_cause() {

@@ -1,10 +1,11 @@
 //! Laws with fewer modes.
 
 use heapless::Vec;
+use num_complex::Complex;
 
 use crate::kernel::quadrature::MAX_NODES;
-use crate::law::Law;
 use crate::law::compressed::{Compressed, Decay, INERTIA};
+use crate::law::{Law, Memory};
 use crate::scalar::Scalar;
 
 /// A mode that others may have been merged into.
@@ -85,6 +86,47 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
             curved: self.curved.clone(),
             memory: Compressed { head, fast, slow, tail_error: f64::INFINITY, massless },
         }
+    }
+}
+
+/// Frequencies at which a coarser law is compared with its own, in an octave and in all, from 1 Hz downwards: to a million seconds.
+const PLACES_PER_OCTAVE: u8 = 3;
+const PLACES: u8 = 60;
+/// Places of the stroke at which a curve is compared.
+const STROKES: u8 = 32;
+
+impl<T: Scalar, M: Memory<T>> Law<T, M> {
+    /// How much less than this law `coarser` may move, as a share of the displacement, up to `stroke_m` (m) under a voltage whose force grows by
+    /// `coupling_per_m` (1/m) with the displacement. Infinite where voltages cannot hold the film within that stroke.
+    ///
+    /// The largest share by which it is stiffer, from 1 Hz to a million seconds, times what elastic curve and coupling make of it: where
+    /// T(x) K = F (1 + κ x),
+    ///
+    /// ```text
+    /// −dx / x = dK / K · (T / x) / (T' − κ T / (1 + κ x))
+    /// ```
+    #[must_use]
+    #[inline(never)]
+    pub fn margin_of<N: Memory<T>>(&self, coarser: &Law<T, N>, stroke_m: f64, coupling_per_m: f64) -> f64 {
+        let size = |z: Complex<f64>| z.re * z.re + z.im * z.im;
+        let mut stiffer = 0.0f64;
+        let step = libm::exp2(-1.0 / f64::from(PLACES_PER_OCTAVE));
+        let mut frequency_hz = 1.0;
+        for _ in 0..PLACES {
+            let ratio =
+                size(coarser.dynamic_stiffness(frequency_hz, 1.0)) / size(self.dynamic_stiffness(frequency_hz, 1.0));
+            // Of their squares.
+            stiffer = stiffer.max(0.5 * (ratio - 1.0));
+            frequency_hz *= step;
+        }
+        let curve = self.rounded_curve();
+        let growth = (1..=STROKES).map(|place| {
+            let x = stroke_m * f64::from(place) / f64::from(STROKES);
+            let (stretch, slope) = curve.as_ref().map_or((x, 1.0), |curve| (curve.value(x), curve.slope(x)));
+            let left = slope - coupling_per_m * stretch / (1.0 + coupling_per_m * x);
+            if left > 0.0 { stretch / (x * left) } else { f64::INFINITY }
+        });
+        stiffer * growth.fold(1.0, f64::max)
     }
 }
 

@@ -41,6 +41,8 @@ struct Bench {
     mode: Mode,
     reference_is_set: bool,
     motion: Motion,
+    /// Share by which its law may be behind the film.
+    margin: f32,
     last: Option<Telemetry>,
     disturbance_n: f32,
     output: Drive,
@@ -51,7 +53,9 @@ impl Bench {
         let parameters = parameters(on_sensor_fault);
         let blob = Blob::new(parameters.clone()).expect("valid");
         let observer = blob.follower().compensator().observer();
-        let (law, drive) = (observer.law().coarser(), *observer.drive());
+        let (law, drive): (Law<f32, Watched>, _) = (observer.law().coarser(), *observer.drive());
+        let stroke_m = f64::from(parameters.limits.max_displacement_m);
+        let margin = observer.law().margin_of(&law, stroke_m, parameters.actuator.stretch_coupling) as f32;
         let mut device = Device::new(Some(Cause::Watchdog));
         device.stream(1);
         Self {
@@ -60,7 +64,8 @@ impl Bench {
             film: law.state(),
             law,
             drive,
-            motion: Motion::new(parameters.limits.sensor),
+            motion: Motion::new(parameters.limits.sensor).beyond_by(margin),
+            margin,
             parameters,
             source: Source::new(seed),
             mode: Mode::Voltage,
@@ -98,7 +103,7 @@ impl Bench {
             self.reference.trip(cause);
         }
         let left_m = self.motion.furthest(self.film.position());
-        self.motion = Motion::new(self.parameters.limits.sensor).offset_by(left_m);
+        self.motion = Motion::new(self.parameters.limits.sensor).beyond_by(self.margin).offset_by(left_m);
         self.film = self.law.state();
         self.last = None;
         self.disturbance_n = 0.0;
