@@ -103,7 +103,7 @@ impl Bench {
         match FAULTS.get(usize::from(requested).wrapping_sub(1)) {
             Some(InjectedFault::Interlock) => inputs.interlock_closed = false,
             Some(InjectedFault::Monitor) => self.stuck = true,
-            Some(InjectedFault::Sensor) => inputs.sensor_adc_v = Some(ADC.largest_v()),
+            Some(InjectedFault::Sensor) => inputs.sensor_adc_v = Some(ADC.max_v()),
             Some(InjectedFault::Bus) => inputs.monitor_adc_v = None,
             // Some 18 ms at 168 MHz, and 3 ms where QEMU counts a nanosecond per instruction: longer than a tick, shorter
             // than the watchdog waits.

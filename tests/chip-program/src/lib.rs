@@ -186,7 +186,7 @@ fn default_law(report: &mut impl Report, name: impl Fn(&'static str) -> Name, mo
     let law = name("law").film.law(model);
     report.bits(name("law"), modes(law.memory().modes()));
     step(report, &name, &law);
-    voltage(report, name("voltage"), law.least_stiffness());
+    voltage(report, name("voltage"), law.min_stiffness());
 }
 
 /// The lean law of `model`: what it costs to step.

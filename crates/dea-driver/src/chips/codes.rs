@@ -53,7 +53,7 @@ impl AdcRange {
 
     /// The input of the largest code, V.
     #[must_use]
-    pub const fn largest_v(self) -> f32 {
+    pub const fn max_v(self) -> f32 {
         self.full_scale_v() * (65_535.0 / 65_536.0)
     }
 }
@@ -121,5 +121,5 @@ pub struct Converters {
 impl Converters {
     /// An AD5754 on the range of the parameters and two ADS868x on 0 to 10.24 V.
     pub const AD5754_ADS868X: Self =
-        Self { command_v: None, monitor_v: AdcRange::UpTo10V24.largest_v(), sensor_v: AdcRange::UpTo10V24.largest_v() };
+        Self { command_v: None, monitor_v: AdcRange::UpTo10V24.max_v(), sensor_v: AdcRange::UpTo10V24.max_v() };
 }

@@ -246,8 +246,8 @@ fn codes_are_the_nearest_to_their_volts() {
     for range in [AdcRange::UpTo12V288, AdcRange::UpTo10V24, AdcRange::UpTo6V144, AdcRange::UpTo5V12] {
         assert_eq!(AdcCode(0).volts(range), 0.0);
         assert_eq!(AdcCode(0x8000).volts(range), range.full_scale_v() / 2.0);
-        assert_eq!(AdcCode(u16::MAX).volts(range), range.largest_v());
-        assert!((range.largest_v() / range.full_scale_v() - 1.0).abs() < 2e-5);
+        assert_eq!(AdcCode(u16::MAX).volts(range), range.max_v());
+        assert!((range.max_v() / range.full_scale_v() - 1.0).abs() < 2e-5);
     }
 }
 

@@ -209,7 +209,7 @@ fn stroke_at_the_trip(model: &Maxwell, curve: Option<&Curve>) -> f64 {
     let limits = Limits { max_displacement_m: 1e-3, ..bench.limits };
     let parameters = Parameters { law: single.coefficients(), limits, ..bench };
     let mut controller = Controller::new(Blob::new(parameters).expect("valid"));
-    let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.least_stiffness()).expect("valid");
+    let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6500.0, law.min_stiffness()).expect("valid");
     let (mut film, mut command_v, mut dac_v) = (law.state(), 0.0, 0.0);
     for tick in 0..60_000_u32 {
         let noise_v = 2e-3 * (tick % 3) as f32;

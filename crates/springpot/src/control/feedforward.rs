@@ -42,8 +42,8 @@ impl<T: Real, M: Memory<T>> Feedforward<T, M> {
     /// [`ControlError::NotPositive`] for a limit that is not finite and positive, [`ControlError::Actuator`] for an actuator
     /// that is refused at the largest voltage.
     pub fn new(law: Law<T, M>, actuator: &Actuator, limits: CommandLimits) -> Result<Self, ControlError> {
-        let inverse = Inverse::new(actuator, &limits, law.step_s(), law.largest_stiffness())?;
-        let drive = VoltageDrive::new(actuator, limits.max_voltage_v, law.least_stiffness())?;
+        let inverse = Inverse::new(actuator, &limits, law.step_s(), law.max_stiffness())?;
+        let drive = VoltageDrive::new(actuator, limits.max_voltage_v, law.min_stiffness())?;
         Ok(Self { law, drive, inverse })
     }
 

@@ -175,7 +175,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         max_voltage_v: f64,
         options: ObserverOptions,
     ) -> Result<Self, ControlError> {
-        let drive = VoltageDrive::new(actuator, max_voltage_v, law.least_stiffness())?;
+        let drive = VoltageDrive::new(actuator, max_voltage_v, law.min_stiffness())?;
         options.check()?;
         let ObserverOptions { bandwidth_hz, delay_s, lost_after_s, adaptation_s, .. } = options;
         let step_s = law.step_s();
@@ -186,7 +186,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         }
         let stiffness = law.dynamic_stiffness(bandwidth_hz, 1.0);
         // At the resonance the inertia outweighs the stiffness, first where the film is softest.
-        let softest = law.least_slope();
+        let softest = law.min_slope();
         let above = law.dynamic_stiffness(RESONANCE_MARGIN * bandwidth_hz, softest);
         if !(stiffness.re > 0.0 && stiffness.im.is_finite() && above.re > 0.0) {
             return Err(ControlError::NearResonance { bandwidth_hz });

@@ -75,7 +75,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Tracking<T, M, PAST> {
         limits: CommandLimits,
         options: ObserverOptions,
     ) -> Result<Self, ControlError> {
-        let inverse = Inverse::new(actuator, &limits, law.step_s(), law.largest_stiffness())?;
+        let inverse = Inverse::new(actuator, &limits, law.step_s(), law.max_stiffness())?;
         let stroke_m = actuator.electrostatic_force(limits.max_voltage_v) / law.stiffness_at_rest();
         let interval_s = options.sample_interval_s.max(law.step_s());
         let fade = Fade::new(options.bandwidth_hz, interval_s, MIN_SHARE * stroke_m);

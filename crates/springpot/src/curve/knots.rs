@@ -155,7 +155,7 @@ impl Curve {
     }
 
     fn check_monotone(&self) -> Result<(), CurveError> {
-        let (displacement_m, slope) = self.least_slope();
+        let (displacement_m, slope) = self.min_slope();
         if slope >= MIN_SLOPE { Ok(()) } else { Err(CurveError::NotMonotone { displacement_m, slope }) }
     }
 
@@ -219,13 +219,13 @@ impl Curve {
 
     /// The displacement (m) of the smallest slope, and that slope.
     #[must_use]
-    pub fn least_slope(&self) -> (f64, f64) {
+    pub fn min_slope(&self) -> (f64, f64) {
         self.slopes().fold((0.0, f64::INFINITY), |least, at| if at.1 < least.1 { at } else { least })
     }
 
     /// The displacement (m) of the largest slope, and that slope.
     #[must_use]
-    pub fn largest_slope(&self) -> (f64, f64) {
+    pub fn max_slope(&self) -> (f64, f64) {
         self.slopes().fold((0.0, 0.0), |largest, at| if at.1 > largest.1 { at } else { largest })
     }
 

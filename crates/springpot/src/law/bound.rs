@@ -99,7 +99,7 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let bound = if horizon_s.is_finite() { self.straight_bound(model, horizon_s) } else { [f64::INFINITY; 4] };
         let bound = CompressionBound::rounded(bound, horizon_s);
         let Some(curve) = self.rounded_curve() else { return bound };
-        let (steepest, flattest) = (curve.largest_slope().1, curve.least_slope().1);
+        let (steepest, flattest) = (curve.max_slope().1, curve.min_slope().1);
         let times = steepest / flattest;
         let mut bounds = [
             f64::from(bound.force_per_increment) * steepest,

@@ -92,8 +92,8 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             instant: T::from_f64(instant),
             inertia: inertia(newest),
             past_inertia: [newest + first, second, third].map(inertia),
-            least: at(rounded.least_slope().1),
-            largest: at(rounded.largest_slope().1),
+            least: at(rounded.min_slope().1),
+            largest: at(rounded.max_slope().1),
         };
         for stiffness in [curved.least, curved.largest] {
             let (held, inverse) = (stiffness.to_f64(), T::from_f64(1.0 / stiffness.to_f64()).to_f64());
@@ -109,13 +109,13 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Smallest force per displacement within one step over the range of the curve, N/m; without a curve
     /// [`stiffness`](Self::stiffness).
     #[must_use]
-    pub fn least_stiffness(&self) -> T {
+    pub fn min_stiffness(&self) -> T {
         self.curved.as_ref().map_or(self.stiffness, |curved| curved.least)
     }
 
     /// Largest force per displacement within one step, likewise.
     #[must_use]
-    pub fn largest_stiffness(&self) -> T {
+    pub fn max_stiffness(&self) -> T {
         self.curved.as_ref().map_or(self.stiffness, |curved| curved.largest)
     }
 
@@ -160,12 +160,12 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     }
 
     /// Smallest slope of the curve, 1 without one.
-    pub(crate) fn least_slope(&self) -> f64 {
+    pub(crate) fn min_slope(&self) -> f64 {
         if self.curved.is_none() {
             return 1.0;
         }
         let (newest, _) = self.method.inertia();
-        (self.least_stiffness().to_f64() - newest * self.mass_per_step2) / self.instant
+        (self.min_stiffness().to_f64() - newest * self.mass_per_step2) / self.instant
     }
 
     /// m/h² of the method on the change of the increment and on the increments before it, where the memory does not have it, N/m.

@@ -322,7 +322,7 @@ fn the_observers_gain_grows_with_the_slope() {
         let observer: Observer<f64> =
             Observer::new(law.clone(), &Actuator::KARNER_2022, 6000.0, options).expect("valid");
         let volts = (force / Actuator::KARNER_2022.force_per_square_volt()).sqrt();
-        let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.least_stiffness()).expect("valid");
+        let drive = VoltageDrive::new(&Actuator::KARNER_2022, 6000.0, law.min_stiffness()).expect("valid");
         let rest = law.settled(force, 600.0);
         let (mut film, mut state) = (rest.clone(), observer.state(rest));
         for k in 0..1000 {
@@ -418,6 +418,6 @@ fn invalid_curves_are_refused_with_their_place() {
     let law: Law<f64> = law(&film(0.0)).behind(&soft).expect("a law");
     let actuator = Actuator { stretch_coupling: 200.0, ..Actuator::KARNER_2022 };
     assert!(VoltageDrive::new(&actuator, 6000.0, law.stiffness()).is_ok());
-    let refused = VoltageDrive::new(&actuator, 6000.0, law.least_stiffness()).err();
-    assert!(matches!(refused, Some(ActuatorError::PullIn { .. })), "{refused:?}, {:?}", law.least_stiffness());
+    let refused = VoltageDrive::new(&actuator, 6000.0, law.min_stiffness()).err();
+    assert!(matches!(refused, Some(ActuatorError::PullIn { .. })), "{refused:?}, {:?}", law.min_stiffness());
 }

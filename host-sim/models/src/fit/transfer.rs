@@ -137,7 +137,7 @@ impl Transfer {
         loads: &[Load<f64>],
     ) -> Result<(Vec<f64>, Vec<Load<f64>>), PullIn> {
         let steepest = loads.iter().map(|load| load.slope_n_per_m).fold(0.0, f64::max);
-        if steepest >= 0.99 * law.least_stiffness() {
+        if steepest >= 0.99 * law.min_stiffness() {
             return Err(PullIn);
         }
         let film = BentFilm { kernel: &self.kernel, inertia: &self.inertia, curve };

@@ -124,7 +124,7 @@ impl OnLaw for ModelRun<'_> {
         match self.input {
             Input::Voltage(voltage) => {
                 let largest = voltage.iter().fold(1.0, |largest: f64, v| largest.max(v.abs()));
-                let volts = VoltageDrive::new(self.actuator, largest, law.least_stiffness())?;
+                let volts = VoltageDrive::new(self.actuator, largest, law.min_stiffness())?;
                 for &v in voltage {
                     let load: Load<T> = volts.load(T::from_f64(v));
                     let x = law.displacement_under(&mut state, load);
