@@ -4,10 +4,12 @@ mod limits;
 mod monitor;
 mod motion;
 mod plausibility;
+mod state;
 mod supervisor;
 
 pub use limits::{Limits, LimitsError, MonitorLimits, OnSensorFault, PlausibilityLimits};
 pub use monitor::Monitor;
 pub use motion::Motion;
 pub use plausibility::{Plausibility, SensorFault};
-pub use supervisor::{Cause, DriverState, Readings, Refusal, Supervisor, Tick};
+pub use state::{Cause, DriverState, Refusal};
+pub use supervisor::{Readings, Supervisor, Tick};

@@ -1,100 +1,12 @@
-//! The states of the driver, their transitions, and what trips it.
+//! The checks of every tick, the transitions between states, and the limits of every command.
 
-use serde::{Deserialize, Serialize};
 use springpot::AmplifierLag;
 
 use crate::safety::limits::positive;
 use crate::safety::monitor::bounded;
-use crate::safety::{Limits, LimitsError, Monitor, OnSensorFault, Plausibility, SensorFault};
-
-/// State of the driver.
-///
-/// ```text
-/// Disarmed ──arm──▶ Armed ──start──▶ Running        Armed, Running ──disarm──▶ Disarmed
-///     ▲                ◀────stop─────               Armed, Running ──a fault──▶ Tripped
-///     └──────────── acknowledge ─────────────────── Tripped
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum DriverState {
-    /// 0 V, amplifier disabled.
-    Disarmed,
-    /// 0 V, amplifier enabled.
-    Armed,
-    /// The law commands the voltage.
-    Running,
-    /// 0 V, amplifier disabled, until the cause is acknowledged.
-    Tripped(Cause),
-}
-
-impl DriverState {
-    /// Whether the amplifier is enabled.
-    #[must_use]
-    pub fn is_live(self) -> bool {
-        matches!(self, Self::Armed | Self::Running)
-    }
-}
-
-/// Why the driver tripped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum Cause {
-    /// The interlock opened.
-    Interlock,
-    /// The voltage monitor does not follow the command.
-    Monitor,
-    /// The voltage monitor shows more than the limit.
-    Voltage,
-    /// The displacement sensor is implausible.
-    Sensor(SensorFault),
-    /// The film moved beyond its limit, by the sensor, or by the estimate without one.
-    Displacement,
-    /// No set-point or heartbeat of the host that armed for too long.
-    Heartbeat,
-    /// A tick did not end in time.
-    Overrun,
-    /// A converter did not answer.
-    Bus,
-    /// The law's prediction is not finite.
-    Law,
-    /// The watchdog reset the controller.
-    Watchdog,
-    /// The firmware panicked.
-    Panic,
-    /// By the model, the commanded voltage moves the film beyond its limit, whatever the sensor shows.
-    ModelDisplacement,
-    /// While tracking, the model leaves more force unexplained than allowed, or more than a quarter of the stroke is learned of cycles: the
-    /// sensor drifts, has slipped or lost gain, or the film has changed.
-    Disturbance,
-    /// The monitor shows voltage although the amplifier is disabled: do not touch the film. It replaces any other cause.
-    LiveFilm,
-    /// The newest parameters are damaged, or were cut off while they were saved: older ones are in force.
-    Parameters,
-    /// The supply of the controller broke down, and came back.
-    BrownOut,
-    /// The controller was reset by its pin, by a debugger or by its firmware.
-    Reset,
-}
-
-/// Reasons to refuse a request.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum Refusal {
-    /// Not from this state.
-    #[error("not in the state {0:?}")]
-    State(DriverState),
-    /// The interlock is open.
-    #[error("the interlock is open")]
-    InterlockOpen,
-    /// There is voltage on the film while it should be at 0 V, or there has been since it was discharged.
-    #[error("there is voltage on the film or was just before, or the monitor does not answer")]
-    LiveVoltage,
-    /// The displacement sensor is implausible.
-    #[error("the displacement sensor is implausible: {0:?}")]
-    Sensor(SensorFault),
-}
+use crate::safety::{
+    Cause, DriverState, Limits, LimitsError, Monitor, OnSensorFault, Plausibility, Refusal, SensorFault,
+};
 
 /// The sensors' values in a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
