@@ -2,7 +2,6 @@
 
 use core::f64::consts::TAU;
 
-use crate::control::harmonic::{HARMONICS, Harmonic};
 use crate::numbers::Numbers;
 use crate::scalar::Real;
 
@@ -44,11 +43,10 @@ impl<T: Real> Block<T> {
         }
     }
 
-    /// Ends it. What the harmonics do not explain of e is noise. Returns the mean squares (m²) of what they explain and of the noise.
-    pub(super) fn complete(&mut self, harmonics: &[Harmonic<T>; HARMONICS + 1]) -> [T; 2] {
+    /// Ends it. What the harmonics do not explain of e is noise: `explained` is what they do, in the square of the sums. Returns the mean
+    /// squares (m²) of what they explain and of the noise.
+    pub(super) fn complete(&mut self, explained: T) -> [T; 2] {
         self.scale = T::from_f64(2.0) / self.samples;
-        let [mean, harmonics @ ..] = harmonics;
-        let explained = harmonics.iter().fold(T::from_f64(0.5) * mean.power(), |sum, harmonic| sum + harmonic.power());
         let residual = self.sum_of_squares - self.scale * explained;
         self.variance = if residual > T::ZERO { self.scale * residual / self.samples } else { T::ZERO };
         self.has_ended = true;

@@ -362,7 +362,9 @@ impl<T: Real, const PAST: usize> Learning<T, PAST> {
             block.next_end = block.next_end + T::from_f64(TAU);
             let least = T::from_f64(MIN_BLOCK_S[usize::from(!block.is_short)]) * self.rate;
             if block.ticks >= settling + least && block.samples >= T::from_f64(MIN_SAMPLES) {
-                let mean_squares = block.complete(&state.harmonics);
+                let [mean, harmonics @ ..] = &state.harmonics;
+                let half = T::from_f64(0.5) * mean.power();
+                let mean_squares = block.complete(harmonics.iter().fold(half, |sum, harmonic| sum + harmonic.power()));
                 state.progress.judge(mean_squares, state.block.variance);
                 return;
             }
