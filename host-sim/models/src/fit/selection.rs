@@ -1,7 +1,7 @@
 //! Selection of the structure: the one rule by which topology, branches, elastic curve and saturation are chosen.
 //!
 //! Every structure is fitted again without each recording, and without every second block of time of all recordings. Its errors on what was
-//! left out are compared with those of the best structure, block by block. The smallest structure wins that this comparison cannot tell from
+//! left out are compared with those of the best structure, block by block. The smallest structure wins that this comparison cannot distinguish from
 //! the best one.
 
 use std::ops::Range;
@@ -102,7 +102,7 @@ pub(super) struct StructureFit {
     pub(super) found: Found,
     /// Mean NRMSE (%) of the recordings that were left out, if there are several.
     left_out_nrmse_pct: Option<f64>,
-    /// Relative mean squares in the blocks that were left out, or the reason why there are none.
+    /// Relative mean squares in the blocks that were left out, or the reason why they are missing.
     left_out: std::result::Result<Vec<f64>, String>,
     /// The same of the fit itself.
     fitted: Vec<f64>,
@@ -165,7 +165,7 @@ fn difference(one: &[f64], other: &[f64]) -> (f64, f64) {
 /// The structure that is selected among fits to the same recordings, with a row for each.
 ///
 /// The best has the least errors on what was left out; if no structure has such errors, because the search was interrupted, those of the
-/// fit itself count. Selected is the smallest that a paired comparison cannot tell from it. A nonlinearity that only one amplitude supports
+/// fit itself count. Selected is the smallest that a paired comparison cannot distinguish from it. A nonlinearity that only one amplitude supports
 /// must do clearly better than every linear film.
 pub(super) struct Selection {
     /// Its place among the fits.
@@ -308,7 +308,7 @@ struct Block {
     index: usize,
 }
 
-/// What is left out at a time.
+/// Part that is left out at a time.
 struct Fold {
     what: String,
     others: Objective,

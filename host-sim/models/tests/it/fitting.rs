@@ -263,7 +263,7 @@ fn left_out_is_left_out() {
     assert!((reported / refitted - 1.0).abs() < 0.05);
 }
 
-/// Of a single recording blocks of time are left out: branches that buy nothing there are not selected.
+/// Blocks of time of a single recording are left out: branches that buy nothing there are not selected.
 #[test]
 fn a_single_recording_ends_where_branches_buy_nothing() {
     for plant in ["hossain", "wang"] {

@@ -54,10 +54,10 @@ struct Rows {
 
 impl Rows {
     fn new(hz: f64, late_ms: usize) -> Self {
-        Self::of(&film(), hz, late_ms)
+        Self::from_film(&film(), hz, late_ms)
     }
 
-    fn of(film: &Parameters, hz: f64, late_ms: usize) -> Self {
+    fn from_film(film: &Parameters, hz: f64, late_ms: usize) -> Self {
         let mut random = Pcg64::seed_from_u64((1e3 * hz) as u64);
         let noise = Normal::new(0.0, 4e-6).expect("valid");
         let volts: Vec<f64> = (0..30_000).map(|k| 1750.0 * (1.0 - (TAU * hz * 1e-3 * f64::from(k)).cos())).collect();
@@ -257,7 +257,7 @@ fn copies_are_refused_and_repetitions_are_not() {
 fn one_springpot_is_found_as_one() {
     let model = Maxwell::new(Springpot::new(8.5e3, 0.12), &[], Topology::Parallel, 0.1).expect("valid");
     let film = Parameters { model, ..film() };
-    let recordings: Vec<Recording> = [0.4, 0.15, 0.08].map(|hz| Rows::of(&film, hz, 0).recording()).into();
+    let recordings: Vec<Recording> = [0.4, 0.15, 0.08].map(|hz| Rows::from_film(&film, hz, 0).recording()).into();
     let fit = fitted(&recordings, &FitOptions::default());
     println!("{:?} {:?}", fit.candidate, fit.structures);
     assert_eq!((fit.candidate.branches(), fit.candidate.bend.name().as_str()), (0, "linear"));

@@ -18,7 +18,7 @@ use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
 use springpot::EPSILON_0;
 
-/// What is recorded of a film.
+/// Recording of a film.
 struct Case {
     film: Stiffening,
     /// Largest voltage, V, and frequency, Hz, of each recording.
