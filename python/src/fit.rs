@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use host_io::files::parameters::Parameters;
-use host_io::files::recording::Recording;
+use host_io::files::recording::{Direction, Recording};
+use host_io::grid::Samples;
 use host_models::fit::options::{Branches as Asked, Weight};
-use host_models::fit::{self as fitting, FitOptions, FitReport, Severity};
+use host_models::fit::{self as fitting, Fit, FitOptions, FitReport, Severity};
 use pyo3::prelude::*;
 use serde_json::json;
 use springpot::Actuator;
@@ -141,7 +142,7 @@ pub(crate) fn fit<'py>(
     let recordings = replay::recordings(recordings)?;
     let sources: Vec<&Recording> = recordings.iter().map(|recording| &recording.get().recording).collect();
     let direction = options.drive;
-    let (mut fit, measured, parameters, seconds) = watch::run(py, progress, |caller| {
+    let (fit, measured, parameters, seconds) = watch::run(py, progress, |caller| {
         let started = Instant::now();
         let (observations, warnings): (Vec<_>, Vec<_>) = options.observations(&sources)?.into_iter().unzip();
         let mut fit = fitting::fit(&observations, &settings, caller.stop, &|stage| caller.report(stage))?;
@@ -151,9 +152,27 @@ pub(crate) fn fit<'py>(
         let measured: Vec<_> = observations.into_iter().map(|observation| observation.measured).collect();
         Ok((fit, measured, parameters, seconds))
     })?;
+    let sources: Vec<&Path> = sources.iter().map(|recording| recording.path()).collect();
+    result(py, fit, measured, parameters, &FitRun { direction, sources: &sources, seconds })
+}
+
+/// The recordings of a fit, and its duration.
+struct FitRun<'a> {
+    direction: Direction,
+    sources: &'a [&'a Path],
+    seconds: f64,
+}
+
+/// The `FitResult` of a fit.
+fn result<'py>(
+    py: Python<'py>,
+    mut fit: Fit,
+    measured: Vec<Samples>,
+    parameters: Parameters,
+    run: &FitRun<'_>,
+) -> PyResult<Bound<'py, PyAny>> {
     fit.warnings.iter_mut().for_each(|warning| warning.text = with_arguments(&warning.text));
-    let files: Vec<&Path> = sources.iter().map(|recording| recording.path()).collect();
-    let report = json!(FitReport::new(&fit, &parameters, direction, &files, seconds)).to_string();
+    let report = json!(FitReport::new(&fit, &parameters, run.direction, run.sources, run.seconds)).to_string();
     let severities: Vec<&str> = fit.warnings.iter().map(|warning| severity(warning.severity)).collect();
     let series: Vec<_> = measured
         .into_iter()

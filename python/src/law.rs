@@ -44,7 +44,7 @@ pub(crate) struct PyLaw {
 #[pymethods]
 impl PyLaw {
     #[new]
-    #[pyo3(signature = (model, rate_hz=1000.0, *, method="gl", precision="f32"))]
+    #[pyo3(signature = (model, rate_hz, *, method="gl", precision="f32"))]
     fn new(py: Python<'_>, model: &Bound<'_, PyModel>, rate_hz: f64, method: &str, precision: &str) -> PyResult<Self> {
         if !(rate_hz.is_finite() && rate_hz > 0.0) {
             return Err(refused("rate_hz", format!("{rate_hz:?} Hz must be finite and greater than 0")));

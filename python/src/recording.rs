@@ -168,10 +168,39 @@ impl PyRecording {
     }
 }
 
-/// Hints of the caller for a file with other names.
-fn hints(columns: Option<&str>, sheet: Option<String>) -> host_io::Result<Hints> {
-    let choices = columns.map(|text| text.parse::<Choices>().map_err(|cause| Error::field("columns", cause)));
-    Ok(Hints { choices: choices.transpose()?.unwrap_or_default(), sheet, ..Hints::default() })
+/// Arguments about a file with other names.
+#[derive(Default)]
+struct Asked<'a> {
+    columns: Option<&'a str>,
+    sheet: Option<String>,
+    header_line: Option<i128>,
+    segment: Option<i128>,
+    decimal: Option<&'a str>,
+    repeated_times: Option<&'a str>,
+    fill: Option<&'a str>,
+    rate_hz: Option<f64>,
+    invert: bool,
+}
+
+impl Asked<'_> {
+    fn hints(self) -> PyResult<Hints> {
+        let choices = self.columns.map(|text| text.parse::<Choices>().map_err(|cause| Error::field("columns", cause)));
+        if let Some(rate_hz) = self.rate_hz {
+            positive("rate_hz", rate_hz).raise()?;
+        }
+        Ok(Hints {
+            choices: choices.transpose().raise()?.unwrap_or_default(),
+            sheet: self.sheet,
+            header_line: self.header_line.map(|line| count("header_line", line)).transpose()?,
+            segment: self.segment.map(|segment| count("segment", segment)).transpose()?,
+            decimal: self.decimal.map(|name| choice("decimal", name)).transpose()?,
+            repeated_times: self.repeated_times.map(|name| choice("repeated_times", name)).transpose()?,
+            fill: self.fill.map(|name| choice("fill", name)).transpose()?,
+            rate_hz: self.rate_hz,
+            invert: self.invert,
+            ..Hints::default()
+        })
+    }
 }
 
 /// Reads a recording: text with any separator, decimal sign and encoding, .xlsx, or .mat of version 5 to 7.
@@ -206,29 +235,12 @@ pub(crate) fn read_recording(
     invert: bool,
 ) -> PyResult<PyRecording> {
     let decimate = count("decimate", decimate)?;
-    let header_line = header_line.map(|line| count("header_line", line)).transpose()?;
-    let segment = segment.map(|segment| count("segment", segment)).transpose()?;
-    let decimal = decimal.map(|name| choice("decimal", name)).transpose()?;
-    let repeated_times = repeated_times.map(|name| choice("repeated_times", name)).transpose()?;
-    let fill = fill.map(|name| choice("fill", name)).transpose()?;
+    let asked = Asked { columns, sheet, header_line, segment, decimal, repeated_times, fill, rate_hz, invert };
+    let hints = asked.hints()?;
     let read = || {
-        if let Some(rate_hz) = rate_hz {
-            positive("rate_hz", rate_hz)?;
-        }
         let blanks = blank.iter().map(|text| text.parse::<Blank>().map_err(|cause| Error::field("blank", cause)));
         let edits = Edits::new(blanks.collect::<host_io::Result<Vec<_>>>()?, from_s, to_s, decimate)?;
-        let words = Blank::words(&edits.blanks);
-        let asked = Hints {
-            header_line,
-            segment,
-            decimal,
-            repeated_times,
-            fill,
-            rate_hz,
-            invert,
-            words,
-            ..hints(columns, sheet)?
-        };
+        let asked = Hints { words: Blank::words(&edits.blanks), ..hints };
         let recording = Recording::read_with(&path, &asked)?;
         if edits == Edits::NONE {
             return Ok(recording);
@@ -251,15 +263,25 @@ pub(crate) fn read(py: Python<'_>, path: &Path, is_reference: bool) -> PyResult<
     Ok(py.detach(read).raise()?.into())
 }
 
-/// Reads a reference: displacement over time, no voltage needed. `columns`, `sheet` and errors as `read_recording`.
+/// Reads a reference: displacement over time, no voltage needed. Arguments and errors as `read_recording`.
 #[pyfunction]
-#[pyo3(signature = (path, *, columns=None, sheet=None))]
+#[pyo3(signature = (path, *, columns=None, sheet=None, header_line=None, segment=None, decimal=None, repeated_times=None, rate_hz=None,
+    invert=false))]
+#[allow(clippy::too_many_arguments)] // keyword arguments
 pub(crate) fn read_reference(
     py: Python<'_>,
     path: PathBuf,
     columns: Option<&str>,
     sheet: Option<String>,
+    header_line: Option<i128>,
+    segment: Option<i128>,
+    decimal: Option<&str>,
+    repeated_times: Option<&str>,
+    rate_hz: Option<f64>,
+    invert: bool,
 ) -> PyResult<PyRecording> {
-    let read = || Recording::read_reference(&path, &hints(columns, sheet)?);
-    Ok(py.detach(read).raise()?.into())
+    let asked =
+        Asked { columns, sheet, header_line, segment, decimal, repeated_times, rate_hz, invert, ..Asked::default() };
+    let hints = asked.hints()?;
+    Ok(py.detach(|| Recording::read_reference(&path, &hints)).raise()?.into())
 }

@@ -281,8 +281,8 @@ pub(crate) fn observe<'py>(
 
 /// Displacement over force at `points` frequencies, evenly spaced on a logarithmic scale.
 ///
-/// Returns the response of the continuous Eq. 11, or with `law_hz` of the law that a controller steps at that rate; of a film with an elastic curve for small
-/// oscillations about `at_m` (m).
+/// Returns the response of the continuous Eq. 11, or with `law_hz` of the law that a controller steps at that rate; of a film with an
+/// elastic curve for small oscillations about `at_m` (m).
 #[pyfunction]
 #[pyo3(signature = (model, from_hz, to_hz, points=200, *, at_m=0.0, law_hz=None))]
 pub(crate) fn frequency_response<'py>(

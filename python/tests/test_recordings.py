@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import openpyxl
+import pandas as pd
 import pytest
 import springpot as sp
 
@@ -102,3 +103,48 @@ def test_saved_and_read_again(tmp_path: Path) -> None:
     assert np.array_equal(again.voltage_v, VOLTS)
     assert np.array_equal(again.displacement_m, 1e-3 * mm, equal_nan=True)
     assert again.understood is None and again.path == str(tmp_path / "a.csv")
+
+
+def test_arguments_answer_what_errors_ask(tool: Tool, tmp_path: Path) -> None:
+    """Each argument does what its option of ``import`` does."""
+    lines = ["unit 7, gain 2", "a,b,c", *(f"{k // 2},{3000 - k},{k / 50}" for k in range(40))]
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    columns = "time=a:s,voltage=b:V,displacement=c:mm"
+    given = ["--columns", columns, "--header", 2, "--repeated-times", "spread", "--invert"]
+    done = tool.run("import", tmp_path / "log.csv", *given, "--out", "in")
+    assert done.returncode == 0, done.stderr
+    expected = read_csv(tool.folder / "in" / "log.csv")
+    read = sp.read_recording(tmp_path / "log.csv", columns=columns, header_line=2, repeated_times="spread", invert=True)
+    assert np.array_equal(read.time_s, expected["time_s"])
+    assert np.array_equal(read.displacement_m, expected["displacement_m"])
+    assert not np.signbit(read.displacement_m[0]) and read.displacement_m[-1] == -0.78e-3
+
+    (tmp_path / "slow.csv").write_text("voltage_v;displacement_mm\n0;0,001\n;0,002\n20;0,003\n", encoding="utf-8")
+    read = sp.read_recording(tmp_path / "slow.csv", rate_hz=10, fill="linear", decimal="comma")
+    assert read.voltage_v.tolist() == [0, 10, 20] and read.time_s.tolist() == [0, 0.1, 0.2]
+    held = sp.read_recording(tmp_path / "slow.csv", rate_hz=10, fill="hold", decimal="comma")
+    assert held.voltage_v.tolist() == [0, 0, 20]
+
+    parts = "time_s,displacement_mm\n0,1\n1,2\n2,3\n\ntime_s,displacement_mm\n0,4\n1,5\n2,6\n"
+    (tmp_path / "parts.csv").write_text(parts, encoding="utf-8")
+    second = sp.read_reference(tmp_path / "parts.csv", segment=2, invert=True)
+    assert second.displacement_m.tolist() == [-4e-3, -5e-3, -6e-3]
+
+
+def test_other_programs_read_what_is_written(tool: Tool, tmp_path: Path) -> None:
+    """Written tables are read with the defaults of NumPy and pandas."""
+    mm = np.where(TIME > 3, np.nan, MM)
+    sp.Recording(TIME, voltage_v=VOLTS, displacement_m=1e-3 * mm).save(tmp_path / "a.csv")
+    sine = ["--shape", "sine", "--period", 5, "--duration", 10, "--low", 0, "--high", 1e-3]
+    for arguments in (["import", tmp_path / "a.csv", "--out", "in"], ["reference", *sine, "--out", "reference.csv"]):
+        done = tool.run(*arguments)
+        assert done.returncode == 0, done.stderr
+    for path in (tmp_path / "a.csv", tool.folder / "in" / "a.csv", tool.folder / "reference.csv"):
+        expected = read_csv(path)
+        array = np.genfromtxt(path, delimiter=",", names=True)
+        frame = pd.read_csv(path)
+        assert list(array.dtype.names) == list(frame.columns) == list(expected)
+        for name, values in expected.items():
+            assert np.array_equal(array[name], values, equal_nan=True), (path, name)
+            # pandas reads decimals to within a rounding error by default.
+            assert np.allclose(frame[name], values, rtol=1e-15, atol=0, equal_nan=True), (path, name)

@@ -7,8 +7,8 @@ use clap::Args;
 
 use super::recordings::{self, RawOptions};
 use super::{Verdict, with_flags};
-use crate::error::{Result, shown};
-use crate::excitation::check::{self, Facts, Finding, Report, Severity};
+use crate::error::Result;
+use crate::excitation::check::{self, Facts, Report, Severity};
 use crate::files::recording::Recording;
 use crate::terminal;
 
@@ -29,37 +29,12 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<Verdict> {
         recording.understood().into_iter().for_each(recordings::report_understood);
     }
     let mut report = check::check(&recordings);
-    for recording in &recordings {
-        add_what_is_implausible(&mut report, recording);
-    }
-    report.findings.sort_by_key(|finding| finding.severity);
-    report.identifies = report.findings.iter().all(|finding| finding.severity != Severity::Prevents);
     for finding in &mut report.findings {
         finding.finding = with_flags(&finding.finding);
         finding.advice = with_flags(&finding.advice);
     }
     terminal::report(json, &report, || text(&report))?;
     Ok(if report.identifies { Verdict::Yes } else { Verdict::No })
-}
-
-/// Adds what the reader left out, and what is implausible about `recording` unless the check has found it.
-fn add_what_is_implausible(report: &mut Report, recording: &Recording) {
-    let file = shown(recording.path());
-    let beginning = |text: &str| text.split_whitespace().take(3).map(str::to_owned).collect::<Vec<_>>();
-    let is_found = |text: &str| {
-        let of_file = report.findings.iter().filter(|finding| finding.file.as_ref() == Some(&file));
-        let stroke = |text: &str| text.contains("stroke of") || text.contains("the stroke is");
-        of_file
-            .into_iter()
-            .any(|finding| beginning(&finding.finding) == beginning(text) || (stroke(&finding.finding) && stroke(text)))
-    };
-    let implausible = recording.implausible().into_iter().filter(|text| !is_found(text));
-    let implausible = implausible.map(|text| (Severity::Prevents, text)).collect::<Vec<_>>();
-    let notes = recording.notes().iter().map(|note| (Severity::Weakens, note.clone()));
-    let finding = |(severity, finding)| Finding { severity, file: Some(file.clone()), finding, advice: String::new() };
-    report.findings.extend(notes.map(finding));
-    // First: what else was found may result from a wrong unit.
-    report.findings.splice(0..0, implausible.into_iter().map(finding));
 }
 
 fn text(report: &Report) -> String {

@@ -92,7 +92,7 @@ class Law:
     def __new__(
         cls,
         model: Model,
-        rate_hz: float = 1000.0,
+        rate_hz: float,
         *,
         method: _Method = "gl",
         precision: _Precision = "f32",
@@ -254,7 +254,18 @@ def read_recording(
     rate_hz: float | None = None,
     invert: bool = False,
 ) -> Recording: ...
-def read_reference(path: _Path, *, columns: str | None = None, sheet: str | None = None) -> Recording: ...
+def read_reference(
+    path: _Path,
+    *,
+    columns: str | None = None,
+    sheet: str | None = None,
+    header_line: int | None = None,
+    segment: int | None = None,
+    decimal: Literal["point", "comma"] | None = None,
+    repeated_times: Literal["spread", "mean"] | None = None,
+    rate_hz: float | None = None,
+    invert: bool = False,
+) -> Recording: ...
 def record_film(
     plant: Literal["hossain", "wang"] = "hossain",
     *,

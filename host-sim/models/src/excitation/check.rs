@@ -1,9 +1,11 @@
 //! Check of whether recordings identify a film, and advice on what to record instead.
 
 use serde::Serialize;
-use springpot::Actuator;
 
 use super::drive::{DriveFacts, HOLD_S, distinct};
+use super::explained::Course;
+use super::faults;
+use super::rows;
 use crate::error::shown;
 use crate::files::recording::{Direction, Input, Recording};
 use crate::fit::{self, observation, statistics::median};
@@ -75,40 +77,51 @@ const RECORD_REST: &str = "begin with 2 s at 0 V, after ten minutes without volt
 /// Checks `recordings` of one film.
 pub fn check(recordings: &[Recording]) -> Report {
     let mut findings = Vec::new();
+    for recording in recordings {
+        of_values(recording, &mut findings);
+    }
     let facts: Vec<Facts> =
         recordings.iter().filter_map(|recording| Facts::from_recording(recording, &mut findings)).collect();
     of_all(&facts, &mut findings);
-    of_fits(recordings, &mut findings);
+    of_copies(recordings, &mut findings);
+    of_faults(recordings, &facts, &mut findings);
     findings.sort_by_key(|finding| finding.severity);
     let identifies = findings.iter().all(|finding| finding.severity != Severity::Prevents);
     Report { identifies, recordings: facts, findings }
 }
 
-/// Most measured values among which a delay of the sensor is looked for.
-const MAX_VALUES: usize = 1 << 16;
+/// A fault of this size, as a share of the stroke, is of no film.
+const SERIOUS: f64 = 0.1;
 
-/// Copies of recordings, and a sensor that is late.
-fn of_fits(recordings: &[Recording], findings: &mut Vec<Finding>) {
+/// Values that are implausible, before what results from them, and what the reader left out.
+fn of_values(recording: &Recording, findings: &mut Vec<Finding>) {
+    let implausible = recording.implausible().into_iter().map(|finding| (Severity::Prevents, finding));
+    let notes = recording.notes().iter().map(|note| (Severity::Weakens, note.clone()));
+    let file = shown(recording.path());
+    findings.extend(implausible.chain(notes).map(|(severity, finding)| Finding {
+        severity,
+        file: Some(file.clone()),
+        finding,
+        advice: String::new(),
+    }));
+}
+
+/// Copies of recordings.
+fn of_copies(recordings: &[Recording], findings: &mut Vec<Finding>) {
     let observed = |recording| observation::observe(recording, Direction::Force, 1.0).ok();
-    let mut observations: Vec<_> = recordings.iter().filter_map(observed).map(|(observation, _)| observation).collect();
-    let mut add = |severity, finding: String, advice: &str| {
-        findings.push(Finding { severity, file: None, finding, advice: advice.into() });
-    };
+    let observations: Vec<_> = recordings.iter().filter_map(observed).map(|(observation, _)| observation).collect();
     if let Some(finding) = fit::repeated(&observations) {
-        add(Severity::Prevents, finding, "");
+        findings.push(Finding { severity: Severity::Prevents, file: None, finding, advice: String::new() });
     }
-    if observations.iter().map(|observation| observation.measured.value.len()).sum::<usize>() > MAX_VALUES {
-        observations = observations.iter().map(observation::thinned).collect();
-    }
-    if let Ok(Some(delay_s)) = fit::estimated_delay_s(&observations, Actuator::KARNER_2022) {
-        add(
-            Severity::Weakens,
-            format!(
-                "the stroke lags the voltage by about {:.0} ms: a late sensor, or an amplifier behind its command",
-                1e3 * delay_s
-            ),
-            "record both with one clock and without filters; otherwise `sensor_delay_s` states the delay, and without it fit estimates it",
-        );
+}
+
+/// Adds the faults that no film explains, with their causes.
+fn of_faults(recordings: &[Recording], facts: &[Facts], findings: &mut Vec<Finding>) {
+    let course = |recording: &Recording| Course::new(recording, shown(recording.path()));
+    let fastest_hz = facts.iter().filter_map(|facts| facts.drive.frequencies_hz.last().copied()).fold(0.0, f64::max);
+    for fault in faults::faults(recordings.iter().filter_map(course).collect(), fastest_hz) {
+        let severity = if fault.size > SERIOUS { Severity::Prevents } else { Severity::Weakens };
+        findings.push(Finding { severity, file: fault.file, finding: fault.finding, advice: fault.advice.into() });
     }
 }
 
@@ -213,7 +226,14 @@ impl Facts {
             empty: recording.time_s().len() - measured.as_ref().map_or(0, |measured| measured.value.len()),
         };
         match measured {
-            Some(measured) => row.judge(&measured, &mut add),
+            Some(measured) => {
+                row.judge(&measured, &mut add);
+                // Drop-outs have lines of their own.
+                if row.outliers == 0 {
+                    let fastest_hz = row.drive.frequencies_hz.last().copied().unwrap_or(0.0);
+                    rows::judge(drive.samples(), row.drive.peak, &measured, fastest_hz, &mut add);
+                }
+            }
             None => add(
                 Severity::Prevents,
                 "no displacement".into(),
@@ -257,13 +277,7 @@ impl Facts {
             let finding = format!("{} of {} rows have no reading", self.empty, self.rows);
             add(Severity::Weakens, finding, "check the sensor's range and its target");
         }
-        if !(1e-6..=0.1).contains(&stroke) {
-            add(
-                Severity::Prevents,
-                format!("a stroke of {stroke:.3e} m"),
-                "check the unit of the displacement and the sensor's target",
-            );
-        } else if self.start_m.is_some_and(|start| start - low > 0.5 * stroke && self.drive.rest_s > 0.0) {
+        if self.start_m.is_some_and(|start| start - low > 0.5 * stroke && self.drive.rest_s > 0.0) {
             add(
                 Severity::Weakens,
                 "the film begins in the upper half of its stroke although nothing drives it".into(),
@@ -281,13 +295,6 @@ fn judge_drive(
     (drive, rate_hz, duration_s): (&Input, f64, f64),
     add: &mut impl FnMut(Severity, String, &str),
 ) {
-    if driven_by == "voltage" && facts.peak < 50.0 {
-        add(
-            Severity::Prevents,
-            format!("the largest voltage is {:.3} V: the output of a monitor, not the voltage on the film", facts.peak),
-            "multiply it with the monitor's scale, as in `columns` voltage=2*1000",
-        );
-    }
     let first = drive.samples().value.first().map_or(0.0, |value| value.abs());
     if facts.cycles.is_empty() && facts.hold_s > 0.9 * duration_s {
         // A held load: the step itself is left out.

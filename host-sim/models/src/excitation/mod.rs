@@ -2,4 +2,7 @@
 
 pub mod check;
 pub mod drive;
+mod explained;
+mod faults;
 pub mod profile;
+mod rows;

@@ -134,7 +134,8 @@ pub fn si(name: &str, value: Value<'_>, factor: f64) -> Result<Option<f64>, Stri
         Value::Nothing | Value::OutOfRange => Ok(None),
         Value::Ended => Err(format!("the row ends before {name}")),
         Value::Number(number) if number.is_finite() && (number * factor).abs() <= MAX_VALUE => {
-            Ok(Some(number * factor))
+            // Not −0.
+            Ok(Some(number * factor + 0.0))
         }
         Value::Number(number) => Err(format!("{name} is {number:?}; no instrument reads that")),
         Value::Text(text) => {

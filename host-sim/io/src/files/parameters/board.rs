@@ -5,7 +5,7 @@ use dea_driver::wire::boards;
 use dea_driver::{BLOB_LEN, Blob, BlobError, Control, Limits, Parameters as BoardParameters};
 use heapless::String;
 use serde::{Deserialize, Serialize, de};
-use springpot::{Actuator, AmplifierLag, CommandLimits, Law};
+use springpot::{Actuator, AmplifierLag, CommandLimits, ControlError, Law};
 
 use super::calibration::AmplifierTable;
 use super::{Parameters, calibration, controller_rate};
@@ -220,7 +220,7 @@ impl Parameters {
     pub fn checked_blob(&self, rate_hz: f64) -> Result<(Vec<u8>, Board)> {
         let board = self.board_or_bench(rate_hz);
         let blob = self.to_blob(&board, rate_hz)?;
-        Blob::decode(&blob, board.id).map_err(|e| Error::Computation(short(&e)))?;
+        Blob::decode(&blob, board.id).map_err(|error| refused(&error, rate_hz))?;
         Ok((blob, board))
     }
 
@@ -245,11 +245,22 @@ impl Parameters {
             ..BoardParameters::bench(&law, self.actuator)
         };
         let mut bytes = vec![0; BLOB_LEN];
-        let refused = |error: BlobError| Error::Computation(short(&error));
-        let length = parameters.encode(board.id, &mut bytes).map_err(refused)?;
+        let length = parameters.encode(board.id, &mut bytes).map_err(|error| refused(&error, rate_hz))?;
         bytes.truncate(length);
         Ok(bytes)
     }
+}
+
+/// A controller's refusal of parameters at `rate_hz`.
+fn refused(error: &BlobError, rate_hz: f64) -> Error {
+    let BlobError::Control(ControlError::SensorTooLate { ticks, most }) = *error else {
+        return Error::Computation(short(error));
+    };
+    let (delay_ms, largest_hz) = (1e3 * ticks as f64 / rate_hz, (rate_hz * most as f64 / ticks as f64).floor());
+    Error::Computation(format!(
+        "the sensor is {delay_ms:.0} ms late, {ticks} ticks at {rate_hz} Hz, and the observer remembers {most}: use a rate of at most {largest_hz} Hz \
+         or a faster sensor"
+    ))
 }
 
 /// The first letters of a name, as many as a blob has room for.

@@ -116,6 +116,9 @@ pub(super) struct ElementTable {
 }
 
 impl ActuatorTable {
+    /// Names that are nowhere else in a file.
+    pub(super) const KEYS: [&str; 5] = ["relative_permittivity", "length_m", "width_m", "thickness_m", "mass_kg"];
+
     pub(super) fn actuator(&self) -> Actuator {
         Actuator {
             relative_permittivity: *self.relative_permittivity.get_ref(),

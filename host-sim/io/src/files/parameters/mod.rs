@@ -292,7 +292,13 @@ impl Place<'_> {
     fn parse<T: DeserializeOwned>(&self) -> Result<T> {
         toml::from_str(self.text).map_err(|e| {
             // Not in backticks, which name fields of options: "length_m" of a file is no --length.
-            let cause = e.message().trim().replace('\n', "; ").replace('`', "\"");
+            let mut cause = e.message().trim().replace('\n', "; ").replace('`', "\"");
+            // Of the whole file, not of a table.
+            let key = cause.strip_prefix("unknown field \"").filter(|rest| rest.contains("expected one of \"schema\""));
+            let key = key.and_then(|rest| rest.split('"').next());
+            if let Some(key) = key.filter(|key| ActuatorTable::KEYS.contains(key)) {
+                cause = format!("{key} is not below a line [actuator]; put that line above the sizes of the film");
+            }
             match e.span() {
                 Some(span) => self.error(span, cause),
                 None => Error::file(self.path, cause),

@@ -1,0 +1,263 @@
+//! A linear model of any film along recordings, and the part of the readings that it leaves unexplained.
+//!
+//! The readings are a sum of filtered loads: of the load, its square and its cube, each through first-order filters whose times cover the
+//! recording, and of powers of that sum. Films of any law come out within a fraction of a per cent of their stroke, without a search; what a
+//! fault adds to the readings does not.
+
+use crate::files::recording::{Input, Recording};
+use crate::fit::statistics::{median, percentile_range, robust_deviation};
+
+/// Ratio of neighbouring filter times.
+const RATIO: f64 = 3.0;
+/// Most blocks of rows in all recordings.
+const BLOCKS: usize = 1200;
+/// Part of a column that must be new beside the others.
+const NEW: f64 = 1e-5;
+
+/// A recording with a load and readings.
+#[derive(Clone)]
+pub(super) struct Course {
+    pub(super) file: String,
+    pub(super) time_s: Vec<f64>,
+    /// Voltage or force, as a share of the largest of all recordings.
+    pub(super) drive: Vec<f64>,
+    pub(super) is_voltage: bool,
+    /// Reading of each row, m; NaN where it is missing or an outlier.
+    pub(super) reading: Vec<f64>,
+}
+
+/// Recordings in blocks of rows.
+#[derive(Clone)]
+pub(super) struct Blocks {
+    pub(super) courses: Vec<Course>,
+    /// Rows of a block.
+    rows: usize,
+    /// Recording and time of each block that has readings.
+    pub(super) places: Vec<(usize, f64)>,
+    /// Mean reading of each, m.
+    pub(super) reading: Vec<f64>,
+    /// 0 for blocks that are left out, otherwise 1.
+    pub(super) kept: Vec<f64>,
+    /// Range of the readings without outliers, m.
+    pub(super) stroke_m: f64,
+}
+
+/// Orthonormal columns, and what they leave of the readings.
+#[derive(Clone)]
+pub(super) struct Basis {
+    columns: Vec<Vec<f64>>,
+    /// 0 for blocks that are left out, otherwise 1.
+    kept: Vec<f64>,
+    pub(super) rest: Vec<f64>,
+}
+
+impl Basis {
+    fn new(reading: &[f64], kept: &[f64]) -> Self {
+        Self { columns: Vec::new(), kept: kept.to_vec(), rest: product(reading, kept) }
+    }
+
+    /// Adds `column`, if it is not a sum of the others, and returns how much of it the readings have beside those.
+    pub(super) fn add(&mut self, column: &[f64]) -> f64 {
+        let mut column = product(column, &self.kept);
+        let size = norm(&column);
+        for _ in 0..2 {
+            for other in &self.columns {
+                subtract(&mut column, other);
+            }
+        }
+        let left = norm(&column);
+        if left <= NEW * size {
+            return 0.0;
+        }
+        column.iter_mut().for_each(|value| *value /= left);
+        let share = dot(&self.rest, &column) / left;
+        subtract(&mut self.rest, &column);
+        self.columns.push(column);
+        share
+    }
+
+    /// Sum of squares of what is left.
+    pub(super) fn square(&self) -> f64 {
+        dot(&self.rest, &self.rest)
+    }
+
+    /// Sum of squares of what is left with `columns` added.
+    pub(super) fn square_with(&self, columns: &[Vec<f64>]) -> f64 {
+        let mut with = self.clone();
+        columns.iter().for_each(|column| {
+            with.add(column);
+        });
+        with.square()
+    }
+}
+
+fn product(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a * b).collect()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn norm(values: &[f64]) -> f64 {
+    dot(values, values).sqrt()
+}
+
+fn subtract(values: &mut [f64], unit: &[f64]) {
+    let share = dot(values, unit);
+    values.iter_mut().zip(unit).for_each(|(value, unit)| *value -= share * unit);
+}
+
+impl Course {
+    /// The course of `recording`; none where it has no drive or no readings.
+    pub(super) fn new(recording: &Recording, file: String) -> Option<Self> {
+        let drive = recording.drive().ok()?;
+        let is_voltage = matches!(drive, Input::Voltage(_));
+        let reading = recording.columns().into_iter().find(|(name, _)| *name == "displacement_m")?.1;
+        let mut course = Self {
+            file,
+            time_s: recording.time_s().to_vec(),
+            drive: drive.samples().value.clone(),
+            is_voltage,
+            reading,
+        };
+        course.leave_out_outliers();
+        Some(course)
+    }
+
+    /// Empties readings that are far from the median of those around them.
+    fn leave_out_outliers(&mut self) {
+        let present: Vec<usize> = (0..self.reading.len()).filter(|&k| !self.reading[k].is_nan()).collect();
+        let values: Vec<f64> = present.iter().map(|&k| self.reading[k]).collect();
+        let off: Vec<f64> = values.windows(7).map(|near| near[3] - median(near)).collect();
+        let limit = (8.0 * robust_deviation(&off)).max(0.02 * percentile_range(values.into_iter()));
+        for (k, off) in off.iter().enumerate() {
+            if off.abs() > limit {
+                self.reading[present[k + 3]] = f64::NAN;
+            }
+        }
+    }
+
+    /// The load: V² or force, as a share of the largest.
+    fn load(&self, drive: &[f64]) -> Vec<f64> {
+        if self.is_voltage { drive.iter().map(|v| v * v).collect() } else { drive.to_vec() }
+    }
+}
+
+/// `load` through a first-order filter of `tau_s`, at rest before it was applied at time 0.
+fn filtered(time_s: &[f64], load: &[f64], tau_s: f64) -> Vec<f64> {
+    let mut value = load[0] * (1.0 - (-time_s[0] / tau_s).exp());
+    let (mut step_s, mut decay) = (0.0, 1.0);
+    let mut values = vec![value];
+    for k in 1..load.len() {
+        let step = time_s[k] - time_s[k - 1];
+        if (step - step_s).abs() > 1e-6 * step {
+            (step_s, decay) = (step, (-step / tau_s).exp());
+        }
+        // Exact for a load that changes linearly.
+        let ramp = 1.0 - (1.0 - decay) * tau_s / step_s;
+        value = decay * value + (1.0 - decay) * load[k - 1] + (load[k] - load[k - 1]) * ramp;
+        values.push(value);
+    }
+    values
+}
+
+impl Blocks {
+    /// Joins `courses`, whose drives become shares of the largest; none without readings that move.
+    pub(super) fn new(mut courses: Vec<Course>) -> Option<Self> {
+        let peak = courses.iter().flat_map(|course| &course.drive).fold(0.0_f64, |peak, value| peak.max(value.abs()));
+        courses.iter_mut().flat_map(|course| &mut course.drive).for_each(|value| *value /= peak);
+        let total: usize = courses.iter().map(|course| course.time_s.len()).sum();
+        let rows = total.div_ceil(BLOCKS).max(1);
+        let (places, reading, kept) = (Vec::new(), Vec::new(), Vec::new());
+        let mut blocks = Self { courses, rows, places, reading, kept, stroke_m: 0.0 };
+        let readings: Vec<Vec<f64>> = blocks.courses.iter().map(|course| course.reading.clone()).collect();
+        let times: Vec<Vec<f64>> = blocks.courses.iter().map(|course| course.time_s.clone()).collect();
+        blocks.reading = blocks.means(&readings);
+        let recordings: Vec<Vec<f64>> = times.iter().enumerate().map(|(j, t)| vec![j as f64; t.len()]).collect();
+        let (times, recordings) = (blocks.means(&times), blocks.means(&recordings));
+        blocks.places = recordings.into_iter().map(|j| j as usize).zip(times).collect();
+        blocks.kept = vec![1.0; blocks.reading.len()];
+        blocks.stroke_m = percentile_range(blocks.reading.iter().copied());
+        (blocks.stroke_m > 0.0 && peak > 0.0 && blocks.reading.len() > 100).then_some(blocks)
+    }
+
+    /// Means over the blocks of one value for each row of each recording, of the rows that have a reading.
+    pub(super) fn means(&self, values: &[Vec<f64>]) -> Vec<f64> {
+        let mut means = Vec::new();
+        for (course, values) in self.courses.iter().zip(values) {
+            for (readings, values) in course.reading.chunks(self.rows).zip(values.chunks(self.rows)) {
+                let present = || readings.iter().zip(values).filter(|(reading, _)| !reading.is_nan());
+                let count = present().count();
+                if count > 0 {
+                    means.push(present().map(|(_, value)| value).sum::<f64>() / count as f64);
+                }
+            }
+        }
+        means
+    }
+
+    /// The film that follows `drives`, one for each recording.
+    pub(super) fn film(&self, drives: &[Vec<f64>]) -> Basis {
+        self.film_from(drives, self.shortest_s())
+    }
+
+    /// The time (s) by which the stroke lags `drives` beside what creeps in `shortest_s` or more.
+    pub(super) fn lag_s(&self, drives: &[Vec<f64>], shortest_s: f64) -> f64 {
+        let slopes = self.courses.iter().zip(drives).map(|(course, drive)| {
+            let load = course.load(drive);
+            let tau_s = self.shortest_s();
+            let behind = filtered(&course.time_s, &load, tau_s);
+            load.iter().zip(behind).map(|(load, behind)| (behind - load) / tau_s).collect()
+        });
+        let slopes = self.means(&slopes.collect::<Vec<Vec<f64>>>());
+        self.film_from(drives, shortest_s).add(&slopes) / self.stroke_m
+    }
+
+    /// The film of which nothing creeps in less than `shortest_s`.
+    fn film_from(&self, drives: &[Vec<f64>], shortest_s: f64) -> Basis {
+        let longest_s = self.longest_s();
+        let mut basis = Basis::new(&self.reading, &self.kept);
+        basis.add(&vec![1.0; self.reading.len()]);
+        let loads: Vec<Vec<f64>> = self.courses.iter().zip(drives).map(|(course, drive)| course.load(drive)).collect();
+        for power in 1..=3 {
+            let loads: Vec<Vec<f64>> =
+                loads.iter().map(|load| load.iter().map(|value| value.powi(power)).collect()).collect();
+            basis.add(&self.means(&loads));
+            let mut tau_s = shortest_s;
+            while tau_s < 3.0 * longest_s {
+                let pairs = self.courses.iter().zip(&loads);
+                let filtered: Vec<Vec<f64>> = pairs.map(|(c, load)| filtered(&c.time_s, load, tau_s)).collect();
+                basis.add(&self.means(&filtered));
+                tau_s *= if power == 1 { RATIO } else { RATIO * RATIO };
+            }
+        }
+        // A film whose stiffness depends on the stroke.
+        let film = self.modelled(&basis);
+        let load = self.means(&loads);
+        for column in [
+            film.iter().map(|x| x * x).collect(),
+            film.iter().map(|x| x * x * x).collect::<Vec<f64>>(),
+            film.iter().zip(&load).map(|(x, u)| x * u).collect(),
+        ] {
+            basis.add(&column);
+        }
+        basis
+    }
+
+    fn longest_s(&self) -> f64 {
+        self.courses.iter().map(|course| course.time_s[course.time_s.len() - 1]).fold(0.0, f64::max)
+    }
+
+    /// The shortest filter time: what a cycle of the drive still shows.
+    fn shortest_s(&self) -> f64 {
+        let steps = self.courses.iter().flat_map(|course| course.time_s.windows(2).map(|pair| pair[1] - pair[0]));
+        let step_s = median(&steps.collect::<Vec<f64>>());
+        (2.0 * step_s).max(1e-4 * self.longest_s())
+    }
+
+    /// The modelled reading of each block as a share of the stroke.
+    pub(super) fn modelled(&self, basis: &Basis) -> Vec<f64> {
+        self.reading.iter().zip(&basis.rest).map(|(reading, rest)| (reading - rest) / self.stroke_m).collect()
+    }
+}
