@@ -12,7 +12,7 @@ use super::observation::{Excitation, Observation};
 use super::preparation::{Severity, Warning};
 use super::selection::{StructureRow, has_one_amplitude};
 use super::settings::{Settings, topology_name};
-use super::statistics::{self, Loss, median};
+use super::statistics::{self, Loss, Whiteness, median};
 use super::uncertainty::Uncertainty;
 use crate::files::recording::Input;
 
@@ -160,11 +160,14 @@ pub struct Misfit {
     pub rms_pct: f64,
     /// RMS of the part that is not noise, %: what is left of the residuals at a distance of one sample.
     pub systematic_pct: f64,
+    /// The same of the error on what was left out; twice that of the fit where nothing was.
+    pub left_out_pct: f64,
 }
 
 impl Misfit {
-    /// The misfit of `observations` with these residuals, one series each, whose autocorrelation at lag one is `lag_one`.
-    pub fn new(observations: &[Observation], residuals: &[Vec<f64>], lag_one: f64) -> Self {
+    /// The misfit of `observations` with these residuals, one series each, and the `chosen` structure's errors on what was left out.
+    pub fn new(observations: &[Observation], residuals: &[Vec<f64>], chosen: Option<&StructureRow>) -> Self {
+        let whiteness = Whiteness::new(residuals.iter().map(Vec::len), &residuals.concat());
         let squares = observations.iter().zip(residuals).flat_map(|(observation, residuals)| {
             let stroke =
                 statistics::percentile_range(observation.measured.value.iter().copied()).max(f64::MIN_POSITIVE);
@@ -172,20 +175,21 @@ impl Misfit {
         });
         let count = residuals.iter().map(Vec::len).sum::<usize>().max(1);
         let rms_pct = 100.0 * (squares.sum::<f64>() / count as f64).sqrt();
-        Self { rms_pct, systematic_pct: rms_pct * lag_one.clamp(0.0, 1.0).sqrt() }
+        let correlated = whiteness.lag_one.clamp(0.0, 1.0);
+        let systematic_pct = rms_pct * correlated.sqrt();
+        let errors = chosen.iter().flat_map(|row| [row.left_out_nrmse_pct, row.left_out_blocks_nrmse_pct]).flatten();
+        let noise = chosen.map_or(0.0, |row| row.nrmse_pct.powi(2) * (1.0 - correlated));
+        let left_out = errors.map(|error| (error.powi(2) - noise).max(0.0).sqrt()).reduce(f64::max);
+        // What independent samples leave open of the parameters, at least.
+        let open_pct = rms_pct * (8.0 / whiteness.effective_samples).sqrt().min(1.0);
+        let left_out_pct = left_out.unwrap_or(2.0 * systematic_pct).max(systematic_pct).max(open_pct);
+        Self { rms_pct, systematic_pct, left_out_pct }
     }
 }
 
-/// Residuals that are not white: how large what the model does not follow is, and what follows from it. `left_out_pct` is the
-/// NRMSE on recordings that were left out, where there is one.
-pub fn of_whiteness(
-    uncertainty: &Uncertainty,
-    misfit: Misfit,
-    drive: &Input,
-    left_out_pct: Option<f64>,
-    warnings: &mut Vec<Warning>,
-) {
-    if uncertainty.white {
+/// Residuals that are not white: how large what the model does not follow is, and what follows from it: an error of up to `expected_pct`.
+pub fn of_whiteness(white: bool, misfit: Misfit, expected_pct: f64, drive: &Input, warnings: &mut Vec<Warning>) {
+    if white {
         return;
     }
     let (severity, size) = match misfit.systematic_pct {
@@ -194,19 +198,14 @@ pub fn of_whiteness(
         medium if medium < 2.0 => (Severity::Caution, "notable"),
         _ => (Severity::Serious, "large"),
     };
-    let expected = left_out_pct.unwrap_or(misfit.systematic_pct).max(misfit.systematic_pct);
     let (range, follows) = match drive {
         Input::Voltage(_) => ("stroke", "feedforward"),
         Input::Force(_) => ("stroke", "a predicted stroke"),
         Input::Displacement(_) => ("range of the force", "a predicted force"),
     };
-    let from = match left_out_pct {
-        Some(pct) if pct >= misfit.systematic_pct => ", from recordings that were left out",
-        _ => " on paths like these",
-    };
     warnings.push(severity.warning(format!(
         "{size}: the model is off by {:.3} % of the {range} RMS, and about {:.3} % is not noise but what it does not follow: expect {follows} \
-         to be off by {expected:.2} % RMS{from}",
+         to be off by up to {expected_pct:.2} % RMS within the recorded strokes, speeds and times, and by more beyond them",
         misfit.rms_pct, misfit.systematic_pct
     )));
 }

@@ -34,6 +34,7 @@ use crate::error::{Error, Result, with_names};
 use crate::files::parameters::{Parameters, plausibility};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::progress::Stage;
+use crate::replay::expectation::Recorded;
 use candidate::Candidate;
 use checks::Misfit;
 pub use delay::estimated as estimated_delay_s;
@@ -50,6 +51,7 @@ use settings::Stages;
 pub use settings::{Method, Settings};
 use starts::Kind;
 pub use statistics::Loss;
+use statistics::range;
 pub use uncertainty::{Estimate, Uncertainty};
 
 /// A fit.
@@ -69,6 +71,8 @@ pub struct Fit {
     pub r2_mean: f64,
     /// Structures that were compared; empty for a single structure.
     pub structures: Vec<StructureRow>,
+    /// The range of the recordings, and the error on what was left out.
+    pub recorded: Recorded,
     /// Uncertainty of the parameters, if it was computed.
     pub uncertainty: Option<Uncertainty>,
     /// Warnings to the user.
@@ -177,7 +181,10 @@ impl Fit {
         let agreements: Vec<Agreement> = pairs().map(|(y, x)| Agreement::new(y, x)).collect();
         let r2_mean = mean_r2(&agreements);
         let residuals: Vec<Vec<f64>> = pairs().map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y).collect()).collect();
-        let left_out_pct = structures.iter().find(|row| row.chosen).and_then(|row| row.left_out_nrmse_pct);
+        let misfit = Misfit::new(observations, &residuals, structures.iter().find(|row| row.chosen));
+        let recorded = recorded(observations, &modelled, &candidate, misfit);
+        let stroke_m = recorded.stroke_m[1] - recorded.stroke_m[0];
+        let expected_pct = 100.0 * recorded.largest_error_m() / stroke_m.max(f64::MIN_POSITIVE);
 
         let mut warnings = Vec::new();
         checks::of_sizes(settings, context.excitation, &mut warnings);
@@ -190,8 +197,8 @@ impl Fit {
         checks::of_amplitudes(observations, &candidate, &mut warnings);
         if let Some(uncertainty) = &uncertainty {
             checks::of_uncertainty(uncertainty, &candidate, &mut warnings);
-            let misfit = Misfit::new(observations, &residuals, uncertainty.lag_one);
-            checks::of_whiteness(uncertainty, misfit, &observations[0].input, left_out_pct, &mut warnings);
+            let input = &observations[0].input;
+            checks::of_whiteness(uncertainty.white, misfit, expected_pct, input, &mut warnings);
         }
         checks::of_convergence(found.minimum.converged || interrupted, &mut warnings);
         checks::of_outliers(&residuals.concat(), settings.loss, &mut warnings);
@@ -205,6 +212,7 @@ impl Fit {
             agreements,
             r2_mean,
             structures,
+            recorded,
             uncertainty,
             warnings,
             evaluations: context.evaluations.load(Ordering::Relaxed),
@@ -271,12 +279,37 @@ impl Fit {
             put("interrupted", true.into());
         }
         put("recordings", recordings.collect::<Result<Vec<Value>>>()?.into());
+        // Of a force along a displacement no voltage follows.
+        if let Some((key, value)) = self.recorded.entry().filter(|_| direction == Direction::Force) {
+            put(key, value);
+        }
         if let Some(uncertainty) = self.uncertainty.as_ref().filter(|uncertainty| uncertainty.no_intervals.is_none()) {
             put("intervals_95_pct", intervals(uncertainty).into());
         }
         put("warnings", warnings.collect::<Vec<Value>>().into());
         Ok(table)
     }
+}
+
+/// The ranges of `observations`, of which the displacements (m) are `modelled`, without noise.
+fn recorded(observations: &[Observation], modelled: &[Vec<f64>], candidate: &Candidate, misfit: Misfit) -> Recorded {
+    let mut recorded =
+        Recorded { stroke_m: [0.0, 0.0], voltage_v: 0.0, speed_m_per_s: 0.0, time_s: 0.0, left_out_m: 0.0 };
+    for (observation, modelled) in observations.iter().zip(modelled) {
+        let (low, high) = range(modelled);
+        recorded.stroke_m[0] = recorded.stroke_m[0].min(low - candidate.offset_m);
+        recorded.stroke_m[1] = recorded.stroke_m[1].max(high - candidate.offset_m);
+        let rises = modelled.windows(2).zip(observation.measured.time_s.windows(2));
+        let speed = |(x, t): (&[f64], &[f64])| ((x[1] - x[0]) / (t[1] - t[0])).abs();
+        recorded.speed_m_per_s = rises.map(speed).fold(recorded.speed_m_per_s, f64::max);
+        let drive = observation.input.samples();
+        if let Input::Voltage(_) = observation.input {
+            recorded.voltage_v = drive.value.iter().fold(recorded.voltage_v, |most, volts| most.max(volts.abs()));
+        }
+        recorded.time_s = recorded.time_s.max(drive.time_s.last().copied().unwrap_or(0.0));
+    }
+    recorded.left_out_m = 0.01 * misfit.left_out_pct * (recorded.stroke_m[1] - recorded.stroke_m[0]);
+    recorded
 }
 
 /// A recording with the digest of its file, and the agreement with it.

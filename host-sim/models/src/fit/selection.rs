@@ -1,8 +1,8 @@
 //! Selection of the structure: the one rule by which topology, branches, elastic curve and saturation are chosen.
 //!
 //! Every structure is fitted again without each recording, and without every second block of time of all recordings. Its errors on what was
-//! left out are compared with those of the best structure, block by block. The smallest structure wins that this comparison cannot distinguish from
-//! the best one.
+//! left out are compared with those of the best structure, block by block. The smallest structure wins that this comparison does not
+//! distinguish from the best one.
 
 use std::ops::Range;
 use std::sync::atomic::Ordering;
@@ -45,6 +45,8 @@ pub struct StructureRow {
     pub delta_bic: f64,
     /// Mean NRMSE (%) of every recording under a fit to the others; null for a single recording.
     pub left_out_nrmse_pct: Option<f64>,
+    /// NRMSE (%) in blocks of time under fits without every second block.
+    pub left_out_blocks_nrmse_pct: Option<f64>,
     /// Reason why the errors on what was left out are missing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left_out_missing: Option<String>,
@@ -102,6 +104,8 @@ pub(super) struct StructureFit {
     pub(super) found: Found,
     /// Mean NRMSE (%) of the recordings that were left out, if there are several.
     left_out_nrmse_pct: Option<f64>,
+    /// NRMSE (%) of the blocks of time that were left out.
+    left_out_blocks_nrmse_pct: Option<f64>,
     /// Relative mean squares in the blocks that were left out, or the reason why they are missing.
     left_out: std::result::Result<Vec<f64>, String>,
     /// The same of the fit itself.
@@ -126,6 +130,7 @@ impl StructureFit {
             nrmse_pct: mean(|a| a.nrmse_pct),
             effective_samples: whiteness.effective_samples,
             left_out_nrmse_pct: errors.as_ref().ok().and_then(|errors| left_out.nrmse_pct(errors)),
+            left_out_blocks_nrmse_pct: errors.as_ref().ok().and_then(|errors| left_out.blocks_nrmse_pct(errors)),
             left_out: errors,
             fitted: left_out.mean_squares(context.loss, &evaluation),
             found,
@@ -165,7 +170,7 @@ fn difference(one: &[f64], other: &[f64]) -> (f64, f64) {
 /// The structure that is selected among fits to the same recordings, with a row for each.
 ///
 /// The best has the least errors on what was left out; if no structure has such errors, because the search was interrupted, those of the
-/// fit itself count. Selected is the smallest that a paired comparison cannot distinguish from it. A nonlinearity that only one amplitude supports
+/// fit itself count. Selected is the smallest that a paired comparison does not distinguish from it. A nonlinearity that only one amplitude supports
 /// must do clearly better than every linear film.
 pub(super) struct Selection {
     /// Its place among the fits.
@@ -223,6 +228,7 @@ impl Selection {
             delta_aic: criteria[k].0 - least_aic,
             delta_bic: criteria[k].1 - least_bic,
             left_out_nrmse_pct: fit.left_out_nrmse_pct,
+            left_out_blocks_nrmse_pct: fit.left_out_blocks_nrmse_pct,
             left_out_missing: fit.left_out.as_ref().err().cloned(),
             chosen: k == index,
         };
@@ -268,7 +274,8 @@ fn peaks(values: &[f64]) -> Vec<f64> {
     let mut peaks = Vec::new();
     let (mut rises, mut highest, mut lowest) = (true, 0.0, 0.0);
     for value in values.iter().map(|value| value.abs()) {
-        if rises && value < 0.5 * highest {
+        // Noise about 0 is no turning point.
+        if rises && value < 0.5 * highest && highest > 0.2 * most {
             peaks.push(highest);
             (rises, lowest) = (false, value);
         } else if !rises && value > lowest + 0.2 * most {
@@ -279,7 +286,8 @@ fn peaks(values: &[f64]) -> Vec<f64> {
             lowest = value.min(lowest);
         }
     }
-    if rises && highest > 0.2 * most {
+    // The last rise may end before its turning point.
+    if rises && peaks.iter().all(|peak| *peak < highest) {
         peaks.push(highest);
     }
     peaks
@@ -308,7 +316,7 @@ struct Block {
     index: usize,
 }
 
-/// Part that is left out at a time.
+/// The blocks that are left out at a time.
 struct Fold {
     what: String,
     others: Objective,
@@ -393,6 +401,15 @@ impl<'a> LeftOut<'a> {
             from += fold.blocks.len();
         }
         Some(100.0 * sum / count as f64)
+    }
+
+    /// NRMSE (%) of the blocks of time that are left out, from the [`errors`](Self::errors).
+    fn blocks_nrmse_pct(&self, errors: &[f64]) -> Option<f64> {
+        let count = self.blocks.iter().map(|block| block.recording + 1).max().filter(|count| *count > 1).unwrap_or(0);
+        let before: usize = self.folds[..count].iter().map(|fold| fold.blocks.len()).sum();
+        let squares = &errors[before..];
+        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+        (!squares.is_empty()).then(|| 100.0 * mean.sqrt())
     }
 
     /// Relative mean squares of `evaluation` in every block.

@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::files::parameters::Parameters;
 use crate::grid::Grid;
 use crate::references::minimum_jerk;
+use crate::replay::expectation::{Expectation, Recorded};
 
 /// Result of the check of a reference, and the offset that makes it feasible.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -44,6 +45,9 @@ pub struct Feasibility {
     pub amplifier: Option<AmplifierDemand>,
     /// The limits that are not kept, each with what is needed and what is allowed where it is exceeded most.
     pub binding: Vec<Binding>,
+    /// The error to expect, where the parameter file has what was recorded.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub expectation: Option<Expectation>,
     /// A smaller reference that can be followed, where no offset makes this one so.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smaller: Option<Smaller>,
@@ -166,6 +170,8 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         most_offset_m,
         amplifier,
         binding,
+        expectation: Recorded::from_parameters(parameters)
+            .map(|recorded| recorded.expectation(reference, grid, high_m - low_m, square.sqrt())),
         smaller: None,
     })
 }

@@ -2,6 +2,7 @@
 
 pub mod comparison;
 pub mod coupling;
+pub mod expectation;
 pub mod feasibility;
 pub mod feedforward;
 pub mod frequency_response;

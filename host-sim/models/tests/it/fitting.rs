@@ -14,6 +14,7 @@ use host_models::fit::candidate::Bend;
 use host_models::fit::candidate::{Candidate, Variable};
 use host_models::fit::objective::Objective;
 use host_models::fit::observation::{self, Observation, Reading};
+use host_models::fit::settings::CurveChoice;
 use host_models::fit::{self, Fit, Method, Settings, Severity, Warning};
 use host_models::simulation::film::{Film, Instruments, Plant, Readings, Waveform};
 use springpot::{Actuator, Preload, Springpot, Topology};
@@ -263,7 +264,7 @@ fn left_out_is_left_out() {
     assert!((reported / refitted - 1.0).abs() < 0.05);
 }
 
-/// Blocks of time of a single recording are left out: branches that buy nothing there are not selected.
+/// A single recording is compared by blocks of time that are left out: branches that buy nothing there are not selected.
 #[test]
 fn a_single_recording_ends_where_branches_buy_nothing() {
     for plant in ["hossain", "wang"] {
@@ -428,4 +429,19 @@ fn measured_vhb_4910() {
     let (early, late) = (excess_n(0.15), excess_n(0.85));
     println!("model minus measured: {early:.3} N at 15 % of the way out, {late:.3} N at 85 %");
     assert!(early < -0.1 && late > 0.05);
+}
+
+/// Recordings of one amplitude whose last cycle is not complete: no curve is selected for an error that is a few percent smaller.
+#[test]
+fn one_amplitude_supports_no_curve() {
+    let settings = Settings {
+        curve: CurveChoice::Auto,
+        branches: vec![2],
+        topologies: vec![Topology::Parallel],
+        uncertainty: false,
+        ..Settings::default()
+    };
+    let fit = fitted(&observations("wang"), &settings);
+    println!("{:?}", fit.structures);
+    assert_eq!((fit.candidate.bend, fit.candidate.actuator.saturation_v), (Bend::Straight, None));
 }
