@@ -99,6 +99,12 @@ fn a_film_is_as_soft_as_plausible_values_show() {
     (0..100).for_each(|_| motion.record(0.3e-3, 0.2e-3, true, false));
     motion.begin_run();
     assert!((motion.furthest(1e-3) - 1.1e-3).abs() < 1e-9);
+    // It is no softness.
+    (0..3000).for_each(|_| motion.record(1.1e-3, 1e-3, true, true));
+    assert!((motion.furthest(1e-3) - 1.1e-3).abs() < 1e-9);
+    // Nor is what is left of a load, where film and model creep back differently.
+    (0..3000).for_each(|_| motion.record(0.4e-3, 0.2e-3, true, true));
+    assert!(motion.furthest(1e-3) < 1.25e-3);
 }
 
 /// After a reset a sensor has no past: no fault, and no value from which it could have jumped.

@@ -234,6 +234,36 @@ fn a_sensor_is_not_stuck_before_there_is_a_reference() {
     }
 }
 
+/// A trip that is acknowledged ends that as well: the film may have been taken off.
+#[test]
+fn a_sensor_need_not_move_again_after_a_trip() {
+    let mut bench = FilmBench::new();
+    for is_on in [true, false] {
+        bench.start(Mode::Voltage);
+        for tick in 0..1500 {
+            bench.set_voltage(3000.0);
+            bench.tick(|inputs| {
+                inputs.sensor_adc_v = inputs.sensor_adc_v.filter(|_| is_on).or(Some(adc_v(6400 + tick % 3)))
+            });
+            assert_eq!(bench.controller.supervisor().state(), DriverState::Running, "{is_on}, tick {tick}");
+        }
+        bench.tick(|inputs| inputs.interlock_closed = false);
+        bench.ask(Controller::acknowledge).expect("tripped");
+        // It is off: the sensor shows 0.
+        (bench.film, bench.displacement_m) = (bench.law.state(), 0.0);
+    }
+}
+
+/// A monitor that does not answer trips at once, also while nothing is commanded.
+#[test]
+fn a_silent_monitor_trips_while_armed() {
+    let mut bench = FilmBench::new();
+    bench.tick(|_| ());
+    bench.ask(Controller::arm).expect("healthy");
+    bench.tick(|inputs| inputs.monitor_adc_v = None);
+    assert_eq!(bench.controller.supervisor().state(), DriverState::Tripped(Cause::Bus));
+}
+
 /// A sensor that is not believed any more, since a sample was lost while the estimate was far away, still shows the end of the stroke. A film
 /// with half as much force again as its model went to 1.57 times its stroke.
 #[test]
