@@ -9,7 +9,7 @@ import springpot as sp
 model = sp.load("preset:table3-n2")
 time_s = np.arange(15_501) / 100
 recording = sp.Recording(time_s, voltage_v=3000 * (1 - np.cos(time_s)), displacement_m=np.zeros_like(time_s))
-state, tracking, observer = sp.Law(model).at_rest(), sp.Tracking(model, 1000), sp.Observer(model, 1000)
+state, tracking, observer = sp.Law(model, 1000).at_rest(), sp.Tracking(model, 1000), sp.Observer(model, 1000)
 forces = np.linspace(0, 100, 155_000)
 
 

@@ -62,7 +62,7 @@ def test_other_threads_run_during_a_fit(films: list[Path]) -> None:
     thread = threading.Thread(target=run)
     thread.start()
     assert begun.wait(DEADLINE_S)
-    state = sp.Law(sp.load("preset:table3-n2")).at_rest()
+    state = sp.Law(sp.load("preset:table3-n2"), 1000).at_rest()
     for _ in range(1000):
         state.displacement(1.0)
     served.set()
@@ -155,7 +155,7 @@ def test_signals_are_heard_within_calls(name: str) -> None:
 
 
 def test_a_state_stays_where_it_was_interrupted() -> None:
-    law = sp.Law(sp.load("preset:table3-n2"))
+    law = sp.Law(sp.load("preset:table3-n2"), 1000)
     state, other = law.at_rest(), law.at_rest()
     state.displacement(10.0)
     other.displacement(10.0)

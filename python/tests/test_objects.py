@@ -57,7 +57,7 @@ def test_a_law_is_its_defining_sum() -> None:
 
 def test_a_step_is_a_step() -> None:
     """Sample by sample, in parts or along an array: the same bits; a copy goes its own way."""
-    law = sp.Law(sp.load("preset:table3-n2"))
+    law = sp.Law(sp.load("preset:table3-n2"), 1000)
     force = 100 * np.sin(np.arange(2000) / 300) ** 2
     whole = law.at_rest().displacement(force)
     single, parts = law.at_rest(), law.at_rest()
@@ -83,12 +83,12 @@ def test_a_law_settles() -> None:
 def test_frequency_responses_agree() -> None:
     model = sp.load("preset:table3-n2")
     frequency = np.array([0.01, 0.1, 1.0])
-    discrete = sp.Law(model).frequency_response(frequency)
+    discrete = sp.Law(model, 1000).frequency_response(frequency)
     continuous = sp.frequency_response(model, 0.01, 1.0, 3)
     # First order at 1 kHz: α π f / rate at most.
     assert np.abs(discrete) == pytest.approx(continuous.magnitude_m_per_n, rel=5e-3)
     assert np.angle(discrete) == pytest.approx(continuous.phase_rad, abs=5e-3)
-    assert isinstance(sp.Law(model).frequency_response(0.1), complex)
+    assert isinstance(sp.Law(model, 1000).frequency_response(0.1), complex)
 
 
 def test_models_go_through_files(tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_curves_are_kept() -> None:
     text += '\n[curve]\nelastic = "mooney-rivlin"\nshare = 0.5\nfree_length_m = 0.05\nfrom_m = -0.002\nto_m = 0.02\n'
     model = sp.Model.from_toml(text)
     assert model.curve == "mooney-rivlin" and sp.Model.from_toml(model.to_toml()).to_toml() == model.to_toml()
-    state = sp.Law(model).at_rest()
+    state = sp.Law(model, 1000).at_rest()
     state.force(0.05)
     assert state.beyond_curve
 
@@ -202,7 +202,7 @@ def test_copies_are_equal(again: Callable[[Any], Any]) -> None:
 
 def test_threads_take_turns() -> None:
     """Two threads step one film: no step is lost, whichever came first."""
-    law = sp.Law(sp.load("preset:table3-n2"))
+    law = sp.Law(sp.load("preset:table3-n2"), 1000)
     force = np.full(400_000, 10.0)
     expected, shared = law.at_rest(), law.at_rest()
     expected.displacement(np.concatenate([force, force]))

@@ -117,7 +117,7 @@ def test_arguments_answer_what_errors_ask(tool: Tool, tmp_path: Path) -> None:
     read = sp.read_recording(tmp_path / "log.csv", columns=columns, header_line=2, repeated_times="spread", invert=True)
     assert np.array_equal(read.time_s, expected["time_s"])
     assert np.array_equal(read.displacement_m, expected["displacement_m"])
-    assert not np.signbit(read.displacement_m[0]) and read.displacement_m[-1] == -0.78e-3
+    assert not np.signbit(read.displacement_m[0]) and np.isclose(read.displacement_m[-1], -0.78e-3, rtol=1e-15)
 
     (tmp_path / "slow.csv").write_text("voltage_v;displacement_mm\n0;0,001\n;0,002\n20;0,003\n", encoding="utf-8")
     read = sp.read_recording(tmp_path / "slow.csv", rate_hz=10, fill="linear", decimal="comma")

@@ -87,7 +87,7 @@ STRANGE: dict[str, Callable[[npt.NDArray[np.float64]], Any]] = {
 def test_strange_arrays_are_read(name: str) -> None:
     recording = sp.Recording(TIME, voltage_v=STRANGE[name](VOLTS.copy()))
     assert np.array_equal(recording.voltage_v, VOLTS)
-    law = sp.Law(sp.load("preset:table3-n2"), precision="f64")
+    law = sp.Law(sp.load("preset:table3-n2"), 1000, precision="f64")
     assert np.array_equal(law.at_rest().force(STRANGE[name](METRES.copy())), law.at_rest().force(METRES))
 
 
@@ -224,7 +224,7 @@ def test_refused_arguments(line: str) -> None:
 
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 def test_steps_of_no_number_change_nothing(precision: Any) -> None:
-    law = sp.Law(sp.load("preset:table3-n2"), precision=precision)
+    law = sp.Law(sp.load("preset:table3-n2"), 1000, precision=precision)
     state, other = law.at_rest(), law.at_rest()
     state.displacement(10.0)
     other.displacement(10.0)
@@ -267,7 +267,7 @@ def test_states_come_from_laws() -> None:
     with pytest.raises(TypeError, match="comes from a Law"):
         sp.State()
     with pytest.raises(TypeError):
-        sp.Law("film.toml")  # type: ignore[arg-type]
+        sp.Law("film.toml", 1000)  # type: ignore[arg-type]
 
 
 def same_line(tool: Tool, arguments: Sequence[object], family: type[sp.Error], call: Callable[[], object]) -> None:
