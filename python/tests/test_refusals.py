@@ -200,7 +200,7 @@ LAWS: dict[str, Callable[[], object]] = {
     "model: main springpot: alpha = 1.5 must be within 0 and 1": lambda: sp.Model((60e3, 1.5)),
     "rate_hz: NaN Hz must be finite and greater than 0": lambda: sp.Law(sp.Model((6e4, 0.2)), math.nan),
     'topology: "ring" is not one of parallel, eq11': lambda: sp.Model((6e4, 0.2), topology="ring"),  # type: ignore[arg-type]
-    'precision: "f16" is not one of f32, f64': lambda: sp.Law(sp.Model((6e4, 0.2)), precision="f16"),  # type: ignore[arg-type]
+    'precision: "f16" is not one of f32, f64': lambda: sp.Law(sp.Model((6e4, 0.2)), 1000, precision="f16"),  # type: ignore[arg-type]
     'memory: use compressed, full or window:SECONDS with seconds above 0, such as window:10s': lambda: sp.simulate(
         sp.Model((6e4, 0.2)), sp.Recording(TIME, voltage_v=VOLTS), memory="short"
     ),
