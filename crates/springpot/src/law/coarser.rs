@@ -119,10 +119,9 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             stiffer = stiffer.max(0.5 * (ratio - 1.0));
             frequency_hz *= step;
         }
-        let curve = self.rounded_curve();
         let growth = (1..=STROKES).map(|place| {
             let x = stroke_m * f64::from(place) / f64::from(STROKES);
-            let (stretch, slope) = curve.as_ref().map_or((x, 1.0), |curve| (curve.value(x), curve.slope(x)));
+            let (stretch, slope) = self.curved.as_ref().map_or((x, 1.0), |curved| curved.value_and_slope(x));
             let left = slope - coupling_per_m * stretch / (1.0 + coupling_per_m * x);
             if left > 0.0 { stretch / (x * left) } else { f64::INFINITY }
         });

@@ -191,6 +191,12 @@ impl<T: Scalar> Curved<T> {
         self.table.place(displacement + state.bend.origin, surplus)
     }
 
+    /// T (m) and T' at `displacement` (m) from the curve's origin.
+    pub(super) fn value_and_slope(&self, displacement: f64) -> (f64, f64) {
+        let place = self.table.place(T::from_f64(displacement), T::ZERO);
+        (place.knot.to_f64() + place.beyond.to_f64(), place.slope.to_f64())
+    }
+
     /// The force (N) where T is `off` (m) from its value ahead and the film `increment` (m) from the last step.
     #[inline]
     pub(super) fn force_at<M: Memory<T>>(&self, state: &LawState<T, M>, off: T, increment: T) -> T {
