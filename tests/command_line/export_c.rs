@@ -170,7 +170,7 @@ fn the_arduino_library_compiles() {
          struct Port { void begin(long) {} void println(const char *text); };\nextern Port Serial;\n",
     );
     let sketch = bench.read("vhb/examples/Tracking/Tracking.ino");
-    bench.write("sketch.cpp", &format!("#include <Arduino.h>\n{sketch}"));
+    bench.write("sketch.cpp", format!("#include <Arduino.h>\n{sketch}"));
     bench.write(
         "board.cpp",
         "#include <Arduino.h>\n#include <stdio.h>\nstatic unsigned long now;\nstatic int writes, largest, last;\n\
