@@ -80,9 +80,15 @@ impl Search<'_> {
             let is_first = topology == settings.topologies[0];
             let shared = if is_first { None } else { fits.iter().rfind(|fit| fit.candidate.branches() < 2).cloned() };
             let other = fits.clone();
-            let fit = |branches: usize, smaller: Option<&Found>| {
+            let explored = |branches: usize, smaller: Option<&Found>| {
                 let grown = smaller.map_or_else(Vec::new, |fit| grown(&fit.candidate, topology, context.scales));
                 context.explored(topology, branches, &grown)
+            };
+            // One with many branches alone is found through those with fewer: random starts lead to poor minima.
+            let fit = |branches: usize, smaller: Option<&Found>| {
+                let from = smaller.map_or(1, |fit| fit.candidate.branches() + 1);
+                let fewer = (from..branches).fold(smaller.cloned(), |last, n| explored(n, last.as_ref()).or(last));
+                explored(branches, fewer.as_ref())
             };
             let rival = |fit: &Found| other.iter().find(|o| o.candidate.branches() == fit.candidate.branches());
             let goes_on = |fit: &Found| rival(fit).is_none_or(|other| fit.minimum.cost <= other.minimum.cost);
