@@ -143,7 +143,7 @@ def test_other_programs_read_what_is_written(tool: Tool, tmp_path: Path) -> None
         expected = read_csv(path)
         array = np.genfromtxt(path, delimiter=",", names=True)
         frame = pd.read_csv(path)
-        assert list(array.dtype.names) == list(frame.columns) == list(expected)
+        assert list(array.dtype.names or ()) == list(frame.columns) == list(expected)
         for name, values in expected.items():
             assert np.array_equal(array[name], values, equal_nan=True), (path, name)
             # pandas reads decimals to within a rounding error by default.

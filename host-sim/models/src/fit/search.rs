@@ -13,7 +13,7 @@ use super::pattern_search;
 use super::selection::{LeftOut, Selection, StructureFit, StructureRow, has_one_amplitude, is_near, is_worth_it};
 use super::settings::{CurveChoice, Method, Settings, Stages, topology_name, work};
 use super::starts::{Kind, grown, reach};
-use super::statistics::Whiteness;
+use super::statistics::{Loss, Whiteness, robust_deviation};
 use crate::error::{Error, Result};
 
 /// Nonlinear structures of long recordings that are fitted beyond their beginning.
@@ -130,7 +130,14 @@ impl Search<'_> {
     fn is_white(&self, found: &Found) -> bool {
         let objective = self.context.coarse;
         let residuals = objective.evaluate(&found.candidate).map(|evaluation| objective.residuals(&evaluation));
-        residuals.is_none_or(|residuals| Whiteness::new(objective.values(), &residuals).white)
+        residuals.is_none_or(|mut residuals| {
+            if self.context.loss == Loss::Huber {
+                // Drop-outs are white, and hide what is not.
+                let most = 3.0 * robust_deviation(&residuals);
+                residuals.iter_mut().for_each(|residual| *residual = residual.clamp(-most, most));
+            }
+            Whiteness::new(objective.values(), &residuals).white
+        })
     }
 
     /// Fits of every kind of nonlinearity that may be selected instead of `linear` ones.
