@@ -1,0 +1,196 @@
+//! Causes in the voltage: what is on the film is not what was recorded.
+
+use rayon::prelude::*;
+
+use super::{Cause, Change, State};
+
+/// Voltages with one parameter: its grid, the voltage on the film, the finding, and the advice.
+type Family<'a> =
+    (&'a [f64], &'a (dyn Fn(f64, &[f64], &[f64]) -> Vec<f64> + Sync), &'a (dyn Fn(f64) -> String + Sync), &'static str);
+
+impl State {
+    /// Voltages on the film that are not the recorded ones.
+    pub(super) fn of_voltage(&self) -> Vec<Cause> {
+        const MONITOR: &str = "record the amplifier's monitor, not the command";
+        const ZERO: &str = "check the zero of the monitor and the amplifier's smallest voltage";
+        const CLOCK: &str = "record both with one clock and without filters";
+        let courses = &self.blocks.courses;
+        if !courses.iter().all(|course| course.is_voltage) {
+            return Vec::new();
+        }
+        let slopes = courses.iter().zip(&self.drives).flat_map(|(course, volts)| {
+            course.time_s.windows(2).zip(volts.windows(2)).map(|(t, v)| (v[1] - v[0]).abs() / (t[1] - t[0]))
+        });
+        let steepest = percentile(slopes.collect(), 0.995);
+        let has_both = self.drives.iter().flatten().any(|volts| *volts < -0.05);
+        let percent = |share: f64| format!("{:.0} %", 100.0 * share.abs());
+        let families: [Family<'_>; 9] = [
+            (
+                &[0.05, 0.1, 0.2, 0.4, 0.8],
+                &|lag_s, time_s, volts| lagged(time_s, volts, lag_s, lag_s),
+                &|lag_s| {
+                    format!(
+                        "the voltage on the film lags the recorded one by about {:.0} ms: an amplifier behind its command",
+                        1e3 * lag_s
+                    )
+                },
+                MONITOR,
+            ),
+            (
+                &[0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2],
+                &|lag_s, time_s, volts| lagged(time_s, volts, 0.0, lag_s),
+                &|lag_s| {
+                    format!(
+                        "the voltage on the film lags the recorded one by about {:.0} ms as it falls: an amplifier without a bleeder",
+                        1e3 * lag_s
+                    )
+                },
+                MONITOR,
+            ),
+            (
+                &[-0.05, -0.1, -0.2, -0.4, -0.8],
+                &shifted,
+                &|s| {
+                    format!(
+                        "the voltage lags the stroke by about {:.0} ms: a slow monitor, or clocks that differ",
+                        -1e3 * s
+                    )
+                },
+                CLOCK,
+            ),
+            (
+                &[0.9, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02],
+                &|share, time_s, volts| limited(time_s, volts, share * steepest),
+                &|share| {
+                    format!(
+                        "the voltage on the film changes by at most {} of the recorded slope: an amplifier at its current limit",
+                        percent(share)
+                    )
+                },
+                MONITOR,
+            ),
+            (
+                &[0.95, 0.85, 0.75, 0.65, 0.55, 0.4],
+                &|share, _, volts| volts.iter().map(|v| v.clamp(-share, share)).collect(),
+                &|share| {
+                    format!(
+                        "the voltage on the film ends at about {} of the largest recorded: an amplifier at the end of its range",
+                        percent(share)
+                    )
+                },
+                MONITOR,
+            ),
+            (
+                &[0.03, 0.1, 0.2, 0.3, 0.4],
+                &|share, _, volts| volts.iter().map(|v| v.signum() * (v.abs() - share).max(0.0)).collect(),
+                &|share| {
+                    format!(
+                        "the film does not follow voltages below about {} of the largest: a dead band of the amplifier",
+                        percent(share)
+                    )
+                },
+                ZERO,
+            ),
+            (
+                &[-0.2, -0.1, -0.04, 0.04, 0.1, 0.2],
+                &|share, _, volts| volts.iter().map(|v| v + share).collect(),
+                &|share| {
+                    format!(
+                        "the voltage on the film differs from the recorded one by about {} of the largest: a wrong zero of the monitor",
+                        percent(share)
+                    )
+                },
+                ZERO,
+            ),
+            (
+                &[0.005],
+                &smoothed,
+                &|_| "the voltage is recorded in steps that the film does not follow".into(),
+                "record the voltage as finely as the stroke",
+            ),
+            (
+                &[0.0],
+                &|_, _, volts| volts.iter().map(|v| if has_both { v.max(0.0) } else { *v }).collect(),
+                &|_| "the film follows one polarity only: an amplifier of one polarity".into(),
+                MONITOR,
+            ),
+        ];
+        let best = |(grid, drive, finding, advice): &Family<'_>| {
+            let change = |p: f64| {
+                let drives = courses.iter().zip(&self.drives).map(|(course, volts)| drive(p, &course.time_s, volts));
+                Change::Drives(drives.collect())
+            };
+            let square = |p: f64| self.square(&change(p));
+            let least =
+                |grid: &[f64]| grid.iter().map(|&p| (square(p), p)).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, p)| p);
+            let mut p = least(grid)?;
+            if grid.len() > 1 {
+                // Between the neighbours on the grid, which are about a third away.
+                for reach in [0.24, 0.08] {
+                    p = least(&[p * (1.0 - reach), p, p * (1.0 + reach)])?;
+                }
+            }
+            Some(Cause { finding: finding(p), advice, recording: None, change: change(p) })
+        };
+        families.par_iter().filter_map(best).collect()
+    }
+}
+
+fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * share) as usize]
+}
+
+/// `volts` later by `shift_s`.
+pub(super) fn shifted(shift_s: f64, time_s: &[f64], volts: &[f64]) -> Vec<f64> {
+    let at = |t: f64| {
+        let k = time_s.partition_point(|time| *time <= t).clamp(1, time_s.len() - 1);
+        let share = ((t - time_s[k - 1]) / (time_s[k] - time_s[k - 1])).clamp(0.0, 1.0);
+        volts[k - 1] + share * (volts[k] - volts[k - 1])
+    };
+    time_s.iter().map(|t| at(t - shift_s)).collect()
+}
+
+/// `volts` in straight lines between the middles of the steps in which they stay within `band`.
+fn smoothed(band: f64, time_s: &[f64], volts: &[f64]) -> Vec<f64> {
+    let mut from = 0;
+    let mut corners = vec![(time_s[0], volts[0])];
+    for k in 1..=volts.len() {
+        if k == volts.len() || (volts[k] - volts[from]).abs() > band {
+            corners.push((0.5 * (time_s[from] + time_s[k - 1]), volts[from]));
+            from = k;
+        }
+    }
+    corners.push((time_s[time_s.len() - 1], volts[volts.len() - 1]));
+    corners.dedup_by(|a, b| a.0 <= b.0);
+    let (times, values): (Vec<f64>, Vec<f64>) = corners.into_iter().unzip();
+    let at = |t: &f64| {
+        let k = times.partition_point(|time| time <= t).clamp(1, times.len() - 1);
+        let share = ((t - times[k - 1]) / (times[k] - times[k - 1])).clamp(0.0, 1.0);
+        values[k - 1] + share * (values[k] - values[k - 1])
+    };
+    time_s.iter().map(at).collect()
+}
+
+/// `volts` behind an amplifier with these time constants.
+fn lagged(time_s: &[f64], volts: &[f64], rise_s: f64, fall_s: f64) -> Vec<f64> {
+    let mut value = volts[0];
+    let mut follow = |k: usize| {
+        let step_s = if k == 0 { 0.0 } else { time_s[k] - time_s[k - 1] };
+        let lag_s = if volts[k] > value { rise_s } else { fall_s };
+        value += (volts[k] - value) * (1.0 - (-step_s / lag_s.max(1e-9)).exp());
+        value
+    };
+    (0..volts.len()).map(&mut follow).collect()
+}
+
+/// `volts` that change by at most `slew` a second.
+fn limited(time_s: &[f64], volts: &[f64], slew: f64) -> Vec<f64> {
+    let mut value = volts[0];
+    let mut follow = |k: usize| {
+        let most = if k == 0 { 0.0 } else { slew * (time_s[k] - time_s[k - 1]) };
+        value += (volts[k] - value).clamp(-most, most);
+        value
+    };
+    (0..volts.len()).map(&mut follow).collect()
+}
