@@ -1,6 +1,9 @@
 //! Learning of periodic references: the negative of the error that remains in every cycle is added to the reference.
 
 mod numbers;
+mod options;
+
+pub use options::LearningOptions;
 
 use core::f64::consts::TAU;
 
@@ -11,55 +14,9 @@ use crate::control::harmonic::{HARMONICS, Harmonic, Kind, Pair};
 use crate::control::limits::Limited;
 use crate::control::observer::SensorSample;
 use crate::control::path::is_finite;
-use crate::error::{ControlError, first_not_positive};
+use crate::error::ControlError;
 use crate::law::{Law, Memory};
 use crate::scalar::Real;
-
-/// How a [`Learning`] learns. Times in s.
-///
-/// ```
-/// use springpot::{Actuator, ControlError, Law, Learning, LearningOptions, LawOptions, Preset};
-///
-/// # fn main() -> Result<(), Box<dyn core::error::Error>> {
-/// let model = Preset::TABLE3_N2.model()?;
-/// let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3))?;
-/// let wings = LearningOptions { period_s: Some(0.2), harmonics: 3, ..LearningOptions::BENCH };
-/// let learning = Learning::new(&law, &Actuator::KARNER_2022, 6000.0, wings)?;
-/// assert_eq!(learning.state(0.0).period_ticks().map(|ticks| ticks.round()), Some(200.0));
-///
-/// let wrong = LearningOptions { period_s: Some(-1.0), ..wings };
-/// let refused = Learning::new(&law, &Actuator::KARNER_2022, 6000.0, wrong);
-/// assert_eq!(refused, Err(ControlError::NotPositive { quantity: "period_s", value: -1.0 }));
-/// # Ok(())
-/// # }
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-#[cfg_attr(feature = "serde", serde(deny_unknown_fields))]
-pub struct LearningOptions {
-    /// How many harmonics are learned, beside the mean: 1 to [`HARMONICS`].
-    pub harmonics: usize,
-    /// Period of the reference. `None`: taken from the reference, which takes three or four of its cycles, and needs one that crosses
-    /// its middle upwards once in a cycle.
-    pub period_s: Option<f64>,
-    /// Time from one sample of the sensor to the next.
-    pub sample_interval_s: f64,
-}
-
-impl LearningOptions {
-    /// All harmonics, a period that is taken from the reference, and a sensor of 100 Hz.
-    pub const BENCH: Self = Self { harmonics: HARMONICS, period_s: None, sample_interval_s: 0.01 };
-
-    fn check(&self) -> Result<(), ControlError> {
-        if !(1..=HARMONICS).contains(&self.harmonics) {
-            return Err(ControlError::Harmonics { harmonics: self.harmonics });
-        }
-        let values = [("period_s", self.period_s.unwrap_or(1.0)), ("sample_interval_s", self.sample_interval_s)];
-        let wrong = first_not_positive(&values);
-        wrong.map_or(Ok(()), |(quantity, value)| Err(ControlError::NotPositive { quantity, value }))
-    }
-}
 
 /// Learns the error that a film leaves of a periodic reference, and adds its negative to the reference.
 ///

@@ -15,6 +15,7 @@ mod mat;
 mod names;
 mod numbers;
 mod rows;
+mod separator;
 mod shape;
 mod source;
 mod text;

@@ -1,0 +1,81 @@
+//! Separators of cells.
+
+/// Separator of the cells of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Separator {
+    /// Tab stops.
+    Tab,
+    /// Semicolons.
+    Semicolon,
+    /// Commas.
+    Comma,
+    /// Blanks, any number of them.
+    Blanks,
+}
+
+impl Separator {
+    /// In their order; blanks occur beside other separators as well.
+    pub(super) const ALL: [Self; 4] = [Self::Tab, Self::Semicolon, Self::Comma, Self::Blanks];
+
+    /// For a sentence: separated by …
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Tab => "tabs",
+            Self::Semicolon => "semicolons",
+            Self::Comma => "commas",
+            Self::Blanks => "blanks",
+        }
+    }
+
+    pub(super) fn sign(self) -> &'static str {
+        match self {
+            Self::Tab => "\t",
+            Self::Semicolon => ";",
+            Self::Comma => ",",
+            Self::Blanks => " ",
+        }
+    }
+
+    fn is(self, c: char) -> bool {
+        match self {
+            Self::Tab => c == '\t',
+            Self::Semicolon => c == ';',
+            Self::Comma => c == ',',
+            Self::Blanks => c == ' ' || c == '\t',
+        }
+    }
+
+    /// The cells of `line`, without the quotes around them.
+    pub fn split(self, line: &str) -> Vec<&str> {
+        self.cells(line).0
+    }
+
+    /// The cells of `line`, and whether the last has a quote that is not closed. A quote inside a cell is a letter; one that begins a
+    /// cell holds separators in it.
+    pub(super) fn cells(self, line: &str) -> (Vec<&str>, bool) {
+        let mut cells = Vec::new();
+        let line = if self == Self::Blanks { line.trim() } else { line };
+        let (mut start, mut quoted) = (0, false);
+        for (at, c) in line.char_indices() {
+            if c == '"' {
+                // Two quotes in a quoted cell are a letter: the second opens it again.
+                let opens = line[start..at].trim_start();
+                quoted = !quoted && (opens.is_empty() || opens.ends_with('"'));
+            } else if !quoted && self.is(c) {
+                cells.push(bare(&line[start..at]));
+                start = at + c.len_utf8();
+            }
+        }
+        cells.push(bare(&line[start..]));
+        if self == Self::Blanks {
+            cells.retain(|cell| !cell.is_empty());
+        }
+        (cells, quoted)
+    }
+}
+
+/// `cell` without blanks and quotes around it.
+pub(super) fn bare(cell: &str) -> &str {
+    let cell = cell.trim();
+    cell.strip_prefix('"').and_then(|cell| cell.strip_suffix('"')).map_or(cell, str::trim)
+}
