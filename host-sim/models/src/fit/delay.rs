@@ -5,15 +5,12 @@
 //! fitted only where it explains what no film does, one with such a branch included.
 
 use num_complex::Complex;
-use springpot::{Actuator, Springpot, Topology};
+use springpot::{Springpot, Topology};
 
 use super::candidate::{Candidate, Variable};
-use super::descent::{Context, Found, PreparedObservations};
+use super::descent::{Context, Found};
 use super::objective::Objective;
-use super::observation::Observation;
-use super::settings::Settings;
 use super::statistics::Whiteness;
-use crate::error::Result;
 use crate::least_squares::StoppingCriteria;
 
 /// Share of a cost to which a delay must bring it: what a model does not follow of a film, a delay may make a quarter smaller.
@@ -34,18 +31,6 @@ const SIGNIFICANT: f64 = 10.83;
 /// recordings as well.
 pub(super) fn suspected(context: &Context<'_>, found: &Found) -> Option<f64> {
     of_structure(context, found).or_else(|| of_small_structure(context))
-}
-
-/// The delay (s) of the sensor of `observations` of a film with this `actuator`, if they show one.
-///
-/// # Errors
-///
-/// As [`super::objective::Objective::new`].
-pub fn estimated(observations: &[Observation], actuator: Actuator) -> Result<Option<f64>> {
-    let prepared = PreparedObservations::new(observations, &actuator)?;
-    let settings = Settings { actuator, starts: 4, ..Settings::default() };
-    let never = std::sync::atomic::AtomicBool::new(false);
-    Ok(of_small_structure(&prepared.context(&settings, &never)))
 }
 
 /// Whether `late`, which has a delay, is so much better than `found` that the delay is kept.

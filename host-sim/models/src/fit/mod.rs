@@ -37,7 +37,6 @@ use crate::progress::Stage;
 use crate::replay::expectation::Recorded;
 use candidate::Candidate;
 use checks::Misfit;
-pub use delay::estimated as estimated_delay_s;
 use descent::{Context, Found, PreparedObservations};
 use host_io::choice::Choice;
 use observation::Observation;

@@ -169,20 +169,12 @@ fn feedforward_pct(fit: &Fit) -> f64 {
 fn however_late_the_sensor_is() {
     let prompt = fitted(&recordings(&rows(0)), &options());
     assert_eq!(prompt.candidate.delay_s, 0.0);
-    let estimated = |recordings: &[Recording]| {
-        let observed = options().observations(&recordings.iter().collect::<Vec<_>>()).expect("usable");
-        let observations: Vec<_> = observed.into_iter().map(|(observation, _)| observation).collect();
-        fit::estimated_delay_s(&observations, ACTUATOR).expect("an estimate")
-    };
-    assert_eq!(estimated(&recordings(&rows(0))), None);
     for late_ms in [60, 100] {
         let late = recordings(&rows(late_ms));
         let delay_s = 1e-3 * late_ms as f64;
-        let quick_s = estimated(&late).expect("it is late");
         let fit = fitted(&late, &options());
         let [straight, lagged] = [&prompt, &fit].map(feedforward_pct);
-        println!("{late_ms} ms: {quick_s}, {:?}, feedforward {straight:.3} and {lagged:.3} %", fit.candidate);
-        assert!((quick_s - delay_s).abs() < 0.2 * delay_s, "{quick_s}");
+        println!("{late_ms} ms: {:?}, feedforward {straight:.3} and {lagged:.3} %", fit.candidate);
         let uncertainty = fit.uncertainty.as_ref().expect("computed");
         let estimate = uncertainty.estimates.iter().find(|e| e.name == "delay_s").expect("estimated");
         // The model's own steps of 10 ms are some tenths of a millisecond off.
