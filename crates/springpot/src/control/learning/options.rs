@@ -3,7 +3,7 @@
 use crate::control::harmonic::HARMONICS;
 use crate::error::{ControlError, first_not_positive};
 
-/// How a [`Learning`] learns. Times in s.
+/// How a [`Learning`](crate::Learning) learns. Times in s.
 ///
 /// ```
 /// use springpot::{Actuator, ControlError, Law, Learning, LearningOptions, LawOptions, Preset};
