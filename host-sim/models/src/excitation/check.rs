@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::drive::{DriveFacts, HOLD_S, distinct};
 use super::explained::Course;
 use super::faults;
+pub use super::finding::{Finding, Severity};
 use super::rows;
 use crate::error::shown;
 use crate::files::recording::{Direction, Input, Recording};
@@ -45,30 +46,6 @@ pub struct Facts {
     pub outliers: usize,
     /// Rows without a reading.
     pub empty: usize,
-}
-
-/// Something that is wrong with recordings.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Finding {
-    /// How bad it is.
-    pub severity: Severity,
-    /// The file; none where it is about all of them.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub file: Option<String>,
-    /// The problem.
-    pub finding: String,
-    /// The action, or the recording to make instead; empty where the finding says it.
-    pub advice: String,
-}
-
-/// How bad a finding is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Severity {
-    /// A film is not identified.
-    Prevents,
-    /// It is, with more error or wider intervals.
-    Weakens,
 }
 
 /// Rest that a film needs before a recording, in words.

@@ -2,7 +2,7 @@
 
 use host_fft::Planner;
 
-use super::check::Severity;
+use super::finding::Severity;
 use crate::fit::statistics::{median, range, robust_deviation};
 use crate::grid::{Grid, Samples};
 
