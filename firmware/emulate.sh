@@ -1,8 +1,8 @@
 #!/bin/sh
 # Runs an image in QEMU, its log decoded: cargo run --release, and cargo xtask board. Ctrl-C ends it. The link is on TCP port 4050, or on
-# LINK_PORT: host-sim link --port tcp:127.0.0.1:4050 status
+# LINK_PORT: springpot link --port tcp:127.0.0.1:4050 status
 #
-# qemu.args holds what host-sim passes as well. "-icount shift=0" lets a nanosecond pass on the chip per instruction: a tick
+# qemu.args holds what springpot passes as well. "-icount shift=0" lets a nanosecond pass on the chip per instruction: a tick
 # takes the same time on a busy machine. USART1 is not connected, USART2 is the link.
 set -eu
 for tool in qemu-system-arm defmt-print; do

@@ -5,7 +5,7 @@ function rows = springpot_recording(file)
 %   NaN where nothing was measured.
 %
 %   The file has a header line with time_s (or time_ms), voltage_v (or voltage_kv) or force_n, and displacement_m (or _mm, _um), separated
-%   by commas; lines that begin with # are comments. "host-sim import" makes such a file of others. What cannot be used is an error
+%   by commas; lines that begin with # are comments. "springpot import" makes such a file of others. What cannot be used is an error
 %   'springpot:replay' that names file and line.
 
   file = char(file);

@@ -2,7 +2,7 @@ function result = springpot_replay(parameters, recording, varargin)
 %SPRINGPOT_REPLAY  A film's law along a recording, beside what was measured.
 %
 %   springpot_replay('film.json', 'film-7s.csv') steps the law of film.json along the voltage of a recording, prints R2 (Eq. 14),
-%   NRMSE (% of peak to peak) and RMSE, and plots measured against modelled displacement. "host-sim export --params film.toml --emit
+%   NRMSE (% of peak to peak) and RMSE, and plots measured against modelled displacement. "springpot export --params film.toml --emit
 %   sfunction --out film.c" writes film.json, film_mex.c and film.c.
 %
 %   result = springpot_replay(...) returns time_s, voltage_v (or force_n), displacement_m of the model, one row a step; measured_s,

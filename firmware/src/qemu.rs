@@ -1,4 +1,4 @@
-//! The firmware in QEMU, as a board that nothing is connected to. `host-sim pil` starts it.
+//! The firmware in QEMU, as a board that nothing is connected to. `springpot pil` starts it.
 #![no_std]
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! The library behind the `host-sim` commands.
+//! The library behind the `springpot` commands.
 //!
 //! | room | what it does |
 //! | --- | --- |
@@ -15,7 +15,25 @@
 pub mod commands;
 pub mod report;
 
+use std::process::ExitCode;
+
+use commands::{Verdict, with_flags};
+
 pub use host_io::{Error, Result, choice, error, files, grid, interrupt, link, progress, quantity, terminal};
 pub use host_models::{
     agreement, amplifier, compression, cost, excitation, fit, reduce, references, replay, simulation, spectrum, studies,
 };
+
+/// The program: runs its command line, and reports an error as one line.
+pub fn main() -> ExitCode {
+    match (commands::run(std::env::args_os()), interrupt::came()) {
+        // The best so far is written, but scripts should know.
+        (Ok(_), Some(status)) => ExitCode::from(status),
+        (Ok(Verdict::Yes), None) => ExitCode::SUCCESS,
+        (Ok(Verdict::No), None) => ExitCode::from(1),
+        (Err(error), _) => {
+            terminal::error(with_flags(&error.to_string()));
+            ExitCode::from(2)
+        }
+    }
+}

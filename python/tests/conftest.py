@@ -40,7 +40,7 @@ class Tool:
         done = self.run(*arguments, "--quiet")
         assert done.returncode == 2, done.stdout
         [line] = done.stderr.strip().splitlines()
-        return line.removeprefix("host-sim: ").removeprefix("error: ")
+        return line.removeprefix("springpot: ").removeprefix("error: ")
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ use crate::TOOL;
 #[test]
 fn commands_print_what_is_written() {
     trycmd::TestCases::new()
-        .register_bin("host-sim", Path::new(TOOL.0))
+        .register_bin("springpot", Path::new(TOOL.0))
         .register_bin("cmp", Path::new("/usr/bin/cmp"))
         .register_bin("ls", Path::new("/bin/ls"))
         .register_bin("sh", Path::new("/bin/sh"))

@@ -155,5 +155,5 @@ fn the_blob_of_the_example_for_other_boards_is_that_of_its_film() {
     fs::copy(format!("{folder}/film.toml"), bench.path("film.toml")).expect("copied");
     let committed = fs::read(format!("{folder}/film.bin")).expect("committed");
     let made = exported(&bench, "film.toml", "1000");
-    assert!(made == committed, "make film.bin again: host-sim export --params film.toml --out film.bin in {folder}");
+    assert!(made == committed, "make film.bin again: springpot export --params film.toml --out film.bin in {folder}");
 }

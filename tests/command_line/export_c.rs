@@ -36,7 +36,7 @@ fn the_program_of_the_page_runs() {
     let [export, compile, program] = commands.lines().collect::<Vec<_>>()[..] else {
         panic!("three commands: {commands}")
     };
-    bench.prints(export.strip_prefix("host-sim ").expect("an export"));
+    bench.prints(export.strip_prefix("springpot ").expect("an export"));
     assert!(bench.path("springpot.h").is_file());
     bench.write("main.c", blocks(&page, "```c\n").concat());
     ran(&bench, &format!("{compile} -Wconversion -Werror"));

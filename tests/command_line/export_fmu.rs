@@ -226,7 +226,7 @@ fn simulated(bench: &Bench, recording: &Path) -> Vec<[f64; 4]> {
     rows(&bench.read("response.csv")).into_iter().map(|row| row.try_into().expect("four columns")).collect()
 }
 
-/// The film: the numbers of `host-sim simulate` along three recordings of 155 s, every bit, in both versions.
+/// The film: the numbers of `springpot simulate` along three recordings of 155 s, every bit, in both versions.
 #[test]
 #[ignore = "needs FMPy: cargo xtask faces fmu"]
 fn a_plant_has_the_bits_of_simulate() {

@@ -8,7 +8,7 @@ use tests::tool::{Bench, names, rows};
 
 use crate::TOOL;
 
-/// All commands that can be called, with their names below `host-sim`.
+/// All commands that can be called, with their names below `springpot`.
 fn commands(command: &Command, above: &[String], all: &mut Vec<(Vec<String>, Command)>) {
     for below in command.get_subcommands() {
         let names: Vec<String> = above.iter().cloned().chain([below.get_name().to_owned()]).collect();
@@ -20,7 +20,7 @@ fn commands(command: &Command, above: &[String], all: &mut Vec<(Vec<String>, Com
 /// The examples at the end of a command's help, word by word.
 fn examples(command: &Command) -> Vec<Vec<String>> {
     let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
-    let calls = help.lines().filter_map(|line| line.strip_prefix("    host-sim "));
+    let calls = help.lines().filter_map(|line| line.strip_prefix("    springpot "));
     calls.map(|call| call.split(' ').map(str::to_owned).collect()).collect()
 }
 
@@ -35,7 +35,7 @@ fn examples_in_the_help_are_understood() {
         let calls = examples(command);
         assert!(!calls.is_empty(), "no example in the help of {names:?}");
         for call in calls {
-            let words = ["host-sim".to_owned()].into_iter().chain(call.iter().cloned());
+            let words = ["springpot".to_owned()].into_iter().chain(call.iter().cloned());
             let parsed = root.clone().try_get_matches_from(words);
             assert!(parsed.is_ok(), "{call:?}: {}", parsed.expect_err("refused"));
             assert!(names.iter().all(|name| call.contains(name)), "{call:?} at {names:?}");
@@ -44,7 +44,7 @@ fn examples_in_the_help_are_understood() {
     }
     // They are in what a person reads.
     let help = TOOL.with(&["replay", "--help"]).assert().success().get_output().stdout.clone();
-    names(&String::from_utf8(help).expect("UTF-8"), &["Examples:", "host-sim replay --params film.toml rec-5s.csv"]);
+    names(&String::from_utf8(help).expect("UTF-8"), &["Examples:", "springpot replay --params film.toml rec-5s.csv"]);
 }
 
 /// The files that the examples read.
@@ -93,14 +93,14 @@ fn examples_run() {
 #[test]
 fn completions_and_man_pages() {
     let bench = Bench::new(TOOL);
-    for (shell, word) in [("bash", "complete -F"), ("zsh", "#compdef"), ("fish", "complete -c host-sim")] {
+    for (shell, word) in [("bash", "complete -F"), ("zsh", "#compdef"), ("fish", "complete -c springpot")] {
         names(&bench.prints(&format!("completions {shell}")), &[word, "closed-loop", "max-voltage"]);
     }
     names(bench.json("completions bash")["script"].as_str().expect("a script"), &["complete -F"]);
-    names(&bench.prints("man"), &[".TH host-sim 1", "feedforward"]);
+    names(&bench.prints("man"), &[".TH springpot 1", "feedforward"]);
     assert!(rows(&bench.json("man --out share/man1")["files"]).len() > 30);
-    let words = ["host\\-sim\\-link\\-play", "carry\\-over", "Examples:"];
-    names(&bench.read("share/man1/host-sim-link-play.1"), &words);
+    let words = ["springpot\\-link\\-play", "carry\\-over", "Examples:"];
+    names(&bench.read("share/man1/springpot-link-play.1"), &words);
     for line in ["--help", "--version"] {
         let output = bench.run(line);
         assert!(output.status.success() && !output.stdout.is_empty() && output.stderr.is_empty(), "{line}");

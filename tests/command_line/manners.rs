@@ -132,7 +132,7 @@ fn long_work_reports_how_far_it_is() {
     assert!(lines.is_sorted_by_key(|line| share(line)) && lines.iter().all(|line| share(line) <= 100), "{messages}");
     assert!(often(&format!("{line} --quiet")).stderr.is_empty());
     let verbose = bench.run("-v fit --branches 0 --out film.toml wang-5s.csv");
-    names(&utf8(&verbose.stderr), &["host-sim: ", "with n = 0"]);
+    names(&utf8(&verbose.stderr), &["springpot: ", "with n = 0"]);
 }
 
 /// `replay` runs a model as the controller does. As `fit` runs it, it gives the errors of the fit.

@@ -175,7 +175,7 @@ fn results_that_cannot_be_printed_are_an_error() {
         command.args(["replay", "--params", "preset:table3-n2"]).arg(&recording).args(more).stdout(full);
         let output = command.output().expect("runs");
         assert_eq!(output.status.code(), Some(2));
-        assert!(String::from_utf8_lossy(&output.stderr).starts_with("host-sim: standard output: "));
+        assert!(String::from_utf8_lossy(&output.stderr).starts_with("springpot: standard output: "));
     }
 }
 
@@ -192,6 +192,7 @@ fn recordings_are_reproducible() {
     let bench = Bench::new(TOOL);
     for path in ["hossain", "wang"].into_iter().flat_map(recordings) {
         let committed = fs::read_to_string(&path).expect("committed");
+        // They were recorded under the former name of the tool.
         let command = committed.lines().nth(1).and_then(|line| line.strip_prefix("# host-sim ")).expect("the command");
         let (command, _) = command.split_once(" --out").unwrap_or((command, ""));
         bench.prints(&format!("{command} --out again.csv"));

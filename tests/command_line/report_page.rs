@@ -97,7 +97,7 @@ fn a_page_of_a_fit_holds_the_numbers_of_json_and_every_part() {
         "thickness",
         "SHA-256",
         "UTC",
-        "host-sim fit",
+        "springpot fit",
         "Bounds of what the compressed memory changes",
         "Cost on a Cortex-M4F",
     ];

@@ -17,7 +17,7 @@ fn ten_minutes_go_as_written() {
     let shown = shown(&page);
     assert!(shown.len() >= 9, "{} commands", shown.len());
     for Shown { command, answer } in &shown {
-        let line = match command.strip_prefix("host-sim ") {
+        let line = match command.strip_prefix("springpot ") {
             Some(arguments) => format!("'{}' {arguments}", TOOL.0),
             None => command.clone(),
         };

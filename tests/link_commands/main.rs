@@ -1,4 +1,4 @@
-//! `host-sim link` against a board that runs in this process.
+//! `springpot link` against a board that runs in this process.
 
 mod playing;
 mod self_test;

@@ -1,4 +1,4 @@
-//! `host-sim link play` on a board that is slow, and on one that is left with Ctrl-C.
+//! `springpot link play` on a board that is slow, and on one that is left with Ctrl-C.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStderr};

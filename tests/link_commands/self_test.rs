@@ -1,4 +1,4 @@
-//! `host-sim link self-test` on a board that runs in this process: sound, and with what newcomers meet.
+//! `springpot link self-test` on a board that runs in this process: sound, and with what newcomers meet.
 
 use std::io::{BufRead, BufReader};
 use std::process::Child;

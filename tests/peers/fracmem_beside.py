@@ -1,4 +1,4 @@
-"""fracmem beside host-sim: the force of a springpot along 155 s at 1 kHz, with equal numbers of head samples and modes.
+"""fracmem beside springpot: the force of a springpot along 155 s at 1 kHz, with equal numbers of head samples and modes.
 
     python3 -m venv /tmp/peers && /tmp/peers/bin/pip install -r tests/peers/requirements.txt
     cargo build --release -p host-sim
@@ -7,7 +7,7 @@
 F = c D^0.2 x along x = 1.25 mm (1 - cos 2 pi t / 7), Gruenwald-Letnikov, from rest. The reference is the whole sum by a Fourier
 transform in f64, computed here. The error is the RMS of the difference over the standard deviation of the reference. fracmem keeps a
 head of L samples of x and p exponentials whose weights come from its construction alone or, as it recommends, from training signals;
-host-sim keeps increments of x. Time is not compared: fracmem runs in numpy here, and the C that it exports has at most 32 modes.
+springpot keeps increments of x. Time is not compared: fracmem runs in numpy here, and the C that it exports has at most 32 modes.
 """
 
 import csv

@@ -154,7 +154,7 @@ pub fn failed(mut command: Command) -> String {
     let output = command.assert().code(2).get_output().clone();
     let line = String::from_utf8(output.stderr).expect("UTF-8");
     assert_eq!(line.lines().count(), 1, "{line}");
-    assert!(line.starts_with("host-sim: ") && line.len() < 600, "{line}");
+    assert!(line.starts_with("springpot: ") && line.len() < 600, "{line}");
     assert!(output.stdout.is_empty());
     println!("{}", line.trim_end());
     line

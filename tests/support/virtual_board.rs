@@ -98,7 +98,7 @@ impl VirtualBoard {
         })
     }
 
-    /// The same at a pseudo-terminal, which host-sim opens as any serial port.
+    /// The same at a pseudo-terminal, which springpot opens as any serial port.
     #[cfg(target_os = "linux")]
     pub fn at_a_serial_port(scene: Scene) -> Self {
         let (mut near, far) = SerialPort::pair().expect("a pseudo-terminal");
@@ -107,7 +107,7 @@ impl VirtualBoard {
         let port = std::fs::read_link(link).expect("a path").to_string_lossy().into_owned();
         let mut near = Some(near);
         Self::at(port, scene, move || {
-            // As long as this end is open, the port does not hang up when host-sim closes it.
+            // As long as this end is open, the port does not hang up when springpot closes it.
             let _ = &far;
             near.take().map(|line| Box::new(line) as Box<dyn Line>)
         })

@@ -1,4 +1,4 @@
-//! The virtual board: the firmware in QEMU with a simulated film, at a port that host-sim talks to.
+//! The virtual board: the firmware in QEMU with a simulated film, at a port that springpot talks to.
 
 use std::io::{BufRead, BufReader};
 use std::net::TcpListener;

@@ -8,7 +8,7 @@
 //! - a division of integers takes 7 cycles (2 to 12);
 //! - a result of the floating-point unit that the next instruction of that unit uses costs one cycle more (section 7.2.3).
 //!
-//! This is an estimate: on a board, `host-sim pil --port` counts.
+//! This is an estimate: on a board, `springpot pil --port` counts.
 
 use std::collections::HashMap;
 use std::process::Command;

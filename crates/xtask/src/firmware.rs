@@ -17,7 +17,7 @@ const BOARD: Image = Image { program: "firmware", what: "a board", options: "--n
 const QEMU: Image = Image { program: "qemu", what: "QEMU", options: "" };
 const VIRTUAL_BOARD: Image = Image { program: "virtual-board", what: "the virtual board", options: "" };
 
-/// Builds the image that runs in QEMU: what `host-sim pil` starts.
+/// Builds the image that runs in QEMU: what `springpot pil` starts.
 pub fn image(toolchain: &Toolchain) -> Result<()> {
     build(toolchain, &QEMU).map(drop)
 }

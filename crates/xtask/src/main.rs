@@ -47,11 +47,11 @@ enum Chore {
     Setup,
     /// Run the images in QEMU: the host's bits, and the instruction counts that docs/results.md states.
     Embedded,
-    /// Build the firmware for QEMU, as host-sim pil starts it.
+    /// Build the firmware for QEMU, as springpot pil starts it.
     Image,
     /// Build the firmware for QEMU and for a board, and run it in QEMU: the host's bits, and how faults end.
     Firmware,
-    /// Start the virtual board: the firmware in QEMU with a simulated film, for host-sim link. Installs what is missing.
+    /// Start the virtual board: the firmware in QEMU with a simulated film, for springpot link. Installs what is missing.
     Board {
         /// TCP port of its link; 4050 by default, or another one if that is taken.
         #[arg(long, value_name = "PORT")]

@@ -13,7 +13,7 @@
  * WHAT IT IS
  *
  * The steps of the Rust crate springpot in single precision: the same operations in the same order, so the same bits. This file is
- * the same for every film. The numbers of a film are in their own file, which `host-sim export --emit c` writes beside it.
+ * the same for every film. The numbers of a film are in their own file, which `springpot export --emit c` writes beside it.
  *
  *   springpot_displacement, springpot_force        the law of a film, force to displacement and displacement to force
  *   springpot_feedforward_*                        a voltage for a reference, without a sensor

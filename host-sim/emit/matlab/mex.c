@@ -1,5 +1,5 @@
 /*
- * The film @SYMBOL@ as a function for MATLAB and Octave, by host-sim @VERSION@.
+ * The film @SYMBOL@ as a function for MATLAB and Octave, by springpot @VERSION@.
  *
  * SPDX-License-Identifier: 0BSD
  *

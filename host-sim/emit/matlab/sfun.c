@@ -1,5 +1,5 @@
 /*
- * The film @SYMBOL@ as a block for Simulink: a Level-2 S-function, by host-sim @VERSION@.
+ * The film @SYMBOL@ as a block for Simulink: a Level-2 S-function, by springpot @VERSION@.
  *
  * SPDX-License-Identifier: 0BSD
  *

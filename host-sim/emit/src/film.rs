@@ -25,7 +25,7 @@ pub fn film(film: &Film) -> String {
     let step_s = tracking.observer().law().step_s();
     let name = plain(name);
     let mut text = format!(
-        "/*\n * The film {name} at {} Hz, for springpot.h, by host-sim {}.\n * Free for any use: SPDX-License-Identifier: 0BSD\n *\n\
+        "/*\n * The film {name} at {} Hz, for springpot.h, by springpot {}.\n * Free for any use: SPDX-License-Identifier: 0BSD\n *\n\
          \x20* SPRINGPOT_FILM({symbol}); declares it where it is used.\n */\n\
          #include \"springpot.h\"\n\n#if SPRINGPOT_FORMAT != {FORMAT}U\n\
          #error \"springpot.h is of another version than this film: export both again\"\n#endif\n\n",

@@ -95,12 +95,12 @@ pub fn warnings<W: Display>(json: bool, warnings: impl IntoIterator<Item = W>) {
 
 /// Prints `error` on standard error.
 pub fn error(error: impl Display) {
-    line(&format!("\x1b[1;31mhost-sim:\x1b[0m {error}"));
+    line(&format!("\x1b[1;31mspringpot:\x1b[0m {error}"));
 }
 
 /// Prints what the user must know now, even with `-q`.
 pub fn message(text: impl Display) {
-    line(&format!("host-sim: {text}"));
+    line(&format!("springpot: {text}"));
 }
 
 /// Prints how an input was read, except with `-q`.

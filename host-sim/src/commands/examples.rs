@@ -9,7 +9,7 @@ pub(super) fn added_to(command: Command) -> Command {
     EXAMPLES.split("\n\n").fold(command, |command, examples| {
         let (name, examples) = examples.trim_start_matches('[').split_once("]\n").unwrap_or((examples, ""));
         let lines = examples.lines().filter_map(|line| line.split_once(" => "));
-        let text: String = lines.map(|(what, call)| format!("\n  {what}:\n    host-sim {call}")).collect();
+        let text: String = lines.map(|(what, call)| format!("\n  {what}:\n    springpot {call}")).collect();
         added_below(command, &name.split_whitespace().collect::<Vec<_>>(), &format!("Examples:{text}"))
     })
 }

@@ -45,7 +45,7 @@ use crate::terminal::{self, Verbosity};
 /// Runs the controller's own code against recordings of high-voltage runs. Files and options are in SI units: metres,
 /// newtons, volts, seconds, kilograms. Options take units as well: 6kV, 2.5mm, 10s, 1kHz, 50kV/s.
 #[derive(Debug, Parser)]
-#[command(name = "host-sim", version)]
+#[command(name = "springpot", version)]
 struct Cli {
     #[command(subcommand)]
     command: CliCommand,

@@ -13,7 +13,7 @@ use crate::fit::report::Origin;
 pub fn now() -> Origin {
     Origin {
         date: Utc::now().format("%Y-%m-%d %H:%M:%S UTC").to_string(),
-        tool: format!("host-sim {}", env!("CARGO_PKG_VERSION")),
+        tool: format!("springpot {}", env!("CARGO_PKG_VERSION")),
         command: command(env::args_os().skip(1)),
     }
 }
@@ -30,9 +30,9 @@ pub fn rows([date, tool, command]: [&str; 3]) -> [Row; 3] {
         .map(|(name, value)| Row::new(vec![text(name), html! { code { (value) } }]))
 }
 
-/// `host-sim` with `arguments`, quoted for a shell.
+/// `springpot` with `arguments`, quoted for a shell.
 fn command(arguments: impl Iterator<Item = OsString>) -> String {
-    let mut words = vec!["host-sim".to_owned()];
+    let mut words = vec!["springpot".to_owned()];
     words.extend(arguments.map(|argument| quoted(&argument.to_string_lossy())));
     words.join(" ")
 }

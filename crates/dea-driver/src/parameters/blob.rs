@@ -1,4 +1,4 @@
-//! The parameters of a board as bytes: what `host-sim export` writes and the `Store` keeps. The crate's `doc/blob.md`
+//! The parameters of a board as bytes: what `springpot export` writes and the `Store` keeps. The crate's `doc/blob.md`
 //! describes the format. No other file reads or writes a blob's header.
 
 use springpot::{ActuatorError, Compressed, ControlError, Follower, LawError, Learning, Tracking};

@@ -1,6 +1,6 @@
 //! The bytes of a blob stay what they were: controllers hold blobs of earlier hosts with the same schema.
 //!
-//! The files under `blobs/` were written by `host-sim export` when the blob got schema 4.
+//! The files under `blobs/` were written by `springpot export` when the blob got schema 4.
 
 use dea_driver::{Blob, Parameters};
 use springpot::{

@@ -36,7 +36,7 @@ pub(super) fn model(of: &Described) -> String {
         text,
         "<fmiModelDescription fmiVersion=\"{number}\" modelName=\"{symbol}\" {token_is}=\"{token}\" \
          description=\"The dielectric elastomer actuator {name} and its control\" license=\"0BSD\" \
-         generationTool=\"host-sim {tool}\" variableNamingConvention=\"structured\">"
+         generationTool=\"springpot {tool}\" variableNamingConvention=\"structured\">"
     );
     interface(&mut text, of);
     text += UNITS;

@@ -1,4 +1,4 @@
-"""Drives an FMU of host-sim export with FMPy, for tests/command_line/export_fmu.rs.
+"""Drives an FMU of springpot export with FMPy, for tests/command_line/export_fmu.rs.
 
 driver.py run FILE.fmu MODE INPUTS OUTPUTS [PARAMETER…]    a run tick by tick, these parameters true: rows of f64 in, rows of f64 out
 driver.py check FILE.fmu learns|does-not-learn OTHER.fmu   schema, signatures, steps, states, refusals; libraries built anew, one with sanitizers

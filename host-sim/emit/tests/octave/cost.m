@@ -1,5 +1,5 @@
 % What calls of film_mex cost on this machine: the best of seven runs each. Run it in the folder of a film_mex that was built of
-% "host-sim export --params preset:table3-n2 --emit sfunction --out film.c".
+% "springpot export --params preset:table3-n2 --emit sfunction --out film.c".
 1;
 function best(what, calls, run)
   seconds = Inf;

@@ -110,7 +110,7 @@ fn recover(part: &Path, target: &Path, header: &str) -> Result<Option<Recovered>
     }
     let file = File::open(part).map_err(fault)?;
     if file.try_lock().is_err() {
-        return Err(Error::file(part, "in use by another host-sim: choose another `out`"));
+        return Err(Error::file(part, "in use by another springpot: choose another `out`"));
     }
     let bytes = fs::read(part).map_err(fault)?;
     if !header.as_bytes().starts_with(bytes.get(..header.len()).unwrap_or(&bytes)) {

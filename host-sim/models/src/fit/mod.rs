@@ -268,7 +268,7 @@ impl Fit {
         let mut put = |key: &str, value: Value| {
             table.insert(key.into(), value);
         };
-        put("tool", format!("host-sim {} fit", env!("CARGO_PKG_VERSION")).into());
+        put("tool", format!("springpot {} fit", env!("CARGO_PKG_VERSION")).into());
         put("method", format!("{}, seed {}", settings.method.name(), settings.seed).into());
         put("drive", drive.into());
         put("loss", loss.into());

@@ -17,7 +17,7 @@ use embedded_hal::spi::{self, Operation, SpiDevice};
 use semihosting::{println, process};
 use springpot::{Law, LawState, VoltageDrive};
 
-/// `host-sim export --params film.toml --out film.bin`: the film's law and its bench. A board of another number refuses it.
+/// `springpot export --params film.toml --out film.bin`: the film's law and its bench. A board of another number refuses it.
 const FILM: &[u8] = include_bytes!("../film.bin");
 const BOARD: u16 = 7;
 
