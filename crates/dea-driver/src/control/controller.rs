@@ -13,8 +13,8 @@ use crate::safety::{Cause, Motion, Readings, Refusal, Supervisor};
 /// Largest correction that may be learned of a periodic reference, as a share of the largest displacement: more trips as a disturbance.
 const MAX_LEARNED: f32 = 0.25;
 
-/// Largest share of its displacement by which the coarser law that watches the stroke may be behind the film: near pull-in nothing bounds it.
-const MAX_MARGIN: f64 = 0.25;
+/// Time for which a film has been held at the end of its stroke before a controller of which nothing else is known, s.
+const ASSUMED_HELD_S: f64 = 3600.0;
 
 /// Longest time in which a new target is approached, s.
 const RAMP_S: f32 = 0.05;
@@ -106,6 +106,8 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     ran: bool,
     /// Whether the amplifier lags: the estimate then uses its monitor.
     lags: bool,
+    /// Whether the film's history is assumed: it was at the end of its stroke for an hour. No sensor has shown it at 0 V since the start.
+    is_history_assumed: bool,
     /// The target of this run: a voltage (V) or a reference (m), depending on its mode; none until one is set.
     target: Ramp,
     open_loop: LawState<f32, Watched>,
@@ -123,11 +125,12 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
 
 #[allow(clippy::missing_errors_doc)] // of requests: as the supervisor's
 impl<M: ControllerMemory> Controller<M> {
-    /// The controller of `blob`, disarmed, its film at rest.
+    /// The controller of `blob`, disarmed. For the stroke its film has been at the end of it for an hour, until a plausible sensor shows
+    /// where it is when a run begins: what is left of earlier creep fades as the law has it.
     #[must_use]
     #[allow(clippy::needless_pass_by_value)] // a blob is for one controller
     pub fn new(blob: Blob<M>) -> Self {
-        Self::from_parts(blob.parameters(), blob.checksum(), blob.follower(), blob.supervisor())
+        Self::from_parts(blob.parameters(), blob.checksum(), blob.follower(), blob.supervisor(), blob.margin())
     }
 
     // Of references, so that nothing large is moved on the stack of a small chip.
@@ -137,21 +140,20 @@ impl<M: ControllerMemory> Controller<M> {
         checksum: Option<u32>,
         follower: &Follower<f32, Tracking<f32, M>>,
         supervisor: &Supervisor,
+        margin: f32,
     ) -> Self {
         let law = follower.compensator().observer().law();
         let watched = M::watched(law);
         let (actuator, limits) = (&parameters.actuator, &parameters.limits);
         let largest_n = actuator.electrostatic_force(f64::from(limits.max_voltage_v));
         let shares_per_m = limits.max_disturbance_share / (MAX_LEARNED * limits.max_displacement_m);
-        let margin =
-            law.margin_of(&watched, f64::from(limits.max_displacement_m), actuator.stretch_coupling).min(MAX_MARGIN);
         // A film of constant volume is thinner by as much as it is longer, whether or not the model's force knows it; a coupling that was
         // fitted may be larger, since the film gets wider as well.
         let thinning_per_m = actuator.thinning_per_m().max(1.0 / actuator.length_m);
         let sampler =
             Sampler::new(parameters.rate_hz, parameters.control.sample_interval_s, parameters.control.delay_s);
         Self {
-            motion: Motion::new(limits.sensor).beyond_by(margin as f32),
+            motion: Motion::new(limits.sensor).beyond_by(margin),
             #[cfg(feature = "loop-test")]
             test: LoopTest::at_rest(follower.compensator()),
             parameters: parameters.clone(),
@@ -159,7 +161,8 @@ impl<M: ControllerMemory> Controller<M> {
             supervisor: *supervisor,
             follower: follower.clone(),
             course: follower.state(M::at_rest(law)),
-            open_loop: watched.state(),
+            open_loop: watched.held(limits.max_displacement_m, ASSUMED_HELD_S),
+            is_history_assumed: true,
             watched,
             thinning_per_m: thinning_per_m as f32,
             shares_per_n: (1.0 / largest_n) as f32,
@@ -178,7 +181,8 @@ impl<M: ControllerMemory> Controller<M> {
     #[must_use]
     pub(crate) fn after(self, before: &Self) -> Self {
         let left_m = before.motion.furthest(before.open_loop.position());
-        Self { motion: self.motion.offset_by(left_m), ..self }
+        let open_loop = self.watched.state();
+        Self { motion: self.motion.offset_by(left_m), open_loop, is_history_assumed: false, ..self }
     }
 
     /// The supervisor, to read its state.
@@ -228,7 +232,9 @@ impl<M: ControllerMemory> Controller<M> {
         });
 
         let runs = self.supervisor.runs();
-        self.motion.record(displacement_m, model_m, checked.displacement_m.is_some(), runs);
+        // Beside a film at rest, as which it begins its first run if the sensor shows it.
+        let beside_m = if self.is_history_assumed && !runs { 0.0 } else { model_m };
+        self.motion.record(displacement_m, beside_m, checked.displacement_m.is_some(), runs);
 
         // Estimate: step the film under the voltage applied since the last tick, and correct it with a sample if one is
         // due. Nothing is learned from a film that is not driven.
@@ -326,6 +332,9 @@ impl<M: ControllerMemory> Controller<M> {
         self.clear_target();
         self.mode = mode;
         self.motion.begin_run();
+        if self.is_history_assumed && self.motion.is_shown() {
+            (self.open_loop, self.is_history_assumed) = (self.watched.state(), false);
+        }
         self.ran = true;
         self.course.set_feedback(mode != Mode::Feedforward);
         if mode == Mode::Feedforward {
@@ -446,7 +455,9 @@ impl<M: ControllerMemory> Controller<M> {
         let Parameters { limits, rate_hz, amplifier_lag, .. } = &self.parameters;
         let supervisor = Supervisor::new(limits, *rate_hz).and_then(|made| made.behind(*amplifier_lag, *rate_hz));
         let supervisor = supervisor.unwrap_or(self.supervisor);
-        Self::from_parts(&self.parameters, self.checksum, &self.follower, &supervisor)
+        let made =
+            Self::from_parts(&self.parameters, self.checksum, &self.follower, &supervisor, self.motion.min_margin());
+        Self { open_loop: self.watched.state(), is_history_assumed: false, ..made }
     }
 
     /// Steps the model under `volts` (V), and Eq. 1 back from its force to the voltage.

@@ -1,7 +1,7 @@
 //! The parameters of a board as bytes: what `springpot export` writes and the `Store` keeps. The crate's `doc/blob.md`
 //! describes the format. No other file reads or writes a blob's header.
 
-use springpot::{ActuatorError, Compressed, ControlError, Follower, LawError, Learning, Tracking};
+use springpot::{ActuatorError, Compressed, ControlError, Follower, Law, LawError, Learning, Tracking};
 
 use crate::chips::{CalibrationError, Converters};
 use crate::parameters::{ControllerMemory, Parameters};
@@ -9,6 +9,9 @@ use crate::safety::{LimitsError, Supervisor};
 
 /// The version of the format.
 pub const SCHEMA: u16 = 4;
+
+/// Largest share of its displacement by which the coarser law that watches the stroke may be behind the film.
+const MAX_MARGIN: f64 = 0.25;
 
 /// Largest length of a blob, bytes.
 pub const BLOB_LEN: usize = 1016;
@@ -44,6 +47,8 @@ pub struct Blob<M: ControllerMemory = Compressed<f32>> {
     parameters: Parameters<M>,
     follower: Follower<f32, Tracking<f32, M>>,
     supervisor: Supervisor,
+    /// Share of its displacement by which the coarser law that watches the stroke may be behind the film.
+    margin: f32,
     checksum: Option<u32>,
 }
 
@@ -162,6 +167,17 @@ pub enum BlobError {
         /// The actuator's, m.
         actuator_m: f64,
     },
+    /// A film whose stroke the model cannot keep: near pull-in, or behind a curve that is flat there.
+    #[error(
+        "limits.max_displacement_m is {max_displacement_m} m, where the film is so close to pull-in that its model may be behind it by \
+         {margin:.2} of the displacement, more than {MAX_MARGIN}; lower max_displacement_m"
+    )]
+    Margin {
+        /// The largest displacement, m.
+        max_displacement_m: f32,
+        /// The share.
+        margin: f64,
+    },
     /// A sensor whose plausible range contains its reading when it is unplugged, 0 V, or saturated.
     #[error(
         "limits.sensor: low to high ({low_m} m to {high_m} m) contains the reading of an unplugged sensor ({unplugged_m} m at 0 V) or \
@@ -247,7 +263,8 @@ impl<M: ControllerMemory> Blob<M> {
             Some(learning) => follower.with_learning(learning),
             None => follower,
         };
-        Ok(Self { parameters, follower, supervisor, checksum: None })
+        let margin = parameters.margin(follower.compensator().observer().law())?;
+        Ok(Self { parameters, follower, supervisor, margin, checksum: None })
     }
 
     /// The parameters.
@@ -277,9 +294,26 @@ impl<M: ControllerMemory> Blob<M> {
     pub(crate) fn supervisor(&self) -> &Supervisor {
         &self.supervisor
     }
+
+    pub(crate) fn margin(&self) -> f32 {
+        self.margin
+    }
 }
 
 impl<M: ControllerMemory> Parameters<M> {
+    /// The share of its displacement by which the coarser law that watches the stroke may be behind `law`.
+    #[inline(never)] // so that the coarser law does not stay on the stack of a small chip
+    #[allow(clippy::cast_possible_truncation)] // as the laws have it
+    fn margin(&self, law: &Law<f32, M>) -> Result<f32, BlobError> {
+        let max_displacement_m = self.limits.max_displacement_m;
+        let coupling_per_m = self.actuator.stretch_coupling;
+        let margin = law.margin_of(&M::watched(law), f64::from(max_displacement_m), coupling_per_m);
+        if margin.is_nan() || margin > MAX_MARGIN {
+            return Err(BlobError::Margin { max_displacement_m, margin });
+        }
+        Ok(margin as f32)
+    }
+
     /// Checks that the instruments cover the range of the limits, and that the limits are for this film.
     fn check_reach(&self, command_v: f32, monitor_v: f32) -> Result<(), BlobError> {
         let limits = &self.limits;

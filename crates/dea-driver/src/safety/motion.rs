@@ -114,6 +114,18 @@ impl Motion {
         Self { offset_m, ..self }
     }
 
+    /// The share of [`beyond_by`](Self::beyond_by).
+    #[cfg(feature = "loop-test")]
+    pub(crate) const fn min_margin(&self) -> f32 {
+        self.min_softness - 1.0
+    }
+
+    /// Whether it is known where the film is at 0 V.
+    #[must_use]
+    pub const fn is_shown(&self) -> bool {
+        !self.offset_m.is_nan()
+    }
+
     /// Begins a run, at 0 V. Without a plausible sensor what was known of the film stays.
     pub fn begin_run(&mut self) {
         if self.offset_m.is_nan() && !self.is_spoiled {
@@ -129,9 +141,14 @@ impl Motion {
     /// Records the sensor and the model of a tick, m. `is_plausible`: whether the sensor is. `runs`: whether a law commands the voltage.
     #[inline]
     pub fn record(&mut self, sensor_m: f32, model_m: f32, is_plausible: bool, runs: bool) {
+        if !(is_plausible || runs) {
+            // Where a film at 0 V is shows from the next plausible value on.
+            (self.ticks, self.sums, self.is_spoiled) = (0, [0.0; 2], true);
+            return;
+        }
+        self.is_spoiled = (self.is_spoiled && self.ticks > 0) || !is_plausible;
         self.ticks += 1;
         self.sums = [self.sums[0] + sensor_m, self.sums[1] + model_m];
-        self.is_spoiled |= !is_plausible;
         if self.ticks >= self.block_ticks {
             self.end_block(runs);
         }

@@ -112,6 +112,17 @@ fn wrong_values_are_refused() {
         ];
         changes.iter().for_each(|(change, debug)| refused(change, debug, &[]));
     }
+    // A film that softens to a tenth and is pulled in there: no voltage holds it within a stroke of 8 mm, but within one of 1 mm.
+    let soft = [(0.0, 0.0, 1.0), (2e-3, 2e-3, 0.1), (9e-3, 2.7e-3, 0.1)];
+    let pulled_in = |p: &mut Parameters| {
+        p.law.curve.extend(soft.map(|(displacement, value, slope)| Knot { displacement, value, slope }));
+        p.actuator.stretch_coupling = 200.0;
+    };
+    refused(&pulled_in, "Margin", &["0.008", "inf", "0.25", "lower max_displacement_m"]);
+    let mut shorter = good.clone();
+    pulled_in(&mut shorter);
+    shorter.limits.max_displacement_m = 1e-3;
+    assert!(Blob::new(shorter).is_ok());
     let points = |points: &[[f32; 2]]| Calibration::points(points).expect("rising");
     let linear = Calibration::linear;
     let (monitor, amplifier) = ("Reach { instrument: \"monitor\"", "Reach { instrument: \"amplifier\"");

@@ -47,6 +47,32 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         self.state_after(&creep)
     }
 
+    /// The state of a film that has been held at `displacement` (m) for `duration_s`, at rest before: what
+    /// [`warm_up_along`](Law::warm_up_along) of that many equal displacements leaves, in closed form.
+    #[must_use]
+    #[inline(never)]
+    pub fn held(&self, displacement: T, duration_s: f64) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
+        let steps = libm::fmax(libm::round(duration_s / self.step_s()), 1.0);
+        let position = displacement.to_f64();
+        // Behind a curve what relaxes is T(x).
+        let stretch = self.curved.as_ref().map_or(position, |curved| curved.value_and_slope(position).0);
+        let lost = |loss: T| libm::expm1(steps * libm::log1p(-loss.to_f64())) * -stretch;
+        let mut state = self.state();
+        (state.history.left, state.history.left_surplus) = split(stretch);
+        for (slot, mode) in state.history.fast.iter_mut().zip(&self.memory().fast) {
+            let extension = stretch - lost(mode.loss);
+            state.base = state.base + mode.weight * T::from_f64(extension);
+            *slot = T::from_f64(extension);
+        }
+        for (slot, mode) in state.history.slow.iter_mut().zip(&self.memory().slow) {
+            let (displacement, surplus) = split(lost(mode.loss));
+            state.base = state.base + mode.weight * (state.history.left - displacement);
+            *slot = Dashpot { displacement, surplus };
+        }
+        (state.position, state.position_surplus) = split(position);
+        self.placed_after(state, T::ZERO)
+    }
+
     fn state_after(&self, creep: &Creep<HEAD>) -> LawState<T, Compressed<T, HEAD, FAST, SLOW>> {
         let mut state = self.state();
         let head = creep.increments.map(T::from_f64);

@@ -421,3 +421,25 @@ fn invalid_curves_are_refused_with_their_place() {
     let refused = VoltageDrive::new(&actuator, 6000.0, law.min_stiffness()).err();
     assert!(matches!(refused, Some(ActuatorError::PullIn { .. })), "{refused:?}, {:?}", law.min_stiffness());
 }
+
+/// A film that was held, in closed form, and stepped: whatever the force and the creep after it is released.
+#[test]
+fn a_held_film_relaxes_as_one_that_was_stepped() {
+    let curve = Curve::through(&[(-1e-3, -1e-3), (0.0, 0.0), (1e-3, 0.8e-3), (3e-3, 3.6e-3)]).expect("rises");
+    let model = springpot::Preset::TABLE3_N2.model().expect("valid");
+    let straight: Law<f64> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
+    for law in [straight.clone().behind(&curve).expect("soft enough"), straight] {
+        let (mut held, mut stepped) = (law.held(2e-3, 60.0), law.state());
+        law.warm_up_along(&mut stepped, std::iter::repeat_n(2e-3, 60_000));
+        for _ in 0..100 {
+            let (force, expected) = (law.force(&mut held, 2e-3), law.force(&mut stepped, 2e-3));
+            assert!((force / expected - 1.0).abs() < 1e-4, "{force} N instead of {expected}");
+        }
+        for _ in 0..20_000 {
+            law.displacement(&mut held, 0.0);
+            law.displacement(&mut stepped, 0.0);
+        }
+        let (left, expected) = (held.position(), stepped.position());
+        assert!(expected > 1e-4 && (left / expected - 1.0).abs() < 1e-3, "{left} m instead of {expected}");
+    }
+}

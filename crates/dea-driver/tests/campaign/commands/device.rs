@@ -37,6 +37,8 @@ struct Bench {
     drive: VoltageDrive<f32>,
     /// The model under the commanded voltage alone, as the controller has it, which is also the film of this bench.
     film: LawState<f32, Watched>,
+    /// Whether that is still a film that was at the end of its stroke for an hour, since no sensor has shown it at 0 V.
+    is_assumed: bool,
     source: Source,
     mode: Mode,
     reference_is_set: bool,
@@ -61,7 +63,8 @@ impl Bench {
         Self {
             device,
             reference: Reference::new(&parameters.limits, RATE_HZ),
-            film: law.state(),
+            film: law.held(parameters.limits.max_displacement_m, 3600.0),
+            is_assumed: true,
             law,
             drive,
             motion: Motion::new(parameters.limits.sensor).beyond_by(margin),
@@ -102,9 +105,12 @@ impl Bench {
         if let DriverState::Tripped(cause) = before {
             self.reference.trip(cause);
         }
+        if self.last.is_none() && self.is_assumed {
+            return false;
+        }
         let left_m = self.motion.furthest(self.film.position());
         self.motion = Motion::new(self.parameters.limits.sensor).beyond_by(self.margin).offset_by(left_m);
-        self.film = self.law.state();
+        (self.film, self.is_assumed) = (self.law.state(), false);
         self.last = None;
         self.disturbance_n = 0.0;
         false
@@ -115,6 +121,7 @@ impl Bench {
         let before_m = self.last.map_or(0.0, |last| last.displacement_m);
         let displacement_m = match self.source.displacement_m(before_m) {
             shown if self.source.mood == Mood::FrozenSensor || shown.abs() > 1e-4 => shown,
+            noise if self.is_assumed => noise,
             noise => self.film.position() + noise,
         };
         let silent = |source: &mut Source, value| if source.faulty() && source.one_in(3) { None } else { Some(value) };
@@ -141,6 +148,9 @@ impl Bench {
                 if expected.is_ok() {
                     self.reference_is_set = false;
                     self.motion.begin_run();
+                    if self.is_assumed && self.motion.is_shown() {
+                        (self.film, self.is_assumed) = (self.law.state(), false);
+                    }
                     self.mode = mode;
                     if mode == Mode::Feedforward {
                         // The model as it was fitted.
@@ -258,7 +268,9 @@ impl Bench {
         }
         let after = self.reference.state;
         let is_plausible = self.reference.sensor_faults.is_empty();
-        self.motion.record(telemetry.displacement_m, model_m, is_plausible, after == DriverState::Running);
+        let runs_on = after == DriverState::Running;
+        let beside_m = if self.is_assumed && !runs_on { 0.0 } else { model_m };
+        self.motion.record(telemetry.displacement_m, beside_m, is_plausible, runs_on);
         self.is_as_converted(&inputs, &telemetry);
         self.is_within_the_limits(applied_v, &telemetry);
         let status = self.device.status();
