@@ -35,6 +35,13 @@ pub struct Monitor {
     watched: i32,
     /// Once no more of them are left than this, the arc is over: what falls now is another one.
     again_ticks: i32,
+    /// Ticks by which a fall is made up for, and those that are missing: so many more for each fall, one less for every tick.
+    made_up_ticks: i32,
+    fallen: i32,
+    /// The same after the last fall that counted.
+    fallen_last: i32,
+    falls: u16,
+    falls_too_often: bool,
 }
 
 /// Ticks inside the band that make up for one outside. A film that arcs again and again is outside more often than that.
@@ -47,6 +54,12 @@ const ARC_SHARE: f32 = 0.75;
 /// How much slower and faster an amplifier may be than its time constants say: they change with load, temperature and supply.
 const MAX_SPEED_RATIO: f64 = 1.5;
 const MIN_SPEED_RATIO: f64 = 0.5;
+
+/// Time that makes up for a fall, s.
+const MADE_UP_S: f32 = 10.0;
+/// Falls that may have to be made up for, and falls of a run.
+const MAX_FALLS: i32 = 6;
+const MAX_FALLS_OF_A_RUN: u16 = 30;
 
 /// Time after an arc and its settling time within which another one trips, s.
 const AGAIN_S: f32 = 0.5;
@@ -71,6 +84,11 @@ impl Monitor {
             watch_ticks: settle_ticks.saturating_add(again_ticks),
             watched: 0,
             again_ticks,
+            made_up_ticks: (MADE_UP_S * rate_hz + 0.5) as i32,
+            fallen: 0,
+            fallen_last: 0,
+            falls: 0,
+            falls_too_often: false,
         }
     }
 
@@ -94,10 +112,12 @@ impl Monitor {
     pub fn reset(&mut self) {
         (self.lowest_v, self.highest_v, self.excess) = (0.0, 0.0, 0);
         (self.before_v, self.watched) = (0.0, 0);
+        (self.fallen, self.fallen_last, self.falls, self.falls_too_often) = (0, 0, 0, false);
     }
 
     /// Compares the command of the last tick (V) with the monitor (V); false once they have differed for longer than the settle
-    /// time, in one piece or in many: sixteen ticks of agreement make up for one without.
+    /// time, in one piece or in many: sixteen ticks of agreement make up for one without. Also after a second arc within half a second, and
+    /// after [falls that are too many](Self::falls_too_often).
     ///
     /// An amplifier may be faster than its slew: any voltage agrees that one of that slew or more can have, and that [lags](Self::behind)
     /// no more and no less than it may, also where the command has turned back meanwhile. The reading may be new or have been sampled a tick ago, as a converter has it that answers with
@@ -124,6 +144,10 @@ impl Monitor {
         self.excess = if inside { less(self.excess) } else { self.excess.saturating_add(OUTSIDE) };
         // Not `<`: after NaN it has fallen.
         let stays = monitor_v + band >= self.before_v;
+        self.fallen = less(self.fallen);
+        if monitor_v < lowest_v - band && !stays {
+            self.count_fall();
+        }
         let arcs = monitor_v < ARC_SHARE * lowest_v - band && !stays;
         self.before_v = monitor_v;
         let over = self.watched <= self.again_ticks;
@@ -143,6 +167,36 @@ impl Monitor {
         let rises = if command_v > self.lowest_v { slow } else { fast };
         let falls = if command_v < self.highest_v { slow } else { fast };
         [rises.advance(self.lowest_v, command_v), falls.advance(self.highest_v, command_v)]
+    }
+}
+
+impl Monitor {
+    /// Counts a fall, unless it belongs to the last one: it may come back for the settling time.
+    #[cold]
+    #[inline(never)]
+    fn count_fall(&mut self) {
+        if self.falls > 0 && self.fallen_last - self.fallen <= self.largest_excess / OUTSIDE {
+            return;
+        }
+        self.fallen = self.fallen.saturating_add(self.made_up_ticks);
+        self.fallen_last = self.fallen;
+        self.falls = self.falls.saturating_add(1);
+        if self.fallen > self.made_up_ticks.saturating_mul(MAX_FALLS) || self.falls > MAX_FALLS_OF_A_RUN {
+            self.falls_too_often = true;
+            self.excess = i32::MAX;
+        }
+    }
+
+    /// Falls of the reading out of the band, by more than that within a tick, since the last [`reset`](Self::reset).
+    #[must_use]
+    pub fn falls(&self) -> u16 {
+        self.falls
+    }
+
+    /// Whether they were too many: more than 30, or more than six that ten seconds each have not made up for.
+    #[must_use]
+    pub fn falls_too_often(&self) -> bool {
+        self.falls_too_often
     }
 }
 

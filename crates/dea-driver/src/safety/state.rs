@@ -72,6 +72,8 @@ pub enum Cause {
     BrownOut,
     /// The controller was reset by its pin, by a debugger or by its firmware.
     Reset,
+    /// The film has arced too often within a minute or in this run.
+    Arcs,
 }
 
 /// Reasons to refuse a request.

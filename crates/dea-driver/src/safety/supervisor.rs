@@ -208,6 +208,12 @@ impl Supervisor {
         self.monitor_v.abs() > self.live_v
     }
 
+    /// Falls of the monitor's reading, such as arcs, since it was armed.
+    #[must_use]
+    pub fn falls(&self) -> u16 {
+        self.monitor.falls()
+    }
+
     /// Whether the monitor answers, and shows no more than its band around 0 V.
     fn is_at_0_v(&self) -> bool {
         self.monitor_v.abs() <= self.live_v
@@ -347,6 +353,7 @@ impl Supervisor {
         let cause = match self.last_fault {
             _ if !readings.interlock_closed => Some(Cause::Interlock),
             _ if readings.monitor_v > self.monitored_v => Some(Cause::Voltage),
+            _ if !agrees && self.monitor.falls_too_often() => Some(Cause::Arcs),
             _ if !agrees => Some(Cause::Monitor),
             Some(fault) if trips => Some(Cause::Sensor(fault)),
             _ if beyond(displacement_m, self.max_displacement_m) => Some(Cause::Displacement),

@@ -291,7 +291,7 @@ fn the_supervisor_is_the_documented_machine() {
     }
     println!("commands, supervisor: {counts:?}");
     // Everything that readings can cause, and what is tripped from outside: all but what a reset or the store causes.
-    assert_eq!(counts.causes.len(), 14, "{:?}", counts.causes);
+    assert_eq!(counts.causes.len(), 15, "{:?}", counts.causes);
 }
 
 /// Ticks a disarmed supervisor until `before` ticks before its counter wraps. There is no other way there.

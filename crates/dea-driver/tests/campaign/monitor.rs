@@ -164,7 +164,7 @@ fn run(number: u64) -> Run {
         }
         before_v = film_v;
         if let DriverState::Tripped(cause) = supervisor.check(readings(monitor_v, 0.1e-3, tick.into())).state {
-            assert!(matches!(cause, Cause::Monitor | Cause::Voltage), "{cause:?}");
+            assert!(matches!(cause, Cause::Monitor | Cause::Voltage | Cause::Arcs), "{cause:?}");
             assert_eq!(supervisor.command(5000.0, 1.0), 0.0);
             end = Some(End::Tripped(tick - shown_at.expect("nothing trips within the band")));
             break;

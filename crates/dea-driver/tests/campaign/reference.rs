@@ -54,6 +54,10 @@ struct MonitorReference {
     /// Ticks since an arc began.
     since_arc: Option<u64>,
     arced_again: bool,
+    /// Ticks of the falls of this run that did not belong to the one before.
+    falls: Vec<u64>,
+    ticks: u64,
+    fallen_often: bool,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -239,7 +243,7 @@ impl Reference {
         let beyond = |value: f32, limit: f32| value.is_nan() || value.abs() > limit;
         fault(!readings.interlock_closed, Cause::Interlock);
         fault(readings.monitor_v > limits.monitored_v(), Cause::Voltage);
-        fault(!agrees, Cause::Monitor);
+        fault(!agrees, if self.monitor.fallen_often { Cause::Arcs } else { Cause::Monitor });
         fault(self.silent_ticks > self.heartbeat_ticks, Cause::Heartbeat);
         fault(beyond(readings.open_loop_m, limits.max_displacement_m), Cause::ModelDisplacement);
         fault(beyond(readings.disturbance_share, limits.max_disturbance_share), Cause::Disturbance);
@@ -292,8 +296,18 @@ impl MonitorReference {
                 }
             }
         }
+        self.ticks += 1;
+        let is_next = self.falls.last().is_none_or(|&last| self.ticks - last > settle_ticks);
+        if agreed.is_fall(monitor_v) && is_next {
+            self.falls.push(self.ticks);
+            // Each is made up for by ten seconds.
+            let (level, _) = self.falls.iter().fold((0.0f64, 0), |(level, before), &at| {
+                ((level - (at - before) as f64).max(0.0) + 10.0 * rate_hz, at)
+            });
+            self.fallen_often |= level > 60.0 * rate_hz || self.falls.len() > 30;
+        }
         self.shown_v = monitor_v;
-        self.outside <= settle_ticks as f64 && !self.arced_again
+        self.outside <= settle_ticks as f64 && !self.arced_again && !self.fallen_often
     }
 
     /// Each voltage has moved towards the command, by the slew or by more.
@@ -332,7 +346,11 @@ impl Agreed {
     }
 
     fn is_arc(&self, monitor_v: f64) -> bool {
-        (monitor_v < self.fallen_v || self.fallen_v.is_nan()) && monitor_v < self.deep_v()
+        self.is_fall(monitor_v) && monitor_v < self.deep_v()
+    }
+
+    fn is_fall(&self, monitor_v: f64) -> bool {
+        (monitor_v < self.fallen_v || self.fallen_v.is_nan()) && monitor_v < self.low_v - self.band_v
     }
 }
 

@@ -359,7 +359,7 @@ impl<M: Machine> World for Node<M> {
                 "ticks_since_heartbeat:" => Some(if live { HEARTBEAT_TICKS + 1 } else { 0 }),
                 "excess:" => Some(if live { 1 } else { 0 }),
                 // A single tick outside the band trips: what follows an arc is never asked.
-                "watched:" => Some(0),
+                "watched:" | "fallen:" | "fallen_last:" | "falls:" => Some(0),
                 "same:" => Some(STUCK_TICKS),
                 _ => None,
             };
