@@ -109,6 +109,16 @@ pub enum LawError {
     /// An elastic curve that was refused.
     #[error(transparent)]
     Curve(#[from] CurveError),
+    /// A spring that falls more steeply than the memory holds within a step.
+    #[error(
+        "at {displacement_m:.6} m spring and memory have a stiffness of {stiffness:.3e} N/m within a step; the spring must not fall so steeply"
+    )]
+    Unstable {
+        /// Where, m.
+        displacement_m: f64,
+        /// The stiffness of one step there, N/m.
+        stiffness: f64,
+    },
     /// No samples were given for a window.
     #[error("a window of 0 samples: use storage for at least one")]
     EmptyWindow,
@@ -160,6 +170,15 @@ pub enum CurveError {
         /// Its slope there; that at rest is 1.
         slope: f64,
     },
+    /// A force of a [`Spring`](crate::Spring) at 0 that is not 0.
+    #[error("the spring has a force of {force_n} N at 0; it must be 0")]
+    ForceAtRest {
+        /// The force at 0, N.
+        force_n: f64,
+    },
+    /// Constants of a [`Measure`](crate::Measure) that are not finite, or a length that is not positive.
+    #[error("exponent and length_m must be finite, and length_m greater than 0")]
+    Measure,
     /// Constants of [`Rubber`](crate::Rubber) that are not finite and positive.
     #[error("share, limit, rest_stretch and free_length_m must be finite and greater than 0")]
     Rubber,

@@ -17,11 +17,13 @@ use crate::process::{Result, output, read, root};
 use crate::setup::{TARGETS, Toolchain, built};
 
 /// Functions of `tests/embedded/src/cycles.rs`, and the rows of docs/results.md that they are for.
-const KERNELS: [(&str, &str); 14] = [
+const KERNELS: [(&str, &str); 17] = [
     ("creep_12_36", "creep/12+36"),
     ("relaxation_12_36", "relaxation/12+36"),
     ("creep_12_36_curve", "creep/12+36+curve"),
     ("relaxation_12_36_curve", "relaxation/12+36+curve"),
+    ("creep_12_36_curves", "creep/12+36+curves"),
+    ("relaxation_12_36_curves", "relaxation/12+36+curves"),
     ("creep_8_18", "creep/8+18"),
     ("relaxation_8_18", "relaxation/8+18"),
     ("creep_8_16", "creep/8+16"),
@@ -32,6 +34,7 @@ const KERNELS: [(&str, &str); 14] = [
     ("tracking", "tracking/12+36"),
     ("tick", "tick/12+36"),
     ("tick_curve", "tick/12+36+curve"),
+    ("tick_curves", "tick/12+36+curves"),
 ];
 
 /// Cycles by the rows of docs/results.md.

@@ -113,7 +113,7 @@
 #endif
 
 /* The version of the tables: a film must be of the same. */
-#define SPRINGPOT_FORMAT 1U
+#define SPRINGPOT_FORMAT 2U
 
 /* Sizes of a law's memory: exact increments, fast and slow decaying modes. */
 #define SPRINGPOT_HEAD 12U

@@ -18,7 +18,7 @@ typedef struct {
 /* A cubic from `at` on: value + slope u + second u^2 + third u^3. */
 typedef struct {
     float at;     /* m; infinite where the piece is not used */
-    float value;  /* m */
+    float value;  /* m; N where the piece is one of a spring, and so on */
     float slope;
     float second; /* 1/m */
     float third;  /* 1/m^2 */
@@ -29,10 +29,20 @@ typedef struct {
     float instant;                            /* force per T within one step, N/m */
     float inertia;                            /* of the change of the increment, N/m */
     float past_inertia[3];                    /* of the last three increments, newest first, N/m */
-    float low;                                /* where the curve begins, m */
+    float low;                                /* where it begins, m */
     float high;                               /* where it ends, m */
     springpot_piece pieces[SPRINGPOT_PIECES];
 } springpot_curve;
+
+/* A spring E beside the memory, whose force then has the weight T'. */
+typedef struct {
+    float least;                              /* least stiffness of a step, N/m */
+    float spring_share;                       /* of E' in the stiffness over that at rest, m/N */
+    float memory_share;                       /* of T'^2 */
+    float low;                                /* where it begins, m */
+    float high;                               /* where it ends, m */
+    springpot_piece pieces[SPRINGPOT_PIECES];
+} springpot_spring;
 
 /* Voltage to force and back: F = force_per_square_volt V^2 / (1 + saturation V^2) (1 + coupling x) + preload. */
 typedef struct {
@@ -158,6 +168,7 @@ typedef struct {
     springpot_observer observer;
     springpot_fade fade;
     const springpot_curve *curve;         /* NULL: force follows x itself */
+    const springpot_spring *spring;       /* NULL: no spring is beside the memory */
     const springpot_amplifier *amplifier; /* NULL: it follows at once */
     const springpot_learning *learning;   /* NULL: nothing is learned */
     springpot_law law;

@@ -23,6 +23,10 @@ typedef struct {
     springpot_place ahead;  /* the place at the next step if the increment stays */
     float predicted;        /* T there minus T at the last step, m */
     float past;             /* the increment before the last, m */
+    float stiffness;        /* force per displacement within the next step, N/m */
+    float slope;            /* stiffness of slow changes at that step over that at rest */
+    float memory;           /* beside a spring: force of the memory at that step, N */
+    float inertia;          /* likewise, of past increments, N */
     uint32_t newest;        /* of the increments below */
     float left;             /* displacement that has left the head, m */
     float left_surplus;     /* what rounding added to it, m */
@@ -103,10 +107,10 @@ typedef struct {
 } springpot_tracking_state;
 
 /* Sizes on every target: nothing is padded. */
-SPRINGPOT_ASSERT(sizeof(springpot_state) == 392U, a_state_of_a_law_takes_392_bytes);
-SPRINGPOT_ASSERT(sizeof(springpot_feedforward_state) == 440U, a_state_of_feedforward_takes_440_bytes);
-SPRINGPOT_ASSERT(sizeof(springpot_observer_state) == 728U, a_state_of_an_observer_takes_728_bytes);
-SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 804U, a_state_of_tracking_takes_804_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_state) == 408U, a_state_of_a_law_takes_408_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_feedforward_state) == 456U, a_state_of_feedforward_takes_456_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_observer_state) == 744U, a_state_of_an_observer_takes_744_bytes);
+SPRINGPOT_ASSERT(sizeof(springpot_tracking_state) == 820U, a_state_of_tracking_takes_820_bytes);
 
 /* ---- Inputs and outputs. */
 

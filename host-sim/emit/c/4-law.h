@@ -1,9 +1,18 @@
 /* ---- The law of a film. */
 
-static inline springpot_place springpot_on_curve(const springpot_curve *curve, float displacement, float surplus)
-{
+/* What a film meets at a place: besides that on its curve how the curve bends, and the spring there. */
+typedef struct {
     springpot_place place;
-    const springpot_piece *piece = curve->pieces;
+    float curvature; /* T'', 1/m; 0 beyond the ends */
+    float force;     /* E, N */
+    float steepness; /* E', N/m */
+} springpot_ahead;
+
+/* The place in a table of pieces from `low` to `high` (m). */
+static inline springpot_ahead springpot_in_pieces(
+    const springpot_piece *piece, float low, float high, float displacement, float surplus)
+{
+    springpot_ahead ahead;
     float within;
     float u;
     float bent;
@@ -22,16 +31,39 @@ static inline springpot_place springpot_on_curve(const springpot_curve *curve, f
     if (!(displacement < piece[1].at)) {
         piece += 1;
     }
-    within = (displacement < curve->low) ? curve->low : displacement;
-    within = (curve->high < displacement) ? curve->high : within;
-    place.outside = displacement - within;
+    within = (displacement < low) ? low : displacement;
+    within = (high < displacement) ? high : within;
+    ahead.place.outside = displacement - within;
     u = (within - piece->at) - surplus;
     bent = u * piece->third;
     rise = piece->second + bent;
-    place.knot = piece->value;
-    place.slope = piece->slope + (u * (rise + (rise + bent)));
-    place.beyond = (u * (piece->slope + (u * rise))) + (place.slope * place.outside);
-    return place;
+    ahead.place.knot = piece->value;
+    ahead.place.slope = piece->slope + (u * (rise + (rise + bent)));
+    ahead.place.beyond = (u * (piece->slope + (u * rise))) + (ahead.place.slope * ahead.place.outside);
+    ahead.curvature = 0.0F;
+    if (!(0.0F < (ahead.place.outside * ahead.place.outside))) {
+        const float half = rise + (bent + bent);
+        ahead.curvature = half + half;
+    }
+    ahead.force = 0.0F;
+    ahead.steepness = 0.0F;
+    return ahead;
+}
+
+/* What the film meets at `displacement` - `surplus` (m) from its origin. */
+static inline springpot_ahead springpot_on_curve(const springpot_film *film, float displacement, float surplus)
+{
+    const springpot_curve *curve = film->curve;
+    const springpot_spring *spring = film->spring;
+    springpot_ahead ahead = springpot_in_pieces(curve->pieces, curve->low, curve->high, displacement, surplus);
+    if (spring != NULL) {
+        const springpot_place elastic
+            = springpot_in_pieces(spring->pieces, spring->low, spring->high, displacement, surplus).place;
+        ahead.force = elastic.knot + elastic.beyond;
+        ahead.steepness = elastic.slope;
+        ahead.place.outside = ahead.place.outside + elastic.outside;
+    }
+    return ahead;
 }
 
 /* T at `here` minus T at `there`, m. */
@@ -40,13 +72,13 @@ static inline float springpot_between(const springpot_place *here, const springp
     return (here->knot - there->knot) + (here->beyond - there->beyond);
 }
 
-/* The place where the film will be if it goes on with `increment` (m). */
-static inline springpot_place springpot_look_ahead(const springpot_curve *curve, const springpot_state *state, float increment)
+/* What the film meets if it goes on with `increment` (m). */
+static inline springpot_ahead springpot_look_ahead(const springpot_film *film, const springpot_state *state, float increment)
 {
     const float addend = increment - state->position_surplus;
     const float position = state->position + addend;
     const float surplus = (position - state->position) - addend;
-    return springpot_on_curve(curve, position + state->origin, surplus);
+    return springpot_on_curve(film, position + state->origin, surplus);
 }
 
 /* Stores the newest increment (m) and returns the force (N) at the next step if the film went on with it. */
@@ -95,28 +127,52 @@ static inline float springpot_remember(
     return slow + (fast + head);
 }
 
+/* Completes `state` for the next step: the force and the stiffness that it meets `ahead`, from the force of the `memory` there and that of
+ * past increments in the `inertia` (N). */
+static inline void springpot_meet(
+    const springpot_film *film, springpot_state *state, const springpot_ahead *ahead, float memory, float inertia)
+{
+    const springpot_curve *curve = film->curve;
+    const springpot_spring *spring = film->spring;
+    const float slope = ahead->place.slope;
+    if (spring == NULL) {
+        state->base = memory;
+        state->stiffness = (curve->instant * slope) + curve->inertia;
+        state->slope = slope;
+    } else {
+        const float square = slope * slope;
+        const float bent = ahead->curvature * memory;
+        const float stiffness = (curve->instant * square) + (bent + (ahead->steepness + curve->inertia));
+        state->base = (slope * memory) + (ahead->force + inertia);
+        state->memory = memory;
+        state->inertia = inertia;
+        state->stiffness = (stiffness < spring->least) ? spring->least : stiffness;
+        state->slope = (spring->spring_share * (ahead->steepness + bent)) + (spring->memory_share * square);
+    }
+}
+
 /* Stores the newest increment (m) of a film behind a curve, which led to `place`, where T is `off` (m) from its value ahead. */
 static inline void springpot_remember_bent(const springpot_film *film, springpot_state *state, float increment,
-    const springpot_place *place, const springpot_place *ahead, float off)
+    const springpot_place *place, const springpot_ahead *ahead, float off)
 {
     const springpot_curve *curve = film->curve;
     const float stretched = state->predicted + off;
     const float inertia = (curve->past_inertia[0] * increment)
         + ((curve->past_inertia[1] * state->increment) + (curve->past_inertia[2] * state->past));
-    const float predicted = springpot_between(ahead, place);
-    const float change = (curve->instant * (predicted - stretched)) + inertia;
+    const float predicted = springpot_between(&ahead->place, place);
+    const float change = curve->instant * (predicted - stretched);
+    float remembered;
 
-    state->ahead = *ahead;
+    state->ahead = ahead->place;
     state->predicted = predicted;
     state->past = state->increment;
     state->increment = increment;
-    state->base = springpot_remember(&film->law, state, stretched) + change;
-}
-
-/* Force per displacement within the next step, N/m. */
-static inline float springpot_stiffness(const springpot_film *film, const springpot_state *state)
-{
-    return (film->curve == NULL) ? film->law.stiffness : ((film->curve->instant * state->ahead.slope) + film->curve->inertia);
+    remembered = springpot_remember(&film->law, state, stretched);
+    if (film->spring == NULL) {
+        springpot_meet(film, state, ahead, remembered + (change + inertia), 0.0F);
+    } else {
+        springpot_meet(film, state, ahead, remembered + change, inertia);
+    }
 }
 
 static inline float springpot_change_increment(const springpot_film *film, springpot_state *state, float change)
@@ -133,11 +189,11 @@ static inline float springpot_change_increment(const springpot_film *film, sprin
         state->base = springpot_remember(&film->law, state, increment);
     } else {
         springpot_place place = state->ahead;
-        springpot_place ahead;
+        springpot_ahead ahead;
         float off;
         place.beyond = place.beyond + (place.slope * change);
         off = place.beyond - state->ahead.beyond;
-        ahead = springpot_look_ahead(film->curve, state, increment);
+        ahead = springpot_look_ahead(film, state, increment);
         springpot_remember_bent(film, state, increment, &place, &ahead, off);
     }
     return position;
@@ -159,6 +215,10 @@ static inline void springpot_init(const springpot_film *film, springpot_state *s
     state->ahead.outside = 0.0F;
     state->predicted = 0.0F;
     state->past = 0.0F;
+    state->stiffness = film->law.stiffness;
+    state->slope = 1.0F;
+    state->memory = 0.0F;
+    state->inertia = 0.0F;
     state->newest = 0U;
     state->left = 0.0F;
     state->left_surplus = 0.0F;
@@ -173,36 +233,40 @@ static inline void springpot_init(const springpot_film *film, springpot_state *s
         state->slow[i].surplus = 0.0F;
     }
     if (film->curve != NULL) {
-        const springpot_place place = springpot_on_curve(film->curve, 0.0F, 0.0F);
-        state->ahead = springpot_look_ahead(film->curve, state, 0.0F);
+        const springpot_place place = springpot_on_curve(film, 0.0F, 0.0F).place;
+        const springpot_ahead ahead = springpot_look_ahead(film, state, 0.0F);
+        state->ahead = ahead.place;
         state->predicted = springpot_between(&state->ahead, &place);
+        springpot_meet(film, state, &ahead, 0.0F, 0.0F);
     }
 }
 
 /* Displacement (m) at the next step from the force (N) that acts in it: creep. */
 static inline float springpot_displacement(const springpot_film *film, springpot_state *state, float force)
 {
-    return springpot_change_increment(film, state, (force - state->base) / springpot_stiffness(film, state));
+    return springpot_change_increment(film, state, (force - state->base) / state->stiffness);
 }
 
 /* The same under a load that depends on that displacement. */
 static inline float springpot_displacement_under(const springpot_film *film, springpot_state *state, springpot_load load)
 {
     const float force_ahead = load.force + (load.slope * (state->position + state->increment));
-    const float stiffness = springpot_stiffness(film, state);
-    return springpot_change_increment(film, state, (force_ahead - state->base) / (stiffness - load.slope));
+    return springpot_change_increment(film, state, (force_ahead - state->base) / (state->stiffness - load.slope));
 }
 
+/* The force (N) at what the film behind a curve meets `here`, and into `off` T there minus its value ahead (m). */
 static inline float springpot_force_at(
-    const springpot_film *film, const springpot_state *state, float increment, const springpot_place *place)
+    const springpot_film *film, const springpot_state *state, const springpot_ahead *here, float increment, float *off)
 {
+    const springpot_curve *curve = film->curve;
     const float change = increment - state->increment;
     float force;
-    if (film->curve == NULL) {
-        force = state->base + (film->law.stiffness * change);
+    *off = springpot_between(&here->place, &state->ahead);
+    if (film->spring == NULL) {
+        force = state->base + ((curve->instant * *off) + (curve->inertia * change));
     } else {
-        const float off = springpot_between(place, &state->ahead);
-        force = state->base + ((film->curve->instant * off) + (film->curve->inertia * change));
+        const float memory = state->memory + (curve->instant * *off);
+        force = (here->place.slope * memory) + (here->force + (state->inertia + (curve->inertia * change)));
     }
     return force;
 }
@@ -211,24 +275,22 @@ static inline float springpot_force_at(
 static inline float springpot_force(const springpot_film *film, springpot_state *state, float displacement)
 {
     const float increment = (displacement - state->position) + state->position_surplus;
-    springpot_place place = state->ahead;
     float force;
 
     state->position = displacement;
     state->position_surplus = 0.0F;
     if (film->curve == NULL) {
-        force = springpot_force_at(film, state, increment, &place);
+        force = state->base + (film->law.stiffness * (increment - state->increment));
         state->increment = increment;
         state->base = springpot_remember(&film->law, state, increment);
     } else {
-        springpot_place ahead;
+        const springpot_ahead here = springpot_on_curve(film, displacement + state->origin, 0.0F);
+        springpot_ahead ahead = here;
         float off;
-        place = springpot_on_curve(film->curve, displacement + state->origin, 0.0F);
-        off = springpot_between(&place, &state->ahead);
-        force = springpot_force_at(film, state, increment, &place);
-        ahead = place;
-        ahead.beyond = ahead.beyond + (ahead.slope * increment);
-        springpot_remember_bent(film, state, increment, &place, &ahead, off);
+        force = springpot_force_at(film, state, &here, increment, &off);
+        ahead.place.beyond = ahead.place.beyond + (ahead.place.slope * increment);
+        ahead.force = ahead.force + (ahead.steepness * increment);
+        springpot_remember_bent(film, state, increment, &here.place, &ahead, off);
     }
     return force;
 }
@@ -237,14 +299,18 @@ static inline float springpot_force(const springpot_film *film, springpot_state 
 static inline float springpot_force_to(const springpot_film *film, const springpot_state *state, float displacement)
 {
     const float increment = (displacement - state->position) + state->position_surplus;
-    springpot_place place = state->ahead;
-    if (film->curve != NULL) {
-        place = springpot_on_curve(film->curve, displacement + state->origin, 0.0F);
+    float force;
+    if (film->curve == NULL) {
+        force = state->base + (film->law.stiffness * (increment - state->increment));
+    } else {
+        const springpot_ahead here = springpot_on_curve(film, displacement + state->origin, 0.0F);
+        float off;
+        force = springpot_force_at(film, state, &here, increment, &off);
     }
-    return springpot_force_at(film, state, increment, &place);
+    return force;
 }
 
-/* Whether the film is beyond the range of its curve, which goes on linearly there. */
+/* Whether the film is beyond the range of its curve, or of its spring, which go on linearly there. */
 static inline bool springpot_beyond_curve(const springpot_state *state)
 {
     return (state->ahead.outside < 0.0F) || (0.0F < state->ahead.outside);

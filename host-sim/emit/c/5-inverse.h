@@ -200,7 +200,7 @@ static inline springpot_command springpot_invert(const springpot_film *film, con
     const float change = state->path.change + correction;
     const float ahead = law->position + (law->increment + change);
     const float needed =
-        ((law->base + (springpot_stiffness(film, law) * change)) - disturbance) - film->drive.preload;
+        ((law->base + (law->stiffness * change)) - disturbance) - film->drive.preload;
     const float force = needed / force_scale;
     /* The film thins as it lengthens. */
     const float thinning = 1.0F + (inverse->thinning * ahead);

@@ -68,7 +68,7 @@ static inline void springpot_take(
     const float difference = bounded - state->innovation_mean;
     const float step = share * difference;
     /* A film behind a curve is as much stiffer here as the curve is steeper: so are the gains. */
-    const float scaled = state->film.ahead.slope * bounded;
+    const float scaled = state->film.slope * bounded;
 
     state->since_sample = 0U;
     state->innovation = bounded;

@@ -95,6 +95,9 @@ static uint32_t fingerprint(const springpot_film *film)
     if (film->curve != NULL) {
         hash = mixed(hash, film->curve, sizeof *film->curve);
     }
+    if (film->spring != NULL) {
+        hash = mixed(hash, film->spring, sizeof *film->spring);
+    }
     hash = mixed(hash, &film->fade, sizeof film->fade);
     if (film->amplifier != NULL) {
         hash = mixed(hash, film->amplifier, sizeof *film->amplifier);

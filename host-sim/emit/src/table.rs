@@ -7,8 +7,9 @@ use springpot::{Learning, Numbers, Record, Tracking};
 /// Structures within `springpot_film`, in their order.
 const WITHIN: [&str; 4] = ["drive", "inverse", "observer", "fade"];
 /// Structures that `springpot_film` points to, and what a null pointer means.
-const BESIDE: [(&str, &str); 3] = [
+const BESIDE: [(&str, &str); 4] = [
     ("curve", "NULL: force follows x itself"),
+    ("spring", "NULL: no spring is beside the memory"),
     ("amplifier", "NULL: it follows at once"),
     ("learning", "NULL: nothing is learned"),
 ];
@@ -163,8 +164,9 @@ impl Numbers<f32> for Table {
             rows => (length(name, rows.len()), format!("{{\n            {}}}", rows.join(",\n            "))),
         };
         self.field(name, format!("springpot_{} {name}{length}", of.name), value, about);
+        let is_new = self.0.iter().flat_map(|structure| &structure.parts).all(|part| part.name != of.name);
         let Some(structure) = self.0.last_mut() else { return };
-        if structure.parts.iter().all(|part| part.name != of.name) {
+        if is_new {
             let field =
                 |&(name, about)| Field { declaration: format!("float {name}"), name, about, value: String::new() };
             let fields = of.fields.iter().map(field).collect();

@@ -12,7 +12,7 @@ use core::fmt;
 use core::hint::black_box;
 
 use springpot::{
-    Actuator, Compressed, Curve, Discretisation, Law, LawOptions, LawState, Maxwell, Memory, Preset, Topology,
+    Actuator, Compressed, Curve, Discretisation, Law, LawOptions, LawState, Maxwell, Memory, Preset, Spring, Topology,
     VoltageDrive,
 };
 
@@ -39,10 +39,12 @@ pub struct Film {
     pub step_s: f64,
     /// Whether an elastic curve of as many pieces as there may be is in front of the law, on an actuator that saturates.
     pub curved: bool,
+    /// Whether that curve is the strain measure of the memory, beside a spring of as many pieces.
+    pub spring: bool,
 }
 
 /// The films of the program.
-pub const FILMS: [Film; 8] = [
+pub const FILMS: [Film; 10] = [
     Film::from_preset("table3-n1", Topology::Eq11),
     Film::from_preset("table3-n2", Topology::Eq11),
     Film::from_preset("table3-n5", Topology::Eq11),
@@ -50,19 +52,21 @@ pub const FILMS: [Film; 8] = [
     Film { method: Discretisation::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
     Film { curved: true, ..Film::from_preset("table3-n2", Topology::Eq11) },
     Film { curved: true, method: Discretisation::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
+    Film { curved: true, spring: true, ..Film::from_preset("table3-n2", Topology::Eq11) },
+    Film { curved: true, spring: true, method: Discretisation::Bdf2, ..Film::from_preset("table3-n2", Topology::Eq11) },
     Film { method: Discretisation::Bdf2, step_s: SLOW_S, ..Film::from_preset("table3-n2", Topology::Eq11) },
 ];
 
-/// Films of each kind: stepped by either method, straight and behind a curve, fast and slow. All of them take a chip without an FPU
+/// Films of each kind: stepped by either method, straight, behind a curve and beside a spring, fast and slow. All of them take a chip without an FPU
 /// minutes, in which laws are built in f64.
-pub const FEW: [Film; 3] = [FILMS[1], FILMS[6], FILMS[7]];
+pub const FEW: [Film; 4] = [FILMS[1], FILMS[6], FILMS[8], FILMS[9]];
 
 /// Step of a controller without an FPU, s.
 const SLOW_S: f64 = 1e-2;
 
 impl Film {
     const fn from_preset(preset: &'static str, topology: Topology) -> Self {
-        Self { preset, topology, method: Discretisation::Gl, step_s: 1e-3, curved: false }
+        Self { preset, topology, method: Discretisation::Gl, step_s: 1e-3, curved: false, spring: false }
     }
 
     #[inline(never)]
@@ -75,7 +79,7 @@ impl Film {
     /// The default law of `model` at its step, behind the curve where there is one.
     fn law(self, model: &Maxwell) -> Law<f32> {
         let law = self.straight_law(model);
-        if self.curved { behind(law) } else { law }
+        if self.curved { bent(law, self.spring) } else { law }
     }
 
     // Built and bent one after the other, each with a stack of its own: the small chip has 16 KiB for all.
@@ -92,9 +96,22 @@ impl Film {
 }
 
 #[inline(never)]
-fn behind(law: Law<f32>) -> Law<f32> {
-    let Ok(law) = law.behind(&curve()) else { panic!("the law behind the curve is refused") };
+fn bent(law: Law<f32>, has_spring: bool) -> Law<f32> {
+    let bent = if has_spring { law.beside(&spring(), &curve()) } else { law.behind(&curve()) };
+    let Ok(law) = bent else { panic!("the law behind the curve is refused") };
     law
+}
+
+/// A spring of 16 pieces on the knots of the curve: a tenth of the memory's stiffness within a step, and softer the further it is stretched.
+#[must_use]
+pub fn spring() -> Spring {
+    let points = core::array::from_fn::<_, 17, _>(|k| {
+        #[allow(clippy::cast_precision_loss)] // up to 16
+        let x = 1e-4 * (k as f64 - 5.0);
+        (x, 2e4 * x * (1.0 - 200.0 * x))
+    });
+    let Ok(spring) = Spring::through(&points) else { panic!("the spring is refused") };
+    spring
 }
 
 /// The paper's actuator, with a force that saturates.
@@ -127,7 +144,11 @@ pub struct Name {
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { film, size, what } = self;
-        let curve = if film.curved { "+curve" } else { "" };
+        let curve = match (film.curved, film.spring) {
+            (true, true) => "+curves",
+            (true, false) => "+curve",
+            (false, _) => "",
+        };
         let method = if film.method == Discretisation::Bdf2 { "/bdf2" } else { "" };
         let topology = match film.topology {
             Topology::Eq11 => "eq11",

@@ -68,6 +68,10 @@ fn main() -> ! {
     let film = || (curved.clone(), curved.state());
     kernel!(creep_12_36_curve, |law: Law<f32>, film: LawState<f32>| law.displacement(film, black_box(9.0)), film());
     kernel!(relaxation_12_36_curve, |law: Law<f32>, film: LawState<f32>| law.force(film, black_box(9e-5)), film());
+    let two: Law<f32> = built(Law::from_coefficients(&two_curves_law(), STEP_S, MASS_KG));
+    let film = || (two.clone(), two.state());
+    kernel!(creep_12_36_curves, |law: Law<f32>, film: LawState<f32>| law.displacement(film, black_box(8.0)), film());
+    kernel!(relaxation_12_36_curves, |law: Law<f32>, film: LawState<f32>| law.force(film, black_box(8e-5)), film());
     let film = || (lean.clone(), lean.state());
     kernel!(creep_8_18, |law: LeanLaw, film: LeanState| law.displacement(film, black_box(10.0)), film());
     kernel!(relaxation_8_18, |law: LeanLaw, film: LeanState| law.force(film, black_box(1e-4)), film());
@@ -118,6 +122,12 @@ fn main() -> ! {
     kernel!(
         tick_curve,
         |command: DacCode, controller: Controller| tick::tick(controller, black_box(*command)),
+        (DacCode::ZERO, controller)
+    );
+    let controller = tick::running(&two_curves_law(), chip_program::SATURATING);
+    kernel!(
+        tick_curves,
+        |command: DacCode, controller: Controller| black_box(tick::tick(controller, black_box(*command))),
         (DacCode::ZERO, controller)
     );
     process::exit(0)

@@ -7,8 +7,12 @@ use crate::chips::{CalibrationError, Converters};
 use crate::parameters::{ControllerMemory, Parameters};
 use crate::safety::{LimitsError, Supervisor};
 
-/// The version of the format.
-pub const SCHEMA: u16 = 4;
+/// The newest version of the format, which has laws with a spring beside their memory. Other blobs are written as the version before, which
+/// older firmware reads as well.
+pub const SCHEMA: u16 = 5;
+
+/// The version of blobs without a spring.
+const SCHEMA_WITHOUT_SPRING: u16 = 4;
 
 /// Largest share of its displacement by which the coarser law that watches the stroke may be behind the film.
 const MAX_MARGIN: f64 = 0.25;
@@ -64,7 +68,7 @@ pub enum BlobError {
     #[error("not a parameter blob")]
     Magic,
     /// Another version of the format.
-    #[error("the blob has schema {found}; this firmware reads {SCHEMA}")]
+    #[error("the blob has schema {found}; this firmware reads {SCHEMA_WITHOUT_SPRING} and {SCHEMA}")]
     Schema {
         /// The version found.
         found: u16,
@@ -355,7 +359,7 @@ pub use bytes::BlobHeader;
 /// The bytes.
 #[cfg(feature = "store")]
 mod bytes {
-    use super::{BLOB_LEN, Blob, BlobError, SCHEMA};
+    use super::{BLOB_LEN, Blob, BlobError, SCHEMA, SCHEMA_WITHOUT_SPRING};
     use crate::chips::Converters;
     use crate::parameters::{ControllerMemory, Parameters};
 
@@ -438,7 +442,8 @@ mod bytes {
                 if stated { postcard::to_slice(&(sizes, self), body) } else { postcard::to_slice(self, body) };
             let written = written.map_err(|_| BlobError::TooLong)?.len();
             let length = u16::try_from(written).map_err(|_| BlobError::TooLong)?;
-            let schema = SCHEMA | if stated { u16::from(STATES_SIZES) << 8 } else { 0 };
+            let schema = if M::has_spring(&self.law) { SCHEMA } else { SCHEMA_WITHOUT_SPRING };
+            let schema = schema | if stated { u16::from(STATES_SIZES) << 8 } else { 0 };
             let header = BlobHeader { schema, board, length };
             let end = header.contents_end();
             bytes[..BlobHeader::LEN].copy_from_slice(&header.bytes());
@@ -476,7 +481,7 @@ mod bytes {
             }
             // The bytes are as they were written.
             let [schema, flags] = header.schema.to_le_bytes();
-            if u16::from(schema) != SCHEMA || flags & !STATES_SIZES != 0 {
+            if !(SCHEMA_WITHOUT_SPRING..=SCHEMA).contains(&u16::from(schema)) || flags & !STATES_SIZES != 0 {
                 return Err(BlobError::Schema { found: header.schema });
             }
             if header.board != board {

@@ -40,6 +40,10 @@ pub trait ControllerMemory: Memory<f32, History: Clone + Debug> + Clone + Debug 
     #[doc(hidden)]
     fn coefficients(law: &Law<f32, Self>) -> Self::Coefficients;
 
+    /// Whether the law of `coefficients` has a spring beside its memory.
+    #[doc(hidden)]
+    fn has_spring(coefficients: &Self::Coefficients) -> bool;
+
     /// The law of `coefficients`: [`Law::from_coefficients`].
     #[doc(hidden)]
     fn law(coefficients: &Self::Coefficients, step_s: f64, mass_kg: f64) -> Result<Law<f32, Self>, LawError>;
@@ -60,6 +64,10 @@ impl<const HEAD: usize, const FAST: usize, const SLOW: usize> ControllerMemory f
 
     fn coefficients(law: &Law<f32, Self>) -> Self::Coefficients {
         law.coefficients()
+    }
+
+    fn has_spring(coefficients: &Self::Coefficients) -> bool {
+        coefficients.has_spring()
     }
 
     fn law(coefficients: &Self::Coefficients, step_s: f64, mass_kg: f64) -> Result<Law<f32, Self>, LawError> {

@@ -18,7 +18,7 @@ use dea_driver::chips::{Calibration, CommandRange, DacCode};
 use dea_driver::{BLOB_LEN, Blob, Controller, DriverState, Inputs, Mode, OnSensorFault, Outputs, Parameters};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use springpot::{Actuator, AmplifierLag, Curve, Discretisation, Law, LawOptions, Preset};
+use springpot::{Actuator, AmplifierLag, Curve, Discretisation, Law, LawOptions, Measure, Preset, Spring};
 
 use crate::bench::board_parameters;
 use crate::scale::cases;
@@ -61,7 +61,12 @@ fn benches() -> Vec<Parameters> {
     // Through a converter that lags, with cycles that are learned.
     stiffening.amplifier_lag = AmplifierLag { rise_s: 0.05, fall_s: 0.2 };
     stiffening.control.harmonics = 6;
-    vec![paper, slow, bent, module, stiffening]
+    // With two curves.
+    let measure = Measure { exponent: 0.0, length_m: 0.06 }.curve(-0.5e-3, 2e-3).expect("rises");
+    let law = Law::compressed(&model, LawOptions::at_step(1e-3));
+    let law = law.and_then(|law| law.beside(&Spring::linear(9e3).expect("valid"), &measure)).expect("valid");
+    let beside = Parameters::bench(&law, Actuator::KARNER_2022);
+    vec![paper, slow, bent, module, stiffening, beside]
 }
 
 /// The blob of `contents` as doc/blob.md describes it.

@@ -2,10 +2,10 @@
 //!
 //! The files under `blobs/` were written by `springpot export` when the blob got schema 4.
 
-use dea_driver::{Blob, Parameters};
+use dea_driver::{BLOB_LEN, Blob, BlobHeader, Parameters, SCHEMA};
 use springpot::{
-    Actuator, AmplifierLag, Coefficients, Curve, Discretisation, Law, LawOptions, Maxwell, Preload, Preset, Springpot,
-    Topology,
+    Actuator, AmplifierLag, Coefficients, Curve, Discretisation, Law, LawOptions, Maxwell, Measure, Preload, Preset,
+    Spring, Springpot, Topology,
 };
 
 use crate::bench::encoded;
@@ -72,6 +72,34 @@ fn a_blob_carries_the_curve_and_the_method() {
     assert_eq!((curved.law.method, curved.law.curve.len()), (Discretisation::Bdf2, 4));
     assert_eq!(curved.amplifier_lag, AmplifierLag { rise_s: 0.1, fall_s: 0.5 });
     assert_eq!((curved.control.harmonics, curved.control.period_s), (5, 2.5));
+}
+
+/// A law with two curves, in the schema that came with them.
+#[test]
+fn a_blob_carries_both_curves() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/driver/blobs/beside-a-spring.bin");
+    let model = Maxwell::new(Springpot::new(62_740.0, 0.2), &[], Topology::Parallel, 0.316).expect("valid");
+    let spring = Spring::through(&[(-0.5e-3, -6.0), (0.0, 0.0), (1e-3, 11.0), (2e-3, 20.0)]).expect("valid");
+    let measure = Measure { exponent: 0.0, length_m: 0.06 }.curve(-0.5e-3, 2e-3).expect("rises");
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
+    let law = law.beside(&spring, &measure).expect("valid");
+    if std::env::var_os("SPRINGPOT_WRITE").is_some() {
+        std::fs::write(path, encoded(&Parameters::bench(&law, Actuator::KARNER_2022), BOARD)).expect("written");
+    }
+    let bytes = std::fs::read(path).expect("a blob");
+    assert_eq!(BlobHeader::read(&bytes).expect("a blob").schema, SCHEMA);
+    let sent = parameters(&bytes);
+    assert_eq!(sent.law, law.coefficients());
+    let blob = Blob::<springpot::Compressed<f32>>::new(sent).expect("valid");
+    assert_eq!(blob.follower().compensator().observer().law(), &law);
+
+    // A curve of nine knots beside a spring of seventeen, with a name and the longest of the rest of a bench, still has room.
+    let points: Vec<(f64, f64)> = (0..17).map(|k| 1e-4 * f64::from(k - 5)).map(|x| (x, 1e4 * x)).collect();
+    let law: Law<f32> = Law::compressed(&model, LawOptions::at_step(1e-3)).expect("valid");
+    let law = law.beside(&Spring::through(&points).expect("valid"), &measure).expect("valid");
+    let name = "a name of thirty-two characters.".parse().expect("fits");
+    let long = Parameters { name, ..Parameters::bench(&law, Actuator::KARNER_2022) };
+    assert!(encoded(&long, BOARD).len() <= BLOB_LEN);
 }
 
 /// A controller steps the host's law, of either method, to the bit.

@@ -4,7 +4,7 @@ use dea_driver::{
     Blob, Cause, Controller, Device, DriverState, Inputs, Limits, LimitsError, Mode, MonitorLimits, OnSensorFault,
     Parameters, PlausibilityLimits, Supervisor,
 };
-use springpot::{Actuator, AmplifierLag, Curve, Law, LawOptions, Maxwell, Preset, VoltageDrive};
+use springpot::{Actuator, AmplifierLag, Curve, Law, LawOptions, Maxwell, Preset, Spring, VoltageDrive};
 
 use crate::bench::{bench_limits, board_parameters};
 use crate::film_bench::FilmBench;
@@ -183,14 +183,15 @@ fn limits_that_are_not_stated_have_values() {
 }
 
 /// The model alone trips where the full law under the same voltage is between 1.5 % before the end of the stroke and 1 % beyond it, whatever
-/// the published film, alone and behind a curve: what `Law::coarser` promises.
+/// the published film, alone, behind a curve and with two: what `Law::coarser` promises.
 #[test]
 fn the_model_alone_keeps_the_stroke() {
     let curve = Curve::through(&[(-1e-3, -0.8e-3), (0.0, 0.0), (1e-3, 1.1e-3), (2e-3, 2.6e-3)]).expect("rises");
+    let spring = Spring::of_curve(&curve, 2e4).expect("valid");
     for preset in Preset::ALL {
-        for curve in [None, Some(&curve)] {
-            let furthest_m = stroke_at_the_trip(&preset.model().expect("valid"), curve);
-            println!("{} {}: trips at {:.4} mm of 1", preset.name(), curve.is_some(), 1e3 * furthest_m);
+        for (kind, curves) in [None, Some((&curve, None)), Some((&curve, Some(&spring)))].into_iter().enumerate() {
+            let furthest_m = stroke_at_the_trip(&preset.model().expect("valid"), curves);
+            println!("{} {kind}: trips at {:.4} mm of 1", preset.name(), 1e3 * furthest_m);
             assert!((0.985e-3..=1.010e-3).contains(&furthest_m), "{}: {furthest_m}", preset.name());
         }
     }
@@ -198,11 +199,14 @@ fn the_model_alone_keeps_the_stroke() {
 
 /// Where the full law is when the model's displacement trips a stroke of 1 mm, under a voltage that rises until then. The sensor is stuck
 /// in its noise at rest.
-fn stroke_at_the_trip(model: &Maxwell, curve: Option<&Curve>) -> f64 {
+fn stroke_at_the_trip(model: &Maxwell, curves: Option<(&Curve, Option<&Spring>)>) -> f64 {
     let law: Law<f64> = Law::compressed(model, LawOptions::at_step(1e-3)).expect("valid");
     let single: Law<f32> = Law::compressed(model, LawOptions::at_step(1e-3)).expect("valid");
-    let (law, single) = match curve {
-        Some(curve) => (law.behind(curve).expect("rises"), single.behind(curve).expect("rises")),
+    let (law, single) = match curves {
+        Some((curve, Some(spring))) => {
+            (law.beside(spring, curve).expect("valid"), single.beside(spring, curve).expect("valid"))
+        }
+        Some((curve, None)) => (law.behind(curve).expect("rises"), single.behind(curve).expect("rises")),
         None => (law, single),
     };
     let bench = board_parameters();

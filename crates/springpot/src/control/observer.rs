@@ -184,11 +184,16 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         if late >= PAST {
             return Err(ControlError::SensorTooLate { ticks: late, most: PAST.saturating_sub(1) });
         }
-        let stiffness = law.dynamic_stiffness(bandwidth_hz, 1.0);
+        let stiffness = law.dynamic_stiffness(bandwidth_hz, law.tangent_at(0.0));
         // At the resonance the inertia outweighs the stiffness, first where the film is softest.
-        let softest = law.min_slope();
+        let softest = law.softest();
         let above = law.dynamic_stiffness(RESONANCE_MARGIN * bandwidth_hz, softest);
-        if !(stiffness.re > 0.0 && stiffness.im.is_finite() && above.re > 0.0) {
+        let softest_stiffness = if law.rounded_spring().is_some() {
+            law.dynamic_stiffness(bandwidth_hz, softest).re
+        } else {
+            softest.memory * stiffness.re
+        };
+        if !(stiffness.re > 0.0 && stiffness.im.is_finite() && above.re > 0.0 && softest_stiffness > 0.0) {
             return Err(ControlError::NearResonance { bandwidth_hz });
         }
         let adapts = adaptation_s > 0.0;
@@ -216,7 +221,7 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
             regularisation: T::from_f64(1e-3 * largest_force * largest_force / step_s),
             max_disturbance: T::from_f64(largest_force),
             max_slope: T::from_f64(largest_force * omega * step_s),
-            max_innovation: T::from_f64(largest_force / (softest * stiffness.re)),
+            max_innovation: T::from_f64(largest_force / softest_stiffness),
         })
     }
 

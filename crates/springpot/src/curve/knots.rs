@@ -11,7 +11,7 @@ pub const MAX_KNOTS: usize = 17;
 /// Smallest slope of a curve: the stiffness of one step may not fall to less than this share of that at rest.
 const MIN_SLOPE: f64 = 1e-3;
 
-/// A point of a [`Curve`]: between two of them the curve is the cubic with these values and slopes at its ends.
+/// A point of a [`Curve`] or of a [`Spring`](crate::Spring): between two of them it is the cubic with these values and slopes at its ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -19,9 +19,9 @@ const MIN_SLOPE: f64 = 1e-3;
 pub struct Knot<T> {
     /// Displacement x, m.
     pub displacement: T,
-    /// T(x), m.
+    /// T(x), m; of a spring E(x), N.
     pub value: T,
-    /// T'(x).
+    /// T'(x); of a spring E'(x), N/m.
     pub slope: T,
 }
 
@@ -109,6 +109,11 @@ impl Curve {
     ///
     /// As [`scaled`](Self::scaled).
     pub fn through(points: &[(f64, f64)]) -> Result<Self, CurveError> {
+        Self::scaled(&Self::knots_through(points)?)
+    }
+
+    /// Knots at `points`, with the slopes of Fritsch and Butland.
+    pub(super) fn knots_through(points: &[(f64, f64)]) -> Result<Vec<Knot<f64>, MAX_KNOTS>, CurveError> {
         let mut knots = Vec::<Knot<f64>, MAX_KNOTS>::new();
         for (k, &(displacement, value)) in points.iter().enumerate() {
             let secant = |a: usize, b: usize| (points[b].1 - points[a].1) / (points[b].0 - points[a].0);
@@ -126,16 +131,15 @@ impl Curve {
             };
             knots.push(Knot { displacement, value, slope }).map_err(|_| CurveError::Knots(points.len()))?;
         }
-        Self::scaled(&knots)
+        Ok(knots)
     }
 
     /// The curve of knots in another number type.
     pub(crate) fn from_rounded<T: Scalar>(knots: &[Knot<T>]) -> Result<Self, CurveError> {
-        let wide: Vec<Knot<f64>, MAX_KNOTS> = knots.iter().map(Knot::wide).collect();
-        Self::new(&wide)
+        Self::new(&wide(knots)?)
     }
 
-    fn unscaled(knots: &[Knot<f64>]) -> Result<Self, CurveError> {
+    pub(super) fn unscaled(knots: &[Knot<f64>]) -> Result<Self, CurveError> {
         let knots = Vec::from_slice(knots).map_err(|_| CurveError::Knots(knots.len()))?;
         if knots.len() < 2 {
             return Err(CurveError::Knots(knots.len()));
@@ -184,6 +188,16 @@ impl Curve {
     #[must_use]
     pub fn slope(&self, displacement_m: f64) -> f64 {
         self.value_and_slope(displacement_m).1
+    }
+
+    /// T''(x) in 1/m at `displacement_m` (m), 0 beyond the ends.
+    pub(crate) fn curvature(&self, displacement_m: f64) -> f64 {
+        let (low, high) = self.range();
+        if displacement_m < low || displacement_m > high {
+            return 0.0;
+        }
+        let (cubic, u) = self.piece_at(displacement_m);
+        2.0 * cubic.second + 6.0 * cubic.third * u
     }
 
     /// The displacement in m where T has the value `value_m` (m).
@@ -239,17 +253,29 @@ impl Curve {
         self.knots.iter().map(|knot| (knot.displacement, knot.slope)).chain(inner)
     }
 
-    fn value_and_slope(&self, displacement: f64) -> (f64, f64) {
+    pub(super) fn value_and_slope(&self, displacement: f64) -> (f64, f64) {
         let (low, high) = self.range();
         let within = between(displacement, low, high);
+        let (cubic, u) = self.piece_at(within);
+        let slope = cubic.slope_at(u);
+        (cubic.value + cubic.beyond(u) + slope * (displacement - within), slope)
+    }
+
+    /// The cubic of the piece that holds `within`, and how far that is beyond its left end, m.
+    fn piece_at(&self, within: f64) -> (Cubic, f64) {
         let index = self.knots.iter().rposition(|knot| knot.displacement <= within).unwrap_or(0);
         let index = index.min(self.knots.len().saturating_sub(2));
-        let [before, after] = [self.knots[index], self.knots[index + 1]];
-        let cubic = Cubic::between(&before, &after);
-        let u = within - before.displacement;
-        let slope = cubic.slope_at(u);
-        (before.value + cubic.beyond(u) + slope * (displacement - within), slope)
+        let before = &self.knots[index];
+        (Cubic::between(before, &self.knots[index + 1]), within - before.displacement)
     }
+}
+
+/// Knots in f64.
+pub(super) fn wide<T: Scalar>(knots: &[Knot<T>]) -> Result<Vec<Knot<f64>, MAX_KNOTS>, CurveError> {
+    if knots.len() > MAX_KNOTS {
+        return Err(CurveError::Knots(knots.len()));
+    }
+    Ok(knots.iter().map(Knot::wide).collect())
 }
 
 /// `value` or the nearest end of a range. `f64::clamp` has a panic that prints its bounds: 10 KB of a controller's flash.
@@ -266,6 +292,7 @@ fn between(value: f64, low: f64, high: f64) -> f64 {
 /// A cubic from its value at the left end on: slope u + second u² + third u³.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cubic {
+    value: f64,
     pub(super) slope: f64,
     pub(super) second: f64,
     pub(super) third: f64,
@@ -277,6 +304,7 @@ impl Cubic {
         let width = after.displacement - before.displacement;
         let secant = (after.value - before.value) / width;
         Self {
+            value: before.value,
             slope: before.slope,
             second: (3.0 * secant - 2.0 * before.slope - after.slope) / width,
             third: (before.slope + after.slope - 2.0 * secant) / (width * width),

@@ -1,7 +1,6 @@
 //! The elastic curves of rubber: Mooney–Rivlin, and with Gent's limit.
 
-use heapless::Vec;
-
+use crate::curve::spread::spread;
 use crate::curve::{Curve, Knot, MAX_KNOTS};
 use crate::error::CurveError;
 
@@ -41,9 +40,6 @@ pub struct Rubber {
     pub free_length_m: f64,
 }
 
-/// Points from which the knots are chosen.
-const GRID: usize = 512;
-
 impl Rubber {
     /// The curve over displacements from `low_m` to `high_m` (m): 16 cubic pieces with its values and slopes at their ends, closer
     /// where it bends more.
@@ -52,7 +48,6 @@ impl Rubber {
     ///
     /// [`CurveError`] for constants that are not finite and positive, a range that does not hold 0, a stretch where chains are
     /// taut or the film has no length, and a curve that does not rise.
-    #[allow(clippy::cast_precision_loss)] // a few hundred points
     pub fn curve(&self, low_m: f64, high_m: f64) -> Result<Curve, CurveError> {
         let positive = |value: f64| value.is_finite() && value > 0.0;
         if !(self.share.is_finite() && self.limit > 0.0 && positive(self.rest_stretch) && positive(self.free_length_m))
@@ -73,39 +68,7 @@ impl Rubber {
             let (stress, slope) = self.stress(self.stretch(displacement));
             Knot { displacement, value: stress * self.free_length_m, slope }
         };
-        let width = (high_m - low_m) / GRID as f64;
-        // The error of a piece grows with the fourth power of its width times the fourth derivative: knots at equal steps of the
-        // integral of the fourth root of that derivative, which is the third derivative of the slope.
-        let bend = |k: usize| {
-            let centre = (low_m + (k as f64 + 0.5) * width).clamp(low_m + 1.5 * width, high_m - 1.5 * width);
-            let slope = |steps: f64| knot(centre + steps * width).slope;
-            let third = (slope(1.5) - slope(-1.5)) - 3.0 * (slope(0.5) - slope(-0.5));
-            libm::sqrt(libm::sqrt(third.abs()))
-        };
-        let mut bends = [0.0; GRID];
-        let mut sum = 0.0;
-        for (k, slot) in bends.iter_mut().enumerate() {
-            *slot = bend(k);
-            sum += *slot;
-        }
-        // A tenth evenly, so that no piece becomes endless.
-        let even = 0.1 * sum / GRID as f64 + f64::MIN_POSITIVE;
-        let pieces = MAX_KNOTS - 1;
-        let share = (sum + even * GRID as f64) / pieces as f64;
-        let mut knots = Vec::<Knot<f64>, MAX_KNOTS>::new();
-        // There is room for all.
-        let _ = knots.push(knot(low_m));
-        let mut passed = 0.0;
-        for (k, bend) in bends.iter().enumerate() {
-            let density = bend + even;
-            let wanted = share * knots.len() as f64;
-            if knots.len() < pieces && passed + density >= wanted {
-                let _ = knots.push(knot(low_m + (k as f64 + (wanted - passed) / density) * width));
-            }
-            passed += density;
-        }
-        let _ = knots.push(knot(high_m));
-        Curve::scaled(&knots)
+        Curve::scaled(&spread(low_m, high_m, MAX_KNOTS - 1, knot))
     }
 
     fn stretch(&self, displacement_m: f64) -> f64 {

@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 use crate::curve::knots::Cubic;
-use crate::curve::{Curve, Knot, MAX_KNOTS};
+use crate::curve::{Curve, Knot, MAX_KNOTS, Spring};
 use crate::error::CurveError;
 use crate::numbers::{Numbers, Record};
 use crate::scalar::Scalar;
@@ -60,6 +60,12 @@ impl<T: Scalar> Place<T> {
         Self { beyond: self.beyond + self.slope * distance, ..*self }
     }
 
+    /// Whether the film is beyond the ends of the curve.
+    #[inline]
+    pub(crate) fn is_outside(&self) -> bool {
+        self.outside.is_below(T::ZERO) || T::ZERO.is_below(self.outside)
+    }
+
     /// T here minus T at `other`, m.
     #[inline]
     pub(crate) fn minus(&self, other: &Self) -> T {
@@ -68,9 +74,9 @@ impl<T: Scalar> Place<T> {
 }
 
 impl<T: Scalar> Table<T> {
-    /// The table of `curve`, of its knots rounded to T.
+    /// The table of these knots, at least two and at most [`MAX_KNOTS`], rounded to T.
     #[inline(never)]
-    pub(crate) fn new(curve: &Curve) -> Self {
+    pub(crate) fn new(knots: &[Knot<f64>]) -> Self {
         let rounded = |knot: &Knot<f64>| Knot {
             displacement: T::from_f64(knot.displacement),
             value: T::from_f64(knot.value),
@@ -80,7 +86,7 @@ impl<T: Scalar> Table<T> {
         let unused = Piece { at: beyond, value: T::ZERO, slope: T::ZERO, second: T::ZERO, third: T::ZERO };
         let mut pieces = [[[[unused; 2]; 2]; 2]; 2];
         let flat = pieces.as_flattened_mut().as_flattened_mut().as_flattened_mut();
-        for (piece, pair) in flat.iter_mut().zip(curve.knots().windows(2)) {
+        for (piece, pair) in flat.iter_mut().zip(knots.windows(2)) {
             let [before, after] = [rounded(&pair[0]), rounded(&pair[1])];
             let cubic = Cubic::between(&before.wide(), &after.wide());
             *piece = Piece {
@@ -91,8 +97,8 @@ impl<T: Scalar> Table<T> {
                 third: T::from_f64(cubic.third),
             };
         }
-        let used = curve.knots().len() - 1;
-        let last = rounded(&curve.knots()[used]);
+        let used = knots.len() - 1;
+        let last = rounded(&knots[used]);
         Self { low: pieces[0][0][0][0].at, high: last.displacement, last, pieces, used }
     }
 
@@ -104,21 +110,21 @@ impl<T: Scalar> Table<T> {
             .chain(core::iter::once(self.last))
     }
 
-    /// Visits what a place is computed with.
+    /// Visits what a place is computed with. The pieces of a spring have forces for values.
     pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
         let piece = Record {
             name: "piece",
             about: "A cubic from `at` on: value + slope u + second u^2 + third u^3.",
             fields: [
                 ("at", "m; infinite where the piece is not used"),
-                ("value", "m"),
+                ("value", "m; N where the piece is one of a spring, and so on"),
                 ("slope", ""),
                 ("second", "1/m"),
                 ("third", "1/m^2"),
             ],
         };
         let pieces = self.pieces.as_flattened().as_flattened().as_flattened();
-        take.number("low", self.low, "where the curve begins, m");
+        take.number("low", self.low, "where it begins, m");
         take.number("high", self.high, "where it ends, m");
         let values = |piece: &Piece<T>| [piece.at, piece.value, piece.slope, piece.second, piece.third];
         take.records("pieces", &piece, pieces.iter().map(values), "");
@@ -131,9 +137,22 @@ impl<T: Scalar> Table<T> {
         Curve::from_rounded(&knots)
     }
 
+    /// The spring of the rounded knots.
+    #[inline(never)]
+    pub(crate) fn spring(&self) -> Result<Spring, CurveError> {
+        let knots: Vec<Knot<T>, MAX_KNOTS> = self.knots().collect();
+        Spring::from_rounded(&knots)
+    }
+
     /// The place at `displacement` − `surplus` (m).
     #[inline]
     pub(crate) fn place(&self, displacement: T, surplus: T) -> Place<T> {
+        self.place_and_curvature(displacement, surplus).0
+    }
+
+    /// The same with the second derivative there, 0 beyond the ends.
+    #[inline]
+    pub(crate) fn place_and_curvature(&self, displacement: T, surplus: T) -> (Place<T>, T) {
         // A place below the first piece is in it, one above the last piece in the last.
         let upper = |from: T| !displacement.is_below(from);
         let [lower_half, upper_half] = &self.pieces;
@@ -151,6 +170,10 @@ impl<T: Scalar> Table<T> {
         // slope + 2 second u + 3 third u²
         let slope = piece.slope + u * (rise + (rise + bent));
         let beyond = u * (piece.slope + u * rise) + slope * outside;
-        Place { knot: piece.value, beyond, slope, outside }
+        let place = Place { knot: piece.value, beyond, slope, outside };
+        // 2 second + 6 third u
+        let half = rise + (bent + bent);
+        let curvature = if T::ZERO.is_below(outside * outside) { T::ZERO } else { half + half };
+        (place, curvature)
     }
 }

@@ -77,6 +77,9 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
     /// without mass, and infinite for one with mass, whose oscillation changes with the slope. That a step solves along the tangent of the
     /// curve is not in them, nor is what a weight does to a film that starts from rest: x counts from there.
     ///
+    /// Beside a spring the memory's force has the weight T': the bounds of the force are larger by the square of the largest slope, and those of
+    /// the displacement are infinite.
+    ///
     /// Infinite as well for a horizon that is not finite, and for the displacement of a film of which it is not known whether it
     /// oscillates: 3 of 40 000 random ones, all of springs, dashpots and a mass alone.
     ///
@@ -100,6 +103,14 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let bound = CompressionBound::rounded(bound, horizon_s);
         let Some(curve) = self.rounded_curve() else { return bound };
         let (steepest, flattest) = (curve.max_slope().1, curve.min_slope().1);
+        if self.rounded_spring().is_some() {
+            // The memory's force has the weight T' as well.
+            let weight = steepest * steepest;
+            let rounding = 4.0 * precision::<T>() * (self.instant * weight + self.mass_per_step2);
+            let [per_increment, per_stroke] = [bound.force_per_increment, bound.force_per_stroke].map(f64::from);
+            let force = [per_increment * weight + rounding, per_stroke * weight + 2.0 * rounding];
+            return CompressionBound::rounded([force[0], force[1], f64::INFINITY, f64::INFINITY], horizon_s);
+        }
         let times = steepest / flattest;
         let mut bounds = [
             f64::from(bound.force_per_increment) * steepest,

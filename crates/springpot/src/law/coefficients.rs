@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use crate::curve::{Curve, Knot, MAX_KNOTS};
+use crate::curve::{Curve, Knot, MAX_KNOTS, Spring};
 use crate::error::LawError;
 use crate::kernel::Discretisation;
 use crate::law::Law;
@@ -60,8 +60,9 @@ pub struct Coefficients<T, const HEAD: usize = 12, const FAST: usize = 12, const
     /// Slow modes, likewise.
     #[cfg_attr(feature = "serde", serde(with = "arrays"))]
     pub slow: [(T, T); SLOW],
-    /// Knots of the elastic curve; none without one.
-    pub curve: Vec<Knot<T>, MAX_KNOTS>,
+    /// Knots of the elastic curve, none without one; after them those of the spring, from the first knot that is not to the right of the one
+    /// before it.
+    pub curve: Vec<Knot<T>, { 2 * MAX_KNOTS }>,
 }
 
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {
@@ -116,11 +117,30 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
         let memory = Compressed { head, fast: fast.map(decay), slow: slow.map(decay), tail_error, massless };
         // In place: a law takes a good part of a small controller's stack.
         let mut law = Self::from_massless(step_s, instant, mass_kg, memory, method)?;
+        let (curve, spring) = curve.split_at(curve_len(curve));
         if !curve.is_empty() {
             law.bend(&Curve::from_rounded(curve)?)?;
         }
+        if !spring.is_empty() {
+            law.add_spring(&Spring::from_rounded(spring)?)?;
+        }
         Ok(law)
     }
+}
+
+impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Coefficients<T, HEAD, FAST, SLOW> {
+    /// Whether a spring is beside the memory.
+    #[must_use]
+    pub fn has_spring(&self) -> bool {
+        curve_len(&self.curve) < self.curve.len()
+    }
+}
+
+/// How many of `knots` are of the curve. Both ranges hold 0, so that a spring begins at or to the left of where the curve ends.
+fn curve_len<T: Scalar>(knots: &[Knot<T>]) -> usize {
+    let ends = |pair: &[Knot<T>]| !pair[0].displacement.is_below(pair[1].displacement);
+    // Two knots at the least make a curve: a damaged pair is refused as such.
+    knots.windows(2).skip(1).position(ends).map_or(knots.len(), |last| last + 2)
 }
 
 /// Arrays of any length as tuples: serde itself has them up to 32 only, and not of a generic length.

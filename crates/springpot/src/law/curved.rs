@@ -1,8 +1,12 @@
 //! Laws behind an elastic curve.
 
+use num_complex::Complex;
+
 use crate::curve::{Curve, Knot, Place, Table};
 use crate::error::LawError;
 use crate::kernel::Discretisation;
+use crate::law::beside::Beside;
+use crate::law::response::Tangent;
 use crate::law::{Law, LawState, Memory};
 use crate::numbers::Numbers;
 use crate::scalar::Scalar;
@@ -10,16 +14,18 @@ use crate::scalar::Scalar;
 /// Constants of a law behind a curve, besides its memory.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Curved<T> {
-    table: Table<T>,
+    pub(super) table: Table<T>,
     /// g_0, N/m.
-    instant: T,
+    pub(super) instant: T,
     /// Inertia that acts on the change of the increment, N/m.
-    inertia: T,
+    pub(super) inertia: T,
     /// Inertia that acts on the last three increments while the film goes on with its last, newest first, N/m.
     past_inertia: [T; 3],
     /// Smallest and largest stiffness of one step, N/m.
-    least: T,
-    largest: T,
+    pub(super) least: T,
+    pub(super) largest: T,
+    /// The spring beside the memory; none where the curve is before both.
+    pub(super) spring: Option<Beside<T>>,
 }
 
 /// The place of a film on the curve of its law.
@@ -33,11 +39,28 @@ pub(crate) struct Bend<T> {
     pub(crate) predicted: T,
     /// The increment before the last, m.
     pub(crate) past: T,
+    /// Force per displacement within the next step, N/m.
+    pub(crate) stiffness: T,
+    /// Stiffness of slow changes there over that at rest.
+    pub(crate) slope: T,
+    /// Beside a spring: the memory's force at the next step if the increment stays, and the force of the increments before it in the inertia, N.
+    pub(crate) memory: T,
+    pub(crate) inertia: T,
 }
 
 impl<T: Scalar> Bend<T> {
-    pub(crate) fn straight() -> Self {
-        Self { origin: T::ZERO, ahead: Place::straight(), predicted: T::ZERO, past: T::ZERO }
+    /// That of a film without a curve, whose stiffness (N/m) is the same everywhere.
+    pub(crate) fn straight(stiffness: T) -> Self {
+        Self {
+            origin: T::ZERO,
+            ahead: Place::straight(),
+            predicted: T::ZERO,
+            past: T::ZERO,
+            stiffness,
+            slope: T::from_f64(1.0),
+            memory: T::ZERO,
+            inertia: T::ZERO,
+        }
     }
 }
 
@@ -81,7 +104,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     #[inline(never)]
     pub(crate) fn bend(&mut self, curve: &Curve) -> Result<(), LawError> {
         let &mut Self { instant, mass_per_step2, method, .. } = self;
-        let table = Table::new(curve);
+        let table = Table::new(curve.knots());
         // What the rounded knots make is a curve as well.
         let rounded = table.curve()?;
         let (newest, [first, second, third]) = method.inertia();
@@ -94,10 +117,10 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
             past_inertia: [newest + first, second, third].map(inertia),
             least: at(rounded.min_slope().1),
             largest: at(rounded.max_slope().1),
+            spring: None,
         };
         for stiffness in [curved.least, curved.largest] {
-            let (held, inverse) = (stiffness.to_f64(), T::from_f64(1.0 / stiffness.to_f64()).to_f64());
-            if !(held.is_finite() && held > 0.0 && inverse.is_finite() && inverse > 0.0) {
+            if !divides(stiffness) {
                 return Err(LawError::NothingToSolve);
             }
         }
@@ -119,19 +142,23 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         self.curved.as_ref().map_or(self.stiffness, |curved| curved.largest)
     }
 
-    /// The knots of the law's curve; none without one.
+    /// The knots of the law's curve, none without one, and after them those of its spring.
     pub(crate) fn knots(&self) -> impl Iterator<Item = Knot<T>> + '_ {
-        self.curved.iter().flat_map(|curved| curved.table.knots())
+        let springs = self.curved.iter().filter_map(|curved| curved.spring.as_ref());
+        self.curved.iter().flat_map(|curved| curved.table.knots()).chain(springs.flat_map(Beside::knots))
     }
 
     /// Visits what a step behind a curve computes with.
     pub(crate) fn curve_numbers(&self, take: &mut impl Numbers<T>) {
-        let Some(Curved { table, instant, inertia, past_inertia, .. }) = &self.curved else { return };
+        let Some(Curved { table, instant, inertia, past_inertia, spring, .. }) = &self.curved else { return };
         take.structure("curve", "An elastic curve T in front of a law: its memory acts on T(x), the inertia on x.");
         take.number("instant", *instant, "force per T within one step, N/m");
         take.number("inertia", *inertia, "of the change of the increment, N/m");
         take.array("past_inertia", *past_inertia, "of the last three increments, newest first, N/m");
         table.numbers(take);
+        if let Some(beside) = spring {
+            beside.numbers(take);
+        }
     }
 
     /// The curve, as the number type holds it.
@@ -140,32 +167,65 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     }
 
     /// `state` with its place on the curve.
-    pub(crate) fn placed(&self, mut state: LawState<T, M>) -> LawState<T, M> {
-        if let Some(curved) = &self.curved {
-            let place = curved.place(&state, state.position, state.position_surplus);
-            state.bend.ahead = curved.look_ahead(&state, state.increment);
-            state.bend.predicted = state.bend.ahead.minus(&place);
-        }
-        state
+    pub(crate) fn placed(&self, state: LawState<T, M>) -> LawState<T, M> {
+        let memory = state.base;
+        self.placed_with(state, |_| memory)
     }
 
-    /// `state` with its place on the curve, and its base for the increments of the curve's value, of which the last was
+    /// `state` with its place on the curve. Its base is that of the memory for the increments of the curve's value, of which the last was
     /// `stretched` (m).
     pub(crate) fn placed_after(&self, state: LawState<T, M>, stretched: T) -> LawState<T, M> {
-        let mut state = self.placed(state);
+        let (memory, instant) = (state.base, T::from_f64(self.instant));
+        self.placed_with(state, |predicted| memory + instant * (predicted - stretched))
+    }
+
+    /// `state` with its place on the curve, and the `memory`'s force there for the predicted change of the curve's value.
+    fn placed_with(&self, mut state: LawState<T, M>, memory: impl Fn(T) -> T) -> LawState<T, M> {
+        state.bend.stiffness = self.stiffness;
         if let Some(curved) = &self.curved {
-            state.base = state.base + curved.instant * (state.bend.predicted - stretched);
+            let place = curved.table.place(state.position + state.bend.origin, state.position_surplus);
+            let ahead = curved.look_ahead(&state, state.increment);
+            state.bend.ahead = ahead;
+            state.bend.predicted = ahead.minus(&place);
+            state.base = memory(state.bend.predicted);
+            match &curved.spring {
+                None => curved.meet(&mut state),
+                Some(beside) => {
+                    let ahead = beside.look_ahead(curved, &state, state.increment);
+                    let memory = state.base;
+                    beside.meet(curved, &mut state, &ahead, [memory, T::ZERO]);
+                }
+            }
         }
         state
     }
 
-    /// Smallest slope of the curve, 1 without one.
-    pub(crate) fn min_slope(&self) -> f64 {
-        if self.curved.is_none() {
-            return 1.0;
-        }
+    /// The film where it is softest, as slow changes see it.
+    pub(crate) fn softest(&self) -> Tangent {
+        let Some(curved) = &self.curved else { return Tangent::REST };
         let (newest, _) = self.method.inertia();
-        (self.min_stiffness().to_f64() - newest * self.mass_per_step2) / self.instant
+        if let (Some(measure), Some(spring)) = (self.rounded_curve(), self.rounded_spring()) {
+            let (_, slope) = measure.min_slope();
+            return Tangent { memory: slope * slope, spring: spring.min_slope().1 };
+        }
+        Tangent { memory: (curved.least.to_f64() - newest * self.mass_per_step2) / self.instant, spring: 0.0 }
+    }
+
+    /// The film at `displacement` (m), without the force that its memory still has there.
+    pub(crate) fn tangent_at(&self, displacement: f64) -> Tangent {
+        let slope = self.rounded_curve().map_or(1.0, |curve| curve.slope(displacement));
+        match self.rounded_spring() {
+            Some(spring) => Tangent { memory: slope * slope, spring: spring.slope(displacement) },
+            None => Tangent { memory: slope, spring: 0.0 },
+        }
+    }
+
+    /// Force over displacement of the memory's slow changes, at `frequency_hz` without inertia, N/m.
+    pub(crate) fn memory_stiffness(&self, frequency_hz: f64) -> f64 {
+        let massless = self.dynamic_stiffness(frequency_hz, Tangent { memory: 1.0, spring: 0.0 })
+            - self.dynamic_stiffness(frequency_hz, Tangent { memory: 0.0, spring: 0.0 });
+        let Complex { re, im } = massless;
+        re.abs().max(im.abs())
     }
 
     /// m/h² of the method on the change of the increment and on the increments before it, where the memory does not have it, N/m.
@@ -178,13 +238,13 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     }
 }
 
-impl<T: Scalar> Curved<T> {
-    /// Stiffness of one step where the curve has the slope `slope`, N/m.
-    #[inline]
-    pub(super) fn stiffness(&self, slope: T) -> T {
-        self.instant * slope + self.inertia
-    }
+/// Whether a step can divide by `stiffness`.
+pub(super) fn divides<T: Scalar>(stiffness: T) -> bool {
+    let (held, inverse) = (stiffness.to_f64(), T::from_f64(1.0 / stiffness.to_f64()).to_f64());
+    held.is_finite() && held > 0.0 && inverse.is_finite() && inverse > 0.0
+}
 
+impl<T: Scalar> Curved<T> {
     /// The place on the curve at `displacement` − `surplus` (m).
     #[inline]
     pub(super) fn place<M: Memory<T>>(&self, state: &LawState<T, M>, displacement: T, surplus: T) -> Place<T> {
@@ -207,9 +267,7 @@ impl<T: Scalar> Curved<T> {
     /// The place (m) where the film will be if it goes on with `increment` (m).
     #[inline]
     pub(super) fn look_ahead<M: Memory<T>>(&self, state: &LawState<T, M>, increment: T) -> Place<T> {
-        let addend = increment - state.position_surplus;
-        let position = state.position + addend;
-        let surplus = (position - state.position) - addend;
+        let (position, surplus) = state.ahead(increment);
         self.place(state, position, surplus)
     }
 
@@ -223,14 +281,37 @@ impl<T: Scalar> Curved<T> {
         [place, ahead]: [Place<T>; 2],
         off: T,
     ) {
-        let Bend { origin, predicted, past, .. } = state.bend;
-        let stretched = predicted + off;
+        let stretched = state.bend.predicted + off;
+        let [change, inertia] = self.go_on(state, increment, [place, ahead], stretched);
+        state.base = memory.advance(&mut state.history, stretched) + (change + inertia);
+        self.meet(state);
+    }
+
+    /// Stores the newest `increment`, place and place ahead, and returns the forces (N) of how the next increment of T will differ from the last
+    /// one, `stretched` (m), and of past increments in the inertia.
+    #[inline]
+    pub(super) fn go_on<M: Memory<T>>(
+        &self,
+        state: &mut LawState<T, M>,
+        increment: T,
+        [place, ahead]: [Place<T>; 2],
+        stretched: T,
+    ) -> [T; 2] {
         let [newest, second, third] = self.past_inertia;
-        let inertia = newest * increment + (second * state.increment + third * past);
+        let inertia = newest * increment + (second * state.increment + third * state.bend.past);
         let predicted = ahead.minus(&place);
-        state.bend = Bend { origin, ahead, predicted, past: state.increment };
+        state.bend.ahead = ahead;
+        state.bend.predicted = predicted;
+        state.bend.past = state.increment;
         state.increment = increment;
-        let change = self.instant * (predicted - stretched) + inertia;
-        state.base = memory.advance(&mut state.history, stretched) + change;
+        [self.instant * (predicted - stretched), inertia]
+    }
+
+    /// Completes `state` with the stiffness that it meets ahead.
+    #[inline]
+    fn meet<M: Memory<T>>(&self, state: &mut LawState<T, M>) {
+        let slope = state.bend.ahead.slope;
+        state.bend.stiffness = self.instant * slope + self.inertia;
+        state.bend.slope = slope;
     }
 }

@@ -1,5 +1,6 @@
 //! A law steps a model forwards and backwards with one equation.
 
+mod beside;
 mod bound;
 mod coarser;
 mod coefficients;
@@ -96,6 +97,15 @@ pub(crate) mod sealed {
 /// and the memory takes s_k = T(x̂) + T'(x̂)(x_k − x̂). What that neglects, T''(x_k − x̂)²/2, is below rounding at control rates, and
 /// it does not add up: the next step starts from T of the new x̂. Where the displacement is given ([`force`](Law::force)) T is exact.
 ///
+/// # With two curves
+///
+/// [`beside`](Law::beside) puts a [`Spring`](crate::Spring) E beside the memory, which has T as its own strain measure and T' as the weight of its
+/// force: `F = m ẍ + E(x) + T'(x) M[T(x)]`. With M̂ the memory's force at x̂ what remains is
+///
+/// ```text
+/// base_k = E(x̂) + T'(x̂) M̂ + inertia,      F_k − base_k = (m/h² + E'(x̂) + T'(x̂)² g_0 + T''(x̂) M̂) (Δx_k − Δx_{k−1})
+/// ```
+///
 /// ```
 /// use springpot::{Law, LawOptions, Preset};
 ///
@@ -175,8 +185,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let (inertia, _) = method.inertia();
         let mass_per_step2 = mass_kg / (step_s * step_s);
         let stiffness = T::from_f64(instant + inertia * mass_per_step2);
-        let (held, inverse) = (stiffness.to_f64(), T::from_f64(1.0 / stiffness.to_f64()).to_f64());
-        if !(held.is_finite() && held > 0.0 && inverse.is_finite() && inverse > 0.0) {
+        if !curved::divides(stiffness) {
             return Err(LawError::NothingToSolve);
         }
         Ok(Self { step_s, instant, stiffness, mass_per_step2, method, curved: None, memory })
@@ -214,8 +223,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Displacement (m) at the next step from the `force` (N) that acts in it.
     #[inline]
     pub fn displacement(&self, state: &mut LawState<T, M>, force: T) -> T {
-        let stiffness = self.stiffness_ahead(state);
-        self.change_increment(state, (force - state.base) / stiffness)
+        self.change_increment(state, (force - state.base) / state.bend.stiffness)
     }
 
     /// Displacement (m) at the next step under a `load` that depends on that displacement.
@@ -224,13 +232,17 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     #[inline]
     pub fn displacement_under(&self, state: &mut LawState<T, M>, load: Load<T>) -> T {
         let force_ahead = load.force_n + load.slope_n_per_m * (state.position + state.increment);
-        let stiffness = self.stiffness_ahead(state);
-        self.change_increment(state, (force_ahead - state.base) / (stiffness - load.slope_n_per_m))
+        self.change_increment(state, (force_ahead - state.base) / (state.bend.stiffness - load.slope_n_per_m))
     }
 
     /// Force (N) that the film shows when it is at `displacement` (m) at the next step.
     #[inline]
     pub fn force(&self, state: &mut LawState<T, M>, displacement: T) -> T {
+        if let Some(curved) = &self.curved
+            && let Some(beside) = &curved.spring
+        {
+            return self.force_beside(curved, beside, state, displacement);
+        }
         let increment = state.increment_to(displacement);
         state.position = displacement;
         state.position_surplus = T::ZERO;
@@ -261,6 +273,9 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         match &self.curved {
             None => self.force_of(state, increment),
             Some(curved) => {
+                if let Some(beside) = &curved.spring {
+                    return beside.force_to(curved, state, displacement);
+                }
                 let place = curved.place(state, displacement, T::ZERO);
                 curved.force_at(state, place.minus(&state.bend.ahead), increment)
             }
@@ -273,7 +288,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// positions. Behind a curve this is the inverse of [`displacement`](Self::displacement), linearised as there.
     #[inline]
     pub fn force_for(&self, state: &LawState<T, M>, change: T) -> T {
-        state.base + self.stiffness_ahead(state) * change
+        state.base + state.bend.stiffness * change
     }
 
     #[inline]
@@ -281,23 +296,14 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         state.base + self.stiffness * (increment - state.increment)
     }
 
-    /// Force per displacement within the next step, N/m.
-    #[inline]
-    fn stiffness_ahead(&self, state: &LawState<T, M>) -> T {
-        match &self.curved {
-            None => self.stiffness,
-            Some(curved) => curved.stiffness(state.bend.ahead.slope),
-        }
-    }
-
     #[inline]
     fn change_increment(&self, state: &mut LawState<T, M>, change: T) -> T {
-        let increment = state.increment + change;
-        // Kahan's sum: what was rounded away comes back with the next increment.
-        let addend = increment - state.position_surplus;
-        let position = state.position + addend;
-        state.position_surplus = (position - state.position) - addend;
-        state.position = position;
+        if let Some(curved) = &self.curved
+            && let Some(beside) = &curved.spring
+        {
+            return self.change_increment_beside(curved, beside, state, change);
+        }
+        let (position, increment) = state.moved(change);
         match &self.curved {
             None => self.advance(state, increment),
             Some(curved) => {
@@ -326,7 +332,7 @@ impl<T: Scalar, M: Memory<T>> LawState<T, M> {
             position_surplus: T::ZERO,
             increment: T::ZERO,
             base: T::ZERO,
-            bend: Bend::straight(),
+            bend: Bend::straight(T::ZERO),
             history,
         }
     }
@@ -334,6 +340,26 @@ impl<T: Scalar, M: Memory<T>> LawState<T, M> {
     #[inline]
     fn increment_to(&self, displacement: T) -> T {
         (displacement - self.position) + self.position_surplus
+    }
+
+    /// Moves the film on with an increment that differs by `change` (m) from the last; returns where it is then (m), and that increment.
+    #[inline]
+    fn moved(&mut self, change: T) -> (T, T) {
+        let increment = self.increment + change;
+        // Kahan's sum: what was rounded away comes back with the next increment.
+        let addend = increment - self.position_surplus;
+        let position = self.position + addend;
+        self.position_surplus = (position - self.position) - addend;
+        self.position = position;
+        (position, increment)
+    }
+
+    /// The displacement at the next step if the film goes on with `increment` (m), and its rounding error.
+    #[inline]
+    fn ahead(&self, increment: T) -> (T, T) {
+        let addend = increment - self.position_surplus;
+        let position = self.position + addend;
+        (position, (position - self.position) - addend)
     }
 
     /// The displacement at the last step, m.
@@ -355,17 +381,17 @@ impl<T: Scalar, M: Memory<T>> LawState<T, M> {
         self.base
     }
 
-    /// The film's stiffness where it is over that at rest: the slope of the law's curve, 1 without one.
+    /// The film's stiffness where it is over that at rest: the slope of the law's curve, 1 without one. Beside a spring that of spring and
+    /// memory together, for changes at about 1 Hz.
     #[must_use]
     pub fn slope(&self) -> T {
-        self.bend.ahead.slope
+        self.bend.slope
     }
 
-    /// Whether the film is beyond the range of the law's curve, which goes on linearly there.
+    /// Whether the film is beyond the range of the law's curve, or of its spring, which go on linearly there.
     #[must_use]
     pub fn beyond_curve(&self) -> bool {
-        let outside = self.bend.ahead.outside;
-        outside.is_below(T::ZERO) || T::ZERO.is_below(outside)
+        self.bend.ahead.is_outside()
     }
 
     /// Measures displacement from `origin` (m) from now on: a sensor that is zeroed on a film that has already crept.

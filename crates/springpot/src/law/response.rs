@@ -40,6 +40,18 @@ impl Maxwell {
     }
 }
 
+/// A film for small changes about a place: how many times stiffer its memory is there than by itself, and the spring beside it (N/m).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tangent {
+    pub(crate) memory: f64,
+    pub(crate) spring: f64,
+}
+
+impl Tangent {
+    /// That of a film without curves.
+    pub(crate) const REST: Self = Self { memory: 1.0, spring: 0.0 };
+}
+
 impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Displacement over force at `frequency_hz` in steady state, in m/N, as this law with its rounded constants steps
     /// it; below a tenth of the rate close to [`Maxwell::frequency_response`]. NaN at 0 Hz. With an elastic curve: for small
@@ -49,36 +61,38 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         self.frequency_response_about(frequency_hz, 0.0)
     }
 
-    /// The same for small oscillations about the displacement `working_point_m` (m), where an elastic curve has another slope.
+    /// The same for small oscillations about the displacement `working_point_m` (m), where elastic curves have other slopes. Beside a spring
+    /// for a film that has been there for so long that its memory has no force left.
     #[must_use]
     pub fn frequency_response_about(&self, frequency_hz: f64, working_point_m: f64) -> Complex<f64> {
-        let slope = self.rounded_curve().map_or(1.0, |curve| curve.slope(working_point_m));
+        let tangent = self.tangent_at(working_point_m);
         let turn = Complex::new(0.0, -TAU * frequency_hz * self.step_s());
-        Complex::new(1.0, 0.0) / self.stiffness_of(complex::exp(turn), -complex::expm1(turn), slope)
+        Complex::new(1.0, 0.0) / self.stiffness_of(complex::exp(turn), -complex::expm1(turn), tangent)
     }
 
-    /// Force over displacement at `frequency_hz` in steady state, in N/m, of the film that this law discretises, where its curve
-    /// has the slope `slope`: with δ(ζ)/h = 2πif, as the recursion has it for slow changes. Needs the four basic operations alone.
+    /// Force over displacement at `frequency_hz` in steady state, in N/m, of the film that this law discretises, where it has
+    /// this `tangent`: with δ(ζ)/h = 2πif, as the recursion has it for slow changes. Needs the four basic operations alone.
     #[must_use]
-    pub(crate) fn dynamic_stiffness(&self, frequency_hz: f64, slope: f64) -> Complex<f64> {
+    pub(crate) fn dynamic_stiffness(&self, frequency_hz: f64, tangent: Tangent) -> Complex<f64> {
         let s = Complex::new(0.0, TAU * frequency_hz * self.step_s());
         let difference = match self.method() {
             Discretisation::Gl => s,
             // δ = d + d²/2 with d = 1 − ζ, by Newton's method: 1e-15 for |s| < 1/2.
             Discretisation::Bdf2 => (0..4).fold(s, |d, _| (s + d * d * 0.5) / (d + 1.0)),
         };
-        self.stiffness_of(Complex::new(1.0, 0.0) - difference, difference, slope)
+        self.stiffness_of(Complex::new(1.0, 0.0) - difference, difference, tangent)
     }
 
     /// Force over displacement of slow changes about x = 0, at 1 Hz without the inertia's share, N/m.
     #[must_use]
     pub(crate) fn stiffness_at_rest(&self) -> f64 {
-        let stiffness = self.dynamic_stiffness(1.0, 1.0);
+        let stiffness = self.dynamic_stiffness(1.0, self.tangent_at(0.0));
         stiffness.re.abs().max(stiffness.im.abs())
     }
 
-    /// Force over displacement for a delay of ζ in a step and 1 − ζ, N/m, where the curve has the slope `slope`.
-    fn stiffness_of(&self, delay: Complex<f64>, difference: Complex<f64>, slope: f64) -> Complex<f64> {
+    /// Force over displacement for a delay of ζ in a step and 1 − ζ, N/m, where the film has this `tangent`.
+    fn stiffness_of(&self, delay: Complex<f64>, difference: Complex<f64>, tangent: Tangent) -> Complex<f64> {
+        let Tangent { memory: slope, spring } = tangent;
         // F = [ζ B(ζ) + S (1 − ζ)] Δx and Δx = (1 − ζ) x.
         let response = self.memory().response(delay, difference);
         let force = match self.separate_inertia() {
@@ -93,6 +107,6 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 (delay * response) * slope + difference * (self.instant() * slope + inertia)
             }
         };
-        force * difference
+        force * difference + spring
     }
 }

@@ -1,5 +1,6 @@
 //! Warm starts: states of films that were loaded before the run.
 
+use crate::curve::{Curve, Spring};
 use crate::kernel::power_series::TERMS;
 use crate::kernel::quadrature::MAX_NODES;
 use crate::law::compressed::{Compressed, Dashpot};
@@ -88,10 +89,10 @@ impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, 
             *slot = Dashpot { displacement, surplus };
         }
         state.base = T::from_f64(creep.base());
-        let curve = self.rounded_curve();
         // Behind a curve what creeps is T(x).
-        let position = curve.as_ref().map_or(creep.position, |curve| curve.inverse(creep.position));
-        let slope = curve.as_ref().map_or(1.0, |curve| curve.slope(position));
+        let curve = creep.curve.as_ref();
+        let position = curve.map_or(creep.position, |curve| curve.inverse(creep.position));
+        let slope = curve.map_or(1.0, |curve| curve.slope(position));
         (state.position, state.position_surplus) = split(position);
         state.increment = T::from_f64(creep.increments[0] / slope);
         self.placed_after(state, head[0])
@@ -114,6 +115,8 @@ struct Creep<const HEAD: usize> {
     /// Newest first.
     increments: [f64; HEAD],
     position: f64,
+    curve: Option<Curve>,
+    spring: Option<Spring>,
 }
 
 impl<const HEAD: usize> Creep<HEAD> {
@@ -137,14 +140,41 @@ impl<const HEAD: usize> Creep<HEAD> {
             let loss = loss.to_f64();
             *slot = CreepMode { loss, ln_left: libm::log1p(-loss), weight: weight.to_f64() };
         }
-        Self { force, head, modes, extensions: [0.0; MAX_NODES], increments: [0.0; HEAD], position: 0.0 }
+        let (curve, spring) = (law.rounded_curve(), law.rounded_spring());
+        let (extensions, increments) = ([0.0; MAX_NODES], [0.0; HEAD]);
+        Self { force, head, modes, extensions, increments, position: 0.0, curve, spring }
+    }
+
+    /// The change with which the force is met, where the memory's force is `memory` + `stiffness` · change (N) and T(x) `value` + `steps` · change
+    /// (m).
+    fn change(&self, [memory, stiffness]: [f64; 2], [value, steps]: [f64; 2]) -> f64 {
+        let (Some(measure), Some(spring)) = (&self.curve, &self.spring) else {
+            return (self.force - memory) / stiffness;
+        };
+        // Newton's method in x, from where the film was.
+        let mut x = measure.inverse(self.position);
+        let mut change = 0.0;
+        for _ in 0..30 {
+            change = (measure.value(x) - value) / steps;
+            let slope = measure.slope(x);
+            let remembered = memory + stiffness * change;
+            // A step that the spring's fall does not turn round.
+            let steepness = spring.slope(x) + measure.curvature(x) * remembered + slope * slope * stiffness / steps;
+            let off = self.force - spring.force(x) - slope * remembered;
+            let moved = off / steepness.max(0.1 * slope * slope * stiffness / steps);
+            x += moved;
+            if moved.abs() <= 4.0 * f64::EPSILON * x.abs() {
+                break;
+            }
+        }
+        change
     }
 
     /// One step that meets the force.
     fn step(&mut self) {
         let mut known: f64 = self.increments.iter().zip(&self.head[1..]).map(|(dx, g)| g * dx).sum();
         known += self.tail();
-        let increment = (self.force - known) / self.head[0];
+        let increment = self.change([known, self.head[0]], [self.position, 1.0]);
         self.leave(self.increments[HEAD - 1]);
         self.increments.copy_within(..HEAD - 1, 1);
         self.increments[0] = increment;
@@ -175,7 +205,8 @@ impl<const HEAD: usize> Creep<HEAD> {
             force += mode.weight * *extension;
             stiffness += mode.weight * sums.ramp;
         }
-        let change = (self.force - force) / stiffness;
+        let sum = 0.5 * steps * (steps + 1.0);
+        let change = self.change([force, stiffness], [self.position + steps * last, sum]);
         for (extension, gain) in self.extensions.iter_mut().zip(gains) {
             *extension += gain * change;
         }
@@ -183,7 +214,7 @@ impl<const HEAD: usize> Creep<HEAD> {
         for (j, increment) in self.increments.iter_mut().enumerate() {
             *increment = last + change * (steps - j as f64);
         }
-        self.position += steps * last + 0.5 * steps * (steps + 1.0) * change;
+        self.position += steps * last + sum * change;
     }
 
     /// An increment leaves the head.

@@ -24,3 +24,4 @@ mod serde_formats;
 mod single_precision;
 mod state_names;
 mod support;
+mod two_curves;

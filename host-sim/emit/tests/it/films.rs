@@ -2,7 +2,7 @@
 
 use springpot::{
     Actuator, AmplifierLag, CommandLimits, Curve, Discretisation, Feedforward, Law, LawOptions, Learning,
-    LearningOptions, ObserverOptions, Preload, Preset, Tracking,
+    LearningOptions, ObserverOptions, Preload, Preset, Spring, Tracking,
 };
 
 use host_emit::Film;
@@ -35,10 +35,12 @@ impl Case {
         Some(Self { name: name.into(), law, feedforward, tracking, learning })
     }
 
-    /// The published model by these options, behind `curve`.
+    /// The published model by these options, in the strain measure `curve` beside a spring of the same shape.
     fn published(name: &str, options: LawOptions, curve: Option<Curve>, setup: &Setup) -> Self {
         let law = Law::compressed(&Preset::TABLE3_N2.model().expect("valid"), options).expect("valid");
-        let law = curve.map_or(Ok(law.clone()), |curve| law.behind(&curve)).expect("a curve");
+        let law =
+            curve.map_or(Ok(law.clone()), |curve| law.beside(&Spring::of_curve(&curve, 3e3).expect("valid"), &curve));
+        let law = law.expect("a curve");
         Self::new(name, law, setup).expect("accepted")
     }
 }
@@ -66,7 +68,7 @@ pub fn learned() -> Case {
     Case::published("karner-2022-table3-n2", AT_1_KHZ, None, &setup)
 }
 
-/// Everything that a film can have: a curve that ends within the stroke, second-order differences, saturation, coupling, a weight from the start,
+/// Everything that a film can have: two curves that end within the stroke, second-order differences, saturation, coupling, a weight from the start,
 /// an amplifier that lags, a period that is learned and was not given.
 pub fn rich() -> Case {
     let preload = Preload::FromStart;
@@ -100,7 +102,9 @@ pub fn of_program(film: chip_program::Film) -> Case {
     let options = LawOptions::at_step(film.step_s).with_method(film.method);
     let law: Law<f32> = Law::compressed(&model, options).expect("valid");
     let (law, actuator) = if film.curved {
-        (law.behind(&chip_program::curve()).expect("valid"), chip_program::SATURATING)
+        let curve = chip_program::curve();
+        let law = if film.spring { law.beside(&chip_program::spring(), &curve) } else { law.behind(&curve) };
+        (law.expect("valid"), chip_program::SATURATING)
     } else {
         (law, Actuator::KARNER_2022)
     };
@@ -109,24 +113,28 @@ pub fn of_program(film: chip_program::Film) -> Case {
     Case::new(film.preset, law, &setup).expect("accepted")
 }
 
-/// 16 pieces from −1 mm to 3 mm, softer by a tenth, then stiffer.
+/// 16 pieces from −0.8 mm to 2.4 mm, softer by a tenth, then stiffer.
 fn curve() -> Curve {
     let points: Vec<(f64, f64)> = (0..17)
         .map(|k| {
-            let x = 2.5e-4 * (f64::from(k) - 4.0);
+            let x = 2e-4 * (f64::from(k) - 4.0);
             (x, x * (1.0 + x * (4e4 * x - 80.0)))
         })
         .collect();
     Curve::through(&points).expect("it rises")
 }
 
-/// `count` films of random models, every second behind a random curve, every third second-order.
+/// `count` films of random models, every second behind a random curve, of those every second beside a spring, every third second-order.
 pub fn random(count: usize) -> Vec<Case> {
     let models = crate::models::random_models(16, 2 * count);
     let cases = models.iter().enumerate().filter_map(|(k, (name, model))| {
         let method = if k % 3 == 2 { Discretisation::Bdf2 } else { Discretisation::Gl };
         let law: Law<f32> = Law::compressed(model, LawOptions::at_step(1e-3).with_method(method)).ok()?;
-        let law = if k % 2 == 1 { law.behind(&random_curve(k)).ok()? } else { law };
+        let law = match k % 4 {
+            1 => law.behind(&random_curve(k)).ok()?,
+            3 => law.beside(&Spring::of_curve(&random_curve(k + 1), 3e3 * k as f64).ok()?, &random_curve(k)).ok()?,
+            _ => law,
+        };
         let amplifier = if k % 5 == 4 { AmplifierLag { rise_s: 0.05, fall_s: 0.05 } } else { AmplifierLag::NONE };
         let setup = Setup {
             actuator: Actuator { saturation_v: (k % 4 == 3).then_some(8000.0), ..Actuator::KARNER_2022 },

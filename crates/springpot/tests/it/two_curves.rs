@@ -1,0 +1,442 @@
+//! Laws with two curves, F = m ẍ + E(x) + T'(x) M[T(x)], against nonlinear sums, closed forms and laws without them.
+
+use std::f64::consts::TAU;
+
+use proptest::prelude::*;
+use springpot::{
+    Actuator, Applied, Coefficients, CommandLimits, Compressed, Curve, CurveError, Discretisation, Feedforward, Knot,
+    Law, LawError, LawOptions, Load, Maxwell, Measure, Real, Rubber, Spring, Springpot, Topology,
+};
+
+use crate::support::models::random_models;
+use crate::support::{METHODS, law_by, relative_rms};
+
+const STEP_S: f64 = 1e-3;
+const GAMMA_0_8: f64 = 1.164_229_713_725_303;
+const LENGTH_M: f64 = 0.02;
+
+fn film(mass_kg: f64) -> Maxwell {
+    let sp = Springpot::new;
+    Maxwell::new(sp(9e3, 0.2), &[[sp(1.1e4, 0.0), sp(9e3, 0.9)]], Topology::Parallel, mass_kg).expect("valid")
+}
+
+fn law<T: Real>(model: &Maxwell, method: Discretisation) -> Law<T> {
+    law_by(model, 1.0 / STEP_S, method)
+}
+
+/// 6 kN/m at rest, softer, then stiffer: a cubic, which is one piece or several.
+fn elastic(x: f64) -> [f64; 2] {
+    [6e3 * x * (1.0 - 150.0 * x + 3e4 * x * x), 6e3 * (1.0 - 300.0 * x + 9e4 * x * x)]
+}
+
+fn spring(pieces: usize) -> Spring {
+    let knots: Vec<Knot<f64>> = (0..=pieces)
+        .map(|k| -1e-3 + 7e-3 * k as f64 / pieces as f64)
+        .map(|x| Knot { displacement: x, value: elastic(x)[0], slope: elastic(x)[1] })
+        .collect();
+    Spring::new(&knots).expect("valid")
+}
+
+/// Hencky's strain of a short film: T'' matters.
+fn hencky() -> Curve {
+    Measure { exponent: 0.0, length_m: LENGTH_M }.curve(-1e-3, 6e-3).expect("rises")
+}
+
+fn strain(x: f64) -> [f64; 2] {
+    [LENGTH_M * (x / LENGTH_M).ln_1p(), 1.0 / (1.0 + x / LENGTH_M)]
+}
+
+fn load(k: usize) -> f64 {
+    let t = k as f64 * STEP_S;
+    25.0 * (1.0 - (TAU * 0.8 * t).cos()) * (1.0 - (-t / 0.3).exp())
+}
+
+/// E(x_k) + T'(x_k) Σ κ_j T(x_{k−j}) + m (x_k − 2 x_{k−1} + x_{k−2})/h² = F_k, every x_k by bisection.
+fn by_the_sum(model: &Maxwell, force: impl Fn(usize, f64) -> f64, samples: usize) -> Vec<f64> {
+    let massless = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0).expect("valid");
+    let modulus = crate::support::defining_sum::modulus_series(&massless, STEP_S, samples);
+    let inertia = model.mass_kg() / (STEP_S * STEP_S);
+    // As its pieces are: 4e-6 from the formula in the slope.
+    let measure = hencky();
+    let (mut x, mut s) = (Vec::<f64>::new(), Vec::<f64>::new());
+    for k in 0..samples {
+        let past: f64 = (1..=k).map(|j| modulus[j] * s[k - j]).sum();
+        let before = |j: usize| if k >= j { x[k - j] } else { 0.0 };
+        let left = |x: f64| {
+            let memory = modulus[0] * measure.value(x) + past;
+            elastic(x)[0] + measure.slope(x) * memory + inertia * (x - 2.0 * before(1) + before(2)) - force(k, x)
+        };
+        let (mut low, mut high) = (-1e-3, 8e-3);
+        while high - low > 1e-15 {
+            let middle = 0.5 * (low + high);
+            if left(middle) > 0.0 { high = middle } else { low = middle }
+        }
+        x.push(0.5 * (low + high));
+        s.push(measure.value(x[k]));
+    }
+    x
+}
+
+fn run<T: Real>(law: &Law<T>, load: impl Fn(usize) -> Load<f64>, samples: usize) -> Vec<f64> {
+    let mut state = law.state();
+    let step = |k| {
+        let Load { force_n, slope_n_per_m } = load(k);
+        let load = Load { force_n: T::from_f64(force_n), slope_n_per_m: T::from_f64(slope_n_per_m) };
+        law.displacement_under(&mut state, load).to_f64()
+    };
+    (0..samples).map(step).collect()
+}
+
+#[test]
+fn creep_beside_a_spring_is_that_of_the_nonlinear_sum() {
+    const SAMPLES: usize = 4000;
+    for (mass_kg, coupling) in [(0.3, 0.0), (0.0, 0.0), (0.1, 60.0)] {
+        let model = film(mass_kg);
+        let exact = by_the_sum(&model, |k, x| load(k) * (1.0 + coupling * x), SAMPLES);
+        let largest = exact.iter().copied().fold(0.0, f64::max);
+        assert!(largest > 2e-3 && largest < 6e-3 && strain(largest)[1] < 0.92, "the curves matter: {largest}");
+        let load = |k| Load { force_n: load(k), slope_n_per_m: load(k) * coupling };
+        for pieces in [1, 16] {
+            let wide: Law<f64> = law(&model, Discretisation::Gl).beside(&spring(pieces), &hencky()).expect("a law");
+            let error = relative_rms(&run(&wide, load, SAMPLES), &exact);
+            assert!(error < 3e-6, "{mass_kg} kg, {pieces} pieces: {error:e}");
+            let single: Law<f32> = law(&model, Discretisation::Gl).beside(&spring(pieces), &hencky()).expect("a law");
+            let error = relative_rms(&run(&single, load, SAMPLES), &exact);
+            assert!(error < 4e-6, "{mass_kg} kg, {pieces} pieces in f32: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn relaxation_beside_a_spring_has_the_closed_form() {
+    // A springpot of order 0.2 held at x: E(x) + T'(x) c T(x) t^−0.2 / Γ(0.8).
+    let model = Maxwell::new(Springpot::new(5e3, 0.2), &[], Topology::Eq11, 0.0).expect("valid");
+    let law: Law<f64> = law(&model, Discretisation::Gl).beside(&spring(5), &hencky()).expect("a law");
+    let mut state = law.state();
+    let x = 3.1e-3;
+    let [value, slope] = strain(x);
+    for k in 1..=20_000 {
+        let force = law.force(&mut state, x);
+        if k >= 2000 {
+            let t = (k as f64 - 0.5) * STEP_S;
+            let exact = elastic(x)[0] + slope * 5e3 * value * t.powf(-0.2) / GAMMA_0_8;
+            assert!((force / exact - 1.0).abs() < 1e-4, "step {k}: {force} instead of {exact}");
+        }
+    }
+}
+
+#[test]
+fn no_spring_and_no_measure_are_the_law_by_itself() {
+    let straight = Measure { exponent: 1.0, length_m: 1.0 }.curve(-1e-3, 6e-3).expect("rises");
+    let none = Spring::linear(0.0).expect("valid");
+    for (mass_kg, method) in [0.0, 0.3].into_iter().flat_map(|mass_kg| METHODS.map(|method| (mass_kg, method))) {
+        let plain: Law<f64> = law(&film(mass_kg), method);
+        let two = plain.clone().beside(&none, &straight).expect("a law");
+        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.1 * load(k) };
+        assert!(relative_rms(&run(&two, load, 4000), &run(&plain, load, 4000)) < 1e-9);
+    }
+}
+
+#[test]
+fn a_linear_spring_is_one_of_the_model() {
+    // Beside the memory, or as a branch of two springs in series.
+    let sp = Springpot::new;
+    let branch = |c| [sp(2.0 * c, 0.0), sp(2.0 * c, 0.0)];
+    let straight = Measure { exponent: 1.0, length_m: 1.0 }.curve(-1e-3, 6e-3).expect("rises");
+    for (mass_kg, method) in [0.0, 0.3].into_iter().flat_map(|mass_kg| METHODS.map(|method| (mass_kg, method))) {
+        let model = film(mass_kg);
+        let whole = Maxwell::new(model.main(), &[model.branches()[0], branch(7e3)], Topology::Parallel, mass_kg);
+        let whole: Law<f64> = law(&whole.expect("valid"), method);
+        let two = law::<f64>(&model, method).beside(&Spring::linear(7e3).expect("valid"), &straight).expect("a law");
+        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.1 * load(k) };
+        let error = relative_rms(&run(&two, load, 4000), &run(&whole, load, 4000));
+        assert!(error < 1e-6, "{mass_kg} kg, {method:?}: {error:e}");
+        for hz in [0.01, 1.0, 30.0] {
+            let ratio = two.frequency_response(hz) / whole.frequency_response(hz);
+            assert!((ratio - 1.0).norm() < 1e-6, "{hz} Hz: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn both_directions_return_each_other() {
+    let law: Law<f64> = law(&film(0.3), Discretisation::Bdf2).beside(&spring(9), &hencky()).expect("a law");
+    let (mut forwards, mut backwards, mut state) = (law.state(), law.state(), law.state());
+    for k in 0..5000 {
+        let x = law.displacement(&mut forwards, load(k));
+        let ahead = law.force_to(&backwards, x);
+        let force = law.force(&mut backwards, x);
+        assert_eq!(ahead, force);
+        // The curves are exact backwards and linearised forwards.
+        assert!((force - load(k)).abs() < 2e-3, "step {k}: {force} instead of {}", load(k));
+
+        // By the change of the increment the inverse is exact to rounding.
+        let mut next = state.clone();
+        law.displacement(&mut next, load(k));
+        let change = next.increment() - state.increment();
+        assert!((law.force_for(&state, change) - load(k)).abs() < 1e-8);
+        state = next;
+    }
+}
+
+#[test]
+fn two_curves_serve_the_discretisation_of_second_order_as_well() {
+    // Small changes of the step: the error against a fine solution falls with its square.
+    let model = film(0.3);
+    let at = |step_s: f64, method| -> f64 {
+        let options = LawOptions::at_step(step_s).with_method(method);
+        let law: Law<f64> =
+            Law::compressed(&model, options).and_then(|law| law.beside(&spring(4), &hencky())).expect("a law");
+        let mut state = law.state();
+        let steps = (2.0 / step_s).round() as usize;
+        for k in 1..=steps {
+            let t = k as f64 * step_s;
+            let smooth = (t / 2.0).powi(3) * (10.0 - 15.0 * t / 2.0 + 6.0 * (t / 2.0).powi(2));
+            law.displacement(&mut state, 60.0 * smooth);
+        }
+        state.position()
+    };
+    let exact = at(1.25e-4, Discretisation::Bdf2);
+    let errors = [8e-3, 4e-3, 2e-3].map(|step_s| (at(step_s, Discretisation::Bdf2) / exact - 1.0).abs());
+    for pair in errors.windows(2) {
+        let order = (pair[0] / pair[1]).log2();
+        assert!((1.7..2.4).contains(&order), "{errors:?}");
+    }
+    assert!((at(2e-3, Discretisation::Gl) / exact - 1.0).abs() > 10.0 * errors[2]);
+}
+
+#[test]
+fn coefficients_carry_both_curves_and_give_the_same_bits() {
+    for method in METHODS {
+        let model = film(0.3);
+        let law: Law<f32> = law::<f32>(&model, method).beside(&spring(5), &hencky()).expect("a law");
+        let coefficients = law.coefficients();
+        assert!(coefficients.has_spring());
+        assert_eq!(coefficients.curve.len(), 9 + 6);
+        let received = Law::from_coefficients(&coefficients, STEP_S, model.mass_kg()).expect("a law");
+        assert_eq!(received, law);
+        let load = |k| Load { force_n: load(k), slope_n_per_m: 0.0 };
+        assert_eq!(run(&received, load, 1000), run(&law, load, 1000));
+
+        // A curve alone has no spring, and a spring that falls too steeply is refused from numbers as well.
+        let alone = self::law::<f32>(&model, method).behind(&hencky()).expect("a law").coefficients();
+        assert!(!alone.has_spring());
+        let mut steep = coefficients.clone();
+        steep
+            .curve
+            .iter_mut()
+            .skip(9)
+            .for_each(|knot| (knot.value, knot.slope) = (-1e6 * knot.value, -1e6 * knot.slope));
+        let refused = Law::from_coefficients(&steep, STEP_S, 0.0).err();
+        assert!(matches!(refused, Some(LawError::Unstable { stiffness, .. }) if stiffness < 0.0), "{refused:?}");
+        let mut lonely: Coefficients<f32> = coefficients.clone();
+        lonely.curve.truncate(10);
+        let refused = Law::from_coefficients(&lonely, STEP_S, 0.0).err();
+        assert_eq!(refused, Some(LawError::Curve(CurveError::Knots(1))));
+    }
+}
+
+#[test]
+fn a_film_that_hung_under_a_load_is_where_stepping_brings_it() {
+    let model = film(0.0);
+    let law: Law<f64> = law(&model, Discretisation::Gl).beside(&spring(6), &hencky()).expect("a law");
+    let mut stepped = law.state();
+    law.warm_up(&mut stepped, (0..20_000).map(|_| 25.0));
+    let mut settled = law.settled(25.0, 20.0);
+    assert!((settled.position() / stepped.position() - 1.0).abs() < 1e-5);
+    assert!((settled.slope() / stepped.slope() - 1.0).abs() < 1e-5);
+    for _ in 0..1000 {
+        let x = law.displacement(&mut stepped, 15.0);
+        assert!((law.displacement(&mut settled, 15.0) - x).abs() < 1e-5 * x);
+    }
+    // A sensor that is zeroed there: the film stays where it is on its curves.
+    let origin = settled.position();
+    let mut zeroed = settled.clone();
+    zeroed.move_origin(origin);
+    for _ in 0..100 {
+        let x = law.displacement(&mut settled, 20.0);
+        assert!((law.displacement(&mut zeroed, 20.0) + origin - x).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn the_slope_is_that_of_slow_changes() {
+    // What the observer's gains are scaled with: about a film that has been held, changes at 1 Hz meet so much more stiffness than at rest.
+    let law: Law<f64> = law(&film(0.0), Discretisation::Gl).beside(&spring(4), &hencky()).expect("a law");
+    let amplitude = |centre: f64| {
+        let (mut state, mut still) = (law.state(), law.state());
+        let (mut swung, size) = (0f64, 1e-6);
+        for k in 0..8000 {
+            let phase = TAU * k as f64 * STEP_S;
+            let force = law.force(&mut state, centre + size * phase.sin()) - law.force(&mut still, centre);
+            swung = if k >= 4000 { swung.max(force.abs()) } else { 0.0 };
+        }
+        (swung / size, still.slope())
+    };
+    let (at_rest, one) = amplitude(0.0);
+    assert!((one - 1.0).abs() < 1e-6, "{one}");
+    for centre in [1.5e-3, 4e-3] {
+        let (stiffness, slope) = amplitude(centre);
+        assert!((stiffness / at_rest / slope - 1.0).abs() < 0.03, "{centre}: {stiffness} of {at_rest}, {slope}");
+    }
+}
+
+#[test]
+fn feedforward_follows_a_film_with_two_curves() {
+    let model = film(Actuator::KARNER_2022.mass_kg);
+    let actuator = Actuator { stretch_coupling: 30.0, saturation_v: Some(9000.0), ..Actuator::KARNER_2022 };
+    let law: Law<f32> = law(&model, Discretisation::Gl).beside(&spring(8), &hencky()).expect("a law");
+    let feedforward = Feedforward::new(law, &actuator, CommandLimits::BENCH).expect("valid");
+    let reference = |k: usize| {
+        let t = k as f64 * STEP_S;
+        0.1e-3 * (12.0 - (TAU * 0.5 * t).cos()) * (1.0 - (-t).exp())
+    };
+    let mut state = feedforward.state(feedforward.law().state());
+    let mut volts = Vec::new();
+    for k in 1..=4000 {
+        let command = feedforward.command(&mut state, reference(k) as f32);
+        assert!(command.limited.is_none() || k < 40, "step {k}: {}", command.limited);
+        volts.push(f64::from(command.voltage_v));
+        feedforward.apply(&mut state, Applied::as_commanded(command.voltage_v));
+    }
+    let followed = by_the_sum(&model, |k, x| actuator.force(volts[k], x), volts.len());
+    let wanted: Vec<f64> = (1..=4000).map(reference).collect();
+    // The start is a jump of the speed, which the path takes smoothly.
+    let error = relative_rms(&followed[1000..], &wanted[1000..]);
+    assert!(error < 1e-4, "{error:e}");
+}
+
+#[test]
+fn a_coarser_law_knows_both_curves() {
+    type Coarse = Law<f64, Compressed<f64, 4, 11, 7>>;
+    let law: Law<f64> = law(&film(0.0), Discretisation::Gl).beside(&spring(8), &hencky()).expect("a law");
+    let coarse: Coarse = law.coarser();
+    let margin = law.margin_of(&coarse, 5e-3, 0.0);
+    assert!((0.0..0.02).contains(&margin), "{margin}");
+    let (mut film, mut watched) = (law.state(), coarse.state());
+    for k in 0..60_000 {
+        let force = if k % 20_000 < 12_000 { 35.0 } else { 12.0 };
+        let x = law.displacement(&mut film, force);
+        let seen = coarse.displacement(&mut watched, force);
+        assert!(k < 100 || (seen - x).abs() < 0.015 * x.abs(), "step {k}: {seen} instead of {x}");
+        assert!(k < 1000 || seen > x * (1.0 - margin) - 1e-6, "step {k}: {seen} of {x}, margin {margin}");
+    }
+}
+
+#[test]
+fn no_force_makes_a_step_blow_up() {
+    // Forces far beyond what a film withstands, where T'' times the memory's force is more than all stiffness within a step.
+    let law: Law<f32> = law(&film(0.0), Discretisation::Gl).beside(&spring(8), &hencky()).expect("a law");
+    let mut state = law.state();
+    for k in 0..20_000 {
+        let force = if k % 300 < 150 { 4e3 } else { -4e3 };
+        let x = law.displacement(&mut state, force);
+        assert!(x.is_finite() && x.abs() < 10.0, "step {k}: {x}");
+    }
+}
+
+#[test]
+fn invalid_springs_and_measures_are_refused_with_their_place() {
+    let knot = |x: f64, value, slope| Knot { displacement: x, value, slope };
+    assert_eq!(Spring::new(&[]).err(), Some(CurveError::Knots(0)));
+    assert_eq!(Spring::linear(f64::NAN).err(), Some(CurveError::Knot { index: 0 }));
+    let shifted = Spring::new(&[knot(-1e-3, 1.0, 1e3), knot(1e-3, 3.0, 1e3)]).err();
+    assert!(matches!(shifted, Some(CurveError::ForceAtRest { force_n }) if (force_n - 2.0).abs() < 1e-12));
+    let right = Spring::new(&[knot(1e-3, 1.0, 1e3), knot(2e-3, 2.0, 1e3)]).err();
+    assert_eq!(right, Some(CurveError::Range { low_m: 1e-3, high_m: 2e-3 }));
+
+    let measure = |exponent, length_m| Measure { exponent, length_m }.curve(-1e-3, 5e-3).err();
+    assert_eq!(measure(f64::INFINITY, 0.06), Some(CurveError::Measure));
+    assert_eq!(measure(0.0, 0.0), Some(CurveError::Measure));
+    assert!(matches!(measure(0.0, 1e-3), Some(CurveError::Taut { displacement_m: -1e-3, .. })));
+    assert!(matches!(measure(-9.0, 1e-3 + 1e-9), Some(CurveError::Taut { .. })));
+    let range = Measure { exponent: 0.0, length_m: 0.06 }.curve(1e-3, 5e-3).err();
+    assert_eq!(range, Some(CurveError::Range { low_m: 1e-3, high_m: 5e-3 }));
+
+    // Spring and memory together have to resist within a step; a slower step leaves less of the memory.
+    let falling = Spring::linear(-2e4).expect("springs may fall");
+    let model = Maxwell::new(Springpot::new(9e3, 0.2), &[], Topology::Eq11, 0.0).expect("valid");
+    let at = |rate_hz| law_by::<f64>(&model, rate_hz, Discretisation::Gl).beside(&falling, &hencky()).err();
+    assert_eq!(at(1000.0), None);
+    assert!(matches!(at(10.0), Some(LawError::Unstable { stiffness, .. }) if stiffness < 0.0), "{:?}", at(10.0));
+}
+
+#[test]
+fn measures_are_their_formula() {
+    for exponent in [-2.0, -1e-12, 0.0, 0.31, 1.0, 2.5] {
+        let curve = Measure { exponent, length_m: 0.06 }.curve(-5e-3, 20e-3).expect("rises");
+        for k in 0..=100 {
+            let x = -5e-3 + 25e-3 * f64::from(k) / 100.0;
+            let stretch = 1.0 + x / 0.06;
+            let exact = if exponent.abs() < 1e-9 {
+                0.06 * stretch.ln()
+            } else {
+                0.06 / exponent * (stretch.powf(exponent) - 1.0)
+            };
+            // A cubic is off by as much as the fourth derivative is large.
+            let bent = ((exponent - 1.0) * (exponent - 2.0) * (exponent - 3.0)).abs().max(1.0);
+            let off =
+                [curve.value(x) - exact, curve.slope(x) - stretch.powf(exponent - 1.0)].map(|off| off.abs() / bent);
+            assert!(off[0] < 1e-8 && off[1] < 5e-6, "m = {exponent}, x = {x}: {off:?}");
+        }
+    }
+}
+
+/// A random curve of memory: rubber or a measure, from −3 to 6 mm.
+fn random_measure(kind: bool, shape: f64, length_m: f64) -> Curve {
+    let rubber = Rubber { share: 0.2 + 0.6 * shape, limit: 60.0, rest_stretch: 1.0 + shape, free_length_m: length_m };
+    let measure = Measure { exponent: 4.0 * shape - 1.5, length_m };
+    let curve = if kind { rubber.curve(-3e-3, 6e-3) } else { measure.curve(-3e-3, 6e-3) };
+    curve.expect("rises")
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// Over any closed path the film takes work, whatever its curves, by both discretisations (docs/equations.md).
+    #[test]
+    fn a_closed_path_takes_work(
+        seed in any::<u64>(),
+        second_order in any::<bool>(),
+        kind in any::<bool>(),
+        shape in 0.0..1.0f64,
+        length_m in 0.02..0.1f64,
+        stiffness in 0.0..1e5f64,
+        increments in prop::collection::vec(-4e-4..4e-4f64, 2..200),
+        hold in 1usize..30,
+        turns in 1usize..4,
+    ) {
+        let (name, model) = random_models(seed, 1).swap_remove(0);
+        let model = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0).expect("valid");
+        let measure = random_measure(kind, shape, length_m);
+        let rises = Rubber { share: shape, limit: 80.0, rest_stretch: 2.0 - shape, free_length_m: 0.03 };
+        let spring = Spring::of_curve(&rises.curve(-3e-3, 6e-3).expect("rises"), stiffness).expect("valid");
+        let method = METHODS[usize::from(second_order)];
+        // Fast relaxation may need a longer head by the second order.
+        prop_assume!(Law::<f64>::compressed(&model, LawOptions::at_step(STEP_S).with_method(method)).is_ok());
+        let law: Law<f64> = law(&model, method).beside(&spring, &measure).expect("a law");
+        let (mut state, mut x, mut work, mut gross) = (law.state(), 0.0f64, 0.0, 0.0f64);
+        let mut go = |to: f64| {
+            let force = law.force(&mut state, to);
+            work += force * (to - x);
+            gross += (force * (to - x)).abs();
+            x = to;
+        };
+        for _ in 0..turns {
+            let mut at = 0.0f64;
+            for &increment in &increments {
+                for _ in 0..hold {
+                    at = (at + increment / hold as f64).clamp(-2.9e-3, 5.9e-3);
+                    go(at);
+                }
+            }
+            // Back in as many steps as a clamped path needs.
+            for _ in 0..50 {
+                at *= 0.7;
+                go(at);
+            }
+            go(0.0);
+        }
+        prop_assert!(work >= -1e-9 * gross, "{name}: {work} J of {gross} J");
+    }
+}
