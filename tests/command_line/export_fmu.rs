@@ -71,14 +71,14 @@ fn an_fmu_is_whole_and_the_same_every_time() {
     bench.write("rich.toml", odd);
     for (emit, version, platform) in VERSIONS {
         let [(report, bytes), (_, again)] = [(); 2].map(|()| {
-            let report = bench.json(&format!("export --params rich.toml --emit {emit} --out rich-{emit}.fmu"));
-            (report, fs::read(bench.path(&format!("rich-{emit}.fmu"))).expect("there"))
+            let report = bench.json(&format!("export --params rich.toml --emit {emit} --out rich_{emit}.fmu"));
+            (report, fs::read(bench.path(&format!("rich_{emit}.fmu"))).expect("there"))
         });
         let symbol = format!("film_rich_{emit}");
         assert_eq!(report["symbol"], symbol, "{report}");
         assert!(bytes == again, "{emit}");
 
-        let files = unpacked(&bench.path(&format!("rich-{emit}.fmu")));
+        let files = unpacked(&bench.path(&format!("rich_{emit}.fmu")));
         let read = |name: &str| String::from_utf8_lossy(&files[name]).into_owned();
         let described = elements(&files["modelDescription.xml"]);
         let one = |name: &str| &described.iter().find(|(element, _)| element == name).expect(name).1;

@@ -38,6 +38,7 @@ mat("integers.mat", {"time_ms": (1000 * time_s).astype("int32"), "voltage_V": (1
 mat("two-voltages.mat", {**vectors, "hv_set_kV": voltage_kv})
 mat("lengths.mat", {**vectors, "laser_mm": laser_mm[:20]})
 
+mat("rows.mat", {"data": numpy.vstack([time_s, voltage_kv, laser_mm]), "phase": laser_mm * 1j}, do_compression=True)
 mat("version-4.mat", vectors, format="4")
 
 with h5py.File(HERE / "version-7.3.mat", "w", userblock_size=512) as file:
@@ -81,6 +82,12 @@ for t, *row in zip(time_s, voltage_kv, laser_mm):
     sheet.append([start + datetime.timedelta(seconds=float(t)), *map(float, row)])
 sheet.append(["Mean", float(voltage_kv.mean()), float(laser_mm.mean())])
 save(book, "dates.xlsx")
+
+book = openpyxl.Workbook()
+book.active.append(["Time (s)", "HV (kV)", "Laser (mm)"])
+for t, volts, laser in zip(time_s, voltage_kv, laser_mm):
+    book.active.append([float(t), float(volts), f"{1 + laser:.3f}".replace(".", ",")])
+save(book, "texts.xlsx")
 
 with zipfile.ZipFile(HERE / "archive.zip", "w") as file:
     file.writestr("film.csv", "time_s,voltage_v\n0,0\n1,1\n")

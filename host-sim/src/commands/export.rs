@@ -69,12 +69,16 @@ impl Emit {
 }
 
 /// Endings of files that are no format of an export, but could be taken for one.
-const OTHER_ENDINGS: [&str; 12] = ["h", "hpp", "cpp", "ino", "zip", "json", "toml", "csv", "m", "mat", "py", "elf"];
+const OTHER_ENDINGS: [&str; 25] = [
+    "h", "hpp", "cpp", "cc", "cxx", "s", "asm", "ino", "zip", "json", "toml", "csv", "txt", "m", "mat", "slx", "mdl",
+    "py", "so", "dll", "o", "a", "elf", "hex", "uf2",
+];
 
 impl Arguments {
     /// The format that is asked for, by name or by the ending of `out`.
     fn format(&self) -> Result<Emit> {
-        let ending = self.out.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+        let ending = self.out.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
+        let ending = ending.as_str();
         let by_ending = Emit::CHOICES.iter().map(|(emit, ..)| *emit).find(|emit| emit.ending() == Some(ending));
         let is_free = by_ending.is_none() && !OTHER_ENDINGS.contains(&ending);
         let emit = self.emit.or(by_ending).unwrap_or(Emit::Blob);

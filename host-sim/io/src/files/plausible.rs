@@ -7,13 +7,15 @@ use crate::terminal::rounded;
 /// Voltages (V) below and above which a column is not the voltage on a film.
 const VOLTAGE_V: std::ops::RangeInclusive<f64> = 50.0..=50e3;
 /// Largest and smallest stroke of a film, m.
-const STROKE_M: std::ops::RangeInclusive<f64> = 1e-6..=0.03;
+const STROKE_M: std::ops::RangeInclusive<f64> = 3e-6..=0.03;
 /// Largest displacement of any sensor, m.
 const REACH_M: f64 = 0.1;
 /// Largest force on a film, N.
 const FORCE_N: f64 = 500.0;
 /// Intervals of the rows of a driven film, s.
 const INTERVAL_S: std::ops::RangeInclusive<f64> = 20e-6..=2.0;
+/// Shortest recording in milliseconds, s.
+const MIN_DURATION_S: f64 = 0.1;
 /// Rows of the shortest recording that is judged so.
 const MIN_ROWS: usize = 50;
 
@@ -77,11 +79,11 @@ impl Recording {
             return None;
         }
         let text = format!("the rows are {} s apart, {} s in all", rounded(step), rounded(self.duration_s()));
-        let column = self.origin(Quantity::Time)?;
-        let is_in = |unit: &str| column.unit == unit;
         if step > *INTERVAL_S.end() {
-            Some(format!("{text}{}", self.smaller(Quantity::Time)))
-        } else if step < *INTERVAL_S.start() && is_in("ms") {
+            return Some(format!("{text}{}", self.smaller(Quantity::Time)));
+        }
+        let column = self.origin(Quantity::Time)?;
+        if column.unit == "ms" && (step < *INTERVAL_S.start() || self.duration_s() < MIN_DURATION_S) {
             Some(format!("{text}: seconds in a column of ms? State the unit, as in `columns` time={}:s", column.column))
         } else {
             None

@@ -165,6 +165,15 @@ fn acquisition() -> Vec<File> {
                 table(|_, s| format!("{};{}", s.voltage_kv, s.laser_mm))
             ),
         ),
+        asks(
+            "a sample rate for each channel",
+            format!(
+                "SampleRate;8;80\nHV (kV);Laser (mm)\n{}",
+                table(|_, s| format!("{};{}", s.voltage_kv, s.laser_mm))
+            ),
+            &["no column time_s", "`rate_hz`"],
+            "rate=8",
+        ),
         reads(
             "a sample rate in kHz, time without a unit",
             format!("Sampling Rate (kHz);0.008\nTime;HV (kV);Laser (mm)\n{}", rows(";", '.', usual)),
@@ -195,6 +204,7 @@ fn acquisition() -> Vec<File> {
             "a remark below",
             format!("Zeit (s);HV (kV);Laser (mm)\n{}Messung beendet: 10:05\n", rows(";", ',', usual)),
         ),
+        reads("the end sign of DOS", format!("Time (s)\tHV (kV)\tLaser (mm)\n{tabs}\u{1a}")),
         reads("an end mark", format!("Time (s)\tHV (kV)\tLaser (mm)\n{tabs}*** End of data ***\n")),
         reads("rows instead of columns", {
             let row = |name: &str, value: fn(&Sample) -> f64| {
@@ -262,6 +272,17 @@ fn times() -> Vec<File> {
         reads(
             "an American date across midnight",
             stamped("Time", &|t| format!("{} {}", date(t, "11/04/2026", "11/05/2026"), clock(midnight + t))),
+        ),
+        reads(
+            "an American date with dashes across midnight",
+            stamped("Time", &|t| format!("{} {}", date(t, "01-12-2026", "01-13-2026"), clock(midnight + t))),
+        ),
+        reads(
+            "clocks that are put forward, with their zones",
+            stamped("Time", &|t| {
+                let (hours, zone) = if t < 1.5 { (0.0, "+01:00") } else { (1.0, "+0200") };
+                format!("2026-03-29T{}{zone}", clock(3600.0 * (2.0 + hours) - 1.5 + t))
+            }),
         ),
         reads("the name of a month", stamped("Time", &|t| format!("24-Nov-2026 {}", clock(36000.0 + t)))),
         reads(

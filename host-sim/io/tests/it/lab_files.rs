@@ -262,10 +262,14 @@ fn files_of_matlab_and_spreadsheets_give_the_samples() {
         ("structure.mat", ""),
         ("bare-names.mat", "time=t:s,voltage=V:V,displacement=x:mm"),
         ("matrix.mat", "time=1:s,voltage=2:kV,displacement=3:mm"),
+        ("rows.mat", "time=1:s,voltage=2:kV,displacement=3:mm"),
         ("two-voltages.mat", "voltage=voltage_kV"),
     ] {
         gives_the_samples(&read(&fixture(name), columns).unwrap_or_else(|error| panic!("{error}")), name);
     }
+    let rows = read(&fixture("rows.mat"), "time=1:s,voltage=2:kV,displacement=3:mm").expect("read");
+    assert_eq!(rows.notes(), ["phase is complex or sparse and is not read"]);
+    has(&read(&fixture("rows.mat"), "displacement=4:mm").expect_err("complex").to_string(), &["phase is complex"]);
     // Single precision is what this file has.
     let recording = read(&fixture("integers.mat"), "").expect("read");
     let voltage = &recording.columns()[0].1;
@@ -314,6 +318,10 @@ fn two_readings_are_an_error_that_shows_both() {
     );
     has(&read(&fixture("bare-names.mat"), "").expect_err("no units").to_string(), &["\"t\" has no unit"]);
     has(&read(&fixture("two-runs.xlsx"), "").expect_err("two sheets").to_string(), &["Run 3", "Run 4", "`sheet`"]);
+    has(
+        &read(&fixture("texts.xlsx"), "").expect_err("texts").to_string(),
+        &["\"Laser (mm)\"", "two ways", "`decimal`"],
+    );
     // French in Latin-1 and Chinese in GBK: each encoding knows another column.
     let mut both = b"Time (s),U (kV),D\xe9placement (mm),\xce\xbb\xd2\xc6(mm)\n".to_vec();
     both.extend(rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm, 7.0]).bytes());
@@ -393,11 +401,18 @@ fn hostile_files_are_refused_with_their_cause() {
     has(&folder.refused(b"%PDF-1.7", ""), &["PDF"]);
     has(&folder.refused(b"\x1f\x8b\x08", ""), &["gzip"]);
     has(&folder.refused("{\"time\":[0,1]}", ""), &["JSON"]);
+    has(&folder.refused("# Created by Octave 7.3.0\n# name: t\n", ""), &["Octave", "save -v7"]);
     has(&folder.refused("<?xml version=\"1.0\"?>", ""), &["XML"]);
     has(&folder.refused([7, 0, 3, 1].repeat(100), ""), &["not text"]);
     has(&read(&fixture("version-7.3.mat"), "").expect_err("HDF5").to_string(), &["7.3", "save -v7", "writetable"]);
     has(&read(&fixture("archive.zip"), "").expect_err("no book").to_string(), &["ZIP", ".xlsx"]);
     has(&read(&fixture("lengths.mat"), "").expect_err("lengths").to_string(), &["24 numbers", "20"]);
+    let single = format!(
+        "Sampling Period,0.125,\nWaveform Data,\n{}",
+        rows(",\n", '.', |s| vec![s.voltage_kv]).replace('\n', ",\n")
+    );
+    let recording = folder.read(single, "voltage=1:kV").expect("one column and the ends of its rows");
+    assert_eq!(recording.duration_s(), 23.0 / 8.0);
     // A gap in what is measured is a gap; in what drives it is an error.
     let gap = folder.read("Time (s);U (kV);x (mm)\n0;0;1\n1;1;NaN\n2;2;\n3;3;4\n", "").expect("read");
     assert_eq!(gap.displacement().expect("two").time_s, [0.0, 3.0]);

@@ -37,6 +37,14 @@ fn rival_columns_are_a_question() {
         ("TargetPosition (mm)", true),
         ("Laser_ref (mm)", true),
         ("位移目标(mm)", true),
+        ("Weg gemittelt [mm]", true),
+        ("Wegsollwert [mm]", true),
+        ("Déplacement moyen (mm)", true),
+        ("Posición de referencia (mm)", true),
+        ("Theoretical stroke (mm)", true),
+        ("Fitted displacement (mm)", true),
+        ("Film thickness (mm)", true),
+        ("平均位移(mm)", true),
         ("y (mm)", false),
         ("CH2 (mm)", false),
         ("Displacement 2 (mm)", false),
@@ -60,6 +68,13 @@ fn rival_columns_are_a_question() {
         ("HV reference (kV)", true),
         ("HV monitor 1000:1 (V)", true),
         ("HV /1000 (V)", true),
+        ("Vset (kV)", true),
+        ("Urms (kV)", true),
+        ("Spitzenspannung (kV)", true),
+        ("Effektivspannung (kV)", true),
+        ("Tension de commande (kV)", true),
+        ("Tension efficace (kV)", true),
+        ("指令电压(kV)", true),
         ("HV monitor (kV)", false),
         ("CH2 (kV)", false),
         ("Supply (kV)", false),
@@ -217,6 +232,11 @@ fn readings_out_of_range_are_missing_and_counted() {
         let drive = Recording::read_with(&folder.file("film.txt", turned), &hints(given)).expect("read").drive();
         has(&drive.expect_err("a gap").to_string(), &["film.txt:8:", "is empty", "`fill`"]);
     }
+    // What a terminal puts before each row is no zone of the time behind it.
+    let logged =
+        |s: &super::lab_files::Sample| format!("10:00:00.{:03} -> {};{};{}\n", 1, s.time_s, s.voltage_kv, s.laser_mm);
+    let logged: String = super::lab_files::samples().iter().map(logged).collect();
+    has(&folder.refused(format!("Time (s);HV (kV);Laser (mm)\n{logged}"), ""), &["film.txt"]);
     let text = format!("Time (s);HV (kV);Laser (mm)\n{}", rows(";", '.', usual)).replace(";0.05\n", ";broken\n");
     has(&folder.refused(text, ""), &["film.txt:2:", "\"broken\"", "not a number"]);
 }
@@ -274,7 +294,7 @@ fn what_is_left_out_is_noted() {
 fn implausible_numbers_are_reported_with_the_likely_unit() {
     let folder = Folder::new();
     // Time in s, voltage in V, displacement in m, factor of each, and the finding.
-    let cases: [(&str, [f64; 3], &[&str]); 11] = [
+    let cases: [(&str, [f64; 3], &[&str]); 13] = [
         ("time_s,voltage_v,displacement_m", [1.0, 1.0, 1.0], &[]),
         (
             "time_s,voltage_kv,displacement_m",
@@ -297,6 +317,8 @@ fn implausible_numbers_are_reported_with_the_likely_unit() {
         ("Time (s),HV (kV),Laser (mm)", [1.0, 1.0, 1e3], &["V in a column of kV", "`columns` voltage=2:V"]),
         ("Time (s),HV (kV),Laser (mm)", [1e3, 1e-3, 1e3], &["ms in a column of s"]),
         ("Time (s),HV (kV),Laser (mm)", [1.0, 1e-3, 1e6], &["µm in a column of mm"]),
+        ("Time (s),HV (V),Laser (µm)", [1.0, 1.0, 1e3], &["check the unit of the displacement"]),
+        ("Time (ms),HV (V),Laser (m)", [3.0, 1.0, 1.0], &["0.08997 s in all: seconds in a column of ms"]),
         ("time_ms,voltage_v,displacement_m", [1e-3, 1.0, 1.0], &["seconds in a column of ms", "`columns` time=1:s"]),
     ];
     for (header, [time, voltage, displacement], words) in cases {
@@ -312,4 +334,9 @@ fn implausible_numbers_are_reported_with_the_likely_unit() {
         assert_eq!(found.len(), usize::from(!words.is_empty()), "{header}: {found:?}");
         has(&found.join("; "), words);
     }
+    // An interval without a unit.
+    let rows: String = (0..200).map(|k| format!("{};{}\n", k % 5, k % 7)).collect();
+    let recording =
+        Recording::read(&folder.file("film.txt", format!("Sample interval: 50\nHV (kV);Laser (mm)\n{rows}")));
+    has(&recording.expect("read").implausible().join("; "), &["the rows are 50 s apart", "another unit?"]);
 }

@@ -16,7 +16,7 @@ fn between(rng: &mut Pcg64, low: f64, high: f64) -> f64 {
 fn film(rng: &mut Pcg64) -> Actuator {
     let (area, aspect): (f64, f64) = (between(rng, 1e-4, 1.0), between(rng, 0.1, 10.0));
     let (length_m, width_m) = ((area * aspect).sqrt(), (area / aspect).sqrt());
-    let thickness_m = between(rng, 10e-6, 2e-3);
+    let thickness_m = between(rng, 10e-6, (2.5e-4 / area).min(2e-3));
     let heaviest = (1e6 * width_m * thickness_m / 9.81).clamp(1.1e-3, 10.0);
     Actuator {
         relative_permittivity: between(rng, 1.5, 1000.0),
@@ -84,6 +84,23 @@ fn a_wrong_unit_is_refused_with_the_right_value() {
         let share = f64::from(caught) / f64::from(cases);
         println!("{name}: {share:.3} caught, {corrected} of {cases} with the right value");
         assert!(share >= least, "{name}: {share}");
+    }
+}
+
+/// All sizes in centimetres or inches: a small film would be a large one.
+#[test]
+fn films_in_centimetres_or_inches_are_found() {
+    let mut rng = Pcg64::seed_from_u64(30);
+    for (unit, factor, least) in [("centimetres", 100.0, 1.0), ("inches", 39.37, 0.97)] {
+        let cases = 4000;
+        let is_found = |film: Actuator| {
+            let Actuator { length_m, width_m, thickness_m, .. } = film;
+            let [length_m, width_m, thickness_m] = [length_m, width_m, thickness_m].map(|size| factor * size);
+            let wrong = Actuator { length_m, width_m, thickness_m, ..film };
+            plausibility::check(&wrong).is_err() || !plausibility::doubts(&wrong).is_empty()
+        };
+        let share = (0..cases).filter(|_| is_found(film(&mut rng))).count() as f64 / f64::from(cases);
+        assert!(share >= least, "{unit}: {share}");
     }
 }
 

@@ -54,9 +54,12 @@ fn of_day(text: &str) -> Option<f64> {
         (_, Some(clock)) => (clock.trim_end(), Some(12.0)),
         _ => (lower.as_str(), None),
     };
-    // A zone is the same in all rows: its hours do not count.
     let clock = clock.strip_suffix('z').unwrap_or(clock);
-    let clock = clock.find(['+', '-']).map_or(clock, |zone| &clock[..zone]).trim_end();
+    // Where clocks are changed, the zone changes with them.
+    let (clock, zone_s) = match clock.find(['+', '-']) {
+        Some(at) => (clock[..at].trim_end(), zone(&clock[at..])?),
+        None => (clock, 0.0),
+    };
     let parts: Vec<&str> = clock.split(':').collect();
     let whole = |part: &str| {
         (!part.is_empty() && part.len() <= 3 && part.bytes().all(|b| b.is_ascii_digit()))
@@ -79,7 +82,17 @@ fn of_day(text: &str) -> Option<f64> {
         return None;
     }
     let hours = half.map_or(Some(hours), |half| (1.0..=12.0).contains(&hours).then_some(hours % 12.0 + half))?;
-    Some(3600.0 * hours + 60.0 * minutes + seconds)
+    Some(3600.0 * hours + 60.0 * minutes + seconds - zone_s)
+}
+
+/// Seconds of a zone before that of Greenwich: +01:00, -0330 or +2.
+fn zone(text: &str) -> Option<f64> {
+    let (sign, digits) = text.split_at_checked(1)?;
+    let (hours, minutes) = digits.split_once(':').or(digits.split_at_checked(2)).unwrap_or((digits, ""));
+    let number =
+        |part: &str| (part.len() <= 2 && part.bytes().all(|b| b.is_ascii_digit())).then(|| part.parse().unwrap_or(0.0));
+    let seconds = 3600.0 * number(hours).filter(|_| !hours.is_empty())? + 60.0 * number(minutes)?;
+    Some(if sign == "-" { -seconds } else { seconds })
 }
 
 fn date(text: &str) -> Option<Date> {
@@ -97,9 +110,9 @@ fn date(text: &str) -> Option<Date> {
         [days(number(a)?, month(b)?, number(c)?)?; 2]
     } else {
         let year = number(c)?;
-        let day_first = days(year, month(b)?, number(a)?);
-        // Dates with slashes are written both ways; with points the day is first.
-        let month_first = if text.contains('/') { days(year, month(a)?, number(b)?) } else { day_first };
+        let day_first = month(b).zip(number(a)).and_then(|(month, day)| days(year, month, day));
+        // Dates are written both ways.
+        let month_first = month(a).zip(number(b)).and_then(|(month, day)| days(year, month, day));
         [day_first.or(month_first)?, month_first.or(day_first)?]
     };
     Some(Date { days })

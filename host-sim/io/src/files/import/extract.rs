@@ -307,9 +307,18 @@ fn variables(
         };
         return Err(fault(cause));
     }
+    let skipped: Vec<String> =
+        contents.skipped.iter().map(|name| format!("{name} is complex or sparse and is not read")).collect();
     let source = Source::Series(contents.series);
-    let chosen = map(path, &source, request, hints)?;
-    extract(path, &source, &chosen, hints)
+    let chosen = map(path, &source, request, hints).map_err(|error| match error {
+        Error::File { path, cause } if !skipped.is_empty() => {
+            Error::file(&path, format!("{cause}; {}", skipped.join("; ")))
+        }
+        other => other,
+    })?;
+    let mut series = extract(path, &source, &chosen, hints)?;
+    series.understood.notes.extend(skipped);
+    Ok(series)
 }
 
 fn at(path: &Path, line: u64, cause: String) -> Error {

@@ -131,7 +131,7 @@ fn key(cell: &str) -> Option<Key> {
 pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Head, (u64, String)> {
     let rows: Vec<&TopRow> = above.iter().filter(|row| !row.comment || forced == Some(row.line)).collect();
     let with_key = |wanted: Key| rows.iter().rev().find(|row| key(&row.cells[0]) == Some(wanted)).copied();
-    let mut head = Head { interval_s: above.iter().find_map(interval), ..Head::default() };
+    let mut head = Head { interval_s: one_interval(above), ..Head::default() };
     let (mut units, mut odd) = (None, None);
     let mut names = None;
     for (index, row) in rows.iter().enumerate().rev() {
@@ -233,7 +233,14 @@ fn commented(above: &[TopRow], columns: usize, head: &Head) -> Option<Head> {
     Some(Head { titles, line: row.line, preamble: 0, ..head.clone() })
 }
 
-/// The interval that `row` states: `Delta_X;0.001`, `Sample rate (kHz): 2`, `SampleRate,1000`.
+/// The interval that all of `rows` state which state one.
+fn one_interval(rows: &[TopRow]) -> Option<f64> {
+    let mut stated = rows.iter().filter_map(interval);
+    let first = stated.next()?;
+    stated.all(|other| (other / first - 1.0).abs() < 0.01).then_some(first)
+}
+
+/// The interval that `row` states, for all channels: `Delta_X;0.001`, `Sample rate (kHz): 2`, `SampleRate,1000`.
 fn interval(row: &TopRow) -> Option<f64> {
     let first = row.cells.first()?;
     let key = key(first).filter(|key| matches!(key, Key::Interval | Key::Rate))?;
@@ -241,6 +248,9 @@ fn interval(row: &TopRow) -> Option<f64> {
     let rest = row.cells[1..].iter().map(|cell| cell.trim()).filter(|cell| !cell.is_empty());
     let mut parts = std::iter::once(inline.trim()).filter(|part| !part.is_empty()).chain(rest);
     let value = parts.next()?;
+    if parts.clone().any(|other| is_number(other) && other != value) {
+        return None;
+    }
     let (number, unit) = value.split_once(' ').unwrap_or((value, ""));
     let number = [Decimal::Point, Decimal::Comma].into_iter().find_map(|decimal| numbers::number(number, decimal))?;
     let bracketed = name.split_once(['(', '[']).map_or("", |(_, unit)| unit.trim_end_matches([')', ']', ' ']));

@@ -20,6 +20,7 @@ const REFUSED: &[(&[u8], &str)] = &[
     (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "this is a spreadsheet of the old format (.xls); save it as .xlsx or as CSV"),
     (b"\x89HDF\r\n\x1a\n", HDF5),
     (b"MATLAB 7.3 MAT-file", HDF5),
+    (b"# Created by Octave", "this is text of Octave's `save`; write it with `save -v7`, or csvwrite and a header"),
     (b"TDSm", "this is a LabVIEW measurement (TDMS); export it as text or .xlsx"),
     (b"PAR1", "this is a Parquet file; export it as CSV"),
     (b"\x93NUMPY", "this is a NumPy array; write it with numpy.savetxt and a header, or scipy.io.savemat"),
@@ -35,6 +36,7 @@ const REFUSED: &[(&[u8], &str)] = &[
     (b"\x7fELF", "this is a program; name the file of the numbers"),
 ];
 
+/// Crates that read HDF5 have 30 000 lines or more, for files that MATLAB writes otherwise as well.
 const HDF5: &str = "this is a MATLAB file of version 7.3 (HDF5), which is not read here; in MATLAB `save -v7`, or `writetable` \
                     to a CSV file";
 

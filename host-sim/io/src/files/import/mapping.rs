@@ -134,6 +134,9 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices, times: Or
     Ok(chosen)
 }
 
+/// Most columns that an error lists.
+const MAX_SHOWN: usize = 8;
+
 struct Titles<'a> {
     titles: &'a [Title],
     senses: Vec<Sense>,
@@ -346,8 +349,9 @@ impl Titles<'_> {
     }
 
     fn several(&self, quantity: Quantity, indices: &[usize]) -> String {
-        let shown: Vec<String> = indices.iter().map(|index| self.shown(*index)).collect();
-        let choices: Vec<String> = indices.iter().map(|index| self.choice(quantity, *index)).collect();
+        let first = || indices.iter().take(MAX_SHOWN);
+        let shown: Vec<String> = first().map(|index| self.shown(*index)).collect();
+        let choices: Vec<String> = first().map(|index| self.choice(quantity, *index)).collect();
         format!(
             "{} columns may be the {}: {}; choose one with {}",
             indices.len(),
@@ -390,7 +394,6 @@ impl Titles<'_> {
     }
 
     fn list(&self) -> String {
-        const MAX_SHOWN: usize = 8;
         let mut shown: Vec<String> = (0..self.titles.len().min(MAX_SHOWN)).map(|index| self.shown(index)).collect();
         if self.titles.len() > MAX_SHOWN {
             shown.push("…".into());

@@ -24,13 +24,15 @@ pub struct Contents {
     pub series: Vec<Series>,
     /// Variables that are objects, such as tables and time series, which only MATLAB can read.
     pub objects: Vec<String>,
+    /// Variables whose numbers are complex or sparse.
+    pub skipped: Vec<String>,
 }
 
 /// Most numbers of a file: a gigabyte as they are held.
 const MAX_NUMBERS: usize = 1 << 27;
 /// Deepest structure in a structure.
 const MAX_DEPTH: usize = 8;
-/// Largest number of columns of a matrix.
+/// Largest number of columns of a matrix; of rows, where those are fewer.
 const MAX_COLUMNS: usize = 64;
 
 /// A file that ends too early, or that is not what it says.
@@ -57,6 +59,7 @@ mod class {
     pub const CELL: u8 = 1;
     pub const STRUCTURE: u8 = 2;
     pub const OBJECT: u8 = 3;
+    pub const SPARSE: u8 = 5;
     pub const DOUBLE: u8 = 6;
     pub const UINT64: u8 = 15;
     pub const OPAQUE: u8 = 17;
@@ -177,6 +180,7 @@ pub fn contents_of_version_4(bytes: &[u8]) -> Result<Contents, String> {
         let values = Bytes { bytes: data.cut(size * count)?, little };
         if header.complex {
             data.cut(size * count)?;
+            contents.skipped.push(name);
         } else if header.is_full {
             contents.take(&name, &[header.rows as f64, header.columns as f64], values.numbers(header.kind)?)?;
         }
@@ -219,9 +223,14 @@ impl Contents {
                 if values.len() != count {
                     return Err(DAMAGED.into());
                 }
-                if !complex {
-                    self.take(&name, &sizes, values)?;
+                if complex {
+                    self.skipped.push(name);
+                    return Ok(());
                 }
+                self.take(&name, &sizes, values)
+            }
+            class::SPARSE => {
+                self.skipped.push(name);
                 Ok(())
             }
             class::STRUCTURE => self.structure(data, &name, count, depth),
@@ -278,7 +287,16 @@ impl Contents {
             self.series.push(Series { name: name.into(), values });
             return Ok(());
         }
-        for (column, values) in values.chunks(rows.max(1)).take(MAX_COLUMNS).enumerate() {
+        let columns = values.len() / rows.max(1);
+        if rows < columns {
+            // Rows for columns.
+            for row in 0..rows.min(MAX_COLUMNS) {
+                let values = values.iter().skip(row).step_by(rows).copied().collect();
+                self.series.push(Series { name: format!("{name}({},:)", row + 1), values });
+            }
+            return Ok(());
+        }
+        for (column, values) in values.chunks(rows).take(MAX_COLUMNS).enumerate() {
             self.series.push(Series { name: format!("{name}(:,{})", column + 1), values: values.to_vec() });
         }
         Ok(())

@@ -51,6 +51,8 @@ pub enum Doubt {
     Ordered,
     /// Its name says that it was computed.
     Derived,
+    /// Its name is that of a size.
+    Size,
     /// Its name has a factor.
     Scaled,
 }
@@ -129,12 +131,15 @@ const LETTERS: &[(Quantity, &[&str])] = &[
 /// Opening and closing brackets around units.
 const BRACKETS: [(char, char); 4] = [('(', ')'), ('[', ']'), ('{', '}'), ('（', '）')];
 
-/// Words of what was asked for.
+/// Parts of words for what was asked for. Those of five letters and more are found within words too, as German joins them.
 const ORDERED: &[&str] = &[
     "target",
     "tgt",
-    "reference",
+    "referenc",
+    "référenc",
+    "referenz",
     "ref",
+    "riferiment",
     "setpoint",
     "setpt",
     "sp",
@@ -143,16 +148,13 @@ const ORDERED: &[&str] = &[
     "limit",
     "lim",
     "demand",
-    "demanded",
     "program",
-    "programmed",
     "prog",
     "stage",
     "command",
-    "commanded",
     "cmd",
     "desired",
-    "requested",
+    "wanted",
     "request",
     "preset",
     "nominal",
@@ -166,68 +168,97 @@ const ORDERED: &[&str] = &[
     "trip",
     "threshold",
     "alarm",
+    "interlock",
+    "breakdown",
+    "generator",
+    "dac",
+    "motor",
     "soll",
-    "vorgabe",
-    "grenze",
-    "consigne",
+    "sollwert",
+    "vorgab",
+    "grenz",
+    "führungs",
+    "wunsch",
+    "consign",
     "cible",
-    "référence",
-    "consigna",
     "objetivo",
-    "riferimento",
+    "impost",
     "obiettivo",
     "设定",
     "設定",
     "目标",
     "目標",
     "给定",
+    "指令",
+    "指定",
 ];
-/// Words of what was computed.
+/// Parts of words for what was computed.
 const DERIVED: &[&str] = &[
     "rms",
     "eff",
-    "effektiv",
-    "effektivwert",
-    "filtered",
+    "effekti",
+    "efficac",
+    "eficaz",
     "filter",
-    "smoothed",
+    "filtr",
+    "smooth",
+    "geglätt",
+    "lissé",
+    "lowpass",
+    "tiefpass",
     "max",
-    "maximum",
+    "maxim",
+    "máxim",
     "min",
-    "minimum",
+    "minim",
+    "mínim",
     "peak",
     "pk",
     "pp",
     "pkpk",
+    "spitze",
+    "crête",
     "average",
-    "averaged",
     "avg",
     "mean",
     "median",
     "mittel",
-    "mittelwert",
-    "moyenne",
+    "moyen",
+    "medio",
+    "media",
+    "promedio",
     "std",
+    "sd",
     "stdev",
     "sigma",
-    "variance",
+    "varian",
     "error",
     "err",
     "deviation",
     "dev",
-    "abweichung",
+    "abweich",
     "fehler",
+    "schlepp",
+    "residu",
+    "theor",
+    "théor",
     "model",
-    "modelled",
-    "simulated",
-    "predicted",
-    "prediction",
-    "estimate",
-    "estimated",
+    "fem",
+    "simul",
+    "predict",
+    "estimat",
+    "geschätzt",
     "expected",
-    "calculated",
     "calc",
-    "computed",
+    "comput",
+    "berechnet",
+    "fit",
+    "fitted",
+    "detrend",
+    "normaliz",
+    "normalis",
+    "normier",
+    "interpol",
     "corrected",
     "offset",
     "zero",
@@ -239,9 +270,39 @@ const DERIVED: &[&str] = &[
     "scale",
     "gain",
     "amplitude",
-    "gefiltert",
-    "filtré",
+    "envelope",
+    "delta",
+    "drift",
+    "cumul",
+    "squared",
+    "resolution",
+    "auflösung",
+    "uncertain",
+    "unsicher",
+    "initial",
     "误差",
+    "誤差",
+    "平均",
+    "最大",
+    "最小",
+    "有效",
+    "実効",
+    "峰值",
+];
+/// Parts of words for what does not move.
+const SIZES: &[&str] = &[
+    "thickness",
+    "width",
+    "length",
+    "diameter",
+    "wavelength",
+    "dicke",
+    "breite",
+    "länge",
+    "épaisseur",
+    "largeur",
+    "longueur",
+    "厚",
 ];
 
 impl Doubt {
@@ -250,6 +311,7 @@ impl Doubt {
         match self {
             Self::Ordered => "may be what was asked for, not what was measured",
             Self::Derived => "may be computed, not measured from moment to moment",
+            Self::Size => "may be a size, which does not move",
             Self::Scaled => "has a factor in its name, which its numbers may have or not",
         }
     }
@@ -257,24 +319,32 @@ impl Doubt {
     /// The doubt about a column of `quantity` with a `name` in a file of `request`.
     fn about(name: &str, quantity: Option<Quantity>, request: &Request<'_>) -> Option<Self> {
         let words = words(name);
-        let says = |candidates: &[&str]| {
-            candidates.iter().any(|candidate| words.iter().any(|word| word == candidate) || is_within(candidate, name))
-        };
-        // German joins words.
-        let joined = |ends: fn(&str) -> bool| words.iter().any(|word| word.len() > 6 && ends(word));
+        let says =
+            |parts: &[&str]| parts.iter().any(|part| is_within(part, name) || words.iter().any(|w| has(w, part)));
         // What was asked for is what a reference and the command of an amplifier are.
         let may_be_ordered = !request.wants(Quantity::Voltage) && !request.wants(Quantity::Force)
             || matches!(quantity, Some(Quantity::Command | Quantity::Time | Quantity::Stretch | Quantity::Stress));
-        if !may_be_ordered && (says(ORDERED) || joined(|w| w.starts_with("soll") || w.contains("grenz"))) {
+        if !may_be_ordered && says(ORDERED) {
             return Some(Self::Ordered);
         }
-        if quantity != Some(Quantity::Time)
-            && (says(DERIVED) || joined(|w| w.starts_with("maximal") || w.starts_with("minimal")))
-        {
+        if quantity != Some(Quantity::Time) && says(DERIVED) {
             return Some(Self::Derived);
+        }
+        if matches!(quantity, None | Some(Quantity::Displacement)) && says(SIZES) {
+            return Some(Self::Size);
         }
         is_scaled(name).then_some(Self::Scaled)
     }
+}
+
+/// Whether `word` is `part`, also behind the symbol of a quantity, as in Vset; or has a long one in it, or a short one at its beginning.
+fn has(word: &str, part: &str) -> bool {
+    let letters = part.chars().count();
+    let behind_symbol = || ["hv", "v", "u", "x"].iter().any(|symbol| word.strip_prefix(symbol) == Some(part));
+    word == part
+        || (letters >= 5 && word.contains(part))
+        || (letters == 4 && word.chars().count() > 6 && word.starts_with(part))
+        || behind_symbol()
 }
 
 /// Whether `name` has a factor in it: x10, ×1000, /100 or 1000:1.

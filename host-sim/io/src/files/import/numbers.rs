@@ -225,8 +225,11 @@ impl Signs {
     }
 
     /// Whether the numbers of a column can be read in two ways in a file with that `decimal` sign: some are whole, and the signs of all others
-    /// may separate thousands, as in 850 and 1.234.
-    pub fn is_ambiguous(self, decimal: Option<Decimal>) -> bool {
+    /// may separate thousands, as in 850 and 1.234. In a `sheet` numbers have a point, and a text may be as any country writes it.
+    pub fn is_ambiguous(self, decimal: Option<Decimal>, sheet: bool) -> bool {
+        if sheet {
+            return self.grouped_commas > 0 && self.thousands_commas == 0;
+        }
         let (grouped, certain) = match decimal {
             Some(Decimal::Point) => (self.grouped_points, self.points),
             Some(Decimal::Comma) => (self.grouped_commas, self.commas),

@@ -120,8 +120,10 @@ impl<'a> TextTable<'a> {
                 found.extend(Self::with(&lines, separator, dialect, 2)?);
             }
         }
-        if found.is_empty() && dialect.single {
-            found.extend(Self::with(&lines, Separator::Tab, dialect, 1)?);
+        for separator in possible.iter().take_while(|_| dialect.single) {
+            if found.is_empty() {
+                found.extend(Self::with(&lines, *separator, dialect, 1)?);
+            }
         }
         match found.as_slice() {
             [one] => Ok(one.clone()),
@@ -190,7 +192,8 @@ impl<'a> TextTable<'a> {
         let all = signs.iter().fold(Signs::default(), |all, column| all.and(*column));
         let shifted = |cause| (data_line, if separator == Separator::Comma { SHIFTED.into() } else { cause });
         let decimal = known.map_or_else(|| all.decimal().map_err(shifted), |known| Ok(Some(known)))?;
-        let ambiguous = signs.iter().map(|column| known.is_none() && column.is_ambiguous(decimal)).collect();
+        let is_ambiguous = |column: &Signs| dialect.decimal.is_none() && column.is_ambiguous(decimal, dialect.sheet);
+        let ambiguous = signs.iter().map(is_ambiguous).collect();
         let mut table = Self {
             head,
             separator,

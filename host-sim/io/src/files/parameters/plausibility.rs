@@ -4,6 +4,7 @@ use springpot::{Actuator, ActuatorError, EPSILON_0, GRAVITY};
 
 use super::{Board, Parameters, as_written};
 use crate::error;
+use crate::terminal::rounded;
 
 /// A quantity with the values that films have, in SI units, and others that people write it in.
 struct Quantity {
@@ -120,6 +121,13 @@ pub fn doubts(actuator: &Actuator) -> Vec<String> {
     if thickness_m >= short_m {
         doubts.push(format!("thickness_m = {thickness_m} is not below {shorter} = {short_m}: check the units of both"));
     }
+    let volume_m3 = length_m * width_m * thickness_m;
+    if thickness_m > MAX_THICKNESS_M || volume_m3 > MAX_VOLUME_M3 {
+        doubts.push(format!(
+            "a film of {length_m} m by {width_m} m by {thickness_m} m weighs {} kg: are its sizes in metres?",
+            rounded(DENSITY * volume_m3)
+        ));
+    }
     let stress_pa = mass_kg * GRAVITY / (width_m * thickness_m);
     if mass_kg >= 1.0 && stress_pa > MAX_STRESS_PA {
         doubts.push(format!(
@@ -138,6 +146,12 @@ pub fn doubts(actuator: &Actuator) -> Vec<String> {
 const MAX_ASPECT: f64 = 150.0;
 /// Largest area without doubt, m².
 const MAX_AREA_M2: f64 = 2.0;
+/// Thickest film without doubt, m: at 50 MV/m that are 100 kV.
+const MAX_THICKNESS_M: f64 = 2e-3;
+/// Largest film without doubt, m³: a quarter of a kilogram.
+const MAX_VOLUME_M3: f64 = 2.5e-4;
+/// Density of elastomers, kg/m³.
+const DENSITY: f64 = 1e3;
 /// Strength of elastomers, Pa.
 const MAX_STRESS_PA: f64 = 2e7;
 const MAX_PERMITTIVITY: f64 = 2000.0;
