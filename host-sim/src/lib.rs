@@ -19,7 +19,7 @@ use std::process::ExitCode;
 
 use commands::{Verdict, with_flags};
 
-pub use host_io::{Error, Result, choice, error, files, grid, interrupt, link, progress, quantity, terminal};
+pub use host_io::{Error, Result, choice, error, files, grid, interrupt, link, progress, quantity, supply, terminal};
 pub use host_models::{
     agreement, amplifier, compression, cost, excitation, fit, reduce, references, replay, simulation, spectrum, studies,
 };

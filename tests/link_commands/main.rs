@@ -2,6 +2,8 @@
 
 mod playing;
 mod self_test;
+#[cfg(target_os = "linux")]
+mod supply;
 
 use std::fs;
 use std::io::{Read, Write};

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | [`files`] | reads and writes recordings, parameters, tables |
 //! | [`link`] | the host's side of the link to a controller |
+//! | [`supply`] | high-voltage supplies at a serial port, and the loop through them |
 //! | [`choice`](mod@choice) | choices by their names |
 //! | [`grid`] | sampled series |
 //! | [`quantity`], [`progress`], [`terminal`], [`interrupt`] | what people type; progress; what is printed; signals |
@@ -21,6 +22,7 @@ pub mod interrupt;
 pub mod link;
 pub mod progress;
 pub mod quantity;
+pub mod supply;
 pub mod terminal;
 
 pub use error::{Error, Result};

@@ -26,6 +26,7 @@ mod recordings;
 mod reduce;
 mod reference;
 mod replay;
+mod run;
 mod simulate;
 mod study;
 mod usage;
@@ -107,6 +108,8 @@ enum CliCommand {
     Pil(pil::Arguments),
     /// Talk to a controller.
     Link(Box<link::Arguments>),
+    /// Follow a reference through a high-voltage supply at a serial port, with this host as the controller.
+    Run(run::Arguments),
     /// Find a smaller model with the same response.
     Reduce(reduce::Arguments),
     /// Tabulate displacement over force against frequency.
@@ -166,6 +169,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<Verdict> {
         CliCommand::Export(arguments) => export::run(&arguments, cli.json),
         CliCommand::Pil(arguments) => pil::run(&arguments, cli.json),
         CliCommand::Link(arguments) => link::run(&arguments, cli.json),
+        CliCommand::Run(arguments) => run::run(&arguments, cli.json),
         CliCommand::Reduce(arguments) => reduce::run(&arguments, cli.json),
         CliCommand::FrequencyResponse(arguments) => frequency_response::run(&arguments, cli.json),
         CliCommand::Plant(arguments) => plant::run(&arguments, cli.json),

@@ -59,6 +59,15 @@ impl Port {
     ///
     /// [`Error::Link`] where that fails.
     pub fn open(name: &str) -> Result<Self> {
+        Self::open_at(name, BAUD)
+    }
+
+    /// The same at `baud` bits per second.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open).
+    pub fn open_at(name: &str, baud: u32) -> Result<Self> {
         let fault = |cause: String| Error::Link { port: name.into(), cause };
         if let Some(address) = name.strip_prefix("tcp:") {
             let expected = |e: io::Error| fault(format!("{e}; tcp:HOST:PORT is expected"));
@@ -67,7 +76,7 @@ impl Port {
             let stream = TcpStream::connect_timeout(&address, CONNECTING).map_err(expected)?;
             return Self::over_tcp(name, stream, OF_A_CONNECTION);
         }
-        let mut port = SerialPort::open(name, BAUD).map_err(|e| {
+        let mut port = SerialPort::open(name, baud).map_err(|e| {
             let known = SerialPort::available_ports().unwrap_or_default();
             let known: Vec<String> = known.iter().map(|path| path.display().to_string()).collect();
             let known = if known.is_empty() {

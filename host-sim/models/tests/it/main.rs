@@ -28,6 +28,7 @@ mod relaxation;
 mod same_film;
 mod sensor_offset;
 mod stiffening;
+mod supply;
 #[allow(dead_code)] // samples of cases are for springpot's own sweeps
 #[path = "../../../../crates/springpot/tests/it/support/sweep.rs"]
 mod sweep;
