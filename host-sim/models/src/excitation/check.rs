@@ -234,11 +234,13 @@ impl Facts {
         let stroke = high - low;
         self.displacement_m = Some([low, high]);
         self.start_m = values.first().copied();
+        // A third of the stroke, and more than noise.
+        let jump = (0.3 * stroke).max(6.0 * rows::noise(values));
         let is_outlier = |&k: &usize| {
             let far = values[k] > high + stroke || values[k] < low - stroke;
             let jumps = k > 0 && k + 1 < values.len() && {
                 let (before, after) = (values[k] - values[k - 1], values[k] - values[k + 1]);
-                before * after > 0.0 && before.abs().min(after.abs()) > 0.3 * stroke
+                before * after > 0.0 && before.abs().min(after.abs()) > jump
             };
             stroke > 0.0 && (far || jumps)
         };

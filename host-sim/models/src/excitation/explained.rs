@@ -58,22 +58,23 @@ impl Basis {
 
     /// Adds `column`, if it is not a sum of the others, and returns how much of it the readings have beside those.
     pub(super) fn add(&mut self, column: &[f64]) -> f64 {
+        let Some((unit, left)) = self.beside(column, &[]) else { return 0.0 };
+        let share = dot(&self.rest, &unit);
+        subtract(&mut self.rest, &unit);
+        self.columns.push(unit);
+        share / left
+    }
+
+    /// What `column` has beside the others and `more`, as a unit vector, and its length; none where that is nothing.
+    fn beside(&self, column: &[f64], more: &[Vec<f64>]) -> Option<(Vec<f64>, f64)> {
         let mut column = product(column, &self.kept);
         let size = norm(&column);
         for _ in 0..2 {
-            for other in &self.columns {
-                subtract(&mut column, other);
-            }
+            self.columns.iter().chain(more).for_each(|other| subtract(&mut column, other));
         }
         let left = norm(&column);
-        if left <= NEW * size {
-            return 0.0;
-        }
         column.iter_mut().for_each(|value| *value /= left);
-        let share = dot(&self.rest, &column) / left;
-        subtract(&mut self.rest, &column);
-        self.columns.push(column);
-        share
+        (left > NEW * size).then_some((column, left))
     }
 
     /// Sum of squares of what is left.
@@ -83,11 +84,14 @@ impl Basis {
 
     /// Sum of squares of what is left with `columns` added.
     pub(super) fn square_with(&self, columns: &[Vec<f64>]) -> f64 {
-        let mut with = self.clone();
-        columns.iter().for_each(|column| {
-            with.add(column);
-        });
-        with.square()
+        let (mut more, mut rest) = (Vec::new(), self.rest.clone());
+        for column in columns {
+            if let Some((unit, _)) = self.beside(column, &more) {
+                subtract(&mut rest, &unit);
+                more.push(unit);
+            }
+        }
+        dot(&rest, &rest)
     }
 }
 
@@ -182,6 +186,18 @@ impl Blocks {
         (blocks.stroke_m > 0.0 && peak > 0.0 && blocks.reading.len() > 100).then_some(blocks)
     }
 
+    /// Puts the rows of each recording in the reverse order.
+    pub(super) fn reverse(&mut self) {
+        for course in &mut self.courses {
+            let last_s = course.time_s[course.time_s.len() - 1];
+            course.time_s = course.time_s.iter().rev().map(|t| last_s - t).collect();
+            course.drive.reverse();
+            course.reading.reverse();
+        }
+        let reversed = Self::new(std::mem::take(&mut self.courses));
+        *self = reversed.expect("the same readings");
+    }
+
     /// Means over the blocks of one value for each row of each recording, of the rows that have a reading.
     pub(super) fn means(&self, values: &[Vec<f64>]) -> Vec<f64> {
         let mut means = Vec::new();
@@ -199,11 +215,16 @@ impl Blocks {
 
     /// The film that follows `drives`, one for each recording.
     pub(super) fn film(&self, drives: &[Vec<f64>]) -> Basis {
-        self.film_from(drives, self.shortest_s())
+        self.film_from(drives, self.shortest_s(), 3)
     }
 
-    /// The time (s) by which the stroke lags `drives` beside what creeps in `shortest_s` or more.
-    pub(super) fn lag_s(&self, drives: &[Vec<f64>], shortest_s: f64) -> f64 {
+    /// The film that follows the load itself, without its square and cube.
+    pub(super) fn plain_film(&self, drives: &[Vec<f64>]) -> Basis {
+        self.film_from(drives, self.shortest_s(), 1)
+    }
+
+    /// The time (s) by which the stroke lags `drives` beside what creeps in `shortest_s` or more, and beside the `added` columns.
+    pub(super) fn lag_s(&self, drives: &[Vec<f64>], added: &[Vec<f64>], shortest_s: f64) -> f64 {
         let slopes = self.courses.iter().zip(drives).map(|(course, drive)| {
             let load = course.load(drive);
             let tau_s = self.shortest_s();
@@ -211,16 +232,20 @@ impl Blocks {
             load.iter().zip(behind).map(|(load, behind)| (behind - load) / tau_s).collect()
         });
         let slopes = self.means(&slopes.collect::<Vec<Vec<f64>>>());
-        self.film_from(drives, shortest_s).add(&slopes) / self.stroke_m
+        let mut film = self.film_from(drives, shortest_s, 3);
+        added.iter().for_each(|column| {
+            film.add(column);
+        });
+        film.add(&slopes) / self.stroke_m
     }
 
-    /// The film of which nothing creeps in less than `shortest_s`.
-    fn film_from(&self, drives: &[Vec<f64>], shortest_s: f64) -> Basis {
+    /// The film of which nothing creeps in less than `shortest_s`, and which follows so many powers of the load.
+    fn film_from(&self, drives: &[Vec<f64>], shortest_s: f64, powers: i32) -> Basis {
         let longest_s = self.longest_s();
         let mut basis = Basis::new(&self.reading, &self.kept);
         basis.add(&vec![1.0; self.reading.len()]);
         let loads: Vec<Vec<f64>> = self.courses.iter().zip(drives).map(|(course, drive)| course.load(drive)).collect();
-        for power in 1..=3 {
+        for power in 1..=powers {
             let loads: Vec<Vec<f64>> =
                 loads.iter().map(|load| load.iter().map(|value| value.powi(power)).collect()).collect();
             basis.add(&self.means(&loads));

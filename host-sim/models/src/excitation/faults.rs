@@ -9,7 +9,6 @@ mod voltage;
 use std::f64::consts::TAU;
 
 use super::explained::{Basis, Blocks, Course};
-use voltage::shifted;
 
 /// Share of the unexplained squares that a cause leaves.
 const WORTH: f64 = 0.7;
@@ -21,7 +20,8 @@ const MAX_CAUSES: usize = 4;
 const COMPLEXITY: f64 = 0.02;
 /// Unexplained part of the readings that is reported without a cause, as a share of the stroke.
 const UNEXPLAINED: f64 = 0.02;
-
+/// Share of the variance of the readings that is of another drive.
+const UNRELATED: f64 = 0.5;
 /// A cause of less than this share of the first is not reported beside it.
 const REMNANT: f64 = 0.3;
 /// Smallest lag that is reported, in periods of the fastest cycle, and the shortest creep that differs from a lag, likewise.
@@ -58,14 +58,19 @@ enum Change {
     Columns(Vec<Vec<f64>>),
     Drives(Vec<Vec<f64>>),
     Without(std::ops::Range<usize>),
+    /// Rows in the reverse order.
+    Reversed,
 }
 
 /// The film as it is explained so far.
+#[derive(Clone)]
 struct State {
     blocks: Blocks,
     drives: Vec<Vec<f64>>,
     added: Vec<Vec<f64>>,
     basis: Basis,
+    /// Whether the drives are changed already.
+    is_shifted: bool,
 }
 
 /// The causes of what no film explains in `courses`, largest first.
@@ -73,16 +78,22 @@ pub(super) fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
     let Some(blocks) = Blocks::new(courses) else { return Vec::new() };
     let mut faults = Vec::new();
     let drives: Vec<Vec<f64>> = blocks.courses.iter().map(|course| course.drive.clone()).collect();
-    let mut state = State { basis: blocks.film(&drives), blocks, drives, added: Vec::new() };
-    if let Some(fault) = state.reversed() {
+    let mut state = State { basis: blocks.film(&drives), blocks, drives, added: Vec::new(), is_shifted: false };
+    if let Some(fault) = state.unrelated() {
         return vec![fault];
     }
-    faults.extend(state.late(fastest_hz));
     while faults.len() < MAX_CAUSES {
         // What is much smaller may be a remnant of the first.
         let largest = faults.first().map_or(0.0, |fault: &Fault| fault.size);
         let Some(fault) = state.next_fault().filter(|fault| fault.size > REMNANT * largest) else { break };
         faults.push(fault);
+    }
+    if faults.is_empty() {
+        faults.extend(state.dead_band());
+    }
+    // Causes that explain more than a lag are known by now.
+    if !state.is_shifted {
+        faults.extend(state.late(fastest_hz));
     }
     let left = state.rms(state.basis.square());
     if faults.is_empty() && left > UNEXPLAINED {
@@ -103,28 +114,34 @@ impl State {
     }
 
     /// The film with this change.
-    fn with(&self, change: &Change) -> (Blocks, Vec<Vec<f64>>, Vec<Vec<f64>>, Basis) {
-        let (mut blocks, mut drives, mut added) = (self.blocks.clone(), self.drives.clone(), self.added.clone());
+    fn with(&self, change: &Change) -> Self {
+        let mut with = self.clone();
         match change {
-            Change::Columns(columns) => added.extend(columns.iter().cloned()),
-            Change::Drives(changed) => drives.clone_from(changed),
-            Change::Without(rows) => blocks.kept[rows.clone()].fill(0.0),
+            Change::Columns(columns) => with.added.extend(columns.iter().cloned()),
+            Change::Drives(changed) => with.drives.clone_from(changed),
+            Change::Without(rows) => with.blocks.kept[rows.clone()].fill(0.0),
+            Change::Reversed => with.blocks.reverse(),
         }
-        let mut basis = blocks.film(&drives);
-        added.iter().for_each(|column| {
-            basis.add(column);
+        with.is_shifted |= matches!(change, Change::Drives(_));
+        if let Change::Reversed = change {
+            with.drives = with.blocks.courses.iter().map(|course| course.drive.clone()).collect();
+        }
+        with.basis = with.blocks.film(&with.drives);
+        with.added.iter().for_each(|column| {
+            with.basis.add(column);
         });
-        (blocks, drives, added, basis)
+        with
     }
 
-    /// Sum of squares that `change` leaves.
+    /// Sum of squares that `change` leaves; rows that are left out count as the others.
     fn square(&self, change: &Change) -> f64 {
+        let kept = |state: &Self| state.blocks.kept.iter().sum::<f64>();
         match change {
             Change::Columns(columns) => self.basis.square_with(columns),
-            Change::Without(rows) => {
-                self.basis.square() - self.basis.rest[rows.clone()].iter().map(|rest| rest * rest).sum::<f64>()
+            _ => {
+                let with = self.with(change);
+                with.basis.square() * kept(self) / kept(&with)
             }
-            Change::Drives(_) => self.with(change).3.square(),
         }
     }
 
@@ -140,30 +157,26 @@ impl State {
         };
         let scored = self.causes().into_iter().map(|cause| (score(&cause), cause));
         let (_, cause) = scored.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let (blocks, drives, added, basis) = self.with(&cause.change);
-        let explained = before - basis.square();
+        let explained = before - self.square(&cause.change);
         let size = self.rms(explained);
         if explained < (1.0 - WORTH) * before || size < SIZE {
             return None;
         }
-        (self.blocks, self.drives, self.added, self.basis) = (blocks, drives, added, basis);
+        *self = self.with(&cause.change);
         let finding = format!("{} ({:.2} % of the stroke RMS)", cause.finding, 100.0 * size);
         let file = cause.recording.map(|j| self.blocks.courses[j].file.clone());
         Some(Fault { file, finding, advice: cause.advice, size })
     }
 
-    /// A stroke that lags the drive, or leads it, by more than what creeps slowly explains; the film then follows the shifted drive.
-    fn late(&mut self, fastest_hz: f64) -> Option<Fault> {
+    /// A stroke that lags the drive, or leads it, by more than what creeps slowly explains.
+    fn late(&self, fastest_hz: f64) -> Option<Fault> {
         if fastest_hz <= 0.0 {
             return None;
         }
-        let lag_s = self.blocks.lag_s(&self.drives, SLOW / fastest_hz);
+        let lag_s = self.blocks.lag_s(&self.drives, &self.added, SLOW / fastest_hz);
         if lag_s.abs() < LATE / fastest_hz {
             return None;
         }
-        let pairs = self.blocks.courses.iter().zip(&self.drives);
-        self.drives = pairs.map(|(course, drive)| shifted(lag_s, &course.time_s, drive)).collect();
-        self.basis = self.blocks.film(&self.drives);
         let ms = 1e3 * lag_s.abs();
         let (finding, advice) = if lag_s > 0.0 {
             let finding = format!(
@@ -182,30 +195,35 @@ impl State {
         Some(Fault { file: None, finding, advice, size: TAU * fastest_hz * lag_s.abs() / 3.0 })
     }
 
-    /// Rows in the wrong order of time.
-    fn reversed(&self) -> Option<Fault> {
-        let turned = |course: &Course| {
-            let mut turned = course.clone();
-            let last_s = course.time_s[course.time_s.len() - 1];
-            turned.time_s = course.time_s.iter().rev().map(|t| last_s - t).collect();
-            turned.drive.reverse();
-            turned.reading.reverse();
-            turned
-        };
-        let blocks = Blocks::new(self.blocks.courses.iter().map(turned).collect())?;
-        let drives: Vec<Vec<f64>> = blocks.courses.iter().map(|course| course.drive.clone()).collect();
-        let (forwards, backwards) = (self.basis.square(), blocks.film(&drives).square());
-        let size = self.rms(forwards - backwards);
-        (backwards < 0.25 * forwards && size > SIZE).then(|| Fault {
+    /// Readings of which the drive explains less than half.
+    fn unrelated(&self) -> Option<Fault> {
+        let readings = &self.blocks.reading;
+        let mean = readings.iter().sum::<f64>() / readings.len() as f64;
+        let share = self.basis.square() / readings.iter().map(|x| (x - mean).powi(2)).sum::<f64>();
+        (share > UNRELATED).then(|| Fault {
             file: None,
-            finding: "the stroke answers the drive before it comes: the rows are in reversed order of time".into(),
-            advice: "sort the rows by time",
-            size,
+            finding: format!(
+                "no film explains the stroke by this drive: {:.0} % of its variance are left",
+                100.0 * share
+            ),
+            advice: "check that drive and stroke are of the same run and film, and in the same rows",
+            size: self.rms(self.basis.square()),
         })
     }
 
+    /// Rows in the wrong order of time.
+    fn reversed(&self) -> Cause {
+        Cause {
+            finding: "the stroke answers the drive before it comes: the rows are in reversed order of time".into(),
+            advice: "sort the rows by time",
+            recording: None,
+            change: Change::Reversed,
+        }
+    }
+
     fn causes(&self) -> Vec<Cause> {
-        let mut causes = self.of_sensor();
+        let mut causes = vec![self.reversed()];
+        causes.extend(self.of_sensor());
         causes.extend(self.of_film());
         causes.extend(self.at_a_time());
         causes.extend(self.of_voltage());

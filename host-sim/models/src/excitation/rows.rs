@@ -75,7 +75,7 @@ pub(super) fn judge(
 }
 
 /// RMS noise from row to row, from fourth differences.
-fn noise(values: &[f64]) -> f64 {
+pub(super) fn noise(values: &[f64]) -> f64 {
     let fourth: Vec<f64> = values.windows(5).map(|v| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4]).collect();
     robust_deviation(&fourth) / 70f64.sqrt()
 }

@@ -87,7 +87,7 @@ pub fn observe_prepared(
     let of = |severity: Severity| move |text: String| (severity, text);
     let warnings = gap
         .into_iter()
-        .chain(saturation(direction, &measured.value))
+        .chain(saturation(direction, &input, &measured))
         .map(of(Severity::Caution))
         .chain(uneven.map(of(Severity::Note)))
         .chain(between_steps(drive, rate_hz).map(of(Severity::Caution)))

@@ -228,13 +228,18 @@ pub(super) fn between_steps(drive: &Samples, rate_hz: f64) -> Option<String> {
     })
 }
 
+/// The load at `times_s`: the square of a voltage, otherwise the input.
+fn loads(input: &Input, times_s: &[f64]) -> Vec<f64> {
+    let drive = input.samples();
+    let load = |value: f64| if matches!(input, Input::Voltage(_)) { value * value } else { value };
+    let at = |&t: &f64| load(drive.value[drive.time_s.partition_point(|&s| s <= t).saturating_sub(1)]);
+    times_s.iter().map(at).collect()
+}
+
 /// A measured quantity that falls where the input grows.
 pub(super) fn turned(input: &Input, measured: &Samples) -> Option<String> {
-    let drive = input.samples();
-    let load: Vec<f64> =
-        drive.value.iter().map(|v| if matches!(input, Input::Voltage(_)) { v * v } else { *v }).collect();
-    let at = |t: f64| load[drive.time_s.partition_point(|&s| s <= t).saturating_sub(1)];
-    let pairs: Vec<(f64, f64)> = measured.time_s.iter().zip(&measured.value).map(|(&t, &y)| (at(t), y)).collect();
+    let pairs: Vec<(f64, f64)> =
+        loads(input, &measured.time_s).into_iter().zip(measured.value.iter().copied()).collect();
     let n = pairs.len() as f64;
     let (what, of, centre) = match input {
         Input::Voltage(_) => ("displacement", "voltage", true),
@@ -260,15 +265,23 @@ pub(super) fn gap(steps: &[f64], median_step_s: f64, drive: &Samples) -> Option<
     ))
 }
 
-/// Measured values that repeat at the ends of their range.
-pub(super) fn saturation(direction: Direction, values: &[f64]) -> Vec<String> {
+/// Measured values that repeat at the ends of their range; those of the first row only where the input acts.
+pub(super) fn saturation(direction: Direction, input: &Input, measured: &Samples) -> Vec<String> {
+    /// Share of the largest load up to which a film is at rest.
+    const REST: f64 = 0.03;
     let (what, unit) = measured_quantity(direction);
+    let values = &measured.value;
     let (low, high) = range(values);
+    let loads = loads(input, &measured.time_s);
+    let rest = REST * loads.iter().fold(0.0, |most: f64, load| most.max(load.abs()));
     [(high, "largest"), (low, "smallest")]
         .into_iter()
         .filter_map(|(value, end)| {
-            let at_end = runs_at(values, value);
-            (at_end * 50 > values.len() && value != values[0]).then(|| {
+            let is_at_end = |k: usize| values[k] == value && (value != values[0] || loads[k].abs() > rest);
+            let rows: Vec<bool> = (0..values.len()).map(is_at_end).collect();
+            let at_end: usize =
+                rows.chunk_by(|a, b| a == b).filter(|run| run[0] && run.len() >= 4).map(<[_]>::len).sum();
+            (at_end * 50 > values.len()).then(|| {
                 format!(
                     "{at_end} values are at the {end} {what} of {value} {unit}; if the sensor saturates there, leave \
                      those cells empty"
@@ -276,11 +289,6 @@ pub(super) fn saturation(direction: Direction, values: &[f64]) -> Vec<String> {
             })
         })
         .collect()
-}
-
-/// Values that equal `value` in runs of at least four.
-fn runs_at(values: &[f64], value: f64) -> usize {
-    values.chunk_by(|a, b| a == b).filter(|run| run[0] == value && run.len() >= 4).map(<[f64]>::len).sum()
 }
 
 /// Name and SI unit of what is measured.

@@ -2,10 +2,22 @@
 
 use std::f64::consts::TAU;
 
+use rayon::prelude::*;
+
+use super::super::explained::Basis;
 use super::{Cause, Change, State};
 
-/// Columns that begin at a time, s.
-type From<'a> = dyn Fn(f64) -> Vec<Vec<f64>> + 'a;
+/// Columns that begin in a recording at a time, s.
+type From<'a> = dyn Fn(usize, f64) -> Vec<Vec<f64>> + Sync + 'a;
+
+const WANDERS: &str = "the zero of the sensor wanders";
+const STEADY: &str = "keep the temperature, shield the sensor, and fix its mount";
+/// Fewer periods in a recording are a wandering zero.
+const SWINGS: f64 = 8.0;
+/// Share of a recording at both ends in which no change is looked for: it would explain what the film begins with.
+const EDGE: f64 = 0.12;
+/// What a cause with more columns leaves of what a jump leaves at most.
+const BEYOND_JUMP: f64 = 0.6;
 
 impl State {
     /// A column for each recording, of `value` of its blocks: of the block's number, its time and the recording's length.
@@ -50,8 +62,8 @@ impl State {
         ));
         let wave = |n: f64| self.each(move |_, t, last_s| (n * std::f64::consts::PI * t / last_s).cos());
         causes.push(Cause::of_all(
-            "the zero of the sensor wanders",
-            "keep the temperature, shield the sensor, and fix its mount",
+            WANDERS,
+            STEADY,
             [1.0, 2.0, 3.0, 4.0, 5.0, 6.0].into_iter().flat_map(wave).collect(),
         ));
         let mut lines = Vec::new();
@@ -65,11 +77,19 @@ impl State {
             let waves = [self.each(move |_, t, _| phase(t).cos()), self.each(move |_, t, _| phase(t).sin())];
             lines.extend(waves.map(|mut waves| waves.swap_remove(j)));
         }
-        causes.push(Cause::of_all(
-            &format!("the reading swings at {:.2} Hz whatever the drive does: a mount that rings, or mains between slow rows", strongest.0),
-            "stiffen the mount, or shield the sensor's cable and record more rows a second",
-            lines,
-        ));
+        let longest_s = (0..self.blocks.courses.len()).map(|j| self.last_s(j)).fold(0.0, f64::max);
+        let (finding, advice) = if strongest.0 * longest_s < SWINGS {
+            (WANDERS.into(), STEADY)
+        } else {
+            (
+                format!(
+                    "the reading swings at {:.2} Hz whatever the drive does: a mount that rings, or mains between slow rows",
+                    strongest.0
+                ),
+                "stiffen the mount, or shield the sensor's cable and record more rows a second",
+            )
+        };
+        causes.push(Cause::of_all(&finding, advice, lines));
         causes
     }
 
@@ -165,56 +185,80 @@ impl State {
             self.drives.iter().map(|drive| drive.iter().map(|value| value * value).collect()).collect();
         let load = self.blocks.means(&loads);
         let slope = self.slope(&film);
-        let mut causes = Vec::new();
-        for j in 0..self.blocks.courses.len() {
-            let after = |from_s: f64, values: &dyn Fn(usize) -> f64| -> Vec<f64> {
-                let of = |(k, &(i, t)): (usize, &(usize, f64))| if i == j && t >= from_s { values(k) } else { 0.0 };
-                self.blocks.places.iter().enumerate().map(of).collect()
-            };
-            let jump = |from_s: f64| vec![after(from_s, &|_| 1.0)];
-            let gain =
-                |from_s: f64| vec![after(from_s, &|_| 1.0), after(from_s, &|k| film[k]), after(from_s, &|k| load[k])];
-            let clock = |from_s: f64| vec![after(from_s, &|k| slope[k])];
-            let kinds: [(&From, &str, &'static str); 3] = [
-                (
-                    &jump,
-                    "the reading jumps",
-                    "fix the mount and the sensor, and record again or end the recording there (`to_s`)",
-                ),
-                (
-                    &gain,
-                    "the response to the drive changes",
-                    "another film, a failing one, or another range of the sensor: end the recording there (`to_s`)",
-                ),
-                (
-                    &clock,
-                    "drive and stroke are shifted against each other",
-                    "rows were lost on one side: end the recording there (`to_s`)",
-                ),
-            ];
-            for (columns, what, advice) in kinds {
-                let (at_s, columns) = self.scan(j, columns);
-                causes.push(Cause {
-                    finding: format!("{what} at {at_s:.1} s"),
-                    advice,
-                    recording: Some(j),
-                    change: Change::Columns(columns),
-                });
+        let after = |j: usize, from_s: f64, values: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            let of = |(k, &(i, t)): (usize, &(usize, f64))| if i == j && t >= from_s { values(k) } else { 0.0 };
+            self.blocks.places.iter().enumerate().map(of).collect()
+        };
+        let jump = |j: usize, from_s: f64| vec![after(j, from_s, &|_| 1.0)];
+        let gain = |j: usize, from_s: f64| {
+            vec![after(j, from_s, &|_| 1.0), after(j, from_s, &|k| film[k]), after(j, from_s, &|k| load[k])]
+        };
+        let clock = |j: usize, from_s: f64| vec![after(j, from_s, &|k| slope[k])];
+        let kinds: [(&From, &str, &'static str); 3] = [
+            (
+                &jump,
+                "the reading jumps",
+                "fix the mount and the sensor, and record again or end the recording there (`to_s`)",
+            ),
+            (
+                &clock,
+                "drive and stroke are shifted against each other",
+                "rows were lost on one side: end the recording there (`to_s`)",
+            ),
+            (
+                &gain,
+                "the response to the drive changes",
+                "another film, a failing one, or another range of the sensor: end the recording there (`to_s`)",
+            ),
+        ];
+        let count = self.blocks.courses.len();
+        let mut causes: Vec<Cause> = (0..count).filter_map(|j| self.part(j)).collect();
+        // In each recording, and in all of them.
+        let mut least = vec![f64::INFINITY; count + 1];
+        for (columns, what, advice) in kinds {
+            let scan = |basis: &Basis, j: usize| self.scan(basis, &|t| columns(j, t), j);
+            let mut found: Vec<(f64, Vec<Vec<f64>>)> =
+                (0..count).into_par_iter().map(|j| scan(&self.basis, j)).collect();
+            let mut places: Vec<(Option<usize>, String, Vec<Vec<f64>>)> = found
+                .iter()
+                .enumerate()
+                .map(|(j, (at_s, columns))| (Some(j), format!("{what} at {at_s:.1} s"), columns.clone()))
+                .collect();
+            if count > 1 {
+                // Each beside those of the others.
+                for j in (0..count).chain(0..count) {
+                    let mut basis = self.basis.clone();
+                    let others = found.iter().enumerate().filter(|(other, _)| *other != j);
+                    others.flat_map(|(_, (_, columns))| columns).for_each(|column| {
+                        basis.add(column);
+                    });
+                    found[j] = scan(&basis, j);
+                }
+                let times: Vec<String> = found.iter().map(|(at_s, _)| format!("{at_s:.1}")).collect();
+                let columns = found.into_iter().flat_map(|(_, columns)| columns).collect();
+                places.push((None, format!("{what} in each recording, at {} s", times.join(", ")), columns));
             }
-            causes.extend(self.part(j));
+            for (recording, finding, columns) in places {
+                let square = self.basis.square_with(&columns);
+                let least = &mut least[recording.unwrap_or(count)];
+                if square < *least {
+                    *least = least.min(BEYOND_JUMP * square);
+                    causes.push(Cause { finding, advice, recording, change: Change::Columns(columns) });
+                }
+            }
         }
         causes
     }
 
     /// The time in recording `j` from which `columns` leave least.
-    fn scan(&self, j: usize, columns: &From<'_>) -> (f64, Vec<Vec<f64>>) {
+    fn scan(&self, basis: &Basis, columns: &dyn Fn(f64) -> Vec<Vec<f64>>, j: usize) -> (f64, Vec<Vec<f64>>) {
         const STEPS: i32 = 40;
         let last_s = self.last_s(j);
-        let (mut middle_s, mut half_s) = (0.5 * last_s, 0.48 * last_s);
+        let (mut middle_s, mut half_s) = (0.5 * last_s, (0.5 - EDGE) * last_s);
         for _ in 0..3 {
             let times = (-STEPS / 2..=STEPS / 2).map(|k| middle_s + half_s * f64::from(k) / f64::from(STEPS / 2));
-            let times = times.filter(|t| (0.02 * last_s..=0.98 * last_s).contains(t));
-            let squares = times.map(|t| (self.basis.square_with(&columns(t)), t));
+            let times = times.filter(|t| (EDGE * last_s..=(1.0 - EDGE) * last_s).contains(t));
+            let squares = times.map(|t| (basis.square_with(&columns(t)), t));
             middle_s = squares.min_by(|a, b| a.0.total_cmp(&b.0)).map_or(middle_s, |(_, t)| t);
             half_s /= f64::from(STEPS) / 4.0;
         }

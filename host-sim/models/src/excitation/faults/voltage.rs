@@ -2,17 +2,44 @@
 
 use rayon::prelude::*;
 
-use super::{Cause, Change, State};
+use super::{Cause, Change, Fault, SIZE, State};
 
 /// Voltages with one parameter: its grid, the voltage on the film, the finding, and the advice.
 type Family<'a> =
     (&'a [f64], &'a (dyn Fn(f64, &[f64], &[f64]) -> Vec<f64> + Sync), &'a (dyn Fn(f64) -> String + Sync), &'static str);
 
+const ZERO: &str = "check the zero of the monitor and the amplifier's smallest voltage";
+/// What a plain film with a dead band leaves of what it leaves without one, and of what any film leaves, at most.
+const PLAINER: f64 = 0.25;
+const AS_GOOD: f64 = 1.5;
+/// Share of the rows under voltage that a dead band contains at least.
+const CROSSED: f64 = 0.03;
+
 impl State {
+    /// A dead band with which a plain film explains as much as a strongly nonlinear one without it.
+    pub(super) fn dead_band(&self) -> Option<Fault> {
+        if !self.blocks.courses.iter().all(|course| course.is_voltage) {
+            return None;
+        }
+        let left = |share: f64| {
+            let drives: Vec<Vec<f64>> = self.drives.iter().map(|volts| beyond(share, volts)).collect();
+            (self.blocks.plain_film(&drives).square(), share)
+        };
+        let least = |shares: Vec<f64>| shares.into_par_iter().map(left).min_by(|a, b| a.0.total_cmp(&b.0));
+        let (_, near) = least((1..=10).map(|k| 0.04 * f64::from(k)).collect())?;
+        let (with, share) = least((-3..=3).map(|k| near + 0.01 * f64::from(k)).collect())?;
+        let (without, _) = left(0.0);
+        let size = self.rms(without - with);
+        // The drive must have been within the band, or a wrong zero looks the same.
+        let sizes = || self.drives.iter().flatten().map(|volts| volts.abs()).filter(|volts| *volts > 0.01);
+        let is_crossed = sizes().filter(|volts| *volts < share).count() as f64 > CROSSED * sizes().count() as f64;
+        let is_better = with < PLAINER * without && with < AS_GOOD * self.basis.square() && size > SIZE;
+        (is_better && is_crossed).then(|| Fault { file: None, finding: dead_band(share), advice: ZERO, size })
+    }
+
     /// Voltages on the film that are not the recorded ones.
     pub(super) fn of_voltage(&self) -> Vec<Cause> {
         const MONITOR: &str = "record the amplifier's monitor, not the command";
-        const ZERO: &str = "check the zero of the monitor and the amplifier's smallest voltage";
         const CLOCK: &str = "record both with one clock and without filters";
         let courses = &self.blocks.courses;
         if !courses.iter().all(|course| course.is_voltage) {
@@ -24,7 +51,7 @@ impl State {
         let steepest = percentile(slopes.collect(), 0.995);
         let has_both = self.drives.iter().flatten().any(|volts| *volts < -0.05);
         let percent = |share: f64| format!("{:.0} %", 100.0 * share.abs());
-        let families: [Family<'_>; 9] = [
+        let families: [Family<'_>; 11] = [
             (
                 &[0.05, 0.1, 0.2, 0.4, 0.8],
                 &|lag_s, time_s, volts| lagged(time_s, volts, lag_s, lag_s),
@@ -80,17 +107,7 @@ impl State {
                 },
                 MONITOR,
             ),
-            (
-                &[0.03, 0.1, 0.2, 0.3, 0.4],
-                &|share, _, volts| volts.iter().map(|v| v.signum() * (v.abs() - share).max(0.0)).collect(),
-                &|share| {
-                    format!(
-                        "the film does not follow voltages below about {} of the largest: a dead band of the amplifier",
-                        percent(share)
-                    )
-                },
-                ZERO,
-            ),
+            (&[0.03, 0.1, 0.2, 0.3, 0.4], &|share, _, volts| beyond(share, volts), &dead_band, ZERO),
             (
                 &[-0.2, -0.1, -0.04, 0.04, 0.1, 0.2],
                 &|share, _, volts| volts.iter().map(|v| v + share).collect(),
@@ -101,6 +118,21 @@ impl State {
                     )
                 },
                 ZERO,
+            ),
+            (
+                &[0.05, 0.1, 0.2, 0.4, 0.8],
+                &shifted,
+                &|s| format!("the stroke lags the drive by about {:.0} ms: a late sensor", 1e3 * s),
+                "`sensor_delay_s` states a known delay; record both with one clock and without filters",
+            ),
+            (
+                &[0.0],
+                &|_, time_s, volts| arched(time_s, volts),
+                &|_| {
+                    "the drive ends at one level beyond which the film goes on: a monitor at the end of its range"
+                        .into()
+                },
+                "use a larger range of the monitor",
             ),
             (
                 &[0.005],
@@ -134,6 +166,18 @@ impl State {
         };
         families.par_iter().filter_map(best).collect()
     }
+}
+
+fn dead_band(share: f64) -> String {
+    format!(
+        "the film does not follow voltages below about {:.0} % of the largest: a dead band of the amplifier",
+        100.0 * share
+    )
+}
+
+/// `volts` without the part within `share`.
+fn beyond(share: f64, volts: &[f64]) -> Vec<f64> {
+    volts.iter().map(|v| v.signum() * (v.abs() - share).max(0.0)).collect()
 }
 
 fn percentile(mut values: Vec<f64>, share: f64) -> f64 {
@@ -170,6 +214,33 @@ fn smoothed(band: f64, time_s: &[f64], volts: &[f64]) -> Vec<f64> {
         values[k - 1] + share * (values[k] - values[k - 1])
     };
     time_s.iter().map(at).collect()
+}
+
+/// `volts` with the tops that end at the largest value replaced by parabolas, as the slopes beside them continue.
+fn arched(time_s: &[f64], volts: &[f64]) -> Vec<f64> {
+    let peak = volts.iter().fold(0.0_f64, |peak, v| peak.max(v.abs()));
+    let near = |k: usize| volts[k].abs() > 0.99 * peak;
+    let mut arched = volts.to_vec();
+    let mut from = 0;
+    while from < volts.len() {
+        let to = (from..volts.len()).take_while(|&k| near(k)).last();
+        let Some(to) = to else {
+            from += 1;
+            continue;
+        };
+        let reach = ((to - from) / 4).max(3);
+        if from >= reach && to + reach < volts.len() && to > from + 2 {
+            let slope = |a: usize, b: usize| (volts[b] - volts[a]) / (time_s[b] - time_s[a]);
+            let (rise, fall) = (slope(from - reach, from), slope(to, to + reach));
+            let width_s = time_s[to] - time_s[from];
+            for k in from..=to {
+                let share = (time_s[k] - time_s[from]) / width_s;
+                arched[k] += 0.5 * (rise - fall) * width_s * share * (1.0 - share);
+            }
+        }
+        from = to + 1;
+    }
+    arched
 }
 
 /// `volts` behind an amplifier with these time constants.

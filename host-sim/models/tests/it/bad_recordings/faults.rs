@@ -320,8 +320,11 @@ pub(super) const FAULTS: &[Fault] = &[
         run.reading.iter_mut().for_each(|x| *x += zero);
     }),
     reading("scales that differ", &["differ in scale"], |run, random| {
-        let gain = random.random_range(0.6..1.4);
-        run.reading.iter_mut().for_each(|x| *x *= gain);
+        // One recording alone has one scale.
+        if run.number > 0 {
+            let gain = random.random_range(0.6..1.4);
+            run.reading.iter_mut().for_each(|x| *x *= gain);
+        }
     }),
     voltage("hum on the voltage", &["hum", "noise"], |run, random| {
         let size = random.random_range(0.03..0.15) * PEAK_V;
