@@ -256,7 +256,9 @@ pub enum ControlError {
         most: f64,
     },
     /// A bandwidth that is too high for the sensor: interval and delay of its samples would cost too much phase margin.
-    #[error("bandwidth {bandwidth_hz} Hz is too much for a sensor this slow; {largest_hz:.3} Hz at the most")]
+    #[error(
+        "bandwidth {bandwidth_hz:.3} Hz is too much for a sensor of that rate and delay; {largest_hz:.3} Hz at the most"
+    )]
     SensorTooSlow {
         /// The bandwidth, Hz.
         bandwidth_hz: f64,
@@ -264,7 +266,9 @@ pub enum ControlError {
         largest_hz: f64,
     },
     /// A delay of the sensor that is longer than the observer's memory of predictions.
-    #[error("sensor samples {ticks} ticks late; {most} at the most")]
+    #[error(
+        "samples of the sensor are {ticks} ticks late; {most} at the most: a lower rate of the law has longer ticks"
+    )]
     SensorTooLate {
         /// Delay in ticks.
         ticks: usize,

@@ -51,7 +51,10 @@ impl Recording {
             let has_rows = displacement.len() >= MIN_ROWS;
             if stroke > *STROKE_M.end() && has_rows {
                 found.push(format!("the stroke is {} m{}", rounded(stroke), self.smaller(Quantity::Displacement)));
-            } else if stroke > 1e-9 && stroke < *STROKE_M.start() && has_rows {
+            } else if (stroke > 1e-9 || stroke > 0.5 * largest(&displacement).abs())
+                && stroke < *STROKE_M.start()
+                && has_rows
+            {
                 found.push(format!("the stroke is {} m: check the unit of the displacement", rounded(stroke)));
             } else if largest(&displacement).abs() > REACH_M {
                 let value = rounded(largest(&displacement));

@@ -137,6 +137,23 @@ fn text_of_every_dialect_gives_the_samples() {
         ("tabs and decimal commas", format!("Zeit (s)\tU (kV)\tLaser (mm)\n{}", rows("\t", ',', usual)).into()),
         ("blanks", format!("time_s voltage_kv laser_mm\n{}", rows("   ", '.', usual)).into()),
         ("blanks and decimal commas", format!("t/s U/kV x/mm\n{}", rows(" ", ',', usual)).into()),
+        (
+            "a displacement in another unit beside names of this tool",
+            format!(
+                "time_s,voltage_kv,displacement_cm\n{}",
+                rows(",", '.', |s| vec![s.time_s, s.voltage_kv, s.laser_mm / 10.0])
+            )
+            .into(),
+        ),
+        (
+            "tabs, decimal commas and two numbers in most rows between commas",
+            format!("Laser {{mm}}\tState\tZeit {{s}}\tU {{kV}}\n{}", {
+                let row =
+                    |s: &Sample| format!("{}\tok\t{}\t{}\n", s.laser_mm, s.time_s, s.voltage_kv).replace('.', ",");
+                samples().iter().map(row).collect::<String>()
+            })
+            .into(),
+        ),
         ("units after blanks", format!("Time (s)   HV (kV)   Laser (mm)\n{}", rows("  ", '.', usual)).into()),
         ("commas and blanks", format!("Time (s), Voltage (kV), Laser (mm)\n{}", rows(" , ", '.', usual)).into()),
         ("a row of units", format!("Zeit;Spannung;Laser\ns;kV;mm\n{semicolons}").into()),

@@ -285,8 +285,15 @@ fn what_is_left_out_is_noted() {
     let gains = "Time (s);HV (kV);Laser (mm)\n1;1000;0.5\n".to_owned()
         + &rows(";", '.', |s| vec![20.0 + s.time_s, s.voltage_kv, s.laser_mm]);
     let recording = Recording::read(&folder.file("film.txt", gains)).expect("read");
-    has(&recording.notes().join("; "), &["the first row is 19 s before the second", "gains"]);
+    has(&recording.notes().join("; "), &["the first row is 19 s from the next", "gains"]);
     has(&folder.refused(format!("{header}\n1;1000;0.5\n{numbers}"), ""), &["film.txt:3:", "goes backwards"]);
+    // And so has a last row of statistics.
+    let recording =
+        Recording::read(&folder.file("count.txt", format!("{header}\n{numbers}\n24;2.2;0.6\n"))).expect("read");
+    has(
+        &recording.notes().join("; "),
+        &["the last row is 21.125 s from the next, the others are 0.125 s apart", "statistics"],
+    );
 }
 
 /// Numbers that fit no film, with the unit that was likely meant; in files of this tool as in others.

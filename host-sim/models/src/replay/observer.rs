@@ -179,10 +179,11 @@ pub fn estimate(
     Ok(estimates)
 }
 
-/// An observer's refusal, as an error about its bandwidth or about the actuator.
+/// An observer's refusal, as an error about its bandwidth, the sensor's delay or the actuator.
 pub fn refused(error: ControlError) -> Error {
     match error {
         ControlError::Actuator(error) => error.into(),
+        ControlError::SensorTooLate { .. } => Error::field("sensor_delay_s", error.to_string()),
         error => Error::field("bandwidth_hz", error.to_string()),
     }
 }

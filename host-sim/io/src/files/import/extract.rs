@@ -150,13 +150,14 @@ pub fn from_csv(path: &Path, mut csv: impl Read, request: &Request<'_>) -> Resul
 }
 
 /// Whether a text that begins with `head` has the names of this tool for what is needed, with numbers below them. Decimal commas in
-/// quotes are the dialect of another program.
+/// quotes are the dialect of another program, and so is a displacement in another unit than the names have.
 fn has_own_names(head: &str, request: &Request<'_>) -> bool {
     let Ok(table) = TextTable::below_names(head.trim_start_matches(MARK)) else { return false };
     match mapping::own(&table.titles(), request) {
         // Two columns of a kind.
         Err(_) => true,
         Ok(None) => false,
+        Ok(Some(chosen)) if mapping::has_another_displacement(&table.titles(), request, &chosen) => false,
         Ok(Some(chosen)) => match table.rows().next() {
             Some(Ok((_, cells))) => chosen.iter().all(|column| {
                 let cell = cells.get(column.index).map(|text| numbers::cell(text, Decimal::Point));
@@ -422,7 +423,7 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     if let Some(filled) = hints.fill.map(|fill| series.fill(fill)).filter(|filled| *filled > 0) {
         notes.push(format!("{filled} empty cells of what drives the film are filled"));
     }
-    notes.extend(first_row_apart(&series.clock_s));
+    notes.extend(row_apart(&series.clock_s));
     series.understood.notes = notes;
     match series.clock_s.len() {
         rows @ (0 | 1) => Err(Error::file(path, format!("{rows} data rows; a recording needs at least 2"))),
@@ -478,18 +479,22 @@ fn remarks(source: &Source<'_>, names: &[String], out_of_range: &[usize]) -> Vec
     notes
 }
 
-/// A first row whose time is far from those of the others, which are even: gains or scales may be in it.
-fn first_row_apart(clock_s: &[f64]) -> Option<String> {
-    let [first, second, .., last] = clock_s else { return None };
-    let interval = (last - second) / (clock_s.len() - 2) as f64;
-    let even =
-        clock_s.len() > 4 && clock_s[1..].windows(2).all(|pair| ((pair[1] - pair[0]) / interval - 1.0).abs() < 0.01);
-    let ratio = (second - first) / interval;
-    (even && !(0.5..=2.0).contains(&ratio)).then(|| {
-        format!(
-            "the first row is {} s before the second, the others are {} s apart: if it has gains or scales, remove it",
-            rounded(second - first),
-            rounded(interval)
-        )
-    })
+/// A first or last row whose time is far from those of the others, which are even: gains or statistics may be in it.
+fn row_apart(clock_s: &[f64]) -> Option<String> {
+    let apart = |outer: f64, inner: &[f64], which: &str, holds: &str| {
+        let [first, .., last] = inner else { return None };
+        let interval = (last - first) / (inner.len() - 1) as f64;
+        let is_even =
+            inner.len() > 3 && inner.windows(2).all(|pair| ((pair[1] - pair[0]) / interval - 1.0).abs() < 0.01);
+        let distance = (first - outer).abs().min((outer - last).abs());
+        (is_even && !(0.5..=2.0).contains(&(distance / interval))).then(|| {
+            format!(
+                "the {which} row is {} s from the next, the others are {} s apart: if it has {holds}, remove it",
+                rounded(distance),
+                rounded(interval)
+            )
+        })
+    };
+    let ((first, behind), (last, before)) = clock_s.split_first().zip(clock_s.split_last())?;
+    apart(*first, behind, "first", "gains or scales").or_else(|| apart(*last, before, "last", "statistics"))
 }

@@ -68,6 +68,13 @@ pub fn own(titles: &[Title], request: &Request<'_>) -> Result<Option<Vec<Chosen>
     Ok(complete.then_some(found))
 }
 
+/// Whether there is a displacement as this tool names it, but in another unit, and no other one is `found`.
+pub fn has_another_displacement(titles: &[Title], request: &Request<'_>, found: &[Chosen]) -> bool {
+    request.wants(Quantity::Displacement)
+        && found.iter().all(|column| column.quantity != Quantity::Displacement)
+        && titles.iter().any(|title| title.name.starts_with("displacement_"))
+}
+
 /// The columns with `titles` that `request` asks for; their times are from `times`.
 ///
 /// # Errors
@@ -79,12 +86,12 @@ pub fn map(titles: &[Title], request: &Request<'_>, choices: &Choices, times: Or
     let senses = titles.iter().map(|title| title.sense(request, capitals)).collect();
     let titles = Titles { titles, senses, times };
     // A log in another dialect.
-    let displacement = |found: &[Chosen]| {
+    let is_whole = |found: &[Chosen]| {
         found.iter().any(|column| column.quantity == Quantity::Displacement) || !request.wants(Quantity::Displacement)
     };
     if choices.is_empty()
         && times != Origin::Person
-        && let Some(found) = own(titles.titles, request)?.filter(|found| displacement(found))
+        && let Some(found) = own(titles.titles, request)?.filter(|found| is_whole(found))
     {
         return Ok(found.into_iter().map(|column| Chosen { by: By::Name, ..column }).collect());
     }

@@ -125,6 +125,15 @@ impl<'a> TextTable<'a> {
                 found.extend(Self::with(&lines, *separator, dialect, 1)?);
             }
         }
+        // Of several readings, those that separate the names as the numbers.
+        let has_names = |table: &Self| {
+            let names = lines.iter().find(|line| line.number == table.head.line);
+            let count = |line: &Line<'_>| table.separator.split(line.text).len();
+            names.is_some_and(|names| count(names) == count(&table.first))
+        };
+        if found.len() > 1 && found.iter().any(has_names) {
+            found.retain(has_names);
+        }
         match found.as_slice() {
             [one] => Ok(one.clone()),
             [first, second, ..] => {
