@@ -40,7 +40,7 @@ fn coefficients() -> Result<String, Box<dyn Error>> {
     let options = LawOptions::at_step(1e-3);
     let default: Law<f32> = Law::compressed(&model, options)?;
     let curved = default.clone().behind(&chip_program::curve())?;
-    let two = default.clone().beside(&chip_program::spring(), &chip_program::curve())?;
+    let two = default.clone().beside(&chip_program::spring(), &chip_program::measure())?;
     let lean: Law<f32, Compressed<f32, 8, 14, 4>> =
         Law::compressed(&model, options.with_horizon(3600.0).with_tolerance(1e-3))?;
     let leanest: Law<f32, Compressed<f32, 8, 16, 0>> =

@@ -137,8 +137,8 @@ pub enum LawError {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum CurveError {
-    /// A number of knots that is not 2 to 17.
-    #[error("{0} knots; an elastic curve has 2 to 17")]
+    /// A number of knots that is not 2 to 17, for a spring not 2 to 9.
+    #[error("{0} knots; an elastic curve has 2 to 17, a spring 2 to 9")]
     Knots(usize),
     /// A knot that is not finite, or not to the right of the one before it.
     #[error("knot {} must be finite, and its displacement larger than that of the one before", .index + 1)]

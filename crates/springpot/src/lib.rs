@@ -23,7 +23,7 @@ pub use control::{
     FollowerState, HARMONICS, Learning, LearningOptions, LearningState, Limited, Observer, ObserverOptions,
     ObserverState, SensorSample, Statistics, Tracking, TrackingState, VoltageCommand,
 };
-pub use curve::{Curve, Knot, MAX_KNOTS, Measure, Rubber, Spring};
+pub use curve::{Curve, Knot, MAX_KNOTS, MAX_SPRING_KNOTS, Measure, Rubber, Spring};
 pub use error::{ActuatorError, ControlError, CurveError, LawError, MAX_BRANCHES, ModelElement, ModelError};
 pub use kernel::Discretisation;
 pub use law::{Coefficients, Compressed, CompressionBound, Law, LawOptions, LawState, Memory, Window};

@@ -119,8 +119,9 @@
 #define SPRINGPOT_HEAD 12U
 #define SPRINGPOT_FAST 12U
 #define SPRINGPOT_SLOW 24U
-/* Pieces of an elastic curve. */
+/* Pieces of an elastic curve, and of a spring. */
 #define SPRINGPOT_PIECES 16U
+#define SPRINGPOT_SPRING_PIECES 8U
 /* Ticks that an observer and a learning remember: samples must not be older. */
 #define SPRINGPOT_PAST 64U
 /* Harmonics that are learned, beside the mean. */

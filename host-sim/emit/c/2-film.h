@@ -36,12 +36,12 @@ typedef struct {
 
 /* A spring E beside the memory, whose force then has the weight T'. */
 typedef struct {
-    float least;                              /* least stiffness of a step, N/m */
-    float spring_share;                       /* of E' in the stiffness over that at rest, m/N */
-    float memory_share;                       /* of T'^2 */
-    float low;                                /* where it begins, m */
-    float high;                               /* where it ends, m */
-    springpot_piece pieces[SPRINGPOT_PIECES];
+    float least;                                            /* least stiffness of a step, N/m */
+    float spring_share;                                     /* of E' in the stiffness over that at rest, m/N */
+    float memory_share;                                     /* of T'^2 */
+    float low;                                              /* where it begins, m */
+    float high;                                             /* where it ends, m */
+    springpot_piece spring_pieces[SPRINGPOT_SPRING_PIECES];
 } springpot_spring;
 
 /* Voltage to force and back: F = force_per_square_volt V^2 / (1 + saturation V^2) (1 + coupling x) + preload. */

@@ -10,7 +10,7 @@ typedef struct {
 
 /* The place in a table of pieces from `low` to `high` (m). */
 static inline springpot_ahead springpot_in_pieces(
-    const springpot_piece *piece, float low, float high, float displacement, float surplus)
+    const springpot_piece *piece, uint32_t pieces, float low, float high, float displacement, float surplus)
 {
     springpot_ahead ahead;
     float within;
@@ -19,7 +19,7 @@ static inline springpot_ahead springpot_in_pieces(
     float rise;
 
     /* A place below the first piece is in it, one above the last piece in the last. */
-    if (!(displacement < piece[8].at)) {
+    if ((pieces > 8U) && !(displacement < piece[8].at)) {
         piece += 8;
     }
     if (!(displacement < piece[4].at)) {
@@ -55,10 +55,11 @@ static inline springpot_ahead springpot_on_curve(const springpot_film *film, flo
 {
     const springpot_curve *curve = film->curve;
     const springpot_spring *spring = film->spring;
-    springpot_ahead ahead = springpot_in_pieces(curve->pieces, curve->low, curve->high, displacement, surplus);
+    springpot_ahead ahead = springpot_in_pieces(curve->pieces, SPRINGPOT_PIECES, curve->low, curve->high, displacement, surplus);
     if (spring != NULL) {
         const springpot_place elastic
-            = springpot_in_pieces(spring->pieces, spring->low, spring->high, displacement, surplus).place;
+            = springpot_in_pieces(
+            spring->spring_pieces, SPRINGPOT_SPRING_PIECES, spring->low, spring->high, displacement, surplus).place;
         ahead.force = elastic.knot + elastic.beyond;
         ahead.steepness = elastic.slope;
         ahead.place.outside = ahead.place.outside + elastic.outside;

@@ -184,14 +184,14 @@ impl<T: Real, M: Memory<T>, const PAST: usize> Observer<T, M, PAST> {
         if late >= PAST {
             return Err(ControlError::SensorTooLate { ticks: late, most: PAST.saturating_sub(1) });
         }
-        let stiffness = law.dynamic_stiffness(bandwidth_hz, law.tangent_at(0.0));
+        let stiffness = law.dynamic_stiffness(bandwidth_hz, law.tangent_at_rest());
         // At the resonance the inertia outweighs the stiffness, first where the film is softest.
         let softest = law.softest();
         let above = law.dynamic_stiffness(RESONANCE_MARGIN * bandwidth_hz, softest);
-        let softest_stiffness = if law.rounded_spring().is_some() {
-            law.dynamic_stiffness(bandwidth_hz, softest).re
-        } else {
+        let softest_stiffness = if softest.spring == 0.0 {
             softest.memory * stiffness.re
+        } else {
+            law.dynamic_stiffness(bandwidth_hz, softest).re
         };
         if !(stiffness.re > 0.0 && stiffness.im.is_finite() && above.re > 0.0 && softest_stiffness > 0.0) {
             return Err(ControlError::NearResonance { bandwidth_hz });

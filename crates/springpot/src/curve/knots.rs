@@ -134,7 +134,8 @@ impl Curve {
         Ok(knots)
     }
 
-    /// The curve of knots in another number type.
+    /// The curve of knots in another number type. Not inlined, as is that of a spring: a caller's stack would hold both.
+    #[inline(never)]
     pub(crate) fn from_rounded<T: Scalar>(knots: &[Knot<T>]) -> Result<Self, CurveError> {
         Self::new(&wide(knots)?)
     }

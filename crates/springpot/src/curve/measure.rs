@@ -34,7 +34,7 @@ pub struct Measure {
     pub length_m: f64,
 }
 
-/// Pieces of the curve: 2e-6 of a stroke of 40 % of the length, 1e-5 of the slope. A blob holds that many beside a spring of 16.
+/// Pieces of the curve: 2e-6 of a stroke of 40 % of the length, 1e-5 of the slope. A blob holds that many beside a spring.
 const PIECES: usize = 8;
 
 impl Measure {

@@ -10,5 +10,5 @@ mod table;
 pub use knots::{Curve, Knot, MAX_KNOTS};
 pub use measure::Measure;
 pub use rubber::Rubber;
-pub use spring::Spring;
+pub use spring::{MAX_SPRING_KNOTS, Spring};
 pub(crate) use table::{Place, Table};

@@ -3,11 +3,15 @@
 use heapless::Vec;
 
 use crate::curve::knots::wide;
+use crate::curve::spread::spread;
 use crate::curve::{Curve, Knot, MAX_KNOTS};
 use crate::error::CurveError;
 use crate::scalar::Scalar;
 
-/// The elastic force E(x) of a film beside its memory: at most 16 cubic pieces, with E(0) = 0.
+/// Knots that a spring can have: the ends of 8 pieces.
+pub const MAX_SPRING_KNOTS: usize = 9;
+
+/// The elastic force E(x) of a film beside its memory: at most 8 cubic pieces, with E(0) = 0.
 ///
 /// It may be soft, and it may fall: a law is refused only where spring and memory together have no stiffness within a step
 /// ([`Law::beside`](crate::Law::beside)). Beyond its ends it goes on with the slope that it has there.
@@ -33,10 +37,13 @@ impl Spring {
     ///
     /// # Errors
     ///
-    /// [`CurveError`] for fewer than two knots or more than [`MAX_KNOTS`], values that are not finite, displacements that do not
+    /// [`CurveError`] for fewer than two knots or more than [`MAX_SPRING_KNOTS`], values that are not finite, displacements that do not
     /// increase or do not hold 0, and another force at 0.
     #[inline(never)]
     pub fn new(knots: &[Knot<f64>]) -> Result<Self, CurveError> {
+        if knots.len() > MAX_SPRING_KNOTS {
+            return Err(CurveError::Knots(knots.len()));
+        }
         let spring = Self(Curve::unscaled(knots)?);
         let force_n = spring.force(0.0);
         let largest = knots.iter().fold(0.0f64, |largest, knot| largest.max(knot.value.abs()));
@@ -66,22 +73,31 @@ impl Spring {
         Self::new(&[-1.0, 1.0].map(|displacement| Knot { displacement, value: slope * displacement, slope }))
     }
 
-    /// The spring that is `stiffness_n_per_m` times `curve`: its stiffness at 0.
+    /// The spring that is `stiffness_n_per_m` times `curve`: its stiffness at 0. A curve of more knots is taken at 9 of its places, closer where
+    /// it bends more.
     ///
     /// # Errors
     ///
     /// [`CurveError::Knot`] for a stiffness that is not finite.
     pub fn of_curve(curve: &Curve, stiffness_n_per_m: f64) -> Result<Self, CurveError> {
-        let scaled = |knot: &Knot<f64>| Knot {
-            displacement: knot.displacement,
-            value: stiffness_n_per_m * knot.value,
-            slope: stiffness_n_per_m * knot.slope,
+        let scaled = |displacement: f64| {
+            let (value, slope) = curve.value_and_slope(displacement);
+            Knot { displacement, value: stiffness_n_per_m * value, slope: stiffness_n_per_m * slope }
         };
-        let knots: Vec<Knot<f64>, MAX_KNOTS> = curve.knots().iter().map(scaled).collect();
+        if curve.knots().len() > MAX_SPRING_KNOTS {
+            let (low_m, high_m) = curve.range();
+            let mut knots = spread(low_m, high_m, MAX_SPRING_KNOTS - 1, scaled);
+            // Without a knot at 0 the force there is that of its piece.
+            let at_rest = Curve::unscaled(&knots)?.value(0.0);
+            knots.iter_mut().for_each(|knot| knot.value -= at_rest);
+            return Self::new(&knots);
+        }
+        let knots: Vec<Knot<f64>, MAX_KNOTS> = curve.knots().iter().map(|knot| scaled(knot.displacement)).collect();
         Self::new(&knots)
     }
 
     /// The spring of knots in another number type.
+    #[inline(never)]
     pub(crate) fn from_rounded<T: Scalar>(knots: &[Knot<T>]) -> Result<Self, CurveError> {
         Self::new(&wide(knots)?)
     }

@@ -10,12 +10,11 @@ use crate::scalar::Scalar;
 
 /// A [`Curve`] as a step evaluates it: the same number of operations everywhere.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Table<T> {
+pub(crate) struct Table<T, const EIGHTS: usize = 2> {
     /// Pieces in nested pairs, so that a search needs no index: a displacement is in the upper half of a pair unless it is below its first piece.
-    /// Unused pieces begin at infinity.
-    pieces: [[[Pair<T>; 2]; 2]; 2],
-    low: T,
-    high: T,
+    /// Unused pieces begin at infinity. Eight of them, or twice as many.
+    pieces: [[[Pair<T>; 2]; 2]; EIGHTS],
+    /// The last knot: where the curve ends.
     last: Knot<T>,
     used: usize,
 }
@@ -73,8 +72,8 @@ impl<T: Scalar> Place<T> {
     }
 }
 
-impl<T: Scalar> Table<T> {
-    /// The table of these knots, at least two and at most [`MAX_KNOTS`], rounded to T.
+impl<T: Scalar, const EIGHTS: usize> Table<T, EIGHTS> {
+    /// The table of these knots, at least two and at most one more than it has pieces, rounded to T.
     #[inline(never)]
     pub(crate) fn new(knots: &[Knot<f64>]) -> Self {
         let rounded = |knot: &Knot<f64>| Knot {
@@ -82,9 +81,10 @@ impl<T: Scalar> Table<T> {
             value: T::from_f64(knot.value),
             slope: T::from_f64(knot.slope),
         };
-        let beyond = T::from_f64(f64::INFINITY);
-        let unused = Piece { at: beyond, value: T::ZERO, slope: T::ZERO, second: T::ZERO, third: T::ZERO };
-        let mut pieces = [[[[unused; 2]; 2]; 2]; 2];
+        let at = T::from_f64(f64::INFINITY);
+        let unused = Piece { at, value: T::ZERO, slope: T::ZERO, second: T::ZERO, third: T::ZERO };
+        const { assert!(EIGHTS == 1 || EIGHTS == 2, "a table of 8 or 16 pieces") };
+        let mut pieces = [[[[unused; 2]; 2]; 2]; EIGHTS];
         let flat = pieces.as_flattened_mut().as_flattened_mut().as_flattened_mut();
         for (piece, pair) in flat.iter_mut().zip(knots.windows(2)) {
             let [before, after] = [rounded(&pair[0]), rounded(&pair[1])];
@@ -99,7 +99,7 @@ impl<T: Scalar> Table<T> {
         }
         let used = knots.len() - 1;
         let last = rounded(&knots[used]);
-        Self { low: pieces[0][0][0][0].at, high: last.displacement, last, pieces, used }
+        Self { pieces, last, used }
     }
 
     /// The knots, as rounded.
@@ -110,8 +110,8 @@ impl<T: Scalar> Table<T> {
             .chain(core::iter::once(self.last))
     }
 
-    /// Visits what a place is computed with. The pieces of a spring have forces for values.
-    pub(crate) fn numbers(&self, take: &mut impl Numbers<T>) {
+    /// Visits what a place is computed with, with as many pieces as `count`. The pieces of a spring have forces for values.
+    pub(crate) fn numbers(&self, take: &mut impl Numbers<T>, name: &'static str, count: usize) {
         let piece = Record {
             name: "piece",
             about: "A cubic from `at` on: value + slope u + second u^2 + third u^3.",
@@ -124,10 +124,12 @@ impl<T: Scalar> Table<T> {
             ],
         };
         let pieces = self.pieces.as_flattened().as_flattened().as_flattened();
-        take.number("low", self.low, "where it begins, m");
-        take.number("high", self.high, "where it ends, m");
+        take.number("low", self.pieces[0][0][0][0].at, "where it begins, m");
+        take.number("high", self.last.displacement, "where it ends, m");
         let values = |piece: &Piece<T>| [piece.at, piece.value, piece.slope, piece.second, piece.third];
-        take.records("pieces", &piece, pieces.iter().map(values), "");
+        let unused = [T::from_f64(f64::INFINITY), T::ZERO, T::ZERO, T::ZERO, T::ZERO];
+        let rows = pieces.iter().map(values).chain(core::iter::repeat(unused)).take(count);
+        take.records(name, &piece, rows, "");
     }
 
     /// The curve of the rounded knots.
@@ -135,13 +137,6 @@ impl<T: Scalar> Table<T> {
     pub(crate) fn curve(&self) -> Result<Curve, CurveError> {
         let knots: Vec<Knot<T>, MAX_KNOTS> = self.knots().collect();
         Curve::from_rounded(&knots)
-    }
-
-    /// The spring of the rounded knots.
-    #[inline(never)]
-    pub(crate) fn spring(&self) -> Result<Spring, CurveError> {
-        let knots: Vec<Knot<T>, MAX_KNOTS> = self.knots().collect();
-        Spring::from_rounded(&knots)
     }
 
     /// The place at `displacement` − `surplus` (m).
@@ -155,14 +150,15 @@ impl<T: Scalar> Table<T> {
     pub(crate) fn place_and_curvature(&self, displacement: T, surplus: T) -> (Place<T>, T) {
         // A place below the first piece is in it, one above the last piece in the last.
         let upper = |from: T| !displacement.is_below(from);
-        let [lower_half, upper_half] = &self.pieces;
-        let [lower_quarter, upper_quarter] = if upper(upper_half[0][0][0].at) { upper_half } else { lower_half };
+        let (first, last) = (&self.pieces[0], &self.pieces[EIGHTS - 1]);
+        let [lower_quarter, upper_quarter] = if EIGHTS > 1 && upper(last[0][0][0].at) { last } else { first };
         let [lower_pair, upper_pair] = if upper(upper_quarter[0][0].at) { upper_quarter } else { lower_quarter };
         let [lower, higher] = if upper(upper_pair[0].at) { upper_pair } else { lower_pair };
         let piece = if upper(higher.at) { higher } else { lower };
 
-        let within = if displacement.is_below(self.low) { self.low } else { displacement };
-        let within = if self.high.is_below(displacement) { self.high } else { within };
+        let (low, high) = (first[0][0][0].at, self.last.displacement);
+        let within = if displacement.is_below(low) { low } else { displacement };
+        let within = if high.is_below(displacement) { high } else { within };
         let outside = displacement - within;
         let u = (within - piece.at) - surplus;
         let bent = u * piece.third;
@@ -175,5 +171,14 @@ impl<T: Scalar> Table<T> {
         let half = rise + (bent + bent);
         let curvature = if T::ZERO.is_below(outside * outside) { T::ZERO } else { half + half };
         (place, curvature)
+    }
+}
+
+impl<T: Scalar> Table<T, 1> {
+    /// The spring of the rounded knots.
+    #[inline(never)]
+    pub(crate) fn spring(&self) -> Result<Spring, CurveError> {
+        let knots: Vec<Knot<T>, MAX_KNOTS> = self.knots().collect();
+        Spring::from_rounded(&knots)
     }
 }

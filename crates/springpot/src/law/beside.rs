@@ -1,8 +1,9 @@
 //! Laws with a spring beside their memory, in a strain measure of its own.
 
-use crate::curve::{Curve, Knot, Place, Spring, Table};
-use crate::error::LawError;
-use crate::law::curved::{Curved, divides};
+use crate::curve::{Curve, Knot, MAX_KNOTS, MAX_SPRING_KNOTS, Place, Spring, Table};
+use crate::error::{CurveError, LawError};
+use crate::law::curved::{Curved, Shape, divides};
+use crate::law::response::Tangent;
 use crate::law::{Law, LawState, Memory};
 use crate::numbers::Numbers;
 use crate::scalar::Scalar;
@@ -10,9 +11,10 @@ use crate::scalar::Scalar;
 /// A spring beside the memory of a law.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Beside<T> {
-    table: Table<T>,
-    /// Least stiffness of a step, N/m.
-    least: T,
+    /// T, the memory's strain measure.
+    pub(super) measure: Table<T, 1>,
+    /// E.
+    spring: Table<T, 1>,
     /// Shares of E' (per N/m) and of T'² in the stiffness of slow changes, over that at rest.
     spring_share: T,
     memory_share: T,
@@ -70,7 +72,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     ///
     /// # Errors
     ///
-    /// As [`behind`](Self::behind), and [`LawError::Unstable`] for a spring that falls so steeply that it and the memory have no stiffness
+    /// As [`behind`](Self::behind), [`LawError::Curve`] for a measure of more knots than [`MAX_SPRING_KNOTS`], and [`LawError::Unstable`] for a spring that falls so steeply that it and the memory have no stiffness
     /// within a step.
     pub fn beside(mut self, spring: &Spring, measure: &Curve) -> Result<Self, LawError> {
         self.bend(measure)?;
@@ -81,17 +83,19 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Puts `spring` beside the memory of a law that is behind its measure.
     #[inline(never)]
     pub(crate) fn add_spring(&mut self, spring: &Spring) -> Result<(), LawError> {
-        let Some(measure) = self.rounded_curve() else { return Ok(()) };
-        let table = Table::new(spring.knots());
-        let spring = table.spring()?;
+        let Some(measure) = self.measure()? else { return Ok(()) };
+        let spring = Table::<T, 1>::new(spring.knots());
+        // What the rounded knots make is a spring as well.
+        spring.spring()?;
         let (newest, _) = self.method.inertia();
         let (mut least, mut largest) = ((0.0, f64::INFINITY), 0.0f64);
-        for displacement in places(measure.knots()).chain(places(spring.knots())) {
-            let slope = measure.slope(displacement);
-            let stiffness = spring.slope(displacement) + self.instant * slope * slope + newest * self.mass_per_step2;
+        for displacement in places(&measure).chain(places(&spring)) {
+            let slope_of = |table: &Table<T, 1>| table.place(displacement, T::ZERO).slope.to_f64();
+            let slope = slope_of(&measure);
+            let stiffness = slope_of(&spring) + self.instant * slope * slope + newest * self.mass_per_step2;
             largest = largest.max(stiffness);
             if stiffness.is_nan() || stiffness < least.1 {
-                least = (displacement, stiffness);
+                least = (displacement.to_f64(), stiffness);
             }
         }
         let held = T::from_f64((1.0 - BENT_SHARE) * least.1);
@@ -101,22 +105,34 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         }
         // At 1 Hz, as the observer's gains are.
         let memory = self.memory_stiffness(1.0);
-        let at_rest = spring.slope(0.0) + memory;
+        let at_rest = spring.place(T::ZERO, T::ZERO).slope.to_f64() + memory;
         // A film that pulls itself in at rest has no such scale.
         let shares = if at_rest > 0.0 { [1.0 / at_rest, memory / at_rest] } else { [0.0, 1.0] };
         let [spring_share, memory_share] = shares.map(T::from_f64);
         if let Some(curved) = &mut self.curved {
             curved.least = held;
             curved.largest = T::from_f64(largest);
-            curved.spring = Some(Beside { table, least: held, spring_share, memory_share });
+            curved.shape = Shape::Beside(Beside { measure, spring, spring_share, memory_share });
         }
         Ok(())
     }
 
+    /// The curve of this law as the strain measure of its memory. Not inlined: its knots in f64 are needed here alone.
+    #[inline(never)]
+    fn measure(&self) -> Result<Option<Table<T, 1>>, LawError> {
+        let Some(curve) = self.rounded_curve() else { return Ok(None) };
+        if curve.knots().len() > MAX_SPRING_KNOTS {
+            return Err(LawError::Curve(CurveError::Knots(curve.knots().len())));
+        }
+        Ok(Some(Table::new(curve.knots())))
+    }
+
     /// The spring beside the memory, as the number type holds it.
     pub(crate) fn rounded_spring(&self) -> Option<Spring> {
-        let beside = self.curved.as_ref().and_then(|curved| curved.spring.as_ref())?;
-        beside.table.spring().ok()
+        match &self.curved.as_ref()?.shape {
+            Shape::Before(_) => None,
+            Shape::Beside(beside) => beside.spring.spring().ok(),
+        }
     }
 
     /// [`force`](Self::force) beside a spring. Not inlined, here and below: a step without one would pay for it.
@@ -131,7 +147,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let increment = state.increment_to(displacement);
         state.position = displacement;
         state.position_surplus = T::ZERO;
-        let here = beside.at(curved, state, displacement, T::ZERO);
+        let here = beside.at(state, displacement, T::ZERO);
         let (force, off) = here.force(curved, state, increment);
         let stretched = state.bend.predicted + off;
         let ahead = here.moved(increment);
@@ -154,7 +170,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let place = state.bend.ahead.moved(change);
         // Of the same knot, so only the other part of the value differs.
         let off = place.beyond - state.bend.ahead.beyond;
-        let ahead = beside.look_ahead(curved, state, increment);
+        let ahead = beside.look_ahead(state, increment);
         let stretched = state.bend.predicted + off;
         let [change, inertia] = curved.go_on(state, increment, [place, ahead.place], stretched);
         let remembered = self.memory.advance(&mut state.history, stretched);
@@ -164,50 +180,84 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 }
 
 /// Displacements at the knots and between them.
-fn places(knots: &[Knot<f64>]) -> impl Iterator<Item = f64> + '_ {
-    let within = |pair: &[Knot<f64>]| {
-        let (from, width) = (pair[0].displacement, pair[1].displacement - pair[0].displacement);
-        (0..=PLACES).map(move |place| from + width * f64::from(place) / f64::from(PLACES))
-    };
-    knots.windows(2).flat_map(within)
+fn places<T: Scalar>(table: &Table<T, 1>) -> impl Iterator<Item = T> + '_ {
+    let pairs = table.knots().zip(table.knots().skip(1));
+    pairs.flat_map(|(from, to)| {
+        let width = to.displacement - from.displacement;
+        (0..=PLACES).map(move |place| from.displacement + width * T::from_f64(f64::from(place) / f64::from(PLACES)))
+    })
 }
 
 impl<T: Scalar> Beside<T> {
-    /// The knots of the spring, as rounded.
+    /// The knots of both curves, as rounded, those of the spring last.
     pub(super) fn knots(&self) -> impl Iterator<Item = Knot<T>> + '_ {
-        self.table.knots()
+        self.measure.knots().chain(self.spring.knots())
+    }
+
+    /// The film where spring and memory are softest, as slow changes see it. Not inlined: its curves would stay on a caller's stack.
+    #[inline(never)]
+    pub(super) fn softest(&self) -> Tangent {
+        let memory = self.measure.curve().map_or(1.0, |measure| measure.min_slope().1);
+        Tangent { memory: memory * memory, spring: self.spring.spring().map_or(0.0, |spring| spring.min_slope().1) }
+    }
+
+    /// The film at `displacement` (m), without the force that its memory still has there.
+    pub(super) fn tangent_at(&self, displacement: T) -> Tangent {
+        let slope = self.measure.place(displacement, T::ZERO).slope.to_f64();
+        Tangent { memory: slope * slope, spring: self.spring.place(displacement, T::ZERO).slope.to_f64() }
+    }
+
+    /// [`Law::margin_of`] of a film up to `stroke_m` (m): −dx/x over dK/K at its worst, for memories of these stiffnesses (N/m). Not inlined,
+    /// as above.
+    #[inline(never)]
+    pub(super) fn growth(&self, stiffnesses: [f64; 2], strokes: impl Iterator<Item = f64>, coupling_per_m: f64) -> f64 {
+        let (Ok(measure), Ok(spring)) = (self.measure.curve(), self.spring.spring()) else { return f64::INFINITY };
+        strokes
+            .flat_map(|x| {
+                let pull = coupling_per_m / (1.0 + coupling_per_m * x);
+                let (value, slope) = (measure.value(x), measure.slope(x));
+                let steepness = spring.slope(x) - pull * spring.force(x);
+                let steepened = slope * slope + measure.curvature(x) * value;
+                stiffnesses.map(|memory| {
+                    let force = memory * slope * value;
+                    let left = steepness + memory * steepened - pull * force;
+                    if left > 0.0 { force / (x * left) } else { f64::INFINITY }
+                })
+            })
+            .fold(1.0, f64::max)
     }
 
     /// Visits what a step beside the spring computes with.
-    pub(super) fn numbers(&self, take: &mut impl Numbers<T>) {
+    pub(super) fn numbers(&self, take: &mut impl Numbers<T>, least: T) {
+        self.measure.numbers(take, "pieces", MAX_KNOTS - 1);
         take.structure("spring", "A spring E beside the memory, whose force then has the weight T'.");
-        take.number("least", self.least, "least stiffness of a step, N/m");
+        take.number("least", least, "least stiffness of a step, N/m");
         take.number("spring_share", self.spring_share, "of E' in the stiffness over that at rest, m/N");
         take.number("memory_share", self.memory_share, "of T'^2");
-        self.table.numbers(take);
+        self.spring.numbers(take, "spring_pieces", MAX_SPRING_KNOTS - 1);
     }
 
     /// Returns what the film meets at `displacement` − `surplus` (m).
     #[inline]
-    fn at<M: Memory<T>>(&self, curved: &Curved<T>, state: &LawState<T, M>, displacement: T, surplus: T) -> Met<T> {
+    fn at<M: Memory<T>>(&self, state: &LawState<T, M>, displacement: T, surplus: T) -> Met<T> {
         let displacement = displacement + state.bend.origin;
-        let (mut place, curvature) = curved.table.place_and_curvature(displacement, surplus);
-        let elastic = self.table.place(displacement, surplus);
+        let (mut place, curvature) = self.measure.place_and_curvature(displacement, surplus);
+        let elastic = self.spring.place(displacement, surplus);
         place.outside = place.outside + elastic.outside;
         Met { place, curvature, spring: [elastic.knot + elastic.beyond, elastic.slope] }
     }
 
     /// Returns what the film meets if it goes on with `increment` (m).
     #[inline]
-    pub(super) fn look_ahead<M: Memory<T>>(&self, curved: &Curved<T>, state: &LawState<T, M>, increment: T) -> Met<T> {
+    pub(super) fn look_ahead<M: Memory<T>>(&self, state: &LawState<T, M>, increment: T) -> Met<T> {
         let (position, surplus) = state.ahead(increment);
-        self.at(curved, state, position, surplus)
+        self.at(state, position, surplus)
     }
 
     /// [`Law::force_to`] beside the spring.
     #[inline(never)]
     pub(super) fn force_to<M: Memory<T>>(&self, curved: &Curved<T>, state: &LawState<T, M>, displacement: T) -> T {
-        let here = self.at(curved, state, displacement, T::ZERO);
+        let here = self.at(state, displacement, T::ZERO);
         here.force(curved, state, state.increment_to(displacement)).0
     }
 
@@ -229,7 +279,7 @@ impl<T: Scalar> Beside<T> {
         state.base = slope * memory + (elastic + inertia);
         state.bend.memory = memory;
         state.bend.inertia = inertia;
-        state.bend.stiffness = if stiffness.is_below(self.least) { self.least } else { stiffness };
+        state.bend.stiffness = if stiffness.is_below(curved.least) { curved.least } else { stiffness };
         state.bend.slope = self.spring_share * (steepness + bent) + self.memory_share * square;
     }
 }

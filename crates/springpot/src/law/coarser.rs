@@ -5,6 +5,7 @@ use num_complex::Complex;
 
 use crate::kernel::quadrature::MAX_NODES;
 use crate::law::compressed::{Compressed, Decay, INERTIA};
+use crate::law::curved::Shape;
 use crate::law::response::Tangent;
 use crate::law::{Law, Memory};
 use crate::scalar::Scalar;
@@ -113,7 +114,6 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     pub fn margin_of<N: Memory<T>>(&self, coarser: &Law<T, N>, stroke_m: f64, coupling_per_m: f64) -> f64 {
         let size = |z: Complex<f64>| z.re * z.re + z.im * z.im;
         let mut stiffer = 0.0f64;
-        let mut stiffness = [f64::INFINITY, 0.0f64];
         let step = libm::exp2(-1.0 / f64::from(PLACES_PER_OCTAVE));
         let mut frequency_hz = 1.0;
         for _ in 0..PLACES {
@@ -121,27 +121,15 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
                 / size(self.dynamic_stiffness(frequency_hz, Tangent::REST));
             // Of their squares.
             stiffer = stiffer.max(0.5 * (ratio - 1.0));
-            let memory = self.memory_stiffness(frequency_hz);
-            stiffness = [stiffness[0].min(memory), stiffness[1].max(memory)];
             frequency_hz *= step;
         }
-        let spring = self.rounded_spring();
-        let measure = spring.as_ref().and_then(|_| self.rounded_curve());
-        let growth = (1..=STROKES).map(|place| {
-            let x = stroke_m * f64::from(place) / f64::from(STROKES);
-            let pull = coupling_per_m / (1.0 + coupling_per_m * x);
-            if let (Some(spring), Some(measure)) = (&spring, &measure) {
-                let (value, slope) = (measure.value(x), measure.slope(x));
-                let left = spring.slope(x) - pull * spring.force(x);
-                return stiffness
-                    .map(|memory| {
-                        let force = memory * slope * value;
-                        let left = left + memory * (slope * slope + measure.curvature(x) * value) - pull * force;
-                        if left > 0.0 { force / (x * left) } else { f64::INFINITY }
-                    })
-                    .into_iter()
-                    .fold(0.0, f64::max);
-            }
+        let strokes = (1..=STROKES).map(|place| stroke_m * f64::from(place) / f64::from(STROKES));
+        if let Some((_, Shape::Beside(beside))) = self.bent() {
+            // A memory relaxes monotonically.
+            let stiffness = [frequency_hz, 1.0].map(|hz| self.memory_stiffness(hz));
+            return stiffer * beside.growth(stiffness, strokes, coupling_per_m);
+        }
+        let growth = strokes.map(|x| {
             let (stretch, slope) = self.curved.as_ref().map_or((x, 1.0), |curved| curved.value_and_slope(x));
             let left = slope - coupling_per_m * stretch / (1.0 + coupling_per_m * x);
             if left > 0.0 { stretch / (x * left) } else { f64::INFINITY }

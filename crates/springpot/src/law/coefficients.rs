@@ -2,7 +2,7 @@
 
 use heapless::Vec;
 
-use crate::curve::{Curve, Knot, MAX_KNOTS, Spring};
+use crate::curve::{Curve, Knot, MAX_SPRING_KNOTS, Spring};
 use crate::error::LawError;
 use crate::kernel::Discretisation;
 use crate::law::Law;
@@ -62,7 +62,7 @@ pub struct Coefficients<T, const HEAD: usize = 12, const FAST: usize = 12, const
     pub slow: [(T, T); SLOW],
     /// Knots of the elastic curve, none without one; after them those of the spring, from the first knot that is not to the right of the one
     /// before it.
-    pub curve: Vec<Knot<T>, { 2 * MAX_KNOTS }>,
+    pub curve: Vec<Knot<T>, { 2 * MAX_SPRING_KNOTS }>,
 }
 
 impl<T: Scalar, const HEAD: usize, const FAST: usize, const SLOW: usize> Law<T, Compressed<T, HEAD, FAST, SLOW>> {

@@ -2,7 +2,7 @@
 
 use num_complex::Complex;
 
-use crate::curve::{Curve, Knot, Place, Table};
+use crate::curve::{Curve, Knot, MAX_KNOTS, Place, Table};
 use crate::error::LawError;
 use crate::kernel::Discretisation;
 use crate::law::beside::Beside;
@@ -14,7 +14,7 @@ use crate::scalar::Scalar;
 /// Constants of a law behind a curve, besides its memory.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Curved<T> {
-    pub(super) table: Table<T>,
+    pub(super) shape: Shape<T>,
     /// g_0, N/m.
     pub(super) instant: T,
     /// Inertia that acts on the change of the increment, N/m.
@@ -24,8 +24,15 @@ pub(crate) struct Curved<T> {
     /// Smallest and largest stiffness of one step, N/m.
     pub(super) least: T,
     pub(super) largest: T,
-    /// The spring beside the memory; none where the curve is before both.
-    pub(super) spring: Option<Beside<T>>,
+}
+
+/// The curves of a law.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Shape<T> {
+    /// A curve before spring and memory.
+    Before(Table<T>),
+    /// A spring beside the memory, which has a strain measure of its own. As many pieces in all.
+    Beside(Beside<T>),
 }
 
 /// The place of a film on the curve of its law.
@@ -111,13 +118,12 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         let inertia = |share: f64| T::from_f64(share * mass_per_step2);
         let at = |slope: f64| T::from_f64(instant * slope + newest * mass_per_step2);
         let curved = Curved {
-            table,
+            shape: Shape::Before(table),
             instant: T::from_f64(instant),
             inertia: inertia(newest),
             past_inertia: [newest + first, second, third].map(inertia),
             least: at(rounded.min_slope().1),
             largest: at(rounded.max_slope().1),
-            spring: None,
         };
         for stiffness in [curved.least, curved.largest] {
             if !divides(stiffness) {
@@ -144,26 +150,33 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// The knots of the law's curve, none without one, and after them those of its spring.
     pub(crate) fn knots(&self) -> impl Iterator<Item = Knot<T>> + '_ {
-        let springs = self.curved.iter().filter_map(|curved| curved.spring.as_ref());
-        self.curved.iter().flat_map(|curved| curved.table.knots()).chain(springs.flat_map(Beside::knots))
+        let (before, beside) = match self.curved.as_ref().map(|curved| &curved.shape) {
+            None => (None, None),
+            Some(Shape::Before(table)) => (Some(table), None),
+            Some(Shape::Beside(beside)) => (None, Some(beside)),
+        };
+        before.into_iter().flat_map(Table::knots).chain(beside.into_iter().flat_map(Beside::knots))
     }
 
     /// Visits what a step behind a curve computes with.
     pub(crate) fn curve_numbers(&self, take: &mut impl Numbers<T>) {
-        let Some(Curved { table, instant, inertia, past_inertia, spring, .. }) = &self.curved else { return };
+        let Some(Curved { shape, instant, inertia, past_inertia, least, .. }) = &self.curved else { return };
         take.structure("curve", "An elastic curve T in front of a law: its memory acts on T(x), the inertia on x.");
         take.number("instant", *instant, "force per T within one step, N/m");
         take.number("inertia", *inertia, "of the change of the increment, N/m");
         take.array("past_inertia", *past_inertia, "of the last three increments, newest first, N/m");
-        table.numbers(take);
-        if let Some(beside) = spring {
-            beside.numbers(take);
+        match shape {
+            Shape::Before(table) => table.numbers(take, "pieces", MAX_KNOTS - 1),
+            Shape::Beside(beside) => beside.numbers(take, *least),
         }
     }
 
     /// The curve, as the number type holds it.
     pub(crate) fn rounded_curve(&self) -> Option<Curve> {
-        self.curved.as_ref().and_then(|curved| curved.table.curve().ok())
+        match &self.curved.as_ref()?.shape {
+            Shape::Before(table) => table.curve().ok(),
+            Shape::Beside(beside) => beside.measure.curve().ok(),
+        }
     }
 
     /// `state` with its place on the curve.
@@ -183,16 +196,19 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     fn placed_with(&self, mut state: LawState<T, M>, memory: impl Fn(T) -> T) -> LawState<T, M> {
         state.bend.stiffness = self.stiffness;
         if let Some(curved) = &self.curved {
-            let place = curved.table.place(state.position + state.bend.origin, state.position_surplus);
-            let ahead = curved.look_ahead(&state, state.increment);
-            state.bend.ahead = ahead;
-            state.bend.predicted = ahead.minus(&place);
-            state.base = memory(state.bend.predicted);
-            match &curved.spring {
-                None => curved.meet(&mut state),
-                Some(beside) => {
-                    let ahead = beside.look_ahead(curved, &state, state.increment);
-                    let memory = state.base;
+            let at = state.position + state.bend.origin;
+            match &curved.shape {
+                Shape::Before(table) => {
+                    state.bend.ahead = table.look_ahead(&state, state.increment);
+                    state.bend.predicted = state.bend.ahead.minus(&table.place(at, state.position_surplus));
+                    state.base = memory(state.bend.predicted);
+                    curved.meet(&mut state);
+                }
+                Shape::Beside(beside) => {
+                    let ahead = beside.look_ahead(&state, state.increment);
+                    state.bend.ahead = ahead.place;
+                    state.bend.predicted = ahead.place.minus(&beside.measure.place(at, state.position_surplus));
+                    let memory = memory(state.bend.predicted);
                     beside.meet(curved, &mut state, &ahead, [memory, T::ZERO]);
                 }
             }
@@ -202,25 +218,39 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     /// The film where it is softest, as slow changes see it.
     pub(crate) fn softest(&self) -> Tangent {
-        let Some(curved) = &self.curved else { return Tangent::REST };
-        let (newest, _) = self.method.inertia();
-        if let (Some(measure), Some(spring)) = (self.rounded_curve(), self.rounded_spring()) {
-            let (_, slope) = measure.min_slope();
-            return Tangent { memory: slope * slope, spring: spring.min_slope().1 };
+        match self.bent() {
+            None => Tangent::REST,
+            Some((curved, Shape::Before(_))) => {
+                let (newest, _) = self.method.inertia();
+                let memory = (curved.least.to_f64() - newest * self.mass_per_step2) / self.instant;
+                Tangent { memory, spring: 0.0 }
+            }
+            Some((_, Shape::Beside(beside))) => beside.softest(),
         }
-        Tangent { memory: (curved.least.to_f64() - newest * self.mass_per_step2) / self.instant, spring: 0.0 }
     }
 
     /// The film at `displacement` (m), without the force that its memory still has there.
     pub(crate) fn tangent_at(&self, displacement: f64) -> Tangent {
-        let slope = self.rounded_curve().map_or(1.0, |curve| curve.slope(displacement));
-        match self.rounded_spring() {
-            Some(spring) => Tangent { memory: slope * slope, spring: spring.slope(displacement) },
-            None => Tangent { memory: slope, spring: 0.0 },
+        match self.bent() {
+            None => Tangent::REST,
+            Some((_, Shape::Before(table))) => {
+                let memory = table.curve().map_or(1.0, |curve| curve.slope(displacement));
+                Tangent { memory, spring: 0.0 }
+            }
+            Some((_, Shape::Beside(beside))) => beside.tangent_at(T::from_f64(displacement)),
+        }
+    }
+
+    /// The film at rest: every curve has the slope 1 there.
+    pub(crate) fn tangent_at_rest(&self) -> Tangent {
+        match self.bent() {
+            Some((_, Shape::Beside(beside))) => Tangent { memory: 1.0, ..beside.tangent_at(T::ZERO) },
+            _ => Tangent::REST,
         }
     }
 
     /// Force over displacement of the memory's slow changes, at `frequency_hz` without inertia, N/m.
+    #[inline(never)]
     pub(crate) fn memory_stiffness(&self, frequency_hz: f64) -> f64 {
         let massless = self.dynamic_stiffness(frequency_hz, Tangent { memory: 1.0, spring: 0.0 })
             - self.dynamic_stiffness(frequency_hz, Tangent { memory: 0.0, spring: 0.0 });
@@ -245,15 +275,13 @@ pub(super) fn divides<T: Scalar>(stiffness: T) -> bool {
 }
 
 impl<T: Scalar> Curved<T> {
-    /// The place on the curve at `displacement` − `surplus` (m).
-    #[inline]
-    pub(super) fn place<M: Memory<T>>(&self, state: &LawState<T, M>, displacement: T, surplus: T) -> Place<T> {
-        self.table.place(displacement + state.bend.origin, surplus)
-    }
-
     /// T (m) and T' at `displacement` (m) from the curve's origin.
     pub(super) fn value_and_slope(&self, displacement: f64) -> (f64, f64) {
-        let place = self.table.place(T::from_f64(displacement), T::ZERO);
+        let at = T::from_f64(displacement);
+        let place = match &self.shape {
+            Shape::Before(table) => table.place(at, T::ZERO),
+            Shape::Beside(beside) => beside.measure.place(at, T::ZERO),
+        };
         (place.knot.to_f64() + place.beyond.to_f64(), place.slope.to_f64())
     }
 
@@ -262,13 +290,6 @@ impl<T: Scalar> Curved<T> {
     pub(super) fn force_at<M: Memory<T>>(&self, state: &LawState<T, M>, off: T, increment: T) -> T {
         let change = increment - state.increment;
         state.base + (self.instant * off + self.inertia * change)
-    }
-
-    /// The place (m) where the film will be if it goes on with `increment` (m).
-    #[inline]
-    pub(super) fn look_ahead<M: Memory<T>>(&self, state: &LawState<T, M>, increment: T) -> Place<T> {
-        let (position, surplus) = state.ahead(increment);
-        self.place(state, position, surplus)
     }
 
     /// Stores the newest `increment` (m), which led to `place`, where T is `off` (m) from its value ahead, and the place `ahead` of it.
@@ -313,5 +334,14 @@ impl<T: Scalar> Curved<T> {
         let slope = state.bend.ahead.slope;
         state.bend.stiffness = self.instant * slope + self.inertia;
         state.bend.slope = slope;
+    }
+}
+
+impl<T: Scalar> Table<T> {
+    /// The place of a film that goes on with `increment` (m).
+    #[inline]
+    pub(super) fn look_ahead<M: Memory<T>>(&self, state: &LawState<T, M>, increment: T) -> Place<T> {
+        let (position, surplus) = state.ahead(increment);
+        self.place(position + state.bend.origin, surplus)
     }
 }

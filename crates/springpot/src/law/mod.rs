@@ -22,7 +22,7 @@ use crate::error::LawError;
 use crate::kernel::Discretisation;
 use crate::scalar::Scalar;
 
-use curved::{Bend, Curved};
+use curved::{Bend, Curved, Shape};
 pub(crate) use state_traits::state_traits;
 
 /// How a law remembers the past: [`Compressed`] (the default) or [`Window`].
@@ -238,22 +238,22 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Force (N) that the film shows when it is at `displacement` (m) at the next step.
     #[inline]
     pub fn force(&self, state: &mut LawState<T, M>, displacement: T) -> T {
-        if let Some(curved) = &self.curved
-            && let Some(beside) = &curved.spring
-        {
-            return self.force_beside(curved, beside, state, displacement);
-        }
+        let before = match self.bent() {
+            None => None,
+            Some((curved, Shape::Before(table))) => Some((curved, table)),
+            Some((curved, Shape::Beside(beside))) => return self.force_beside(curved, beside, state, displacement),
+        };
         let increment = state.increment_to(displacement);
         state.position = displacement;
         state.position_surplus = T::ZERO;
-        match &self.curved {
+        match before {
             None => {
                 let force = self.force_of(state, increment);
                 self.advance(state, increment);
                 force
             }
-            Some(curved) => {
-                let place = curved.place(state, displacement, T::ZERO);
+            Some((curved, table)) => {
+                let place = table.place(displacement + state.bend.origin, T::ZERO);
                 let off = place.minus(&state.bend.ahead);
                 let force = curved.force_at(state, off, increment);
                 // The place ahead cancels in the next call: the line through this place is enough, and its slope is one of the curve's,
@@ -270,15 +270,13 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     #[inline]
     pub fn force_to(&self, state: &LawState<T, M>, displacement: T) -> T {
         let increment = state.increment_to(displacement);
-        match &self.curved {
+        match self.bent() {
             None => self.force_of(state, increment),
-            Some(curved) => {
-                if let Some(beside) = &curved.spring {
-                    return beside.force_to(curved, state, displacement);
-                }
-                let place = curved.place(state, displacement, T::ZERO);
+            Some((curved, Shape::Before(table))) => {
+                let place = table.place(displacement + state.bend.origin, T::ZERO);
                 curved.force_at(state, place.minus(&state.bend.ahead), increment)
             }
+            Some((curved, Shape::Beside(beside))) => beside.force_to(curved, state, displacement),
         }
     }
 
@@ -291,6 +289,12 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
         state.base + state.bend.stiffness * change
     }
 
+    /// The law's constants behind curves, and the curves.
+    #[inline]
+    fn bent(&self) -> Option<(&Curved<T>, &Shape<T>)> {
+        self.curved.as_ref().map(|curved| (curved, &curved.shape))
+    }
+
     #[inline]
     fn force_of(&self, state: &LawState<T, M>, increment: T) -> T {
         state.base + self.stiffness * (increment - state.increment)
@@ -298,20 +302,22 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
 
     #[inline]
     fn change_increment(&self, state: &mut LawState<T, M>, change: T) -> T {
-        if let Some(curved) = &self.curved
-            && let Some(beside) = &curved.spring
-        {
-            return self.change_increment_beside(curved, beside, state, change);
-        }
+        let before = match self.bent() {
+            None => None,
+            Some((curved, Shape::Before(table))) => Some((curved, table)),
+            Some((curved, Shape::Beside(beside))) => {
+                return self.change_increment_beside(curved, beside, state, change);
+            }
+        };
         let (position, increment) = state.moved(change);
-        match &self.curved {
+        match before {
             None => self.advance(state, increment),
-            Some(curved) => {
+            Some((curved, table)) => {
                 let ahead = state.bend.ahead;
                 let place = ahead.moved(change);
                 // Of the same knot, so only the other part of the value differs.
                 let off = place.beyond - ahead.beyond;
-                let ahead = curved.look_ahead(state, increment);
+                let ahead = table.look_ahead(state, increment);
                 curved.advance(&self.memory, state, increment, [place, ahead], off);
             }
         }

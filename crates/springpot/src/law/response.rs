@@ -86,7 +86,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Force over displacement of slow changes about x = 0, at 1 Hz without the inertia's share, N/m.
     #[must_use]
     pub(crate) fn stiffness_at_rest(&self) -> f64 {
-        let stiffness = self.dynamic_stiffness(1.0, self.tangent_at(0.0));
+        let stiffness = self.dynamic_stiffness(1.0, self.tangent_at_rest());
         stiffness.re.abs().max(stiffness.im.abs())
     }
 

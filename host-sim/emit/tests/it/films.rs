@@ -2,7 +2,7 @@
 
 use springpot::{
     Actuator, AmplifierLag, CommandLimits, Curve, Discretisation, Feedforward, Law, LawOptions, Learning,
-    LearningOptions, ObserverOptions, Preload, Preset, Spring, Tracking,
+    LearningOptions, Measure, ObserverOptions, Preload, Preset, Spring, Tracking,
 };
 
 use host_emit::Film;
@@ -35,14 +35,26 @@ impl Case {
         Some(Self { name: name.into(), law, feedforward, tracking, learning })
     }
 
-    /// The published model by these options, in the strain measure `curve` beside a spring of the same shape.
-    fn published(name: &str, options: LawOptions, curve: Option<Curve>, setup: &Setup) -> Self {
+    /// The published model by these options, behind `curve` or beside a spring of its shape.
+    fn published(name: &str, options: LawOptions, curves: Curves, setup: &Setup) -> Self {
         let law = Law::compressed(&Preset::TABLE3_N2.model().expect("valid"), options).expect("valid");
-        let law =
-            curve.map_or(Ok(law.clone()), |curve| law.beside(&Spring::of_curve(&curve, 3e3).expect("valid"), &curve));
-        let law = law.expect("a curve");
+        let law = match curves {
+            Curves::None => law,
+            Curves::One => law.behind(&curve()).expect("a curve"),
+            Curves::Two => {
+                let measure = Measure { exponent: 0.0, length_m: 0.01 }.curve(-0.8e-3, 2.4e-3).expect("rises");
+                law.beside(&Spring::of_curve(&curve(), 3e3).expect("valid"), &measure).expect("curves")
+            }
+        };
         Self::new(name, law, setup).expect("accepted")
     }
+}
+
+/// Curves of a film.
+enum Curves {
+    None,
+    One,
+    Two,
 }
 
 struct Setup {
@@ -59,23 +71,32 @@ const AT_1_KHZ: LawOptions = LawOptions::at_step(1e-3);
 
 /// The paper's film on the paper's bench.
 pub fn plain() -> Case {
-    Case::published("karner-2022-table3-n2", AT_1_KHZ, None, &BENCH)
+    Case::published("karner-2022-table3-n2", AT_1_KHZ, Curves::None, &BENCH)
 }
 
 /// The same film, of which cycles are learned: nothing else differs.
 pub fn learned() -> Case {
     let setup = Setup { learning: Some(LearningOptions::BENCH), ..BENCH };
-    Case::published("karner-2022-table3-n2", AT_1_KHZ, None, &setup)
+    Case::published("karner-2022-table3-n2", AT_1_KHZ, Curves::None, &setup)
 }
 
-/// Everything that a film can have: two curves that end within the stroke, second-order differences, saturation, coupling, a weight from the start,
+/// Everything that a film can have at once: a curve that ends within the stroke, second-order differences, saturation, coupling, a weight from the start,
 /// an amplifier that lags, a period that is learned and was not given.
 pub fn rich() -> Case {
+    rich_with(Curves::One)
+}
+
+/// The same with two curves.
+pub fn richest() -> Case {
+    rich_with(Curves::Two)
+}
+
+fn rich_with(curves: Curves) -> Case {
     let preload = Preload::FromStart;
     let actuator = Actuator { stretch_coupling: 20.0, saturation_v: Some(9000.0), preload, ..Actuator::KARNER_2022 };
     let amplifier = AmplifierLag { rise_s: 0.03, fall_s: 0.2 };
     let setup = Setup { actuator, amplifier, learning: Some(LearningOptions::BENCH), ..BENCH };
-    Case::published("rich */ film", AT_1_KHZ.with_method(Discretisation::Bdf2), Some(curve()), &setup)
+    Case::published("rich */ film", AT_1_KHZ.with_method(Discretisation::Bdf2), curves, &setup)
 }
 
 /// Films of short cycles: whose period is given, and whose period is found behind an amplifier that lags.
@@ -85,7 +106,7 @@ pub fn cycles() -> [Case; 2] {
     films.map(|(period_s, preload, amplifier)| {
         let actuator = Actuator { preload, ..Actuator::KARNER_2022 };
         let learning = Some(LearningOptions { period_s, ..LearningOptions::BENCH });
-        Case::published("cycles", AT_1_KHZ, None, &Setup { actuator, amplifier, learning, bandwidths: &[0.5] })
+        Case::published("cycles", AT_1_KHZ, Curves::None, &Setup { actuator, amplifier, learning, bandwidths: &[0.5] })
     })
 }
 
@@ -93,7 +114,7 @@ pub fn cycles() -> [Case; 2] {
 pub fn periodic() -> Case {
     let learning = Some(LearningOptions { period_s: Some(10.0), harmonics: 4, ..LearningOptions::BENCH });
     let setup = Setup { learning, bandwidths: &[0.4], ..BENCH };
-    Case::published("periodic", LawOptions::at_step(2e-3), None, &setup)
+    Case::published("periodic", LawOptions::at_step(2e-3), Curves::None, &setup)
 }
 
 /// A film of the chip program: what its laws of control are built of.
@@ -102,8 +123,11 @@ pub fn of_program(film: chip_program::Film) -> Case {
     let options = LawOptions::at_step(film.step_s).with_method(film.method);
     let law: Law<f32> = Law::compressed(&model, options).expect("valid");
     let (law, actuator) = if film.curved {
-        let curve = chip_program::curve();
-        let law = if film.spring { law.beside(&chip_program::spring(), &curve) } else { law.behind(&curve) };
+        let law = if film.spring {
+            law.beside(&chip_program::spring(), &chip_program::measure())
+        } else {
+            law.behind(&chip_program::curve())
+        };
         (law.expect("valid"), chip_program::SATURATING)
     } else {
         (law, Actuator::KARNER_2022)
@@ -132,7 +156,10 @@ pub fn random(count: usize) -> Vec<Case> {
         let law: Law<f32> = Law::compressed(model, LawOptions::at_step(1e-3).with_method(method)).ok()?;
         let law = match k % 4 {
             1 => law.behind(&random_curve(k)).ok()?,
-            3 => law.beside(&Spring::of_curve(&random_curve(k + 1), 3e3 * k as f64).ok()?, &random_curve(k)).ok()?,
+            3 => {
+                let spring = Spring::of_curve(&random_curve(k + 1), 3e3 * k as f64).ok()?;
+                law.beside(&spring, &random_curve(k % 7)).ok()?
+            }
             _ => law,
         };
         let amplifier = if k % 5 == 4 { AmplifierLag { rise_s: 0.05, fall_s: 0.05 } } else { AmplifierLag::NONE };
