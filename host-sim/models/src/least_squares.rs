@@ -19,6 +19,10 @@ pub trait Problem: Sync {
         let _ = index;
         MAX_STEP
     }
+    /// Cost below which nothing is left to be explained.
+    fn negligible(&self) -> f64 {
+        0.0
+    }
     /// Whether to stop early and keep the best so far.
     fn interrupted(&self) -> bool {
         false
@@ -99,7 +103,7 @@ pub fn minimise<P: Problem>(problem: &P, start: &[f64], stopping: StoppingCriter
             Some(_) => small_steps = 0,
             None => converged = true,
         }
-        converged |= small_steps >= 2 || search.cost == 0.0;
+        converged |= small_steps >= 2 || search.cost <= problem.negligible();
     }
     Some(Minimum { values: search.values, cost: search.cost, normal, gradient, converged })
 }

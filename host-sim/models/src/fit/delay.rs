@@ -46,12 +46,15 @@ fn of_small_structure(context: &Context<'_>) -> Option<f64> {
         return None;
     }
     (1..=2).find_map(|branches| {
-        let best = |context: &Context<'_>| {
-            context.best_over(context.coarse, &context.linear_starts(Topology::Parallel, branches))
-        };
-        let late = STARTS_S.iter().filter_map(|&delay_s| best(&context.with_delay(delay_s)));
-        let late = late.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost))?;
-        shown(context, &best(context)?, &late)
+        let starts = context.linear_starts(Topology::Parallel, branches);
+        let prompt = context.best_over(context.coarse, &starts)?;
+        let late = STARTS_S.iter().flat_map(|&delay_s| {
+            let starts = [&prompt.candidate, starts.first().unwrap_or(&prompt.candidate)];
+            starts.map(|start| Candidate { delay_s, ..start.clone() })
+        });
+        let starts: Vec<Candidate> = late.collect();
+        let late = context.with_delay(0.0);
+        shown(context, &prompt, &late.best_over(late.coarse, &starts)?)
     })
 }
 

@@ -28,6 +28,10 @@ const MAX_SHORT_VALUES: usize = 1 << 16;
 /// Starts that an interrupted search still continues from: one of them leads to a result.
 const MIN_STARTS: usize = 8;
 
+/// Iterations of a search from many starts, after which the best go on, and how many these are.
+const FIRST_ITERATIONS: usize = 10;
+const CONTINUED: usize = 3;
+
 /// Observations with what every search needs of them.
 pub struct PreparedObservations {
     scout: Option<Objective>,
@@ -243,11 +247,19 @@ impl Context<'_> {
     ) -> Vec<Found> {
         // An interrupted search begins no further ones, once it has had a chance of a result.
         let is_begun = |index: usize| index < MIN_STARTS || !self.stop.load(Ordering::Relaxed);
-        let descent = |start| self.descend_over(objective, start, variables.to_vec(), stopping);
-        let begun = starts.par_iter().enumerate().filter(|(index, _)| is_begun(*index));
-        let mut found: Vec<Found> = begun.filter_map(|(_, start)| descent(start)).collect();
-        found.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
-        found
+        let from = |starts: &[Candidate], stopping: StoppingCriteria| {
+            let descent = |start| self.descend_over(objective, start, variables.to_vec(), stopping);
+            let begun = starts.par_iter().enumerate().filter(|(index, _)| is_begun(*index));
+            let mut found: Vec<Found> = begun.filter_map(|(_, start)| descent(start)).collect();
+            found.sort_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+            found
+        };
+        if starts.len() <= CONTINUED {
+            return from(starts, stopping);
+        }
+        let first = from(starts, StoppingCriteria { iterations: FIRST_ITERATIONS, ..stopping });
+        let promising: Vec<Candidate> = first.iter().take(CONTINUED).map(|found| found.candidate.clone()).collect();
+        from(&promising, stopping)
     }
 
     /// The two best minima that differ, because thinning could have changed their order.
@@ -419,6 +431,10 @@ impl Problem for Descent<'_> {
             Variable::Slope(_) | Variable::FreeLength | Variable::Limit => 1.0,
             _ => least_squares::MAX_STEP,
         }
+    }
+
+    fn negligible(&self) -> f64 {
+        self.objective.negligible()
     }
 
     fn interrupted(&self) -> bool {

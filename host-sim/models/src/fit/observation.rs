@@ -260,7 +260,7 @@ impl Excitation {
 pub(super) struct Readings {
     pub(super) measured: Vec<f64>,
     /// Factor of all residuals.
-    weight: f64,
+    pub(super) weight: f64,
     /// Factors of the single residuals; empty where they are 1.
     sample_weights: Vec<f64>,
     /// Which of offset and gain are the recording's own.

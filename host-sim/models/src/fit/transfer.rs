@@ -9,7 +9,10 @@ use crate::replay::full_memory::FullMemory;
 use crate::replay::nonlinear::{BentFilm, bent_displacement};
 
 /// Memory of the recursion that approximates coupled motion.
-pub(super) type Recursion = Compressed<f64, 8, 16, 0>;
+pub(super) type Recursion = Compressed<f64, HEAD, FAST, 0>;
+/// Its newest increments, and its modes.
+pub(super) const HEAD: usize = 8;
+pub(super) const FAST: usize = 16;
 
 /// Values at the points of a circle.
 pub(super) type Spectrum = Vec<Complex<f64>>;
@@ -128,14 +131,14 @@ impl Transfer {
         Err(PullIn)
     }
 
-    /// The displacement under `loads` behind `curve`, with full memory, and what drives `law` along it.
+    /// The displacement under `loads` behind `curve`, with full memory.
     pub(super) fn bent(
         &self,
         circle: &FullMemory,
         law: &Law<f64, Recursion>,
         curve: &Curve,
         loads: &[Load<f64>],
-    ) -> Result<(Vec<f64>, Vec<Load<f64>>), PullIn> {
+    ) -> Result<Vec<f64>, PullIn> {
         let steepest = loads.iter().map(|load| load.slope_n_per_m).fold(0.0, f64::max);
         if steepest >= 0.99 * law.min_stiffness() {
             return Err(PullIn);
@@ -212,8 +215,8 @@ pub(super) fn recursion(law: &Law<f64, Recursion>, loads: &[Load<f64>]) -> Vec<f
 const DENSE: usize = 256;
 
 /// Nodes per unit of the logarithm. The error of cubic interpolation, 3/128 of the fourth power of a node's distance times the
-/// fourth derivative, stays below 1e-10 of the dynamic stiffness.
-const PER_UNIT: f64 = 512.0;
+/// fourth derivative, stays below 2e-9 of the dynamic stiffness.
+const PER_UNIT: f64 = 256.0;
 
 /// Where on a circle a model is evaluated: at all points of a small circle, at some of a large one.
 ///

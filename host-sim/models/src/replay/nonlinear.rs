@@ -40,7 +40,7 @@ impl FullMemory {
         let law = film.compressed_law::<f64>(1.0 / step_s)?;
         let bent = BentFilm { kernel: &kernel, inertia: &inertia, curve };
         let found = bent_displacement(self, &bent, &law, loads, TOLERANCE);
-        found.map(|(displacement, _)| displacement).map_err(|PullIn| pulled_in())
+        found.map_err(|PullIn| pulled_in())
     }
 
     fn kernel(&self, film: Film<'_>) -> Vec<Complex<f64>> {
@@ -74,7 +74,7 @@ impl BentFilm<'_> {
 }
 
 /// The displacement (m) under `loads`, one per step: that of `law`, which is behind the same curve, corrected by passes through the
-/// full-memory force of `film`; with it the loads that drive the law along it. It has converged when a pass changes it by at most `tolerance` (RMS, relative).
+/// full-memory force of `film`. It has converged when the next pass would change it by at most `tolerance` (RMS, relative).
 ///
 /// # Errors
 ///
@@ -85,9 +85,10 @@ pub fn bent_displacement<const HEAD: usize, const FAST: usize, const SLOW: usize
     law: &Law<f64, Compressed<f64, HEAD, FAST, SLOW>>,
     loads: &[Load<f64>],
     tolerance: f64,
-) -> std::result::Result<(Vec<f64>, Vec<Load<f64>>), PullIn> {
+) -> std::result::Result<Vec<f64>, PullIn> {
     let mut driven = loads.to_vec();
     let mut displacement = stepped(law, &driven);
+    let mut before = 1.0;
     for _ in 0..MAX_PASSES {
         let shown = film.force(circle, &displacement);
         for (((driven, load), x), shown) in driven.iter_mut().zip(loads).zip(&displacement).zip(&shown) {
@@ -103,9 +104,12 @@ pub fn bent_displacement<const HEAD: usize, const FAST: usize, const SLOW: usize
         if !size.is_finite() {
             return Err(PullIn);
         }
-        if change <= tolerance * tolerance * size {
-            return Ok((displacement, driven));
+        // Each pass gains about as much as the one before.
+        let share = (change / size).sqrt();
+        if size == 0.0 || share * (share / before).min(1.0) <= tolerance {
+            return Ok(displacement);
         }
+        before = share;
     }
     Err(PullIn)
 }

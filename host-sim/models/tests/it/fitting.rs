@@ -78,17 +78,16 @@ fn finds_the_model_that_made_the_data() {
 /// With noise the residual is the noise: white, as large as it was made, and the truth lies in the intervals.
 #[test]
 fn leaves_white_noise_and_gives_intervals() {
-    let mut truth = truth();
-    for branches in [2, 1] {
+    let [_, uncertainty] = [2, 1].map(|branches| {
+        let mut truth = truth();
         truth.elements.truncate(1 + 2 * branches);
         let fit = fitted(&synthetic(&truth, 5e-6), &structure(Topology::Parallel, branches));
-        let uncertainty = fit.uncertainty.as_ref().expect("computed");
+        let uncertainty = fit.uncertainty.expect("computed");
         assert!(uncertainty.white, "autocorrelation {} at lag one", uncertainty.lag_one);
         assert!(fit.agreements.iter().all(|a| (4.9e-6..5.1e-6).contains(&a.rmse)));
-    }
+        uncertainty
+    });
     // The recordings determine all parameters of a model with one branch.
-    let fit = fitted(&synthetic(&truth, 5e-6), &structure(Topology::Parallel, 1));
-    let uncertainty = fit.uncertainty.expect("computed");
     let truths = [
         ("main.c", 4e4),
         ("main.alpha", 0.08),
@@ -252,11 +251,12 @@ fn left_out_is_left_out() {
     };
     let fit = fitted(&all, &settings);
     let row = fit.structures.iter().find(|row| row.branches == 2).expect("tried");
+    let alone = Settings { uncertainty: false, ..structure(Topology::Parallel, 2) };
+    let start = Some(fitted(&all, &alone).candidate);
     let mut sum = 0.0;
     for out in 0..all.len() {
         let others: Vec<Observation> = (0..all.len()).filter(|k| *k != out).map(|k| all[k].clone()).collect();
-        let start = Some(fitted(&all, &Settings { uncertainty: false, ..structure(Topology::Parallel, 2) }).candidate);
-        let refit = fitted(&others, &Settings { start, uncertainty: false, ..structure(Topology::Parallel, 2) });
+        let refit = fitted(&others, &Settings { start: start.clone(), ..alone.clone() });
         sum += nrmse_of(&refit.candidate, &all[out..=out])[0];
     }
     let (reported, refitted) = (row.left_out_nrmse_pct.expect("three recordings"), sum / all.len() as f64);

@@ -2,15 +2,14 @@
 
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Curve, Law, Load};
+use springpot::{Coefficients, Curve, Discretisation, Law};
 
 use super::super::candidate::{Candidate, Variable};
-use super::super::transfer::{Nodes, Recursion, Spectrum, Transfer, recursion};
-use super::{DriveSpectra, Evaluation, Objective, Record, Response, product, stretched};
+use super::super::observation::ReadingFit;
+use super::super::transfer::{FAST, HEAD, Nodes, Recursion, Spectrum, Transfer};
+use super::{DriveSpectra, Evaluation, Objective, Record, product, stretched};
 use crate::replay::full_memory::FullMemory;
 
-/// Share of the force by which derivatives behind a curve are taken.
-const SMALL_SHARE: f64 = 1e-5;
 /// Change of a curve's variable by which its derivatives are taken.
 const CURVE_STEP: f64 = 1e-4;
 
@@ -21,76 +20,27 @@ struct Shared {
     displacement: Spectrum,
     /// Spectrum of T(x) behind a curve (m), on which the kernel acts.
     stretched: Spectrum,
+    /// Changes of a displacement with the force, where they are not a product of spectra.
+    tangent: Option<Tangent>,
 }
 
 impl Objective {
     /// Derivatives of the residuals with respect to `variables`, one column each.
     pub fn jacobian(&self, candidate: &Candidate, evaluation: &Evaluation, variables: &[Variable]) -> Vec<Vec<f64>> {
-        let shared: Vec<Shared> = (0..self.records.len())
+        let near: Vec<Linearised> = (0..self.records.len())
             .into_par_iter()
-            .map(|index| {
-                let record = &self.records[index];
-                let circle = &self.circles[record.circle];
-                match (&record.drive, &evaluation.curve) {
-                    (DriveSpectra::Displacement { path, .. }, Some(curve)) => {
-                        Shared { stretched: stretched(circle, curve, path), ..Shared::default() }
-                    }
-                    (DriveSpectra::Displacement { .. }, None) => Shared::default(),
-                    (DriveSpectra::Voltage { .. } | DriveSpectra::Force { .. }, curve) => {
-                        let series = &evaluation.responses[index].series;
-                        let stretched = curve.as_ref().map(|curve| stretched(circle, curve, series));
-                        Shared { displacement: circle.spectrum(series), stretched: stretched.unwrap_or_default() }
-                    }
-                }
-            })
+            .map(|index| Linearised::new(self, candidate, evaluation, index))
             .collect();
-        // What one variable does to one observation is one task.
-        let pieces: Vec<Vec<f64>> = (0..variables.len() * self.records.len())
+        // What a few variables do to one observation is one task.
+        let few: Vec<&[Variable]> = variables.chunks(LANES).collect();
+        let pieces: Vec<Vec<Vec<f64>>> = (0..few.len() * near.len())
             .into_par_iter()
-            .map(|task| {
-                let (variable, record) = (variables[task / self.records.len()], task % self.records.len());
-                self.derivative(candidate, evaluation, variable, record, &shared[record])
-            })
+            .map(|task| near[task % near.len()].columns(few[task / near.len()]))
             .collect();
-        pieces.chunks(self.records.len()).map(<[Vec<f64>]>::concat).collect()
-    }
-
-    /// Derivative of the residuals of observation `index`, whose derivatives share `shared`.
-    fn derivative(
-        &self,
-        candidate: &Candidate,
-        evaluation: &Evaluation,
-        variable: Variable,
-        index: usize,
-        shared: &Shared,
-    ) -> Vec<f64> {
-        let record = &self.records[index];
-        let reading = &evaluation.readings[index];
-        if variable == Variable::Offset && !record.measures_force() {
-            let ones = vec![1.0; record.readings.measured.len()];
-            return record.readings.project(reading, &evaluation.modelled[index], ones);
-        }
-        if variable == Variable::Delay {
-            let change = record.pick_delay(&evaluation.responses[index].series, candidate);
-            let change = change.unwrap_or_else(|| vec![0.0; record.readings.measured.len()]);
-            return record.readings.project(reading, &evaluation.modelled[index], change);
-        }
-        let linearised = Linearised {
-            record,
-            circle: &self.circles[record.circle],
-            nodes: &self.nodes[record.circle],
-            transfer: &evaluation.transfers[record.circle],
-            candidate,
-            curve: evaluation.curve.as_ref(),
-            response: &evaluation.responses[index],
-            shared,
+        let columns = |pieces: &[Vec<Vec<f64>>]| -> Vec<Vec<f64>> {
+            (0..pieces[0].len()).map(|lane| pieces.iter().flat_map(|piece| &piece[lane]).copied().collect()).collect()
         };
-        match linearised.derivative(variable) {
-            Some(series) => {
-                record.readings.project(reading, &evaluation.modelled[index], record.pick(&series, candidate))
-            }
-            None => vec![0.0; record.readings.measured.len()],
-        }
+        pieces.chunks(near.len()).flat_map(columns).collect()
     }
 }
 
@@ -102,44 +52,88 @@ struct Linearised<'a> {
     transfer: &'a Transfer,
     candidate: &'a Candidate,
     curve: Option<&'a Curve>,
-    response: &'a Response,
-    shared: &'a Shared,
+    /// Displacement (m), or force (N), on the grid.
+    series: &'a [f64],
+    /// The readings that were modelled, and what is the recording's own of them.
+    modelled: &'a [f64],
+    reading: &'a ReadingFit,
+    shared: Shared,
 }
 
-impl Linearised<'_> {
-    /// Derivative of the response on the grid; none where `variable` has no effect on it.
-    fn derivative(&self, variable: Variable) -> Option<Vec<f64>> {
-        let samples = self.record.samples;
-        if let DriveSpectra::Displacement { path, spectrum } = &self.record.drive {
-            return Some(self.circle.series(self.stiffness_change(path, spectrum, variable)?, samples));
-        }
-        let force = self.force_derivative(variable)?;
-        let law = self.transfer.law.as_ref();
-        match (law, &self.record.drive) {
-            (Some(law), _) if self.curve.is_some() => Some(self.along(law, &self.circle.series(force, samples))),
-            (Some(law), DriveSpectra::Voltage { squared, .. }) => {
-                let actuator = &self.candidate.actuator;
-                let slope = actuator.force_per_square_volt() * actuator.stretch_coupling;
-                let force = self.circle.series(force, samples);
-                let load = |(&force, &v2)| Load { force_n: force, slope_n_per_m: slope * actuator.saturated(v2) };
-                let loads: Vec<Load<f64>> = force.iter().zip(squared).map(load).collect();
-                Some(recursion(law, &loads))
-            }
-            _ => Some(self.circle.series(product(&force, &self.transfer.compliance), samples)),
+impl<'a> Linearised<'a> {
+    /// Near `candidate` the response of observation `index` of `objective`.
+    fn new(objective: &'a Objective, candidate: &'a Candidate, evaluation: &'a Evaluation, index: usize) -> Self {
+        let record = &objective.records[index];
+        let circle = &objective.circles[record.circle];
+        let transfer = &evaluation.transfers[record.circle];
+        let curve = evaluation.curve.as_ref();
+        let series = &evaluation.responses[index];
+        let stretched = |path: &[f64]| curve.map(|curve| stretched(circle, curve, path)).unwrap_or_default();
+        let shared = match &record.drive {
+            DriveSpectra::Displacement { path, .. } => Shared { stretched: stretched(path), ..Shared::default() },
+            DriveSpectra::Voltage { .. } | DriveSpectra::Force { .. } => Shared {
+                displacement: circle.spectrum(series),
+                stretched: stretched(series),
+                tangent: transfer.law.as_ref().map(|law| Tangent::new(law, candidate, curve, record, series)),
+            },
+        };
+        Self {
+            record,
+            circle,
+            nodes: &objective.nodes[record.circle],
+            transfer,
+            candidate,
+            curve,
+            series,
+            modelled: &evaluation.modelled[index],
+            reading: &evaluation.readings[index],
+            shared,
         }
     }
 
-    /// Change of the displacement behind the curve with a little more of `force` (N), per unit of it.
-    fn along(&self, law: &Law<f64, Recursion>, force: &[f64]) -> Vec<f64> {
-        let size = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, |size: f64, value| size.max(value.abs()));
-        let Response { series: x, driven } = self.response;
-        let largest = size(&mut driven.iter().map(|load| load.force_n));
-        let little = SMALL_SHARE * largest / size(&mut force.iter().copied()).max(f64::MIN_POSITIVE);
-        let with = |share: f64| -> Vec<Load<f64>> {
-            let more = |(load, force): (&Load<f64>, &f64)| Load { force_n: load.force_n + share * force, ..*load };
-            driven.iter().zip(force).map(more).collect()
+    /// Derivatives of the residuals with respect to up to [`LANES`] variables.
+    fn columns(&self, variables: &[Variable]) -> Vec<Vec<f64>> {
+        let Record { readings, samples, .. } = self.record;
+        let is_of_film = |variable: &Variable| match variable {
+            Variable::Offset => self.record.measures_force(),
+            Variable::Delay => false,
+            _ => true,
         };
-        recursion(law, &with(little)).iter().zip(x).map(|(more, x)| (more - x) / little).collect()
+        let spectra = variables.iter().map(|variable| is_of_film(variable).then(|| self.spectrum(*variable)).flatten());
+        let spectra: Vec<Option<Spectrum>> = spectra.collect();
+        let moved: Vec<Option<Vec<f64>>> = match &self.shared.tangent {
+            None => spectra.into_iter().map(|s| Some(self.circle.series(s?, *samples))).collect(),
+            Some(tangent) => {
+                let mut forces = vec![[0.0; LANES]; *samples];
+                for (lane, spectrum) in spectra.iter().enumerate() {
+                    let series = spectrum.clone().map(|spectrum| self.circle.series(spectrum, *samples));
+                    forces.iter_mut().zip(series.iter().flatten()).for_each(|(force, value)| force[lane] = *value);
+                }
+                tangent.displacements(&mut forces);
+                let lane = |lane: usize| forces.iter().map(|moved| moved[lane]).collect();
+                (0..variables.len()).map(|k| spectra[k].as_ref().map(|_| lane(k))).collect()
+            }
+        };
+        let column = |(variable, moved): (&Variable, Option<Vec<f64>>)| {
+            let change = match variable {
+                Variable::Offset if !self.record.measures_force() => Some(vec![1.0; readings.measured.len()]),
+                Variable::Delay => self.record.pick_delay(self.series, self.candidate),
+                _ => moved.map(|series| self.record.pick(&series, self.candidate)),
+            };
+            let change = change.unwrap_or_else(|| vec![0.0; readings.measured.len()]);
+            readings.project(self.reading, self.modelled, change)
+        };
+        variables.iter().zip(moved).map(column).collect()
+    }
+
+    /// Derivative of the response on the grid, or of the force that changes it through the [`Tangent`], as a spectrum; none where
+    /// `variable` has no effect on it.
+    fn spectrum(&self, variable: Variable) -> Option<Spectrum> {
+        if let DriveSpectra::Displacement { path, spectrum } = &self.record.drive {
+            return self.stiffness_change(path, spectrum, variable);
+        }
+        let force = self.force_derivative(variable)?;
+        Some(if self.shared.tangent.is_some() { force } else { product(&force, &self.transfer.compliance) })
     }
 
     /// ∂(m s² x + K T(x))/∂ `variable` along displacements with this spectrum.
@@ -182,7 +176,7 @@ impl Linearised<'_> {
     /// The force whose response is the derivative of the displacement: ∂F/∂v − ∂(m s² x + K T(x))/∂v for the variable v, as a
     /// spectrum.
     fn force_derivative(&self, variable: Variable) -> Option<Spectrum> {
-        let x = &self.response.series;
+        let x = self.series;
         match &self.record.drive {
             DriveSpectra::Displacement { .. } => None,
             DriveSpectra::Force { .. } => {
@@ -221,4 +215,98 @@ impl Linearised<'_> {
             }
         }
     }
+}
+
+/// Variables whose derivatives are stepped together.
+const LANES: usize = 4;
+
+/// Changes of a displacement with small changes of the force: a law with coupling, or behind a curve, linearised along its motion.
+///
+/// With g the kernel and t = T'(x) x' of a change x' of the displacement, F' = Σ g_j (t_{k−j} − t_{k−j−1}) + m (δ/h)² x' − S x'.
+struct Tangent {
+    /// g_0, and m/h², N/m.
+    instant: f64,
+    inertia: f64,
+    /// The weights of (δ/h)² of the increments, newest first.
+    differences: [f64; 4],
+    memory: Coefficients<f64, HEAD, FAST, 0>,
+    /// T'(x), and S in N/m, at every step.
+    slopes: Vec<[f64; 2]>,
+}
+
+impl Tangent {
+    /// Along `series` (m) of `record`.
+    fn new(
+        law: &Law<f64, Recursion>,
+        candidate: &Candidate,
+        curve: Option<&Curve>,
+        record: &Record,
+        series: &[f64],
+    ) -> Self {
+        let actuator = &candidate.actuator;
+        let scale = actuator.force_per_square_volt() * actuator.stretch_coupling;
+        let slope = |(k, x): (usize, &f64)| {
+            let grows = match &record.drive {
+                DriveSpectra::Voltage { squared, .. } => scale * actuator.saturated(squared[k]),
+                _ => 0.0,
+            };
+            [curve.map_or(1.0, |curve| curve.slope(*x)), grows]
+        };
+        let memory = law.coefficients();
+        Self {
+            instant: memory.instant,
+            inertia: actuator.mass_kg / law.step_s().powi(2),
+            differences: match law.method() {
+                Discretisation::Bdf2 => [2.25, -3.75, 1.75, -0.25],
+                _ => [1.0, -1.0, 0.0, 0.0],
+            },
+            memory,
+            slopes: series.iter().enumerate().map(slope).collect(),
+        }
+    }
+
+    /// The displacements (m) from rest under `forces` (N), in their place.
+    fn displacements(&self, forces: &mut [[f64; LANES]]) {
+        let [newest, first, second, third] = self.differences.map(|share| share * self.inertia);
+        let Coefficients { head, fast, .. } = &self.memory;
+        let mut increments = [[[0.0; LANES]; HEAD]; 2];
+        let mut extensions = [[0.0; LANES]; FAST];
+        // Force of all that is known before a step, without the first increment of t.
+        let mut known = [0.0; LANES];
+        let (mut stretched, mut position) = ([0.0; LANES], [0.0; LANES]);
+        let mut past = [[0.0; LANES]; 3];
+        for (step, (force, [slope, grows])) in forces.iter_mut().zip(&self.slopes).enumerate() {
+            let inverse = 1.0 / (self.instant * slope + newest - grows);
+            let x = lanes(|lane| {
+                let ahead = self.instant * stretched[lane] + newest * position[lane];
+                let inert = first * past[0][lane] + second * past[1][lane] + third * past[2][lane];
+                (force[lane] - known[lane] + ahead - inert) * inverse
+            });
+            past = [lanes(|lane| x[lane] - position[lane]), past[0], past[1]];
+            let increment = lanes(|lane| slope * x[lane] - stretched[lane]);
+            stretched = lanes(|lane| slope * x[lane]);
+            position = x;
+            *force = x;
+            let place = HEAD - 1 - step % HEAD;
+            let oldest = increments[0][place];
+            increments[0][place] = increment;
+            increments[1][place] = increment;
+            known = lanes(|lane| -self.instant * increment[lane]);
+            for (weight, value) in head.iter().zip(&increments.as_flattened()[place..place + HEAD]) {
+                known = lanes(|lane| known[lane] + weight * value[lane]);
+            }
+            for (extension, (loss, weight)) in extensions.iter_mut().zip(fast) {
+                *extension = lanes(|lane| extension[lane] + (oldest[lane] - loss * extension[lane]));
+                known = lanes(|lane| known[lane] + weight * extension[lane]);
+            }
+        }
+    }
+}
+
+/// A value for every lane, in a loop that the compiler vectorises.
+#[inline(always)]
+fn lanes(of: impl Fn(usize) -> f64) -> [f64; LANES] {
+    let mut values = [0.0; LANES];
+    (0..LANES).for_each(|lane| values[lane] = of(lane));
+    values
 }

@@ -13,6 +13,7 @@ use springpot::{Actuator, Curve, Discretisation, Load};
 
 use super::candidate::Candidate;
 use super::observation::{Observation, ReadingFit, Readings};
+use super::statistics::range;
 use super::transfer::{Nodes, Spectrum, Transfer};
 use crate::error::{Error, Result};
 use crate::files::recording::Input;
@@ -143,16 +144,8 @@ pub struct Evaluation {
     transfers: Vec<Transfer>,
     /// The elastic curve.
     curve: Option<Curve>,
-    /// Responses on the grid.
-    responses: Vec<Response>,
-}
-
-/// A response on the grid.
-struct Response {
-    /// Displacement (m), or force (N).
-    series: Vec<f64>,
-    /// Loads that drive the law along it, behind a curve.
-    driven: Vec<Load<f64>>,
+    /// Displacements (m), or forces (N), on the grid.
+    responses: Vec<Vec<f64>>,
 }
 
 impl Objective {
@@ -219,6 +212,17 @@ impl Objective {
         self.records.iter().map(|record| record.readings.measured.as_slice())
     }
 
+    /// Cost below which residuals are smaller than any sensor resolves: of recordings that are computed.
+    pub(super) fn negligible(&self) -> f64 {
+        const SHARE: f64 = 1e-6;
+        let of = |record: &Record| {
+            let (low, high) = range(&record.readings.measured);
+            let weight = record.readings.weight.powi(2);
+            0.5 * weight * record.readings.measured.len() as f64 * (SHARE * (high - low)).powi(2)
+        };
+        self.records.iter().map(of).sum()
+    }
+
     /// Number of measured values of every observation.
     pub fn values(&self) -> impl Iterator<Item = usize> {
         self.measured().map(<[f64]>::len)
@@ -246,8 +250,8 @@ impl Objective {
             .records
             .par_iter()
             .map(|record| self.respond(record, candidate, curve.as_ref(), &transfers[record.circle]))
-            .collect::<Option<Vec<(Vec<f64>, Response)>>>()?;
-        let (mut modelled, responses): (Vec<Vec<f64>>, Vec<Response>) = responses.into_iter().unzip();
+            .collect::<Option<Vec<(Vec<f64>, Vec<f64>)>>>()?;
+        let (mut modelled, responses): (Vec<Vec<f64>>, Vec<Vec<f64>>) = responses.into_iter().unzip();
         let solve = |(record, modelled): (&Record, &mut Vec<f64>)| record.readings.solve(modelled);
         let readings = self.records.iter().zip(&mut modelled).map(solve).collect();
         Some(Evaluation { modelled, readings, transfers, curve, responses })
@@ -260,14 +264,11 @@ impl Objective {
         candidate: &Candidate,
         curve: Option<&Curve>,
         transfer: &Transfer,
-    ) -> Option<(Vec<f64>, Response)> {
+    ) -> Option<(Vec<f64>, Vec<f64>)> {
         let circle = &self.circles[record.circle];
         let actuator = &candidate.actuator;
-        let mut driven = Vec::new();
-        let mut bent = |loads: Vec<Load<f64>>, curve: &Curve| -> Option<Vec<f64>> {
-            let (series, loads) = transfer.bent(circle, transfer.law.as_ref()?, curve, &loads).ok()?;
-            driven = loads;
-            Some(series)
+        let bent = |loads: Vec<Load<f64>>, curve: &Curve| -> Option<Vec<f64>> {
+            transfer.bent(circle, transfer.law.as_ref()?, curve, &loads).ok()
         };
         let series = match &record.drive {
             DriveSpectra::Displacement { path, spectrum } => match curve {
@@ -308,7 +309,7 @@ impl Objective {
             } else {
                 modelled.into_iter().map(|x| candidate.sensor().reading_m(x)).collect()
             };
-            (modelled, Response { series, driven })
+            (modelled, series)
         })
     }
 
