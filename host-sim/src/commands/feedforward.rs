@@ -12,7 +12,7 @@ use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders, Staged};
 use crate::grid::Grid;
 use crate::progress::Progress;
-use crate::replay::expectation::{Beyond, Expectation, Quantity};
+use crate::replay::expectation::Expectation;
 use crate::replay::feasibility::{self, Binding, Feasibility, Limit, Smaller};
 use crate::replay::feedforward::{self, VoltagePlan};
 use crate::report::axis::{DISPLACEMENT, MICROMETRES, VOLTAGE};
@@ -173,7 +173,7 @@ fn verdict(check: &Feasibility) -> Vec<String> {
             check.beyond_curve_pct
         ));
     }
-    lines.extend(check.expectation.iter().flat_map(expected));
+    lines.extend(check.expectation.iter().flat_map(Expectation::lines));
     lines.extend(match (check.least_offset_m, check.most_offset_m, check.smaller) {
         (Some(least), Some(most), _) => Some(format!(
             "feasible with an offset of {:.3} to {:.3} mm: {} to {}",
@@ -210,22 +210,6 @@ fn panels(reference: &[f64], plan: &VoltagePlan, grid: Grid) -> Vec<Panel> {
         Panel::new("Voltage", "time (s)", VOLTAGE.label())
             .with(Line::new("voltage", &time, &VOLTAGE.transform(&plan.voltage_v)).coloured(Colour::Green)),
     ]
-}
-
-/// The error to expect, and what to record to know it better.
-fn expected(expectation: &Expectation) -> Vec<String> {
-    let line = |Beyond { quantity, needed, recorded }: &Beyond| match quantity {
-        Quantity::Stroke => {
-            format!("reaches {:.3} mm, recorded was {:.3} mm: record that stroke", 1e3 * needed, 1e3 * recorded)
-        }
-        Quantity::Voltage => format!("needs {needed:.0} V, recorded were {recorded:.0} V: record that voltage"),
-        Quantity::Speed => {
-            format!("moves at {:.2} mm/s, recorded were {:.2} mm/s: record faster cycles", 1e3 * needed, 1e3 * recorded)
-        }
-        Quantity::Time => format!("lasts {needed:.0} s, recorded were {recorded:.0} s: record for as long"),
-    };
-    let error = format!("expected error up to {:.2} % of peak to peak RMS", expectation.largest_pct);
-    expectation.beyond.iter().map(line).chain([error]).collect()
 }
 
 /// A limit that is not kept, in a line.

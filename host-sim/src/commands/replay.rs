@@ -57,10 +57,20 @@ pub(super) struct RecordingAgreement {
     samples: usize,
 }
 
+/// A recording along which the film has no response.
+#[derive(Serialize)]
+pub(super) struct WithoutResponse {
+    file: String,
+    cause: String,
+}
+
 #[derive(Serialize)]
 pub(super) struct Report {
     pub(super) recordings: Vec<RecordingAgreement>,
     pub(super) r2_mean: f64,
+    /// Recordings that have no response beside others that have.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    without_response: Vec<WithoutResponse>,
     /// Note on the electric field, if the film's sizes are assumed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) field_note: Option<String>,
@@ -83,7 +93,7 @@ impl RecordingAgreement {
 impl Report {
     pub(super) fn new(recordings: Vec<RecordingAgreement>) -> Self {
         let r2_mean = recordings.iter().map(|row| row.r2).sum::<f64>() / recordings.len() as f64;
-        Self { recordings, r2_mean, field_note: None }
+        Self { recordings, r2_mean, without_response: Vec::new(), field_note: None }
     }
 }
 
@@ -109,15 +119,21 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let bar = Progress::over(comparisons.iter().map(|comparison| comparison.grid.samples as u64).sum(), "replay");
     // Removed again if it stays empty.
     let _folder = arguments.out.as_deref().map(Folder::at).transpose()?;
-    let mut rows = Vec::new();
+    let (mut rows, mut without) = (Vec::new(), Vec::new());
     let mut written = Vec::new();
     let mut panels = Vec::new();
     for (number, (comparison, path)) in comparisons.iter().zip(outputs).enumerate() {
         let recording = comparison.recording();
         bar.set_message(format!("replay {} ({} of {})", shown(recording.path()), number + 1, comparisons.len()));
-        let (response, agreement) = comparison
-            .run(&parameters, &options, &bar)
-            .map_err(|e| e.about(&arguments.model.law.params, recording.path()))?;
+        let (response, agreement) = match comparison.run(&parameters, &options, &bar) {
+            Ok(done) => done,
+            // The others may be within what the film withstands.
+            Err(Error::Computation(cause)) if comparisons.len() > 1 => {
+                without.push(WithoutResponse { file: shown(recording.path()), cause });
+                continue;
+            }
+            Err(error) => return Err(error.about(&arguments.model.law.params, recording.path())),
+        };
         rows.push(RecordingAgreement::new(recording, arguments.drive, &agreement));
         if plot.is_wanted() {
             panels.extend(compared(comparison, arguments.drive, &comparison.readings(&parameters, &response)));
@@ -127,10 +143,18 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         }
     }
     bar.finish_and_clear();
+    if let (true, Some(WithoutResponse { file, cause })) = (rows.is_empty(), without.first()) {
+        return Err(Error::Computation(cause.clone()).about(&arguments.model.law.params, Path::new(file)));
+    }
     let mut report = Report::new(rows);
+    report.without_response = without;
     report.field_note = options::field_note(&parameters).filter(|_| arguments.drive == Direction::Force);
     written.extend(plot.stage(&report, || Figure::new(format!("Replay of {}", parameters.name), panels))?);
     written.into_iter().try_for_each(Staged::commit)?;
+    terminal::warnings(
+        json,
+        report.without_response.iter().map(|row| format!("{}: left out: {}", row.file, row.cause)),
+    );
     terminal::warnings(json, &report.field_note);
     terminal::report(json, &report, || format!("{}\n{}", table(&report), how(&options)))
 }

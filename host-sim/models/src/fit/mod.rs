@@ -34,7 +34,7 @@ use crate::error::{Error, Result, with_names};
 use crate::files::parameters::{Parameters, plausibility};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::progress::Stage;
-use crate::replay::expectation::Recorded;
+use crate::replay::expectation::{Recorded, Refit};
 use candidate::Candidate;
 use checks::Misfit;
 use descent::{Context, Found, PreparedObservations};
@@ -44,7 +44,7 @@ pub use observation::ReadingFit;
 pub use options::FitOptions;
 pub use preparation::{Severity, Warning};
 pub use report::FitReport;
-use search::Search;
+use search::{Search, Selected};
 pub use selection::StructureRow;
 use settings::Stages;
 pub use settings::{Method, Settings};
@@ -58,6 +58,8 @@ pub use uncertainty::{Estimate, Uncertainty};
 pub struct Fit {
     /// The best candidate.
     pub candidate: Candidate,
+    /// Its structure fitted to parts of the recordings.
+    pub refits: Vec<Candidate>,
     /// Modelled values at the measured times of every observation.
     pub modelled: Vec<Vec<f64>>,
     /// Offset and gain of every observation's readings.
@@ -104,16 +106,17 @@ pub fn fit(
         return Err(Error::field("hold", "nothing is left to fit"));
     }
     let best = |context: &Context<'_>| Search { context, observations, settings, stages: &stages }.best();
-    let (mut found, mut structures) = best(&context)?;
+    let mut selected = best(&context)?;
     if settings.sensor_delay_s.is_none() && settings.method == Method::Lm && !stop.load(Ordering::Relaxed) {
         stages.note("the sensor's delay");
-        if let Some(delay_s) = delay::suspected(&context, &found) {
-            let (late, rows) = best(&context.with_delay(delay_s))?;
-            if delay::is_kept(&context, &late, &found) {
-                (found, structures) = (late, rows);
+        if let Some(delay_s) = delay::suspected(&context, &selected.found) {
+            let late = best(&context.with_delay(delay_s))?;
+            if delay::is_kept(&context, &late.found, &selected.found) {
+                selected = late;
             }
         }
     }
+    let Selected { found, rows, mut refits } = selected;
     let mut found = in_order(&context, found, settings);
     if settings.method == Method::Lm {
         found = uncertainty::at_minimum(&context, found);
@@ -123,8 +126,12 @@ pub fn fit(
     if settings.uncertainty && settings.method == Method::Lm && !interrupted {
         stages.note("uncertainty of the parameters");
         uncertainty = Uncertainty::from_fit(&context, &found);
+        if refits.is_empty() && context.excitation.voltage_driven {
+            stages.note("fits to parts of the recordings");
+            refits = search::refits(&context, observations, &found)?;
+        }
     }
-    Fit::new(&context, observations, settings, found, structures, uncertainty, interrupted)
+    Fit::new(&context, observations, settings, Selected { found, rows, refits }, uncertainty, interrupted)
 }
 
 /// Description of the first recording that repeats another: no second measurement, with which intervals would be too narrow and left-out
@@ -159,14 +166,14 @@ impl Fit {
         context: &Context<'_>,
         observations: &[Observation],
         settings: &Settings,
-        found: Found,
-        structures: Vec<StructureRow>,
+        selected: Selected,
         uncertainty: Option<Uncertainty>,
         interrupted: bool,
     ) -> Result<Self> {
+        let Selected { found, rows: structures, refits } = selected;
         let objective = context.fine;
         let no_response = || Error::Computation("the fit has no response; check the units of the recordings".into());
-        let mut candidate = found.candidate;
+        let mut candidate = found.candidate.clone();
         let evaluation = objective.evaluate(&candidate).ok_or_else(no_response)?;
         let (modelled, mut readings) = (evaluation.modelled, evaluation.readings);
         // Offsets are of the sensor; the file's is that of the first recording.
@@ -182,8 +189,7 @@ impl Fit {
         let residuals: Vec<Vec<f64>> = pairs().map(|(y, x)| y.iter().zip(x).map(|(y, x)| x - y).collect()).collect();
         let misfit = Misfit::new(observations, &residuals, structures.iter().find(|row| row.chosen));
         let recorded = recorded(observations, &modelled, &candidate, misfit);
-        let stroke_m = recorded.stroke_m[1] - recorded.stroke_m[0];
-        let expected_pct = 100.0 * recorded.largest_error_m() / stroke_m.max(f64::MIN_POSITIVE);
+        let expected_pct = expected_pct(context, &found.candidate, &refits, &recorded);
 
         let mut warnings = Vec::new();
         checks::of_sizes(settings, context.excitation, &mut warnings);
@@ -205,6 +211,7 @@ impl Fit {
         warnings.sort_by_key(|warning| warning.severity);
         Ok(Self {
             candidate,
+            refits,
             readings,
             rates_hz: observations.iter().map(|observation| observation.rate_hz).collect(),
             modelled,
@@ -235,7 +242,7 @@ impl Fit {
         let name =
             |recording: &&Recording| recording.path().file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let names: Vec<String> = recordings.iter().map(name).collect();
-        Ok(Parameters {
+        let mut parameters = Parameters {
             curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
             method: springpot::Discretisation::Gl,
             name: format!("fit to {}", names.join(", ")),
@@ -246,11 +253,26 @@ impl Fit {
             sensor_offset_m: self.candidate.offset_m,
             sensor_delay_s: self.candidate.delay_s,
             board: None,
-            provenance: Some(self.provenance(settings, direction, recordings)?),
-        })
+            provenance: None,
+        };
+        let refit = |refit: &Candidate| {
+            let curve = refit.bend.elastic().ok()?;
+            let film = Parameters { curve, actuator: refit.actuator, model: refit.model().ok()?, ..parameters.clone() };
+            Some(Refit::new(&film))
+        };
+        let refits = self.refits.iter().map(refit).collect::<Option<_>>().unwrap_or_default();
+        let recorded = Recorded { refits, ..self.recorded.clone() };
+        parameters.provenance = Some(self.provenance(settings, direction, recordings, &recorded)?);
+        Ok(parameters)
     }
 
-    fn provenance(&self, settings: &Settings, direction: Direction, recordings: &[&Recording]) -> Result<Table> {
+    fn provenance(
+        &self,
+        settings: &Settings,
+        direction: Direction,
+        recordings: &[&Recording],
+        recorded: &Recorded,
+    ) -> Result<Table> {
         let drive = match direction {
             Direction::Force => "force",
             Direction::Displacement => "displacement",
@@ -279,7 +301,7 @@ impl Fit {
         }
         put("recordings", recordings.collect::<Result<Vec<Value>>>()?.into());
         // Of a force along a displacement no voltage follows.
-        if let Some((key, value)) = self.recorded.entry().filter(|_| direction == Direction::Force) {
+        if let Some((key, value)) = recorded.entry().filter(|_| direction == Direction::Force) {
             put(key, value);
         }
         if let Some(uncertainty) = self.uncertainty.as_ref().filter(|uncertainty| uncertainty.no_intervals.is_none()) {
@@ -290,10 +312,35 @@ impl Fit {
     }
 }
 
+/// Largest error (RMS, % of the stroke) to expect of a voltage of the recordings: from what the `refits` to parts of them differ from
+/// `candidate` along it, or from the error on what was left out.
+fn expected_pct(context: &Context<'_>, candidate: &Candidate, refits: &[Candidate], recorded: &Recorded) -> f64 {
+    let stroke_m = recorded.stroke_m[1] - recorded.stroke_m[0];
+    let moved = |candidate: &Candidate| context.coarse.evaluate(candidate).map(|found| found.responses.concat());
+    let difference = || {
+        let whole = moved(candidate)?;
+        let square = |refit: &Candidate| {
+            let off = moved(refit)?;
+            Some(off.iter().zip(&whole).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / whole.len() as f64)
+        };
+        let squares: Vec<f64> = refits.iter().map(square).collect::<Option<_>>()?;
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    };
+    let [_, largest_m] = recorded.error_m(difference());
+    100.0 * largest_m / stroke_m.max(f64::MIN_POSITIVE)
+}
+
 /// The ranges of `observations`, of which the displacements (m) are `modelled`, without noise.
 fn recorded(observations: &[Observation], modelled: &[Vec<f64>], candidate: &Candidate, misfit: Misfit) -> Recorded {
-    let mut recorded =
-        Recorded { stroke_m: [0.0, 0.0], voltage_v: 0.0, speed_m_per_s: 0.0, time_s: 0.0, left_out_m: 0.0 };
+    let mut recorded = Recorded {
+        stroke_m: [0.0, 0.0],
+        voltage_v: 0.0,
+        speed_m_per_s: 0.0,
+        time_s: 0.0,
+        left_out_m: 0.0,
+        misfit_m: 0.0,
+        refits: Vec::new(),
+    };
     for (observation, modelled) in observations.iter().zip(modelled) {
         let (low, high) = range(modelled);
         recorded.stroke_m[0] = recorded.stroke_m[0].min(low - candidate.offset_m);
@@ -307,7 +354,8 @@ fn recorded(observations: &[Observation], modelled: &[Vec<f64>], candidate: &Can
         }
         recorded.time_s = recorded.time_s.max(drive.time_s.last().copied().unwrap_or(0.0));
     }
-    recorded.left_out_m = 0.01 * misfit.left_out_pct * (recorded.stroke_m[1] - recorded.stroke_m[0]);
+    [recorded.left_out_m, recorded.misfit_m] = [misfit.left_out_pct, misfit.systematic_pct]
+        .map(|pct| 0.01 * pct * (recorded.stroke_m[1] - recorded.stroke_m[0]));
     recorded
 }
 

@@ -190,14 +190,18 @@ pub fn thinned(observation: &Observation) -> Observation {
         .into_iter()
         .find(|&every| load.len() / every >= MIN_SAMPLES && follows(every))
         .unwrap_or(1);
-    let measured = &observation.measured;
+    let Observation { measured, sample_weights, .. } = observation;
+    // Rows that do not count would take the places of those that do.
+    let counts = |k: &usize| sample_weights.get(*k).is_none_or(|weight| *weight > 0.0);
+    let counted: Vec<usize> = (0..measured.value.len()).filter(counts).collect();
     // As many measurements as there are steps, if there are that many.
-    let every_measured = (measured.value.len() * every / load.len()).max(1);
-    let pick = |values: &[f64]| values.iter().copied().step_by(every_measured).collect::<Vec<f64>>();
+    let every_measured = (counted.len() * every / load.len()).max(1);
+    let pick =
+        |values: &[f64]| counted.iter().step_by(every_measured).filter_map(|k| values.get(*k)).copied().collect();
     Observation {
         rate_hz: observation.rate_hz / every as f64,
         measured: Samples { time_s: pick(&measured.time_s), value: pick(&measured.value) },
-        sample_weights: pick(&observation.sample_weights),
+        sample_weights: pick(sample_weights),
         ..observation.clone()
     }
 }

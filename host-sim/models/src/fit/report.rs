@@ -16,6 +16,7 @@ use crate::cost::Cost;
 use crate::error::shown;
 use crate::files::parameters::Parameters;
 use crate::files::recording::Direction;
+use crate::replay::expectation::Expectation;
 
 /// Rate that the compression is reported for, Hz: the usual rate of a controller.
 const CONTROLLER_HZ: f64 = 1000.0;
@@ -64,6 +65,9 @@ pub struct FitReport {
     pub relaxations: Vec<BranchRow>,
     /// The film and its actuator.
     pub film: FilmRow,
+    /// The error to expect of feedforward along a reference, if one is given.
+    #[serde(flatten)]
+    pub expectation: Option<Expectation>,
     /// When, by which program and by which command, if a command made it.
     pub made: Option<Origin>,
     /// Warnings to the user.
@@ -156,6 +160,7 @@ impl FitReport {
                 sizes_assumed: parameters.assumed_sizes,
                 curve: fit.candidate.bend.name(),
             },
+            expectation: None,
             made: None,
             warnings: fit.warnings.clone(),
         }
@@ -201,6 +206,9 @@ impl FitReport {
             self.seconds,
             if self.interrupted { ", interrupted: the best so far" } else { "" }
         );
+        for line in self.expectation.iter().flat_map(Expectation::lines) {
+            let _ = write!(text, "\n{line}");
+        }
         text
     }
 }

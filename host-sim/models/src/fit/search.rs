@@ -19,8 +19,23 @@ use crate::error::{Error, Result};
 /// Nonlinear structures of long recordings that are fitted beyond their beginning.
 const FINALISTS: usize = 2;
 
-/// A selected structure on all samples, and the rows of all that were compared.
-pub type Selected = (Found, Vec<StructureRow>);
+/// A selected structure.
+#[derive(Clone)]
+pub struct Selected {
+    /// Its fit to all samples.
+    pub found: Found,
+    /// The rows of all structures that were compared; empty for a single one.
+    pub rows: Vec<StructureRow>,
+    /// Its fits to parts of the recordings.
+    pub refits: Vec<Candidate>,
+}
+
+impl Selected {
+    /// The only one that was tried.
+    fn only(found: Found) -> Self {
+        Self { found, rows: Vec::new(), refits: Vec::new() }
+    }
+}
 
 /// A search over the structures of the settings.
 pub struct Search<'a> {
@@ -43,13 +58,13 @@ impl Search<'_> {
     pub fn best(&self) -> Result<Selected> {
         let Self { context, settings, stages, .. } = self;
         if settings.method == Method::PatternSearch {
-            return Ok((pattern_search::best_structure(context, settings, stages)?, Vec::new()));
+            return Ok(Selected::only(pattern_search::best_structure(context, settings, stages)?));
         }
         let refined =
             settings.start.as_ref().map(|start| context.refined(start, settings.topologies[0])).transpose()?;
         let linear = match &refined {
             Some(refined) if refined.candidate.bend != Bend::Straight || settings.curve == CurveChoice::None => {
-                return Ok((refined.clone(), Vec::new()));
+                return Ok(Selected::only(refined.clone()));
             }
             Some(refined) => context.coarsened(&refined.candidate).into_iter().collect(),
             None => self.linear(),
@@ -62,13 +77,13 @@ impl Search<'_> {
             )));
         }
         let nonlinear = self.nonlinear(&linear);
-        let (mut found, rows) = self.selected([linear, nonlinear].concat())?;
+        let Selected { found, rows, refits } = self.selected([linear, nonlinear].concat())?;
         stages.note("the chosen structure on all samples");
-        found = match refined {
+        let found = match refined {
             Some(refined) if found.candidate.bend == Bend::Straight && found.variables == refined.variables => refined,
             _ => context.finished(found),
         };
-        Ok((found, rows))
+        Ok(Selected { found, rows, refits })
     }
 
     /// Fits of linear films of both topologies, those with few branches first. Fewer if the search is interrupted.
@@ -197,10 +212,9 @@ impl Search<'_> {
     fn selected(&self, mut found: Vec<Found>) -> Result<Selected> {
         let Self { context, settings, observations, .. } = self;
         if found.len() == 1 {
-            return Ok((found.swap_remove(0), Vec::new()));
+            return Ok(Selected::only(found.swap_remove(0)));
         }
-        let thinned: Vec<Observation> = observations.iter().map(observation::thinned).collect();
-        let left_out = LeftOut::new(&thinned, context.coarse, Objective::thinned)?;
+        let left_out = left_out(context, observations)?;
         self.stages.expect(found.iter().map(|found| work(found.candidate.branches())));
         let mut fits: Vec<StructureFit> = Vec::new();
         for found in found {
@@ -214,6 +228,19 @@ impl Search<'_> {
         if fits.is_empty() {
             return Err(Error::Computation("no structure could be fitted to these recordings".into()));
         }
-        Ok((fits.swap_remove(index).found, rows))
+        let StructureFit { found, refits, .. } = fits.swap_remove(index);
+        Ok(Selected { found, rows, refits })
     }
+}
+
+/// The parts of `observations` that are left out, thinned.
+fn left_out<'a>(context: &Context<'a>, observations: &[Observation]) -> Result<LeftOut<'a>> {
+    let thinned: Vec<Observation> = observations.iter().map(observation::thinned).collect();
+    LeftOut::new(&thinned, context.coarse, Objective::thinned)
+}
+
+/// Fits of the structure that was `found` to parts of `observations`; empty where one is missing.
+pub fn refits(context: &Context<'_>, observations: &[Observation], found: &Found) -> Result<Vec<Candidate>> {
+    let fits = left_out(context, observations)?.refitted(context, found);
+    Ok(fits.map_or_else(|_| Vec::new(), |(_, refits)| refits))
 }

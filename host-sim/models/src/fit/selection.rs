@@ -108,7 +108,9 @@ pub(super) struct StructureFit {
     left_out_blocks_nrmse_pct: Option<f64>,
     /// Relative mean squares in the blocks that were left out, or the reason why they are missing.
     left_out: std::result::Result<Vec<f64>, String>,
-    /// The same of the fit itself.
+    /// The fits to the parts.
+    pub(super) refits: Vec<Candidate>,
+    /// Relative mean squares of the fit itself in the blocks.
     fitted: Vec<f64>,
     /// Mean of the recordings' R², and of their NRMSE (%).
     r2_mean: f64,
@@ -124,7 +126,10 @@ impl StructureFit {
         let agreements = agreements_of(objective, &evaluation);
         let mean = |of: fn(&Agreement) -> f64| agreements.iter().map(of).sum::<f64>() / agreements.len() as f64;
         let whiteness = Whiteness::new(objective.values(), &objective.residuals(&evaluation));
-        let errors = left_out.errors(context, &found);
+        let (errors, refits) = match left_out.refitted(context, &found) {
+            Ok((errors, refits)) => (Ok(errors), refits),
+            Err(missing) => (Err(missing), Vec::new()),
+        };
         Some(Self {
             r2_mean: mean(|a| a.r2),
             nrmse_pct: mean(|a| a.nrmse_pct),
@@ -132,6 +137,7 @@ impl StructureFit {
             left_out_nrmse_pct: errors.as_ref().ok().and_then(|errors| left_out.nrmse_pct(errors)),
             left_out_blocks_nrmse_pct: errors.as_ref().ok().and_then(|errors| left_out.blocks_nrmse_pct(errors)),
             left_out: errors,
+            refits,
             fitted: left_out.mean_squares(context.loss, &evaluation),
             found,
         })
@@ -379,15 +385,22 @@ impl<'a> LeftOut<'a> {
     ///
     /// The reason why they are missing.
     pub fn errors(&self, context: &Context<'_>, found: &Found) -> std::result::Result<Vec<f64>, String> {
-        let errors: Vec<Vec<f64>> = self
-            .folds
-            .par_iter()
-            .map(|fold| fold.errors(self.whole, context, found))
-            .collect::<std::result::Result<_, _>>()?;
+        self.refitted(context, found).map(|(errors, _)| errors)
+    }
+
+    /// The same with the fits to the parts.
+    pub(super) fn refitted(
+        &self,
+        context: &Context<'_>,
+        found: &Found,
+    ) -> std::result::Result<(Vec<f64>, Vec<Candidate>), String> {
+        let folds = self.folds.par_iter().map(|fold| fold.refitted(self.whole, context, found));
+        let fits: Vec<(Vec<f64>, Candidate)> = folds.collect::<std::result::Result<_, _>>()?;
         if context.stop.load(Ordering::Relaxed) {
             return Err("the search was interrupted".into());
         }
-        Ok(errors.concat())
+        let (errors, fits): (Vec<Vec<f64>>, Vec<Candidate>) = fits.into_iter().unzip();
+        Ok((errors.concat(), fits))
     }
 
     /// Mean NRMSE (%) of recordings that are left out, if there are several, from the [`errors`](Self::errors).
@@ -439,9 +452,14 @@ fn mean_squares(whole: &Objective, loss: Loss, evaluation: &Evaluation, blocks: 
 }
 
 impl Fold {
-    /// Relative mean squares in the blocks of the structure that was `found`, fitted to the others. Their strokes leave the end of a curve
+    /// Relative mean squares in the blocks of the structure that was `found`, fitted to the others, and that fit. Their strokes leave the end of a curve
     /// open: where the film pulls in on what is left out, it is brought back towards the fit to everything.
-    fn errors(&self, whole: &Objective, context: &Context<'_>, found: &Found) -> std::result::Result<Vec<f64>, String> {
+    fn refitted(
+        &self,
+        whole: &Objective,
+        context: &Context<'_>,
+        found: &Found,
+    ) -> std::result::Result<(Vec<f64>, Candidate), String> {
         // The fit to all of them is a close start.
         let stopping = StoppingCriteria { iterations: 40, decrease: 1e-5 };
         let fitted = context.descend_over(&self.others, &found.candidate, found.variables.clone(), stopping);
@@ -453,7 +471,7 @@ impl Fold {
                 variable.set(&mut candidate, if share == 1.0 { to } else { from + share * (to - from) });
             }
             let errors = mean_squares(whole, context.loss, &whole.evaluate(&candidate)?, &self.blocks);
-            errors.iter().all(|error| error.is_finite()).then_some(errors)
+            errors.iter().all(|error| error.is_finite()).then_some((errors, candidate))
         };
         let found = WAY_BACK.into_iter().find_map(errors);
         found.ok_or_else(|| format!("the fit without {} has no response to it", self.what))

@@ -1,22 +1,37 @@
 //! The error to expect of feedforward, from what was recorded of the film.
+//!
+//! A film is fitted again to parts of its recordings. Along a reference these fits answer the planned voltage differently, because the
+//! recordings do not determine the film; what the model does not describe is left in the recordings themselves. Both together are
+//! about the error of feedforward.
 
+use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
+use springpot::{Curve, Knot, Maxwell, Springpot};
 use toml::Value;
 
-use crate::files::parameters::Parameters;
-use crate::grid::Grid;
+use crate::files::parameters::{ElasticCurve, Parameters};
+use crate::files::recording::Input;
+use crate::grid::{Grid, Samples};
+use crate::replay::memory::{MemoryChoice, Precision, RunOptions};
+use crate::replay::simulate;
 
 /// Key of the table in a parameter file's provenance.
 const KEY: &str = "recorded";
-/// Largest error of feedforward over the error on what was left out: calibrated on random films that stiffen in series with creep.
+/// Ends of the interval of the error over its estimate, calibrated on random films that stiffen in series with creep.
+const ENDS: [f64; 2] = [0.12, 2.0];
+/// Share of the misfit along recordings in that estimate: references that do not return to rest leave more of it.
+const MISFIT: f64 = 2.5;
+/// Largest error over that on what was left out, where there are no fits to parts: calibrated on the same films.
 const MAX_RATIO: f64 = 5.0;
-/// Growth of that error with each share by which a reference exceeds what was recorded.
+/// Growth of the error with each share by which a reference exceeds what was recorded.
 const GROWTH: f64 = 5.0;
 /// Share by which a reference may exceed it, which changes nothing.
 const SLACK: f64 = 0.02;
+/// Time after which the error of a reference counts, s.
+const RISE_S: f64 = 2.0;
 
 /// The range of what was recorded of a film.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Recorded {
     /// Smallest and largest displacement, m.
     pub stroke_m: [f64; 2],
@@ -28,6 +43,31 @@ pub struct Recorded {
     pub time_s: f64,
     /// RMS error on what was left out, without noise, m.
     pub left_out_m: f64,
+    /// RMS error of the fit, without noise, m.
+    #[serde(default)]
+    pub misfit_m: f64,
+    /// The film as it is fitted to parts of the recordings.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub refits: Vec<Refit>,
+}
+
+/// A film as it is fitted to a part of the recordings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Refit {
+    /// c (N·s^α/m) and α of every springpot, the main one first.
+    elements: Vec<[f64; 2]>,
+    /// kg.
+    mass_kg: f64,
+    /// N/V².
+    force_per_square_volt: f64,
+    /// 1/m.
+    stretch_coupling: f64,
+    /// V.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    saturation_v: Option<f64>,
+    /// Displacement (m), value (m) and slope of the elastic curve's knots.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    curve: Vec<[f64; 3]>,
 }
 
 /// A quantity of a reference.
@@ -58,10 +98,32 @@ pub struct Beyond {
 /// The error to expect along a reference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Expectation {
-    /// Largest RMS error to expect, in % of the reference's peak to peak after 2 s.
-    pub largest_pct: f64,
+    /// Interval that holds the RMS error with 95 % confidence, in % of the reference's peak to peak after 2 s.
+    pub feedforward_error_pct: [f64; 2],
     /// The quantities in which the reference exceeds all recordings, for which the error grows.
     pub beyond: Vec<Beyond>,
+}
+
+impl Expectation {
+    /// The quantities that exceed the recordings, each with what to record, and the error to expect.
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        let line = |Beyond { quantity, needed, recorded }: &Beyond| match quantity {
+            Quantity::Stroke => {
+                format!("reaches {:.3} mm, recorded was {:.3} mm: record that stroke", 1e3 * needed, 1e3 * recorded)
+            }
+            Quantity::Voltage => format!("needs {needed:.0} V, recorded were {recorded:.0} V: record that voltage"),
+            Quantity::Speed => format!(
+                "moves at {:.2} mm/s, recorded were {:.2} mm/s: record faster cycles",
+                1e3 * needed,
+                1e3 * recorded
+            ),
+            Quantity::Time => format!("lasts {needed:.0} s, recorded were {recorded:.0} s: record for as long"),
+        };
+        let [low, high] = self.feedforward_error_pct;
+        let error = format!("expected error {low:.2} to {high:.2} % of peak to peak RMS");
+        self.beyond.iter().map(line).chain([error]).collect()
+    }
 }
 
 impl Recorded {
@@ -77,15 +139,34 @@ impl Recorded {
         Some((KEY, Value::try_from(self).ok()?))
     }
 
-    /// Largest RMS error of feedforward to expect within what was recorded, m.
+    /// The error to expect along `reference` (m, on `grid`), which goes over `range_m` after its rise, of feedforward with `parameters`, which
+    /// plays `voltage_v`.
     #[must_use]
-    pub fn largest_error_m(&self) -> f64 {
-        MAX_RATIO * self.left_out_m
+    pub fn expectation(
+        &self,
+        parameters: &Parameters,
+        reference: &[f64],
+        grid: Grid,
+        range_m: f64,
+        voltage_v: Vec<f64>,
+    ) -> Expectation {
+        let largest_v = voltage_v.iter().copied().fold(0.0, f64::max);
+        let (growth, beyond) = self.beyond(reference, grid, largest_v);
+        let [low, high] = self.error_m(self.difference_m(parameters, reference, grid, voltage_v));
+        let share = |error_m: f64| 100.0 * error_m / range_m.max(f64::MIN_POSITIVE);
+        Expectation { feedforward_error_pct: [share(low), share(growth * high)], beyond }
     }
 
-    /// The error to expect along `reference` (m, on `grid`), which goes over `range_m` after its rise and needs `voltage_v` at the most.
+    /// Interval of the error (m, RMS) along a path on which the fits to parts differ by `difference_m`, if they are known.
     #[must_use]
-    pub fn expectation(&self, reference: &[f64], grid: Grid, range_m: f64, voltage_v: f64) -> Expectation {
+    pub fn error_m(&self, difference_m: Option<f64>) -> [f64; 2] {
+        let estimated = |difference_m: f64| ENDS.map(|end| end * difference_m.hypot(MISFIT * self.misfit_m));
+        difference_m.map_or([0.0, MAX_RATIO * self.left_out_m], estimated)
+    }
+
+    /// The quantities in which `reference` (m, on `grid`), which needs `voltage_v` at the most, exceeds the recordings, and by how much the
+    /// error grows with them.
+    fn beyond(&self, reference: &[f64], grid: Grid, voltage_v: f64) -> (f64, Vec<Beyond>) {
         let [low, high] = self.stroke_m;
         let end = |of: fn(f64, f64) -> f64, from: f64| reference.iter().copied().fold(from, of);
         let speed = reference.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max) * grid.rate_hz;
@@ -109,6 +190,59 @@ impl Recorded {
                 beyond.push(Beyond { quantity, needed, recorded });
             }
         }
-        Expectation { largest_pct: 100.0 * growth * self.largest_error_m() / range_m.max(f64::MIN_POSITIVE), beyond }
+        (growth, beyond)
+    }
+
+    /// RMS difference (m) of the fits to parts from the film of `parameters`, which `voltage_v` takes along `reference` (m); none where one
+    /// of them does not follow.
+    fn difference_m(&self, parameters: &Parameters, reference: &[f64], grid: Grid, voltage_v: Vec<f64>) -> Option<f64> {
+        let input = Input::Voltage(Samples { time_s: grid.times_s(), value: voltage_v });
+        let options = RunOptions { memory: MemoryChoice::Compressed, precision: Precision::F64, rate_hz: grid.rate_hz };
+        let from = ((RISE_S * grid.rate_hz) as usize).min(reference.len() - 1);
+        let square = |refit: &Refit| {
+            let film = refit.parameters(parameters)?;
+            let moved = simulate::response(&film, &input, grid, &options, &ProgressBar::hidden()).ok()?;
+            let off = moved.displacement_m.iter().zip(reference).skip(from);
+            Some(off.map(|(x, wanted)| (x - wanted).powi(2)).sum::<f64>() / (reference.len() - from) as f64)
+        };
+        let squares: Vec<f64> = self.refits.iter().map(square).collect::<Option<_>>()?;
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    }
+}
+
+impl Refit {
+    /// The film of `parameters`.
+    #[must_use]
+    pub fn new(parameters: &Parameters) -> Self {
+        let Parameters { actuator, model, curve, .. } = parameters;
+        let elements = model.chains().flat_map(|chain| chain.elements).map(|element| [element.c, element.alpha]);
+        let knot = |knot: &Knot<f64>| [knot.displacement, knot.value, knot.slope];
+        Self {
+            elements: elements.collect(),
+            mass_kg: actuator.mass_kg,
+            force_per_square_volt: actuator.force_per_square_volt(),
+            stretch_coupling: actuator.stretch_coupling,
+            saturation_v: actuator.saturation_v,
+            curve: curve.iter().flat_map(|curve| curve.pieces().knots()).map(knot).collect(),
+        }
+    }
+
+    /// This film instead of that of `parameters`; none where its numbers are of no film.
+    fn parameters(&self, parameters: &Parameters) -> Option<Parameters> {
+        let elements: Vec<Springpot> = self.elements.iter().map(|&[c, alpha]| Springpot::new(c, alpha)).collect();
+        let (branches, _) = elements.get(1..)?.as_chunks::<2>();
+        let mut film = parameters.clone();
+        film.model = Maxwell::new(elements[0], branches, parameters.model.topology(), self.mass_kg).ok()?;
+        film.actuator.relative_permittivity *= self.force_per_square_volt / film.actuator.force_per_square_volt();
+        film.actuator.mass_kg = self.mass_kg;
+        film.actuator.stretch_coupling = self.stretch_coupling;
+        film.actuator.saturation_v = self.saturation_v;
+        film.curve = None;
+        if !self.curve.is_empty() {
+            let knot = |&[displacement, value, slope]: &[f64; 3]| Knot { displacement, value, slope };
+            let knots: Vec<Knot<f64>> = self.curve.iter().map(knot).collect();
+            film.curve = Some(ElasticCurve::free(Curve::new(&knots).ok()?));
+        }
+        Some(film)
     }
 }

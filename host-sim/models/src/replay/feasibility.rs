@@ -155,6 +155,10 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
     let is_too_fast = binding.iter().any(|binding| matches!(binding.limit, Limit::Slew | Limit::Velocity));
     let feasible = first.is_none() && amplifier_follows && !is_too_fast;
     let binding = if feasible { Vec::new() } else { binding };
+    let voltage_v = || {
+        let squared = demand.force.iter().enumerate().map(|(k, &force)| demand.squared_voltage(k, 0.0, force));
+        squared.map(|square| square.max(0.0).sqrt()).collect()
+    };
     Ok(Feasibility {
         feasible,
         field_checked,
@@ -171,7 +175,7 @@ pub fn check(parameters: &Parameters, reference: &[f64], grid: Grid, limits: &Co
         amplifier,
         binding,
         expectation: Recorded::from_parameters(parameters)
-            .map(|recorded| recorded.expectation(reference, grid, high_m - low_m, square.sqrt())),
+            .map(|recorded| recorded.expectation(parameters, reference, grid, high_m - low_m, voltage_v())),
         smaller: None,
     })
 }

@@ -445,3 +445,23 @@ fn one_amplitude_supports_no_curve() {
     println!("{:?}", fit.structures);
     assert_eq!((fit.candidate.bend, fit.candidate.actuator.saturation_v), (Bend::Straight, None));
 }
+
+/// Rows whose weight is 0 count for nothing: every second one may have it.
+#[test]
+fn every_second_row_may_weigh_nothing() {
+    let all = observations("wang")[..1].to_vec();
+    let mut half = all.clone();
+    half[0].sample_weights =
+        (0..all[0].measured.value.len()).map(|k| if k % 2 == 0 { 0.0 } else { 2f64.sqrt() }).collect();
+    let settings = Settings {
+        branches: vec![0, 1],
+        topologies: vec![Topology::Parallel],
+        uncertainty: false,
+        ..Settings::default()
+    };
+    let [all, half] = [all, half].map(|observations| fitted(&observations, &settings).candidate);
+    assert_eq!(all.branches(), half.branches());
+    let [all, half] = [all, half].map(|candidate| nrmse_of(&candidate, &observations("wang")[..1])[0]);
+    // Half of the noise is another draw.
+    assert!((half / all - 1.0).abs() < 0.01, "{half} instead of {all} %");
+}

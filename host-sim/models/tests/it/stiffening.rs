@@ -1,4 +1,5 @@
-//! Films that stiffen in series with creep, drawn at random: the structure that is selected, against all that were tried.
+//! Films that stiffen in series with creep, drawn at random: the structure that is selected, against all that were tried, and the error of
+//! feedforward, against the interval that is stated.
 //!
 //! `SPRINGPOT_SWEEP=full cargo test -p host-models --test it stiffening` fits 200.
 
@@ -150,7 +151,7 @@ fn errors_pct(case: &Case, fit: &Fit) -> (f64, f64) {
 
 /// Sines (m) of one minute within the recorded stroke and band of `fit`, after a rise of 2 s, that the film can follow, each with its peak to
 /// peak and the error that is expected, %.
-fn references(parameters: &Parameters, recorded: Recorded, seed: u64) -> Vec<(Vec<f64>, f64, f64)> {
+fn references(parameters: &Parameters, recorded: &Recorded, seed: u64) -> Vec<(Vec<f64>, f64, [f64; 2])> {
     let mut random = Pcg64::seed_from_u64(5000 + seed);
     let grid = Grid::covering(62.0, 1000.0).expect("a grid");
     let mut found = Vec::new();
@@ -164,7 +165,7 @@ fn references(parameters: &Parameters, recorded: Recorded, seed: u64) -> Vec<(Ve
         let wanted: Vec<f64> = grid.times_s().into_iter().map(at).collect();
         let check = feasibility::check(parameters, &wanted, grid, &LIMITS).expect("a law");
         if check.feasible && found.len() < 5 {
-            found.push((wanted, high - low, check.expectation.expect("recorded").largest_pct));
+            found.push((wanted, high - low, check.expectation.expect("recorded").feedforward_error_pct));
         }
     }
     found
@@ -199,13 +200,14 @@ fn the_film_with_much_creep() {
 }
 
 /// Films at random: the structure against the best that was tried, where 0.1 % of the stroke matters to no application, and feedforward
-/// against the error that is expected of it.
+/// against the interval that is stated for it.
 #[test]
 fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
-    let cases = if full_sweep() { 200 } else { 6 };
+    let cases = if full_sweep() { 200 } else { 4 };
     let mut worse = Vec::new();
-    let (mut expected, mut measured, mut above) = (Vec::new(), Vec::new(), Vec::new());
-    for seed in 0..cases {
+    let (mut widths, mut measured, mut missed) = (Vec::new(), Vec::new(), Vec::new());
+    // The interval was calibrated on the first nine.
+    for seed in 9..9 + cases {
         let case = random(seed);
         let fit = fitted(&case.recordings(seed), 4);
         let (selected, best) = errors_pct(&case, &fit);
@@ -217,38 +219,48 @@ fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
         }
         let settings = Settings { actuator: FILM, ..Settings::default() };
         let parameters = fit.parameters(&settings, Direction::Force, &[]).expect("parameters");
-        for (wanted, range_m, expected_pct) in references(&parameters, fit.recorded, seed) {
+        for (wanted, range_m, [low, high]) in references(&parameters, &fit.recorded, seed) {
             let error_pct = 100.0 * feedforward_error_m(&case, &parameters, &wanted) / range_m;
-            println!("   feedforward {error_pct:.3} % of {expected_pct:.3} %");
-            expected.push(expected_pct);
+            println!("   feedforward {error_pct:.3} % of {low:.3} to {high:.3} %");
+            widths.push(high - low);
             measured.push(error_pct);
-            if error_pct > expected_pct {
-                above.push(format!("{seed}: {error_pct:.3} instead of {expected_pct:.3} %"));
+            if !(low..=high).contains(&error_pct) {
+                missed.push(format!("{seed}: {error_pct:.3} instead of {low:.3} to {high:.3} %"));
             }
         }
     }
-    let (expected_pct, measured_pct) = (median(&mut expected), median(&mut measured));
+    let (width_pct, measured_pct) = (median(&mut widths), median(&mut measured));
     println!(
-        "{} of {} above; medians {expected_pct:.3} and {measured_pct:.3} %: {above:?}",
-        above.len(),
+        "{} of {} missed; medians: width {width_pct:.3}, error {measured_pct:.3} %: {missed:?}",
+        missed.len(),
         measured.len()
     );
     assert!(worse.is_empty(), "{} of {cases}: {}", worse.len(), worse.concat());
-    assert!(20 * above.len() <= measured.len(), "{above:?}");
-    assert!(expected_pct <= 5.0 * measured_pct, "{expected_pct} for {measured_pct} %");
+    assert!(20 * missed.len() <= measured.len(), "{missed:?}");
+    assert!(width_pct <= 3.0 * measured_pct, "{width_pct} for {measured_pct} %");
 }
 
 /// A reference beyond what was recorded is named with what to record, and more is expected of its error.
 #[test]
 fn what_was_not_recorded_is_reported() {
-    let recorded =
-        Recorded { stroke_m: [0.0, 2e-3], voltage_v: 3e3, speed_m_per_s: 3e-3, time_s: 60.0, left_out_m: 1e-6 };
+    let recorded = Recorded {
+        stroke_m: [0.0, 2e-3],
+        voltage_v: 3e3,
+        speed_m_per_s: 3e-3,
+        time_s: 60.0,
+        left_out_m: 1e-6,
+        misfit_m: 1e-6,
+        refits: Vec::new(),
+    };
+    let parameters = Parameters::preset("table3-n1").expect("there");
     let expectation = |peak_m: f64, hz: f64, time_s: f64, voltage_v: f64| {
         let grid = Grid::covering(time_s, 100.0).expect("a grid");
         let sine = |t: f64| 0.5 * peak_m * (1.0 - (TAU * hz * t).cos());
         let reference: Vec<f64> = grid.times_s().into_iter().map(sine).collect();
-        let Expectation { largest_pct, beyond } = recorded.expectation(&reference, grid, peak_m, voltage_v);
-        (largest_pct * peak_m, beyond.iter().map(|beyond| beyond.quantity).collect::<Vec<_>>())
+        let volts = vec![voltage_v; reference.len()];
+        let Expectation { feedforward_error_pct: [_, high], beyond } =
+            recorded.expectation(&parameters, &reference, grid, peak_m, volts);
+        (high * peak_m, beyond.iter().map(|beyond| beyond.quantity).collect::<Vec<_>>())
     };
     let (inside, none) = expectation(1.9e-3, 0.4, 60.0, 2.9e3);
     assert!(none.is_empty());

@@ -7,6 +7,7 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use clap::Args;
+use springpot::CommandLimits;
 
 use self::options::FitArguments;
 use super::recordings::RecordingOptions;
@@ -17,8 +18,11 @@ use crate::files::parameters::Parameters;
 use crate::files::recording::{Direction, Recording};
 use crate::fit::observation::Observation;
 use crate::fit::{self, Fit, FitReport, Settings, Warning};
+use crate::grid::Grid;
 use crate::interrupt;
 use crate::progress::Progress;
+use crate::replay::feasibility;
+use crate::replay::memory::RunOptions;
 use crate::report::fit_page::FitPage;
 use crate::report::numbers::Document;
 use crate::report::origin;
@@ -36,6 +40,9 @@ pub(super) struct Arguments {
     /// Fit each recording alone; writes one file per recording beside --out.
     #[arg(long)]
     each: bool,
+    /// Reference to follow later (`time_s`, `displacement_m`): reports the error of feedforward to expect along it.
+    #[arg(long, value_name = "REF.csv")]
+    reference: Option<PathBuf>,
     /// Page to write, with results, tables and plots; it opens in any browser, offline.
     #[arg(long, value_name = "R.html")]
     report: Option<PathBuf>,
@@ -52,6 +59,9 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let direction = options.drive;
     let recordings = arguments.reading.read(&arguments.recordings)?;
     let observed = options.observations(&recordings.iter().collect::<Vec<_>>())?;
+    let rate_hz = RunOptions::default().rate_hz;
+    let reference =
+        arguments.reference.as_deref().map(|path| arguments.reading.reference(path, rate_hz)).transpose()?;
     let jobs = arguments.jobs(&recordings, &observed)?;
     let all = jobs.len();
     let stop = interrupt::stop_flag();
@@ -62,7 +72,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             terminal::message(format!("interrupted: {} of {all} recordings are fitted", reports.len()));
             break;
         }
-        reports.push(job.run(&settings, direction)?);
+        reports.push(job.run(&settings, direction, reference.as_ref())?);
     }
     for report in &reports {
         let of = if arguments.each {
@@ -115,7 +125,12 @@ impl Arguments {
         } else {
             jobs.push(job(self.out.clone(), self.report.clone(), recordings, observed));
         }
-        let inputs: Vec<&Path> = recordings.iter().map(Recording::path).chain(self.options.parameter_files()).collect();
+        let inputs: Vec<&Path> = recordings
+            .iter()
+            .map(Recording::path)
+            .chain(self.options.parameter_files())
+            .chain(self.reference.as_deref())
+            .collect();
         for path in jobs.iter().flat_map(|job| [Some(&job.out), job.page.as_ref()]).flatten() {
             output::check(path, &inputs, Folders::Exist)?;
         }
@@ -136,10 +151,14 @@ pub(super) struct Done {
 }
 
 impl Job<'_> {
-    /// Fits, and writes the parameters and the page.
-    fn run(self, settings: &Settings, direction: Direction) -> Result<FitReport> {
+    /// Fits, and writes the parameters and the page; the report states the error to expect along a `reference`.
+    fn run(self, settings: &Settings, direction: Direction, reference: Option<&(Vec<f64>, Grid)>) -> Result<FitReport> {
         let (out, page) = (self.out.clone(), self.page.clone());
-        let done = self.fit(settings, direction)?;
+        let mut done = self.fit(settings, direction)?;
+        if let Some((reference, grid)) = reference {
+            let check = feasibility::check(&done.parameters, reference, *grid, &CommandLimits::BENCH)?;
+            done.report.expectation = check.expectation;
+        }
         let mut written = vec![done.stage_parameters(&out)?];
         if let Some(page) = &page {
             let document = Document::from_report(&done.report)?;

@@ -145,7 +145,7 @@ pub struct Evaluation {
     /// The elastic curve.
     curve: Option<Curve>,
     /// Displacements (m), or forces (N), on the grid.
-    responses: Vec<Vec<f64>>,
+    pub(super) responses: Vec<Vec<f64>>,
 }
 
 impl Objective {
