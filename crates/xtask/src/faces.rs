@@ -7,7 +7,7 @@ use clap::ValueEnum;
 
 use crate::process::{Result, cargo, command, format, read, root, run as run_command};
 use crate::test::QEMU;
-use crate::{embedded, other_board, setup};
+use crate::{embedded, other_board, setup, windows};
 
 /// A language, or the crates on other boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -22,6 +22,8 @@ pub enum Face {
     Octave,
     /// The FMU: schemas, states and equal bits with FMPy, in an environment of its own.
     Fmu,
+    /// The Windows executable under Wine, beside the tool of this system.
+    Windows,
 }
 
 /// Installs what is missing and runs the tests of `only` this face, or of all.
@@ -42,6 +44,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
                 embedded::all_cores(&toolchain)?;
                 other_board::everywhere(&toolchain)?;
             }
+            Face::Windows => windows::run()?,
             Face::Python => python()?,
             Face::Octave => {
                 setup::octave()?;

@@ -16,8 +16,10 @@ mod packages;
 mod page;
 mod process;
 mod recordings;
+mod release;
 mod setup;
 mod test;
+mod windows;
 
 use std::process::ExitCode;
 
@@ -79,6 +81,16 @@ enum Chore {
     Page,
     /// Build the book of docs/ into target/book, and follow its links. Installs mdBook where it is missing, which takes minutes.
     Book,
+    /// Make the files of a release in target/dist/files, from the last commit: static tools for Linux, a Windows executable, crates, bill of
+    /// materials, digests. Uploads nothing; installs compiler targets, MinGW and two tools of cargo.
+    Release {
+        /// Make them again in another folder, and compare the digests.
+        #[arg(long)]
+        twice: bool,
+        /// The tool for this target only, such as x86_64-unknown-linux-musl.
+        #[arg(long)]
+        target: Option<String>,
+    },
     /// Check the licences of all dependencies with cargo-deny.
     Deny,
 }
@@ -102,6 +114,7 @@ fn main() -> ExitCode {
         Chore::Campaign { part } => campaign::run(part),
         Chore::Page => page::run(),
         Chore::Book => book::run(),
+        Chore::Release { twice, target } => release::run(target.as_deref(), twice),
         Chore::Deny => test::deny(),
     };
     match done {

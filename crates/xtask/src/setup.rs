@@ -229,6 +229,16 @@ fn qemu() -> Result<()> {
     install(None).or_else(|_| install(Some("backports")))
 }
 
+/// Installs the linker of Windows executables, if it is missing.
+pub fn windows_linker() -> Result<()> {
+    ensure(&[("x86_64-w64-mingw32-gcc", &["gcc-mingw-w64-x86-64"])])
+}
+
+/// Installs Wine, if it is missing.
+pub fn wine() -> Result<()> {
+    ensure(&[("wine", &["wine", "wine64"])])
+}
+
 /// Installs what is missing of these programs with their packages.
 fn ensure(needed: &[(&str, &[&str])]) -> Result<()> {
     needed.iter().try_for_each(|(program, packages)| need(program, || has(program), packages, None))
