@@ -61,7 +61,7 @@ mod tasks {
         machine::start();
         let chip = cx.device;
         let panic_message = PanicMessage::take();
-        let latched = reset::cause(&chip.RCC, &panic_message);
+        let mut latched = reset::cause(&chip.RCC, &panic_message);
         let (mut rcc, fault) = clock::start(chip.RCC, &chip.TIM5, panic_message.as_str().starts_with(clock::PANIC));
 
         // The amplifier's enable output is low before anything else is set up.
@@ -69,9 +69,7 @@ mod tasks {
 
         let core_hz = machine::core_hz(&rcc);
         defmt::info!("firmware {}, core at {} Hz", env!("CARGO_PKG_VERSION"), core_hz);
-        if let Some(fault) = fault {
-            machine::report(fault);
-        }
+        latched = latched.or(fault.and_then(machine::report));
 
         let gpioa = chip.GPIOA.split(&mut rcc);
         let adc = (gpioa.pa5, gpioa.pa6, gpioa.pa7);
@@ -84,7 +82,7 @@ mod tasks {
         let (rx, received) = cx.local.incoming.split();
         let (sending, tx) = cx.local.outgoing.split();
 
-        reset::warn_of_option_bytes(&chip.FLASH);
+        latched = latched.or(reset::check_option_bytes(&chip.FLASH));
         let Ok(store) = Store::new(ParameterFlash::new(chip.FLASH), boards::STM32F405) else {
             panic!("two sectors hold two slots")
         };

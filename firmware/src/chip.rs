@@ -1,6 +1,6 @@
 //! The chip itself: what the images for QEMU have in `emulated.rs` instead.
 
-use dea_driver::BlobError;
+use dea_driver::{BlobError, Cause};
 use stm32f4xx_hal::rcc::Rcc;
 
 use crate::clock::ClockFault;
@@ -17,9 +17,10 @@ pub fn core_hz(rcc: &Rcc) -> u32 {
     rcc.clocks.hclk().raw()
 }
 
-/// Reports why the core runs on its internal oscillator.
-pub fn report(fault: ClockFault) {
-    defmt::error!("clock: {}; the internal oscillator serves", fault);
+/// Reports what is wrong with the clocks; it is latched.
+pub fn report(fault: ClockFault) -> Option<Cause> {
+    defmt::error!("clock: {}", fault);
+    Some(Cause::Clock)
 }
 
 /// Whether a store without parameters, in which this was `found`, was never written.

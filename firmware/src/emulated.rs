@@ -13,8 +13,8 @@
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m::peripheral::{SCB, SYST};
-use dea_driver::BlobError;
 use dea_driver::wire::BAUD;
+use dea_driver::{BlobError, Cause};
 use stm32f4xx_hal::pac::{Interrupt, USART2};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
@@ -47,8 +47,9 @@ pub fn core_hz(_: &Rcc) -> u32 {
 }
 
 /// Reports a fault of the clock. QEMU has no crystal, so that it is expected.
-pub fn report(fault: ClockFault) {
+pub fn report(fault: ClockFault) -> Option<Cause> {
     defmt::debug!("clock: {}", fault);
+    None
 }
 
 /// Whether a store without parameters, in which this was `found`, was never written. QEMU's flash reads 0 where nothing was loaded, which

@@ -32,13 +32,15 @@ pub fn cause(rcc: &RCC, panic_message: &Message) -> Option<Cause> {
     }
 }
 
-/// Says what the option bytes leave out: a watchdog that starts with the chip, and a reset before the supply is too low for it.
-pub fn warn_of_option_bytes(flash: &FLASH) {
+/// Checks what the option bytes leave out: a watchdog that starts with the chip, and a reset before the supply is too low for it.
+pub fn check_option_bytes(flash: &FLASH) -> Option<Cause> {
     let options = flash.optcr().read();
-    if options.wdg_sw().bit_is_set() {
+    let (by_software, too_low) = (options.wdg_sw().bit_is_set(), options.bor_lev().bits() != 0);
+    if by_software {
         defmt::warn!("the watchdog starts with the firmware, not with the chip: see WDG_SW in docs/wiring.md");
     }
-    if options.bor_lev().bits() != 0 {
+    if too_low {
         defmt::warn!("the brown-out reset is not at its highest level: see BOR_LEV in docs/wiring.md");
     }
+    (by_software || too_low).then_some(Cause::OptionBytes)
 }

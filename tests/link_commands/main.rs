@@ -277,7 +277,7 @@ fn a_trip_ends_the_playback() {
 /// Disabled, and still at 3 kV: what no command can fix is reported in every way there is.
 #[test]
 fn a_film_that_stays_live_is_reported() {
-    let board = Linked::ready(Scene { enable_welded: true, ..Scene::CALM });
+    let board = Linked::ready(Scene { stays_up: true, ..Scene::CALM });
     board.bench.write("high.csv", "time_s,voltage_v\n0,0\n0.5,3000\n1,3000\n");
     let line = board.fails("play high.csv --out out.csv");
     names(&line, &["the film is live", "monitor: 3000 V", "Do not touch it"]);

@@ -74,6 +74,12 @@ pub enum Cause {
     Reset,
     /// The film has arced too often within a minute or in this run.
     Arcs,
+    /// The pin of the enable output was not as it was set, high or low.
+    Enable,
+    /// A clock of the controller does not run as it should: it runs on another one, or without a watchdog.
+    Clock,
+    /// The option bytes of the controller leave out a protection.
+    OptionBytes,
 }
 
 /// Reasons to refuse a request.

@@ -48,6 +48,9 @@ pub struct Device<M: ControllerMemory = Compressed<f32>> {
     parameters_lost: bool,
     /// Ticks since the background's last sign of life.
     ticks_alone: u32,
+    /// Whether the last tick enabled the amplifier, and the one before.
+    enabled: bool,
+    enabled_before: bool,
     /// State of the board's parts, as last reported.
     inspection: Option<Inspection>,
     stream: Stream,
@@ -108,6 +111,8 @@ impl<M: ControllerMemory> Device<M> {
             latched,
             parameters_lost: false,
             ticks_alone: 0,
+            enabled: false,
+            enabled_before: false,
             inspection: None,
             stream: Stream::new(),
             #[cfg(feature = "loop-test")]
@@ -191,17 +196,27 @@ impl<M: ControllerMemory> Device<M> {
     /// One tick.
     pub fn tick(&mut self, inputs: Inputs) -> Drive {
         self.ticks_alone = self.ticks_alone.saturating_add(1);
+        self.enabled_before = self.enabled;
+        self.enabled = false;
         let Some(controller) = &mut self.controller else {
             return Drive::OFF;
         };
         let outputs = controller.tick(inputs);
+        self.enabled = outputs.enable;
         self.stream.push(outputs.telemetry);
         Drive { enable: outputs.enable, dac_v: outputs.dac_v, range: controller.parameters().command_range }
     }
 
-    /// Stores the state of the board's parts, for a host that asks: in every tick, or as often as they are looked at.
+    /// Stores the state of the board's parts, for a host that asks: after every tick, as they were when its inputs were sampled. An enable
+    /// output that is not as the tick before has set it trips, and stays latched, in every state.
     pub fn report(&mut self, inspection: Inspection) {
         self.inspection = Some(inspection);
+        if inspection.enable_high != self.enabled_before {
+            match &mut self.controller {
+                Some(controller) => controller.trip(Cause::Enable),
+                None => self.latched = self.latched.or(Some(Cause::Enable)),
+            }
+        }
     }
 
     /// Last reported state of the board's parts.

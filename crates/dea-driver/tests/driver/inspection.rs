@@ -2,7 +2,7 @@
 
 use dea_driver::chips::{AdcCode, AdcRange, CommandRange, DacCode};
 use dea_driver::wire::{Answer, Command, Inspection, Mode, Part, Reject, TickCodes, Ticked};
-use dea_driver::{AdcError, AmplifierError, Blob, Controller, DriverState, Inputs, Refusal};
+use dea_driver::{AdcError, AmplifierError, Blob, Cause, Controller, Device, DriverState, Inputs, Refusal};
 
 use crate::bench::board_parameters;
 use crate::host::Host;
@@ -27,6 +27,49 @@ fn a_host_asks_what_the_board_finds_of_its_parts() {
     assert_eq!(others, [Part::Bus, Part::Starting]);
     host.bench.device.report(found);
     assert_eq!(host.ask(Command::Inspect), Answer::Inspection(found));
+}
+
+/// A pin that is not as the tick before has set it trips and stays latched, high or low, in every state; as it is set it never does. It lags a tick,
+/// since it is read with the inputs.
+#[test]
+fn an_enable_output_that_is_not_as_it_was_set_is_latched() {
+    let found = Inspection {
+        interlock_closed: true,
+        enable_high: false,
+        dac: Part::Answers,
+        monitor: Part::Answers,
+        sensor: Part::Answers,
+        monitor_adc_v: 0.0,
+        sensor_adc_v: 1.0,
+    };
+    let tripped = DriverState::Tripped(Cause::Enable);
+    for state in [DriverState::Disarmed, DriverState::Armed, DriverState::Running] {
+        for is_wrong in [false, true] {
+            let mut host = Host::with_parameters();
+            let mut pin = false;
+            for tick in 0..40 {
+                if tick == 5 && state.is_live() {
+                    host.arm();
+                }
+                if tick == 10 && state == DriverState::Running {
+                    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+                }
+                host.tick();
+                let enable_high = pin != (is_wrong && tick == 20);
+                pin = host.bench.drive.enable;
+                host.bench.device.report(Inspection { enable_high, ..found });
+                assert_eq!(host.state() == tripped, is_wrong && tick >= 20, "{state:?}, tick {tick}");
+            }
+            assert_eq!(host.state(), if is_wrong { tripped } else { state });
+            assert!(!is_wrong || !host.bench.drive.enable);
+        }
+    }
+    // Without parameters nothing is enabled: the pin is low.
+    let mut device = Device::new(None);
+    device.report(found);
+    assert_eq!(device.state(), DriverState::Disarmed);
+    device.report(Inspection { enable_high: true, ..found });
+    assert_eq!(device.state(), tripped);
 }
 
 /// A board that resets itself would drop what it holds.

@@ -60,7 +60,7 @@ fn a_panic_is_the_cause_and_its_message_is_logged() {
 }
 
 #[test]
-fn option_bytes_that_protect_nothing_are_warned_of() {
+fn option_bytes_that_protect_nothing_are_latched() {
     let watchdog = (Memory::WATCHDOG_BY_SOFTWARE, "WDG_SW");
     let brown_out = (Memory::BROWN_OUT_OFF, "BOR_LEV");
     for set in [vec![], vec![watchdog], vec![brown_out], vec![watchdog, brown_out], vec![(0b01 << 2, "BOR_LEV")]] {
@@ -72,7 +72,8 @@ fn option_bytes_that_protect_nothing_are_warned_of() {
             chip.flash.registers[Memory::OPTCR] &= !(Memory::WATCHDOG_BY_SOFTWARE | Memory::BROWN_OUT_OFF);
             chip.flash.registers[Memory::OPTCR] |= set.iter().fold(0, |bits, (bit, _)| bits | bit);
         });
-        reset::warn_of_option_bytes(&board.peripherals().FLASH);
+        let cause = reset::check_option_bytes(&board.peripherals().FLASH);
+        assert_eq!(cause, (!set.is_empty()).then_some(Cause::OptionBytes));
         let log = board.log();
         assert_eq!(log.len(), set.len());
         for ((level, text), (_, name)) in log.iter().zip(&set) {
