@@ -133,6 +133,11 @@ impl<D: Mutex<T = Device>, W: Mutex<T = IndependentWatchdog>> Board for Backgrou
         stack_peak()
     }
 
+    fn noise(&self) -> u32 {
+        // When the last byte of the request came, in cycles of the core.
+        crate::machine::id() ^ SYST::get_current()
+    }
+
     fn panic_message(&self) -> &str {
         self.panic_message.as_str()
     }

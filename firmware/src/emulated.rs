@@ -41,6 +41,11 @@ pub fn start() {
     }
 }
 
+/// QEMU's chip has no id.
+pub fn id() -> u32 {
+    0
+}
+
 /// Returns the frequency of the core, Hz: QEMU's has one clock, whatever the registers say.
 pub fn core_hz(_: &Rcc) -> u32 {
     CORE_HZ

@@ -362,6 +362,8 @@ fn a_serial_port_is_as_good() {
 
     let (mut client, identity) = Client::new(Port::open(&board.port).expect("opens")).expect("answers");
     assert_eq!(identity.firmware, "virtual");
+    // It is this program's alone, whether the other one only asks or not.
+    names(&board.fails("status"), &["another program has this port open"]);
     drop(board);
     let gone = client.status().expect_err("unplugged").to_string();
     assert!(gone.contains("the connection is gone"), "{gone}");

@@ -44,6 +44,12 @@ pub trait Board<M: ControllerMemory = Compressed<f32>> {
         0
     }
 
+    /// A number that differs from board to board and from one call to the next, also after a reset: of a chip's id and a fast counter. Tokens depend
+    /// on it.
+    fn noise(&self) -> u32 {
+        0
+    }
+
     /// The message of the firmware's last panic; empty if there was none.
     #[allow(clippy::unnecessary_literal_bound)] // a board returns its own
     fn panic_message(&self) -> &str {
@@ -120,6 +126,8 @@ pub struct Session {
     upload: Upload,
     /// Token of the host that armed last; 0 if none has.
     token: u16,
+    /// The newest number of a request with that token.
+    newest: u16,
     /// Whether the parameters in force are only tried.
     on_trial: bool,
 }
@@ -128,7 +136,7 @@ impl Session {
     /// A session that has received nothing, of a `firmware` of that version.
     #[must_use]
     pub const fn new(firmware: &'static str) -> Self {
-        Self { firmware, receiver: Receiver::new(), upload: Upload::new(), token: 0, on_trial: false }
+        Self { firmware, receiver: Receiver::new(), upload: Upload::new(), token: 0, newest: 0, on_trial: false }
     }
 
     /// Ticks with the stored parameters, if there are any: to be called once after a reset. If they are not those that ran before it,
@@ -149,19 +157,32 @@ impl Session {
     pub fn serve<M: ControllerMemory, B: Board<M>>(&mut self, byte: u8, board: &mut B) -> Option<Message> {
         Some(match self.receiver.push(byte)? {
             Ok(Request { sequence, token, command }) => {
-                Message::Answer { sequence, answer: self.answer(token, &command, board) }
+                let armed_it = token != 0 && token == self.token;
+                let is_newer = (1..=WINDOW).contains(&sequence.wrapping_sub(self.newest));
+                let answer = if armed_it && !is_newer && acts(&command) {
+                    Answer::Stale { newest: self.newest }
+                } else {
+                    self.newest = if armed_it && is_newer { sequence } else { self.newest };
+                    self.answer([sequence, token], &command, board)
+                };
+                Message::Answer { sequence, answer }
             }
             Err(error) => Message::Answer { sequence: 0, answer: Answer::Rejected(error.into()) },
         })
     }
 
     /// Executes a command: the only place that distinguishes commands.
-    fn answer<M: ControllerMemory, B: Board<M>>(&mut self, token: u16, command: &Command, board: &mut B) -> Answer {
+    fn answer<M: ControllerMemory, B: Board<M>>(
+        &mut self,
+        [sequence, token]: [u16; 2],
+        command: &Command,
+        board: &mut B,
+    ) -> Answer {
         let done = match *command {
             Command::Identify => return self.identity(B::ID),
             Command::Heartbeat => self.drive(token, Act::StayAlive, board),
             Command::Status => return self.status(board),
-            Command::Arm => return self.arm(board),
+            Command::Arm => return self.arm(sequence, board),
             Command::Start(mode) => self.drive(token, Act::Start(mode), board),
             Command::Stop => board.with(Device::stop).0,
             Command::Disarm => board.with(Device::disarm).0,
@@ -245,11 +266,12 @@ impl Session {
         board.remember_trial(on_trial);
     }
 
-    fn arm<M: ControllerMemory, B: Board<M>>(&mut self, board: &mut B) -> Answer {
+    fn arm<M: ControllerMemory, B: Board<M>>(&mut self, sequence: u16, board: &mut B) -> Answer {
         let (armed, _) = board.with(|device| device.arm().map(|()| device.status().ticks));
         match armed {
             Ok(ticks) => {
-                self.token = another_token(self.token, ticks);
+                self.token = another_token(self.token, ticks ^ board.noise());
+                self.newest = sequence;
                 Answer::Armed { token: self.token }
             }
             Err(denial) => denial.into(),
@@ -348,11 +370,30 @@ enum Act {
     Learning(LearningOrder),
 }
 
-/// A token other than `last`, and not 0: which one depends on when it is drawn, so that a host that armed before a reset does
-/// not know it.
+/// How far ahead of the newest request of the host that armed the number of its next one may be. What is older, or was obeyed already, came from a
+/// buffer on the way, or from another program that has recorded it.
+const WINDOW: u16 = 256;
+
+/// Whether a command could do harm if it were obeyed late or twice: not what asks, and not what leads to 0 V.
+fn acts(command: &Command) -> bool {
+    !matches!(
+        command,
+        Command::Identify
+            | Command::Status
+            | Command::Query
+            | Command::PanicMessage
+            | Command::Inspect
+            | Command::Stop
+            | Command::Disarm
+            | Command::Stream { .. }
+    )
+}
+
+/// A token other than `last`, and not 0, which depends on `noise`, so that a host that armed before a reset does not know it. 16 bits keep confused
+/// hosts apart, not hostile ones.
 #[allow(clippy::cast_possible_truncation)] // mixed
-fn another_token(last: u16, ticks: u32) -> u16 {
-    let drawn = (ticks ^ ticks >> 16) as u16;
+fn another_token(last: u16, noise: u32) -> u16 {
+    let drawn = (noise ^ noise >> 16) as u16;
     let token = drawn.wrapping_mul(0x9e37).wrapping_add(last).wrapping_add(1);
     if token == 0 || token == last { last.wrapping_add(1).max(1) } else { token }
 }

@@ -197,6 +197,11 @@ pub enum Answer {
         /// Cycles of the processor that all of them took.
         cycles: u32,
     },
+    /// Not obeyed: the number of the request is not within 256 after the newest one with that token.
+    Stale {
+        /// The newest number.
+        newest: u16,
+    },
 }
 
 /// Why a frame was not obeyed.

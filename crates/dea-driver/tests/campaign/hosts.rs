@@ -97,6 +97,8 @@ struct Hosts {
     tokens: [u16; 3],
     /// The host that armed last.
     owner: Option<usize>,
+    /// Number of the last request of any.
+    sequence: u16,
     silent_ticks: u32,
     interlock_closed: bool,
 }
@@ -112,12 +114,23 @@ impl Hosts {
         bench.store.save(&encoded(&parameters, BOARD)).expect("valid");
         bench.device.install(Controller::new(Blob::new(parameters).expect("valid"))).expect("off");
         let (session, tokens, owner) = (Session::new("1.2.3"), [0; 3], None);
-        Self { timeout_ticks, steals, session, bench, tokens, owner, silent_ticks: 0, interlock_closed: false }
+        Self {
+            timeout_ticks,
+            steals,
+            session,
+            bench,
+            tokens,
+            owner,
+            sequence: 0,
+            silent_ticks: 0,
+            interlock_closed: false,
+        }
     }
 
     fn ask(&mut self, host: usize, command: Command) -> Answer {
         let token = self.tokens[if self.steals && host == 1 { 0 } else { host }];
-        board::ask(&mut self.session, &mut self.bench, token, command)
+        self.sequence = self.sequence.wrapping_add(1);
+        board::ask(&mut self.session, &mut self.bench, [self.sequence, token], command)
     }
 
     fn arm(&mut self, host: usize) -> Result<(), String> {

@@ -13,18 +13,21 @@ pub struct Host {
     pub bench: Bench,
     /// Token of the last arming.
     pub token: u16,
+    /// Number of the last request.
+    pub sequence: u16,
 }
 
 impl Host {
     /// After a reset, with nothing stored and this cause latched.
     pub fn new(latched: Option<Cause>) -> Self {
         let bench = Bench::new(RamFlash::default(), latched);
-        Self { session: Session::new("1.2.3"), bench, token: 0 }
+        Self { session: Session::new("1.2.3"), bench, token: 0, sequence: 0 }
     }
 
     /// Sends a command and returns its answer.
     pub fn ask(&mut self, command: Command) -> Answer {
-        board::ask(&mut self.session, &mut self.bench, self.token, command)
+        self.sequence = self.sequence.wrapping_add(1);
+        board::ask(&mut self.session, &mut self.bench, [self.sequence, self.token], command)
     }
 
     pub fn arm(&mut self) {

@@ -4,6 +4,9 @@ use dea_driver::server::Session;
 use dea_driver::wire::{Answer, Command, FRAME_LEN, InjectedFault, Mode, Reject, VERSION, encode};
 use dea_driver::{Cause, Device, DriverState, Inputs, Refusal, SCHEMA};
 
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
 use crate::host::{Host, blob};
 
 /// Commands that neither set anything nor end in a new state.
@@ -180,6 +183,64 @@ fn another_host_cannot_start_or_move_what_it_did_not_arm() {
     host.token = next;
     assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
     assert_eq!(host.ask(Command::Stop), Answer::Done);
+}
+
+/// A frame of the host that armed is obeyed once, and not after a newer one: neither the same bytes again nor one from a buffer keep a voltage, or act
+/// after a newer set-point or another host's stop. What is lost on the way does not matter, up to 255 requests in a row.
+#[test]
+fn no_request_is_obeyed_late_or_twice() {
+    let mut random = Pcg64::seed_from_u64(30);
+    for _ in 0..20 {
+        let mut host = Host::with_parameters();
+        host.sequence = random.random();
+        host.arm();
+        let mut sent: Vec<(u16, Command)> = Vec::new();
+        assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+        sent.push((host.sequence, Command::Start(Mode::Voltage)));
+        for _ in 0..200 {
+            host.sequence = host.sequence.wrapping_add(random.random_range(0..255));
+            let command = match random.random_range(0..4) {
+                0 => Command::Heartbeat,
+                1 => Command::Status,
+                _ => Command::SetVoltage(random.random_range(0.0..3000.0)),
+            };
+            let answer = host.ask(command.clone());
+            assert!(matches!(answer, Answer::Done | Answer::Status(_)), "{answer:?}");
+            sent.push((host.sequence, command));
+            (0..3).for_each(|_| host.tick());
+            let (sequence, old) = sent[random.random_range(0..sent.len())].clone();
+            let newest = host.sequence;
+            // Those of one turn of the numbers ago look new: as few as the window has.
+            let is_old = !(1..=256).contains(&sequence.wrapping_sub(newest));
+            if is_old && old != Command::Status {
+                host.sequence = sequence.wrapping_sub(1);
+                assert_eq!(host.ask(old.clone()), Answer::Stale { newest }, "{old:?}");
+            }
+            host.sequence = newest;
+        }
+        // Another host stops it, and the last bytes come again.
+        let (sequence, newest, token) = (sent[0].0, host.sequence, std::mem::take(&mut host.token));
+        assert_eq!(host.ask(Command::Stop), Answer::Done);
+        host.token = token;
+        host.sequence = sequence.wrapping_sub(1);
+        if !(1..=256).contains(&sequence.wrapping_sub(newest)) {
+            assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Stale { newest });
+        }
+        // Stop and disarm are obeyed at any time.
+        assert_eq!(host.ask(Command::Disarm), Answer::Done);
+    }
+    // The same bytes for an hour: only the first keep it alive.
+    let mut host = Host::with_parameters();
+    host.arm();
+    assert_eq!(host.ask(Command::Start(Mode::Voltage)), Answer::Done);
+    assert_eq!(host.ask(Command::SetVoltage(3000.0)), Answer::Done);
+    let sequence = host.sequence;
+    for _ in 0..600 {
+        host.tick();
+        host.sequence = sequence.wrapping_sub(1);
+        assert_eq!(host.ask(Command::SetVoltage(3000.0)), Answer::Stale { newest: sequence });
+    }
+    assert_eq!(host.state(), DriverState::Tripped(Cause::Heartbeat));
 }
 
 /// The watchdog is fed as long as the background's loop turns within half a second, whatever the rate, parameters or not.

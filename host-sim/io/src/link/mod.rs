@@ -127,7 +127,8 @@ impl Client {
         let mut rejected = None;
         // Who has armed is waited for.
         let mut call = if self.token == 0 { CALL } else { HEARTBEAT };
-        loop {
+        let mut is_counted = false;
+        'calls: loop {
             request.sequence = request.sequence.wrapping_add(1).max(1);
             self.sequence = request.sequence;
             sent.push(request.sequence);
@@ -136,6 +137,14 @@ impl Client {
             call *= 2;
             while let Some(message) = self.receive(until)? {
                 match message {
+                    // It is not obeyed yet: a conversation that this one goes on with has counted further.
+                    Message::Answer { sequence, answer: Answer::Stale { newest } }
+                        if sent.contains(&sequence) && !is_counted =>
+                    {
+                        is_counted = true;
+                        request.sequence = newest;
+                        continue 'calls;
+                    }
                     // A late answer to an earlier call is as good.
                     Message::Answer { sequence, answer } if sent.contains(&sequence) => return Ok(answer),
                     Message::Answer { sequence: 0, answer: Answer::Rejected(reject) } => {
@@ -345,6 +354,7 @@ impl Client {
             Answer::Refused(Refusal::Sensor(fault)) => {
                 format!("displacement sensor implausible ({fault:?}): check its connection")
             }
+            Answer::Stale { .. } => "the request came too late, or twice, and was not obeyed".into(),
             Answer::Rejected(Reject::Value) => "the value is beyond the limits of the parameters".into(),
             Answer::Rejected(Reject::Blob) => "the parameter blob was refused; was it made for this board?".into(),
             Answer::Rejected(Reject::Rate) => {

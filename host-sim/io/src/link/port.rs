@@ -27,6 +27,30 @@ const GATHERING: Duration = Duration::from_micros(100);
 /// The longest wait of a single read. A wait until a deadline is made of these, so that the port's timeout is rarely set.
 const SLICE: Duration = Duration::from_millis(100);
 
+/// Keeps other programs from opening the same port, and fails where one has: two hosts on one line take each other's answers.
+#[cfg(unix)]
+fn keep_others_out(port: &SerialPort) -> io::Result<()> {
+    rustix::fs::flock(port, rustix::fs::FlockOperation::NonBlockingLockExclusive)?;
+    // What does not ask for the lock is refused by the system, unless it is root's.
+    Ok(rustix::termios::ioctl_tiocexcl(port)?)
+}
+
+/// A pseudoterminal outlives its ends, and what was set with it.
+#[cfg(unix)]
+impl Drop for Port {
+    fn drop(&mut self) {
+        if let Line::Serial(port) = &self.line {
+            let _ = rustix::termios::ioctl_tiocnxcl(port);
+        }
+    }
+}
+
+/// Ports are opened by one program at a time on other systems.
+#[cfg(not(unix))]
+fn keep_others_out(_: &SerialPort) -> io::Result<()> {
+    Ok(())
+}
+
 /// A line of bytes to a controller.
 pub struct Port {
     name: String,
@@ -85,6 +109,9 @@ impl Port {
                 format!("there are {}", known.join(", "))
             };
             fault(format!("{e}; a serial port is expected ({known}) or tcp:HOST:PORT"))
+        })?;
+        keep_others_out(&port).map_err(|_| {
+            fault("another program has this port open: two hosts on one line end each other's runs; close it".into())
         })?;
         port.set_write_timeout(OF_A_BOARD).and_then(|()| port.discard_buffers()).map_err(|e| fault(e.to_string()))?;
         Ok(Self::new(name, Line::Serial(port), OF_A_BOARD))
