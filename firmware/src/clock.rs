@@ -18,7 +18,7 @@ pub const PANIC: &str = "clock";
 /// Largest difference of the two clocks: the internal oscillator is off by 8 % at the most.
 const TOLERANCE: f32 = 0.12;
 
-/// What is wrong with the clocks.
+/// A fault of the clocks.
 #[derive(Clone, Copy, PartialEq, Eq, defmt::Format)]
 pub enum ClockFault {
     /// The crystal does not oscillate: the core runs on its internal oscillator.

@@ -135,6 +135,7 @@ impl<M: ControllerMemory> Controller<M> {
 
     // Of references, so that nothing large is moved on the stack of a small chip.
     #[allow(clippy::cast_possible_truncation)] // as the laws have it
+    #[inline(never)]
     fn from_parts(
         parameters: &Parameters<M>,
         checksum: Option<u32>,
@@ -179,10 +180,11 @@ impl<M: ControllerMemory> Controller<M> {
     /// shows it at 0 V.
     #[cfg(feature = "link")]
     #[must_use]
-    pub(crate) fn after(self, before: &Self) -> Self {
+    pub(crate) fn after(mut self, before: &Self) -> Self {
         let left_m = before.motion.furthest(before.open_loop.position());
-        let open_loop = self.watched.state();
-        Self { motion: self.motion.offset_by(left_m), open_loop, is_history_assumed: false, ..self }
+        self.motion = self.motion.offset_by(left_m);
+        (self.open_loop, self.is_history_assumed) = (self.watched.state(), false);
+        self
     }
 
     /// The supervisor, to read its state.
@@ -455,9 +457,10 @@ impl<M: ControllerMemory> Controller<M> {
         let Parameters { limits, rate_hz, amplifier_lag, .. } = &self.parameters;
         let supervisor = Supervisor::new(limits, *rate_hz).and_then(|made| made.behind(*amplifier_lag, *rate_hz));
         let supervisor = supervisor.unwrap_or(self.supervisor);
-        let made =
+        let mut made =
             Self::from_parts(&self.parameters, self.checksum, &self.follower, &supervisor, self.motion.min_margin());
-        Self { open_loop: self.watched.state(), is_history_assumed: false, ..made }
+        (made.open_loop, made.is_history_assumed) = (made.watched.state(), false);
+        made
     }
 
     /// Steps the model under `volts` (V), and Eq. 1 back from its force to the voltage.

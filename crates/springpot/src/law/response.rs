@@ -73,6 +73,7 @@ impl<T: Scalar, M: Memory<T>> Law<T, M> {
     /// Force over displacement at `frequency_hz` in steady state, in N/m, of the film that this law discretises, where it has
     /// this `tangent`: with δ(ζ)/h = 2πif, as the recursion has it for slow changes. Needs the four basic operations alone.
     #[must_use]
+    #[inline(never)] // not within a loop over frequencies on a small chip
     pub(crate) fn dynamic_stiffness(&self, frequency_hz: f64, tangent: Tangent) -> Complex<f64> {
         let s = Complex::new(0.0, TAU * frequency_hz * self.step_s());
         let difference = match self.method() {
