@@ -206,7 +206,7 @@ fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
     let cases = if full_sweep() { 200 } else { 4 };
     let mut worse = Vec::new();
     let (mut widths, mut measured, mut missed) = (Vec::new(), Vec::new(), Vec::new());
-    // The interval was calibrated on the first nine.
+    // The interval was calibrated on the first eighteen.
     for seed in 9..9 + cases {
         let case = random(seed);
         let fit = fitted(&case.recordings(seed), 4);
