@@ -305,7 +305,10 @@ fn judge_as_fit(recording: &Recording, add: &mut impl FnMut(Severity, String, &s
                     fit::Severity::Serious => Severity::Prevents,
                     fit::Severity::Caution | fit::Severity::Note => Severity::Weakens,
                 };
-                add(severity, warning.text, "");
+                // The finding names its file by itself.
+                let name = recording.path().file_name().unwrap_or_default().to_string_lossy();
+                let text = warning.text.strip_prefix(&*name).and_then(|text| text.strip_prefix(": "));
+                add(severity, text.unwrap_or(&warning.text).to_owned(), "");
             }
         }
         Err(error) => add(Severity::Prevents, error.to_string(), "record at least a full cycle"),

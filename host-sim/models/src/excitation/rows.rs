@@ -29,7 +29,11 @@ pub(super) fn judge(
     let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share) as usize];
     let stroke = at(0.99) - at(0.01);
     let steps: Vec<f64> = drive.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let mean_s = steps.iter().sum::<f64>() / steps.len() as f64;
+    // Without the longest, which may be a gap; a coarse clock has many long ones.
+    let mut ordered = steps.clone();
+    ordered.sort_by(f64::total_cmp);
+    let usual = &ordered[..ordered.len() - ordered.len() / 25];
+    let mean_s = usual.iter().sum::<f64>() / usual.len() as f64;
     if stroke <= 0.0 || measured.value.len() < 50 {
         return;
     }
