@@ -59,6 +59,7 @@ impl Subject {
         let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ())?.candidate;
         let parameters = Parameters {
             curve: None,
+            spring: None,
             method: springpot::Discretisation::Gl,
             name: name.into(),
             actuator: candidate.actuator,

@@ -68,6 +68,7 @@ impl PyModel {
             assumed_sizes: false,
             model,
             curve: None,
+            spring: None,
             method: Discretisation::Gl,
             sensor_offset_m,
             sensor_delay_s: 0.0,

@@ -31,9 +31,16 @@ impl Cost {
     /// A film behind an elastic curve.
     pub const CURVED: Self = Self::stated(615, 1996, 3200);
 
+    /// A film with two curves.
+    pub const TWO_CURVES: Self = Self::stated(691, 2162, 3470);
+
     /// The cost of `film`.
     pub fn new(film: Film<'_>) -> Self {
-        if film.curve.is_some() { Self::CURVED } else { Self::LINEAR }
+        match (film.curve, film.spring) {
+            (_, Some(_)) => Self::TWO_CURVES,
+            (Some(_), None) => Self::CURVED,
+            (None, None) => Self::LINEAR,
+        }
     }
 
     const fn stated(instructions_per_step: u32, instructions_per_tick: u32, cycles_per_tick: u32) -> Self {

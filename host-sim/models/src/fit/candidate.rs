@@ -315,6 +315,8 @@ impl Bend {
                 rest_stretch,
                 range_m: pieces.range(),
             },
+            // No fit changes it.
+            Shape::Measure(_) => Self::Held(Box::new(curve.clone())),
             Shape::Free => {
                 let knots = pieces.knots();
                 let bend = Self::Free {

@@ -244,6 +244,7 @@ impl Fit {
         let names: Vec<String> = recordings.iter().map(name).collect();
         let mut parameters = Parameters {
             curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
+            spring: None,
             method: springpot::Discretisation::Gl,
             name: format!("fit to {}", names.join(", ")),
             actuator: self.candidate.actuator,

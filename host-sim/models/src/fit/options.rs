@@ -175,6 +175,12 @@ impl FitOptions {
             (None, Some(start)) => (start.actuator, start.assumed_sizes),
             (None, None) => (assumed_actuator(self.drive), true),
         };
+        if start.as_ref().is_some_and(|start| start.spring.is_some()) {
+            return Err(Error::field(
+                "start",
+                "it has a [spring], which no fit changes; start from a file without one",
+            ));
+        }
         let start = start.map(|parameters| Candidate {
             actuator,
             elements: Candidate::elements_of(&parameters.model),

@@ -143,7 +143,7 @@ impl Transfer {
         if steepest >= 0.99 * law.min_stiffness() {
             return Err(PullIn);
         }
-        let film = BentFilm { kernel: &self.kernel, inertia: &self.inertia, curve };
+        let film = BentFilm { kernel: &self.kernel, inertia: &self.inertia, curve, spring: None };
         bent_displacement(circle, &film, law, loads, TOLERANCE)
     }
 }

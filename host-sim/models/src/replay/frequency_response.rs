@@ -13,7 +13,12 @@ pub fn continuous(parameters: &Parameters, frequency_hz: f64, at_m: f64) -> Comp
     match &parameters.curve {
         Some(curve) => {
             let s = Complex::new(0.0, TAU * frequency_hz);
-            (s * s * model.mass_kg() + model.modulus(s) * curve.pieces().slope(at_m)).inv()
+            let slope = curve.pieces().slope(at_m);
+            match &parameters.spring {
+                Some(spring) => s * s * model.mass_kg() + model.modulus(s) * (slope * slope) + spring.slope(at_m),
+                None => s * s * model.mass_kg() + model.modulus(s) * slope,
+            }
+            .inv()
         }
         None => model.frequency_response(frequency_hz),
     }

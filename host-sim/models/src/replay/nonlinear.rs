@@ -5,7 +5,7 @@
 //! nothing is missing.
 
 use num_complex::Complex;
-use springpot::{Compressed, Curve, Law, Load};
+use springpot::{Compressed, Curve, Law, Load, Spring};
 
 use super::coupling::{PullIn, coupled_displacement};
 use super::full_memory::FullMemory;
@@ -22,7 +22,7 @@ impl FullMemory {
     pub fn force_along(&self, film: Film<'_>, displacement: &[f64]) -> Vec<f64> {
         let Some(curve) = film.curve else { return self.force(film.model, displacement) };
         let (kernel, inertia) = (self.kernel(film), self.inertia(film));
-        BentFilm { kernel: &kernel, inertia: &inertia, curve }.force(self, displacement)
+        BentFilm { kernel: &kernel, inertia: &inertia, curve, spring: film.spring }.force(self, displacement)
     }
 
     /// Displacement (m) of `film` under `loads` (N, N/m), one per step from rest.
@@ -38,7 +38,7 @@ impl FullMemory {
         };
         let (kernel, inertia) = (self.kernel(film), self.inertia(film));
         let law = film.compressed_law::<f64>(1.0 / step_s)?;
-        let bent = BentFilm { kernel: &kernel, inertia: &inertia, curve };
+        let bent = BentFilm { kernel: &kernel, inertia: &inertia, curve, spring: film.spring };
         let found = bent_displacement(self, &bent, &law, loads, TOLERANCE);
         found.map_err(|PullIn| pulled_in())
     }
@@ -61,12 +61,23 @@ pub struct BentFilm<'a> {
     pub inertia: &'a [Complex<f64>],
     /// T.
     pub curve: &'a Curve,
+    /// E beside the memory, if there is one: the memory's force then has the weight T'.
+    pub spring: Option<&'a Spring>,
 }
 
 impl BentFilm<'_> {
     /// Force (N) along `displacement` (m).
     pub fn force(&self, circle: &FullMemory, displacement: &[f64]) -> Vec<f64> {
         let stretched: Vec<f64> = displacement.iter().map(|&x| self.curve.value(x)).collect();
+        if let Some(spring) = self.spring {
+            let series = |of: &[f64], through: &[Complex<f64>]| {
+                let spectrum = circle.spectrum(of);
+                circle.series(spectrum.iter().zip(through).map(|(value, k)| value * k).collect(), of.len())
+            };
+            let (memory, inertia) = (series(&stretched, self.kernel), series(displacement, self.inertia));
+            let forces = displacement.iter().zip(memory).zip(inertia);
+            return forces.map(|((&x, m), i)| spring.force(x) + self.curve.slope(x) * m + i).collect();
+        }
         let (s, x) = (circle.spectrum(&stretched), circle.spectrum(displacement));
         let force = s.iter().zip(self.kernel).zip(x.iter().zip(self.inertia));
         circle.series(force.map(|((s, k), (x, m))| s * k + x * m).collect(), displacement.len())

@@ -118,6 +118,10 @@ impl FullMemoryPlant {
     /// [`Error`] for a mismatch that is refused, or too many substeps.
     pub fn at_rest(parameters: &Parameters, mismatch: Mismatch, substep_s: f64, substeps: usize) -> Result<Self> {
         parameters.actuator.check()?;
+        if parameters.spring.is_some() {
+            let cause = "a plant with full memory has no [spring] yet; omit --plant, or take a film by its name";
+            return Err(Error::field("plant", cause.to_owned()));
+        }
         if substeps > MAX_SUBSTEPS {
             let cause = format!(
                 "a plant with full memory for {substeps} substeps; {MAX_SUBSTEPS} are possible, shorten the reference"

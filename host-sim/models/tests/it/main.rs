@@ -33,3 +33,4 @@ mod supply;
 #[path = "../../../../crates/springpot/tests/it/support/sweep.rs"]
 mod sweep;
 mod tracking;
+mod two_curves;

@@ -16,6 +16,7 @@ fn parameters(actuator: Actuator) -> Parameters {
     let model = Maxwell::new(sp(4e4, 0.08), &branches, Topology::Parallel, actuator.mass_kg).expect("valid");
     Parameters {
         curve: None,
+        spring: None,
         method: springpot::Discretisation::Gl,
         name: "plant".into(),
         actuator,

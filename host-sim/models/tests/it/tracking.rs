@@ -53,6 +53,7 @@ fn fit_to(plant: &str) -> Parameters {
     let candidate = fit::fit(&observations, &settings, &NEVER, &|_| ()).expect("a fit").candidate;
     Parameters {
         curve: None,
+        spring: None,
         method: springpot::Discretisation::Gl,
         name: plant.into(),
         actuator: candidate.actuator,

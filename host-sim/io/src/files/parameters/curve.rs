@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use serde::Deserialize;
-use springpot::{Actuator, Curve, CurveError, Knot, Rubber};
+use springpot::{Actuator, Curve, CurveError, Knot, Measure, Rubber};
 use toml::Spanned;
 
 use crate::error::short;
@@ -20,6 +20,8 @@ pub struct ElasticCurve {
 pub enum Shape {
     /// A strip of rubber; Gent's limit is infinite for Mooney–Rivlin.
     Rubber(Rubber),
+    /// A strain measure.
+    Measure(Measure),
     /// Monotone cubic pieces.
     Free,
 }
@@ -32,6 +34,15 @@ impl ElasticCurve {
     /// As [`Rubber::curve`].
     pub fn rubber(rubber: Rubber, low_m: f64, high_m: f64) -> Result<Self, CurveError> {
         Ok(Self { shape: Shape::Rubber(rubber), curve: rubber.curve(low_m, high_m)? })
+    }
+
+    /// The curve of `measure` over displacements from `low_m` to `high_m`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Measure::curve`].
+    pub fn measure(measure: Measure, low_m: f64, high_m: f64) -> Result<Self, CurveError> {
+        Ok(Self { shape: Shape::Measure(measure), curve: measure.curve(low_m, high_m)? })
     }
 
     /// A curve of pieces.
@@ -54,6 +65,7 @@ impl ElasticCurve {
         match self.shape {
             Shape::Rubber(rubber) if rubber.limit == f64::INFINITY => "mooney-rivlin",
             Shape::Rubber(_) => "gent",
+            Shape::Measure(_) => "measure",
             Shape::Free => "free",
         }
     }
@@ -72,6 +84,11 @@ impl ElasticCurve {
                 let _ = writeln!(text, "free_length_m = {free_length_m:?} # without any load");
                 let (low_m, high_m) = self.curve.range();
                 let _ = writeln!(text, "from_m = {low_m:?}\nto_m = {high_m:?}");
+            }
+            Shape::Measure(Measure { exponent, length_m }) => {
+                let (low_m, high_m) = self.curve.range();
+                let _ = writeln!(text, "exponent = {exponent:?} # 0 is Hencky's strain, 1 the displacement");
+                let _ = writeln!(text, "length_m = {length_m:?} # at x = 0\nfrom_m = {low_m:?}\nto_m = {high_m:?}");
             }
             Shape::Free => {
                 let mut row = |name: &str, of: fn(&Knot<f64>) -> f64| {
@@ -94,6 +111,7 @@ enum ElasticName {
     Linear,
     MooneyRivlin,
     Gent,
+    Measure,
     Free,
 }
 
@@ -106,6 +124,8 @@ pub(super) struct CurveTable {
     limit: Option<f64>,
     rest_stretch: Option<f64>,
     free_length_m: Option<f64>,
+    exponent: Option<f64>,
+    length_m: Option<f64>,
     from_m: Option<f64>,
     to_m: Option<f64>,
     displacement_m: Option<Spanned<Vec<f64>>>,
@@ -117,13 +137,16 @@ impl CurveTable {
     /// The curve for a film on `actuator`, none for a linear one; or what is wrong.
     pub(super) fn curve(&self, actuator: &Actuator) -> Result<Option<ElasticCurve>, String> {
         let rubber = matches!(self.elastic, ElasticName::MooneyRivlin | ElasticName::Gent);
+        let measure = self.elastic == ElasticName::Measure;
         for (name, there, wanted) in [
             ("share", self.share.is_some(), rubber),
             ("limit", self.limit.is_some(), self.elastic == ElasticName::Gent),
             ("rest_stretch", self.rest_stretch.is_some(), rubber),
             ("free_length_m", self.free_length_m.is_some(), rubber),
-            ("from_m", self.from_m.is_some(), rubber),
-            ("to_m", self.to_m.is_some(), rubber),
+            ("exponent", self.exponent.is_some(), measure),
+            ("length_m", self.length_m.is_some(), measure),
+            ("from_m", self.from_m.is_some(), rubber || measure),
+            ("to_m", self.to_m.is_some(), rubber || measure),
             ("displacement_m", self.displacement_m.is_some(), self.elastic == ElasticName::Free),
             ("value_m", self.value_m.is_some(), self.elastic == ElasticName::Free),
             ("slope", self.slope.is_some(), self.elastic == ElasticName::Free),
@@ -154,6 +177,12 @@ impl CurveTable {
                 let rubber = Rubber { share: needed("share", self.share)?, limit, rest_stretch, free_length_m };
                 let range = (needed("from_m", self.from_m)?, needed("to_m", self.to_m)?);
                 ElasticCurve::rubber(rubber, range.0, range.1).map(Some).map_err(|e| short(&e))
+            }
+            ElasticName::Measure => {
+                let exponent = needed("exponent", self.exponent)?;
+                let measure = Measure { exponent, length_m: self.length_m.unwrap_or(actuator.length_m) };
+                let range = (needed("from_m", self.from_m)?, needed("to_m", self.to_m)?);
+                ElasticCurve::measure(measure, range.0, range.1).map(Some).map_err(|e| short(&e))
             }
             ElasticName::Free => self.free().map(Some),
         }

@@ -1,7 +1,7 @@
 //! A film as a law is made of it.
 
 use springpot::{
-    Compressed, CompressionBound, Curve, Discretisation, Law, LawError, LawOptions, Maxwell, Memory, Real,
+    Compressed, CompressionBound, Curve, Discretisation, Law, LawError, LawOptions, Maxwell, Memory, Real, Spring,
 };
 
 use crate::error::{Error, Result};
@@ -13,6 +13,8 @@ pub struct Film<'a> {
     pub model: &'a Maxwell,
     /// The curve; none for a linear film.
     pub curve: Option<&'a Curve>,
+    /// The spring beside its memory; with one the curve is the memory's strain measure.
+    pub spring: Option<&'a Spring>,
     /// How s is discretised.
     pub method: Discretisation,
 }
@@ -58,9 +60,10 @@ impl Film<'_> {
     ///
     /// [`Error`] for a curve that the law is refused behind.
     pub fn behind<T: Real, M: Memory<T>>(self, law: Law<T, M>) -> Result<Law<T, M>> {
-        Ok(match self.curve {
-            Some(curve) => law.behind(curve)?,
-            None => law,
+        Ok(match (self.curve, self.spring) {
+            (Some(measure), Some(spring)) => law.beside(spring, measure)?,
+            (Some(curve), None) => law.behind(curve)?,
+            (None, _) => law,
         })
     }
 }
@@ -68,6 +71,6 @@ impl Film<'_> {
 impl<'a> From<&'a Maxwell> for Film<'a> {
     /// A linear film, stepped as in the paper.
     fn from(model: &'a Maxwell) -> Self {
-        Self { model, curve: None, method: Discretisation::Gl }
+        Self { model, curve: None, spring: None, method: Discretisation::Gl }
     }
 }

@@ -10,10 +10,11 @@ use toml::Spanned;
 use super::Parameters;
 use super::board::BoardTable;
 use super::curve::CurveTable;
+use super::spring::{self, SpringTable};
 use crate::choice::Choice;
 
-/// The versions of the format: the second has elastic curves, saturation, and couplings of either sign.
-pub(super) const SCHEMAS: [u32; 2] = [1, 2];
+/// The versions of the format: the second has elastic curves, saturation, and couplings of either sign, the third a spring and strain measures.
+pub(super) const SCHEMAS: [u32; 3] = [1, 2, 3];
 
 /// A parameter file.
 #[derive(Deserialize)]
@@ -25,6 +26,8 @@ pub(super) struct FileTable {
     pub(super) model: ModelTable,
     #[serde(default)]
     pub(super) curve: Option<Spanned<CurveTable>>,
+    #[serde(default)]
+    pub(super) spring: Option<Spanned<SpringTable>>,
     #[serde(default)]
     pub(super) sensor: Option<SensorTable>,
     #[serde(default)]
@@ -46,6 +49,8 @@ pub(super) struct ActuatorFileTable {
     _model: Option<toml::Value>,
     #[serde(default, rename = "curve")]
     _curve: Option<toml::Value>,
+    #[serde(default, rename = "spring")]
+    _spring: Option<toml::Value>,
     #[serde(default, rename = "sensor")]
     _sensor: Option<toml::Value>,
     #[serde(default, rename = "board")]
@@ -209,7 +214,7 @@ pub(super) fn write(parameters: &Parameters) -> String {
     } = parameters.actuator;
     // Files that do without what is new stay readable for earlier versions.
     let new = parameters.curve.is_some() || saturation_v.is_some() || stretch_coupling < 0.0;
-    let schema = SCHEMAS[usize::from(new)];
+    let schema = SCHEMAS[if parameters.has_two_curves() { 2 } else { usize::from(new) }];
     let saturation = saturation_v.map(|volts| format!("saturation_v = {volts:?}\n")).unwrap_or_default();
     let (preload, topology) = (preload.name(), parameters.model.topology().name());
     let element = |e: &Springpot| format!("{{ c = {:?}, alpha = {:?} }}", e.c, e.alpha);
@@ -239,6 +244,9 @@ pub(super) fn write(parameters: &Parameters) -> String {
     text.push_str(if parameters.model.branches().is_empty() { "]\n" } else { "\n]\n" });
     if let Some(curve) = &parameters.curve {
         text.push_str(&curve.to_toml());
+    }
+    if let Some(spring) = &parameters.spring {
+        text.push_str(&spring::to_toml(spring));
     }
     if (parameters.sensor_offset_m, parameters.sensor_delay_s) != (0.0, 0.0) {
         let _ =

@@ -6,6 +6,7 @@ mod curve;
 mod film;
 mod format;
 pub mod plausibility;
+mod spring;
 
 use std::fs::File;
 use std::io::Read;
@@ -13,7 +14,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
-use springpot::{Actuator, Discretisation, Maxwell, Preset};
+use springpot::{Actuator, Discretisation, Maxwell, Preset, Spring};
 use toml::Spanned;
 
 use crate::error::{Error, Result, short};
@@ -35,6 +36,8 @@ pub struct Parameters {
     pub model: Maxwell,
     /// The elastic curve of the film, if it has one.
     pub curve: Option<ElasticCurve>,
+    /// The spring beside the film's memory, if it has one: then the curve is the memory's strain measure.
+    pub spring: Option<Spring>,
     /// How s is discretised in their laws: not in the file, but chosen with the rate.
     pub method: Discretisation,
     /// Reading of the displacement sensor at x = 0, m; see [`sensor`](Self::sensor).
@@ -103,6 +106,7 @@ impl Parameters {
             assumed_sizes: false,
             model: preset.model()?,
             curve: None,
+            spring: None,
             method: Discretisation::Gl,
             sensor_offset_m: 0.0,
             sensor_delay_s: 0.0,
@@ -214,12 +218,27 @@ impl Parameters {
             assumed_sizes: file.actuator.sizes_are_assumed(),
             model,
             curve,
+            spring: None,
             method: Discretisation::Gl,
             sensor_offset_m,
             sensor_delay_s,
             board: None,
             provenance: file.provenance,
         };
+        if let Some(table) = &file.spring {
+            let refused = |cause: String| place.error(table.span(), format!("[spring] {cause}"));
+            if schema < 3 {
+                return Err(refused("needs schema = 3".into()));
+            }
+            if parameters.curve.is_none() {
+                return Err(refused("needs [curve], the strain measure of the memory".into()));
+            }
+            parameters.spring = Some(table.get_ref().spring().map_err(refused)?);
+            // What a law refuses of the two is refused here, where their line is known: at the rate of a controller.
+            parameters.film().compressed_law::<f64>(1000.0).map_err(|e| refused(short(&e)))?;
+        } else if schema < 3 && parameters.has_two_curves() {
+            return Err(place.error(file.schema.span(), "a curve of elastic = \"measure\" needs schema = 3".into()));
+        }
         if let Some(table) = &file.board {
             let board = table.get_ref().board(parameters.bench(1000.0));
             plausibility::check_board(&board).map_err(|cause| place.error(table.span(), cause))?;
@@ -238,7 +257,14 @@ impl Parameters {
 
     /// The model behind its elastic curve.
     pub fn film(&self) -> Film<'_> {
-        Film { model: &self.model, curve: self.curve.as_ref().map(ElasticCurve::pieces), method: self.method }
+        let curve = self.curve.as_ref().map(ElasticCurve::pieces);
+        Film { model: &self.model, curve, spring: self.spring.as_ref(), method: self.method }
+    }
+
+    /// Whether a file of these parameters needs the schema of two curves.
+    fn has_two_curves(&self) -> bool {
+        let is_measure = self.curve.as_ref().is_some_and(|curve| matches!(curve.shape(), Shape::Measure(_)));
+        is_measure || self.spring.is_some()
     }
 
     /// The same, stepped by `method`.
@@ -310,8 +336,8 @@ impl Place<'_> {
         if SCHEMAS.contains(schema.get_ref()) {
             return Ok(());
         }
-        let [first, second] = SCHEMAS;
-        let cause = format!("schema = {}; this version reads schema = {first} and {second}", schema.get_ref());
+        let [first, second, third] = SCHEMAS;
+        let cause = format!("schema = {}; this version reads schema = {first}, {second} and {third}", schema.get_ref());
         Err(self.error(schema.span(), cause))
     }
 
