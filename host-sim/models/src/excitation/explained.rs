@@ -65,7 +65,7 @@ impl Basis {
         share / left
     }
 
-    /// What `column` has beside the others and `more`, as a unit vector, and its length; none where that is nothing.
+    /// The part of `column` that is no sum of the others and `more`, as a unit vector, and its length; none where there is no such part.
     fn beside(&self, column: &[f64], more: &[Vec<f64>]) -> Option<(Vec<f64>, f64)> {
         let mut column = product(column, &self.kept);
         let size = norm(&column);

@@ -16,7 +16,7 @@ const STEADY: &str = "keep the temperature, shield the sensor, and fix its mount
 const SWINGS: f64 = 8.0;
 /// Share of a recording at both ends in which no change is looked for: it would explain what the film begins with.
 const EDGE: f64 = 0.12;
-/// What a cause with more columns leaves of what a jump leaves at most.
+/// Largest share of the squares of a jump that a cause with more columns may leave.
 const BEYOND_JUMP: f64 = 0.6;
 
 impl State {

@@ -9,7 +9,7 @@ type Family<'a> =
     (&'a [f64], &'a (dyn Fn(f64, &[f64], &[f64]) -> Vec<f64> + Sync), &'a (dyn Fn(f64) -> String + Sync), &'static str);
 
 const ZERO: &str = "check the zero of the monitor and the amplifier's smallest voltage";
-/// What a plain film with a dead band leaves of what it leaves without one, and of what any film leaves, at most.
+/// Largest share of the squares of a plain film without a dead band, and of any film, that one with a dead band may leave.
 const PLAINER: f64 = 0.25;
 const AS_GOOD: f64 = 1.5;
 /// Share of the rows under voltage that a dead band contains at least.
