@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use chip_program::{Checksum, FEW, FILMS, Film, Name, Report};
+use chip_program::{Checksum, FEW, FILMS, Film, Name, Report, SMALL};
 use documents::{Documents, Tolerance};
 
 use crate::cycles;
@@ -89,6 +89,7 @@ fn steps(toolchain: &Toolchain, target: &str, films: Films) -> Result<BTreeMap<S
     panic_free(toolchain, target, &folder)?;
     let (films, features): (&[Film], &str) = match films {
         Films::Few => (&FEW, "--features few-films"),
+        Films::All if target == TARGETS[1] => (&SMALL, ""),
         Films::All => (&FILMS, ""),
     };
     let cargo =

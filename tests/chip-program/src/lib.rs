@@ -61,6 +61,9 @@ pub const FILMS: [Film; 10] = [
 /// minutes, in which laws are built in f64.
 pub const FEW: [Film; 4] = [FILMS[1], FILMS[6], FILMS[9], Film { step_s: SLOW_S, ..FILMS[8] }];
 
+/// All films for a chip of 16 KiB, which cannot build a tick beside a spring: slow ones have none here.
+pub const SMALL: [Film; 9] = [FILMS[0], FILMS[1], FILMS[2], FILMS[3], FILMS[4], FILMS[5], FILMS[6], FILMS[9], FEW[3]];
+
 /// Step of a controller without an FPU, s.
 const SLOW_S: f64 = 1e-2;
 

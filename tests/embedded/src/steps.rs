@@ -5,7 +5,7 @@
 #![no_std]
 #![no_main]
 
-use chip_program::{Checksum, FEW, FILMS, Name, Report};
+use chip_program::{Checksum, FEW, FILMS, Name, Report, SMALL};
 use semihosting::{println, process};
 
 #[cfg_attr(target_arch = "riscv32", path = "minstret.rs")]
@@ -38,7 +38,13 @@ impl Report for Printer {
 #[cfg_attr(target_arch = "arm", cortex_m_rt::entry)]
 #[cfg_attr(target_arch = "riscv32", riscv_rt::entry)]
 fn main() -> ! {
-    let films = if cfg!(feature = "few-films") { &FEW[..] } else { &FILMS };
+    // The Cortex-M0 alone has no atomic exchange.
+    let is_small = cfg!(all(target_arch = "arm", not(target_has_atomic = "32")));
+    let films = match (cfg!(feature = "few-films"), is_small) {
+        (true, _) => &FEW[..],
+        (false, true) => &SMALL,
+        (false, false) => &FILMS,
+    };
     chip_program::run(&mut Printer { counter: Counter::start() }, films);
     process::exit(0)
 }
