@@ -8,6 +8,7 @@ mod compressed;
 mod curved;
 mod response;
 mod saved;
+mod spring_steps;
 mod state_traits;
 mod warm_start;
 mod window;
