@@ -63,7 +63,7 @@ fn playing(board: &Linked) -> (Child, impl Iterator<Item = String> + use<>) {
 #[test]
 fn a_second_ctrl_c_does_not_leave_a_live_film() {
     // Its discharge is watched for a second of its time, five of the host's.
-    let board = Linked::ready(Scene { enable_welded: true, ..SLOW });
+    let board = Linked::ready(Scene { stays_up: true, ..SLOW });
     let (mut player, mut printed) = playing(&board);
     ctrl_c(&player);
     names(&printed.next().expect("printed"), &["bringing the film to 0 V"]);
@@ -79,7 +79,7 @@ fn a_second_ctrl_c_does_not_leave_a_live_film() {
 #[test]
 fn a_third_ctrl_c_says_what_it_leaves() {
     // Its discharge is watched for five seconds.
-    let board = Linked::ready(Scene { enable_welded: true, ..SLOW });
+    let board = Linked::ready(Scene { stays_up: true, ..SLOW });
     let (mut player, mut printed) = playing(&board);
     for expected in ["bringing the film to 0 V", "still bringing the film", "leaving a film that may be live"] {
         ctrl_c(&player);
