@@ -32,7 +32,7 @@ impl Cost {
     pub const CURVED: Self = Self::stated(615, 1996, 3200);
 
     /// A film with two curves.
-    pub const TWO_CURVES: Self = Self::stated(691, 2162, 3470);
+    pub const TWO_CURVES: Self = Self::stated(691, 2162, 3569);
 
     /// The cost of `film`.
     pub fn new(film: Film<'_>) -> Self {

@@ -209,7 +209,7 @@ pub fn run(report: &mut impl Report, films: &[Film]) {
             continue;
         }
         control::run(report, name, &model);
-        tick::run(report, name("tick"), &tick::law(name("tick"), &model));
+        tick::run(report, name("tick"), &model);
     }
 }
 

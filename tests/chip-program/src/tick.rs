@@ -8,16 +8,22 @@ use springpot::{Actuator, AmplifierLag, Coefficients, Maxwell};
 
 use crate::{Checksum, Name, Report, STEPS};
 
-/// Reports cost and bits of a tick along `law`. Each step has a stack of its own: the small chip has 16 KiB for all.
+/// Reports cost and bits of a tick of the film of `model`. Each step has a stack of its own: the small chip has 16 KiB for all.
 #[inline(never)]
-pub fn run(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
-    bits(report, name, blob(law, name.film.actuator()));
-    cost(report, name, blob(law, name.film.actuator()));
+pub fn run(report: &mut impl Report, name: Name, model: &Maxwell) {
+    run_along(report, name, &law(name, model));
 }
 
 #[inline(never)]
-fn bits(report: &mut impl Report, name: Name, blob: Blob) {
-    let mut controller = disarmed(blob);
+fn run_along(report: &mut impl Report, name: Name, law: &Coefficients<f32>) {
+    let blob = blob(law, name.film.actuator());
+    bits(report, name, &blob);
+    cost(report, name, &blob);
+}
+
+#[inline(never)]
+fn bits(report: &mut impl Report, name: Name, blob: &Blob) {
+    let mut controller = Controller::from(blob);
     start(&mut controller);
     let mut checksum = Checksum::default();
     ticks(&mut controller, |code, outputs| {
@@ -29,8 +35,8 @@ fn bits(report: &mut impl Report, name: Name, blob: Blob) {
 }
 
 #[inline(never)]
-fn cost(report: &mut impl Report, name: Name, blob: Blob) {
-    let mut controller = disarmed(blob);
+fn cost(report: &mut impl Report, name: Name, blob: &Blob) {
+    let mut controller = Controller::from(blob);
     start(&mut controller);
     let keep = |code: DacCode, _: Outputs| {
         black_box(code);
@@ -42,14 +48,9 @@ fn cost(report: &mut impl Report, name: Name, blob: Blob) {
 
 /// A controller on the bench, tracking.
 pub fn running(law: &Coefficients<f32>, actuator: Actuator) -> Controller {
-    let mut controller = disarmed(blob(law, actuator));
+    let mut controller = Controller::new(blob(law, actuator));
     start(&mut controller);
     controller
-}
-
-#[inline(never)]
-fn disarmed(blob: Blob) -> Controller {
-    Controller::new(blob)
 }
 
 #[inline(never)]

@@ -124,13 +124,28 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
 }
 
 #[allow(clippy::missing_errors_doc)] // of requests: as the supervisor's
+/// As [`Controller::new`], of a blob that stays: a small chip has no room to move it.
+impl<M: ControllerMemory> From<&Blob<M>> for Controller<M> {
+    fn from(blob: &Blob<M>) -> Self {
+        // Before the controller is on the stack.
+        let watched = M::watched(blob.follower().compensator().observer().law());
+        Self::from_parts(
+            blob.parameters(),
+            blob.checksum(),
+            blob.follower(),
+            watched,
+            (blob.supervisor(), blob.margin()),
+        )
+    }
+}
+
 impl<M: ControllerMemory> Controller<M> {
     /// The controller of `blob`, disarmed. For the stroke its film has been at the end of it for an hour, until a plausible sensor shows
     /// where it is when a run begins: what is left of earlier creep fades as the law has it.
     #[must_use]
     #[allow(clippy::needless_pass_by_value)] // a blob is for one controller
     pub fn new(blob: Blob<M>) -> Self {
-        Self::from_parts(blob.parameters(), blob.checksum(), blob.follower(), blob.supervisor(), blob.margin())
+        Self::from(&blob)
     }
 
     // Of references, so that nothing large is moved on the stack of a small chip.
@@ -140,11 +155,10 @@ impl<M: ControllerMemory> Controller<M> {
         parameters: &Parameters<M>,
         checksum: Option<u32>,
         follower: &Follower<f32, Tracking<f32, M>>,
-        supervisor: &Supervisor,
-        margin: f32,
+        watched: Law<f32, Watched>,
+        (supervisor, margin): (&Supervisor, f32),
     ) -> Self {
         let law = follower.compensator().observer().law();
-        let watched = M::watched(law);
         let (actuator, limits) = (&parameters.actuator, &parameters.limits);
         let largest_n = actuator.electrostatic_force(f64::from(limits.max_voltage_v));
         let shares_per_m = limits.max_disturbance_share / (MAX_LEARNED * limits.max_displacement_m);
@@ -457,8 +471,13 @@ impl<M: ControllerMemory> Controller<M> {
         let Parameters { limits, rate_hz, amplifier_lag, .. } = &self.parameters;
         let supervisor = Supervisor::new(limits, *rate_hz).and_then(|made| made.behind(*amplifier_lag, *rate_hz));
         let supervisor = supervisor.unwrap_or(self.supervisor);
-        let mut made =
-            Self::from_parts(&self.parameters, self.checksum, &self.follower, &supervisor, self.motion.min_margin());
+        let mut made = Self::from_parts(
+            &self.parameters,
+            self.checksum,
+            &self.follower,
+            self.watched.clone(),
+            (&supervisor, self.motion.min_margin()),
+        );
         (made.open_loop, made.is_history_assumed) = (made.watched.state(), false);
         made
     }
