@@ -123,7 +123,6 @@ pub struct Controller<M: ControllerMemory = Compressed<f32>> {
     test: LoopTest<M>,
 }
 
-#[allow(clippy::missing_errors_doc)] // of requests: as the supervisor's
 /// As [`Controller::new`], of a blob that stays: a small chip has no room to move it.
 impl<M: ControllerMemory> From<&Blob<M>> for Controller<M> {
     fn from(blob: &Blob<M>) -> Self {
@@ -139,6 +138,7 @@ impl<M: ControllerMemory> From<&Blob<M>> for Controller<M> {
     }
 }
 
+#[allow(clippy::missing_errors_doc)] // of requests: as the supervisor's
 impl<M: ControllerMemory> Controller<M> {
     /// The controller of `blob`, disarmed. For the stroke its film has been at the end of it for an hour, until a plausible sensor shows
     /// where it is when a run begins: what is left of earlier creep fades as the law has it.
