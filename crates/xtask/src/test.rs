@@ -126,7 +126,7 @@ pub const QEMU: &str = "--features tests/qemu";
 
 /// The tests of the workspace, more at a time than two cores can run: those of boards and emulators mostly wait.
 fn tests(options: &str) -> Command {
-    let mut tests = cargo(&format!("test --quiet --workspace {options}"));
+    let mut tests = cargo(&format!("test --quiet --workspace --no-fail-fast {options}"));
     if env::var_os(THREADS).is_none() {
         let cores = thread::available_parallelism().map_or(2, NonZero::get);
         tests.env(THREADS, (2 * cores).to_string());

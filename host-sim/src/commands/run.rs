@@ -27,7 +27,7 @@ pub(super) struct Arguments {
     /// Its port: a serial port such as /dev/ttyUSB0 or COM3, or tcp:HOST:PORT.
     #[arg(long, value_name = "PORT")]
     port: String,
-    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2. Its [board] limits hold.
+    /// Parameter file (TOML), or preset:NAME such as preset:table3-n2. The limits of its table board hold.
     #[arg(long, value_name = "P")]
     params: String,
     /// Reference to follow: time_s, displacement_m.
