@@ -167,7 +167,7 @@ impl Trial {
 
     fn check_request(&mut self, heading: Heading, answer: &Answer, before: DriverState, after: DriverState) {
         use DriverState::{Armed, Disarmed, Running, Tripped};
-        let done = !matches!(answer, Answer::Refused(_) | Answer::Rejected(_));
+        let done = !matches!(answer, Answer::Refused(_) | Answer::Rejected(_) | Answer::Stale { .. });
         let marked = matches!(heading.command, 1 | 4 | 8 | 9);
         if marked && before.is_live() && (heading.token == 0 || heading.token != self.token) {
             assert_eq!(*answer, Answer::Rejected(Reject::Token), "{heading:?}");
