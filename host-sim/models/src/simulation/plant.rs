@@ -119,7 +119,8 @@ impl FullMemoryPlant {
     pub fn at_rest(parameters: &Parameters, mismatch: Mismatch, substep_s: f64, substeps: usize) -> Result<Self> {
         parameters.actuator.check()?;
         if parameters.spring.is_some() {
-            let cause = "a plant with full memory has no [spring] yet; simulate the model itself, or take a film by its name";
+            let cause =
+                "a plant with full memory has no [spring] yet; simulate the model itself, or take a film by its name";
             return Err(Error::field("plant", cause.to_owned()));
         }
         if substeps > MAX_SUBSTEPS {

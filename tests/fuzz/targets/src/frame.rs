@@ -20,7 +20,7 @@ const PANIC: &str = "ü panicked at a file whose name is long, so long that it d
 /// | --- | --- |
 /// | 0 | from the line, as they are |
 /// | 1 | a request, which gets version, checksum and stuffing: sequence number, token and command in postcard |
-/// | 2 | likewise, from the host that armed: the command alone |
+/// | 2 | likewise, the next from the host that armed: the command alone |
 /// | 3 | faults of the bench, and a number of ticks |
 ///
 /// Returns whether there was a command above 0 V.
@@ -33,8 +33,8 @@ pub fn run(data: &[u8]) -> bool {
             0 => trial.send(bytes),
             1 => trial.send(&seal(bytes)),
             2 => {
-                let token = varint(trial.token);
-                trial.send(&seal(&[&[5], token.as_slice(), bytes].concat()));
+                trial.newest = trial.newest.wrapping_add(1);
+                trial.send(&seal(&[varint(trial.newest).as_slice(), &varint(trial.token), bytes].concat()));
             }
             _ => {
                 if let &[faults, ticks, ..] = bytes {
@@ -91,6 +91,8 @@ struct Trial {
     ticks: u32,
     /// Token of the host that armed last; 0 before.
     token: u16,
+    /// Number of its newest request.
+    newest: u16,
     /// Ticks since a request kept the amplifier enabled.
     idle: u32,
     /// The mode of the run, from the host's request.
@@ -122,6 +124,7 @@ impl Trial {
             drive: Drive::OFF,
             ticks: 0,
             token: 0,
+            newest: 0,
             idle: 0,
             mode: Mode::Voltage,
             led: false,
@@ -189,7 +192,7 @@ impl Trial {
         match *answer {
             Answer::Armed { token } => {
                 assert!(heading.command == 3 && token != 0 && token != self.token, "{token} after {}", self.token);
-                (self.token, self.idle) = (token, 0);
+                (self.token, self.newest, self.idle) = (token, heading.sequence, 0);
             }
             _ => assert!(heading.command != 3 || !done),
         }
