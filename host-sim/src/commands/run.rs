@@ -87,6 +87,13 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
             )],
         );
     }
+    if !supply.names_its_device() {
+        let text = format!(
+            "{}: its description takes any device that answers, and sets its voltage: put the reply of yours into identify.reply",
+            supply.name
+        );
+        terminal::warnings(false, [text]);
+    }
     // Also with -q.
     warning.iter().for_each(terminal::message);
 
@@ -112,14 +119,17 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let what = Follow { reference_m: &at, ticks, stop };
     let mark = if warning.is_some() { "NO WATCHDOG: " } else { "" };
     let bar = Progress::over(ticks as u64, &format!("{mark}identifies the supply"));
-    let (mut samples, mut squares) = (0, 0.0);
+    let (mut samples, mut squares, mut readings) = (0, 0.0, 0);
     let name = supply.name.clone();
     let ended = Session::begin(supply, Box::new(line)).and_then(|session| {
         supply::follow(session, controller, sensor, &what, |row| {
             let Row { time_s, voltage_v, displacement_m, command_v, reference_m, predicted_m } = row;
-            let error_m = displacement_m - reference_m;
-            squares += error_m * error_m;
             samples += 1;
+            // Rows without a reading have no error.
+            if displacement_m.is_finite() {
+                squares += (displacement_m - reference_m).powi(2);
+                readings += 1;
+            }
             bar.inc(1);
             bar.set_message(format!("{mark}{command_v:.0} V, read back {voltage_v:.0} V; {:.4} mm", 1e3 * reference_m));
             let all = [time_s, voltage_v, displacement_m, command_v, reference_m, predicted_m];
@@ -134,7 +144,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let summary = ended?;
     written?;
     let (low, high) = reference.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &x| (l.min(x), h.max(x)));
-    let rms_pct = 100.0 * (squares / samples as f64).sqrt() / (high - low);
+    let rms_pct = 100.0 * (squares / f64::from(readings)).sqrt() / (high - low);
     let report = Report {
         log: shown(&arguments.log),
         supply: name,

@@ -159,6 +159,11 @@ impl Supply {
         Ok(())
     }
 
+    /// Whether a reply to `identify` shows which device is at the port: it has text of its own.
+    pub fn names_its_device(&self) -> bool {
+        self.identify.reply.as_ref().is_some_and(Template::has_text)
+    }
+
     /// `volts` as the supply can give them: in its steps, from 0 V to its largest voltage, rounded down there.
     pub fn in_steps(&self, volts: f64) -> f64 {
         let most = (self.max_voltage_v / self.step_v).floor() * self.step_v;

@@ -29,6 +29,30 @@ pub trait Line {
     fn receive(&mut self, until_s: f64) -> Result<Option<u8>>;
 }
 
+/// The bytes that come until a time. A device that never pauses does not hold them up: what it sends beyond some kilobytes is left for later.
+pub(super) struct Burst {
+    until_s: f64,
+    taken: usize,
+}
+
+impl Burst {
+    /// More than what a line of text and its replies take.
+    const BYTES: usize = 4096;
+
+    pub(super) fn until(until_s: f64) -> Self {
+        Self { until_s, taken: 0 }
+    }
+
+    /// The next byte of `line`; nothing once the time has passed.
+    pub(super) fn next(&mut self, line: &mut dyn Line) -> Result<Option<u8>> {
+        if self.taken >= Self::BYTES && line.now_s() >= self.until_s {
+            return Ok(None);
+        }
+        self.taken += 1;
+        line.receive(self.until_s)
+    }
+}
+
 /// A serial port, or a TCP connection.
 #[derive(Debug)]
 pub struct SerialLine {

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::line::Line;
+use super::line::{Burst, Line};
 use super::template::number;
 use crate::error::Result;
 
@@ -36,7 +36,8 @@ impl Sensor {
     ///
     /// For a line that is cut.
     pub fn newest(&mut self) -> Result<Option<(f64, f64)>> {
-        while let Some(byte) = self.line.receive(self.line.now_s() + 1e-3)? {
+        let mut burst = Burst::until(self.line.now_s() + 1e-3);
+        while let Some(byte) = burst.next(&mut *self.line)? {
             if !matches!(byte, b'\r' | b'\n') {
                 self.bytes.push_back(byte);
                 self.bytes.truncate(MAX_LINE);

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::description::{Exchange, Supply};
-use super::line::Line;
+use super::line::{Burst, Line};
 use super::template::Template;
 use crate::error::{Error, Result};
 
@@ -164,7 +164,8 @@ impl Session {
     ///
     /// [`Error::Link`] for a reply that refuses, that is late, or that is garbled for the second time in a row.
     pub fn listen(&mut self, until_s: f64) -> Result<()> {
-        while let Some(byte) = self.line.receive(until_s)? {
+        let mut burst = Burst::until(until_s);
+        while let Some(byte) = burst.next(&mut *self.line)? {
             if !matches!(byte, b'\r' | b'\n') {
                 self.bytes.push(byte);
                 self.bytes.truncate(MAX_LINE);
@@ -309,7 +310,8 @@ impl Session {
     fn drain(&mut self) -> Result<()> {
         self.pending.clear();
         let until_s = self.line.now_s() + if self.is_live { 0.02 } else { self.supply.late_s };
-        while self.line.receive(until_s)?.is_some() {}
+        let mut burst = Burst::until(until_s);
+        while burst.next(&mut *self.line)?.is_some() {}
         self.bytes.clear();
         self.garbled = 0;
         Ok(())

@@ -50,6 +50,11 @@ impl Template {
         self.hole == Hole::Number
     }
 
+    /// Whether it has text beside its place.
+    pub fn has_text(&self) -> bool {
+        !(self.before.is_empty() && self.after.is_empty())
+    }
+
     /// The command with `number` in its place.
     pub fn filled(&self, number: &str) -> String {
         let number = if self.hole == Hole::Number { number } else { "" };

@@ -48,6 +48,9 @@ enum Fault {
     SensorLost,
     /// Commands are refused.
     Refuses,
+    /// The supply, or the sensor, sends bytes without a pause and without a line end.
+    Flood,
+    SensorFlood,
 }
 
 /// The film, the supply and the bytes between it and the host.
@@ -71,6 +74,8 @@ struct World {
     replies: VecDeque<(f64, u8)>,
     readings: VecDeque<(f64, u8)>,
     held: String,
+    /// Bytes of a flood so far.
+    flooded: u64,
     /// Time at which 0 V was reached last.
     zero_since_s: f64,
     largest_v: f64,
@@ -100,6 +105,7 @@ impl World {
             replies: VecDeque::new(),
             readings: VecDeque::new(),
             held: String::new(),
+            flooded: 0,
             zero_since_s: 0.0,
             largest_v: 0.0,
         }))
@@ -240,6 +246,16 @@ impl Line for Wire {
 
     fn receive(&mut self, until_s: f64) -> Result<Option<u8>> {
         let mut world = self.world.borrow_mut();
+        let flood = if self.is_sensor { Fault::SensorFlood } else { Fault::Flood };
+        if world.fault == flood && world.fails() {
+            // Forty bytes in a millisecond, which are always there.
+            world.flooded += 1;
+            if world.flooded.is_multiple_of(40) {
+                let until_s = world.now_s + STEP_S;
+                world.advance(until_s);
+            }
+            return Ok(Some(b'7'));
+        }
         // What the sensor has sent is read without waiting: two ports are read at the same time.
         if self.is_sensor {
             let now_s = world.now_s;
@@ -333,6 +349,8 @@ fn every_fault_ends_at_0_v() {
         (Fault::Sags(1.2), "Monitor", 0.7),
         (Fault::SensorLost, "Sensor", 0.3),
         (Fault::Refuses, "refuses", 1.6),
+        (Fault::Flood, "no reply within 0.25 s", 1.2),
+        (Fault::SensorFlood, "Sensor", 0.6),
     ];
     for (fault, words, within_s) in faults {
         let world = World::new(fault, 0.02, Some(0.5), 1.0);
