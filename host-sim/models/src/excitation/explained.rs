@@ -186,16 +186,16 @@ impl Blocks {
         (blocks.stroke_m > 0.0 && peak > 0.0 && blocks.reading.len() > 100).then_some(blocks)
     }
 
-    /// Puts the rows of each recording in the reverse order.
-    pub(super) fn reverse(&mut self) {
-        for course in &mut self.courses {
+    /// The recordings with the rows of each in the reverse order, if enough of them have readings.
+    pub(super) fn reversed(&self) -> Option<Self> {
+        let mut courses = self.courses.clone();
+        for course in &mut courses {
             let last_s = course.time_s[course.time_s.len() - 1];
             course.time_s = course.time_s.iter().rev().map(|t| last_s - t).collect();
             course.drive.reverse();
             course.reading.reverse();
         }
-        let reversed = Self::new(std::mem::take(&mut self.courses));
-        *self = reversed.expect("the same readings");
+        Self::new(courses)
     }
 
     /// Means over the blocks of one value for each row of each recording, of the rows that have a reading.

@@ -22,6 +22,8 @@ const COMPLEXITY: f64 = 0.02;
 const UNEXPLAINED: f64 = 0.02;
 /// Share of the variance of the readings that is of another drive.
 const UNRELATED: f64 = 0.5;
+/// Largest share of the unexplained squares that rows in the reverse order leave.
+const BACKWARDS: f64 = 0.25;
 /// A cause of less than this share of the first is not reported beside it.
 const REMNANT: f64 = 0.3;
 /// Smallest lag that is reported, in periods of the fastest cycle, and the shortest creep that differs from a lag, likewise.
@@ -58,8 +60,8 @@ enum Change {
     Columns(Vec<Vec<f64>>),
     Drives(Vec<Vec<f64>>),
     Without(std::ops::Range<usize>),
-    /// Rows in the reverse order.
-    Reversed,
+    /// The recordings with their rows in the reverse order.
+    Reversed(Blocks),
 }
 
 /// The film as it is explained so far.
@@ -120,12 +122,12 @@ impl State {
             Change::Columns(columns) => with.added.extend(columns.iter().cloned()),
             Change::Drives(changed) => with.drives.clone_from(changed),
             Change::Without(rows) => with.blocks.kept[rows.clone()].fill(0.0),
-            Change::Reversed => with.blocks.reverse(),
+            Change::Reversed(blocks) => {
+                with.drives = blocks.courses.iter().map(|course| course.drive.clone()).collect();
+                with.blocks.clone_from(blocks);
+            }
         }
         with.is_shifted |= matches!(change, Change::Drives(_));
-        if let Change::Reversed = change {
-            with.drives = with.blocks.courses.iter().map(|course| course.drive.clone()).collect();
-        }
         with.basis = with.blocks.film(&with.drives);
         with.added.iter().for_each(|column| {
             with.basis.add(column);
@@ -200,7 +202,7 @@ impl State {
         let readings = &self.blocks.reading;
         let mean = readings.iter().sum::<f64>() / readings.len() as f64;
         let share = self.basis.square() / readings.iter().map(|x| (x - mean).powi(2)).sum::<f64>();
-        (share > UNRELATED).then(|| Fault {
+        (share > UNRELATED && self.reversed().is_none()).then(|| Fault {
             file: None,
             finding: format!(
                 "no film explains the stroke by this drive: {:.0} % of its variance are left",
@@ -211,19 +213,21 @@ impl State {
         })
     }
 
-    /// Rows in the wrong order of time.
-    fn reversed(&self) -> Cause {
-        Cause {
+    /// Rows in the wrong order of time: a film that explains them far better the other way round, before anything else is changed.
+    fn reversed(&self) -> Option<Cause> {
+        let is_as_read = self.added.is_empty() && !self.is_shifted && self.blocks.kept.iter().all(|kept| *kept > 0.0);
+        let change = Change::Reversed(self.blocks.reversed().filter(|_| is_as_read)?);
+        (self.square(&change) < BACKWARDS * self.basis.square()).then(|| Cause {
             finding: "the stroke answers the drive before it comes: the rows are in reversed order of time".into(),
             advice: "sort the rows by time",
             recording: None,
-            change: Change::Reversed,
-        }
+            change,
+        })
     }
 
     fn causes(&self) -> Vec<Cause> {
-        let mut causes = vec![self.reversed()];
-        causes.extend(self.of_sensor());
+        let mut causes = self.of_sensor();
+        causes.extend(self.reversed());
         causes.extend(self.of_film());
         causes.extend(self.at_a_time());
         causes.extend(self.of_voltage());
