@@ -21,6 +21,7 @@ mod source;
 mod text;
 mod times;
 mod units;
+mod words;
 mod workbook;
 
 pub use choice::Choices;

@@ -1,0 +1,147 @@
+//! The bytes of a blob: header, contents, checksum.
+
+use super::{BLOB_LEN, Blob, BlobError, SCHEMA, SCHEMA_WITHOUT_SPRING};
+use crate::chips::Converters;
+use crate::parameters::{ControllerMemory, Parameters};
+
+const MAGIC: [u8; 4] = *b"DEA\x01";
+const CHECKSUM_LEN: usize = 4;
+const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
+/// The sizes of a law that a blob does not state.
+const USUAL_SIZES: [u8; 3] = [12, 12, 24];
+/// Set in the schema's high byte where the contents begin with the sizes of the law.
+const STATES_SIZES: u8 = 1;
+
+/// The header of a blob: the bytes before its contents.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlobHeader {
+    /// The version of the format.
+    pub schema: u16,
+    /// The board that it is for.
+    pub board: u16,
+    /// Length of the contents, bytes.
+    pub length: u16,
+}
+
+impl BlobHeader {
+    /// Bytes of a header.
+    pub const LEN: usize = 10;
+
+    /// Reads the header at the start of `bytes`. Nothing but the magic is checked.
+    ///
+    /// # Errors
+    ///
+    /// [`BlobError::Truncated`], [`BlobError::Magic`].
+    pub fn read(bytes: &[u8]) -> Result<Self, BlobError> {
+        let &[m0, m1, m2, m3, s0, s1, b0, b1, l0, l1] = bytes.first_chunk().ok_or(BlobError::Truncated)?;
+        if [m0, m1, m2, m3] != MAGIC {
+            return Err(BlobError::Magic);
+        }
+        let [schema, board, length] = [[s0, s1], [b0, b1], [l0, l1]].map(u16::from_le_bytes);
+        Ok(Self { schema, board, length })
+    }
+
+    fn bytes(self) -> [u8; Self::LEN] {
+        let [m0, m1, m2, m3] = MAGIC;
+        let [[s0, s1], [b0, b1], [l0, l1]] = [self.schema, self.board, self.length].map(u16::to_le_bytes);
+        [m0, m1, m2, m3, s0, s1, b0, b1, l0, l1]
+    }
+
+    fn contents_end(self) -> usize {
+        Self::LEN + usize::from(self.length)
+    }
+}
+
+impl<M: ControllerMemory> Parameters<M> {
+    /// The sizes of the law, and whether a blob has to state them.
+    fn sizes() -> Result<([u8; 3], bool), BlobError> {
+        let [head, fast, slow] = M::SIZES.map(u8::try_from);
+        // More than 255 weights do not fit in a blob.
+        let (Ok(head), Ok(fast), Ok(slow)) = (head, fast, slow) else { return Err(BlobError::TooLong) };
+        let sizes = [head, fast, slow];
+        Ok((sizes, sizes != USUAL_SIZES))
+    }
+
+    /// Writes the blob for `board`, with [`Converters::AD5754_ADS868X`], to `bytes` and returns its length.
+    ///
+    /// # Errors
+    ///
+    /// [`BlobError`] for parameters that a controller would refuse, and for less room than the blob takes.
+    pub fn encode(&self, board: u16, bytes: &mut [u8]) -> Result<usize, BlobError> {
+        self.encode_for(board, &Converters::AD5754_ADS868X, bytes)
+    }
+
+    /// The same for a board with other `converters`.
+    #[allow(clippy::missing_errors_doc)] // as the one above
+    pub fn encode_for(&self, board: u16, converters: &Converters, bytes: &mut [u8]) -> Result<usize, BlobError> {
+        Blob::with_converters(self.clone(), converters)?;
+        let (sizes, stated) = Self::sizes()?;
+        let room = bytes.len().min(BLOB_LEN);
+        let body = bytes.get_mut(BlobHeader::LEN..room).ok_or(BlobError::TooLong)?;
+        let written = if stated { postcard::to_slice(&(sizes, self), body) } else { postcard::to_slice(self, body) };
+        let written = written.map_err(|_| BlobError::TooLong)?.len();
+        let length = u16::try_from(written).map_err(|_| BlobError::TooLong)?;
+        let schema = if M::has_spring(&self.law) { SCHEMA } else { SCHEMA_WITHOUT_SPRING };
+        let schema = schema | if stated { u16::from(STATES_SIZES) << 8 } else { 0 };
+        let header = BlobHeader { schema, board, length };
+        let end = header.contents_end();
+        bytes[..BlobHeader::LEN].copy_from_slice(&header.bytes());
+        let checksum = CRC.checksum(&bytes[..end]).to_le_bytes();
+        bytes.get_mut(end..end + CHECKSUM_LEN).ok_or(BlobError::TooLong)?.copy_from_slice(&checksum);
+        Ok(end + CHECKSUM_LEN)
+    }
+}
+
+impl Blob {
+    /// Reads and checks the blob at the start of `bytes`, which must be for `board`, with
+    /// [`Converters::AD5754_ADS868X`].
+    ///
+    /// # Errors
+    ///
+    /// [`BlobError`] for the first thing that is wrong.
+    pub fn decode(bytes: &[u8], board: u16) -> Result<Self, BlobError> {
+        Self::decode_for(bytes, board, &Converters::AD5754_ADS868X)
+    }
+}
+
+impl<M: ControllerMemory> Blob<M> {
+    /// The same for a board with other `converters`, or a law with another memory.
+    #[allow(clippy::missing_errors_doc)] // as the one above
+    pub fn decode_for(bytes: &[u8], board: u16, converters: &Converters) -> Result<Self, BlobError> {
+        let header = BlobHeader::read(bytes)?;
+        let end = header.contents_end();
+        if end + CHECKSUM_LEN > BLOB_LEN {
+            return Err(BlobError::TooLong);
+        }
+        let found = bytes.get(end..end + CHECKSUM_LEN).ok_or(BlobError::Truncated)?;
+        let checksum = CRC.checksum(&bytes[..end]);
+        if checksum.to_le_bytes() != found {
+            return Err(BlobError::Checksum);
+        }
+        // The bytes are as they were written.
+        let [schema, flags] = header.schema.to_le_bytes();
+        if !(SCHEMA_WITHOUT_SPRING..=SCHEMA).contains(&u16::from(schema)) || flags & !STATES_SIZES != 0 {
+            return Err(BlobError::Schema { found: header.schema });
+        }
+        if header.board != board {
+            return Err(BlobError::Board { found: header.board });
+        }
+        let contents = &bytes[BlobHeader::LEN..end];
+        let (found, contents) = if flags & STATES_SIZES == 0 {
+            (USUAL_SIZES, contents)
+        } else {
+            contents.split_first_chunk().map(|(&sizes, rest)| (sizes, rest)).ok_or(BlobError::Contents)?
+        };
+        let (expected, _) = Parameters::<M>::sizes()?;
+        if found != expected {
+            return Err(BlobError::LawSizes { found, expected });
+        }
+        match postcard::take_from_bytes(contents) {
+            Ok((parameters, [])) => {
+                Ok(Self { checksum: Some(checksum), ..Self::with_converters(parameters, converters)? })
+            }
+            _ => Err(BlobError::Contents),
+        }
+    }
+}
