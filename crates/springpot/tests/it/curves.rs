@@ -8,9 +8,9 @@ use springpot::{
     Springpot, Topology, VoltageDrive,
 };
 
+use crate::support::bent_films::{Bent, STEP_S, film, run};
 use crate::support::relative_rms;
 
-const STEP_S: f64 = 1e-3;
 /// The coefficients of x + a x² + b x³: stiffer by 2.4 at 3 mm.
 const BEND: [f64; 2] = [150.0, 1.9e4];
 const GAMMA_0_8: f64 = 1.164_229_713_725_303;
@@ -32,11 +32,6 @@ fn cubic(low: f64, high: f64, pieces: usize) -> Curve {
     Curve::new(&knots).expect("rises")
 }
 
-fn film(mass_kg: f64) -> Maxwell {
-    let sp = Springpot::new;
-    Maxwell::new(sp(9e3, 0.2), &[[sp(1.1e4, 0.0), sp(9e3, 0.9)]], Topology::Parallel, mass_kg).expect("valid")
-}
-
 fn law<T: Real>(model: &Maxwell) -> Law<T> {
     Law::compressed(model, LawOptions::at_step(STEP_S)).expect("a law")
 }
@@ -46,36 +41,13 @@ fn load(k: usize) -> f64 {
     20.0 * (1.0 - (TAU * 0.8 * t).cos()) * (1.0 - (-t / 0.3).exp())
 }
 
-/// F_k = Σ κ_j T(x_{k−j}) + m (x_k − 2 x_{k−1} + x_{k−2})/h², every x_k by bisection.
+/// The film of `model` behind the cubic.
 fn by_the_sum(model: &Maxwell, force: impl Fn(usize, f64) -> f64, samples: usize) -> Vec<f64> {
-    let massless = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0).expect("valid");
-    let modulus = crate::support::defining_sum::modulus_series(&massless, STEP_S, samples);
-    let inertia = model.mass_kg() / (STEP_S * STEP_S);
-    let (mut x, mut s) = (Vec::<f64>::new(), Vec::<f64>::new());
-    for k in 0..samples {
-        let past: f64 = (1..=k).map(|j| modulus[j] * s[k - j]).sum();
-        let before = |j: usize| if k >= j { x[k - j] } else { 0.0 };
-        let left = |x: f64| modulus[0] * bent(x) + past + inertia * (x - 2.0 * before(1) + before(2)) - force(k, x);
-        let (mut low, mut high) = (-1e-3, 6e-3);
-        while high - low > 1e-15 {
-            let middle = 0.5 * (low + high);
-            if left(middle) > 0.0 { high = middle } else { low = middle }
-        }
-        x.push(0.5 * (low + high));
-        s.push(bent(x[k]));
-    }
-    x
+    behind(model).by_the_sum(force, samples)
 }
 
-fn run<T: Real>(law: &Law<T>, force: impl Fn(usize) -> Load<f64>, samples: usize) -> Vec<f64> {
-    let mut state = law.state();
-    (0..samples)
-        .map(|k| {
-            let Load { force_n: force, slope_n_per_m: slope } = force(k);
-            law.displacement_under(&mut state, Load { force_n: T::from_f64(force), slope_n_per_m: T::from_f64(slope) })
-                .to_f64()
-        })
-        .collect()
+fn behind(model: &Maxwell) -> Bent<'_> {
+    Bent { model, strain: &bent, resists: &|_, memory| memory }
 }
 
 #[test]
@@ -274,24 +246,7 @@ fn feedforward_follows_behind_a_curve_through_a_saturating_drive() {
     let actuator = Actuator { stretch_coupling: -20.0, saturation_v: Some(9000.0), ..Actuator::KARNER_2022 };
     let curve = cubic(-0.5e-3, 3e-3, 8);
     let law: Law<f32> = law(&model).behind(&curve).expect("a law");
-    let feedforward = Feedforward::new(law, &actuator, CommandLimits::BENCH).expect("valid");
-    // The film itself: the sum with the drive as Eq. 1 has it, in f64.
-    let reference = |k: usize| {
-        let t = k as f64 * STEP_S;
-        0.1e-3 * (6.0 - (TAU * 0.5 * t).cos()) * (1.0 - (-t).exp())
-    };
-    let mut state = feedforward.state(feedforward.law().state());
-    let mut volts = Vec::new();
-    for k in 1..=4000 {
-        let command = feedforward.command(&mut state, reference(k) as f32);
-        assert!(command.limited.is_none() || k < 20, "step {k}: {}", command.limited);
-        volts.push(f64::from(command.voltage_v));
-        feedforward.apply(&mut state, Applied::as_commanded(command.voltage_v));
-    }
-    let followed = by_the_sum(&model, |k, x| actuator.force(volts[k], x), volts.len());
-    let wanted: Vec<f64> = (1..=4000).map(reference).collect();
-    // The start is a jump of the speed, which the path takes smoothly.
-    let error = relative_rms(&followed[1000..], &wanted[1000..]);
+    let error = behind(&model).feedforward_error(law, &actuator, 0.6e-3, 20);
     assert!(error < 1e-4, "{error:e}");
 }
 

@@ -4,21 +4,16 @@ use std::f64::consts::TAU;
 
 use proptest::prelude::*;
 use springpot::{
-    Actuator, Applied, Coefficients, CommandLimits, Compressed, Curve, CurveError, Discretisation, Feedforward, Knot,
-    Law, LawError, LawOptions, Load, Maxwell, Measure, Real, Rubber, Spring, Springpot, Topology,
+    Actuator, Coefficients, Compressed, Curve, CurveError, Discretisation, Knot, Law, LawError, LawOptions, Load,
+    Maxwell, Measure, Real, Rubber, Spring, Springpot, Topology,
 };
 
+use crate::support::bent_films::{Bent, STEP_S, film, run};
 use crate::support::models::random_models;
 use crate::support::{METHODS, law_by, relative_rms};
 
-const STEP_S: f64 = 1e-3;
 const GAMMA_0_8: f64 = 1.164_229_713_725_303;
 const LENGTH_M: f64 = 0.02;
-
-fn film(mass_kg: f64) -> Maxwell {
-    let sp = Springpot::new;
-    Maxwell::new(sp(9e3, 0.2), &[[sp(1.1e4, 0.0), sp(9e3, 0.9)]], Topology::Parallel, mass_kg).expect("valid")
-}
 
 fn law<T: Real>(model: &Maxwell, method: Discretisation) -> Law<T> {
     law_by(model, 1.0 / STEP_S, method)
@@ -51,40 +46,15 @@ fn load(k: usize) -> f64 {
     25.0 * (1.0 - (TAU * 0.8 * t).cos()) * (1.0 - (-t / 0.3).exp())
 }
 
-/// E(x_k) + T'(x_k) Σ κ_j T(x_{k−j}) + m (x_k − 2 x_{k−1} + x_{k−2})/h² = F_k, every x_k by bisection.
+/// The film of `model` in Hencky's strain beside the spring.
 fn by_the_sum(model: &Maxwell, force: impl Fn(usize, f64) -> f64, samples: usize) -> Vec<f64> {
-    let massless = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0).expect("valid");
-    let modulus = crate::support::defining_sum::modulus_series(&massless, STEP_S, samples);
-    let inertia = model.mass_kg() / (STEP_S * STEP_S);
-    // As its pieces are: 4e-6 from the formula in the slope.
-    let measure = hencky();
-    let (mut x, mut s) = (Vec::<f64>::new(), Vec::<f64>::new());
-    for k in 0..samples {
-        let past: f64 = (1..=k).map(|j| modulus[j] * s[k - j]).sum();
-        let before = |j: usize| if k >= j { x[k - j] } else { 0.0 };
-        let left = |x: f64| {
-            let memory = modulus[0] * measure.value(x) + past;
-            elastic(x)[0] + measure.slope(x) * memory + inertia * (x - 2.0 * before(1) + before(2)) - force(k, x)
-        };
-        let (mut low, mut high) = (-1e-3, 8e-3);
-        while high - low > 1e-15 {
-            let middle = 0.5 * (low + high);
-            if left(middle) > 0.0 { high = middle } else { low = middle }
-        }
-        x.push(0.5 * (low + high));
-        s.push(measure.value(x[k]));
-    }
-    x
+    beside(model, |film| film.by_the_sum(force, samples))
 }
 
-fn run<T: Real>(law: &Law<T>, load: impl Fn(usize) -> Load<f64>, samples: usize) -> Vec<f64> {
-    let mut state = law.state();
-    let step = |k| {
-        let Load { force_n, slope_n_per_m } = load(k);
-        let load = Load { force_n: T::from_f64(force_n), slope_n_per_m: T::from_f64(slope_n_per_m) };
-        law.displacement_under(&mut state, load).to_f64()
-    };
-    (0..samples).map(step).collect()
+fn beside<R>(model: &Maxwell, work: impl FnOnce(Bent<'_>) -> R) -> R {
+    // As its pieces are: 4e-6 from the formula in the slope.
+    let measure = hencky();
+    work(Bent { model, strain: &|x| measure.value(x), resists: &|x, memory| elastic(x)[0] + measure.slope(x) * memory })
 }
 
 #[test]
@@ -286,23 +256,7 @@ fn feedforward_follows_a_film_with_two_curves() {
     let model = film(Actuator::KARNER_2022.mass_kg);
     let actuator = Actuator { stretch_coupling: 30.0, saturation_v: Some(9000.0), ..Actuator::KARNER_2022 };
     let law: Law<f32> = law(&model, Discretisation::Gl).beside(&spring(8), &hencky()).expect("a law");
-    let feedforward = Feedforward::new(law, &actuator, CommandLimits::BENCH).expect("valid");
-    let reference = |k: usize| {
-        let t = k as f64 * STEP_S;
-        0.1e-3 * (12.0 - (TAU * 0.5 * t).cos()) * (1.0 - (-t).exp())
-    };
-    let mut state = feedforward.state(feedforward.law().state());
-    let mut volts = Vec::new();
-    for k in 1..=4000 {
-        let command = feedforward.command(&mut state, reference(k) as f32);
-        assert!(command.limited.is_none() || k < 40, "step {k}: {}", command.limited);
-        volts.push(f64::from(command.voltage_v));
-        feedforward.apply(&mut state, Applied::as_commanded(command.voltage_v));
-    }
-    let followed = by_the_sum(&model, |k, x| actuator.force(volts[k], x), volts.len());
-    let wanted: Vec<f64> = (1..=4000).map(reference).collect();
-    // The start is a jump of the speed, which the path takes smoothly.
-    let error = relative_rms(&followed[1000..], &wanted[1000..]);
+    let error = beside(&model, |film| film.feedforward_error(law, &actuator, 1.2e-3, 40));
     assert!(error < 1e-4, "{error:e}");
 }
 

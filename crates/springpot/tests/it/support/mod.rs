@@ -1,5 +1,6 @@
 //! Shared parts of the tests.
 
+pub mod bent_films;
 pub mod defining_sum;
 pub mod full_memory;
 pub mod models;

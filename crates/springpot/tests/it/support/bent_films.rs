@@ -1,0 +1,83 @@
+//! Films whose force bends with the displacement: their answer as a nonlinear sum over all that was, and what is stepped against it.
+
+use std::f64::consts::TAU;
+
+use springpot::{Actuator, Applied, CommandLimits, Feedforward, Law, Load, Maxwell, Real, Springpot, Topology};
+
+use super::defining_sum::modulus_series;
+use super::relative_rms;
+
+pub const STEP_S: f64 = 1e-3;
+
+/// A springpot, and a spring in series with another springpot.
+pub fn film(mass_kg: f64) -> Maxwell {
+    let sp = Springpot::new;
+    Maxwell::new(sp(9e3, 0.2), &[[sp(1.1e4, 0.0), sp(9e3, 0.9)]], Topology::Parallel, mass_kg).expect("valid")
+}
+
+/// A film with the memory of `model` on its `strain` (m), that resists with a force (N) of displacement and memory.
+pub struct Bent<'a> {
+    pub model: &'a Maxwell,
+    pub strain: &'a dyn Fn(f64) -> f64,
+    pub resists: &'a dyn Fn(f64, f64) -> f64,
+}
+
+impl Bent<'_> {
+    /// Displacements (m) under `force` (N) of step and displacement: the sum over all steps, solved by bisection.
+    pub fn by_the_sum(&self, force: impl Fn(usize, f64) -> f64, samples: usize) -> Vec<f64> {
+        let model = self.model;
+        let massless = Maxwell::new(model.main(), model.branches(), model.topology(), 0.0).expect("valid");
+        let modulus = modulus_series(&massless, STEP_S, samples);
+        let inertia = model.mass_kg() / (STEP_S * STEP_S);
+        let (mut x, mut s) = (Vec::<f64>::new(), Vec::<f64>::new());
+        for k in 0..samples {
+            let past: f64 = (1..=k).map(|j| modulus[j] * s[k - j]).sum();
+            let before = |j: usize| if k >= j { x[k - j] } else { 0.0 };
+            let left = |x: f64| {
+                let memory = modulus[0] * (self.strain)(x) + past;
+                (self.resists)(x, memory) + inertia * (x - 2.0 * before(1) + before(2)) - force(k, x)
+            };
+            let (mut low, mut high) = (-1e-3, 8e-3);
+            while high - low > 1e-15 {
+                let middle = 0.5 * (low + high);
+                if left(middle) > 0.0 { high = middle } else { low = middle }
+            }
+            x.push(0.5 * (low + high));
+            s.push((self.strain)(x[k]));
+        }
+        x
+    }
+
+    /// Error of the film itself, with the drive as Eq. 1 has it, under the voltages of feedforward with `law`, which follows a sine of 0.1 mm
+    /// about `centre_m` and may be limited in its first `starting` steps.
+    pub fn feedforward_error(&self, law: Law<f32>, actuator: &Actuator, centre_m: f64, starting: usize) -> f64 {
+        let feedforward = Feedforward::new(law, actuator, CommandLimits::BENCH).expect("valid");
+        let reference = |k: usize| {
+            let t = k as f64 * STEP_S;
+            (centre_m - 0.1e-3 * (TAU * 0.5 * t).cos()) * (1.0 - (-t).exp())
+        };
+        let mut state = feedforward.state(feedforward.law().state());
+        let mut volts = Vec::new();
+        for k in 1..=4000 {
+            let command = feedforward.command(&mut state, reference(k) as f32);
+            assert!(command.limited.is_none() || k < starting, "step {k}: {}", command.limited);
+            volts.push(f64::from(command.voltage_v));
+            feedforward.apply(&mut state, Applied::as_commanded(command.voltage_v));
+        }
+        let followed = self.by_the_sum(|k, x| actuator.force(volts[k], x), volts.len());
+        let wanted: Vec<f64> = (1..=4000).map(reference).collect();
+        // The start is a jump of the speed, which the path takes smoothly.
+        relative_rms(&followed[1000..], &wanted[1000..])
+    }
+}
+
+/// Displacements (m) of `law` under the loads of the steps.
+pub fn run<T: Real>(law: &Law<T>, load: impl Fn(usize) -> Load<f64>, samples: usize) -> Vec<f64> {
+    let mut state = law.state();
+    let step = |k| {
+        let Load { force_n, slope_n_per_m } = load(k);
+        let load = Load { force_n: T::from_f64(force_n), slope_n_per_m: T::from_f64(slope_n_per_m) };
+        law.displacement_under(&mut state, load).to_f64()
+    };
+    (0..samples).map(step).collect()
+}
