@@ -98,7 +98,7 @@ pub struct Beyond {
 /// The error to expect along a reference.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Expectation {
-    /// Interval that holds the RMS error with 95 % confidence, in % of the reference's peak to peak after 2 s.
+    /// Interval of the RMS error, calibrated on simulated films (docs/commands.md), in % of the reference's peak to peak after 2 s.
     pub feedforward_error_pct: [f64; 2],
     /// The quantities in which the reference exceeds all recordings, for which the error grows.
     pub beyond: Vec<Beyond>,
