@@ -206,8 +206,8 @@ fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
     let cases = if full_sweep() { 200 } else { 4 };
     let mut worse = Vec::new();
     let (mut widths, mut measured, mut missed) = (Vec::new(), Vec::new(), Vec::new());
-    // The interval was calibrated on the first eighteen.
-    for seed in 9..9 + cases {
+    // Films that were not seen when the interval was calibrated: on the first 42.
+    for seed in 46..46 + cases {
         let case = random(seed);
         let fit = fitted(&case.recordings(seed), 4);
         let (selected, best) = errors_pct(&case, &fit);
@@ -237,7 +237,7 @@ fn no_film_ends_much_worse_than_the_best_structure_that_was_tried() {
     );
     assert!(worse.is_empty(), "{} of {cases}: {}", worse.len(), worse.concat());
     assert!(20 * missed.len() <= measured.len(), "{missed:?}");
-    assert!(width_pct <= 3.0 * measured_pct, "{width_pct} for {measured_pct} %");
+    assert!(width_pct <= 4.5 * measured_pct, "{width_pct} for {measured_pct} %");
 }
 
 /// A reference beyond what was recorded is named with what to record, and more is expected of its error.
