@@ -73,8 +73,8 @@ pub fn run() -> Result<()> {
         values.filter_map(|value| value.parse().ok()).collect()
     };
     let (one, other) = (figures(&one), figures(&other));
-    // The two systems' functions differ in the last digits.
-    let is_same = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-6 * a.abs();
+    // The two systems' functions differ in the last digits, and so do the ends of the searches; three digits are printed.
+    let is_same = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-5 * a.abs();
     if one.is_empty() || one.len() != other.len() || !one.iter().zip(&other).all(is_same) {
         return Err(format!("the demo differs: {one:?} and {other:?}"));
     }
