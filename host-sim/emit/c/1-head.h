@@ -112,6 +112,13 @@
 #define SPRINGPOT_UNROLL
 #endif
 
+/* What films without a spring would pay for in every step if it were inlined. */
+#if defined(__GNUC__)
+#define SPRINGPOT_NOT_INLINED __attribute__((__noinline__, __unused__))
+#else
+#define SPRINGPOT_NOT_INLINED inline
+#endif
+
 /* The version of the tables: a film must be of the same. */
 #define SPRINGPOT_FORMAT 2U
 

@@ -1,22 +1,22 @@
 /* ---- The law of a film. */
 
-/* What a film meets at a place: besides that on its curve how the curve bends, and the spring there. */
+/* What the spring of a film adds at a place. */
 typedef struct {
-    springpot_place place;
-    float curvature; /* T'', 1/m; 0 beyond the ends */
     float force;     /* E, N */
     float steepness; /* E', N/m */
-} springpot_ahead;
+    float curvature; /* T'', 1/m; 0 beyond the ends of the curve */
+} springpot_elastic;
 
-/* The place in a table of pieces from `low` to `high` (m). */
-static inline springpot_ahead springpot_in_pieces(
-    const springpot_piece *piece, uint32_t pieces, float low, float high, float displacement, float surplus)
+/* Sets `place` to that in a table of pieces from `low` to `high` (m), and `curvature`, unless NULL, to how the curve bends there (1/m). */
+static inline void springpot_in_pieces(const springpot_piece *piece, uint32_t pieces, float low, float high, float displacement,
+    float surplus, springpot_place *place, float *curvature)
 {
-    springpot_ahead ahead;
     float within;
     float u;
     float bent;
     float rise;
+    float slope;
+    float outside;
 
     /* A place below the first piece is in it, one above the last piece in the last. */
     if ((pieces > 8U) && !(displacement < piece[8].at)) {
@@ -33,38 +33,49 @@ static inline springpot_ahead springpot_in_pieces(
     }
     within = (displacement < low) ? low : displacement;
     within = (high < displacement) ? high : within;
-    ahead.place.outside = displacement - within;
+    outside = displacement - within;
+    place->outside = outside;
     u = (within - piece->at) - surplus;
     bent = u * piece->third;
     rise = piece->second + bent;
-    ahead.place.knot = piece->value;
-    ahead.place.slope = piece->slope + (u * (rise + (rise + bent)));
-    ahead.place.beyond = (u * (piece->slope + (u * rise))) + (ahead.place.slope * ahead.place.outside);
-    ahead.curvature = 0.0F;
-    if (!(0.0F < (ahead.place.outside * ahead.place.outside))) {
+    place->knot = piece->value;
+    slope = piece->slope + (u * (rise + (rise + bent)));
+    place->slope = slope;
+    place->beyond = (u * (piece->slope + (u * rise))) + (slope * outside);
+    if (curvature != NULL) {
         const float half = rise + (bent + bent);
-        ahead.curvature = half + half;
+        *curvature = (0.0F < (outside * outside)) ? 0.0F : (half + half);
     }
-    ahead.force = 0.0F;
-    ahead.steepness = 0.0F;
-    return ahead;
 }
 
-/* What the film meets at `displacement` - `surplus` (m) from its origin. */
-static inline springpot_ahead springpot_on_curve(const springpot_film *film, float displacement, float surplus)
+/* Likewise on the curve of a film beside its spring, and what the spring adds there. */
+static SPRINGPOT_NOT_INLINED void springpot_beside_spring(
+    const springpot_film *film, float displacement, float surplus, springpot_place *SPRINGPOT_RESTRICT place,
+    springpot_elastic *SPRINGPOT_RESTRICT elastic)
 {
     const springpot_curve *curve = film->curve;
     const springpot_spring *spring = film->spring;
-    springpot_ahead ahead = springpot_in_pieces(curve->pieces, SPRINGPOT_PIECES, curve->low, curve->high, displacement, surplus);
-    if (spring != NULL) {
-        const springpot_place elastic
-            = springpot_in_pieces(
-            spring->spring_pieces, SPRINGPOT_SPRING_PIECES, spring->low, spring->high, displacement, surplus).place;
-        ahead.force = elastic.knot + elastic.beyond;
-        ahead.steepness = elastic.slope;
-        ahead.place.outside = ahead.place.outside + elastic.outside;
+    springpot_place on_spring;
+    /* A film beside a spring has no more pieces in its curve. */
+    springpot_in_pieces(
+        curve->pieces, SPRINGPOT_SPRING_PIECES, curve->low, curve->high, displacement, surplus, place, &elastic->curvature);
+    springpot_in_pieces(
+        spring->spring_pieces, SPRINGPOT_SPRING_PIECES, spring->low, spring->high, displacement, surplus, &on_spring, NULL);
+    elastic->force = on_spring.knot + on_spring.beyond;
+    elastic->steepness = on_spring.slope;
+    place->outside = place->outside + on_spring.outside;
+}
+
+/* Sets `place` to that on the film's curve at `displacement` - `surplus` (m) from its origin, and `elastic` if it has a spring. */
+static inline void springpot_on_curve(
+    const springpot_film *film, float displacement, float surplus, springpot_place *place, springpot_elastic *elastic)
+{
+    const springpot_curve *curve = film->curve;
+    if (film->spring == NULL) {
+        springpot_in_pieces(curve->pieces, SPRINGPOT_PIECES, curve->low, curve->high, displacement, surplus, place, NULL);
+    } else {
+        springpot_beside_spring(film, displacement, surplus, place, elastic);
     }
-    return ahead;
 }
 
 /* T at `here` minus T at `there`, m. */
@@ -73,13 +84,25 @@ static inline float springpot_between(const springpot_place *here, const springp
     return (here->knot - there->knot) + (here->beyond - there->beyond);
 }
 
-/* What the film meets if it goes on with `increment` (m). */
-static inline springpot_ahead springpot_look_ahead(const springpot_film *film, const springpot_state *state, float increment)
+/* Sets the place ahead, and without a spring the stiffness there, to those at `displacement` - `surplus` (m) from the origin. */
+static inline void springpot_meet(
+    const springpot_film *film, springpot_state *state, float displacement, float surplus, springpot_elastic *elastic)
+{
+    springpot_on_curve(film, displacement, surplus, &state->ahead, elastic);
+    if (film->spring == NULL) {
+        state->stiffness = (film->curve->instant * state->ahead.slope) + film->curve->inertia;
+        state->slope = state->ahead.slope;
+    }
+}
+
+/* Sets the place ahead to where the film is if it goes on with `increment` (m). */
+static inline void springpot_look_ahead(
+    const springpot_film *film, springpot_state *state, float increment, springpot_elastic *elastic)
 {
     const float addend = increment - state->position_surplus;
     const float position = state->position + addend;
     const float surplus = (position - state->position) - addend;
-    return springpot_on_curve(film, position + state->origin, surplus);
+    springpot_meet(film, state, position + state->origin, surplus, elastic);
 }
 
 /* Stores the newest increment (m) and returns the force (N) at the next step if the film went on with it. */
@@ -87,22 +110,23 @@ static inline float springpot_remember(
     const springpot_law *SPRINGPOT_RESTRICT law, springpot_state *SPRINGPOT_RESTRICT state, float increment)
 {
     const uint32_t last = SPRINGPOT_HEAD - 1U;
-    const uint32_t before = (state->newest < last) ? state->newest : last;
-    const uint32_t newest = (before == 0U) ? last : (before - 1U);
+    /* Beyond the last for 0, which wraps around. */
+    const uint32_t before = state->newest - 1U;
+    const uint32_t newest = (before < last) ? before : last;
+    float *recent = &state->increments[newest];
     /* The slot of the newest increment still holds the oldest, which leaves the head. */
-    const float oldest = state->increments[newest];
+    const float oldest = recent[0];
     const float left_before = state->left;
     const float left_addend = oldest - state->left_surplus;
     const float left = left_before + left_addend;
-    const float *recent = &state->increments[newest];
     float slow = 0.0F;
     float fast = 0.0F;
-    float head = 0.0F;
+    float head = law->head[0] * increment;
     uint32_t i;
 
     state->newest = newest;
-    state->increments[newest] = increment;
-    state->increments[newest + SPRINGPOT_HEAD] = increment;
+    recent[0] = increment;
+    recent[SPRINGPOT_HEAD] = increment;
     state->left_surplus = (left - left_before) - left_addend;
     state->left = left;
     SPRINGPOT_UNROLL
@@ -122,57 +146,49 @@ static inline float springpot_remember(
         fast = fast + (law->fast[i].weight * extension);
     }
     SPRINGPOT_UNROLL
-    for (i = 0U; i < SPRINGPOT_HEAD; i++) {
+    for (i = 1U; i < SPRINGPOT_HEAD; i++) {
         head = head + (law->head[i] * recent[i]);
     }
     return slow + (fast + head);
 }
 
-/* Completes `state` for the next step: the force and the stiffness that it meets `ahead`, from the force of the `memory` there and that of
- * past increments in the `inertia` (N). */
-static inline void springpot_meet(
-    const springpot_film *film, springpot_state *state, const springpot_ahead *ahead, float memory, float inertia)
+/* Completes `state` for the next step beside a spring: the force and the stiffness at the place ahead, from the force of the `memory` there
+ * and that of past increments in the `inertia` (N). */
+static inline void springpot_meet_spring(
+    const springpot_film *film, springpot_state *state, const springpot_elastic *elastic, float memory, float inertia)
 {
-    const springpot_curve *curve = film->curve;
     const springpot_spring *spring = film->spring;
-    const float slope = ahead->place.slope;
-    if (spring == NULL) {
-        state->base = memory;
-        state->stiffness = (curve->instant * slope) + curve->inertia;
-        state->slope = slope;
-    } else {
-        const float square = slope * slope;
-        const float bent = ahead->curvature * memory;
-        const float stiffness = (curve->instant * square) + (bent + (ahead->steepness + curve->inertia));
-        state->base = (slope * memory) + (ahead->force + inertia);
-        state->memory = memory;
-        state->inertia = inertia;
-        state->stiffness = (stiffness < spring->least) ? spring->least : stiffness;
-        state->slope = (spring->spring_share * (ahead->steepness + bent)) + (spring->memory_share * square);
-    }
+    const float slope = state->ahead.slope;
+    const float square = slope * slope;
+    const float bent = elastic->curvature * memory;
+    const float stiffness = (film->curve->instant * square) + (bent + (elastic->steepness + film->curve->inertia));
+    state->base = (slope * memory) + (elastic->force + inertia);
+    state->memory = memory;
+    state->inertia = inertia;
+    state->stiffness = (stiffness < spring->least) ? spring->least : stiffness;
+    state->slope = (spring->spring_share * (elastic->steepness + bent)) + (spring->memory_share * square);
 }
 
-/* Stores the newest increment (m) of a film behind a curve, which led to `place`, where T is `off` (m) from its value ahead. */
-static inline void springpot_remember_bent(const springpot_film *film, springpot_state *state, float increment,
-    const springpot_place *place, const springpot_ahead *ahead, float off)
+/* Stores the newest increment (m) of a film behind a curve, where T was `off` (m) from its value ahead, and will be `predicted` (m)
+ * further at the new place ahead, which is in `state` already. */
+static inline void springpot_remember_bent(const springpot_film *film, springpot_state *state, float increment, float off,
+    float predicted, const springpot_elastic *elastic)
 {
     const springpot_curve *curve = film->curve;
     const float stretched = state->predicted + off;
     const float inertia = (curve->past_inertia[0] * increment)
         + ((curve->past_inertia[1] * state->increment) + (curve->past_inertia[2] * state->past));
-    const float predicted = springpot_between(&ahead->place, place);
     const float change = curve->instant * (predicted - stretched);
     float remembered;
 
-    state->ahead = ahead->place;
     state->predicted = predicted;
     state->past = state->increment;
     state->increment = increment;
     remembered = springpot_remember(&film->law, state, stretched);
     if (film->spring == NULL) {
-        springpot_meet(film, state, ahead, remembered + (change + inertia), 0.0F);
+        state->base = remembered + (change + inertia);
     } else {
-        springpot_meet(film, state, ahead, remembered + change, inertia);
+        springpot_meet_spring(film, state, elastic, remembered + change, inertia);
     }
 }
 
@@ -190,12 +206,12 @@ static inline float springpot_change_increment(const springpot_film *film, sprin
         state->base = springpot_remember(&film->law, state, increment);
     } else {
         springpot_place place = state->ahead;
-        springpot_ahead ahead;
+        springpot_elastic elastic;
         float off;
         place.beyond = place.beyond + (place.slope * change);
         off = place.beyond - state->ahead.beyond;
-        ahead = springpot_look_ahead(film, state, increment);
-        springpot_remember_bent(film, state, increment, &place, &ahead, off);
+        springpot_look_ahead(film, state, increment, &elastic);
+        springpot_remember_bent(film, state, increment, off, springpot_between(&state->ahead, &place), &elastic);
     }
     return position;
 }
@@ -234,11 +250,14 @@ static inline void springpot_init(const springpot_film *film, springpot_state *s
         state->slow[i].surplus = 0.0F;
     }
     if (film->curve != NULL) {
-        const springpot_place place = springpot_on_curve(film, 0.0F, 0.0F).place;
-        const springpot_ahead ahead = springpot_look_ahead(film, state, 0.0F);
-        state->ahead = ahead.place;
+        springpot_elastic elastic;
+        springpot_place place;
+        springpot_on_curve(film, 0.0F, 0.0F, &place, &elastic);
+        springpot_look_ahead(film, state, 0.0F, &elastic);
         state->predicted = springpot_between(&state->ahead, &place);
-        springpot_meet(film, state, &ahead, 0.0F, 0.0F);
+        if (film->spring != NULL) {
+            springpot_meet_spring(film, state, &elastic, 0.0F, 0.0F);
+        }
     }
 }
 
@@ -255,19 +274,18 @@ static inline float springpot_displacement_under(const springpot_film *film, spr
     return springpot_change_increment(film, state, (force_ahead - state->base) / (state->stiffness - load.slope));
 }
 
-/* The force (N) at what the film behind a curve meets `here`, and into `off` T there minus its value ahead (m). */
-static inline float springpot_force_at(
-    const springpot_film *film, const springpot_state *state, const springpot_ahead *here, float increment, float *off)
+/* The force (N) of a film behind a curve `increment` (m) from its last step, where T has the `slope` and is `off` (m) from that ahead. */
+static inline float springpot_force_at(const springpot_film *film, const springpot_state *state, float slope,
+    const springpot_elastic *elastic, float increment, float off)
 {
     const springpot_curve *curve = film->curve;
     const float change = increment - state->increment;
     float force;
-    *off = springpot_between(&here->place, &state->ahead);
     if (film->spring == NULL) {
-        force = state->base + ((curve->instant * *off) + (curve->inertia * change));
+        force = state->base + ((curve->instant * off) + (curve->inertia * change));
     } else {
-        const float memory = state->memory + (curve->instant * *off);
-        force = (here->place.slope * memory) + (here->force + (state->inertia + (curve->inertia * change)));
+        const float memory = state->memory + (curve->instant * off);
+        force = (slope * memory) + (elastic->force + (state->inertia + (curve->inertia * change)));
     }
     return force;
 }
@@ -285,13 +303,19 @@ static inline float springpot_force(const springpot_film *film, springpot_state 
         state->increment = increment;
         state->base = springpot_remember(&film->law, state, increment);
     } else {
-        const springpot_ahead here = springpot_on_curve(film, displacement + state->origin, 0.0F);
-        springpot_ahead ahead = here;
+        const springpot_place ahead = state->ahead;
+        springpot_elastic elastic;
+        springpot_place here;
         float off;
-        force = springpot_force_at(film, state, &here, increment, &off);
-        ahead.place.beyond = ahead.place.beyond + (ahead.place.slope * increment);
-        ahead.force = ahead.force + (ahead.steepness * increment);
-        springpot_remember_bent(film, state, increment, &here.place, &ahead, off);
+        springpot_meet(film, state, displacement + state->origin, 0.0F, &elastic);
+        here = state->ahead;
+        off = springpot_between(&here, &ahead);
+        force = springpot_force_at(film, state, here.slope, &elastic, increment, off);
+        state->ahead.beyond = here.beyond + (here.slope * increment);
+        if (film->spring != NULL) {
+            elastic.force = elastic.force + (elastic.steepness * increment);
+        }
+        springpot_remember_bent(film, state, increment, off, state->ahead.beyond - here.beyond, &elastic);
     }
     return force;
 }
@@ -304,9 +328,10 @@ static inline float springpot_force_to(const springpot_film *film, const springp
     if (film->curve == NULL) {
         force = state->base + (film->law.stiffness * (increment - state->increment));
     } else {
-        const springpot_ahead here = springpot_on_curve(film, displacement + state->origin, 0.0F);
-        float off;
-        force = springpot_force_at(film, state, &here, increment, &off);
+        springpot_elastic elastic;
+        springpot_place here;
+        springpot_on_curve(film, displacement + state->origin, 0.0F, &here, &elastic);
+        force = springpot_force_at(film, state, here.slope, &elastic, increment, springpot_between(&here, &state->ahead));
     }
     return force;
 }
