@@ -3,7 +3,7 @@
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod tasks {
     use cortex_m::peripheral::SCB;
-    use dea_driver::server::{Session, StartError};
+    use dea_driver::server::{FlightRecorder, Session, StartError};
     use dea_driver::wire::{FRAME_LEN, Message, boards, encode};
     use dea_driver::{Cause, Device, Drive, DriverState, Store, StoreError};
     use heapless::spsc::{Consumer, Producer, Queue};
@@ -15,7 +15,7 @@ mod tasks {
     use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
     use crate::bench::{AdcBus, Bench};
-    use crate::board::{self, Background, Ticker};
+    use crate::board::{self, Background, FlightMemory, Ticker};
     use crate::clock;
     use crate::flash::ParameterFlash;
     use crate::machine;
@@ -35,6 +35,7 @@ mod tasks {
     struct Shared {
         device: Device,
         watchdog: IndependentWatchdog,
+        recorder: FlightRecorder<FlightMemory>,
     }
 
     #[local]
@@ -91,17 +92,17 @@ mod tasks {
         board::outlive_debugger(&debug);
         board::watch(&mut watchdog);
         let ticker = Ticker::start(cx.core.SYST, core_hz, RATE_HZ);
-        let shared = Shared { device: Device::new(latched), watchdog };
+        let shared = Shared { device: Device::new(latched), watchdog, recorder: board::flight_recorder() };
         (shared, Local { bench, debug, led, serial, rx, received, sending, tx, store, ticker, panic_message })
     }
 
     /// The control tick.
-    #[task(binds = SysTick, priority = 2, local = [bench, debug, led, micros: u32 = 0], shared = [device, watchdog])]
+    #[task(binds = SysTick, priority = 2, local = [bench, debug, led, micros: u32 = 0], shared = [device, watchdog, recorder])]
     fn tick(mut cx: tick::Context) {
         let tick::LocalResources { bench, debug, led, micros, .. } = cx.local;
         machine::begin_tick();
         board::outlive_debugger(debug);
-        let (state, is_served, rate_hz) = cx.shared.device.lock(|device| {
+        let (state, is_served, rate_hz, record) = cx.shared.device.lock(|device| {
             bench.prepare(device.controller());
             let drive = device.tick(bench.sample());
             if bench.apply(drive).is_err() {
@@ -114,8 +115,12 @@ mod tasks {
                 let _ = bench.apply(Drive { range: drive.range, ..Drive::OFF });
             }
             device.report(bench.inspection());
-            (device.state(), device.background_is_alive() && !board::is_watchdog_expiring(), device.rate_hz())
+            let is_served = device.background_is_alive() && !board::is_watchdog_expiring();
+            (device.state(), is_served, device.rate_hz(), device.flight_record())
         });
+        if let Some(record) = record {
+            cx.shared.recorder.lock(|recorder| recorder.push(&record, rate_hz));
+        }
 
         // Lit while the amplifier is enabled; lit with short gaps while the film is live although it is not; slow when disarmed,
         // fast when tripped, in the same time at every rate. The light hangs between supply and pin.
@@ -137,9 +142,10 @@ mod tasks {
     #[task(binds = USART2, priority = 3, local = [serial, rx, tx])]
     fn link(cx: link::Context) {
         let link::LocalResources { serial, rx, tx, .. } = cx.local;
-        if let Some(byte) = machine::received(serial) {
-            // One that finds no room is lost, and its frame with it: that is counted where frames are.
-            let _ = rx.enqueue(byte);
+        if let Some(byte) = machine::received(serial)
+            && rx.enqueue(byte).is_err()
+        {
+            board::lose_byte();
         }
         if serial.is_tx_empty() {
             match tx.dequeue() {
@@ -154,11 +160,11 @@ mod tasks {
     }
 
     /// Requests and telemetry, in the time that is left.
-    #[idle(local = [received, sending, store, ticker, panic_message], shared = [device, watchdog])]
+    #[idle(local = [received, sending, store, ticker, panic_message], shared = [device, watchdog, recorder])]
     fn idle(cx: idle::Context) -> ! {
         let idle::LocalResources { received, sending, store, ticker, panic_message, .. } = cx.local;
-        let mut board =
-            Background { device: cx.shared.device, watchdog: cx.shared.watchdog, store, ticker, panic_message };
+        let idle::SharedResources { device, watchdog, recorder, .. } = cx.shared;
+        let mut board = Background { device, watchdog, store, ticker, panic_message, recorder };
         let mut session = Session::new(env!("CARGO_PKG_VERSION"));
         match session.begin(&mut board) {
             Ok(()) => defmt::info!("runs the parameters that it keeps"),
@@ -168,14 +174,8 @@ mod tasks {
             Err(error) => defmt::error!("waits for parameters; those it keeps: {}", error),
         }
         loop {
-            board.device.lock(Device::background_is_running);
-            let mut quiet = true;
-            while let Some(byte) = received.dequeue() {
-                quiet = false;
-                if let Some(message) = session.serve(byte, &mut board) {
-                    send(&message, sending);
-                }
-            }
+            let bytes = core::iter::from_fn(|| received.dequeue());
+            let mut quiet = !session.turn(bytes, &mut board, |message| send(message, sending));
             // A sample waits where it is until there is room, so that what is dropped is counted.
             while sending.capacity() - sending.len() > FRAME_LEN
                 && let Some(record) = board.device.lock(Device::telemetry)

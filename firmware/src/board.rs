@@ -1,11 +1,12 @@
 //! The board's side of the link: timer, watchdog, parameter store.
 
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::ptr::addr_of_mut;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{SCB, SYST};
-use dea_driver::server::Board;
-use dea_driver::wire::{InjectedFault, boards};
+use dea_driver::server::{Board, FlightRecorder, FlightSlot};
+use dea_driver::wire::{FlightRecord, InjectedFault, boards};
 use dea_driver::{Device, Store, StoreError};
 use rtic::Mutex;
 use stm32f4xx_hal::pac::{DBGMCU, IWDG};
@@ -63,6 +64,30 @@ pub fn watch(watchdog: &mut IndependentWatchdog) {
     set_watchdog(watchdog, WATCHDOG_MS);
 }
 
+/// Ticks that the flight recorder keeps: two seconds.
+const FLIGHT_SLOTS: usize = 2048;
+
+/// Memory of the flight recorder.
+pub type FlightMemory = &'static mut [FlightSlot; FLIGHT_SLOTS];
+
+/// Kept over a reset.
+#[unsafe(link_section = ".kept")]
+static mut FLIGHT: [FlightSlot; FLIGHT_SLOTS] = [[0; 10]; FLIGHT_SLOTS];
+
+/// The flight recorder, with what it recorded before the reset. To be called once.
+pub fn flight_recorder() -> FlightRecorder<FlightMemory> {
+    // SAFETY: the start alone calls this, once, so that there is no other reference. Any bits make slots.
+    FlightRecorder::new(unsafe { &mut *addr_of_mut!(FLIGHT) })
+}
+
+/// Bytes of the link that found no room.
+static LOST: AtomicU32 = AtomicU32::new(0);
+
+/// Counts a byte of the link that found no room: it is lost, and its frame with it.
+pub fn lose_byte() {
+    LOST.store(LOST.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+}
+
 /// Whether a host has asked for a reset by the watchdog.
 static EXPIRING: AtomicBool = AtomicBool::new(false);
 
@@ -84,15 +109,21 @@ fn set_watchdog(watchdog: &mut IndependentWatchdog, ms: u32) {
 }
 
 /// The board, as the link's background sees it.
-pub struct Background<'a, D, W> {
+pub struct Background<'a, D, W, F> {
     pub device: D,
     pub watchdog: W,
     pub store: &'a mut Store<ParameterFlash>,
     pub ticker: &'a mut Ticker,
     pub panic_message: &'a Message,
+    pub recorder: F,
 }
 
-impl<D: Mutex<T = Device>, W: Mutex<T = IndependentWatchdog>> Board for Background<'_, D, W> {
+impl<D, W, F> Board for Background<'_, D, W, F>
+where
+    D: Mutex<T = Device>,
+    W: Mutex<T = IndependentWatchdog>,
+    F: Mutex<T = FlightRecorder<FlightMemory>>,
+{
     type Flash = ParameterFlash;
     const ID: u16 = boards::STM32F405;
 
@@ -127,6 +158,14 @@ impl<D: Mutex<T = Device>, W: Mutex<T = IndependentWatchdog>> Board for Backgrou
 
     fn set_rate(&mut self, rate_hz: f32) {
         self.ticker.set_rate(rate_hz);
+    }
+
+    fn flight_record(&mut self, back: u32) -> Option<FlightRecord> {
+        self.recorder.lock(|recorder| recorder.record(back))
+    }
+
+    fn lost_bytes(&self) -> u32 {
+        LOST.load(Ordering::Relaxed)
     }
 
     fn stack_peak(&self) -> u32 {

@@ -21,7 +21,7 @@ const MAGIC: u32 = 0x7061_6e69;
 const ON_TRIAL: u32 = 0x7472_6961;
 
 /// Mark of a trial, kept over a reset.
-#[unsafe(link_section = ".panic_record")]
+#[unsafe(link_section = ".kept")]
 static mut TRIAL: MaybeUninit<u32> = MaybeUninit::uninit();
 
 /// Remembers over a reset whether the parameters in force are only tried.
@@ -37,7 +37,7 @@ pub fn remembers_trial() -> bool {
 }
 
 /// The last panic. Nothing clears it but the next start.
-#[unsafe(link_section = ".panic_record")]
+#[unsafe(link_section = ".kept")]
 static mut RECORD: MaybeUninit<Record> = MaybeUninit::uninit();
 
 #[repr(C)]

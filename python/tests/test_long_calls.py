@@ -27,7 +27,7 @@ def test_progress_is_told(films: list[Path]) -> None:
 
     result = sp.fit(films, branches=1, topology="parallel", curve="none", progress=progress)
     assert not result.interrupted and result.parameters
-    assert [stage.what for stage in stages][-1] == "uncertainty of the parameters"
+    assert [stage.what for stage in stages][-1] == "fits to parts of the recordings"
     shares = [stage.share for stage in stages if stage.share is not None]
     assert shares == sorted(shares) and all(0 <= share <= 1 for share in shares)
 

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use dea_driver::wire::{Answer, BAUD, Command, InjectedFault, Mode, Reject, Status, boards};
+use dea_driver::wire::{Answer, BAUD, Command, FlightRecord, InjectedFault, Mode, Reject, Status, boards};
 use dea_driver::{Cause, DriverState, SensorFault};
 use host_sim::files::parameters::{Board, Parameters};
 use host_sim::link::{Client, Emulator, Port};
@@ -173,6 +173,45 @@ fn a_panic_resets_and_is_remembered() {
     client.order(Command::Acknowledge).expect("done");
     wait(&mut client, |status| status.ticks > 1);
     client.arm().expect("done");
+}
+
+/// A reset, here after a panic, leaves the last ticks before it: 3 kV, and no state that ended the run. A trip ends with its cause.
+#[test]
+fn a_reset_leaves_the_last_ticks() {
+    let (_emulator, mut client) = live(ANY_SILENCE_S);
+    let running = wait(&mut client, |status| status.command_v > 0.0);
+    client.order(Command::InjectFault(InjectedFault::Panic)).expect("done");
+    wait(&mut client, |status| status.state == DriverState::Tripped(Cause::Panic));
+    let records = flight_records(&mut client);
+    assert!(records.len() > 20, "{} records", records.len());
+    assert!(records[0].state == DriverState::Running && records[0].tick >= running.ticks, "{:?}", records[0]);
+    let newest = records[0];
+    assert!(newest.command_v > 0.0 && (newest.monitor_v - newest.command_v).abs() < 100.0, "{newest:?}");
+    assert!(records.windows(2).all(|pair| pair[0].tick == pair[1].tick + 1));
+
+    // The next run goes on behind them.
+    client.upload(&blob(ANY_SILENCE_S), false).expect("taken");
+    client.order(Command::Acknowledge).expect("done");
+    wait(&mut client, |status| status.ticks > 1);
+    start(&mut client);
+    client.order(Command::InjectFault(InjectedFault::Interlock)).expect("done");
+    let status = wait(&mut client, |status| matches!(status.state, DriverState::Tripped(_)));
+    let [last, ..] = flight_records(&mut client)[..] else { panic!("no records") };
+    assert_eq!((last.state, last.command_v), (status.state, 0.0));
+    assert_eq!(last.tick, status.tripped_at);
+}
+
+/// The newest records, newest first.
+fn flight_records(client: &mut Client) -> Vec<FlightRecord> {
+    let mut records = Vec::new();
+    while records.len() < 100
+        && let Answer::FlightRecords(older) =
+            client.ask(Command::FlightRecords { back: records.len() as u16 }).expect("answers")
+        && !older.is_empty()
+    {
+        records.extend(older);
+    }
+    records
 }
 
 /// The board goes on for as long as the parameters say, then it is at 0 V, although it is asked all the time how it is.

@@ -37,7 +37,7 @@ fn taken(elf: &[u8]) -> (f64, f64) {
         if allocated && kind == 1 {
             flash += bytes;
         }
-        if allocated && (0x2000_0000..0x2001_fc00).contains(&address) {
+        if allocated && (0x2000_0000..0x2000_bc00).contains(&address) {
             ram += bytes;
         }
     }

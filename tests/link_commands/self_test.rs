@@ -83,6 +83,36 @@ fn what_shows_only_while_it_is_enabled_is_found() {
     assert_eq!(whats(&watchdog), ["watchdog"]);
 }
 
+/// All at once, and whether the bench was tested since the start; what the run before did, up to its last tick.
+#[test]
+fn preflight_and_the_flight_recorder() {
+    let board = Linked::ready(Scene::CALM);
+    let in_the_way = || {
+        let output = board.bench.run(&board.line("preflight"));
+        assert_eq!(output.status.code(), Some(2));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    names(&in_the_way(), &["not ready: self-test"]);
+    names(&board.prints("flight-recorder"), &["nothing is recorded"]);
+    board.prints("self-test");
+    let report: Value = serde_json::from_str(&board.prints("preflight --json")).expect("a report");
+    assert_eq!(report["passed"], true, "{report}");
+
+    // The self-test was a run.
+    let out = board.bench.path("last.csv");
+    names(&board.prints(&format!("flight-recorder --out {}", out.display())), &["the last run ended", "disarmed"]);
+    let table = std::fs::read_to_string(&out).expect("written");
+    let ticks: Vec<&str> = table.lines().skip(1).collect();
+    assert_eq!(ticks.len(), 64);
+    assert!(ticks.iter().all(|row| row.split(',').count() == 8), "{table}");
+    assert!(ticks[63].ends_with("disarmed") && ticks[62].ends_with("armed"), "{table}");
+
+    let out = out.parent().expect("a folder").join("none").join("last.csv");
+    names(&board.fails(&format!("flight-recorder --out {}", out.display())), &["none"]);
+    board.open_interlock(true);
+    names(&in_the_way(), &["not ready: interlock, arming"]);
+}
+
 /// The table is for people, the error names what failed, and a voltage that moves a film is refused.
 #[test]
 fn it_ends_in_a_table() {

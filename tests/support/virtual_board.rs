@@ -10,8 +10,8 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use dea_driver::chips::{AdcCode, AdcRange, DacCode};
-use dea_driver::server::{Board, Session};
-use dea_driver::wire::{FRAME_LEN, Inspection, Message, Part, boards, encode};
+use dea_driver::server::{Board, FlightRecorder, FlightSlot, Session};
+use dea_driver::wire::{FRAME_LEN, FlightRecord, Inspection, Message, Part, boards, encode};
 use dea_driver::{Cause, Device, Drive, Inputs, RamFlash, Store};
 #[cfg(target_os = "linux")]
 use serial2::SerialPort;
@@ -187,6 +187,8 @@ struct Bench {
     scene: Scene,
     /// Whether the watchdog is fed no more.
     starved: bool,
+    /// Outlives a reset.
+    recorder: FlightRecorder<Vec<FlightSlot>>,
 }
 
 impl Board for Bench {
@@ -206,6 +208,10 @@ impl Board for Bench {
     }
 
     fn set_rate(&mut self, _: f32) {}
+
+    fn flight_record(&mut self, back: u32) -> Option<FlightRecord> {
+        self.recorder.record(back)
+    }
 
     fn stack_peak(&self) -> u32 {
         self.scene.stack_peak
@@ -230,7 +236,8 @@ fn run(
 ) {
     let latched = if scene.panic_message.is_empty() { None } else { Some(Cause::Panic) };
     let store = Store::new(RamFlash::default(), boards::STM32F405).expect("two sectors");
-    let mut bench = Bench { device: Device::new(latched), store, scene, starved: false };
+    let recorder = FlightRecorder::new(vec![[0; 10]; 64]);
+    let mut bench = Bench { device: Device::new(latched), store, scene, starved: false, recorder };
     let mut session = Session::new("virtual");
     let mut stream: Option<Box<dyn Line>> = None;
     let mut drive = Drive::OFF;
@@ -250,6 +257,9 @@ fn run(
             let (inputs, found) = film.inputs(&scene, drive, ticks);
             drive = bench.device.tick(inputs);
             bench.device.report(found);
+            if let Some(record) = bench.device.flight_record() {
+                bench.recorder.push(&record, bench.device.rate_hz());
+            }
             let command_v = bench.device.status().command_v;
             let mut now = shown.now();
             *now = Ticks { ticks, voltage: (now.voltage.0.max(command_v), command_v) };
@@ -278,11 +288,8 @@ fn run(
             Err(e) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {}
             Ok(0) | Err(_) => stream = None,
             Ok(length) => {
-                for &byte in &bytes[..length] {
-                    if let Some(message) = session.serve(byte, &mut bench) {
-                        send(line.as_mut(), &message);
-                    }
-                }
+                let mut waiting = bytes[..length].iter().copied();
+                while session.turn(&mut waiting, &mut bench, |message| send(line.as_mut(), message)) {}
             }
         }
     }

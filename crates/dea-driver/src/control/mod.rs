@@ -11,4 +11,6 @@ pub use controller::{Controller, Inputs, Outputs};
 #[cfg(any(feature = "loop-test", feature = "link"))]
 pub use loop_test::{Followed, Step, Target, TickCodes, Ticked};
 pub use setpoint::SetpointError;
+#[cfg(feature = "link")]
+pub use telemetry::FlightRecord;
 pub use telemetry::{LearningOrder, Mode, Telemetry};

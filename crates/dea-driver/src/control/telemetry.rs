@@ -1,6 +1,9 @@
-//! The modes of a run, and the record of a tick.
+//! The modes of a run, and the records of a tick.
 
 use serde::{Deserialize, Serialize};
+
+#[cfg(feature = "link")]
+use crate::safety::DriverState;
 
 /// Task of the law while running.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,4 +55,37 @@ pub struct Telemetry {
     pub innovation_m: f32,
     /// Limits that the command met, as bits ([`springpot::Limited`]).
     pub limited: u8,
+}
+
+/// The record of a tick of a run, for the flight recorder.
+#[cfg(feature = "link")]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FlightRecord {
+    /// The tick.
+    pub tick: u32,
+    /// The state after it.
+    pub state: DriverState,
+    /// Voltage commanded, V at the film.
+    pub command_v: f32,
+    /// Voltage monitor, V at the film; NaN if it did not answer.
+    pub monitor_v: f32,
+    /// Displacement sensor, m; NaN without a sample.
+    pub displacement_m: f32,
+    /// Displacement that the model predicts, m.
+    pub predicted_m: f32,
+    /// The shaped reference, m.
+    pub reference_m: f32,
+    /// Limits that the command met, as bits ([`springpot::Limited`]).
+    pub limited: u8,
+}
+
+#[cfg(feature = "link")]
+impl FlightRecord {
+    /// The tick of `telemetry`, which ended in `state`.
+    #[must_use]
+    pub fn new(telemetry: &Telemetry, state: DriverState) -> Self {
+        let Telemetry { tick, command_v, monitor_v, displacement_m, predicted_m, reference_m, limited, .. } =
+            *telemetry;
+        Self { tick, state, command_v, monitor_v, displacement_m, predicted_m, reference_m, limited }
+    }
 }

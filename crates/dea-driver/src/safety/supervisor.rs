@@ -238,23 +238,28 @@ impl Supervisor {
     /// [`Refusal`] from another state than disarmed, while the readings of the last tick are not safe, and until a film that was live
     /// again after its discharge has been at 0 V for as long as that takes.
     pub fn arm(&mut self) -> Result<(), Refusal> {
-        if self.state != DriverState::Disarmed {
-            return Err(Refusal::State(self.state));
-        }
-        if !self.interlock_closed {
-            return Err(Refusal::InterlockOpen);
-        }
-        if !self.is_at_0_v() || self.missing_at_0_v > 0 {
-            return Err(Refusal::LiveVoltage);
-        }
-        if let (Some(fault), OnSensorFault::Trip) = (self.last_fault, self.on_sensor_fault) {
-            return Err(Refusal::Sensor(fault));
+        if let Some(refusal) = self.refusals().next() {
+            return Err(refusal);
         }
         self.state = DriverState::Armed;
         (self.live_ticks, self.discharged) = (0, false);
         self.ticks_since_heartbeat = 0;
         self.monitor.reset();
         Ok(())
+    }
+
+    /// Reasons that keep it from being armed now, all of them.
+    pub fn refusals(&self) -> impl Iterator<Item = Refusal> + use<> {
+        let is_live = !self.is_at_0_v() || self.missing_at_0_v > 0;
+        let fault = self.last_fault.filter(|_| self.on_sensor_fault == OnSensorFault::Trip);
+        [
+            (self.state != DriverState::Disarmed).then_some(Refusal::State(self.state)),
+            (!self.interlock_closed).then_some(Refusal::InterlockOpen),
+            is_live.then_some(Refusal::LiveVoltage),
+            fault.map(Refusal::Sensor),
+        ]
+        .into_iter()
+        .flatten()
     }
 
     /// Lets the law command the voltage.

@@ -1,13 +1,13 @@
 //! A controller once there are parameters, with what outlives it.
 
-use heapless::{Deque, String};
+use heapless::{Deque, String, Vec};
 use springpot::Compressed;
 
 use crate::chips::Drive;
-use crate::control::{Controller, Inputs, LearningOrder, Mode, SetpointError, Telemetry};
+use crate::control::{Controller, FlightRecord, Inputs, LearningOrder, Mode, SetpointError, Telemetry};
 use crate::parameters::ControllerMemory;
 use crate::safety::{Cause, DriverState, Refusal, Supervisor};
-use crate::wire::{Answer, Inspection, Reject, Status};
+use crate::wire::{Answer, Inspection, REFUSALS, Reject, Status};
 
 /// Records that wait for the link.
 const WAITING: usize = 16;
@@ -53,6 +53,10 @@ pub struct Device<M: ControllerMemory = Compressed<f32>> {
     enabled_before: bool,
     /// State of the board's parts, as last reported.
     inspection: Option<Inspection>,
+    /// Ticks since a self-test has passed.
+    since_test: Option<u32>,
+    /// Record of the last tick.
+    last: Option<Telemetry>,
     stream: Stream,
     /// The controller of whole ticks of the loop test.
     #[cfg(feature = "loop-test")]
@@ -114,6 +118,8 @@ impl<M: ControllerMemory> Device<M> {
             enabled: false,
             enabled_before: false,
             inspection: None,
+            since_test: None,
+            last: None,
             stream: Stream::new(),
             #[cfg(feature = "loop-test")]
             test: None,
@@ -197,12 +203,14 @@ impl<M: ControllerMemory> Device<M> {
     pub fn tick(&mut self, inputs: Inputs) -> Drive {
         self.ticks_alone = self.ticks_alone.saturating_add(1);
         self.enabled_before = self.enabled;
+        self.since_test = self.since_test.map(|ticks| ticks.saturating_add(1));
         self.enabled = false;
         let Some(controller) = &mut self.controller else {
             return Drive::OFF;
         };
         let outputs = controller.tick(inputs);
         self.enabled = outputs.enable;
+        self.last = Some(outputs.telemetry);
         self.stream.push(outputs.telemetry);
         Drive { enable: outputs.enable, dac_v: outputs.dac_v, range: controller.parameters().command_range }
     }
@@ -225,6 +233,28 @@ impl<M: ControllerMemory> Device<M> {
         self.inspection
     }
 
+    /// Notes that a self-test has passed.
+    pub(crate) fn note_self_test(&mut self) -> Result<(), Denial> {
+        self.is_off()?;
+        self.since_test = Some(0);
+        Ok(())
+    }
+
+    /// Everything that [`arm`](Self::arm) would be refused for now, and the time since a self-test has passed, s.
+    pub fn preflight(&self) -> Result<(Vec<Refusal, REFUSALS>, Option<u32>), Denial> {
+        let controller = self.controller.as_ref().ok_or(Denial::Rejected(Reject::NoParameters))?;
+        #[allow(clippy::cast_precision_loss, clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let self_test_s = self.since_test.map(|ticks| (ticks as f32 / self.rate_hz()) as u32); // whole seconds
+        Ok((controller.supervisor().refusals().collect(), self_test_s))
+    }
+
+    /// The last tick for a flight recorder, after whatever tripped in it: none where the amplifier was disabled before and after it.
+    #[must_use]
+    pub fn flight_record(&self) -> Option<FlightRecord> {
+        let telemetry = self.last.as_ref().filter(|_| self.enabled || self.enabled_before)?;
+        Some(FlightRecord::new(telemetry, self.state()))
+    }
+
     /// The next record that the host asked for.
     pub fn telemetry(&mut self) -> Option<Telemetry> {
         self.stream.waiting.pop_front()
@@ -245,6 +275,7 @@ impl<M: ControllerMemory> Device<M> {
             damaged_frames: 0,
             unknown_frames: 0,
             stack_peak: 0,
+            lost_bytes: 0,
         }
     }
 

@@ -1,6 +1,7 @@
 //! The board's side of the link: the device that ticks, the session that answers a host, and uploads.
 
 mod device;
+mod flight_recorder;
 #[cfg(feature = "loop-test")]
 mod loop_test;
 #[cfg(feature = "chips")]
@@ -9,5 +10,6 @@ mod session;
 mod upload;
 
 pub use device::{Denial, Device};
+pub use flight_recorder::{FlightRecorder, FlightSlot};
 pub use session::{Board, Session, StartError};
 pub use upload::Upload;

@@ -4,11 +4,13 @@ use embedded_storage::nor_flash::NorFlash;
 use heapless::String;
 use springpot::Compressed;
 
-use crate::control::{Controller, LearningOrder, Mode};
+use crate::control::{Controller, FlightRecord, LearningOrder, Mode};
 use crate::parameters::{Blob, ControllerMemory, SCHEMA, Store, StoreError};
 use crate::safety::{Cause, DriverState, Refusal};
 use crate::server::{Denial, Device, Upload};
-use crate::wire::{Answer, Command, Identity, InjectedFault, Message, Receiver, Reject, Request, Status, VERSION};
+use crate::wire::{
+    Answer, Command, Identity, InjectedFault, Message, RECORDS, Receiver, Reject, Request, Status, VERSION,
+};
 
 /// The parts of a board that a [`Session`] uses. `M` is the memory of its controller's law.
 pub trait Board<M: ControllerMemory = Compressed<f32>> {
@@ -38,6 +40,17 @@ pub trait Board<M: ControllerMemory = Compressed<f32>> {
 
     /// Ticks at `rate_hz` from now on.
     fn set_rate(&mut self, rate_hz: f32);
+
+    /// The record of its flight recorder that is `back` records older than the newest.
+    fn flight_record(&mut self, back: u32) -> Option<FlightRecord> {
+        let _ = back;
+        None
+    }
+
+    /// Bytes of the link that were lost so far because the background was behind, wrapping.
+    fn lost_bytes(&self) -> u32 {
+        0
+    }
 
     /// Largest depth of the stack so far, bytes; 0 where it is not measured.
     fn stack_peak(&self) -> u32 {
@@ -133,6 +146,9 @@ pub struct Session {
 }
 
 impl Session {
+    /// Bytes that a [`turn`](Self::turn) serves at most: those of the shortest frames are answered within 20 ms of the line.
+    pub const TURN: usize = 128;
+
     /// A session that has received nothing, of a `firmware` of that version.
     #[must_use]
     pub const fn new(firmware: &'static str) -> Self {
@@ -151,6 +167,26 @@ impl Session {
             board.with(Device::lose_parameters);
         }
         Ok(())
+    }
+
+    /// One turn of the background's loop: reports to the tick that it is alive, serves no more than [`TURN`](Self::TURN) of the `bytes` that wait, and
+    /// passes the answers to `send`. Returns whether there were any bytes. However many come, a turn ends, so that a flood delays the
+    /// host that armed and telemetry, but no tick finds the background dead for it.
+    pub fn turn<M: ControllerMemory, B: Board<M>>(
+        &mut self,
+        bytes: impl Iterator<Item = u8>,
+        board: &mut B,
+        mut send: impl FnMut(&Message),
+    ) -> bool {
+        board.with(Device::background_is_running);
+        let mut quiet = true;
+        for byte in bytes.take(Self::TURN) {
+            quiet = false;
+            if let Some(message) = self.serve(byte, board) {
+                send(&message);
+            }
+        }
+        !quiet
     }
 
     /// Adds a byte from the host; at the end of a request, executes it and returns the answer.
@@ -210,6 +246,16 @@ impl Session {
             Command::Inspect => {
                 let found = board.with(|device| device.inspection()).0;
                 return found.map_or(Answer::Rejected(Reject::Unknown), Answer::Inspection);
+            }
+            Command::Preflight => {
+                let found = board.with(|device| device.preflight()).0;
+                return found
+                    .map_or_else(Answer::from, |(refusals, self_test_s)| Answer::Preflight { refusals, self_test_s });
+            }
+            Command::SelfTested => board.with(Device::note_self_test).0,
+            Command::FlightRecords { back } => {
+                let older = (u32::from(back)..).map_while(|back| board.flight_record(back));
+                return Answer::FlightRecords(older.take(RECORDS).collect());
             }
             Command::StopFeedingWatchdog => {
                 board.with(|device| device.is_off()).0.map_err(Denial::Refused).and_then(|()| {
@@ -310,6 +356,7 @@ impl Session {
             damaged_frames: self.receiver.damaged(),
             unknown_frames: self.receiver.unknown(),
             stack_peak: board.stack_peak(),
+            lost_bytes: board.lost_bytes(),
             ..status
         })
     }
@@ -383,6 +430,8 @@ fn acts(command: &Command) -> bool {
             | Command::Query
             | Command::PanicMessage
             | Command::Inspect
+            | Command::FlightRecords { .. }
+            | Command::Preflight
             | Command::Stop
             | Command::Disarm
             | Command::Stream { .. }

@@ -3,12 +3,18 @@
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Followed, LearningOrder, Mode, Step, Target, Telemetry, TickCodes, Ticked};
+use crate::control::{FlightRecord, Followed, LearningOrder, Mode, Step, Target, Telemetry, TickCodes, Ticked};
 use crate::safety::{DriverState, Refusal};
 use crate::wire::{FrameError, Inspection};
 
 /// Steps of a loop test in one frame.
 pub const BATCH: usize = 24;
+
+/// Records of the flight recorder in one frame.
+pub const RECORDS: usize = 8;
+
+/// Reasons to refuse to be armed, all at once.
+pub const REFUSALS: usize = 4;
 
 /// Bytes of an upload in one frame.
 pub const CHUNK: usize = 128;
@@ -108,6 +114,16 @@ pub enum Command {
     },
     /// An order for the correction learned for a periodic reference. While the amplifier is enabled, only from the host that armed.
     Learning(LearningOrder),
+    /// Asks for the flight recorder's records, from the one that is `back` records older than the newest. Answered by
+    /// [`Answer::FlightRecords`].
+    FlightRecords {
+        /// 0 for the newest.
+        back: u16,
+    },
+    /// Asks for all that keeps the amplifier from being enabled. Answered by [`Answer::Preflight`].
+    Preflight,
+    /// Report that a host's self-test of the bench has passed. Only while the amplifier is disabled.
+    SelfTested,
 }
 
 /// Faults that an image with a virtual bench causes on purpose.
@@ -202,6 +218,15 @@ pub enum Answer {
         /// The newest number.
         newest: u16,
     },
+    /// Records of the flight recorder, each older than the one before; none where they end.
+    FlightRecords(Vec<FlightRecord, RECORDS>),
+    /// Reasons for which [`Command::Arm`] would be refused now.
+    Preflight {
+        /// All reasons; none if it may be armed.
+        refusals: Vec<Refusal, REFUSALS>,
+        /// Time since a self-test has passed, s; none since the start.
+        self_test_s: Option<u32>,
+    },
 }
 
 /// Why a frame was not obeyed.
@@ -275,4 +300,6 @@ pub struct Status {
     pub unknown_frames: u32,
     /// Largest depth of the stack so far, bytes.
     pub stack_peak: u32,
+    /// Bytes that came faster than they could be served, and were lost with their frames: the line is flooded.
+    pub lost_bytes: u32,
 }

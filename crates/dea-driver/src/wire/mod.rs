@@ -26,12 +26,14 @@ mod message;
 
 pub use frame::{FRAME_LEN, FrameError, Receiver, encode};
 pub use inspection::{Inspection, Part};
-pub use message::{Answer, BATCH, CHUNK, Command, Identity, InjectedFault, Message, Reject, Request, Status};
+pub use message::{
+    Answer, BATCH, CHUNK, Command, Identity, InjectedFault, Message, RECORDS, REFUSALS, Reject, Request, Status,
+};
 
-pub use crate::control::{Followed, LearningOrder, Mode, Step, Target, Telemetry, TickCodes, Ticked};
+pub use crate::control::{FlightRecord, Followed, LearningOrder, Mode, Step, Target, Telemetry, TickCodes, Ticked};
 
 /// The version of the protocol.
-pub const VERSION: u8 = 3;
+pub const VERSION: u8 = 4;
 
 /// Baud rate of the serial line, 8N1. 42 MHz, the clock of the STM32F405's USART, divides to it within 0.2 %, and common USB
 /// adapters support it.

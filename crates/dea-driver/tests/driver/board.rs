@@ -1,7 +1,7 @@
 //! A board without hardware.
 
-use dea_driver::server::{Board, Session};
-use dea_driver::wire::{Answer, Command, FRAME_LEN, InjectedFault, Message, Request, encode};
+use dea_driver::server::{Board, FlightRecorder, FlightSlot, Session};
+use dea_driver::wire::{Answer, Command, FRAME_LEN, FlightRecord, InjectedFault, Message, Request, encode};
 use dea_driver::{Cause, Device, Drive, Inputs, RamFlash, Store};
 
 pub const BOARD: u16 = 7;
@@ -22,6 +22,7 @@ pub struct Bench {
     pub injected: Option<Vec<InjectedFault>>,
     /// Whether its watchdog is not fed any more.
     pub watchdog_expires: bool,
+    pub recorder: FlightRecorder<Vec<FlightSlot>>,
 }
 
 impl Bench {
@@ -38,6 +39,7 @@ impl Bench {
             trial: false,
             injected: None,
             watchdog_expires: false,
+            recorder: FlightRecorder::new(vec![[0; 10]; 64]),
         }
     }
 
@@ -50,6 +52,9 @@ impl Bench {
 
     pub fn tick(&mut self, inputs: Inputs) {
         self.drive = self.device.tick(inputs);
+        if let Some(record) = self.device.flight_record() {
+            self.recorder.push(&record, self.device.rate_hz());
+        }
     }
 }
 
@@ -73,6 +78,10 @@ impl Board for Bench {
         // All parameters that it is given are for 1 kHz.
         assert_eq!(rate_hz, 1000.0);
         self.rate_hz = rate_hz;
+    }
+
+    fn flight_record(&mut self, back: u32) -> Option<FlightRecord> {
+        self.recorder.record(back)
     }
 
     fn stack_peak(&self) -> u32 {

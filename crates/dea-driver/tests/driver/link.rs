@@ -2,8 +2,9 @@
 
 use dea_driver::server::Upload;
 use dea_driver::wire::{
-    Answer, BATCH, CHUNK, Command, FRAME_LEN, Followed, FrameError, Identity, Inspection, Message, Mode, Part,
-    Receiver, Reject, Request, Status, Step, Target, Telemetry, TickCodes, Ticked, VERSION, encode,
+    Answer, BATCH, CHUNK, Command, FRAME_LEN, FlightRecord, Followed, FrameError, Identity, Inspection, Message, Mode,
+    Part, RECORDS, REFUSALS, Receiver, Reject, Request, Status, Step, Target, Telemetry, TickCodes, Ticked, VERSION,
+    encode,
 };
 use dea_driver::{BLOB_LEN, Cause, DriverState, Refusal, SensorFault};
 use serde::Serialize;
@@ -43,6 +44,7 @@ fn messages() -> Vec<Message> {
         unknown_frames: u32::MAX,
         rate_hz: 5000.0,
         stack_peak: u32::MAX,
+        lost_bytes: u32::MAX,
         monitor_v: f32::MAX,
         live: true,
     };
@@ -84,7 +86,13 @@ fn messages() -> Vec<Message> {
         state: DriverState::Tripped(Cause::Sensor(SensorFault::Stuck)),
         predicted_m: 11.0,
     };
+    let flight = FlightRecord::new(&record, DriverState::Tripped(Cause::Sensor(SensorFault::Stuck)));
     let answers = [
+        Answer::FlightRecords([flight; RECORDS].into()),
+        Answer::Preflight {
+            refusals: [Refusal::Sensor(SensorFault::Stuck); REFUSALS].into(),
+            self_test_s: Some(u32::MAX),
+        },
         Answer::Done,
         Answer::Armed { token: u16::MAX },
         Answer::Refused(Refusal::State(DriverState::Running)),

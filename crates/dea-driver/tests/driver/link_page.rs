@@ -42,6 +42,9 @@ pub fn commands() -> Vec<Command> {
         Command::StopFeedingWatchdog,
         Command::Tick { mode: Mode::Voltage, inputs: [].into_iter().collect() },
         Command::Learning(LearningOrder::CarryOver),
+        Command::FlightRecords { back: 0 },
+        Command::Preflight,
+        Command::SelfTested,
     ]
 }
 

@@ -15,6 +15,7 @@ mod documents;
 mod estimation;
 mod fault_injection;
 mod film_bench;
+mod flight_recorder;
 mod host;
 mod inspection;
 mod lag;

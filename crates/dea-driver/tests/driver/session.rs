@@ -1,8 +1,10 @@
 //! A host's conversation with a board: every command in the states of the link's table.
 
 use dea_driver::server::Session;
-use dea_driver::wire::{Answer, Command, FRAME_LEN, InjectedFault, Mode, Reject, VERSION, encode};
-use dea_driver::{Cause, Device, DriverState, Inputs, Refusal, SCHEMA};
+use dea_driver::wire::{
+    Answer, BAUD, Command, FRAME_LEN, InjectedFault, Message, Mode, Reject, Request, VERSION, encode,
+};
+use dea_driver::{Cause, Device, DriverState, Inputs, Refusal, SCHEMA, SensorFault};
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -262,6 +264,62 @@ fn a_background_that_hangs_is_noticed_by_the_tick() {
         device.background_is_running();
         assert!(device.background_is_alive());
     }
+}
+
+/// A turn of the background ends however fast a line brings frames, so that the tick finds it alive: it takes as long as its answers on the line.
+#[test]
+fn a_flood_does_not_starve_the_background() {
+    let mut frame = [0; FRAME_LEN + 1];
+    let length = encode(&Request { sequence: 1, token: 0, command: Command::Status }, &mut frame).expect("fits");
+    // Frames of one byte, and requests back to back.
+    for flood in [&[1, 0], &frame[..length]] {
+        let mut host = Host::with_parameters();
+        let rate_hz = host.bench.device.rate_hz();
+        let mut line = flood.iter().copied().cycle().take(1_000_000);
+        let mut ticks = 0;
+        while ticks < 5000 {
+            let mut sent = 0;
+            let mut frame = [0; FRAME_LEN + 1];
+            let answered = |message: &Message| sent += encode(message, &mut frame).expect("fits");
+            assert!(host.session.turn(line.by_ref(), &mut host.bench, answered));
+            let turn = (sent as f32 * 10.0 / BAUD as f32 * rate_hz) as u32;
+            assert!(turn > 0 && turn < 100, "{turn} ticks");
+            for _ in 0..turn {
+                host.tick();
+                assert!(host.bench.device.background_is_alive());
+            }
+            ticks += turn;
+        }
+        assert!(line.next().is_some());
+        assert!(!host.session.turn(core::iter::empty(), &mut host.bench, |_| ()));
+    }
+}
+
+/// All reasons at once, the first of which arming is refused for, and the age of the self-test.
+#[test]
+fn preflight_names_everything_that_is_in_the_way() {
+    let mut host = Host::new(None);
+    assert_eq!(host.ask(Command::Preflight), Answer::Rejected(Reject::NoParameters));
+    let mut host = Host::with_parameters();
+    let ready = |self_test_s| Answer::Preflight { refusals: [].into_iter().collect(), self_test_s };
+    assert_eq!(host.ask(Command::Preflight), ready(None));
+    assert_eq!(host.ask(Command::SelfTested), Answer::Done);
+    (0..2500).for_each(|_| host.tick());
+    assert_eq!(host.ask(Command::Preflight), ready(Some(2)));
+
+    let bad = Inputs { interlock_closed: false, monitor_adc_v: Some(9.0), sensor_adc_v: None };
+    (0..100).for_each(|_| host.bench.tick(bad));
+    let everything = [Refusal::InterlockOpen, Refusal::LiveVoltage, Refusal::Sensor(SensorFault::Range)];
+    let refusals = everything.into_iter().collect();
+    assert_eq!(host.ask(Command::Preflight), Answer::Preflight { refusals, self_test_s: Some(2) });
+    assert_eq!(host.ask(Command::Arm), Answer::Refused(Refusal::InterlockOpen));
+
+    let mut host = Host::with_parameters();
+    host.arm();
+    let armed = Refusal::State(DriverState::Armed);
+    assert_eq!(host.ask(Command::SelfTested), Answer::Refused(armed));
+    let Answer::Preflight { refusals, .. } = host.ask(Command::Preflight) else { panic!("no preflight") };
+    assert_eq!(refusals[0], armed);
 }
 
 /// Frames that were damaged or unknown and the depth of the stack are reported with the state.

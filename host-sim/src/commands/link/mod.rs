@@ -3,6 +3,7 @@
 mod asking;
 mod board_time;
 mod fault_injection;
+mod flight_recorder;
 mod live;
 mod self_test;
 mod status;
@@ -72,6 +73,11 @@ enum Verb {
     Play(live::Play),
     /// Print the message of the last panic of the firmware.
     Panic,
+    /// Show all that is in the way of arming, without a voltage: state, parameters, interlock, converters, sensor, monitor, and when the last
+    /// self-test was.
+    Preflight,
+    /// Show how the last run ended: its last two seconds, also after a trip or a reset, as long as the board has its supply.
+    FlightRecorder(flight_recorder::FlightRecorder),
     /// Cause faults on purpose, one after another, and show that each ends at 0 V: on the virtual board (`cargo xtask board`) alone.
     #[command(name = "drill")]
     FaultInjection(fault_injection::FaultInjection),
@@ -209,6 +215,7 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Verb::Stream(stream) => stream.check().map(|()| None)?,
         Verb::SelfTest(test) => test.check().map(|()| None)?,
         Verb::FaultInjection(faults) => faults.check().map(|()| None)?,
+        Verb::FlightRecorder(recorder) => recorder.check().map(|()| None)?,
         _ => None,
     };
     let (mut client, identity) = Client::new(Port::open(&arguments.port)?)?;
@@ -220,6 +227,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
         Verb::Stream(stream) => return stream.run(client, json),
         Verb::SelfTest(test) => return test.run(client, &identity, port, json),
         Verb::FaultInjection(faults) => return faults.run(client, port, json),
+        Verb::Preflight => return self_test::SelfTest::preflight(client, port, json),
+        Verb::FlightRecorder(recorder) => return recorder.run(client, port, json),
         Verb::Play(play) => return play.run(client, blob.as_deref(), json),
         Verb::Arm => {
             let armed = Armed { port, done: "armed", token: client.arm()? };

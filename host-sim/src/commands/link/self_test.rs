@@ -4,7 +4,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use clap::Args;
-use dea_driver::wire::{Command, Identity, Mode, Part, Status};
+use dea_driver::wire::{Answer, Command, Identity, Mode, Part, Reject, Status};
 use dea_driver::{Cause, DriverState};
 use serde::Serialize;
 
@@ -67,6 +67,17 @@ impl Checks {
         passed
     }
 
+    /// Prints the table of checks that `ended` so. What failed is an error.
+    fn report(self, ended: Result<()>, port: String, json: bool, failure: &str) -> Result<()> {
+        let text = self.table();
+        let failed: Vec<&str> = self.0.iter().filter(|check| !check.passed).map(|check| check.what).collect();
+        let failed = failed.join(", ");
+        let passed = failed.is_empty() && ended.is_ok();
+        terminal::report(json, &Report { port, passed, checks: self.0 }, || text)?;
+        ended?;
+        if failed.is_empty() { Ok(()) } else { Err(Error::Computation(format!("{failure}: {failed}"))) }
+    }
+
     fn passed(&self) -> bool {
         self.0.iter().all(|check| check.passed)
     }
@@ -98,15 +109,25 @@ impl SelfTest {
         let stop = interrupt::live_film();
         let mut checks = Checks::default();
         let ended = self.all(&mut client, identity, &mut checks, stop);
-        let report = Report { port, passed: ended.is_ok() && checks.passed(), checks: checks.0 };
-        let table = Checks(report.checks);
-        let report = Report { checks: Vec::new(), ..report };
-        let text = table.table();
-        let failed: Vec<&str> = table.0.iter().filter(|check| !check.passed).map(|check| check.what).collect();
-        let failed = failed.join(", ");
-        terminal::report(json, &Report { checks: table.0, ..report }, || text)?;
-        ended?;
-        if failed.is_empty() { Ok(()) } else { Err(Error::Computation(format!("the self-test failed: {failed}"))) }
+        checks.report(ended, port, json, "the self-test failed")
+    }
+
+    /// The checks that need no voltage, all that the board would refuse to be armed for, and the age of the last self-test.
+    pub(super) fn preflight(mut client: Client, port: String, json: bool) -> Result<()> {
+        let mut checks = Checks::default();
+        at_rest(&mut client, &mut checks)?;
+        match client.ask(Command::Preflight)? {
+            Answer::Preflight { refusals, self_test_s } => {
+                for refusal in &refusals {
+                    checks.add("arming", refusal.to_string(), "nothing in the way", false);
+                }
+                let age = self_test_s.map_or("none since the start".into(), |age_s| format!("passed {age_s} s ago"));
+                checks.add("self-test", age, "passed since the start: `link self-test`", self_test_s.is_some());
+            }
+            Answer::Rejected(Reject::NoParameters) => {}
+            other => return Err(client.unexpected(&other)),
+        }
+        checks.report(Ok(()), port, json, "not ready")
     }
 
     /// All steps, as far as those before allow the next.
@@ -126,6 +147,9 @@ impl SelfTest {
         // As far as the board still answers.
         let off = self.off(client, checks, rest_v);
         tried.and(disarmed).and(off)?;
+        if checks.passed() {
+            client.order(Command::SelfTested)?;
+        }
         if self.watchdog && checks.passed() {
             going_on(stop)?;
             stop_feeding_watchdog(client, checks)?;

@@ -25,6 +25,8 @@ struct How {
     parts: Option<Parts>,
     damaged_frames: u32,
     unknown_frames: u32,
+    /// More than 0 on a line that is flooded.
+    lost_bytes: u32,
     stack_peak_bytes: u32,
 }
 
@@ -80,7 +82,8 @@ pub(super) fn report(mut client: Client, port: String, json: bool) -> Result<()>
         Answer::Rejected(Reject::Unknown) => None,
         other => return Err(client.unexpected(&other)),
     };
-    let Status { state, rate_hz, ticks, tripped_at, command_v, damaged_frames, unknown_frames, .. } = status;
+    let Status { state, rate_hz, ticks, tripped_at, command_v, damaged_frames, unknown_frames, lost_bytes, .. } =
+        status;
     let how = How {
         port,
         state: named(state),
@@ -93,6 +96,7 @@ pub(super) fn report(mut client: Client, port: String, json: bool) -> Result<()>
         parts,
         damaged_frames,
         unknown_frames,
+        lost_bytes,
         stack_peak_bytes: status.stack_peak,
     };
     terminal::report(json, &how, || {
@@ -100,10 +104,16 @@ pub(super) fn report(mut client: Client, port: String, json: bool) -> Result<()>
         let trip = if tripped_at > 0 { format!(", last trip at tick {tripped_at}") } else { String::new() };
         let monitor = how.monitor_v.map_or("unknown".into(), |volts| format!("{volts:.0} V"));
         let live = if how.live { ", the film is live" } else { "" };
+        let flood = match lost_bytes {
+            0 => String::new(),
+            lost => {
+                format!("; {lost} bytes lost, the line brings more than is served: does another program write to it?")
+            }
+        };
         let parts = how.parts.as_ref().map_or("this board does not report its parts".into(), Parts::line);
         format!(
             "{}: {}, {parameters}, {command_v:.0} V commanded, monitor {monitor}{live}, tick {ticks}{trip}\n{parts}\n\
-             frames: {damaged_frames} damaged, {unknown_frames} not understood; stack: {} bytes at the most",
+             frames: {damaged_frames} damaged, {unknown_frames} not understood{flood}; stack: {} bytes at the most",
             how.port, how.state, how.stack_peak_bytes
         )
     })

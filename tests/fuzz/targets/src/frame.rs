@@ -171,7 +171,7 @@ impl Trial {
     fn check_request(&mut self, heading: Heading, answer: &Answer, before: DriverState, after: DriverState) {
         use DriverState::{Armed, Disarmed, Running, Tripped};
         let done = !matches!(answer, Answer::Refused(_) | Answer::Rejected(_) | Answer::Stale { .. });
-        let marked = matches!(heading.command, 1 | 4 | 8 | 9);
+        let marked = matches!(heading.command, 1 | 4 | 8 | 9 | 24);
         if marked && before.is_live() && (heading.token == 0 || heading.token != self.token) {
             assert_eq!(*answer, Answer::Rejected(Reject::Token), "{heading:?}");
         }
@@ -184,7 +184,7 @@ impl Trial {
             // One that was hidden by another is reported next.
             7 => matches!(before, Tripped(_)) && matches!(after, Disarmed | Tripped(Cause::Parameters)),
             8 | 9 => before == after && before.is_live(),
-            11 | 14 | 15 | 16 | 19 | 22 | 23 => before == after && !before.is_live(),
+            11 | 14 | 15 | 16 | 19 | 22 | 23 | 27 => before == after && !before.is_live(),
             20 => !before.is_live() && (after == before || after == Tripped(Cause::Parameters)),
             _ => before == after,
         };

@@ -4,7 +4,7 @@
 const MAX_FRAME: usize = 360;
 
 /// The version of the protocol.
-const VERSION: u8 = 3;
+const VERSION: u8 = 4;
 
 /// CRC-32 (ISO-HDLC), bit by bit.
 pub fn crc32(bytes: &[u8]) -> u32 {
@@ -112,7 +112,7 @@ fn request(message: &[u8]) -> Option<Heading> {
     let command = u32::try_from(varint(take, 5)?).ok()?;
     let first = take.first().copied().unwrap_or(0);
     match command {
-        0..=3 | 5..=7 | 12 | 14 | 17 | 20..=22 => {}
+        0..=3 | 5..=7 | 12 | 14 | 17 | 20..=22 | 26 | 27 => {}
         4 => mode(take)?,
         8 | 9 => skip(take, 4)?,
         10 => {
@@ -120,7 +120,7 @@ fn request(message: &[u8]) -> Option<Heading> {
             let length = at_most(take, 128)?;
             skip(take, length)?;
         }
-        11 | 13 | 16 => drop(u16::try_from(varint(take, 3)?).ok()?),
+        11 | 13 | 16 | 25 => drop(u16::try_from(varint(take, 3)?).ok()?),
         15 => {
             let steps = at_most(take, 24)?;
             skip(take, 4 * steps)?;
@@ -134,6 +134,7 @@ fn request(message: &[u8]) -> Option<Heading> {
                 skip(take, [0, 4].get(usize::from(sample)).copied()?)?;
             }
         }
+        24 => drop(varint(take, 5).filter(|&order| order < 2)?),
         23 => {
             mode(take)?;
             for _ in 0..at_most(take, 24)? {
