@@ -49,7 +49,9 @@ impl Recording {
         if let (Some(low), Some(high)) = (at(0.01), at(0.99)) {
             let stroke = high - low;
             let has_rows = displacement.len() >= MIN_ROWS;
-            if stroke > *STROKE_M.end() && has_rows {
+            // Drop-outs may be some hundredths.
+            let most = at(0.9).zip(at(0.1)).map_or(stroke, |(high, low)| high - low);
+            if most > *STROKE_M.end() && has_rows {
                 found.push(format!("the stroke is {} m{}", rounded(stroke), self.smaller(Quantity::Displacement)));
             } else if (stroke > 1e-9 || stroke > 0.5 * largest(&displacement).abs())
                 && stroke < *STROKE_M.start()

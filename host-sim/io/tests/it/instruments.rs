@@ -194,6 +194,43 @@ fn acquisition() -> Vec<File> {
             &["no column time_s", "`rate_hz`"],
             "rate=8",
         ),
+        reads(
+            "LabChart",
+            format!("Interval=\t0.125 s\nChannelTitle=\tHV\tLaser\nRange=\t10 V\t10 V\nUnitName=\tkV\tmm\n{tabs}"),
+        ),
+        reads(
+            "Keyence",
+            format!(
+                "Date,2026/11/24\nSampling cycle,125ms\nNo.,OUT1[kV],OUT2[mm]\n{}",
+                table(|k, s| format!("{k},{},{}", s.voltage_kv, s.laser_mm))
+            ),
+        ),
+        reads("names over two lines", format!("\"Time\n(s)\",\"HV\r\n(kV)\",\"Laser\n(mm)\"\n{points}")),
+        asks(
+            "Origin with comments",
+            format!("Time\tHV\tLaser\ns\tkV\tmm\nrun 3\tmonitor\tM5L\n{tabs}"),
+            &["\"run 3\"", "`header_line`"],
+            "header=1",
+        ),
+        asks(
+            "R",
+            format!(
+                "\"time\" \"hv\" \"laser\"\n{}",
+                table(|k, s| format!("\"{}\" {} {} {}", k + 1, s.time_s, s.voltage_kv, s.laser_mm))
+            ),
+            &["\"time\"", "no unit"],
+            "columns=time=2:s,voltage=3:kV,displacement=4:mm",
+        ),
+        asks(
+            "dSPACE",
+            format!(
+                "format;CSV\ntrace_names;HV;Laser\n{}",
+                table(|_, s| format!("trace_values;{};{};{}", s.time_s, s.voltage_kv, s.laser_mm))
+            ),
+            &["4 cells below a header of 3", "by number"],
+            "columns=time=2:s,voltage=3:kV,displacement=4:mm",
+        ),
+        reads("files that were joined", halves(",", "\u{feff}Time (s),HV (kV),Laser (mm)")),
         reads("a header on every page", halves(",", "Time (s),HV (kV),Laser (mm)")),
         reads("a commented preamble", format!("# rig 3\n# film 7\n#\nTime (s),HV (kV),Laser (mm)\n{points}")),
         reads(
@@ -307,6 +344,8 @@ fn times() -> Vec<File> {
                 table(|_, s| { format!("24.11.2026;{};{};{}", clock(36000.0 + s.time_s), s.voltage_kv, s.laser_mm) })
             ),
         ),
+        reads("durations of pandas", stamped("Time", &|t| format!("0 days 00:00:{t:09.6}"))),
+        reads("nanoseconds", stamped("timestamp_ns", &|t| format!("{}", 1_764_000_000_000 + (t * 1e9) as i64))),
         reads("days", stamped("Time (days)", &|t| (t / 86400.0).to_string())),
         asks(
             "a timer of half a second",

@@ -44,6 +44,11 @@ fn rival_columns_are_a_question() {
         ("Theoretical stroke (mm)", true),
         ("Fitted displacement (mm)", true),
         ("Film thickness (mm)", true),
+        ("Zielposition (mm)", true),
+        ("Positie gewenst (mm)", true),
+        ("x_des (mm)", true),
+        ("Laser*10 (mm)", true),
+        ("Laser/10 (mm)", true),
         ("平均位移(mm)", true),
         ("y (mm)", false),
         ("CH2 (mm)", false),
@@ -75,6 +80,10 @@ fn rival_columns_are_a_question() {
         ("Tension de commande (kV)", true),
         ("Tension efficace (kV)", true),
         ("指令电压(kV)", true),
+        ("Vctrl (kV)", true),
+        ("Voltage ceiling (kV)", true),
+        ("HV/1000 (V)", true),
+        ("1000*HV (V)", true),
         ("HV monitor (kV)", false),
         ("CH2 (kV)", false),
         ("Supply (kV)", false),
@@ -117,6 +126,60 @@ fn rival_columns_are_a_question() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
+/// A channel with times of its own beside the others: which column is the time is a question.
+#[test]
+fn times_of_each_channel_are_a_question() {
+    let folder = Folder::new();
+    let late = |s: &super::lab_files::Sample| vec![s.time_s, s.voltage_kv, 0.02 + 1.5 * s.time_s, s.laser_mm];
+    for (one, other) in [
+        ("Time (s)", "t_laser (s)"),
+        ("X (s)", "X2 (s)"),
+        ("Time (s)", "Laser clock (s)"),
+        ("Time (s)", "Sensor (s)"),
+        ("time_s", "t2_s"),
+    ] {
+        let text = format!("{one};HV (kV);{other};Laser (mm)\n{}", rows(";", '.', late));
+        has(&folder.refused(&text, ""), &[one, other, "2 columns may be the time"]);
+        let read = Recording::read_with(&folder.file("film.txt", text), &hints("columns=time=1"));
+        assert_eq!(difference(&read.expect("answered")), None, "{one}");
+    }
+    // What does not increase is no time.
+    let text = format!(
+        "Time (s);HV (kV);Delay (ms);Laser (mm)\n{}",
+        rows(";", '.', |s| vec![s.time_s, s.voltage_kv, 3.0, s.laser_mm])
+    );
+    assert_eq!(difference(&Recording::read(&folder.file("film.txt", text)).expect("read")), None);
+}
+
+/// Units that change within a file.
+#[test]
+fn units_that_change_are_refused() {
+    let folder = Folder::new();
+    let numbers = rows(";", '.', usual);
+    let at = numbers.match_indices('\n').nth(11).expect("rows").0 + 1;
+    let (first, second) = numbers.split_at(at);
+    let header = "Time;HV;Laser\ns;kV;mm\n";
+    for (other, words) in [
+        ("Time;HV;Laser\ns;V;mm\n", ["\"HV\" V here is \"HV\" kV in line 1", "cut the file"]),
+        ("Time;HV;Laser\ns;kV;µm\n", ["\"Laser\" µm here is \"Laser\" mm in line 1", "cut the file"]),
+        ("Time;Laser;HV\ns;mm;kV\n", ["\"Laser\" mm here is \"HV\" kV in line 1", "cut the file"]),
+    ] {
+        has(&folder.refused(format!("{header}{first}{other}{second}"), ""), &words);
+        let path = folder.file("film.txt", format!("{header}{first}{other}{second}"));
+        assert_eq!(Recording::read_with(&path, &hints("segment=1")).expect("one part").time_s().len(), 12);
+        Recording::read_with(&path, &hints("segment=2")).expect_err("other units");
+    }
+    let with_unit = |s: &super::lab_files::Sample| match s.voltage_kv {
+        kv if kv < 1.0 => format!("{};{};V;{}\n", s.time_s, 1e3 * kv, s.laser_mm),
+        kv => format!("{};{kv};kV;{}\n", s.time_s, s.laser_mm),
+    };
+    let text: String = super::lab_files::samples().iter().map(with_unit).collect();
+    has(
+        &folder.refused(format!("Time (s);HV (V);Range;Laser (mm)\n{text}"), ""),
+        &["film.txt:11:", "the unit kV here and V before"],
+    );
+}
+
 /// Units that are not what they look like, or that disagree.
 #[test]
 fn units_are_read_with_their_case() {
@@ -134,6 +197,12 @@ fn units_are_read_with_their_case() {
     refused("Time (V);HV (kV);Laser (mm)", &["\"Time (V)\""]);
     refused("Time (s);HV (s);Laser (mm)", &["\"HV (s)\""]);
     refused("Time (s);HV (kV);Laser (V)", &["\"Laser (V)\""]);
+    // Counts of a unit.
+    for counted in ["Laser 0.01 mm", "Laser 1/100 mm", "Laser in 10 µm", "Laser in 5 mm"] {
+        refused(&format!("Time (s);HV (kV);{counted}"), &[counted, "its unit is not one of m, cm, mm"]);
+    }
+    refused("Time in 10 ms;HV (kV);Laser (mm)", &["\"Time in 10 ms\"", "not one of s, ms"]);
+    refused("Time (s);HV in 100 V;Laser (mm)", &["\"HV in 100 V\"", "not one of V, kV"]);
     // A torque is no displacement, and what hangs on the film is no weight of a row.
     for ignored in [
         "Sensor output (V)",

@@ -35,6 +35,12 @@ impl Choices {
         self.0.iter().find(|choice| choice.quantity == quantity)
     }
 
+    /// Whether all columns, and the time among them, are chosen by their numbers.
+    pub fn are_numbers(&self) -> bool {
+        let is_number = |choice: &Choice| matches!(choice.column, None | Some(Column::Number(_)));
+        self.get(Quantity::Time).is_some() && self.0.len() > 1 && self.0.iter().all(is_number)
+    }
+
     /// Whether nothing was chosen.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()

@@ -32,7 +32,13 @@ pub fn stamp(text: &str) -> Option<Stamp> {
         .map_or(0, |at| at + text[at..].chars().next().map_or(1, char::len_utf8));
     let (before, time) = text.split_at(start);
     let before = before.trim_end_matches(['T', 't', ' ', ',', ';', '-', '\u{a0}', '\u{202f}']).trim();
-    let date = if before.is_empty() { None } else { Some(date(before)?) };
+    // Numbers of days, as durations are written.
+    let elapsed = before.strip_suffix("days").or_else(|| before.strip_suffix("day")).map(|days| days.trim().parse());
+    let date = match elapsed {
+        _ if before.is_empty() => None,
+        Some(days) => Some(Date { days: [days.ok()?; 2] }),
+        None => Some(date(before)?),
+    };
     Some(Stamp { of_day_s: of_day(time)?, date })
 }
 

@@ -37,8 +37,8 @@ pub fn readings(bytes: &[u8]) -> Result<Vec<Decoded>, String> {
 
 fn decoded(encoding: &'static Encoding, bytes: &[u8]) -> Option<Decoded> {
     let text = encoding.decode_without_bom_handling_and_without_replacement(bytes)?;
-    // DOS ends texts with a sign of its own.
-    Some(Decoded { encoding: shown(encoding), text: text.trim_end_matches('\u{1a}').to_owned() })
+    // DOS ends texts with a sign of its own, and files that were joined have a mark in the middle.
+    Some(Decoded { encoding: shown(encoding), text: text.trim_end_matches('\u{1a}').replace('\u{feff}', "") })
 }
 
 fn shown(encoding: &'static Encoding) -> &'static str {

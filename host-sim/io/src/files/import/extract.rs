@@ -191,7 +191,7 @@ fn text(path: &Path, bytes: &[u8], request: &Request<'_>, hints: &Hints) -> Resu
         .iter()
         .map(|decoded| match text::transposed(&decoded.text, is_time) {
             Some(turned) => (format!("text ({}) with rows for columns", decoded.encoding), turned.into()),
-            None => (format!("text ({})", decoded.encoding), decoded.text.as_str().into()),
+            None => (format!("text ({})", decoded.encoding), text::unwrapped(&decoded.text)),
         })
         .collect();
     let mut understood: Vec<(Source<'_>, Vec<Chosen>)> = Vec::new();
@@ -256,11 +256,12 @@ fn table<'a>(
 
 /// Reads the spreadsheet of a workbook that is understood.
 fn spreadsheet(path: &Path, bytes: Vec<u8>, request: &Request<'_>, hints: &Hints) -> Result<Series> {
-    let sheets = workbook::sheets(bytes, hints.sheet.as_deref()).map_err(|cause| Error::file(path, cause))?;
-    let dialect = Dialect { sheet: true, ..hints.dialect() };
+    let sheets =
+        workbook::sheets(bytes, hints.sheet.as_deref(), hints.decimal).map_err(|cause| Error::file(path, cause))?;
     let mut found = Vec::new();
     let (mut fault, mut has_rows) = (None, false);
     for sheet in &sheets {
+        let dialect = Dialect { sheet: Some(&sheet.ambiguous), ..hints.dialect() };
         match table(path, &format!("spreadsheet {:?}", sheet.name), &sheet.text, &dialect, request, hints) {
             Ok(reading) => found.push((&sheet.name, reading)),
             Err(error) => {
@@ -431,13 +432,19 @@ fn extract(path: &Path, source: &Source<'_>, chosen: &[Chosen], hints: &Hints) -
     }
 }
 
-/// Refuses a column at `indices` whose numbers can be read in two ways.
+/// Refuses a column at `indices` whose numbers can be read in two ways, and rows whose units change.
 fn refuse_ambiguous(
     source: &Source<'_>,
     indices: &[usize],
     names: &[String],
 ) -> std::result::Result<(), (u64, String)> {
     let Source::Text(_, table) = source else { return Ok(()) };
+    if let Some((line, [before, unit])) = table.mixed_units {
+        return Err((
+            line,
+            format!("a column has the unit {unit} here and {before} before; write all rows in one unit"),
+        ));
+    }
     let is_ambiguous = |place: &usize| table.ambiguous.get(indices[*place]) == Some(&true);
     match (0..indices.len()).find(is_ambiguous) {
         None => Ok(()),

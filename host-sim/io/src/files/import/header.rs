@@ -30,6 +30,20 @@ pub struct Head {
     pub gains: Option<u64>,
 }
 
+impl Head {
+    /// The first title here that is another in `other`, and that one.
+    pub fn differs(&self, other: &Self) -> Option<(String, String)> {
+        let shown = |title: Option<&Title>| {
+            let title = title.cloned().unwrap_or_default();
+            let unit = title.unit.as_deref().map_or_else(String::new, |unit| format!(" {}", unit.trim()));
+            format!("{:?}{unit}", title.name)
+        };
+        let count = self.titles.len().max(other.titles.len());
+        let pairs = (0..count).map(|k| (shown(self.titles.get(k)), shown(other.titles.get(k))));
+        pairs.into_iter().find(|(one, other)| one != other)
+    }
+}
+
 /// Content of a row of a preamble.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Key {
@@ -42,8 +56,35 @@ enum Key {
 
 /// The first cells of such rows, in small letters, with blanks for underlines.
 const KEYS: &[(Key, &[&str])] = &[
-    (Key::Names, &["tracename", "trace name", "channelname", "channel name", "channel names", "signal name"]),
-    (Key::Units, &["vunit", "v unit", "y unit label", "y unit", "y units", "unit", "units", "einheit", "einheiten"]),
+    (
+        Key::Names,
+        &[
+            "tracename",
+            "trace name",
+            "channelname",
+            "channel name",
+            "channel names",
+            "channeltitle",
+            "channel title",
+            "signal name",
+        ],
+    ),
+    (
+        Key::Units,
+        &[
+            "vunit",
+            "v unit",
+            "y unit label",
+            "y unit",
+            "y units",
+            "unit",
+            "units",
+            "unitname",
+            "unit name",
+            "einheit",
+            "einheiten",
+        ],
+    ),
     (
         Key::Interval,
         &[
@@ -53,6 +94,8 @@ const KEYS: &[(Key, &[&str])] = &[
             "sample period",
             "sampling period",
             "sampling time",
+            "sampling cycle",
+            "storage cycle",
             "hresolution",
             "h resolution",
             "x increment",
@@ -62,6 +105,7 @@ const KEYS: &[(Key, &[&str])] = &[
             "time increment",
             "time step",
             "increment",
+            "interval",
             "abtastintervall",
             "abtastzeit",
             "wf increment",
@@ -200,7 +244,7 @@ pub fn find(above: &[TopRow], columns: usize, forced: Option<u64>) -> Result<Hea
         .map(|(k, name)| Title {
             name: if is_no_name(k, name) { String::new() } else { name.trim().into() },
             unit: unit(k),
-            clock: false,
+            ..Title::default()
         })
         .collect();
     // Oscilloscopes put start and increment behind the names, and their values in the row of units.
@@ -251,7 +295,13 @@ fn interval(row: &TopRow) -> Option<f64> {
     if parts.clone().any(|other| is_number(other) && other != value) {
         return None;
     }
-    let (number, unit) = value.split_once(' ').unwrap_or((value, ""));
+    // 50 ms, or 50ms; the letter of an exponent is followed by a number.
+    let is_unit = |(at, c): &(usize, char)| {
+        c.is_alphabetic()
+            && !(matches!(c, 'e' | 'E') && value[at + 1..].starts_with(|c: char| "+-0123456789".contains(c)))
+    };
+    let (number, unit) = value.split_at(value.char_indices().find(is_unit).map_or(value.len(), |(at, _)| at));
+    let number = number.trim();
     let number = [Decimal::Point, Decimal::Comma].into_iter().find_map(|decimal| numbers::number(number, decimal))?;
     let bracketed = name.split_once(['(', '[']).map_or("", |(_, unit)| unit.trim_end_matches([')', ']', ' ']));
     let unit = [unit.trim(), bracketed].into_iter().find(|unit| !unit.is_empty()).or(parts.next()).unwrap_or("");

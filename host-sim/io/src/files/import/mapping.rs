@@ -229,30 +229,35 @@ impl Titles<'_> {
         let may_have_unit = |k: &usize| {
             self.has_unit(quantity, *k) || matches!(self.senses[*k].unit, UnitSense::Missing | UnitSense::MilliOrMega)
         };
-        let mut candidates: Vec<usize> = named.into_iter().filter(may_have_unit).collect();
+        let mut candidates: Vec<usize> = named.iter().copied().filter(may_have_unit).collect();
         if candidates.is_empty() {
             return Ok(None);
         }
-        // Times must increase, and a command has a name of its own: no other column is taken for one.
-        if !matches!(quantity, Quantity::Time | Quantity::Command) {
-            candidates.extend(self.of_unit(quantity, taken, true));
+        // A command has a name of its own: no other column is taken for one.
+        if quantity != Quantity::Command {
+            candidates.extend(self.of_unit(quantity, taken, true).into_iter().filter(|k| !named.contains(k)));
             candidates.sort_unstable();
         }
         self.one_of(quantity, &candidates, By::Name).map(Some)
     }
 
     /// The columns without a name that is known here and with a unit of `quantity`. Volts are the output of many sensors; as `rivals` of a
-    /// voltage those of an amplifier count.
+    /// voltage those of an amplifier count. Times have any name, but increase: each channel may have its own.
     fn of_unit(&self, quantity: Quantity, taken: &[usize], rivals: bool) -> Vec<usize> {
         let is_volts = |unit: UnitSense| matches!(unit, UnitSense::Known(unit) if unit.quantity == Quantity::Voltage && unit.factor <= 1.0);
+        let increases = |k: &usize| self.titles[*k].increases;
         let fits = |k: &usize| {
             let sense = &self.senses[*k];
             !taken.contains(k)
-                && sense.named.is_none()
+                && (sense.named.is_none() || quantity == Quantity::Time)
                 && self.has_unit(quantity, *k)
                 && (!is_volts(sense.unit) || (rivals && sense.of_amplifier))
         };
-        (0..self.titles.len()).filter(fits).collect()
+        let mut found: Vec<usize> = (0..self.titles.len()).filter(fits).collect();
+        if quantity == Quantity::Time && (rivals || found.iter().any(increases)) {
+            found.retain(increases);
+        }
+        found
     }
 
     /// A column without a unit.
@@ -388,7 +393,11 @@ impl Titles<'_> {
             names.join(" or "),
             self.list(),
             set.first().map_or_else(String::new, |quantity| choice(*quantity, "NUMBER")),
-            if *set == [Quantity::Time] { ", or state the rate of the rows: import with `rate_hz`" } else { "" }
+            match *set {
+                [Quantity::Time] =>
+                    ", or state the rate of the rows: import with `rate_hz`; if these are no names, name their line with `header_line`",
+                _ => "",
+            }
         )
     }
 

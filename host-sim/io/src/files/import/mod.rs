@@ -187,7 +187,8 @@ impl Hints {
             segment: self.segment,
             words: &self.words,
             single: self.rate_hz.is_some(),
-            sheet: false,
+            sheet: None,
+            by_number: self.choices.are_numbers(),
         }
     }
 }

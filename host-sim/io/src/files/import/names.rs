@@ -13,6 +13,8 @@ pub struct Title {
     pub unit: Option<String>,
     /// Whether its cells are times of day.
     pub clock: bool,
+    /// Whether its first numbers increase from row to row, as times do.
+    pub increases: bool,
 }
 
 /// Interpretation of a title.
@@ -110,10 +112,12 @@ fn is_scaled(name: &str) -> bool {
         name.split(|c: char| c.is_whitespace() || "()[]{},;_".contains(c)).filter(|p| !p.is_empty()).collect();
     parts.len() > 1
         && parts.iter().any(|part| {
-            let factor = part.strip_prefix(['x', 'X', '×', '*', '/']).or_else(|| part.strip_suffix(['x', 'X', '×']));
+            let factor = part.strip_prefix(['x', 'X', '×']).or_else(|| part.strip_suffix(['x', 'X', '×']));
             let ratio =
                 part.split_once(':').is_some_and(|(a, b)| a != b && [a, b].iter().all(|p| p.parse::<f64>().is_ok()));
-            ratio || factor.is_some_and(|factor| number(factor).is_some())
+            let is_product = part.contains(['*', '/', '×', '·']);
+            let product = part.split(['*', '/', '×', '·']).any(|side| is_product && number(side).is_some());
+            ratio || product || factor.is_some_and(|factor| number(factor).is_some())
         })
 }
 
@@ -211,13 +215,14 @@ fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSen
             let sense = sense_of(unit, capitals);
             // `Channel V` and `Force N` end in a unit, a name of one word does not, and in `Laser_min` it is not minutes.
             let fits = match (sense, quantity(name, request)) {
-                (UnitSense::Known(unit), named) if matches!(separator, "_" | " ") => {
-                    named.map_or(unit.quantity != Quantity::Time, |named| named.measure() == unit.quantity)
-                }
+                (UnitSense::Known(unit), named) if matches!(separator, "_" | " ") => named.map_or_else(
+                    || unit.quantity != Quantity::Time || is_numbered_time(name),
+                    |named| named.measure() == unit.quantity,
+                ),
                 _ => true,
             };
             if !matches!(sense, UnitSense::Other | UnitSense::Missing) && !name.trim().is_empty() && fits {
-                return (name.into(), sense);
+                return (name.into(), if ends_in_factor(name) { UnitSense::Other } else { sense });
             }
         }
     }
@@ -227,6 +232,19 @@ fn split(title: &str, request: &Request<'_>, capitals: bool) -> (String, UnitSen
     }
     // Text in brackets is a unit that recordings do not have, such as (°C) or (Hz): no remark holds it back.
     (outside, if inside.is_empty() { UnitSense::Missing } else { UnitSense::Other })
+}
+
+/// Whether `name` has a word such as t, t2 or time1.
+fn is_numbered_time(name: &str) -> bool {
+    words(name).iter().any(|word| matches!(word.trim_end_matches(|c: char| c.is_ascii_digit()), "t" | "time" | "zeit"))
+}
+
+/// Whether the unit behind `name` is counted by a number: in `HV in 100 V` and `Weg 1/100 mm`, but not in `Laser 2 mm`.
+fn ends_in_factor(name: &str) -> bool {
+    let mut words = name.split([' ', '_']).filter(|word| !word.is_empty()).rev();
+    let last = words.next().unwrap_or_default();
+    let is_number = last.contains(|c: char| c.is_ascii_digit()) && !last.contains(|c: char| c.is_alphabetic());
+    is_number && (last.chars().count() > 1 || words.next().is_some_and(|word| matches!(word, "in" | "à")))
 }
 
 /// Text outside of brackets, and inside of each pair.

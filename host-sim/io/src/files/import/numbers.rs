@@ -121,6 +121,13 @@ pub fn number(text: &str, decimal: Decimal) -> Option<f64> {
     format!("{sign}{whole}.{broken}{}", exponent.replace(['d', 'D'], "e")).parse().ok()
 }
 
+/// Whether each of the first `values` is larger than the one before.
+pub fn increase(values: &[f64]) -> bool {
+    const COUNT: usize = 200;
+    let first = &values[..values.len().min(COUNT)];
+    first.len() > 1 && first.windows(2).all(|pair| pair[0] < pair[1])
+}
+
 fn all_digits(part: &str) -> bool {
     part.bytes().all(|byte| byte.is_ascii_digit())
 }
@@ -225,11 +232,8 @@ impl Signs {
     }
 
     /// Whether the numbers of a column can be read in two ways in a file with that `decimal` sign: some are whole, and the signs of all others
-    /// may separate thousands, as in 850 and 1.234. In a `sheet` numbers have a point, and a text may be as any country writes it.
-    pub fn is_ambiguous(self, decimal: Option<Decimal>, sheet: bool) -> bool {
-        if sheet {
-            return self.grouped_commas > 0 && self.thousands_commas == 0;
-        }
+    /// may separate thousands, as in 850 and 1.234.
+    pub fn is_ambiguous(self, decimal: Option<Decimal>) -> bool {
         let (grouped, certain) = match decimal {
             Some(Decimal::Point) => (self.grouped_points, self.points),
             Some(Decimal::Comma) => (self.grouped_commas, self.commas),

@@ -35,7 +35,10 @@ impl Source<'_> {
     pub fn titles(&self) -> Vec<Title> {
         match self {
             Self::Text(_, table) => table.titles(),
-            Self::Series(series) => series.iter().map(|series| Title::new(&series.name)).collect(),
+            Self::Series(series) => series
+                .iter()
+                .map(|series| Title { increases: numbers::increase(&series.values), ..Title::new(&series.name) })
+                .collect(),
         }
     }
 

@@ -1,11 +1,14 @@
 //! Text with rows of numbers: what separates them, where they begin, and the lines above.
 
+use std::borrow::Cow;
+
 use super::clock;
 use super::header::{self, Head, TopRow};
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal, Signs};
 use super::separator::{Separator, bare};
 use super::shape::{Kind, Shape};
+use super::units::{self, Unit};
 
 /// A line of the text.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,6 +30,8 @@ pub struct TextTable<'a> {
     pub decimal: Decimal,
     /// Columns whose numbers can be read in two ways.
     pub ambiguous: Vec<bool>,
+    /// The first line in which the cells of a column are another unit of the same quantity than before, and both units.
+    pub mixed_units: Option<(u64, [&'static str; 2])>,
     /// Lines below the rows that are not numbers, and the first of them.
     pub footer: Option<(usize, &'a str)>,
     /// Whether the ends of rows may be missing, as in a spreadsheet.
@@ -52,8 +57,10 @@ pub struct Dialect<'a> {
     pub words: &'a [String],
     /// Whether a single column is a table: its times follow from a rate.
     pub single: bool,
-    /// Whether it is the text of a spreadsheet: tabs and decimal points.
-    pub sheet: bool,
+    /// For the text of a spreadsheet, with tabs and decimal points: which of its columns have texts that can be read in two ways.
+    pub sheet: Option<&'a [bool]>,
+    /// Whether the columns are known by their numbers, so that names do not matter.
+    pub by_number: bool,
 }
 
 impl Dialect<'_> {
@@ -71,6 +78,9 @@ impl Dialect<'_> {
         }
     }
 }
+
+/// Rows of which the first cells are compared.
+const FIRST: usize = 200;
 
 /// Longest line, in bytes.
 const MAX_LINE: usize = 1 << 16;
@@ -94,6 +104,7 @@ impl<'a> TextTable<'a> {
             separator: Separator::Comma,
             decimal: Decimal::Point,
             ambiguous: Vec::new(),
+            mixed_units: None,
             footer: None,
             sheet: false,
             first,
@@ -109,7 +120,7 @@ impl<'a> TextTable<'a> {
     pub fn find(text: &'a str, dialect: &Dialect<'_>) -> Result<Self, (u64, String)> {
         let lines: Vec<Line<'_>> = lines(text, 1).collect();
         let mut found: Vec<Self> = Vec::new();
-        let possible: &[Separator] = if dialect.sheet { &[Separator::Tab] } else { &Separator::ALL };
+        let possible: &[Separator] = if dialect.sheet.is_some() { &[Separator::Tab] } else { &Separator::ALL };
         for &separator in possible {
             // Blanks occur between other separators too: they count where nothing else does.
             if separator == Separator::Blanks && !found.is_empty() {
@@ -187,6 +198,12 @@ impl<'a> TextTable<'a> {
         above.extend(comments.iter().filter(|line| line.number < data_line).map(|line| top(line, true)));
         above.sort_by_key(|row| row.line);
         let mut head = header::find(&above, columns, dialect.header_line)?;
+        if is_of_r(&head, &rows[first], columns, separator) {
+            head.titles.insert(0, Title::default());
+        }
+        if dialect.by_number {
+            head.titles.resize(head.titles.len().max(columns), Title::default());
+        }
         refuse_shifted(&head, &rows[first], columns, separator)?;
         // A separator at the end of a row or of the header is no column.
         while head.titles.len() > columns && head.titles.last().is_some_and(|title| title.name.is_empty()) {
@@ -197,43 +214,70 @@ impl<'a> TextTable<'a> {
         for line in &rows[first..] {
             signs.iter_mut().zip(separator.split(line.text)).for_each(|(signs, cell)| signs.count(cell));
         }
-        let known = if dialect.sheet { Some(Decimal::Point) } else { dialect.decimal };
+        let known = if dialect.sheet.is_some() { Some(Decimal::Point) } else { dialect.decimal };
         let all = signs.iter().fold(Signs::default(), |all, column| all.and(*column));
         let shifted = |cause| (data_line, if separator == Separator::Comma { SHIFTED.into() } else { cause });
         let decimal = known.map_or_else(|| all.decimal().map_err(shifted), |known| Ok(Some(known)))?;
-        let is_ambiguous = |column: &Signs| dialect.decimal.is_none() && column.is_ambiguous(decimal, dialect.sheet);
-        let ambiguous = signs.iter().map(is_ambiguous).collect();
+        let is_ambiguous = |(k, column): (usize, &Signs)| match dialect.sheet {
+            _ if dialect.decimal.is_some() => false,
+            Some(texts) => texts.get(k) == Some(&true),
+            None => column.is_ambiguous(decimal),
+        };
+        let ambiguous = signs.iter().enumerate().map(is_ambiguous).collect();
         let mut table = Self {
             head,
             separator,
             decimal: decimal.unwrap_or(Decimal::Point),
             ambiguous,
+            mixed_units: None,
             footer: None,
-            sheet: dialect.sheet,
+            sheet: dialect.sheet.is_some(),
             columns,
             first: rows[first],
             segments: Vec::new(),
         };
-        table.cut(&rows[first..], lines, |row| shape.is_remark(&kinds(row), &separator.split(row.text)));
+        let is_remark = |row: &Line<'_>| shape.is_remark(&kinds(row), &separator.split(row.text));
+        let is_header = |row: &Line<'_>| {
+            let kinds = kinds(row);
+            kinds.len() == columns && columns > 1 && kinds.iter().all(|kind| *kind == Kind::Text)
+        };
+        let faults = table.cut(&rows[first..], lines, is_remark, is_header, &|line| top(line, false));
         if let Some(wanted) = dialect.segment {
             let found = table.segments.len();
             let segment = wanted.checked_sub(1).and_then(|index| table.segments.get(index));
             table.segments = vec![*segment.ok_or_else(|| (0, format!("`segment` {wanted}: there are {found}")))?];
         }
-        // Where the cells of a column are times of day.
-        let starts: Vec<Vec<&str>> = rows[first..].iter().take(3).map(|row| separator.split(row.text)).collect();
-        let is_clock =
-            |index: usize| starts.iter().any(|cells| cells.get(index).is_some_and(|cell| clock::is_clock(cell)));
+        table.mixed_units = table.mixed_units();
+        // Names and units are those of the first.
+        let is_read = |line: u64| table.segments.iter().any(|(start, _)| *start == line);
+        if let Some((_, fault)) = faults.into_iter().find(|(start, _)| is_read(*start)) {
+            return Err(fault);
+        }
+        // Where the cells of a column are times of day, or increase.
+        let starts: Vec<Vec<&str>> = rows[first..].iter().take(FIRST).map(|row| separator.split(row.text)).collect();
+        let first_cells = |index: usize| starts.iter().filter_map(move |cells| cells.get(index).copied());
         let mut titles = table.titles();
-        titles.iter_mut().enumerate().for_each(|(index, title)| title.clock = is_clock(index));
+        for (index, title) in titles.iter_mut().enumerate() {
+            title.clock = first_cells(index).take(3).any(clock::is_clock);
+            let values: Vec<f64> = first_cells(index).filter_map(|cell| numbers::number(cell, table.decimal)).collect();
+            title.increases = numbers::increase(&values);
+        }
         if !table.head.titles.is_empty() || titles.iter().any(|title| title.clock) {
             table.head.titles = titles;
         }
         Ok(Some(table))
     }
 
-    /// Cuts `rows`, the first and all lines below it, where the header is repeated, and at the remarks behind the last of them.
-    fn cut(&mut self, rows: &[Line<'a>], lines: &[Line<'a>], is_remark: impl Fn(&Line<'_>) -> bool) {
+    /// Cuts `rows`, the first and all lines below it, where the header is repeated, and at the remarks behind the last of them. Returns the
+    /// first lines of runs below other names or units, with the error of each.
+    fn cut(
+        &mut self,
+        rows: &[Line<'a>],
+        lines: &[Line<'a>],
+        is_remark: impl Fn(&Line<'_>) -> bool,
+        is_header: impl Fn(&Line<'_>) -> bool,
+        top: &dyn Fn(&Line<'a>) -> TopRow,
+    ) -> Vec<(u64, (u64, String))> {
         let header = lines.iter().find(|line| line.number == self.head.line).map(|line| line.text.trim());
         let until = |from: usize, to: usize| {
             let whole = rows[from].rest;
@@ -246,18 +290,49 @@ impl<'a> TextTable<'a> {
             }
             to
         };
+        let mut faults = Vec::new();
         let mut start = 0;
-        for again in (1..rows.len()).filter(|&row| header == Some(rows[row].text.trim())) {
-            if again > start {
-                self.segments.push(until(start, before(start, again)));
+        for again in 1..rows.len() {
+            let is_same = header == Some(rows[again].text.trim());
+            if again <= start || !(is_same || is_header(&rows[again])) {
+                continue;
             }
-            start = (again..rows.len()).find(|&row| !is_remark(&rows[row])).unwrap_or(rows.len());
+            let Some(next) = (again..rows.len()).find(|&row| !is_remark(&rows[row])) else { break };
+            let end = before(start, again);
+            self.segments.push(until(start, end));
+            start = next;
+            let above: Vec<TopRow> = rows[end..start].iter().map(top).collect();
+            let line = rows[again].number;
+            if let Ok(other) = header::find(&above, self.columns, Some(line))
+                && let Some((one, other)) = self.head.differs(&other)
+            {
+                let cause = format!("{other} here is {one} in line {}; cut the file before this line", self.head.line);
+                faults.push((rows[start].number, (line, cause)));
+            }
         }
         if start < rows.len() {
             let end = before(start, rows.len());
             self.segments.push(until(start, end));
             self.footer = rows.get(end).map(|first| (rows.len() - end, first.text.trim()));
         }
+        faults
+    }
+
+    /// Finds `mixed_units`.
+    fn mixed_units(&self) -> Option<(u64, [&'static str; 2])> {
+        let mut first: Vec<Option<Unit>> = vec![None; self.columns];
+        let cells = |(line, cells): (u64, Vec<&'a str>)| {
+            cells.into_iter().zip(0..self.columns).map(move |(cell, k)| (line, k, cell))
+        };
+        for (line, index, cell) in self.rows().flatten().flat_map(cells) {
+            let is_short = cell.starts_with(|c: char| c.is_alphabetic()) && cell.chars().count() < 4;
+            let Some(units::Read::Unit(unit)) = is_short.then(|| units::read(cell, false)) else { continue };
+            let before = *first[index].get_or_insert(unit);
+            if before != unit && before.quantity == unit.quantity {
+                return Some((line, [before.name, unit.name]));
+            }
+        }
+        None
     }
 
     /// Titles of all columns, empty where there is no header.
@@ -283,6 +358,40 @@ impl<'a> TextTable<'a> {
             Ok((line.number, cells))
         })
     }
+}
+
+/// `text` with each cell in quotes on one line, as spreadsheets wrap long names. The lines below keep their numbers.
+pub fn unwrapped(text: &str) -> Cow<'_, str> {
+    const MAX_CELL: usize = 200;
+    if !text.bytes().take(MAX_LINE).any(|byte| byte == b'"') {
+        return text.into();
+    }
+    let is_end = |c: char| matches!(c, ',' | ';' | '\t' | '\n' | '\r');
+    let (mut joined, mut rest, mut breaks) = (String::new(), text, 0);
+    // Line ends that were left out follow the line.
+    let push = |joined: &mut String, part: &str, breaks: &mut usize| {
+        let (before, after) = part.split_at(part.find(['\n', '\r']).unwrap_or(part.len()));
+        joined.push_str(before);
+        if !after.is_empty() {
+            joined.extend(std::iter::repeat_n('\n', std::mem::take(breaks)));
+        }
+        joined.push_str(after);
+    };
+    while let Some(at) = rest.find('"').filter(|_| text.len() - rest.len() < MAX_LINE) {
+        push(&mut joined, &rest[..=at], &mut breaks);
+        let cell = rest[at + 1..].split('"').next().unwrap_or_default();
+        let after = rest.get(at + cell.len() + 2..).map(|after| after.trim_start_matches(' '));
+        let begins = joined.trim_end_matches('"').trim_end_matches(' ').chars().last().is_none_or(is_end);
+        rest = &rest[at + 1..];
+        if begins && cell.len() < MAX_CELL && after.is_some_and(|after| after.chars().next().is_none_or(is_end)) {
+            breaks += cell.replace("\r\n", "\n").matches(['\n', '\r']).count();
+            joined.extend(cell.chars().map(|c| if matches!(c, '\n' | '\r') { ' ' } else { c }));
+            joined.push('"');
+            rest = &rest[cell.len() + 1..];
+        }
+    }
+    push(&mut joined, rest, &mut breaks);
+    joined.into()
 }
 
 /// The same table as `text` with rows for columns, if its last lines are a name and numbers each, and one of the names `is_time`.
@@ -356,9 +465,8 @@ fn is_comment(line: &str) -> bool {
 
 /// The beginning of `rows` and some all over them.
 fn sample<'a>(rows: &[Line<'a>]) -> Vec<Line<'a>> {
-    const COUNT: usize = 200;
-    let every = (rows.len() / COUNT).max(1);
-    rows.iter().take(COUNT).chain(rows.iter().step_by(every)).copied().collect()
+    let every = (rows.len() / FIRST).max(1);
+    rows.iter().take(FIRST).chain(rows.iter().step_by(every)).copied().collect()
 }
 
 /// Whether `cell` is several numbers that another separator separates: then `separator` is not the file's. Blanks may group the digits of
@@ -420,6 +528,15 @@ fn with_units(cells: &[&str]) -> Vec<String> {
     merged
 }
 
+/// Whether each row has its number in quotes before its cells, as R writes tables.
+fn is_of_r(head: &Head, row: &Line<'_>, columns: usize, separator: Separator) -> bool {
+    let number = row.text.strip_prefix('"').and_then(|rest| rest.split('"').next());
+    columns == head.titles.len() + 1
+        && number.is_some_and(|number| number.bytes().all(|byte| byte.is_ascii_digit()))
+        && row.text.matches('"').count() == 2
+        && separator.split(row.text).len() == columns
+}
+
 /// Refuses rows with more cells than the header.
 fn refuse_shifted(head: &Head, row: &Line<'_>, columns: usize, separator: Separator) -> Result<(), (u64, String)> {
     let titles = head.titles.len();
@@ -440,7 +557,7 @@ fn more_cells(cells: usize, titles: usize, separator: Separator) -> String {
              semicolons"
         }
         Separator::Blanks => "; names with blanks in them need quotes, or name the columns by number with `columns`",
-        _ => "; every column needs a name",
+        _ => "; every column needs a name, or name the columns by number with `columns`",
     };
     format!("{cells} cells below a header of {titles}{cause}")
 }

@@ -59,7 +59,12 @@ impl Times {
                     let cause = "hours and minutes, or minutes and seconds; write hours, minutes and seconds";
                     return Err(format!("{name} is {text:?}: {cause}"));
                 }
-                None => si(name, value, factor)?,
+                None => {
+                    let begin: String = text.chars().take(40).collect();
+                    return Err(format!(
+                        "{name} is {begin:?}, which is no time; remove the line, or begin it with # if it is a remark"
+                    ));
+                }
             },
             value => si(name, value, factor)?,
         };

@@ -26,6 +26,7 @@ const UNITS: &[(Unit, &[&str], &[&str])] = &[
     ),
     (unit(Quantity::Time, "ms", 1e-3), &["ms", "毫秒"], &["msec", "millisecond", "milliseconds", "millisekunden"]),
     (unit(Quantity::Time, "µs", 1e-6), &["µs", "us"], &["usec", "microsecond", "microseconds", "mikrosekunden"]),
+    (unit(Quantity::Time, "ns", 1e-9), &["ns"], &["nsec", "nanosecond", "nanoseconds"]),
     (unit(Quantity::Time, "min", 60.0), &["min", "mins", "分"], &["minute", "minutes", "minuten"]),
     (unit(Quantity::Time, "h", 3600.0), &["h", "hr", "hrs"], &["hour", "hours", "stunden"]),
     (unit(Quantity::Time, "d", 86400.0), &[], &["days", "tage"]),
@@ -99,7 +100,7 @@ pub fn units_of(quantity: Quantity) -> impl Iterator<Item = Unit> {
 /// The spellings that errors show for `quantity`.
 pub fn usual(quantity: Quantity) -> &'static str {
     match quantity {
-        Quantity::Time => "s, ms, µs, min, h or days",
+        Quantity::Time => "s, ms, µs, ns, min, h or days",
         Quantity::Voltage | Quantity::Command => "V, kV or mV",
         Quantity::Force => "N, mN, µN or kN",
         Quantity::Displacement => "m, cm, mm, µm or nm",
