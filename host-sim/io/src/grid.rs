@@ -11,6 +11,28 @@ pub struct Samples {
     pub value: Vec<f64>,
 }
 
+impl Samples {
+    /// Their values at increasing `times`, interpolated linearly, constant beyond both ends.
+    pub fn at(&self, times: impl Iterator<Item = f64>) -> Vec<f64> {
+        let (time, value) = (&self.time_s, &self.value);
+        let mut next = 0;
+        let at = |now: f64| {
+            while next < time.len() && time[next] <= now {
+                next += 1;
+            }
+            match (next.checked_sub(1), value.get(next)) {
+                (Some(before), Some(after)) => {
+                    let share = (now - time[before]) / (time[next] - time[before]);
+                    value[before] + share * (after - value[before])
+                }
+                (Some(last), None) => value[last],
+                (None, first) => first.copied().unwrap_or(0.0),
+            }
+        };
+        times.map(at).collect()
+    }
+}
+
 /// The times k / rate at which a model runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
@@ -60,24 +82,7 @@ impl Grid {
 
     /// `samples` interpolated linearly to the grid, constant beyond both ends.
     pub fn resample(&self, samples: &Samples) -> Vec<f64> {
-        let (time, value) = (&samples.time_s, &samples.value);
-        let mut next = 0;
-        (0..self.samples)
-            .map(|k| {
-                let now = self.time_s(k);
-                while next < time.len() && time[next] <= now {
-                    next += 1;
-                }
-                match (next.checked_sub(1), value.get(next)) {
-                    (Some(before), Some(after)) => {
-                        let share = (now - time[before]) / (time[next] - time[before]);
-                        value[before] + share * (after - value[before])
-                    }
-                    (Some(last), None) => value[last],
-                    (None, first) => first.copied().unwrap_or(0.0),
-                }
-            })
-            .collect()
+        samples.at((0..self.samples).map(|k| self.time_s(k)))
     }
 
     /// `series` on this grid, interpolated linearly to `times` within it.

@@ -139,7 +139,7 @@ pub fn fit(
 pub fn repeated(observations: &[Observation]) -> Option<String> {
     let (later, earlier) = repeats::first(observations)?;
     Some(format!(
-        "{}: is a copy of {}, perhaps resampled, cut or smoothed: the drive is the same and so is the noise; leave it out",
+        "{}: is a copy of {}, perhaps scaled, shifted, resampled, cut or smoothed: the noise is the same; leave it out",
         later.name, earlier.name
     ))
 }

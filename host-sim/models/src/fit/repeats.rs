@@ -1,96 +1,241 @@
-//! Recordings that repeat another: the same file again, or a copy that was resampled, cut, smoothed, or zeroed anew.
+//! Recordings that repeat another: the same file again, or a copy that was scaled, turned, shifted, resampled, cut, smoothed, or made noisier.
 //!
-//! A copy is no second measurement: it shares the noise of the first, or has none. Two recordings of the same drive differ by the noise
-//! of both.
+//! A copy is no second measurement: it shares the noise of the first, or both have none. The noise is what no linear equation of the rows
+//! before and of the drive predicts: neither scales nor clocks of a copy change it, and two measurements never have the same.
 
 use host_fft::Planner;
 use num_complex::Complex;
 
 use super::observation::Observation;
-use super::statistics::{median, range, robust_deviation};
-use crate::files::recording::Input;
+use super::statistics::{median, percentile_range, range, robust_deviation};
 use crate::grid::Grid;
 
-/// Most samples of a comparison: copies that are cut out of longer recordings are found only by their beginning.
-const MAX_SAMPLES: f64 = 131_072.0;
-/// Share of the shorter recording that must be in the longer one.
+/// Most rows of a comparison: copies that are cut out of longer recordings are found only by their beginning.
+const MAX_ROWS: usize = 1 << 17;
+/// Most rows of a recording for one of a thinned copy.
+const MAX_THINNED: usize = 50;
+/// Rows before each that predict it, and rows of the drive.
+const ORDER: usize = 8;
+const OF_DRIVE: usize = 3;
+/// Correlation of the noise of a copy: with noise added to it, or between rows. In readings of coarse steps the steps repeat as well.
+const SAME_NOISE: f64 = 0.4;
+const SAME_STEPS: f64 = 0.9;
+/// What a film and its drive leave in the prediction recurs with the drive: largest share of the correlation at other lags.
+const RECURS: f64 = 0.7;
+/// Rows that two recordings have in common at least, and their share of the shorter one.
+const MIN_COMMON: usize = 64;
+const MIN_SHARE: f64 = 0.1;
+/// Below this share of the range there is no noise, and values are compared: their difference, as a share of the range.
+const NO_NOISE: f64 = 5e-5;
+const EQUAL: f64 = 1e-4;
+/// Share of the rows without noise that a copy has in common with the other.
 const MIN_OVERLAP: f64 = 0.8;
-/// A difference up to this share of the noise of both shows that the noise is the same.
-const SAME_NOISE: f64 = 0.5;
-/// Noise below this share of the other's is that of a smoothed copy, whose difference is at most so many times the other's noise.
+/// Gain of a copy without noise, and what may remain of its drive beside that of the other.
+const GAIN: f64 = 0.05;
+const SAME_DRIVE: f64 = 0.05;
+/// Noise below this share of the other's is that of a smoothed copy, whose difference is at most so many times the other's noise, which it
+/// has in part.
 const SMOOTH: f64 = 0.3;
 const SMOOTHED: f64 = 1.2;
-/// Largest difference of equal values, as a share of the range.
-const EQUAL: f64 = 1e-4;
-/// The drive of a copy differs by at most this share of its range.
-const SAME_DRIVE: f64 = 0.02;
+const SHARED: f64 = 0.3;
 
 /// The first of `observations` that repeats an earlier one, and that one.
 #[must_use]
 pub fn first(observations: &[Observation]) -> Option<(&Observation, &Observation)> {
-    let later = observations.iter().enumerate();
-    let mut pairs = later.flat_map(|(k, later)| observations[..k].iter().map(move |earlier| (later, earlier)));
-    pairs.find(|(later, earlier)| is_repeat(later, earlier))
+    let rows: Vec<Rows> = observations.iter().map(Rows::new).collect();
+    let pairs = (0..rows.len()).flat_map(|later| (0..later).map(move |earlier| (later, earlier)));
+    let mut pairs = pairs.filter(|&(j, k)| {
+        std::mem::discriminant(&observations[j].input) == std::mem::discriminant(&observations[k].input)
+    });
+    let is_repeat = |&(j, k): &(usize, usize)| {
+        let (coarse, fine) = if rows[j].step_s < rows[k].step_s { (k, j) } else { (j, k) };
+        is_repeat([&rows[coarse], &rows[fine]], [&observations[coarse], &observations[fine]])
+    };
+    pairs.find(is_repeat).map(|(later, earlier)| (&observations[later], &observations[earlier]))
 }
 
-fn is_repeat(one: &Observation, other: &Observation) -> bool {
-    let rate_hz = row_rate(one).min(row_rate(other));
-    let (Some(one), Some(other)) = (Series::new(one, rate_hz), Series::new(other, rate_hz)) else { return false };
-    let (short, long) = if one.measured.len() < other.measured.len() { (one, other) } else { (other, one) };
-    if short.input != long.input || short.measured.len() < 8 {
-        return false;
+/// Whether the rows of a coarse recording and those of a fine one are the same: one for one or for each of a few, or at the same times.
+fn is_repeat([coarse, fine]: [&Rows; 2], observations: [&Observation; 2]) -> bool {
+    let ratio = coarse.step_s / fine.step_s;
+    let each = (ratio.round() as usize).clamp(1, MAX_THINNED);
+    if each == 1 && coarse.is_copy_of(fine) {
+        return true;
     }
-    let Some(lag) = best_lag(&short.measured, &long.measured) else { return false };
-    let difference = |short: &[f64], long: &[f64]| -> f64 {
-        let (short, long) = overlap(short, long, lag);
-        let differences: Vec<f64> = short.iter().zip(long).map(|(a, b)| a - b).collect();
-        let mean = differences.iter().sum::<f64>() / differences.len() as f64;
-        (differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / differences.len() as f64).sqrt()
-    };
-    let size = |values: &[f64]| {
-        let (low, high) = range(values);
-        (high - low).max(f64::MIN_POSITIVE)
-    };
-    let (noise, other_noise) = (noise(&short.measured), noise(&long.measured));
-    let (least, most) = (noise.min(other_noise), noise.max(other_noise));
-    let differs = difference(&short.measured, &long.measured);
-    let is_same = differs <= EQUAL * size(&short.measured)
-        || differs <= SAME_NOISE * noise.hypot(other_noise)
-        || (least < SMOOTH * most && differs <= SMOOTHED * most);
-    is_same && difference(&short.drive, &long.drive) <= SAME_DRIVE * size(&long.drive)
+    if each > 1 && (0..each).any(|first| coarse.is_copy_of(&fine.thinned(first, each))) {
+        return true;
+    }
+    let is_even = (ratio - 1.0).abs() < 1e-6 && coarse.is_even && fine.is_even;
+    let [one, other] = observations.map(|observation| Rows::at_rate(observation, 1.0 / coarse.step_s));
+    !is_even && one.zip(other).is_some_and(|(one, other)| one.is_copy_of(&other))
 }
 
-/// Median rate of the rows of `observation`, Hz; lower where there are very many.
-fn row_rate(observation: &Observation) -> f64 {
-    let time_s = &observation.measured.time_s;
-    let steps: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    (1.0 / median(&steps)).min(MAX_SAMPLES / time_s.last().copied().unwrap_or(1.0).max(f64::MIN_POSITIVE))
-}
-
-/// A recording on an even grid.
-struct Series {
-    input: std::mem::Discriminant<Input>,
+/// Rows of a recording.
+struct Rows {
     drive: Vec<f64>,
     measured: Vec<f64>,
+    /// Median interval, s, and whether all are the same.
+    step_s: f64,
+    is_even: bool,
+    /// What the rows before and the drive do not predict, without spikes, from row [`ORDER`] on, and its size.
+    noise: Vec<f64>,
+    deviation: f64,
+    /// Whether most readings occur several times.
+    in_steps: bool,
 }
 
-impl Series {
-    fn new(observation: &Observation, rate_hz: f64) -> Option<Self> {
-        let grid = Grid::covering(observation.measured.time_s.last().copied()?, rate_hz).ok()?;
-        let input = std::mem::discriminant(&observation.input);
+impl Rows {
+    fn new(observation: &Observation) -> Self {
+        let time_s = &observation.measured.time_s;
+        let steps: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let step_s = median(&steps);
+        let is_even = steps.iter().all(|step| (step / step_s - 1.0).abs() < 1e-3);
+        let drive = observation.input.samples().at(time_s.iter().copied());
+        Self::of(drive, observation.measured.value.clone(), step_s, is_even)
+    }
+
+    fn of(mut drive: Vec<f64>, mut measured: Vec<f64>, step_s: f64, is_even: bool) -> Self {
+        drive.truncate(MAX_ROWS);
+        measured.truncate(MAX_ROWS);
+        let mut noise = unpredicted(&drive, &measured);
+        let deviation = robust_deviation(&noise);
+        noise.iter_mut().for_each(|value| *value = value.clamp(-3.0 * deviation, 3.0 * deviation));
+        let mut sorted = measured.clone();
+        sorted.sort_by(f64::total_cmp);
+        sorted.dedup();
+        let in_steps = 4 * sorted.len() < measured.len();
+        Self { drive, measured, step_s, is_even, noise, deviation, in_steps }
+    }
+
+    /// One of every `each` rows from the row `first` on.
+    fn thinned(&self, first: usize, each: usize) -> Self {
+        let some = |values: &[f64]| values.iter().skip(first).step_by(each).copied().collect();
+        Self::of(some(&self.drive), some(&self.measured), self.step_s * each as f64, self.is_even)
+    }
+
+    /// The rows that `observation` would have at a rate.
+    fn at_rate(observation: &Observation, rate_hz: f64) -> Option<Self> {
+        let last_s = observation.measured.time_s.last().copied()?.min(MAX_ROWS as f64 / rate_hz);
+        let grid = Grid::covering(last_s, rate_hz).ok()?;
         let [drive, measured] = [observation.input.samples(), &observation.measured].map(|s| grid.resample(s));
-        Some(Self { input, drive, measured })
+        Some(Self::of(drive, measured, 1.0 / rate_hz, true))
+    }
+
+    fn is_copy_of(&self, other: &Self) -> bool {
+        let size = |rows: &Self| percentile_range(rows.measured.iter().copied()).max(f64::MIN_POSITIVE);
+        let Some(noise) = Match::of_noise(&self.noise, &other.noise) else { return false };
+        let has_noise = |rows: &Self| rows.deviation > NO_NOISE * size(rows);
+        if has_noise(self) && has_noise(other) {
+            let least = if self.in_steps && other.in_steps { SAME_STEPS } else { SAME_NOISE };
+            if noise.is_single() && noise.correlation.abs() > least.max(noise.chance) {
+                return true;
+            }
+        }
+        let (short, long) = if self.measured.len() < other.measured.len() { (self, other) } else { (other, self) };
+        let Some(lag) = best_lag(&short.measured, &long.measured) else { return false };
+        let (gain, differs) = difference(&short.measured, &long.measured, lag, true);
+        let (drive_gain, drive_differs) = difference(&short.drive, &long.drive, lag, false);
+        let is_one = |gain: f64| (gain.abs() - 1.0).abs() < GAIN;
+        let (low, high) = range(&long.drive);
+        if !is_one(gain) || !is_one(drive_gain) || drive_differs > SAME_DRIVE * low.abs().max(high.abs()) {
+            return false;
+        }
+        let (least, most) = (self.deviation.min(other.deviation), self.deviation.max(other.deviation));
+        let is_smoothed = least < SMOOTH * most && differs <= SMOOTHED * most && noise.correlation.abs() > SHARED;
+        is_smoothed || (!(has_noise(self) && has_noise(other)) && differs <= EQUAL * size(short))
     }
 }
 
-/// The parts of two series at the same times, where the short one begins `lag` samples after the long one.
-fn overlap<'a>(short: &'a [f64], long: &'a [f64], lag: isize) -> (&'a [f64], &'a [f64]) {
-    let (in_short, in_long) = (lag.min(0).unsigned_abs(), lag.max(0).unsigned_abs());
-    let count = (short.len() - in_short).min(long.len() - in_long);
-    (&short[in_short..][..count], &long[in_long..][..count])
+/// What is left of `measured` beside the sums of the rows before it, and of the `drive` and its square, that leave least.
+fn unpredicted(drive: &[f64], measured: &[f64]) -> Vec<f64> {
+    let Some(count) = measured.len().checked_sub(ORDER).filter(|count| *count > 2 * ORDER) else { return Vec::new() };
+    // Differences of growing order span the same rows as the rows themselves, and are less alike.
+    let differences = |values: Vec<f64>, orders: usize| {
+        let next = |values: &Vec<f64>| Some(values.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<f64>>());
+        std::iter::successors(Some(values), next).take(orders).collect::<Vec<_>>()
+    };
+    let before = differences(measured[..measured.len() - 1].to_vec(), ORDER);
+    let square = drive.iter().map(|value| value * value).collect();
+    let driven = [drive.to_vec(), square].map(|values| differences(values, OF_DRIVE));
+    let last = |values: &Vec<f64>| values[values.len() - count..].to_vec();
+    let columns = std::iter::once(vec![1.0; count]).chain(before.iter().chain(driven.iter().flatten()).map(last));
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let subtract = |values: &mut [f64], units: &[Vec<f64>]| {
+        for unit in units.iter().chain(units) {
+            let share = dot(values, unit);
+            values.iter_mut().zip(unit).for_each(|(value, unit)| *value -= share * unit);
+        }
+    };
+    let mut units: Vec<Vec<f64>> = Vec::new();
+    for mut column in columns {
+        let size = dot(&column, &column).sqrt();
+        subtract(&mut column, &units);
+        let left = dot(&column, &column).sqrt();
+        if left > 1e-9 * size {
+            column.iter_mut().for_each(|value| *value /= left);
+            units.push(column);
+        }
+    }
+    let mut rest = measured[ORDER..].to_vec();
+    subtract(&mut rest, &units);
+    rest
 }
 
-/// The lag at which two series differ least, without their means, over most of the short one.
+/// Two series at the lag at which they are most alike.
+struct Match {
+    correlation: f64,
+    /// The largest correlation at other lags.
+    elsewhere: f64,
+    /// More than chance gives.
+    chance: f64,
+}
+
+impl Match {
+    fn of_noise(one: &[f64], other: &[f64]) -> Option<Self> {
+        let products = correlation(one, other);
+        let squares = |values: &[f64]| {
+            let add = |sum: &mut f64, value: &f64| {
+                *sum += value * value;
+                Some(*sum)
+            };
+            std::iter::once(0.0).chain(values.iter().scan(0.0, add)).collect::<Vec<f64>>()
+        };
+        let (of_one, of_other) = (squares(one), squares(other));
+        let common = MIN_COMMON.max((MIN_SHARE * one.len().min(other.len()) as f64) as usize);
+        let at = |lag: isize| {
+            let (from, from_other) = (lag.min(0).unsigned_abs(), lag.max(0).unsigned_abs());
+            let count = (one.len().saturating_sub(from)).min(other.len().saturating_sub(from_other));
+            let energy = (of_one[from + count] - of_one[from]) * (of_other[from_other + count] - of_other[from_other]);
+            let product = products[lag.rem_euclid(products.len() as isize) as usize];
+            (lag, if energy > 0.0 { product / energy.sqrt() } else { 0.0 }, count)
+        };
+        let lags = 1 - one.len() as isize..other.len() as isize;
+        let all: Vec<(isize, f64, usize)> = lags.map(at).filter(|(.., count)| *count >= common).collect();
+        let &(best, correlation, count) = all.iter().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+        let far = all.iter().filter(|(lag, ..)| lag.abs_diff(best) > ORDER);
+        let elsewhere = far.fold(0.0_f64, |most, (_, correlation, _)| most.max(correlation.abs()));
+        let chance = 1.5 * (2.0 * (all.len() as f64).ln() / count as f64).sqrt();
+        Some(Self { correlation, elsewhere, chance })
+    }
+
+    /// Whether they are alike at this lag only.
+    fn is_single(&self) -> bool {
+        self.elsewhere < RECURS * self.correlation.abs()
+    }
+}
+
+/// The gain with which `long` from `lag` on leaves least of `short`, and the RMS of that: beside their means if those are `free`.
+fn difference(short: &[f64], long: &[f64], lag: isize, free: bool) -> (f64, f64) {
+    let (from_short, from_long) = (lag.min(0).unsigned_abs(), lag.max(0).unsigned_abs());
+    let count = (short.len() - from_short).min(long.len() - from_long);
+    let (short, long) = (&short[from_short..][..count], &long[from_long..][..count]);
+    let mean = |values: &[f64]| if free { values.iter().sum::<f64>() / count as f64 } else { 0.0 };
+    let (x, y) = (mean(long), mean(short));
+    let sum = |of: &dyn Fn(f64, f64) -> f64| short.iter().zip(long).map(|(s, l)| of(l - x, s - y)).sum::<f64>();
+    let gain = sum(&|l, s| l * s) / sum(&|l, _| l * l).max(f64::MIN_POSITIVE);
+    (gain, (sum(&|l, s| (s - gain * l).powi(2)) / count as f64).sqrt())
+}
+
+/// The lag at which two series are most alike, beside their means and sizes, over most of the short one.
 fn best_lag(short: &[f64], long: &[f64]) -> Option<isize> {
     let products = correlation(short, long);
     let sums = |values: &[f64]| {
@@ -119,20 +264,20 @@ fn best_lag(short: &[f64], long: &[f64]) -> Option<isize> {
         let over = |sums: &[f64], from: usize| sums[from + count] - sums[from];
         let [x, xx] = [0, 1].map(|k| over(&of_short[k], from_short));
         let [y, yy] = [0, 1].map(|k| over(&of_long[k], from_long));
-        let xy = products[lag.rem_euclid(products.len() as isize) as usize];
         let n = count as f64;
-        (xx - 2.0 * xy + yy) / n - ((x - y) / n).powi(2)
+        let xy = products[lag.rem_euclid(products.len() as isize) as usize] - x * y / n;
+        1.0 - xy * xy / ((xx - x * x / n) * (yy - y * y / n)).max(f64::MIN_POSITIVE)
     };
     lags.min_by(|&a, &b| spread(a).total_cmp(&spread(b)))
 }
 
 /// Sum of the products of `short` with `long` from every lag on, both around their means, by the Fourier transform.
 fn correlation(short: &[f64], long: &[f64]) -> Vec<f64> {
-    let points = (short.len() + long.len()).next_power_of_two();
+    let points = (short.len() + long.len()).next_power_of_two().max(2);
     let mut planner = Planner::new();
     let (forward, backward) = (planner.forward(points), planner.backward(points));
     let spectrum = |values: &[f64]| {
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
         let mut time = forward.make_input_vec();
         time.iter_mut().zip(values).for_each(|(slot, value)| *slot = value - mean);
         let mut spectrum = forward.make_output_vec();
@@ -147,10 +292,4 @@ fn correlation(short: &[f64], long: &[f64]) -> Vec<f64> {
     backward.process(&mut product, &mut lags).expect("lengths are the plan's own");
     lags.iter_mut().for_each(|value| *value /= points as f64);
     lags
-}
-
-/// RMS noise of an even series, from its fourth differences: what a film does between five rows is little beside it.
-fn noise(values: &[f64]) -> f64 {
-    let fourth: Vec<f64> = values.windows(5).map(|v| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4]).collect();
-    robust_deviation(&fourth) / 70f64.sqrt()
 }
