@@ -223,8 +223,9 @@ impl Blocks {
         self.film_from(drives, self.shortest_s(), 1)
     }
 
-    /// The time (s) by which the stroke lags `drives` beside what creeps in `shortest_s` or more, and beside the `added` columns.
-    pub(super) fn lag_s(&self, drives: &[Vec<f64>], added: &[Vec<f64>], shortest_s: f64) -> f64 {
+    /// The time (s) by which the stroke lags `drives` beside what creeps in `shortest_s` or more, and beside the `added` columns; and the sum
+    /// of squares that is left.
+    pub(super) fn lag_s(&self, drives: &[Vec<f64>], added: &[Vec<f64>], shortest_s: f64) -> (f64, f64) {
         let slopes = self.courses.iter().zip(drives).map(|(course, drive)| {
             let load = course.load(drive);
             let tau_s = self.shortest_s();
@@ -236,7 +237,7 @@ impl Blocks {
         added.iter().for_each(|column| {
             film.add(column);
         });
-        film.add(&slopes) / self.stroke_m
+        (film.add(&slopes) / self.stroke_m, film.square())
     }
 
     /// The film of which nothing creeps in less than `shortest_s`, and which follows so many powers of the load.

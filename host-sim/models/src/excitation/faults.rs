@@ -4,6 +4,7 @@
 //! left out. A cause is reported if with it less than 70 % of the unexplained squares are left; the best first, then what is left is asked again.
 
 mod causes;
+mod stuck;
 mod voltage;
 
 use std::f64::consts::TAU;
@@ -26,6 +27,10 @@ const UNRELATED: f64 = 0.5;
 const BACKWARDS: f64 = 0.25;
 /// A cause of less than this share of the first is not reported beside it.
 const REMNANT: f64 = 0.3;
+/// Remark on a cause that is found again.
+const MORE: &str = ", and more of it";
+/// Lags that are tried, in periods of the fastest cycle.
+const LAGS: [f64; 5] = [0.04, 0.08, 0.12, 0.18, 0.25];
 /// Smallest lag that is reported, in periods of the fastest cycle, and the shortest creep that differs from a lag, likewise.
 const LATE: f64 = 0.01;
 const SLOW: f64 = 0.3;
@@ -78,18 +83,19 @@ struct State {
 /// The causes of what no film explains in `courses`, largest first.
 pub(super) fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
     let Some(blocks) = Blocks::new(courses) else { return Vec::new() };
-    let mut faults = Vec::new();
     let drives: Vec<Vec<f64>> = blocks.courses.iter().map(|course| course.drive.clone()).collect();
     let mut state = State { basis: blocks.film(&drives), blocks, drives, added: Vec::new(), is_shifted: false };
-    if let Some(fault) = state.unrelated() {
+    let mut faults = state.stuck();
+    if let Some(fault) = state.unrelated().filter(|_| faults.is_empty()) {
         return vec![fault];
     }
     while faults.len() < MAX_CAUSES {
         // What is much smaller may be a remnant of the first.
-        let largest = faults.first().map_or(0.0, |fault: &Fault| fault.size);
+        let largest = faults.iter().fold(0.0_f64, |largest, fault: &Fault| largest.max(fault.size));
         let Some(fault) = state.next_fault().filter(|fault| fault.size > REMNANT * largest) else { break };
         faults.push(fault);
     }
+    once_each(&mut faults);
     if faults.is_empty() {
         faults.extend(state.dead_band());
     }
@@ -107,6 +113,24 @@ pub(super) fn faults(courses: Vec<Course>, fastest_hz: f64) -> Vec<Fault> {
         });
     }
     faults
+}
+
+/// One of each kind of `faults`, with a remark for those in other places.
+fn once_each(faults: &mut Vec<Fault>) {
+    let mut kept: Vec<Fault> = Vec::new();
+    for fault in faults.drain(..) {
+        let words =
+            |fault: &Fault| fault.finding.split(|c: char| c.is_ascii_digit()).next().unwrap_or_default().to_owned();
+        let is_same = |other: &&mut Fault| {
+            (&other.file, other.advice, words(other)) == (&fault.file, fault.advice, words(&fault))
+        };
+        match kept.iter_mut().find(is_same) {
+            Some(first) if !first.finding.ends_with(MORE) => first.finding.push_str(MORE),
+            Some(_) => {}
+            None => kept.push(fault),
+        }
+    }
+    *faults = kept;
 }
 
 impl State {
@@ -175,7 +199,18 @@ impl State {
         if fastest_hz <= 0.0 {
             return None;
         }
-        let lag_s = self.blocks.lag_s(&self.drives, &self.added, SLOW / fastest_hz);
+        // A long lag is one of drives that are late by most of it already.
+        let beside = |share: &f64| {
+            let shift_s = share / fastest_hz;
+            let courses = self.blocks.courses.iter().zip(&self.drives);
+            let drives: Vec<Vec<f64>> =
+                courses.map(|(course, volts)| voltage::shifted(shift_s, &course.time_s, volts)).collect();
+            let (lag_s, square) = self.blocks.lag_s(&drives, &self.added, SLOW / fastest_hz);
+            (square, shift_s + lag_s)
+        };
+        let (least, lag_s) = LAGS.iter().map(beside).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (square, plain_s) = beside(&0.0);
+        let lag_s = if least < WORTH * square { lag_s } else { plain_s };
         if lag_s.abs() < LATE / fastest_hz {
             return None;
         }
@@ -201,7 +236,8 @@ impl State {
     fn unrelated(&self) -> Option<Fault> {
         let readings = &self.blocks.reading;
         let mean = readings.iter().sum::<f64>() / readings.len() as f64;
-        let share = self.basis.square() / readings.iter().map(|x| (x - mean).powi(2)).sum::<f64>();
+        // A zero that goes away may be most of them.
+        let share = self.basis.square_with(&self.slips()) / readings.iter().map(|x| (x - mean).powi(2)).sum::<f64>();
         (share > UNRELATED && self.reversed().is_none()).then(|| Fault {
             file: None,
             finding: format!(

@@ -12,6 +12,14 @@ const HUM: f64 = 0.02;
 const SHUFFLED: f64 = 0.2;
 /// Resolution of the readings that is reported, as a share of the stroke.
 const COARSE: f64 = 0.015;
+/// Rows of one reading, and its steps beside the finest.
+const HELD: f64 = 2.0;
+/// Smallest jump from row to row without one of the drive, as a share of the stroke.
+const JUMP: f64 = 0.15;
+/// Part of the fastest cycle over which a reading that is shaken bends, how far beyond what is usual, and as a share of the stroke.
+const SHAKEN_CYCLE: f64 = 0.02;
+const SHAKEN_BEYOND: f64 = 6.0;
+const SHAKEN: f64 = 0.04;
 /// Amplitude of an interference that is reported, as a share of the stroke, and how far it is above the frequencies around it.
 const LINE: f64 = 5e-3;
 const ABOVE: f64 = 12.0;
@@ -56,6 +64,10 @@ pub(super) fn judge(
         let finding = format!("hum or noise of {:.1} % of the largest on the drive (RMS)", 100.0 * hum / peak);
         add(Severity::Weakens, finding, "shield the monitor's cable, and record through its own ground");
     }
+    if let Some((finding, advice)) = disturbance(drive, peak, measured, stroke, fastest_hz * mean_s) {
+        add(Severity::Weakens, finding, advice);
+        return;
+    }
     let step =
         sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-6 * stroke).fold(f64::MAX, f64::min);
     if step > COARSE * stroke {
@@ -76,6 +88,78 @@ pub(super) fn judge(
         let finding = format!("noise of {:.1} % of the stroke (RMS)", 100.0 * noise(&measured.value) / stroke);
         add(Severity::Weakens, finding, "shield the sensor's cable, or use a finer sensor");
     }
+}
+
+/// Readings that are held, that start again at the end of a range, or that are shaken, and what to do. `cycles` is the part of the fastest
+/// cycle that a row takes.
+fn disturbance(
+    drive: &Samples,
+    peak: f64,
+    measured: &Samples,
+    stroke: f64,
+    cycles: f64,
+) -> Option<(String, &'static str)> {
+    let (values, count) = (&measured.value, measured.value.len());
+    let volts = drive.at(measured.time_s.iter().copied());
+    let changes: Vec<f64> = values.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let runs: Vec<f64> = changes.split(|change| *change != 0.0).map(|run| run.len() as f64 + 1.0).collect();
+    let moves: Vec<f64> = changes.iter().filter(|change| **change != 0.0).map(|change| change.abs()).collect();
+    let finest = moves.iter().copied().fold(f64::MAX, f64::min);
+    if median(&runs) >= HELD && median(&moves) > HELD * finest {
+        return Some((
+            format!(
+                "a new reading in every {:.0} rows only: a sensor slower than the rows",
+                count as f64 / runs.len() as f64
+            ),
+            "record with the sensor's own rate, or empty the readings that repeat the one before",
+        ));
+    }
+    let is_jump = |&k: &usize| {
+        changes[k].abs() > (JUMP * stroke).max(10.0 * noise(values)) && (volts[k + 1] - volts[k]).abs() < 0.03 * peak
+    };
+    let jumps: Vec<f64> = (0..changes.len()).filter(is_jump).map(|k| changes[k]).collect();
+    let size = median(&jumps.iter().map(|jump| jump.abs()).collect::<Vec<f64>>());
+    let alike = jumps.iter().filter(|jump| (jump.abs() / size - 1.0).abs() < 0.2).count();
+    if alike >= 4 && 3 * alike > 2 * jumps.len() && jumps.iter().any(|j| *j > 0.0) && jumps.iter().any(|j| *j < 0.0) {
+        return Some((
+            format!(
+                "the reading jumps by about {:.4} mm and back, {} times: it starts again at the end of a range",
+                1e3 * size,
+                jumps.len()
+            ),
+            "record with a range that holds the stroke",
+        ));
+    }
+    let reach = ((SHAKEN_CYCLE / cycles) as usize).clamp(2, count / 10);
+    let bend = |values: &[f64]| -> Vec<f64> {
+        (reach..count - reach).map(|k| values[k - reach] - 2.0 * values[k] + values[k + reach]).collect()
+    };
+    let (bends, of_drive) = (bend(values), bend(&volts));
+    let usual = |bends: &[f64]| {
+        let mut sizes: Vec<f64> = bends.iter().map(|bend| bend.abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        sizes[sizes.len() * 19 / 20]
+    };
+    let (limit, of_drive_limit) =
+        ((SHAKEN_BEYOND * usual(&bends)).max(SHAKEN * stroke), (2.0 * usual(&of_drive)).max(0.02 * peak));
+    let shaken: Vec<usize> =
+        (0..bends.len()).filter(|&k| bends[k].abs() > limit && of_drive[k].abs() < of_drive_limit).collect();
+    // Apart by more than a few of the reaches, each to and fro.
+    let moments = shaken
+        .chunk_by(|a, b| b - a < 10 * reach)
+        .filter(|part| part.windows(2).filter(|pair| bends[pair[0]] * bends[pair[1]] < 0.0).count() >= 2);
+    let at_s: Vec<f64> = moments.map(|part| measured.time_s[part[0] + reach]).collect();
+    (!at_s.is_empty() && 10 * shaken.len() < count).then(|| {
+        let shown: Vec<String> = at_s.iter().take(4).map(|t| format!("{t:.1}")).collect();
+        let more = if at_s.len() > 4 { " and more" } else { "" };
+        (
+            format!(
+                "the reading is not of the film for moments, at {}{more} s: a bench that was touched, or an arc",
+                shown.join(", ")
+            ),
+            "empty the readings there (import `blank`), or record again",
+        )
+    })
 }
 
 /// RMS noise from row to row, from fourth differences.

@@ -27,7 +27,7 @@ fn drive(random: &mut Pcg64) -> Vec<f64> {
             0 => 0.5 * (1.0 - (TAU * hz * t).cos()),
             1 => 2.0 * ((hz * t).fract() - 0.5).abs(),
             2 => {
-                if k % 300 == 0 {
+                if k.is_multiple_of(300) {
                     level = random.random_range(0.0..1.0);
                 }
                 level

@@ -439,7 +439,7 @@ fn refuse_ambiguous(
     names: &[String],
 ) -> std::result::Result<(), (u64, String)> {
     let Source::Text(_, table) = source else { return Ok(()) };
-    if let Some((line, [before, unit])) = table.mixed_units {
+    if let Some((line, [before, unit])) = table.mixed_units() {
         return Err((
             line,
             format!("a column has the unit {unit} here and {before} before; write all rows in one unit"),

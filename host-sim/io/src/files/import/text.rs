@@ -30,8 +30,6 @@ pub struct TextTable<'a> {
     pub decimal: Decimal,
     /// Columns whose numbers can be read in two ways.
     pub ambiguous: Vec<bool>,
-    /// The first line in which the cells of a column are another unit of the same quantity than before, and both units.
-    pub mixed_units: Option<(u64, [&'static str; 2])>,
     /// Lines below the rows that are not numbers, and the first of them.
     pub footer: Option<(usize, &'a str)>,
     /// Whether the ends of rows may be missing, as in a spreadsheet.
@@ -104,7 +102,6 @@ impl<'a> TextTable<'a> {
             separator: Separator::Comma,
             decimal: Decimal::Point,
             ambiguous: Vec::new(),
-            mixed_units: None,
             footer: None,
             sheet: false,
             first,
@@ -229,7 +226,6 @@ impl<'a> TextTable<'a> {
             separator,
             decimal: decimal.unwrap_or(Decimal::Point),
             ambiguous,
-            mixed_units: None,
             footer: None,
             sheet: dialect.sheet.is_some(),
             columns,
@@ -247,7 +243,6 @@ impl<'a> TextTable<'a> {
             let segment = wanted.checked_sub(1).and_then(|index| table.segments.get(index));
             table.segments = vec![*segment.ok_or_else(|| (0, format!("`segment` {wanted}: there are {found}")))?];
         }
-        table.mixed_units = table.mixed_units();
         // Names and units are those of the first.
         let is_read = |line: u64| table.segments.iter().any(|(start, _)| *start == line);
         if let Some((_, fault)) = faults.into_iter().find(|(start, _)| is_read(*start)) {
@@ -318,8 +313,8 @@ impl<'a> TextTable<'a> {
         faults
     }
 
-    /// Finds `mixed_units`.
-    fn mixed_units(&self) -> Option<(u64, [&'static str; 2])> {
+    /// The first line in which the cells of a column are another unit of the same quantity than before, and both units.
+    pub fn mixed_units(&self) -> Option<(u64, [&'static str; 2])> {
         let mut first: Vec<Option<Unit>> = vec![None; self.columns];
         let cells = |(line, cells): (u64, Vec<&'a str>)| {
             cells.into_iter().zip(0..self.columns).map(move |(cell, k)| (line, k, cell))

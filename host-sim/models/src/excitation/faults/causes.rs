@@ -16,6 +16,8 @@ const STEADY: &str = "keep the temperature, shield the sensor, and fix its mount
 const SWINGS: f64 = 8.0;
 /// Share of a recording at both ends in which no change is looked for: it would explain what the film begins with.
 const EDGE: f64 = 0.12;
+/// Share of what changes in each recording explain that one of them explains alone.
+const OF_ONE: f64 = 0.7;
 /// Largest share of the squares of a jump that a cause with more columns may leave.
 const BEYOND_JUMP: f64 = 0.6;
 
@@ -142,6 +144,11 @@ impl State {
                 vec![self.play(&film, width * (high - low))],
             ));
         }
+        causes.push(Cause::of_all(
+            "the zero of the sensor slips in each cycle: a mount that slides under load",
+            "fix the mount, and record again",
+            self.slips(),
+        ));
         for share in [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.9] {
             let knee = low + share * (high - low);
             causes.push(Cause::of_all(
@@ -151,6 +158,27 @@ impl State {
             ));
         }
         causes
+    }
+
+    /// For each recording, the sum of the tops of the load that are past: those after which it falls below half of the largest.
+    pub(super) fn slips(&self) -> Vec<Vec<f64>> {
+        let loads: Vec<Vec<f64>> =
+            self.drives.iter().map(|drive| drive.iter().map(|value| value * value).collect()).collect();
+        let loads = self.blocks.means(&loads);
+        let mut columns = vec![vec![0.0; loads.len()]; self.blocks.courses.len()];
+        let (mut recording, mut top, mut sum) = (usize::MAX, 0.0_f64, 0.0);
+        for (k, &(j, _)) in self.blocks.places.iter().enumerate() {
+            if j != recording {
+                (recording, top, sum) = (j, 0.0, 0.0);
+            }
+            if loads[k] < 0.5 * top {
+                sum += top;
+                top = 0.0;
+            }
+            top = top.max(loads[k]);
+            columns[j][k] = sum;
+        }
+        columns
     }
 
     /// Time derivative of `values` within each recording.
@@ -237,6 +265,15 @@ impl State {
                 let times: Vec<String> = found.iter().map(|(at_s, _)| format!("{at_s:.1}")).collect();
                 let columns = found.into_iter().flat_map(|(_, columns)| columns).collect();
                 places.push((None, format!("{what} in each recording, at {} s", times.join(", ")), columns));
+            }
+            // What one recording has is not one of each.
+            let squares: Vec<f64> = places.iter().map(|(.., columns)| self.basis.square_with(columns)).collect();
+            let before = self.basis.square();
+            if let [singles @ .., each] = squares.as_slice()
+                && singles.len() > 1
+                && singles.iter().any(|single| before - single > OF_ONE * (before - each))
+            {
+                places.pop();
             }
             for (recording, finding, columns) in places {
                 let square = self.basis.square_with(&columns);

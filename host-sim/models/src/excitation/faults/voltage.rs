@@ -51,7 +51,18 @@ impl State {
         let steepest = percentile(slopes.collect(), 0.995);
         let has_both = self.drives.iter().flatten().any(|volts| *volts < -0.05);
         let percent = |share: f64| format!("{:.0} %", 100.0 * share.abs());
-        let families: [Family<'_>; 11] = [
+        let families: [Family<'_>; 12] = [
+            (
+                &[0.05, 0.1, 0.2, 0.4],
+                &ahead,
+                &|lag_s| {
+                    format!(
+                        "the recorded voltage lags the one on the film by about {:.0} ms: a slow monitor",
+                        1e3 * lag_s
+                    )
+                },
+                CLOCK,
+            ),
             (
                 &[0.05, 0.1, 0.2, 0.4, 0.8],
                 &|lag_s, time_s, volts| lagged(time_s, volts, lag_s, lag_s),
@@ -253,6 +264,23 @@ fn lagged(time_s: &[f64], volts: &[f64], rise_s: f64, fall_s: f64) -> Vec<f64> {
         value
     };
     (0..volts.len()).map(&mut follow).collect()
+}
+
+/// The voltages that a first-order filter of `lag_s` would turn into `volts`, whose slopes are those over a third of that time.
+fn ahead(lag_s: f64, time_s: &[f64], volts: &[f64]) -> Vec<f64> {
+    let reach_s = lag_s / 6.0;
+    let (mut from, mut to) = (0, 0);
+    let mut at = |k: usize| {
+        while time_s[k] - time_s[from] > reach_s {
+            from += 1;
+        }
+        while to + 1 < time_s.len() && time_s[to] - time_s[k] < reach_s {
+            to += 1;
+        }
+        let span_s = time_s[to] - time_s[from];
+        volts[k] + if span_s > 0.0 { lag_s * (volts[to] - volts[from]) / span_s } else { 0.0 }
+    };
+    (0..volts.len()).map(&mut at).collect()
 }
 
 /// `volts` that change by at most `slew` a second.

@@ -278,7 +278,7 @@ pub(super) const FAULTS: &[Fault] = &[
         first_order(&mut run.reading, lag_s, lag_s);
     }),
     reading("sensor delay", LAG, |run, random| delayed(&mut run.reading, random.random_range(50..500))),
-    voltage("slow monitor", &["drive lags the stroke"], |run, random| {
+    voltage("slow monitor", &["lags the stroke", "slow monitor"], |run, random| {
         let lag_s = random.random_range(0.05..0.4);
         first_order(&mut run.recorded_v, lag_s, lag_s);
     }),
@@ -403,5 +403,33 @@ pub(super) const FAULTS: &[Fault] = &[
         run.rows.iter_mut().enumerate().for_each(|(k, row)| {
             row[0] = (k as f64 * step_s / coarse_s).floor() * coarse_s + 1e-5 * k as f64;
         });
+    }),
+    reading("starts again at the end of a range", &["starts again"], |run, random| {
+        let range = random.random_range(0.4..0.8);
+        run.reading.iter_mut().for_each(|x| *x = x.rem_euclid(range));
+    }),
+    rows("sensor slower than the rows", &["slower than the rows"], |run, random| {
+        let each = random.random_range(4..40);
+        for k in 0..run.rows.len() {
+            run.rows[k][2] = run.rows[k - k % each][2];
+        }
+    }),
+    reading("touched bench", &["for moments"], |run, random| {
+        for _ in 0..3 {
+            let (at, hz, size) = (middle(run, random), random.random_range(3.0..6.0), random.random_range(0.1..0.3));
+            for (k, x) in run.reading.iter_mut().enumerate() {
+                let t = STEP_S * (k as f64 - at as f64);
+                *x += size * (-(t / 0.3).powi(2)).exp() * (TAU * hz * t).sin();
+            }
+        }
+    }),
+    reading("averaged by the recorder", LAG, |run, random| {
+        let count = (random.random_range(0.1..0.5) / STEP_S) as usize;
+        let mut sum = run.reading[0] * count as f64;
+        let before = run.reading.clone();
+        for k in 0..before.len() {
+            sum += before[k] - before[k.saturating_sub(count)];
+            run.reading[k] = sum / count as f64;
+        }
     }),
 ];
