@@ -20,7 +20,7 @@ const OF_DRIVE: usize = 3;
 /// Correlation of the noise of a copy: with noise added to it, or between rows. In readings of coarse steps the steps repeat as well.
 const SAME_NOISE: f64 = 0.4;
 const SAME_STEPS: f64 = 0.9;
-/// What a film and its drive leave in the prediction recurs with the drive: largest share of the correlation at other lags.
+/// Largest share of the correlation at other lags: there the parts of a film that are not predicted recur, with the drive.
 const RECURS: f64 = 0.7;
 /// Rows that two recordings have in common at least, and their share of the shorter one.
 const MIN_COMMON: usize = 64;
@@ -54,7 +54,7 @@ pub fn first(observations: &[Observation]) -> Option<(&Observation, &Observation
     pairs.find(is_repeat).map(|(later, earlier)| (&observations[later], &observations[earlier]))
 }
 
-/// Whether the rows of a coarse recording and those of a fine one are the same: one for one or for each of a few, or at the same times.
+/// Compares the rows of a coarse recording with those of a fine one: one for one or for each of a few, or at the same times.
 fn is_repeat([coarse, fine]: [&Rows; 2], observations: [&Observation; 2]) -> bool {
     let ratio = coarse.step_s / fine.step_s;
     let each = (ratio.round() as usize).clamp(1, MAX_THINNED);
@@ -76,7 +76,7 @@ struct Rows {
     /// Median interval, s, and whether all are the same.
     step_s: f64,
     is_even: bool,
-    /// What the rows before and the drive do not predict, without spikes, from row [`ORDER`] on, and its size.
+    /// The part that the rows before and the drive do not predict, without spikes, from row [`ORDER`] on, and its size.
     noise: Vec<f64>,
     deviation: f64,
     /// Whether most readings occur several times.
@@ -90,10 +90,10 @@ impl Rows {
         let step_s = median(&steps);
         let is_even = steps.iter().all(|step| (step / step_s - 1.0).abs() < 1e-3);
         let drive = observation.input.samples().at(time_s.iter().copied());
-        Self::of(drive, observation.measured.value.clone(), step_s, is_even)
+        Self::from_columns(drive, observation.measured.value.clone(), step_s, is_even)
     }
 
-    fn of(mut drive: Vec<f64>, mut measured: Vec<f64>, step_s: f64, is_even: bool) -> Self {
+    fn from_columns(mut drive: Vec<f64>, mut measured: Vec<f64>, step_s: f64, is_even: bool) -> Self {
         drive.truncate(MAX_ROWS);
         measured.truncate(MAX_ROWS);
         let mut noise = unpredicted(&drive, &measured);
@@ -109,7 +109,7 @@ impl Rows {
     /// One of every `each` rows from the row `first` on.
     fn thinned(&self, first: usize, each: usize) -> Self {
         let some = |values: &[f64]| values.iter().skip(first).step_by(each).copied().collect();
-        Self::of(some(&self.drive), some(&self.measured), self.step_s * each as f64, self.is_even)
+        Self::from_columns(some(&self.drive), some(&self.measured), self.step_s * each as f64, self.is_even)
     }
 
     /// The rows that `observation` would have at a rate.
@@ -117,7 +117,7 @@ impl Rows {
         let last_s = observation.measured.time_s.last().copied()?.min(MAX_ROWS as f64 / rate_hz);
         let grid = Grid::covering(last_s, rate_hz).ok()?;
         let [drive, measured] = [observation.input.samples(), &observation.measured].map(|s| grid.resample(s));
-        Some(Self::of(drive, measured, 1.0 / rate_hz, true))
+        Some(Self::from_columns(drive, measured, 1.0 / rate_hz, true))
     }
 
     fn is_copy_of(&self, other: &Self) -> bool {
@@ -145,7 +145,7 @@ impl Rows {
     }
 }
 
-/// What is left of `measured` beside the sums of the rows before it, and of the `drive` and its square, that leave least.
+/// The rest of `measured` beside the sums of the rows before it, and of the `drive` and its square, that leave least.
 fn unpredicted(drive: &[f64], measured: &[f64]) -> Vec<f64> {
     let Some(count) = measured.len().checked_sub(ORDER).filter(|count| *count > 2 * ORDER) else { return Vec::new() };
     // Differences of growing order span the same rows as the rows themselves, and are less alike.

@@ -93,7 +93,7 @@ fn resampled(rows: &Rows, share: f64) -> Rows {
 
 type Change = fn(&mut Rows, &mut Pcg64, f64);
 
-/// What makes a copy of a recording with noise of a known size (m).
+/// Changes that make a copy of a recording with noise of a known size (m).
 const CHANGES: &[(&str, Change)] = &[
     ("nothing", |_, _, _| ()),
     ("scaled stroke", |rows, random, _| {

@@ -14,7 +14,7 @@ const MOVES_AWAY: f64 = 0.7;
 /// Range of readings that stay, beside their noise, as a share of the stroke, and its largest size with the noise.
 const STAYS: f64 = 2e-3;
 const OF_NOISE: f64 = 7.0;
-const MOST: f64 = 0.08;
+const MAX_LIMIT: f64 = 0.08;
 /// Share of the stroke at its ends.
 const AT_END: f64 = 0.15;
 /// Fewest rows.
@@ -67,7 +67,7 @@ fn stays(course: &Course, drive: &[f64], stroke_m: f64) -> Vec<Range<usize>> {
     let readings: Vec<f64> = present.iter().map(|&k| course.reading[k]).collect();
     let loads: Vec<f64> = present.iter().map(|&k| drive[k] * drive[k]).collect();
     let limit = OF_NOISE * noise(&readings) + STAYS * stroke_m;
-    if limit > MOST * stroke_m {
+    if limit > MAX_LIMIT * stroke_m {
         return Vec::new();
     }
     let (low, high) = crate::fit::statistics::range(&readings);
