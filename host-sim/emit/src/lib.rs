@@ -8,6 +8,7 @@
 //! | [`arduino`] | both as a library for Arduino and PlatformIO, with an example |
 //! | [`matlab`] | both with a MEX gateway for MATLAB and Octave and an S-function for Simulink, written by hand in `matlab/` |
 //! | [`fmu`](mod@fmu) | both as an FMU for co-simulation, of FMI 2.0 or 3.0 |
+//! | [`output`] | all of these as files, and the blob for a controller |
 //!
 //! The C computes with the operations of the crate `springpot` in their order, so that it gives the same bits.
 #![forbid(unsafe_code)]
@@ -17,6 +18,7 @@ pub mod arduino;
 mod film;
 pub mod fmu;
 pub mod matlab;
+pub mod output;
 mod symbol;
 mod table;
 

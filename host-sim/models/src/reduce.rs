@@ -6,6 +6,9 @@
 use num_complex::Complex;
 use springpot::{Chain, Maxwell, ModelError, Springpot, Topology};
 
+use crate::error::{Error, Result};
+use crate::files::parameters::Parameters;
+
 /// How closely a reduced model must agree with the original.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Criterion {
@@ -22,6 +25,44 @@ impl Default for Criterion {
     fn default() -> Self {
         Self { from_hz: 1e-6, to_hz: 1e4, tolerance: 1e-9 }
     }
+}
+
+impl Criterion {
+    /// Refuses frequencies and tolerances that make no sense.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Field`] naming what cannot be used.
+    fn check(self) -> Result<()> {
+        if !(1e-12..=1e12).contains(&self.from_hz) {
+            return Err(Error::field("from_hz", format!("{:?} Hz must be from 1e-12 to 1e12", self.from_hz)));
+        }
+        if !(self.from_hz..=1e12).contains(&self.to_hz) {
+            return Err(Error::field("to_hz", format!("{:?} Hz must be from `from_hz` to 1e12", self.to_hz)));
+        }
+        if !(1e-12..1.0).contains(&self.tolerance) {
+            return Err(Error::field("tolerance", format!("{:?} must be from 1e-12 to below 1", self.tolerance)));
+        }
+        Ok(())
+    }
+}
+
+/// `parameters` with the smallest model that agrees within `criterion`, and how it was found. Intervals of the elements are left out.
+///
+/// # Errors
+///
+/// [`Error`] for a criterion that makes no sense, and where coefficients overflow.
+pub fn reduced_parameters(parameters: &Parameters, criterion: Criterion) -> Result<(Parameters, Reduction)> {
+    criterion.check()?;
+    let reduction = reduced(&parameters.model, criterion)?;
+    let mut parameters = parameters.clone();
+    // The intervals are of the elements before the reduction.
+    if let Some(provenance) = &mut parameters.provenance {
+        provenance.remove("intervals_95_pct");
+    }
+    parameters.name = format!("{}, reduced", parameters.name);
+    parameters.model = reduction.model.clone();
+    Ok((parameters, reduction))
 }
 
 /// A reduced model with its steps.
@@ -43,7 +84,7 @@ type Springpots = Vec<Springpot>;
 /// # Errors
 ///
 /// [`ModelError`] where coefficients overflow.
-pub fn reduced(model: &Maxwell, criterion: Criterion) -> Result<Reduction, ModelError> {
+pub fn reduced(model: &Maxwell, criterion: Criterion) -> std::result::Result<Reduction, ModelError> {
     let mut main = model.main();
     let mut steps = Vec::new();
     // The first chain is the main springpot; a factor multiplies every coefficient of its chain.
@@ -93,7 +134,12 @@ impl Criterion {
 }
 
 /// The model of `main` in parallel to `chains`.
-fn assembled(main: Springpot, chains: &[Springpots], topology: Topology, mass_kg: f64) -> Result<Maxwell, ModelError> {
+fn assembled(
+    main: Springpot,
+    chains: &[Springpots],
+    topology: Topology,
+    mass_kg: f64,
+) -> std::result::Result<Maxwell, ModelError> {
     let mut branches = Vec::new();
     for chain in chains {
         let mut elements = chain.clone();
@@ -189,7 +235,7 @@ fn drop_soft(
 /// # Errors
 ///
 /// None for a valid model.
-pub fn ordered(model: &Maxwell) -> Result<Maxwell, ModelError> {
+pub fn ordered(model: &Maxwell) -> std::result::Result<Maxwell, ModelError> {
     let mut branches: Vec<[Springpot; 2]> = model.branches().to_vec();
     for pair in &mut branches {
         pair.sort_by(|a, b| a.alpha.total_cmp(&b.alpha));

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::iter;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 use serde::Serialize;
@@ -81,7 +82,8 @@ pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let read = recordings.iter().map(Recording::path).chain(arguments.actuator.as_deref().map(Path::new));
     let plot = arguments.plot.check(&read.collect::<Vec<&Path>>(), &[])?;
     let bar = Progress::unknown("compare");
-    let models = compare::compare(&observations, &beyond, &settings, &|stage| bar.enter(stage))?;
+    let models =
+        compare::compare(&observations, &beyond, &settings, &AtomicBool::new(false), &|stage| bar.enter(stage))?;
     bar.finish_and_clear();
     let report = Report { recordings: arguments.recordings.iter().map(|path| shown(path)).collect(), models };
     let title = "Models of creep on the same recordings";

@@ -6,7 +6,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::options;
-use crate::error::{Error, Result, shown};
+use crate::error::{Result, shown};
 use crate::files::output::{self, Folders};
 use crate::quantity;
 use crate::reduce::{self, Criterion};
@@ -42,29 +42,13 @@ struct Report {
 
 pub(super) fn run(arguments: &Arguments, json: bool) -> Result<()> {
     let criterion = Criterion { from_hz: arguments.from, to_hz: arguments.to, tolerance: arguments.tolerance };
-    if !(1e-12..=1e12).contains(&criterion.from_hz) {
-        return Err(Error::field("from", format!("{:?} Hz must be from 1e-12 to 1e12", criterion.from_hz)));
-    }
-    if !(criterion.from_hz..=1e12).contains(&criterion.to_hz) {
-        return Err(Error::field("to", format!("{:?} Hz must be from --from to 1e12", criterion.to_hz)));
-    }
-    if !(1e-12..1.0).contains(&criterion.tolerance) {
-        return Err(Error::field("tolerance", format!("{:?} must be from 1e-12 to below 1", criterion.tolerance)));
-    }
-    let mut parameters = options::load(&arguments.params)?;
+    let before = options::load(&arguments.params)?;
     output::check(&arguments.out, &[arguments.params.as_ref()], Folders::Exist)?;
-    let reduction = reduce::reduced(&parameters.model, criterion)?;
-    let branches_before = parameters.model.branches().len();
-    // The intervals are of the elements before the reduction.
-    if let Some(provenance) = &mut parameters.provenance {
-        provenance.remove("intervals_95_pct");
-    }
-    parameters.name = format!("{}, reduced", parameters.name);
-    parameters.model = reduction.model;
+    let (parameters, reduction) = reduce::reduced_parameters(&before, criterion)?;
     output::write_whole(&arguments.out, |file| file.write_all(parameters.to_toml().as_bytes()))?;
     let report = Report {
         parameters_file: shown(&arguments.out),
-        branches_before,
+        branches_before: before.model.branches().len(),
         branches: parameters.model.branches().len(),
         steps: reduction.steps,
         largest_change: reduction.change,

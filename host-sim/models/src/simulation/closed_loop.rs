@@ -4,12 +4,12 @@
 
 use std::collections::VecDeque;
 
-use indicatif::ProgressBar;
 use serde::Serialize;
 use springpot::{Applied, Limited, SensorSample};
 
 use crate::error::{Error, Result};
 use crate::grid::Grid;
+use crate::progress::Watch;
 use crate::references::Periods;
 use crate::simulation::controllers::{Controller, ControllerOutput};
 use crate::simulation::film::{Film, Instruments, Readings};
@@ -290,7 +290,7 @@ pub fn track(
     controller: &mut dyn Controller,
     reference: &[f64],
     grid: Grid,
-    progress: &ProgressBar,
+    progress: &dyn Watch,
 ) -> Result<LoopRun> {
     let mut plant = NonlinearPlant::at_rest(film, substeps(grid).1);
     track_plant(&mut plant, bench, controller, reference, grid, progress)
@@ -310,7 +310,7 @@ pub struct LoopTick {
 }
 
 /// Runs `controller` along `reference` (m, on `grid`) on `plant`, which is at rest and advances in [`substeps`] of `grid`;
-/// `progress` counts samples. As [`follow`], with every tick kept.
+/// `progress` counts samples and may end the run. As [`follow`], with every tick kept.
 ///
 /// # Errors
 ///
@@ -321,15 +321,13 @@ pub fn track_plant(
     controller: &mut dyn Controller,
     reference: &[f64],
     grid: Grid,
-    progress: &ProgressBar,
+    progress: &dyn Watch,
 ) -> Result<LoopRun> {
     let mut run = LoopRun::default();
     let asked = |k: usize| reference.get(k).or(reference.last()).copied().unwrap_or(0.0);
     follow(plant, bench, controller, asked, grid, |k, tick| {
         run.push(tick.asked_m, tick.reference_m, tick.displacement_m, &tick.output);
-        if k % 4096 == 4095 {
-            progress.inc(4096);
-        }
+        if k % 4096 == 4095 { progress.advance(4096) } else { Ok(()) }
     })?;
     Ok(run)
 }
@@ -342,14 +340,14 @@ pub fn track_plant(
 ///
 /// # Errors
 ///
-/// [`Error::Computation`] where the film is torn or pulled in.
+/// [`Error::Computation`] where the film is torn or pulled in, and what `seen` returns.
 pub fn follow(
     plant: &mut dyn Plant,
     bench: &BenchModel,
     controller: &mut dyn Controller,
     reference: impl Fn(usize) -> f64,
     grid: Grid,
-    mut seen: impl FnMut(usize, LoopTick),
+    mut seen: impl FnMut(usize, LoopTick) -> Result<()>,
 ) -> Result<()> {
     let mut bench = RunningBench::new(bench, grid);
     let mut commanded = 0.0;
@@ -362,7 +360,7 @@ pub fn follow(
         let applied = bench.applied(commanded);
         let target = reference(k + 1);
         let output = controller.tick(applied, sample, target);
-        seen(k, LoopTick { asked_m: asked, reference_m: shaped, displacement_m: displacement, output });
+        seen(k, LoopTick { asked_m: asked, reference_m: shaped, displacement_m: displacement, output })?;
 
         asked = target;
         shaped = output.reference_m.unwrap_or(target);

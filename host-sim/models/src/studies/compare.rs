@@ -1,7 +1,7 @@
 //! The fractional model and other models of creep, fitted to the same recordings.
 
 use std::hint::black_box;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use serde::Serialize;
@@ -66,22 +66,21 @@ const MODELS: [(&str, CreepModel); 10] = [
 ];
 
 /// Fits every model to `observations` and to all of them but one, and predicts `beyond`, the same recordings after what is fitted of
-/// them; `progress` is called with each model as it begins.
+/// them; `progress` is called with each model as it begins. `stop` ends it without a result: a part of a comparison is of no use.
 ///
 /// # Errors
 ///
-/// [`Error`] where a model cannot be fitted.
+/// [`Error`] where a model cannot be fitted; [`Error::Interrupted`].
 pub fn compare(
     observations: &[Observation],
     beyond: &[Observation],
     settings: &Settings,
+    stop: &AtomicBool,
     progress: &dyn Fn(&Stage),
 ) -> Result<Vec<ModelRow>> {
     let foretold = if beyond.is_empty() { None } else { Some(Objective::new(beyond)?) };
     let prepared = PreparedObservations::new(observations, &settings.actuator)?;
-    // A part of a comparison is of no use: there is no early end.
-    let never = AtomicBool::new(false);
-    let context = &prepared.context(settings, &never);
+    let context = &prepared.context(settings, stop);
     let left_out = LeftOut::new(observations, context.fine, Objective::new)?;
     let mut rows = Vec::new();
     let mut smaller: Option<Candidate> = None;
@@ -90,6 +89,9 @@ pub fn compare(
         let found = model
             .best(context, smaller.as_ref())
             .ok_or_else(|| Error::Computation(format!("{name}: no fit was found")))?;
+        if stop.load(Ordering::Relaxed) {
+            return Err(Error::Interrupted);
+        }
         smaller = Some(found.candidate.clone());
         let agreements = selection::agreements(context.fine, &found.candidate);
         let n = agreements.len() as f64;

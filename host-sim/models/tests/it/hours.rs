@@ -267,8 +267,11 @@ impl Case {
         let mut sums = Sums::new(grid, self.period_s);
         let reference = |k: usize| self.reference_m(grid.time_s(k));
         let bench = BenchModel::default();
-        closed_loop::follow(plant.as_mut(), &bench, controller.as_mut(), reference, grid, |k, tick| sums.see(k, &tick))
-            .unwrap_or_else(|error| panic!("{self:?}: {error}"));
+        closed_loop::follow(plant.as_mut(), &bench, controller.as_mut(), reference, grid, |k, tick| {
+            sums.see(k, &tick);
+            Ok(())
+        })
+        .unwrap_or_else(|error| panic!("{self:?}: {error}"));
         sums.followed(|m| self.percent(m))
     }
 }

@@ -282,21 +282,9 @@ impl Source {
             (None, None) => return Ok(None),
             (Some(params), _) => {
                 let parameters = options::load(params)?;
-                let board = match parameters.board.clone() {
-                    Some(board) if self.bench || board.lacks().is_empty() => board,
-                    None if self.bench => parameters.bench(self.rate),
-                    found => {
-                        let what = found.map_or("no [board] table".to_owned(), |board| {
-                            format!("the [board] table has no {}", board.lacks().join(", "))
-                        });
-                        let cause = format!(
-                            "{what}: calibrations and limits of your bench are needed (docs/formats.md), or --bench"
-                        );
-                        return Err(Error::file(params.as_ref(), cause));
-                    }
-                };
                 let rate_hz = super::board_rate(self.rate)?;
-                parameters.to_blob(&board, rate_hz).map_err(|e| e.about(params, params.as_ref()))?
+                let blob = parameters.blob_to_drive(rate_hz, self.bench);
+                blob.map_err(|e| e.about(params, params.as_ref()))?
             }
             (None, Some(path)) => {
                 let bytes = std::fs::read(path).map_err(|e| Error::file(path, e))?;

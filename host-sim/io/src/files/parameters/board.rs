@@ -224,6 +224,27 @@ impl Parameters {
         Ok((blob, board))
     }
 
+    /// The blob for a controller that drives a film: calibrations and limits must be in the parameters, or `bench` allows those of the paper's.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Computation`] naming what is missing, and as [`to_blob`](Self::to_blob).
+    pub fn blob_to_drive(&self, rate_hz: f64, bench: bool) -> Result<Vec<u8>> {
+        let lacks = self.board.as_ref().map(Board::lacks);
+        match lacks {
+            Some(lacks) if bench || lacks.is_empty() => self.to_blob(&self.board_or_bench(rate_hz), rate_hz),
+            None if bench => self.to_blob(&self.bench(rate_hz), rate_hz),
+            lacks => {
+                let what = lacks.map_or("no [board] table".to_owned(), |keys| {
+                    format!("the [board] table has no {}", keys.join(", "))
+                });
+                Err(Error::Computation(format!(
+                    "{what}: calibrations and limits of your bench are needed (docs/formats.md), or `bench`"
+                )))
+            }
+        }
+    }
+
     /// The blob of these parameters for a controller that ticks at `rate_hz`, on `board`.
     ///
     /// # Errors

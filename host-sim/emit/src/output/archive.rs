@@ -5,11 +5,12 @@ use std::io::{Cursor, Write};
 use std::path::Path;
 use std::process::Command;
 
-use host_emit::fmu::{Fmu, Version};
+use host_io::error::shown;
+use host_io::{Error, Result};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use crate::error::{Error, Result, shown};
+use crate::fmu::{Fmu, Version};
 
 /// Compiled library of an FMU's sources.
 #[derive(Default)]

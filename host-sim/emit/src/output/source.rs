@@ -4,15 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use dea_driver::Blob;
-use host_emit::fmu::{Version, fmu};
-use host_emit::{Film, HEADER, arduino, film, matlab, symbol};
+use host_io::files::output::{self, Folder, Folders, Staged};
+use host_io::files::parameters::Parameters;
+use host_io::{Error, Result};
 
-use crate::error::{Error, Result};
-use crate::files::output::{self, Folder, Folders, Staged};
-use crate::files::parameters::Parameters;
-
-use super::fmu::{Library, archive};
+use super::archive::{Library, archive};
 use super::{Emit, description};
+use crate::fmu::{Version, fmu};
+use crate::{Film, HEADER, arduino, film, matlab, symbol};
 
 /// Output of an export, checked before long work begins.
 pub(super) struct Source {
@@ -69,7 +68,7 @@ impl Source {
                 // A folder has no ending.
                 let name = out.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
                 if out.is_file() {
-                    return Err(Error::file(out, "is a file; --emit arduino writes a folder"));
+                    return Err(Error::file(out, "is a file; `emit` arduino writes a folder"));
                 }
                 if name.is_empty() {
                     return Err(Error::field("out", "a library is a folder with a name, such as film_library"));

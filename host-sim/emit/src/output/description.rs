@@ -1,10 +1,9 @@
 //! `NAME.json` beside a C file: the film for MATLAB and Octave, which read it with `jsondecode` (`matlab/springpot_film.m`).
 
+use host_io::files::parameters::Parameters;
+use host_io::{Error, Result};
 use serde::Serialize;
 use springpot::{Preload, Springpot, Tracking};
-
-use crate::error::{Error, Result};
-use crate::files::parameters::Parameters;
 
 /// How the file begins: what is written over.
 pub(super) const BEGIN: &str = "{\n  \"format\": \"springpot-film\",";
