@@ -79,9 +79,8 @@ pub fn controller(parameters: &Parameters, supply: &Supply, has_sensor: bool) ->
     let span_m = limits.sensor.high - limits.sensor.low;
     let lowest_m = limits.sensor.low - 0.1 * span_m + parameters.sensor_offset_m as f32;
     board.sensor = Calibration::Parabola { offset: lowest_m, gain: 1.2 * span_m / FULL_SCALE_V, quadratic: 0.0 };
-    // The session has compared the read-back with the commands: what is left is beyond its band.
-    let band_v = (supply.read_band_v as f32).min(0.1 * limits.max_voltage_v);
-    limits.monitor.band_v = band_v;
+    // The session has compared the read-back with the commands: what is left is beyond its band already.
+    limits.monitor.band_v = (supply.step_v as f32).max(1e-3 * limits.max_voltage_v);
     limits.monitor.band_share = 0.0;
     limits.monitor.settle_s = LIE_S;
     limits.monitor.slew_v_per_s = limits.monitor.slew_v_per_s.max(rate_hz as f32 * limits.max_voltage_v);
@@ -140,6 +139,7 @@ fn run(
     let (late_s, latency_s) = (session.supply().late_s, session.supply().latency_s);
     let step_s = 1.0 / f64::from(parameters.rate_hz);
     let lost_s = LOST_INTERVALS * f64::from(parameters.control.sample_interval_s);
+    let max_v = f64::from(parameters.limits.max_voltage_v);
     let volts = f64::from(parameters.limits.max_voltage_v / 5.0);
     let mode = if sensor.is_some() { Mode::Tracking } else { Mode::Feedforward };
     // A film at rest first: arming needs a sensor that has been seen for some ticks.
@@ -161,7 +161,7 @@ fn run(
         let command_v = f64::from(controller.supervisor().command_v());
         // What the commands of the time do not explain of the read-back, at the command of now.
         let monitor_v = command_v + session.deviation_v();
-        let above_v = session.reading_v().filter(|&v| v > f64::from(parameters.limits.monitored_v()));
+        let above_v = session.reading_v().filter(|&v| v > max_v + session.read_error_v(max_v));
         let inputs = Inputs {
             interlock_closed: true,
             monitor_adc_v: Some((above_v.unwrap_or(monitor_v) / volts) as f32),

@@ -104,6 +104,11 @@ impl Session {
         self.deviation_v
     }
 
+    /// How wrong the read-back of `volts` may be, V.
+    pub fn read_error_v(&self, volts: f64) -> f64 {
+        self.supply.read_band_v + READ_SHARE * volts
+    }
+
     /// The slowest reply so far, s.
     pub fn slowest_reply_s(&self) -> f64 {
         self.slowest_reply_s
@@ -233,7 +238,7 @@ impl Session {
         let first = self.commands.iter().rposition(|&(time_s, _)| time_s <= from_s).unwrap_or(0);
         let acting = self.commands.iter().skip(first).map(|&(_, volts)| volts);
         let (low, high) = acting.fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(v), high.max(v)));
-        let band = |of: f64| self.supply.read_band_v + READ_SHARE * of;
+        let band = |of: f64| self.read_error_v(of);
         let unexplained_v = (volts - high - band(high)).max(0.0) - (low - band(low) - volts).max(0.0);
         let before_v = std::mem::replace(&mut self.unexplained_v, unexplained_v);
         // The same sign twice: the smaller of the two at least is real.
