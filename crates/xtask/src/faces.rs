@@ -1,11 +1,15 @@
 //! The law in other languages and on other boards: what its tests need beyond the default run, installed, and those tests.
 
+use std::env;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Instant;
 
 use clap::ValueEnum;
 
-use crate::process::{Result, cargo, command, format, read, root, run as run_command};
+use crate::process::{Result, cargo, command, format, make, read, root, run as run_command};
+use crate::python::{environment, interpreter, pip};
 use crate::test::QEMU;
 use crate::{embedded, other_board, setup, windows};
 
@@ -16,7 +20,7 @@ pub enum Face {
     C,
     /// The Rust crates on other boards: Cortex-M33 and RISC-V in QEMU, with the example firmware.
     Rust,
-    /// The Python package: installed into an environment of its own, against the command line, its types and its notebook.
+    /// The Python package: a wheel, installed where there is no Rust, against the command line, its types and its notebook.
     Python,
     /// MATLAB's two: the MEX function in Octave, `springpot_replay.m`, the S-function before a stub of Simulink's headers.
     Octave,
@@ -55,7 +59,7 @@ pub fn run(only: Option<Face>) -> Result<()> {
             Face::Fmu => {
                 setup::make()?;
                 let python = environment(&root().join("target").join("faces").join("fmu"))?;
-                run_command(pip(&python, &["--requirement", "host-sim/emit/tests/fmu/requirements.txt"]))?;
+                run_command(pip(&python, "install", &["--requirement", "host-sim/emit/tests/fmu/requirements.txt"]))?;
                 let mut tests = of_the_tool("export_fmu");
                 tests.env("SPRINGPOT_FMPY", &python);
                 run_command(tests)?;
@@ -70,14 +74,7 @@ fn of_the_tool(module: &str) -> Command {
     cargo(&format!("test --package tests --test command_line {module} -- --include-ignored"))
 }
 
-/// Installs into the environment of `python`.
-fn pip(python: &str, arguments: &[&str]) -> Command {
-    let mut pip = command(python, &["-m", "pip", "--quiet", "--disable-pip-version-check", "install"]);
-    pip.args(arguments);
-    pip
-}
-
-/// The Python package, as `pip install .` installs it.
+/// The Python package, as a wheel.
 fn python() -> Result<()> {
     let package = root().join("python");
     let built = root().join("target").join("faces");
@@ -91,13 +88,41 @@ fn python() -> Result<()> {
     format(&package)?;
     run_command(here(cargo("clippy --quiet --release --locked -- -D warnings")))?;
     // As the tests build it: its numbers are those of a release.
-    run_command(cargo(&format!("build --quiet --workspace --bin host-sim {QEMU}")))?;
-    run_command(here(pip(&python, &["--requirement", "requirements.txt"])))?;
-    // A version that is there already is another build of it.
-    run_command(here(pip(&python, &["--force-reinstall", "--no-deps", "."])))?;
-    let mut tests = here(command(&python, &["-m", "pytest"]));
-    tests.env("SPRINGPOT_HOST_SIM", root().join("target").join("debug").join("host-sim"));
+    run_command(cargo(&format!("build --quiet --workspace --bin host-sim --bin virtual-board-on-host {QEMU}")))?;
+    run_command(here(pip(&python, "install", &["--requirement", "requirements.txt"])))?;
+    let wheels = built.join("wheels");
+    make(&wheels)?;
+    let folder = wheels.to_string_lossy();
+    run_command(here(pip(&python, "wheel", &["--no-deps", "--wheel-dir", &folder, "."])))?;
+    let wheel = ["--no-index", "--no-deps", "--force-reinstall", "--find-links", &folder, "springpot"];
+    // From here on as where there is no Rust: the wheel in an environment with NumPy alone, then its tests.
+    let without_rust = |command: Command| {
+        let mut command = here(command);
+        command.env("PATH", path_without_rust()).env_remove("CARGO").env_remove("RUSTUP_HOME");
+        command
+    };
+    let fresh = built.join("fresh");
+    run_command(command(setup::python()?, &["-m", "venv", "--clear", &fresh.to_string_lossy()]))?;
+    let fresh = interpreter(&fresh);
+    run_command(without_rust(pip(&fresh, "install", &["numpy"])))?;
+    let started = Instant::now();
+    run_command(without_rust(pip(&fresh, "install", &wheel)))?;
+    println!("the wheel is installed in {:.1} s, without Rust", started.elapsed().as_secs_f64());
+    run_command(without_rust(command(&fresh, &["examples/cost.py"])))?;
+    run_command(without_rust(pip(&python, "install", &wheel)))?;
+    let mut tests = without_rust(command(&python, &["-m", "pytest"]));
+    let programs = root().join("target").join("debug");
+    tests.env("SPRINGPOT_HOST_SIM", programs.join("host-sim"));
+    tests.env("SPRINGPOT_VIRTUAL_BOARD", programs.join("virtual-board-on-host"));
     run_command(tests)
+}
+
+/// PATH without the folders that have a compiler of Rust or cargo.
+fn path_without_rust() -> OsString {
+    let path = env::var_os("PATH").unwrap_or_default();
+    let has_rust = |folder: &PathBuf| ["cargo", "rustc"].iter().any(|program| folder.join(program).exists());
+    let kept = env::split_paths(&path).filter(|folder| !has_rust(folder));
+    env::join_paths(kept).unwrap_or_default()
 }
 
 /// The package's lock file and the project's name the same versions of what both have: its figures are those of the command line.
@@ -120,14 +145,4 @@ fn locked(path: &Path) -> Result<Vec<(String, String)>> {
         |line: &str, key: &str| Some(line.strip_prefix(key)?.strip_prefix(" = \"")?.trim_end_matches('"').to_owned());
     let lines: Vec<&str> = text.lines().collect();
     Ok(lines.windows(2).filter_map(|pair| Some((value(pair[0], "name")?, value(pair[1], "version")?))).collect())
-}
-
-/// The interpreter of the environment in `folder`, which is made if it is missing.
-fn environment(folder: &Path) -> Result<String> {
-    let program: PathBuf = folder.join("bin").join("python");
-    if !program.exists() {
-        let python = setup::python()?;
-        run_command(command(python, &["-m", "venv", "--clear", &folder.to_string_lossy()]))?;
-    }
-    Ok(program.to_string_lossy().into_owned())
 }

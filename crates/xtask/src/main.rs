@@ -15,6 +15,7 @@ mod other_board;
 mod packages;
 mod page;
 mod process;
+mod python;
 mod recordings;
 mod release;
 mod setup;
@@ -81,13 +82,13 @@ enum Chore {
     Page,
     /// Build the book of docs/ into target/book, and follow its links. Installs mdBook where it is missing, which takes minutes.
     Book,
-    /// Make the files of a release in target/dist/files, from the last commit: static tools for Linux, a Windows executable, crates, bill of
-    /// materials, digests. Uploads nothing; installs compiler targets, MinGW and two tools of cargo.
+    /// Make the files of a release in target/dist/files, from the last commit (docs/CONTRIBUTING.md lists them). Uploads nothing; installs
+    /// compiler targets, MinGW, and tools of cargo and Python into target/tools.
     Release {
         /// Make them again in another folder, and compare the digests.
         #[arg(long)]
         twice: bool,
-        /// The tool for this target only, such as x86_64-unknown-linux-musl.
+        /// Only the tool for this target, such as x86_64-unknown-linux-musl.
         #[arg(long)]
         target: Option<String>,
     },

@@ -1,38 +1,40 @@
 //! The files of a release, from a clean copy of the last commit, with the same bytes in every folder. Nothing is uploaded.
 
+mod builds;
+mod packing;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs, io};
 
-use crate::process::{Result, at, cargo, command, make, output, read, root, run as run_command, write};
+use crate::process::{Result, at, command, make, output, read, root, run as run_command, write};
 use crate::setup;
+use builds::{SYSTEMS, Source, System};
 
-/// The systems of the command-line tool.
-const SYSTEMS: [System; 3] = [
-    System { target: "x86_64-unknown-linux-musl", linker: "rust-lld", flags: "-C link-self-contained=yes", end: "" },
-    System { target: "aarch64-unknown-linux-musl", linker: "rust-lld", flags: "-C link-self-contained=yes", end: "" },
-    System {
-        target: WINDOWS,
-        linker: "x86_64-w64-mingw32-gcc",
-        flags: "-C link-arg=-Wl,--no-insert-timestamp",
-        end: ".exe",
-    },
+pub use builds::{WINDOWS, windows};
+
+/// All files of a release, with VERSION for the version. docs/CONTRIBUTING.md says what they are for.
+const FILES: [&str; 14] = [
+    "SHA256SUMS",
+    "dea-driver-VERSION.crate",
+    "springpot-VERSION-cp311-abi3-manylinux2014_x86_64.manylinux_2_17_x86_64.whl",
+    "springpot-VERSION-cp311-abi3-win_amd64.whl",
+    "springpot-VERSION.crate",
+    "springpot-aarch64-unknown-linux-musl",
+    "springpot-arduino.zip",
+    "springpot-firmware-stm32f405.bin",
+    "springpot-firmware-stm32f405.dfu",
+    "springpot-firmware-stm32f405.elf",
+    "springpot-matlab.zip",
+    "springpot-x86_64-pc-windows-gnu.exe",
+    "springpot-x86_64-unknown-linux-musl",
+    "springpot.cdx.json",
 ];
 
-/// The target of the Windows executable.
-pub const WINDOWS: &str = "x86_64-pc-windows-gnu";
+/// Tools of cargo: one lists the dependencies in a binary, the other writes them as CycloneDX.
+const TOOLS: [(&str, &str); 2] = [("cargo-auditable", "0.7.7"), ("cargo-cyclonedx", "0.5.9")];
 
-/// Lists the dependencies in a binary; the second writes them as CycloneDX.
-const TOOLS: [(&str, &str); 2] = [("cargo-auditable", "0.7"), ("cargo-cyclonedx", "0.5")];
-
-struct System {
-    target: &'static str,
-    linker: &'static str,
-    flags: &'static str,
-    end: &'static str,
-}
-
-/// Makes all files in target/dist/files, of the tool for `only` this target or for all; `twice`: also in another folder, and compares their
+/// Makes all files in target/dist/files, or of the tool alone that of the system `only`; `twice`: also in another folder, and compares their
 /// digests.
 pub fn run(only: Option<&str>, twice: bool) -> Result<()> {
     let systems: Vec<&System> = SYSTEMS.iter().filter(|system| only.is_none_or(|only| only == system.target)).collect();
@@ -41,109 +43,162 @@ pub fn run(only: Option<&str>, twice: bool) -> Result<()> {
         return Err(format!("--target: one of {}", SYSTEMS.each_ref().map(|system| system.target).join(", ")));
     }
     setup::toolchain(&targets)?;
-    setup::windows_linker()?;
+    if targets.contains(&WINDOWS) {
+        setup::windows_linker()?;
+    }
     for (tool, version) in TOOLS {
         if !tools().join("bin").join(tool).exists() {
-            setup::cargo_install(&format!("--root {} {tool} --version ^{version}", tools().display()))?;
+            setup::cargo_install(&format!("--root {} {tool} --version ={version}", tools().display()))?;
         }
     }
     let dist = root().join("target").join("dist");
-    let sums = files(&systems, &dist.join("source"), &dist.join("files"))?;
+    let made = |folder: PathBuf, out: &str| files(&systems, only.is_none(), folder, &dist.join(out));
+    let sums = made(dist.join("source"), "files")?;
     println!("{sums}");
     if twice {
-        let again =
-            files(&systems, &dist.join("another folder").join("with a longer name"), &dist.join("files again"))?;
+        let again = made(dist.join("another folder").join("with a longer name"), "files again")?;
         let differ = sums.lines().zip(again.lines()).find(|(one, other)| one != other);
-        return differ.map_or(Ok(()), |(one, other)| Err(format!("not reproducible: {one} and {other}")));
+        if let Some((one, other)) = differ {
+            return Err(format!("not reproducible: {one} and {other}"));
+        }
+        println!("twice the same bytes");
     }
     Ok(())
 }
 
+/// The folder of tools that a release alone needs.
 fn tools() -> PathBuf {
     root().join("target").join("tools")
 }
 
-/// Copies the last commit to `source`, makes its files in `out`, and returns their digests.
-fn files(systems: &[&System], source: &Path, out: &Path) -> Result<String> {
-    for folder in [source, out] {
+/// Copies the last commit to `folder`, makes the files in `out`, and returns their digests.
+fn files(systems: &[&System], is_whole: bool, folder: PathBuf, out: &Path) -> Result<String> {
+    for folder in [&folder, out] {
         match fs::remove_dir_all(folder) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(at(folder)(error)),
             _ => make(folder)?,
         }
     }
-    let archive = out.with_extension("tar");
-    run_command(command("git", &["archive", "--output", &archive.to_string_lossy(), "HEAD"]))?;
-    run_command(command("tar", &["-xf", &archive.to_string_lossy(), "-C", &source.to_string_lossy()]))?;
-    fs::remove_file(&archive).map_err(at(&archive))?;
-    let date = output(command("git", &["log", "-1", "--format=%ct"]))?;
+    let source = copied(folder)?;
     for system in systems {
-        let built = tool(source, system, date.trim())?;
-        let name = format!("springpot-{}{}", system.target, system.end);
-        fs::copy(&built, out.join(name)).map_err(at(&built))?;
+        copy(&builds::tool(&source, system)?, &out.join(format!("springpot-{}{}", system.target, system.end)))?;
     }
-    let mut bill = in_source(source, "cyclonedx --format json --manifest-path host-sim/Cargo.toml", date.trim());
-    bill.env("CARGO_NET_OFFLINE", "true");
-    run_command(bill)?;
-    let bill = source.join("host-sim").join("host-sim.cdx.json");
-    // Its folder is in it.
-    let text = read(&bill)?.replace(&*source.to_string_lossy(), "").replace(&encoded(source), "");
-    write(&out.join("springpot.cdx.json"), &text)?;
-    run_command(in_source(
-        source,
-        "package --quiet --no-verify --allow-dirty --package springpot --package dea-driver",
-        date.trim(),
-    ))?;
-    for entry in fs::read_dir(source.join("target").join("package")).map_err(at(source))? {
-        let path = entry.map_err(at(source))?.path();
-        if path.extension().is_some_and(|end| end == "crate") {
-            fs::copy(&path, out.join(path.file_name().unwrap_or_default())).map_err(at(&path))?;
-        }
+    if is_whole {
+        materials(&source, out)?;
+        crates(&source, out)?;
+        builds::wheels(&source, out)?;
+        let image = builds::firmware(&source)?;
+        packing::images(&image, &out.join("springpot-firmware-stm32f405"))?;
+        libraries(&source, out)?;
     }
     let mut digests = Command::new("sh");
     digests.args(["-c", "sha256sum -- *"]).current_dir(out).env("LC_ALL", "C");
     let sums = output(digests)?;
     write(&out.join("SHA256SUMS"), &sums)?;
-    Ok(sums)
+    if is_whole { complete(out).map(|()| sums) } else { Ok(sums) }
 }
 
-/// A path as in a URL.
-fn encoded(path: &Path) -> String {
-    path.to_string_lossy().replace(' ', "%20")
+/// The last commit in `folder`/springpot, and the time of its commit.
+fn copied(folder: PathBuf) -> Result<Source> {
+    let archive = folder.join("commit.tar");
+    let text = |path: &Path| path.to_string_lossy().into_owned();
+    run_command(command("git", &["archive", "--prefix", "springpot/", "--output", &text(&archive), "HEAD"]))?;
+    run_command(command("tar", &["-xf", &text(&archive), "-C", &text(&folder)]))?;
+    fs::remove_file(&archive).map_err(at(&archive))?;
+    let date = output(command("git", &["log", "-1", "--format=%ct"]))?.trim().to_owned();
+    Ok(Source { root: folder.join("springpot"), folder, date })
 }
 
-/// Builds the tool of the sources in `source`, and returns where it is.
-fn tool(source: &Path, system: &System, date: &str) -> Result<PathBuf> {
-    let target = system.target;
-    let line = format!("auditable build --release --locked --package host-sim --bin springpot --target {target}");
-    let mut build = in_source(source, &line, date);
-    let variable = target.to_uppercase().replace('-', "_");
-    build.env(format!("CARGO_TARGET_{variable}_LINKER"), system.linker);
-    build.env("CARGO_PROFILE_RELEASE_STRIP", "symbols").env("CARGO_PROFILE_RELEASE_DEBUG", "false");
-    let home = env::var_os("CARGO_HOME").map(PathBuf::from).or_else(|| Some(env::home_dir()?.join(".cargo")));
-    let remap = |from: &Path, to: &str| format!("--remap-path-prefix={}={to}", from.display());
-    let mut flags = vec![remap(source, "/springpot"), remap(&home.unwrap_or_default(), "/cargo")];
-    flags.extend(system.flags.split(' ').map(str::to_owned));
-    // Folders may have blanks.
-    build.env("CARGO_ENCODED_RUSTFLAGS", flags.join("\u{1f}"));
-    run_command(build)?;
-    Ok(source.join("target").join(target).join("release").join(format!("springpot{}", system.end)))
+/// The bill of materials of the tool.
+fn materials(source: &Source, out: &Path) -> Result<()> {
+    run_command(source.cargo("cyclonedx --format json --manifest-path host-sim/Cargo.toml"))?;
+    copy(&without_folders(source, "host-sim/host-sim.cdx.json")?, &out.join("springpot.cdx.json"))
 }
 
-/// The Windows executable alone, of the sources as they are.
-pub fn windows() -> Result<PathBuf> {
-    setup::toolchain(&[WINDOWS])?;
-    setup::windows_linker()?;
-    let mut build = cargo(&format!("build --release --locked --package host-sim --bin springpot --target {WINDOWS}"));
-    build.env("CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER", "x86_64-w64-mingw32-gcc");
-    run_command(build)?;
-    Ok(root().join("target").join(WINDOWS).join("release").join("springpot.exe"))
+/// Takes the folder in which a bill of materials was made out of it, and returns its path.
+fn without_folders(source: &Source, file: &str) -> Result<PathBuf> {
+    let file = source.root.join(file);
+    let folder = source.root.to_string_lossy();
+    let text = read(&file)?.replace(&*folder, "").replace(&folder.replace(' ', "%20"), "");
+    write(&file, &text).map(|()| file)
 }
 
-fn in_source(source: &Path, line: &str, date: &str) -> Command {
-    let mut command = cargo(line);
-    let path = env::var_os("PATH").unwrap_or_default();
-    let paths = std::iter::once(tools().join("bin")).chain(env::split_paths(&path));
-    command.current_dir(source).env("SOURCE_DATE_EPOCH", date).env_remove("RUSTFLAGS");
-    command.env("PATH", env::join_paths(paths).unwrap_or(path)).env("CARGO_TARGET_DIR", source.join("target"));
-    command
+/// The crates, as a registry would get them.
+fn crates(source: &Source, out: &Path) -> Result<()> {
+    let line = "package --quiet --no-verify --allow-dirty --package springpot --package dea-driver";
+    run_command(source.cargo(line))?;
+    let folder = source.target().join("package");
+    for entry in fs::read_dir(&folder).map_err(at(&folder))? {
+        let path = entry.map_err(at(&folder))?.path();
+        if path.extension().is_some_and(|end| end == "crate") {
+            copy(&path, &out.join(path.file_name().unwrap_or_default()))?;
+        }
+    }
+    Ok(())
+}
+
+/// The law of a published film for Arduino, and for MATLAB with the scripts: the tool writes them for other films.
+fn libraries(source: &Source, out: &Path) -> Result<()> {
+    let tool = out.join(format!("springpot-{}-unknown-linux-musl", env::consts::ARCH));
+    let exported = source.folder.join("exported");
+    let [arduino, matlab] = ["table3_n2", "springpot-matlab"].map(|name| exported.join(name));
+    make(&matlab)?;
+    for (emit, out) in [("arduino", arduino.clone()), ("sfunction", matlab.join("film.c"))] {
+        let mut export = Command::new(&tool);
+        export.args(["export", "--quiet", "--params", "preset:table3-n2", "--emit", emit, "--out"]).arg(out);
+        output(export)?;
+    }
+    let scripts = source.root.join("matlab");
+    for entry in fs::read_dir(&scripts).map_err(at(&scripts))? {
+        let path = entry.map_err(at(&scripts))?.path();
+        copy(&path, &matlab.join(path.file_name().unwrap_or_default()))?;
+    }
+    for name in ["LICENSE-MIT", "LICENSE-APACHE"] {
+        copy(&source.root.join(name), &arduino.join(name))?;
+        copy(&source.root.join(name), &matlab.join(name))?;
+    }
+    packing::archive(&arduino, &out.join("springpot-arduino.zip"))?;
+    packing::archive(&matlab, &out.join("springpot-matlab.zip"))
+}
+
+/// The files in `out` are those of a release.
+fn complete(out: &Path) -> Result<()> {
+    let entries = fs::read_dir(out).map_err(at(out))?;
+    let mut found: Vec<String> =
+        entries.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned())).collect();
+    found.sort();
+    let wanted = FILES.map(|name| name.replace("VERSION", env!("CARGO_PKG_VERSION")));
+    if found == wanted { Ok(()) } else { Err(format!("the files of a release are {wanted:?}, not {found:?}")) }
+}
+
+/// Copies a file with its permissions.
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    fs::copy(from, to).map(drop).map_err(at(from))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The page on releases lists the files that a release has, and no others.
+    #[test]
+    fn the_page_lists_the_files() {
+        let page = read(&root().join("docs/CONTRIBUTING.md")).expect("a page");
+        let table = page.split("| file of a release |").nth(1).expect("a table").split("\n\n").next().expect("its end");
+        let mut listed: Vec<&str> =
+            table.lines().filter_map(|row| row.strip_prefix("| `")?.split('`').next()).collect();
+        listed.sort_unstable();
+        assert_eq!(listed, FILES);
+    }
+
+    /// `cargo binstall` is led to files that a release has.
+    #[test]
+    fn metadata_lead_to_files() {
+        let manifest = read(&root().join("host-sim/Cargo.toml")).expect("a manifest");
+        let url = "{ repo }/releases/download/v{ version }/springpot-{ target }{ binary-ext }";
+        assert!(manifest.contains(&format!("[package.metadata.binstall]\npkg-url = \"{url}\"\npkg-fmt = \"bin\"\n")));
+        for system in SYSTEMS {
+            assert!(FILES.contains(&&*format!("springpot-{}{}", system.target, system.end)), "{}", system.target);
+        }
+    }
 }

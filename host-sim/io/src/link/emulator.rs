@@ -1,5 +1,6 @@
 //! The firmware in QEMU, linked by TCP.
 
+use std::env;
 use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::net::TcpListener;
@@ -94,7 +95,7 @@ impl Emulator {
 
     /// The image that this repository builds.
     pub fn default_image() -> PathBuf {
-        root().join("firmware/target/thumbv7em-none-eabihf/release/qemu")
+        root().unwrap_or_default().join("firmware/target/thumbv7em-none-eabihf/release/qemu")
     }
 
     /// Brings that image up to date.
@@ -104,9 +105,11 @@ impl Emulator {
     /// [`Error::Link`] where it cannot be built.
     pub fn build_image() -> Result<()> {
         let fault = |cause: String| Error::Link { port: "firmware".into(), cause };
+        let project =
+            root().ok_or_else(|| fault("no project here to build it from; name an image with `image`".into()))?;
         let output = Command::new("cargo")
             .args(["xtask", "image"])
-            .current_dir(root())
+            .current_dir(&project)
             .stdin(Stdio::null())
             .output()
             .map_err(|e| fault(format!("cargo: {e}; name an image with `image`")))?;
@@ -116,11 +119,13 @@ impl Emulator {
         let printed = String::from_utf8_lossy(&output.stderr);
         let cause =
             printed.lines().rev().find(|line| line.contains("error") || line.starts_with("xtask")).unwrap_or_default();
-        Err(fault(format!("it does not build ({cause}); run cargo xtask image in {}", root().display())))
+        Err(fault(format!("it does not build ({cause}); run cargo xtask image in {}", project.display())))
     }
 }
 
-/// The project that this tool was built from.
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).unwrap_or(Path::new("."))
+/// The project around this program or around the current folder; a path in the program would differ from folder to folder.
+fn root() -> Option<PathBuf> {
+    let starts = [env::current_exe(), env::current_dir()].into_iter().flatten();
+    let mut folders = starts.flat_map(|start| start.ancestors().map(PathBuf::from).collect::<Vec<_>>());
+    folders.find(|folder| folder.join("firmware/qemu.args").is_file())
 }
