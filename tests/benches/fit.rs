@@ -34,14 +34,7 @@ fn main() {
         let sp = Springpot::new;
         let elements = vec![sp(4e4, 0.08), sp(2.2e4, 0.12), sp(1.4e4, 0.85), sp(1.1e4, 0.05), sp(1.5e5, 0.92)];
         let actuator = Actuator { stretch_coupling: coupling, ..Actuator::KARNER_2022 };
-        let candidate = Candidate {
-            actuator,
-            elements,
-            topology: Topology::Parallel,
-            offset_m: 0.0,
-            delay_s: 0.0,
-            bend: host_sim::fit::candidate::Bend::Straight,
-        };
+        let candidate = Candidate::linear(actuator, elements, Topology::Parallel);
         let mut variables = Variable::of_model(2);
         if coupling > 0.0 {
             variables.extend([Variable::StretchCoupling, Variable::Offset]);

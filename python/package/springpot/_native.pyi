@@ -338,7 +338,7 @@ def fit(
     *,
     branches: int | Literal["auto"] | None = None,
     topology: Literal["eq11", "parallel", "auto"] = "auto",
-    curve: Literal["auto", "none", "saturation", "mooney-rivlin", "gent", "free", "both"] = "auto",
+    curve: Literal["auto", "none", "saturation", "mooney-rivlin", "gent", "free", "both", "two"] = "auto",
     method: Literal["lm", "pattern-search"] = "lm",
     drive: _Drive = "force",
     free: Sequence[str] = ...,

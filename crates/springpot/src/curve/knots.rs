@@ -192,7 +192,8 @@ impl Curve {
     }
 
     /// T''(x) in 1/m at `displacement_m` (m), 0 beyond the ends.
-    pub(crate) fn curvature(&self, displacement_m: f64) -> f64 {
+    #[must_use]
+    pub fn curvature(&self, displacement_m: f64) -> f64 {
         let (low, high) = self.range();
         if displacement_m < low || displacement_m > high {
             return 0.0;

@@ -2,9 +2,10 @@
 
 use std::fmt;
 
-use springpot::{Actuator, Curve, CurveError, Knot, Maxwell, ModelError, Rubber, Springpot, Topology};
+use springpot::{Actuator, Curve, CurveError, Maxwell, ModelError, Spring, Springpot, Topology};
 
-use crate::files::parameters::{DisplacementSensor, ElasticCurve, MAX_SENSOR_DELAY_S, Shape};
+use super::bend::{Bend, Elastic};
+use crate::files::parameters::{DisplacementSensor, MAX_SENSOR_DELAY_S};
 
 /// A model with its actuator and sensor offset, as a fit changes them.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,11 +20,27 @@ pub struct Candidate {
     pub offset_m: f64,
     /// Time by which the sensor's readings are late, s.
     pub delay_s: f64,
-    /// The elastic curve.
+    /// The elastic curve; beside a spring the strain measure of the memory.
     pub bend: Bend,
+    /// The spring beside the memory.
+    pub spring: Option<Elastic>,
+}
+
+/// The curves of a film.
+#[derive(Clone, Debug)]
+pub struct Curves {
+    /// T.
+    pub curve: Curve,
+    /// E beside the memory, if there is one.
+    pub spring: Option<Spring>,
 }
 
 impl Candidate {
+    /// A linear film whose sensor has neither offset nor delay.
+    pub fn linear(actuator: Actuator, elements: Vec<Springpot>, topology: Topology) -> Self {
+        Self { actuator, elements, topology, offset_m: 0.0, delay_s: 0.0, bend: Bend::Straight, spring: None }
+    }
+
     /// Number of branches, of two springpots each.
     pub fn branches(&self) -> usize {
         (self.elements.len() - 1) / 2
@@ -34,9 +51,42 @@ impl Candidate {
         model.chains().flat_map(|chain| chain.elements).copied().collect()
     }
 
-    /// The variables of its elastic curve.
+    /// Its curves; none for a linear film.
+    ///
+    /// # Errors
+    ///
+    /// [`CurveError`] for values that no film has.
+    pub fn curves(&self) -> Result<Option<Curves>, CurveError> {
+        let spring = self.spring.as_ref().map(Elastic::spring).transpose()?;
+        Ok(self.bend.curve()?.map(|curve| Curves { curve, spring }))
+    }
+
+    /// The name of its curves in tables.
+    pub fn curve_name(&self) -> String {
+        match self.spring.as_ref().map(Elastic::pieces) {
+            None => self.bend.name(),
+            Some(0) => "two curves".into(),
+            Some(pieces) => format!("two curves, spring {pieces}"),
+        }
+    }
+
+    /// Whether it is linear but for what saturates.
+    pub fn is_straight(&self) -> bool {
+        self.bend == Bend::Straight
+    }
+
+    /// The variables of its curves.
     pub fn curve_variables(&self) -> Vec<Variable> {
+        let steepness = (0..self.spring.as_ref().map_or(0, Elastic::slopes)).map(Variable::Steepness);
+        self.bend_variables().into_iter().chain(steepness).collect()
+    }
+
+    fn bend_variables(&self) -> Vec<Variable> {
         match &self.bend {
+            Bend::Measure { fits_length, .. } => {
+                let length = fits_length.then_some(Variable::MeasureLength);
+                [Variable::Exponent].into_iter().chain(length).collect()
+            }
             Bend::Straight | Bend::Held(_) => Vec::new(),
             Bend::Rubber { ln_limit, .. } => {
                 let limit = ln_limit.is_some().then_some(Variable::Limit);
@@ -91,6 +141,12 @@ pub enum Variable {
     FreeLength,
     /// ln of the slope of a free curve at a knot.
     Slope(usize),
+    /// The exponent of a strain measure.
+    Exponent,
+    /// ln of the length of a strain measure (m).
+    MeasureLength,
+    /// Slope at a knot of the spring beside the memory, in shares of a stiffness.
+    Steepness(usize),
     /// The sensor's offset, m.
     Offset,
     /// The sensor's delay, s.
@@ -121,7 +177,11 @@ impl Variable {
             Self::Order(element) => candidate.elements[element].alpha,
             Self::StretchCoupling => actuator.stretch_coupling,
             Self::Saturation => actuator.saturation() * PER_KILOVOLT2,
-            Self::Share | Self::Limit | Self::FreeLength | Self::Slope(_) => self.of_bend(&candidate.bend),
+            Self::Steepness(knot) => match &candidate.spring {
+                Some(Elastic::Free { shares, .. }) => shares[knot],
+                _ => 0.0,
+            },
+            _ if self.is_of_bend() => self.of_bend(&candidate.bend),
             Self::Offset => candidate.offset_m,
             Self::Delay => candidate.delay_s,
             Self::Permittivity => actuator.relative_permittivity.ln(),
@@ -129,6 +189,8 @@ impl Variable {
             Self::Width => actuator.width_m.ln(),
             Self::Thickness => actuator.thickness_m.ln(),
             Self::Mass => actuator.mass_kg.ln(),
+            // Of the curve, above.
+            _ => 0.0,
         }
     }
 
@@ -142,7 +204,12 @@ impl Variable {
             Self::Saturation => {
                 actuator.saturation_v = (value > 0.0).then(|| (PER_KILOVOLT2 / value).sqrt());
             }
-            Self::Share | Self::Limit | Self::FreeLength | Self::Slope(_) => self.set_bend(&mut candidate.bend, value),
+            Self::Steepness(knot) => {
+                if let Some(Elastic::Free { shares, .. }) = &mut candidate.spring {
+                    shares[knot] = value;
+                }
+            }
+            _ if self.is_of_bend() => self.set_bend(&mut candidate.bend, value),
             Self::Offset => candidate.offset_m = value,
             Self::Delay => candidate.delay_s = value,
             Self::Permittivity => actuator.relative_permittivity = value.exp(),
@@ -150,12 +217,26 @@ impl Variable {
             Self::Width => actuator.width_m = value.exp(),
             Self::Thickness => actuator.thickness_m = value.exp(),
             Self::Mass => actuator.mass_kg = value.exp(),
+            // Of the curve, above.
+            _ => {}
         }
     }
 
-    /// Whether it is of the elastic curve.
+    /// Whether it is of an element.
+    pub fn is_of_memory(self) -> bool {
+        matches!(self, Self::Coefficient(_) | Self::Order(_))
+    }
+
+    /// Whether it is of a curve.
     pub fn is_of_curve(self) -> bool {
-        matches!(self, Self::Share | Self::Limit | Self::FreeLength | Self::Slope(_))
+        self.is_of_bend() || matches!(self, Self::Steepness(_))
+    }
+
+    fn is_of_bend(self) -> bool {
+        matches!(
+            self,
+            Self::Share | Self::Limit | Self::FreeLength | Self::Slope(_) | Self::Exponent | Self::MeasureLength
+        )
     }
 
     fn of_bend(self, bend: &Bend) -> f64 {
@@ -164,6 +245,8 @@ impl Variable {
             (Self::Limit, &Bend::Rubber { ln_limit, .. }) => ln_limit.unwrap_or(f64::INFINITY),
             (Self::FreeLength, &Bend::Rubber { ln_length, .. }) => ln_length,
             (Self::Slope(knot), Bend::Free { ln_slopes, .. }) => ln_slopes[knot],
+            (Self::Exponent, &Bend::Measure { exponent, .. }) => exponent,
+            (Self::MeasureLength, &Bend::Measure { ln_length, .. }) => ln_length,
             _ => 0.0,
         }
     }
@@ -174,6 +257,8 @@ impl Variable {
             (Self::Limit, Bend::Rubber { ln_limit, .. }) => *ln_limit = Some(value),
             (Self::FreeLength, Bend::Rubber { ln_length, .. }) => *ln_length = value,
             (Self::Slope(knot), Bend::Free { ln_slopes, .. }) => ln_slopes[knot] = value,
+            (Self::Exponent, Bend::Measure { exponent, .. }) => *exponent = value,
+            (Self::MeasureLength, Bend::Measure { ln_length, .. }) => *ln_length = value,
             _ => {}
         }
     }
@@ -182,7 +267,11 @@ impl Variable {
     pub fn natural(self, candidate: &Candidate) -> f64 {
         let value = self.get(candidate);
         match self {
-            Self::Order(_) | Self::StretchCoupling | Self::Offset | Self::Delay | Self::Share => value,
+            Self::Order(_) | Self::StretchCoupling | Self::Offset | Self::Delay | Self::Share | Self::Exponent => value,
+            Self::Steepness(_) => match &candidate.spring {
+                Some(Elastic::Free { stiffness_n_per_m, .. }) => value * stiffness_n_per_m,
+                _ => value,
+            },
             Self::Saturation => candidate.actuator.saturation_v.unwrap_or(f64::INFINITY),
             _ => value.exp(),
         }
@@ -199,7 +288,9 @@ impl Variable {
             Self::Saturation => (0.0, 100.0),
             Self::Share => (-0.5, 1.5),
             Self::Limit => decades(-1, 5),
-            Self::FreeLength => decades(-5, 2),
+            Self::FreeLength | Self::MeasureLength => decades(-5, 2),
+            Self::Exponent => (-10.0, 10.0),
+            Self::Steepness(_) => (-1e3, 1e3),
             Self::Slope(_) => decades(-2, 2),
             Self::Offset => (-1.0, 1.0),
             Self::Delay => (-MAX_SENSOR_DELAY_S, MAX_SENSOR_DELAY_S),
@@ -250,6 +341,9 @@ impl fmt::Display for Variable {
             Self::Limit => f.write_str("curve.limit"),
             Self::FreeLength => f.write_str("curve.free_length_m"),
             Self::Slope(knot) => write!(f, "curve.slope[{knot}]"),
+            Self::Exponent => f.write_str("curve.exponent"),
+            Self::MeasureLength => f.write_str("curve.length_m"),
+            Self::Steepness(knot) => write!(f, "spring.slope_n_per_m[{knot}]"),
             Self::Offset => f.write_str("offset_m"),
             Self::Delay => f.write_str("delay_s"),
             Self::Permittivity => f.write_str("relative_permittivity"),
@@ -257,140 +351,6 @@ impl fmt::Display for Variable {
             Self::Width => f.write_str("width_m"),
             Self::Thickness => f.write_str("thickness_m"),
             Self::Mass => f.write_str("mass_kg"),
-        }
-    }
-}
-
-/// The elastic curve of a candidate.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Bend {
-    /// None: T(x) = x.
-    Straight,
-    /// A curve that a fit keeps.
-    Held(Box<ElasticCurve>),
-    /// A strip of rubber.
-    Rubber {
-        /// β.
-        share: f64,
-        /// ln of Gent's limit J; none for Mooney–Rivlin.
-        ln_limit: Option<f64>,
-        /// ln of the free length (m).
-        ln_length: f64,
-        /// Stretch at x = 0, which a fit keeps.
-        rest_stretch: f64,
-        /// The measured stroke, m.
-        range_m: (f64, f64),
-    },
-    /// Pieces whose slope changes linearly from knot to knot.
-    Free {
-        /// Displacements of the knots, increasing, 0 among them, m.
-        knots_m: Vec<f64>,
-        /// ln of the slope at every knot; 0 at the displacement 0.
-        ln_slopes: Vec<f64>,
-    },
-}
-
-impl Bend {
-    /// A straight curve of `pieces` even pieces over `range_m` (m), whose slopes a fit then changes.
-    pub fn free(pieces: usize, (low_m, high_m): (f64, f64)) -> Self {
-        // Evenly between 0 and the farther end; a short end on the other side of 0 is a piece of its own.
-        let (near, far) = if high_m.abs() >= low_m.abs() { (low_m, high_m) } else { (high_m, low_m) };
-        let mut knots_m: Vec<f64> = (0..=pieces).map(|k| far * k as f64 / pieces as f64).collect();
-        if near.abs() > 0.1 * far.abs() {
-            knots_m.push(near);
-        }
-        knots_m.sort_by(f64::total_cmp);
-        let ln_slopes = vec![0.0; knots_m.len()];
-        Self::Free { knots_m, ln_slopes }
-    }
-
-    /// The curve of a parameter file, to be changed where a fit can.
-    pub fn from_curve(curve: &ElasticCurve) -> Self {
-        let pieces = curve.pieces();
-        match curve.shape() {
-            Shape::Rubber(Rubber { share, limit, rest_stretch, free_length_m }) => Self::Rubber {
-                share,
-                ln_limit: limit.is_finite().then(|| limit.ln()),
-                ln_length: free_length_m.ln(),
-                rest_stretch,
-                range_m: pieces.range(),
-            },
-            // No fit changes it.
-            Shape::Measure(_) => Self::Held(Box::new(curve.clone())),
-            Shape::Free => {
-                let knots = pieces.knots();
-                let bend = Self::Free {
-                    knots_m: knots.iter().map(|knot| knot.displacement).collect(),
-                    ln_slopes: knots.iter().map(|knot| knot.slope.ln()).collect(),
-                };
-                // Pieces of another kind are kept as they are.
-                let (low_m, high_m) = pieces.range();
-                let same = bend.curve().ok().flatten().is_some_and(|again| {
-                    knots.iter().any(|knot| knot.displacement == 0.0)
-                        && knots.iter().all(|k| (again.value(k.displacement) - k.value).abs() < 1e-6 * (high_m - low_m))
-                });
-                if same { bend } else { Self::Held(Box::new(curve.clone())) }
-            }
-        }
-    }
-
-    /// The number of slopes that may be changed, with the index of each.
-    pub fn free_slopes(&self) -> Vec<usize> {
-        match self {
-            Self::Free { knots_m, .. } => (0..knots_m.len()).filter(|&k| knots_m[k] != 0.0).collect(),
-            _ => Vec::new(),
-        }
-    }
-
-    /// The curve; none for a straight one.
-    ///
-    /// # Errors
-    ///
-    /// [`CurveError`] for values that no film has.
-    pub fn curve(&self) -> Result<Option<Curve>, CurveError> {
-        Ok(self.elastic()?.map(|elastic| elastic.pieces().clone()))
-    }
-
-    /// The curve as a parameter file has it.
-    ///
-    /// # Errors
-    ///
-    /// As [`curve`](Self::curve).
-    pub fn elastic(&self) -> Result<Option<ElasticCurve>, CurveError> {
-        match self {
-            Self::Straight => Ok(None),
-            Self::Held(curve) => Ok(Some(curve.as_ref().clone())),
-            &Self::Rubber { share, ln_limit, ln_length, rest_stretch, range_m: (low_m, high_m) } => {
-                let rubber = Rubber {
-                    share,
-                    limit: ln_limit.map_or(f64::INFINITY, f64::exp),
-                    rest_stretch,
-                    free_length_m: ln_length.exp(),
-                };
-                ElasticCurve::rubber(rubber, low_m.min(0.0), high_m.max(0.0)).map(Some)
-            }
-            Self::Free { knots_m, ln_slopes } => {
-                let mut knots: Vec<Knot<f64>> = Vec::with_capacity(knots_m.len());
-                for (&displacement, ln_slope) in knots_m.iter().zip(ln_slopes) {
-                    let slope = ln_slope.exp();
-                    let value = knots.last().map_or(0.0, |before| {
-                        before.value + 0.5 * (before.slope + slope) * (displacement - before.displacement)
-                    });
-                    knots.push(Knot { displacement, value, slope });
-                }
-                Curve::scaled(&knots).map(|curve| Some(ElasticCurve::free(curve)))
-            }
-        }
-    }
-
-    /// Its name in tables.
-    pub fn name(&self) -> String {
-        match self {
-            Self::Straight => "linear".into(),
-            Self::Held(curve) => curve.name().into(),
-            Self::Rubber { ln_limit: None, .. } => "mooney-rivlin".into(),
-            Self::Rubber { .. } => "gent".into(),
-            Self::Free { .. } => format!("free {}", self.free_slopes().len()),
         }
     }
 }

@@ -7,7 +7,7 @@ use num_complex::Complex;
 use serde::Serialize;
 use springpot::{Actuator, Maxwell, Springpot, Topology};
 
-use super::candidate::{Bend, Candidate};
+use super::candidate::Candidate;
 use super::observation::{Excitation, Observation};
 use super::preparation::{Severity, Warning};
 use super::selection::{StructureRow, has_one_amplitude};
@@ -78,7 +78,7 @@ pub fn of_structures(rows: &[StructureRow], warnings: &mut Vec<Warning>) {
 
 /// A curve or a saturation that one amplitude alone determines.
 pub fn of_amplitudes(observations: &[Observation], candidate: &Candidate, warnings: &mut Vec<Warning>) {
-    let bent = candidate.bend != Bend::Straight || candidate.actuator.saturation_v.is_some();
+    let bent = !candidate.is_straight() || candidate.actuator.saturation_v.is_some();
     if bent && has_one_amplitude(observations) {
         warnings.push(Severity::Caution.warning(
             "only one amplitude was recorded: the curve is open, since creep and stiffening look alike there; record a second \

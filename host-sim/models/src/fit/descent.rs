@@ -117,7 +117,7 @@ pub struct Context<'a> {
     pub delay_s: f64,
     /// Quantities of the actuator and the sensor that are fitted besides the elements.
     pub freed: Vec<Variable>,
-    /// Variables of the elements that are not fitted.
+    /// Variables that are not fitted.
     pub held: Vec<Variable>,
     /// Loss function of the residuals.
     pub loss: Loss,
@@ -161,7 +161,13 @@ impl Context<'_> {
         let saturation = candidate.actuator.saturation_v.map(|_| Variable::Saturation);
         let bent = candidate.curve_variables().into_iter().chain(saturation);
         let bent = bent.filter(|variable| !self.held.contains(variable) && self.excitation.identifies(*variable));
-        self.variables(candidate.branches()).into_iter().chain(bent).collect()
+        // Eq. 1 leaves the scale of the force open, and with it the stiffness that belongs to a mass: beside a spring, where the memory is not to
+        // explain inertia, it is fitted.
+        let is_scale = |variable: &Variable| variable.force_exponent().is_some() || *variable == Variable::Mass;
+        let is_open = candidate.spring.is_some() && self.excitation.voltage_driven && candidate.actuator.mass_kg > 0.0;
+        let is_open = is_open && !self.freed.iter().chain(&self.held).any(is_scale);
+        let scale = is_open.then_some(Variable::Permittivity);
+        self.variables(candidate.branches()).into_iter().chain(bent).chain(scale).collect()
     }
 
     /// Half as many random starts of a structure as usual.

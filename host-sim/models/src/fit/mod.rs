@@ -6,6 +6,7 @@
 //! (`pattern_search`).
 //! The `uncertainty` of the parameters comes last.
 
+pub mod bend;
 pub mod candidate;
 pub mod checks;
 mod delay;
@@ -35,6 +36,7 @@ use crate::files::parameters::{Parameters, plausibility};
 use crate::files::recording::{Direction, Input, Recording};
 use crate::progress::Stage;
 use crate::replay::expectation::{Recorded, Refit};
+use bend::Elastic;
 use candidate::Candidate;
 use checks::Misfit;
 use descent::{Context, Found, PreparedObservations};
@@ -244,7 +246,13 @@ impl Fit {
         let names: Vec<String> = recordings.iter().map(name).collect();
         let mut parameters = Parameters {
             curve: self.candidate.bend.elastic().map_err(springpot::LawError::from)?,
-            spring: None,
+            spring: self
+                .candidate
+                .spring
+                .as_ref()
+                .map(Elastic::spring)
+                .transpose()
+                .map_err(springpot::LawError::from)?,
             method: springpot::Discretisation::Gl,
             name: format!("fit to {}", names.join(", ")),
             actuator: self.candidate.actuator,
@@ -258,7 +266,14 @@ impl Fit {
         };
         let refit = |refit: &Candidate| {
             let curve = refit.bend.elastic().ok()?;
-            let film = Parameters { curve, actuator: refit.actuator, model: refit.model().ok()?, ..parameters.clone() };
+            let spring = refit.spring.as_ref().map(Elastic::spring).transpose().ok()?;
+            let film = Parameters {
+                curve,
+                spring,
+                actuator: refit.actuator,
+                model: refit.model().ok()?,
+                ..parameters.clone()
+            };
             Some(Refit::new(&film))
         };
         let refits = self.refits.iter().map(refit).collect::<Option<_>>().unwrap_or_default();

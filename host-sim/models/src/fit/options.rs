@@ -5,7 +5,8 @@ use std::str::FromStr;
 use host_io::choice;
 use springpot::{Actuator, MAX_BRANCHES, Topology};
 
-use super::candidate::{Bend, Candidate, Variable};
+use super::bend::{Bend, Elastic};
+use super::candidate::{Candidate, Variable};
 use super::observation::{self, Observation, Reading};
 use super::preparation::{Gaps, Preparation, Warning, Window};
 use super::settings::{CurveChoice, Method, Settings, assumed_actuator, checked_starts};
@@ -175,12 +176,6 @@ impl FitOptions {
             (None, Some(start)) => (start.actuator, start.assumed_sizes),
             (None, None) => (assumed_actuator(self.drive), true),
         };
-        if start.as_ref().is_some_and(|start| start.spring.is_some()) {
-            return Err(Error::field(
-                "start",
-                "it has a [spring], which no fit changes; start from a file without one",
-            ));
-        }
         let start = start.map(|parameters| Candidate {
             actuator,
             elements: Candidate::elements_of(&parameters.model),
@@ -188,6 +183,7 @@ impl FitOptions {
             offset_m: parameters.sensor_offset_m,
             delay_s: self.sensor_delay_s.unwrap_or(parameters.sensor_delay_s),
             bend: parameters.curve.as_ref().map_or(Bend::Straight, Bend::from_curve),
+            spring: parameters.spring.as_ref().map(Elastic::from_spring),
         });
         // From a given start no random one is needed.
         checked_starts(self.starts.max(usize::from(start.is_some())))?;
@@ -252,6 +248,7 @@ impl FitOptions {
         for name in &self.hold {
             if let Some(variable) = bench_quantity(name) {
                 freed.retain(|v| *v != variable);
+                held.push(variable);
                 continue;
             }
             let all = Variable::of_model(start.map_or(0, Candidate::branches));

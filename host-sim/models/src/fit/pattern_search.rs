@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use springpot::{Actuator, Springpot, Topology};
 
-use super::candidate::{Bend, Candidate, Variable};
+use super::candidate::{Candidate, Variable};
 use super::descent::{Context, Found};
 use super::objective::Objective;
 use super::settings::Stages;
@@ -45,7 +45,7 @@ pub fn paper_start(actuator: Actuator, topology: Topology, branches: usize) -> C
     let c = 500.0 * PER_MILLIMETRE;
     let mut elements = vec![Springpot::new(c, 0.2)];
     elements.resize(1 + 2 * branches, Springpot::new(c, 1.0));
-    Candidate { actuator, elements, topology, offset_m: 0.0, delay_s: 0.0, bend: Bend::Straight }
+    Candidate::linear(actuator, elements, topology)
 }
 
 /// Searches from `start`, calling `on_evaluation` before every evaluation; none where `start` has no response.

@@ -158,7 +158,7 @@ impl FitReport {
                 sensor_offset_m: parameters.sensor_offset_m,
                 sensor_delay_s: parameters.sensor_delay_s,
                 sizes_assumed: parameters.assumed_sizes,
-                curve: fit.candidate.bend.name(),
+                curve: fit.candidate.curve_name(),
             },
             expectation: None,
             made: None,

@@ -5,14 +5,14 @@
 
 use std::sync::atomic::Ordering;
 
-use super::candidate::{Bend, Candidate};
+use super::candidate::{Candidate, Variable};
 use super::descent::{Context, Found, is_long};
 use super::objective::Objective;
 use super::observation::{self, Observation};
 use super::pattern_search;
 use super::selection::{LeftOut, Selection, StructureFit, StructureRow, has_one_amplitude, is_near, is_worth_it};
 use super::settings::{CurveChoice, Method, Settings, Stages, topology_name, work};
-use super::starts::{Kind, grown, reach};
+use super::starts::{Kind, grown, reach, relaxing};
 use super::statistics::{Loss, Whiteness, robust_deviation};
 use crate::error::{Error, Result};
 
@@ -63,7 +63,7 @@ impl Search<'_> {
         let refined =
             settings.start.as_ref().map(|start| context.refined(start, settings.topologies[0])).transpose()?;
         let linear = match &refined {
-            Some(refined) if refined.candidate.bend != Bend::Straight || settings.curve == CurveChoice::None => {
+            Some(refined) if !refined.candidate.is_straight() || settings.curve == CurveChoice::None => {
                 return Ok(Selected::only(refined.clone()));
             }
             Some(refined) => context.coarsened(&refined.candidate).into_iter().collect(),
@@ -80,7 +80,7 @@ impl Search<'_> {
         let Selected { found, rows, refits } = self.selected([linear, nonlinear].concat())?;
         stages.note("the chosen structure on all samples");
         let found = match refined {
-            Some(refined) if found.candidate.bend == Bend::Straight && found.variables == refined.variables => refined,
+            Some(refined) if found.candidate.is_straight() && found.variables == refined.variables => refined,
             _ => context.finished(found),
         };
         Ok(Selected { found, rows, refits })
@@ -172,13 +172,23 @@ impl Search<'_> {
         self.stages.expect(kinds[1..].iter().flat_map(|_| branches().take(3).map(work)));
         let mut fits: Vec<Found> = Vec::new();
         for &kind in &kinds[1..] {
+            let least = linear.iter().chain(&fits).min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+            let least = least.map_or(f64::INFINITY, |least| least.minimum.cost);
             let bent = |start: &Candidate| kind.starts(start, range_m, largest_v);
             let others = fits.clone();
             let fit = |branches: usize, smaller: Option<&Found>| {
                 let simpler = linear.iter().chain(&others).filter(|fit| fit.candidate.branches() == branches);
                 let simpler = simpler.filter(|fit| kind.extends(&fit.candidate));
-                let simpler = simpler.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost));
+                let simpler = simpler.min_by(|a, b| a.minimum.cost.total_cmp(&b.minimum.cost)).cloned();
+                if simpler.as_ref().is_some_and(|fit| fit.minimum.cost > kind.reaches() * least) {
+                    return None;
+                }
                 let mut starts: Vec<Candidate> = simpler.iter().flat_map(|fit| bent(&fit.candidate)).collect();
+                if let (Kind::Beside { pieces }, Some(film)) = (kind, &simpler) {
+                    let film = &film.candidate;
+                    let scale = context.variables_of(&starts[0]).contains(&Variable::Permittivity);
+                    starts.extend(relaxing(film, pieces, range_m, context.scales, scale));
+                }
                 starts.extend(smaller.iter().flat_map(|fit| grown(&fit.candidate, topology, context.scales)));
                 if starts.is_empty() || branches == 0 {
                     starts.extend(context.linear_starts(topology, branches).iter().flat_map(bent));
@@ -219,7 +229,7 @@ impl Search<'_> {
         let mut fits: Vec<StructureFit> = Vec::new();
         for found in found {
             let branches = found.candidate.branches();
-            self.stages.begin(format!("{} with n = {branches}, left out", found.candidate.bend.name()), branches);
+            self.stages.begin(format!("{} with n = {branches}, left out", found.candidate.curve_name()), branches);
             fits.extend(StructureFit::new(context, &left_out, found));
         }
         let is_asked_for = settings.curve != CurveChoice::Auto && fits.iter().any(|fit| !fit.is_linear());

@@ -11,12 +11,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 use springpot::Topology;
 
-use super::candidate::{Bend, Candidate};
+use super::candidate::Candidate;
 use super::descent::{Context, Found};
 use super::objective::{Evaluation, Objective};
 use super::observation::Observation;
 use super::settings::topology_name;
-use super::statistics::{self, Loss, Whiteness, range};
+use super::statistics::{self, Loss, Whiteness, peaks, range};
 use crate::agreement::Agreement;
 use crate::error::Result;
 use crate::least_squares::StoppingCriteria;
@@ -145,7 +145,7 @@ impl StructureFit {
 
     /// Whether it has neither a curve nor a drive that saturates.
     pub(super) fn is_linear(&self) -> bool {
-        self.found.candidate.bend == Bend::Straight && !self.saturates()
+        self.found.candidate.is_straight() && !self.saturates()
     }
 
     /// Whether its drive saturates.
@@ -226,7 +226,7 @@ impl Selection {
         let row = |(k, fit): (usize, &StructureFit)| StructureRow {
             topology: fit.found.candidate.topology,
             branches: fit.found.candidate.branches(),
-            curve: fit.found.candidate.bend.name(),
+            curve: fit.found.candidate.curve_name(),
             saturates: fit.saturates(),
             variables: fit.variables(),
             r2_mean: fit.r2_mean,
@@ -272,31 +272,6 @@ pub(super) fn has_one_amplitude(observations: &[Observation]) -> bool {
     // Several cycles, all as large.
     let several = peaks.len() > observations.len();
     several && peaks.first().zip(peaks.last()).is_some_and(|(least, most)| *least > 0.8 * most)
-}
-
-/// The sizes of the upper turning points of a drive: where it comes down to half.
-fn peaks(values: &[f64]) -> Vec<f64> {
-    let most = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-    let mut peaks = Vec::new();
-    let (mut rises, mut highest, mut lowest) = (true, 0.0, 0.0);
-    for value in values.iter().map(|value| value.abs()) {
-        // Noise about 0 is no turning point.
-        if rises && value < 0.5 * highest && highest > 0.2 * most {
-            peaks.push(highest);
-            (rises, lowest) = (false, value);
-        } else if !rises && value > lowest + 0.2 * most {
-            (rises, highest) = (true, value);
-        } else if rises {
-            highest = value.max(highest);
-        } else {
-            lowest = value.min(lowest);
-        }
-    }
-    // The last rise may end before its turning point.
-    if rises && peaks.iter().all(|peak| *peak < highest) {
-        peaks.push(highest);
-    }
-    peaks
 }
 
 /// Shares of the way from the fit to everything to the fit without a part, on which a film with a response to that part is looked for.

@@ -41,6 +41,8 @@ choice! {
         Free = "free",
         /// A curve of monotone pieces, and a drive that saturates.
         Both = "both",
+        /// Two curves: a spring beside the memory, which has a strain measure of its own. Not among those of `Auto`.
+        Two = "two",
     }
 }
 
@@ -61,7 +63,7 @@ pub struct Settings {
     pub freed: Vec<Variable>,
     /// Time by which the displacement sensor is late, s; none to estimate it where the recordings show one.
     pub sensor_delay_s: Option<f64>,
-    /// Variables of the elements that keep their value from `start`.
+    /// Variables that are not fitted.
     pub held: Vec<Variable>,
     /// A further start.
     pub start: Option<Candidate>,

@@ -4,10 +4,11 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use springpot::{Actuator, Springpot, Topology};
 
-use super::candidate::{Bend, Candidate};
+use super::bend::{Bend, Elastic};
+use super::candidate::Candidate;
 use super::observation::Observation;
 use super::settings::CurveChoice;
-use super::statistics::{change, median, range};
+use super::statistics::{change, median, peaks, range};
 use crate::files::recording::Input;
 
 /// Orders of magnitude of the film's parameters, estimated from recordings before the fit.
@@ -21,19 +22,23 @@ pub struct Scales {
     pub step_s: f64,
     /// Coupling at which the force changes by 15 % over the stroke, 1/m.
     pub coupling: f64,
+    /// Shortest cycle of the input, s.
+    pub cycle_s: f64,
 }
 
 impl Scales {
     /// The scales of `observations`; `force_per_square_volt` (N/V²) converts voltage to force.
     pub fn new(observations: &[Observation], force_per_square_volt: f64) -> Self {
         let stiffness: Vec<f64> = observations.iter().map(|o| stiffness(o, force_per_square_volt)).collect();
-        let (mut longest, mut step_s, mut stroke) = (0f64, f64::INFINITY, 0f64);
+        let (mut longest, mut step_s, mut stroke, mut cycle_s) = (0f64, f64::INFINITY, 0f64, f64::INFINITY);
         for observation in observations {
             if !matches!(observation.input, Input::Displacement(_)) {
                 let (low, high) = range(&observation.measured.value);
                 stroke = stroke.max(high - low);
             }
-            longest = longest.max(observation.input.samples().time_s.last().copied().unwrap_or(0.0));
+            let duration_s = observation.input.samples().time_s.last().copied().unwrap_or(0.0);
+            longest = longest.max(duration_s);
+            cycle_s = cycle_s.min(duration_s / peaks(&observation.input.samples().value).len().max(1) as f64);
             step_s = step_s.min(1.0 / observation.rate_hz);
         }
         Self {
@@ -41,6 +46,7 @@ impl Scales {
             times_s: ((10.0 * step_s).min(0.1 * longest), 2.0 * longest),
             step_s,
             coupling: if stroke > 0.0 { (0.15 / stroke).min(1e3) } else { 0.0 },
+            cycle_s,
         }
     }
 }
@@ -92,7 +98,7 @@ pub fn start(
         elements.push(Springpot::new(stiffness * time.powf(elastic), elastic));
         elements.push(Springpot::new(stiffness * time.powf(viscous), viscous));
     }
-    Candidate { actuator, elements, topology, offset_m: 0.0, delay_s: 0.0, bend: Bend::Straight }
+    Candidate::linear(actuator, elements, topology)
 }
 
 /// The candidate with one more branch of little effect, at three relaxation times.
@@ -123,13 +129,21 @@ pub(super) enum Kind {
     Saturation,
     MooneyRivlin,
     Gent,
-    Free { pieces: usize, saturates: bool },
+    Free {
+        pieces: usize,
+        saturates: bool,
+    },
+    /// A spring of so many pieces, none for a linear one, beside the memory.
+    Beside {
+        pieces: usize,
+    },
 }
 
 impl Kind {
     /// The linear film and the kinds that `choice` names for these observations.
     pub(super) fn for_choice(choice: CurveChoice, observations: &[Observation]) -> Vec<Self> {
         let volts = observations.iter().any(|o| matches!(o.input, Input::Voltage(_)));
+        let two = [0, 2].map(|pieces| Self::Beside { pieces }).to_vec();
         let free = |saturates| [2, 4].map(|pieces| Self::Free { pieces, saturates }).to_vec();
         let nonlinear = match choice {
             CurveChoice::None => Vec::new(),
@@ -138,6 +152,7 @@ impl Kind {
             CurveChoice::Gent => vec![Self::Gent],
             CurveChoice::Free => free(false),
             CurveChoice::Both => free(true),
+            CurveChoice::Two => two,
             CurveChoice::Auto if volts => [vec![Self::Saturation], free(false), free(true)].concat(),
             CurveChoice::Auto => [vec![Self::MooneyRivlin, Self::Gent], free(false)].concat(),
         };
@@ -153,13 +168,27 @@ impl Kind {
             Self::Gent => "gent".into(),
             Self::Free { pieces, saturates: false } => format!("free curve of {pieces} pieces"),
             Self::Free { pieces, saturates: true } => format!("free curve of {pieces} pieces and saturation"),
+            Self::Beside { pieces: 0 } => "two curves".into(),
+            Self::Beside { pieces } => format!("two curves with a spring of {pieces} pieces"),
         }
     }
 
     /// Whether `candidate` is a film of this kind without some of its nonlinearity.
     pub(super) fn extends(self, candidate: &Candidate) -> bool {
-        let may_saturate = matches!(self, Self::Free { saturates: true, .. });
-        candidate.bend == Bend::Straight && (may_saturate || candidate.actuator.saturation_v.is_none())
+        let may_saturate = matches!(self, Self::Free { saturates: true, .. } | Self::Beside { .. });
+        let fewer =
+            matches!(self, Self::Beside { pieces: 1.. }) && candidate.spring.as_ref().is_some_and(Elastic::is_linear);
+        fewer || candidate.is_straight() && (may_saturate || candidate.actuator.saturation_v.is_none())
+    }
+
+    /// Largest cost of a simpler film, over the least so far, from which this kind is tried.
+    pub(super) fn reaches(self) -> f64 {
+        match self {
+            // Two curves take some five times of the error of a linear film, one more in the spring hardly any.
+            Self::Beside { pieces: 0 } => 30.0,
+            Self::Beside { .. } => 8.0,
+            _ => f64::INFINITY,
+        }
     }
 
     /// `candidate` with a little of this nonlinearity: starts of a search. `range_m` is the stroke, `largest_v` the largest voltage.
@@ -178,6 +207,15 @@ impl Kind {
                 start.actuator.saturation_v = start.actuator.saturation_v.or(saturation_v).filter(|_| saturates);
                 vec![start]
             }
+            Self::Beside { pieces } => {
+                let (bend, spring) = match &start.spring {
+                    Some(linear) => (start.bend.clone(), linear.cut(pieces, range_m)),
+                    None => {
+                        (measure(&start, range_m, 1.0), Elastic::linear(0.0, start.elements[0].c).cut(pieces, range_m))
+                    }
+                };
+                vec![Candidate { bend, spring: Some(spring), ..start }]
+            }
             Self::MooneyRivlin | Self::Gent => {
                 let stroke = range_m.1.abs().max(range_m.0.abs());
                 // Stretched to 1.3, 2 and 5 times its length.
@@ -195,6 +233,51 @@ impl Kind {
             }
         }
     }
+}
+
+/// A strain measure for a memory over a stroke `range_m` (m) and beyond it, with this exponent. Its length is the film's; where the stroke is
+/// short against it, only the exponent is fitted.
+fn measure(film: &Candidate, (low_m, high_m): (f64, f64), exponent: f64) -> Bend {
+    /// Stroke over the length from which two numbers of a measure show.
+    const LARGE: f64 = 0.15;
+    let length_m = film.actuator.length_m;
+    let stroke_m = high_m.max(-low_m);
+    let reach_m = (low_m - 0.05 * stroke_m, REACH * high_m);
+    Bend::Measure { exponent, ln_length: length_m.ln(), fits_length: stroke_m > LARGE * length_m, range_m: reach_m }
+}
+
+/// Strokes up to which a measure is written, over the recorded one: unlike pieces it holds beyond it.
+const REACH: f64 = 2.5;
+
+/// Two-curve films like `film` whose memory relaxes at times within those that the recordings resolve, and up to some times longer, beside a spring
+/// of `pieces`. In the shortest cycle a drag has 1 % of the stiffness, and so has the inertia, if a fit may change the `scale` of the force.
+pub(super) fn relaxing(
+    film: &Candidate,
+    pieces: usize,
+    range_m: (f64, f64),
+    scales: Scales,
+    scale: bool,
+) -> [Candidate; 2] {
+    const SMALL: f64 = 0.01;
+    let Scales { mut stiffness, times_s: (short, long), cycle_s, .. } = scales;
+    let radian_s = cycle_s / std::f64::consts::TAU;
+    let branches = film.branches();
+    let mut relaxing = Candidate { topology: Topology::Parallel, bend: measure(film, range_m, 0.0), ..film.clone() };
+    if scale {
+        let share = (film.actuator.mass_kg / (SMALL * stiffness * radian_s * radian_s)).min(1.0);
+        relaxing.actuator.relative_permittivity *= share;
+        stiffness *= share;
+    }
+    relaxing.spring = Some(Elastic::linear(0.5, stiffness).cut(pieces, range_m));
+    [1.0, 5.0].map(|longer| {
+        let mut elements = vec![Springpot::new(SMALL * stiffness * radian_s, 1.0)];
+        for branch in 0..branches {
+            let time_s = short * (longer * long / short).powf((branch as f64 + 0.5) / branches as f64);
+            elements.push(Springpot::new(0.3 * stiffness, 0.0));
+            elements.push(Springpot::new(0.3 * stiffness * time_s, 1.0));
+        }
+        Candidate { elements, ..relaxing.clone() }
+    })
 }
 
 /// The stroke of all `observations` with a margin, and the largest voltage (V).

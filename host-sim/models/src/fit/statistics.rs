@@ -23,6 +23,31 @@ pub fn median(values: &[f64]) -> f64 {
     sorted.get(sorted.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
+/// The sizes of the upper turning points of a drive: where it comes down to half.
+pub(super) fn peaks(values: &[f64]) -> Vec<f64> {
+    let most = values.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let mut peaks = Vec::new();
+    let (mut rises, mut highest, mut lowest) = (true, 0.0, 0.0);
+    for value in values.iter().map(|value| value.abs()) {
+        // Noise about 0 is no turning point.
+        if rises && value < 0.5 * highest && highest > 0.2 * most {
+            peaks.push(highest);
+            (rises, lowest) = (false, value);
+        } else if !rises && value > lowest + 0.2 * most {
+            (rises, highest) = (true, value);
+        } else if rises {
+            highest = value.max(highest);
+        } else {
+            lowest = value.min(lowest);
+        }
+    }
+    // The last rise may end before its turning point.
+    if rises && peaks.iter().all(|peak| *peak < highest) {
+        peaks.push(highest);
+    }
+    peaks
+}
+
 choice! {
     /// Loss function of a fit.
     pub enum Loss {

@@ -2,8 +2,9 @@
 
 use num_complex::Complex;
 use rayon::prelude::*;
-use springpot::{Compressed, Curve, Law, LawOptions, Load, Maxwell, Springpot};
+use springpot::{Compressed, Law, LawOptions, Load, Maxwell, Springpot};
 
+use super::candidate::Curves;
 use crate::replay::coupling::PullIn;
 use crate::replay::full_memory::FullMemory;
 use crate::replay::nonlinear::{BentFilm, bent_displacement};
@@ -49,11 +50,12 @@ impl Transfer {
         (circle, nodes): (&FullMemory, &Nodes),
         step_s: f64,
         coupled: bool,
-        curve: Option<&Curve>,
+        curves: Option<&Curves>,
     ) -> Option<Self> {
-        let law = if coupled || curve.is_some() { Some(recursion_of(model, circle, step_s)?) } else { None };
-        let law = match (law, curve) {
-            (Some(law), Some(curve)) => Some(law.behind(curve).ok()?),
+        let law = if coupled || curves.is_some() { Some(recursion_of(model, circle, step_s)?) } else { None };
+        let law = match (law, curves) {
+            (Some(law), Some(Curves { curve, spring: None })) => Some(law.behind(curve).ok()?),
+            (Some(law), Some(Curves { curve, spring: Some(spring) })) => Some(law.beside(spring, curve).ok()?),
             (law, _) => law,
         };
         let pieces: Vec<Piece> = nodes.ln_s().par_chunks(CHUNK).map(|ln_s| Piece::new(model, ln_s)).collect();
@@ -71,7 +73,7 @@ impl Transfer {
         let compliance: Spectrum = stiffness.iter().map(Complex::inv).collect();
         let finite = compliance.iter().all(|h| h.re.is_finite() && h.im.is_finite());
         let (mut inertia, mut kernel) = (Spectrum::new(), Spectrum::new());
-        if curve.is_some() {
+        if curves.is_some() {
             inertia = circle.ln_s().iter().map(|z| (2.0 * z).exp() * model.mass_kg()).collect();
             kernel = stiffness.iter().zip(&inertia).map(|(stiffness, inertia)| stiffness - inertia).collect();
         }
@@ -131,20 +133,25 @@ impl Transfer {
         Err(PullIn)
     }
 
-    /// The displacement under `loads` behind `curve`, with full memory.
+    /// The displacement under `loads` of a film with `curves`, with full memory.
     pub(super) fn bent(
         &self,
         circle: &FullMemory,
         law: &Law<f64, Recursion>,
-        curve: &Curve,
+        curves: &Curves,
         loads: &[Load<f64>],
     ) -> Result<Vec<f64>, PullIn> {
         let steepest = loads.iter().map(|load| load.slope_n_per_m).fold(0.0, f64::max);
         if steepest >= 0.99 * law.min_stiffness() {
             return Err(PullIn);
         }
-        let film = BentFilm { kernel: &self.kernel, inertia: &self.inertia, curve, spring: None };
-        bent_displacement(circle, &film, law, loads, TOLERANCE)
+        bent_displacement(circle, &self.film(curves), law, loads, TOLERANCE)
+    }
+
+    /// The film with `curves` on the circle.
+    pub(super) fn film<'a>(&'a self, curves: &'a Curves) -> BentFilm<'a> {
+        let Curves { curve, spring } = curves;
+        BentFilm { kernel: &self.kernel, inertia: &self.inertia, curve, spring: spring.as_ref() }
     }
 }
 

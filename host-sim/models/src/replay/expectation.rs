@@ -6,7 +6,7 @@
 
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
-use springpot::{Curve, Knot, Maxwell, Springpot};
+use springpot::{Curve, Knot, Maxwell, Spring, Springpot};
 use toml::Value;
 
 use crate::files::parameters::{ElasticCurve, Parameters};
@@ -68,6 +68,9 @@ pub struct Refit {
     /// Displacement (m), value (m) and slope of the elastic curve's knots.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     curve: Vec<[f64; 3]>,
+    /// Displacement (m), force (N) and slope (N/m) of the knots of the spring beside the memory.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    spring: Vec<[f64; 3]>,
 }
 
 /// A quantity of a reference.
@@ -214,7 +217,7 @@ impl Refit {
     /// The film of `parameters`.
     #[must_use]
     pub fn new(parameters: &Parameters) -> Self {
-        let Parameters { actuator, model, curve, .. } = parameters;
+        let Parameters { actuator, model, curve, spring, .. } = parameters;
         let elements = model.chains().flat_map(|chain| chain.elements).map(|element| [element.c, element.alpha]);
         let knot = |knot: &Knot<f64>| [knot.displacement, knot.value, knot.slope];
         Self {
@@ -224,6 +227,7 @@ impl Refit {
             stretch_coupling: actuator.stretch_coupling,
             saturation_v: actuator.saturation_v,
             curve: curve.iter().flat_map(|curve| curve.pieces().knots()).map(knot).collect(),
+            spring: spring.iter().flat_map(Spring::knots).map(knot).collect(),
         }
     }
 
@@ -237,12 +241,11 @@ impl Refit {
         film.actuator.mass_kg = self.mass_kg;
         film.actuator.stretch_coupling = self.stretch_coupling;
         film.actuator.saturation_v = self.saturation_v;
-        film.curve = None;
-        if !self.curve.is_empty() {
-            let knot = |&[displacement, value, slope]: &[f64; 3]| Knot { displacement, value, slope };
-            let knots: Vec<Knot<f64>> = self.curve.iter().map(knot).collect();
-            film.curve = Some(ElasticCurve::free(Curve::new(&knots).ok()?));
-        }
+        let knot = |&[displacement, value, slope]: &[f64; 3]| Knot { displacement, value, slope };
+        let knots = |of: &[[f64; 3]]| (!of.is_empty()).then(|| of.iter().map(knot).collect::<Vec<Knot<f64>>>());
+        let curve = knots(&self.curve).map(|knots| Curve::new(&knots)).transpose().ok()?;
+        film.curve = curve.map(ElasticCurve::free);
+        film.spring = knots(&self.spring).map(|knots| Spring::new(&knots)).transpose().ok()?;
         Some(film)
     }
 }

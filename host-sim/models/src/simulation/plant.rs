@@ -1,7 +1,7 @@
 //! Plants that a loop is closed around: a simulated nonlinear film, or the model of a parameter file with full memory.
 
 use host_fft::Planner;
-use springpot::{Actuator, Curve, Maxwell, Springpot};
+use springpot::{Actuator, Curve, Maxwell, Spring, Springpot};
 
 use crate::error::{Error, Result};
 use crate::files::parameters::Parameters;
@@ -91,11 +91,12 @@ const MAX_SUBSTEPS: usize = 1 << 23;
 /// F_k = (m/h²) (Δx_k − Δx_{k−1}) + Σ_{j=0..k} g_j Δx_{k−j}
 /// ```
 ///
-/// and with an elastic curve T the sum is over the increments of T(x). g comes from Fourier transforms of K(ζ)/(1 − ζ), and the sum over the past is taken in blocks that double: a block of L
+/// and with an elastic curve T the sum is over the increments of T(x); beside a spring E(x) is added and the sum has the weight T'(x). g comes from Fourier transforms of K(ζ)/(1 − ζ), and the sum over the past is taken in blocks that double: a block of L
 /// increments that is complete adds its part to the next L sums, by a Fourier transform.
 pub struct FullMemoryPlant {
     actuator: Actuator,
     curve: Option<Curve>,
+    spring: Option<Spring>,
     /// m/h², N/m.
     inertia: f64,
     /// The last increment of x, m.
@@ -118,11 +119,6 @@ impl FullMemoryPlant {
     /// [`Error`] for a mismatch that is refused, or too many substeps.
     pub fn at_rest(parameters: &Parameters, mismatch: Mismatch, substep_s: f64, substeps: usize) -> Result<Self> {
         parameters.actuator.check()?;
-        if parameters.spring.is_some() {
-            let cause =
-                "a plant with full memory has no [spring] yet; simulate the model itself, or take a film by its name";
-            return Err(Error::field("plant", cause.to_owned()));
-        }
         if substeps > MAX_SUBSTEPS {
             let cause = format!(
                 "a plant with full memory for {substeps} substeps; {MAX_SUBSTEPS} are possible, shorten the reference"
@@ -135,6 +131,7 @@ impl FullMemoryPlant {
         Ok(Self {
             actuator: parameters.actuator,
             curve: parameters.curve.as_ref().map(|curve| curve.pieces().clone()),
+            spring: parameters.spring.clone(),
             last: 0.0,
             inertia: model.mass_kg() / (substep_s * substep_s),
             relaxation,
@@ -145,12 +142,13 @@ impl FullMemoryPlant {
         })
     }
 
-    /// The increment of x, and that of T(x), that resist the force `left` (N), which grows with `slope` (N/m).
-    fn increment(&self, left: f64, slope: f64) -> (f64, f64) {
+    /// The increment of x, and that of T(x), that resist the force `left` (N), which grows with `slope` (N/m), beside what the memory's `past`
+    /// (N) resists.
+    fn increment(&self, left: f64, slope: f64, past: f64) -> (f64, f64) {
         let constant = self.inertia - slope;
         let Some(curve) = &self.curve else {
             let stiffness = self.relaxation[0] + constant;
-            let increment = if stiffness > 0.0 { left / stiffness } else { f64::NAN };
+            let increment = if stiffness > 0.0 { (left - past) / stiffness } else { f64::NAN };
             return (increment, increment);
         };
         // Newton's method: the curve hardly bends within a substep.
@@ -158,12 +156,21 @@ impl FullMemoryPlant {
         let stretched = |increment: f64| curve.value(self.displacement_m + increment) - at_rest;
         let mut increment = self.last;
         for _ in 0..MAX_NEWTON_STEPS {
-            let stiffness = self.relaxation[0] * curve.slope(self.displacement_m + increment) + constant;
+            let x = self.displacement_m + increment;
+            let memory = past + self.relaxation[0] * stretched(increment);
+            let weight = curve.slope(x);
+            let (shown, stiffness) = match &self.spring {
+                None => (memory, self.relaxation[0] * weight),
+                Some(spring) => {
+                    let bent = curve.curvature(x) * memory;
+                    (spring.force(x) + weight * memory, spring.slope(x) + self.relaxation[0] * weight * weight + bent)
+                }
+            };
+            let stiffness = stiffness + constant;
             if stiffness.is_nan() || stiffness <= 0.0 {
                 return (f64::NAN, f64::NAN);
             }
-            let missing = left - self.relaxation[0] * stretched(increment) - constant * increment;
-            increment += missing / stiffness;
+            increment += (left - shown - constant * increment) / stiffness;
         }
         (increment, stretched(increment))
     }
@@ -212,9 +219,8 @@ impl Plant for FullMemoryPlant {
         let block = &self.increments[k - k % BLOCK..];
         let near: f64 = block.iter().rev().zip(&self.relaxation[1..]).map(|(dx, g)| dx * g).sum();
         let load = self.actuator.load(voltage_v);
-        let left =
-            load.force_n + load.slope_n_per_m * self.displacement_m + self.inertia * self.last - near - self.past_n[k];
-        let (increment, stretched) = self.increment(left, load.slope_n_per_m);
+        let left = load.force_n + load.slope_n_per_m * self.displacement_m + self.inertia * self.last;
+        let (increment, stretched) = self.increment(left, load.slope_n_per_m, near + self.past_n[k]);
         self.increments.push(stretched);
         self.last = increment;
         self.displacement_m += increment;

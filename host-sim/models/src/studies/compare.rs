@@ -178,14 +178,7 @@ fn prony(context: &Context<'_>, branches: usize, share: f64) -> Candidate {
     if context.freed.contains(&Variable::StretchCoupling) && actuator.stretch_coupling == 0.0 {
         actuator.stretch_coupling = context.scales.coupling;
     }
-    Candidate {
-        actuator,
-        elements,
-        topology: Topology::Parallel,
-        offset_m: 0.0,
-        delay_s: 0.0,
-        bend: crate::fit::candidate::Bend::Straight,
-    }
+    Candidate::linear(actuator, elements, Topology::Parallel)
 }
 
 /// The candidate with one more small branch of a spring and a dashpot, at several relaxation times.

@@ -8,7 +8,7 @@ use crate::plants::{LITTLE_CREEP, MUCH_CREEP, Stiffening, StiffeningFilm};
 use host_io::files::parameters::{ElasticCurve, Parameters};
 use host_io::files::recording::{Direction, Input};
 use host_io::grid::{Grid, Samples};
-use host_models::fit::candidate::Bend;
+use host_models::fit::bend::Bend;
 use host_models::fit::observation::{Observation, Reading};
 use host_models::fit::settings::CurveChoice;
 use host_models::fit::{self, Fit, Settings};
@@ -19,7 +19,9 @@ use indicatif::ProgressBar;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64;
-use springpot::{Actuator, CommandLimits, Curve, Discretisation, Maxwell, Rubber, Springpot, Topology};
+use springpot::{
+    Actuator, CommandLimits, Curve, Discretisation, Maxwell, Measure, Rubber, Spring, Springpot, Topology,
+};
 
 pub(crate) const FILM: Actuator =
     Actuator { length_m: 0.03, width_m: 0.02, thickness_m: 100e-6, mass_kg: 0.1, ..Actuator::KARNER_2022 };
@@ -212,15 +214,27 @@ fn bent_parameters() -> Parameters {
     Parameters { model, actuator, curve: Some(curve), ..Parameters::preset("table3-n1").expect("there") }
 }
 
-/// Compressed and full memory, forwards and backwards, in both discretisations, and the plant, which solves every step exactly.
+/// The same kernel in Hencky's strain beside a spring that stiffens.
+fn two_curves() -> Parameters {
+    let measure = Measure { exponent: 0.0, length_m: 0.03 };
+    let curve = ElasticCurve::measure(measure, -2e-3, 10e-3).expect("a film with a length");
+    let spring = Spring::through(&[(-2e-3, -6.0), (0.0, 0.0), (5e-3, 20.0), (10e-3, 60.0)]).expect("a spring");
+    Parameters { curve: Some(curve), spring: Some(spring), ..bent_parameters() }
+}
+
+/// Compressed and full memory, forwards and backwards, in both discretisations, and the plant, which solves every step exactly: behind a curve
+/// and with two.
 #[test]
 fn every_way_to_run_a_curve_agrees() {
     let grid = Grid::covering(8.0, 500.0).expect("a grid");
     let volts: Vec<f64> = grid.times_s().iter().map(|t| 1600.0 * (1.0 - (TAU * 0.6 * t).cos())).collect();
     let input = Input::Voltage(Samples { time_s: grid.times_s(), value: volts.clone() });
     let bar = ProgressBar::hidden();
-    for method in [Discretisation::Gl, Discretisation::Bdf2] {
-        let parameters = bent_parameters().with_method(method);
+    let films = [bent_parameters(), two_curves()].into_iter();
+    let films = films
+        .flat_map(|film| [Discretisation::Gl, Discretisation::Bdf2].map(|method| film.clone().with_method(method)));
+    for parameters in films {
+        let method = parameters.method;
         let run = |memory, input: &Input| {
             let options = RunOptions { memory, precision: Precision::F64, rate_hz: 500.0 };
             simulate::response(&parameters, input, grid, &options, &bar).expect("a response")

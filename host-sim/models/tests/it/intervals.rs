@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 use crate::sweep::full_sweep;
 use host_io::files::recording::Input;
 use host_io::grid::{Grid, Samples};
-use host_models::fit::candidate::{Bend, Candidate};
+use host_models::fit::candidate::Candidate;
 use host_models::fit::objective::Objective;
 use host_models::fit::observation::{Observation, Reading};
 use host_models::fit::{self, Fit, Settings};
@@ -26,7 +26,7 @@ const NOISE_M: f64 = 5e-6;
 fn film() -> Candidate {
     let elements = vec![Springpot::new(4e4, 0.08), Springpot::new(2.2e4, 0.12), Springpot::new(1.4e4, 0.85)];
     let actuator = Actuator { stretch_coupling: 30.0, ..Actuator::KARNER_2022 };
-    Candidate { actuator, elements, topology: Topology::Parallel, offset_m: 1e-4, delay_s: 0.0, bend: Bend::Straight }
+    Candidate { offset_m: 1e-4, ..Candidate::linear(actuator, elements, Topology::Parallel) }
 }
 
 /// Sines of two frequencies, 20 values a second, without noise.

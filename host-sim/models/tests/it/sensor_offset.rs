@@ -8,7 +8,6 @@ use dea_driver::{Blob, Controller};
 use host_io::files::parameters::Parameters;
 use host_io::files::recording::{Direction, Input, Recording};
 use host_io::grid::{Grid, Samples};
-use host_models::fit::candidate::Bend;
 use host_models::fit::candidate::Candidate;
 use host_models::fit::objective::Objective;
 use host_models::fit::observation;
@@ -77,14 +76,7 @@ fn replay_fit_observer_and_processor_agree() {
 
         let model = &parameters.model;
         let elements = std::iter::once(model.main()).chain(model.branches().as_flattened().iter().copied()).collect();
-        let candidate = Candidate {
-            actuator: parameters.actuator,
-            elements,
-            topology: model.topology(),
-            offset_m,
-            delay_s: 0.0,
-            bend: Bend::Straight,
-        };
+        let candidate = Candidate { offset_m, ..Candidate::linear(parameters.actuator, elements, model.topology()) };
         let (observation, _) = observation::observe(&recording, Direction::Force, 1.0).expect("fit to be fitted");
         let objective = Objective::new(&[observation]).expect("an objective");
         let fitted = objective.residuals(&objective.evaluate(&candidate).expect("a response"));

@@ -4,7 +4,7 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use springpot::{Coefficients, Curve, Discretisation, Law};
 
-use super::super::candidate::{Candidate, Variable};
+use super::super::candidate::{Candidate, Curves, Variable};
 use super::super::observation::ReadingFit;
 use super::super::transfer::{FAST, HEAD, Nodes, Recursion, Spectrum, Transfer};
 use super::{DriveSpectra, Evaluation, Objective, Record, product, stretched};
@@ -20,6 +20,8 @@ struct Shared {
     displacement: Spectrum,
     /// Spectrum of T(x) behind a curve (m), on which the kernel acts.
     stretched: Spectrum,
+    /// Beside a spring: T' at every step, and the memory's force (N).
+    weighted: Option<[Vec<f64>; 2]>,
     /// Changes of a displacement with the force, where they are not a product of spectra.
     tangent: Option<Tangent>,
 }
@@ -51,9 +53,11 @@ struct Linearised<'a> {
     nodes: &'a Nodes,
     transfer: &'a Transfer,
     candidate: &'a Candidate,
-    curve: Option<&'a Curve>,
+    curves: Option<&'a Curves>,
     /// Displacement (m), or force (N), on the grid.
     series: &'a [f64],
+    /// Displacement (m) on the grid.
+    displacement: &'a [f64],
     /// The readings that were modelled, and what is the recording's own of them.
     modelled: &'a [f64],
     reading: &'a ReadingFit,
@@ -66,25 +70,35 @@ impl<'a> Linearised<'a> {
         let record = &objective.records[index];
         let circle = &objective.circles[record.circle];
         let transfer = &evaluation.transfers[record.circle];
-        let curve = evaluation.curve.as_ref();
+        let curves = evaluation.curves.as_ref();
         let series = &evaluation.responses[index];
-        let stretched = |path: &[f64]| curve.map(|curve| stretched(circle, curve, path)).unwrap_or_default();
-        let shared = match &record.drive {
-            DriveSpectra::Displacement { path, .. } => Shared { stretched: stretched(path), ..Shared::default() },
-            DriveSpectra::Voltage { .. } | DriveSpectra::Force { .. } => Shared {
-                displacement: circle.spectrum(series),
-                stretched: stretched(series),
-                tangent: transfer.law.as_ref().map(|law| Tangent::new(law, candidate, curve, record, series)),
-            },
+        let displacement = match &record.drive {
+            DriveSpectra::Displacement { path, .. } => path,
+            DriveSpectra::Voltage { .. } | DriveSpectra::Force { .. } => series,
         };
+        let mut shared = Shared::default();
+        if let Some(Curves { curve, spring }) = curves {
+            shared.stretched = stretched(circle, curve, displacement);
+            shared.weighted = spring.as_ref().map(|_| {
+                let memory = circle.series(product(&shared.stretched, &transfer.kernel), record.samples);
+                [displacement.iter().map(|&x| curve.slope(x)).collect(), memory]
+            });
+        }
+        if !record.measures_force() {
+            shared.displacement = circle.spectrum(series);
+            let memory = shared.weighted.as_ref().map(|[_, memory]| memory.as_slice());
+            let tangent = |law| Tangent::new(law, candidate, curves, memory, record, series);
+            shared.tangent = transfer.law.as_ref().map(tangent);
+        }
         Self {
             record,
             circle,
             nodes: &objective.nodes[record.circle],
             transfer,
             candidate,
-            curve,
+            curves,
             series,
+            displacement,
             modelled: &evaluation.modelled[index],
             reading: &evaluation.readings[index],
             shared,
@@ -99,21 +113,18 @@ impl<'a> Linearised<'a> {
             Variable::Delay => false,
             _ => true,
         };
-        let spectra = variables.iter().map(|variable| is_of_film(variable).then(|| self.spectrum(*variable)).flatten());
-        let spectra: Vec<Option<Spectrum>> = spectra.collect();
-        let moved: Vec<Option<Vec<f64>>> = match &self.shared.tangent {
-            None => spectra.into_iter().map(|s| Some(self.circle.series(s?, *samples))).collect(),
-            Some(tangent) => {
-                let mut forces = vec![[0.0; LANES]; *samples];
-                for (lane, spectrum) in spectra.iter().enumerate() {
-                    let series = spectrum.clone().map(|spectrum| self.circle.series(spectrum, *samples));
-                    forces.iter_mut().zip(series.iter().flatten()).for_each(|(force, value)| force[lane] = *value);
-                }
-                tangent.displacements(&mut forces);
-                let lane = |lane: usize| forces.iter().map(|moved| moved[lane]).collect();
-                (0..variables.len()).map(|k| spectra[k].as_ref().map(|_| lane(k))).collect()
+        let changes = variables.iter().map(|variable| is_of_film(variable).then(|| self.change(*variable)).flatten());
+        let mut moved: Vec<Option<Vec<f64>>> = changes.collect();
+        if let Some(tangent) = &self.shared.tangent {
+            let mut forces = vec![[0.0; LANES]; *samples];
+            for (lane, series) in moved.iter().enumerate() {
+                forces.iter_mut().zip(series.iter().flatten()).for_each(|(force, value)| force[lane] = *value);
             }
-        };
+            tangent.displacements(&mut forces);
+            for (lane, series) in moved.iter_mut().enumerate() {
+                series.iter_mut().flatten().zip(&forces).for_each(|(value, moved)| *value = moved[lane]);
+            }
+        }
         let column = |(variable, moved): (&Variable, Option<Vec<f64>>)| {
             let change = match variable {
                 Variable::Offset if !self.record.measures_force() => Some(vec![1.0; readings.measured.len()]),
@@ -126,43 +137,85 @@ impl<'a> Linearised<'a> {
         variables.iter().zip(moved).map(column).collect()
     }
 
-    /// Derivative of the response on the grid, or of the force that changes it through the [`Tangent`], as a spectrum; none where
-    /// `variable` has no effect on it.
+    /// Derivative of the response on the grid, or of the force that changes it through the [`Tangent`]; none where `variable` has no effect
+    /// on it.
+    fn change(&self, variable: Variable) -> Option<Vec<f64>> {
+        match &self.shared.weighted {
+            Some(weighted) if variable.is_of_memory() || variable.is_of_curve() => {
+                let mut resisted = self.change_beside(weighted, variable)?;
+                if !self.record.measures_force() {
+                    resisted.iter_mut().for_each(|force| *force = -*force);
+                }
+                Some(resisted)
+            }
+            _ => self.spectrum(variable).map(|spectrum| self.circle.series(spectrum, self.record.samples)),
+        }
+    }
+
+    /// ∂(E(x) + T'(x) M[T(x)])/∂ `variable` of the memory or the curves along the displacement, from T' and M there.
+    fn change_beside(&self, [slopes, memory]: &[Vec<f64>; 2], variable: Variable) -> Option<Vec<f64>> {
+        if let Variable::Steepness(knot) = variable {
+            let change = self.candidate.spring.as_ref()?.change(knot).ok()?;
+            return Some(self.displacement.iter().map(|&x| change.force(x)).collect());
+        }
+        let spectrum = if variable.is_of_memory() {
+            self.modulus_change(&self.shared.stretched, variable)?
+        } else {
+            product(&self.circle.spectrum(&self.curve_change(variable, Curve::value)?), &self.transfer.kernel)
+        };
+        let mut force = self.circle.series(spectrum, self.record.samples);
+        force.iter_mut().zip(slopes).for_each(|(force, slope)| *force *= slope);
+        if !variable.is_of_memory() {
+            let turned = self.curve_change(variable, Curve::slope)?;
+            force
+                .iter_mut()
+                .zip(turned.iter().zip(memory))
+                .for_each(|(force, (slope, memory))| *force += slope * memory);
+        }
+        Some(force)
+    }
+
+    /// The same as a spectrum, for all but what a spring changes.
     fn spectrum(&self, variable: Variable) -> Option<Spectrum> {
-        if let DriveSpectra::Displacement { path, spectrum } = &self.record.drive {
-            return self.stiffness_change(path, spectrum, variable);
+        if let DriveSpectra::Displacement { spectrum, .. } = &self.record.drive {
+            return self.stiffness_change(spectrum, variable);
         }
         let force = self.force_derivative(variable)?;
         Some(if self.shared.tangent.is_some() { force } else { product(&force, &self.transfer.compliance) })
     }
 
     /// ∂(m s² x + K T(x))/∂ `variable` along displacements with this spectrum.
-    fn stiffness_change(
-        &self,
-        displacement: &[f64],
-        spectrum: &[Complex<f64>],
-        variable: Variable,
-    ) -> Option<Spectrum> {
+    fn stiffness_change(&self, spectrum: &[Complex<f64>], variable: Variable) -> Option<Spectrum> {
         let ln_s = self.circle.ln_s();
-        let stretched = if self.curve.is_some() { &self.shared.stretched } else { spectrum };
-        let sensitivity = |element| product(stretched, &self.transfer.sensitivity(element, self.nodes));
         match variable {
-            Variable::Coefficient(element) => Some(sensitivity(element)),
-            Variable::Order(element) => Some(product(&sensitivity(element), ln_s)),
+            Variable::Coefficient(_) | Variable::Order(_) => {
+                let stretched = if self.curves.is_some() { &self.shared.stretched } else { spectrum };
+                self.modulus_change(stretched, variable)
+            }
             Variable::Mass => {
                 let mass_kg = self.candidate.actuator.mass_kg;
                 Some(spectrum.iter().zip(ln_s).map(|(x, z)| x * (2.0 * z).exp() * mass_kg).collect())
             }
             _ if variable.is_of_curve() => {
-                let change = self.curve_change(displacement, variable)?;
+                let change = self.curve_change(variable, Curve::value)?;
                 Some(product(&self.circle.spectrum(&change), &self.transfer.kernel))
             }
             _ => None,
         }
     }
 
-    /// ∂T/∂ `variable` at the displacements.
-    fn curve_change(&self, displacement: &[f64], variable: Variable) -> Option<Vec<f64>> {
+    /// ∂(K T)/∂ `variable` of an element, from the spectrum of T.
+    fn modulus_change(&self, stretched: &[Complex<f64>], variable: Variable) -> Option<Spectrum> {
+        let sensitivity = |element| product(stretched, &self.transfer.sensitivity(element, self.nodes));
+        match variable {
+            Variable::Coefficient(element) => Some(sensitivity(element)),
+            Variable::Order(element) => Some(product(&sensitivity(element), self.circle.ln_s())),
+            _ => None,
+        }
+    }
+
+    /// ∂/∂ `variable` of T, or of what `of` takes of it, along the displacement.
+    fn curve_change(&self, variable: Variable, of: fn(&Curve, f64) -> f64) -> Option<Vec<f64>> {
         let value = variable.get(self.candidate);
         let at = |value: f64| -> Option<Curve> {
             let mut bend = self.candidate.clone();
@@ -170,7 +223,7 @@ impl<'a> Linearised<'a> {
             bend.bend.curve().ok().flatten()
         };
         let (more, less) = (at(value + CURVE_STEP)?, at(value - CURVE_STEP)?);
-        Some(displacement.iter().map(|&x| (more.value(x) - less.value(x)) / (2.0 * CURVE_STEP)).collect())
+        Some(self.displacement.iter().map(|&x| (of(&more, x) - of(&less, x)) / (2.0 * CURVE_STEP)).collect())
     }
 
     /// The force whose response is the derivative of the displacement: ∂F/∂v − ∂(m s² x + K T(x))/∂v for the variable v, as a
@@ -180,7 +233,7 @@ impl<'a> Linearised<'a> {
         match &self.record.drive {
             DriveSpectra::Displacement { .. } => None,
             DriveSpectra::Force { .. } => {
-                let change = self.stiffness_change(x, &self.shared.displacement, variable)?;
+                let change = self.stiffness_change(&self.shared.displacement, variable)?;
                 Some(change.iter().map(|change| -change).collect())
             }
             DriveSpectra::Voltage { squared, ones, .. } => {
@@ -201,7 +254,7 @@ impl<'a> Linearised<'a> {
                     }
                     _ => {
                         let mut force: Spectrum = self
-                            .stiffness_change(x, &self.shared.displacement, variable)?
+                            .stiffness_change(&self.shared.displacement, variable)?
                             .iter()
                             .map(|change| -change)
                             .collect();
@@ -220,9 +273,10 @@ impl<'a> Linearised<'a> {
 /// Variables whose derivatives are stepped together.
 const LANES: usize = 4;
 
-/// Changes of a displacement with small changes of the force: a law with coupling, or behind a curve, linearised along its motion.
+/// Changes of a displacement with small changes of the force: a law with coupling, or with curves, linearised along its motion.
 ///
-/// With g the kernel and t = T'(x) x' of a change x' of the displacement, F' = Σ g_j (t_{k−j} − t_{k−j−1}) + m (δ/h)² x' − S x'.
+/// With g the kernel and t = T'(x) x' of a change x' of the displacement, F' = W Σ g_j (t_{k−j} − t_{k−j−1}) + m (δ/h)² x' − S x'. W is 1;
+/// beside a spring it is T'(x), and S is without E'(x) + T''(x) M.
 struct Tangent {
     /// g_0, and m/h², N/m.
     instant: f64,
@@ -230,16 +284,17 @@ struct Tangent {
     /// The weights of (δ/h)² of the increments, newest first.
     differences: [f64; 4],
     memory: Coefficients<f64, HEAD, FAST, 0>,
-    /// T'(x), and S in N/m, at every step.
-    slopes: Vec<[f64; 2]>,
+    /// T'(x), S in N/m, and W at every step.
+    slopes: Vec<[f64; 3]>,
 }
 
 impl Tangent {
-    /// Along `series` (m) of `record`.
+    /// Along `series` (m) of `record`, where the `memory` beside a spring has this force (N).
     fn new(
         law: &Law<f64, Recursion>,
         candidate: &Candidate,
-        curve: Option<&Curve>,
+        curves: Option<&Curves>,
+        memory: Option<&[f64]>,
         record: &Record,
         series: &[f64],
     ) -> Self {
@@ -250,17 +305,23 @@ impl Tangent {
                 DriveSpectra::Voltage { squared, .. } => scale * actuator.saturated(squared[k]),
                 _ => 0.0,
             };
-            [curve.map_or(1.0, |curve| curve.slope(*x)), grows]
+            let slope = curves.map_or(1.0, |curves| curves.curve.slope(*x));
+            match (curves, memory) {
+                (Some(Curves { curve, spring: Some(spring) }), Some(memory)) => {
+                    [slope, grows - spring.slope(*x) - curve.curvature(*x) * memory[k], slope]
+                }
+                _ => [slope, grows, 1.0],
+            }
         };
-        let memory = law.coefficients();
+        let coefficients = law.coefficients();
         Self {
-            instant: memory.instant,
+            instant: coefficients.instant,
             inertia: actuator.mass_kg / law.step_s().powi(2),
             differences: match law.method() {
                 Discretisation::Bdf2 => [2.25, -3.75, 1.75, -0.25],
                 _ => [1.0, -1.0, 0.0, 0.0],
             },
-            memory,
+            memory: coefficients,
             slopes: series.iter().enumerate().map(slope).collect(),
         }
     }
@@ -275,12 +336,13 @@ impl Tangent {
         let mut known = [0.0; LANES];
         let (mut stretched, mut position) = ([0.0; LANES], [0.0; LANES]);
         let mut past = [[0.0; LANES]; 3];
-        for (step, (force, [slope, grows])) in forces.iter_mut().zip(&self.slopes).enumerate() {
-            let inverse = 1.0 / (self.instant * slope + newest - grows);
+        for (step, (force, [slope, grows, weight])) in forces.iter_mut().zip(&self.slopes).enumerate() {
+            let instant = weight * self.instant;
+            let inverse = 1.0 / (instant * slope + newest - grows);
             let x = lanes(|lane| {
-                let ahead = self.instant * stretched[lane] + newest * position[lane];
+                let ahead = instant * stretched[lane] + newest * position[lane];
                 let inert = first * past[0][lane] + second * past[1][lane] + third * past[2][lane];
-                (force[lane] - known[lane] + ahead - inert) * inverse
+                (force[lane] - weight * known[lane] + ahead - inert) * inverse
             });
             past = [lanes(|lane| x[lane] - position[lane]), past[0], past[1]];
             let increment = lanes(|lane| slope * x[lane] - stretched[lane]);

@@ -11,7 +11,7 @@ use num_complex::Complex;
 use rayon::prelude::*;
 use springpot::{Actuator, Curve, Discretisation, Load};
 
-use super::candidate::Candidate;
+use super::candidate::{Candidate, Curves};
 use super::observation::{Observation, ReadingFit, Readings};
 use super::statistics::range;
 use super::transfer::{Nodes, Spectrum, Transfer};
@@ -142,8 +142,8 @@ pub struct Evaluation {
     /// Offset and gain of every observation's readings.
     pub readings: Vec<ReadingFit>,
     transfers: Vec<Transfer>,
-    /// The elastic curve.
-    curve: Option<Curve>,
+    /// The curves.
+    curves: Option<Curves>,
     /// Displacements (m), or forces (N), on the grid.
     pub(super) responses: Vec<Vec<f64>>,
 }
@@ -237,24 +237,24 @@ impl Objective {
     pub fn evaluate(&self, candidate: &Candidate) -> Option<Evaluation> {
         let model = candidate.model().ok()?;
         candidate.actuator.check().ok()?;
-        let curve = candidate.bend.curve().ok()?;
+        let curves = candidate.curves().ok()?;
         let coupled = candidate.actuator.stretch_coupling != 0.0;
         let transfers = self
             .circles
             .iter()
             .zip(&self.nodes)
             .zip(&self.steps)
-            .map(|(place, &step)| Transfer::new(&model, place, step, coupled, curve.as_ref()))
+            .map(|(place, &step)| Transfer::new(&model, place, step, coupled, curves.as_ref()))
             .collect::<Option<Vec<Transfer>>>()?;
         let responses = self
             .records
             .par_iter()
-            .map(|record| self.respond(record, candidate, curve.as_ref(), &transfers[record.circle]))
+            .map(|record| self.respond(record, candidate, curves.as_ref(), &transfers[record.circle]))
             .collect::<Option<Vec<(Vec<f64>, Vec<f64>)>>>()?;
         let (mut modelled, responses): (Vec<Vec<f64>>, Vec<Vec<f64>>) = responses.into_iter().unzip();
         let solve = |(record, modelled): (&Record, &mut Vec<f64>)| record.readings.solve(modelled);
         let readings = self.records.iter().zip(&mut modelled).map(solve).collect();
-        Some(Evaluation { modelled, readings, transfers, curve, responses })
+        Some(Evaluation { modelled, readings, transfers, curves, responses })
     }
 
     /// Modelled values at the measured times, and the same response on the grid.
@@ -262,31 +262,27 @@ impl Objective {
         &self,
         record: &Record,
         candidate: &Candidate,
-        curve: Option<&Curve>,
+        curves: Option<&Curves>,
         transfer: &Transfer,
     ) -> Option<(Vec<f64>, Vec<f64>)> {
         let circle = &self.circles[record.circle];
         let actuator = &candidate.actuator;
-        let bent = |loads: Vec<Load<f64>>, curve: &Curve| -> Option<Vec<f64>> {
-            transfer.bent(circle, transfer.law.as_ref()?, curve, &loads).ok()
+        let bent = |loads: Vec<Load<f64>>, curves: &Curves| -> Option<Vec<f64>> {
+            transfer.bent(circle, transfer.law.as_ref()?, curves, &loads).ok()
         };
         let series = match &record.drive {
-            DriveSpectra::Displacement { path, spectrum } => match curve {
+            DriveSpectra::Displacement { path, spectrum } => match curves {
                 None => circle.series(product(spectrum, &transfer.stiffness), record.samples),
-                Some(curve) => {
-                    let force = product(&stretched(circle, curve, path), &transfer.kernel);
-                    let inertia = product(spectrum, &transfer.inertia);
-                    circle.series(force.iter().zip(inertia).map(|(f, m)| f + m).collect(), record.samples)
-                }
+                Some(curves) => transfer.film(curves).force(circle, path),
             },
-            DriveSpectra::Force { force, spectrum } => match curve {
+            DriveSpectra::Force { force, spectrum } => match curves {
                 None => circle.series(product(spectrum, &transfer.compliance), record.samples),
-                Some(curve) => {
-                    bent(force.iter().map(|&force| Load { force_n: force, slope_n_per_m: 0.0 }).collect(), curve)?
+                Some(curves) => {
+                    bent(force.iter().map(|&force| Load { force_n: force, slope_n_per_m: 0.0 }).collect(), curves)?
                 }
             },
-            DriveSpectra::Voltage { squared, spectrum, ones } => match (&transfer.law, curve) {
-                (_, Some(curve)) => bent(loads(actuator, squared), curve)?,
+            DriveSpectra::Voltage { squared, spectrum, ones } => match (&transfer.law, curves) {
+                (_, Some(curves)) => bent(loads(actuator, squared), curves)?,
                 (None, None) => {
                     let saturated = |v2: &f64| actuator.saturated(*v2);
                     let saturated = actuator
