@@ -253,15 +253,17 @@ fn a_film_of_finite_strain_gets_two_curves() {
         let interval = check.expectation.expect("recorded").feedforward_error_pct;
         (rms, errors.iter().fold(0.0, |most, e| most.max(e.abs())), interval)
     };
-    let linear = followed(&fitted(CurveChoice::None), 155.0);
+    let straight = fitted(CurveChoice::None);
+    let linear = followed(&straight, 155.0);
     let two = fitted(CurveChoice::Two);
     assert!(two.spring.is_some(), "two curves are chosen");
     let (rms, largest, [low, high]) = followed(&two, 155.0);
     println!("linear {linear:?}; two curves {rms:.3} % RMS, {largest:.3} % of {low:.3} to {high:.3} %");
     assert!(rms < linear.0 / 3.0 && (low..=high).contains(&rms), "{rms} % of {linear:?}");
     if full_sweep() {
-        let (rms, largest, interval) = followed(&two, 1800.0);
-        println!("1800 s: {rms:.3} % RMS, {largest:.3} % of {interval:?}");
-        assert!(rms < 4.0 && (interval[0]..=interval[1]).contains(&rms), "{rms} % of {interval:?}");
+        // Recordings of 155 s leave the film's memory of 500 s open: it drifts less, and the interval says so.
+        let (linear, (rms, largest, interval)) = (followed(&straight, 1800.0), followed(&two, 1800.0));
+        println!("1800 s: linear {linear:?}; two curves {rms:.3} % RMS, {largest:.3} % of {interval:?}");
+        assert!(rms < linear.0 / 2.0 && (interval[0]..=interval[1]).contains(&rms), "{rms} % of {linear:?}");
     }
 }
