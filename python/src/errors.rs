@@ -12,6 +12,7 @@ mod raised {
     pyo3::import_exception!(springpot.errors, ComputationError);
     pyo3::import_exception!(springpot.errors, FileError);
     pyo3::import_exception!(springpot.errors, InputError);
+    pyo3::import_exception!(springpot.errors, LinkError);
 }
 
 /// Turns a result of the host tool into one of Python.
@@ -31,6 +32,7 @@ pub(crate) fn exception(error: &Error) -> PyErr {
     let line = with_arguments(&error.to_string());
     match innermost(error) {
         Error::File { .. } | Error::Line { .. } => raised::FileError::new_err(line),
+        Error::Link { .. } => raised::LinkError::new_err(line),
         Error::Computation(_) => raised::ComputationError::new_err(line),
         Error::Interrupted => PyKeyboardInterrupt::new_err(line),
         _ => raised::InputError::new_err(line),

@@ -1,5 +1,7 @@
 //! Simulated films and references to follow: what a first try needs.
 
+use std::sync::Mutex;
+
 use host_io::Error;
 use host_io::files::import::Quantity;
 use host_io::files::recording::Recording;
@@ -8,7 +10,7 @@ use host_models::simulation::film::{Film, FilmState, Instruments, Plant, Wavefor
 use host_models::simulation::film_recording::Session;
 use pyo3::prelude::*;
 
-use crate::arrays::{count, finite};
+use crate::arrays::{count, finite, locked};
 use crate::errors::{Raise, refused};
 use crate::names::choice;
 use crate::recording::PyRecording;
@@ -78,10 +80,11 @@ pub(crate) fn reference(
 }
 
 /// A simulated nonlinear film in motion, `plant` "hossain" or "wang": a bench without high voltage.
-#[pyclass(name = "SimulatedFilm", module = "springpot")]
+/// Threads that advance one film take turns.
+#[pyclass(frozen, name = "SimulatedFilm", module = "springpot")]
 pub(crate) struct PySimulatedFilm {
     film: Film,
-    state: FilmState,
+    state: Mutex<FilmState>,
 }
 
 /// Longest part of an advance, s: as in the host tool's closed loops.
@@ -93,34 +96,35 @@ impl PySimulatedFilm {
     #[pyo3(signature = (plant="hossain"))]
     fn new(plant: &str) -> PyResult<Self> {
         let film = Film::new(choice::<Plant>("plant", plant)?);
-        Ok(Self { state: film.rest(), film })
+        Ok(Self { state: Mutex::new(film.rest()), film })
     }
 
     /// Displacement from where the weight holds it, m.
     #[getter]
-    fn displacement_m(&self) -> f64 {
-        self.film.displacement_m(&self.state)
+    fn displacement_m(&self, py: Python<'_>) -> f64 {
+        self.film.displacement_m(&locked(py, &self.state))
     }
 
     /// Goes on for `duration_s` (s) under a constant `voltage_v` (V); the displacement (m) then.
     ///
     /// Raises ComputationError for a film that is torn or pulled in; its state stays.
-    fn advance(&mut self, voltage_v: f64, duration_s: f64) -> PyResult<f64> {
+    fn advance(&self, py: Python<'_>, voltage_v: f64, duration_s: f64) -> PyResult<f64> {
         finite("voltage_v", voltage_v)?;
         if !(0.0..=1e3).contains(&duration_s) {
             return Err(refused("duration_s", format!("{duration_s:?} s must be from 0 to 1000")));
         }
         let parts = ((duration_s / MAX_PART_S).ceil() as usize).max(1);
-        let next = self.film.advanced(&self.state, voltage_v, duration_s, parts);
+        let mut state = locked(py, &self.state);
+        let next = py.detach(|| self.film.advanced(&state, voltage_v, duration_s, parts));
         if !self.film.holds(&next) {
             let cause = format!("the film is torn or pulled in under {voltage_v:.0} V; lower the voltage");
             return Err(Error::Computation(cause)).raise();
         }
-        self.state = next;
-        Ok(self.displacement_m())
+        *state = next;
+        Ok(self.film.displacement_m(&state))
     }
 
-    fn __repr__(&self) -> String {
-        format!("<springpot.SimulatedFilm at {:?} m>", self.displacement_m())
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!("<springpot.SimulatedFilm at {:?} m>", self.displacement_m(py))
     }
 }

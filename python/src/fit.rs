@@ -63,7 +63,7 @@ pub(crate) enum ActuatorSource<'py> {
 
 impl ActuatorSource<'_> {
     /// The actuator, and whether its sizes are assumed.
-    fn sized(&self) -> host_io::Result<(Actuator, bool)> {
+    pub(crate) fn sized(&self) -> host_io::Result<(Actuator, bool)> {
         match self {
             Self::Actuator(actuator) => Ok((actuator.get().0, false)),
             Self::Model(model) => Ok((model.get().parameters.actuator, model.get().parameters.assumed_sizes)),

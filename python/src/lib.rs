@@ -7,11 +7,15 @@
 
 mod actuator;
 mod arrays;
+mod closed_loop;
+mod compare;
 mod control;
 mod errors;
+mod export;
 mod film;
 mod fit;
 mod law;
+mod link;
 mod model;
 mod names;
 mod recording;
@@ -29,13 +33,21 @@ mod _native {
     #[pymodule_export]
     use crate::actuator::PyActuator;
     #[pymodule_export]
+    use crate::closed_loop::closed_loop;
+    #[pymodule_export]
+    use crate::compare::{compare, reduce};
+    #[pymodule_export]
     use crate::control::{PyEstimate, PyFeedforward, PyObserver, PyTick, PyTracking};
+    #[pymodule_export]
+    use crate::export::export;
     #[pymodule_export]
     use crate::film::{PySimulatedFilm, record_film, reference};
     #[pymodule_export]
     use crate::fit::fit;
     #[pymodule_export]
     use crate::law::{PyLaw, PyState};
+    #[pymodule_export]
+    use crate::link::PyLink;
     #[pymodule_export]
     use crate::model::{PyModel, load, presets, save};
     #[pymodule_export]

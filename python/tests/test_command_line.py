@@ -194,3 +194,58 @@ def test_observer_ticks(films: list[Path], fitted: tuple[Path, Any]) -> None:
         assert estimate.force_scale == expected.force_scale[k]
         assert estimate.innovation_m == expected.innovation_m[k]
         assert estimate.innovation_std_m == expected.innovation_std_m[k]
+
+
+@pytest.mark.parametrize("film", ["hossain", "preset:table3-n3"])
+@pytest.mark.parametrize("controller", ["tracking", "feedforward", "none"])
+def test_closed_loop(tool: Tool, sine: Path, film: str, controller: Any) -> None:
+    options: list[object] = ["--rate", 200, "--stiffness", 1.1, "--seed", 7, "--sensor-lost", "5:8", "--amplifier-lag", 0.01, "--every", 1]
+    arguments = ["closed-loop", "--plant", film, "--params", "preset:table3-n2", "--reference", sine, "--controller", controller]
+    expected = tool.json(*arguments, *options, "--out", "loop.csv")
+    run = sp.closed_loop(
+        sp.load("preset:table3-n2"),
+        sine,
+        film="hossain" if film == "hossain" else sp.load(film),
+        controller=controller,
+        rate_hz=200,
+        stiffness=1.1,
+        seed=7,
+        sensor_lost_s=[(5, 8)],
+        amplifier_lag_s=0.01,
+    )
+    table = read_csv(tool.folder / "loop.csv")
+    assert set(table) - {"estimate_m", "disturbance_n", "force_scale"} == {"time_s", "voltage_v", "displacement_m", "reference_m", "limited"}
+    assert_equal(run.columns(), table, list(table))
+    assert {key: expected[key] for key in run.quality} == run.quality and run.quality["rms_m"] > 0
+
+
+def test_compare(tool: Tool, films: list[Path]) -> None:
+    expected = tool.json("compare", *films, "--starts", 1, "--to", 30)["models"]
+    stages: list[str] = []
+    rows = sp.compare(films, starts=1, to_s=30, progress=lambda stage: stages.append(stage.what))
+    # The time of a step is this machine's.
+    assert [{**vars(row), "step_ns": 0} for row in rows] == [{"beyond_pct": None, **row, "step_ns": 0} for row in expected]
+    assert len(rows) > 5 and len(stages) == len(rows)
+
+
+def test_reduce(tool: Tool) -> None:
+    expected = tool.json("reduce", "--params", "preset:table3-n5", "--tolerance", 1e-3, "--from", 1e-3, "--to", 10, "--out", "small.toml")
+    model = sp.load("preset:table3-n5")
+    reduction = sp.reduce(model, tolerance=1e-3, from_hz=1e-3, to_hz=10)
+    assert reduction.model.to_toml() == (tool.folder / "small.toml").read_text(encoding="utf-8")
+    assert (reduction.steps, reduction.largest_change) == (expected["steps"], expected["largest_change"])
+    assert len(reduction.model.branches) == expected["branches"] < len(model.branches) == expected["branches_before"]
+
+
+@pytest.mark.parametrize("out", ["film.bin", "film.rs", "film.c", "film_sfun/film.c", "arduino_film", "film.fmu"])
+def test_export(tool: Tool, out: str, tmp_path: Path) -> None:
+    emit: Any = {"film_sfun/film.c": "sfunction", "arduino_film": "arduino"}.get(out)
+    for folder in (tool.folder / "exported", tmp_path):
+        (folder / out).parent.mkdir(parents=True, exist_ok=True)
+    options = ["--emit", emit] if emit else []
+    expected = tool.json("export", "--params", "preset:table3-n2", "--rate", 500, *options, "--out", f"exported/{out}")["written"]
+    written = sp.export(sp.load("preset:table3-n2"), tmp_path / out, rate_hz=500, emit=emit)
+    assert len(written) == len(expected)
+    for path, other in zip(written, expected, strict=True):
+        assert Path(path).relative_to(tmp_path) == Path(other).relative_to("exported")
+        assert Path(path).read_bytes() == (tool.folder / other).read_bytes(), path

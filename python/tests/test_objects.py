@@ -212,3 +212,25 @@ def test_threads_take_turns() -> None:
     for thread in threads:
         thread.join()
     assert shared.displacement_m == expected.displacement_m
+
+
+def test_threads_take_turns_on_a_film_and_a_controller() -> None:
+    """As long as one advances a film or a controller, another waits: nothing is lost and nothing is refused."""
+    shared, alone = sp.SimulatedFilm(), sp.SimulatedFilm()
+    for _ in range(8):
+        alone.advance(3000.0, 0.5)
+    controllers = [sp.Feedforward(sp.load("preset:table3-n2"), 1000) for _ in range(2)]
+    expected = [controllers[1].tick(1e-3).voltage_v for _ in range(4000)]
+    ticked: list[float] = []
+
+    def step() -> None:
+        shared.advance(3000.0, 0.5)
+        ticked.extend(controllers[0].tick(1e-3).voltage_v for _ in range(500))
+
+    threads = [threading.Thread(target=step) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert shared.displacement_m == alone.displacement_m
+    assert sorted(ticked) == sorted(expected)

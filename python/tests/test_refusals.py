@@ -123,6 +123,10 @@ WRONG_TYPES: dict[str, tuple[str, Callable[[Any], object]]] = {
     "decimate": ("decimate", lambda value: sp.read_recording("none.csv", decimate=value)),
     "points": ("points", lambda value: sp.frequency_response(MODEL, 0.1, 1.0, value)),
     "harmonics": ("harmonics", lambda value: sp.Tracking(MODEL, 1000, harmonics=value)),
+    "harmonics of a loop": ("harmonics", lambda value: sp.closed_loop(MODEL, SINE, harmonics=value)),
+    "seed of a loop": ("seed", lambda value: sp.closed_loop(MODEL, SINE, seed=value)),
+    "seed of a comparison": ("seed", lambda value: sp.compare(LOG, seed=value)),
+    "starts of a comparison": ("starts", lambda value: sp.compare(LOG, starts=value)),
 }
 
 
@@ -141,6 +145,7 @@ def test_limits_of_a_wrong_type(limit: Any) -> None:
         lambda: sp.feedforward(MODEL, SINE, limits=given),
         lambda: sp.check_reference(MODEL, SINE, limits=given),
         lambda: sp.Tracking(MODEL, 1000, limits=given),
+        lambda: sp.closed_loop(MODEL, SINE, limits=given),
     ):
         with pytest.raises(ValueError, match="^max_voltage_v: "):
             call()
@@ -157,6 +162,20 @@ def test_arguments_of_a_wrong_type_are_named() -> None:
         ("weights", lambda: sp.fit(LOG, weights=["heavy"])),  # type: ignore[list-item]
         ("free", lambda: sp.fit(LOG, free="stretch_coupling")),
         ("rate_hz", lambda: sp.Law(MODEL, "fast")),  # type: ignore[arg-type]
+        ("film", lambda: sp.closed_loop(MODEL, SINE, film=wrong)),
+        ("film", lambda: sp.closed_loop(MODEL, SINE, film="paper")),  # type: ignore[arg-type]
+        ("controller", lambda: sp.closed_loop(MODEL, SINE, controller="best")),  # type: ignore[arg-type]
+        ("alpha", lambda: sp.closed_loop(MODEL, SINE, alpha=1.1)),
+        ("stiffness", lambda: sp.closed_loop(MODEL, SINE, stiffness=math.nan)),
+        ("sensor_lost_s", lambda: sp.closed_loop(MODEL, SINE, sensor_lost_s=[(2, 1)])),
+        ("sensor_noise_m", lambda: sp.closed_loop(MODEL, SINE, sensor_noise_m=-1)),
+        ("to_s", lambda: sp.compare(LOG, to_s=0)),
+        ("tolerance", lambda: sp.reduce(MODEL, tolerance=2)),
+        ("from_hz", lambda: sp.reduce(MODEL, from_hz=0)),
+        ("to_hz", lambda: sp.reduce(MODEL, from_hz=1, to_hz=0.5)),
+        ("emit", lambda: sp.export(MODEL, "film.c", emit="java")),  # type: ignore[arg-type]
+        ("rate_hz", lambda: sp.export(MODEL, "film.bin", rate_hz=0)),
+        ("path", lambda: sp.export(MODEL, wrong)),
     ):
         with pytest.raises((TypeError, ValueError), match=name):
             call()

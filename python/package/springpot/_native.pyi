@@ -2,13 +2,24 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
+from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, final, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from .limits import Limits
-from .results import FitResult, FrequencyResponse, Observation, Replay, Response, VoltagePlan
+from .results import (
+    ClosedLoop,
+    ComparedModel,
+    FitResult,
+    FrequencyResponse,
+    Observation,
+    Reduction,
+    Replay,
+    Response,
+    VoltagePlan,
+)
 
 __version__: str
 
@@ -234,6 +245,25 @@ class Stage:
     of: Final[int | None]
     share: Final[float | None]
 
+@final
+class Link:
+    def __new__(cls, port: str) -> Link: ...
+    def identify(self) -> dict[str, Any]: ...
+    def status(self) -> dict[str, Any]: ...
+    def upload(self, model: Model, *, rate_hz: float = 1000.0, bench: bool = False, keep: bool = True) -> None: ...
+    def arm(self) -> None: ...
+    def start(self, mode: Literal["voltage", "feedforward", "tracking"]) -> None: ...
+    def set_voltage(self, voltage_v: float) -> None: ...
+    def set_reference(self, reference_m: float) -> None: ...
+    def heartbeat(self) -> None: ...
+    def stop(self) -> None: ...
+    def disarm(self) -> None: ...
+    def acknowledge(self) -> None: ...
+    def stream(self, every: int) -> None: ...
+    def samples(self, duration_s: float) -> list[dict[str, Any]]: ...
+    def __enter__(self) -> Link: ...
+    def __exit__(self, _kind: object, _value: object, _traceback: object) -> None: ...
+
 def load(path: _Path) -> Model: ...
 def save(model: Model, path: _Path) -> None: ...
 def presets() -> list[str]: ...
@@ -359,3 +389,47 @@ def fit(
     starts: int = 8,
     progress: Callable[[Stage], bool | None] | None = None,
 ) -> FitResult: ...
+def closed_loop(
+    model: Model,
+    reference: _Source,
+    *,
+    film: Literal["hossain", "wang"] | Model = "hossain",
+    controller: Literal["none", "static", "window", "pi", "feedforward", "tracking"] = "tracking",
+    rate_hz: float = 1000.0,
+    bandwidth_hz: float | None = None,
+    adaptation_s: float | None = None,
+    harmonics: int | None = None,
+    period_s: float | None = None,
+    limits: Limits | None = None,
+    precision: _Precision = "f32",
+    seed: int = 1,
+    sensor_rate_hz: float | None = None,
+    sensor_delay_s: float | None = None,
+    sensor_noise_m: float = 5e-06,
+    sensor_quantum_m: float = 1e-06,
+    sensor_lost_s: Sequence[tuple[float, float]] = (),
+    amplifier_lag_s: float = 0.0,
+    amplifier_bleeder_s: float = 0.0,
+    monitor_error: float | None = None,
+    stiffness: float = 1.0,
+    alpha: float = 1.0,
+) -> ClosedLoop: ...
+def compare(
+    recordings: _Sources,
+    *,
+    drive: _Drive = "force",
+    actuator: Actuator | Model | _Path | None = None,
+    to_s: float | None = None,
+    seed: int = 1,
+    starts: int = 8,
+    progress: Callable[[Stage], bool | None] | None = None,
+) -> list[ComparedModel]: ...
+def reduce(model: Model, *, from_hz: float = 1e-06, to_hz: float = 10000.0, tolerance: float = 1e-09) -> Reduction: ...
+def export(
+    model: Model,
+    path: _Path,
+    *,
+    rate_hz: float = 1000.0,
+    emit: Literal["blob", "rust", "c", "arduino", "sfunction", "fmu", "fmu2"] | None = None,
+    method: _Method = "gl",
+) -> list[Path]: ...

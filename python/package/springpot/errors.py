@@ -1,6 +1,6 @@
 """Exceptions. Each carries the one line that the command line prints: the place, the cause and the remedy."""
 
-__all__ = ["ComputationError", "Error", "FileError", "InputError"]
+__all__ = ["ComputationError", "Error", "FileError", "InputError", "LinkError"]
 
 
 class Error(Exception):
@@ -17,3 +17,7 @@ class FileError(Error, OSError, ValueError):
 
 class ComputationError(Error, ArithmeticError):
     """A computation that has no result, such as a film that is pulled in."""
+
+
+class LinkError(Error, ConnectionError):
+    """A controller that does not answer, or refuses."""

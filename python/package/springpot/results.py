@@ -16,12 +16,15 @@ if TYPE_CHECKING:
     from ._native import Model
 
 __all__ = [
+    "ClosedLoop",
+    "ComparedModel",
     "FitRecording",
     "FitResult",
     "FitWarning",
     "FrequencyResponse",
     "Observation",
     "Parameter",
+    "Reduction",
     "Replay",
     "ReplayRecording",
     "Response",
@@ -283,3 +286,54 @@ class FitResult:
     def __repr__(self) -> str:
         early = ", ended early" if self.interrupted else ""
         return f"<springpot.FitResult: {self.topology} with n = {self.branches}, R² {self.r2_mean:.6f}{early}>"
+
+
+@dataclass(frozen=True, repr=False)
+class ClosedLoop(_Columns):
+    """A controller on a simulated film: every array has one value per tick.
+
+    ``time_s`` (s), the commanded ``voltage_v`` (V), ``displacement_m`` of the film and the shaped ``reference_m`` (m), the bits of the
+    limits that were met (``limited``), and what the controller estimates: ``estimate_m`` (m), ``disturbance_n`` (N), ``force_scale``, NaN
+    where it estimates nothing. ``quality`` is what ``closed-loop --json`` prints, such as ``tracking_rms_pct``.
+    """
+
+    time_s: FloatArray
+    voltage_v: FloatArray
+    displacement_m: FloatArray
+    reference_m: FloatArray
+    limited: npt.NDArray[np.uint8]
+    estimate_m: FloatArray
+    disturbance_n: FloatArray
+    force_scale: FloatArray
+    quality: dict[str, Any]
+    rate_hz: float
+
+    def __repr__(self) -> str:
+        return f"<springpot.ClosedLoop {len(self.time_s)} ticks, {1e6 * self.quality['rms_m']:.3g} µm RMS>"
+
+
+@dataclass(frozen=True)
+class ComparedModel:
+    """A model of creep in a comparison, with means over the recordings.
+
+    ``left_out_nrmse_pct`` (%) is of every recording under a fit to the others, None for one recording; ``beyond_pct`` (%) the error after
+    what was fitted, None where all was; ``step_ns`` (ns) the time of a step on this machine.
+    """
+
+    model: str
+    family: str
+    parameters: int
+    r2_mean: float
+    nrmse_pct: float
+    left_out_nrmse_pct: float | None
+    beyond_pct: float | None
+    step_ns: float
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """A smaller model, the ``steps`` to it, and the largest relative change of the dynamic modulus."""
+
+    model: Model
+    steps: list[str]
+    largest_change: float
