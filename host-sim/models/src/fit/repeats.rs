@@ -30,6 +30,9 @@ const NO_NOISE: f64 = 5e-5;
 const EQUAL: f64 = 1e-4;
 /// Share of the rows without noise that a copy has in common with the other.
 const MIN_OVERLAP: f64 = 0.8;
+/// Gain of the drive of a copy with noise, and what may remain of it, apart from steps between rows.
+const OTHER_GAIN: f64 = 0.4;
+const EXACT_DRIVE: f64 = 0.01;
 /// Gain of a copy without noise, and what may remain of its drive beside that of the other.
 const GAIN: f64 = 0.05;
 const SAME_DRIVE: f64 = 0.05;
@@ -120,13 +123,25 @@ impl Rows {
         Some(Self::from_columns(drive, measured, 1.0 / rate_hz, true))
     }
 
+    /// Whether the drives are one, but for an offset, the sign and some of the gain: simulated recordings may have the noise of one seed.
+    fn has_the_drive_of(&self, other: &Self, lag: isize) -> bool {
+        let (gain, rest) = rest(&self.drive, &other.drive, lag, true);
+        let range = percentile_range(self.drive.iter().copied());
+        (gain.abs() - 1.0).abs() < OTHER_GAIN
+            && rms(&rest) < SAME_DRIVE * range
+            && robust_deviation(&rest) < EXACT_DRIVE * range
+    }
+
     fn is_copy_of(&self, other: &Self) -> bool {
         let size = |rows: &Self| percentile_range(rows.measured.iter().copied()).max(f64::MIN_POSITIVE);
         let Some(noise) = Match::of_noise(&self.noise, &other.noise) else { return false };
         let has_noise = |rows: &Self| rows.deviation > NO_NOISE * size(rows);
         if has_noise(self) && has_noise(other) {
             let least = if self.in_steps && other.in_steps { SAME_STEPS } else { SAME_NOISE };
-            if noise.is_single() && noise.correlation.abs() > least.max(noise.chance) {
+            if noise.is_single()
+                && noise.correlation.abs() > least.max(noise.chance)
+                && self.has_the_drive_of(other, noise.lag)
+            {
                 return true;
             }
         }
@@ -182,6 +197,7 @@ fn unpredicted(drive: &[f64], measured: &[f64]) -> Vec<f64> {
 
 /// Two series at the lag at which they are most alike.
 struct Match {
+    lag: isize,
     correlation: f64,
     /// The largest correlation at other lags.
     elsewhere: f64,
@@ -214,7 +230,7 @@ impl Match {
         let far = all.iter().filter(|(lag, ..)| lag.abs_diff(best) > ORDER);
         let elsewhere = far.fold(0.0_f64, |most, (_, correlation, _)| most.max(correlation.abs()));
         let chance = 1.5 * (2.0 * (all.len() as f64).ln() / count as f64).sqrt();
-        Some(Self { correlation, elsewhere, chance })
+        Some(Self { lag: best, correlation, elsewhere, chance })
     }
 
     /// Whether they are alike at this lag only.
@@ -225,14 +241,25 @@ impl Match {
 
 /// The gain with which `long` from `lag` on leaves least of `short`, and the RMS of that: beside their means if those are `free`.
 fn difference(short: &[f64], long: &[f64], lag: isize, free: bool) -> (f64, f64) {
+    let (gain, rest) = rest(short, long, lag, free);
+    (gain, rms(&rest))
+}
+
+/// That gain and what it leaves.
+fn rest(short: &[f64], long: &[f64], lag: isize, free: bool) -> (f64, Vec<f64>) {
     let (from_short, from_long) = (lag.min(0).unsigned_abs(), lag.max(0).unsigned_abs());
     let count = (short.len() - from_short).min(long.len() - from_long);
     let (short, long) = (&short[from_short..][..count], &long[from_long..][..count]);
     let mean = |values: &[f64]| if free { values.iter().sum::<f64>() / count as f64 } else { 0.0 };
     let (x, y) = (mean(long), mean(short));
-    let sum = |of: &dyn Fn(f64, f64) -> f64| short.iter().zip(long).map(|(s, l)| of(l - x, s - y)).sum::<f64>();
-    let gain = sum(&|l, s| l * s) / sum(&|l, _| l * l).max(f64::MIN_POSITIVE);
-    (gain, (sum(&|l, s| (s - gain * l).powi(2)) / count as f64).sqrt())
+    let pairs = || short.iter().zip(long).map(|(s, l)| (s - y, l - x));
+    let sum = |of: fn((f64, f64)) -> f64| pairs().map(of).sum::<f64>();
+    let gain = sum(|(s, l)| l * s) / sum(|(_, l)| l * l).max(f64::MIN_POSITIVE);
+    (gain, pairs().map(|(s, l)| s - gain * l).collect())
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
 }
 
 /// The lag at which two series are most alike, beside their means and sizes, over most of the short one.

@@ -212,6 +212,20 @@ fn copies_without_noise_are_found() {
     }
 }
 
+/// Simulated with the same seed of noise, but another drive, or another amplitude.
+#[test]
+fn the_noise_of_one_seed_makes_no_copy() {
+    for seed in 0..30 {
+        let mut random = Pcg64::seed_from_u64(700 + seed);
+        let size = 10f64.powf(random.random_range(-3.5..-2.0));
+        let volts = drive(&mut random);
+        let scale = [0.25, 0.5, 2.0][random.random_range(0..3)];
+        let other = if seed % 2 == 0 { drive(&mut random) } else { volts.iter().map(|volts| scale * volts).collect() };
+        let one = [volts, other].map(|volts| measured(&mut Pcg64::seed_from_u64(seed), &volts, 0.05, size));
+        assert!(!is_copy(&one[0], &one[1]), "{seed}: {scale}, noise {size:.1e}");
+    }
+}
+
 /// The same drive measured again, with noise of its own.
 #[test]
 fn repetitions_are_not_accused() {
