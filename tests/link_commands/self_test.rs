@@ -105,7 +105,9 @@ fn preflight_and_the_flight_recorder() {
     let ticks: Vec<&str> = table.lines().skip(1).collect();
     assert_eq!(ticks.len(), 64);
     assert!(ticks.iter().all(|row| row.split(',').count() == 8), "{table}");
-    assert!(ticks[63].ends_with("disarmed") && ticks[62].ends_with("armed"), "{table}");
+    // The tick that ended it is the last; whether one was armed between, after the run, depends on when the host comes.
+    let ended: Vec<bool> = ticks.iter().map(|row| row.ends_with(",disarmed")).collect();
+    assert_eq!(ended.iter().position(|ended| *ended), Some(63), "{table}");
 
     let out = out.parent().expect("a folder").join("none").join("last.csv");
     names(&board.fails(&format!("flight-recorder --out {}", out.display())), &["none"]);
