@@ -114,9 +114,8 @@ fn disturbance(
             "record with the sensor's own rate, or empty the readings that repeat the one before",
         ));
     }
-    let is_jump = |&k: &usize| {
-        changes[k].abs() > (JUMP * stroke).max(10.0 * noise(values)) && (volts[k + 1] - volts[k]).abs() < 0.03 * peak
-    };
+    let least = (JUMP * stroke).max(10.0 * noise(values));
+    let is_jump = |&k: &usize| changes[k].abs() > least && (volts[k + 1] - volts[k]).abs() < 0.03 * peak;
     let jumps: Vec<f64> = (0..changes.len()).filter(is_jump).map(|k| changes[k]).collect();
     let size = median(&jumps.iter().map(|jump| jump.abs()).collect::<Vec<f64>>());
     let alike = jumps.iter().filter(|jump| (jump.abs() / size - 1.0).abs() < 0.2).count();
