@@ -62,7 +62,7 @@ impl Times {
                 None => {
                     let begin: String = text.chars().take(40).collect();
                     return Err(format!(
-                        "{name} is {begin:?}, which is no time; remove the line, or begin it with # if it is a remark"
+                        "{name} is {begin:?}, which is not a time; remove the line, or begin it with # if it is a remark"
                     ));
                 }
             },
