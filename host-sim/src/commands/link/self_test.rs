@@ -147,14 +147,12 @@ impl SelfTest {
         // As far as the board still answers.
         let off = self.off(client, checks, rest_v);
         tried.and(disarmed).and(off)?;
-        if checks.passed() {
-            client.order(Command::SelfTested)?;
-        }
         if self.watchdog && checks.passed() {
             going_on(stop)?;
             stop_feeding_watchdog(client, checks)?;
         }
-        Ok(())
+        // Last: a reset forgets it.
+        if checks.passed() { client.order(Command::SelfTested) } else { Ok(()) }
     }
 
     /// Whether `volts` are within what is allowed of `wanted_v`.
