@@ -6,10 +6,13 @@ use clap::Args;
 use dea_driver::wire::{Answer, Command, FlightRecord};
 use serde::Serialize;
 
-use crate::error::{Result, shown};
+use crate::error::{Error, Result, shown};
 use crate::files::output::{self, Folders};
 use crate::link::{Client, named};
 use crate::terminal;
+
+/// Newest records among which the last one with voltage is of the same run.
+const LAST: usize = 16;
 
 #[derive(Debug, Args)]
 pub(super) struct FlightRecorder {
@@ -32,7 +35,7 @@ struct Report {
 struct Newest {
     tick: u32,
     state: String,
-    /// Before it, of the last record with voltage.
+    /// Before it, of the last record with voltage if it is one of the newest.
     command_v: f32,
     monitor_v: Option<f32>,
     displacement_m: Option<f32>,
@@ -59,7 +62,7 @@ impl FlightRecorder {
                         limited,
                         state,
                     } = record;
-                    let state = named(*state).replace(',', ";");
+                    let state = named(*state);
                     writeln!(
                         file,
                         "{tick},{command_v},{monitor_v},{displacement_m},{predicted_m},{reference_m},{limited},{state}"
@@ -69,7 +72,7 @@ impl FlightRecorder {
         }
         let shown_if_finite = |value: f32| Some(value).filter(|value| value.is_finite());
         let newest = records.first().map(|last| {
-            let before = records.iter().find(|record| record.command_v != 0.0).unwrap_or(last);
+            let before = records.iter().take(LAST).find(|record| record.command_v != 0.0).unwrap_or(last);
             Newest {
                 tick: last.tick,
                 state: named(last.state),
@@ -103,8 +106,16 @@ impl FlightRecorder {
     }
 }
 
-/// All records, the newest first. A run that goes on meanwhile moves them: what comes twice is left out.
+/// All records, the newest first. A run that went on meanwhile would move them.
 fn read(client: &mut Client) -> Result<Vec<FlightRecord>> {
+    let state = client.status()?.state;
+    if state.is_live() {
+        let cause = format!(
+            "the controller is {}: read its flight recorder after the run (`link disarm` ends it)",
+            named(state)
+        );
+        return Err(Error::Computation(cause));
+    }
     let mut records: Vec<FlightRecord> = Vec::new();
     while let Ok(back) = u16::try_from(records.len()) {
         match client.ask(Command::FlightRecords { back })? {
