@@ -1,5 +1,6 @@
 //! Files as they are read and written.
 
+mod damaged_files;
 mod instruments;
 mod lab_files;
 mod misreadings;

@@ -10,12 +10,15 @@ mod encoding;
 mod extract;
 mod header;
 mod kind;
+mod lines;
 mod mapping;
 mod mat;
 mod names;
 mod numbers;
+mod reshaped;
 mod rows;
 mod separator;
+mod series;
 mod shape;
 mod source;
 mod text;
@@ -26,10 +29,11 @@ mod workbook;
 
 pub use choice::Choices;
 pub use edit::{Blank, Edits};
-pub use extract::{Series, Understood, UnderstoodColumn, from_csv, read};
+pub use extract::{from_csv, read};
 pub use mapping::By;
 pub use numbers::Decimal;
 pub use rows::{Fill, RepeatedTimes};
+pub use series::{Series, Understood, UnderstoodColumn};
 
 /// Quantity of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]

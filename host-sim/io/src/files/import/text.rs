@@ -1,23 +1,13 @@
 //! Text with rows of numbers: what separates them, where they begin, and the lines above.
 
-use std::borrow::Cow;
-
 use super::clock;
 use super::header::{self, Head, TopRow};
+use super::lines::{Line, is_comment, lines};
 use super::names::Title;
 use super::numbers::{self, Cell, Decimal, Signs};
 use super::separator::{Separator, bare};
 use super::shape::{Kind, Shape};
 use super::units::{self, Unit};
-
-/// A line of the text.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Line<'a> {
-    number: u64,
-    text: &'a str,
-    /// Text from its beginning on.
-    rest: &'a str,
-}
 
 /// Rows of numbers in a text.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,7 +52,8 @@ pub struct Dialect<'a> {
 }
 
 impl Dialect<'_> {
-    fn kind(&self, cell: &str) -> Kind {
+    /// The kind of a cell.
+    pub fn kind(&self, cell: &str) -> Kind {
         let is_number = |cell: &str| {
             [Decimal::Point, Decimal::Comma]
                 .iter()
@@ -79,9 +70,6 @@ impl Dialect<'_> {
 
 /// Rows of which the first cells are compared.
 const FIRST: usize = 200;
-
-/// Longest line, in bytes.
-const MAX_LINE: usize = 1 << 16;
 
 impl<'a> TextTable<'a> {
     /// The rows in a `text` whose first line has the names: the dialect of this tool, with commas and decimal points.
@@ -353,109 +341,6 @@ impl<'a> TextTable<'a> {
             Ok((line.number, cells))
         })
     }
-}
-
-/// `text` with each cell in quotes on one line, as spreadsheets wrap long names. The lines below keep their numbers.
-pub fn unwrapped(text: &str) -> Cow<'_, str> {
-    const MAX_CELL: usize = 200;
-    if !text.bytes().take(MAX_LINE).any(|byte| byte == b'"') {
-        return text.into();
-    }
-    let is_end = |c: char| matches!(c, ',' | ';' | '\t' | '\n' | '\r');
-    let (mut joined, mut rest, mut breaks) = (String::new(), text, 0);
-    // Line ends that were left out follow the line.
-    let push = |joined: &mut String, part: &str, breaks: &mut usize| {
-        let (before, after) = part.split_at(part.find(['\n', '\r']).unwrap_or(part.len()));
-        joined.push_str(before);
-        if !after.is_empty() {
-            joined.extend(std::iter::repeat_n('\n', std::mem::take(breaks)));
-        }
-        joined.push_str(after);
-    };
-    while let Some(at) = rest.find('"').filter(|_| text.len() - rest.len() < MAX_LINE) {
-        push(&mut joined, &rest[..=at], &mut breaks);
-        let cell = rest[at + 1..].split('"').next().unwrap_or_default();
-        let after = rest.get(at + cell.len() + 2..).map(|after| after.trim_start_matches(' '));
-        let begins = joined.trim_end_matches('"').trim_end_matches(' ').chars().last().is_none_or(is_end);
-        rest = &rest[at + 1..];
-        if begins && cell.len() < MAX_CELL && after.is_some_and(|after| after.chars().next().is_none_or(is_end)) {
-            breaks += cell.replace("\r\n", "\n").matches(['\n', '\r']).count();
-            joined.extend(cell.chars().map(|c| if matches!(c, '\n' | '\r') { ' ' } else { c }));
-            joined.push('"');
-            rest = &rest[cell.len() + 1..];
-        }
-    }
-    push(&mut joined, rest, &mut breaks);
-    joined.into()
-}
-
-/// The same table as `text` with rows for columns, if its last lines are a name and numbers each, and one of the names `is_time`.
-pub fn transposed(text: &str, is_time: impl Fn(&str) -> bool) -> Option<String> {
-    let lines: Vec<Line<'_>> = lines(text, 1).filter(|line| !is_comment(line.text)).collect();
-    let dialect = Dialect::default();
-    for separator in Separator::ALL {
-        let rows: Vec<Vec<&str>> = lines.iter().map(|line| separator.split(line.text)).collect();
-        let length = rows.last().map_or(0, Vec::len);
-        let is_series = |row: &Vec<&str>| {
-            row.len() == length
-                && dialect.kind(row[0]) == Kind::Text
-                && row[1..].iter().all(|cell| dialect.kind(cell) != Kind::Text)
-        };
-        let begin = rows.iter().rposition(|row| !is_series(row)).map_or(0, |last| last + 1);
-        let (above, series) = rows.split_at(begin);
-        if length < 4
-            || series.len() < 2
-            || above.iter().any(|row| row.len() >= 3)
-            || !series.iter().any(|row| is_time(row[0]))
-        {
-            continue;
-        }
-        let sign = if separator == Separator::Blanks { "\t" } else { separator.sign() };
-        let row = |index: usize| series.iter().map(|row| row[index]).collect::<Vec<_>>();
-        let names: Vec<String> = row(0).iter().map(|name| format!("\"{}\"", name.replace('"', ""))).collect();
-        let rows = (1..length).map(row).filter(|row| row.iter().any(|cell| !cell.is_empty())).map(|row| row.join(sign));
-        return Some(std::iter::once(names.join(sign)).chain(rows).collect::<Vec<_>>().join("\n"));
-    }
-    None
-}
-
-impl<'a> Line<'a> {
-    /// Its cells, between `separator`.
-    ///
-    /// # Errors
-    ///
-    /// Its number and why it cannot be used.
-    fn cells(&self, separator: Separator) -> Result<Vec<&'a str>, (u64, String)> {
-        if self.text.len() > MAX_LINE {
-            let cause = format!("a line of more than {MAX_LINE} characters; this is not a table of numbers");
-            return Err((self.number, cause));
-        }
-        match separator.cells(self.text) {
-            (_, true) => Err((self.number, "a quote is not closed on this line".into())),
-            (cells, false) => Ok(cells),
-        }
-    }
-}
-
-/// The lines of `text` that are not blank; the first of all is number `number`. Line ends of all systems end them.
-fn lines(text: &str, mut number: u64) -> impl Iterator<Item = Line<'_>> {
-    let mut rest = text;
-    let next = move || {
-        if rest.is_empty() {
-            return None;
-        }
-        let (number_here, begin) = (number, rest);
-        let end = rest.find(['\n', '\r']).unwrap_or(rest.len());
-        let (line, after) = rest.split_at(end);
-        rest = after.strip_prefix("\r\n").or_else(|| after.strip_prefix(['\n', '\r'])).unwrap_or(after);
-        number += 1;
-        Some(Line { number: number_here, text: line, rest: begin })
-    };
-    std::iter::from_fn(next).filter(|line| !line.text.trim().is_empty())
-}
-
-fn is_comment(line: &str) -> bool {
-    line.trim_start().starts_with(['#', '%'])
 }
 
 /// The beginning of `rows` and some all over them.

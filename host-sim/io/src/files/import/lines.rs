@@ -1,0 +1,57 @@
+//! Lines of a text.
+
+use super::separator::Separator;
+
+/// Longest line, in bytes.
+pub const MAX_LINE: usize = 1 << 16;
+
+/// A line of the text.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line<'a> {
+    /// Its number, from one.
+    pub number: u64,
+    /// The line without its end.
+    pub text: &'a str,
+    /// Text from its beginning on.
+    pub rest: &'a str,
+}
+
+impl<'a> Line<'a> {
+    /// Its cells, between `separator`.
+    ///
+    /// # Errors
+    ///
+    /// Its number and why it cannot be used.
+    pub fn cells(&self, separator: Separator) -> Result<Vec<&'a str>, (u64, String)> {
+        if self.text.len() > MAX_LINE {
+            let cause = format!("a line of more than {MAX_LINE} characters; this is not a table of numbers");
+            return Err((self.number, cause));
+        }
+        match separator.cells(self.text) {
+            (_, true) => Err((self.number, "a quote is not closed on this line".into())),
+            (cells, false) => Ok(cells),
+        }
+    }
+}
+
+/// The lines of `text` that are not blank; the first of all is number `number`. Line ends of all systems end them.
+pub fn lines(text: &str, mut number: u64) -> impl Iterator<Item = Line<'_>> {
+    let mut rest = text;
+    let next = move || {
+        if rest.is_empty() {
+            return None;
+        }
+        let (number_here, begin) = (number, rest);
+        let end = rest.find(['\n', '\r']).unwrap_or(rest.len());
+        let (line, after) = rest.split_at(end);
+        rest = after.strip_prefix("\r\n").or_else(|| after.strip_prefix(['\n', '\r'])).unwrap_or(after);
+        number += 1;
+        Some(Line { number: number_here, text: line, rest: begin })
+    };
+    std::iter::from_fn(next).filter(|line| !line.text.trim().is_empty())
+}
+
+/// Whether a line is a comment of its file.
+pub fn is_comment(line: &str) -> bool {
+    line.trim_start().starts_with(['#', '%'])
+}
