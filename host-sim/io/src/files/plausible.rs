@@ -49,7 +49,7 @@ impl Recording {
         if let (Some(low), Some(high)) = (at(0.01), at(0.99)) {
             let stroke = high - low;
             let has_rows = displacement.len() >= MIN_ROWS;
-            // Drop-outs may be some hundredths.
+            // Drop-outs may be some hundredths, or the film moves for some hundredths of the time only.
             let most = at(0.9).zip(at(0.1)).map_or(stroke, |(high, low)| high - low);
             if most > *STROKE_M.end() && has_rows {
                 found.push(format!("the stroke is {} m{}", rounded(stroke), self.smaller(Quantity::Displacement)));
@@ -58,7 +58,7 @@ impl Recording {
                 && has_rows
             {
                 found.push(format!("the stroke is {} m: check the unit of the displacement", rounded(stroke)));
-            } else if largest(&displacement).abs() > REACH_M {
+            } else if largest(&displacement).abs() > REACH_M || (stroke > *STROKE_M.end() && has_rows) {
                 let value = rounded(largest(&displacement));
                 found.push(format!(
                     "a displacement of {value} m: a drop-out of the sensor (import `blank`), or another unit?"
