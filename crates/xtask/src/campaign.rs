@@ -27,12 +27,12 @@ const FUZZERS: [(&str, &str); 4] =
 const SECONDS: &str = "600";
 
 /// Runs a part, or all of them; a part that fails does not keep the others from running.
-pub fn run(part: Option<Part>) -> Result<()> {
+pub fn run(part: Option<Part>, sample: Option<usize>) -> Result<()> {
     let parts = part.map_or_else(|| Part::value_variants().to_vec(), |part| vec![part]);
     let failed = parts.into_iter().filter_map(|part| match part {
         Part::Driver => driver().err(),
         Part::Fuzz => fuzz().err(),
-        Part::Mutants => mutants().err(),
+        Part::Mutants => mutants(sample).err(),
     });
     none(failed)
 }
@@ -87,11 +87,14 @@ fn fuzzers(line: &str) -> Command {
     command
 }
 
-/// Mutants by hand, and those of cargo-mutants as `.cargo/mutants.toml` states; it is installed if it is missing.
-fn mutants() -> Result<()> {
-    let by_hand = mutants::run();
+/// Mutants of ours, or a sample of them; with all of them those of cargo-mutants as `.cargo/mutants.toml` states, which is installed if it is missing.
+fn mutants(sample: Option<usize>) -> Result<()> {
+    let ours = mutants::run(sample);
+    if sample.is_some() {
+        return ours;
+    }
     if output(cargo("mutants --version")).is_err() {
         setup::cargo_install("cargo-mutants")?;
     }
-    none([by_hand, run_command(cargo("mutants --output target"))].into_iter().filter_map(Result::err))
+    none([ours, run_command(cargo("mutants --output target"))].into_iter().filter_map(Result::err))
 }

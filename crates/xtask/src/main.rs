@@ -76,6 +76,9 @@ enum Chore {
     Campaign {
         /// Only this part.
         part: Option<campaign::Part>,
+        /// Only so many of the mutants, at random, and none of cargo-mutants.
+        #[arg(long, value_name = "N")]
+        sample: Option<usize>,
     },
     /// Look at the page of a demo in Chromium: plots drawn, numbers those of --json, no console message; light, dark, phone, print.
     /// Installs Chromium where it is missing (some 300 MB), which is why `test` does not do it.
@@ -112,7 +115,7 @@ fn main() -> ExitCode {
         Chore::Board { port, image } => board::run(port, image),
         Chore::Faces { face } => faces::run(face),
         Chore::Recordings => recordings::run(),
-        Chore::Campaign { part } => campaign::run(part),
+        Chore::Campaign { part, sample } => campaign::run(part, sample),
         Chore::Page => page::run(),
         Chore::Book => book::run(),
         Chore::Release { twice, target } => release::run(target.as_deref(), twice),
