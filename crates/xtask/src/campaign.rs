@@ -27,12 +27,12 @@ const FUZZERS: [(&str, &str); 4] =
 const SECONDS: &str = "600";
 
 /// Runs a part, or all of them; a part that fails does not keep the others from running.
-pub fn run(part: Option<Part>, sample: Option<usize>) -> Result<()> {
+pub fn run(part: Option<Part>, sample: Option<usize>, only: Option<&str>) -> Result<()> {
     let parts = part.map_or_else(|| Part::value_variants().to_vec(), |part| vec![part]);
     let failed = parts.into_iter().filter_map(|part| match part {
         Part::Driver => driver().err(),
         Part::Fuzz => fuzz().err(),
-        Part::Mutants => mutants(sample).err(),
+        Part::Mutants => mutants(sample, only).err(),
     });
     none(failed)
 }
@@ -88,9 +88,9 @@ fn fuzzers(line: &str) -> Command {
 }
 
 /// Mutants of ours, or a sample of them; with all of them those of cargo-mutants as `.cargo/mutants.toml` states, which is installed if it is missing.
-fn mutants(sample: Option<usize>) -> Result<()> {
-    let ours = mutants::run(sample);
-    if sample.is_some() {
+fn mutants(sample: Option<usize>, only: Option<&str>) -> Result<()> {
+    let ours = mutants::run(sample, only);
+    if sample.is_some() || only.is_some() {
         return ours;
     }
     if output(cargo("mutants --version")).is_err() {

@@ -79,6 +79,9 @@ enum Chore {
         /// Only so many of the mutants, at random, and none of cargo-mutants.
         #[arg(long, value_name = "N")]
         sample: Option<usize>,
+        /// Only mutants of files with this in their path, and none of cargo-mutants.
+        #[arg(long, value_name = "PART")]
+        only: Option<String>,
     },
     /// Look at the page of a demo in Chromium: plots drawn, numbers those of --json, no console message; light, dark, phone, print.
     /// Installs Chromium where it is missing (some 300 MB), which is why `test` does not do it.
@@ -115,7 +118,7 @@ fn main() -> ExitCode {
         Chore::Board { port, image } => board::run(port, image),
         Chore::Faces { face } => faces::run(face),
         Chore::Recordings => recordings::run(),
-        Chore::Campaign { part, sample } => campaign::run(part, sample),
+        Chore::Campaign { part, sample, only } => campaign::run(part, sample, only.as_deref()),
         Chore::Page => page::run(),
         Chore::Book => book::run(),
         Chore::Release { twice, target } => release::run(target.as_deref(), twice),

@@ -1,45 +1,51 @@
-//! Every state that can be reached, by a breadth-first search.
+//! Exhaustive search with `stateright`: every state that a model reaches, each promise of docs/safety.md as an invariant of its name.
 
-use std::collections::{HashSet, VecDeque};
-use std::fmt::Debug;
+use std::hash::Hash;
 
-/// Subject of a search.
-pub trait World: Clone {
-    type Step: Copy + Debug;
+use dea_driver::{Cause, DriverState};
+use stateright::{Checker, HasDiscoveries, Model};
 
-    /// Takes a step; a text where it breaks a promise.
-    fn step(&mut self, step: Self::Step) -> Result<(), String>;
+use crate::scale::is_full;
 
-    /// Hash that identifies a state. Its 64 bits coincide for two of a million states with a probability of 3e-8.
-    fn key(&self) -> u64;
+/// An enum `Promise` with the text of each, and `promises()`: an invariant for each, of a state whose field `broken` has the one that the step
+/// to it broke.
+macro_rules! promises {
+    ($($promise:ident: $text:literal),* $(,)?) => {
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        enum Promise {
+            $($promise),*
+        }
+
+        fn promises() -> Vec<stateright::Property<Search>> {
+            vec![$(stateright::Property::always($text, |_, state: &<Search as stateright::Model>::State| state.broken != Some(Promise::$promise))),*]
+        }
+    };
+}
+pub(crate) use promises;
+
+/// The result of a search that went on until no new state was found, or a broken promise.
+pub fn searched<M>(model: M) -> impl Checker<M>
+where
+    M: Model<State: Clone + PartialEq + Hash + Send + Sync + 'static, Action: Clone + PartialEq>
+        + Send
+        + Sync
+        + 'static,
+{
+    // One thread is first in breadth, and finds the shortest way.
+    let threads = if is_full() { std::thread::available_parallelism().map_or(1, Into::into) } else { 1 };
+    model.checker().finish_when(HasDiscoveries::AnyFailures).threads(threads).spawn_bfs().join()
 }
 
-/// Takes every one of `steps` in every state once, and returns the number of states; a violation with the steps that lead to it.
-pub fn explore<W: World>(
-    start: W,
-    steps: &[W::Step],
-    mut visit: impl FnMut(&W),
-) -> Result<usize, (String, Vec<W::Step>)> {
-    let mut seen = HashSet::from([start.key()]);
-    // Where each state came from, in the order in which they were found.
-    let mut origins: Vec<(usize, Option<W::Step>)> = vec![(0, None)];
-    let mut queue = VecDeque::from([(start, 0)]);
-    while let Some((world, index)) = queue.pop_front() {
-        visit(&world);
-        for &step in steps {
-            let mut next = world.clone();
-            if let Err(violation) = next.step(step) {
-                let before = std::iter::successors(Some(origins[index]), |&(at, step)| step.map(|_| origins[at]));
-                let mut path: Vec<W::Step> = before.filter_map(|(_, step)| step).collect();
-                path.reverse();
-                path.push(step);
-                return Err((violation, path));
-            }
-            if seen.insert(next.key()) {
-                queue.push_back((next, origins.len()));
-                origins.push((index, Some(step)));
-            }
-        }
-    }
-    Ok(origins.len())
+/// The first of `promises` that does not hold.
+pub fn first_broken<P: Copy>(promises: &[(bool, P)]) -> Result<(), P> {
+    promises.iter().find(|(holds, _)| !holds).map_or(Ok(()), |&(_, promise)| Err(promise))
+}
+
+pub fn is_tripped(state: DriverState) -> bool {
+    matches!(state, DriverState::Tripped(_))
+}
+
+/// Whether a trip before is the same trip after: a live film alone replaces its cause.
+pub fn keeps_cause(before: DriverState, after: DriverState) -> bool {
+    !is_tripped(before) || before == after || after == DriverState::Tripped(Cause::LiveFilm)
 }
