@@ -9,11 +9,15 @@ use crate::setup;
 
 /// Builds the book into target/book and follows its links.
 pub fn run() -> Result<()> {
-    let mdbook = setup::mdbook()?;
+    // Without its server and its search, which a book that opens from the disk does not have.
+    let mdbook = setup::tool("mdbook", "0.4.52", "--no-default-features")?;
     let source = root().join("target").join("book-source");
     lay_out(&root().join("docs"), &source)?;
     let built = root().join("target").join("book");
-    run_command(command(&mdbook, &["build", &source.to_string_lossy(), "--dest-dir", &built.to_string_lossy()]))?;
+    run_command(command(
+        &mdbook.to_string_lossy(),
+        &["build", &source.to_string_lossy(), "--dest-dir", &built.to_string_lossy()],
+    ))?;
     let (pages, links) = follow(&built)?;
     println!("{}: {pages} pages, {links} links", built.join("start.html").display());
     Ok(())

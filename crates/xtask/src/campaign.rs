@@ -5,7 +5,7 @@ use std::process::Command;
 
 use clap::ValueEnum;
 
-use crate::process::{Result, cargo, make, output, root, run as run_command};
+use crate::process::{Result, cargo, command, make, root, run as run_command};
 use crate::{mutants, setup};
 
 /// A part of the campaign.
@@ -93,8 +93,8 @@ fn mutants(sample: Option<usize>, only: Option<&str>) -> Result<()> {
     if sample.is_some() || only.is_some() {
         return ours;
     }
-    if output(cargo("mutants --version")).is_err() {
-        setup::cargo_install("cargo-mutants")?;
-    }
-    none([ours, run_command(cargo("mutants --output target"))].into_iter().filter_map(Result::err))
+    let mut theirs =
+        command(&setup::tool("cargo-mutants", "27.1.0", "")?.to_string_lossy(), &["mutants", "--output", "target"]);
+    theirs.env("CARGO_INCREMENTAL", "0");
+    none([ours, run_command(theirs)].into_iter().filter_map(Result::err))
 }

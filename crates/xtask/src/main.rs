@@ -1,6 +1,7 @@
 //! Chores of the project: `cargo xtask help`.
 #![forbid(unsafe_code)]
 
+mod advisories;
 mod board;
 mod book;
 mod campaign;
@@ -98,7 +99,7 @@ enum Chore {
         #[arg(long)]
         target: Option<String>,
     },
-    /// Check the licences of all dependencies with cargo-deny.
+    /// Check licences, advisories and yanked versions of all dependencies with cargo-deny, which it installs into target/tools.
     Deny,
 }
 
@@ -122,7 +123,7 @@ fn main() -> ExitCode {
         Chore::Page => page::run(),
         Chore::Book => book::run(),
         Chore::Release { twice, target } => release::run(target.as_deref(), twice),
-        Chore::Deny => test::deny(),
+        Chore::Deny => advisories::deny(),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -47,9 +47,7 @@ pub fn run(only: Option<&str>, twice: bool) -> Result<()> {
         setup::windows_linker()?;
     }
     for (tool, version) in TOOLS {
-        if !tools().join("bin").join(tool).exists() {
-            setup::cargo_install(&format!("--root {} {tool} --version ={version}", tools().display()))?;
-        }
+        setup::tool(tool, version, "")?;
     }
     let dist = root().join("target").join("dist");
     let made = |folder: PathBuf, out: &str| files(&systems, only.is_none(), folder, &dist.join(out));

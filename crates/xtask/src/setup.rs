@@ -46,7 +46,8 @@ impl Toolchain {
                     .arg("-Zbuild-std=core")
                     .env("CARGO_INCREMENTAL", "0")
                     .env("RUSTC_BOOTSTRAP", "1")
-                    .env("RUSTC", "/usr/bin/rustc")
+                    // Unstable features for the library's crates alone.
+                    .env("RUSTC", root().join("crates/xtask/core-alone.sh"))
                     .env("PATH", path)
                     .env_remove("RUSTUP_TOOLCHAIN");
                 command
@@ -83,11 +84,6 @@ fn install(command: Command) -> Result<()> {
 
 fn forbidden(what: &str) -> String {
     format!("missing, and not installed with --no-install: {what}")
-}
-
-/// Installs a program into cargo's folder of programs, or where `options` say.
-pub fn cargo_install(options: &str) -> Result<()> {
-    install(cargo(&format!("install --quiet --locked {options}")))
 }
 
 /// Names what `run` and the compiler for `targets` will install and change, and asks once whether they may, on a terminal. Without
@@ -160,7 +156,7 @@ fn decoder() -> Result<()> {
         return Ok(());
     }
     // It decodes some lines a second: optimised, it takes 134 s of the processor to build instead of 64.
-    let mut cargo = cargo("install --quiet --locked defmt-print");
+    let mut cargo = cargo("install --quiet --locked defmt-print@1.2.0");
     cargo.env("CARGO_PROFILE_RELEASE_OPT_LEVEL", "0").env("CARGO_PROFILE_RELEASE_LTO", "off");
     install(cargo)
 }
@@ -314,19 +310,16 @@ pub fn chromium() -> Result<&'static str> {
     Ok(there().unwrap_or("chromium"))
 }
 
-/// Path of mdBook, installed within the project if it is missing.
-pub fn mdbook() -> Result<String> {
-    const VERSION: &str = "0.4.52";
-    if has("mdbook") {
-        return Ok("mdbook".into());
-    }
+/// Path of a program of cargo in this version, installed into target/tools if it is missing there.
+pub fn tool(name: &str, version: &str, options: &str) -> Result<PathBuf> {
     let tools = root().join("target").join("tools");
-    let program = tools.join("bin").join("mdbook").to_string_lossy().into_owned();
-    if !has(&program) {
-        // Without its server and its search, which a book that opens from the disk does not have.
-        let mut mdbook = cargo(&format!("install --quiet --locked --no-default-features mdbook@{VERSION} --root"));
-        mdbook.arg(&tools);
-        install(mdbook)?;
+    let program = tools.join("bin").join(name);
+    let is_there =
+        output(command(&program.to_string_lossy(), &["--version"])).is_ok_and(|found| found.contains(version));
+    if !is_there {
+        let mut tool = cargo(&format!("install --quiet --locked --force {options} {name}@{version} --root"));
+        tool.arg(&tools);
+        install(tool)?;
     }
     Ok(program)
 }
@@ -408,6 +401,24 @@ mod tests {
         assert!(decide(&missing, true, Some("n\n")).is_err());
         assert!(
             decide(&missing, false, None).is_err_and(|error| error.contains("QEMU") && error.contains("--no-install"))
+        );
+    }
+
+    /// Unstable features are for the crates of the compiler's own library, whatever the environment says.
+    #[cfg(unix)]
+    #[test]
+    fn unstable_features_are_for_the_library_alone() {
+        let compiler = Toolchain::Debian { path: OsString::new() }.cargo(Path::new("."), TARGETS[0], "build");
+        let wrapper = compiler.get_envs().find_map(|(name, value)| value.filter(|_| name == "RUSTC"));
+        let passed = |arguments: &str| {
+            let mut wrapped = Command::new(wrapper.expect("it is set"));
+            wrapped.args(arguments.split(' ')).env("DEBIANS_RUSTC", "echo");
+            output(wrapped).expect("it runs").trim().to_owned()
+        };
+        assert_eq!(passed("--crate-name a"), "-Z allow-features= --crate-name a");
+        assert_eq!(
+            passed("--crate-name core -Z force-unstable-if-unmarked"),
+            "--crate-name core -Z force-unstable-if-unmarked"
         );
     }
 

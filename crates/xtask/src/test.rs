@@ -8,7 +8,7 @@ use std::{env, fs, thread};
 
 use crate::embedded::Films;
 use crate::packages::LIBRARIES;
-use crate::process::{Result, at, cargo, output, read, root, run as run_command};
+use crate::process::{Result, at, cargo, read, root, run as run_command};
 use crate::{embedded, firmware, other_board, packages, setup};
 
 /// Variable that the tests read: with `full` they run all cases of their sweeps, otherwise a sample.
@@ -214,19 +214,4 @@ fn micromath(options: &str) -> Result<()> {
     run_command(cargo(&format!(
         "test --quiet --package springpot --features micromath --test electrostatics {options}"
     )))
-}
-
-/// Checks licences with cargo-deny, which is installed if it is missing.
-pub fn deny() -> Result<()> {
-    if output(cargo("deny --version")).is_err() {
-        setup::cargo_install("cargo-deny")?;
-    }
-    let checks = "check licenses bans sources";
-    run_command(cargo(&format!("deny --workspace --all-features {checks}")))?;
-    // The images and the Python package are workspaces of their own.
-    for folder in ["crates/dea-driver/examples/other-board", "firmware", "python", "tests/embedded", "tests/fuzz"] {
-        let of_images = format!("--manifest-path {folder}/Cargo.toml --config deny.toml --log-level error");
-        run_command(cargo(&format!("deny {of_images} {checks}")))?;
-    }
-    Ok(())
 }

@@ -138,6 +138,29 @@ fn links_of_the_book_stay_within_it() {
     assert!(count > 100);
 }
 
+/// Single faults in the table of the safety page: what is detected names when and a test, and the share that the page states is that of the rows.
+#[test]
+fn single_faults_are_counted() {
+    let page = fs::read_to_string(root().join("docs/safety.md")).expect("readable");
+    let documents = Documents::from_text("docs/safety.md", &page);
+    let parts = ["wire: ", "chip: ", "supply: ", "clock: ", "memory: "];
+    let of_part = |part: &str| -> Vec<&Vec<String>> {
+        let rows = documents.tables().iter().flat_map(|table| &table.rows);
+        rows.filter(|row| row[0].starts_with(part)).collect()
+    };
+    assert!(parts.iter().all(|part| of_part(part).len() > 1));
+    let faults: Vec<_> = parts.iter().flat_map(|part| of_part(part)).collect();
+    let detected: Vec<_> = faults.iter().filter(|row| !row[1].contains("**not detected**")).collect();
+    let times = ["tick", "time", "second", " s", "ms", "`discharge_s`", "`heartbeat_s`", "start", "at once", "refused"];
+    for row in &detected {
+        assert!(times.iter().any(|time| row[1].contains(time)), "{}: when?", row[0]);
+        assert!(row[2].contains("::"), "{}: no test", row[0]);
+    }
+    let share = (100.0 * detected.len() as f64 / faults.len() as f64).round();
+    let stated = format!("**{} of {}, {share} %, are detected**", detected.len(), faults.len());
+    assert!(page.contains(&stated), "{stated}");
+}
+
 /// The project's sources: the names of the module and of the folder of each, its path, and its text.
 fn sources() -> Vec<([String; 2], PathBuf, String)> {
     let mut sources = Vec::new();
