@@ -219,7 +219,7 @@ fn constants(text: &str) -> Vec<(Range<usize>, Vec<String>)> {
     found
 }
 
-/// Other values in place of a constant; none for a word that is none.
+/// Other values in place of a constant; empty for another word.
 fn others(word: &str) -> Vec<String> {
     let plain = word.replace('_', "");
     let swapped = match word {

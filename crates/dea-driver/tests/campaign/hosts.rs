@@ -38,6 +38,7 @@ enum Class {
 }
 
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // some dozens of them
 enum Step {
     /// A frame of host 0 or 1, or of one that has never armed.
     Ask(usize, Command),

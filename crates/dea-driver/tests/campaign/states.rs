@@ -4,7 +4,8 @@
 //! class of readings, in every state that was not seen before. Two states are the same if all fields of the supervisor are, but for its
 //! tick numbers; counters that only grow are cut off above the last value that they are compared with. Limits of a few ticks make that
 //! finite. Readings deviate from healthy ones in one way at a time, by some kinds of deviation, in the sample; by every kind in up to two
-//! ways in full. Sensor faults trip, or are ridden through on the model (by the first two kinds of each deviation in full).
+//! ways in full (by the first two kinds of each where sensor faults do not trip, but are ridden through on the model), and with longer discharges
+//! in one way.
 //!
 //! Pass: each [`Promise`], by readings, commands and counts that are kept apart from the supervisor. The search finds what is wrong with
 //! supervisors that are broken on purpose.
@@ -33,11 +34,7 @@ const MAX_DISPLACEMENT_M: f32 = 1e-3;
 const MAX_DISTURBANCE_SHARE: f32 = 0.1;
 const STUCK_TICKS: u32 = 5;
 
-fn discharge_ticks() -> u32 {
-    if is_full() { 2 } else { 1 }
-}
-
-fn limits(on_sensor_fault: OnSensorFault) -> Limits {
+fn limits(on_sensor_fault: OnSensorFault, discharge_ticks: u32) -> Limits {
     Limits {
         max_voltage_v: MAX_V,
         // Two ticks from 0 V to the largest voltage.
@@ -49,7 +46,7 @@ fn limits(on_sensor_fault: OnSensorFault) -> Limits {
         sensor: SENSOR,
         on_sensor_fault,
         heartbeat_s: HEARTBEAT_TICKS as f32 / RATE_HZ,
-        discharge_s: discharge_ticks() as f32 / RATE_HZ,
+        discharge_s: discharge_ticks as f32 / RATE_HZ,
         ..Limits::bench(160e-6)
     }
 }
@@ -65,7 +62,7 @@ enum Request {
     Trip,
 }
 
-/// What the sensor shows: another value than in the last tick, the same, or that of the readings.
+/// Value of the sensor: another than in the last tick, the same, or that of the readings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Sensor {
     Moves,
@@ -191,18 +188,20 @@ enum Step {
 /// The supervisor, or one that is broken on purpose.
 struct Search {
     limits: Limits,
+    discharge_ticks: u32,
     steps: Vec<Step>,
     request: fn(&mut Supervisor, Request) -> Result<(), Refusal>,
     tick: fn(&mut Supervisor, Readings, f32) -> f32,
 }
 
 impl Search {
-    fn new(on_sensor_fault: OnSensorFault, most: usize, kinds: usize) -> Self {
+    fn new(on_sensor_fault: OnSensorFault, discharge_ticks: u32, most: usize, kinds: usize) -> Self {
         use Request::*;
         let ticks = classes(most, kinds).into_iter().map(Step::Tick);
         let requests = [Arm, Start, Stop, Disarm, Acknowledge, Heartbeat, Trip].map(Step::Request);
         let steps = requests.into_iter().chain(ticks).collect();
-        Self { limits: limits(on_sensor_fault), steps, request, tick }
+        let limits = limits(on_sensor_fault, discharge_ticks);
+        Self { limits, discharge_ticks, steps, request, tick }
     }
 
     fn trips(&self) -> bool {
@@ -239,7 +238,7 @@ impl Search {
         let done = (self.request)(&mut node.supervisor, request).is_ok();
         let after = node.supervisor.state();
         let witness = &mut node.witness;
-        let quiet = witness.at_0_v && witness.quiet_ticks >= discharge_ticks();
+        let quiet = witness.at_0_v && witness.quiet_ticks >= self.discharge_ticks;
         let expected = match (request, before) {
             (Request::Arm, DriverState::Disarmed) if done => {
                 let is_plausible = !self.trips() || (SENSOR.low..=SENSOR.high).contains(&witness.shown_m);
@@ -307,10 +306,10 @@ impl Search {
         witness.shown_m = displacement_m;
         witness.armed &= after.is_live();
         witness.live_ticks =
-            if live && !after.is_live() { (witness.live_ticks + 1).min(discharge_ticks() + 1) } else { 0 };
+            if live && !after.is_live() { (witness.live_ticks + 1).min(self.discharge_ticks + 1) } else { 0 };
         witness.quiet_ticks = match (live, witness.at_0_v) {
             (true, _) => 0,
-            (_, true) => (witness.quiet_ticks + 1).min(discharge_ticks()),
+            (_, true) => (witness.quiet_ticks + 1).min(self.discharge_ticks),
             _ => witness.quiet_ticks,
         };
         let off = !supervisor.enables();
@@ -330,7 +329,10 @@ impl Search {
             (off || witness.armed, Promise::Armed),
             (off != after.is_live(), Promise::Armed),
             (keeps_cause(before, after), Promise::FirstCause),
-            (witness.live_ticks <= discharge_ticks() || after == DriverState::Tripped(Cause::LiveFilm), Promise::Live),
+            (
+                witness.live_ticks <= self.discharge_ticks || after == DriverState::Tripped(Cause::LiveFilm),
+                Promise::Live,
+            ),
             ((0.0..=most_v).contains(&command_v) && command_v == supervisor.command_v(), Promise::Limits),
             (before == after || is_tripped(after), Promise::Requests),
         ])
@@ -428,14 +430,14 @@ impl Node {
 
 #[test]
 fn every_state_keeps_what_is_promised() {
-    // Riding through a sensor's faults has many more states.
-    for (on_sensor_fault, sample, full) in
-        [(OnSensorFault::Trip, (1, 2), (2, usize::MAX)), (OnSensorFault::OpenLoop, (1, 1), (2, 2))]
-    {
-        let (most, kinds) = if is_full() { full } else { sample };
-        let found = searched(Search::new(on_sensor_fault, most, kinds));
+    use OnSensorFault::{OpenLoop, Trip};
+    // Ticks of a discharge, and how many ways and kinds of deviations. Riding through a sensor's faults has many more states.
+    let sample = [(Trip, 1, 1, 2), (OpenLoop, 1, 1, 1)].as_slice();
+    let full = [(Trip, 1, 2, usize::MAX), (Trip, 2, 1, usize::MAX), (OpenLoop, 1, 2, 2), (OpenLoop, 2, 1, usize::MAX)];
+    for &(on_sensor_fault, discharge_ticks, most, kinds) in if is_full() { &full } else { sample } {
+        let found = searched(Search::new(on_sensor_fault, discharge_ticks, most, kinds));
         let (states, transitions) = (found.unique_state_count(), found.state_count());
-        println!("states, sensor fault {on_sensor_fault:?}: {states} states, {transitions} transitions");
+        println!("states, {on_sensor_fault:?}, {discharge_ticks}, {most}: {states} states, {transitions} transitions");
         found.assert_properties();
     }
 }
@@ -443,7 +445,7 @@ fn every_state_keeps_what_is_promised() {
 /// Supervisors that are broken on purpose, each in one way.
 #[test]
 fn the_search_finds_what_is_broken() {
-    let sound = || Search::new(OnSensorFault::Trip, 1, 2);
+    let sound = || Search::new(OnSensorFault::Trip, 1, 1, 2);
     // A trip of the interlock is swallowed.
     let swallows = |supervisor: &mut Supervisor, readings, wanted_v| {
         let before = *supervisor;

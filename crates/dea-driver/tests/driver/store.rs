@@ -258,6 +258,13 @@ fn a_set_in_one_slot_is_the_first_or_lost_another() {
             assert_eq!(found(&mut store), ("new".to_owned(), false));
         }
     }
+    // The first save of this version writes both slots: one that is missing later was lost.
+    let mut empty = store([erased.clone(), erased.clone()]);
+    empty.save(&bytes_of(&named("first"))).expect("saved");
+    let bytes = empty.destroy().bytes;
+    for one_slot in [[bytes[..SECTOR].to_vec(), erased.clone()], [erased, bytes[SECTOR..][..SECTOR].to_vec()]] {
+        assert_eq!(found(&mut store(one_slot)), ("first".to_owned(), true));
+    }
 }
 
 /// Flash of two parts of `PART` bytes, read and written in words of these sizes.
