@@ -58,8 +58,9 @@ struct Mutant {
 
 impl Mutant {
     fn new(kind: Kind, file: &str, text: &str, range: Range<usize>, to: &str) -> Self {
-        let line = text[..range.start].matches('\n').count() + 1;
-        let name = format!("{file}:{line}: {} -> {to}", text[range.clone()].trim().replace('\n', " "));
+        let (line, column) =
+            (text[..range.start].matches('\n').count() + 1, range.start - text[..range.start].rfind('\n').unwrap_or(0));
+        let name = format!("{file}:{line}:{column}: {} -> {to}", text[range.clone()].trim().replace('\n', " "));
         let mutated = [&text[..range.start], to, &text[range.end..]].concat();
         Self { kind, name, file: file.into(), mutated, survives: None }
     }

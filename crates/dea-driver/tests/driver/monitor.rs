@@ -99,12 +99,14 @@ fn a_film_that_was_live_for_long_is_acknowledged_once() {
 /// not armed in between, however rarely it does.
 #[test]
 fn an_amplifier_that_is_live_now_and_then_is_noticed() {
-    for (live, period, reported) in [(499, 1000, true), (5, 10, true), (999, 2000, true), (3, 10, true), (1, 10, false)]
-    {
-        let mut bench = Bench::new(&bench_limits());
+    let periods = [(499, 1000, true), (5, 10, true), (999, 2000, true), (3, 10, true), (1, 10, false)];
+    for ((live, period, reported), after_a_run) in periods.into_iter().flat_map(|case| [(case, false), (case, true)]) {
+        let mut bench = if after_a_run { Bench::run(&bench_limits()) } else { Bench::new(&bench_limits()) };
+        bench.supervisor.disarm().expect("not tripped");
         for tick in 0..60_000u32 {
             let state = bench.tick(|readings| readings.monitor_v = if tick % period < live { 6000.0 } else { 0.0 });
-            if state == DriverState::Disarmed && period - live < 1000 {
+            // After a run the first time may be the discharge.
+            if state == DriverState::Disarmed && period - live < 1000 && !(after_a_run && tick < period) {
                 assert_eq!(bench.supervisor.arm(), Err(Refusal::LiveVoltage), "{live} of {period}, tick {tick}");
             }
         }

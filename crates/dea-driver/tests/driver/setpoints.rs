@@ -124,6 +124,14 @@ fn a_voltage_is_reached_in_time_and_exactly() {
         }
         assert!(volts[most - 1..].iter().all(|&volts| volts == 133.3), "{wait} ticks: {:?}", &volts[most - 1..]);
     }
+    // Another one in each tick: each is reached within it.
+    let mut bench = FilmBench::new();
+    bench.start(Mode::Voltage);
+    for k in 1..20 {
+        let volts = 40.0 * k as f32;
+        bench.set_voltage(volts);
+        assert_eq!(bench.tick(|_| ()).telemetry.command_v, volts);
+    }
 }
 
 /// A reference that is set in a run of voltages neither leads the film nor its record.
