@@ -1,4 +1,4 @@
-//! The campaign: what takes too long for every change. Simulated faults, fuzzing, and mutants of the driver's own source.
+//! The campaign: what takes too long for every change. Simulated faults, random fits, fuzzing, and mutants of the driver's own source.
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -13,6 +13,11 @@ use crate::{mutants, setup};
 pub enum Part {
     /// The driver's campaign of simulated faults, all cases.
     Driver,
+    /// 10 000 fits of random recordings with random options, of which `cargo xtask test` runs 40: no panic, no NaN, no fit without a
+    /// stated agreement. Over an hour.
+    Fits,
+    /// Faulty recordings, all cases of which `cargo xtask test` runs a sample: each is reported with its cause or does no harm.
+    Recordings,
     /// Each fuzzer for ten minutes: no panic, nothing obeyed that must not be.
     Fuzz,
     /// Mutants of the driver's source, each of which its tests should notice.
@@ -31,6 +36,8 @@ pub fn run(part: Option<Part>, sample: Option<usize>, only: Option<&str>) -> Res
     let parts = part.map_or_else(|| Part::value_variants().to_vec(), |part| vec![part]);
     let failed = parts.into_iter().filter_map(|part| match part {
         Part::Driver => driver().err(),
+        Part::Fits => models("random_fits").err(),
+        Part::Recordings => models("bad_recordings").err(),
         Part::Fuzz => fuzz().err(),
         Part::Mutants => mutants(sample, only).err(),
     });
@@ -47,6 +54,13 @@ fn none(failed: impl Iterator<Item = String>) -> Result<()> {
 fn driver() -> Result<()> {
     let mut test = cargo("test --release --package dea-driver --test campaign -- --nocapture");
     test.env("SPRINGPOT_CAMPAIGN", "full");
+    run_command(test)
+}
+
+/// The tests `name` of the library behind the commands, all cases.
+fn models(name: &str) -> Result<()> {
+    let mut test = cargo("test --workspace --features tests/qemu --test it");
+    test.args([name, "--", "--nocapture"]).env("SPRINGPOT_SWEEP", "full");
     run_command(test)
 }
 

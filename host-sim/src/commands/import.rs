@@ -144,7 +144,8 @@ impl Imported {
             warnings
                 .push("the drive is not 0 at --from: what the film remembers of the rows before is lost".to_owned());
         }
-        warnings.extend(recording.implausible().iter().map(|text| with_flags(text)));
+        let drop_outs = recording.drop_outs().map(|drop_outs| drop_outs.to_string());
+        warnings.extend(recording.implausible().iter().chain(&drop_outs).map(|text| with_flags(text)));
         Self {
             out: shown(out),
             rows: recording.time_s().len(),

@@ -116,7 +116,8 @@ pub(super) fn report(recording: &Recording) {
     let file = shown(recording.path());
     // A handful of rows is no measurement, and the fault of its file is reported alone.
     let implausible = if recording.time_s().len() < MIN_ROWS { Vec::new() } else { recording.implausible() };
-    let lines = recording.notes().iter().cloned().chain(implausible);
+    let drop_outs = recording.drop_outs().map(|drop_outs| drop_outs.to_string());
+    let lines = recording.notes().iter().cloned().chain(implausible).chain(drop_outs);
     terminal::warnings(false, lines.map(|line| format!("{file}: {}", with_flags(&line))));
 }
 

@@ -2,6 +2,7 @@
 
 pub mod amplifier_log;
 pub mod digest;
+pub mod drop_outs;
 pub mod import;
 pub mod journal;
 pub mod layout;

@@ -6,6 +6,8 @@ use crate::terminal::rounded;
 
 /// Voltages (V) below and above which a column is not the voltage on a film.
 const VOLTAGE_V: std::ops::RangeInclusive<f64> = 50.0..=50e3;
+/// Voltages of the mains (RMS), within a tenth, V.
+const MAINS_V: [f64; 4] = [110.0, 120.0, 230.0, 400.0];
 /// Largest and smallest stroke of a film, m.
 const STROKE_M: std::ops::RangeInclusive<f64> = 3e-6..=0.03;
 /// Largest displacement of any sensor, m.
@@ -41,6 +43,13 @@ impl Recording {
             found.push(format!(
                 "the largest voltage is {} V: a monitor's output, or kilovolts? Multiply it, as in `columns` voltage={column}*1000",
                 rounded(voltage)
+            ));
+        }
+        let volts = columns.iter().find(|(name, _)| *name == "voltage_v").map_or(&[][..], |(_, values)| values);
+        if let Some(mains_v) = mains(volts) {
+            found.push(format!(
+                "the voltage is that of the mains, {} V, throughout: the supply of an instrument? Name the column of the film's voltage",
+                rounded(mains_v)
             ));
         }
         let displacement = values("displacement_m");
@@ -113,6 +122,23 @@ impl Recording {
         let (unit, number, name) = (&column.unit, column.column, quantity.name());
         format!(": {smaller} in a column of {unit}? State the unit, as in `columns` {name}={number}:{smaller}")
     }
+}
+
+/// The RMS of `volts` if they are of the mains: one value that stays, or an alternating voltage.
+fn mains(volts: &[f64]) -> Option<f64> {
+    let volts: Vec<f64> = volts.iter().copied().filter(|value| !value.is_nan()).collect();
+    if volts.len() < MIN_ROWS {
+        return None;
+    }
+    let count = volts.len() as f64;
+    let mean = volts.iter().sum::<f64>() / count;
+    let rms = (volts.iter().map(|value| value * value).sum::<f64>() / count).sqrt();
+    let (low, high) = volts.iter().fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(*value), high.max(*value)));
+    let stays = high - low < 0.15 * mean;
+    let alternates =
+        mean.abs() < 0.1 * rms && (1.3..1.55).contains(&(high / rms)) && (1.3..1.55).contains(&(-low / rms));
+    let is_mains = MAINS_V.iter().any(|usual| (rms / usual - 1.0).abs() < 0.1);
+    (is_mains && (stays || alternates)).then_some(rms)
 }
 
 /// Whether `values` stay within 1 % of their largest for most of the time: a load that is held.

@@ -1,5 +1,6 @@
 //! Files as they are read and written.
 
+mod cut_files;
 mod damaged_files;
 mod instruments;
 mod lab_files;
@@ -7,3 +8,4 @@ mod misreadings;
 mod other_files;
 mod refused_recordings;
 mod written_files;
+mod wrong_readings;

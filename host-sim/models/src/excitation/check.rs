@@ -76,7 +76,8 @@ const SERIOUS: f64 = 0.1;
 /// Values that are implausible, before what results from them, and what the reader left out.
 fn of_values(recording: &Recording, findings: &mut Vec<Finding>) {
     let implausible = recording.implausible().into_iter().map(|finding| (Severity::Prevents, finding));
-    let notes = recording.notes().iter().map(|note| (Severity::Weakens, note.clone()));
+    let drop_outs = recording.drop_outs().map(|drop_outs| drop_outs.to_string());
+    let notes = recording.notes().iter().cloned().chain(drop_outs).map(|note| (Severity::Weakens, note));
     let file = shown(recording.path());
     findings.extend(implausible.chain(notes).map(|(severity, finding)| Finding {
         severity,
@@ -207,7 +208,8 @@ impl Facts {
         };
         match measured {
             Some(measured) => {
-                row.judge(&measured, &mut add);
+                let coded_m = recording.drop_outs().map(|drop_outs| drop_outs.value_m);
+                row.judge(&measured, coded_m, &mut add);
                 // Drop-outs have lines of their own.
                 if row.outliers == 0 {
                     let fastest_hz = row.drive.frequencies_hz.last().copied().unwrap_or(0.0);
@@ -226,8 +228,8 @@ impl Facts {
         Some(row)
     }
 
-    /// Judges the `measured` displacement.
-    fn judge(&mut self, measured: &Samples, add: &mut impl FnMut(Severity, String, &str)) {
+    /// Judges the `measured` displacement, whose drop-outs may be `coded_m`.
+    fn judge(&mut self, measured: &Samples, coded_m: Option<f64>, add: &mut impl FnMut(Severity, String, &str)) {
         let values = &measured.value;
         let mut sorted = values.clone();
         sorted.sort_by(f64::total_cmp);
@@ -247,11 +249,14 @@ impl Facts {
             };
             stroke > 0.0 && (far || jumps)
         };
-        self.outliers = (0..values.len()).filter(is_outlier).count();
-        if self.outliers > 0 {
+        let (coded, outliers): (Vec<usize>, Vec<usize>) =
+            (0..values.len()).filter(is_outlier).partition(|&k| coded_m == Some(values[k]));
+        self.outliers = coded.len() + outliers.len();
+        // Those of one number have a line already.
+        if !outliers.is_empty() {
             add(
                 Severity::Weakens,
-                format!("{} readings of the sensor jump by more than a third of the stroke: drop-outs", self.outliers),
+                format!("{} readings of the sensor jump by more than a third of the stroke: drop-outs", outliers.len()),
                 "empty them with import `blank`, or fit with `loss` huber",
             );
         }

@@ -125,6 +125,9 @@ impl Course {
             is_voltage,
             reading,
         };
+        if let Some(drop_outs) = recording.drop_outs() {
+            drop_outs.rows.into_iter().for_each(|row| course.reading[row] = f64::NAN);
+        }
         course.leave_out_outliers();
         Some(course)
     }

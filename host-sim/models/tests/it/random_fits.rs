@@ -1,6 +1,6 @@
 //! Fits of random recordings with random options: each ends with a fit that states its agreement, or with an error.
 //!
-//! `SPRINGPOT_SWEEP=full cargo test -p host-models --test it random_fits` tries 10 000.
+//! `cargo xtask campaign fits` tries 10 000, and prints how far it is.
 
 use std::f64::consts::TAU;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -198,6 +198,9 @@ fn a_random_fit_states_its_agreement_or_is_refused() {
     let mut fits = 0;
     let mut faults = Vec::new();
     for seed in 0..cases {
+        if seed % 250 == 0 && seed > 0 {
+            println!("{seed} cases, {fits} fits, {faults:?}");
+        }
         match catch_unwind(AssertUnwindSafe(|| fitted(seed))) {
             Ok(Ok(fit)) => {
                 fits += 1;

@@ -5,6 +5,7 @@
 
 mod choice;
 mod clock;
+mod cut_off;
 mod edit;
 mod encoding;
 mod extract;

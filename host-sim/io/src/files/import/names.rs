@@ -1,7 +1,7 @@
 //! Titles of columns: what is measured, and in which unit.
 
 use super::units::{self, Unit};
-use super::words::{DERIVED, LETTERS, OF_TWO_VOLTAGES, ORDERED, OTHER_WORDS, SIZES, WORDS};
+use super::words::{DERIVED, ELSEWHERE, LETTERS, OF_TWO_VOLTAGES, ORDERED, OTHER_WORDS, SIZES, WORDS};
 use super::{Quantity, Request};
 
 /// The title of a column.
@@ -56,6 +56,8 @@ pub enum Doubt {
     Derived,
     /// Its name is that of a size.
     Size,
+    /// Its name is that of a voltage elsewhere.
+    Elsewhere,
     /// Its name has a factor.
     Scaled,
 }
@@ -70,6 +72,7 @@ impl Doubt {
             Self::Ordered => "may be what was asked for, not what was measured",
             Self::Derived => "may be computed, not measured from moment to moment",
             Self::Size => "may be a size, which does not move",
+            Self::Elsewhere => "may be the voltage of the mains, a supply, a sensor or an input, not that of the film",
             Self::Scaled => "has a factor in its name, which its numbers may have or not",
         }
     }
@@ -90,6 +93,9 @@ impl Doubt {
         }
         if matches!(quantity, None | Some(Quantity::Displacement)) && says(SIZES) {
             return Some(Self::Size);
+        }
+        if quantity == Some(Quantity::Voltage) && !request.wants(Quantity::Command) && says(ELSEWHERE) {
+            return Some(Self::Elsewhere);
         }
         is_scaled(name).then_some(Self::Scaled)
     }

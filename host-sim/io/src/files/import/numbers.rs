@@ -11,7 +11,8 @@ crate::choice! {
 }
 
 impl Decimal {
-    fn sign(self) -> char {
+    /// The sign itself.
+    pub(super) fn sign(self) -> char {
         match self {
             Self::Point => '.',
             Self::Comma => ',',

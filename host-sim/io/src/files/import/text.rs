@@ -1,6 +1,7 @@
 //! Text with rows of numbers: what separates them, where they begin, and the lines above.
 
 use super::clock;
+use super::cut_off;
 use super::header::{self, Head, TopRow};
 use super::lines::{Line, is_comment, lines};
 use super::names::Title;
@@ -22,6 +23,8 @@ pub struct TextTable<'a> {
     pub ambiguous: Vec<bool>,
     /// Lines below the rows that are not numbers, and the first of them.
     pub footer: Option<(usize, &'a str)>,
+    /// The last row, if its end is missing; it is left out.
+    pub cut_off: Option<&'a str>,
     /// Whether the ends of rows may be missing, as in a spreadsheet.
     pub sheet: bool,
     /// Number of columns.
@@ -84,7 +87,9 @@ impl<'a> TextTable<'a> {
         let titles: Vec<Title> = header.cells(Separator::Comma)?.into_iter().map(Title::new).collect();
         let first = rows.next().unwrap_or_else(end);
         let head = Head { line: header.number, titles, ..Head::default() };
+        let cut_off = cut_off::row(first.rest, Separator::Comma, Decimal::Point);
         Ok(Self {
+            cut_off,
             columns: head.titles.len(),
             head,
             separator: Separator::Comma,
@@ -215,6 +220,7 @@ impl<'a> TextTable<'a> {
             decimal: decimal.unwrap_or(Decimal::Point),
             ambiguous,
             footer: None,
+            cut_off: None,
             sheet: dialect.sheet.is_some(),
             columns,
             first: rows[first],
@@ -230,6 +236,12 @@ impl<'a> TextTable<'a> {
             let found = table.segments.len();
             let segment = wanted.checked_sub(1).and_then(|index| table.segments.get(index));
             table.segments = vec![*segment.ok_or_else(|| (0, format!("`segment` {wanted}: there are {found}")))?];
+        }
+        if let Some((_, last)) = table.segments.last()
+            && table.footer.is_none()
+            && !table.sheet
+        {
+            table.cut_off = cut_off::row(last, separator, table.decimal);
         }
         // Names and units are those of the first.
         let is_read = |line: u64| table.segments.iter().any(|(start, _)| *start == line);
@@ -333,7 +345,8 @@ impl<'a> TextTable<'a> {
     /// Line and cells of every row, or line and cause where it cannot be used.
     pub fn rows(&self) -> impl Iterator<Item = Result<(u64, Vec<&'a str>), (u64, String)>> {
         let all = self.segments.iter().flat_map(|(first, text)| lines(text, *first));
-        all.filter(|line| !is_comment(line.text)).map(|line| {
+        let is_whole = |line: &Line<'_>| self.cut_off.is_none_or(|cut_off| !std::ptr::eq(line.text, cut_off));
+        all.filter(move |line| !is_comment(line.text) && is_whole(line)).map(|line| {
             let cells = line.cells(self.separator)?;
             if cells.iter().skip(self.columns).any(|cell| !cell.is_empty()) {
                 return Err((line.number, more_cells(cells.len(), self.columns, self.separator)));

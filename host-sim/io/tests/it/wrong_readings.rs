@@ -1,0 +1,164 @@
+//! Numbers that are no reading of the film: drop-outs that are written as 0 or as a code, and voltages of the mains and of controls.
+
+use std::f64::consts::TAU;
+
+use host_io::files::import::Quantity;
+use host_io::files::recording::Recording;
+
+use super::cut_files::Noise;
+use super::lab_files::{Folder, has, rows};
+
+/// A drive from 0 to 1 at a time.
+type Drive = fn(f64) -> f64;
+
+/// Drives, with the rows per second of their recordings.
+const DRIVES: [(&str, f64, Drive); 6] = [
+    ("slow sine", 100.0, |t| 0.5 - 0.5 * (TAU * 0.2 * t).cos()),
+    ("fast sine", 100.0, |t| 0.5 - 0.5 * (TAU * 2.0 * t).cos()),
+    ("sine of few rows", 10.0, |t| 0.5 - 0.5 * (TAU * 0.4 * t).cos()),
+    ("steps", 100.0, |t| f64::from(u8::from((0.25 * t).fract() > 0.5))),
+    ("ramps", 50.0, |t| 1.0 - (2.0 * (0.1 * t).fract() - 1.0).abs()),
+    ("held", 100.0, |_| 1.0),
+];
+
+/// Readings (m) of a film that creeps, late by some rows, under `drive`: of a sensor with this zero, noise and resolution.
+fn recorded(
+    (rate_hz, drive): (f64, Drive),
+    late: usize,
+    (zero, noise, resolution): (f64, f64, f64),
+    random: &mut Noise,
+) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+    let time_s: Vec<f64> = (0..(40.0 * rate_hz) as usize).map(|k| k as f64 / rate_hz).collect();
+    let volts: Vec<f64> = time_s.iter().map(|t| 3e3 * drive(*t)).collect();
+    let mut crept = 0.0;
+    let stroke: Vec<f64> = volts
+        .iter()
+        .map(|v| {
+            let load = (v / 3e3).powi(2);
+            crept += (load - crept) / (5.0 * rate_hz);
+            load + 0.2 * crept
+        })
+        .collect();
+    let reading = (0..stroke.len()).map(|k| {
+        let value = 1e-3 * stroke[k.saturating_sub(late)] + zero + noise * random.next();
+        if resolution > 0.0 { (value / resolution).round() * resolution } else { value }
+    });
+    let reading = reading.collect();
+    (time_s, volts, reading)
+}
+
+fn recording(time_s: &[f64], volts: &[f64], reading: &[f64]) -> Recording {
+    let columns = vec![(Quantity::Voltage, volts.to_vec()), (Quantity::Displacement, reading.to_vec())];
+    Recording::of_values("film.csv", time_s.to_vec(), columns).expect("a recording")
+}
+
+/// Sensors: zero, noise and resolution, m.
+const SENSORS: [(f64, f64, f64); 5] =
+    [(0.0, 0.0, 0.0), (0.0, 1e-5, 0.0), (0.0, 0.0, 1e-5), (0.0, 2e-5, 5e-5), (-4e-4, 1e-5, 1e-5)];
+
+/// Whatever the film does at 0, its readings are not taken for drop-outs.
+#[test]
+fn sound_readings_are_no_drop_outs() {
+    let mut random = Noise(3);
+    for (name, rate_hz, drive) in DRIVES {
+        for sensor in SENSORS {
+            for late in [0, 1, (0.2 * rate_hz) as usize] {
+                let (time_s, volts, reading) = recorded((rate_hz, drive), late, sensor, &mut random);
+                let found = recording(&time_s, &volts, &reading).drop_outs();
+                assert_eq!(found, None, "{name}, {sensor:?}, {late} rows late");
+            }
+        }
+    }
+}
+
+/// Drop-outs of 0, of the largest number of a sensor, or a code, one row or many, once or more often.
+#[test]
+fn drop_outs_that_are_numbers_are_found() {
+    let mut random = Noise(5);
+    let (mut missed, mut count) = (Vec::new(), 0);
+    for (name, rate_hz, drive) in DRIVES {
+        for sensor in [(2e-3, 0.0, 0.0), (2e-3, 1e-5, 0.0), (5e-4, 5e-6, 1e-5), (-3e-3, 1e-5, 0.0)] {
+            for (code, times) in [(0.0, 1), (0.0, 4), (-1.0, 4), (9.999e-3, 4), (0.0, 12)] {
+                for length in [1, 3, 20] {
+                    let (time_s, volts, mut reading) = recorded((rate_hz, drive), 0, sensor, &mut random);
+                    let mut rows = Vec::new();
+                    for place in 0..times {
+                        let from = (reading.len() as f64 * (place as f64 + 0.55) / f64::from(times)) as usize;
+                        rows.extend(from..from + length);
+                    }
+                    // Not while the drive steps: the film may do the same there.
+                    let is_step = |k: usize| (volts[k] - volts[k - 1]).abs() > 300.0;
+                    let near = (0.6 * rate_hz) as usize;
+                    if rows.iter().any(|&k| (k.saturating_sub(near).max(1)..=k + 1).any(is_step)) {
+                        continue;
+                    }
+                    rows.iter().for_each(|&k| reading[k] = code);
+                    count += 1;
+                    let found = recording(&time_s, &volts, &reading).drop_outs();
+                    if found.as_ref().is_none_or(|found| found.value_m != code || found.rows != rows) {
+                        missed.push(format!("{name} {sensor:?} {code} × {times} of {length}: {found:?}"));
+                    }
+                }
+            }
+        }
+    }
+    assert!(count > 200, "{count}");
+    assert!(missed.is_empty(), "{} of {count}: {}", missed.len(), missed[..missed.len().min(10)].join("\n"));
+}
+
+/// Columns of voltages that are not on the film: by their names a question, by their numbers a warning.
+#[test]
+fn voltages_of_mains_and_controls_are_not_the_films() {
+    let folder = Folder::new();
+    for name in [
+        "Mains voltage (V)",
+        "Line voltage (V)",
+        "Netzspannung [V]",
+        "Tension secteur (V)",
+        "Battery voltage (V)",
+        "Heater voltage (V)",
+        "Input voltage (V)",
+        "Control voltage (V)",
+        "Steuerspannung (V)",
+        "Eingangsspannung (V)",
+        "Vin (V)",
+        "Sensor voltage (V)",
+        "Bridge voltage (V)",
+        "Vcc voltage (V)",
+        "USB voltage (V)",
+        "Voltage AUX (V)",
+        "24V Voltage (V)",
+        "电源电压 (V)",
+        "控制电压 (V)",
+    ] {
+        let text = format!(
+            "Time (s);{name};Laser (mm)\n{}",
+            rows(";", '.', |s| vec![s.time_s, 1e3 * s.voltage_kv, s.laser_mm])
+        );
+        has(&folder.refused(&text, ""), &["`columns` voltage="]);
+    }
+    // Rows at 100 Hz of numbers that are all of the mains, or of a control voltage.
+    let table = |volts: &dyn Fn(f64) -> f64| {
+        let time_s: Vec<f64> = (0..500).map(|k| f64::from(k) / 100.0).collect();
+        let reading: Vec<f64> = time_s.iter().map(|t| 1e-3 * (1.0 - (TAU * 0.4 * t).cos())).collect();
+        recording(&time_s, &time_s.iter().map(|t| volts(*t)).collect::<Vec<f64>>(), &reading).implausible().join("\n")
+    };
+    let mut random = std::cell::RefCell::new(Noise(9));
+    for usual in [110.0, 120.0, 230.0, 240.0, 400.0] {
+        let noise = |share: f64| 1.0 + share * random.borrow_mut().next();
+        has(&table(&|_| usual * noise(0.01)), &["mains"]);
+        has(&table(&|t| usual * 2f64.sqrt() * (TAU * 49.3 * t).sin()), &["mains"]);
+        has(&table(&|t| usual * 2f64.sqrt() * (TAU * 0.6 * t).sin()), &["mains"]);
+    }
+    has(&table(&|t| 5.0 * (1.0 - (TAU * 0.4 * t).cos())), &["monitor's output, or kilovolts"]);
+    // Voltages on films.
+    random.get_mut().next();
+    for peak in [300.0, 325.0, 1000.0, 3500.0] {
+        let found = table(&|t| 0.5 * peak * (1.0 - (TAU * 0.4 * t).cos()));
+        assert!(found.is_empty(), "{found}");
+    }
+    for held in [300.0, 3500.0] {
+        let found = table(&|_| held);
+        assert!(found.is_empty(), "{found}");
+    }
+}
