@@ -1,4 +1,4 @@
-"""Writes the binary files of this folder: scipy for .mat, openpyxl for .xlsx, h5py for the version that is refused.
+"""Writes the binary files of this folder: scipy for .mat, openpyxl for .xlsx, h5py for version 7.3 of .mat.
 
     pip install scipy==1.17.1 openpyxl==3.1.5 h5py
     python make.py
@@ -41,10 +41,34 @@ mat("lengths.mat", {**vectors, "laser_mm": laser_mm[:20]})
 mat("rows.mat", {"data": numpy.vstack([time_s, voltage_kv, laser_mm]), "phase": laser_mm * 1j}, do_compression=True)
 mat("version-4.mat", vectors, format="4")
 
-with h5py.File(HERE / "version-7.3.mat", "w", userblock_size=512) as file:
-    file["t"] = time_s[:2]
-with open(HERE / "version-7.3.mat", "r+b") as file:
-    file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Nov 23 2026".ljust(124) + b"\0\2IM")
+
+def mat_hdf5(name, variables):
+    """As MATLAB does: two sizes in the reverse order, old groups, chunks that are compressed, 512 bytes before it all."""
+
+    def put(group, name, values, kind="double", **options):
+        group.create_dataset(name, data=numpy.atleast_2d(values), **options).attrs["MATLAB_class"] = numpy.bytes_(kind)
+
+    with h5py.File(HERE / name, "w", userblock_size=512, libver="earliest") as file:
+        for key, values in variables.items():
+            if isinstance(values, dict):
+                group = file.create_group(key)
+                group.attrs["MATLAB_class"] = numpy.bytes_("struct")
+                for field, column in values.items():
+                    put(group, field, column, chunks=(1, len(column)), compression=9)
+            else:
+                put(file, key, values, {"i": "int32", "u": "char", "V": "double", "f": "double"}[values.dtype.kind])
+        put(file, "operator", numpy.array([65, 66], "uint16"), "char")
+        put(file, "runs", numpy.arange(6, dtype="uint32"), "table")
+        put(file, "phase", numpy.array([(0, 1)] * 24, dtype=[("real", "f8"), ("imag", "f8")]))
+        file.create_group("#refs#")["a"] = laser_mm
+    with open(HERE / name, "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Nov 23 2026".ljust(124) + b"\0\2IM")
+
+
+mat_hdf5("version-7.3.mat", {"run": {"Time_s": time_s, "HV_kV": voltage_kv, "Laser_mm": laser_mm}})
+mat_hdf5("matrix-7.3.mat", {"data": numpy.vstack([time_s, voltage_kv, laser_mm])})
+mat_hdf5("integers-7.3.mat", {"time_ms": (1000 * time_s).astype("int32"), "voltage_V": 1000 * voltage_kv, "laser_um": 1000 * laser_mm})
+
 
 def save(book, name):
     """Leaves out theme and document properties: no reader of numbers needs these 3 kB."""

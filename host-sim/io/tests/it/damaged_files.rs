@@ -26,7 +26,6 @@ fn hostile_files_are_refused_with_their_cause() {
     has(&folder.refused("# Created by Octave 7.3.0\n# name: t\n", ""), &["Octave", "save -v7"]);
     has(&folder.refused("<?xml version=\"1.0\"?>", ""), &["XML"]);
     has(&folder.refused([7, 0, 3, 1].repeat(100), ""), &["not text"]);
-    has(&read(&fixture("version-7.3.mat"), "").expect_err("HDF5").to_string(), &["7.3", "save -v7", "writetable"]);
     has(&read(&fixture("archive.zip"), "").expect_err("no book").to_string(), &["ZIP", ".xlsx"]);
     has(&read(&fixture("lengths.mat"), "").expect_err("lengths").to_string(), &["24 numbers", "20"]);
     let single = format!(
@@ -47,7 +46,15 @@ fn hostile_files_are_refused_with_their_cause() {
 fn damaged_binary_files_never_panic() {
     let folder = Folder::new();
     let mut refused = 0;
-    for name in ["vectors.mat", "compressed.mat", "version-4.mat", "structure.mat", "matrix.mat", "workbook.xlsx"] {
+    for name in [
+        "vectors.mat",
+        "compressed.mat",
+        "version-4.mat",
+        "structure.mat",
+        "matrix.mat",
+        "matrix-7.3.mat",
+        "workbook.xlsx",
+    ] {
         let whole = fs::read(fixture(name)).expect("committed");
         for end in (0..whole.len()).step_by(29) {
             refused += usize::from(folder.read(&whole[..end], "").is_err());

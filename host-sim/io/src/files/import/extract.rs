@@ -12,7 +12,7 @@ use super::series::{Series, Understood, UnderstoodColumn};
 use super::source::{Source, Value, si};
 use super::text::{Dialect, TextTable};
 use super::times::{Origin, Times};
-use super::{Hints, Quantity, Request, encoding, kind, mat, reshaped, workbook};
+use super::{Hints, Quantity, Request, encoding, kind, mat, mat_hdf5, reshaped, workbook};
 use crate::error::{Error, Result, shown};
 use crate::files::table::Column;
 use crate::terminal::rounded;
@@ -53,6 +53,7 @@ pub fn read(path: &Path, mut file: File, request: &Request<'_>, hints: &Hints) -
         kind::Kind::Workbook => spreadsheet(path, bytes, request, hints),
         kind::Kind::Mat => variables(path, mat::contents(&bytes), request, hints),
         kind::Kind::OldMat => variables(path, mat::contents_of_version_4(&bytes), request, hints),
+        kind::Kind::MatHdf5 => variables(path, mat_hdf5::contents(bytes), request, hints),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Kinds of files, by their first bytes.
 
-use super::mat;
+use super::{mat, mat_hdf5};
 
 /// Kind of a file that is read here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,13 +13,13 @@ pub enum Kind {
     Mat,
     /// Variables of MATLAB, version 4.
     OldMat,
+    /// Variables of MATLAB, version 7.3.
+    MatHdf5,
 }
 
 /// First bytes of files that are not read, what they are, and what to do.
 const REFUSED: &[(&[u8], &str)] = &[
     (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", "this is a spreadsheet of the old format (.xls); save it as .xlsx or as CSV"),
-    (b"\x89HDF\r\n\x1a\n", HDF5),
-    (b"MATLAB 7.3 MAT-file", HDF5),
     (b"# Created by Octave", "this is text of Octave's `save`; write it with `save -v7`, or csvwrite and a header"),
     (b"TDSm", "this is a LabVIEW measurement (TDMS); export it as text or .xlsx"),
     (b"PAR1", "this is a Parquet file; export it as CSV"),
@@ -36,10 +36,6 @@ const REFUSED: &[(&[u8], &str)] = &[
     (b"\x7fELF", "this is a program; name the file of the numbers"),
 ];
 
-/// Crates that read HDF5 have 30 000 lines or more, for files that MATLAB writes otherwise as well.
-const HDF5: &str = "this is a MATLAB file of version 7.3 (HDF5), which is not read here; in MATLAB `save -v7`, or `writetable` \
-                    to a CSV file";
-
 /// The kind of a file that begins with `head`.
 ///
 /// # Errors
@@ -54,8 +50,8 @@ pub fn detect(head: &[u8]) -> Result<Kind, String> {
     if let Some((_, cause)) = REFUSED.iter().find(|(mark, _)| head.starts_with(mark)) {
         return Err((*cause).into());
     }
-    if head.get(512..520) == Some(b"\x89HDF\r\n\x1a\n") {
-        return Err(HDF5.into());
+    if [0, 512].iter().any(|at| head.get(*at..).is_some_and(|rest| rest.starts_with(mat_hdf5::MARK))) {
+        return Ok(Kind::MatHdf5);
     }
     if head.starts_with(b"PK\x03\x04") {
         return Ok(Kind::Workbook);

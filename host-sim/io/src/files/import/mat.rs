@@ -1,4 +1,5 @@
-//! Variables of MATLAB: MAT-files of version 5, which `save -v6` and `-v7` write, and of version 4.
+//! Variables of MATLAB: MAT-files of version 5, which `save -v6` and `-v7` write, and of version 4; those of version 7.3 are in
+//! [`mat_hdf5`](super::mat_hdf5).
 //!
 //! Every series of numbers becomes a column: a vector by its name, the columns of a matrix as `data(:,2)`, fields of structures
 //! as `run.voltage`. Compressed variables are inflated. A file is data to judge: every length is checked against what is there.
@@ -29,14 +30,14 @@ pub struct Contents {
 }
 
 /// Most numbers of a file: a gigabyte as they are held.
-const MAX_NUMBERS: usize = 1 << 27;
+pub(super) const MAX_NUMBERS: usize = 1 << 27;
 /// Deepest structure in a structure.
-const MAX_DEPTH: usize = 8;
+pub(super) const MAX_DEPTH: usize = 8;
 /// Largest number of columns of a matrix; of rows, where those are fewer.
 const MAX_COLUMNS: usize = 64;
 
 /// A file that ends too early, or that is not what it says.
-const DAMAGED: &str = "a damaged MATLAB file; save it again";
+pub(super) const DAMAGED: &str = "a damaged MATLAB file; save it again";
 
 /// Types of elements.
 mod element {
@@ -189,7 +190,8 @@ pub fn contents_of_version_4(bytes: &[u8]) -> Result<Contents, String> {
     Ok(contents)
 }
 
-fn too_many() -> String {
+/// The error about a file of too many numbers.
+pub(super) fn too_many() -> String {
     format!("more than {MAX_NUMBERS} numbers; save only what belongs to the recording")
 }
 
@@ -273,7 +275,7 @@ impl Contents {
     }
 
     /// Takes the columns of an array.
-    fn take(&mut self, name: &str, sizes: &[f64], values: Vec<f64>) -> Result<(), String> {
+    pub(super) fn take(&mut self, name: &str, sizes: &[f64], values: Vec<f64>) -> Result<(), String> {
         let held: usize = self.series.iter().map(|series| series.values.len()).sum();
         if held + values.len() > MAX_NUMBERS {
             return Err(too_many());

@@ -14,6 +14,7 @@ mod kind;
 mod lines;
 mod mapping;
 mod mat;
+mod mat_hdf5;
 mod names;
 mod numbers;
 mod reshaped;
