@@ -46,6 +46,9 @@ pub struct Facts {
     pub outliers: usize,
     /// Rows without a reading.
     pub empty: usize,
+    /// Whether its readings can be compared with a film, row by row.
+    #[serde(skip)]
+    is_comparable: bool,
 }
 
 /// Rest that a film needs before a recording, in words.
@@ -100,7 +103,10 @@ fn of_copies(recordings: &[Recording], findings: &mut Vec<Finding>) {
 fn of_faults(recordings: &[Recording], facts: &[Facts], findings: &mut Vec<Finding>) {
     let course = |recording: &Recording| Course::new(recording, shown(recording.path()));
     let fastest_hz = facts.iter().filter_map(|facts| facts.drive.frequencies_hz.last().copied()).fold(0.0, f64::max);
-    for fault in faults::faults(recordings.iter().filter_map(course).collect(), fastest_hz) {
+    let is_comparable =
+        |recording: &&Recording| facts.iter().any(|row| row.is_comparable && row.file == shown(recording.path()));
+    let courses = recordings.iter().filter(is_comparable).filter_map(course).collect();
+    for fault in faults::faults(courses, fastest_hz) {
         let severity = if fault.size > SERIOUS { Severity::Prevents } else { Severity::Weakens };
         findings.push(Finding { severity, file: fault.file, finding: fault.finding, advice: fault.advice.into() });
     }
@@ -204,6 +210,7 @@ impl Facts {
             displacement_m: None,
             start_m: None,
             outliers: 0,
+            is_comparable: true,
             empty: recording.time_s().len() - measured.as_ref().map_or(0, |measured| measured.value.len()),
         };
         match measured {
@@ -213,7 +220,7 @@ impl Facts {
                 // Drop-outs have lines of their own.
                 if row.outliers == 0 {
                     let fastest_hz = row.drive.frequencies_hz.last().copied().unwrap_or(0.0);
-                    rows::judge(drive.samples(), row.drive.peak, &measured, fastest_hz, &mut add);
+                    row.is_comparable = rows::judge(drive.samples(), row.drive.peak, &measured, fastest_hz, &mut add);
                 }
             }
             None => add(

@@ -15,10 +15,17 @@ use super::explained::{Basis, Blocks, Course};
 const WORTH: f64 = 0.7;
 /// Smallest RMS part of the readings that is worth a cause, as a share of the stroke.
 const SIZE: f64 = 2.5e-3;
+/// The same of a cause that leaves no more than this share.
+const CLEAR_SIZE: f64 = 1.2e-3;
+const CLEAR: f64 = 0.1;
 /// Most causes.
 const MAX_CAUSES: usize = 4;
 /// Addition to the score of a cause for each of its columns.
 const COMPLEXITY: f64 = 0.02;
+/// A cause of one column for each recording is taken instead of another one that leaves less: at least this part of it, or so much less of all
+/// unexplained squares.
+const AS_PLAIN: f64 = 3.0;
+const NEARLY: f64 = 0.03;
 /// Unexplained part of the readings that is reported without a cause, as a share of the stroke.
 const UNEXPLAINED: f64 = 0.02;
 /// Share of the variance of the readings that is of another drive.
@@ -58,6 +65,13 @@ impl Cause {
     /// Columns that are added to all recordings.
     fn of_all(finding: &str, advice: &'static str, columns: Vec<Vec<f64>>) -> Self {
         Self { finding: finding.into(), advice, recording: None, change: Change::Columns(columns) }
+    }
+}
+
+impl Cause {
+    /// What it adds to the film: numbers that are chosen so that little is left.
+    fn columns(&self) -> usize {
+        if let Change::Columns(columns) = &self.change { columns.len() } else { 2 }
     }
 }
 
@@ -174,24 +188,36 @@ impl State {
     /// The cause that explains most of what is left, which the film then includes.
     fn next_fault(&mut self) -> Option<Fault> {
         let before = self.basis.square();
-        if self.rms(before) < SIZE {
+        if self.rms(before) < CLEAR_SIZE {
             return None;
         }
-        let score = |cause: &Cause| {
-            let columns = if let Change::Columns(columns) = &cause.change { columns.len() } else { 2 };
-            self.square(&cause.change) * (1.0 + COMPLEXITY * columns as f64)
-        };
-        let scored = self.causes().into_iter().map(|cause| (score(&cause), cause));
-        let (_, cause) = scored.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        let explained = before - self.square(&cause.change);
+        let (left, cause) = self.likeliest(before)?;
+        let explained = before - left;
         let size = self.rms(explained);
-        if explained < (1.0 - WORTH) * before || size < SIZE {
+        let is_clear = left < CLEAR * before && size > CLEAR_SIZE;
+        if !is_clear && (explained < (1.0 - WORTH) * before || size < SIZE) {
             return None;
         }
         *self = self.with(&cause.change);
         let finding = format!("{} ({:.2} % of the stroke RMS)", cause.finding, 100.0 * size);
         let file = cause.recording.map(|j| self.blocks.courses[j].file.clone());
         Some(Fault { file, finding, advice: cause.advice, size })
+    }
+
+    /// The cause that leaves least of the squares `before`, and what it leaves; or a plain one that leaves about as little.
+    fn likeliest(&self, before: f64) -> Option<(f64, Cause)> {
+        let left = |cause: Cause| (self.square(&cause.change), cause);
+        let mut causes: Vec<(f64, Cause)> = self.causes().into_iter().map(left).collect();
+        let score = |(square, cause): &(f64, Cause)| square * (1.0 + COMPLEXITY * cause.columns() as f64);
+        causes.sort_by(|a, b| score(a).total_cmp(&score(b)));
+        let least = causes.first()?.0;
+        let is_plain = |(square, cause): &(f64, Cause)| {
+            cause.columns() <= self.blocks.courses.len()
+                && matches!(cause.change, Change::Columns(_))
+                && *square < (AS_PLAIN * least).max(least + NEARLY * before)
+        };
+        let chosen = causes.iter().position(is_plain).unwrap_or(0);
+        Some(causes.swap_remove(chosen))
     }
 
     /// A stroke that lags the drive, or leads it, by more than what creeps slowly explains.

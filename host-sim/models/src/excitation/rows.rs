@@ -12,6 +12,8 @@ const HUM: f64 = 0.02;
 const SHUFFLED: f64 = 0.2;
 /// Resolution of the readings that is reported, as a share of the stroke.
 const COARSE: f64 = 0.015;
+/// The end of the finding about such readings.
+const STARTS_AGAIN: &str = ": it starts again at the end of a range";
 /// Rows of one reading, and its steps beside the finest.
 const HELD: f64 = 2.0;
 /// Smallest jump from row to row without one of the drive, as a share of the stroke.
@@ -24,14 +26,15 @@ const SHAKEN: f64 = 0.04;
 const LINE: f64 = 5e-3;
 const ABOVE: f64 = 12.0;
 
-/// Judges the rows of `drive`, of which `peak` is the largest size, and the `measured` readings. `fastest_hz` is the fastest cycle.
+/// Judges the rows of `drive`, of which `peak` is the largest size, and the `measured` readings. `fastest_hz` is the fastest cycle. Returns
+/// whether the readings can be compared with a film: they are in order, and none start again at the end of a range.
 pub(super) fn judge(
     drive: &Samples,
     peak: f64,
     measured: &Samples,
     fastest_hz: f64,
     add: &mut impl FnMut(Severity, String, &str),
-) {
+) -> bool {
     let mut sorted = measured.value.clone();
     sorted.sort_by(f64::total_cmp);
     let at = |share: f64| sorted[((sorted.len() - 1) as f64 * share) as usize];
@@ -43,7 +46,7 @@ pub(super) fn judge(
     let usual = &ordered[..ordered.len() - ordered.len() / 25];
     let mean_s = usual.iter().sum::<f64>() / usual.len() as f64;
     if stroke <= 0.0 || measured.value.len() < 50 {
-        return;
+        return true;
     }
     if noise(&drive.value) > SHUFFLED * peak {
         add(
@@ -51,7 +54,7 @@ pub(super) fn judge(
             "the drive jumps from row to row: the rows are not in the order of time".into(),
             "sort the rows by time",
         );
-        return;
+        return false;
     }
     let bunched = steps.iter().filter(|step| **step < 0.2 * mean_s).count();
     if 2 * bunched > steps.len() {
@@ -65,8 +68,9 @@ pub(super) fn judge(
         add(Severity::Weakens, finding, "shield the monitor's cable, and record through its own ground");
     }
     if let Some((finding, advice)) = disturbance(drive, peak, measured, stroke, fastest_hz * mean_s) {
+        let starts_again = finding.ends_with(STARTS_AGAIN);
         add(Severity::Weakens, finding, advice);
-        return;
+        return !starts_again;
     }
     let step =
         sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 1e-6 * stroke).fold(f64::MAX, f64::min);
@@ -88,6 +92,7 @@ pub(super) fn judge(
         let finding = format!("noise of {:.1} % of the stroke (RMS)", 100.0 * noise(&measured.value) / stroke);
         add(Severity::Weakens, finding, "shield the sensor's cable, or use a finer sensor");
     }
+    true
 }
 
 /// Readings that are held, that start again at the end of a range, or that are shaken, and what to do. `cycles` is the part of the fastest
@@ -122,7 +127,7 @@ fn disturbance(
     if alike >= 4 && 3 * alike > 2 * jumps.len() && jumps.iter().any(|j| *j > 0.0) && jumps.iter().any(|j| *j < 0.0) {
         return Some((
             format!(
-                "the reading jumps by about {:.4} mm and back, {} times: it starts again at the end of a range",
+                "the reading jumps by about {:.4} mm and back, {} times{STARTS_AGAIN}",
                 1e3 * size,
                 jumps.len()
             ),

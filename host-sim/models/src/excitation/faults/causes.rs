@@ -149,12 +149,21 @@ impl State {
             "fix the mount, and record again",
             self.slips(),
         ));
-        for share in [0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.9] {
+        let bend = |share: f64| {
             let knee = low + share * (high - low);
+            vec![film.iter().map(|x| (x - knee).max(0.0)).collect::<Vec<f64>>()]
+        };
+        let left = |share: f64| (self.basis.square_with(&bend(share)), share);
+        let least = |shares: Vec<f64>| {
+            shares.into_par_iter().map(left).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, share)| share)
+        };
+        if let Some(near) = least((1..20).map(|k| 0.05 * f64::from(k)).collect())
+            && let Some(share) = least((-4..=4).map(|k| near + 0.01 * f64::from(k)).collect())
+        {
             causes.push(Cause::of_all(
                 "the reading bends at one level: the end of the sensor's range, or a stop",
                 "keep the stroke within the sensor's range, and empty the readings beyond it",
-                vec![film.iter().map(|x| (x - knee).max(0.0)).collect()],
+                bend(share),
             ));
         }
         causes

@@ -10,7 +10,7 @@ use super::{Change, Fault, SIZE, State};
 /// Change of the load, as a share of the largest, that moves any film; at the ends of the readings, where a sensor may be at the end of its
 /// range and an amplifier too, a change that moves it away from there.
 const MOVES: f64 = 0.3;
-const MOVES_AWAY: f64 = 0.7;
+const MOVES_AWAY: f64 = 0.55;
 /// Range of readings that stay, beside their noise, as a share of the stroke, and its largest size with the noise.
 const STAYS: f64 = 2e-3;
 const OF_NOISE: f64 = 7.0;

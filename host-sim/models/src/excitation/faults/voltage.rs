@@ -68,7 +68,7 @@ impl State {
                 &|lag_s, time_s, volts| lagged(time_s, volts, lag_s, lag_s),
                 &|lag_s| {
                     format!(
-                        "the voltage on the film lags the recorded one by about {:.0} ms: an amplifier behind its command",
+                        "the voltage on the film lags the recorded one by about {:.0} ms: an amplifier behind its command, or a late sensor",
                         1e3 * lag_s
                     )
                 },
@@ -133,7 +133,12 @@ impl State {
             (
                 &[0.05, 0.1, 0.2, 0.4, 0.8],
                 &shifted,
-                &|s| format!("the stroke lags the drive by about {:.0} ms: a late sensor", 1e3 * s),
+                &|s| {
+                    format!(
+                        "the stroke lags the drive by about {:.0} ms: a late sensor, or an amplifier behind its command",
+                        1e3 * s
+                    )
+                },
                 "`sensor_delay_s` states a known delay; record both with one clock and without filters",
             ),
             (
