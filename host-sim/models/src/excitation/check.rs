@@ -51,6 +51,9 @@ pub struct Facts {
     is_comparable: bool,
 }
 
+/// A finding that follows from another, words of which are the second.
+const UPPER_HALF: &str = "the film begins in the upper half of its stroke although nothing drives it";
+const TURNED: &str = "falls where the";
 /// Rest that a film needs before a recording, in words.
 const RECORD_REST: &str = "begin with 2 s at 0 V, after ten minutes without voltage (the command profile does)";
 
@@ -231,6 +234,9 @@ impl Facts {
         }
         if row.displacement_m.is_some() {
             judge_as_fit(recording, &mut add);
+            // One line for one cause.
+            let is_turned = findings.iter().any(|f| f.file.as_ref() == Some(&file) && f.finding.contains(TURNED));
+            findings.retain(|f| !(is_turned && f.file.as_ref() == Some(&file) && f.finding == UPPER_HALF));
         }
         Some(row)
     }
@@ -274,7 +280,7 @@ impl Facts {
         if self.start_m.is_some_and(|start| start - low > 0.5 * stroke && self.drive.rest_s > 0.0) {
             add(
                 Severity::Weakens,
-                "the film begins in the upper half of its stroke although nothing drives it".into(),
+                UPPER_HALF.into(),
                 "rest for ten minutes before recording, and check the sensor's sign",
             );
         }

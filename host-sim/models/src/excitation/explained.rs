@@ -5,7 +5,7 @@
 //! fault adds to the readings does not.
 
 use crate::files::recording::{Input, Recording};
-use crate::fit::statistics::{median, percentile_range, robust_deviation};
+use crate::fit::statistics::{median, percentile_range, range, robust_deviation};
 
 /// Ratio of neighbouring filter times.
 const RATIO: f64 = 3.0;
@@ -128,8 +128,27 @@ impl Course {
         if let Some(drop_outs) = recording.drop_outs() {
             drop_outs.rows.into_iter().for_each(|row| course.reading[row] = f64::NAN);
         }
+        course.leave_out_ends();
         course.leave_out_outliers();
         Some(course)
+    }
+
+    /// Empties readings that stay at the largest or the smallest one under a load: they have a line of their own.
+    fn leave_out_ends(&mut self) {
+        const REST: f64 = 0.03;
+        const RUN: usize = 4;
+        let load = self.load(&self.drive);
+        let rest = REST * load.iter().fold(0.0_f64, |most, load| most.max(load.abs()));
+        let (low, high) = range(&self.reading.iter().copied().filter(|value| !value.is_nan()).collect::<Vec<f64>>());
+        for end in [low, high] {
+            let is_at_end: Vec<bool> =
+                self.reading.iter().zip(&load).map(|(value, load)| *value == end && load.abs() > rest).collect();
+            let runs = is_at_end.chunk_by(|a, b| a == b).filter(|run| run[0] && run.len() >= RUN);
+            if 50 * runs.map(<[bool]>::len).sum::<usize>() > self.reading.len() {
+                let at_end = self.reading.iter_mut().zip(&is_at_end).filter(|(_, is_at_end)| **is_at_end);
+                at_end.for_each(|(value, _)| *value = f64::NAN);
+            }
+        }
     }
 
     /// Empties readings that are far from the median of those around them.

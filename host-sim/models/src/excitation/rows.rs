@@ -126,11 +126,7 @@ fn disturbance(
     let alike = jumps.iter().filter(|jump| (jump.abs() / size - 1.0).abs() < 0.2).count();
     if alike >= 4 && 3 * alike > 2 * jumps.len() && jumps.iter().any(|j| *j > 0.0) && jumps.iter().any(|j| *j < 0.0) {
         return Some((
-            format!(
-                "the reading jumps by about {:.4} mm and back, {} times{STARTS_AGAIN}",
-                1e3 * size,
-                jumps.len()
-            ),
+            format!("the reading jumps by about {:.4} mm and back, {} times{STARTS_AGAIN}", 1e3 * size, jumps.len()),
             "record with a range that holds the stroke",
         ));
     }

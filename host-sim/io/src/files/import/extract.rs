@@ -396,7 +396,7 @@ fn remarks(source: &Source<'_>, names: &[String], out_of_range: &[usize]) -> Vec
             let lines = if count == 1 { "line" } else { "lines" };
             notes.push(format!("{count} {lines} below the rows left out, from {first:?} on"));
         }
-        if let Some(row) = table.cut_off {
+        if let Some(row) = table.cut_off() {
             let end = table.separator.split(row).pop().unwrap_or_default();
             notes.push(format!(
                 "the file ends in the middle of its last row, whose end is {end:?}: it was cut off; the row is left out"

@@ -23,8 +23,8 @@ pub struct TextTable<'a> {
     pub ambiguous: Vec<bool>,
     /// Lines below the rows that are not numbers, and the first of them.
     pub footer: Option<(usize, &'a str)>,
-    /// The last row, if its end is missing; it is left out.
-    pub cut_off: Option<&'a str>,
+    /// Whether the end of the last row is missing; it is left out.
+    is_cut_off: bool,
     /// Whether the ends of rows may be missing, as in a spreadsheet.
     pub sheet: bool,
     /// Number of columns.
@@ -87,9 +87,9 @@ impl<'a> TextTable<'a> {
         let titles: Vec<Title> = header.cells(Separator::Comma)?.into_iter().map(Title::new).collect();
         let first = rows.next().unwrap_or_else(end);
         let head = Head { line: header.number, titles, ..Head::default() };
-        let cut_off = cut_off::row(first.rest, Separator::Comma, Decimal::Point);
+        let is_cut_off = cut_off::is_cut_off(first.rest, Separator::Comma, Decimal::Point);
         Ok(Self {
-            cut_off,
+            is_cut_off,
             columns: head.titles.len(),
             head,
             separator: Separator::Comma,
@@ -220,7 +220,7 @@ impl<'a> TextTable<'a> {
             decimal: decimal.unwrap_or(Decimal::Point),
             ambiguous,
             footer: None,
-            cut_off: None,
+            is_cut_off: false,
             sheet: dialect.sheet.is_some(),
             columns,
             first: rows[first],
@@ -241,7 +241,7 @@ impl<'a> TextTable<'a> {
             && table.footer.is_none()
             && !table.sheet
         {
-            table.cut_off = cut_off::row(last, separator, table.decimal);
+            table.is_cut_off = cut_off::is_cut_off(last, separator, table.decimal);
         }
         // Names and units are those of the first.
         let is_read = |line: u64| table.segments.iter().any(|(start, _)| *start == line);
@@ -342,10 +342,17 @@ impl<'a> TextTable<'a> {
         self.segments.iter().map(|(line, _)| *line).collect()
     }
 
+    /// The last row if its end is missing.
+    pub fn cut_off(&self) -> Option<&'a str> {
+        let (_, last) = self.segments.last().filter(|_| self.is_cut_off)?;
+        cut_off::last_row(last)
+    }
+
     /// Line and cells of every row, or line and cause where it cannot be used.
     pub fn rows(&self) -> impl Iterator<Item = Result<(u64, Vec<&'a str>), (u64, String)>> {
         let all = self.segments.iter().flat_map(|(first, text)| lines(text, *first));
-        let is_whole = |line: &Line<'_>| self.cut_off.is_none_or(|cut_off| !std::ptr::eq(line.text, cut_off));
+        let cut_off = self.cut_off();
+        let is_whole = move |line: &Line<'_>| cut_off.is_none_or(|cut_off| !std::ptr::eq(line.text, cut_off));
         all.filter(move |line| !is_comment(line.text) && is_whole(line)).map(|line| {
             let cells = line.cells(self.separator)?;
             if cells.iter().skip(self.columns).any(|cell| !cell.is_empty()) {
