@@ -76,7 +76,7 @@ impl Recording {
                 let signs: Vec<bool> = sides.iter().flatten().map(|side| *side > value).collect();
                 begin && end && to - from < runs.values.len() && signs.windows(2).all(|pair| pair[0] == pair[1])
             };
-            runs.of(value).into_iter().filter(is_apart).collect()
+            runs.with_value(value).into_iter().filter(is_apart).collect()
         };
         let zeros = of(0.0, FAR);
         let (value, found) = if zeros.is_empty() {
@@ -114,7 +114,7 @@ impl Runs {
     }
 
     /// The runs of `value`.
-    fn of(&self, value: f64) -> Vec<(usize, usize)> {
+    fn with_value(&self, value: f64) -> Vec<(usize, usize)> {
         self.ends.iter().copied().filter(|(from, _)| self.values[*from] == value).collect()
     }
 

@@ -69,7 +69,7 @@ impl Cause {
 }
 
 impl Cause {
-    /// What it adds to the film: numbers that are chosen so that little is left.
+    /// Number of values that are chosen so that little is left.
     fn columns(&self) -> usize {
         if let Change::Columns(columns) = &self.change { columns.len() } else { 2 }
     }

@@ -6,7 +6,7 @@ use super::separator::Separator;
 
 /// Rows with which the last is compared, and how many there are at least.
 const ROWS: usize = 40;
-const FEWEST: usize = 6;
+const MIN_ROWS: usize = 6;
 /// The nearest of them, which have about as many digits as the last.
 const NEAREST: usize = 8;
 /// A number is another one where it is further from that before it than this many of the largest steps between those.
@@ -34,7 +34,7 @@ fn row(text: &str, separator: Separator, decimal: Decimal) -> Option<&str> {
         rows.take(ROWS).take_while(|line| line.len() <= MAX_LINE).map(|line| separator.split(line)).collect();
     let cells = separator.split(last);
     let fewest = before.iter().map(Vec::len).min()?;
-    if before.len() < FEWEST || cells.len() > fewest || last.len() > MAX_LINE {
+    if before.len() < MIN_ROWS || cells.len() > fewest || last.len() > MAX_LINE {
         return None;
     }
     let has_end = text.ends_with(['\n', '\r']);
