@@ -27,7 +27,7 @@ const COMPLEXITY: f64 = 0.02;
 const AS_PLAIN: f64 = 3.0;
 const NEARLY: f64 = 0.03;
 /// Unexplained part of the readings that is reported without a cause, as a share of the stroke.
-const UNEXPLAINED: f64 = 0.02;
+const UNEXPLAINED: f64 = 6e-3;
 /// Share of the variance of the readings that is of another drive.
 const UNRELATED: f64 = 0.5;
 /// Largest share of the unexplained squares that rows in the reverse order leave.

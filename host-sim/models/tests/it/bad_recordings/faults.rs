@@ -97,7 +97,7 @@ pub(super) const FAULTS: &[Fault] = &[
     }),
     reading(
         "random walk of the zero",
-        &["zero of the sensor drifts", "zero of the sensor wanders", "the reading jumps"],
+        &["zero of the sensor drifts", "zero of the sensor wanders", "the reading jumps", "no film explains"],
         |run, random| {
             let size = random.random_range(1e-4..5e-4);
             let mut zero = 0.0;
