@@ -103,6 +103,7 @@ fn an_amplifier_that_is_live_now_and_then_is_noticed() {
     for ((live, period, reported), after_a_run) in periods.into_iter().flat_map(|case| [(case, false), (case, true)]) {
         let mut bench = if after_a_run { Bench::run(&bench_limits()) } else { Bench::new(&bench_limits()) };
         bench.supervisor.disarm().expect("not tripped");
+        assert_eq!(bench.supervisor.command_v(), 0.0);
         for tick in 0..60_000u32 {
             let state = bench.tick(|readings| readings.monitor_v = if tick % period < live { 6000.0 } else { 0.0 });
             // After a run the first time may be the discharge.

@@ -91,7 +91,10 @@ fn a_run_from_upload_to_disarm() {
     // Parameters and loop tests are for a disabled amplifier.
     let running = Answer::Refused(Refusal::State(DriverState::Running));
     host.upload(&blob());
+    let flash = host.bench.store.clone().destroy();
     assert_eq!(host.ask(Command::Commit { length: blob().len() as u16 }), running);
+    // Saving would hold up the ticks.
+    assert_eq!(host.bench.store.clone().destroy(), flash);
     assert_eq!(host.ask(Command::Rest), running);
     assert_eq!(host.ask(Command::Step([0.0].into_iter().collect())), running);
     assert_eq!(host.ask(Command::Stop), Answer::Done);
