@@ -167,7 +167,7 @@ pub(super) const FAULTS: &[Fault] = &[
         }
         run.rows.truncate(run.rows.len() - count);
     }),
-    rows("jitter of the clock", &["clock", "uneven"], |run, random| {
+    rows("jitter of the clock", &["clock", "s apart: the model runs at"], |run, random| {
         let step_s = STEP_S * run.every as f64;
         run.rows.iter_mut().for_each(|row| row[0] += 0.45 * step_s * random.random_range(-1.0..1.0));
     }),
